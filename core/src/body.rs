@@ -1,0 +1,252 @@
+//! The biomechanical model: 16 rigid segments, 15 joints, and what each segment is made of.
+//!
+//! A [`Body`] is a table of segment values. It comes from a person's measures ([`anthropometry`]), with
+//! equipment added ([`gear`]), or from a file; every value may be overridden. Solids and their formulas
+//! are in [`solid`].
+
+pub mod anthropometry;
+pub mod gear;
+pub mod mass_properties;
+pub mod posture;
+pub mod solid;
+
+use core::ops::{Index, IndexMut};
+
+use nalgebra::{Matrix3, Vector3};
+
+use crate::math::Real;
+
+/// Number of segments.
+pub const SEGMENT_COUNT: usize = 16;
+
+/// A rigid part of the body. The order is from the root outwards: a parent comes before its children.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[expect(missing_docs, reason = "the names say it")]
+pub enum Segment {
+    Pelvis,
+    Abdomen,
+    Thorax,
+    Head,
+    LeftUpperArm,
+    LeftForearm,
+    LeftHand,
+    RightUpperArm,
+    RightForearm,
+    RightHand,
+    LeftThigh,
+    LeftShank,
+    LeftFoot,
+    RightThigh,
+    RightShank,
+    RightFoot,
+}
+
+impl Segment {
+    /// All segments, parents before children.
+    pub const ALL: [Self; SEGMENT_COUNT] = [
+        Self::Pelvis,
+        Self::Abdomen,
+        Self::Thorax,
+        Self::Head,
+        Self::LeftUpperArm,
+        Self::LeftForearm,
+        Self::LeftHand,
+        Self::RightUpperArm,
+        Self::RightForearm,
+        Self::RightHand,
+        Self::LeftThigh,
+        Self::LeftShank,
+        Self::LeftFoot,
+        Self::RightThigh,
+        Self::RightShank,
+        Self::RightFoot,
+    ];
+
+    /// The segment at the proximal joint, `None` for the pelvis.
+    pub const fn parent(self) -> Option<Self> {
+        Some(match self {
+            Self::Pelvis => return None,
+            Self::Abdomen | Self::LeftThigh | Self::RightThigh => Self::Pelvis,
+            Self::Thorax => Self::Abdomen,
+            Self::Head | Self::LeftUpperArm | Self::RightUpperArm => Self::Thorax,
+            Self::LeftForearm => Self::LeftUpperArm,
+            Self::LeftHand => Self::LeftForearm,
+            Self::RightForearm => Self::RightUpperArm,
+            Self::RightHand => Self::RightForearm,
+            Self::LeftShank => Self::LeftThigh,
+            Self::LeftFoot => Self::LeftShank,
+            Self::RightShank => Self::RightThigh,
+            Self::RightFoot => Self::RightShank,
+        })
+    }
+
+    /// The same segment on the other side; the trunk and head are their own mirror.
+    pub const fn mirrored(self) -> Self {
+        match self {
+            Self::LeftUpperArm => Self::RightUpperArm,
+            Self::LeftForearm => Self::RightForearm,
+            Self::LeftHand => Self::RightHand,
+            Self::RightUpperArm => Self::LeftUpperArm,
+            Self::RightForearm => Self::LeftForearm,
+            Self::RightHand => Self::LeftHand,
+            Self::LeftThigh => Self::RightThigh,
+            Self::LeftShank => Self::RightShank,
+            Self::LeftFoot => Self::RightFoot,
+            Self::RightThigh => Self::LeftThigh,
+            Self::RightShank => Self::LeftShank,
+            Self::RightFoot => Self::LeftFoot,
+            centre => centre,
+        }
+    }
+
+    /// Name in segment tables and files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Pelvis => "pelvis",
+            Self::Abdomen => "abdomen",
+            Self::Thorax => "thorax",
+            Self::Head => "head",
+            Self::LeftUpperArm => "l_upperarm",
+            Self::LeftForearm => "l_forearm",
+            Self::LeftHand => "l_hand",
+            Self::RightUpperArm => "r_upperarm",
+            Self::RightForearm => "r_forearm",
+            Self::RightHand => "r_hand",
+            Self::LeftThigh => "l_thigh",
+            Self::LeftShank => "l_shank",
+            Self::LeftFoot => "l_foot",
+            Self::RightThigh => "r_thigh",
+            Self::RightShank => "r_shank",
+            Self::RightFoot => "r_foot",
+        }
+    }
+
+    /// The segment of that name, see [`Segment::name`].
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|segment| segment.name() == name)
+    }
+}
+
+/// One value for each segment.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct SegmentArray<V>([V; SEGMENT_COUNT]);
+
+impl<V> SegmentArray<V> {
+    /// Values in the order of [`Segment::ALL`].
+    pub const fn new(values: [V; SEGMENT_COUNT]) -> Self {
+        Self(values)
+    }
+
+    /// The value of each segment by a function of the segment.
+    pub fn from_fn(value: impl FnMut(Segment) -> V) -> Self {
+        Self(Segment::ALL.map(value))
+    }
+
+    /// Segments with their values, parents first.
+    pub fn iter(&self) -> impl Iterator<Item = (Segment, &V)> {
+        Segment::ALL.into_iter().zip(self.0.iter())
+    }
+
+    /// Segments with their values for change, parents first.
+    pub fn iter_mut(&mut self) -> impl Iterator<Item = (Segment, &mut V)> {
+        Segment::ALL.into_iter().zip(self.0.iter_mut())
+    }
+
+    /// The values, parents first.
+    pub fn values(&self) -> core::slice::Iter<'_, V> {
+        self.0.iter()
+    }
+
+    /// A new array by a function of segment and value.
+    pub fn map<W>(&self, mut value: impl FnMut(Segment, &V) -> W) -> SegmentArray<W> {
+        SegmentArray::from_fn(|segment| value(segment, &self[segment]))
+    }
+}
+
+// The enum is the bound: every discriminant is below SEGMENT_COUNT, so no index can miss.
+impl<V> Index<Segment> for SegmentArray<V> {
+    type Output = V;
+    #[inline]
+    fn index(&self, segment: Segment) -> &V {
+        &self.0[segment as usize]
+    }
+}
+
+impl<V> IndexMut<Segment> for SegmentArray<V> {
+    #[inline]
+    fn index_mut(&mut self, segment: Segment) -> &mut V {
+        &mut self.0[segment as usize]
+    }
+}
+
+/// What one segment is made of, in its own frame (origin at the proximal joint, axes as the body's in the H-pose).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SegmentParameters<T: Real> {
+    /// Mass (kg).
+    pub mass: T,
+    /// Length along Z (m).
+    pub length: T,
+    /// Proximal joint in the frame of the parent (m).
+    pub joint_offset: Vector3<T>,
+    /// Centre of gravity (m).
+    pub cg: Vector3<T>,
+    /// Inertia about the centre of gravity (kg m2).
+    pub inertia: Matrix3<T>,
+    /// Silhouette areas normal to X, Y and Z: [A_yz, A_xz, A_xy] (m2).
+    pub area: Vector3<T>,
+    /// Characteristic length l_i of the aerodynamic moment (m), paper eq. (limbm). The segment's length in
+    /// the reference tables; its width gives moments closer to measured ones.
+    pub moment_arm: T,
+}
+
+/// A person with all equipment: the segment table and the stature.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Body<T: Real> {
+    /// Values of the segments.
+    pub segments: SegmentArray<SegmentParameters<T>>,
+    /// Stature H (m), used by the damping moment.
+    pub height: T,
+}
+
+impl<T: Real> Body<T> {
+    /// Mass of body and equipment (kg).
+    pub fn mass(&self) -> T {
+        self.segments
+            .values()
+            .fold(T::zero(), |sum, segment| sum + segment.mass)
+    }
+
+    /// The same body in another precision.
+    pub fn cast<U: Real>(&self) -> Body<U> {
+        let scalar = |value: T| U::of(value.to_f64());
+        Body {
+            segments: self.segments.map(|_, segment| SegmentParameters {
+                mass: scalar(segment.mass),
+                length: scalar(segment.length),
+                joint_offset: segment.joint_offset.map(scalar),
+                cg: segment.cg.map(scalar),
+                inertia: segment.inertia.map(scalar),
+                area: segment.area.map(scalar),
+                moment_arm: scalar(segment.moment_arm),
+            }),
+            height: scalar(self.height),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parents_come_first_and_mirrors_return() {
+        for segment in Segment::ALL {
+            if let Some(parent) = segment.parent() {
+                assert!(parent < segment, "{segment:?}");
+            }
+            assert_eq!(segment.mirrored().mirrored(), segment);
+            assert_eq!(Segment::from_name(segment.name()), Some(segment));
+        }
+        assert_eq!(Segment::from_name("tail"), None);
+    }
+}

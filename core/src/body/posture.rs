@@ -1,0 +1,261 @@
+//! Posture: 15 joint rotations, 45 degrees of freedom, and the forward kinematics that pose the body.
+
+use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
+
+use super::{Body, Segment, SegmentArray};
+use crate::math::{self, Real};
+
+/// Rotation of each segment relative to its parent, identity in the H-pose (standing, arms down).
+///
+/// The pelvis is the root: its entry is always the identity.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Posture<T: Real> {
+    parent_from_segment: SegmentArray<UnitQuaternion<T>>,
+}
+
+impl<T: Real> Default for Posture<T> {
+    fn default() -> Self {
+        Self::h_pose()
+    }
+}
+
+impl<T: Real> Posture<T> {
+    /// All joints at zero: standing, arms down.
+    pub fn h_pose() -> Self {
+        Self {
+            parent_from_segment: SegmentArray::from_fn(|_| UnitQuaternion::identity()),
+        }
+    }
+
+    /// Rotation of `segment` relative to its parent.
+    pub fn parent_from_segment(&self, segment: Segment) -> &UnitQuaternion<T> {
+        &self.parent_from_segment[segment]
+    }
+
+    /// Sets the joint at the proximal end of `segment`; the pelvis has none and stays.
+    pub fn set(&mut self, segment: Segment, parent_from_segment: UnitQuaternion<T>) {
+        if segment != Segment::Pelvis {
+            self.parent_from_segment[segment] = parent_from_segment;
+        }
+    }
+
+    /// The posture with one joint set, see [`Posture::set`].
+    #[must_use]
+    pub fn with(mut self, segment: Segment, parent_from_segment: UnitQuaternion<T>) -> Self {
+        self.set(segment, parent_from_segment);
+        self
+    }
+
+    /// The posture with one joint given by the paper's angles, see [`joint_rotation`].
+    #[must_use]
+    pub fn with_angles(self, segment: Segment, psi: T, theta: T, phi: T) -> Self {
+        self.with(segment, joint_rotation(psi, theta, phi))
+    }
+
+    /// From the rotation of each segment relative to the body frame (the pelvis' entry is the reference).
+    pub fn from_body_rotations(body_from_segment: &SegmentArray<UnitQuaternion<T>>) -> Self {
+        Self {
+            parent_from_segment: body_from_segment.map(|segment, rotation| {
+                match segment.parent() {
+                    Some(parent) => body_from_segment[parent].inverse() * rotation,
+                    None => UnitQuaternion::identity(),
+                }
+            }),
+        }
+    }
+
+    /// Rotation of each segment relative to the body frame, paper eq. (chain) first line.
+    pub fn body_from_segments(&self) -> SegmentArray<UnitQuaternion<T>> {
+        let mut body_from_segment = self.parent_from_segment;
+        for segment in Segment::ALL {
+            if let Some(parent) = segment.parent() {
+                body_from_segment[segment] =
+                    body_from_segment[parent] * self.parent_from_segment[segment];
+            }
+        }
+        body_from_segment
+    }
+
+    /// The posture between `self` and `other`: each joint on the short way, `share` 0 to 1 (normalised linear).
+    #[must_use]
+    pub fn interpolated(&self, other: &Self, share: T) -> Self {
+        Self {
+            parent_from_segment: self.parent_from_segment.map(|segment, from| {
+                let to = near(&other.parent_from_segment[segment], from);
+                math::normalized(Quaternion::from(
+                    from.coords * (T::one() - share) + to.coords * share,
+                ))
+            }),
+        }
+    }
+
+    /// The mirrored posture: left and right exchanged.
+    #[must_use]
+    pub fn mirrored(&self) -> Self {
+        Self {
+            parent_from_segment: SegmentArray::from_fn(|segment| {
+                let q = &self.parent_from_segment[segment.mirrored()];
+                // Mirroring at the sagittal plane keeps rotations about X and flips those about Y and Z.
+                UnitQuaternion::new_unchecked(Quaternion::new(q.w, q.i, -q.j, -q.k))
+            }),
+        }
+    }
+
+    /// Whether every joint is a finite unit quaternion (norm within 1e-3 of 1).
+    pub fn is_valid(&self) -> bool {
+        self.parent_from_segment.values().all(|q| {
+            let size = q.coords.norm_squared();
+            size.is_finite() && (size - T::one()).abs() < T::of(2e-3)
+        })
+    }
+
+    /// The same posture in another precision.
+    pub fn cast<U: Real>(&self) -> Posture<U> {
+        Posture {
+            parent_from_segment: self.parent_from_segment.map(|_, q| {
+                math::normalized(Quaternion::from(q.coords.map(|c| U::of(c.to_f64()))))
+            }),
+        }
+    }
+}
+
+/// Of the two quaternions of the same rotation, the one nearer to `reference`.
+pub fn near<T: Real>(
+    rotation: &UnitQuaternion<T>,
+    reference: &UnitQuaternion<T>,
+) -> UnitQuaternion<T> {
+    if rotation.coords.dot(&reference.coords) < T::zero() {
+        UnitQuaternion::new_unchecked(-**rotation)
+    } else {
+        *rotation
+    }
+}
+
+/// Joint rotation from the paper's angles about Z, Y, X (rad): v_parent = Rx(-phi) Ry(-theta) Rz(-psi) v_child.
+///
+/// model.md "Frames and rotations": the paper's angles are MATLAB's passive ones.
+pub fn joint_rotation<T: Real>(psi: T, theta: T, phi: T) -> UnitQuaternion<T> {
+    let half = T::of(-0.5);
+    let about = |angle: T| (angle * half).sine_cosine();
+    let (zero, (sx, cx), (sy, cy), (sz, cz)) = (T::zero(), about(phi), about(theta), about(psi));
+    let product = Quaternion::new(cx, sx, zero, zero)
+        * Quaternion::new(cy, zero, sy, zero)
+        * Quaternion::new(cz, zero, zero, sz);
+    UnitQuaternion::new_unchecked(product)
+}
+
+/// One segment of a posed body, in body axes with the origin at the pelvic joint.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PosedSegment<T: Real> {
+    /// Axes of the segment as columns (x, y, z).
+    pub body_from_segment: Matrix3<T>,
+    /// Proximal joint (m).
+    pub joint: Vector3<T>,
+    /// Centre of gravity (m).
+    pub cg: Vector3<T>,
+}
+
+/// Where every segment is: axes, joints, centres of gravity, paper eq. (chain).
+pub fn pose<T: Real>(body: &Body<T>, posture: &Posture<T>) -> SegmentArray<PosedSegment<T>> {
+    let mut posed = SegmentArray::from_fn(|_| PosedSegment {
+        body_from_segment: Matrix3::identity(),
+        joint: Vector3::zeros(),
+        cg: Vector3::zeros(),
+    });
+    for segment in Segment::ALL {
+        let parameters = &body.segments[segment];
+        let parent_from_segment = rotation_matrix(&posture.parent_from_segment[segment]);
+        let (body_from_segment, joint) = match segment.parent() {
+            Some(parent) => {
+                let parent = &posed[parent];
+                (
+                    parent.body_from_segment * parent_from_segment,
+                    parent.joint + parent.body_from_segment * parameters.joint_offset,
+                )
+            }
+            None => (parent_from_segment, parameters.joint_offset),
+        };
+        let cg = joint + body_from_segment * parameters.cg;
+        posed[segment] = PosedSegment {
+            body_from_segment,
+            joint,
+            cg,
+        };
+    }
+    posed
+}
+
+/// Direction cosines of a unit quaternion.
+fn rotation_matrix<T: Real>(rotation: &UnitQuaternion<T>) -> Matrix3<T> {
+    let (two, one) = (T::of(2.0), T::one());
+    let (w, x, y, z) = (rotation.w, rotation.i, rotation.j, rotation.k);
+    let (x2, y2, z2) = (x * two, y * two, z * two);
+    let (wx, wy, wz) = (w * x2, w * y2, w * z2);
+    let (xx, xy, xz) = (x * x2, x * y2, x * z2);
+    let (yy, yz, zz) = (y * y2, y * z2, z * z2);
+    Matrix3::new(
+        one - yy - zz,
+        xy - wz,
+        xz + wy,
+        xy + wz,
+        one - xx - zz,
+        yz - wx,
+        xz - wy,
+        yz + wx,
+        one - xx - yy,
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn any_posture() -> impl Strategy<Value = Posture<f64>> {
+        prop::collection::vec(-1.5f64..1.5, 48).prop_map(|angles| {
+            Segment::ALL
+                .into_iter()
+                .zip(angles.chunks(3))
+                .fold(Posture::h_pose(), |posture, (segment, a)| {
+                    posture.with_angles(segment, a[0], a[1], a[2])
+                })
+        })
+    }
+
+    #[test]
+    fn paper_angles_are_passive() {
+        // model.md: v_parent = Rx(-phi) v_child, so a positive phi takes the cranial axis to dorsal.
+        let arched = joint_rotation(0.0, 0.0, 0.3) * Vector3::z();
+        assert!((arched - Vector3::new(0.0, libm::sin(0.3), libm::cos(0.3))).norm() < 1e-12);
+    }
+
+    proptest! {
+        #[test]
+        fn chains_and_joints_agree(posture in any_posture()) {
+            let rebuilt = Posture::from_body_rotations(&posture.body_from_segments());
+            for segment in Segment::ALL {
+                let angle = rebuilt.parent_from_segment(segment)
+                    .rotation_to(posture.parent_from_segment(segment)).coords.xyz().norm();
+                prop_assert!(angle < 1e-12);
+            }
+        }
+
+        #[test]
+        fn interpolation_ends_at_its_ends(a in any_posture(), b in any_posture()) {
+            for (share, end) in [(0.0, &a), (1.0, &b)] {
+                let posture = a.interpolated(&b, share);
+                for segment in Segment::ALL {
+                    let between = posture.parent_from_segment(segment)
+                        .rotation_to(end.parent_from_segment(segment)).coords.xyz().norm();
+                    prop_assert!(between < 1e-12);
+                }
+            }
+        }
+
+        #[test]
+        fn mirroring_twice_returns(posture in any_posture()) {
+            prop_assert_eq!(posture.mirrored().mirrored(), posture);
+            prop_assert!(posture.is_valid());
+        }
+    }
+}
