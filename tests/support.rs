@@ -1,1 +1,126 @@
-//! Support of the end-to-end tests.
+//! Support of the end-to-end tests: where the shared data lie, and the reference numbers as core types.
+
+use std::path::PathBuf;
+
+use bodyflight_core::body::posture::joint_rotation;
+use bodyflight_core::{Body, Posture, Real, Segment, SegmentArray, SegmentParameters};
+use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
+use serde_json::Value;
+
+/// The folder of reference numbers: `BODYFLIGHT_REFERENCE`, or `../shared/reference` beside the checkout.
+/// `None`, with a visible notice, where neither exists.
+pub fn reference_folder() -> Option<PathBuf> {
+    let folder = match std::env::var_os("BODYFLIGHT_REFERENCE") {
+        Some(folder) => PathBuf::from(folder),
+        None => shared().join("reference"),
+    };
+    present(folder)
+}
+
+/// The folder of public recordings, or `None` with a visible notice.
+pub fn data_folder() -> Option<PathBuf> {
+    present(shared().join("data"))
+}
+
+fn shared() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared")
+}
+
+#[expect(clippy::print_stderr, reason = "a skipped test must be seen")]
+fn present(folder: PathBuf) -> Option<PathBuf> {
+    if folder.is_dir() {
+        return Some(folder);
+    }
+    eprintln!("skipped: {} is absent", folder.display());
+    None
+}
+
+/// One reference file, parsed; `None` where the folder is absent. Panics where the file is not readable.
+#[expect(clippy::panic, reason = "a broken reference must fail the test")]
+pub fn reference(name: &str) -> Option<Value> {
+    let path = reference_folder()?.join(name);
+    let text = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+    Some(serde_json::from_str(&text).unwrap_or_else(|e| panic!("{}: {e}", path.display())))
+}
+
+/// The numbers of an array, however nested.
+pub fn numbers(value: &Value) -> Vec<f64> {
+    match value {
+        Value::Array(items) => items.iter().flat_map(numbers).collect(),
+        other => other.as_f64().into_iter().collect(),
+    }
+}
+
+/// Three numbers as a vector.
+pub fn vector(value: &Value) -> Vector3<f64> {
+    Vector3::from_row_slice(&numbers(value))
+}
+
+/// Nine numbers by rows as a matrix.
+pub fn matrix(value: &Value) -> Matrix3<f64> {
+    Matrix3::from_row_slice(&numbers(value))
+}
+
+/// Four numbers w, x, y, z as a rotation.
+pub fn quaternion(value: &Value) -> UnitQuaternion<f64> {
+    let q = numbers(value);
+    UnitQuaternion::new_normalize(Quaternion::new(q[0], q[1], q[2], q[3]))
+}
+
+/// The body of `segments.json`: moment arms equal to the lengths.
+pub fn reference_body(table: &Value) -> Body<f64> {
+    let find = |segment: Segment| {
+        let rows = table["segments"]
+            .as_array()
+            .map(Vec::as_slice)
+            .unwrap_or_default();
+        rows.iter()
+            .find(|row| row["name"] == segment.name())
+            .unwrap_or(&Value::Null)
+    };
+    Body {
+        segments: SegmentArray::from_fn(|segment| {
+            let row = find(segment);
+            let number = |key: &str| row[key].as_f64().unwrap_or(f64::NAN);
+            SegmentParameters {
+                mass: number("mass"),
+                length: number("length"),
+                joint_offset: vector(&row["joint_offset"]),
+                cg: vector(&row["cg"]),
+                inertia: matrix(&row["inertia"]),
+                area: vector(&row["area"]),
+                moment_arm: number("length"),
+            }
+        }),
+        height: table["height"].as_f64().unwrap_or(f64::NAN),
+    }
+}
+
+/// A posture of the paper's angles by segment name.
+pub fn posture_of_angles(angles: &Value) -> Posture<f64> {
+    Segment::ALL
+        .into_iter()
+        .fold(Posture::h_pose(), |posture, segment| {
+            match numbers(&angles[segment.name()])[..] {
+                [psi, theta, phi] => posture.with(segment, joint_rotation(psi, theta, phi)),
+                _ => posture,
+            }
+        })
+}
+
+/// Asserts that `actual` is `expected` within `tolerance` times the larger of `scale` and its size.
+#[track_caller]
+pub fn assert_close<T: Real, const R: usize, const C: usize>(
+    actual: &nalgebra::SMatrix<T, R, C>,
+    expected: &nalgebra::SMatrix<f64, R, C>,
+    scale: f64,
+    tolerance: f64,
+    what: &str,
+) {
+    let difference = (actual.map(Real::to_f64) - expected).norm();
+    let limit = tolerance * expected.norm().max(scale);
+    assert!(
+        difference <= limit,
+        "{what}: {actual:?}, expected {expected:?}: off by {difference:e}"
+    );
+}

@@ -7,6 +7,7 @@
 pub mod anthropometry;
 pub mod gear;
 pub mod mass_properties;
+pub mod pattern;
 pub mod posture;
 pub mod solid;
 

@@ -2,9 +2,14 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+pub mod aerodynamics;
+pub mod air;
 pub mod body;
+pub mod dynamics;
 pub mod frame;
 pub mod math;
+#[cfg(test)]
+mod test_body;
 
 pub use body::posture::Posture;
 pub use body::{Body, Segment, SegmentArray, SegmentParameters};

@@ -63,7 +63,7 @@ impl Real for f32 {
         // Cody-Waite reduction to +-pi/4 with pi/2 in three parts, then minimax polynomials (Cephes sinf, cosf).
         let quarter_turns = (self * core::f32::consts::FRAC_2_PI).nearest();
         let a = self - quarter_turns * 1.570_312_5;
-        let a = a - quarter_turns * 4.837_512_97e-4;
+        let a = a - quarter_turns * 4.837_513e-4;
         let a = a - quarter_turns * 7.549_79e-8;
         let square = a * a;
         let sine =
@@ -172,12 +172,14 @@ pub fn inverse_symmetric<T: Real>(matrix: &Matrix3<T>) -> Option<Matrix3<T>> {
     Some(Matrix3::new(aa, bb, cc, bb, dd, ee, cc, ee, ff) * inverse)
 }
 
-/// Rotation by the vector `angle` (rad), to third order in its size: the Cayley form, no trigonometry.
+/// Rotation by the vector `angle` (rad): the series of the exponential, no trigonometry.
 ///
-/// The error is |angle|^3 / 12 rad, 1e-6 rad for a turn of 7 rad/s over half a step of 1/240 s.
+/// The error is below 1e-9 rad up to 0.2 rad (48 rad/s for 1/240 s) and below 1e-6 rad up to 0.5 rad.
 pub fn small_rotation<T: Real>(angle: &Vector3<T>) -> UnitQuaternion<T> {
-    let half = angle * T::of(0.5);
-    normalized(nalgebra::Quaternion::from_parts(T::one(), half))
+    let square = angle.norm_squared();
+    let cosine = T::one() - square * (T::of(1.0 / 8.0) - square * T::of(1.0 / 384.0));
+    let half_sine = T::of(0.5) - square * (T::of(1.0 / 48.0) - square * T::of(1.0 / 3840.0));
+    normalized(nalgebra::Quaternion::from_parts(cosine, angle * half_sine))
 }
 
 /// The unit quaternion along `quaternion`; identity where it has no direction.
@@ -264,10 +266,19 @@ mod tests {
     #[test]
     fn arctangent_covers_the_axes() {
         let half = core::f32::consts::FRAC_PI_2;
-        assert_eq!(0.0f32.arctangent2(0.0), 0.0);
+        assert!(0.0f32.arctangent2(0.0).abs() < 1e-9);
         assert!((1.0f32.arctangent2(0.0) - half).abs() < 1e-7);
         assert!(((-1.0f32).arctangent2(0.0) + half).abs() < 1e-7);
         assert!((0.0f32.arctangent2(-1.0) - core::f32::consts::PI).abs() < 1e-7);
+    }
+
+    #[test]
+    fn small_rotations_follow_the_exponential() {
+        for (size, limit) in [(0.03, 1e-12), (0.2, 1e-9), (0.5, 1e-6)] {
+            let angle = Vector3::new(0.6, -0.48, 0.64) * size;
+            let error = small_rotation(&angle).angle_to(&UnitQuaternion::new(angle));
+            assert!(error < limit, "{size} rad: {error}");
+        }
     }
 
     #[test]

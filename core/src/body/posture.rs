@@ -209,18 +209,8 @@ fn rotation_matrix<T: Real>(rotation: &UnitQuaternion<T>) -> Matrix3<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::test_body::any_posture;
     use proptest::prelude::*;
-
-    fn any_posture() -> impl Strategy<Value = Posture<f64>> {
-        prop::collection::vec(-1.5f64..1.5, 48).prop_map(|angles| {
-            Segment::ALL
-                .into_iter()
-                .zip(angles.chunks(3))
-                .fold(Posture::h_pose(), |posture, (segment, a)| {
-                    posture.with_angles(segment, a[0], a[1], a[2])
-                })
-        })
-    }
 
     #[test]
     fn paper_angles_are_passive() {

@@ -1,0 +1,340 @@
+//! Aerodynamics: force and moment of the air on each segment and on the body.
+//!
+//! The paper's angles of attack and sideslip cancel (model.md "Aerodynamics without angles"): with `u` the
+//! unit vector of the velocity through the air and `y` the dorsal axis of a segment, both in body axes,
+//! a segment feels
+//!
+//! - drag `-q Cd Area u` with the exposed area `max(A_yz |v_x|, A_xz |v_y|, A_xy |v_z|)`,
+//! - a force across the stream `-2 q A_xz Cl v_y (y - v_y u)`,
+//! - a moment `-2 q A_xz l Cm v_y (u x y)`,
+//!
+//! which are model.md's sums over the x and z axes, since `x x^T + z z^T = 1 - y y^T`.
+//!
+//! This module is the plain form, segment by segment. [`compiled`] collects what depends on the posture
+//! alone; [`arch`] is the arch factor on the drag.
+
+pub mod arch;
+pub mod compiled;
+
+use nalgebra::Vector3;
+
+use crate::body::posture::PosedSegment;
+use crate::body::{Body, Segment, SegmentArray};
+use crate::math::Real;
+
+/// Maximum coefficients of a segment (dimensionless), paper eq. (params).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Coefficients<T> {
+    /// Drag along the stream, Cd.
+    pub drag: T,
+    /// Force across the stream, Cl.
+    pub lift: T,
+    /// Moment, Cm.
+    pub moment: T,
+}
+
+/// Factor on the drag for the arch of the body, paper eq. (arch_eq).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ArchFactor<T> {
+    /// The same for every posture.
+    Fixed(T),
+    /// From the arch area of the posed body.
+    FromPosture,
+}
+
+/// Parameters of the aerodynamic model.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Aerodynamics<T> {
+    /// Coefficients of each segment.
+    pub coefficients: SegmentArray<Coefficients<T>>,
+    /// Factor on the drag.
+    pub arch: ArchFactor<T>,
+}
+
+/// Damping moment coefficients Cm_damp of belly turns [pitch, yaw, roll], paper eq. (params).
+pub const BELLY_TURN_DAMPING: [f64; 3] = [3.0, 0.5, 6.0];
+
+/// Maximum coefficients of the paper, eq. (params).
+pub const PAPER_COEFFICIENTS: Coefficients<f64> = Coefficients {
+    drag: 1.2,
+    lift: 1.8,
+    moment: 3.5,
+};
+
+impl<T: Real> Aerodynamics<T> {
+    /// The same coefficients on every segment.
+    pub fn uniform(coefficients: Coefficients<T>, arch: ArchFactor<T>) -> Self {
+        Self {
+            coefficients: SegmentArray::from_fn(|_| coefficients),
+            arch,
+        }
+    }
+
+    /// The paper's coefficients, paper eq. (params), with the arch factor from the posture.
+    pub fn paper() -> Self {
+        let Coefficients { drag, lift, moment } = PAPER_COEFFICIENTS;
+        let coefficients = Coefficients {
+            drag: T::of(drag),
+            lift: T::of(lift),
+            moment: T::of(moment),
+        };
+        Self::uniform(coefficients, ArchFactor::FromPosture)
+    }
+
+    /// The same parameters in another precision.
+    pub fn cast<U: Real>(&self) -> Aerodynamics<U> {
+        let scalar = |value: T| U::of(value.to_f64());
+        Aerodynamics {
+            coefficients: self.coefficients.map(|_, c| Coefficients {
+                drag: scalar(c.drag),
+                lift: scalar(c.lift),
+                moment: scalar(c.moment),
+            }),
+            arch: match self.arch {
+                ArchFactor::Fixed(factor) => ArchFactor::Fixed(scalar(factor)),
+                ArchFactor::FromPosture => ArchFactor::FromPosture,
+            },
+        }
+    }
+}
+
+/// Angles of attack and sideslip of a velocity through the air in body or segment axes (rad),
+/// paper eqs. (alfabeta), (alfabetaI) in the `atan2` form of notes that holds in every direction.
+///
+/// `alpha = atan2(-V, W)`, `beta = -asin(U / |V|)`; both 0 for a body at rest.
+pub fn flow_angles<T: Real>(velocity: &Vector3<T>) -> (T, T) {
+    let transverse = (velocity.y * velocity.y + velocity.z * velocity.z).root();
+    (
+        (-velocity.y).arctangent2(velocity.z),
+        (-velocity.x).arctangent2(transverse),
+    )
+}
+
+/// Velocity through the air as the formulas want it: direction and dynamic pressure.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Flow<T: Real> {
+    /// Unit vector of the velocity through the air, body axes; zero at rest.
+    pub direction: Vector3<T>,
+    /// Dynamic pressure `density speed^2 / 2` (Pa).
+    pub dynamic_pressure: T,
+}
+
+impl<T: Real> Flow<T> {
+    /// From the velocity through the air (m/s, body axes) and the density (kg/m3).
+    #[inline]
+    pub fn new(velocity: &Vector3<T>, density: T) -> Self {
+        let square = velocity.norm_squared();
+        let scale = T::one() / square.root();
+        let direction = if scale.is_finite() {
+            velocity * scale
+        } else {
+            Vector3::zeros()
+        };
+        Self {
+            direction,
+            dynamic_pressure: T::of(0.5) * density * square,
+        }
+    }
+}
+
+/// A segment as the air sees it, body axes; coefficients and areas are multiplied out once per posture.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ExposedSegment<T: Real> {
+    /// Silhouette vectors: each segment axis times the area normal to it (m2).
+    pub silhouette: [Vector3<T>; 3],
+    /// Dorsal axis y of the segment.
+    pub dorsal: Vector3<T>,
+    /// Where the force acts: the segment's centre of gravity, from the origin (m).
+    pub centre: Vector3<T>,
+    /// Drag coefficient with the arch factor, `f_arch Cd`.
+    pub drag: T,
+    /// `2 A_xz Cl` (m2).
+    pub lift_area: T,
+    /// `2 A_xz l Cm` (m3).
+    pub moment_volume: T,
+}
+
+/// Force and moment on one segment, divided by the dynamic pressure.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SegmentLoad<T: Real> {
+    /// Exposed area (m2).
+    pub exposed_area: T,
+    /// Force per dynamic pressure (m2), body axes.
+    pub force: Vector3<T>,
+    /// Moment about the body origin per dynamic pressure (m3), body axes: `r x F + M`.
+    pub moment: Vector3<T>,
+}
+
+impl<T: Real> ExposedSegment<T> {
+    /// Total area exposed to the stream (m2), paper eq. (area) with the components of `v`.
+    #[inline]
+    pub fn exposed_area(&self, direction: &Vector3<T>) -> T {
+        let [x, y, z] = self.silhouette.map(|axis| axis.dot(direction).abs());
+        let xy = if x > y { x } else { y };
+        if xy > z { xy } else { z }
+    }
+
+    /// Force and moment for one direction of the stream, paper eqs. (limbf), (limbm) in the form of model.md.
+    #[inline]
+    pub fn load(&self, direction: &Vector3<T>) -> SegmentLoad<T> {
+        let exposed_area = self.exposed_area(direction);
+        // v_y of paper eq. (unityVloclimb).
+        let normal = self.dorsal.dot(direction);
+        let across = self.lift_area * normal;
+        let along = self.drag * exposed_area - across * normal;
+        let force = -(direction * along + self.dorsal * across);
+        let couple = direction.cross(&self.dorsal) * -(self.moment_volume * normal);
+        SegmentLoad {
+            exposed_area,
+            force,
+            moment: self.centre.cross(&force) + couple,
+        }
+    }
+}
+
+/// Force and moment on the whole body without damping and muscle input.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Loads<T: Real> {
+    /// Sum of exposed areas (m2).
+    pub exposed_area: T,
+    /// Force (N), body axes.
+    pub force: Vector3<T>,
+    /// Moment about the body origin (N m), body axes.
+    pub moment: Vector3<T>,
+}
+
+/// All segments as the air sees them.
+pub fn expose<T: Real>(
+    body: &Body<T>,
+    posed: &SegmentArray<PosedSegment<T>>,
+    aerodynamics: &Aerodynamics<T>,
+) -> SegmentArray<ExposedSegment<T>> {
+    let arch_factor = match aerodynamics.arch {
+        ArchFactor::Fixed(factor) => factor,
+        ArchFactor::FromPosture => arch::arch_factor(arch::arch_area(body, posed)),
+    };
+    SegmentArray::from_fn(|segment| {
+        let (parameters, placed) = (&body.segments[segment], &posed[segment]);
+        let coefficients = &aerodynamics.coefficients[segment];
+        let axes = &placed.body_from_segment;
+        let axis = |k: usize| axes.column(k).into_owned();
+        let double_area = T::of(2.0) * parameters.area.y;
+        ExposedSegment {
+            silhouette: [
+                axis(0) * parameters.area.x,
+                axis(1) * parameters.area.y,
+                axis(2) * parameters.area.z,
+            ],
+            dorsal: axis(1),
+            centre: placed.cg,
+            drag: arch_factor * coefficients.drag,
+            lift_area: double_area * coefficients.lift,
+            moment_volume: double_area * parameters.moment_arm * coefficients.moment,
+        }
+    })
+}
+
+/// Sum of the loads of all segments, paper eqs. (sum_f), (sum_m), segment by segment.
+pub fn total_load<T: Real>(segments: &SegmentArray<ExposedSegment<T>>, flow: &Flow<T>) -> Loads<T> {
+    let zero = Vector3::zeros();
+    let mut sum = Loads {
+        exposed_area: T::zero(),
+        force: zero,
+        moment: zero,
+    };
+    for segment in Segment::ALL {
+        let load = segments[segment].load(&flow.direction);
+        sum.exposed_area += load.exposed_area;
+        sum.force += load.force;
+        sum.moment += load.moment;
+    }
+    sum.force *= flow.dynamic_pressure;
+    sum.moment *= flow.dynamic_pressure;
+    sum
+}
+
+/// Moment that resists rotation is `-coefficient * angular_velocity`; this is that coefficient per axis
+/// (N m s): `0.005 density A |V|^2 H Cm_damp`, paper eq. (sum_m).
+///
+/// `damping` is Cm_damp [pitch about X, yaw about Y, roll about Z], `height` the stature (m).
+#[inline]
+pub fn damping_rate<T: Real>(
+    damping: &Vector3<T>,
+    exposed_area: T,
+    height: T,
+    flow: &Flow<T>,
+) -> Vector3<T> {
+    damping * (T::of(0.01) * flow.dynamic_pressure * exposed_area * height)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::body::posture::pose;
+    use crate::test_body::{any_posture, reference_body};
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn the_dorsal_form_is_the_sum_over_the_other_axes(
+            posture in any_posture(),
+            velocity in prop::array::uniform3(-60.0f64..60.0),
+        ) {
+            // model.md: 2 q A_xz Cl [v_z (z - v_z u) + v_x (x - v_x u)] and likewise for the moment.
+            let body = reference_body();
+            let posed = pose(&body, &posture);
+            let exposed = expose(&body, &posed, &Aerodynamics::paper());
+            let flow = Flow::new(&Vector3::from(velocity), 1.1);
+            let u = flow.direction;
+            for (segment, load) in exposed.map(|_, s| s.load(&u)).iter() {
+                let axes = &posed[segment].body_from_segment;
+                let (x, z) = (axes.column(0).into_owned(), axes.column(2).into_owned());
+                let (vx, vz) = (u.dot(&x), u.dot(&z));
+                let e = &exposed[segment];
+                let across = (z - u * vz) * vz + (x - u * vx) * vx;
+                let force = across * e.lift_area - u * (e.drag * load.exposed_area);
+                let couple = (u.cross(&z) * vz + u.cross(&x) * vx) * e.moment_volume;
+                prop_assert!((force - load.force).norm() < 1e-13);
+                let moment = e.centre.cross(&force) + couple;
+                prop_assert!((moment - load.moment).norm() < 1e-12);
+            }
+        }
+
+        #[test]
+        fn drag_opposes_motion_and_lift_does_no_work(
+            posture in any_posture(),
+            velocity in prop::array::uniform3(-60.0f64..60.0),
+        ) {
+            let body = reference_body();
+            let exposed = expose(&body, &pose(&body, &posture), &Aerodynamics::paper());
+            let flow = Flow::new(&Vector3::from(velocity), 1.0);
+            for (_, segment) in exposed.iter() {
+                let load = segment.load(&flow.direction);
+                let along = load.force.dot(&flow.direction) + segment.drag * load.exposed_area
+                    * flow.direction.norm_squared();
+                prop_assert!(along.abs() < 1e-13);
+            }
+        }
+    }
+
+    #[test]
+    fn still_air_exerts_nothing() {
+        let body = reference_body();
+        let exposed = expose(
+            &body,
+            &pose(&body, &crate::Posture::h_pose()),
+            &Aerodynamics::paper(),
+        );
+        let loads = total_load(&exposed, &Flow::new(&Vector3::zeros(), 1.2));
+        assert_eq!(
+            (loads.force, loads.moment),
+            (Vector3::zeros(), Vector3::zeros())
+        );
+    }
+
+    #[test]
+    fn belly_to_earth_flow_has_an_angle_of_attack_of_a_quarter_turn() {
+        let (alpha, beta) = flow_angles(&Vector3::new(0.0, -50.0, 0.0));
+        assert!((alpha - core::f64::consts::FRAC_PI_2).abs() < 1e-12 && beta.abs() < 1e-12);
+    }
+}

@@ -1,0 +1,100 @@
+//! The air: density and its own motion.
+
+use crate::frame::{Inertial, Vector};
+use crate::math::{Real, clamp};
+
+/// Standard gravity acceleration used throughout (m/s2), the value of the reference numbers.
+pub const GRAVITY: f64 = 9.81;
+
+/// Density of the air.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Density<T> {
+    /// The same everywhere (kg/m3).
+    Constant(T),
+    /// Standard atmosphere; the inertial origin lies this high above sea level (m).
+    StandardAtmosphere {
+        /// Altitude of the inertial origin above sea level (m).
+        origin_altitude: T,
+    },
+}
+
+impl<T: Real> Density<T> {
+    /// Density at `height` above the inertial origin (kg/m3).
+    pub fn at(&self, height: T) -> T {
+        match *self {
+            Self::Constant(density) => density,
+            Self::StandardAtmosphere { origin_altitude } => {
+                standard_density(origin_altitude + height)
+            }
+        }
+    }
+}
+
+/// Density of the U.S. Standard Atmosphere 1976, troposphere (kg/m3), for a geometric altitude above sea
+/// level (m).
+///
+/// Altitudes outside -500 to 11000 m take the value at the nearer end.
+pub fn standard_density<T: Real>(altitude: T) -> T {
+    let altitude = clamp(altitude, T::of(-500.0), T::of(11_000.0));
+    let earth_radius = T::of(6_356_766.0);
+    let geopotential = altitude * earth_radius / (earth_radius + altitude);
+    let temperature_ratio = T::one() - geopotential * T::of(0.0065 / 288.15);
+    T::of(1.225) * temperature_ratio.power(T::of(4.255_88))
+}
+
+/// Density and motion of the air around the body.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Air<T: Real> {
+    /// Density.
+    pub density: Density<T>,
+    /// Velocity of the air (m/s): wind, or the upward stream of a tunnel.
+    pub velocity: Vector<T, Inertial>,
+}
+
+impl<T: Real> Air<T> {
+    /// Still air of one density (kg/m3).
+    pub fn still(density: T) -> Self {
+        Self {
+            density: Density::Constant(density),
+            velocity: Vector::zero(),
+        }
+    }
+
+    /// The same air in another precision.
+    pub fn cast<U: Real>(&self) -> Air<U> {
+        let scalar = |value: T| U::of(value.to_f64());
+        Air {
+            density: match self.density {
+                Density::Constant(density) => Density::Constant(scalar(density)),
+                Density::StandardAtmosphere { origin_altitude } => Density::StandardAtmosphere {
+                    origin_altitude: scalar(origin_altitude),
+                },
+            },
+            velocity: self.velocity.cast(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_standard_atmosphere_has_its_tabled_values() {
+        // U.S. Standard Atmosphere 1976: 1.2250, 0.9093, 0.8194, 0.4135 kg/m3.
+        for (altitude, density) in [
+            (0.0, 1.225),
+            (3000.0, 0.9093),
+            (4000.0, 0.8194),
+            (10_000.0, 0.4135),
+        ] {
+            assert!(
+                (standard_density::<f64>(altitude) - density).abs() < 2e-4,
+                "{altitude}"
+            );
+        }
+        let single = f64::from(standard_density(3000.0f32));
+        assert!((single - standard_density(3000.0f64)).abs() < 1e-6);
+        assert!(standard_density(f32::NAN).is_finite());
+    }
+}

@@ -1,0 +1,248 @@
+//! Equations of motion: the state of a falling body and how a step takes it forward.
+//!
+//! [`Dynamics`] is everything that stays the same during a flight; a [`PostureSample`] is everything that
+//! depends on the posture alone, made once for each interval between two recorded postures; a [`State`] is
+//! the rest. [`step`] holds the integrator, [`equations_of_motion`] the rates in the exact and in the
+//! published form, [`muscle_input`] the skydiver's conscious inputs, [`trim`] the steady fall.
+
+pub mod equations_of_motion;
+pub mod muscle_input;
+pub mod step;
+pub mod trim;
+
+use nalgebra::{Matrix3, Vector3};
+
+use crate::aerodynamics::compiled::CompiledAerodynamics;
+use crate::aerodynamics::{self, Aerodynamics, BELLY_TURN_DAMPING};
+use crate::air::{Air, GRAVITY};
+use crate::body::Body;
+use crate::body::mass_properties::{MassMotion, MassProperties, PostureRate};
+use crate::body::posture::{Posture, pose};
+use crate::frame::{Body as BodyFrame, Inertial, Rotation, Vector};
+use crate::math::{Real, inverse_symmetric};
+use muscle_input::{MuscleInput, MuscleModel};
+
+/// What stays the same during a flight.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Dynamics<T: Real> {
+    /// The person with equipment.
+    pub body: Body<T>,
+    /// Aerodynamic coefficients.
+    pub aerodynamics: Aerodynamics<T>,
+    /// Air density and motion.
+    pub air: Air<T>,
+    /// Limbs that act on muscle input.
+    pub muscles: MuscleModel,
+    /// Acceleration of gravity, downwards (m/s2).
+    pub gravity: T,
+}
+
+impl<T: Real> Dynamics<T> {
+    /// The paper's coefficients in still air of one density (kg/m3).
+    pub fn paper(body: Body<T>, density: T) -> Self {
+        Self {
+            body,
+            aerodynamics: Aerodynamics::paper(),
+            air: Air::still(density),
+            muscles: muscle_input::BACK_TRACKING,
+            gravity: T::of(GRAVITY),
+        }
+    }
+
+    /// The same parameters in another precision.
+    pub fn cast<U: Real>(&self) -> Dynamics<U> {
+        Dynamics {
+            body: self.body.cast(),
+            aerodynamics: self.aerodynamics.cast(),
+            air: self.air.cast(),
+            muscles: self.muscles,
+            gravity: U::of(self.gravity.to_f64()),
+        }
+    }
+
+    /// A body that keeps `posture`.
+    pub fn hold(&self, posture: &Posture<T>) -> PostureSample<T> {
+        self.sample(posture, &PostureRate::zero())
+    }
+
+    /// The interval of `duration` (s) in which the body moves from one posture to the next: geometry of the
+    /// middle, constant joint rates.
+    pub fn between(&self, from: &Posture<T>, to: &Posture<T>, duration: T) -> PostureSample<T> {
+        let middle = from.interpolated(to, T::of(0.5));
+        self.sample(&middle, &PostureRate::between(from, to, duration))
+    }
+
+    /// A posture with its joint rates.
+    pub fn sample(&self, posture: &Posture<T>, rate: &PostureRate<T>) -> PostureSample<T> {
+        let posed = pose(&self.body, posture);
+        let mass = MassProperties::of(&self.body, &posed);
+        let motion = MassMotion::of(&self.body, &posed, rate);
+        let exposed = aerodynamics::expose(&self.body, &posed, &self.aerodynamics);
+        let inertia = mass.inertia_about_cg();
+        PostureSample {
+            mass,
+            motion,
+            inertia,
+            // A body of positive masses is never singular; identity keeps the step finite for nonsense.
+            inverse_inertia: inverse_symmetric(&inertia).unwrap_or_else(Matrix3::identity),
+            relative_angular_momentum: motion.relative_angular_momentum_about_cg(&mass),
+            aerodynamics: CompiledAerodynamics::new(exposed),
+        }
+    }
+}
+
+/// Everything that depends on the posture alone, body axes; shared by all runs over the same interval.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PostureSample<T: Real> {
+    /// Mass, centre of gravity, inertia about the origin.
+    pub mass: MassProperties<T>,
+    /// Rates of these.
+    pub motion: MassMotion<T>,
+    /// Inertia about the centre of gravity (kg m2).
+    pub inertia: Matrix3<T>,
+    /// Its inverse.
+    pub inverse_inertia: Matrix3<T>,
+    /// Angular momentum of the segments relative to the body frame, about the centre of gravity (kg m2/s).
+    pub relative_angular_momentum: Vector3<T>,
+    /// Aerodynamic sums.
+    pub aerodynamics: CompiledAerodynamics<T>,
+}
+
+/// The skydiver's conscious inputs, paper eq. (ukf_state).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Inputs<T: Real> {
+    /// Muscle input coefficients (dimensionless).
+    pub muscle: MuscleInput<T>,
+    /// Damping moment coefficients Cm_damp about X, Y, Z: [pitch, yaw, roll].
+    pub damping: Vector3<T>,
+}
+
+impl<T: Real> Inputs<T> {
+    /// No muscle input and the paper's damping of belly turns, eq. (params).
+    pub fn belly_turn() -> Self {
+        Self {
+            muscle: MuscleInput::none(),
+            damping: Vector3::from(BELLY_TURN_DAMPING.map(T::of)),
+        }
+    }
+
+    /// The same inputs in another precision.
+    pub fn cast<U: Real>(&self) -> Inputs<U> {
+        Inputs {
+            muscle: self.muscle.cast(),
+            damping: self.damping.map(|value| U::of(value.to_f64())),
+        }
+    }
+}
+
+/// State in momentum form (model.md, notes on the exact equations): no posture acceleration is needed, and
+/// momentum is kept exactly where nothing acts.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct State<T: Real> {
+    /// Attitude of the body frame.
+    pub inertial_from_body: Rotation<T, Inertial, BodyFrame>,
+    /// Position of the centre of gravity (m).
+    pub cg_position: Vector<T, Inertial>,
+    /// Linear momentum (kg m/s).
+    pub linear_momentum: Vector<T, Inertial>,
+    /// Angular momentum about the centre of gravity (kg m2/s).
+    pub angular_momentum: Vector<T, Inertial>,
+}
+
+/// Motion of the body frame, as sensors and the paper see it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Motion<T: Real> {
+    /// Attitude of the body frame.
+    pub inertial_from_body: Rotation<T, Inertial, BodyFrame>,
+    /// Position of the pelvic joint (m).
+    pub position: Vector<T, Inertial>,
+    /// Velocity of the pelvic joint (m/s), body axes; [U, V, W] of the paper.
+    pub velocity: Vector<T, BodyFrame>,
+    /// Angular velocity of the body frame (rad/s), body axes; [P, Q, R] of the paper.
+    pub angular_velocity: Vector<T, BodyFrame>,
+}
+
+impl<T: Real> Motion<T> {
+    /// Velocity of the pelvic joint over ground (m/s).
+    pub fn velocity_inertial(&self) -> Vector<T, Inertial> {
+        self.inertial_from_body * self.velocity
+    }
+
+    /// The same motion in another precision.
+    pub fn cast<U: Real>(&self) -> Motion<U> {
+        Motion {
+            inertial_from_body: self.inertial_from_body.cast(),
+            position: self.position.cast(),
+            velocity: self.velocity.cast(),
+            angular_velocity: self.angular_velocity.cast(),
+        }
+    }
+}
+
+impl<T: Real> State<T> {
+    /// The state of a body that moves like this in this posture.
+    pub fn from_motion(motion: &Motion<T>, sample: &PostureSample<T>) -> Self {
+        let to_inertial = motion.inertial_from_body;
+        let cg = &sample.mass.cg;
+        let spin = &motion.angular_velocity.components;
+        let cg_velocity = motion.velocity.components + spin.cross(cg) + sample.motion.cg_rate;
+        let momentum = sample.inertia * spin + sample.relative_angular_momentum;
+        let inertial = |components| to_inertial * Vector::from_components(components);
+        Self {
+            inertial_from_body: to_inertial,
+            cg_position: Vector::from_components(
+                motion.position.components + inertial(*cg).components,
+            ),
+            linear_momentum: inertial(cg_velocity * sample.mass.mass),
+            angular_momentum: inertial(momentum),
+        }
+    }
+
+    /// Motion of the body frame for this state in this posture.
+    pub fn motion(&self, sample: &PostureSample<T>) -> Motion<T> {
+        let to_body = self.inertial_from_body.inverse();
+        let spin = sample.angular_velocity(&(to_body * self.angular_momentum).components);
+        let momentum = (to_body * self.linear_momentum).components;
+        let cg_inertial =
+            (self.inertial_from_body * Vector::from_components(sample.mass.cg)).components;
+        Motion {
+            inertial_from_body: self.inertial_from_body,
+            position: Vector::from_components(self.cg_position.components - cg_inertial),
+            velocity: Vector::from_components(sample.origin_velocity(&momentum, &spin)),
+            angular_velocity: Vector::from_components(spin),
+        }
+    }
+
+    /// Whether every number is finite.
+    pub fn is_finite(&self) -> bool {
+        let finite = |v: &Vector3<T>| v.iter().all(|c| c.is_finite());
+        self.inertial_from_body
+            .quaternion()
+            .coords
+            .iter()
+            .all(|c| c.is_finite())
+            && finite(&self.cg_position.components)
+            && finite(&self.linear_momentum.components)
+            && finite(&self.angular_momentum.components)
+    }
+}
+
+impl<T: Real> PostureSample<T> {
+    /// Angular velocity (rad/s) that gives this angular momentum about the centre of gravity, body axes.
+    #[inline]
+    pub fn angular_velocity(&self, angular_momentum: &Vector3<T>) -> Vector3<T> {
+        self.inverse_inertia * (angular_momentum - self.relative_angular_momentum)
+    }
+
+    /// Velocity of the origin (m/s) for a linear momentum and an angular velocity, body axes.
+    #[inline]
+    pub fn origin_velocity(
+        &self,
+        linear_momentum: &Vector3<T>,
+        angular_velocity: &Vector3<T>,
+    ) -> Vector3<T> {
+        linear_momentum / self.mass.mass
+            - angular_velocity.cross(&self.mass.cg)
+            - self.motion.cg_rate
+    }
+}

@@ -1,0 +1,300 @@
+//! Muscle input: moments and forces by which a skydiver resists the air, with the limbs that produce them
+//! as data per maneuver and skill. Paper "Modeling of the Input Moments".
+
+use nalgebra::Vector3;
+
+use crate::aerodynamics::{ExposedSegment, Flow};
+use crate::body::{Segment, SegmentArray};
+use crate::math::Real;
+
+/// Input moment coefficients (dimensionless): 1 cancels the aerodynamic moment on the limbs involved.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MuscleInput<T> {
+    /// About the dorsal axis Y, in_yaw.
+    pub yaw: T,
+    /// About the left axis X, in_pitch.
+    pub pitch: T,
+    /// About the cranial axis Z, in_roll.
+    pub roll: T,
+}
+
+impl<T: Real> MuscleInput<T> {
+    /// Relaxed.
+    pub fn none() -> Self {
+        Self {
+            yaw: T::zero(),
+            pitch: T::zero(),
+            roll: T::zero(),
+        }
+    }
+
+    /// Whether nothing is put in.
+    pub fn is_none(&self) -> bool {
+        *self == Self::none()
+    }
+
+    /// The same input in another precision.
+    pub fn cast<U: Real>(&self) -> MuscleInput<U> {
+        let scalar = |value: T| U::of(value.to_f64());
+        MuscleInput {
+            yaw: scalar(self.yaw),
+            pitch: scalar(self.pitch),
+            roll: scalar(self.roll),
+        }
+    }
+}
+
+/// A set of segments.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Limbs(u16);
+
+impl Limbs {
+    /// The segments listed.
+    pub const fn of(segments: &[Segment]) -> Self {
+        let (mut bits, mut rest) = (0, segments);
+        while let [first, tail @ ..] = rest {
+            bits |= 1 << *first as u16;
+            rest = tail;
+        }
+        Self(bits)
+    }
+
+    /// No segment.
+    pub const NONE: Self = Self(0);
+
+    /// Whether `segment` belongs to the set.
+    #[inline]
+    pub const fn contains(self, segment: Segment) -> bool {
+        self.0 & (1 << segment as u16) != 0
+    }
+
+    /// The segments of both sets.
+    pub const fn and(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
+}
+
+/// Which limbs produce the inputs, paper eq. (eq1), and over which levers, eq. (eq1_1).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MuscleModel {
+    /// Pitch: N_center.
+    pub center: Limbs,
+    /// Yaw: upper body proximal limbs.
+    pub upper_proximal: Limbs,
+    /// Yaw: lower body proximal limbs.
+    pub lower_proximal: Limbs,
+    /// Yaw: right distal limbs.
+    pub right_distal: Limbs,
+    /// Yaw: left distal limbs.
+    pub left_distal: Limbs,
+    /// Roll: right limbs.
+    pub right: Limbs,
+    /// Roll: left limbs.
+    pub left: Limbs,
+    /// Characteristic lever arms l_1 to l_4 as shares of the stature. The paper gives no numbers: these are
+    /// the distances, in the neutral pose, from the pelvic joint to upper proximal limbs, to lower proximal
+    /// limbs, and sideways to proximal and to distal limbs.
+    pub lever_arms: [f64; 4],
+}
+
+const LEVER_ARMS: [f64; 4] = [0.28, 0.12, 0.18, 0.22];
+
+const HIPS: Limbs = Limbs::of(&[Segment::LeftThigh, Segment::RightThigh]);
+const LEGS: Limbs = Limbs::of(&[Segment::LeftShank, Segment::RightShank]);
+const HEAD_AND_THORAX: Limbs = Limbs::of(&[Segment::Thorax, Segment::Head]);
+const RIGHT_LEG: Limbs = Limbs::of(&[Segment::RightThigh, Segment::RightShank]);
+const LEFT_LEG: Limbs = Limbs::of(&[Segment::LeftThigh, Segment::LeftShank]);
+
+/// Back-to-earth tracking, and the paper's model for transitions: all limbs.
+pub const BACK_TRACKING: MuscleModel = MuscleModel {
+    center: HEAD_AND_THORAX,
+    upper_proximal: Limbs::of(&[
+        Segment::Thorax,
+        Segment::Head,
+        Segment::LeftUpperArm,
+        Segment::RightUpperArm,
+    ]),
+    lower_proximal: HIPS,
+    right_distal: Limbs::of(&[Segment::RightShank, Segment::RightForearm]),
+    left_distal: Limbs::of(&[Segment::LeftShank, Segment::LeftForearm]),
+    right: RIGHT_LEG.and(Limbs::of(&[Segment::RightForearm, Segment::RightUpperArm])),
+    left: LEFT_LEG.and(Limbs::of(&[Segment::LeftForearm, Segment::LeftUpperArm])),
+    lever_arms: LEVER_ARMS,
+};
+
+/// Belly-to-earth tracking by a proficient skydiver: no distal limbs in yaw; no limbs at all are left in roll.
+pub const BELLY_TRACKING: MuscleModel = MuscleModel {
+    right_distal: Limbs::NONE,
+    left_distal: Limbs::NONE,
+    right: Limbs::NONE,
+    left: Limbs::NONE,
+    ..BACK_TRACKING
+};
+
+/// Belly turns by an experienced skydiver: only the most efficient limbs; pitch by hips and legs.
+pub const EXPERIENCED_BELLY_TURNS: MuscleModel = MuscleModel {
+    center: HIPS.and(LEGS),
+    upper_proximal: HEAD_AND_THORAX,
+    ..BELLY_TRACKING
+};
+
+/// Turns in an RW suit with booties: every axis by thighs and legs.
+pub const RW_SUIT_TURNS: MuscleModel = MuscleModel {
+    center: HIPS.and(LEGS),
+    upper_proximal: Limbs::NONE,
+    lower_proximal: HIPS,
+    right_distal: Limbs::of(&[Segment::RightShank]),
+    left_distal: Limbs::of(&[Segment::LeftShank]),
+    right: RIGHT_LEG,
+    left: LEFT_LEG,
+    lever_arms: LEVER_ARMS,
+};
+
+/// Layouts: pitch by legs and thighs, paper "Reconstruction of layouts in simulation".
+pub const LAYOUTS: MuscleModel = MuscleModel {
+    center: HIPS.and(LEGS),
+    ..BACK_TRACKING
+};
+
+/// The paper's limb groups by name, as presets and files call them.
+pub const MODELS: [(&str, MuscleModel); 5] = [
+    ("back-tracking", BACK_TRACKING),
+    ("belly-tracking", BELLY_TRACKING),
+    ("experienced-belly-turns", EXPERIENCED_BELLY_TURNS),
+    ("rw-suit-turns", RW_SUIT_TURNS),
+    ("layouts", LAYOUTS),
+];
+
+/// Force and moment of a muscle input for one unit of each coefficient; both are linear in the coefficients.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MuscleLoad<T: Real> {
+    /// Force (N), body axes.
+    pub force: Vector3<T>,
+    /// Moment about the body origin (N m), body axes.
+    pub moment: Vector3<T>,
+}
+
+/// Muscle moment and force, paper eqs. (eq1) and (eq1_1), body axes.
+///
+/// `M_atot` of a limb is its `r x F + M` (no sum, see model.md's list of misprints). `height` is the
+/// stature (m). Cost: one segment load for each limb of the groups whose input is not zero.
+pub fn muscle_load<T: Real>(
+    model: &MuscleModel,
+    input: &MuscleInput<T>,
+    segments: &SegmentArray<ExposedSegment<T>>,
+    flow: &Flow<T>,
+    height: T,
+) -> MuscleLoad<T> {
+    let zero = T::zero();
+    let mut load = MuscleLoad {
+        force: Vector3::zeros(),
+        moment: Vector3::zeros(),
+    };
+    if input.is_none() {
+        return load;
+    }
+    let [l1, l2, l3, l4] = model.lever_arms.map(|share| T::of(share) * height);
+    let moments = segments.map(|segment, exposed| {
+        if model.acts(segment, input) {
+            exposed.load(&flow.direction).moment * flow.dynamic_pressure
+        } else {
+            Vector3::zeros()
+        }
+    });
+    let sum = |limbs: Limbs, axis: usize| {
+        moments.iter().fold(zero, |sum, (segment, moment)| {
+            if limbs.contains(segment) {
+                sum + moment[axis]
+            } else {
+                sum
+            }
+        })
+    };
+    let center = sum(model.center, 0);
+    let (upper, lower) = (sum(model.upper_proximal, 1), sum(model.lower_proximal, 1));
+    let (right_distal, left_distal) = (sum(model.right_distal, 1), sum(model.left_distal, 1));
+    let (right, left) = (sum(model.right, 2), sum(model.left, 2));
+    load.moment = Vector3::new(
+        -input.pitch * center,
+        -input.yaw * (upper + lower + right_distal + left_distal),
+        -input.roll * (left + right),
+    );
+    load.force = Vector3::new(
+        -input.yaw * (upper / l1 - lower / l2),
+        input.pitch / l1 * center - input.roll / l3 * (left - right),
+        -input.yaw / l4 * (right_distal - left_distal),
+    );
+    load
+}
+
+impl MuscleModel {
+    /// Whether `segment` takes part in an input that is not zero.
+    fn acts<T: Real>(&self, segment: Segment, input: &MuscleInput<T>) -> bool {
+        let zero = T::zero();
+        let yaw = self.upper_proximal.and(self.lower_proximal);
+        let yaw = yaw.and(self.right_distal).and(self.left_distal);
+        (input.pitch != zero && self.center.contains(segment))
+            || (input.yaw != zero && yaw.contains(segment))
+            || (input.roll != zero && self.right.and(self.left).contains(segment))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::aerodynamics::{Aerodynamics, expose};
+    use crate::body::pattern;
+    use crate::body::posture::pose;
+    use crate::test_body::{any_posture, reference_body};
+    use proptest::prelude::*;
+
+    fn exposed(posture: &crate::Posture<f64>) -> SegmentArray<ExposedSegment<f64>> {
+        let body = reference_body();
+        expose(&body, &pose(&body, posture), &Aerodynamics::paper())
+    }
+
+    proptest! {
+        #[test]
+        fn the_load_is_linear_in_the_input(
+            posture in any_posture(),
+            velocity in prop::array::uniform3(-60.0f64..60.0),
+            a in prop::array::uniform3(0.0f64..6.0),
+        ) {
+            let segments = exposed(&posture);
+            let flow = Flow::new(&Vector3::from(velocity), 1.0);
+            for (_, model) in MODELS {
+                let load = |yaw, pitch, roll| {
+                    muscle_load(&model, &MuscleInput { yaw, pitch, roll }, &segments, &flow, 1.75)
+                };
+                let whole = load(a[0], a[1], a[2]);
+                let parts = [load(a[0], 0.0, 0.0), load(0.0, a[1], 0.0), load(0.0, 0.0, a[2])];
+                let force: Vector3<f64> = parts.iter().map(|p| p.force).sum();
+                let moment: Vector3<f64> = parts.iter().map(|p| p.moment).sum();
+                prop_assert!((whole.force - force).norm() < 1e-9 * (1.0 + force.norm()));
+                prop_assert!((whole.moment - moment).norm() < 1e-9 * (1.0 + moment.norm()));
+            }
+        }
+    }
+
+    #[test]
+    fn unit_pitch_input_cancels_the_moment_of_its_limbs() {
+        let segments = exposed(&pattern::neutral());
+        let flow = Flow::new(&Vector3::new(0.0, -50.0, 8.0), 1.0);
+        let input = MuscleInput {
+            pitch: 1.0,
+            ..MuscleInput::none()
+        };
+        let load = muscle_load(&LAYOUTS, &input, &segments, &flow, 1.75);
+        let felt: f64 = [
+            Segment::LeftThigh,
+            Segment::RightThigh,
+            Segment::LeftShank,
+            Segment::RightShank,
+        ]
+        .map(|limb| segments[limb].load(&flow.direction).moment.x * flow.dynamic_pressure)
+        .iter()
+        .sum();
+        assert!((load.moment.x + felt).abs() < 1e-9 && felt.abs() > 1.0);
+        assert_eq!(load.moment.yz(), nalgebra::Vector2::zeros());
+    }
+}

@@ -1,0 +1,116 @@
+//! One step of the momentum form: forces once, at the middle of the interval.
+//!
+//! The attitude is predicted to the middle, where posture and forces are evaluated, and then turned by the
+//! mean angular velocity of the whole interval: second order in what posture and attitude do. The damping
+//! moment enters by the trapezium rule, which is stable for any positive coefficient and keeps small
+//! negative ones usable. Momenta change by impulses alone, so without air they keep their bits.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::muscle_input::muscle_load;
+use super::{Dynamics, Inputs, PostureSample, State};
+use crate::aerodynamics::{Flow, Loads, damping_rate};
+use crate::frame::{Body as BodyFrame, Inertial, Rotation, Vector};
+use crate::math::{Real, normalized, small_rotation, solve_symmetric};
+
+/// Step of simulation and filter (s), the Xsens sample interval.
+pub const TIME_STEP: f64 = 1.0 / 240.0;
+
+impl<T: Real> Dynamics<T> {
+    /// Force and moment about the origin on a moving body, body axes: air, muscle input, no gravity, no
+    /// damping; and the coefficient of the damping moment per axis (N m s).
+    ///
+    /// `velocity_through_air` in m/s, body axes; `density` in kg/m3.
+    #[inline]
+    pub fn loads(
+        &self,
+        sample: &PostureSample<T>,
+        inputs: &Inputs<T>,
+        velocity_through_air: &Vector3<T>,
+        density: T,
+    ) -> (Loads<T>, Vector3<T>) {
+        let flow = Flow::new(velocity_through_air, density);
+        let mut loads = sample.aerodynamics.total_load(&flow);
+        let muscle = muscle_load(
+            &self.muscles,
+            &inputs.muscle,
+            &sample.aerodynamics.segments,
+            &flow,
+            self.body.height,
+        );
+        loads.force += muscle.force;
+        loads.moment += muscle.moment;
+        let damping = damping_rate(&inputs.damping, loads.exposed_area, self.body.height, &flow);
+        (loads, damping)
+    }
+
+    /// The state `duration` (s) later, while the body moves as `sample` says and the inputs are constant.
+    pub fn step(
+        &self,
+        state: &State<T>,
+        sample: &PostureSample<T>,
+        inputs: &Inputs<T>,
+        duration: T,
+    ) -> State<T> {
+        let half = duration * T::of(0.5);
+        let density = self.air.density.at(state.cg_position.components.z);
+
+        // Predict the attitude of the middle by half a turn at the present angular velocity.
+        let momentum = (state.inertial_from_body.inverse() * state.angular_momentum).components;
+        let spin = sample.angular_velocity(&momentum);
+        let inertial_from_middle = turned(&state.inertial_from_body, &spin, half);
+
+        // Forces of the middle. What is constant in inertial axes turns with the attitude.
+        let middle_from_inertial = inertial_from_middle.inverse();
+        let angular_momentum = (middle_from_inertial * state.angular_momentum).components;
+        let linear_momentum = (middle_from_inertial * state.linear_momentum).components;
+        let spin = sample.angular_velocity(&angular_momentum);
+        let air_velocity = (middle_from_inertial * self.air.velocity).components;
+        let velocity = sample.origin_velocity(&linear_momentum, &spin) - air_velocity;
+        let (loads, damping) = self.loads(sample, inputs, &velocity, density);
+        let moment = loads.moment - sample.mass.cg.cross(&loads.force);
+
+        // Trapezium rule for the damping: (I + D dt/2) W1 = (I - D dt/2) W0 + M dt.
+        let half_damping = damping * half;
+        let push = moment * duration;
+        let implicit = sample.inertia + Matrix3::from_diagonal(&half_damping);
+        let explicit = sample.inertia * spin - half_damping.component_mul(&spin) + push;
+        let next_spin = solve_symmetric(&implicit, &explicit).unwrap_or(spin);
+        let mean_spin = (spin + next_spin) * T::of(0.5);
+        let push = push - damping.component_mul(&mean_spin) * duration;
+        let gravity_impulse = Vector3::new(
+            T::zero(),
+            T::zero(),
+            -self.gravity * sample.mass.mass * duration,
+        );
+        let impulse = (inertial_from_middle * Vector::from_components(loads.force * duration))
+            .components
+            + gravity_impulse;
+        let start = state.linear_momentum.components;
+
+        State {
+            inertial_from_body: turned(&state.inertial_from_body, &mean_spin, duration),
+            cg_position: Vector::from_components(
+                state.cg_position.components
+                    + (start + impulse * T::of(0.5)) * (duration / sample.mass.mass),
+            ),
+            linear_momentum: Vector::from_components(start + impulse),
+            angular_momentum: Vector::from_components(
+                state.angular_momentum.components
+                    + (inertial_from_middle * Vector::from_components(push)).components,
+            ),
+        }
+    }
+}
+
+/// Attitude after turning at `angular_velocity` (rad/s, body axes) for `duration` (s), paper eq. (quat).
+#[inline]
+fn turned<T: Real>(
+    inertial_from_body: &Rotation<T, Inertial, BodyFrame>,
+    angular_velocity: &Vector3<T>,
+    duration: T,
+) -> Rotation<T, Inertial, BodyFrame> {
+    let turn = small_rotation(&(angular_velocity * duration));
+    let product = **inertial_from_body.quaternion() * *turn;
+    Rotation::from_quaternion(normalized(product))
+}

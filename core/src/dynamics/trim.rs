@@ -1,0 +1,1 @@
+//! Trim: the steady fall of a symmetric posture, paper "The Trim Condition".
