@@ -7,6 +7,7 @@ pub mod air;
 pub mod body;
 pub mod dynamics;
 pub mod frame;
+pub mod maneuver;
 pub mod math;
 #[cfg(test)]
 mod test_body;
