@@ -9,6 +9,7 @@ pub mod dynamics;
 pub mod frame;
 pub mod maneuver;
 pub mod math;
+pub mod observation;
 #[cfg(test)]
 mod test_body;
 
