@@ -4,7 +4,9 @@
 
 pub mod body;
 pub mod frame;
+pub mod link;
 pub mod math;
+pub mod xbus;
 
 pub use body::posture::Posture;
 pub use body::{Body, Segment, SegmentArray, SegmentParameters};
