@@ -1,7 +1,7 @@
 //! Packets to a sensor, and packets like those of a sensor for tests and simulations.
 
 use super::item::DataId;
-use super::packet::{MAX_DATA_LENGTH, MessageId, PREAMBLE};
+use super::packet::{EXTENDED, MAX_DATA_LENGTH, MessageId, PREAMBLE, checksum};
 
 /// Bus address of the only sensor on the line.
 const MASTER: u8 = 0xFF;
@@ -139,7 +139,7 @@ impl<'a> PacketWriter<'a> {
             length,
         } = self;
         let header = match u8::try_from(length) {
-            Ok(short) if short < 0xFF => {
+            Ok(short) if short < EXTENDED => {
                 packet
                     .get_mut(..4)?
                     .copy_from_slice(&[PREAMBLE, MASTER, message_id.0, short]);
@@ -157,7 +157,7 @@ impl<'a> PacketWriter<'a> {
                     PREAMBLE,
                     MASTER,
                     message_id.0,
-                    0xFF,
+                    EXTENDED,
                     high,
                     low,
                 ]);
@@ -165,10 +165,7 @@ impl<'a> PacketWriter<'a> {
             }
         };
         let (covered, rest) = packet.split_at_mut_checked(header + length)?;
-        let sum = covered
-            .iter()
-            .skip(1)
-            .fold(0u8, |sum, &b| sum.wrapping_add(b));
+        let sum = checksum(covered.get(1..)?);
         *rest.first_mut()? = sum.wrapping_neg();
         Some(header + length + 1)
     }

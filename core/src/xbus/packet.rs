@@ -5,7 +5,10 @@ use super::item::Items;
 /// First byte of every packet. It also occurs in data.
 pub(super) const PREAMBLE: u8 = 0xFA;
 /// Length byte that announces two bytes of extended length.
-const EXTENDED: u8 = 0xFF;
+pub(super) const EXTENDED: u8 = 0xFF;
+
+/// Bus addresses a sensor on its own uses. Any other one is a preamble by chance.
+const ADDRESSES: [u8; 2] = [0xFF, 0x01];
 
 /// Most data bytes of a packet.
 pub const MAX_DATA_LENGTH: usize = 2048;
@@ -40,7 +43,7 @@ impl MessageId {
 /// A packet whose checksum holds, where it lies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Packet<'a> {
-    /// Bus address, 0xFF for a sensor on its own.
+    /// Bus address, 0xFF or 0x01 for a sensor on its own.
     pub bus_id: u8,
     /// What it is about.
     pub message_id: MessageId,
@@ -61,11 +64,13 @@ impl<'a> Packet<'a> {
 
 /// What the bytes at a preamble turn out to be.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Candidate<'a> {
-    /// So far a packet; it takes `total` bytes in all, or at least so many.
+pub(super) enum Candidate {
+    /// So far a packet; it takes at least `total` bytes.
     Incomplete { total: usize },
     /// A packet of `total` bytes.
-    Whole { packet: Packet<'a>, total: usize },
+    Whole { total: usize },
+    /// The address is none of a sensor on its own.
+    BadAddress,
     /// The checksum differs.
     BadChecksum,
     /// The length cannot be.
@@ -75,46 +80,61 @@ pub(super) enum Candidate<'a> {
 }
 
 /// Judges `bytes`, which begin with a preamble.
-pub(super) fn judge(bytes: &[u8]) -> Candidate<'_> {
-    let (bus_id, message_id, length, header) = match bytes {
-        [_, _, _, EXTENDED, high, low, ..] => {
-            let length = usize::from(u16::from_be_bytes([*high, *low]));
-            if !(usize::from(EXTENDED)..=MAX_DATA_LENGTH).contains(&length) {
-                return Candidate::BadLength;
-            }
-            (bytes.get(1), bytes.get(2), length, 6)
-        }
-        [_, _, _, EXTENDED, ..] => return Candidate::Incomplete { total: 6 },
-        [_, bus_id, message_id, length, ..] => {
-            (Some(bus_id), Some(message_id), usize::from(*length), 4)
-        }
-        _ => return Candidate::Incomplete { total: 4 },
+pub(super) fn judge(bytes: &[u8]) -> Candidate {
+    if let [_, address, ..] = bytes
+        && !ADDRESSES.contains(address)
+    {
+        return Candidate::BadAddress;
+    }
+    let (header, length) = match extent(bytes) {
+        Ok(extent) => extent,
+        Err(candidate) => return candidate,
     };
     let total = header + length + 1;
-    let (Some(&bus_id), Some(&message_id), Some(data), Some(covered)) = (
-        bus_id,
-        message_id,
-        bytes.get(header..header + length),
-        bytes.get(1..total),
-    ) else {
+    let Some(covered) = bytes.get(1..total) else {
         return Candidate::Incomplete { total };
     };
-    if covered
-        .iter()
-        .fold(0u8, |sum, &byte| sum.wrapping_add(byte))
-        != 0
-    {
+    if checksum(covered) != 0 {
         return Candidate::BadChecksum;
     }
-    let packet = Packet {
-        bus_id,
-        message_id: MessageId(message_id),
-        data,
-    };
-    // A sum of 8 bits passes one damaged packet in 256. That the items fill the data exactly is the second
-    // check, free of charge.
-    if packet.message_id == MessageId::MT_DATA2 && !Items::fill(data) {
-        return Candidate::BadItems;
+    // A sum of 8 bits passes one damaged packet in 256, and a preamble by chance inside one may then cover
+    // the next. The address above and items that fill the data exactly are two more checks, free of charge.
+    match view(bytes) {
+        Some(packet) if packet.message_id == MessageId::MT_DATA2 && !Items::fill(packet.data) => {
+            Candidate::BadItems
+        }
+        _ => Candidate::Whole { total },
     }
-    Candidate::Whole { packet, total }
+}
+
+/// The packet `bytes` begin with, without any check of its contents.
+pub(super) fn view(bytes: &[u8]) -> Option<Packet<'_>> {
+    let (header, length) = extent(bytes).ok()?;
+    Some(Packet {
+        bus_id: *bytes.get(1)?,
+        message_id: MessageId(*bytes.get(2)?),
+        data: bytes.get(header..header + length)?,
+    })
+}
+
+/// Sum of all bytes modulo 256: 0 over a packet without its preamble.
+pub(super) fn checksum(bytes: &[u8]) -> u8 {
+    bytes.iter().fold(0, |sum, &byte| sum.wrapping_add(byte))
+}
+
+/// Bytes of the header and of the data.
+fn extent(bytes: &[u8]) -> Result<(usize, usize), Candidate> {
+    match bytes {
+        [_, _, _, EXTENDED, high, low, ..] => {
+            let length = usize::from(u16::from_be_bytes([*high, *low]));
+            if (usize::from(EXTENDED)..=MAX_DATA_LENGTH).contains(&length) {
+                Ok((6, length))
+            } else {
+                Err(Candidate::BadLength)
+            }
+        }
+        [_, _, _, EXTENDED, ..] => Err(Candidate::Incomplete { total: 6 }),
+        [_, _, _, length, ..] => Ok((4, usize::from(*length))),
+        _ => Err(Candidate::Incomplete { total: 4 }),
+    }
 }
