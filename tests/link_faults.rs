@@ -3,6 +3,11 @@
 //!
 //! `BODYFLIGHT_FAULTED_FRAMES=100000000 cargo test --release -p bodyflight-tests --test link_faults`
 //! runs the number a release is judged by; `BODYFLIGHT_FAULT_SEED` repeats a run.
+#![expect(
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test fails by panicking"
+)]
 
 use std::time::Instant;
 

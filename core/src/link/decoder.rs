@@ -7,10 +7,6 @@ use super::message::Message;
 
 /// What a byte completed.
 #[derive(Debug, Clone, Copy, PartialEq)]
-#[expect(
-    clippy::large_enum_variant,
-    reason = "no heap; refusals are rare and the event is consumed where it is made"
-)]
 pub enum Event {
     /// A good message.
     Frame(Header, Message),

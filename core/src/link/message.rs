@@ -267,10 +267,6 @@ macro_rules! messages {
         /// Any message of the link.
         #[derive(Debug, Clone, Copy, PartialEq)]
         #[expect(missing_docs, reason = "the bodies say it")]
-        #[expect(
-            clippy::large_enum_variant,
-            reason = "no heap; a copy of the largest body is cheaper than the filter's first line"
-        )]
         pub enum Message { $( $name($name), )* }
 
         pub(super) const LAYOUTS: &[MessageLayout] = &[$(

@@ -83,7 +83,7 @@ impl SegmentValues {
     /// Whether the row is a rigid body: no inertia without mass, otherwise a positive definite one.
     fn is_rigid_body(&self) -> bool {
         if self.mass <= 0.0 {
-            return self.inertia == [0.0; 6];
+            return self.inertia.iter().all(|value| value.abs() <= 0.0);
         }
         let [xx, yy, zz, xy, xz, yz] = self.inertia;
         let minor = xx * yy - xy * xy;
@@ -123,7 +123,14 @@ impl SegmentTable {
 
     /// Takes one row in.
     pub fn insert(&mut self, row: SegmentValues) {
-        self.rows[row.segment] = Some(row);
+        // By search, not by index: for a segment read from the wire the compiler keeps the bounds check.
+        let place = self
+            .rows
+            .iter_mut()
+            .find(|(segment, _)| *segment == row.segment);
+        if let Some((_, place)) = place {
+            *place = Some(row);
+        }
     }
 
     /// The rows there are, in order.
@@ -164,5 +171,59 @@ impl SegmentTable {
                 .parameters()
         });
         Ok(Body { segments, height })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn rows() -> [SegmentValues; SEGMENT_COUNT] {
+        Segment::ALL.map(|segment| {
+            let number = f32::from(segment as u8);
+            SegmentValues {
+                mass: 1.0 + number,
+                length: 0.25,
+                cg: [0.0, 0.125, -number],
+                inertia: [0.5, 0.25, 0.125, 0.01, -0.02, 0.03],
+                ..SegmentValues::massless(segment)
+            }
+        })
+    }
+
+    #[test]
+    fn a_table_in_any_order_makes_the_body_it_was_made_from() {
+        let mut table = SegmentTable::new();
+        assert_eq!(table.body(1.75, table.digest()), Err(Verdict::Incomplete));
+        for row in rows().into_iter().rev() {
+            table.insert(row);
+            table.insert(row);
+        }
+        assert_eq!(table.received(), u16::MAX);
+        let body = table.body(1.75, table.digest()).unwrap();
+        assert_eq!(SegmentTable::of(&body), table);
+        assert_eq!(SegmentTable::of(&body).digest(), table.digest());
+        for row in rows() {
+            assert_eq!(body.segments[row.segment], row.parameters());
+        }
+    }
+
+    #[test]
+    fn a_table_that_is_no_body_is_refused() {
+        let mut table = SegmentTable::new();
+        for row in rows() {
+            table.insert(row);
+        }
+        let digest = table.digest();
+        assert_eq!(table.body(1.75, digest ^ 1), Err(Verdict::DigestMismatch));
+        let [mut row, ..] = rows();
+        row.inertia = [0.5, 0.25, 0.125, 0.4, 0.0, 0.0];
+        table.insert(row);
+        assert_ne!(table.digest(), digest);
+        assert_eq!(table.body(1.75, table.digest()), Err(Verdict::NotABody));
+        for segment in Segment::ALL {
+            table.insert(SegmentValues::massless(segment));
+        }
+        assert_eq!(table.body(1.75, table.digest()), Err(Verdict::NotABody));
     }
 }

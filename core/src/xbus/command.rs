@@ -256,7 +256,12 @@ mod tests {
             Ok(Item::PacketCounter(0x0102))
         );
         match items.next().unwrap().decode() {
-            Ok(Item::RateOfTurn(rate)) => assert_eq!(rate.to_f32(), [0.5, -1.0, 3.0]),
+            Ok(Item::RateOfTurn(rate)) => {
+                assert_eq!(
+                    rate.to_f32().map(f32::to_bits),
+                    [0.5f32, -1.0, 3.0].map(f32::to_bits)
+                );
+            }
             other => panic!("{other:?}"),
         }
         assert!(items.next().is_none());

@@ -141,9 +141,15 @@ impl<const N: usize> Decoder<N> {
     /// Takes bytes in until `total` of them lie at `start`, or the input ends.
     fn fill(&mut self, total: usize, input: &mut &[u8]) {
         if self.start + total > N {
-            self.buffer.copy_within(self.start..self.end, 0);
-            self.end -= self.start;
+            let kept = self.end.saturating_sub(self.start);
+            for at in 0..kept {
+                let byte = self.buffer.get(self.start + at).copied();
+                if let (Some(place), Some(byte)) = (self.buffer.get_mut(at), byte) {
+                    *place = byte;
+                }
+            }
             self.start = 0;
+            self.end = kept;
         }
         let wanted = (self.start + total).saturating_sub(self.end);
         let (taken, rest) = input.split_at(wanted.min(input.len()));
