@@ -26,9 +26,11 @@ pub mod fault;
 mod frame;
 mod ledger;
 mod message;
+mod packed_quaternion;
 mod sample;
 mod schema;
 mod segment_values;
+mod status;
 mod wire;
 
 pub use decoder::{Counters, Decoder, Event};
@@ -38,7 +40,8 @@ pub use message::{
     Configure, Configured, Credit, Estimate, Hello, HelloAcknowledge, Message, ResetFilter, Sample,
     SegmentValues, Start, Status, Stop, StreamMode, TimeSync, Verdict,
 };
-pub use sample::{Motion, PackedQuaternion, Validity};
+pub use packed_quaternion::PackedQuaternion;
+pub use sample::{Motion, Validity};
 pub use schema::{FieldLayout, HEADER, MESSAGES, MessageLayout, SCHEMA_HASH};
 pub use segment_values::SegmentTable;
 

@@ -264,6 +264,9 @@ mod tests {
         ledger.use_one();
         ledger.reject_one();
         ledger.close(305);
+        let closed = ledger;
+        ledger.close(305);
+        assert_eq!(ledger, closed, "a repeated end changes nothing");
         let account = ledger.balance(305, 3).unwrap();
         assert_eq!((account.used, account.rejected, account.late), (1, 1, 1));
         assert_eq!((account.queued, account.damaged), (1, 3));

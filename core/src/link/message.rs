@@ -1,7 +1,8 @@
 //! The messages. Commands are absolute and may be repeated: a lost answer is cured by asking again.
 
 use super::frame::{DecodeError, Header};
-use super::sample::{PackedQuaternion, Validity};
+use super::packed_quaternion::PackedQuaternion;
+use super::sample::Validity;
 use super::schema::MessageLayout;
 use super::wire::{BadValue, Body, Reader, Writer, body, code};
 use crate::body::{SEGMENT_COUNT, Segment};

@@ -153,7 +153,7 @@ macro_rules! body {
         $name:ident {
             $(
                 #[doc = $meaning:literal]
-                $field:ident : $kind:ty = $unit:literal $(in $low:literal ..= $high:literal)?
+                $field:ident : $kind:ty = $unit:tt $(in $low:literal ..= $high:literal)?
             ),* $(,)?
         }
     ) => {
@@ -162,8 +162,8 @@ macro_rules! body {
         pub struct $name {
             $(
                 #[doc = $meaning]
-                #[doc = concat!("\n\nUnit: ", $unit)]
-                $(#[doc = concat!(", ", stringify!($low), " to ", stringify!($high))])?
+                #[doc = $crate::link::wire::unit_text!($unit)]
+                $(#[doc = concat!("\n\nRange: ", stringify!($low), " to ", stringify!($high))])?
                 pub $field: $kind,
             )*
         }
@@ -205,6 +205,16 @@ macro_rules! body {
     };
 }
 
+/// The line on the unit in the documentation of a field, none for a plain number.
+macro_rules! unit_text {
+    ("") => {
+        ""
+    };
+    ($unit:literal) => {
+        concat!("\n\nUnit: ", $unit)
+    };
+}
+
 /// A number with named values; any other number is refused.
 macro_rules! code {
     (
@@ -238,4 +248,4 @@ macro_rules! code {
     };
 }
 
-pub(super) use {body, code};
+pub(super) use {body, code, unit_text};
