@@ -16,7 +16,10 @@ fn root() -> PathBuf {
 fn files_below(folder: &Path, extension: &str, found: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder).expect("a folder of the project") {
         let path = entry.expect("an entry").path();
-        let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+        let name = path
+            .file_name()
+            .and_then(|name| name.to_str())
+            .unwrap_or_default();
         if path.is_dir() {
             if !FOREIGN.contains(&name) {
                 files_below(&path, extension, found);
@@ -30,7 +33,10 @@ fn files_below(folder: &Path, extension: &str, found: &mut Vec<PathBuf>) {
 fn sources() -> Vec<(PathBuf, String)> {
     let mut paths = Vec::new();
     files_below(&root(), ".rs", &mut paths);
-    assert!(paths.len() > 20, "the sources are not where this test looks");
+    assert!(
+        paths.len() > 20,
+        "the sources are not where this test looks"
+    );
     let read = |path: PathBuf| {
         let text = fs::read_to_string(&path).expect("readable");
         (path, text)
@@ -42,19 +48,29 @@ fn sources() -> Vec<(PathBuf, String)> {
 fn every_source_file_is_short_and_begins_with_its_purpose() {
     let mut faults = Vec::new();
     for (path, text) in sources() {
-        let code_lines = text.lines().take_while(|line| !line.contains("#[cfg(test)]")).count();
+        let code_lines = text
+            .lines()
+            .take_while(|line| !line.contains("#[cfg(test)]"))
+            .count();
         if code_lines > LINE_LIMIT {
-            faults.push(format!("{}: {code_lines} lines before its tests", path.display()));
+            faults.push(format!(
+                "{}: {code_lines} lines before its tests",
+                path.display()
+            ));
         }
         if !text.starts_with("//!") && !text.starts_with("#!") {
             faults.push(format!("{}: does not begin with //!", path.display()));
         }
         for (number, line) in text.lines().enumerate() {
-            let loose_end = ["TODO", "FIXME", "XXX"].iter().find(|mark| {
-                line.contains(&format!("// {mark}")) && !line.contains("issue")
-            });
+            let loose_end = ["TODO", "FIXME", "XXX"]
+                .iter()
+                .find(|mark| line.contains(&format!("// {mark}")) && !line.contains("issue"));
             if let Some(mark) = loose_end {
-                faults.push(format!("{}:{}: {mark} without an issue", path.display(), number + 1));
+                faults.push(format!(
+                    "{}:{}: {mark} without an issue",
+                    path.display(),
+                    number + 1
+                ));
             }
         }
     }
@@ -64,7 +80,9 @@ fn every_source_file_is_short_and_begins_with_its_purpose() {
 /// Words in back quotes that look like a path of the project.
 fn quoted_paths(text: &str) -> Vec<&str> {
     let quoted = text.split('`').skip(1).step_by(2);
-    quoted.filter(|word| word.contains('/') && !word.contains([' ', '<', '*', ':'])).collect()
+    quoted
+        .filter(|word| word.contains('/') && !word.contains([' ', '<', '*', ':']))
+        .collect()
 }
 
 #[test]
@@ -72,12 +90,21 @@ fn every_path_on_the_architecture_page_exists() {
     let page = fs::read_to_string(root().join("ARCHITECTURE.md")).expect("ARCHITECTURE.md");
     let paths = quoted_paths(&page);
     assert!(paths.len() > 10, "the page names its folders");
-    let missing: Vec<_> = paths.iter().filter(|path| !root().join(path).exists()).collect();
-    assert!(missing.is_empty(), "ARCHITECTURE.md names what is not there: {missing:?}");
+    let missing: Vec<_> = paths
+        .iter()
+        .filter(|path| !root().join(path).exists())
+        .collect();
+    assert!(
+        missing.is_empty(),
+        "ARCHITECTURE.md names what is not there: {missing:?}"
+    );
     for folder in fs::read_dir(root()).expect("the root").flatten() {
         let name = folder.file_name().into_string().expect("a plain name");
         if folder.path().is_dir() && !name.starts_with('.') && !FOREIGN.contains(&&*name) {
-            assert!(page.contains(&format!("`{name}/")), "ARCHITECTURE.md does not name {name}/");
+            assert!(
+                page.contains(&format!("`{name}/")),
+                "ARCHITECTURE.md does not name {name}/"
+            );
         }
     }
 }
@@ -93,10 +120,22 @@ fn equation_map() -> BTreeMap<String, Row> {
     let page = fs::read_to_string(root().join("docs/equations.md")).expect("docs/equations.md");
     let mut map = BTreeMap::new();
     for line in page.lines().filter(|line| line.starts_with("| `")) {
-        let cells: Vec<&str> = line.split('|').map(|cell| cell.trim().trim_matches('`')).collect();
-        let [_, label, file, item, test, ..] = cells[..] else { panic!("a broken row: {line}") };
-        let row = Row { file: file.into(), item: item.into(), test: test.into() };
-        assert!(map.insert(label.to_owned(), row).is_none(), "{label} stands twice");
+        let cells: Vec<&str> = line
+            .split('|')
+            .map(|cell| cell.trim().trim_matches('`'))
+            .collect();
+        let [_, label, file, item, test, ..] = cells[..] else {
+            panic!("a broken row: {line}")
+        };
+        let row = Row {
+            file: file.into(),
+            item: item.into(),
+            test: test.into(),
+        };
+        assert!(
+            map.insert(label.to_owned(), row).is_none(),
+            "{label} stands twice"
+        );
     }
     map
 }
@@ -108,7 +147,10 @@ fn paper_labels() -> Option<Vec<String>> {
         eprintln!("skipped: {} is absent", path.display());
         return None;
     };
-    let labels = text.split("\\label{eq").skip(1).filter_map(|rest| rest.split('}').next());
+    let labels = text
+        .split("\\label{eq")
+        .skip(1)
+        .filter_map(|rest| rest.split('}').next());
     let plain = |label: &str| match label.strip_prefix(':') {
         Some(name) => name.to_owned(),
         None => format!("eq{label}"),
@@ -133,12 +175,20 @@ fn the_equation_map_is_true() {
             .unwrap_or_else(|error| panic!("{label}: {}: {error}", row.file));
         let kinds = ["fn", "struct", "enum", "const", "type"];
         let defined = kinds.iter().any(|kind| {
-            [" ", "(", "<", ":", ";"].iter().any(|end| source.contains(&format!("{kind} {}{end}", row.item)))
+            [" ", "(", "<", ":", ";"]
+                .iter()
+                .any(|end| source.contains(&format!("{kind} {}{end}", row.item)))
         });
         assert!(defined, "{label}: no {} in {}", row.item, row.file);
-        let cited = [')', ',', ']', '`'].iter().any(|end| source.contains(&format!("({label}{end}")))
+        let cited = [')', ',', ']', '`']
+            .iter()
+            .any(|end| source.contains(&format!("({label}{end}")))
             || source.contains(&format!("({label})"));
         assert!(cited, "{label}: {} does not cite ({label})", row.file);
-        assert!(tests.contains(&format!("fn {}(", row.test)), "{label}: no test {}", row.test);
+        assert!(
+            tests.contains(&format!("fn {}(", row.test)),
+            "{label}: no test {}",
+            row.test
+        );
     }
 }
