@@ -2,7 +2,7 @@
 //!
 //! One set of columns throughout: mass fractions and lengths of de Leva 1996 (Zatsiorsky's subjects, with
 //! lengths between joint centres), whose thigh reaches to the hip joint and whose trunk ends there. Shapes
-//! are those of Hanavan and Kwon3D; breadths and girths not given are linear in stature and mass (ANSUR II).
+//! are those of Hanavan and `Kwon3D`; breadths and girths not given are linear in stature and mass (ANSUR II).
 
 mod tables;
 
@@ -31,7 +31,7 @@ const HAND_THICKNESS: f64 = 0.33;
 /// Height of the toes as a share of the height of the ankle: places the cg of the foot where de Leva has it.
 const TOE_HEIGHT: f64 = 0.5;
 /// Distance of the ankle joint from the heel as a share of the length of foot or shoe.
-pub(super) const ANKLE_FROM_HEEL: f64 = 0.25;
+const ANKLE_FROM_HEEL: f64 = 0.25;
 
 /// Statures accepted (m).
 const HEIGHT_RANGE: (f64, f64) = (1.2, 2.3);
@@ -142,7 +142,7 @@ impl<T: Real> Girths<T> {
     }
 }
 
-/// Which length l_i scales the aerodynamic moment of a segment, paper eq. (limbm).
+/// Which length `l_i` scales the aerodynamic moment of a segment, paper eq. (limbm).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum MomentArm<T: Real> {
     /// Mean width of the segment: with Cm = 3.5 pitch stiffness and trim are near those measured.
@@ -412,7 +412,7 @@ fn sum<T: Real>(lengths: [T; 2]) -> T {
 
 /// A solid and how it is attached to the proximal joint of its segment.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Form<T: Real> {
+enum Form<T: Real> {
     /// The base at the joint, the axis cranial.
     Up(Solid<T>),
     /// The base at the joint, the axis caudal.
@@ -437,7 +437,7 @@ impl<T: Real> Form<T> {
     }
 
     /// Centre of gravity in the segment frame (m).
-    pub(super) fn cg(&self) -> Vector3<T> {
+    fn cg(&self) -> Vector3<T> {
         let zero = T::zero();
         match self {
             Self::Up(solid) => Vector3::new(zero, zero, solid.cg()),
@@ -454,12 +454,12 @@ impl<T: Real> Form<T> {
     }
 
     /// Inertia about the centre of gravity for a mass (kg m2).
-    pub(super) fn inertia(&self, mass: T) -> Matrix3<T> {
+    fn inertia(&self, mass: T) -> Matrix3<T> {
         Matrix3::from_diagonal(&(self.turned(self.solid().gyration()) * mass))
     }
 
     /// Silhouettes normal to the axes of the segment (m2).
-    pub(super) fn silhouette(&self) -> Vector3<T> {
+    fn silhouette(&self) -> Vector3<T> {
         self.turned(self.solid().silhouette())
     }
 
