@@ -174,10 +174,7 @@ impl Flight {
     }
 
     /// The model of this flight; `first_height` is where the recording starts (m, inertial).
-    ///
-    /// # Errors
-    /// Where the subject's measures or gear are not usable.
-    pub fn dynamics(&self, first_height: f64) -> Result<Dynamics<f64>> {
+    pub fn dynamics(&self, first_height: f64) -> Dynamics<f64> {
         let [north, west, up] = self.air_velocity;
         let density = match self.density {
             DensityChoice::Constant(density) => Density::Constant(density),
@@ -185,8 +182,8 @@ impl Flight {
                 origin_altitude: altitude - first_height,
             },
         };
-        Ok(Dynamics {
-            body: self.subject.body()?,
+        Dynamics {
+            body: self.subject.body(),
             aerodynamics: self.subject.aerodynamics(),
             air: Air {
                 density,
@@ -194,7 +191,7 @@ impl Flight {
             },
             muscles: self.muscles,
             gravity: bodyflight_core::air::GRAVITY,
-        })
+        }
     }
 }
 
@@ -243,7 +240,7 @@ mod tests {
     #[test]
     fn altitude_is_that_of_the_first_frame() {
         let flight = parse("recording = \"a.mvnx\"\n[air]\naltitude_m = 3800").unwrap();
-        let dynamics = flight.dynamics(100.0).unwrap();
+        let dynamics = flight.dynamics(100.0);
         let expected = bodyflight_core::air::standard_density(3800.0);
         assert!((dynamics.air.density.at(100.0) - expected).abs() < 1e-12);
     }

@@ -6,9 +6,9 @@ use plotters::prelude::*;
 use crate::comparison::{Channel, Comparison, Pair};
 use crate::diagnostic::{Problem, Result};
 
-/// Colours that stay apart for colour-blind readers and in grey print.
-const MEASURED: RGBColor = RGBColor(0x1f, 0x4e, 0x79);
-const SIMULATED: RGBColor = RGBColor(0xd9, 0x5f, 0x02);
+/// Broad and pale below, thin and dark above: both are seen where they agree, in grey print too.
+const MEASURED: RGBColor = RGBColor(0x8f, 0xb8, 0xde);
+const SIMULATED: RGBColor = RGBColor(0x9c, 0x2f, 0x00);
 const WIDTH: u32 = 1000;
 const PANEL_HEIGHT: u32 = 170;
 const HEAD_HEIGHT: u32 = 46;
@@ -69,13 +69,14 @@ fn draw_channel(
     rms: f64,
     series: &[Pair],
 ) -> DrawResult {
-    let curves: [(Vec<(f64, f64)>, RGBColor); 2] = [
+    let curves: [(Vec<(f64, f64)>, RGBColor, u32); 2] = [
         (
             series
                 .iter()
                 .map(|p| (p.time, channel.value(&p.measured)))
                 .collect(),
             MEASURED,
+            3,
         ),
         (
             series
@@ -83,6 +84,7 @@ fn draw_channel(
                 .map(|p| (p.time, channel.value(&p.simulated)))
                 .collect(),
             SIMULATED,
+            1,
         ),
     ];
     let (start, end) = match (series.first(), series.last()) {
@@ -92,7 +94,7 @@ fn draw_channel(
     let values = || {
         curves
             .iter()
-            .flat_map(|(points, _)| points.iter().map(|p| p.1))
+            .flat_map(|(points, ..)| points.iter().map(|p| p.1))
     };
     let low = values().fold(f64::INFINITY, f64::min);
     let high = values().fold(f64::NEG_INFINITY, f64::max);
@@ -120,11 +122,11 @@ fn draw_channel(
         .label_style(("sans-serif", 11))
         .x_label_formatter(&|time| format!("{time:.0} s"))
         .draw()?;
-    for (points, colour) in curves {
+    for (points, colour, width) in curves {
         for part in unwrapped_parts(channel, &points) {
             chart.draw_series(LineSeries::new(
                 part.iter().copied(),
-                colour.stroke_width(1),
+                colour.stroke_width(width),
             ))?;
         }
     }

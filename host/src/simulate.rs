@@ -82,7 +82,7 @@ pub fn simulate<T: Real>(
     };
     let first = recording.next().ok_or_else(too_short)??;
     let mut ahead = recording.next().ok_or_else(too_short)??;
-    let dynamics = flight.dynamics(first.pelvis.position.components.z)?;
+    let dynamics = flight.dynamics(first.pelvis.position.components.z);
     let mut follower = Follower::<T>::new(flight, &dynamics, &first, &ahead)?;
     let mut comparison = Comparison::default();
     loop {

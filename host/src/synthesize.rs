@@ -26,7 +26,7 @@ use crate::interrupt;
 use crate::mvnx::writer::{Description, Writer};
 use crate::output::{AtomicFile, write_file};
 use crate::recording::{FlightFrame, PelvisMotion};
-use crate::subject::Subject;
+use crate::subject::{SEGMENTS_FILE, Subject};
 
 /// Noise of the sensors, standard deviations.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -126,7 +126,7 @@ pub fn synthesize(
     flight.subject = request.subject.clone();
     flight.density = DensityChoice::Constant(request.density);
     flight.muscles = request.maneuver.muscles;
-    let dynamics = flight.dynamics(START_HEIGHT)?;
+    let dynamics = flight.dynamics(START_HEIGHT);
     let description = Description {
         subject_label: "Synthetic".to_owned(),
         frame_rate: FRAME_RATE,
@@ -136,7 +136,7 @@ pub fn synthesize(
             request.maneuver.name, request.seed
         ),
     };
-    let mut writer = Writer::create(&flight.recording, &description, &dynamics.body)?;
+    let mut writer = Writer::create(&flight.recording, description, &dynamics.body)?;
     let frames = fly(request, &dynamics, |frame| writer.write(&frame), progress)?;
     writer.finish()?;
     write_inputs(request.maneuver, &folder.join("inputs.csv"))?;
@@ -144,6 +144,9 @@ pub fn synthesize(
         &folder.join("subject.toml"),
         request.subject.to_toml()?.as_bytes(),
     )?;
+    if let Some(table) = request.subject.segments_json() {
+        write_file(&folder.join(SEGMENTS_FILE), table.as_bytes())?;
+    }
     let path = folder.join("flight.toml");
     write_file(&path, flight_toml(request).as_bytes())?;
     #[expect(clippy::cast_precision_loss, reason = "counts of frames")]

@@ -10,8 +10,8 @@ use crate::dynamics::muscle_input::{BACK_TRACKING, LAYOUTS};
 
 /// One arm up, the other down: turns about the stream.
 const TURN: &JointAngles = &[
-    (Segment::LeftUpperArm, [0.0, 0.0, 1.0]),
-    (Segment::RightUpperArm, [0.0, 0.0, -1.0]),
+    (Segment::LeftUpperArm, [0.0, 0.0, 0.5]),
+    (Segment::RightUpperArm, [0.0, 0.0, -0.5]),
 ];
 /// Trunk and limbs bent to one side.
 const SIDE_BEND: &JointAngles = &[
@@ -39,10 +39,10 @@ const PRESS: &JointAngles = &[
     (Segment::LeftThigh, [0.0, 0.0, 1.0]),
     (Segment::RightThigh, [0.0, 0.0, 1.0]),
 ];
-/// Arms from beside the body to straight out.
-const ARMS_OUT: &JointAngles = &[
-    (Segment::LeftUpperArm, [0.0, 1.0, 0.0]),
-    (Segment::RightUpperArm, [0.0, -1.0, 0.0]),
+/// Arms from beside the body to straight ahead of the shoulders.
+const ARMS_AHEAD: &JointAngles = &[
+    (Segment::LeftUpperArm, [0.0, 0.0, 1.0]),
+    (Segment::RightUpperArm, [0.0, 0.0, 1.0]),
 ];
 /// Straight, arms beside the body.
 const STRAIGHT: &JointAngles = &[];
@@ -133,22 +133,22 @@ pub const MANEUVERS: &[Maneuver] = &[
         muscle: &[
             (1.6, [0.0, 0.0, 0.0]),
             (1.8, [0.0, 0.0, 4.0]),
-            (2.6, [0.0, 0.0, 4.0]),
-            (2.8, [0.0, 0.0, 0.0]),
+            (3.0, [0.0, 0.0, 4.0]),
+            (3.2, [0.0, 0.0, 0.0]),
             (8.6, [0.0, 0.0, 0.0]),
             (8.8, [0.0, 0.0, 4.0]),
-            (9.6, [0.0, 0.0, 4.0]),
-            (9.8, [0.0, 0.0, 0.0]),
+            (10.0, [0.0, 0.0, 4.0]),
+            (10.2, [0.0, 0.0, 0.0]),
         ],
         damping: &[
             (1.0, BELLY_TURN_DAMPING),
             (1.5, [3.0, 3.0, 0.05]),
-            (2.6, [3.0, 3.0, 0.05]),
+            (2.8, [3.0, 3.0, 0.05]),
             (3.2, [6.0, 3.0, 12.0]),
             (4.5, BELLY_TURN_DAMPING),
             (8.0, BELLY_TURN_DAMPING),
             (8.5, [3.0, 3.0, 0.05]),
-            (9.6, [3.0, 3.0, 0.05]),
+            (9.8, [3.0, 3.0, 0.05]),
             (10.2, [6.0, 3.0, 12.0]),
             (11.5, BELLY_TURN_DAMPING),
         ],
@@ -204,7 +204,7 @@ pub const MANEUVERS: &[Maneuver] = &[
         duration: 12.0,
         base: STRAIGHT,
         tracks: &[Track {
-            pattern: ARMS_OUT,
+            pattern: ARMS_AHEAD,
             amount: &[(2.0, 0.0), (2.4, 1.57), (4.2, 1.57), (6.0, 0.0)],
         }],
         muscle: &[

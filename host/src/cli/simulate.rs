@@ -138,8 +138,8 @@ pub(super) fn print_report(simulation: &Simulation) {
     ));
     if let Some(fault) = &simulation.quality.first_fault {
         terminal::print(&format!(
-            "{} bad frames were bridged; the first: {fault}",
-            report.bridged_frames
+            "{} bad frames were bridged; the first: line {}, frame {}, {}: {}",
+            report.bridged_frames, fault.line, fault.index, fault.element, fault.message
         ));
     }
 }

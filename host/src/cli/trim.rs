@@ -43,7 +43,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         )));
     }
     flight.density = DensityChoice::Constant(args.density);
-    let dynamics = flight.dynamics(0.0)?;
+    let dynamics = flight.dynamics(0.0);
     let trim = trim(&dynamics, &pattern::neutral(), 0.0).map_err(|error| match error {
         TrimError::NoBalance => Problem::disagreement(
             "no bend of the knees balances the neutral pose of this subject",
