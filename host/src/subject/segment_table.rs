@@ -211,7 +211,7 @@ mod tests {
                 "{\"name\": \"head\"}, {\"name\": \"head\"}",
                 ["segment head", "twice"],
             ),
-            ("{", ["segments.json:1", "EOF"]),
+            ("{", ["segments.json:1", "column"]),
         ] {
             let problem = parse(rows).unwrap_err().to_string();
             for part in parts {
