@@ -1,4 +1,5 @@
 //! Cost of the model: one posture sample, one step in both forms, a whole flight.
+#![expect(clippy::expect_used, reason = "a bench that cannot start must say so")]
 
 use std::hint::black_box;
 

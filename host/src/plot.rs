@@ -20,8 +20,8 @@ const HEAD_HEIGHT: u32 = 46;
 pub fn comparison_svg(title: &str, comparison: &Comparison) -> Result<String> {
     let mut svg = String::new();
     {
-        let rows = Channel::ALL.len() as u32;
-        let size = (WIDTH, HEAD_HEIGHT + rows * PANEL_HEIGHT);
+        let rows = Channel::ALL.map(|_| PANEL_HEIGHT);
+        let size = (WIDTH, HEAD_HEIGHT + rows.iter().sum::<u32>());
         let root = SVGBackend::with_string(&mut svg, size).into_drawing_area();
         draw(&root, title, comparison)
             .map_err(|error| Problem::bad_input(format!("cannot draw the plot: {error}")))?;
@@ -29,6 +29,8 @@ pub fn comparison_svg(title: &str, comparison: &Comparison) -> Result<String> {
     Ok(svg)
 }
 
+/// Points, colour and width of a line.
+type Curve = (Vec<(f64, f64)>, RGBColor, u32);
 type DrawResult = core::result::Result<(), Box<dyn std::error::Error>>;
 
 fn draw(
@@ -69,7 +71,7 @@ fn draw_channel(
     rms: f64,
     series: &[Pair],
 ) -> DrawResult {
-    let curves: [(Vec<(f64, f64)>, RGBColor, u32); 2] = [
+    let curves: [Curve; 2] = [
         (
             series
                 .iter()
