@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Longest source file (lines). Longer ones are usually two things.
-const LINE_LIMIT: usize = 460;
+/// Longest source file (lines before its tests). Longer ones are usually two things.
+const LINE_LIMIT: usize = 430;
 /// Folders with nothing of ours in them.
 const FOREIGN: [&str; 3] = ["target", "node_modules", ".git"];
 

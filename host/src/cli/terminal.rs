@@ -63,7 +63,7 @@ fn new_bar(length: Option<u64>) -> ProgressBar {
 /// A table in the plain style of this program.
 pub(super) fn table(head: &[&str]) -> Table {
     let mut table = Table::new();
-    table.load_style(comfy_table::presets::UTF8_HORIZONTAL_ONLY);
+    table.load_style(comfy_table::presets::UTF8_FULL_CONDENSED);
     table.set_header(head);
     table
 }
