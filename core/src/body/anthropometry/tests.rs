@@ -2,12 +2,13 @@
 
 extern crate std;
 
+use nalgebra::Matrix3;
 use proptest::prelude::*;
 
 use super::*;
+use crate::body::mass_properties::MassProperties;
 use crate::body::posture::{Posture, pose};
 use crate::body::solid::is_possible_inertia;
-use crate::math::point_inertia;
 
 fn body(height: f64, mass: f64) -> Body<f64> {
     Person::new(height, mass, Sex::Male).body().unwrap()
@@ -16,22 +17,9 @@ fn body(height: f64, mass: f64) -> Body<f64> {
 /// Height of the cg below the vertex as a share of the stature, and the inertia about the cg.
 fn whole(body: &Body<f64>, posture: &Posture<f64>) -> (f64, Matrix3<f64>) {
     let posed = pose(body, posture);
-    let mass = body.mass();
-    let cg = body
-        .segments
-        .iter()
-        .map(|(s, p)| posed[s].cg * (p.mass / mass))
-        .sum::<Vector3<f64>>();
-    let inertia = body
-        .segments
-        .iter()
-        .map(|(s, p)| {
-            let turn = posed[s].body_from_segment;
-            turn * p.inertia * turn.transpose() + point_inertia(p.mass, &(posed[s].cg - cg))
-        })
-        .sum::<Matrix3<f64>>();
+    let sums = MassProperties::of(body, &posed);
     let head = posed[Segment::Head].joint.z + body.segments[Segment::Head].length;
-    ((head - cg.z) / body.height, inertia)
+    ((head - sums.cg.z) / body.height, sums.inertia_about_cg())
 }
 
 /// Arms and legs away from the sides by these angles (rad).
