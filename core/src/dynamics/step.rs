@@ -37,8 +37,26 @@ impl<T: Real> Dynamics<T> {
         inputs: &Inputs<T>,
         duration: T,
     ) -> State<T> {
+        let density = self.density_at(state);
+        self.step_at_density(state, sample, inputs, duration, density)
+    }
+
+    /// Density of the air around the body (kg/m3).
+    pub fn density_at(&self, state: &State<T>) -> T {
+        self.air.density.at(state.cg_position.components.z)
+    }
+
+    /// [`Dynamics::step`] with the density (kg/m3) known: many runs over a short time share it.
+    #[inline]
+    pub fn step_at_density(
+        &self,
+        state: &State<T>,
+        sample: &impl Interval<T>,
+        inputs: &Inputs<T>,
+        duration: T,
+        density: T,
+    ) -> State<T> {
         let half = duration * T::of(0.5);
-        let density = self.air.density.at(state.cg_position.components.z);
 
         // Predict the attitude of the middle by half a turn at the present angular velocity.
         let momentum = (state.inertial_from_body.inverse() * state.angular_momentum).components;
