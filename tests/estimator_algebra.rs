@@ -48,7 +48,8 @@ fn on_a_linear_model_it_is_a_kalman_filter() {
         let mut worst = 0.0f64;
         let mut filter = Unscented::<f64, 6>::new(settings(root)).unwrap();
         let (mut x, mut p) = (*filter.state(), *filter.covariance());
-        let r = Seen::<f64>::from([0.01, 0.0025, 1e-4, 1e-4]);
+        // Noise large enough that the plain form of the reference keeps its digits.
+        let r = Seen::<f64>::from([0.5, 0.3, 0.2, 0.4]);
         for _ in 0..300 {
             let h = slope(&mut noise);
             let z = Seen::from_fn(|_, _| noise.normal(2.0));
@@ -71,12 +72,12 @@ fn on_a_linear_model_it_is_a_kalman_filter() {
             let innovation = z - by_points.prediction;
             let found = filter.update(&by_points, &innovation, &r, &[true; 4]);
             assert!(found.fused && !found.repaired);
-            assert!((found.normalised_square - square).abs() < 1e-7 * (1.0 + square));
+            assert!((found.normalised_square - square).abs() < 1e-9 * (1.0 + square));
             let scale = p.norm();
             assert!((filter.covariance() - p).norm() < 1e-9 * scale);
             let error = (filter.state() - x).norm() / (1.0 + x.norm());
             worst = worst.max(error);
-            assert!(error < 1e-6, "{error:e}");
+            assert!(error < 1e-10, "{error:e}");
         }
         println!("{root:?}: state within {worst:.1e} of the Kalman filter's");
     }
