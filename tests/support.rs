@@ -1,5 +1,7 @@
 //! Support of the end-to-end tests: where the shared data lie, and the reference numbers as core types.
 
+pub mod estimator_flights;
+
 use std::path::PathBuf;
 
 use bodyflight_core::body::posture::joint_rotation;

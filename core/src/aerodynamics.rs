@@ -174,6 +174,21 @@ impl<T: Real> ExposedSegment<T> {
         if xy > z { xy } else { z }
     }
 
+    /// The silhouette vector that faces the stream: its product with the direction is the exposed area.
+    #[inline]
+    pub fn facing(&self, direction: &Vector3<T>) -> Vector3<T> {
+        let [x, y, z] = self.silhouette.map(|axis| {
+            let area = axis.dot(direction);
+            if area < T::zero() {
+                (-axis, -area)
+            } else {
+                (axis, area)
+            }
+        });
+        let xy = if x.1 > y.1 { x } else { y };
+        if xy.1 > z.1 { xy.0 } else { z.0 }
+    }
+
     /// Force and moment for one direction of the stream, paper eqs. (limbf), (limbm) with the coefficients
     /// (coeffCl), (cm), in the form of model.md.
     #[inline]

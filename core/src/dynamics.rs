@@ -7,6 +7,7 @@
 
 pub mod equations_of_motion;
 pub mod free_run;
+pub mod interval;
 pub mod muscle_input;
 pub mod step;
 pub mod trim;
@@ -21,6 +22,7 @@ use crate::body::mass_properties::{MassMotion, MassProperties, PostureRate};
 use crate::body::posture::{Posture, pose};
 use crate::frame::{Body as BodyFrame, Inertial, Rotation, Vector};
 use crate::math::{Real, inverse_symmetric};
+use interval::Interval;
 use muscle_input::{MuscleInput, MuscleModel};
 
 /// What stays the same during a flight.
@@ -182,30 +184,30 @@ impl<T: Real> Motion<T> {
 
 impl<T: Real> State<T> {
     /// The state of a body that moves like this in this posture.
-    pub fn from_motion(motion: &Motion<T>, sample: &PostureSample<T>) -> Self {
+    pub fn from_motion(motion: &Motion<T>, sample: &impl Interval<T>) -> Self {
         let to_inertial = motion.inertial_from_body;
-        let cg = &sample.mass.cg;
+        let cg = sample.cg();
         let spin = &motion.angular_velocity.components;
-        let cg_velocity = motion.velocity.components + spin.cross(cg) + sample.motion.cg_rate;
-        let momentum = sample.inertia * spin + sample.relative_angular_momentum;
+        let cg_velocity = motion.velocity.components + spin.cross(cg) + sample.cg_rate();
+        let momentum = sample.inertia() * spin + sample.relative_angular_momentum();
         let inertial = |components| to_inertial * Vector::from_components(components);
         Self {
             inertial_from_body: to_inertial,
             cg_position: Vector::from_components(
                 motion.position.components + inertial(*cg).components,
             ),
-            linear_momentum: inertial(cg_velocity * sample.mass.mass),
+            linear_momentum: inertial(cg_velocity * sample.mass()),
             angular_momentum: inertial(momentum),
         }
     }
 
     /// Motion of the body frame for this state in this posture.
-    pub fn motion(&self, sample: &PostureSample<T>) -> Motion<T> {
+    pub fn motion(&self, sample: &impl Interval<T>) -> Motion<T> {
         let to_body = self.inertial_from_body.inverse();
         let spin = sample.angular_velocity(&(to_body * self.angular_momentum).components);
         let momentum = (to_body * self.linear_momentum).components;
         let cg_inertial =
-            (self.inertial_from_body * Vector::from_components(sample.mass.cg)).components;
+            (self.inertial_from_body * Vector::from_components(*sample.cg())).components;
         Motion {
             inertial_from_body: self.inertial_from_body,
             position: Vector::from_components(self.cg_position.components - cg_inertial),
@@ -226,24 +228,14 @@ impl<T: Real> State<T> {
             && finite(&self.linear_momentum.components)
             && finite(&self.angular_momentum.components)
     }
-}
 
-impl<T: Real> PostureSample<T> {
-    /// Angular velocity (rad/s) that gives this angular momentum about the centre of gravity, body axes.
-    #[inline]
-    pub fn angular_velocity(&self, angular_momentum: &Vector3<T>) -> Vector3<T> {
-        self.inverse_inertia * (angular_momentum - self.relative_angular_momentum)
-    }
-
-    /// Velocity of the origin (m/s) for a linear momentum and an angular velocity, body axes.
-    #[inline]
-    pub fn origin_velocity(
-        &self,
-        linear_momentum: &Vector3<T>,
-        angular_velocity: &Vector3<T>,
-    ) -> Vector3<T> {
-        linear_momentum / self.mass.mass
-            - angular_velocity.cross(&self.mass.cg)
-            - self.motion.cg_rate
+    /// The same state in another precision.
+    pub fn cast<U: Real>(&self) -> State<U> {
+        State {
+            inertial_from_body: self.inertial_from_body.cast(),
+            cg_position: self.cg_position.cast(),
+            linear_momentum: self.linear_momentum.cast(),
+            angular_momentum: self.angular_momentum.cast(),
+        }
     }
 }

@@ -2,7 +2,7 @@
 
 use std::io::Write;
 use std::path::PathBuf;
-use std::process::{Command, Stdio};
+use std::process::Command;
 
 /// What went wrong, in a sentence.
 pub(crate) type Result<T> = core::result::Result<T, String>;
@@ -31,17 +31,6 @@ pub(crate) fn run(program: &str, arguments: &[&str]) -> Result<()> {
     } else {
         Err(format!("{line}: {status}"))
     }
-}
-
-/// Whether a program answers to these arguments.
-pub(crate) fn answers(program: &str, arguments: &[&str]) -> bool {
-    let command = Command::new(program)
-        .args(arguments)
-        .stdin(Stdio::null())
-        .stdout(Stdio::null())
-        .stderr(Stdio::null())
-        .status();
-    command.is_ok_and(|status| status.success())
 }
 
 /// Runs cargo with these arguments.

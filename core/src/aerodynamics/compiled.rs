@@ -7,7 +7,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::{ExposedSegment, Flow, Loads};
-use crate::body::{Segment, SegmentArray};
+use crate::body::SegmentArray;
 use crate::math::{Real, outer, skew};
 
 /// Aerodynamics of one posture.
@@ -15,6 +15,12 @@ use crate::math::{Real, outer, skew};
 pub struct CompiledAerodynamics<T: Real> {
     /// The segments, for the drag's loop and for muscle inputs.
     pub segments: SegmentArray<ExposedSegment<T>>,
+    forms: Forms<T>,
+}
+
+/// Everything but the drag.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Forms<T: Real> {
     /// `Sum 2 A_xz Cl y y^T` (m2): force across the stream.
     lift: Matrix3<T>,
     /// `Sum 2 A_xz l Cm y y^T` (m3): couples.
@@ -25,56 +31,126 @@ pub struct CompiledAerodynamics<T: Real> {
     lift_centre: [Matrix3<T>; 3],
 }
 
+/// Drag of all segments, divided by the dynamic pressure.
+struct Drag<T: Real> {
+    exposed_area: T,
+    /// Areas times drag coefficients (m2).
+    area: T,
+    /// The same times the centres (m3).
+    centre: Vector3<T>,
+}
+
+impl<T: Real> Forms<T> {
+    #[inline]
+    fn load(&self, flow: &Flow<T>, drag: &Drag<T>) -> Loads<T> {
+        let u = &flow.direction;
+        let across = self.lift * u;
+        let centre = Vector3::from(self.lift_centre.map(|form| u.dot(&(form * u))));
+        let force = u * (u.dot(&across) - drag.area) - across;
+        let moment =
+            (centre - drag.centre).cross(u) - self.lift_moment * u - u.cross(&(self.couple * u));
+        Loads {
+            exposed_area: drag.exposed_area,
+            force: force * flow.dynamic_pressure,
+            moment: moment * flow.dynamic_pressure,
+        }
+    }
+}
+
 impl<T: Real> CompiledAerodynamics<T> {
     /// Collects the sums.
     pub fn new(segments: SegmentArray<ExposedSegment<T>>) -> Self {
         let zero = Matrix3::zeros();
-        let (mut lift, mut couple, mut lift_moment) = (zero, zero, zero);
-        let mut lift_centre = [zero; 3];
+        let mut forms = Forms {
+            lift: zero,
+            couple: zero,
+            lift_moment: zero,
+            lift_centre: [zero; 3],
+        };
         for segment in segments.values() {
             let dyad = outer(&segment.dorsal, T::one());
             let lift_dyad = dyad * segment.lift_area;
-            lift += lift_dyad;
-            couple += dyad * segment.moment_volume;
-            lift_moment += skew(&segment.centre) * lift_dyad;
-            for (sum, &coordinate) in lift_centre.iter_mut().zip(segment.centre.iter()) {
+            forms.lift += lift_dyad;
+            forms.couple += dyad * segment.moment_volume;
+            forms.lift_moment += skew(&segment.centre) * lift_dyad;
+            for (sum, &coordinate) in forms.lift_centre.iter_mut().zip(segment.centre.iter()) {
                 *sum += lift_dyad * coordinate;
             }
         }
-        Self {
-            segments,
-            lift,
-            couple,
-            lift_moment,
-            lift_centre,
-        }
+        Self { segments, forms }
     }
 
     /// Force and moment on the body, as [`super::total_load`].
     #[inline]
     pub fn total_load(&self, flow: &Flow<T>) -> Loads<T> {
+        let mut drag = Drag {
+            exposed_area: T::zero(),
+            area: T::zero(),
+            centre: Vector3::zeros(),
+        };
+        for segment in self.segments.values() {
+            let area = segment.exposed_area(&flow.direction);
+            drag.exposed_area += area;
+            let drag_area = segment.drag * area;
+            drag.area += drag_area;
+            drag.centre += segment.centre * drag_area;
+        }
+        self.forms.load(flow, &drag)
+    }
+
+    /// The form for streams from about `direction` (unit vector, body axes).
+    pub fn about(&self, direction: &Vector3<T>) -> FrozenAerodynamics<T> {
+        let mut frozen = FrozenAerodynamics {
+            forms: self.forms,
+            silhouette: Vector3::zeros(),
+            drag_silhouette: Vector3::zeros(),
+            drag_centre: Matrix3::zeros(),
+            least: [T::zero(); 2],
+        };
+        for segment in self.segments.values() {
+            let face = segment.facing(direction);
+            frozen.silhouette += face;
+            let drag = face * segment.drag;
+            frozen.drag_silhouette += drag;
+            frozen.drag_centre += segment.centre * drag.transpose();
+        }
+        frozen.least = [&frozen.silhouette, &frozen.drag_silhouette]
+            .map(|face| face.dot(direction) * T::of(LEAST_SHARE));
+        frozen
+    }
+}
+
+/// Share of the area at the reference below which frozen areas do not fall, however the stream turns.
+const LEAST_SHARE: f64 = 0.25;
+
+/// Aerodynamics of one posture without its segments: exact while each segment shows the stream the same
+/// face as at the reference direction, of first order beyond that.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FrozenAerodynamics<T: Real> {
+    forms: Forms<T>,
+    /// Sum of the vectors of the faces (m2): its product with the direction is the exposed area.
+    silhouette: Vector3<T>,
+    /// The same with drag coefficients (m2).
+    drag_silhouette: Vector3<T>,
+    /// `Sum r (Cd a)^T` (m3): its product with the direction is the centre of the drag times its area.
+    drag_centre: Matrix3<T>,
+    /// Least exposed area and least drag area (m2).
+    least: [T; 2],
+}
+
+impl<T: Real> FrozenAerodynamics<T> {
+    /// Force and moment on the body, see [`CompiledAerodynamics::total_load`].
+    #[inline]
+    pub fn total_load(&self, flow: &Flow<T>) -> Loads<T> {
+        let at_least = |value: T, least: T| if value > least { value } else { least };
+        let [least_area, least_drag] = self.least;
         let u = &flow.direction;
-        let mut exposed_area = T::zero();
-        let mut drag_area = T::zero();
-        let mut drag_centre = Vector3::zeros();
-        for segment in Segment::ALL {
-            let segment = &self.segments[segment];
-            let area = segment.exposed_area(u);
-            exposed_area += area;
-            let drag = segment.drag * area;
-            drag_area += drag;
-            drag_centre += segment.centre * drag;
-        }
-        let across = self.lift * u;
-        let centre = Vector3::from(self.lift_centre.map(|form| u.dot(&(form * u))));
-        let force = u * (u.dot(&across) - drag_area) - across;
-        let moment =
-            (centre - drag_centre).cross(u) - self.lift_moment * u - u.cross(&(self.couple * u));
-        Loads {
-            exposed_area,
-            force: force * flow.dynamic_pressure,
-            moment: moment * flow.dynamic_pressure,
-        }
+        let drag = Drag {
+            exposed_area: at_least(self.silhouette.dot(u), least_area),
+            area: at_least(self.drag_silhouette.dot(u), least_drag),
+            centre: self.drag_centre * u,
+        };
+        self.forms.load(flow, &drag)
     }
 }
 
@@ -101,6 +177,32 @@ mod tests {
             prop_assert!((plain.force - compiled.force).norm() < 1e-13 * scale);
             prop_assert!((plain.moment - compiled.moment).norm() < 1e-13 * scale);
             prop_assert!((plain.exposed_area - compiled.exposed_area).abs() < 1e-13);
+        }
+
+        #[test]
+        fn frozen_equals_compiled_near_its_reference(
+            posture in any_posture(),
+            velocity in prop::array::uniform3(-80.0f64..80.0),
+            change in prop::array::uniform3(-1.0f64..1.0),
+        ) {
+            let body = reference_body();
+            let exposed = expose(&body, &pose(&body, &posture), &Aerodynamics::paper());
+            let compiled = CompiledAerodynamics::new(exposed);
+            let velocity = Vector3::from(velocity);
+            prop_assume!(velocity.norm() > 10.0);
+            let reference = Flow::new(&velocity, 1.0);
+            let frozen = compiled.about(&reference.direction);
+            // At the reference itself the faces are the same.
+            let (a, b) = (compiled.total_load(&reference), frozen.total_load(&reference));
+            let scale = reference.dynamic_pressure;
+            prop_assert!((a.force - b.force).norm() < 1e-13 * scale);
+            prop_assert!((a.moment - b.moment).norm() < 1e-13 * scale);
+            prop_assert!((a.exposed_area - b.exposed_area).abs() < 1e-13);
+            // Away from it the exposed area falls short, by less than the turn of the stream.
+            let turned = Flow::new(&(velocity * (1.0 / velocity.norm()) + Vector3::from(change) * 0.1), 1.0);
+            let (a, b) = (compiled.total_load(&turned), frozen.total_load(&turned));
+            prop_assert!(b.exposed_area <= a.exposed_area + 1e-12);
+            prop_assert!(a.exposed_area - b.exposed_area < 0.2 * a.exposed_area);
         }
     }
 }

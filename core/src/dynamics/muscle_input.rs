@@ -174,10 +174,66 @@ pub struct MuscleLoad<T: Real> {
     pub moment: Vector3<T>,
 }
 
-/// Muscle moment and force, paper eqs. (eq1) and (eq1_1), body axes.
-///
-/// `M_atot` of a limb is its `r x F + M` (no sum, see model.md's list of misprints). `height` is the
-/// stature (m). Cost: one segment load for each limb of the groups whose input is not zero.
+/// Number of groups of limbs in a [`MuscleModel`].
+pub const GROUPS: usize = 7;
+
+/// Aerodynamic moment about the body origin that each group of limbs feels about its own axis (N m): the
+/// terms of paper eq. (eq1). Quadratic in the speed for one direction of the stream.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GroupMoments<T>(
+    /// In the order of the fields of [`MuscleModel`].
+    pub [T; GROUPS],
+);
+
+impl<T: Real> GroupMoments<T> {
+    /// Sums the limbs. `M_atot` of a limb is its `r x F + M` (no sum, see model.md's list of misprints).
+    ///
+    /// Groups whose input is zero are left at zero. Cost: one segment load for each limb of the others.
+    #[inline]
+    pub fn of(
+        model: &MuscleModel,
+        input: &MuscleInput<T>,
+        segments: &SegmentArray<ExposedSegment<T>>,
+        flow: &Flow<T>,
+    ) -> Self {
+        let mut moments = [T::zero(); GROUPS];
+        let groups = model.groups();
+        for (segment, exposed) in segments.iter() {
+            if !model.acts(segment, input) {
+                continue;
+            }
+            let moment = exposed.load(&flow.direction).moment * flow.dynamic_pressure;
+            for (sum, (limbs, axis)) in moments.iter_mut().zip(groups) {
+                if limbs.contains(segment) {
+                    *sum += moment[axis];
+                }
+            }
+        }
+        Self(moments)
+    }
+
+    /// Muscle moment and force, paper eqs. (eq1) and (eq1_1), for [`MuscleModel::levers`].
+    #[inline]
+    pub fn load(&self, input: &MuscleInput<T>, levers: &[T; 4]) -> MuscleLoad<T> {
+        let [center, upper, lower, right_distal, left_distal, right, left] = self.0;
+        let [l1, l2, l3, l4] = *levers;
+        MuscleLoad {
+            moment: Vector3::new(
+                -input.pitch * center,
+                -input.yaw * (upper + lower + right_distal + left_distal),
+                -input.roll * (left + right),
+            ),
+            force: Vector3::new(
+                -input.yaw * (upper * l1 - lower * l2),
+                input.pitch * l1 * center - input.roll * l3 * (left - right),
+                -input.yaw * l4 * (right_distal - left_distal),
+            ),
+        }
+    }
+}
+
+/// Muscle moment and force, paper eqs. (eq1) and (eq1_1), body axes; `height` is the stature (m).
+#[inline]
 pub fn muscle_load<T: Real>(
     model: &MuscleModel,
     input: &MuscleInput<T>,
@@ -185,50 +241,39 @@ pub fn muscle_load<T: Real>(
     flow: &Flow<T>,
     height: T,
 ) -> MuscleLoad<T> {
-    let zero = T::zero();
-    let mut load = MuscleLoad {
-        force: Vector3::zeros(),
-        moment: Vector3::zeros(),
-    };
     if input.is_none() {
-        return load;
+        return MuscleLoad {
+            force: Vector3::zeros(),
+            moment: Vector3::zeros(),
+        };
     }
-    let [l1, l2, l3, l4] = model.lever_arms.map(|share| T::of(share) * height);
-    let moments = segments.map(|segment, exposed| {
-        if model.acts(segment, input) {
-            exposed.load(&flow.direction).moment * flow.dynamic_pressure
-        } else {
-            Vector3::zeros()
-        }
-    });
-    let sum = |limbs: Limbs, axis: usize| {
-        moments.iter().fold(zero, |sum, (segment, moment)| {
-            if limbs.contains(segment) {
-                sum + moment[axis]
-            } else {
-                sum
-            }
-        })
-    };
-    let center = sum(model.center, 0);
-    let (upper, lower) = (sum(model.upper_proximal, 1), sum(model.lower_proximal, 1));
-    let (right_distal, left_distal) = (sum(model.right_distal, 1), sum(model.left_distal, 1));
-    let (right, left) = (sum(model.right, 2), sum(model.left, 2));
-    load.moment = Vector3::new(
-        -input.pitch * center,
-        -input.yaw * (upper + lower + right_distal + left_distal),
-        -input.roll * (left + right),
-    );
-    load.force = Vector3::new(
-        -input.yaw * (upper / l1 - lower / l2),
-        input.pitch / l1 * center - input.roll / l3 * (left - right),
-        -input.yaw / l4 * (right_distal - left_distal),
-    );
-    load
+    GroupMoments::of(model, input, segments, flow).load(input, &model.levers(height))
 }
 
 impl MuscleModel {
+    /// The groups with the axis about which each acts: 0 X, 1 Y, 2 Z.
+    #[inline]
+    const fn groups(&self) -> [(Limbs, usize); GROUPS] {
+        [
+            (self.center, 0),
+            (self.upper_proximal, 1),
+            (self.lower_proximal, 1),
+            (self.right_distal, 1),
+            (self.left_distal, 1),
+            (self.right, 2),
+            (self.left, 2),
+        ]
+    }
+
+    /// Reciprocals of the lever arms l_1 to l_4 of a person of this stature (1/m).
+    #[inline]
+    pub fn levers<T: Real>(&self, height: T) -> [T; 4] {
+        self.lever_arms
+            .map(|share| T::one() / (T::of(share) * height))
+    }
+
     /// Whether `segment` takes part in an input that is not zero.
+    #[inline]
     fn acts<T: Real>(&self, segment: Segment, input: &MuscleInput<T>) -> bool {
         let zero = T::zero();
         let yaw = self.upper_proximal.and(self.lower_proximal);

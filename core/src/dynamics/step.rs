@@ -7,9 +7,9 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::muscle_input::muscle_load;
-use super::{Dynamics, Inputs, PostureSample, State};
-use crate::aerodynamics::{Flow, Loads, damping_rate};
+use super::interval::Interval;
+use super::{Dynamics, Inputs, State};
+use crate::aerodynamics::Loads;
 use crate::frame::{Body as BodyFrame, Inertial, Rotation, Vector};
 use crate::math::{Real, normalized, small_rotation, solve_symmetric};
 
@@ -17,43 +17,46 @@ use crate::math::{Real, normalized, small_rotation, solve_symmetric};
 pub const TIME_STEP: f64 = 1.0 / 240.0;
 
 impl<T: Real> Dynamics<T> {
-    /// Force and moment about the origin on a moving body, body axes: air, muscle input, no gravity, no
-    /// damping; and the coefficient of the damping moment per axis (N m s).
-    ///
-    /// `velocity_through_air` in m/s, body axes; `density` in kg/m3.
+    /// Force, moment and damping on a posed body, see [`Interval::loads`].
     #[inline]
     pub fn loads(
         &self,
-        sample: &PostureSample<T>,
+        interval: &impl Interval<T>,
         inputs: &Inputs<T>,
         velocity_through_air: &Vector3<T>,
         density: T,
     ) -> (Loads<T>, Vector3<T>) {
-        let flow = Flow::new(velocity_through_air, density);
-        let mut loads = sample.aerodynamics.total_load(&flow);
-        let muscle = muscle_load(
-            &self.muscles,
-            &inputs.muscle,
-            &sample.aerodynamics.segments,
-            &flow,
-            self.body.height,
-        );
-        loads.force += muscle.force;
-        loads.moment += muscle.moment;
-        let damping = damping_rate(&inputs.damping, loads.exposed_area, self.body.height, &flow);
-        (loads, damping)
+        interval.loads(self, inputs, velocity_through_air, density)
     }
 
     /// The state `duration` (s) later, while the body moves as `sample` says and the inputs are constant.
     pub fn step(
         &self,
         state: &State<T>,
-        sample: &PostureSample<T>,
+        sample: &impl Interval<T>,
         inputs: &Inputs<T>,
         duration: T,
     ) -> State<T> {
+        let density = self.density_at(state);
+        self.step_at_density(state, sample, inputs, duration, density)
+    }
+
+    /// Density of the air around the body (kg/m3).
+    pub fn density_at(&self, state: &State<T>) -> T {
+        self.air.density.at(state.cg_position.components.z)
+    }
+
+    /// [`Dynamics::step`] with the density (kg/m3) known: many runs over a short time share it.
+    #[inline]
+    pub fn step_at_density(
+        &self,
+        state: &State<T>,
+        sample: &impl Interval<T>,
+        inputs: &Inputs<T>,
+        duration: T,
+        density: T,
+    ) -> State<T> {
         let half = duration * T::of(0.5);
-        let density = self.air.density.at(state.cg_position.components.z);
 
         // Predict the attitude of the middle by half a turn at the present angular velocity.
         let momentum = (state.inertial_from_body.inverse() * state.angular_momentum).components;
@@ -68,20 +71,20 @@ impl<T: Real> Dynamics<T> {
         let air_velocity = (middle_from_inertial * self.air.velocity).components;
         let velocity = sample.origin_velocity(&linear_momentum, &spin) - air_velocity;
         let (loads, damping) = self.loads(sample, inputs, &velocity, density);
-        let moment = loads.moment - sample.mass.cg.cross(&loads.force);
+        let moment = loads.moment - sample.cg().cross(&loads.force);
 
         // Trapezium rule for the damping: (I + D dt/2) W1 = (I - D dt/2) W0 + M dt.
         let half_damping = damping * half;
         let push = moment * duration;
-        let implicit = sample.inertia + Matrix3::from_diagonal(&half_damping);
-        let explicit = sample.inertia * spin - half_damping.component_mul(&spin) + push;
+        let implicit = *sample.inertia() + Matrix3::from_diagonal(&half_damping);
+        let explicit = *sample.inertia() * spin - half_damping.component_mul(&spin) + push;
         let next_spin = solve_symmetric(&implicit, &explicit).unwrap_or(spin);
         let mean_spin = (spin + next_spin) * T::of(0.5);
         let push = push - damping.component_mul(&mean_spin) * duration;
         let gravity_impulse = Vector3::new(
             T::zero(),
             T::zero(),
-            -self.gravity * sample.mass.mass * duration,
+            -self.gravity * sample.mass() * duration,
         );
         let impulse = (inertial_from_middle * Vector::from_components(loads.force * duration))
             .components
@@ -92,7 +95,7 @@ impl<T: Real> Dynamics<T> {
             inertial_from_body: turned(&state.inertial_from_body, &mean_spin, duration),
             cg_position: Vector::from_components(
                 state.cg_position.components
-                    + (start + impulse * T::of(0.5)) * (duration / sample.mass.mass),
+                    + (start + impulse * T::of(0.5)) * (duration / sample.mass()),
             ),
             linear_momentum: Vector::from_components(start + impulse),
             angular_momentum: Vector::from_components(

@@ -1,0 +1,393 @@
+//! Estimation of a skydiver's conscious inputs from recorded motion: the paper's modified unscented Kalman
+//! filter, and a reduced form of it for the unit.
+//!
+//! Both are an [`Estimator`]; they differ in how sigma points become predicted measurements
+//! ([`propagation`]): [`PaperFilter`] flies the whole model thirteen times ([`full`]), [`ReducedFilter`] a
+//! smaller one seven times ([`reduced`]). The algebra is in [`unscented`], what is measured in
+//! [`measurement`], tunings by name in [`preset`], what is published in [`status`]. [`ranges`] declares what
+//! every number may be and in which fixed-point format it would fit; [`trace`] is a flight whose bits are the
+//! same on every machine.
+//!
+//! ```text
+//!      coefficients of k, motion of k                          measurement of k + N_pred
+//!                  |--- prediction window, N_pred samples ---------------|
+//!                  |--- solution window, N_solve ---|   then k becomes k + N_solve
+//! ```
+//!
+//! No call allocates, panics, or takes longer for some data than for others.
+
+pub mod factor;
+pub mod full;
+pub mod measurement;
+pub mod preset;
+pub mod propagation;
+pub mod ranges;
+pub mod reduced;
+pub mod status;
+pub mod trace;
+pub mod unscented;
+
+use heapless::Deque;
+use nalgebra::{SVector, Vector3};
+
+use crate::body::posture::Posture;
+use crate::dynamics::interval::Interval;
+use crate::dynamics::muscle_input::MuscleInput;
+use crate::dynamics::{Dynamics, Inputs, Motion, State};
+use crate::frame::Vector;
+use crate::math::Real;
+use full::Full;
+use measurement::{CHANNELS, Measurement, MeasurementModel};
+use preset::Preset;
+use propagation::{Propagation, Window};
+use reduced::Reduced;
+use status::{Channel, Estimate, Faults, Health, TEST_RATIO_GATE};
+use unscented::{Innovation, Unsafe, Unscented};
+
+/// Number of coefficients, n.
+pub const STATES: usize = 6;
+
+/// Coefficients in the order of paper eq. (ukf_state): muscle input in yaw, pitch, roll, then damping in yaw,
+/// pitch, roll.
+pub type StateVector<T> = SVector<T, STATES>;
+
+/// The paper's filter; its window of 60 samples is 0.25 s at 240 Hz.
+pub type PaperFilter<T, const INTERVALS: usize = 60> = Estimator<T, Full, INTERVALS>;
+
+/// The filter for the unit; its 30 intervals of two samples are the same 0.25 s.
+pub type ReducedFilter<T, const INTERVALS: usize = 30> = Estimator<T, Reduced, INTERVALS>;
+
+/// The inputs that a state vector stands for.
+#[inline]
+pub fn inputs_of<T: Real>(state: &StateVector<T>) -> Inputs<T> {
+    let [yaw, pitch, roll, yaw_damping, pitch_damping, roll_damping] = (*state).into();
+    Inputs {
+        muscle: MuscleInput { yaw, pitch, roll },
+        damping: Vector3::new(pitch_damping, yaw_damping, roll_damping),
+    }
+}
+
+/// A filter fed with one posture and one measurement at a time.
+///
+/// `INTERVALS` of [`Propagation::STRIDE`] samples each are the prediction window. Give [`Estimator::push`] the
+/// same [`Dynamics`] every time, with the limbs of the preset.
+#[derive(Debug, Clone)]
+pub struct Estimator<T: Real, P: Propagation<T>, const INTERVALS: usize> {
+    model: MeasurementModel,
+    noise: SVector<T, CHANNELS>,
+    /// Duration of an interval (s).
+    duration: T,
+    /// Intervals that the solution step crosses.
+    solution_intervals: usize,
+    filter: Unscented<T, STATES>,
+    /// Reconstructed motion at the start of the window.
+    skydiver: State<T>,
+    /// Predicted motion at its end, where new intervals begin.
+    front: State<T>,
+    window: Deque<P::Interval, INTERVALS>,
+    posture: Posture<T>,
+    /// Samples since the last interval ended.
+    waiting: usize,
+    /// Samples pushed since the start.
+    samples: u32,
+    updates: u32,
+    mean_normalised_innovation: T,
+    faults: Faults,
+}
+
+/// Largest speed of the reconstructed motion (m/s) and largest angular velocity (rad/s); beyond them it is
+/// limited.
+pub const MOTION_LIMITS: [f64; 2] = [100.0, 35.0];
+
+/// Mean normalised innovation per channel above which predictions and measurements do not belong together.
+const INCONSISTENT: f64 = 100.0;
+
+impl<T: Real, P: Propagation<T>, const INTERVALS: usize> Estimator<T, P, INTERVALS> {
+    /// Starts with the motion and posture of sample 0.
+    ///
+    /// # Errors
+    /// A preset that could not be run safely, a solution window that is not a multiple of the stride or
+    /// longer than the prediction window, or a start that is not finite.
+    pub fn new(
+        preset: &Preset,
+        dynamics: &Dynamics<T>,
+        motion: &Motion<T>,
+        posture: &Posture<T>,
+    ) -> Result<Self, Unsafe> {
+        let filter = Unscented::new(preset.settings()?)?;
+        let solution_intervals = preset.solution_window / P::STRIDE;
+        if solution_intervals == 0
+            || solution_intervals > INTERVALS
+            || solution_intervals * P::STRIDE != preset.solution_window
+        {
+            return Err(Unsafe::SolutionWindow);
+        }
+        let mut duration = T::zero();
+        for _ in 0..P::STRIDE {
+            duration += T::of(preset.time_step);
+        }
+        if !(duration > T::zero() && duration <= T::of(0.05)) {
+            return Err(Unsafe::TimeStep);
+        }
+        let skydiver = start(dynamics, motion, posture)?;
+        Ok(Self {
+            model: preset.measurement,
+            noise: preset.measurement.noise(),
+            duration,
+            solution_intervals,
+            filter,
+            skydiver,
+            front: skydiver,
+            window: Deque::new(),
+            posture: *posture,
+            waiting: 0,
+            samples: 0,
+            updates: 0,
+            mean_normalised_innovation: T::one(),
+            faults: Faults::default(),
+        })
+    }
+
+    /// Starts over from another motion, keeping coefficients and covariance: after a gap in the recording, or
+    /// where [`Health::Inconsistent`] says that the reconstructed motion is lost. The motion and posture are
+    /// those of the sample pushed last.
+    ///
+    /// # Errors
+    /// A motion or posture that is not finite; the estimator is left as it was.
+    pub fn restart(
+        &mut self,
+        dynamics: &Dynamics<T>,
+        motion: &Motion<T>,
+        posture: &Posture<T>,
+    ) -> Result<(), Unsafe> {
+        self.skydiver = start(dynamics, motion, posture)?;
+        self.front = self.skydiver;
+        self.window.clear();
+        self.posture = *posture;
+        self.waiting = 0;
+        self.mean_normalised_innovation = T::one();
+        Ok(())
+    }
+
+    /// Time from the sample an estimate refers to until the measurement that brings it (s): the prediction
+    /// window.
+    pub fn delay(&self) -> T {
+        self.duration * T::of(f64::from(u32::try_from(INTERVALS).unwrap_or(u32::MAX)))
+    }
+
+    /// Samples of the prediction window, N_pred.
+    pub const fn prediction_window(&self) -> usize {
+        INTERVALS * P::STRIDE
+    }
+
+    /// The coefficients and their covariance.
+    pub fn filter(&self) -> &Unscented<T, STATES> {
+        &self.filter
+    }
+
+    /// Takes the next sample: the posture, and what was measured at the same instant. An estimate comes with
+    /// the sample that fills the window, then once for each solution window.
+    ///
+    /// A posture or a measurement that is not finite or absurd changes neither coefficients nor covariance:
+    /// the last good posture is held, channels are left out, and [`Estimate::faults`] tells.
+    pub fn push(
+        &mut self,
+        dynamics: &Dynamics<T>,
+        posture: &Posture<T>,
+        measured: &Measurement<T>,
+    ) -> Option<Estimate<T>> {
+        self.samples = self.samples.wrapping_add(1);
+        self.waiting += 1;
+        if self.waiting < P::STRIDE {
+            return None;
+        }
+        self.waiting = 0;
+        self.append(dynamics, posture);
+        if !self.window.is_full() {
+            return None;
+        }
+        Some(self.update(dynamics, measured))
+    }
+
+    /// Adds the interval from the last posture to this one at the end of the window.
+    fn append(&mut self, dynamics: &Dynamics<T>, posture: &Posture<T>) {
+        let good = posture.is_valid();
+        self.faults.posture |= !good;
+        let next = if good { *posture } else { self.posture };
+        let sample = dynamics.between(&self.posture, &next, self.duration);
+        self.posture = next;
+        let velocity = self.front.motion(&sample).velocity_inertial();
+        let through_air =
+            Vector::from_components(velocity.components - dynamics.air.velocity.components);
+        let velocity = (self.front.inertial_from_body.inverse() * through_air).components;
+        let interval = P::keep(dynamics, &sample, &velocity);
+        let inputs = inputs_of(self.filter.state());
+        self.front = dynamics.step(&self.front, &sample, &inputs, self.duration);
+        // There is room: a full window is shortened by every update.
+        let _ = self.window.push_back(interval);
+    }
+
+    /// Prediction, update and solution step, paper "The Modified Unscented Kalman Filter".
+    fn update(&mut self, dynamics: &Dynamics<T>, measured: &Measurement<T>) -> Estimate<T> {
+        let window = Window {
+            dynamics,
+            intervals: &self.window,
+            duration: self.duration,
+            density: dynamics.density_at(&self.skydiver),
+        };
+        let points = self.filter.sigma_points();
+        let (moments, front) =
+            P::predict(&self.filter, &points, &self.skydiver, &window, &self.model);
+        let usable = self.model.usable(measured);
+        let observation = self.model.vector(measured);
+        let difference = self.model.difference(&observation, &moments.prediction);
+        let innovation = self
+            .filter
+            .update(&moments, &difference, &self.noise, &usable);
+
+        let inputs = inputs_of(self.filter.state());
+        let mut skydiver = self.skydiver;
+        let mut motion = None;
+        for interval in self.window.iter().take(self.solution_intervals) {
+            skydiver = window.step(&skydiver, interval, &inputs);
+            motion = Some(interval);
+        }
+        let held = !skydiver.is_finite();
+        if held {
+            skydiver = self.skydiver;
+        }
+        let motion = match motion {
+            Some(interval) => {
+                self.faults.motion |= limit(&mut skydiver, interval) || held;
+                skydiver.motion(interval)
+            }
+            None => Motion {
+                inertial_from_body: skydiver.inertial_from_body,
+                position: skydiver.cg_position,
+                velocity: Vector::zero(),
+                angular_velocity: Vector::zero(),
+            },
+        };
+        self.skydiver = skydiver;
+        self.front = if front.is_finite() { front } else { skydiver };
+        for _ in 0..self.solution_intervals {
+            let _ = self.window.pop_front();
+        }
+        let expected = self.model.channels.map(|channel| channel.is_some());
+        self.faults.measurement |= usable != expected;
+        self.faults.update |= !innovation.fused && usable.contains(&true);
+        self.faults.covariance |= innovation.repaired;
+        self.updates = self.updates.wrapping_add(1);
+        self.publish(
+            motion,
+            &observation,
+            &moments.prediction,
+            &usable,
+            &innovation,
+        )
+    }
+
+    fn publish(
+        &mut self,
+        motion: Motion<T>,
+        observation: &SVector<T, CHANNELS>,
+        prediction: &SVector<T, CHANNELS>,
+        usable: &[bool; CHANNELS],
+        innovation: &Innovation<T, CHANNELS>,
+    ) -> Estimate<T> {
+        let gate = T::of(TEST_RATIO_GATE * TEST_RATIO_GATE);
+        let mut used = T::zero();
+        let channels = core::array::from_fn(|k| {
+            let fused = innovation.fused && usable[k];
+            if fused {
+                used += T::one();
+            }
+            let (value, variance) = (innovation.innovation[k], innovation.covariance[(k, k)]);
+            Channel {
+                quantity: self.model.channels[k].map(|(quantity, _)| quantity),
+                observation: observation[k],
+                predicted: prediction[k],
+                innovation: value,
+                variance,
+                test_ratio: value * value / (gate * variance),
+                fused,
+            }
+        });
+        let interval = self.duration * T::of(f64::from(count(self.solution_intervals)));
+        if innovation.fused {
+            // About a second of memory.
+            let mean = innovation.normalised_square / used;
+            let share = if interval < T::one() {
+                interval
+            } else {
+                T::one()
+            };
+            self.mean_normalised_innovation += (mean - self.mean_normalised_innovation) * share;
+        }
+        let health = if !innovation.fused {
+            Health::Failing
+        } else if T::of(f64::from(self.updates)) * interval < T::one() {
+            Health::Settling
+        } else if self.mean_normalised_innovation > T::of(INCONSISTENT) {
+            Health::Inconsistent
+        } else {
+            Health::Good
+        };
+        let window = count(INTERVALS * P::STRIDE);
+        let sample = self.samples.wrapping_sub(window);
+        let state = *self.filter.state();
+        Estimate {
+            sample,
+            inputs: inputs_of(&state),
+            state,
+            deviation: self.filter.covariance().diagonal().map(Real::root),
+            solved_sample: sample.wrapping_add(count(self.solution_intervals * P::STRIDE)),
+            motion,
+            reconstructed: Measurement::of(&motion),
+            channels,
+            innovation_covariance: innovation.covariance,
+            normalised_innovation: innovation.normalised_square,
+            mean_normalised_innovation: self.mean_normalised_innovation,
+            health,
+            faults: core::mem::take(&mut self.faults),
+        }
+    }
+}
+
+/// State of a skydiver who moves like this.
+fn start<T: Real>(
+    dynamics: &Dynamics<T>,
+    motion: &Motion<T>,
+    posture: &Posture<T>,
+) -> Result<State<T>, Unsafe> {
+    let state = State::from_motion(motion, &dynamics.hold(posture));
+    if posture.is_valid() && state.is_finite() {
+        Ok(state)
+    } else {
+        Err(Unsafe::Start)
+    }
+}
+
+/// Limits speed and angular velocity to [`MOTION_LIMITS`]; whether that changed anything.
+fn limit<T: Real>(state: &mut State<T>, interval: &impl Interval<T>) -> bool {
+    let motion = state.motion(interval);
+    let mut changed = false;
+    let excess = |vector: &Vector3<T>, limit: f64| {
+        let ratio = vector.norm_squared().root() / T::of(limit);
+        (ratio > T::one()).then_some(ratio)
+    };
+    if let Some(ratio) = excess(&motion.velocity.components, MOTION_LIMITS[0]) {
+        state.linear_momentum.components /= ratio;
+        changed = true;
+    }
+    if let Some(ratio) = excess(&motion.angular_velocity.components, MOTION_LIMITS[1]) {
+        state.angular_momentum.components /= ratio;
+        changed = true;
+    }
+    changed
+}
+
+/// A number of samples.
+fn count(samples: usize) -> u32 {
+    u32::try_from(samples).unwrap_or(u32::MAX)
+}

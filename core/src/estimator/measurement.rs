@@ -1,0 +1,272 @@
+//! What the filter compares: measured against predicted, channel by channel, with the paper's noise.
+//!
+//! A [`MeasurementModel`] is data: which quantities, with which standard deviation. Angles are compared by
+//! wrapped differences to an anchor, never by their raw values.
+
+use nalgebra::SVector;
+
+use crate::dynamics::Motion;
+use crate::frame::AttitudeAngles;
+use crate::math::{Real, wrap_angle};
+
+/// Largest number of channels of a measurement.
+pub const CHANNELS: usize = 4;
+
+/// A quantity that can be measured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Quantity {
+    /// Speed of the pelvic joint over ground, paper eq. (vel).
+    HorizontalSpeed,
+    /// Heading of the cranial axis, paper eq. (ypr).
+    Heading,
+    /// Pitch, paper eq. (ypr).
+    Pitch,
+    /// Roll, paper eq. (ypr).
+    Roll,
+    /// Rate of the heading, paper eq. (meas_turns).
+    YawRate,
+}
+
+impl Quantity {
+    /// Name in tables and files, with the unit.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::HorizontalSpeed => "v_hor_m_s",
+            Self::Heading => "heading_rad",
+            Self::Pitch => "pitch_rad",
+            Self::Roll => "roll_rad",
+            Self::YawRate => "yaw_rate_rad_s",
+        }
+    }
+
+    /// Whether values a full turn apart are the same.
+    pub const fn is_angle(self) -> bool {
+        matches!(self, Self::Heading | Self::Pitch | Self::Roll)
+    }
+
+    /// Size beyond which a value cannot be meant (SI).
+    pub const fn limit(self) -> f64 {
+        match self {
+            Self::HorizontalSpeed => 120.0,
+            // Headings may come unwrapped, from ten turns to either side.
+            Self::Heading | Self::Pitch | Self::Roll => 20.0 * core::f64::consts::PI,
+            Self::YawRate => 35.0,
+        }
+    }
+}
+
+/// One value of each quantity: measured, or predicted from a motion. Not a number where it is not known.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Measurement<T> {
+    /// Speed over ground (m/s).
+    pub horizontal_speed: T,
+    /// Heading (rad).
+    pub heading: T,
+    /// Pitch (rad).
+    pub pitch: T,
+    /// Roll (rad).
+    pub roll: T,
+    /// Rate of the heading (rad/s).
+    pub yaw_rate: T,
+}
+
+impl<T: Real> Measurement<T> {
+    /// What sensors would see of a motion, paper eqs. (xyz) to (vel).
+    pub fn of(motion: &Motion<T>) -> Self {
+        let AttitudeAngles {
+            heading,
+            pitch,
+            roll,
+        } = AttitudeAngles::of(&motion.inertial_from_body);
+        let velocity = motion.velocity_inertial().components;
+        Self {
+            horizontal_speed: (velocity.x * velocity.x + velocity.y * velocity.y).root(),
+            heading,
+            pitch,
+            roll,
+            yaw_rate: heading_rate(motion),
+        }
+    }
+
+    /// The value of one quantity.
+    pub fn value(&self, quantity: Quantity) -> T {
+        match quantity {
+            Quantity::HorizontalSpeed => self.horizontal_speed,
+            Quantity::Heading => self.heading,
+            Quantity::Pitch => self.pitch,
+            Quantity::Roll => self.roll,
+            Quantity::YawRate => self.yaw_rate,
+        }
+    }
+
+    /// The same values in another precision.
+    pub fn cast<U: Real>(&self) -> Measurement<U> {
+        let scalar = |value: T| U::of(value.to_f64());
+        Measurement {
+            horizontal_speed: scalar(self.horizontal_speed),
+            heading: scalar(self.heading),
+            pitch: scalar(self.pitch),
+            roll: scalar(self.roll),
+            yaw_rate: scalar(self.yaw_rate),
+        }
+    }
+}
+
+/// Rate of the heading (rad/s), from attitude and angular velocity: nothing is differentiated.
+///
+/// The cranial axis moves at `spin x axis`; the heading is the angle of its horizontal part. Towards the
+/// vertical, where a heading has no meaning, the rate is kept finite by a floor on that part (3 degrees).
+pub fn heading_rate<T: Real>(motion: &Motion<T>) -> T {
+    let spin = (motion.inertial_from_body * motion.angular_velocity).components;
+    let axis = motion.inertial_from_body.quaternion() * nalgebra::Vector3::z();
+    let rate = spin.cross(&axis);
+    let horizontal = axis.x * axis.x + axis.y * axis.y;
+    let floor = T::of(0.003);
+    let horizontal = if horizontal > floor {
+        horizontal
+    } else {
+        floor
+    };
+    (axis.x * rate.y - axis.y * rate.x) / horizontal
+}
+
+/// Quantities with their standard deviations (SI), in the order of the measurement vector.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MeasurementModel {
+    /// Channels in use; the rest of the vector stays empty.
+    pub channels: [Option<(Quantity, f64)>; CHANNELS],
+}
+
+/// Tracking, paper eq. (meas).
+pub const TRACKING: MeasurementModel = MeasurementModel {
+    channels: [
+        Some((Quantity::HorizontalSpeed, 0.1)),
+        Some((Quantity::Heading, 0.05)),
+        Some((Quantity::Pitch, 0.01)),
+        Some((Quantity::Roll, 0.01)),
+    ],
+};
+
+/// Transitions, paper eq. (meas_flips): no satellites, so a heading of 1.5 rad.
+pub const TRANSITIONS: MeasurementModel = MeasurementModel {
+    channels: [
+        Some((Quantity::Heading, 1.5)),
+        Some((Quantity::Pitch, 0.01)),
+        Some((Quantity::Roll, 0.01)),
+        None,
+    ],
+};
+
+/// Turning, paper eq. (meas_turns).
+pub const TURNING: MeasurementModel = MeasurementModel {
+    channels: [
+        Some((Quantity::YawRate, 0.01)),
+        Some((Quantity::Pitch, 0.01)),
+        Some((Quantity::Roll, 0.01)),
+        None,
+    ],
+};
+
+impl MeasurementModel {
+    /// The measurement vector; zero in empty channels.
+    pub fn vector<T: Real>(&self, values: &Measurement<T>) -> SVector<T, CHANNELS> {
+        SVector::from(self.channels.map(|channel| match channel {
+            Some((quantity, _)) => values.value(quantity),
+            None => T::zero(),
+        }))
+    }
+
+    /// Diagonal of R, one in empty channels.
+    pub fn noise<T: Real>(&self) -> SVector<T, CHANNELS> {
+        SVector::from(self.channels.map(|channel| {
+            let deviation = channel.map_or(1.0, |(_, deviation)| deviation);
+            T::of(deviation * deviation)
+        }))
+    }
+
+    /// Which channels hold a value that can be meant.
+    pub fn usable<T: Real>(&self, values: &Measurement<T>) -> [bool; CHANNELS] {
+        self.channels.map(|channel| {
+            channel.is_some_and(|(quantity, _)| {
+                // Not a number fails the comparison.
+                values.value(quantity).abs() <= T::of(quantity.limit())
+            })
+        })
+    }
+
+    /// `values - anchor`, angles on the short way.
+    pub fn difference<T: Real>(
+        &self,
+        values: &SVector<T, CHANNELS>,
+        anchor: &SVector<T, CHANNELS>,
+    ) -> SVector<T, CHANNELS> {
+        let mut difference = values - anchor;
+        for (value, channel) in difference.iter_mut().zip(self.channels) {
+            if channel.is_some_and(|(quantity, _)| quantity.is_angle()) {
+                *value = wrap_angle(*value);
+            }
+        }
+        difference
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::{Rotation, Vector};
+    use crate::math::small_rotation;
+    use nalgebra::{UnitQuaternion, Vector3};
+    use proptest::prelude::*;
+
+    fn motion(attitude: UnitQuaternion<f64>, spin: Vector3<f64>) -> Motion<f64> {
+        Motion {
+            inertial_from_body: Rotation::from_quaternion(attitude),
+            position: Vector::zero(),
+            velocity: Vector::new(10.0, -40.0, 20.0),
+            angular_velocity: Vector::from_components(spin),
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn yaw_rate_is_the_slope_of_the_heading(
+            turn in prop::array::uniform3(-3.0f64..3.0),
+            spin in prop::array::uniform3(-6.0f64..6.0),
+        ) {
+            let attitude = UnitQuaternion::from_scaled_axis(Vector3::from(turn));
+            let (spin, time) = (Vector3::from(spin), 1e-6);
+            let later = attitude * small_rotation(&(spin * time));
+            let (now, then) = (motion(attitude, spin), motion(later, spin));
+            let [a, b] = [&now, &then].map(Measurement::of);
+            prop_assume!(a.pitch.abs() < 1.4);
+            let slope = wrap_angle(b.heading - a.heading) / time;
+            prop_assert!((slope - a.yaw_rate).abs() < 1e-3 * (1.0 + slope.abs()), "{} {}", slope, a.yaw_rate);
+        }
+
+        #[test]
+        fn differences_do_not_see_full_turns(angle in -3.0f64..3.0, turns in -3i8..3) {
+            let near = SVector::from([0.0, angle, 0.1, angle]);
+            let far = near.map(|a| a + f64::from(turns) * core::f64::consts::TAU);
+            let mut far = TRACKING.difference(&far, &near);
+            far[0] = 0.0;
+            prop_assert!(far.norm() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn values_that_cannot_be_meant_are_not_used() {
+        let mut values = Measurement::of(&motion(UnitQuaternion::identity(), Vector3::zeros()));
+        assert_eq!(TRACKING.usable(&values), [true; 4]);
+        assert_eq!(TURNING.usable(&values), [true, true, true, false]);
+        values.heading = f64::NAN;
+        values.horizontal_speed = 1e30;
+        assert_eq!(TRACKING.usable(&values), [false, false, true, true]);
+    }
+
+    #[test]
+    fn the_rate_of_a_vertical_axis_is_finite() {
+        // Head up: the heading is undefined.
+        let upright = motion(UnitQuaternion::identity(), Vector3::new(2.0, 3.0, 4.0));
+        assert!(heading_rate(&upright).is_finite());
+    }
+}

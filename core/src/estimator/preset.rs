@@ -1,0 +1,158 @@
+//! Tunings by name, as data: what is measured, how the filter starts, its bounds, windows and limbs.
+
+use nalgebra::SVector;
+
+use super::measurement::{MeasurementModel, TRACKING, TRANSITIONS, TURNING};
+use super::unscented::{Root, Settings, Unsafe};
+use super::{STATES, StateVector};
+use crate::dynamics::muscle_input::{
+    BACK_TRACKING, BELLY_TRACKING, EXPERIENCED_BELLY_TURNS, LAYOUTS, MuscleModel, RW_SUIT_TURNS,
+};
+use crate::dynamics::step::TIME_STEP;
+use crate::math::Real;
+
+/// Everything that tunes an estimator. Vectors are in the order of paper eq. (ukf_state): muscle input in
+/// yaw, pitch, roll, then damping in yaw, pitch, roll.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Preset {
+    /// Name in commands.
+    pub name: &'static str,
+    /// What is measured, with R.
+    pub measurement: MeasurementModel,
+    /// Limbs that act on the muscle input; the [`Dynamics`](crate::dynamics::Dynamics) has to use the same.
+    pub muscles: MuscleModel,
+    /// State at the start.
+    pub state: [f64; STATES],
+    /// Standard deviation at the start.
+    pub deviation: [f64; STATES],
+    /// Process noise per second, Q / dt.
+    pub process_noise_rate: [f64; STATES],
+    /// Lower bounds.
+    pub low: [f64; STATES],
+    /// Upper bounds.
+    pub high: [f64; STATES],
+    /// W_0.
+    pub central_weight: f64,
+    /// k of paper eq. (movepukf).
+    pub reflection: f64,
+    /// Square root that spreads the sigma points.
+    pub root: Root,
+    /// Time between two samples (s).
+    pub time_step: f64,
+    /// N_solve: samples from one update to the next.
+    pub solution_window: usize,
+}
+
+/// Bound of damping that lets a skydiver push a rotation on, paper "Transition Maneuvers".
+pub const NEGATIVE_DAMPING_BOUND: f64 = -0.25;
+
+/// Tracking back to earth, the paper's full example.
+pub const TRACKING_ON_BACK: Preset = Preset {
+    name: "tracking",
+    measurement: TRACKING,
+    muscles: BACK_TRACKING,
+    state: [0.0, 0.0, 0.0, 6.0, 6.0, 6.0],
+    deviation: [0.25, 0.25, 0.25, 6.0, 6.0, 6.0],
+    process_noise_rate: [0.25, 0.25, 0.25, 1.0, 1.0, 1.0],
+    low: [0.0, 0.0, 0.0, 0.01, 0.01, 0.01],
+    high: [6.5, 6.5, 6.5, 24.0, 24.0, 24.0],
+    central_weight: 0.5,
+    reflection: 0.5,
+    root: Root::Symmetric,
+    time_step: TIME_STEP,
+    solution_window: 4,
+};
+
+const TURNING_BOUNDS: [f64; STATES] = [10.5, 3.5, 2.5, 24.0, 24.0, 24.0];
+const NEGATIVE_BOUNDS: [f64; STATES] = [
+    0.0,
+    0.0,
+    0.0,
+    NEGATIVE_DAMPING_BOUND,
+    NEGATIVE_DAMPING_BOUND,
+    NEGATIVE_DAMPING_BOUND,
+];
+
+/// All presets.
+pub const PRESETS: [Preset; 8] = [
+    TRACKING_ON_BACK,
+    Preset {
+        name: "belly-tracking",
+        muscles: BELLY_TRACKING,
+        ..TRACKING_ON_BACK
+    },
+    Preset {
+        name: "transitions",
+        measurement: TRANSITIONS,
+        ..TRACKING_ON_BACK
+    },
+    Preset {
+        name: "transitions-negative-damping",
+        measurement: TRANSITIONS,
+        low: NEGATIVE_BOUNDS,
+        ..TRACKING_ON_BACK
+    },
+    Preset {
+        name: "layouts",
+        measurement: TRANSITIONS,
+        muscles: LAYOUTS,
+        low: NEGATIVE_BOUNDS,
+        ..TRACKING_ON_BACK
+    },
+    Preset {
+        name: "turning",
+        measurement: TURNING,
+        high: TURNING_BOUNDS,
+        solution_window: 12,
+        ..TRACKING_ON_BACK
+    },
+    Preset {
+        name: "turning-experienced",
+        measurement: TURNING,
+        muscles: EXPERIENCED_BELLY_TURNS,
+        high: TURNING_BOUNDS,
+        solution_window: 12,
+        ..TRACKING_ON_BACK
+    },
+    Preset {
+        name: "turning-rw-suit",
+        measurement: TURNING,
+        muscles: RW_SUIT_TURNS,
+        high: TURNING_BOUNDS,
+        solution_window: 12,
+        ..TRACKING_ON_BACK
+    },
+];
+
+impl Preset {
+    /// The preset of that name.
+    pub fn from_name(name: &str) -> Option<&'static Self> {
+        PRESETS.iter().find(|preset| preset.name == name)
+    }
+
+    /// Settings of the unscented filter.
+    ///
+    /// # Errors
+    /// Settings that could not be run safely.
+    pub fn settings<T: Real>(&self) -> Result<Settings<T, STATES>, Unsafe> {
+        let vector = |values: [f64; STATES]| StateVector::<T>::from(values.map(T::of));
+        let settings = Settings {
+            state: vector(self.state),
+            variance: vector(self.deviation.map(|d| d * d)),
+            // The paper adds Q dt once an update, whatever the solution window.
+            process_noise: vector(self.process_noise_rate) * T::of(self.time_step),
+            low: vector(self.low),
+            high: vector(self.high),
+            central_weight: T::of(self.central_weight),
+            reflection: T::of(self.reflection),
+            root: self.root,
+        };
+        settings.check()?;
+        let noise: SVector<T, _> = self.measurement.noise();
+        if noise.iter().all(|r| r.is_finite() && *r > T::zero()) {
+            Ok(settings)
+        } else {
+            Err(Unsafe::MeasurementNoise)
+        }
+    }
+}

@@ -1,0 +1,219 @@
+//! The reduced prediction, for a unit without memory or time to spare.
+//!
+//! Four things make it cheap. One run at the state and one to a side for each coefficient give the slope of
+//! the measurement; the moments of all thirteen bounded sigma points follow from it without running them.
+//! A step spans two samples: the integrator is of second order and its damping implicit. An interval keeps no
+//! segments: aerodynamics with the faces that the central run shows to the stream
+//! ([`FrozenAerodynamics`]), and the moments of the muscle groups linear about its velocity. All runs share
+//! them.
+
+use nalgebra::{SMatrix, SVector, Vector3};
+
+use super::measurement::{CHANNELS, MeasurementModel};
+use super::propagation::{Propagation, Window};
+use super::unscented::{Moments, SigmaPoints, Unscented};
+use super::{STATES, StateVector, inputs_of};
+use crate::aerodynamics::compiled::FrozenAerodynamics;
+use crate::aerodynamics::{Flow, Loads, damping_rate};
+use crate::dynamics::interval::Interval;
+use crate::dynamics::muscle_input::{GROUPS, GroupMoments, MuscleInput};
+use crate::dynamics::{Dynamics, Inputs, PostureSample, State};
+use crate::math::Real;
+use nalgebra::Matrix3;
+
+/// Seven runs over intervals of two samples.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Reduced;
+
+/// An interval without its segments.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ReducedInterval<T: Real> {
+    mass: T,
+    cg: Vector3<T>,
+    cg_rate: Vector3<T>,
+    inertia: Matrix3<T>,
+    inverse_inertia: Matrix3<T>,
+    relative_angular_momentum: Vector3<T>,
+    aerodynamics: FrozenAerodynamics<T>,
+    groups: LinearGroups<T>,
+    levers: [T; 4],
+}
+
+/// Moments of the muscle groups about a reference velocity, per density.
+///
+/// They are quadratic in the speed, so `f(V) = J (V - V_0 / 2)` meets both value and slope at `V_0`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct LinearGroups<T: Real> {
+    slope: [Vector3<T>; GROUPS],
+    half_velocity: Vector3<T>,
+}
+
+/// Turn of the stream (rad) over which the slope is taken; sigma points differ by about as much.
+const STREAM_TURN: f64 = 0.05;
+
+impl<T: Real> LinearGroups<T> {
+    /// From the loads at the reference and at two streams turned by [`STREAM_TURN`]; along the reference the
+    /// slope follows from the square of the speed.
+    fn about(dynamics: &Dynamics<T>, sample: &PostureSample<T>, velocity: &Vector3<T>) -> Self {
+        let one = T::one();
+        let unit = MuscleInput {
+            yaw: one,
+            pitch: one,
+            roll: one,
+        };
+        let at = |velocity: &Vector3<T>| {
+            let flow = Flow::new(velocity, one);
+            GroupMoments::of(
+                &dynamics.muscles,
+                &unit,
+                &sample.aerodynamics.segments,
+                &flow,
+            )
+            .0
+        };
+        let square = velocity.norm_squared();
+        let speed = square.root();
+        let along = velocity * (one / speed);
+        let first = across(&along);
+        let second = along.cross(&first);
+        let turn = speed * T::of(STREAM_TURN);
+        let centre = at(velocity);
+        let sides = [first, second].map(|side| at(&(velocity + side * turn)));
+        let mut slope = [Vector3::zeros(); GROUPS];
+        for (k, slope) in slope.iter_mut().enumerate() {
+            let [a, b] = [0, 1].map(|side| (sides[side][k] - centre[k]) / turn);
+            *slope = first * a + second * b + along * (centre[k] * T::of(2.0) / speed);
+            if !slope.iter().all(|v| v.is_finite()) {
+                *slope = Vector3::zeros();
+            }
+        }
+        Self {
+            slope,
+            half_velocity: velocity * T::of(0.5),
+        }
+    }
+
+    #[inline]
+    fn at(&self, velocity: &Vector3<T>, density: T) -> GroupMoments<T> {
+        let offset = (velocity - self.half_velocity) * density;
+        GroupMoments(self.slope.map(|row| row.dot(&offset)))
+    }
+}
+
+/// A unit vector across a unit vector.
+fn across<T: Real>(along: &Vector3<T>) -> Vector3<T> {
+    // The axis least aligned: its cross product is never short.
+    let axis = if along.x.abs() < T::of(0.7) {
+        Vector3::x()
+    } else {
+        Vector3::y()
+    };
+    let side = along.cross(&axis);
+    side * (T::one() / side.norm_squared().root())
+}
+
+impl<T: Real> Interval<T> for ReducedInterval<T> {
+    #[inline]
+    fn mass(&self) -> T {
+        self.mass
+    }
+    #[inline]
+    fn cg(&self) -> &Vector3<T> {
+        &self.cg
+    }
+    #[inline]
+    fn cg_rate(&self) -> &Vector3<T> {
+        &self.cg_rate
+    }
+    #[inline]
+    fn inertia(&self) -> &Matrix3<T> {
+        &self.inertia
+    }
+    #[inline]
+    fn inverse_inertia(&self) -> &Matrix3<T> {
+        &self.inverse_inertia
+    }
+    #[inline]
+    fn relative_angular_momentum(&self) -> &Vector3<T> {
+        &self.relative_angular_momentum
+    }
+
+    #[inline]
+    fn loads(
+        &self,
+        dynamics: &Dynamics<T>,
+        inputs: &Inputs<T>,
+        velocity_through_air: &Vector3<T>,
+        density: T,
+    ) -> (Loads<T>, Vector3<T>) {
+        let flow = Flow::new(velocity_through_air, density);
+        let mut loads = self.aerodynamics.total_load(&flow);
+        let groups = self.groups.at(velocity_through_air, density);
+        let muscle = groups.load(&inputs.muscle, &self.levers);
+        loads.force += muscle.force;
+        loads.moment += muscle.moment;
+        let height = dynamics.body.height;
+        let damping = damping_rate(&inputs.damping, loads.exposed_area, height, &flow);
+        (loads, damping)
+    }
+}
+
+impl<T: Real> Propagation<T> for Reduced {
+    type Interval = ReducedInterval<T>;
+    const STRIDE: usize = 2;
+
+    fn keep(
+        dynamics: &Dynamics<T>,
+        sample: &PostureSample<T>,
+        velocity: &Vector3<T>,
+    ) -> ReducedInterval<T> {
+        let flow = Flow::new(velocity, T::one());
+        ReducedInterval {
+            mass: sample.mass.mass,
+            cg: sample.mass.cg,
+            cg_rate: sample.motion.cg_rate,
+            inertia: sample.inertia,
+            inverse_inertia: sample.inverse_inertia,
+            relative_angular_momentum: sample.relative_angular_momentum,
+            aerodynamics: sample.aerodynamics.about(&flow.direction),
+            groups: LinearGroups::about(dynamics, sample, velocity),
+            levers: dynamics.muscles.levers(dynamics.body.height),
+        }
+    }
+
+    fn predict<const N: usize>(
+        filter: &Unscented<T, STATES>,
+        points: &SigmaPoints<T, STATES>,
+        start: &State<T>,
+        window: &Window<'_, T, ReducedInterval<T>, N>,
+        model: &MeasurementModel,
+    ) -> (Moments<T, STATES, CHANNELS>, State<T>) {
+        let offsets = one_sided(filter);
+        let mut coefficients = [points.centre; STATES + 1];
+        for (k, point) in coefficients.iter_mut().skip(1).enumerate() {
+            point[k] += offsets[k];
+        }
+        let runs = window.run(start, &coefficients.map(|x| inputs_of(&x)));
+        let seen = runs.map(|state| window.observe(&state, model));
+        let mut slope = SMatrix::<T, CHANNELS, STATES>::zeros();
+        for (k, side) in seen.iter().skip(1).enumerate() {
+            let change: SVector<T, CHANNELS> = model.difference(side, &seen[0]);
+            slope.set_column(k, &(change / offsets[k]));
+        }
+        (filter.linear_moments(points, &seen[0], &slope), runs[0])
+    }
+}
+
+/// For each coefficient the distance of its run from the state: as far as a sigma point would go if no other
+/// coefficient varied, to the side with more room in the bounds.
+fn one_sided<T: Real>(filter: &Unscented<T, STATES>) -> StateVector<T> {
+    let (settings, state) = (filter.settings(), filter.state());
+    let spread = filter.spread();
+    StateVector::from_fn(|k, _| {
+        let (up, down) = (settings.high[k] - state[k], state[k] - settings.low[k]);
+        let room = if up > down { up } else { down };
+        let reach = filter.covariance()[(k, k)].root() * spread;
+        let distance = if reach < room { reach } else { room };
+        if up > down { distance } else { -distance }
+    })
+}

@@ -1,0 +1,488 @@
+//! The unscented filter of parameters that only noise moves: sigma points in bounds, moments, update.
+//!
+//! Paper section "The Modified Unscented Kalman Filter", without the model: whoever owns the model takes
+//! [`Unscented::sigma_points`], predicts a measurement for each, and hands [`Moments`] to
+//! [`Unscented::update`]. `N` states, `M` measurement channels, everything on the stack, every call at a
+//! fixed cost. Safe in `f32`: weights are never negative, sums are taken about the central point, the
+//! covariance is reduced by a product `U U^T` and cannot lose its symmetry, variances have a floor and a
+//! ceiling relative to where they started.
+
+use nalgebra::{SMatrix, SVector};
+
+use super::factor::{Cholesky, symmetric_root};
+use crate::math::{Real, clamp};
+
+/// Which square root of the covariance spreads the sigma points.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Root {
+    /// Symmetric, `S S = P`, as in the paper.
+    Symmetric,
+    /// Lower triangular, `L L^T = P`: a quarter of the cost, the spread depends on the order of the states.
+    Cholesky,
+}
+
+/// What tunes the filter of `N` states.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Settings<T: Real, const N: usize> {
+    /// State at the start.
+    pub state: SVector<T, N>,
+    /// Variance at the start, diagonal of P.
+    pub variance: SVector<T, N>,
+    /// Variance that the process adds with each update, diagonal of Q.
+    pub process_noise: SVector<T, N>,
+    /// Lower bounds of the state, paper eq. (minmax).
+    pub low: SVector<T, N>,
+    /// Upper bounds.
+    pub high: SVector<T, N>,
+    /// Weight of the central point, W_0.
+    pub central_weight: T,
+    /// Share by which a point beyond a bound that the state sits on goes to the other side, k of paper
+    /// eq. (movepukf).
+    pub reflection: T,
+    /// Square root of the covariance.
+    pub root: Root,
+}
+
+/// Why settings are refused.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Unsafe {
+    /// The central weight is not in 0 to 0.99: negative weights make covariances indefinite in single
+    /// precision.
+    CentralWeight,
+    /// A variance at the start is not finite and positive.
+    Variance,
+    /// The largest variance at the start is more than 1e12 times the smallest.
+    VarianceSpread,
+    /// A process noise is negative, not finite, or above a hundred times the variance at the start.
+    ProcessNoise,
+    /// A lower bound is not below its upper bound.
+    Bounds,
+    /// The state at the start is outside its bounds or not finite.
+    State,
+    /// The reflection is not in 0 to 1.
+    Reflection,
+    /// A measurement noise is not finite and positive.
+    MeasurementNoise,
+    /// The solution window is empty, longer than the prediction window, or no multiple of the stride.
+    SolutionWindow,
+    /// The time step is not positive, or an interval is longer than 0.05 s.
+    TimeStep,
+    /// Motion or posture at the start are not finite.
+    Start,
+}
+
+impl core::fmt::Display for Unsafe {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(match self {
+            Self::CentralWeight => "central weight W0 must lie in 0 to 0.99",
+            Self::Variance => "every variance at the start must be positive and finite",
+            Self::VarianceSpread => "variances at the start may differ by a factor of 1e12 at most",
+            Self::ProcessNoise => {
+                "process noise must lie between 0 and 100 times the variance at the start"
+            }
+            Self::Bounds => "every lower bound must be below its upper bound",
+            Self::State => "the state at the start must lie within its bounds",
+            Self::Reflection => "the reflection k must lie in 0 to 1",
+            Self::MeasurementNoise => "every measurement noise must be positive and finite",
+            Self::SolutionWindow => {
+                "the solution window must be a multiple of the filter's stride within the prediction window"
+            }
+            Self::TimeStep => "the time step must be positive and an interval 0.05 s at most",
+            Self::Start => "motion and posture at the start must be finite",
+        })
+    }
+}
+
+impl core::error::Error for Unsafe {}
+
+impl<T: Real, const N: usize> Settings<T, N> {
+    /// Whether a filter may run on these settings.
+    ///
+    /// # Errors
+    /// The first rule that is broken.
+    pub fn check(&self) -> Result<(), Unsafe> {
+        let (zero, one) = (T::zero(), T::one());
+        let within = |value: T, low: T, high: T| value >= low && value <= high;
+        let rule = |holds: bool, broken| if holds { Ok(()) } else { Err(broken) };
+        rule(
+            within(self.central_weight, zero, T::of(0.99)),
+            Unsafe::CentralWeight,
+        )?;
+        rule(within(self.reflection, zero, one), Unsafe::Reflection)?;
+        let variance = &self.variance;
+        rule(
+            variance.iter().all(|v| v.is_finite() && *v > zero),
+            Unsafe::Variance,
+        )?;
+        rule(
+            variance.max() <= variance.min() * T::of(1e12),
+            Unsafe::VarianceSpread,
+        )?;
+        let mut noise = self.process_noise.iter().zip(variance.iter());
+        rule(
+            noise.all(|(q, v)| within(*q, zero, *v * T::of(100.0))),
+            Unsafe::ProcessNoise,
+        )?;
+        let mut bounds = self.low.iter().zip(self.high.iter());
+        rule(bounds.all(|(low, high)| low < high), Unsafe::Bounds)?;
+        let mut state = self.state.iter().zip(self.low.iter().zip(self.high.iter()));
+        rule(
+            state.all(|(x, (low, high))| x.is_finite() && within(*x, *low, *high)),
+            Unsafe::State,
+        )
+    }
+}
+
+/// Points at which the model is run: the state, and a pair of points on both sides for each column of the
+/// root.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SigmaPoints<T: Real, const N: usize> {
+    /// The state itself, of weight W_0.
+    pub centre: SVector<T, N>,
+    /// The points on the positive side.
+    pub plus: [SVector<T, N>; N],
+    /// The points on the negative side.
+    pub minus: [SVector<T, N>; N],
+}
+
+/// Mean and covariances of sigma points and of what they predict.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Moments<T: Real, const N: usize, const M: usize> {
+    /// Mean of the points, X_k+1/k.
+    pub state: SVector<T, N>,
+    /// Their covariance, without process noise.
+    pub covariance: SMatrix<T, N, N>,
+    /// Mean prediction, Zpred.
+    pub prediction: SVector<T, M>,
+    /// Covariance of the predictions, without measurement noise.
+    pub prediction_covariance: SMatrix<T, M, M>,
+    /// Covariance of points with predictions, C_xz.
+    pub cross_covariance: SMatrix<T, N, M>,
+}
+
+/// What an update found.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Innovation<T: Real, const M: usize> {
+    /// Measured less predicted; zero in channels that are not used.
+    pub innovation: SVector<T, M>,
+    /// Its covariance C_z with measurement noise; one on the diagonal of channels that are not used.
+    pub covariance: SMatrix<T, M, M>,
+    /// Normalised innovation squared, the sum over used channels; its mean is their number where model and
+    /// noise match reality.
+    pub normalised_square: T,
+    /// Whether state and covariance took it in.
+    pub fused: bool,
+    /// Whether the covariance had to be kept from degenerating.
+    pub repaired: bool,
+}
+
+/// State and covariance of `N` parameters.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Unscented<T: Real, const N: usize> {
+    settings: Settings<T, N>,
+    state: SVector<T, N>,
+    covariance: SMatrix<T, N, N>,
+}
+
+/// Floor and ceiling of a variance as shares of the variance at the start.
+const VARIANCE_RANGE: [f64; 2] = [1e-8, 1e4];
+
+impl<T: Real, const N: usize> Unscented<T, N> {
+    /// Starts from the settings.
+    ///
+    /// # Errors
+    /// Settings that could not be run safely, see [`Unsafe`].
+    pub fn new(settings: Settings<T, N>) -> Result<Self, Unsafe> {
+        settings.check()?;
+        Ok(Self {
+            state: settings.state,
+            covariance: SMatrix::from_diagonal(&settings.variance),
+            settings,
+        })
+    }
+
+    /// The settings.
+    pub fn settings(&self) -> &Settings<T, N> {
+        &self.settings
+    }
+
+    /// The state, X_k/k.
+    pub fn state(&self) -> &SVector<T, N> {
+        &self.state
+    }
+
+    /// Its covariance, P_k/k.
+    pub fn covariance(&self) -> &SMatrix<T, N, N> {
+        &self.covariance
+    }
+
+    /// Distance of sigma points from the state in columns of the root, paper eq. (sigpukf).
+    pub fn spread(&self) -> T {
+        (T::of(count(N)) / (T::one() - self.settings.central_weight)).root()
+    }
+
+    /// Bounded sigma points, paper eqs. (sigpukf), (minmax), (movepukf).
+    #[inline]
+    pub fn sigma_points(&self) -> SigmaPoints<T, N> {
+        let spread = self.spread();
+        let root = match self.settings.root {
+            Root::Symmetric => symmetric_root(&self.covariance),
+            Root::Cholesky => *Cholesky::new(&self.covariance).lower(),
+        };
+        let mut points = SigmaPoints {
+            centre: self.state,
+            plus: [self.state; N],
+            minus: [self.state; N],
+        };
+        for (j, (plus, minus)) in points.plus.iter_mut().zip(&mut points.minus).enumerate() {
+            for k in 0..N {
+                let offset = root[(k, j)] * spread;
+                plus[k] = self.bounded(k, offset);
+                minus[k] = self.bounded(k, -offset);
+            }
+        }
+        points
+    }
+
+    /// Element `k` of a sigma point `offset` away from the state.
+    #[inline]
+    fn bounded(&self, k: usize, offset: T) -> T {
+        let (low, high) = (self.settings.low[k], self.settings.high[k]);
+        let centre = self.state[k];
+        let point = centre + offset;
+        let sits_on_bound_and_leaves =
+            (centre <= low && point < low) || (centre >= high && point > high);
+        let point = if sits_on_bound_and_leaves {
+            centre - self.settings.reflection * offset
+        } else {
+            point
+        };
+        clamp(point, low, high)
+    }
+
+    /// Moments of sigma points and their predictions.
+    ///
+    /// `central` is what the central point predicts; `plus` and `minus` are the differences of the other
+    /// predictions to it, so that angles can be wrapped by who knows which they are.
+    #[inline]
+    pub fn moments<const M: usize>(
+        &self,
+        points: &SigmaPoints<T, N>,
+        central: &SVector<T, M>,
+        plus: &[SVector<T, M>; N],
+        minus: &[SVector<T, M>; N],
+    ) -> Moments<T, N, M> {
+        let mut sums = Sums::zero();
+        for (point, difference) in points.plus.iter().zip(plus) {
+            sums.add(&(point - points.centre), difference);
+        }
+        for (point, difference) in points.minus.iter().zip(minus) {
+            sums.add(&(point - points.centre), difference);
+        }
+        sums.moments(points, central, self.pair_weight())
+    }
+
+    /// Moments where predictions depend on the state along a straight line: `central` for the state itself
+    /// and `slope` (M x N) for changes of it.
+    #[inline]
+    pub fn linear_moments<const M: usize>(
+        &self,
+        points: &SigmaPoints<T, N>,
+        central: &SVector<T, M>,
+        slope: &SMatrix<T, M, N>,
+    ) -> Moments<T, N, M> {
+        let mut sums = Sums::<T, N, 0>::zero();
+        for point in points.plus.iter().chain(&points.minus) {
+            sums.add(&(point - points.centre), &SVector::zeros());
+        }
+        let moments = sums.moments(points, &SVector::zeros(), self.pair_weight());
+        let cross = slope * moments.covariance;
+        Moments {
+            state: moments.state,
+            covariance: moments.covariance,
+            prediction: central + slope * (moments.state - points.centre),
+            prediction_covariance: cross * slope.transpose(),
+            cross_covariance: cross.transpose(),
+        }
+    }
+
+    /// Weight of each point but the central one, W_i of paper eq. (sigpukf).
+    fn pair_weight(&self) -> T {
+        (T::one() - self.settings.central_weight) / T::of(2.0 * count(N))
+    }
+
+    /// Takes in a measurement, paper "Update Step".
+    ///
+    /// `innovation` is measured less `moments.prediction`; `noise` the diagonal of R; channels that are not
+    /// `used` have no effect. Where any number is not finite, nothing changes and `fused` is false.
+    #[inline]
+    pub fn update<const M: usize>(
+        &mut self,
+        moments: &Moments<T, N, M>,
+        innovation: &SVector<T, M>,
+        noise: &SVector<T, M>,
+        used: &[bool; M],
+    ) -> Innovation<T, M> {
+        let mut innovation = *innovation;
+        let mut covariance = moments.prediction_covariance;
+        let mut cross = moments.cross_covariance;
+        let mut any = false;
+        for (k, &used) in used.iter().enumerate() {
+            any |= used;
+            if used {
+                covariance[(k, k)] += noise[k];
+                continue;
+            }
+            innovation[k] = T::zero();
+            cross.set_column(k, &SVector::zeros());
+            covariance.set_column(k, &SVector::zeros());
+            covariance.set_row(k, &SVector::<T, M>::zeros().transpose());
+            covariance[(k, k)] = T::one();
+        }
+        let factor = Cholesky::new(&covariance);
+        let gain = factor.solve_transposed(&cross);
+        let whitened = factor.solve_transposed(&innovation.transpose());
+        let normalised_square = whitened.norm_squared();
+
+        let mut next = Self { ..*self };
+        let moved = moments.state + gain * whitened.transpose();
+        for k in 0..N {
+            next.state[k] = clamp(moved[k], self.settings.low[k], self.settings.high[k]);
+            for j in 0..=k {
+                let mut sum = moments.covariance[(k, j)];
+                for m in 0..M {
+                    sum -= gain[(k, m)] * gain[(j, m)];
+                }
+                next.covariance[(k, j)] = sum;
+            }
+            next.covariance[(k, k)] += self.settings.process_noise[k];
+        }
+        let repaired = next.keep_positive() || factor.repaired() > 0;
+        let finite = moved.iter().all(|v| v.is_finite())
+            && next.covariance.iter().all(|v| v.is_finite())
+            && normalised_square.is_finite();
+        let fused = finite && any;
+        if fused {
+            *self = next;
+        }
+        Innovation {
+            innovation,
+            covariance,
+            normalised_square,
+            fused,
+            repaired,
+        }
+    }
+
+    /// Keeps variances within their range and correlations below one; mirrors the lower triangle. Whether
+    /// anything had to be changed.
+    #[inline]
+    fn keep_positive(&mut self) -> bool {
+        let mut changed = false;
+        let mut deviation = [T::zero(); N];
+        for k in 0..N {
+            let [low, high] = VARIANCE_RANGE.map(|share| self.settings.variance[k] * T::of(share));
+            let variance = self.covariance[(k, k)];
+            let kept = clamp(variance, low, high);
+            changed |= variance < low || variance > high;
+            self.covariance[(k, k)] = kept;
+            deviation[k] = kept.root();
+        }
+        for k in 0..N {
+            for j in 0..k {
+                let limit = deviation[k] * deviation[j] * T::of(0.9999);
+                let value = self.covariance[(k, j)];
+                let kept = clamp(value, -limit, limit);
+                changed |= value.abs() > limit;
+                self.covariance[(k, j)] = kept;
+                self.covariance[(j, k)] = kept;
+            }
+        }
+        changed
+    }
+}
+
+/// Weighted sums of differences to the central point; lower triangles only.
+struct Sums<T: Real, const N: usize, const M: usize> {
+    state: SVector<T, N>,
+    prediction: SVector<T, M>,
+    covariance: SMatrix<T, N, N>,
+    prediction_covariance: SMatrix<T, M, M>,
+    cross: SMatrix<T, N, M>,
+}
+
+impl<T: Real, const N: usize, const M: usize> Sums<T, N, M> {
+    fn zero() -> Self {
+        Self {
+            state: SVector::zeros(),
+            prediction: SVector::zeros(),
+            covariance: SMatrix::zeros(),
+            prediction_covariance: SMatrix::zeros(),
+            cross: SMatrix::zeros(),
+        }
+    }
+
+    #[inline]
+    fn add(&mut self, state: &SVector<T, N>, prediction: &SVector<T, M>) {
+        self.state += state;
+        self.prediction += prediction;
+        for j in 0..N {
+            for i in j..N {
+                self.covariance[(i, j)] += state[i] * state[j];
+            }
+        }
+        for j in 0..M {
+            for i in j..M {
+                self.prediction_covariance[(i, j)] += prediction[i] * prediction[j];
+            }
+            for i in 0..N {
+                self.cross[(i, j)] += state[i] * prediction[j];
+            }
+        }
+    }
+
+    /// `Sum W (x - mean)(x - mean)^T = Sum W d d^T - dm dm^T` with differences d to the centre: at most
+    /// half of the sum is taken away, so no digits are lost.
+    #[inline]
+    fn moments(
+        &self,
+        points: &SigmaPoints<T, N>,
+        central: &SVector<T, M>,
+        weight: T,
+    ) -> Moments<T, N, M> {
+        let (state, prediction) = (self.state * weight, self.prediction * weight);
+        let mut moments = Moments {
+            state: points.centre + state,
+            prediction: central + prediction,
+            covariance: SMatrix::zeros(),
+            prediction_covariance: SMatrix::zeros(),
+            cross_covariance: SMatrix::zeros(),
+        };
+        for j in 0..N {
+            for i in j..N {
+                let value = self.covariance[(i, j)] * weight - state[i] * state[j];
+                moments.covariance[(i, j)] = value;
+                moments.covariance[(j, i)] = value;
+            }
+        }
+        for j in 0..M {
+            for i in j..M {
+                let value =
+                    self.prediction_covariance[(i, j)] * weight - prediction[i] * prediction[j];
+                moments.prediction_covariance[(i, j)] = value;
+                moments.prediction_covariance[(j, i)] = value;
+            }
+            for i in 0..N {
+                moments.cross_covariance[(i, j)] =
+                    self.cross[(i, j)] * weight - state[i] * prediction[j];
+            }
+        }
+        moments
+    }
+}
+
+/// A count as a number.
+fn count(n: usize) -> f64 {
+    // States are counted in tens.
+    f64::from(u32::try_from(n).unwrap_or(u32::MAX))
+}

@@ -1,0 +1,302 @@
+//! Synthetic flights for the estimator: postures and conscious inputs that vary in time, flown by the core in
+//! double precision at twice the filter's rate, and measured with the paper's noise.
+
+use bodyflight_core::body::pattern::{self, JointAngles, NEUTRAL, TRACK};
+use bodyflight_core::dynamics::muscle_input::{MuscleInput, MuscleModel};
+use bodyflight_core::dynamics::step::TIME_STEP;
+use bodyflight_core::dynamics::{Dynamics, Inputs, Motion, State};
+use bodyflight_core::estimator::measurement::Measurement;
+use bodyflight_core::frame::{Rotation, Vector};
+use bodyflight_core::{Body, Posture, Segment};
+use nalgebra::{UnitQuaternion, Vector3};
+
+/// Time in which a pulse rises and falls (s).
+const RISE: f64 = 0.5;
+
+/// A pulse of muscle input, damping or posture: rises smoothly, holds, falls.
+#[derive(Debug, Clone, Copy)]
+pub struct Pulse {
+    /// Begin and end (s).
+    pub during: [f64; 2],
+    /// Muscle input added [yaw, pitch, roll].
+    pub muscle: [f64; 3],
+    /// Damping added [pitch, yaw, roll].
+    pub damping: [f64; 3],
+    /// Joints moved, by radians of a pattern.
+    pub joints: Option<(&'static JointAngles, f64)>,
+}
+
+/// A flight by script.
+#[derive(Debug, Clone, Copy)]
+pub struct Flight {
+    /// Name in reports.
+    pub name: &'static str,
+    /// Length (s).
+    pub duration: f64,
+    /// Posture between the pulses.
+    pub base: &'static JointAngles,
+    /// Turn about the left axis at the start (rad); pi/2 is belly to earth.
+    pub start_pitch: f64,
+    /// Muscle input between the pulses [yaw, pitch, roll].
+    pub muscle: [f64; 3],
+    /// Damping between the pulses [pitch, yaw, roll].
+    pub damping: [f64; 3],
+    /// Size of the slow wandering of inputs (share).
+    pub wander: f64,
+    /// Size of the slow swaying of the arms by which a skydiver keeps and changes direction (rad).
+    pub sway: f64,
+    /// What is done.
+    pub pulses: &'static [Pulse],
+}
+
+/// One arm up, the other down.
+const TURN: &JointAngles = &[
+    (Segment::LeftUpperArm, [0.0, 0.0, 1.0]),
+    (Segment::RightUpperArm, [0.0, 0.0, -1.0]),
+];
+/// The left arm drawn in to the body.
+const DRAW_IN_LEFT: &JointAngles = &[
+    (Segment::LeftUpperArm, [0.0, -1.0, 0.0]),
+    (Segment::LeftForearm, [0.0, -1.0, 0.0]),
+];
+/// Arms and thighs pressed down into the stream.
+const PRESS: &JointAngles = &[
+    (Segment::LeftUpperArm, [0.0, 0.0, -1.0]),
+    (Segment::RightUpperArm, [0.0, 0.0, -1.0]),
+    (Segment::LeftThigh, [0.0, 0.0, 1.0]),
+    (Segment::RightThigh, [0.0, 0.0, 1.0]),
+];
+
+const fn roll(from: f64) -> Pulse {
+    Pulse {
+        during: [from, from + 1.6],
+        muscle: [0.0, 0.0, 3.0],
+        damping: [0.0, 0.0, -8.0],
+        joints: Some((DRAW_IN_LEFT, 0.6)),
+    }
+}
+
+const fn turn(from: f64, to: f64, amount: f64, yaw: f64) -> Pulse {
+    Pulse {
+        during: [from, to],
+        muscle: [yaw, 0.4, 0.5],
+        damping: [2.0, 1.5, -2.0],
+        joints: Some((TURN, amount)),
+    }
+}
+
+const fn flip(from: f64, to: f64) -> Pulse {
+    Pulse {
+        during: [from, to],
+        muscle: [0.0, 3.0, 0.0],
+        damping: [-5.0, 2.0, 3.0],
+        joints: Some((PRESS, 0.8)),
+    }
+}
+
+/// Tracking with two barrel rolls, paper "The Tracking Maneuver".
+pub const ANGLE_FLYING: Flight = Flight {
+    name: "angle flying",
+    duration: 55.0,
+    base: TRACK,
+    start_pitch: 1.9,
+    muscle: [0.3, 0.8, 0.2],
+    damping: [6.0, 3.0, 16.0],
+    wander: 0.4,
+    sway: 0.1,
+    pulses: &[roll(30.0), roll(43.0)],
+};
+
+/// Fourteen transitions.
+pub const TRANSITIONS: Flight = Flight {
+    name: "transitions",
+    duration: 45.0,
+    base: NEUTRAL,
+    start_pitch: core::f64::consts::FRAC_PI_2,
+    muscle: [0.0; 3],
+    damping: [8.0, 4.0, 16.0],
+    wander: 0.2,
+    sway: 0.1,
+    pulses: &[
+        flip(2.0, 3.4),
+        roll(5.0),
+        flip(8.0, 9.4),
+        roll(11.0),
+        flip(14.0, 15.4),
+        roll(17.0),
+        flip(20.0, 21.4),
+        flip(23.0, 24.4),
+        roll(26.0),
+        roll(29.0),
+        flip(32.0, 33.4),
+        roll(35.0),
+        flip(38.0, 39.4),
+        roll(41.0),
+    ],
+};
+
+/// Aggressive turns left and right.
+pub const TURNS: Flight = Flight {
+    name: "aggressive turns",
+    duration: 30.0,
+    base: NEUTRAL,
+    start_pitch: core::f64::consts::FRAC_PI_2,
+    muscle: [0.2, 0.2, 0.2],
+    damping: [3.0, 0.5, 6.0],
+    wander: 0.5,
+    sway: 0.05,
+    pulses: &[
+        turn(2.0, 5.0, 0.3, 2.0),
+        turn(6.0, 9.0, -0.35, 1.0),
+        turn(11.0, 14.0, 0.4, 3.0),
+        turn(16.0, 18.0, -0.3, 0.0),
+        turn(19.0, 23.0, 0.3, 4.0),
+        turn(24.0, 28.0, -0.4, 2.0),
+    ],
+};
+
+impl Pulse {
+    /// Share of the pulse at `time` (s): smooth steps at both ends.
+    fn share(&self, time: f64) -> f64 {
+        let [begin, end] = self.during;
+        let smooth = |x: f64| {
+            let x = x.clamp(0.0, 1.0);
+            x * x * (3.0 - 2.0 * x)
+        };
+        smooth((time - begin) / RISE) * smooth((end - time) / RISE)
+    }
+}
+
+impl Flight {
+    /// Posture at `time` (s).
+    pub fn posture(&self, time: f64) -> Posture<f64> {
+        let sway = self.sway * ((1.1 * time).sin() + 0.6 * (2.3 * time).sin());
+        let base = pattern::moved(&pattern::posture(self.base), TURN, sway);
+        self.pulses
+            .iter()
+            .fold(base, |posture, pulse| match pulse.joints {
+                Some((joints, amount)) => {
+                    pattern::moved(&posture, joints, amount * pulse.share(time))
+                }
+                None => posture,
+            })
+    }
+
+    /// Conscious inputs at `time` (s).
+    pub fn inputs(&self, time: f64) -> Inputs<f64> {
+        let mut muscle = self.muscle;
+        let mut damping = self.damping;
+        for (k, value) in (0u32..).zip(muscle.iter_mut().chain(&mut damping)) {
+            *value *= 1.0 + self.wander * (time * (0.7 + 0.13 * f64::from(k)) + f64::from(k)).sin();
+        }
+        for pulse in self.pulses {
+            let share = pulse.share(time);
+            for k in 0..3 {
+                muscle[k] += pulse.muscle[k] * share;
+                damping[k] += pulse.damping[k] * share;
+            }
+        }
+        let [yaw, pitch, roll] = muscle.map(|value| value.max(0.0));
+        Inputs {
+            muscle: MuscleInput { yaw, pitch, roll },
+            damping: Vector3::from(damping.map(|value| value.max(-0.2))),
+        }
+    }
+
+    /// Flies the script.
+    pub fn fly(&self, body: &Body<f64>, muscles: MuscleModel) -> Record {
+        let dynamics = Dynamics {
+            muscles,
+            ..Dynamics::paper(*body, 1.0)
+        };
+        let attitude = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), self.start_pitch);
+        let attitude = Rotation::from_quaternion(attitude);
+        let start = Motion {
+            inertial_from_body: attitude,
+            position: Vector::zero(),
+            velocity: attitude.inverse() * Vector::new(0.0, -3.0, -42.0),
+            angular_velocity: Vector::zero(),
+        };
+        let half = TIME_STEP / 2.0;
+        let mut state = State::from_motion(&start, &dynamics.hold(&self.posture(0.0)));
+        let mut record = Record {
+            dynamics,
+            postures: vec![self.posture(0.0)],
+            motions: vec![start],
+        };
+        let mut time = 0.0;
+        while time < self.duration {
+            for _ in 0..2 {
+                let ends = [self.posture(time), self.posture(time + half)];
+                let sample = dynamics.between(&ends[0], &ends[1], half);
+                state = dynamics.step(&state, &sample, &self.inputs(time + half / 2.0), half);
+                time += half;
+            }
+            let next = [self.posture(time - half), self.posture(time + half)];
+            let sample = dynamics.between(&next[0], &next[1], TIME_STEP);
+            record.postures.push(self.posture(time));
+            record.motions.push(state.motion(&sample));
+        }
+        record
+    }
+}
+
+/// What was flown, sample by sample.
+#[derive(Debug, Clone)]
+pub struct Record {
+    /// The model that flew.
+    pub dynamics: Dynamics<f64>,
+    /// Postures.
+    pub postures: Vec<Posture<f64>>,
+    /// Motions.
+    pub motions: Vec<Motion<f64>>,
+}
+
+/// Normal deviates by summing twelve uniform ones of a 64-bit congruential generator: the same everywhere.
+#[derive(Debug, Clone)]
+pub struct Noise(u64);
+
+impl Noise {
+    /// A sequence for a seed.
+    pub fn new(seed: u64) -> Self {
+        Self(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1)
+    }
+
+    /// Uniform in 0 to 1.
+    pub fn uniform(&mut self) -> f64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        (self.0 >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    /// Normal, of this standard deviation.
+    pub fn normal(&mut self, deviation: f64) -> f64 {
+        let (radius, angle) = (self.uniform(), self.uniform());
+        (-2.0 * (1.0 - radius).ln()).sqrt() * (core::f64::consts::TAU * angle).cos() * deviation
+    }
+}
+
+impl Record {
+    /// What sensors saw, with the paper's noise of tracking and turning.
+    pub fn measured(&self, seed: u64) -> Vec<Measurement<f64>> {
+        let mut noise = Noise::new(seed);
+        let mut seen = |motion| {
+            let Measurement {
+                horizontal_speed,
+                heading,
+                pitch,
+                roll,
+                yaw_rate,
+            } = Measurement::of(motion);
+            Measurement {
+                horizontal_speed: horizontal_speed + noise.normal(0.1),
+                heading: heading + noise.normal(0.05),
+                pitch: pitch + noise.normal(0.01),
+                roll: roll + noise.normal(0.01),
+                yaw_rate: yaw_rate + noise.normal(0.01),
+            }
+        };
+        self.motions.iter().map(&mut seen).collect()
+    }
+}
