@@ -1,4 +1,5 @@
 //! The real binary, from arguments to files and exit codes.
+#![expect(clippy::expect_used, reason = "tests may panic: that is how they fail")]
 
 use std::path::Path;
 use std::process::{Command, Output};
@@ -149,6 +150,47 @@ fn trim_is_a_plausible_belly_fall() {
         "{report}"
     );
     assert!((10.0..110.0).contains(&number("knee_deg")), "{report}");
+}
+
+#[test]
+fn estimated_inputs_reconstruct_what_constant_ones_cannot() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let flight = synth("transitions", folder.path(), &["--seed", "1"]);
+    let path = |name: &str| folder.path().join(name).to_str().expect("plain").to_owned();
+    let (csv, svg) = (path("est.csv"), path("est.svg"));
+    let common = [
+        "estimate", &flight, "--preset", "layouts", "--out", &csv, "--plot", &svg,
+    ];
+    let report = json(&common);
+    for field in [
+        "rms",
+        "rms_constant",
+        "updates",
+        "nis_mean",
+        "flags",
+        "seconds",
+    ] {
+        assert!(!report[field].is_null(), "{field}: {report}");
+    }
+    let gap = |side: &str, channel: &str| report[side][channel].as_f64().expect(channel);
+    for channel in ["roll_rad", "pitch_rad"] {
+        let (with, without) = (gap("rms", channel), gap("rms_constant", channel));
+        assert!(
+            with < 0.15 && 3.0 * with < without,
+            "{channel}: {with} with, {without} without"
+        );
+    }
+    assert_eq!(report["flags"]["update"], 0);
+    let svg = std::fs::read_to_string(svg).expect("the plot");
+    assert!(svg.contains("muscle input coefficients") && svg.contains("without"));
+    // The estimate is an input history like any other: the free run with it stays with the flight.
+    let text = std::fs::read_to_string(&flight).expect("the flight");
+    std::fs::write(&flight, text.replace("inputs.csv", "est.csv")).expect("written");
+    let again = json(&["simulate", &flight]);
+    assert!(
+        again["rms"]["roll_rad"].as_f64().expect("a number") < 0.5,
+        "{again}"
+    );
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! Verbs of the command line: one file each, arguments and output; the work is in the library.
 
 mod demo;
+mod estimate;
 mod inspect;
 mod simulate;
 mod synth;
@@ -35,6 +36,7 @@ enum Verb {
     Demo(demo::Args),
     Inspect(inspect::Args),
     Simulate(simulate::Args),
+    Estimate(estimate::Args),
     Trim(trim::Args),
     Synth(synth::Args),
     Tune(tune::Args),
@@ -59,6 +61,7 @@ fn run(cli: &Cli) -> Result<()> {
         Verb::Demo(args) => demo::run(args, cli.json),
         Verb::Inspect(args) => inspect::run(args, cli.json),
         Verb::Simulate(args) => simulate::run(args, cli.json),
+        Verb::Estimate(args) => estimate::run(args, cli.json),
         Verb::Trim(args) => trim::run(args, cli.json),
         Verb::Synth(args) => synth::run(args, cli.json),
         Verb::Tune(args) => tune::run(args, cli.json),

@@ -65,6 +65,11 @@ impl Channel {
         }
     }
 
+    /// Whether values are angles.
+    pub const fn is_angle(self) -> bool {
+        matches!(self, Self::Roll | Self::Pitch | Self::Heading)
+    }
+
     /// Value of an observation; the size where the channel is a vector.
     pub fn value(self, seen: &Observation<f64>) -> f64 {
         match self {

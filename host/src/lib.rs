@@ -2,6 +2,7 @@
 
 pub mod comparison;
 pub mod diagnostic;
+pub mod estimate;
 pub mod flight;
 pub mod input_history;
 pub mod inspect;

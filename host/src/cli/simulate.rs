@@ -68,7 +68,7 @@ enum EquationsName {
 }
 
 #[derive(clap::ValueEnum, Clone, Copy)]
-enum Precision {
+pub(super) enum Precision {
     /// As on the unit.
     Single,
     /// For reference.
@@ -82,15 +82,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         Some(EquationsName::AsPublished) => flight.equations = Equations::AsPublished,
         None => {}
     }
-    for output in [&args.out, &args.plot].into_iter().flatten() {
-        if [&args.flight, &flight.recording].contains(&output) {
-            return Err(
-                Problem::bad_input("this is an input, and would be overwritten")
-                    .in_file(output)
-                    .help("give another name to the output"),
-            );
-        }
-    }
+    refuse_inputs([&args.out, &args.plot], &[&args.flight, &flight.recording])?;
     let simulation = run_flight(&flight, args)?;
     if let Some(path) = &args.plot {
         let title = format!("{}: free run against measurement", args.flight.display());
@@ -107,6 +99,25 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         terminal::print(&format!("written: {}", path.display()));
     }
     Ok(())
+}
+
+/// Refuses outputs that are inputs.
+pub(super) fn refuse_inputs<const N: usize>(
+    outputs: [&Option<PathBuf>; N],
+    inputs: &[&PathBuf],
+) -> Result<()> {
+    match outputs
+        .into_iter()
+        .flatten()
+        .find(|output| inputs.contains(output))
+    {
+        None => Ok(()),
+        Some(output) => Err(
+            Problem::bad_input("this is an input, and would be overwritten")
+                .in_file(output)
+                .help("give another name to the output"),
+        ),
+    }
 }
 
 fn run_flight(flight: &Flight, args: &Args) -> Result<Simulation> {
