@@ -19,8 +19,12 @@ impl AtomicFile {
     /// Begins the file in the folder of `path`.
     ///
     /// # Errors
-    /// Where the folder does not exist or cannot be written to.
+    /// Where the folder does not exist or cannot be written to, or the path is a folder.
     pub fn create(path: &Path) -> Result<Self> {
+        if path.is_dir() {
+            let is_folder = io::ErrorKind::IsADirectory.into();
+            return Err(Problem::system("create", path, &is_folder));
+        }
         let folder = match path.parent() {
             Some(folder) if !folder.as_os_str().is_empty() => folder,
             _ => Path::new("."),
@@ -98,5 +102,7 @@ mod tests {
         let problem = write_file(Path::new("/nowhere/run.csv"), b"").unwrap_err();
         assert_eq!(problem.kind, crate::diagnostic::Kind::System);
         assert!(problem.to_string().contains("/nowhere/run.csv"));
+        let folder = tempfile::tempdir().unwrap();
+        assert!(AtomicFile::create(folder.path()).is_err());
     }
 }

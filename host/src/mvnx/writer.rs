@@ -6,14 +6,14 @@
 mod document;
 mod motion;
 
-use std::io::{self, BufWriter, Write};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use bodyflight_core::Body;
-use tempfile::NamedTempFile;
 
 use self::motion::Differences;
 use crate::diagnostic::{Problem, Result};
+use crate::output::AtomicFile;
 use crate::recording::FlightFrame;
 use crate::xsens::skeleton::Layout;
 
@@ -40,29 +40,13 @@ pub struct Writer<W: Write> {
     last_index: Option<u64>,
 }
 
-/// A file that has no name yet.
-pub type UnnamedFile = BufWriter<NamedTempFile>;
-
-impl Writer<UnnamedFile> {
+impl Writer<AtomicFile> {
     /// Begins a recording of `body` in a file: header, skeleton and calibration.
     ///
     /// # Errors
     /// Where the folder cannot be written to, or the frame rate is not above 0.
     pub fn create(path: &Path, description: Description, body: &Body<f64>) -> Result<Self> {
-        let folder = match path.parent() {
-            Some(folder) if folder != Path::new("") => folder,
-            _ => Path::new("."),
-        };
-        if path.is_dir() {
-            let is_folder = io::ErrorKind::IsADirectory.into();
-            return Err(Problem::system("create", path, &is_folder));
-        }
-        let file = tempfile::Builder::new()
-            .prefix(".bodyflight-")
-            .suffix(".mvnx")
-            .tempfile_in(folder)
-            .map_err(|error| Problem::system("create", path, &error))?;
-        Self::new(BufWriter::new(file), path, description, body)
+        Self::new(AtomicFile::create(path)?, path, description, body)
     }
 
     /// Completes the file and gives it its name, in place of any file there.
@@ -70,15 +54,7 @@ impl Writer<UnnamedFile> {
     /// # Errors
     /// Where the disk refuses; then no file is left.
     pub fn finish(self) -> Result<()> {
-        let path = self.path.clone();
-        let refused = |error: io::Error| Problem::system("write", &path, &error);
-        let buffer = self.complete()?;
-        let file = buffer
-            .into_inner()
-            .map_err(|error| refused(error.into_error()))?;
-        file.as_file().sync_all().map_err(refused)?;
-        file.persist(&path).map_err(|error| refused(error.error))?;
-        Ok(())
+        self.complete()?.finish()
     }
 }
 
@@ -176,6 +152,3 @@ impl<W: Write> Writer<W> {
             .map_err(|error| Problem::system("write", &self.path, &error))
     }
 }
-
-#[cfg(test)]
-mod tests;
