@@ -43,7 +43,8 @@ impl<T: Real, const N: usize> Cholesky<T, N> {
                 repaired += 1;
             }
             let diagonal = pivot.root();
-            let inverse = T::one() / diagonal;
+            // Root and reciprocal side by side, not one after the other.
+            let inverse = diagonal * (T::one() / pivot);
             lower[(j, j)] = diagonal;
             inverse_diagonal[j] = inverse;
             for i in j + 1..N {
