@@ -160,24 +160,27 @@ pub const TURNS: Flight = Flight {
     ],
 };
 
-/// A layout that slips away: damping in pitch and yaw turns negative half way, as in the paper's sixth
-/// transition.
-pub const FAILED_LAYOUT: Flight = Flight {
-    name: "failed layout",
-    duration: 10.0,
+/// A spin that feeds itself: set off by the arms, then kept up by negative damping about the yaw axis, which
+/// the paper sees where its failed layout turns into a roll.
+pub const FED_SPIN: Flight = Flight {
+    name: "self-feeding spin",
+    duration: 12.0,
     base: NEUTRAL,
     start_pitch: core::f64::consts::FRAC_PI_2,
-    muscle: [0.0, 0.5, 0.0],
+    muscle: [0.0, 0.2, 0.0],
     damping: [3.0, 1.0, 6.0],
     wander: 0.3,
     rate: 1.0,
-    sway: 0.05,
-    pulses: &[Pulse {
-        during: [3.0, 4.6],
-        muscle: [0.0, 2.5, 0.0],
-        damping: [-9.0, -9.0, 0.0],
-        joints: Some((PRESS, 0.8)),
-    }],
+    sway: 0.0,
+    pulses: &[
+        turn(2.0, 4.0, 0.5, 0.0),
+        Pulse {
+            during: [3.0, 11.0],
+            muscle: [0.0, 0.0, 0.0],
+            damping: [0.0, -9.0, 0.0],
+            joints: None,
+        },
+    ],
 };
 
 impl Pulse {
@@ -226,7 +229,7 @@ impl Flight {
         let [yaw, pitch, roll] = muscle.map(|value| value.max(0.0));
         Inputs {
             muscle: MuscleInput { yaw, pitch, roll },
-            damping: Vector3::from(damping.map(|value| value.max(-0.2))),
+            damping: Vector3::from(damping.map(|value| value.max(-0.25))),
         }
     }
 
