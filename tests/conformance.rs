@@ -328,7 +328,6 @@ fn free_run<T: Real>(table: &Value, file: &Value) -> [f64; 3] {
             .angle_to(&attitude)
             .powi(2);
     }
-    #[expect(clippy::cast_precision_loss, reason = "a few hundred frames")]
     let count = (frames - 1) as f64;
     squares.map(|sum| (sum / count).sqrt())
 }

@@ -28,7 +28,6 @@ fn shared() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared")
 }
 
-#[expect(clippy::print_stderr, reason = "a skipped test must be seen")]
 fn present(folder: PathBuf) -> Option<PathBuf> {
     if folder.is_dir() {
         return Some(folder);
@@ -38,7 +37,6 @@ fn present(folder: PathBuf) -> Option<PathBuf> {
 }
 
 /// One reference file, parsed; `None` where the folder is absent. Panics where the file is not readable.
-#[expect(clippy::panic, reason = "a broken reference must fail the test")]
 pub fn reference(name: &str) -> Option<Value> {
     let path = reference_folder()?.join(name);
     let text = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));

@@ -189,11 +189,12 @@ impl<T: Real> ExposedSegment<T> {
         if xy.1 > z.1 { xy.0 } else { z.0 }
     }
 
-    /// Force and moment for one direction of the stream, paper eqs. (limbf), (limbm) in the form of model.md.
+    /// Force and moment for one direction of the stream, paper eqs. (limbf), (limbm) with the coefficients
+    /// (coeffCl), (cm), in the form of model.md.
     #[inline]
     pub fn load(&self, direction: &Vector3<T>) -> SegmentLoad<T> {
         let exposed_area = self.exposed_area(direction);
-        // v_y of paper eq. (unityVloclimb).
+        // The component along y of paper eq. (unityVloclimb).
         let normal = self.dorsal.dot(direction);
         let across = self.lift_area * normal;
         let along = self.drag * exposed_area - across * normal;
@@ -329,6 +330,39 @@ mod tests {
                     * flow.direction.norm_squared();
                 prop_assert!(along.abs() < 1e-13);
             }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn the_dorsal_form_is_the_paper_s_in_angles(angle in -3.1f64..3.1) {
+            // The paper's angles for a stream in the Y-Z plane of a segment, eqs. (limbf) to (cm): magnitude by
+            // sin(2 alpha), force across the stream on the side of z where the stream is, moment along v x n.
+            let body = reference_body();
+            let posed = pose(&body, &crate::Posture::h_pose());
+            let segment = expose(&body, &posed, &Aerodynamics::uniform(PAPER_COEFFICIENTS, ArchFactor::Fixed(1.0)))
+                [Segment::Pelvis];
+            let v = Vector3::new(0.0, -libm::sin(angle), libm::cos(angle));
+            let (alpha, beta) = flow_angles(&v);
+            prop_assert!((alpha - angle).abs() < 1e-12 && beta.abs() < 1e-12);
+            let (sine, cosine) = (libm::sin(alpha), libm::cos(alpha));
+            let areas = body.segments[Segment::Pelvis].area;
+            let area = (areas.y * sine.abs()).max(areas.z * cosine.abs());
+            let mut across = v.cross(&v.cross(&Vector3::z()));
+            prop_assume!(across.norm() > 1e-6);
+            across = across.normalize();
+            if across.z * v.z < 0.0 {
+                across = -across;
+            }
+            let magnitude = areas.y * libm::sin(2.0 * alpha).abs();
+            let force = across * (PAPER_COEFFICIENTS.lift * magnitude) - v * (PAPER_COEFFICIENTS.drag * area);
+            let arm = body.segments[Segment::Pelvis].moment_arm;
+            let couple = v.cross(&across) * (PAPER_COEFFICIENTS.moment * magnitude * arm);
+            let load = segment.load(&v);
+            prop_assert!((load.exposed_area - area).abs() < 1e-12);
+            prop_assert!((load.force - force).norm() < 1e-12, "{:?} {force:?}", load.force);
+            let moment = segment.centre.cross(&force) + couple;
+            prop_assert!((load.moment - moment).norm() < 1e-12);
         }
     }
 

@@ -6,6 +6,7 @@
 //! published form, [`muscle_input`] the skydiver's conscious inputs, [`trim`] the steady fall.
 
 pub mod equations_of_motion;
+pub mod free_run;
 pub mod interval;
 pub mod muscle_input;
 pub mod step;

@@ -222,3 +222,60 @@ pub fn euler_angles<T: Real>(inertial_from_body: &Rotation<T, Inertial, Body>) -
         (two * (w * x + y * z)).arctangent2(one - two * (x * x + y * y)),
     ]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn euler_angles_are_those_of_the_paper(yaw in -3.1f64..3.1, pitch in -1.5f64..1.5, roll in -3.1f64..3.1) {
+            let turn = |axis, angle| UnitQuaternion::from_axis_angle(&axis, angle);
+            let quaternion = turn(Vector3::z_axis(), yaw)
+                * turn(Vector3::y_axis(), pitch)
+                * turn(Vector3::x_axis(), roll);
+            let found = euler_angles(&Rotation::from_quaternion(quaternion));
+            for (found, expected) in found.into_iter().zip([yaw, pitch, roll]) {
+                prop_assert!((found - expected).abs() < 1e-9, "{found} {expected}");
+            }
+        }
+
+        #[test]
+        fn rotations_undo_and_keep_length(q in prop::array::uniform4(-1.0f64..1.0), v in prop::array::uniform3(-9.0f64..9.0)) {
+            let Some(inertial_from_body) = Rotation::<f64, Inertial, Body>::from_wxyz(q) else {
+                return Ok(());
+            };
+            let vector = Vector::<f64, Body>::from_components(v.into());
+            let back = inertial_from_body.inverse() * (inertial_from_body * vector);
+            prop_assert!((back.components - vector.components).norm() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn numbers_without_direction_are_no_rotation() {
+        for wxyz in [
+            [0.0; 4],
+            [f32::NAN, 0.0, 0.0, 1.0],
+            [f32::INFINITY, 0.0, 0.0, 1.0],
+        ] {
+            assert!(Rotation::<f32, Inertial, Body>::from_wxyz(wxyz).is_none());
+        }
+    }
+
+    #[test]
+    fn roll_passes_through_a_quarter_turn_without_a_jump() {
+        let belly =
+            UnitQuaternion::from_axis_angle(&Vector3::x_axis(), core::f64::consts::FRAC_PI_2);
+        let mut last = 0.0;
+        for k in 1..=300 {
+            let angle = 0.01 * f64::from(k);
+            let lean = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), -angle);
+            let roll = AttitudeAngles::of(&Rotation::from_quaternion(lean * belly)).roll;
+            // The head points along the inertial -Y: leaning about it is roll.
+            assert!((roll.abs() - angle).abs() < 1e-9, "{angle}: {roll}");
+            assert!((roll - last).abs() < 0.011);
+            last = roll;
+        }
+    }
+}

@@ -8,9 +8,13 @@ pub mod body;
 pub mod dynamics;
 pub mod estimator;
 pub mod frame;
+pub mod link;
+pub mod maneuver;
 pub mod math;
+pub mod observation;
 #[cfg(test)]
 mod test_body;
+pub mod xbus;
 
 pub use body::posture::Posture;
 pub use body::{Body, Segment, SegmentArray, SegmentParameters};

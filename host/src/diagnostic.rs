@@ -18,15 +18,18 @@ pub enum Kind {
     System,
     /// The run finished and its answer is no: a mismatch, a lost packet.
     Disagreement,
+    /// Ctrl-C.
+    Interrupted,
 }
 
 impl Kind {
-    /// Exit code of the process: 2 bad input, 3 system, 4 disagreement (1 is left to crashes).
+    /// Exit code of the process: 2 bad input, 3 system, 4 disagreement, 130 Ctrl-C (1 is left to crashes).
     pub const fn exit_code(self) -> u8 {
         match self {
             Self::BadInput => 2,
             Self::System => 3,
             Self::Disagreement => 4,
+            Self::Interrupted => 130,
         }
     }
 }
@@ -74,6 +77,14 @@ impl Problem {
         Self {
             kind: Kind::Disagreement,
             ..Self::bad_input(message)
+        }
+    }
+
+    /// Ctrl-C was pressed.
+    pub fn interrupted() -> Self {
+        Self {
+            kind: Kind::Interrupted,
+            ..Self::bad_input("interrupted; unfinished files were removed")
         }
     }
 

@@ -1,3 +1,18 @@
 //! Host side of bodyflight: recordings, subjects, and the verbs of the command line as functions.
 
+pub mod comparison;
 pub mod diagnostic;
+pub mod estimate;
+pub mod flight;
+pub mod input_history;
+pub mod inspect;
+pub mod interrupt;
+pub mod mvnx;
+pub mod output;
+pub mod plot;
+pub mod recording;
+pub mod simulate;
+pub mod subject;
+pub mod synthesize;
+pub mod tune;
+pub mod xsens;

@@ -1,1 +1,416 @@
-//! To come.
+//! The segment table of a person from stature, mass, sex and, where known, girths.
+//!
+//! One set of columns throughout: mass fractions and lengths of de Leva 1996 (Zatsiorsky's subjects, with
+//! lengths between joint centres), whose thigh reaches to the hip joint and whose trunk ends there. Shapes
+//! are those of Hanavan and `Kwon3D`; breadths and girths not given are linear in stature and mass (ANSUR II).
+
+mod form;
+mod tables;
+
+use core::fmt;
+
+use nalgebra::Vector3;
+
+use super::solid::Solid;
+use super::{Body, Segment, SegmentArray};
+use crate::math::Real;
+
+use form::Form;
+use tables::{Breadth, Proportions};
+
+/// Height of the ankle joint above the sole, as a share of the stature (Drillis and Contini 1966).
+const ANKLE_HEIGHT: f64 = 0.039;
+/// Height of the shoulder joint above the sole, as a share of the stature: two percent below the acromion.
+const SHOULDER_HEIGHT: f64 = 0.80;
+/// The shoulder joint lies this share of the stature inwards of the acromion.
+const SHOULDER_INSET: f64 = 0.004;
+/// Half the distance of the hip joints, as a share of the stature.
+const HIP_HALF_DISTANCE: f64 = 0.050;
+/// Girth of the relaxed upper arm as a share of the flexed one.
+const RELAXED_BICEPS: f64 = 0.94;
+/// Thickness of the hand as a share of its breadth.
+const HAND_THICKNESS: f64 = 0.33;
+/// Height of the toes as a share of the height of the ankle: places the cg of the foot where de Leva has it.
+const TOE_HEIGHT: f64 = 0.5;
+/// Distance of the ankle joint from the heel as a share of the length of foot or shoe.
+const ANKLE_FROM_HEEL: f64 = 0.25;
+
+/// Statures accepted (m).
+const HEIGHT_RANGE: (f64, f64) = (1.2, 2.3);
+/// Masses accepted (kg).
+const MASS_RANGE: (f64, f64) = (25.0, 220.0);
+/// Body mass index accepted (kg/m2); beyond, the regressions have no meaning.
+const BODY_MASS_INDEX_RANGE: (f64, f64) = (9.0, 75.0);
+/// Girths accepted, as a share of the expected ones.
+const GIRTH_RANGE: (f64, f64) = (0.5, 2.0);
+/// Moment arms accepted, as a share of the segment's length.
+const MOMENT_ARM_RANGE: (f64, f64) = (0.001, 10.0);
+
+/// Which column of the tables is used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[expect(missing_docs, reason = "the names say it")]
+pub enum Sex {
+    #[default]
+    Male,
+    Female,
+}
+
+/// A measure taken with a tape.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Girth {
+    /// Largest, above the brows.
+    Head,
+    /// Around the fullest part.
+    Chest,
+    /// At the navel.
+    Waist,
+    /// Around the fullest part of the buttocks.
+    Hips,
+    /// Upper arm, flexed.
+    Biceps,
+    /// Largest, flexed.
+    Forearm,
+    /// Smallest.
+    Wrist,
+    /// Highest, at the groin.
+    Thigh,
+    /// Lower thigh, just above the knee.
+    Knee,
+    /// Largest.
+    Calf,
+    /// Smallest.
+    Ankle,
+}
+
+impl Girth {
+    /// All girths, head to foot.
+    pub const ALL: [Self; 11] = [
+        Self::Head,
+        Self::Chest,
+        Self::Waist,
+        Self::Hips,
+        Self::Biceps,
+        Self::Forearm,
+        Self::Wrist,
+        Self::Thigh,
+        Self::Knee,
+        Self::Calf,
+        Self::Ankle,
+    ];
+
+    /// Name in files, without unit.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Head => "head",
+            Self::Chest => "chest",
+            Self::Waist => "waist",
+            Self::Hips => "hips",
+            Self::Biceps => "biceps",
+            Self::Forearm => "forearm",
+            Self::Wrist => "wrist",
+            Self::Thigh => "thigh",
+            Self::Knee => "knee",
+            Self::Calf => "calf",
+            Self::Ankle => "ankle",
+        }
+    }
+
+    /// The girth of that name, see [`Girth::name`].
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|girth| girth.name() == name)
+    }
+}
+
+/// The girths of a person that are known.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Girths<T: Real>([Option<T>; Girth::ALL.len()]);
+
+impl<T: Real> Girths<T> {
+    /// The girth (m), where known.
+    pub fn get(&self, girth: Girth) -> Option<T> {
+        self.0[girth as usize]
+    }
+
+    /// Sets a girth (m).
+    pub fn set(&mut self, girth: Girth, value: T) {
+        self.0[girth as usize] = Some(value);
+    }
+
+    /// With a girth (m) set.
+    #[must_use]
+    pub fn with(mut self, girth: Girth, value: T) -> Self {
+        self.set(girth, value);
+        self
+    }
+}
+
+/// Which length `l_i` scales the aerodynamic moment of a segment, paper eq. (limbm).
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum MomentArm<T: Real> {
+    /// Mean width of the segment: with Cm = 3.5 pitch stiffness and trim are near those measured.
+    #[default]
+    Width,
+    /// Length of the segment: with Cm = 3.5 three to four times as stiff.
+    Length,
+    /// This share of the segment's length.
+    FractionOfLength(T),
+}
+
+/// Measures of a person.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Person<T: Real> {
+    /// Stature (m).
+    pub height: T,
+    /// Mass without clothing (kg).
+    pub mass: T,
+    /// Column of the tables.
+    pub sex: Sex,
+    /// Girths that are known; the others are expected from stature and mass.
+    pub girths: Girths<T>,
+    /// Lengths of the aerodynamic moments.
+    pub moment_arm: MomentArm<T>,
+}
+
+/// A measure that no person has.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PersonError {
+    /// Which measure.
+    pub measure: Measure,
+    /// Its value, in the unit of the measure.
+    pub found: f64,
+    /// Smallest value accepted.
+    pub low: f64,
+    /// Largest value accepted.
+    pub high: f64,
+}
+
+/// A measure as named by [`PersonError`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Measure {
+    /// Stature (m).
+    Height,
+    /// Mass (kg).
+    Mass,
+    /// Mass by stature squared (kg/m2).
+    BodyMassIndex,
+    /// Girth (m).
+    Girth(Girth),
+    /// Moment arm as a share of the segment's length.
+    MomentArm,
+}
+
+impl fmt::Display for PersonError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (name, unit) = match self.measure {
+            Measure::Height => ("height", " m"),
+            Measure::Mass => ("mass", " kg"),
+            Measure::BodyMassIndex => ("mass / height^2", " kg/m2"),
+            Measure::Girth(girth) => (girth.name(), " m"),
+            Measure::MomentArm => ("moment arm", " of the length"),
+        };
+        let Self {
+            found, low, high, ..
+        } = self;
+        write!(
+            f,
+            "{name} is {found}{unit}, expected {low:.4} to {high:.4}{unit}"
+        )
+    }
+}
+
+impl core::error::Error for PersonError {}
+
+impl<T: Real> Person<T> {
+    /// A person of whom only stature (m), mass (kg) and sex are known.
+    pub fn new(height: T, mass: T, sex: Sex) -> Self {
+        Self {
+            height,
+            mass,
+            sex,
+            girths: Girths::default(),
+            moment_arm: MomentArm::default(),
+        }
+    }
+
+    /// The girth as known, or as expected from stature, mass and sex (m).
+    pub fn girth(&self, girth: Girth) -> T {
+        self.girths
+            .get(girth)
+            .unwrap_or_else(|| self.expected_girth(girth))
+    }
+
+    fn expected_girth(&self, girth: Girth) -> T {
+        tables::girth(girth, self.sex).value(self.height, self.mass)
+    }
+
+    fn breadth(&self, breadth: Breadth) -> T {
+        tables::breadth(breadth, self.sex).value(self.height, self.mass)
+    }
+
+    fn check(&self) -> Result<(), PersonError> {
+        let within = |measure, found: f64, (low, high): (f64, f64)| {
+            if found >= low && found <= high {
+                Ok(())
+            } else {
+                Err(PersonError {
+                    measure,
+                    found,
+                    low,
+                    high,
+                })
+            }
+        };
+        let (height, mass) = (self.height.to_f64(), self.mass.to_f64());
+        within(Measure::Height, height, HEIGHT_RANGE)?;
+        within(Measure::Mass, mass, MASS_RANGE)?;
+        within(
+            Measure::BodyMassIndex,
+            mass / (height * height),
+            BODY_MASS_INDEX_RANGE,
+        )?;
+        for girth in Girth::ALL {
+            if let Some(found) = self.girths.get(girth) {
+                let expected = self.expected_girth(girth).to_f64();
+                let (low, high) = GIRTH_RANGE;
+                let range = (low * expected, high * expected);
+                within(Measure::Girth(girth), found.to_f64(), range)?;
+            }
+        }
+        match self.moment_arm {
+            MomentArm::FractionOfLength(share) => {
+                within(Measure::MomentArm, share.to_f64(), MOMENT_ARM_RANGE)
+            }
+            MomentArm::Width | MomentArm::Length => Ok(()),
+        }
+    }
+
+    /// The segment table of the person, without clothing or equipment.
+    ///
+    /// # Errors
+    /// A measure that is not a number or outside the range of persons.
+    pub fn body(&self) -> Result<Body<T>, PersonError> {
+        self.check()?;
+        let proportions = tables::proportions(self.sex);
+        let share = self.mass / T::of(proportions.total_mass());
+        Ok(Body {
+            segments: SegmentArray::from_fn(|segment| {
+                let form = self.form(segment, proportions);
+                let mass = share * T::of(proportions.of(segment).mass);
+                let joint_offset = self.joint_offset(segment, proportions);
+                form.parameters(mass, joint_offset, self.moment_arm)
+            }),
+            height: self.height,
+        })
+    }
+
+    /// Length of a segment (m).
+    fn length(&self, segment: Segment, proportions: &Proportions) -> T {
+        self.height * T::of(proportions.of(segment).length * proportions.stacking(segment))
+    }
+
+    /// Proximal joint in the frame of the parent (m).
+    fn joint_offset(&self, segment: Segment, proportions: &Proportions) -> Vector3<T> {
+        let length = |segment| self.length(segment, proportions);
+        let side = match segment {
+            Segment::RightUpperArm | Segment::RightThigh => -T::one(),
+            _ => T::one(),
+        };
+        let zero = T::zero();
+        match segment {
+            Segment::Pelvis => Vector3::zeros(),
+            Segment::LeftThigh | Segment::RightThigh => {
+                Vector3::new(side * self.height * T::of(HIP_HALF_DISTANCE), zero, zero)
+            }
+            Segment::LeftUpperArm | Segment::RightUpperArm => {
+                let legs = [Segment::LeftThigh, Segment::LeftShank].map(length);
+                let below = [Segment::Pelvis, Segment::Abdomen].map(length);
+                let base = self.height * T::of(ANKLE_HEIGHT) + sum(legs) + sum(below);
+                let inwards = self.height * T::of(SHOULDER_INSET);
+                let half_breadth = self.breadth(Breadth::Biacromial) * T::of(0.5);
+                let up = self.height * T::of(SHOULDER_HEIGHT) - base;
+                Vector3::new(side * (half_breadth - inwards), zero, up)
+            }
+            Segment::Abdomen | Segment::Thorax | Segment::Head => {
+                Vector3::new(zero, zero, segment.parent().map_or(zero, length))
+            }
+            _ => Vector3::new(zero, zero, segment.parent().map_or(zero, |p| -length(p))),
+        }
+    }
+
+    /// Semi-axes of a section of trunk or head (m): both scaled by what the girth differs from the expected.
+    fn section(&self, breadth: Breadth, depth: Breadth, girth: Girth) -> [T; 2] {
+        let half = T::of(0.5) * self.girth(girth) / self.expected_girth(girth);
+        [self.breadth(breadth) * half, self.breadth(depth) * half]
+    }
+
+    fn form(&self, segment: Segment, proportions: &Proportions) -> Form<T> {
+        let length = self.length(segment, proportions);
+        let radius = |girth| self.girth(girth) / T::two_pi();
+        let hips = || self.section(Breadth::Hips, Breadth::ButtockDepth, Girth::Hips);
+        let waist = || self.section(Breadth::Waist, Breadth::WaistDepth, Girth::Waist);
+        let chest = || self.section(Breadth::Chest, Breadth::ChestDepth, Girth::Chest);
+        let half = T::of(0.5);
+        match segment {
+            Segment::Pelvis => Form::Up(Solid::TruncatedEllipticCone {
+                base: hips(),
+                top: waist(),
+                length,
+            }),
+            Segment::Abdomen => Form::Up(Solid::TruncatedEllipticCone {
+                base: waist(),
+                top: chest(),
+                length,
+            }),
+            Segment::Thorax => Form::Up(Solid::elliptic_cylinder(chest(), length)),
+            Segment::Head => {
+                let [a, b] = self.section(Breadth::Head, Breadth::HeadLength, Girth::Head);
+                Form::Up(Solid::Ellipsoid {
+                    semi_axes: [a, b, length * half],
+                })
+            }
+            Segment::LeftUpperArm | Segment::RightUpperArm => Form::Down(Solid::cone(
+                radius(Girth::Biceps) * T::of(RELAXED_BICEPS),
+                radius(Girth::Forearm),
+                length,
+            )),
+            Segment::LeftForearm | Segment::RightForearm => Form::Down(Solid::cone(
+                radius(Girth::Forearm),
+                radius(Girth::Wrist),
+                length,
+            )),
+            Segment::LeftHand | Segment::RightHand => {
+                // Flat in the front plane: the H-pose of the model has the palms turned there.
+                let half_breadth = self.breadth(Breadth::Hand) * half;
+                Form::Down(Solid::SemiEllipsoid {
+                    semi_axes: [half_breadth, half_breadth * T::of(HAND_THICKNESS), length],
+                })
+            }
+            Segment::LeftThigh | Segment::RightThigh => Form::Down(Solid::cone(
+                radius(Girth::Thigh),
+                radius(Girth::Knee),
+                length,
+            )),
+            Segment::LeftShank | Segment::RightShank => Form::Down(Solid::cone(
+                radius(Girth::Calf),
+                radius(Girth::Ankle),
+                length,
+            )),
+            Segment::LeftFoot | Segment::RightFoot => {
+                let half_height = self.height * T::of(ANKLE_HEIGHT) * half;
+                let half_breadth = self.breadth(Breadth::Foot) * half;
+                Form::Foot(Solid::TruncatedEllipticCone {
+                    base: [half_breadth, half_height],
+                    top: [half_breadth, half_height * T::of(TOE_HEIGHT)],
+                    length,
+                })
+            }
+        }
+    }
+}
+
+fn sum<T: Real>(lengths: [T; 2]) -> T {
+    lengths[0] + lengths[1]
+}
+
+#[cfg(test)]
+mod tests;

@@ -287,3 +287,72 @@ impl<T: Real> Flight<T> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    type Nine = [f64; 9];
+
+    fn symmetric(v: &[f64]) -> Matrix3<f64> {
+        Matrix3::new(v[0], v[1], v[2], v[1], v[3], v[4], v[2], v[4], v[5])
+    }
+
+    proptest! {
+        #[test]
+        fn published_vector_and_component_forms_agree(
+            a in prop::array::uniform9(-1.0f64..1.0),
+            b in prop::array::uniform9(-1.0f64..1.0),
+            c in prop::array::uniform9(-1.0f64..1.0),
+        ) {
+            // GIVEN a body in motion and the rates that the vector form gives
+            let at = |v: &Nine, k: usize| Vector3::new(v[k], v[k + 1], v[k + 2]);
+            let cg = at(&a, 0) * 0.1;
+            let mass = MassProperties {
+                mass: 75.0,
+                cg,
+                inertia_about_origin: symmetric(&b[..6]) + Matrix3::from_diagonal_element(12.0),
+            };
+            let (cg_rate, velocity, spin) = (at(&a, 3), at(&a, 6) * 50.0, at(&b, 6) * 5.0);
+            let inertia_rate = symmetric(&c[..6]);
+            let wrench = Wrench { force: at(&c, 6) * 100.0, moment: at(&c, 3) * 50.0 };
+            let rates =
+                as_published(&mass, &cg_rate, &inertia_rate, &velocity, &spin, &wrench).unwrap();
+            // WHEN they are put into the printed components, eqs. (force2) and (moment2), with the misprint
+            // R (Q z - P y) of the Y force read as R (Q z - R y), and I_xy = sum m x y (minus the matrix entry)
+            let (m, [x, y, z], [dx, dy, dz]) = (mass.mass, cg.into(), cg_rate.into());
+            let ([u, v, w], [p, q, r]): ([f64; 3], [f64; 3]) = (velocity.into(), spin.into());
+            let [du, dv, dw]: [f64; 3] = rates.velocity_rate.into();
+            let [dp, dq, dr]: [f64; 3] = rates.angular_velocity_rate.into();
+            let force = Vector3::new(
+                du + dq * z - dr * y + q * dz - r * dy + q * w - r * v
+                    + q * (p * y - q * x) - r * (r * x - p * z),
+                dv + dr * x - dp * z + r * dx - p * dz + r * u - p * w
+                    + r * (q * z - r * y) - p * (p * y - q * x),
+                dw + dp * y - dq * x + p * dy - q * dx + p * v - q * u
+                    + p * (r * x - p * z) - q * (q * z - r * y),
+            ) * m;
+            let i = &mass.inertia_about_origin;
+            let (ixx, iyy, izz) = (i.m11, i.m22, i.m33);
+            let (ixy, ixz, iyz) = (-i.m12, -i.m13, -i.m23);
+            let d = &inertia_rate;
+            let (dixx, diyy, dizz) = (d.m11, d.m22, d.m33);
+            let (dixy, dixz, diyz) = (-d.m12, -d.m13, -d.m23);
+            let moment = Vector3::new(
+                dixx * p - dixy * q - dixz * r + ixx * dp - ixy * (dq - r * p) - ixz * (dr + p * q)
+                    - iyz * (q * q - r * r) + (izz - iyy) * q * r + m * dy * w - m * dz * v
+                    + m * y * (dw + v * p - q * u) + m * z * (-dv + w * p - r * u),
+                diyy * q - dixy * p - diyz * r + iyy * dq - ixy * (dp + q * r) - iyz * (dr - p * q)
+                    - ixz * (r * r - p * p) + (ixx - izz) * p * r + m * dz * u - m * dx * w
+                    + m * x * (-dw + q * u - p * v) + m * z * (du + w * q - r * v),
+                dizz * r - dixz * p - diyz * q + izz * dr + ixz * (-dp + q * r) - iyz * (dq + p * r)
+                    + ixy * (q * q - p * p) + (iyy - ixx) * p * q + m * dx * v - m * dy * u
+                    + m * x * (dv + u * r - p * w) + m * y * (-du + v * r - q * w),
+            );
+            // THEN they give back the force and moment
+            prop_assert!((force - wrench.force).norm() < 1e-8 * (1.0 + force.norm()), "{force:?} {wrench:?}");
+            prop_assert!((moment - wrench.moment).norm() < 1e-8 * (1.0 + velocity.norm() * m), "{moment:?} {wrench:?}");
+        }
+    }
+}

@@ -8,6 +8,7 @@ use nalgebra::SVector;
 use crate::dynamics::Motion;
 use crate::frame::AttitudeAngles;
 use crate::math::{Real, wrap_angle};
+use crate::observation::horizontal_speed;
 
 /// Largest number of channels of a measurement.
 pub const CHANNELS: usize = 4;
@@ -80,7 +81,7 @@ impl<T: Real> Measurement<T> {
         } = AttitudeAngles::of(&motion.inertial_from_body);
         let velocity = motion.velocity_inertial().components;
         Self {
-            horizontal_speed: (velocity.x * velocity.x + velocity.y * velocity.y).root(),
+            horizontal_speed: horizontal_speed(&velocity),
             heading,
             pitch,
             roll,

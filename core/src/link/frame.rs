@@ -1,0 +1,190 @@
+//! One frame: header, checksum, stuffing.
+
+use core::fmt;
+
+use crc::{CRC_32_ISCSI, Crc, Table};
+
+use super::PROTOCOL_VERSION;
+use super::message::{LAYOUTS, Message};
+use super::wire::{Reader, Wire, Writer};
+
+/// CRC-32C by a table of 1 KiB. It detects every error of up to 5 bits in a frame of this length.
+static CHECKSUM: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISCSI);
+
+const HEADER_LENGTH: usize = 16;
+const CHECKSUM_LENGTH: usize = 4;
+
+/// Longest packet before stuffing: header, body, checksum.
+pub const MAX_PACKET_LENGTH: usize = HEADER_LENGTH + longest_body() + CHECKSUM_LENGTH;
+
+/// Longest frame on the wire, both delimiters included.
+pub const MAX_FRAME_LENGTH: usize = cobs::max_encoding_length(MAX_PACKET_LENGTH) + 2;
+
+// Up to 253 bytes the stuffing costs exactly one byte, so every message has one length on the wire.
+const _: () = assert!(MAX_PACKET_LENGTH < 254);
+
+const fn longest_body() -> usize {
+    let (mut longest, mut rest) = (0, LAYOUTS);
+    while let [layout, tail @ ..] = rest {
+        if layout.size > longest {
+            longest = layout.size;
+        }
+        rest = tail;
+    }
+    longest
+}
+
+/// What every message carries besides its body and type.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Header {
+    /// Session chosen by the host.
+    pub session: u16,
+    /// Number among the frames of this type in the session, from 0; wraps.
+    pub sequence: u32,
+    /// Sensor time of a sample and of its estimate, the sender's clock otherwise (us).
+    pub time: u64,
+}
+
+/// The buffer is too short for the frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct EncodeError;
+
+impl fmt::Display for EncodeError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "the buffer is too short for the frame, {MAX_FRAME_LENGTH} bytes always suffice"
+        )
+    }
+}
+
+impl core::error::Error for EncodeError {}
+
+/// Why a frame was refused.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DecodeError {
+    /// The bytes end before the frame does.
+    Incomplete,
+    /// Not COBS: a delimiter inside a run, as after a lost or changed byte.
+    Cobs,
+    /// Longer than any message.
+    TooLong,
+    /// Shorter than header and checksum.
+    TooShort,
+    /// The checksum differs.
+    Checksum,
+    /// Another protocol version.
+    Version {
+        /// The version in the frame.
+        found: u8,
+    },
+    /// No message has this type.
+    UnknownType {
+        /// The type in the frame.
+        code: u8,
+    },
+    /// The body has not the length of its type.
+    Length {
+        /// Bytes in the frame.
+        found: usize,
+        /// Bytes of the type.
+        expected: usize,
+    },
+    /// A number is infinite or not a number.
+    NotFinite {
+        /// Which.
+        field: &'static str,
+    },
+    /// A value is outside the range in the byte table.
+    OutOfRange {
+        /// Which.
+        field: &'static str,
+    },
+}
+
+impl fmt::Display for DecodeError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Incomplete => write!(f, "the frame is not complete"),
+            Self::Cobs => write!(f, "a frame was cut or damaged"),
+            Self::TooLong => write!(f, "a frame is longer than any message"),
+            Self::TooShort => write!(f, "a frame is shorter than a header"),
+            Self::Checksum => write!(f, "the checksum of a frame is wrong"),
+            Self::Version { found } => write!(
+                f,
+                "protocol version {found} found, {PROTOCOL_VERSION} expected: update the older side"
+            ),
+            Self::UnknownType { code } => write!(f, "message type {code:#04x} is not known"),
+            Self::Length { found, expected } => {
+                write!(f, "a body has {found} bytes, {expected} expected")
+            }
+            Self::NotFinite { field } => write!(f, "{field} is not a finite number"),
+            Self::OutOfRange { field } => write!(f, "{field} is out of range"),
+        }
+    }
+}
+
+impl core::error::Error for DecodeError {}
+
+/// CRC-32C of several pieces.
+pub(super) fn checksum<'a>(pieces: impl IntoIterator<Item = &'a [u8]>) -> u32 {
+    let mut digest = CHECKSUM.digest();
+    for piece in pieces {
+        digest.update(piece);
+    }
+    digest.finalize()
+}
+
+pub(super) fn encode(
+    header: &Header,
+    message: &Message,
+    frame: &mut [u8],
+) -> Result<usize, EncodeError> {
+    let mut packet = [0; MAX_PACKET_LENGTH];
+    let length = write_packet(header, message, &mut packet).ok_or(EncodeError)?;
+    let packet = packet.get(..length).ok_or(EncodeError)?;
+    let (start, rest) = frame.split_first_mut().ok_or(EncodeError)?;
+    let stuffed = cobs::try_encode(packet, rest).map_err(|_| EncodeError)?;
+    *start = 0;
+    *rest.get_mut(stuffed).ok_or(EncodeError)? = 0;
+    Ok(stuffed + 2)
+}
+
+fn write_packet(header: &Header, message: &Message, packet: &mut [u8]) -> Option<usize> {
+    let mut writer = Writer::new(packet);
+    PROTOCOL_VERSION.put(&mut writer)?;
+    message.code().put(&mut writer)?;
+    header.session.put(&mut writer)?;
+    header.sequence.put(&mut writer)?;
+    header.time.put(&mut writer)?;
+    message.put(&mut writer)?;
+    let covered = writer.written();
+    let sum = checksum([packet.get(..covered)?]);
+    let place = packet.get_mut(covered..covered + CHECKSUM_LENGTH)?;
+    place.copy_from_slice(&sum.to_le_bytes());
+    Some(covered + CHECKSUM_LENGTH)
+}
+
+/// The message in an unstuffed packet: checksum first, then version, type, length and values.
+pub(super) fn open(packet: &[u8]) -> Result<(Header, Message), DecodeError> {
+    let (covered, sum) = packet
+        .split_last_chunk::<CHECKSUM_LENGTH>()
+        .ok_or(DecodeError::TooShort)?;
+    let (start, body) = covered
+        .split_first_chunk::<HEADER_LENGTH>()
+        .ok_or(DecodeError::TooShort)?;
+    if checksum([covered]) != u32::from_le_bytes(*sum) {
+        return Err(DecodeError::Checksum);
+    }
+    let mut reader = Reader::new(start);
+    let [version, code] = reader.take();
+    let header = Header {
+        session: u16::from_le_bytes(reader.take()),
+        sequence: u32::from_le_bytes(reader.take()),
+        time: u64::from_le_bytes(reader.take()),
+    };
+    if version != PROTOCOL_VERSION {
+        return Err(DecodeError::Version { found: version });
+    }
+    Ok((header, Message::take(code, body)?))
+}

@@ -1,0 +1,86 @@
+//! The once-a-second report, filled from the counters of the link.
+
+use super::decoder::Counters;
+use super::ledger::Ledger;
+use super::message::Status;
+
+impl Status {
+    /// What decoder and ledger have counted up to `uptime` (us); the rest is 0 and for the caller to fill.
+    pub fn new(uptime: u64, counters: &Counters, ledger: &Ledger) -> Self {
+        let account = ledger.account(counters.damaged());
+        Self {
+            uptime,
+            received_bytes: counters.bytes,
+            received_frames: counters.frames,
+            crc_bad: counters.crc_bad,
+            cobs_bad: counters.cobs_bad,
+            too_long: counters.too_long,
+            unknown: counters
+                .wrong_version
+                .wrapping_add(counters.unknown_type)
+                .wrapping_add(counters.wrong_length),
+            value_bad: counters.not_finite.wrapping_add(counters.out_of_range),
+            duplicate: ledger.duplicate(),
+            late: account.late,
+            gap_events: ledger.gap_events(),
+            missing: ledger.missing(),
+            used: account.used,
+            rejected: account.rejected,
+            dropped_oldest: account.dropped_oldest,
+            wrong_session: 0,
+            uart_overrun: 0,
+            uart_framing: 0,
+            queue_high_water: 0,
+            deadline_missed: 0,
+            cycles_max: 0,
+            innovation_rejected: 0,
+            transmit_dropped: 0,
+            stack_free: 0,
+            watchdog_resets: 0,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_count_has_its_place() {
+        let counters = Counters {
+            bytes: 1000,
+            frames: 20,
+            crc_bad: 1,
+            cobs_bad: 2,
+            too_long: 3,
+            wrong_version: 10,
+            unknown_type: 20,
+            wrong_length: 30,
+            not_finite: 4,
+            out_of_range: 5,
+        };
+        let mut ledger = Ledger::new(0);
+        for sequence in [0, 3, 2, 2, 4] {
+            ledger.receive(sequence);
+        }
+        ledger.use_one();
+        ledger.reject_one();
+        ledger.drop_oldest();
+        let status = Status::new(7, &counters, &ledger);
+        assert_eq!(
+            (status.uptime, status.received_bytes, status.received_frames),
+            (7, 1000, 20)
+        );
+        assert_eq!(
+            (status.crc_bad, status.cobs_bad, status.too_long),
+            (1, 2, 3)
+        );
+        assert_eq!((status.unknown, status.value_bad), (60, 9));
+        assert_eq!(
+            (status.used, status.rejected, status.dropped_oldest),
+            (1, 1, 1)
+        );
+        assert_eq!((status.late, status.duplicate), (1, 1));
+        assert_eq!((status.missing, status.gap_events), (1, 1));
+    }
+}

@@ -1,0 +1,154 @@
+//! One example of every message, used by the tests below.
+
+extern crate std;
+
+mod damage;
+mod documentation;
+mod golden;
+mod injected;
+
+use super::*;
+use crate::body::Segment;
+use crate::body::posture::Posture;
+use crate::frame::{Rotation, Vector};
+
+fn header() -> Header {
+    Header {
+        session: 0x0102,
+        sequence: 0xFFFF_FFFE,
+        time: 4_166_667,
+    }
+}
+
+fn sample() -> Sample {
+    let half = core::f32::consts::FRAC_1_SQRT_2;
+    // Exact in single precision on every machine: identity, half turns, and four equal components.
+    let quarter = nalgebra::Quaternion::new(half, -half, 0.0, 0.0);
+    let equal = nalgebra::Quaternion::new(0.5, -0.5, 0.5, -0.5);
+    let unit = nalgebra::UnitQuaternion::new_unchecked;
+    let posture = Posture::h_pose()
+        .with(Segment::LeftUpperArm, unit(quarter))
+        .with(Segment::RightFoot, unit(equal));
+    let attitude = Rotation::from_quaternion(unit(nalgebra::Quaternion::new(0.0, 0.0, -1.0, 0.0)));
+    let motion = Motion {
+        angular_velocity: Some(Vector::new(0.5, -1.25, 31.0)),
+        velocity: Some(Vector::new(-2.0, 0.0, -55.5)),
+        horizontal_speed: None,
+    };
+    Sample::new(&posture, &attitude, &motion)
+}
+
+fn examples() -> [Message; 13] {
+    [
+        Message::Hello(Hello {
+            schema_hash: 0x0123_4567_89AB_CDEF,
+            max_frame_length: 144,
+        }),
+        Message::HelloAcknowledge(HelloAcknowledge {
+            schema_hash: 0x0123_4567_89AB_CDEF,
+            build: *b"\x93\x0b\xf8\x58\0\0\0\0",
+            core_version: [0, 1, 0],
+            boot_id: 0xDEAD_0001,
+            max_frame_length: 144,
+            queue_length: 8,
+            reset_cause: 3,
+            fault_resets: 1,
+            fault_kind: 2,
+            fault_address: 0x0800_1234,
+            fault_sequence: 240,
+        }),
+        Message::Configure(Configure {
+            preset: 1,
+            sample_rate: 240.0,
+            update_rate: 60.0,
+            height: 1.75,
+            air_density: 1.0,
+            table_digest: 0x8765_4321,
+        }),
+        Message::SegmentValues(SegmentValues {
+            segment: Segment::LeftThigh,
+            mass: 10.5,
+            length: 0.42,
+            joint_offset: [0.09, 0.0, -0.05],
+            cg: [0.0, 0.01, -0.18],
+            inertia: [0.16, 0.17, 0.04, 0.0, -0.001, 0.002],
+            area: [0.06, 0.07, 0.02],
+            moment_arm: 0.42,
+        }),
+        Message::Configured(Configured {
+            preset: 1,
+            verdict: Verdict::Incomplete,
+            segments: 0x7FFF,
+            table_digest: 0,
+        }),
+        Message::Start(Start {
+            mode: StreamMode::Credit,
+        }),
+        Message::Stop(Stop { sent: 7_200 }),
+        Message::ResetFilter(ResetFilter {}),
+        Message::Credit(Credit { granted: 32 }),
+        Message::TimeSync(TimeSync {
+            asked: 1,
+            received: 0x0100_0000_0000,
+            answered: u64::MAX,
+        }),
+        Message::Sample(sample()),
+        Message::Estimate(Estimate {
+            sample_sequence: 77,
+            flags: 0x0021,
+            state: [0.25, -55.0, 3.5, 0.0, -0.125, 2.0],
+            variance: [0.01, 0.04, 0.01, 1e-4, 1e-4, 1e-4],
+            measurement: [9.5, -1.5, 0.1, 0.0],
+            nis: 3.75,
+            cycles: 312_000,
+        }),
+        Message::Status(Status {
+            uptime: 60_000_000,
+            received_bytes: 1,
+            received_frames: 2,
+            crc_bad: 3,
+            cobs_bad: 4,
+            too_long: 5,
+            unknown: 6,
+            value_bad: 7,
+            wrong_session: 8,
+            duplicate: 9,
+            late: 10,
+            gap_events: 11,
+            missing: 12,
+            used: 13,
+            rejected: 14,
+            dropped_oldest: 15,
+            uart_overrun: 16,
+            uart_framing: 17,
+            queue_high_water: 18,
+            deadline_missed: 19,
+            cycles_max: 20,
+            innovation_rejected: 21,
+            transmit_dropped: 22,
+            stack_free: 23,
+            watchdog_resets: 24,
+        }),
+    ]
+}
+
+/// The frame of a message, as it goes over the wire.
+fn frame_of(header: &Header, message: &Message) -> heapless::Vec<u8, MAX_FRAME_LENGTH> {
+    let mut frame = heapless::Vec::new();
+    frame.resize_default(MAX_FRAME_LENGTH).unwrap();
+    let length = message.encode(header, &mut frame).unwrap();
+    frame.truncate(length);
+    frame
+}
+
+/// A frame around arbitrary header and body bytes, with a good checksum.
+fn sealed(content: &[u8]) -> std::vec::Vec<u8> {
+    let mut packet = content.to_vec();
+    packet.extend(frame::checksum([content]).to_le_bytes());
+    let mut stuffed = std::vec![0; cobs::max_encoding_length(packet.len())];
+    let length = cobs::encode(&packet, &mut stuffed);
+    stuffed.truncate(length);
+    stuffed.insert(0, 0);
+    stuffed.push(0);
+    stuffed
+}

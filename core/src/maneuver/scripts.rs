@@ -1,0 +1,300 @@
+//! The scripts.
+
+use core::f64::consts::FRAC_PI_2;
+
+use super::{Knots, Maneuver, Track};
+use crate::aerodynamics::BELLY_TURN_DAMPING;
+use crate::body::Segment;
+use crate::body::pattern::{ARCH, JointAngles, NEUTRAL, TRACK};
+use crate::dynamics::muscle_input::{BACK_TRACKING, LAYOUTS};
+
+/// One arm up, the other down: turns about the stream.
+const TURN: &JointAngles = &[
+    (Segment::LeftUpperArm, [0.0, 0.0, 0.5]),
+    (Segment::RightUpperArm, [0.0, 0.0, -0.5]),
+];
+/// Trunk and limbs bent to one side.
+const SIDE_BEND: &JointAngles = &[
+    (Segment::Abdomen, [0.0, 0.8, 0.0]),
+    (Segment::Thorax, [0.0, 0.8, 0.0]),
+    (Segment::LeftUpperArm, [0.0, -1.0, 0.0]),
+    (Segment::RightUpperArm, [0.0, -1.0, 0.0]),
+    (Segment::LeftThigh, [0.0, -1.0, 0.0]),
+    (Segment::RightThigh, [0.0, -1.0, 0.0]),
+];
+/// Legs stretched: head-low, forwards.
+const STRETCH: &JointAngles = &[
+    (Segment::LeftShank, [0.0, 0.0, 1.0]),
+    (Segment::RightShank, [0.0, 0.0, 1.0]),
+];
+/// The left arm drawn in to the body.
+const DRAW_IN_LEFT: &JointAngles = &[
+    (Segment::LeftUpperArm, [0.0, -1.0, 0.0]),
+    (Segment::LeftForearm, [0.0, -1.0, 0.0]),
+];
+/// Arms and thighs pressed down into the stream.
+const PRESS: &JointAngles = &[
+    (Segment::LeftUpperArm, [0.0, 0.0, -1.0]),
+    (Segment::RightUpperArm, [0.0, 0.0, -1.0]),
+    (Segment::LeftThigh, [0.0, 0.0, 1.0]),
+    (Segment::RightThigh, [0.0, 0.0, 1.0]),
+];
+/// Arms from beside the body to straight ahead of the shoulders.
+const ARMS_AHEAD: &JointAngles = &[
+    (Segment::LeftUpperArm, [0.0, 0.0, 1.0]),
+    (Segment::RightUpperArm, [0.0, 0.0, 1.0]),
+];
+/// Straight, arms beside the body.
+const STRAIGHT: &JointAngles = &[];
+
+/// One way for some seconds, then the other.
+const TO_AND_FRO: Knots<f64> = &[
+    (1.0, 0.0),
+    (2.0, 0.25),
+    (5.0, 0.25),
+    (7.0, -0.25),
+    (11.0, -0.25),
+    (13.0, 0.2),
+    (18.0, 0.2),
+    (20.0, -0.3),
+    (24.0, -0.3),
+    (26.0, 0.0),
+];
+
+const BELLY: Maneuver = Maneuver {
+    name: "neutral-fall",
+    summary: "falls straight down in the neutral pose",
+    duration: 30.0,
+    base: NEUTRAL,
+    start_pitch: FRAC_PI_2,
+    start_speed: 1.0,
+    tracks: &[],
+    muscle: &[],
+    damping: &[(0.0, BELLY_TURN_DAMPING)],
+    muscles: BACK_TRACKING,
+};
+
+/// All maneuvers, the paper's seven basic ones first.
+pub const MANEUVERS: &[Maneuver] = &[
+    BELLY,
+    Maneuver {
+        name: "rotations",
+        summary: "turns right and left by full circles",
+        tracks: &[Track {
+            pattern: TURN,
+            amount: TO_AND_FRO,
+        }],
+        ..BELLY
+    },
+    Maneuver {
+        name: "side-slides",
+        summary: "slides to the left and to the right",
+        tracks: &[Track {
+            pattern: SIDE_BEND,
+            amount: TO_AND_FRO,
+        }],
+        ..BELLY
+    },
+    Maneuver {
+        name: "longitudinal",
+        summary: "moves forwards and backwards by stretching and bending the legs",
+        tracks: &[Track {
+            pattern: STRETCH,
+            amount: TO_AND_FRO,
+        }],
+        ..BELLY
+    },
+    Maneuver {
+        name: "vertical",
+        summary: "falls faster and slower by arching and de-arching",
+        tracks: &[Track {
+            pattern: ARCH,
+            amount: TO_AND_FRO,
+        }],
+        ..BELLY
+    },
+    Maneuver {
+        name: "barrel-roll",
+        summary: "rolls about the long axis, from belly to belly",
+        duration: 16.0,
+        tracks: &[Track {
+            pattern: DRAW_IN_LEFT,
+            amount: &[
+                (1.5, 0.0),
+                (1.9, 1.4),
+                (3.2, 1.4),
+                (3.7, 0.0),
+                (8.5, 0.0),
+                (8.9, 1.4),
+                (10.2, 1.4),
+                (10.7, 0.0),
+            ],
+        }],
+        muscle: &[
+            (1.6, [0.0, 0.0, 0.0]),
+            (1.8, [0.0, 0.0, 4.0]),
+            (3.0, [0.0, 0.0, 4.0]),
+            (3.2, [0.0, 0.0, 0.0]),
+            (8.6, [0.0, 0.0, 0.0]),
+            (8.8, [0.0, 0.0, 4.0]),
+            (10.0, [0.0, 0.0, 4.0]),
+            (10.2, [0.0, 0.0, 0.0]),
+        ],
+        damping: &[
+            (1.0, BELLY_TURN_DAMPING),
+            (1.5, [3.0, 3.0, 0.05]),
+            (2.8, [3.0, 3.0, 0.05]),
+            (3.2, [6.0, 3.0, 12.0]),
+            (4.5, BELLY_TURN_DAMPING),
+            (8.0, BELLY_TURN_DAMPING),
+            (8.5, [3.0, 3.0, 0.05]),
+            (9.8, [3.0, 3.0, 0.05]),
+            (10.2, [6.0, 3.0, 12.0]),
+            (11.5, BELLY_TURN_DAMPING),
+        ],
+        ..BELLY
+    },
+    Maneuver {
+        name: "back-loop",
+        summary: "loops backwards about the frontal axis, from belly to belly",
+        duration: 12.0,
+        tracks: &[Track {
+            pattern: PRESS,
+            amount: &[(1.5, 0.0), (1.9, 0.8), (3.2, 0.8), (3.7, 0.0)],
+        }],
+        muscle: &[
+            (1.4, [0.0, 0.0, 0.0]),
+            (1.6, [0.0, 4.5, 0.0]),
+            (2.8, [0.0, 4.5, 0.0]),
+            (3.0, [0.0, 0.0, 0.0]),
+        ],
+        damping: &[
+            (1.0, BELLY_TURN_DAMPING),
+            (1.5, [-0.2, 3.0, 6.0]),
+            (2.6, [-0.2, 3.0, 6.0]),
+            (3.2, [12.0, 3.0, 6.0]),
+            (4.5, BELLY_TURN_DAMPING),
+        ],
+        muscles: LAYOUTS,
+        ..BELLY
+    },
+    Maneuver {
+        name: "tracking",
+        summary: "leaves the vertical: angle flying over a steady muscle input in pitch",
+        base: TRACK,
+        start_pitch: 1.9,
+        start_speed: 0.9,
+        tracks: &[Track {
+            pattern: TURN,
+            amount: &[(12.0, 0.0), (13.0, 0.04), (16.0, 0.0)],
+        }],
+        muscle: &[
+            (0.0, [0.0, 0.0, 0.0]),
+            (3.0, [0.0, 0.4, 0.0]),
+            (14.0, [0.0, 0.5, 0.0]),
+            (20.0, [0.0, 0.3, 0.0]),
+            (28.0, [0.0, 0.45, 0.0]),
+        ],
+        damping: &[(0.0, [6.0, 3.0, 12.0])],
+        ..BELLY
+    },
+    Maneuver {
+        name: "layouts",
+        summary: "flips over straight through: legs press, arms release, damping turns negative",
+        duration: 12.0,
+        base: STRAIGHT,
+        tracks: &[Track {
+            pattern: ARMS_AHEAD,
+            amount: &[(2.0, 0.0), (2.4, 1.57), (4.2, 1.57), (6.0, 0.0)],
+        }],
+        muscle: &[
+            (1.0, [0.0, 0.0, 0.0]),
+            (1.2, [0.0, 1.0, 0.0]),
+            (2.0, [0.0, 1.0, 0.0]),
+            (2.2, [0.0, 0.0, 0.0]),
+        ],
+        damping: &[
+            (0.0, [12.0, 3.0, 6.0]),
+            (1.9, [12.0, 3.0, 6.0]),
+            (2.1, [-0.1, 3.0, 6.0]),
+            (4.2, [-0.1, 3.0, 6.0]),
+            (4.6, [12.0, 3.0, 6.0]),
+        ],
+        muscles: LAYOUTS,
+        ..BELLY
+    },
+    Maneuver {
+        name: "transitions",
+        summary: "changes between belly and back by back flips and half barrel rolls",
+        tracks: &[
+            Track {
+                pattern: PRESS,
+                amount: &[
+                    (1.5, 0.0),
+                    (1.9, 0.8),
+                    (3.2, 0.8),
+                    (3.7, 0.0),
+                    (15.5, 0.0),
+                    (15.9, 0.8),
+                    (17.2, 0.8),
+                    (17.7, 0.0),
+                ],
+            },
+            Track {
+                pattern: DRAW_IN_LEFT,
+                amount: &[
+                    (8.5, 0.0),
+                    (8.9, 1.4),
+                    (9.7, 1.4),
+                    (10.2, 0.0),
+                    (22.5, 0.0),
+                    (22.9, 1.4),
+                    (23.7, 1.4),
+                    (24.2, 0.0),
+                ],
+            },
+        ],
+        muscle: &[
+            (1.4, [0.0, 0.0, 0.0]),
+            (1.6, [0.0, 3.0, 0.0]),
+            (2.4, [0.0, 3.0, 0.0]),
+            (3.0, [0.0, 0.0, 0.0]),
+            (8.6, [0.0, 0.0, 0.0]),
+            (8.8, [0.0, 0.0, 4.0]),
+            (9.2, [0.0, 0.0, 4.0]),
+            (9.4, [0.0, 0.0, 0.0]),
+            (15.4, [0.0, 0.0, 0.0]),
+            (15.6, [0.0, 3.0, 0.0]),
+            (16.4, [0.0, 3.0, 0.0]),
+            (17.0, [0.0, 0.0, 0.0]),
+            (22.6, [0.0, 0.0, 0.0]),
+            (22.8, [0.0, 0.0, 4.0]),
+            (23.2, [0.0, 0.0, 4.0]),
+            (23.4, [0.0, 0.0, 0.0]),
+        ],
+        damping: &[
+            (1.0, BELLY_TURN_DAMPING),
+            (1.5, [-0.2, 3.0, 6.0]),
+            (2.6, [-0.2, 3.0, 6.0]),
+            (3.2, [12.0, 3.0, 6.0]),
+            (4.5, [3.0, 3.0, 6.0]),
+            (8.0, [3.0, 3.0, 6.0]),
+            (8.5, [3.0, 3.0, 0.05]),
+            (9.4, [3.0, 3.0, 0.05]),
+            (9.8, [6.0, 3.0, 12.0]),
+            (12.0, [3.0, 3.0, 6.0]),
+            (15.0, [3.0, 3.0, 6.0]),
+            (15.5, [-0.2, 3.0, 6.0]),
+            (16.6, [-0.2, 3.0, 6.0]),
+            (17.2, [12.0, 3.0, 6.0]),
+            (18.5, [3.0, 3.0, 6.0]),
+            (22.0, [3.0, 3.0, 6.0]),
+            (22.5, [3.0, 3.0, 0.05]),
+            (23.4, [3.0, 3.0, 0.05]),
+            (23.8, [6.0, 3.0, 12.0]),
+            (26.0, [3.0, 3.0, 6.0]),
+        ],
+        muscles: LAYOUTS,
+        ..BELLY
+    },
+];

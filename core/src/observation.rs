@@ -1,0 +1,74 @@
+//! What can be seen of a motion from outside: the channels in which simulation and measurement are compared.
+
+use nalgebra::Vector3;
+
+use crate::dynamics::Motion;
+use crate::frame::AttitudeAngles;
+use crate::math::Real;
+
+/// The observable channels of one instant.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Observation<T: Real> {
+    /// Heading, pitch, roll (rad), paper eq. (ypr).
+    pub angles: AttitudeAngles<T>,
+    /// Rate of turn about the vertical, positive from above counter-clockwise (rad/s): the rate of the heading
+    /// where the body is level, paper eq. (meas_turns).
+    pub yaw_rate: T,
+    /// Angular velocity (rad/s), body axes.
+    pub angular_velocity: Vector3<T>,
+    /// Speed over ground (m/s), paper eq. (vel).
+    pub horizontal_speed: T,
+    /// Vertical velocity, positive up (m/s).
+    pub vertical_velocity: T,
+}
+
+impl<T: Real> Observation<T> {
+    /// Observes a motion.
+    pub fn of(motion: &Motion<T>) -> Self {
+        let spin = (motion.inertial_from_body * motion.angular_velocity).components;
+        let velocity = motion.velocity_inertial().components;
+        Self {
+            angles: AttitudeAngles::of(&motion.inertial_from_body),
+            yaw_rate: spin.z,
+            angular_velocity: motion.angular_velocity.components,
+            horizontal_speed: horizontal_speed(&velocity),
+            vertical_velocity: velocity.z,
+        }
+    }
+}
+
+/// Horizontal part of a velocity in inertial axes (m/s), paper eq. (vel).
+pub fn horizontal_speed<T: Real>(velocity: &Vector3<T>) -> T {
+    (velocity.x * velocity.x + velocity.y * velocity.y).root()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::{Inertial, Rotation, Vector};
+    use nalgebra::UnitQuaternion;
+
+    #[test]
+    fn a_tilted_glide_is_seen_as_such() {
+        // Belly to earth, heading east, turned by 0.3 rad to the left, gliding north.
+        let belly =
+            UnitQuaternion::from_axis_angle(&Vector3::x_axis(), core::f64::consts::FRAC_PI_2);
+        let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), 0.3);
+        let attitude = Rotation::from_quaternion(turn * belly);
+        let motion = Motion {
+            inertial_from_body: attitude,
+            position: Vector::zero(),
+            velocity: attitude.inverse() * Vector::<f64, Inertial>::new(3.0, 4.0, -50.0),
+            angular_velocity: Vector::new(0.0, 1.5, 0.0),
+        };
+        let seen = Observation::of(&motion);
+        assert!((seen.angles.heading - 0.3).abs() < 1e-12, "{seen:?}");
+        assert!(
+            seen.angles.pitch.abs() < 1e-12 && seen.angles.roll.abs() < 1e-12,
+            "{seen:?}"
+        );
+        assert!((seen.yaw_rate - 1.5).abs() < 1e-12);
+        assert!((seen.horizontal_speed - 5.0).abs() < 1e-12);
+        assert!((seen.vertical_velocity + 50.0).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,340 @@
+//! The items of an MTData2 packet.
+
+use core::fmt;
+
+use super::gnss::GnssPvt;
+use super::number::{NumberFormat, Reals};
+
+/// Identifier of an item: group, type, coordinate system and number format.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct DataId(pub u16);
+
+#[expect(missing_docs, reason = "the names of the vendor's document")]
+impl DataId {
+    pub const TEMPERATURE: Self = Self(0x0810);
+    pub const UTC_TIME: Self = Self(0x1010);
+    pub const PACKET_COUNTER: Self = Self(0x1020);
+    pub const SAMPLE_TIME_FINE: Self = Self(0x1060);
+    pub const SAMPLE_TIME_COARSE: Self = Self(0x1070);
+    pub const QUATERNION: Self = Self(0x2010);
+    pub const ROTATION_MATRIX: Self = Self(0x2020);
+    pub const EULER_ANGLES: Self = Self(0x2030);
+    pub const BARO_PRESSURE: Self = Self(0x3010);
+    pub const DELTA_V: Self = Self(0x4010);
+    pub const ACCELERATION: Self = Self(0x4020);
+    pub const FREE_ACCELERATION: Self = Self(0x4030);
+    pub const ACCELERATION_HR: Self = Self(0x4040);
+    pub const ALTITUDE_ELLIPSOID: Self = Self(0x5020);
+    pub const POSITION_ECEF: Self = Self(0x5030);
+    pub const LAT_LON: Self = Self(0x5040);
+    pub const GNSS_PVT: Self = Self(0x7010);
+    pub const RATE_OF_TURN: Self = Self(0x8020);
+    pub const DELTA_Q: Self = Self(0x8030);
+    pub const RATE_OF_TURN_HR: Self = Self(0x8040);
+    pub const MAGNETIC_FIELD: Self = Self(0xC020);
+    pub const VELOCITY_XYZ: Self = Self(0xD010);
+    pub const STATUS_BYTE: Self = Self(0xE010);
+    pub const STATUS_WORD: Self = Self(0xE020);
+}
+
+impl DataId {
+    /// The identifier without coordinate system and number format.
+    pub const fn kind(self) -> Self {
+        Self(self.0 & 0xFFF0)
+    }
+
+    /// The coordinate system, where the item has one.
+    pub const fn coordinate_system(self) -> Option<CoordinateSystem> {
+        match self.0 & 0xC {
+            0x0 => Some(CoordinateSystem::EastNorthUp),
+            0x4 => Some(CoordinateSystem::NorthEastDown),
+            0x8 => Some(CoordinateSystem::NorthWestUp),
+            _ => None,
+        }
+    }
+
+    /// The same item in another coordinate system and number format.
+    #[must_use]
+    pub const fn with(self, system: CoordinateSystem, format: NumberFormat) -> Self {
+        Self(self.kind().0 | system as u16 | format as u16)
+    }
+}
+
+/// Axes of the earth-fixed frame a sensor refers to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[repr(u16)]
+pub enum CoordinateSystem {
+    /// X east, Y north, Z up; the sensor's default.
+    EastNorthUp = 0x0,
+    /// X north, Y east, Z down.
+    NorthEastDown = 0x4,
+    /// X north, Y west, Z up; the inertial frame of the model.
+    NorthWestUp = 0x8,
+}
+
+/// UTC as the sensor knows it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[expect(missing_docs, reason = "the names say it")]
+pub struct UtcTime {
+    pub nanosecond: u32,
+    pub year: u16,
+    pub month: u8,
+    pub day: u8,
+    pub hour: u8,
+    pub minute: u8,
+    pub second: u8,
+    /// Bit 0 date, 1 time of day, 2 fully resolved.
+    pub flags: u8,
+}
+
+/// Status word, or status byte in its lowest bits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Status(pub u32);
+
+impl Status {
+    /// The self-test was passed; MTi-600 sensors always give 0.
+    pub const fn self_test_passed(self) -> bool {
+        self.0 & 1 != 0
+    }
+
+    /// The orientation filter works.
+    pub const fn filter_valid(self) -> bool {
+        self.0 & 1 << 1 != 0
+    }
+
+    /// GNSS has a fix.
+    pub const fn gnss_fix(self) -> bool {
+        self.0 & 1 << 2 != 0
+    }
+
+    /// Axes X, Y, Z at which the accelerometer was beyond its range.
+    pub const fn accelerometer_clipped(self) -> [bool; 3] {
+        self.axes(8)
+    }
+
+    /// Axes X, Y, Z at which the gyroscope was beyond its range.
+    pub const fn gyroscope_clipped(self) -> [bool; 3] {
+        self.axes(11)
+    }
+
+    /// Axes X, Y, Z at which the magnetometer was beyond its range.
+    pub const fn magnetometer_clipped(self) -> [bool; 3] {
+        self.axes(14)
+    }
+
+    const fn axes(self, first: u32) -> [bool; 3] {
+        [
+            self.0 >> first & 1 != 0,
+            self.0 >> (first + 1) & 1 != 0,
+            self.0 >> (first + 2) & 1 != 0,
+        ]
+    }
+}
+
+/// One item understood. Vectors are x, y, z; quaternions w, x, y, z.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Item<'a> {
+    /// Of the sensor's inside (degC).
+    Temperature(Reals<'a, 1>),
+    /// Time of day.
+    UtcTime(UtcTime),
+    /// Number of the packet, wraps at 65536.
+    PacketCounter(u16),
+    /// Sensor time in ticks of 0.1 ms, see [`SampleClock`](super::SampleClock).
+    SampleTimeFine(u32),
+    /// Sensor time in whole seconds.
+    SampleTimeCoarse(u32),
+    /// Rotation from sensor axes to earth axes.
+    Quaternion(CoordinateSystem, Reals<'a, 4>),
+    /// The same as a matrix, row by row.
+    RotationMatrix(CoordinateSystem, Reals<'a, 9>),
+    /// The same as roll, pitch, yaw (deg).
+    EulerAngles(CoordinateSystem, Reals<'a, 3>),
+    /// Pressure (Pa).
+    BaroPressure(u32),
+    /// Velocity increment over the sample in sensor axes, gravity included (m/s).
+    DeltaV(Reals<'a, 3>),
+    /// Acceleration in sensor axes, gravity included (m/s2).
+    Acceleration(Reals<'a, 3>),
+    /// Acceleration in earth axes without gravity (m/s2).
+    FreeAcceleration(Reals<'a, 3>),
+    /// Acceleration at the full rate of the sensor (m/s2).
+    AccelerationHr(Reals<'a, 3>),
+    /// Height above the ellipsoid (m).
+    AltitudeEllipsoid(Reals<'a, 1>),
+    /// Position in earth-centred, earth-fixed axes (m).
+    PositionEcef(Reals<'a, 3>),
+    /// Latitude and longitude (deg).
+    LatLon(Reals<'a, 2>),
+    /// Solution of the GNSS receiver.
+    GnssPvt(GnssPvt),
+    /// Angular velocity in sensor axes (rad/s).
+    RateOfTurn(Reals<'a, 3>),
+    /// Rotation over the sample.
+    DeltaQ(Reals<'a, 4>),
+    /// Angular velocity at the full rate of the sensor (rad/s).
+    RateOfTurnHr(Reals<'a, 3>),
+    /// Magnetic field, 1 at calibration.
+    MagneticField(Reals<'a, 3>),
+    /// Velocity in earth axes (m/s).
+    VelocityXyz(CoordinateSystem, Reals<'a, 3>),
+    /// Status, eight bits of it.
+    StatusByte(Status),
+    /// Status, all of it.
+    StatusWord(Status),
+    /// Any other item.
+    Unknown(RawItem<'a>),
+}
+
+/// An item is known, but its data cannot be.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct BadItem {
+    /// Which.
+    pub id: DataId,
+    /// Bytes of its data.
+    pub found: usize,
+}
+
+impl fmt::Display for BadItem {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "item {:#06x} has {} bytes of data, which is not its size",
+            self.id.0, self.found
+        )
+    }
+}
+
+impl core::error::Error for BadItem {}
+
+/// An item where it lies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct RawItem<'a> {
+    /// What it is.
+    pub id: DataId,
+    /// Its data.
+    pub data: &'a [u8],
+}
+
+impl<'a> RawItem<'a> {
+    /// The item understood; [`Item::Unknown`] where the identifier is not in the table.
+    ///
+    /// # Errors
+    /// [`BadItem`] where the data has not the size its identifier says, or the coordinate system is none.
+    pub fn decode(&self) -> Result<Item<'a>, BadItem> {
+        self.understood().ok_or(BadItem {
+            id: self.id,
+            found: self.data.len(),
+        })
+    }
+
+    fn understood(&self) -> Option<Item<'a>> {
+        Some(match self.id.kind() {
+            DataId::TEMPERATURE => Item::Temperature(self.reals()?),
+            DataId::UTC_TIME => Item::UtcTime(self.utc_time()?),
+            DataId::PACKET_COUNTER => Item::PacketCounter(u16::from_be_bytes(self.array()?)),
+            DataId::SAMPLE_TIME_FINE => Item::SampleTimeFine(self.word()?),
+            DataId::SAMPLE_TIME_COARSE => Item::SampleTimeCoarse(self.word()?),
+            DataId::QUATERNION => Item::Quaternion(self.system()?, self.reals()?),
+            DataId::ROTATION_MATRIX => Item::RotationMatrix(self.system()?, self.reals()?),
+            DataId::EULER_ANGLES => Item::EulerAngles(self.system()?, self.reals()?),
+            // Whole pascals, whatever the format bits say: sensors do set them.
+            DataId::BARO_PRESSURE => Item::BaroPressure(self.word()?),
+            DataId::DELTA_V => Item::DeltaV(self.reals()?),
+            DataId::ACCELERATION => Item::Acceleration(self.reals()?),
+            DataId::FREE_ACCELERATION => Item::FreeAcceleration(self.reals()?),
+            DataId::ACCELERATION_HR => Item::AccelerationHr(self.reals()?),
+            DataId::ALTITUDE_ELLIPSOID => Item::AltitudeEllipsoid(self.reals()?),
+            DataId::POSITION_ECEF => Item::PositionEcef(self.reals()?),
+            DataId::LAT_LON => Item::LatLon(self.reals()?),
+            DataId::GNSS_PVT => Item::GnssPvt(GnssPvt::read(self.data.try_into().ok()?)),
+            DataId::RATE_OF_TURN => Item::RateOfTurn(self.reals()?),
+            DataId::DELTA_Q => Item::DeltaQ(self.reals()?),
+            DataId::RATE_OF_TURN_HR => Item::RateOfTurnHr(self.reals()?),
+            DataId::MAGNETIC_FIELD => Item::MagneticField(self.reals()?),
+            DataId::VELOCITY_XYZ => Item::VelocityXyz(self.system()?, self.reals()?),
+            DataId::STATUS_BYTE => {
+                let [byte] = self.array()?;
+                Item::StatusByte(Status(u32::from(byte)))
+            }
+            DataId::STATUS_WORD => Item::StatusWord(Status(self.word()?)),
+            _ => Item::Unknown(*self),
+        })
+    }
+
+    fn array<const N: usize>(&self) -> Option<[u8; N]> {
+        self.data.try_into().ok()
+    }
+
+    fn word(&self) -> Option<u32> {
+        self.array().map(u32::from_be_bytes)
+    }
+
+    fn reals<const N: usize>(&self) -> Option<Reals<'a, N>> {
+        Reals::new(self.data, NumberFormat::of(self.id.0))
+    }
+
+    fn system(&self) -> Option<CoordinateSystem> {
+        self.id.coordinate_system()
+    }
+
+    fn utc_time(&self) -> Option<UtcTime> {
+        let [
+            n0,
+            n1,
+            n2,
+            n3,
+            y0,
+            y1,
+            month,
+            day,
+            hour,
+            minute,
+            second,
+            flags,
+        ] = self.array()?;
+        Some(UtcTime {
+            nanosecond: u32::from_be_bytes([n0, n1, n2, n3]),
+            year: u16::from_be_bytes([y0, y1]),
+            month,
+            day,
+            hour,
+            minute,
+            second,
+            flags,
+        })
+    }
+}
+
+/// The items of a packet in the order they were sent, which is not fixed.
+#[derive(Debug, Clone)]
+pub struct Items<'a> {
+    rest: &'a [u8],
+}
+
+impl<'a> Items<'a> {
+    pub(super) const fn new(data: &'a [u8]) -> Self {
+        Self { rest: data }
+    }
+
+    /// Whether the items fill `data` to the last byte.
+    pub(super) fn fill(data: &[u8]) -> bool {
+        let mut items = Items::new(data);
+        while items.next().is_some() {}
+        items.rest.is_empty()
+    }
+}
+
+impl<'a> Iterator for Items<'a> {
+    type Item = RawItem<'a>;
+
+    fn next(&mut self) -> Option<RawItem<'a>> {
+        let ([high, low, size], rest) = self.rest.split_first_chunk::<3>()?;
+        let (data, rest) = rest.split_at_checked(usize::from(*size))?;
+        self.rest = rest;
+        Some(RawItem {
+            id: DataId(u16::from_be_bytes([*high, *low])),
+            data,
+        })
+    }
+}

@@ -1,0 +1,140 @@
+//! One packet: preamble, addresses, length, data, checksum.
+
+use super::item::Items;
+
+/// First byte of every packet. It also occurs in data.
+pub(super) const PREAMBLE: u8 = 0xFA;
+/// Length byte that announces two bytes of extended length.
+pub(super) const EXTENDED: u8 = 0xFF;
+
+/// Bus addresses a sensor on its own uses. Any other one is a preamble by chance.
+const ADDRESSES: [u8; 2] = [0xFF, 0x01];
+
+/// Most data bytes of a packet.
+pub const MAX_DATA_LENGTH: usize = 2048;
+/// Bytes of the longest packet.
+pub const MAX_PACKET_LENGTH: usize = MAX_DATA_LENGTH + 7;
+
+/// What a packet is about. An answer has the number of the question plus one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct MessageId(pub u8);
+
+#[expect(missing_docs, reason = "the names of the vendor's document")]
+impl MessageId {
+    pub const REQUEST_DEVICE_ID: Self = Self(0x00);
+    pub const DEVICE_ID: Self = Self(0x01);
+    pub const GOTO_MEASUREMENT: Self = Self(0x10);
+    pub const GOTO_MEASUREMENT_ACK: Self = Self(0x11);
+    pub const FIRMWARE_REVISION: Self = Self(0x13);
+    pub const BAUDRATE: Self = Self(0x18);
+    pub const BAUDRATE_ACK: Self = Self(0x19);
+    pub const GOTO_CONFIG: Self = Self(0x30);
+    pub const GOTO_CONFIG_ACK: Self = Self(0x31);
+    pub const MT_DATA2: Self = Self(0x36);
+    pub const WAKE_UP: Self = Self(0x3E);
+    pub const WAKE_UP_ACK: Self = Self(0x3F);
+    pub const RESET: Self = Self(0x40);
+    pub const ERROR: Self = Self(0x42);
+    pub const WARNING: Self = Self(0x43);
+    pub const OUTPUT_CONFIGURATION: Self = Self(0xC0);
+    pub const OUTPUT_CONFIGURATION_ACK: Self = Self(0xC1);
+}
+
+/// A packet whose checksum holds, where it lies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Packet<'a> {
+    /// Bus address, 0xFF or 0x01 for a sensor on its own.
+    pub bus_id: u8,
+    /// What it is about.
+    pub message_id: MessageId,
+    /// Data without header and checksum.
+    pub data: &'a [u8],
+}
+
+impl<'a> Packet<'a> {
+    /// The measurements of an MTData2 packet; none of another one.
+    pub fn items(&self) -> Items<'a> {
+        Items::new(if self.message_id == MessageId::MT_DATA2 {
+            self.data
+        } else {
+            &[]
+        })
+    }
+}
+
+/// What the bytes at a preamble turn out to be.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Candidate {
+    /// So far a packet; it takes at least `total` bytes.
+    Incomplete { total: usize },
+    /// A packet of `total` bytes.
+    Whole { total: usize },
+    /// The address is none of a sensor on its own.
+    BadAddress,
+    /// The checksum differs.
+    BadChecksum,
+    /// The length cannot be.
+    BadLength,
+    /// The checksum holds, but the items do not fill the data.
+    BadItems,
+}
+
+/// Judges `bytes`, which begin with a preamble.
+pub(super) fn judge(bytes: &[u8]) -> Candidate {
+    if let [_, address, ..] = bytes
+        && !ADDRESSES.contains(address)
+    {
+        return Candidate::BadAddress;
+    }
+    let (header, length) = match extent(bytes) {
+        Ok(extent) => extent,
+        Err(candidate) => return candidate,
+    };
+    let total = header + length + 1;
+    let Some(covered) = bytes.get(1..total) else {
+        return Candidate::Incomplete { total };
+    };
+    if checksum(covered) != 0 {
+        return Candidate::BadChecksum;
+    }
+    // A sum of 8 bits passes one damaged packet in 256, and a preamble by chance inside one may then cover
+    // the next. The address above and items that fill the data exactly are two more checks, free of charge.
+    match view(bytes) {
+        Some(packet) if packet.message_id == MessageId::MT_DATA2 && !Items::fill(packet.data) => {
+            Candidate::BadItems
+        }
+        _ => Candidate::Whole { total },
+    }
+}
+
+/// The packet `bytes` begin with, without any check of its contents.
+pub(super) fn view(bytes: &[u8]) -> Option<Packet<'_>> {
+    let (header, length) = extent(bytes).ok()?;
+    Some(Packet {
+        bus_id: *bytes.get(1)?,
+        message_id: MessageId(*bytes.get(2)?),
+        data: bytes.get(header..header + length)?,
+    })
+}
+
+/// Sum of all bytes modulo 256: 0 over a packet without its preamble.
+pub(super) fn checksum(bytes: &[u8]) -> u8 {
+    bytes.iter().fold(0, |sum, &byte| sum.wrapping_add(byte))
+}
+
+/// Bytes of the header and of the data.
+fn extent(bytes: &[u8]) -> Result<(usize, usize), Candidate> {
+    match bytes {
+        [_, _, _, EXTENDED, high, low, ..] => {
+            let length = usize::from(u16::from_be_bytes([*high, *low]));
+            if (usize::from(EXTENDED)..=MAX_DATA_LENGTH).contains(&length) {
+                Ok((6, length))
+            } else {
+                Err(Candidate::BadLength)
+            }
+        }
+        [_, _, _, EXTENDED, ..] => Err(Candidate::Incomplete { total: 6 }),
+        [_, _, _, length, ..] => Ok((4, usize::from(*length))),
+        _ => Err(Candidate::Incomplete { total: 4 }),
+    }
+}

@@ -1,0 +1,69 @@
+//! Verbs of the command line: one file each, arguments and output; the work is in the library.
+
+mod demo;
+mod estimate;
+mod inspect;
+mod simulate;
+mod synth;
+mod terminal;
+mod trim;
+mod tune;
+
+use std::process::ExitCode;
+
+use bodyflight::diagnostic::Result;
+use bodyflight::interrupt;
+use clap::{Parser, Subcommand};
+
+/// Simulate, estimate and stream human body flight.
+#[derive(Parser)]
+#[command(
+    name = "bodyflight",
+    version,
+    after_help = "Exit codes: 0 done, 2 bad input or usage, 3 refused by the system, 4 disagreement, 130 Ctrl-C.\n\
+                  Start with: bodyflight demo"
+)]
+struct Cli {
+    /// Print the result as JSON.
+    #[arg(long, global = true)]
+    json: bool,
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+#[derive(Subcommand)]
+enum Verb {
+    Demo(demo::Args),
+    Inspect(inspect::Args),
+    Simulate(simulate::Args),
+    Estimate(estimate::Args),
+    Trim(trim::Args),
+    Synth(synth::Args),
+    Tune(tune::Args),
+}
+
+/// Runs the verb that the arguments ask for.
+pub(crate) fn main() -> ExitCode {
+    interrupt::listen();
+    let cli = Cli::parse();
+    match run(&cli) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(problem) => {
+            let code = problem.kind.exit_code();
+            terminal::print_problem(problem);
+            ExitCode::from(code)
+        }
+    }
+}
+
+fn run(cli: &Cli) -> Result<()> {
+    match &cli.verb {
+        Verb::Demo(args) => demo::run(args, cli.json),
+        Verb::Inspect(args) => inspect::run(args, cli.json),
+        Verb::Simulate(args) => simulate::run(args, cli.json),
+        Verb::Estimate(args) => estimate::run(args, cli.json),
+        Verb::Trim(args) => trim::run(args, cli.json),
+        Verb::Synth(args) => synth::run(args, cli.json),
+        Verb::Tune(args) => tune::run(args, cli.json),
+    }
+}

@@ -1,0 +1,71 @@
+//! `bodyflight demo`.
+
+use std::path::PathBuf;
+
+use bodyflight::diagnostic::{Problem, Result};
+use bodyflight::flight::Flight;
+use bodyflight::output::write_file;
+use bodyflight::plot::comparison_svg;
+use bodyflight::recording::Options;
+use bodyflight::simulate::{RunFile, simulate};
+use bodyflight::subject::Subject;
+use bodyflight::synthesize::{DEFAULT_SWAY, Request, SensorNoise};
+use bodyflight_core::maneuver::Maneuver;
+
+use super::{simulate as simulate_verb, synth, terminal};
+
+/// Fly the bundled maneuver, write it as a recording, and reconstruct it: table, CSV and plot.
+#[derive(clap::Args)]
+#[command(after_help = "Example: bodyflight demo --out demo")]
+pub(super) struct Args {
+    /// Folder for everything that is written; made where absent.
+    #[arg(long, default_value = "bodyflight-demo")]
+    out: PathBuf,
+}
+
+/// The bundled flight: a script of the core, the same bits on every machine.
+const MANEUVER: &str = "rotations";
+const SEED: u64 = 1;
+
+pub(super) fn run(args: &Args, json: bool) -> Result<()> {
+    let maneuver = Maneuver::from_name(MANEUVER)
+        .ok_or_else(|| Problem::bad_input(format!("no maneuver {MANEUVER}")))?;
+    let subject = Subject::default();
+    let request = Request {
+        maneuver,
+        subject: &subject,
+        density: bodyflight::flight::DEFAULT_DENSITY,
+        seed: SEED,
+        noise: SensorNoise::PAPER,
+        sway: DEFAULT_SWAY,
+    };
+    let written = synth::write(&request, &args.out)?;
+    let flight = Flight::read(&written.flight)?;
+    let (csv, svg) = (args.out.join("run.csv"), args.out.join("run.svg"));
+    let mut file = RunFile::create(&csv)?;
+    let spinner = terminal::spinner("simulating");
+    let simulation = simulate::<f64>(&flight, Options::default(), |pair| file.write(pair), |_| {});
+    spinner.finish_and_clear();
+    let simulation = simulation?;
+    file.finish()?;
+    let title = format!(
+        "{}: {}, free run against measurement",
+        maneuver.name, maneuver.summary
+    );
+    write_file(
+        &svg,
+        comparison_svg(&title, &simulation.comparison)?.as_bytes(),
+    )?;
+    if json {
+        return terminal::print_json(&simulation.report);
+    }
+    terminal::print(&format!(
+        "{}: {} (synthetic flight, sensor noise of the paper)",
+        maneuver.name, maneuver.summary
+    ));
+    simulate_verb::print_report(&simulation);
+    for path in [written.flight, csv, svg] {
+        terminal::print(&format!("written: {}", path.display()));
+    }
+    Ok(())
+}

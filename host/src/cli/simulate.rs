@@ -1,0 +1,156 @@
+//! `bodyflight simulate`.
+
+use std::path::PathBuf;
+
+use bodyflight::diagnostic::{Problem, Result};
+use bodyflight::flight::Flight;
+use bodyflight::output::write_file;
+use bodyflight::plot::comparison_svg;
+use bodyflight::recording::{BadFrames, Options};
+use bodyflight::simulate::{RunFile, Simulation, simulate};
+use bodyflight_core::dynamics::free_run::Equations;
+
+use super::terminal;
+
+/// Run the model over recorded postures from the first frame and compare it with the measured pelvis.
+#[derive(clap::Args)]
+#[command(after_help = "Example: bodyflight simulate flight.toml --out run.csv --plot run.svg")]
+pub(super) struct Args {
+    /// A flight.toml, or an MVNX file alone.
+    flight: PathBuf,
+    /// Write time and all channels, measured and simulated, as CSV.
+    #[arg(long, value_name = "CSV")]
+    out: Option<PathBuf>,
+    /// Write a plot of all channels as SVG.
+    #[arg(long, value_name = "SVG")]
+    plot: Option<PathBuf>,
+    /// Equations of motion, in place of the flight's own.
+    #[arg(long, value_enum)]
+    equations: Option<EquationsName>,
+    /// Precision of the model; the recording is always read in double.
+    #[arg(long, value_enum, default_value = "double")]
+    precision: Precision,
+    #[command(flatten)]
+    reading: Reading,
+}
+
+/// How to treat a faulty recording.
+#[derive(clap::Args, Clone, Copy)]
+pub(super) struct Reading {
+    /// End at the first bad frame instead of bridging short gaps.
+    #[arg(long)]
+    strict: bool,
+    /// Take a file that ends too early up to its last whole frame.
+    #[arg(long)]
+    allow_truncated: bool,
+}
+
+impl Reading {
+    /// Options of the reader.
+    pub(super) fn options(self) -> Options {
+        Options {
+            bad_frames: if self.strict {
+                BadFrames::Refuse
+            } else {
+                BadFrames::Bridge
+            },
+            allow_truncated: self.allow_truncated,
+        }
+    }
+}
+
+#[derive(clap::ValueEnum, Clone, Copy)]
+enum EquationsName {
+    /// Exact Newton-Euler with moving limbs.
+    Exact,
+    /// As printed in the paper, with its low-pass filters.
+    AsPublished,
+}
+
+#[derive(clap::ValueEnum, Clone, Copy)]
+pub(super) enum Precision {
+    /// As on the unit.
+    Single,
+    /// For reference.
+    Double,
+}
+
+pub(super) fn run(args: &Args, json: bool) -> Result<()> {
+    let mut flight = Flight::read(&args.flight)?;
+    match args.equations {
+        Some(EquationsName::Exact) => flight.equations = Equations::Exact,
+        Some(EquationsName::AsPublished) => flight.equations = Equations::AsPublished,
+        None => {}
+    }
+    refuse_inputs([&args.out, &args.plot], &[&args.flight, &flight.recording])?;
+    let simulation = run_flight(&flight, args)?;
+    if let Some(path) = &args.plot {
+        let title = format!("{}: free run against measurement", args.flight.display());
+        write_file(
+            path,
+            comparison_svg(&title, &simulation.comparison)?.as_bytes(),
+        )?;
+    }
+    if json {
+        return terminal::print_json(&simulation.report);
+    }
+    print_report(&simulation);
+    for path in [&args.out, &args.plot].into_iter().flatten() {
+        terminal::print(&format!("written: {}", path.display()));
+    }
+    Ok(())
+}
+
+/// Refuses outputs that are inputs.
+pub(super) fn refuse_inputs<const N: usize>(
+    outputs: [&Option<PathBuf>; N],
+    inputs: &[&PathBuf],
+) -> Result<()> {
+    match outputs
+        .into_iter()
+        .flatten()
+        .find(|output| inputs.contains(output))
+    {
+        None => Ok(()),
+        Some(output) => Err(
+            Problem::bad_input("this is an input, and would be overwritten")
+                .in_file(output)
+                .help("give another name to the output"),
+        ),
+    }
+}
+
+fn run_flight(flight: &Flight, args: &Args) -> Result<Simulation> {
+    let spinner = terminal::spinner("simulating");
+    let mut file = args.out.as_deref().map(RunFile::create).transpose()?;
+    let options = args.reading.options();
+    let each = |pair: &_| file.as_mut().map_or(Ok(()), |file| file.write(pair));
+    let progress = |time: f64| spinner.set_message(format!("simulating, {time:.0} s"));
+    let simulation = match args.precision {
+        Precision::Single => simulate::<f32>(flight, options, each, progress),
+        Precision::Double => simulate::<f64>(flight, options, each, progress),
+    };
+    spinner.finish_and_clear();
+    let simulation = simulation?;
+    if let Some(file) = file {
+        file.finish()?;
+    }
+    Ok(simulation)
+}
+
+/// The table of gaps and what is worth knowing beside it.
+pub(super) fn print_report(simulation: &Simulation) {
+    let report = &simulation.report;
+    let columns = [("RMS gap", report.rms), ("amplitude", report.amplitude)];
+    terminal::print(&terminal::gap_table(&columns).to_string());
+    terminal::print(&format!(
+        "{} frames, {:.1} s of flight; {:.0} frames a second, file to table",
+        report.frames, report.duration_s, report.steps_per_second
+    ));
+    if let Some(fault) = &simulation.quality.first_fault {
+        terminal::print(&format!(
+            "{} bad frames were bridged; the first: line {}, frame {}, {}: {}",
+            report.bridged_frames, fault.line, fault.index, fault.element, fault.message
+        ));
+    }
+}

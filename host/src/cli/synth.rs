@@ -1,0 +1,100 @@
+//! `bodyflight synth`.
+
+use std::path::PathBuf;
+
+use bodyflight::diagnostic::{Problem, Result};
+use bodyflight::flight::DEFAULT_DENSITY;
+use bodyflight::subject::Subject;
+use bodyflight::synthesize::{DEFAULT_SWAY, Report, Request, SensorNoise, synthesize};
+use bodyflight_core::maneuver::{MANEUVERS, Maneuver};
+
+use super::terminal;
+
+/// Fly a maneuver with the model and write it like a recording, with sensor noise.
+#[derive(clap::Args)]
+#[command(after_help = maneuvers_help())]
+pub(super) struct Args {
+    /// Which maneuver.
+    maneuver: String,
+    /// A subject.toml; the default subject where absent.
+    #[arg(long)]
+    subject: Option<PathBuf>,
+    /// Seed of sway and sensor noise.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Folder for flight.toml, subject.toml, inputs.csv and flight.mvnx; made where absent.
+    #[arg(long)]
+    out: PathBuf,
+    /// Air density (kg/m3).
+    #[arg(long, default_value_t = DEFAULT_DENSITY)]
+    density: f64,
+    /// Sensor noise as a share of the paper's figures; 0 for perfect sensors.
+    #[arg(long, default_value_t = 1.0)]
+    noise: f64,
+}
+
+fn maneuvers_help() -> String {
+    let list = MANEUVERS
+        .iter()
+        .map(|m| format!("  {:14} {}\n", m.name, m.summary))
+        .collect::<String>();
+    format!("Maneuvers:\n{list}\nExample: bodyflight synth rotations --seed 1 --out rotations")
+}
+
+pub(super) fn run(args: &Args, json: bool) -> Result<()> {
+    let subject = match &args.subject {
+        Some(path) => Subject::read(path)?,
+        None => Subject::default(),
+    };
+    let maneuver = Maneuver::from_name(&args.maneuver).ok_or_else(|| {
+        let names: Vec<&str> = MANEUVERS.iter().map(|m| m.name).collect();
+        Problem::bad_input(format!("unknown maneuver \"{}\"", args.maneuver))
+            .help(format!("one of: {}", names.join(", ")))
+    })?;
+    for (name, value, high) in [("density", args.density, 2.0), ("noise", args.noise, 100.0)] {
+        if !(0.0..=high).contains(&value) {
+            return Err(Problem::bad_input(format!(
+                "expected --{name} of 0 to {high}, found {value}"
+            )));
+        }
+    }
+    let report = write(
+        &Request {
+            maneuver,
+            subject: &subject,
+            density: args.density,
+            seed: args.seed,
+            noise: SensorNoise::PAPER.scaled(args.noise),
+            sway: DEFAULT_SWAY,
+        },
+        &args.out,
+    )?;
+    if json {
+        return terminal::print_json(&report);
+    }
+    terminal::print(&format!(
+        "{} frames, {:.1} s: {}",
+        report.frames,
+        report.duration_s,
+        report.flight.display()
+    ));
+    Ok(())
+}
+
+/// Writes a synthetic flight, with a bar.
+pub(super) fn write(request: &Request<'_>, folder: &std::path::Path) -> Result<Report> {
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "seconds of a script"
+    )]
+    let bar = terminal::bar(request.maneuver.duration as u64, "flying");
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "seconds of a script"
+    )]
+    let report = synthesize(request, folder, |time| bar.set_position(time as u64));
+    bar.finish_and_clear();
+    report
+}

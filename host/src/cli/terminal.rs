@@ -1,0 +1,90 @@
+//! What people see: text, tables, progress bars, problems.
+
+use std::io::{IsTerminal, Write};
+use std::time::Duration;
+
+use bodyflight::comparison::{Channel, PerChannel};
+use bodyflight::diagnostic::{Problem, Result};
+use comfy_table::{CellAlignment, Table};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use serde::Serialize;
+
+/// Writes a line to standard output. A reader that has gone away is no failure.
+pub(super) fn print(text: &str) {
+    let mut out = std::io::stdout().lock();
+    let _ = writeln!(out, "{text}");
+}
+
+/// Writes a value as JSON.
+///
+/// # Errors
+/// Where the value cannot be written as JSON.
+pub(super) fn print_json(value: &impl Serialize) -> Result<()> {
+    let text = serde_json::to_string_pretty(value)
+        .map_err(|error| Problem::bad_input(format!("cannot write JSON: {error}")))?;
+    print(&text);
+    Ok(())
+}
+
+/// Writes a problem to standard error, with its help.
+pub(super) fn print_problem(problem: Problem) {
+    let mut err = std::io::stderr().lock();
+    let _ = writeln!(err, "{:?}", miette::Report::new(problem));
+}
+
+/// A bar for work of known length, on a terminal only.
+pub(super) fn bar(length: u64, what: &'static str) -> ProgressBar {
+    let style = ProgressStyle::with_template("{msg} {wide_bar} {pos}/{len} {eta}");
+    let bar = new_bar(Some(length));
+    if let Ok(style) = style {
+        bar.set_style(style);
+    }
+    bar.set_message(what);
+    bar
+}
+
+/// A spinner for work of unknown length, on a terminal only.
+pub(super) fn spinner(what: &'static str) -> ProgressBar {
+    let bar = new_bar(None);
+    bar.set_message(what);
+    bar.enable_steady_tick(Duration::from_millis(120));
+    bar
+}
+
+fn new_bar(length: Option<u64>) -> ProgressBar {
+    let target = if std::io::stderr().is_terminal() {
+        ProgressDrawTarget::stderr()
+    } else {
+        ProgressDrawTarget::hidden()
+    };
+    ProgressBar::with_draw_target(length, target)
+}
+
+/// A table in the plain style of this program.
+pub(super) fn table(head: &[&str]) -> Table {
+    let mut table = Table::new();
+    table.load_style(comfy_table::presets::UTF8_FULL_CONDENSED);
+    table.set_header(head);
+    table
+}
+
+/// The gap in each channel, beside the size of the channel.
+pub(super) fn gap_table(columns: &[(&str, PerChannel)]) -> Table {
+    let names: Vec<&str> = columns.iter().map(|(name, _)| *name).collect();
+    let mut table = table(&[&["channel", "unit"], names.as_slice()].concat());
+    for channel in Channel::ALL {
+        let (label, unit) = channel.label();
+        let numbers = columns
+            .iter()
+            .map(|(_, values)| format!("{:.3}", values.get(channel)));
+        let row: Vec<String> = [label.to_owned(), unit.to_owned()]
+            .into_iter()
+            .chain(numbers)
+            .collect();
+        table.add_row(row);
+    }
+    for column in table.column_iter_mut().skip(2) {
+        column.set_cell_alignment(CellAlignment::Right);
+    }
+    table
+}

@@ -1,0 +1,117 @@
+//! `bodyflight tune`.
+
+use std::path::PathBuf;
+
+use bodyflight::diagnostic::{Problem, Result};
+use bodyflight::flight::Flight;
+use bodyflight::output::write_file;
+use bodyflight::tune::{Candidate, Report, Search, tune};
+
+use super::{simulate, terminal};
+
+/// Search for aerodynamic coefficients that reconstruct flights best, and check them on others.
+#[derive(clap::Args)]
+#[command(
+    after_help = "Example: bodyflight tune turn1.toml turn2.toml --hold-out turn3.toml --draws 300 --out best.toml"
+)]
+pub(super) struct Args {
+    /// Flights to tune on.
+    #[arg(required = true)]
+    flights: Vec<PathBuf>,
+    /// Flights that are not used in the search, to check the result on.
+    #[arg(long, value_name = "FLIGHT")]
+    hold_out: Vec<PathBuf>,
+    /// Sets of coefficients to try.
+    #[arg(long, default_value_t = 200)]
+    draws: usize,
+    /// Standard deviation of the draws, as a share of the subject's coefficients.
+    #[arg(long, default_value_t = 0.3)]
+    spread: f64,
+    /// Seed of the draws.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Write the best as a [coefficients] table for subject.toml.
+    #[arg(long, value_name = "TOML")]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    reading: simulate::Reading,
+}
+
+pub(super) fn run(args: &Args, json: bool) -> Result<()> {
+    if !(0.0..=2.0).contains(&args.spread) {
+        return Err(Problem::bad_input(format!(
+            "expected --spread of 0 to 2, found {}",
+            args.spread
+        )));
+    }
+    let read = |paths: &[PathBuf]| -> Result<Vec<Flight>> {
+        paths.iter().map(|path| Flight::read(path)).collect()
+    };
+    let (flights, held_out) = (read(&args.flights)?, read(&args.hold_out)?);
+    let bar = terminal::bar(args.draws as u64, "draws");
+    let search = Search {
+        draws: args.draws,
+        spread: args.spread,
+        seed: args.seed,
+    };
+    let report = tune(&flights, &held_out, search, args.reading.options(), || {
+        bar.inc(1)
+    });
+    bar.finish_and_clear();
+    let report = report?;
+    if let Some(path) = &args.out {
+        write_file(path, coefficients_toml(&report.best).as_bytes())?;
+    }
+    if json {
+        return terminal::print_json(&report);
+    }
+    print_report(&report);
+    if let Some(path) = &args.out {
+        terminal::print(&format!("written: {}", path.display()));
+    }
+    Ok(())
+}
+
+fn coefficients_toml(best: &Candidate) -> String {
+    let [pitch, yaw, roll] = best.damp;
+    format!(
+        "[coefficients]\ncl = {:.4}\ncd = {:.4}\ncm = {:.4}\ndamp = [{pitch:.4}, {yaw:.4}, {roll:.4}]\n",
+        best.cl, best.cd, best.cm
+    )
+}
+
+fn print_report(report: &Report) {
+    let mut table = terminal::table(&["coefficient", "guess", "best"]);
+    let rows = |c: &Candidate| [c.cd, c.cl, c.cm, c.damp[0], c.damp[1], c.damp[2]];
+    let names = ["cd", "cl", "cm", "damp pitch", "damp yaw", "damp roll"];
+    for ((name, guess), best) in names
+        .iter()
+        .zip(rows(&report.guess))
+        .zip(rows(&report.best))
+    {
+        table.add_row([
+            (*name).to_owned(),
+            format!("{guess:.3}"),
+            format!("{best:.3}"),
+        ]);
+    }
+    terminal::print(&table.to_string());
+    terminal::print(&format!(
+        "gap over the paper's accuracy on the flights used: {:.3} before, {:.3} after {} draws",
+        report.score_before, report.score_after, report.draws
+    ));
+    for flight in &report.held_out {
+        terminal::print(&format!(
+            "held out {}: {:.3} before, {:.3} after",
+            flight.recording, flight.score_before, flight.score_after
+        ));
+        let columns = [
+            ("RMS before", flight.rms_before),
+            ("RMS after", flight.rms_after),
+        ];
+        terminal::print(&terminal::gap_table(&columns).to_string());
+    }
+    if report.held_out.is_empty() {
+        terminal::print("no flight was held out: the gain is not checked (--hold-out FLIGHT)");
+    }
+}

@@ -1,0 +1,185 @@
+//! Conscious inputs over time, as a CSV file that `flight.toml` names: what is known of the muscle input and
+//! damping of a synthetic or an estimated flight.
+
+use std::path::Path;
+
+use bodyflight_core::dynamics::Inputs;
+use bodyflight_core::dynamics::muscle_input::MuscleInput;
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+use crate::diagnostic::{Problem, Result};
+
+/// Inputs at one time; the columns of the file.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Row {
+    /// Time since frame 0 (s).
+    pub time_s: f64,
+    /// Muscle input coefficients.
+    pub yaw: f64,
+    /// Pitch.
+    pub pitch: f64,
+    /// Roll.
+    pub roll: f64,
+    /// Damping coefficients.
+    pub damp_yaw: f64,
+    /// Pitch.
+    pub damp_pitch: f64,
+    /// Roll.
+    pub damp_roll: f64,
+}
+
+impl Row {
+    /// Inputs of the core at `time_s`.
+    pub fn of(time_s: f64, inputs: &Inputs<f64>) -> Self {
+        let (muscle, damping) = (inputs.muscle, inputs.damping);
+        Self {
+            time_s,
+            yaw: muscle.yaw,
+            pitch: muscle.pitch,
+            roll: muscle.roll,
+            damp_yaw: damping.y,
+            damp_pitch: damping.x,
+            damp_roll: damping.z,
+        }
+    }
+
+    fn values(&self) -> [f64; 6] {
+        [
+            self.yaw,
+            self.pitch,
+            self.roll,
+            self.damp_pitch,
+            self.damp_yaw,
+            self.damp_roll,
+        ]
+    }
+}
+
+/// Inputs over time, linear between rows, constant beyond the ends.
+#[derive(Debug, Clone, PartialEq)]
+pub struct InputHistory {
+    rows: Vec<Row>,
+}
+
+impl InputHistory {
+    /// Reads a CSV file with the columns of [`Row`].
+    ///
+    /// # Errors
+    /// Where the file is missing, has no rows, a field is not a finite number, or time does not rise.
+    pub fn read(path: &Path) -> Result<Self> {
+        let mut reader = csv::ReaderBuilder::new()
+            .trim(csv::Trim::All)
+            .from_path(path)
+            .map_err(|error| csv_problem(&error, path))?;
+        let mut rows: Vec<Row> = Vec::new();
+        for row in reader.deserialize() {
+            let row: Row = row.map_err(|error| csv_problem(&error, path))?;
+            let problem = |message: String| {
+                Problem::bad_input(message)
+                    .in_file(path)
+                    .at_line(rows.len() as u64 + 2)
+            };
+            if !row.time_s.is_finite() || !row.values().iter().all(|v| v.abs() <= 1e3) {
+                return Err(problem("expected finite numbers within 1000".into()));
+            }
+            if let Some(last) = rows.last()
+                && row.time_s <= last.time_s
+            {
+                return Err(problem(format!(
+                    "time_s must rise: {} after {}",
+                    row.time_s, last.time_s
+                )));
+            }
+            rows.push(row);
+        }
+        if rows.is_empty() {
+            return Err(Problem::bad_input("no rows").in_file(path).help(
+                "the columns are time_s, yaw, pitch, roll, damp_yaw, damp_pitch, damp_roll",
+            ));
+        }
+        Ok(Self { rows })
+    }
+
+    /// Inputs at `time` (s).
+    pub fn at(&self, time: f64) -> Inputs<f64> {
+        let next = self.rows.partition_point(|row| row.time_s <= time);
+        let values = match (
+            next.checked_sub(1).and_then(|k| self.rows.get(k)),
+            self.rows.get(next),
+        ) {
+            (Some(before), Some(after)) => {
+                let share = (time - before.time_s) / (after.time_s - before.time_s);
+                let mut values = before.values();
+                for (value, to) in values.iter_mut().zip(after.values()) {
+                    *value += (to - *value) * share;
+                }
+                values
+            }
+            (Some(only), None) | (None, Some(only)) => only.values(),
+            (None, None) => [0.0; 6],
+        };
+        let [yaw, pitch, roll, damp_pitch, damp_yaw, damp_roll] = values;
+        Inputs {
+            muscle: MuscleInput { yaw, pitch, roll },
+            damping: Vector3::new(damp_pitch, damp_yaw, damp_roll),
+        }
+    }
+}
+
+/// A CSV error with its line.
+pub fn csv_problem(error: &csv::Error, path: &Path) -> Problem {
+    if let csv::ErrorKind::Io(io) = error.kind() {
+        return Problem::system("read", path, io);
+    }
+    let problem = Problem::bad_input(error.to_string()).in_file(path);
+    match error.position() {
+        Some(position) => problem.at_line(position.line()),
+        None => problem,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> Result<InputHistory> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("inputs.csv");
+        std::fs::write(&path, text).unwrap();
+        InputHistory::read(&path)
+    }
+
+    const HEAD: &str = "time_s,yaw,pitch,roll,damp_yaw,damp_pitch,damp_roll\n";
+
+    #[test]
+    fn inputs_are_linear_between_rows() {
+        let history = read(&format!("{HEAD}1,0,0,0,0.5,3,6\n3,0,2,0,0.5,3,6\n")).unwrap();
+        for (time, pitch) in [(0.0, 0.0), (1.0, 0.0), (2.0, 1.0), (3.0, 2.0), (9.0, 2.0)] {
+            let inputs = history.at(time);
+            assert!((inputs.muscle.pitch - pitch).abs() < 1e-12, "{time}");
+            assert_eq!(inputs.damping, Vector3::new(3.0, 0.5, 6.0));
+        }
+    }
+
+    #[test]
+    fn bad_rows_are_named() {
+        for (text, part) in [
+            ("", "no rows"),
+            (HEAD, "no rows"),
+            (
+                &format!("{HEAD}1,0,0,0,0,0,0\n1,0,0,0,0,0,0\n"),
+                "inputs.csv:3: time_s must rise",
+            ),
+            (
+                &format!("{HEAD}1,0,NaN,0,0,0,0\n"),
+                "inputs.csv:2: expected finite",
+            ),
+            (&format!("{HEAD}1,0,x,0,0,0,0\n"), "inputs.csv:2"),
+            ("time_s,yaw\n1,2\n", "missing field"),
+        ] {
+            let problem = read(text).unwrap_err().to_string();
+            assert!(problem.contains(part), "{text}: {problem}");
+        }
+    }
+}

@@ -1,0 +1,29 @@
+//! Ctrl-C: long work ends at the next check, so temporary files are removed and finished ones stay whole.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use crate::diagnostic::{Problem, Result};
+
+static REQUESTED: AtomicBool = AtomicBool::new(false);
+
+/// Listens for Ctrl-C from now on; a second one ends the process at once.
+pub fn listen() {
+    // Without a handler Ctrl-C ends the process as usual: nothing to report.
+    let _ = ctrlc::set_handler(|| {
+        if REQUESTED.swap(true, Ordering::Relaxed) {
+            std::process::exit(i32::from(crate::diagnostic::Kind::Interrupted.exit_code()));
+        }
+    });
+}
+
+/// Called now and then by long work.
+///
+/// # Errors
+/// Where Ctrl-C was pressed.
+pub fn check() -> Result<()> {
+    if REQUESTED.load(Ordering::Relaxed) {
+        Err(Problem::interrupted())
+    } else {
+        Ok(())
+    }
+}

@@ -1,0 +1,426 @@
+//! The streaming reader: header and calibration at once, then frame by frame.
+
+use std::fs::File;
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+
+use super::field::{Field, Fields};
+use super::frame::{Frame, FrameKind};
+use super::header::Header;
+use super::number;
+use super::scanner::{Scanner, Token, shortened};
+use super::source::{self, Sniffed};
+use crate::diagnostic::{Problem, Result};
+
+/// Most calibration frames kept; MVN writes two or three.
+const CALIBRATION_LIMIT: usize = 16;
+/// Most names of unknown elements kept.
+const UNKNOWN_LIMIT: usize = 64;
+/// Longest name of a marker (bytes).
+const MARKER_LIMIT: usize = 256;
+/// How far the norm of a segment's quaternion may be off 1; six decimals give 2e-6.
+const NORM_TOLERANCE: f64 = 0.01;
+/// Highest frame index: whole numbers up to it are exact in double precision.
+const INDEX_LIMIT: u64 = 1 << 53;
+
+/// What to read, and whether a cut file will do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ReadOptions {
+    /// Fields to read; others are passed over unread.
+    pub fields: Fields,
+    /// Takes a file that ends too early up to its last whole frame.
+    pub allow_truncated: bool,
+}
+
+impl Default for ReadOptions {
+    fn default() -> Self {
+        Self {
+            fields: Fields::FLIGHT,
+            allow_truncated: false,
+        }
+    }
+}
+
+/// Reads a recording frame by frame. Memory does not grow with its length.
+pub struct Reader<R: BufRead> {
+    scanner: Scanner<Sniffed<R>>,
+    path: PathBuf,
+    options: ReadOptions,
+    header: Header,
+    calibration: Vec<Frame>,
+    /// The first normal frame, read in search of the calibration frames.
+    first: Option<Frame>,
+    /// Selected fields of the first good frame, and their counts: later frames must match.
+    expected: Option<(Fields, [usize; Field::ALL.len()])>,
+    seen: Fields,
+    unknown: Vec<String>,
+    last_index: Option<u64>,
+    good_frames: u64,
+    other_frames: u64,
+    state: State,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum State {
+    InFrames,
+    Done { truncated: bool },
+}
+
+/// How a frame ended.
+enum FrameEnd {
+    Whole,
+    Cut,
+}
+
+impl Reader<BufReader<File>> {
+    /// Opens a recording and reads its header and calibration.
+    ///
+    /// # Errors
+    /// Where the file cannot be read or is no recording of version 3 or 4.
+    pub fn open(path: &Path, options: ReadOptions) -> Result<Self> {
+        let file = File::open(path).map_err(|error| Problem::system("open", path, &error))?;
+        Self::new(BufReader::with_capacity(1 << 16, file), path, options)
+    }
+}
+
+impl<R: BufRead> Reader<R> {
+    /// Reads header and calibration from any input; `path` names it in messages.
+    ///
+    /// # Errors
+    /// Where the input cannot be read or is no recording of version 3 or 4.
+    pub fn new(input: R, path: &Path, options: ReadOptions) -> Result<Self> {
+        let is_container = path
+            .extension()
+            .is_some_and(|extension| extension.eq_ignore_ascii_case("mvn"));
+        let input = source::sniff(input, is_container)
+            .map_err(|error| Problem::system("read", path, &error))?
+            .map_err(|problem| problem.in_file(path))?;
+        let mut scanner = Scanner::new(input);
+        let header = Header::read(&mut scanner).map_err(|problem| problem.in_file(path))?;
+        let mut reader = Self {
+            scanner,
+            path: path.to_path_buf(),
+            options,
+            header,
+            calibration: Vec::new(),
+            first: None,
+            expected: None,
+            seen: Fields::NONE,
+            unknown: Vec::new(),
+            last_index: None,
+            good_frames: 0,
+            other_frames: 0,
+            state: State::InFrames,
+        };
+        let mut frame = Frame::default();
+        if reader.advance(&mut frame)? {
+            reader.first = Some(frame);
+        }
+        Ok(reader)
+    }
+
+    /// What the file says before its frames.
+    pub fn header(&self) -> &Header {
+        &self.header
+    }
+
+    /// The input's name in messages.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Calibration frames, those before the first normal frame from the start.
+    pub fn calibration(&self) -> &[Frame] {
+        &self.calibration
+    }
+
+    /// Names of the elements seen in normal frames so far, selected or not.
+    pub fn elements(&self) -> Vec<String> {
+        let known = self.seen.iter().map(|field| field.element().to_owned());
+        known.chain(self.unknown.iter().cloned()).collect()
+    }
+
+    /// Frames that were neither normal nor for calibration.
+    pub fn other_frames(&self) -> u64 {
+        self.other_frames
+    }
+
+    /// Whether the file ended too early (known at the end, with [`ReadOptions::allow_truncated`]).
+    pub fn is_truncated(&self) -> bool {
+        self.state == State::Done { truncated: true }
+    }
+
+    /// Bytes held for parsing, for the check that they do not grow.
+    pub fn buffered_bytes(&self) -> usize {
+        self.scanner.buffered_bytes()
+    }
+
+    /// Reads the next normal frame into `frame`; false at the end.
+    ///
+    /// A frame with unusable numbers is given with its [`Frame::fault`]: whether to go on is the caller's choice.
+    ///
+    /// # Errors
+    /// Where the file is not well-formed, ends too early, or its frames are out of order.
+    pub fn next_frame(&mut self, frame: &mut Frame) -> Result<bool> {
+        if let Some(first) = self.first.take() {
+            *frame = first;
+            return Ok(true);
+        }
+        self.advance(frame)
+    }
+
+    fn advance(&mut self, frame: &mut Frame) -> Result<bool> {
+        if self.state != State::InFrames {
+            return Ok(false);
+        }
+        let result = self.advance_in_frames(frame);
+        if result.is_err() {
+            self.state = State::Done { truncated: false };
+        }
+        result.map_err(|problem| problem.in_file(&self.path))
+    }
+
+    fn advance_in_frames(&mut self, frame: &mut Frame) -> Result<bool> {
+        loop {
+            match self.scanner.next()? {
+                Token::Start(element) if element.name() == "frame" => {
+                    frame.clear();
+                    frame.line = element.line;
+                    let mut index = None;
+                    let mut kind = None;
+                    element.attributes(|name, value| {
+                        match name {
+                            "index" => index = Some(value.trim().to_owned()),
+                            "type" => kind = Some(FrameKind::from_name(value)),
+                            _ => {}
+                        }
+                        Ok(())
+                    })?;
+                    frame.kind = kind.ok_or_else(|| {
+                        Problem::bad_input("a frame without `type`: it may be a calibration frame")
+                            .at_line(frame.line)
+                            .help("mark the frames of the recording with type=\"normal\"")
+                    })?;
+                    if frame.kind == FrameKind::Normal {
+                        self.place(frame, index.as_deref())?;
+                    }
+                    match self.read_fields(frame)? {
+                        FrameEnd::Cut => return self.cut(),
+                        FrameEnd::Whole => {}
+                    }
+                    match frame.kind {
+                        FrameKind::Normal => {
+                            self.last_index = Some(frame.index);
+                            self.good_frames += u64::from(frame.fault.is_none());
+                            return Ok(true);
+                        }
+                        FrameKind::Other => self.other_frames += 1,
+                        _ if self.calibration.len() < CALIBRATION_LIMIT => {
+                            self.calibration.push(frame.clone());
+                        }
+                        _ => self.other_frames += 1,
+                    }
+                }
+                Token::Start(_) => {
+                    if !self.scanner.skip_element()? {
+                        return self.cut();
+                    }
+                }
+                Token::End(_) => {
+                    return self.read_tail();
+                }
+                Token::EndOfFile => return self.cut(),
+                _ => {}
+            }
+        }
+    }
+
+    /// Index of a normal frame; one that is not written is the next.
+    fn place(&self, frame: &mut Frame, index: Option<&str>) -> Result<()> {
+        let next = self.last_index.map_or(0, |last| last + 1);
+        frame.index = next;
+        let Some(text) = index else {
+            return Ok(());
+        };
+        match text.parse::<u64>() {
+            Ok(index) if index < INDEX_LIMIT => frame.index = index,
+            _ => {
+                let found = shortened(text);
+                let message = format!("expected an index from 0, found `{found}`");
+                frame.blame(frame.line, "index", message);
+            }
+        }
+        if frame.index < next {
+            return Err(Problem::bad_input(format!(
+                "frame index {} follows {}: frames must be in order of time",
+                frame.index,
+                next - 1
+            ))
+            .at_line(frame.line)
+            .at(format!("frame {}", frame.index))
+            .help("export the recording again; files joined by hand need new indices"));
+        }
+        Ok(())
+    }
+
+    /// The elements of a frame up to its end.
+    fn read_fields(&mut self, frame: &mut Frame) -> Result<FrameEnd> {
+        let is_normal = frame.kind == FrameKind::Normal;
+        loop {
+            let element = match self.scanner.next()? {
+                Token::Start(element) => element,
+                Token::End(_) => break,
+                Token::EndOfFile => return Ok(FrameEnd::Cut),
+                _ => continue,
+            };
+            let name = element.name();
+            let field = Field::from_element(name);
+            let is_marker = is_normal && name == "marker";
+            match field {
+                Some(field) if is_normal => self.seen = self.seen.with(field),
+                None if is_normal
+                    && self.unknown.len() < UNKNOWN_LIMIT
+                    && !self.unknown.iter().any(|known| known == name) =>
+                {
+                    self.unknown.push(shortened(name));
+                }
+                _ => {}
+            }
+            let whole = match field {
+                Some(field) if self.options.fields.contains(field) => {
+                    self.read_numbers(field, frame)?
+                }
+                None if is_marker => {
+                    frame.marker = Some(self.scanner.text(MARKER_LIMIT)?);
+                    true
+                }
+                _ => self.scanner.skip_element()?,
+            };
+            if !whole {
+                return Ok(FrameEnd::Cut);
+            }
+        }
+        if is_normal {
+            self.compare_to_first(frame);
+        }
+        Ok(FrameEnd::Whole)
+    }
+
+    /// Numbers of a field up to its end; false where the file ends first.
+    fn read_numbers(&mut self, field: Field, frame: &mut Frame) -> Result<bool> {
+        /// More numbers than any field has.
+        const CAPACITY: usize = 4 * 128;
+        let element = field.element();
+        let line = self.scanner.line();
+        let mut found = 0;
+        let mut numbers = core::mem::take(&mut frame.numbers[field as usize]);
+        numbers.clear();
+        let whole = loop {
+            match self.scanner.next()? {
+                Token::Text(text) => match number::append(&text, CAPACITY, &mut numbers) {
+                    Ok(count) => found += count,
+                    Err(message) => frame.blame(line, element, message),
+                },
+                Token::Reference => {
+                    frame.blame(line, element, "a character reference among numbers".into());
+                }
+                Token::Start(_) => {
+                    frame.blame(line, element, "an element among numbers".into());
+                    if !self.scanner.skip_element()? {
+                        break false;
+                    }
+                }
+                Token::End(_) => break true,
+                Token::EndOfFile => break false,
+                Token::Ignored => {}
+            }
+        };
+        let first = self
+            .expected
+            .and_then(|(fields, counts)| fields.contains(field).then(|| counts[field as usize]));
+        if found > CAPACITY || !field.accepts(found, &self.header, first) {
+            let expectation = field.expectation(&self.header, first);
+            frame.blame(line, element, format!("{expectation}, found {found}"));
+        } else if field == Field::Orientation
+            && let Some((place, norm)) = off_unit(&numbers)
+        {
+            let label = shortened(&self.header.segments[place].label);
+            frame.blame(
+                line,
+                element,
+                format!("the quaternion of {label} has norm {norm:.3}, expected 1"),
+            );
+        }
+        if frame.present.contains(field) {
+            frame.blame(line, element, "the element is there twice".into());
+        }
+        frame.numbers[field as usize] = numbers;
+        frame.present = frame.present.with(field);
+        Ok(whole)
+    }
+
+    /// A frame must have the selected fields of the first good frame.
+    fn compare_to_first(&mut self, frame: &mut Frame) {
+        match self.expected {
+            Some((fields, _)) => {
+                if let Some(missing) = fields.without(frame.present).iter().next() {
+                    let message = "missing, although the first frame has it".to_owned();
+                    frame.blame(frame.line, missing.element(), message);
+                }
+            }
+            None if frame.fault.is_none() => {
+                let counts = core::array::from_fn(|field| frame.numbers[field].len());
+                self.expected = Some((frame.present, counts));
+            }
+            None => {}
+        }
+    }
+
+    /// After the frames: only well-formedness matters.
+    fn read_tail(&mut self) -> Result<bool> {
+        loop {
+            let outermost = self.scanner.depth() == 0;
+            match self.scanner.next()? {
+                Token::Start(_) if outermost => {
+                    let problem = self
+                        .scanner
+                        .problem("a second document follows the recording");
+                    return Err(problem.help("one recording per file"));
+                }
+                Token::Text(text) if outermost && !text.trim().is_empty() => {
+                    return Err(self.scanner.problem("text follows the recording"));
+                }
+                Token::EndOfFile if outermost => {
+                    self.state = State::Done { truncated: false };
+                    return Ok(false);
+                }
+                Token::EndOfFile => return self.cut(),
+                _ => {}
+            }
+        }
+    }
+
+    /// The file ends within the recording.
+    fn cut(&mut self) -> Result<bool> {
+        if self.options.allow_truncated {
+            self.state = State::Done { truncated: true };
+            return Ok(false);
+        }
+        let frames = self.good_frames;
+        Err(self
+            .scanner
+            .problem(format!(
+                "the file ends too early, after {frames} good frames"
+            ))
+            .help("copy or export it again, or allow a truncated file to use the frames there are"))
+    }
+}
+
+/// The first segment whose quaternion is no rotation, with its norm.
+fn off_unit(orientation: &[f64]) -> Option<(usize, f64)> {
+    orientation
+        .chunks_exact(4)
+        .map(|q| q.iter().map(|c| c * c).sum::<f64>().sqrt())
+        .enumerate()
+        .find(|(_, norm)| !((norm - 1.0).abs() <= NORM_TOLERANCE))
+}

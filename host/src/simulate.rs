@@ -1,0 +1,271 @@
+//! `bodyflight simulate`: a free run of the model from the first frame, fed by the recorded postures, against
+//! what the recording says of the pelvis.
+
+use std::path::Path;
+use std::time::Instant;
+
+use bodyflight_core::body::mass_properties::PostureRate;
+use bodyflight_core::dynamics::free_run::FreeRun;
+use bodyflight_core::dynamics::{Dynamics, Inputs, Motion};
+use bodyflight_core::observation::Observation;
+use bodyflight_core::{Posture, Real};
+use serde::Serialize;
+
+use crate::comparison::{Channel, Comparison, Pair, PerChannel};
+use crate::diagnostic::{Problem, Result};
+use crate::flight::Flight;
+use crate::interrupt;
+use crate::output::AtomicFile;
+use crate::recording::{FlightFrame, Options, Quality, Recording};
+
+/// The result of a simulation.
+#[derive(Debug, Clone, Serialize)]
+pub struct Report {
+    /// Frames compared.
+    pub frames: u64,
+    /// Length of the flight (s).
+    pub duration_s: f64,
+    /// Root mean square of measured minus simulated.
+    pub rms: PerChannel,
+    /// Largest size of the measured channel.
+    pub amplitude: PerChannel,
+    /// Frames simulated in a second of computing, reading included.
+    pub steps_per_second: f64,
+    /// Bad frames of the recording that were bridged.
+    pub bridged_frames: u64,
+}
+
+/// A simulation with what plots need.
+#[derive(Debug, Clone)]
+pub struct Simulation {
+    /// Numbers.
+    pub report: Report,
+    /// Channels over time.
+    pub comparison: Comparison,
+    /// What reading met.
+    pub quality: Quality,
+}
+
+/// Motion of the pelvis in a frame.
+///
+/// # Errors
+/// Where the recording has no velocity or angular velocity.
+pub fn measured_motion(frame: &FlightFrame) -> Result<Motion<f64>> {
+    let (velocity, angular_velocity) = frame.rates()?;
+    let inertial_from_body = frame.pelvis.inertial_from_body;
+    let body_from_inertial = inertial_from_body.inverse();
+    Ok(Motion {
+        inertial_from_body,
+        position: frame.pelvis.position,
+        velocity: body_from_inertial * velocity,
+        angular_velocity: body_from_inertial * angular_velocity,
+    })
+}
+
+/// Reads the recording of a flight, runs the model beside it and compares.
+///
+/// `each` is called with every pair; `progress` with the time reached (s).
+///
+/// # Errors
+/// Where a file is not usable, fewer than two frames are there, or the model runs out of numbers.
+pub fn simulate<T: Real>(
+    flight: &Flight,
+    options: Options,
+    mut each: impl FnMut(&Pair) -> Result<()>,
+    mut progress: impl FnMut(f64),
+) -> Result<Simulation> {
+    let begin = Instant::now();
+    let mut recording = Recording::open(&flight.recording, options)?;
+    let too_short = || {
+        Problem::bad_input("expected at least two frames of type \"normal\"")
+            .in_file(&flight.recording)
+    };
+    let first = recording.next().ok_or_else(too_short)??;
+    let mut ahead = recording.next().ok_or_else(too_short)??;
+    let dynamics = flight.dynamics(first.pelvis.position.components.z);
+    let mut follower = Follower::<T>::new(flight, &dynamics, &first, &ahead)?;
+    let mut comparison = Comparison::default();
+    loop {
+        let following = recording.next().transpose()?;
+        let pair = follower.follow(&ahead, following.as_ref())?;
+        comparison.push(pair);
+        each(&pair)?;
+        if comparison.count().is_multiple_of(1024) {
+            progress(pair.time);
+            interrupt::check()?;
+        }
+        match following {
+            Some(next) => ahead = next,
+            None => break,
+        }
+    }
+    let frames = comparison.count();
+    #[expect(clippy::cast_precision_loss, reason = "counts of frames")]
+    let steps_per_second = frames as f64 / begin.elapsed().as_secs_f64();
+    let quality = recording.quality().clone();
+    Ok(Simulation {
+        report: Report {
+            frames,
+            duration_s: ahead.time - first.time,
+            rms: comparison.rms(),
+            amplitude: comparison.amplitude(),
+            steps_per_second,
+            bridged_frames: quality.bridged_frames,
+        },
+        comparison,
+        quality,
+    })
+}
+
+/// The model beside a recording, frame by frame.
+pub struct Follower<'a, T: Real> {
+    flight: &'a Flight,
+    dynamics: Dynamics<T>,
+    run: FreeRun<T>,
+    time: f64,
+    posture: Posture<f64>,
+}
+
+impl<'a, T: Real> Follower<'a, T> {
+    /// Starts at `first`, whose joints move towards `second`.
+    ///
+    /// # Errors
+    /// Where `first` has no velocity or angular velocity.
+    pub fn new(
+        flight: &'a Flight,
+        dynamics: &Dynamics<f64>,
+        first: &FlightFrame,
+        second: &FlightFrame,
+    ) -> Result<Self> {
+        let dynamics = dynamics.cast::<T>();
+        let rate = rate(first, second).0;
+        let motion = measured_motion(first)?.cast();
+        let posture = first.posture.cast();
+        let run = FreeRun::new(&dynamics, flight.equations, &motion, &posture, &rate);
+        Ok(Self {
+            flight,
+            dynamics,
+            run,
+            time: first.time,
+            posture: first.posture,
+        })
+    }
+
+    /// Goes on to `frame`; `following` is the one after, for the joint rates at `frame`.
+    ///
+    /// # Errors
+    /// Where `frame` has no velocity or angular velocity, or the model runs out of numbers.
+    pub fn follow(&mut self, frame: &FlightFrame, following: Option<&FlightFrame>) -> Result<Pair> {
+        let duration = frame.time - self.time;
+        let inputs = match &self.flight.inputs {
+            Some(history) => history.at(self.time + 0.5 * duration),
+            None => Inputs {
+                damping: self.flight.subject.damping(),
+                ..Inputs::belly_turn()
+            },
+        };
+        self.run.advance(
+            &self.dynamics,
+            &inputs.cast(),
+            &frame.posture.cast(),
+            T::of(duration),
+        );
+        let here = FlightFrame {
+            posture: self.posture,
+            time: self.time,
+            ..*frame
+        };
+        let rate = match following {
+            Some(next) => rate(&here, next).0,
+            None => rate(&here, frame).0,
+        };
+        self.time = frame.time;
+        self.posture = frame.posture;
+        let motion = self.run.motion(&self.dynamics, &rate).cast::<f64>();
+        if !motion.velocity.components.iter().all(|v| v.abs() < 1e4) {
+            return Err(Problem::bad_input(format!(
+                "the simulated motion left every plausible range at {:.3} s",
+                frame.time
+            ))
+            .help("check the damping coefficients and the segment table of the subject"));
+        }
+        Ok(Pair {
+            time: frame.time,
+            measured: Observation::of(&measured_motion(frame)?),
+            simulated: Observation::of(&motion),
+        })
+    }
+}
+
+/// Joint rates between two frames, and the time between them (s).
+fn rate<T: Real>(from: &FlightFrame, to: &FlightFrame) -> (PostureRate<T>, f64) {
+    let duration = to.time - from.time;
+    (
+        PostureRate::between(&from.posture.cast(), &to.posture.cast(), T::of(duration)),
+        duration,
+    )
+}
+
+/// The run as CSV: time, then measured and simulated value of each channel.
+pub struct RunFile {
+    writer: csv::Writer<AtomicFile>,
+    path: std::path::PathBuf,
+}
+
+impl RunFile {
+    /// Begins the file.
+    ///
+    /// # Errors
+    /// Where the folder cannot be written to.
+    pub fn create(path: &Path) -> Result<Self> {
+        let mut writer = csv::Writer::from_writer(AtomicFile::create(path)?);
+        let names = Channel::ALL.into_iter().flat_map(|channel| {
+            ["measured", "simulated"].map(|side| format!("{side}_{}", channel.key()))
+        });
+        let header: Vec<String> = std::iter::once("time_s".to_owned()).chain(names).collect();
+        writer
+            .write_record(&header)
+            .map_err(|e| write_problem(&e, path))?;
+        Ok(Self {
+            writer,
+            path: path.to_path_buf(),
+        })
+    }
+
+    /// Adds a row.
+    ///
+    /// # Errors
+    /// Where the disk refuses.
+    pub fn write(&mut self, pair: &Pair) -> Result<()> {
+        let values = Channel::ALL.into_iter().flat_map(|channel| {
+            [
+                channel.value(&pair.measured),
+                channel.value(&pair.simulated),
+            ]
+        });
+        let row = std::iter::once(pair.time)
+            .chain(values)
+            .map(|value| format!("{value:.6}"));
+        self.writer
+            .write_record(row)
+            .map_err(|e| write_problem(&e, &self.path))
+    }
+
+    /// Gives the file its name.
+    ///
+    /// # Errors
+    /// Where the disk refuses; then no file is left.
+    pub fn finish(self) -> Result<()> {
+        match self.writer.into_inner() {
+            Ok(file) => file.finish(),
+            Err(error) => Err(Problem::system("write", &self.path, error.error())),
+        }
+    }
+}
+
+fn write_problem(error: &csv::Error, path: &Path) -> Problem {
+    match error.kind() {
+        csv::ErrorKind::Io(io) => Problem::system("write", path, io),
+        _ => Problem::bad_input(error.to_string()).in_file(path),
+    }
+}
