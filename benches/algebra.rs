@@ -1,6 +1,6 @@
 //! Filter algebra alone: one update of six states by four channels.
 
-use std::hint::black_box;
+use core::hint::black_box;
 
 use bodyflight_benches::{Filter, Kfilter, Multicalc, Own, measurement, minikalman};
 use bodyflight_core::estimator::unscented::Root;

@@ -1,6 +1,6 @@
 //! Whole flights: 55 s of tracking with a solution window of 12 samples, posture work included.
 
-use std::hint::black_box;
+use core::hint::black_box;
 
 use bodyflight_core::Real;
 use bodyflight_core::body::posture::Posture;

@@ -43,6 +43,8 @@ pub struct Flight {
     pub damping: [f64; 3],
     /// Size of the slow wandering of inputs (share).
     pub wander: f64,
+    /// Speed of that wandering (1/s).
+    pub rate: f64,
     /// Size of the slow swaying of the arms by which a skydiver keeps and changes direction (rad).
     pub sway: f64,
     /// What is done.
@@ -67,12 +69,12 @@ const PRESS: &JointAngles = &[
     (Segment::RightThigh, [0.0, 0.0, 1.0]),
 ];
 
-const fn roll(from: f64) -> Pulse {
+const fn roll(from: f64, muscle: f64, damping: f64, arm: f64) -> Pulse {
     Pulse {
         during: [from, from + 1.6],
-        muscle: [0.0, 0.0, 3.0],
-        damping: [0.0, 0.0, -8.0],
-        joints: Some((DRAW_IN_LEFT, 0.6)),
+        muscle: [0.0, 0.0, muscle],
+        damping: [0.0, 0.0, damping],
+        joints: Some((DRAW_IN_LEFT, arm)),
     }
 }
 
@@ -100,11 +102,12 @@ pub const ANGLE_FLYING: Flight = Flight {
     duration: 55.0,
     base: TRACK,
     start_pitch: 1.9,
-    muscle: [0.3, 0.8, 0.2],
-    damping: [6.0, 3.0, 16.0],
+    muscle: [0.2, 0.5, 0.2],
+    damping: [6.0, 3.0, 12.0],
     wander: 0.4,
-    sway: 0.1,
-    pulses: &[roll(30.0), roll(43.0)],
+    rate: 1.0,
+    sway: 0.03,
+    pulses: &[roll(30.0, 1.8, -10.0, 1.2), roll(43.0, 1.8, -10.0, 1.2)],
 };
 
 /// Fourteen transitions.
@@ -116,22 +119,23 @@ pub const TRANSITIONS: Flight = Flight {
     muscle: [0.0; 3],
     damping: [8.0, 4.0, 16.0],
     wander: 0.2,
+    rate: 1.0,
     sway: 0.1,
     pulses: &[
         flip(2.0, 3.4),
-        roll(5.0),
+        roll(5.0, 3.0, -8.0, 0.6),
         flip(8.0, 9.4),
-        roll(11.0),
+        roll(11.0, 3.0, -8.0, 0.6),
         flip(14.0, 15.4),
-        roll(17.0),
+        roll(17.0, 3.0, -8.0, 0.6),
         flip(20.0, 21.4),
         flip(23.0, 24.4),
-        roll(26.0),
-        roll(29.0),
+        roll(26.0, 3.0, -8.0, 0.6),
+        roll(29.0, 3.0, -8.0, 0.6),
         flip(32.0, 33.4),
-        roll(35.0),
+        roll(35.0, 3.0, -8.0, 0.6),
         flip(38.0, 39.4),
-        roll(41.0),
+        roll(41.0, 3.0, -8.0, 0.6),
     ],
 };
 
@@ -144,6 +148,7 @@ pub const TURNS: Flight = Flight {
     muscle: [0.2, 0.2, 0.2],
     damping: [3.0, 0.5, 6.0],
     wander: 0.5,
+    rate: 1.0,
     sway: 0.05,
     pulses: &[
         turn(2.0, 5.0, 0.3, 2.0),
@@ -152,6 +157,29 @@ pub const TURNS: Flight = Flight {
         turn(16.0, 18.0, -0.3, 0.0),
         turn(19.0, 23.0, 0.3, 4.0),
         turn(24.0, 28.0, -0.4, 2.0),
+    ],
+};
+
+/// A spin that feeds itself: set off by the arms, then kept up by negative damping about the yaw axis, which
+/// the paper sees where its failed layout turns into a roll.
+pub const FED_SPIN: Flight = Flight {
+    name: "self-feeding spin",
+    duration: 12.0,
+    base: NEUTRAL,
+    start_pitch: core::f64::consts::FRAC_PI_2,
+    muscle: [0.0, 0.2, 0.0],
+    damping: [3.0, 1.0, 6.0],
+    wander: 0.3,
+    rate: 1.0,
+    sway: 0.0,
+    pulses: &[
+        turn(2.0, 4.0, 0.5, 0.0),
+        Pulse {
+            during: [3.0, 11.0],
+            muscle: [0.0, 0.0, 0.0],
+            damping: [0.0, -9.0, 0.0],
+            joints: None,
+        },
     ],
 };
 
@@ -187,7 +215,9 @@ impl Flight {
         let mut muscle = self.muscle;
         let mut damping = self.damping;
         for (k, value) in (0u32..).zip(muscle.iter_mut().chain(&mut damping)) {
-            *value *= 1.0 + self.wander * (time * (0.7 + 0.13 * f64::from(k)) + f64::from(k)).sin();
+            *value *= 1.0
+                + self.wander
+                    * (self.rate * time * (0.7 + 0.13 * f64::from(k)) + f64::from(k)).sin();
         }
         for pulse in self.pulses {
             let share = pulse.share(time);
@@ -199,7 +229,7 @@ impl Flight {
         let [yaw, pitch, roll] = muscle.map(|value| value.max(0.0));
         Inputs {
             muscle: MuscleInput { yaw, pitch, roll },
-            damping: Vector3::from(damping.map(|value| value.max(-0.2))),
+            damping: Vector3::from(damping.map(|value| value.max(-0.25))),
         }
     }
 

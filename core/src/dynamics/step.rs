@@ -11,7 +11,7 @@ use super::interval::Interval;
 use super::{Dynamics, Inputs, State};
 use crate::aerodynamics::Loads;
 use crate::frame::{Body as BodyFrame, Inertial, Rotation, Vector};
-use crate::math::{Real, normalized, small_rotation, solve_symmetric};
+use crate::math::{Real, renormalized, small_rotation, solve_symmetric};
 
 /// Step of simulation and filter (s), the Xsens sample interval.
 pub const TIME_STEP: f64 = 1.0 / 240.0;
@@ -115,5 +115,5 @@ fn turned<T: Real>(
 ) -> Rotation<T, Inertial, BodyFrame> {
     let turn = small_rotation(&(angular_velocity * duration));
     let product = **inertial_from_body.quaternion() * *turn;
-    Rotation::from_quaternion(normalized(product))
+    Rotation::from_quaternion(renormalized(product))
 }

@@ -180,6 +180,10 @@ pub struct Innovation<T: Real, const M: usize> {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Unscented<T: Real, const N: usize> {
     settings: Settings<T, N>,
+    /// Distance of sigma points from the state in columns of the root.
+    spread: T,
+    /// Weight of each point but the central one, W_i of paper eq. (sigpukf).
+    pair_weight: T,
     state: SVector<T, N>,
     covariance: SMatrix<T, N, N>,
 }
@@ -194,7 +198,10 @@ impl<T: Real, const N: usize> Unscented<T, N> {
     /// Settings that could not be run safely, see [`Unsafe`].
     pub fn new(settings: Settings<T, N>) -> Result<Self, Unsafe> {
         settings.check()?;
+        let pairs = T::one() - settings.central_weight;
         Ok(Self {
+            spread: (T::of(count(N)) / pairs).root(),
+            pair_weight: pairs / T::of(2.0 * count(N)),
             state: settings.state,
             covariance: SMatrix::from_diagonal(&settings.variance),
             settings,
@@ -218,13 +225,13 @@ impl<T: Real, const N: usize> Unscented<T, N> {
 
     /// Distance of sigma points from the state in columns of the root, paper eq. (sigpukf).
     pub fn spread(&self) -> T {
-        (T::of(count(N)) / (T::one() - self.settings.central_weight)).root()
+        self.spread
     }
 
     /// Bounded sigma points, paper eqs. (sigpukf), (minmax), (movepukf).
     #[inline]
     pub fn sigma_points(&self) -> SigmaPoints<T, N> {
-        let spread = self.spread();
+        let spread = self.spread;
         let root = match self.settings.root {
             Root::Symmetric => symmetric_root(&self.covariance),
             Root::Cholesky => *Cholesky::new(&self.covariance).lower(),
@@ -279,7 +286,7 @@ impl<T: Real, const N: usize> Unscented<T, N> {
         for (point, difference) in points.minus.iter().zip(minus) {
             sums.add(&(point - points.centre), difference);
         }
-        sums.moments(points, central, self.pair_weight())
+        sums.moments(points, central, self.pair_weight)
     }
 
     /// Moments where predictions depend on the state along a straight line: `central` for the state itself
@@ -295,7 +302,7 @@ impl<T: Real, const N: usize> Unscented<T, N> {
         for point in points.plus.iter().chain(&points.minus) {
             sums.add(&(point - points.centre), &SVector::zeros());
         }
-        let moments = sums.moments(points, &SVector::zeros(), self.pair_weight());
+        let moments = sums.moments(points, &SVector::zeros(), self.pair_weight);
         let cross = slope * moments.covariance;
         Moments {
             state: moments.state,
@@ -304,11 +311,6 @@ impl<T: Real, const N: usize> Unscented<T, N> {
             prediction_covariance: cross * slope.transpose(),
             cross_covariance: cross.transpose(),
         }
-    }
-
-    /// Weight of each point but the central one, W_i of paper eq. (sigpukf).
-    fn pair_weight(&self) -> T {
-        (T::one() - self.settings.central_weight) / T::of(2.0 * count(N))
     }
 
     /// Takes in a measurement, paper "Update Step".
@@ -344,26 +346,19 @@ impl<T: Real, const N: usize> Unscented<T, N> {
         let whitened = factor.solve_transposed(&innovation.transpose());
         let normalised_square = whitened.norm_squared();
 
-        let mut next = Self { ..*self };
         let moved = moments.state + gain * whitened.transpose();
+        let mut next = moments.covariance - gain * gain.transpose();
         for k in 0..N {
-            next.state[k] = clamp(moved[k], self.settings.low[k], self.settings.high[k]);
-            for j in 0..=k {
-                let mut sum = moments.covariance[(k, j)];
-                for m in 0..M {
-                    sum -= gain[(k, m)] * gain[(j, m)];
-                }
-                next.covariance[(k, j)] = sum;
-            }
-            next.covariance[(k, k)] += self.settings.process_noise[k];
+            next[(k, k)] += self.settings.process_noise[k];
         }
-        let repaired = next.keep_positive() || factor.repaired() > 0;
+        let repaired = self.settings.keep_positive(&mut next) || factor.repaired() > 0;
         let finite = moved.iter().all(|v| v.is_finite())
-            && next.covariance.iter().all(|v| v.is_finite())
+            && next.iter().all(|v| v.is_finite())
             && normalised_square.is_finite();
         let fused = finite && any;
         if fused {
-            *self = next;
+            self.state = self.settings.limited(&moved);
+            self.covariance = next;
         }
         Innovation {
             innovation,
@@ -373,36 +368,46 @@ impl<T: Real, const N: usize> Unscented<T, N> {
             repaired,
         }
     }
+}
+
+impl<T: Real, const N: usize> Settings<T, N> {
+    /// `state` limited to the bounds.
+    #[inline]
+    fn limited(&self, state: &SVector<T, N>) -> SVector<T, N> {
+        state.zip_zip_map(&self.low, &self.high, clamp)
+    }
 
     /// Keeps variances within their range and correlations below one; mirrors the lower triangle. Whether
     /// anything had to be changed.
     #[inline]
-    fn keep_positive(&mut self) -> bool {
+    fn keep_positive(&self, covariance: &mut SMatrix<T, N, N>) -> bool {
         let mut changed = false;
-        let mut deviation = [T::zero(); N];
         for k in 0..N {
-            let [low, high] = VARIANCE_RANGE.map(|share| self.settings.variance[k] * T::of(share));
-            let variance = self.covariance[(k, k)];
+            let [low, high] = VARIANCE_RANGE.map(|share| self.variance[k] * T::of(share));
+            let variance = covariance[(k, k)];
             let kept = clamp(variance, low, high);
             changed |= variance < low || variance > high;
-            self.covariance[(k, k)] = kept;
-            deviation[k] = kept.root();
+            covariance[(k, k)] = kept;
         }
         for k in 0..N {
             for j in 0..k {
-                let limit = deviation[k] * deviation[j] * T::of(0.9999);
-                let value = self.covariance[(k, j)];
-                let kept = clamp(value, -limit, limit);
-                changed |= value.abs() > limit;
-                self.covariance[(k, j)] = kept;
-                self.covariance[(j, k)] = kept;
+                let product = covariance[(k, k)] * covariance[(j, j)] * T::of(0.9998);
+                let value = covariance[(k, j)];
+                let kept = if value * value > product {
+                    changed = true;
+                    clamp(value, -product.root(), product.root())
+                } else {
+                    value
+                };
+                covariance[(k, j)] = kept;
+                covariance[(j, k)] = kept;
             }
         }
         changed
     }
 }
 
-/// Weighted sums of differences to the central point; lower triangles only.
+/// Weighted sums of differences to the central point.
 struct Sums<T: Real, const N: usize, const M: usize> {
     state: SVector<T, N>,
     prediction: SVector<T, M>,
@@ -422,17 +427,18 @@ impl<T: Real, const N: usize, const M: usize> Sums<T, N, M> {
         }
     }
 
-    #[inline]
+    #[inline(always)]
     fn add(&mut self, state: &SVector<T, N>, prediction: &SVector<T, M>) {
         self.state += state;
         self.prediction += prediction;
+        // Whole columns: half of the products are spare, but they run side by side.
         for j in 0..N {
-            for i in j..N {
+            for i in 0..N {
                 self.covariance[(i, j)] += state[i] * state[j];
             }
         }
         for j in 0..M {
-            for i in j..M {
+            for i in 0..M {
                 self.prediction_covariance[(i, j)] += prediction[i] * prediction[j];
             }
             for i in 0..N {

@@ -1,0 +1,167 @@
+//! Declared ranges: their page, flights within them, and what rounding to their formats would do.
+
+use bodyflight_core::dynamics::muscle_input::BACK_TRACKING;
+use bodyflight_core::dynamics::step::TIME_STEP;
+use bodyflight_core::dynamics::{Dynamics, PostureSample, State};
+use bodyflight_core::estimator::measurement::Measurement;
+use bodyflight_core::estimator::ranges::{
+    ANGULAR_MOMENTUM, ANGULAR_VELOCITY, CENTRE, DAMPING, DAMPING_RATE, DYNAMIC_PRESSURE, FORCE,
+    INERTIA, INVERSE_INERTIA, LINEAR_MOMENTUM, MOMENT, MUSCLE_INPUT, POSITION, RANGES, Range,
+    TABLE_HEAD, VELOCITY, quantised,
+};
+use bodyflight_core::math::wrap_angle;
+use bodyflight_tests::estimator_flights::{ANGLE_FLYING, Flight, TRANSITIONS, TURNS};
+use bodyflight_tests::{reference, reference_body};
+use nalgebra::Vector3;
+
+/// The page as it must be.
+fn page() -> String {
+    let mut text = String::from(
+        "# Ranges\n\n\
+        Every number of the dynamics and the filter, with the range it is declared for and the 32-bit \
+        fixed-point format that holds it with a guard bit. Generated from `core/src/estimator/ranges.rs` by \
+        `BODYFLIGHT_WRITE_DOCS=1 cargo test -p bodyflight-tests --test estimator_ranges`; the test fails where \
+        the page is out of date, where a flight leaves a range, and where rounding every state to its format \
+        after every step moves a prediction over 0.25 s by more than a tenth of the sensors' noise.\n\n",
+    );
+    text.push_str(TABLE_HEAD);
+    text.push('\n');
+    for range in RANGES {
+        text.push_str(&format!("{range}\n"));
+    }
+    text
+}
+
+#[test]
+fn the_page_is_what_the_code_declares() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/ranges.md");
+    if std::env::var_os("BODYFLIGHT_WRITE_DOCS").is_some() {
+        std::fs::write(path, page()).unwrap();
+    }
+    assert_eq!(std::fs::read_to_string(path).unwrap(), page());
+}
+
+/// Flies a script step by step.
+fn walk(
+    flight: &Flight,
+    mut visit: impl FnMut(usize, &Dynamics<f64>, &State<f64>, &PostureSample<f64>),
+) {
+    let Some(table) = reference("segments.json") else {
+        return;
+    };
+    let record = flight.fly(&reference_body(&table), BACK_TRACKING);
+    let dynamics = record.dynamics;
+    let start = dynamics.hold(&record.postures[0]);
+    let mut state = State::from_motion(&record.motions[0], &start);
+    for (k, ends) in record.postures.windows(2).enumerate() {
+        let sample = dynamics.between(&ends[0], &ends[1], TIME_STEP);
+        visit(k, &dynamics, &state, &sample);
+        let inputs = flight.inputs((k as f64 + 0.5) * TIME_STEP);
+        state = dynamics.step(&state, &sample, &inputs, TIME_STEP);
+    }
+}
+
+#[test]
+fn whole_flights_stay_in_range() {
+    let mut used: Vec<(Range, f64)> = Vec::new();
+    let mut note = |range: &Range, values: &[f64]| {
+        let largest = values.iter().fold(0.0f64, |a, v| a.max(v.abs()));
+        assert!(
+            values.iter().all(|v| range.holds(*v)),
+            "{}: {values:?}",
+            range.name
+        );
+        match used.iter_mut().find(|(r, _)| r == range) {
+            Some((_, top)) => *top = top.max(largest),
+            None => used.push((*range, largest)),
+        }
+    };
+    for flight in [ANGLE_FLYING, TRANSITIONS, TURNS] {
+        walk(&flight, |k, dynamics, state, sample| {
+            let motion = state.motion(sample);
+            let inputs = flight.inputs(k as f64 * TIME_STEP);
+            let velocity = motion.velocity.components;
+            let (loads, damping) = dynamics.loads(sample, &inputs, &velocity, 1.0);
+            note(&POSITION, state.cg_position.components.as_slice());
+            note(&VELOCITY, velocity.as_slice());
+            note(
+                &ANGULAR_VELOCITY,
+                motion.angular_velocity.components.as_slice(),
+            );
+            note(
+                &LINEAR_MOMENTUM,
+                state.linear_momentum.components.as_slice(),
+            );
+            note(
+                &ANGULAR_MOMENTUM,
+                state.angular_momentum.components.as_slice(),
+            );
+            note(&CENTRE, sample.mass.cg.as_slice());
+            note(&INERTIA, sample.inertia.as_slice());
+            note(&INVERSE_INERTIA, sample.inverse_inertia.as_slice());
+            note(&FORCE, loads.force.as_slice());
+            note(&MOMENT, loads.moment.as_slice());
+            note(&DAMPING_RATE, damping.as_slice());
+            note(&DYNAMIC_PRESSURE, &[0.5 * velocity.norm_squared()]);
+            let muscle = inputs.muscle;
+            note(&MUSCLE_INPUT, &[muscle.yaw, muscle.pitch, muscle.roll]);
+            note(&DAMPING, inputs.damping.as_slice());
+        });
+    }
+    for (range, top) in used {
+        println!("{:24} reached {top:9.3} of {}", range.name, range.limit);
+    }
+}
+
+/// Everything a step reads of a posture, rounded to its format.
+fn coarse(sample: &PostureSample<f64>) -> PostureSample<f64> {
+    let vector = |v: &Vector3<f64>, range: &Range| v.map(|c| range.rounded(c));
+    let mut coarse = *sample;
+    coarse.mass.cg = vector(&sample.mass.cg, &CENTRE);
+    coarse.motion.cg_rate = vector(&sample.motion.cg_rate, &VELOCITY);
+    coarse.inertia = sample.inertia.map(|c| INERTIA.rounded(c));
+    coarse.inverse_inertia = sample.inverse_inertia.map(|c| INVERSE_INERTIA.rounded(c));
+    coarse.relative_angular_momentum = vector(&sample.relative_angular_momentum, &ANGULAR_MOMENTUM);
+    coarse
+}
+
+#[test]
+fn rounding_every_state_to_its_format_does_not_show() {
+    // A quarter second from every half second of flight, exact and with all states and postures rounded.
+    for flight in [ANGLE_FLYING, TRANSITIONS, TURNS] {
+        let mut windows: Vec<(State<f64>, State<f64>)> = Vec::new();
+        let mut worst = [0.0f64; 4];
+        walk(&flight, |k, dynamics, state, sample| {
+            if k % 60 == 0 {
+                for (exact, rounded) in windows.drain(..) {
+                    let [a, b] = [exact, rounded].map(|s| Measurement::of(&s.motion(sample)));
+                    // Near the vertical heading and roll have no meaning.
+                    if a.pitch.abs() < 1.3 {
+                        let differences = [
+                            a.horizontal_speed - b.horizontal_speed,
+                            wrap_angle(a.heading - b.heading),
+                            wrap_angle(a.pitch - b.pitch),
+                            wrap_angle(a.roll - b.roll),
+                        ];
+                        for (worst, difference) in worst.iter_mut().zip(differences) {
+                            *worst = worst.max(difference.abs());
+                        }
+                    }
+                }
+                windows.push((*state, quantised(state)));
+            }
+            let inputs = flight.inputs((k as f64 + 0.5) * TIME_STEP);
+            for (exact, rounded) in &mut windows {
+                *exact = dynamics.step(exact, sample, &inputs, TIME_STEP);
+                *rounded = quantised(&dynamics.step(rounded, &coarse(sample), &inputs, TIME_STEP));
+            }
+        });
+        println!(
+            "{}: rounding moves a prediction by {worst:?} (V_hor, heading, pitch, roll)",
+            flight.name
+        );
+        for (worst, deviation) in worst.into_iter().zip([0.1, 0.05, 0.01, 0.01]) {
+            assert!(worst < deviation / 10.0, "{}: {worst}", flight.name);
+        }
+    }
+}
