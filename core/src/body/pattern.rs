@@ -2,7 +2,7 @@
 //!
 //! A pattern moves several joints together by one angle, as a skydiver learns it; the paper gives the arch
 //! (eq. (arch_pat)). Angles are the paper's, about Z, Y, X (rad), see
-//! [`joint_rotation`](super::posture::joint_rotation).
+//! [`joint_rotation`].
 
 use core::f64::consts::{FRAC_PI_2, FRAC_PI_8};
 

@@ -222,7 +222,8 @@ impl<R: BufRead> Reader<R> {
                     }
                 }
                 Token::Start(_) => {
-                    if !self.scanner.skip_element()? {
+                    let whole = self.scanner.skip_element()?;
+                    if !whole {
                         return self.cut();
                     }
                 }
@@ -422,5 +423,5 @@ fn off_unit(orientation: &[f64]) -> Option<(usize, f64)> {
         .chunks_exact(4)
         .map(|q| q.iter().map(|c| c * c).sum::<f64>().sqrt())
         .enumerate()
-        .find(|(_, norm)| !((norm - 1.0).abs() <= NORM_TOLERANCE))
+        .find(|(_, norm)| norm.is_nan() || (norm - 1.0).abs() > NORM_TOLERANCE)
 }

@@ -216,7 +216,8 @@ impl<R: BufRead> Scanner<R> {
             match self.next()? {
                 Token::End(_) => return Ok(text.trim().to_owned()),
                 Token::Start(_) => {
-                    if !self.skip_element()? {
+                    let whole = self.skip_element()?;
+                    if !whole {
                         return Err(self.cut());
                     }
                 }
