@@ -10,6 +10,8 @@ use nalgebra::{Matrix3, RealField, UnitQuaternion, Vector3};
 pub trait Real: RealField + Copy + Default {
     /// The scalar nearest to `value`.
     fn of(value: f64) -> Self;
+    /// A number of a table that the unit reads while it flies: no double precision is involved in `f32`.
+    fn single(value: f32) -> Self;
     /// The value in double precision.
     fn to_f64(self) -> f64;
     /// Sine and cosine of an angle (rad). Absolute error below 1.2e-7 for |angle| < 1000 in `f32`.
@@ -27,6 +29,9 @@ pub trait Real: RealField + Copy + Default {
 impl Real for f64 {
     fn of(value: f64) -> Self {
         value
+    }
+    fn single(value: f32) -> Self {
+        Self::from(value)
     }
     fn to_f64(self) -> f64 {
         self
@@ -55,6 +60,9 @@ impl Real for f32 {
     )]
     fn of(value: f64) -> Self {
         value as Self
+    }
+    fn single(value: f32) -> Self {
+        value
     }
     fn to_f64(self) -> f64 {
         f64::from(self)

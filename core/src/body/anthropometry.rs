@@ -305,7 +305,8 @@ impl<T: Real> Person<T> {
 
     /// Length of a segment (m).
     fn length(&self, segment: Segment, proportions: &Proportions) -> T {
-        self.height * T::of(proportions.of(segment).length * proportions.stacking(segment))
+        let published = T::of(proportions.of(segment).length);
+        self.height * published * T::of(proportions.stacking(segment))
     }
 
     /// Proximal joint in the frame of the parent (m).

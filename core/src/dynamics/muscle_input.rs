@@ -94,10 +94,10 @@ pub struct MuscleModel {
     /// Characteristic lever arms l_1 to l_4 as shares of the stature. The paper gives no numbers: these are
     /// the distances, in the neutral pose, from the pelvic joint to upper proximal limbs, to lower proximal
     /// limbs, and sideways to proximal and to distal limbs.
-    pub lever_arms: [f64; 4],
+    pub lever_arms: [f32; 4],
 }
 
-const LEVER_ARMS: [f64; 4] = [0.28, 0.12, 0.18, 0.22];
+const LEVER_ARMS: [f32; 4] = [0.28, 0.12, 0.18, 0.22];
 
 const HIPS: Limbs = Limbs::of(&[Segment::LeftThigh, Segment::RightThigh]);
 const LEGS: Limbs = Limbs::of(&[Segment::LeftShank, Segment::RightShank]);
@@ -269,7 +269,7 @@ impl MuscleModel {
     #[inline]
     pub fn levers<T: Real>(&self, height: T) -> [T; 4] {
         self.lever_arms
-            .map(|share| T::one() / (T::of(share) * height))
+            .map(|share| T::one() / (T::single(share) * height))
     }
 
     /// Whether `segment` takes part in an input that is not zero.

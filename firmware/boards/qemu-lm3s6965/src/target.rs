@@ -1,0 +1,162 @@
+//! The image.
+
+use core::hint::black_box;
+use core::panic::PanicInfo;
+
+use bodyflight_core::body::anthropometry::{Person, Sex};
+use bodyflight_core::body::pattern;
+use bodyflight_core::dynamics::step::TIME_STEP;
+use bodyflight_core::dynamics::{Dynamics, Inputs, Motion, State};
+use bodyflight_core::estimator::full::Full;
+use bodyflight_core::estimator::measurement::Measurement;
+use bodyflight_core::estimator::preset::TRACKING_ON_BACK;
+use bodyflight_core::estimator::propagation::Propagation;
+use bodyflight_core::estimator::reduced::Reduced;
+use bodyflight_core::estimator::{Estimator, trace};
+use bodyflight_core::frame::{Rotation, Vector};
+use bodyflight_core::math::{Real, small_rotation};
+use bodyflight_core::{Body, Posture};
+use cortex_m::peripheral::syst::SystClkSource;
+use cortex_m::peripheral::{Peripherals, SYST};
+use cortex_m_rt::{ExceptionFrame, entry, exception};
+use nalgebra::Vector3;
+use semihosting::{eprintln, println, process};
+
+/// Largest value of the SysTick counter.
+const RELOAD: u32 = 0x00ff_ffff;
+/// Ticks of five instructions under `-icount shift=7`.
+const TICKS_OF_FIVE: u32 = 8;
+
+struct Counter {
+    timer: SYST,
+    /// Ticks of an empty measurement.
+    empty: u32,
+}
+
+impl Counter {
+    fn new(mut timer: SYST) -> Self {
+        timer.set_clock_source(SystClkSource::Core);
+        timer.set_reload(RELOAD);
+        timer.clear_current();
+        timer.enable_counter();
+        let mut counter = Self { timer, empty: 0 };
+        counter.empty = counter.ticks(|| ());
+        counter
+    }
+
+    fn ticks<R>(&mut self, work: impl FnOnce() -> R) -> u32 {
+        self.timer.clear_current();
+        let start = SYST::get_current();
+        black_box(work());
+        let end = SYST::get_current();
+        start.wrapping_sub(end) & RELOAD
+    }
+
+    /// Instructions of a piece of work, at most ten million.
+    fn instructions<R>(&mut self, work: impl FnOnce() -> R) -> u32 {
+        let ticks = self.ticks(work).saturating_sub(self.empty);
+        ticks / TICKS_OF_FIVE * 5 + ticks % TICKS_OF_FIVE * 5 / TICKS_OF_FIVE
+    }
+}
+
+/// The person that host and unit both compute from measures.
+fn body() -> Option<Body<f32>> {
+    Person::new(1.75, 75.0, Sex::Male).body().ok()
+}
+
+fn falling() -> Motion<f32> {
+    let belly = small_rotation(&Vector3::new(0.52, 0.0, 0.0));
+    let attitude = Rotation::from_quaternion(belly * belly * belly);
+    Motion {
+        inertial_from_body: attitude,
+        position: Vector::zero(),
+        velocity: attitude.inverse() * Vector::new(2.0, -3.0, -48.0),
+        angular_velocity: Vector::new(0.1, -0.2, 0.05),
+    }
+}
+
+// Estimators live on the stack, one at a time: each in a frame of its own.
+
+#[inline(never)]
+fn reduced_trace(body: &Body<f32>) -> Option<u64> {
+    trace::hash::<Reduced, 30>(body, 40).ok()
+}
+
+/// The paper's filter over a window of 12 samples: that of 60 is larger than the memory of this board.
+#[inline(never)]
+fn paper_trace(body: &Body<f32>) -> Option<u64> {
+    trace::hash::<Full, 12>(body, 8).ok()
+}
+
+/// Instructions of a push that only adds an interval, and of one that updates.
+#[inline(never)]
+fn pushes<P: Propagation<f32>, const INTERVALS: usize>(
+    counter: &mut Counter,
+    dynamics: &Dynamics<f32>,
+    posture: &Posture<f32>,
+) -> Option<[u32; 2]> {
+    let motion = falling();
+    let mut estimator =
+        Estimator::<f32, P, INTERVALS>::new(&TRACKING_ON_BACK, dynamics, &motion, posture).ok()?;
+    let seen = Measurement::of(&motion);
+    let (mut quiet, mut update) = (0, 0);
+    // Past the first update every fourth push updates; the largest of each kind counts.
+    for _ in 0..estimator.prediction_window() + 24 {
+        let mut estimated = false;
+        let cost = counter.instructions(|| {
+            estimated = estimator.push(dynamics, posture, &seen).is_some();
+        });
+        let slot = if estimated { &mut update } else { &mut quiet };
+        *slot = cost.max(*slot);
+    }
+    Some([quiet, update])
+}
+
+fn run(timer: SYST) -> Option<()> {
+    let body = body()?;
+    println!("trace_reduced {:#018x}", reduced_trace(&body)?);
+    println!("trace_paper {:#018x}", paper_trace(&body)?);
+
+    let mut counter = Counter::new(timer);
+    let dynamics = Dynamics::paper(body, 1.0);
+    let step = f32::of(TIME_STEP);
+    let posture = pattern::neutral::<f32>();
+    let next = pattern::arched(&posture, 0.01);
+    let between = || dynamics.between(black_box(&posture), black_box(&next), step);
+    let sample = between();
+    println!("posture_sample {}", counter.instructions(between));
+    let state = State::from_motion(&falling(), &sample);
+    let mut inputs = Inputs::belly_turn();
+    let fly = |inputs: &Inputs<f32>| dynamics.step(black_box(&state), &sample, inputs, step);
+    println!("step {}", counter.instructions(|| fly(&inputs)));
+    inputs.muscle.pitch = 0.5;
+    inputs.muscle.yaw = 0.5;
+    inputs.muscle.roll = 0.5;
+    println!(
+        "step_with_muscle_input {}",
+        counter.instructions(|| fly(&inputs))
+    );
+    let [quiet, update] = pushes::<Reduced, 30>(&mut counter, &dynamics, &posture)?;
+    println!("reduced_push {quiet}");
+    println!("reduced_update {update}");
+    Some(())
+}
+
+#[entry]
+fn main() -> ! {
+    let done = Peripherals::take().and_then(|peripherals| run(peripherals.SYST));
+    process::exit(if done.is_some() { 0 } else { 1 })
+}
+
+#[panic_handler]
+fn panic(info: &PanicInfo<'_>) -> ! {
+    eprintln!("{info}");
+    process::exit(101)
+}
+
+#[allow(unsafe_code, reason = "the runtime hands over the faulting frame")]
+#[exception]
+unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
+    eprintln!("{frame:?}");
+    process::exit(102)
+}

@@ -1,0 +1,54 @@
+//! `budgets.toml`: what the unit may cost.
+
+use std::collections::BTreeMap;
+
+use serde::Deserialize;
+
+use crate::run::{Result, root};
+
+/// The file.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Budgets {
+    tolerance: f64,
+    board: BTreeMap<String, Board>,
+    /// Instructions by the name of what is measured.
+    pub(crate) instructions: BTreeMap<String, u64>,
+}
+
+/// Memory of a board.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Board {
+    /// Where flash begins: the vector table must lie there.
+    pub(crate) flash_origin: u64,
+    /// Most of it that an image may take.
+    pub(crate) flash_bytes: u64,
+    /// RAM of the board.
+    pub(crate) ram_bytes: u64,
+    /// Most of it that static data may take.
+    pub(crate) static_ram_bytes: u64,
+}
+
+impl Budgets {
+    /// Reads the file.
+    pub(crate) fn read() -> Result<Self> {
+        let path = root().join("budgets.toml");
+        let text =
+            std::fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
+        toml::from_str(&text).map_err(|error| format!("budgets.toml: {error}"))
+    }
+
+    /// The row of a board.
+    pub(crate) fn board(&self, name: &str) -> Result<&Board> {
+        self.board
+            .get(name)
+            .ok_or_else(|| format!("budgets.toml has no board {name}"))
+    }
+
+    /// Whether a cost is within its budget.
+    #[expect(clippy::cast_precision_loss, reason = "counts far below 2^53")]
+    pub(crate) fn allows(&self, budget: u64, cost: u64) -> bool {
+        cost as f64 <= budget as f64 * (1.0 + self.tolerance)
+    }
+}

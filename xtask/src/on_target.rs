@@ -1,0 +1,127 @@
+//! `cargo xtask on-target`: the core in QEMU, its bits against the host's and its cost against the budgets.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use bodyflight_core::Body;
+use bodyflight_core::body::anthropometry::{Person, Sex};
+use bodyflight_core::estimator::full::Full;
+use bodyflight_core::estimator::reduced::Reduced;
+use bodyflight_core::estimator::trace;
+
+use crate::budgets::Budgets;
+use crate::image;
+use crate::run::{Result, run, say};
+
+const QEMU: &str = "qemu-system-arm";
+const BOARD: &str = "qemu-lm3s6965";
+
+/// Builds the image, checks it, runs it, compares.
+pub(crate) fn on_target() -> Result<()> {
+    let budgets = Budgets::read()?;
+    let image = image::build("board-qemu-lm3s6965", "on-target")?;
+    image::check(&image, budgets.board(BOARD)?)?;
+    install_qemu()?;
+    let found = run_image(&image)?;
+    compare_traces(&found)?;
+    compare_costs(&budgets, &found)
+}
+
+/// QEMU for ARM, by apt-get where it is missing.
+fn install_qemu() -> Result<()> {
+    let version = Command::new(QEMU)
+        .arg("--version")
+        .stdout(Stdio::null())
+        .status();
+    if version.is_ok_and(|status| status.success()) {
+        return Ok(());
+    }
+    let advice =
+        |_| format!("{QEMU} is missing and apt-get cannot install it here: install it by hand");
+    run("apt-get", &["update", "-qq"]).map_err(advice)?;
+    run("apt-get", &["install", "-y", "-qq", "qemu-system-arm"]).map_err(advice)
+}
+
+/// Lines `name value` that the image prints. One instruction takes 128 ns of virtual time.
+fn run_image(image: &Path) -> Result<BTreeMap<String, String>> {
+    say("$ qemu-system-arm … on-target");
+    let output = Command::new(QEMU)
+        .args([
+            "-M",
+            "lm3s6965evb",
+            "-cpu",
+            "cortex-m4",
+            "-nographic",
+            "-monitor",
+            "none",
+        ])
+        .args([
+            "-serial",
+            "null",
+            "-semihosting-config",
+            "enable=on,target=native",
+        ])
+        .args(["-icount", "shift=7,sleep=off", "-kernel"])
+        .arg(image)
+        .stdin(Stdio::null())
+        .output()
+        .map_err(|error| format!("cannot start {QEMU}: {error}"))?;
+    let text = String::from_utf8_lossy(&output.stdout);
+    if !output.status.success() {
+        let errors = String::from_utf8_lossy(&output.stderr);
+        return Err(format!(
+            "the image failed ({}): {text}{errors}",
+            output.status
+        ));
+    }
+    let pairs = text.lines().filter_map(|line| line.split_once(' '));
+    Ok(pairs
+        .map(|(name, value)| (name.to_owned(), value.to_owned()))
+        .collect())
+}
+
+fn compare_traces(found: &BTreeMap<String, String>) -> Result<()> {
+    let body: Body<f32> = Person::new(1.75, 75.0, Sex::Male)
+        .body()
+        .map_err(|e| e.to_string())?;
+    let hash = |hash: core::result::Result<u64, _>| hash.map_err(|error| format!("{error:?}"));
+    for (name, here) in [
+        (
+            "trace_reduced",
+            hash(trace::hash::<Reduced, 30>(&body, 40))?,
+        ),
+        ("trace_paper", hash(trace::hash::<Full, 12>(&body, 8))?),
+    ] {
+        let here = format!("{here:#018x}");
+        let there = found
+            .get(name)
+            .ok_or_else(|| format!("the image does not print {name}"))?;
+        say(&format!("{name}: host {here}, unit {there}"));
+        if *there != here {
+            return Err(format!("{name}: the unit's bits differ from the host's"));
+        }
+    }
+    Ok(())
+}
+
+fn compare_costs(budgets: &Budgets, found: &BTreeMap<String, String>) -> Result<()> {
+    let mut over = Vec::new();
+    for (name, budget) in &budgets.instructions {
+        let value = found
+            .get(name)
+            .ok_or_else(|| format!("the image does not print {name}"))?;
+        let cost: u64 = value
+            .parse()
+            .map_err(|error| format!("{name}: {value}: {error}"))?;
+        say(&format!("{name:24} {cost:>8} instructions of {budget}"));
+        if !budgets.allows(*budget, cost) {
+            over.push(name.as_str());
+        }
+    }
+    if over.is_empty() {
+        Ok(())
+    } else {
+        Err(format!("over budget: {}", over.join(", ")))
+    }
+}
