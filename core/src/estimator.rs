@@ -370,19 +370,21 @@ fn start<T: Real>(
 
 /// Limits speed and angular velocity to [`MOTION_LIMITS`]; whether that changed anything.
 fn limit<T: Real>(state: &mut State<T>, interval: &impl Interval<T>) -> bool {
-    let motion = state.motion(interval);
+    let mut motion = state.motion(interval);
     let mut changed = false;
-    let excess = |vector: &Vector3<T>, limit: f64| {
+    let vectors = [
+        &mut motion.velocity.components,
+        &mut motion.angular_velocity.components,
+    ];
+    for (vector, limit) in vectors.into_iter().zip(MOTION_LIMITS) {
         let ratio = vector.norm_squared().root() / T::of(limit);
-        (ratio > T::one()).then_some(ratio)
-    };
-    if let Some(ratio) = excess(&motion.velocity.components, MOTION_LIMITS[0]) {
-        state.linear_momentum.components /= ratio;
-        changed = true;
+        if ratio > T::one() {
+            *vector /= ratio;
+            changed = true;
+        }
     }
-    if let Some(ratio) = excess(&motion.angular_velocity.components, MOTION_LIMITS[1]) {
-        state.angular_momentum.components /= ratio;
-        changed = true;
+    if changed {
+        *state = State::from_motion(&motion, interval);
     }
     changed
 }

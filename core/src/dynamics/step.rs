@@ -64,12 +64,18 @@ impl<T: Real> Dynamics<T> {
         let inertial_from_middle = turned(&state.inertial_from_body, &spin, half);
 
         // Forces of the middle. What is constant in inertial axes turns with the attitude.
-        let middle_from_inertial = inertial_from_middle.inverse();
-        let angular_momentum = (middle_from_inertial * state.angular_momentum).components;
-        let linear_momentum = (middle_from_inertial * state.linear_momentum).components;
+        let inertial_from_middle = inertial_from_middle
+            .quaternion()
+            .to_rotation_matrix()
+            .into_inner();
+        let middle_from_inertial = inertial_from_middle.transpose();
+        let angular_momentum = middle_from_inertial * state.angular_momentum.components;
+        // Momentum relative to the air: its velocity is turned along.
+        let relative_momentum =
+            state.linear_momentum.components - self.air.velocity.components * sample.mass();
+        let linear_momentum = middle_from_inertial * relative_momentum;
         let spin = sample.angular_velocity(&angular_momentum);
-        let air_velocity = (middle_from_inertial * self.air.velocity).components;
-        let velocity = sample.origin_velocity(&linear_momentum, &spin) - air_velocity;
+        let velocity = sample.origin_velocity(&linear_momentum, &spin);
         let (loads, damping) = self.loads(sample, inputs, &velocity, density);
         let moment = loads.moment - sample.cg().cross(&loads.force);
 
@@ -86,9 +92,7 @@ impl<T: Real> Dynamics<T> {
             T::zero(),
             -self.gravity * sample.mass() * duration,
         );
-        let impulse = (inertial_from_middle * Vector::from_components(loads.force * duration))
-            .components
-            + gravity_impulse;
+        let impulse = inertial_from_middle * (loads.force * duration) + gravity_impulse;
         let start = state.linear_momentum.components;
 
         State {
@@ -99,8 +103,7 @@ impl<T: Real> Dynamics<T> {
             ),
             linear_momentum: Vector::from_components(start + impulse),
             angular_momentum: Vector::from_components(
-                state.angular_momentum.components
-                    + (inertial_from_middle * Vector::from_components(push)).components,
+                state.angular_momentum.components + inertial_from_middle * push,
             ),
         }
     }
