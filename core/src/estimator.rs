@@ -114,7 +114,7 @@ impl<T: Real, P: Propagation<T>, const INTERVALS: usize> Estimator<T, P, INTERVA
         motion: &Motion<T>,
         posture: &Posture<T>,
     ) -> Result<Self, Unsafe> {
-        let filter = Unscented::new(preset.settings()?)?;
+        let filter = Unscented::new(preset.settings(P::ROOT)?)?;
         let solution_intervals = preset.solution_window / P::STRIDE;
         if solution_intervals == 0
             || solution_intervals > INTERVALS

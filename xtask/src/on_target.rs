@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
 
 use bodyflight_core::Body;
 use bodyflight_core::body::anthropometry::{Person, Sex};
@@ -16,6 +17,7 @@ use crate::run::{Result, run, say};
 
 const QEMU: &str = "qemu-system-arm";
 const BOARD: &str = "qemu-lm3s6965";
+const LONGEST_RUN: Duration = Duration::from_secs(120);
 
 /// Builds the image, checks it, runs it, compares.
 pub(crate) fn on_target() -> Result<()> {
@@ -46,7 +48,7 @@ fn install_qemu() -> Result<()> {
 /// Lines `name value` that the image prints. One instruction takes 128 ns of virtual time.
 fn run_image(image: &Path) -> Result<BTreeMap<String, String>> {
     say("$ qemu-system-arm … on-target");
-    let output = Command::new(QEMU)
+    let mut child = Command::new(QEMU)
         .args([
             "-M",
             "lm3s6965evb",
@@ -65,8 +67,29 @@ fn run_image(image: &Path) -> Result<BTreeMap<String, String>> {
         .args(["-icount", "shift=7,sleep=off", "-kernel"])
         .arg(image)
         .stdin(Stdio::null())
-        .output()
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
         .map_err(|error| format!("cannot start {QEMU}: {error}"))?;
+    // A wrong memory map shows as an image that never ends.
+    let begin = Instant::now();
+    while child
+        .try_wait()
+        .map_err(|error| error.to_string())?
+        .is_none()
+    {
+        if begin.elapsed() > LONGEST_RUN {
+            let _ = child.kill();
+            return Err(format!(
+                "the image did not end within {} s",
+                LONGEST_RUN.as_secs()
+            ));
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let output = child
+        .wait_with_output()
+        .map_err(|error| error.to_string())?;
     let text = String::from_utf8_lossy(&output.stdout);
     if !output.status.success() {
         let errors = String::from_utf8_lossy(&output.stderr);
@@ -106,6 +129,13 @@ fn compare_traces(found: &BTreeMap<String, String>) -> Result<()> {
 }
 
 fn compare_costs(budgets: &Budgets, found: &BTreeMap<String, String>) -> Result<()> {
+    let measured = found.keys().filter(|name| !name.starts_with("trace_"));
+    if let Some(name) = measured
+        .into_iter()
+        .find(|name| !budgets.instructions.contains_key(*name))
+    {
+        return Err(format!("budgets.toml has no row for {name}"));
+    }
     let mut over = Vec::new();
     for (name, budget) in &budgets.instructions {
         let value = found

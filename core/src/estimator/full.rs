@@ -1,7 +1,7 @@
 //! The paper's prediction: every sigma point flies the whole model over the whole window.
 
 use super::propagation::{Propagation, Window};
-use super::unscented::{Moments, SigmaPoints, Unscented};
+use super::unscented::{Moments, Root, SigmaPoints, Unscented};
 use super::{STATES, inputs_of};
 use crate::dynamics::{Dynamics, PostureSample, State};
 use crate::estimator::measurement::{CHANNELS, MeasurementModel};
@@ -18,6 +18,8 @@ pub struct Full;
 impl<T: Real> Propagation<T> for Full {
     type Interval = PostureSample<T>;
     const STRIDE: usize = 1;
+    /// The paper's.
+    const ROOT: Root = Root::Symmetric;
 
     fn keep(_: &Dynamics<T>, sample: &PostureSample<T>, _: &Vector3<T>) -> PostureSample<T> {
         *sample

@@ -35,8 +35,6 @@ pub struct Preset {
     pub central_weight: f64,
     /// k of paper eq. (movepukf).
     pub reflection: f64,
-    /// Square root that spreads the sigma points.
-    pub root: Root,
     /// Time between two samples (s).
     pub time_step: f64,
     /// N_solve: samples from one update to the next.
@@ -58,7 +56,6 @@ pub const TRACKING_ON_BACK: Preset = Preset {
     high: [6.5, 6.5, 6.5, 24.0, 24.0, 24.0],
     central_weight: 0.5,
     reflection: 0.5,
-    root: Root::Symmetric,
     time_step: TIME_STEP,
     solution_window: 4,
 };
@@ -130,11 +127,11 @@ impl Preset {
         PRESETS.iter().find(|preset| preset.name == name)
     }
 
-    /// Settings of the unscented filter.
+    /// Settings of the unscented filter, with the square root that a propagation wants.
     ///
     /// # Errors
     /// Settings that could not be run safely.
-    pub fn settings<T: Real>(&self) -> Result<Settings<T, STATES>, Unsafe> {
+    pub fn settings<T: Real>(&self, root: Root) -> Result<Settings<T, STATES>, Unsafe> {
         let vector = |values: [f64; STATES]| StateVector::<T>::from(values.map(T::of));
         let settings = Settings {
             state: vector(self.state),
@@ -145,7 +142,7 @@ impl Preset {
             high: vector(self.high),
             central_weight: T::of(self.central_weight),
             reflection: T::of(self.reflection),
-            root: self.root,
+            root,
         };
         settings.check()?;
         let noise: SVector<T, _> = self.measurement.noise();

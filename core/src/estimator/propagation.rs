@@ -5,7 +5,7 @@ use nalgebra::{SVector, Vector3};
 
 use super::STATES;
 use super::measurement::{CHANNELS, Measurement, MeasurementModel};
-use super::unscented::{Moments, SigmaPoints, Unscented};
+use super::unscented::{Moments, Root, SigmaPoints, Unscented};
 use crate::dynamics::interval::Interval;
 use crate::dynamics::{Dynamics, Inputs, PostureSample, State};
 use crate::math::Real;
@@ -16,6 +16,8 @@ pub trait Propagation<T: Real> {
     type Interval: Interval<T>;
     /// Samples that one interval spans.
     const STRIDE: usize;
+    /// Square root of the covariance that spreads the sigma points.
+    const ROOT: Root;
 
     /// What to keep of an interval that the central run crosses at about `velocity` (m/s, through the air,
     /// body axes).

@@ -11,7 +11,7 @@ use nalgebra::{SMatrix, SVector, Vector3};
 
 use super::measurement::{CHANNELS, MeasurementModel};
 use super::propagation::{Propagation, Window};
-use super::unscented::{Moments, SigmaPoints, Unscented};
+use super::unscented::{Moments, Root, SigmaPoints, Unscented};
 use super::{STATES, StateVector, inputs_of};
 use crate::aerodynamics::compiled::FrozenAerodynamics;
 use crate::aerodynamics::{Flow, Loads, damping_rate};
@@ -161,6 +161,7 @@ impl<T: Real> Interval<T> for ReducedInterval<T> {
 impl<T: Real> Propagation<T> for Reduced {
     type Interval = ReducedInterval<T>;
     const STRIDE: usize = 2;
+    const ROOT: Root = Root::Cholesky;
 
     fn keep(
         dynamics: &Dynamics<T>,
