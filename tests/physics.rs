@@ -316,3 +316,49 @@ fn terminal_speed_is_plausible_for_many_bodies() {
         assert!(trim.pitch_stiffness < 0.0, "{mass} kg: {trim:?}");
     }
 }
+
+#[test]
+fn a_tunnel_is_a_fall_seen_from_the_ground_of_the_fall() {
+    // GIVEN the same spin, falling through still air and held by a stream from below
+    let Some(body) = body() else { return };
+    let sample = |dynamics: &Dynamics<f64>| dynamics.hold(&pattern::neutral());
+    let belly = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), 1.5);
+    let attitude = Rotation::from_quaternion(belly);
+    let motion = |velocity: Vector3<f64>| Motion {
+        inertial_from_body: attitude,
+        position: Vector::zero(),
+        velocity: attitude.inverse() * Vector::from_components(velocity),
+        angular_velocity: Vector::new(0.5, 1.0, -0.5),
+    };
+    let fall = Dynamics::<f64>::paper(body, 1.0);
+    let mut tunnel = fall;
+    tunnel.air.velocity = Vector::new(1.0, -2.0, 48.0);
+    let mut falling = State::from_motion(&motion(Vector3::new(-1.0, 2.0, -48.0)), &sample(&fall));
+    let mut floating = State::from_motion(&motion(Vector3::zeros()), &sample(&tunnel));
+    // WHEN both go on for two seconds
+    for _ in 0..480 {
+        falling = fall.step(&falling, &sample(&fall), &Inputs::belly_turn(), TIME_STEP);
+        floating = tunnel.step(
+            &floating,
+            &sample(&tunnel),
+            &Inputs::belly_turn(),
+            TIME_STEP,
+        );
+    }
+    // THEN they turn alike, and their velocities differ by that of the air
+    let (a, b) = (
+        falling.motion(&sample(&fall)),
+        floating.motion(&sample(&tunnel)),
+    );
+    assert!(
+        a.inertial_from_body
+            .quaternion()
+            .angle_to(b.inertial_from_body.quaternion())
+            < 1e-9
+    );
+    let difference = b.velocity_inertial().components - a.velocity_inertial().components;
+    assert!(
+        (difference - Vector3::new(1.0, -2.0, 48.0)).norm() < 1e-9,
+        "{difference:?}"
+    );
+}

@@ -22,7 +22,7 @@ use crate::diagnostic::{Problem, Result};
 use crate::flight::Flight;
 use crate::input_history::Row;
 use crate::interrupt;
-use crate::output::AtomicFile;
+use crate::output::CsvFile;
 use crate::plot::{
     AXES, CONSTANT, Curve, ESTIMATED, Panel, figure_svg, measured_curve, simulated_curve,
 };
@@ -299,38 +299,18 @@ impl Estimation {
     /// # Errors
     /// Where the disk refuses.
     pub fn write_csv(&self, path: &Path) -> Result<()> {
-        let mut writer = csv::Writer::from_writer(AtomicFile::create(path)?);
-        let write = |writer: &mut csv::Writer<AtomicFile>| -> csv::Result<()> {
-            writer.write_record(CSV_HEADER)?;
-            for point in &self.points {
-                let Row {
-                    time_s,
-                    yaw,
-                    pitch,
-                    roll,
-                    damp_yaw,
-                    damp_pitch,
-                    damp_roll,
-                } = point.inputs;
-                let inputs = [time_s, yaw, pitch, roll, damp_yaw, damp_pitch, damp_roll];
-                let rest = point
-                    .deviation
-                    .iter()
-                    .copied()
-                    .chain([point.normalised_innovation]);
-                let row = inputs
-                    .into_iter()
-                    .chain(rest)
-                    .map(|value| format!("{value:.6}"));
-                writer.write_record(row)?;
-            }
-            writer.flush().map_err(Into::into)
-        };
-        write(&mut writer).map_err(|error| crate::input_history::csv_problem(&error, path))?;
-        match writer.into_inner() {
-            Ok(file) => file.finish(),
-            Err(error) => Err(Problem::system("write", path, error.error())),
+        let columns: Vec<&str> = Row::COLUMNS
+            .into_iter()
+            .chain(DEVIATIONS)
+            .chain(["nis"])
+            .collect();
+        let mut file = CsvFile::create(path, &columns)?;
+        for point in &self.points {
+            let deviation = point.deviation.iter().copied();
+            let rest = deviation.chain([point.normalised_innovation]);
+            file.write(point.inputs.columns().into_iter().chain(rest))?;
         }
+        file.finish()
     }
 
     /// Coefficients over time above, reconstructed and measured channels below, as SVG.
@@ -390,19 +370,12 @@ impl Estimation {
     }
 }
 
-const CSV_HEADER: [&str; 14] = [
-    "time_s",
-    "yaw",
-    "pitch",
-    "roll",
-    "damp_yaw",
-    "damp_pitch",
-    "damp_roll",
+/// Columns of the standard deviations, in the order of paper eq. (ukf_state).
+const DEVIATIONS: [&str; 6] = [
     "sd_yaw",
     "sd_pitch",
     "sd_roll",
     "sd_damp_yaw",
     "sd_damp_pitch",
     "sd_damp_roll",
-    "nis",
 ];

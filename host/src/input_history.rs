@@ -6,12 +6,12 @@ use std::path::Path;
 use bodyflight_core::dynamics::Inputs;
 use bodyflight_core::dynamics::muscle_input::MuscleInput;
 use nalgebra::Vector3;
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 
 use crate::diagnostic::{Problem, Result};
 
 /// Inputs at one time; the columns of the file.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 pub struct Row {
     /// Time since frame 0 (s).
     pub time_s: f64,
@@ -30,6 +30,31 @@ pub struct Row {
 }
 
 impl Row {
+    /// Names of the columns.
+    pub const COLUMNS: [&'static str; 7] = [
+        "time_s",
+        "yaw",
+        "pitch",
+        "roll",
+        "damp_yaw",
+        "damp_pitch",
+        "damp_roll",
+    ];
+
+    /// Values in the order of [`Row::COLUMNS`].
+    pub fn columns(&self) -> [f64; 7] {
+        let Self {
+            time_s,
+            yaw,
+            pitch,
+            roll,
+            damp_yaw,
+            damp_pitch,
+            damp_roll,
+        } = *self;
+        [time_s, yaw, pitch, roll, damp_yaw, damp_pitch, damp_roll]
+    }
+
     /// Inputs of the core at `time_s`.
     pub fn of(time_s: f64, inputs: &Inputs<f64>) -> Self {
         let (muscle, damping) = (inputs.muscle, inputs.damping);
@@ -128,7 +153,7 @@ impl InputHistory {
 }
 
 /// A CSV error with its line.
-pub fn csv_problem(error: &csv::Error, path: &Path) -> Problem {
+fn csv_problem(error: &csv::Error, path: &Path) -> Problem {
     if let csv::ErrorKind::Io(io) = error.kind() {
         return Problem::system("read", path, io);
     }

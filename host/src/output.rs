@@ -70,6 +70,58 @@ impl Write for AtomicFile {
     }
 }
 
+/// A table of numbers as CSV, six decimals, whole or absent like every file.
+pub struct CsvFile {
+    writer: csv::Writer<AtomicFile>,
+    path: PathBuf,
+}
+
+impl CsvFile {
+    /// Begins the file with the names of its columns.
+    ///
+    /// # Errors
+    /// Where the folder cannot be written to.
+    pub fn create(path: &Path, columns: &[impl AsRef<[u8]>]) -> Result<Self> {
+        let writer = csv::Writer::from_writer(AtomicFile::create(path)?);
+        let mut file = Self {
+            writer,
+            path: path.to_path_buf(),
+        };
+        let written = file.writer.write_record(columns);
+        file.check(written)?;
+        Ok(file)
+    }
+
+    /// Adds a row.
+    ///
+    /// # Errors
+    /// Where the disk refuses, or the row is longer or shorter than the others.
+    pub fn write(&mut self, values: impl IntoIterator<Item = f64>) -> Result<()> {
+        let written = self
+            .writer
+            .write_record(values.into_iter().map(|value| format!("{value:.6}")));
+        self.check(written)
+    }
+
+    /// Gives the file its name.
+    ///
+    /// # Errors
+    /// Where the disk refuses; then no file is left.
+    pub fn finish(self) -> Result<()> {
+        match self.writer.into_inner() {
+            Ok(file) => file.finish(),
+            Err(error) => Err(Problem::system("write", &self.path, error.error())),
+        }
+    }
+
+    fn check(&self, written: csv::Result<()>) -> Result<()> {
+        written.map_err(|error| match error.kind() {
+            csv::ErrorKind::Io(io) => Problem::system("write", &self.path, io),
+            _ => Problem::bad_input(error.to_string()).in_file(&self.path),
+        })
+    }
+}
+
 /// Writes a whole file at once.
 ///
 /// # Errors

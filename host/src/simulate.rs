@@ -15,7 +15,7 @@ use crate::comparison::{Channel, Comparison, Pair, PerChannel};
 use crate::diagnostic::{Problem, Result};
 use crate::flight::Flight;
 use crate::interrupt;
-use crate::output::AtomicFile;
+use crate::output::CsvFile;
 use crate::recording::{FlightFrame, Options, Quality, Recording};
 
 /// The result of a simulation.
@@ -207,10 +207,7 @@ fn rate<T: Real>(from: &FlightFrame, to: &FlightFrame) -> (PostureRate<T>, f64) 
 }
 
 /// The run as CSV: time, then measured and simulated value of each channel.
-pub struct RunFile {
-    writer: csv::Writer<AtomicFile>,
-    path: std::path::PathBuf,
-}
+pub struct RunFile(CsvFile);
 
 impl RunFile {
     /// Begins the file.
@@ -218,18 +215,11 @@ impl RunFile {
     /// # Errors
     /// Where the folder cannot be written to.
     pub fn create(path: &Path) -> Result<Self> {
-        let mut writer = csv::Writer::from_writer(AtomicFile::create(path)?);
         let names = Channel::ALL.into_iter().flat_map(|channel| {
             ["measured", "simulated"].map(|side| format!("{side}_{}", channel.key()))
         });
-        let header: Vec<String> = std::iter::once("time_s".to_owned()).chain(names).collect();
-        writer
-            .write_record(&header)
-            .map_err(|e| write_problem(&e, path))?;
-        Ok(Self {
-            writer,
-            path: path.to_path_buf(),
-        })
+        let columns: Vec<String> = std::iter::once("time_s".to_owned()).chain(names).collect();
+        CsvFile::create(path, &columns).map(Self)
     }
 
     /// Adds a row.
@@ -243,12 +233,7 @@ impl RunFile {
                 channel.value(&pair.simulated),
             ]
         });
-        let row = std::iter::once(pair.time)
-            .chain(values)
-            .map(|value| format!("{value:.6}"));
-        self.writer
-            .write_record(row)
-            .map_err(|e| write_problem(&e, &self.path))
+        self.0.write(std::iter::once(pair.time).chain(values))
     }
 
     /// Gives the file its name.
@@ -256,16 +241,6 @@ impl RunFile {
     /// # Errors
     /// Where the disk refuses; then no file is left.
     pub fn finish(self) -> Result<()> {
-        match self.writer.into_inner() {
-            Ok(file) => file.finish(),
-            Err(error) => Err(Problem::system("write", &self.path, error.error())),
-        }
-    }
-}
-
-fn write_problem(error: &csv::Error, path: &Path) -> Problem {
-    match error.kind() {
-        csv::ErrorKind::Io(io) => Problem::system("write", path, io),
-        _ => Problem::bad_input(error.to_string()).in_file(path),
+        self.0.finish()
     }
 }

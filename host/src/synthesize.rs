@@ -24,7 +24,7 @@ use crate::flight::{DensityChoice, Flight};
 use crate::input_history::Row;
 use crate::interrupt;
 use crate::mvnx::writer::{Description, Writer};
-use crate::output::{AtomicFile, write_file};
+use crate::output::{CsvFile, write_file};
 use crate::recording::{FlightFrame, PelvisMotion};
 use crate::subject::{SEGMENTS_FILE, Subject};
 
@@ -317,24 +317,13 @@ impl Sensors {
 }
 
 fn write_inputs(maneuver: &Maneuver, path: &Path) -> Result<()> {
-    let mut writer = csv::Writer::from_writer(AtomicFile::create(path)?);
-    let write = |writer: &mut csv::Writer<AtomicFile>| -> csv::Result<()> {
-        let mut time = 0.0;
-        while time <= maneuver.duration {
-            writer.serialize(Row::of(time, &maneuver.inputs(time)))?;
-            time += 0.02;
-        }
-        writer.flush().map_err(Into::into)
-    };
-    write(&mut writer).map_err(|error| crate::input_history::csv_problem(&error, path))?;
-    match writer.into_inner() {
-        Ok(file) => file.finish(),
-        Err(error) => Err(crate::diagnostic::Problem::system(
-            "write",
-            path,
-            error.error(),
-        )),
+    let mut file = CsvFile::create(path, &Row::COLUMNS)?;
+    let mut time = 0.0;
+    while time <= maneuver.duration {
+        file.write(Row::of(time, &maneuver.inputs(time)).columns())?;
+        time += 0.02;
     }
+    file.finish()
 }
 
 fn flight_toml(request: &Request<'_>) -> String {
