@@ -172,6 +172,18 @@ fn angle_flying_with_barrel_rolls_is_reconstructed() {
 }
 
 #[test]
+fn transitions_with_satellites_are_reconstructed_with_their_speed() {
+    let Some(found) = compare(&TRANSITIONS, &preset("transitions-gnss")) else {
+        return;
+    };
+    for estimated in [found.paper, found.reduced] {
+        assert!(estimated.pitch < 0.15 && estimated.pitch < found.constant.pitch / 3.0);
+        assert!(estimated.roll < 0.25 && estimated.roll < found.constant.roll / 3.0);
+        assert!(estimated.horizontal_speed < found.constant.horizontal_speed / 3.0);
+    }
+}
+
+#[test]
 fn transitions_are_reconstructed() {
     let Some(found) = compare(&TRANSITIONS, &preset("transitions")) else {
         return;

@@ -318,6 +318,7 @@ impl Record {
                 pitch,
                 roll,
                 yaw_rate,
+                vertical_velocity,
             } = Measurement::of(motion);
             Measurement {
                 horizontal_speed: horizontal_speed + noise.normal(0.1),
@@ -325,6 +326,7 @@ impl Record {
                 pitch: pitch + noise.normal(0.01),
                 roll: roll + noise.normal(0.01),
                 yaw_rate: yaw_rate + noise.normal(0.01),
+                vertical_velocity: vertical_velocity + noise.normal(1.0),
             }
         };
         self.motions.iter().map(&mut seen).collect()

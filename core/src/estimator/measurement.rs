@@ -26,6 +26,8 @@ pub enum Quantity {
     Roll,
     /// Rate of the heading, paper eq. (meas_turns).
     YawRate,
+    /// Vertical velocity of the pelvic joint, positive up; not measured in the paper.
+    VerticalVelocity,
 }
 
 impl Quantity {
@@ -37,6 +39,7 @@ impl Quantity {
             Self::Pitch => "pitch_rad",
             Self::Roll => "roll_rad",
             Self::YawRate => "yaw_rate_rad_s",
+            Self::VerticalVelocity => "v_vert_m_s",
         }
     }
 
@@ -48,7 +51,7 @@ impl Quantity {
     /// Size beyond which a value cannot be meant (SI).
     pub const fn limit(self) -> f64 {
         match self {
-            Self::HorizontalSpeed => 120.0,
+            Self::HorizontalSpeed | Self::VerticalVelocity => 120.0,
             // Headings may come unwrapped, from ten turns to either side.
             Self::Heading | Self::Pitch | Self::Roll => 20.0 * core::f64::consts::PI,
             Self::YawRate => 35.0,
@@ -69,6 +72,8 @@ pub struct Measurement<T> {
     pub roll: T,
     /// Rate of the heading (rad/s).
     pub yaw_rate: T,
+    /// Vertical velocity, positive up (m/s).
+    pub vertical_velocity: T,
 }
 
 impl<T: Real> Measurement<T> {
@@ -86,6 +91,7 @@ impl<T: Real> Measurement<T> {
             pitch,
             roll,
             yaw_rate: heading_rate(motion),
+            vertical_velocity: velocity.z,
         }
     }
 
@@ -97,6 +103,7 @@ impl<T: Real> Measurement<T> {
             Quantity::Pitch => self.pitch,
             Quantity::Roll => self.roll,
             Quantity::YawRate => self.yaw_rate,
+            Quantity::VerticalVelocity => self.vertical_velocity,
         }
     }
 
@@ -109,6 +116,7 @@ impl<T: Real> Measurement<T> {
             pitch: scalar(self.pitch),
             roll: scalar(self.roll),
             yaw_rate: scalar(self.yaw_rate),
+            vertical_velocity: scalar(self.vertical_velocity),
         }
     }
 }
@@ -155,6 +163,17 @@ pub const TRANSITIONS: MeasurementModel = MeasurementModel {
         Some((Quantity::Pitch, 0.01)),
         Some((Quantity::Roll, 0.01)),
         None,
+    ],
+};
+
+/// Transitions with satellites: horizontal speed as in tracking, vertical velocity to the 1 m/s that the paper
+/// finds. Without them nothing holds the speed of the fall, which the muscle forces carry away.
+pub const TRANSITIONS_WITH_GNSS: MeasurementModel = MeasurementModel {
+    channels: [
+        Some((Quantity::VerticalVelocity, 1.0)),
+        Some((Quantity::HorizontalSpeed, 0.1)),
+        Some((Quantity::Pitch, 0.01)),
+        Some((Quantity::Roll, 0.01)),
     ],
 };
 

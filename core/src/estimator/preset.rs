@@ -2,7 +2,7 @@
 
 use nalgebra::SVector;
 
-use super::measurement::{MeasurementModel, TRACKING, TRANSITIONS, TURNING};
+use super::measurement::{MeasurementModel, TRACKING, TRANSITIONS, TRANSITIONS_WITH_GNSS, TURNING};
 use super::unscented::{Root, Settings, Unsafe};
 use super::{STATES, StateVector};
 use crate::dynamics::muscle_input::{
@@ -71,7 +71,7 @@ const NEGATIVE_BOUNDS: [f64; STATES] = [
 ];
 
 /// All presets.
-pub const PRESETS: [Preset; 8] = [
+pub const PRESETS: [Preset; 9] = [
     TRACKING_ON_BACK,
     Preset {
         name: "belly-tracking",
@@ -87,6 +87,11 @@ pub const PRESETS: [Preset; 8] = [
         name: "transitions-negative-damping",
         measurement: TRANSITIONS,
         low: NEGATIVE_BOUNDS,
+        ..TRACKING_ON_BACK
+    },
+    Preset {
+        name: "transitions-gnss",
+        measurement: TRANSITIONS_WITH_GNSS,
         ..TRACKING_ON_BACK
     },
     Preset {
