@@ -180,7 +180,8 @@ pub struct AttitudeAngles<T> {
     pub heading: T,
     /// Elevation of the cranial axis above the horizon (rad).
     pub pitch: T,
-    /// Elevation of the left axis, beyond +-pi/2 when the back faces the earth (rad).
+    /// Elevation of the left axis, from -pi/2 to 3 pi/2: beyond pi/2 when the back faces the earth, pi when
+    /// it does so level (rad).
     pub roll: T,
 }
 
@@ -204,7 +205,7 @@ impl<T: Real> AttitudeAngles<T> {
         Self {
             heading: head_x.arctangent2(-head_y),
             pitch: head_up.arctangent2(horizontal(head_x, head_y)),
-            roll: math::wrap_angle(roll),
+            roll,
         }
     }
 }
