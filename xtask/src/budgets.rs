@@ -12,8 +12,8 @@ use crate::run::{Result, root};
 pub(crate) struct Budgets {
     tolerance: f64,
     board: BTreeMap<String, Board>,
-    /// Instructions by the name of what is measured.
-    pub(crate) instructions: BTreeMap<String, u64>,
+    /// Most of what is measured, by its name: instructions and bytes of stack.
+    pub(crate) cost: BTreeMap<String, u64>,
 }
 
 /// Memory of a board.

@@ -132,19 +132,19 @@ fn compare_costs(budgets: &Budgets, found: &BTreeMap<String, String>) -> Result<
     let measured = found.keys().filter(|name| !name.starts_with("trace_"));
     if let Some(name) = measured
         .into_iter()
-        .find(|name| !budgets.instructions.contains_key(*name))
+        .find(|name| !budgets.cost.contains_key(*name))
     {
         return Err(format!("budgets.toml has no row for {name}"));
     }
     let mut over = Vec::new();
-    for (name, budget) in &budgets.instructions {
+    for (name, budget) in &budgets.cost {
         let value = found
             .get(name)
             .ok_or_else(|| format!("the image does not print {name}"))?;
         let cost: u64 = value
             .parse()
             .map_err(|error| format!("{name}: {value}: {error}"))?;
-        say(&format!("{name:24} {cost:>8} instructions of {budget}"));
+        say(&format!("{name:24} {cost:>8} of {budget}"));
         if !budgets.allows(*budget, cost) {
             over.push(name.as_str());
         }

@@ -59,6 +59,33 @@ impl Counter {
     }
 }
 
+/// Bytes of stack below its caller that are painted before a measurement.
+const PAINTED: u32 = 20 * 1024;
+const PAINT: u32 = 0xcccc_cccc;
+
+/// Bytes of stack that a piece of work takes.
+#[allow(
+    unsafe_code,
+    reason = "looks at the unused stack below this frame, where nothing lives"
+)]
+#[inline(never)]
+fn stack_of(work: &mut dyn FnMut()) -> u32 {
+    // Room for this function's own frame.
+    let top = cortex_m::register::msp::read() - 256;
+    let bottom = top - PAINTED;
+    for word in (bottom..top).step_by(4) {
+        // SAFETY: aligned RAM of this board below the stack pointer; the image's statics are far below.
+        unsafe { core::ptr::write_volatile(word as *mut u32, PAINT) };
+    }
+    work();
+    // SAFETY: as above.
+    let touched = |word: &u32| unsafe { core::ptr::read_volatile(*word as *const u32) } != PAINT;
+    (bottom..top)
+        .step_by(4)
+        .find(touched)
+        .map_or(0, |word| top - word)
+}
+
 /// The person that host and unit both compute from measures.
 fn body() -> Option<Body<f32>> {
     Person::new(1.75, 75.0, Sex::Male).body().ok()
@@ -88,13 +115,13 @@ fn paper_trace(body: &Body<f32>) -> Option<u64> {
     trace::hash::<Full, 12>(body, 8).ok()
 }
 
-/// Instructions of a push that only adds an interval, and of one that updates.
+/// Instructions of a push that only adds an interval and of one that updates, and the stack of the latter.
 #[inline(never)]
 fn pushes<P: Propagation<f32>, const INTERVALS: usize>(
     counter: &mut Counter,
     dynamics: &Dynamics<f32>,
     posture: &Posture<f32>,
-) -> Option<[u32; 2]> {
+) -> Option<[u32; 3]> {
     let motion = falling();
     let mut estimator =
         Estimator::<f32, P, INTERVALS>::new(&TRACKING_ON_BACK, dynamics, &motion, posture).ok()?;
@@ -109,7 +136,14 @@ fn pushes<P: Propagation<f32>, const INTERVALS: usize>(
         let slot = if estimated { &mut update } else { &mut quiet };
         *slot = cost.max(*slot);
     }
-    Some([quiet, update])
+    let mut stack = 0;
+    for _ in 0..8 {
+        let mut push = || {
+            black_box(estimator.push(dynamics, posture, &seen));
+        };
+        stack = stack.max(stack_of(&mut push));
+    }
+    Some([quiet, update, stack])
 }
 
 fn run(timer: SYST) -> Option<()> {
@@ -136,9 +170,10 @@ fn run(timer: SYST) -> Option<()> {
         "step_with_muscle_input {}",
         counter.instructions(|| fly(&inputs))
     );
-    let [quiet, update] = pushes::<Reduced, 30>(&mut counter, &dynamics, &posture)?;
+    let [quiet, update, stack] = pushes::<Reduced, 30>(&mut counter, &dynamics, &posture)?;
     println!("reduced_push {quiet}");
     println!("reduced_update {update}");
+    println!("stack_of_reduced_update {stack}");
     Some(())
 }
 
