@@ -1,5 +1,6 @@
 //! Laws that any right model obeys: momentum without air, the cat's turn, stiff damping, invariance.
 
+use bodyflight_core::aerodynamics::{Aerodynamics, ArchFactor, Coefficients};
 use bodyflight_core::air::standard_density;
 use bodyflight_core::body::anthropometry::{Person, Sex};
 use bodyflight_core::body::gear::Gear;
@@ -361,4 +362,59 @@ fn a_tunnel_is_a_fall_seen_from_the_ground_of_the_fall() {
         (difference - Vector3::new(1.0, -2.0, 48.0)).norm() < 1e-9,
         "{difference:?}"
     );
+}
+
+#[test]
+fn damping_never_adds_energy() {
+    // Only the damping acts: no weight, no drag, no force across the stream, no couples.
+    let Some(body) = body() else { return };
+    let none = Coefficients {
+        drag: 0.0,
+        lift: 0.0,
+        moment: 0.0,
+    };
+    let mut cases = 0;
+    for (damping, speed, step, density) in [0.0f32, 0.01, 1.0, 6.0, 24.0, 100.0]
+        .into_iter()
+        .flat_map(|damping| [0.0f32, 10.0, 60.0, 100.0].map(|speed| (damping, speed)))
+        .flat_map(|(damping, speed)| {
+            [480.0f32, 240.0, 120.0].map(|rate| (damping, speed, 1.0 / rate, 1.225))
+        })
+    {
+        let dynamics = Dynamics::<f32> {
+            gravity: 0.0,
+            aerodynamics: Aerodynamics::uniform(none, ArchFactor::Fixed(1.0)),
+            ..Dynamics::paper(body.cast(), density)
+        };
+        let sample = dynamics.hold(&pattern::neutral());
+        let energy = |state: &State<f32>| {
+            let spin = state.motion(&sample).angular_velocity.components;
+            0.5 * spin.dot(&(sample.inertia * spin))
+        };
+        let start = Motion::<f32> {
+            inertial_from_body: Rotation::identity(),
+            position: Vector::zero(),
+            velocity: Vector::new(0.2 * speed, -0.9 * speed, 0.3 * speed),
+            angular_velocity: Vector::new(7.0, -5.0, 9.0),
+        };
+        let inputs = Inputs {
+            damping: Vector3::repeat(damping),
+            ..Inputs::belly_turn()
+        };
+        let mut state = State::from_motion(&start, &sample);
+        let first = energy(&state);
+        let mut largest = first;
+        for _ in 0..480 {
+            state = dynamics.step(&state, &sample, &inputs, step);
+            largest = largest.max(energy(&state));
+        }
+        let (at, last) = (format!("Cm_damp {damping} at {speed} m/s"), energy(&state));
+        // A free body's energy wavers with the attitude error of a step, at 12 rad/s and 120 Hz by 0.5 %.
+        assert!(largest <= first * 1.01, "{at}: {first} to {largest} J");
+        if damping >= 1.0 && speed >= 10.0 {
+            assert!(last < 0.97 * first, "{at}: {first} to {last} J");
+        }
+        cases += 1;
+    }
+    assert_eq!(cases, 72);
 }
