@@ -138,7 +138,7 @@ impl<'a, T: Real> Follower<'a, T> {
         second: &FlightFrame,
     ) -> Result<Self> {
         let dynamics = dynamics.cast::<T>();
-        let rate = rate(first, second).0;
+        let rate = rate(&first.posture, &second.posture, second.time - first.time);
         let motion = measured_motion(first)?.cast();
         let posture = first.posture.cast();
         let run = FreeRun::new(&dynamics, flight.equations, &motion, &posture, &rate);
@@ -170,15 +170,9 @@ impl<'a, T: Real> Follower<'a, T> {
             &frame.posture.cast(),
             T::of(duration),
         );
-        let here = FlightFrame {
-            posture: self.posture,
-            time: self.time,
-            ..*frame
-        };
-        let rate = match following {
-            Some(next) => rate(&here, next).0,
-            None => rate(&here, frame).0,
-        };
+        // Central where there is a frame on both sides.
+        let last = following.unwrap_or(frame);
+        let rate = rate(&self.posture, &last.posture, last.time - self.time);
         self.time = frame.time;
         self.posture = frame.posture;
         let motion = self.run.motion(&self.dynamics, &rate).cast::<f64>();
@@ -197,13 +191,9 @@ impl<'a, T: Real> Follower<'a, T> {
     }
 }
 
-/// Joint rates between two frames, and the time between them (s).
-fn rate<T: Real>(from: &FlightFrame, to: &FlightFrame) -> (PostureRate<T>, f64) {
-    let duration = to.time - from.time;
-    (
-        PostureRate::between(&from.posture.cast(), &to.posture.cast(), T::of(duration)),
-        duration,
-    )
+/// Joint rates from one posture to another, `duration` (s) later.
+fn rate<T: Real>(from: &Posture<f64>, to: &Posture<f64>, duration: f64) -> PostureRate<T> {
+    PostureRate::between(&from.cast(), &to.cast(), T::of(duration))
 }
 
 /// The run as CSV: time, then measured and simulated value of each channel.

@@ -33,7 +33,7 @@ const HAND_THICKNESS: f64 = 0.33;
 /// Height of the toes as a share of the height of the ankle: places the cg of the foot where de Leva has it.
 const TOE_HEIGHT: f64 = 0.5;
 /// Distance of the ankle joint from the heel as a share of the length of foot or shoe.
-const ANKLE_FROM_HEEL: f64 = 0.25;
+pub(super) const ANKLE_FROM_HEEL: f64 = 0.25;
 
 /// Statures accepted (m).
 const HEIGHT_RANGE: (f64, f64) = (1.2, 2.3);

@@ -8,6 +8,7 @@ use core::fmt;
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::anthropometry::ANKLE_FROM_HEEL;
 use super::solid::Solid;
 use super::{Body, Segment, SegmentParameters};
 use crate::math::{Real, point_inertia};
@@ -138,8 +139,6 @@ const SHOE_MASS: (f64, f64) = (0.38, 43.0);
 const SHOE_SHAPE: (f64, f64) = (0.085, 0.37);
 /// A shoe is longer than its foot by this much (m).
 const SHOE_ALLOWANCE: f64 = 0.015;
-/// Distance of the ankle from the heel, as a share of the length of the shoe.
-const ANKLE_FROM_HEEL: f64 = 0.25;
 /// Breadth, depth and height of a container (m).
 const RIG_SIDES: [f64; 3] = [0.36, 0.14, 0.45];
 /// Thickness and height of a weight belt (m).
