@@ -93,11 +93,11 @@ fn foreign_files_are_named_for_what_they_are() {
     let problem = read_as(b"\x01\x02", "a.MVN", Options::default()).expect_err("container");
     assert!(problem.help.expect("a way out").contains(".mvnx"));
     assert!(read_as(text.as_bytes(), "a.mvn", Options::default()).is_ok());
-    assert!(
-        inspect(Path::new(env!("CARGO_MANIFEST_DIR"))).is_err(),
-        "a folder"
-    );
-    assert!(inspect(Path::new("no such file.mvnx")).is_err());
+    for path in [env!("CARGO_MANIFEST_DIR"), "no such file.mvnx"] {
+        let problem = inspect(Path::new(path)).expect_err(path);
+        assert_eq!(problem.file.as_deref(), Some(Path::new(path)), "{problem}");
+        assert!(problem.message.len() > 10, "says why: {problem}");
+    }
 }
 
 #[test]
