@@ -1,7 +1,7 @@
 //! Synthetic flights for the estimator: postures and conscious inputs that vary in time, flown by the core in
 //! double precision at twice the filter's rate, and measured with the paper's noise.
 
-use bodyflight_core::body::pattern::{self, JointAngles, NEUTRAL, TRACK};
+use bodyflight_core::body::pattern::{self, DRAW_IN_LEFT, JointAngles, NEUTRAL, PRESS, TRACK};
 use bodyflight_core::dynamics::muscle_input::{MuscleInput, MuscleModel};
 use bodyflight_core::dynamics::step::TIME_STEP;
 use bodyflight_core::dynamics::{Dynamics, Inputs, Motion, State};
@@ -56,19 +56,6 @@ const TURN: &JointAngles = &[
     (Segment::LeftUpperArm, [0.0, 0.0, 1.0]),
     (Segment::RightUpperArm, [0.0, 0.0, -1.0]),
 ];
-/// The left arm drawn in to the body.
-const DRAW_IN_LEFT: &JointAngles = &[
-    (Segment::LeftUpperArm, [0.0, -1.0, 0.0]),
-    (Segment::LeftForearm, [0.0, -1.0, 0.0]),
-];
-/// Arms and thighs pressed down into the stream.
-const PRESS: &JointAngles = &[
-    (Segment::LeftUpperArm, [0.0, 0.0, -1.0]),
-    (Segment::RightUpperArm, [0.0, 0.0, -1.0]),
-    (Segment::LeftThigh, [0.0, 0.0, 1.0]),
-    (Segment::RightThigh, [0.0, 0.0, 1.0]),
-];
-
 const fn roll(from: f64, muscle: f64, damping: f64, arm: f64) -> Pulse {
     Pulse {
         during: [from, from + 1.6],

@@ -89,6 +89,19 @@ pub const ARCH: &JointAngles = &[
     (Segment::LeftUpperArm, [0.0, 2.0 / 3.0, 0.0]),
 ];
 
+/// The left arm drawn in to the body.
+pub const DRAW_IN_LEFT: &JointAngles = &[
+    (Segment::LeftUpperArm, [0.0, -1.0, 0.0]),
+    (Segment::LeftForearm, [0.0, -1.0, 0.0]),
+];
+/// Arms and thighs pressed down into the stream.
+pub const PRESS: &JointAngles = &[
+    (Segment::LeftUpperArm, [0.0, 0.0, -1.0]),
+    (Segment::RightUpperArm, [0.0, 0.0, -1.0]),
+    (Segment::LeftThigh, [0.0, 0.0, 1.0]),
+    (Segment::RightThigh, [0.0, 0.0, 1.0]),
+];
+
 /// Drag factor that the paper assigns to an arch angle (rad), first line of eq. (arch_pat).
 pub fn arch_line<T: Real>(angle: T) -> T {
     T::one() - angle * T::of(0.2 / FRAC_PI_8)

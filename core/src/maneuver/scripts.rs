@@ -5,7 +5,7 @@ use core::f64::consts::FRAC_PI_2;
 use super::{Knots, Maneuver, Track};
 use crate::aerodynamics::BELLY_TURN_DAMPING;
 use crate::body::Segment;
-use crate::body::pattern::{ARCH, JointAngles, NEUTRAL, TRACK};
+use crate::body::pattern::{ARCH, DRAW_IN_LEFT, JointAngles, NEUTRAL, PRESS, TRACK};
 use crate::dynamics::muscle_input::{BACK_TRACKING, LAYOUTS};
 
 /// One arm up, the other down: turns about the stream.
@@ -26,18 +26,6 @@ const SIDE_BEND: &JointAngles = &[
 const STRETCH: &JointAngles = &[
     (Segment::LeftShank, [0.0, 0.0, 1.0]),
     (Segment::RightShank, [0.0, 0.0, 1.0]),
-];
-/// The left arm drawn in to the body.
-const DRAW_IN_LEFT: &JointAngles = &[
-    (Segment::LeftUpperArm, [0.0, -1.0, 0.0]),
-    (Segment::LeftForearm, [0.0, -1.0, 0.0]),
-];
-/// Arms and thighs pressed down into the stream.
-const PRESS: &JointAngles = &[
-    (Segment::LeftUpperArm, [0.0, 0.0, -1.0]),
-    (Segment::RightUpperArm, [0.0, 0.0, -1.0]),
-    (Segment::LeftThigh, [0.0, 0.0, 1.0]),
-    (Segment::RightThigh, [0.0, 0.0, 1.0]),
 ];
 /// Arms from beside the body to straight ahead of the shoulders.
 const ARMS_AHEAD: &JointAngles = &[
