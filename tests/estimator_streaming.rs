@@ -193,7 +193,7 @@ fn every_preset_builds_and_odd_windows_are_refused() {
             assert_eq!(refused.err(), Some(Unsafe::SolutionWindow));
         }
         preset.solution_window = 4;
-        preset.time_step = f64::NAN;
+        preset.sample_rate = f32::NAN;
         assert!(PaperFilter::<f32>::new(&preset, &dynamics, &motion, &posture).is_err());
     }
     println!(

@@ -97,7 +97,7 @@ pub struct Estimator<T: Real, P: Propagation<T>, const INTERVALS: usize> {
 
 /// Largest speed of the reconstructed motion (m/s) and largest angular velocity (rad/s); beyond them it is
 /// limited.
-pub const MOTION_LIMITS: [f64; 2] = [100.0, 35.0];
+pub const MOTION_LIMITS: [f32; 2] = [100.0, 35.0];
 
 /// Mean normalised innovation per channel above which predictions and measurements do not belong together.
 const INCONSISTENT: f64 = 100.0;
@@ -124,7 +124,7 @@ impl<T: Real, P: Propagation<T>, const INTERVALS: usize> Estimator<T, P, INTERVA
         }
         let mut duration = T::zero();
         for _ in 0..P::STRIDE {
-            duration += T::of(preset.time_step);
+            duration += preset.time_step::<T>();
         }
         if !(duration > T::zero() && duration <= T::of(0.05)) {
             return Err(Unsafe::TimeStep);
@@ -377,7 +377,7 @@ fn limit<T: Real>(state: &mut State<T>, interval: &impl Interval<T>) -> bool {
         &mut motion.angular_velocity.components,
     ];
     for (vector, limit) in vectors.into_iter().zip(MOTION_LIMITS) {
-        let ratio = vector.norm_squared().root() / T::of(limit);
+        let ratio = vector.norm_squared().root() / T::single(limit);
         if ratio > T::one() {
             *vector /= ratio;
             changed = true;

@@ -19,3 +19,17 @@ pub mod xbus;
 pub use body::posture::Posture;
 pub use body::{Body, Segment, SegmentArray, SegmentParameters};
 pub use math::Real;
+
+/// Version of this crate: major, minor, patch.
+pub const VERSION: [u16; 3] = [
+    decimal(env!("CARGO_PKG_VERSION_MAJOR")),
+    decimal(env!("CARGO_PKG_VERSION_MINOR")),
+    decimal(env!("CARGO_PKG_VERSION_PATCH")),
+];
+
+const fn decimal(text: &str) -> u16 {
+    match u16::from_str_radix(text, 10) {
+        Ok(number) => number,
+        Err(_) => 0,
+    }
+}

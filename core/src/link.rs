@@ -22,6 +22,7 @@
 //! ```
 
 mod decoder;
+mod estimate_flags;
 pub mod fault;
 mod frame;
 mod ledger;
@@ -34,6 +35,7 @@ mod status;
 mod wire;
 
 pub use decoder::{Counters, Decoder, Event};
+pub use estimate_flags::EstimateFlags;
 pub use frame::{DecodeError, EncodeError, Header, MAX_FRAME_LENGTH, MAX_PACKET_LENGTH};
 pub use ledger::{Arrival, Imbalance, Ledger};
 pub use message::{

@@ -4,10 +4,12 @@ mod demo;
 mod estimate;
 mod inspect;
 mod simulate;
+mod stream;
 mod synth;
 mod terminal;
 mod trim;
 mod tune;
+mod unit;
 
 use std::process::ExitCode;
 
@@ -40,6 +42,8 @@ enum Verb {
     Trim(trim::Args),
     Synth(synth::Args),
     Tune(tune::Args),
+    Stream(stream::Args),
+    Unit(unit::Args),
 }
 
 /// Runs the verb that the arguments ask for.
@@ -65,5 +69,7 @@ fn run(cli: &Cli) -> Result<()> {
         Verb::Trim(args) => trim::run(args, cli.json),
         Verb::Synth(args) => synth::run(args, cli.json),
         Verb::Tune(args) => tune::run(args, cli.json),
+        Verb::Stream(args) => stream::run(args, cli.json),
+        Verb::Unit(args) => unit::run(args),
     }
 }

@@ -151,7 +151,7 @@ fn run<T: Real, P: Propagation<T>, const INTERVALS: usize>(
 ) -> Result<Estimation> {
     let mut recording = Recording::open(&flight.recording, options)?;
     let rate = recording.header().frame_rate;
-    if (rate * preset.time_step - 1.0).abs() > 1e-3 {
+    if (rate * preset.time_step::<f64>() - 1.0).abs() > 1e-3 {
         return Err(
             Problem::bad_input(format!("expected 240 frames a second, found {rate}"))
                 .in_file(&flight.recording)

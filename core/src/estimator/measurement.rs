@@ -49,11 +49,11 @@ impl Quantity {
     }
 
     /// Size beyond which a value cannot be meant (SI).
-    pub const fn limit(self) -> f64 {
+    pub const fn limit(self) -> f32 {
         match self {
             Self::HorizontalSpeed | Self::VerticalVelocity => 120.0,
             // Headings may come unwrapped, from ten turns to either side.
-            Self::Heading | Self::Pitch | Self::Roll => 20.0 * core::f64::consts::PI,
+            Self::Heading | Self::Pitch | Self::Roll => 20.0 * core::f32::consts::PI,
             Self::YawRate => 35.0,
         }
     }
@@ -92,6 +92,19 @@ impl<T: Real> Measurement<T> {
             roll,
             yaw_rate: heading_rate(motion),
             vertical_velocity: velocity.z,
+        }
+    }
+
+    /// Nothing measured.
+    pub fn none() -> Self {
+        let unknown = T::single(f32::NAN);
+        Self {
+            horizontal_speed: unknown,
+            heading: unknown,
+            pitch: unknown,
+            roll: unknown,
+            yaw_rate: unknown,
+            vertical_velocity: unknown,
         }
     }
 
@@ -143,7 +156,7 @@ pub fn heading_rate<T: Real>(motion: &Motion<T>) -> T {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MeasurementModel {
     /// Channels in use; the rest of the vector stays empty.
-    pub channels: [Option<(Quantity, f64)>; CHANNELS],
+    pub channels: [Option<(Quantity, f32)>; CHANNELS],
 }
 
 /// Tracking, paper eq. (meas).
@@ -200,7 +213,7 @@ impl MeasurementModel {
     pub fn noise<T: Real>(&self) -> SVector<T, CHANNELS> {
         SVector::from(self.channels.map(|channel| {
             let deviation = channel.map_or(1.0, |(_, deviation)| deviation);
-            T::of(deviation * deviation)
+            T::single(deviation) * T::single(deviation)
         }))
     }
 
@@ -209,7 +222,7 @@ impl MeasurementModel {
         self.channels.map(|channel| {
             channel.is_some_and(|(quantity, _)| {
                 // Not a number fails the comparison.
-                values.value(quantity).abs() <= T::of(quantity.limit())
+                values.value(quantity).abs() <= T::single(quantity.limit())
             })
         })
     }

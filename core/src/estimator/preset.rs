@@ -8,8 +8,10 @@ use super::{STATES, StateVector};
 use crate::dynamics::muscle_input::{
     BACK_TRACKING, BELLY_TRACKING, EXPERIENCED_BELLY_TURNS, LAYOUTS, MuscleModel, RW_SUIT_TURNS,
 };
-use crate::dynamics::step::TIME_STEP;
 use crate::math::Real;
+
+/// Samples a second of an Xsens recording (Hz).
+pub const SAMPLE_RATE: f32 = 240.0;
 
 /// Everything that tunes an estimator. Vectors are in the order of paper eq. (ukf_state): muscle input in
 /// yaw, pitch, roll, then damping in yaw, pitch, roll.
@@ -22,27 +24,27 @@ pub struct Preset {
     /// Limbs that act on the muscle input; the [`Dynamics`](crate::dynamics::Dynamics) has to use the same.
     pub muscles: MuscleModel,
     /// State at the start.
-    pub state: [f64; STATES],
+    pub state: [f32; STATES],
     /// Standard deviation at the start.
-    pub deviation: [f64; STATES],
+    pub deviation: [f32; STATES],
     /// Process noise per second, Q / dt.
-    pub process_noise_rate: [f64; STATES],
+    pub process_noise_rate: [f32; STATES],
     /// Lower bounds.
-    pub low: [f64; STATES],
+    pub low: [f32; STATES],
     /// Upper bounds.
-    pub high: [f64; STATES],
+    pub high: [f32; STATES],
     /// W_0.
-    pub central_weight: f64,
+    pub central_weight: f32,
     /// k of paper eq. (movepukf).
-    pub reflection: f64,
-    /// Time between two samples (s).
-    pub time_step: f64,
+    pub reflection: f32,
+    /// Samples a second (Hz).
+    pub sample_rate: f32,
     /// N_solve: samples from one update to the next.
     pub solution_window: usize,
 }
 
 /// Bound of damping that lets a skydiver push a rotation on, paper "Transition Maneuvers".
-pub const NEGATIVE_DAMPING_BOUND: f64 = -0.25;
+pub const NEGATIVE_DAMPING_BOUND: f32 = -0.25;
 
 /// Tracking back to earth, the paper's full example.
 pub const TRACKING_ON_BACK: Preset = Preset {
@@ -56,12 +58,12 @@ pub const TRACKING_ON_BACK: Preset = Preset {
     high: [6.5, 6.5, 6.5, 24.0, 24.0, 24.0],
     central_weight: 0.5,
     reflection: 0.5,
-    time_step: TIME_STEP,
+    sample_rate: SAMPLE_RATE,
     solution_window: 4,
 };
 
-const TURNING_BOUNDS: [f64; STATES] = [10.5, 3.5, 2.5, 24.0, 24.0, 24.0];
-const NEGATIVE_BOUNDS: [f64; STATES] = [
+const TURNING_BOUNDS: [f32; STATES] = [10.5, 3.5, 2.5, 24.0, 24.0, 24.0];
+const NEGATIVE_BOUNDS: [f32; STATES] = [
     0.0,
     0.0,
     0.0,
@@ -132,21 +134,26 @@ impl Preset {
         PRESETS.iter().find(|preset| preset.name == name)
     }
 
+    /// Time between two samples (s).
+    pub fn time_step<T: Real>(&self) -> T {
+        T::one() / T::single(self.sample_rate)
+    }
+
     /// Settings of the unscented filter, with the square root that a propagation wants.
     ///
     /// # Errors
     /// Settings that could not be run safely.
     pub fn settings<T: Real>(&self, root: Root) -> Result<Settings<T, STATES>, Unsafe> {
-        let vector = |values: [f64; STATES]| StateVector::<T>::from(values.map(T::of));
+        let vector = |values: [f32; STATES]| StateVector::<T>::from(values.map(T::single));
         let settings = Settings {
             state: vector(self.state),
             variance: vector(self.deviation.map(|d| d * d)),
             // The paper adds Q dt once an update, whatever the solution window.
-            process_noise: vector(self.process_noise_rate) * T::of(self.time_step),
+            process_noise: vector(self.process_noise_rate) * self.time_step::<T>(),
             low: vector(self.low),
             high: vector(self.high),
-            central_weight: T::of(self.central_weight),
-            reflection: T::of(self.reflection),
+            central_weight: T::single(self.central_weight),
+            reflection: T::single(self.reflection),
             root,
         };
         settings.check()?;

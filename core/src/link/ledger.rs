@@ -215,6 +215,11 @@ impl Ledger {
         }
     }
 
+    /// Samples of the session up to the newest that arrived, whatever became of them; wraps.
+    pub const fn expected(&self) -> u32 {
+        self.next.wrapping_sub(self.first)
+    }
+
     /// Second arrivals.
     pub const fn duplicate(&self) -> u32 {
         self.duplicate

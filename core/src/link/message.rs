@@ -1,5 +1,6 @@
 //! The messages. Commands are absolute and may be repeated: a lost answer is cured by asking again.
 
+use super::estimate_flags::EstimateFlags;
 use super::frame::{DecodeError, Header};
 use super::packed_quaternion::PackedQuaternion;
 use super::sample::Validity;
@@ -58,6 +59,8 @@ body! {
         height: f32 = "m" in 0.5..=3.0,
         /// Air density
         air_density: f32 = "kg/m3" in 0.1..=2.0,
+        /// Mounting of the inertial sensor on the pelvis: sensor axes to body axes
+        body_from_sensor: PackedQuaternion = "",
         /// CRC-32C over the bodies of the 16 segment messages in order
         table_digest: u32 = "",
     }
@@ -98,6 +101,8 @@ code! {
         DigestMismatch = 3,
         /// The table is whole but no body: mass or inertia is not positive
         NotABody = 4,
+        /// The filter cannot run at these rates: an update takes an even number of samples, up to its window
+        UnusableRates = 5,
     }
 }
 
@@ -122,11 +127,14 @@ code! {
         Paced = 0,
         /// The unit: the host sends only what was granted by credit, nothing is dropped
         Credit = 1,
+        /// The inertial sensor on the unit's own port; samples of the host only set the posture
+        Sensor = 2,
     }
 }
 
 body! {
-    /// Host to unit: begin the session named in the header. A session already running goes on.
+    /// Host to unit: begin the session named in the header; answered by [`Status`]. A session already running
+    /// goes on.
     Start {
         /// Who sets the pace
         mode: StreamMode = "",
@@ -134,7 +142,7 @@ body! {
 }
 
 body! {
-    /// Host to unit: the session ends.
+    /// Host to unit: the session ends; answered by [`Status`] when all samples are worked off.
     Stop {
         /// Samples sent in the session, which closes the ledger
         sent: u32 = "samples",
@@ -187,13 +195,13 @@ body! {
 body! {
     /// Unit to host: the filter's answer to the sample whose time and number it repeats.
     ///
-    /// The order of states and measurements is that of the preset in force. A unit whose filter has no
-    /// answer sends zeros and says so in the flags.
+    /// Sent for each sample that brings an update. The order of states and measurements is that of the preset
+    /// in force.
     Estimate {
         /// Sequence number of the sample
         sample_sequence: u32 = "",
-        /// Bit 0 valid, 1 update rejected, 2 no update, 3 late, 4 reset, 5 stale input
-        flags: u16 = "",
+        /// What to know before using it
+        flags: EstimateFlags = "",
         /// States
         state: [f32; 6] = "SI",
         /// Variances of the states
@@ -208,7 +216,8 @@ body! {
 }
 
 body! {
-    /// Unit to host, once a second: what happened since the unit started. All counters wrap.
+    /// Unit to host, once a second and in answer to [`Start`] and [`Stop`]: what happened since the unit started;
+    /// `duplicate` to `dropped_oldest` since the session began. All counters wrap.
     Status {
         /// Time since the start
         uptime: u64 = "us",

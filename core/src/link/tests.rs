@@ -20,15 +20,18 @@ fn header() -> Header {
     }
 }
 
+fn equal_quaternion() -> nalgebra::UnitQuaternion<f32> {
+    nalgebra::UnitQuaternion::new_unchecked(nalgebra::Quaternion::new(0.5, -0.5, 0.5, -0.5))
+}
+
 fn sample() -> Sample {
     let half = core::f32::consts::FRAC_1_SQRT_2;
     // Exact in single precision on every machine: identity, half turns, and four equal components.
     let quarter = nalgebra::Quaternion::new(half, -half, 0.0, 0.0);
-    let equal = nalgebra::Quaternion::new(0.5, -0.5, 0.5, -0.5);
     let unit = nalgebra::UnitQuaternion::new_unchecked;
     let posture = Posture::h_pose()
         .with(Segment::LeftUpperArm, unit(quarter))
-        .with(Segment::RightFoot, unit(equal));
+        .with(Segment::RightFoot, equal_quaternion());
     let attitude = Rotation::from_quaternion(unit(nalgebra::Quaternion::new(0.0, 0.0, -1.0, 0.0)));
     let motion = Motion {
         angular_velocity: Some(Vector::new(0.5, -1.25, 31.0)),
@@ -63,6 +66,7 @@ fn examples() -> [Message; 13] {
             update_rate: 60.0,
             height: 1.75,
             air_density: 1.0,
+            body_from_sensor: PackedQuaternion::pack(&equal_quaternion()),
             table_digest: 0x8765_4321,
         }),
         Message::SegmentValues(SegmentValues {
@@ -95,7 +99,7 @@ fn examples() -> [Message; 13] {
         Message::Sample(sample()),
         Message::Estimate(Estimate {
             sample_sequence: 77,
-            flags: 0x0021,
+            flags: EstimateFlags::VALID.with(EstimateFlags::INCONSISTENT, true),
             state: [0.25, -55.0, 3.5, 0.0, -0.125, 2.0],
             variance: [0.01, 0.04, 0.01, 1e-4, 1e-4, 1e-4],
             measurement: [9.5, -1.5, 0.1, 0.0],

@@ -2,6 +2,8 @@
 
 use core::fmt;
 
+use nalgebra::{Quaternion, UnitQuaternion};
+
 use super::gnss::GnssPvt;
 use super::number::{NumberFormat, Reals};
 
@@ -70,6 +72,19 @@ pub enum CoordinateSystem {
     NorthEastDown = 0x4,
     /// X north, Y west, Z up; the inertial frame of the model.
     NorthWestUp = 0x8,
+}
+
+impl CoordinateSystem {
+    /// Turns components in these axes to the model's inertial axes.
+    pub fn inertial_from_earth(self) -> UnitQuaternion<f32> {
+        let half = core::f32::consts::FRAC_1_SQRT_2;
+        let [w, x, y, z] = match self {
+            Self::EastNorthUp => [half, 0.0, 0.0, -half],
+            Self::NorthEastDown => [0.0, 1.0, 0.0, 0.0],
+            Self::NorthWestUp => [1.0, 0.0, 0.0, 0.0],
+        };
+        UnitQuaternion::new_unchecked(Quaternion::new(w, x, y, z))
+    }
 }
 
 /// UTC as the sensor knows it.

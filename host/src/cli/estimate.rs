@@ -52,12 +52,17 @@ fn presets_help() -> String {
     )
 }
 
-pub(super) fn run(args: &Args, json: bool) -> Result<()> {
-    let preset = Preset::from_name(&args.preset).ok_or_else(|| {
+/// The preset of that name.
+pub(super) fn preset(name: &str) -> Result<&'static Preset> {
+    Preset::from_name(name).ok_or_else(|| {
         let names: Vec<&str> = PRESETS.iter().map(|preset| preset.name).collect();
-        Problem::bad_input(format!("unknown preset \"{}\"", args.preset))
+        Problem::bad_input(format!("unknown preset \"{name}\""))
             .help(format!("one of: {}", names.join(", ")))
-    })?;
+    })
+}
+
+pub(super) fn run(args: &Args, json: bool) -> Result<()> {
+    let preset = preset(&args.preset)?;
     let flight = Flight::read(&args.flight)?;
     let outputs = [&args.out, &args.plot];
     refuse_inputs(outputs, &[&args.flight, &flight.recording])?;

@@ -166,7 +166,7 @@ fn each_refusal_has_its_reason_and_its_counter() {
             }),
         ),
         (
-            plain(1, 0x06, &[2]),
+            plain(1, 0x06, &[3]),
             Some(DecodeError::OutOfRange { field: "mode" }),
         ),
         (

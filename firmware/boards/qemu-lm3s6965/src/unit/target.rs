@@ -1,0 +1,108 @@
+//! The image: ports, clock, watch over faults, and the application on top.
+
+mod faults;
+mod time;
+mod uart;
+
+use core::cell::RefCell;
+use core::sync::atomic::{AtomicBool, Ordering};
+
+use bodyflight_firmware::{Board, Unit, run};
+use cortex_m::peripheral::{Peripherals, SYST};
+use cortex_m_rt::entry;
+// Linked for its logger.
+use defmt_semihosting as _;
+use embassy_executor::raw::Executor;
+use static_cell::StaticCell;
+
+use uart::{Receiver, Transmitter, UART0, UART1};
+
+/// The board as the application sees it.
+struct Lm3s6965;
+
+impl Board for Lm3s6965 {
+    /// Ticks of the processor's clock. QEMU has no cycle counter; SysTick runs at the same 12.5 MHz.
+    fn cycles(&self) -> u32 {
+        time::ticks()
+    }
+
+    fn stack_free(&self) -> u32 {
+        faults::stack_free()
+    }
+
+    fn line_errors(&self) -> [u32; 2] {
+        UART0.errors()
+    }
+
+    /// The machine has no watchdog that survives QEMU's pauses.
+    fn feed_watchdog(&self) {}
+
+    fn note(&self, sequence: u32) {
+        faults::note(sequence);
+    }
+}
+
+/// The first bytes of the source revision.
+fn build() -> [u8; 8] {
+    let mut build = [0; 8];
+    let revision = option_env!("BODYFLIGHT_REVISION").unwrap_or_default();
+    for (place, byte) in build.iter_mut().zip(revision.bytes()) {
+        *place = byte;
+    }
+    build
+}
+
+static EXECUTOR: StaticCell<Executor> = StaticCell::new();
+static UNIT: StaticCell<RefCell<Unit<Lm3s6965>>> = StaticCell::new();
+/// The executor has work.
+static PENDED: AtomicBool = AtomicBool::new(true);
+
+#[allow(unsafe_code, reason = "the name by which the executor is woken")]
+#[unsafe(export_name = "__pender")]
+fn pender(_: *mut ()) {
+    PENDED.store(true, Ordering::Release);
+}
+
+#[embassy_executor::task]
+async fn application(unit: &'static RefCell<Unit<Lm3s6965>>) {
+    run(
+        unit,
+        Receiver(&UART0),
+        Transmitter(&UART0),
+        Receiver(&UART1),
+    )
+    .await;
+}
+
+#[entry]
+fn main() -> ! {
+    let record = faults::begin();
+    if let Some(mut peripherals) = Peripherals::take() {
+        time::start(&mut peripherals.SYST);
+        for port in [&UART0, &UART1] {
+            port.start();
+        }
+    }
+    // The counter is somewhere else at each start of the machine.
+    let identity = record.identity(build(), SYST::get_current() << 8);
+    let unit = UNIT.init_with(|| RefCell::new(Unit::new(Lm3s6965, identity)));
+    let executor = EXECUTOR.init_with(|| Executor::new(core::ptr::null_mut()));
+    match application(unit) {
+        Ok(task) => executor.spawner().spawn(task),
+        Err(_) => defmt::error!("the task is running already"),
+    }
+    loop {
+        // SAFETY: called from here only, never from within itself.
+        #[allow(unsafe_code, reason = "the executor's contract: one caller")]
+        unsafe {
+            executor.poll();
+        }
+        // QEMU treats WFE as a pause of nothing, so embassy's own executor would spin; WFI sleeps. With
+        // interrupts masked nothing is lost between the look and the sleep.
+        cortex_m::interrupt::free(|_| {
+            if !PENDED.swap(false, Ordering::Acquire) {
+                cortex_m::asm::wfi();
+            }
+        });
+    }
+}

@@ -1,0 +1,335 @@
+//! The filter behind the link: samples in, estimates out.
+//!
+//! No input, output or clock: what comes out depends on the samples and their sensor times alone, so the
+//! desktop that runs a [`Computer`] over the same samples finds the same bits as the unit.
+
+use bodyflight_core::dynamics::{Dynamics, Motion};
+use bodyflight_core::estimator::ReducedFilter;
+use bodyflight_core::estimator::measurement::Measurement;
+use bodyflight_core::estimator::preset::{PRESETS, Preset};
+use bodyflight_core::estimator::status::{Estimate, Health};
+use bodyflight_core::frame::{Inertial, Vector};
+use bodyflight_core::link::{
+    self, Configure, EstimateFlags, Sample, SegmentTable, Validity, Verdict,
+};
+use bodyflight_core::{Posture, Real};
+
+/// Most samples from one to the next that the model bridges, with postures in between; after a longer gap the
+/// reconstructed motion starts anew from the sample that ends it.
+pub const LONGEST_BRIDGE: u16 = 12;
+
+/// Velocity that is assumed until one is measured: north, west, up (m/s).
+const ASSUMED_FALL: [f32; 3] = [0.0, 0.0, -50.0];
+
+/// Samples of the filter's window: the most that an update may take.
+const WINDOW: usize = 60;
+
+/// Samples of one interval of the filter: an update takes a multiple of it.
+const STRIDE: usize = 2;
+
+/// Lowest rate of samples (Hz): an interval of the filter is at most 50 ms.
+const LOWEST_RATE: f32 = 40.0;
+
+/// What to compute.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Configuration {
+    preset: Preset,
+    dynamics: Dynamics<f32>,
+    update_period: u32,
+}
+
+impl Configuration {
+    /// What a host asked for, with the segment table that came beside it.
+    ///
+    /// # Errors
+    /// The verdict to send back.
+    pub fn new(asked: &Configure, table: &SegmentTable) -> Result<Self, Verdict> {
+        let preset = PRESETS
+            .get(usize::from(asked.preset))
+            .ok_or(Verdict::UnknownPreset)?;
+        let samples = (asked.sample_rate / asked.update_rate).nearest();
+        let exact =
+            (samples * asked.update_rate - asked.sample_rate).abs() < 1e-3 * asked.sample_rate;
+        let solution_window = whole(samples) as usize;
+        let usable = exact
+            && (STRIDE..=WINDOW).contains(&solution_window)
+            && solution_window.is_multiple_of(STRIDE)
+            && asked.sample_rate >= LOWEST_RATE;
+        if !usable {
+            return Err(Verdict::UnusableRates);
+        }
+        let body = table.body(asked.height, asked.table_digest)?;
+        Ok(Self {
+            preset: Preset {
+                sample_rate: asked.sample_rate,
+                solution_window,
+                ..*preset
+            },
+            dynamics: Dynamics {
+                muscles: preset.muscles,
+                ..Dynamics::paper(body, asked.air_density)
+            },
+            update_period: whole(1e6 / asked.update_rate),
+        })
+    }
+
+    /// Time between updates (us).
+    pub const fn update_period(&self) -> u32 {
+        self.update_period
+    }
+}
+
+/// A number that is not negative, without its fraction.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "saturates; callers check the range"
+)]
+fn whole(value: f32) -> u32 {
+    value as u32
+}
+
+/// What became of a sample.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Outcome {
+    /// Used; with an answer where it brought an update.
+    Used(Option<link::Estimate>),
+    /// Not used: no configuration, no motion to start from, or a time that does not go forward.
+    Rejected,
+}
+
+/// What is remembered of the last sample.
+#[derive(Debug, Clone, Copy)]
+struct Last {
+    time: u64,
+    posture: Posture<f32>,
+    velocity: Vector<f32, Inertial>,
+}
+
+/// Runs the unit's filter over samples.
+#[derive(Debug)]
+pub struct Computer {
+    configuration: Option<Configuration>,
+    filter: Option<ReducedFilter<f32>>,
+    last: Option<Last>,
+    /// To be told with the next estimate.
+    pending: EstimateFlags,
+    /// Updates in a row that were inconsistent.
+    inconsistent: u32,
+}
+
+impl Default for Computer {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Computer {
+    /// Without a configuration every sample is rejected.
+    pub const fn new() -> Self {
+        Self {
+            configuration: None,
+            filter: None,
+            last: None,
+            pending: EstimateFlags::NONE,
+            inconsistent: 0,
+        }
+    }
+
+    /// Takes a configuration; the filter starts anew. The one in force goes on undisturbed.
+    pub fn configure(&mut self, configuration: Configuration) {
+        if self.configuration != Some(configuration) {
+            self.configuration = Some(configuration);
+            self.reset();
+        }
+    }
+
+    /// The configuration in force.
+    pub const fn configuration(&self) -> Option<&Configuration> {
+        self.configuration.as_ref()
+    }
+
+    /// The filter starts anew with the next sample.
+    pub fn reset(&mut self) {
+        self.filter = None;
+        self.last = None;
+        self.pending = EstimateFlags::NONE;
+        self.inconsistent = 0;
+    }
+
+    /// Takes the next sample; `sequence` and `time` (us) are those of its header.
+    pub fn sample(&mut self, sequence: u32, time: u64, sample: &Sample) -> Outcome {
+        let Some(configuration) = &self.configuration else {
+            return Outcome::Rejected;
+        };
+        let (Some(filter), Some(last)) = (&mut self.filter, &self.last) else {
+            return self.start(time, sample);
+        };
+        let steps = steps_between(last.time, time, configuration.preset.sample_rate);
+        if steps == 0 {
+            return Outcome::Rejected;
+        }
+        let from = last.posture;
+        let posture = if sample.valid.contains(Validity::POSTURE) {
+            sample.posture()
+        } else {
+            from
+        };
+        let motion = motion_of(sample, last.velocity);
+        self.last = Some(Last {
+            time,
+            posture,
+            velocity: motion.velocity_inertial(),
+        });
+        let dynamics = &configuration.dynamics;
+        if steps > LONGEST_BRIDGE {
+            // Coefficients and covariance stay.
+            let restarted = filter.restart(dynamics, &motion, &posture).is_ok();
+            self.pending = self.pending.with(EstimateFlags::RESTARTED, restarted);
+            return Outcome::Used(None);
+        }
+        let mut estimate = None;
+        let share = 1.0 / f32::from(steps);
+        for step in 1..steps {
+            let between = from.interpolated(&posture, share * f32::from(step));
+            estimate = filter
+                .push(dynamics, &between, &Measurement::none())
+                .or(estimate);
+        }
+        let seen = measurement_of(sample, &motion);
+        estimate = filter.push(dynamics, &posture, &seen).or(estimate);
+        self.pending = self.pending.with(EstimateFlags::BRIDGED, steps > 1);
+        let Some(estimate) = estimate else {
+            return Outcome::Used(None);
+        };
+        let answer = answer(&estimate, sequence, core::mem::take(&mut self.pending));
+        self.watch(estimate.health, sample, &motion, &posture);
+        Outcome::Used(Some(answer))
+    }
+
+    /// The first sample: the motion to start from.
+    fn start(&mut self, time: u64, sample: &Sample) -> Outcome {
+        let needed = [Validity::POSTURE, Validity::ATTITUDE];
+        let complete = needed.iter().all(|&part| sample.valid.contains(part));
+        let Some(configuration) = self.configuration.as_ref().filter(|_| complete) else {
+            return Outcome::Rejected;
+        };
+        let motion = motion_of(sample, Vector::from_components(ASSUMED_FALL.into()));
+        let posture = sample.posture();
+        let Configuration {
+            preset, dynamics, ..
+        } = configuration;
+        let Ok(filter) = ReducedFilter::new(preset, dynamics, &motion, &posture) else {
+            return Outcome::Rejected;
+        };
+        self.filter = Some(filter);
+        self.last = Some(Last {
+            time,
+            posture,
+            velocity: motion.velocity_inertial(),
+        });
+        self.pending = EstimateFlags::RESTARTED;
+        Outcome::Used(None)
+    }
+
+    /// Starts the reconstructed motion anew where predictions have missed the measurements for a second.
+    fn watch(
+        &mut self,
+        health: Health,
+        sample: &Sample,
+        motion: &Motion<f32>,
+        posture: &Posture<f32>,
+    ) {
+        self.inconsistent = match health {
+            Health::Inconsistent => self.inconsistent + 1,
+            _ => 0,
+        };
+        let (Some(configuration), Some(filter)) = (&self.configuration, &mut self.filter) else {
+            return;
+        };
+        let lost = self
+            .inconsistent
+            .saturating_mul(configuration.update_period)
+            >= 1_000_000;
+        let whole = [Validity::ATTITUDE, Validity::VELOCITY]
+            .iter()
+            .all(|&part| sample.valid.contains(part));
+        if lost && whole {
+            let restarted = filter
+                .restart(&configuration.dynamics, motion, posture)
+                .is_ok();
+            self.pending = self.pending.with(EstimateFlags::RESTARTED, restarted);
+            self.inconsistent = 0;
+        }
+    }
+}
+
+/// Sample periods from one time to the next (us), to the nearest; 0 where time does not go forward.
+fn steps_between(last: u64, time: u64, sample_rate: f32) -> u16 {
+    let elapsed = u32::try_from(time.saturating_sub(last)).unwrap_or(u32::MAX);
+    let steps = (elapsed as f32 * sample_rate * 1e-6).nearest();
+    u16::try_from(whole(steps)).unwrap_or(u16::MAX)
+}
+
+/// Motion of the pelvis as far as it is known; `velocity` stands in where none is measured.
+fn motion_of(sample: &Sample, velocity: Vector<f32, Inertial>) -> Motion<f32> {
+    let measured = sample.motion();
+    let inertial_from_body = sample.inertial_from_body();
+    Motion {
+        inertial_from_body,
+        position: Vector::zero(),
+        velocity: inertial_from_body.inverse() * measured.velocity.unwrap_or(velocity),
+        angular_velocity: measured.angular_velocity.unwrap_or_else(Vector::zero),
+    }
+}
+
+/// What the sample measured; not a number where it did not.
+fn measurement_of(sample: &Sample, motion: &Motion<f32>) -> Measurement<f32> {
+    let all = Measurement::of(motion);
+    let mut seen = Measurement::none();
+    let has = |part| sample.valid.contains(part);
+    if has(Validity::ATTITUDE) {
+        seen.heading = all.heading;
+        seen.pitch = all.pitch;
+        seen.roll = all.roll;
+        if has(Validity::ANGULAR_VELOCITY) {
+            seen.yaw_rate = all.yaw_rate;
+        }
+    }
+    if has(Validity::VELOCITY) {
+        seen.vertical_velocity = all.vertical_velocity;
+        seen.horizontal_speed = all.horizontal_speed;
+    }
+    // Satellites measure speed, inertial sensors integrate it.
+    if let Some(speed) = sample.motion().horizontal_speed {
+        seen.horizontal_speed = speed;
+    }
+    seen
+}
+
+/// What goes over the link. The processor's cycles are for the caller to fill in.
+fn answer(estimate: &Estimate<f32>, sequence: u32, pending: EstimateFlags) -> link::Estimate {
+    let taken_in = estimate.channels.iter().any(|channel| channel.fused);
+    let health = estimate.health;
+    let flags = pending
+        .with(
+            EstimateFlags::VALID,
+            taken_in && matches!(health, Health::Good | Health::Settling),
+        )
+        .with(EstimateFlags::NOT_TAKEN_IN, !taken_in)
+        .with(EstimateFlags::INCONSISTENT, health == Health::Inconsistent)
+        .with(EstimateFlags::SETTLING, health == Health::Settling)
+        .with(EstimateFlags::FAULT, !estimate.faults.none());
+    link::Estimate {
+        sample_sequence: sequence,
+        flags,
+        state: estimate.state.into(),
+        variance: estimate.deviation.map(|d| d * d).into(),
+        measurement: estimate.channels.map(|channel| channel.predicted),
+        nis: estimate.normalised_innovation,
+        cycles: 0,
+    }
+}
+
+#[cfg(test)]
+mod tests;

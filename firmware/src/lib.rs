@@ -1,0 +1,22 @@
+//! The unit's application, the same on every board: the serial link, the reduced filter, reports.
+//!
+//! A board gives ports (`embedded_io_async`), a time driver (`embassy_time`) and a [`Board`]; [`run()`] does the
+//! rest. [`Unit`] is the same without ports, for tests and simulations in virtual time, and [`Computer`] is what
+//! it computes, for whoever wants to check the answers. `docs/unit.md` shows how to add a board.
+#![no_std]
+#![forbid(unsafe_code)]
+
+pub mod board;
+pub mod computer;
+pub mod display;
+pub mod fault;
+mod log;
+mod queue;
+mod run;
+pub mod sensor;
+pub mod unit;
+
+pub use board::{Board, Identity};
+pub use computer::Computer;
+pub use run::{NoPort, RECEIVER_BYTES, run};
+pub use unit::Unit;

@@ -1,0 +1,13 @@
+//! Logs by defmt where the board wants them, nothing otherwise.
+
+#[cfg(feature = "defmt")]
+macro_rules! info {
+    ($($argument:tt)*) => { defmt::info!($($argument)*) };
+}
+
+#[cfg(not(feature = "defmt"))]
+macro_rules! info {
+    ($text:literal $(, $argument:expr)* $(,)?) => {{ $( let _ = &$argument; )* }};
+}
+
+pub(crate) use info;

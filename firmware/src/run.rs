@@ -1,0 +1,187 @@
+//! The tasks: receiving, estimating, transmitting, reporting, side by side in one executor.
+//!
+//! Whoever waits for a port lets the others go on. While an update runs nothing else does, so a board's
+//! receiver must hold what arrives meanwhile: 5 ms at 460800 baud are 240 bytes, [`RECEIVER_BYTES`] is ample.
+
+use core::cell::RefCell;
+
+use bodyflight_core::link::MAX_FRAME_LENGTH;
+use embassy_futures::join::join5;
+use embassy_futures::yield_now;
+use embassy_sync::blocking_mutex::raw::NoopRawMutex;
+use embassy_sync::signal::Signal;
+use embassy_time::{Duration, Ticker, Timer, with_timeout};
+use embedded_io_async::{Read, Write};
+
+use crate::board::Board;
+use crate::display::Glance;
+use crate::log::info;
+use crate::unit::Unit;
+
+/// Bytes that a board's receiver should hold while an update runs.
+pub const RECEIVER_BYTES: usize = 1024;
+
+/// Longest time that a frame may take to leave; then it counts as dropped.
+const LINE_TIMEOUT: Duration = Duration::from_millis(250);
+
+/// Watchdogs are fed at this interval.
+const HEARTBEAT: Duration = Duration::from_millis(250);
+
+/// Heartbeats from one report to the next.
+const HEARTBEATS_A_REPORT: u32 = 4;
+
+/// Pause after a receiver that failed or was closed.
+const RECEIVER_PAUSE: Duration = Duration::from_millis(5);
+
+/// What the tasks share.
+struct Shared<'a, B: Board> {
+    unit: &'a RefCell<Unit<B>>,
+    /// Bytes came in: there may be samples.
+    arrived: Signal<NoopRawMutex, ()>,
+    /// There may be frames to send.
+    outgoing: Signal<NoopRawMutex, ()>,
+}
+
+/// Runs the unit on its ports, for ever. `sensor` is the port of the inertial sensor,
+/// [`NoPort`] where there is none.
+pub async fn run<B: Board>(
+    unit: &RefCell<Unit<B>>,
+    receiver: impl Read,
+    transmitter: impl Write,
+    sensor: impl Read,
+) {
+    let shared = Shared {
+        unit,
+        arrived: Signal::new(),
+        outgoing: Signal::new(),
+    };
+    info!("unit started");
+    unit.borrow_mut().introduce();
+    join5(
+        shared.receive(receiver),
+        shared.receive_sensor(sensor),
+        shared.estimate(),
+        shared.transmit(transmitter),
+        shared.report(),
+    )
+    .await;
+}
+
+impl<B: Board> Shared<'_, B> {
+    async fn receive(&self, mut receiver: impl Read) {
+        let mut bytes = [0; 128];
+        loop {
+            match receiver.read(&mut bytes).await {
+                Ok(count) if count > 0 => {
+                    let received = bytes.get(..count).unwrap_or_default();
+                    self.unit.borrow_mut().receive(received);
+                }
+                Ok(_) => Timer::after(RECEIVER_PAUSE).await,
+                Err(_) => {
+                    self.unit.borrow_mut().line_error();
+                    Timer::after(RECEIVER_PAUSE).await;
+                }
+            }
+            self.arrived.signal(());
+            self.outgoing.signal(());
+        }
+    }
+
+    async fn receive_sensor(&self, mut sensor: impl Read) {
+        let mut bytes = [0; 128];
+        loop {
+            match sensor.read(&mut bytes).await {
+                Ok(count) if count > 0 => {
+                    let received = bytes.get(..count).unwrap_or_default();
+                    self.unit.borrow_mut().receive_sensor(received);
+                    self.arrived.signal(());
+                }
+                _ => Timer::after(RECEIVER_PAUSE).await,
+            }
+        }
+    }
+
+    async fn estimate(&self) {
+        loop {
+            let worked = self.unit.borrow_mut().work();
+            if worked {
+                self.outgoing.signal(());
+                yield_now().await;
+            } else {
+                self.arrived.wait().await;
+            }
+        }
+    }
+
+    async fn transmit(&self, mut transmitter: impl Write) {
+        let mut frame = [0; MAX_FRAME_LENGTH];
+        loop {
+            let length = self.unit.borrow_mut().transmit(&mut frame);
+            let Some(bytes) = length.and_then(|length| frame.get(..length)) else {
+                self.outgoing.wait().await;
+                continue;
+            };
+            let sent = with_timeout(LINE_TIMEOUT, transmitter.write_all(bytes)).await;
+            if !matches!(sent, Ok(Ok(()))) {
+                self.unit.borrow_mut().transmit_failed();
+                Timer::after(RECEIVER_PAUSE).await;
+            }
+        }
+    }
+
+    async fn report(&self) {
+        let mut heartbeat = Ticker::every(HEARTBEAT);
+        let mut beats = 0u32;
+        loop {
+            heartbeat.next().await;
+            self.unit.borrow().board().feed_watchdog();
+            beats = beats.wrapping_add(1);
+            if beats.is_multiple_of(HEARTBEATS_A_REPORT) {
+                self.unit.borrow_mut().report();
+                self.outgoing.signal(());
+                self.log();
+            }
+        }
+    }
+
+    fn log(&self) {
+        let unit = self.unit.borrow();
+        let status = unit.status();
+        if let Some(sample) = unit.last_sample() {
+            let Glance {
+                heading,
+                pitch,
+                roll,
+                turn,
+            } = Glance::of(sample);
+            info!(
+                "heading {} pitch {} roll {} deg, turn {} deg/s",
+                heading, pitch, roll, turn
+            );
+        }
+        info!(
+            "used {} rejected {} missing {} dropped {} damaged {} misses {} longest update {} cycles",
+            status.used,
+            status.rejected,
+            status.missing,
+            status.dropped_oldest,
+            status.crc_bad.wrapping_add(status.cobs_bad),
+            status.deadline_missed,
+            status.cycles_max
+        );
+    }
+}
+
+/// The port of a sensor that is not there.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct NoPort;
+
+impl embedded_io_async::ErrorType for NoPort {
+    type Error = core::convert::Infallible;
+}
+
+impl Read for NoPort {
+    async fn read(&mut self, _: &mut [u8]) -> Result<usize, Self::Error> {
+        core::future::pending().await
+    }
+}

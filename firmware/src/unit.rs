@@ -1,0 +1,352 @@
+//! The unit without its ports: bytes in, frames out.
+//!
+//! [`Unit`] holds the conversation with the host (`docs/link.md`), the queue of samples and the filter. It is
+//! driven by whoever has ports: the tasks of [`run`](crate::run()), or a test in virtual time. Every command
+//! is absolute, so a lost answer is cured by asking again; whatever bytes come, it goes on answering.
+
+mod outbox;
+mod session;
+
+use bodyflight_core::link::{
+    Arrival, Configure, Configured, Credit, Decoder, Estimate, EstimateFlags, Event, Header, Hello,
+    HelloAcknowledge, MAX_FRAME_LENGTH, Message, SCHEMA_HASH, Sample, SegmentTable, Status, Stop,
+    StreamMode, TimeSync, Verdict,
+};
+
+use crate::board::{Board, Identity};
+use crate::computer::{Computer, Configuration, Outcome};
+use crate::queue::Queue;
+use crate::sensor::Sensor;
+use outbox::Outbox;
+use session::Session;
+
+/// Samples that wait for the filter; in paced mode the oldest gives way.
+pub const SAMPLES: u16 = 32;
+
+/// A sample that waits.
+#[derive(Debug, Clone, Copy)]
+struct Waiting {
+    header: Header,
+    sample: Sample,
+    /// When it arrived (us).
+    arrived: u64,
+}
+
+/// The unit, see the [module](self).
+#[derive(Debug)]
+pub struct Unit<B: Board> {
+    board: B,
+    identity: Identity,
+    /// A host with the same messages was greeted; nothing else is served.
+    greeted: bool,
+    decoder: Decoder,
+    table: SegmentTable,
+    asked: Option<Configure>,
+    session: Option<Session>,
+    sensor: Sensor,
+    samples: Queue<Waiting, { SAMPLES as usize }>,
+    outbox: Outbox,
+    computer: Computer,
+    last_sample: Option<Sample>,
+    wrong_session: u32,
+    deadline_missed: u32,
+    cycles_max: u32,
+    not_taken_in: u32,
+}
+
+impl<B: Board> Unit<B> {
+    /// Just started, and waiting for a host. Built in place: most of it is room that nothing has filled yet.
+    #[inline(always)]
+    pub fn new(board: B, identity: Identity) -> Self {
+        Self {
+            board,
+            identity,
+            greeted: false,
+            decoder: Decoder::new(),
+            table: SegmentTable::new(),
+            asked: None,
+            session: None,
+            sensor: Sensor::new(),
+            samples: Queue::new(),
+            outbox: Outbox::new(),
+            computer: Computer::new(),
+            last_sample: None,
+            wrong_session: 0,
+            deadline_missed: 0,
+            cycles_max: 0,
+            not_taken_in: 0,
+        }
+    }
+
+    /// The board.
+    pub fn board(&self) -> &B {
+        &self.board
+    }
+
+    /// Takes bytes that the host sent.
+    pub fn receive(&mut self, bytes: &[u8]) {
+        for &byte in bytes {
+            if let Some(Event::Frame(header, message)) = self.decoder.push(byte) {
+                self.serve(&header, &message);
+            }
+        }
+    }
+
+    /// The receiver lost bytes: what had begun is no frame.
+    pub fn line_error(&mut self) {
+        self.decoder.discard_partial();
+    }
+
+    /// Takes bytes of the inertial sensor; used in sessions that listen to it.
+    pub fn receive_sensor(&mut self, bytes: &[u8]) {
+        let now = self.board.now();
+        let mut input = bytes;
+        while let Some((mut header, sample)) = self.sensor.next(&mut input, now) {
+            if let Some(session) = self.session.as_mut().filter(|s| s.runs(StreamMode::Sensor)) {
+                header.session = session.number;
+                if let Arrival::New { .. } = session.ledger.receive(header.sequence) {
+                    self.enqueue(header, sample);
+                }
+            }
+        }
+    }
+
+    /// The next frame for the line into `frame`; its length.
+    pub fn transmit(&mut self, frame: &mut [u8; MAX_FRAME_LENGTH]) -> Option<usize> {
+        self.outbox.next(self.board.now(), frame)
+    }
+
+    /// The line did not take a frame.
+    pub fn transmit_failed(&mut self) {
+        self.outbox.count_dropped();
+    }
+
+    fn serve(&mut self, header: &Header, message: &Message) {
+        match message {
+            Message::Hello(hello) => self.greet(hello),
+            _ if !self.greeted => {}
+            Message::Configure(asked) => self.configure(*asked),
+            Message::SegmentValues(row) => {
+                self.table.insert(*row);
+                if let Some(asked) = self.asked {
+                    self.configure(asked);
+                }
+            }
+            Message::Start(start) => self.start(header.session, start.mode),
+            Message::Stop(stop) => self.stop(header.session, *stop),
+            Message::ResetFilter(_) => self.computer.reset(),
+            Message::TimeSync(question) => {
+                let received = self.board.now();
+                let answer = TimeSync {
+                    received,
+                    ..*question
+                };
+                self.send(received, answer);
+            }
+            Message::Sample(sample) => self.take(*header, *sample),
+            // What units say.
+            Message::HelloAcknowledge(_)
+            | Message::Configured(_)
+            | Message::Credit(_)
+            | Message::Estimate(_)
+            | Message::Status(_) => {}
+        }
+    }
+
+    /// Queues a message; `time` (us) is that of its header.
+    fn send(&mut self, time: u64, message: impl Into<Message>) {
+        let session = self.session.as_ref().map_or(0, |session| session.number);
+        self.outbox.push(session, time, message.into());
+    }
+
+    fn greet(&mut self, hello: &Hello) {
+        self.greeted = hello.schema_hash == SCHEMA_HASH;
+        self.introduce();
+    }
+
+    /// Says its name, as it does after each start.
+    pub fn introduce(&mut self) {
+        let identity = self.identity;
+        let answer = HelloAcknowledge {
+            schema_hash: SCHEMA_HASH,
+            build: identity.build,
+            core_version: bodyflight_core::VERSION,
+            boot_id: identity.boot_id,
+            max_frame_length: u16::try_from(MAX_FRAME_LENGTH).unwrap_or(u16::MAX),
+            queue_length: SAMPLES,
+            reset_cause: identity.reset_cause,
+            fault_resets: identity.fault_resets,
+            fault_kind: identity.fault_kind,
+            fault_address: identity.fault_address,
+            fault_sequence: identity.fault_sequence,
+        };
+        self.send(self.board.now(), answer);
+    }
+
+    fn configure(&mut self, asked: Configure) {
+        self.asked = Some(asked);
+        let verdict = match Configuration::new(&asked, &self.table) {
+            Ok(configuration) => {
+                self.computer.configure(configuration);
+                self.sensor.mount(asked.body_from_sensor.unpack());
+                Verdict::Accepted
+            }
+            Err(verdict) => verdict,
+        };
+        let answer = Configured {
+            preset: asked.preset,
+            verdict,
+            segments: self.table.received(),
+            table_digest: self.table.digest(),
+        };
+        self.send(self.board.now(), answer);
+    }
+
+    fn start(&mut self, number: u16, mode: StreamMode) {
+        let running = self.session.as_ref();
+        if !running.is_some_and(|session| session.number == number && session.runs(mode)) {
+            if self.computer.configuration().is_none() {
+                // Nothing to compute with: say what is missing.
+                if let Some(asked) = self.asked {
+                    self.configure(asked);
+                }
+                return;
+            }
+            self.computer.reset();
+            self.samples.clear();
+            self.sensor.restart();
+            self.outbox.begin_session();
+            self.session = Some(Session::new(number, mode));
+        }
+        self.report();
+        self.grant(true);
+    }
+
+    fn stop(&mut self, number: u16, stop: Stop) {
+        if let Some(session) = self.session.as_mut().filter(|s| s.number == number) {
+            session.close(stop.sent);
+            self.report_end();
+        }
+    }
+
+    /// A sample from the host.
+    fn take(&mut self, header: Header, sample: Sample) {
+        let session = self.session.as_mut();
+        let Some(session) = session.filter(|s| s.number == header.session && !s.is_closed()) else {
+            self.wrong_session = self.wrong_session.wrapping_add(1);
+            return;
+        };
+        if session.runs(StreamMode::Sensor) {
+            self.sensor.set_posture(&sample);
+            return;
+        }
+        match session.ledger.receive(header.sequence) {
+            Arrival::New { .. } => self.enqueue(header, sample),
+            Arrival::Late => {}
+            // The host asks what it may send.
+            Arrival::Duplicate | Arrival::Stale => self.grant(true),
+        }
+    }
+
+    fn enqueue(&mut self, header: Header, sample: Sample) {
+        let waiting = Waiting {
+            header,
+            sample,
+            arrived: self.board.now(),
+        };
+        let gave_way = self.samples.push(waiting).is_some();
+        if let Some(session) = self.session.as_mut().filter(|_| gave_way) {
+            session.ledger.drop_oldest();
+        }
+    }
+
+    /// Gives the filter the oldest sample that waits; whether there was one.
+    pub fn work(&mut self) -> bool {
+        let Some(waiting) = self.samples.pop() else {
+            return false;
+        };
+        let Header { sequence, time, .. } = waiting.header;
+        self.board.note(sequence);
+        self.last_sample = Some(waiting.sample);
+        let begin = self.board.cycles();
+        let outcome = self.computer.sample(sequence, time, &waiting.sample);
+        let cycles = self.board.cycles().wrapping_sub(begin);
+        if let Some(session) = &mut self.session {
+            match outcome {
+                Outcome::Used(_) => session.ledger.use_one(),
+                Outcome::Rejected => session.ledger.reject_one(),
+            }
+        }
+        if let Outcome::Used(Some(estimate)) = outcome {
+            let configuration = self.computer.configuration();
+            let period = configuration.map_or(0, Configuration::update_period);
+            let late = self.board.now().saturating_sub(waiting.arrived) > u64::from(period);
+            let not_taken_in = estimate.flags.contains(EstimateFlags::NOT_TAKEN_IN);
+            self.deadline_missed = self.deadline_missed.wrapping_add(u32::from(late));
+            self.not_taken_in = self.not_taken_in.wrapping_add(u32::from(not_taken_in));
+            self.cycles_max = self.cycles_max.max(cycles);
+            let flags = estimate.flags.with(EstimateFlags::LATE, late);
+            let estimate = Estimate {
+                cycles,
+                flags,
+                ..estimate
+            };
+            self.send(time, estimate);
+        }
+        self.grant(false);
+        self.report_end();
+        true
+    }
+
+    /// Grants credit for the free places of the queue, where it is worth a frame or the host `asked`.
+    fn grant(&mut self, asked: bool) {
+        let free = u32::from(SAMPLES).saturating_sub(self.samples.len());
+        let session = self.session.as_mut();
+        if let Some(granted) = session.and_then(|session| session.grant(free, asked)) {
+            self.send(self.board.now(), Credit { granted });
+        }
+    }
+
+    /// Reports once a closed session has been worked off.
+    fn report_end(&mut self) {
+        let closed = self.session.as_ref().is_some_and(Session::is_closed);
+        if closed && self.samples.is_empty() {
+            self.report();
+        }
+    }
+
+    /// Queues a report of what happened so far, where a host listens.
+    pub fn report(&mut self) {
+        if self.greeted {
+            self.send(self.board.now(), self.status());
+        }
+    }
+
+    /// What happened so far.
+    pub fn status(&self) -> Status {
+        let session = self.session.as_ref();
+        let ledger = session.map(|session| session.ledger).unwrap_or_default();
+        let [uart_overrun, uart_framing] = self.board.line_errors();
+        Status {
+            wrong_session: self.wrong_session,
+            uart_overrun,
+            uart_framing,
+            queue_high_water: self.samples.high_water(),
+            deadline_missed: self.deadline_missed,
+            cycles_max: self.cycles_max,
+            innovation_rejected: self.not_taken_in,
+            transmit_dropped: self.outbox.dropped(),
+            stack_free: self.board.stack_free(),
+            watchdog_resets: self.identity.watchdog_resets,
+            ..Status::new(self.board.now(), self.decoder.counters(), &ledger)
+        }
+    }
+
+    /// The sample that was worked on last.
+    pub fn last_sample(&self) -> Option<&Sample> {
+        self.last_sample.as_ref()
+    }
+}
+
+#[cfg(test)]
+mod tests;

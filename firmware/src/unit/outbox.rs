@@ -1,0 +1,66 @@
+//! Frames that wait for the line.
+
+use bodyflight_core::link::{Header, MAX_FRAME_LENGTH, Message};
+
+use crate::queue::Queue;
+
+/// Frames that wait; the oldest gives way, so a host that does not read never stops the unit.
+const FRAMES: usize = 24;
+
+/// Message types, by their code.
+const TYPES: usize = 0x13;
+
+#[derive(Debug)]
+pub(super) struct Outbox {
+    frames: Queue<(Header, Message), FRAMES>,
+    /// Numbers of the next frame of each type.
+    sequences: [u32; TYPES],
+    failed: u32,
+}
+
+impl Outbox {
+    pub(super) const fn new() -> Self {
+        Self {
+            frames: Queue::new(),
+            sequences: [0; TYPES],
+            failed: 0,
+        }
+    }
+
+    /// Numbers begin anew; what waits still goes.
+    pub(super) fn begin_session(&mut self) {
+        self.sequences = [0; TYPES];
+    }
+
+    pub(super) fn push(&mut self, session: u16, time: u64, message: Message) {
+        let mut sequence = 0;
+        if let Some(next) = self.sequences.get_mut(usize::from(message.code())) {
+            sequence = *next;
+            *next = next.wrapping_add(1);
+        }
+        let header = Header {
+            session,
+            sequence,
+            time,
+        };
+        self.frames.push((header, message));
+    }
+
+    /// The oldest frame; a clock comparison leaves with the time `now` (us).
+    pub(super) fn next(&mut self, now: u64, frame: &mut [u8; MAX_FRAME_LENGTH]) -> Option<usize> {
+        let (header, mut message) = self.frames.pop()?;
+        if let Message::TimeSync(answer) = &mut message {
+            answer.answered = now;
+        }
+        message.encode(&header, frame).ok()
+    }
+
+    pub(super) fn count_dropped(&mut self) {
+        self.failed = self.failed.wrapping_add(1);
+    }
+
+    /// Frames that were never sent whole.
+    pub(super) fn dropped(&self) -> u32 {
+        self.frames.dropped().wrapping_add(self.failed)
+    }
+}

@@ -1,0 +1,204 @@
+//! `bodyflight stream`.
+
+use std::path::PathBuf;
+
+use bodyflight::diagnostic::{Problem, Result};
+use bodyflight::flight::Flight;
+use bodyflight::recording::Recording;
+use bodyflight::stream::connection::{DEFAULT_BAUD, Target};
+use bodyflight::stream::report::Report;
+use bodyflight::stream::{Pace, Settings, stream};
+use bodyflight_core::link::fault::Faults;
+
+use super::simulate::Reading;
+use super::{estimate, terminal};
+
+/// Stream a flight to a unit, and compare its estimates with the same filter here, bit for bit.
+#[derive(clap::Args)]
+#[command(
+    group = clap::ArgGroup::new("target").required(true),
+    after_help = "Exit code 4: an estimate differs, or a sample was lost that was not harmed on purpose.\n\n\
+                  Examples:\n  bodyflight stream flight.toml --virtual\n  \
+                  bodyflight stream flight.toml --port /dev/ttyACM0 --speed max\n  \
+                  bodyflight stream flight.toml --qemu --drop 0.05 --corrupt 0.05 --reorder 0.02"
+)]
+pub(super) struct Args {
+    /// A flight.toml, or an MVNX file alone.
+    flight: PathBuf,
+    /// The unit's serial port; `bodyflight ports` lists them.
+    #[arg(long, group = "target", value_name = "DEVICE")]
+    port: Option<PathBuf>,
+    /// A unit in QEMU, from this image or the one that `cargo xtask unit` builds.
+    #[arg(long, group = "target", value_name = "IMAGE", num_args = 0..=1, default_missing_value = DEFAULT_IMAGE)]
+    qemu: Option<PathBuf>,
+    /// A unit in this process, behind a pseudo-terminal.
+    #[arg(long, group = "target")]
+    r#virtual: bool,
+    /// Rate of the port (baud).
+    #[arg(long, default_value_t = DEFAULT_BAUD)]
+    baud: u32,
+    /// How many times faster than recorded, or `max`: as fast as the unit can.
+    #[arg(long, default_value = "1")]
+    speed: String,
+    /// Filter preset of the unit, as in `estimate`.
+    #[arg(long, default_value = "tracking")]
+    preset: String,
+    /// Only the first seconds of the flight.
+    #[arg(long, value_name = "S")]
+    seconds: Option<f64>,
+    /// Share of the samples that vanish on purpose.
+    #[arg(long, default_value_t = 0.0, value_name = "P")]
+    drop: f32,
+    /// Share of the samples in which a bit is inverted.
+    #[arg(long, default_value_t = 0.0, value_name = "P")]
+    corrupt: f32,
+    /// Share of the samples that come after the next one.
+    #[arg(long, default_value_t = 0.0, value_name = "P")]
+    reorder: f32,
+    /// Seed of the faults.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    #[command(flatten)]
+    reading: Reading,
+}
+
+/// Where `cargo xtask unit` puts the image.
+const DEFAULT_IMAGE: &str = "target/thumbv7em-none-eabihf/firmware/unit";
+
+impl Args {
+    fn target(&self) -> Target {
+        match (&self.port, &self.qemu) {
+            (Some(path), _) => Target::Port {
+                path: path.clone(),
+                baud: self.baud,
+            },
+            (None, Some(image)) => Target::Qemu(image.clone()),
+            (None, None) => Target::Virtual,
+        }
+    }
+
+    fn pace(&self) -> Result<Pace> {
+        let wrong = || {
+            Problem::bad_input(format!(
+                "expected --speed of 0.01 to 100, or max, found {}",
+                self.speed
+            ))
+        };
+        if self.speed == "max" {
+            return Ok(Pace::Max);
+        }
+        let speed = self.speed.parse().map_err(|_| wrong())?;
+        if (0.01..=100.0).contains(&speed) {
+            Ok(Pace::Times(speed))
+        } else {
+            Err(wrong())
+        }
+    }
+
+    fn faults(&self) -> Result<Faults> {
+        for (name, share) in [
+            ("drop", self.drop),
+            ("corrupt", self.corrupt),
+            ("reorder", self.reorder),
+        ] {
+            if !(0.0..=1.0).contains(&share) {
+                return Err(Problem::bad_input(format!(
+                    "expected --{name} of 0 to 1, found {share}"
+                )));
+            }
+        }
+        Ok(Faults {
+            drop: self.drop,
+            corrupt: self.corrupt,
+            reorder: self.reorder,
+            ..Faults::default()
+        })
+    }
+}
+
+pub(super) fn run(args: &Args, json: bool) -> Result<()> {
+    let settings = Settings {
+        target: args.target(),
+        preset: estimate::preset(&args.preset)?,
+        pace: args.pace()?,
+        faults: args.faults()?,
+        seed: args.seed,
+    };
+    let flight = Flight::read(&args.flight)?;
+    let recording = Recording::open(&flight.recording, args.reading.options())?;
+    let frame_rate = recording.header().frame_rate;
+    let seconds = args.seconds.unwrap_or(f64::INFINITY);
+    let mut start = None;
+    let frames = recording.take_while(|frame| {
+        frame.as_ref().map_or(true, |frame| {
+            frame.time - *start.get_or_insert(frame.time) <= seconds
+        })
+    });
+    let spinner = terminal::spinner("streaming");
+    let report = stream(
+        &flight,
+        frame_rate,
+        frames,
+        &settings,
+        |live| {
+            spinner.set_message(format!(
+                "{:.0} s, {} sent, {} estimates, {:.1} ms, missing {}, dropped {}, late {}",
+                live.time_s,
+                live.sent,
+                live.estimates,
+                live.latency_ms.unwrap_or(0.0),
+                live.missing,
+                live.dropped,
+                live.deadline_missed
+            ));
+        },
+        |_| {},
+    );
+    spinner.finish_and_clear();
+    let report = report?;
+    if json {
+        terminal::print_json(&report)?;
+    } else {
+        print_report(&report);
+    }
+    report.verdict()
+}
+
+fn print_report(report: &Report) {
+    let estimates = &report.estimates;
+    let unit = &report.unit;
+    let latency = &report.latency;
+    terminal::print(&format!(
+        "{} samples in {:.1} s ({:.1} s of flight, {:.1} kB/s) to unit {}",
+        report.sent,
+        report.wall_s,
+        report.flight_s,
+        report.bytes_per_second * 1e-3,
+        report.unit_build
+    ));
+    terminal::print(&format!(
+        "estimates: {} of {} received, {} equal to the desktop's bit for bit",
+        estimates.received, estimates.expected, estimates.equal
+    ));
+    terminal::print(&format!(
+        "latency: median {:.2} ms, 99 % {:.2} ms, longest {:.2} ms; round trip {:.2} ms",
+        latency.median_ms, latency.p99_ms, latency.max_ms, latency.round_trip_ms
+    ));
+    terminal::print(&format!(
+        "samples: {} used, {} rejected, {} late, {} missing ({} lost on the line), {} dropped by the unit",
+        unit.used, unit.rejected, unit.late, unit.missing, report.lost, unit.dropped_oldest
+    ));
+    let harmed = &report.harmed;
+    terminal::print(&format!(
+        "frames: {} good, {} damaged; on purpose {} dropped, {} corrupted, {} reordered",
+        unit.received_frames,
+        unit.crc_bad + unit.cobs_bad + unit.too_long,
+        harmed.dropped,
+        harmed.corrupted,
+        harmed.reordered
+    ));
+    terminal::print(&format!(
+        "unit: {} deadline misses, longest update {} cycles, {} updates not taken in, stack free {} B",
+        unit.deadline_missed, unit.cycles_max, unit.innovation_rejected, unit.stack_free
+    ));
+}

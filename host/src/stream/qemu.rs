@@ -1,0 +1,129 @@
+//! The unit in QEMU: the machine, its serial line, its logs.
+
+use std::io::Read;
+use std::os::unix::net::UnixStream;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use tempfile::TempDir;
+
+use crate::diagnostic::{Kind, Problem, Result};
+
+const PROGRAM: &str = "qemu-system-arm";
+
+/// An instruction takes 2^3 ns of the machine's time, about what a Cortex-M4 at 168 MHz takes. The machine's
+/// clock then counts its own work: a host that stalls does not make the unit late.
+const PACE: &str = "shift=3";
+
+/// Longest time from the start of the machine to its open line.
+const START_TIMEOUT: Duration = Duration::from_secs(10);
+
+/// A running machine; it ends with this.
+pub struct Qemu {
+    child: Child,
+    logs: Arc<Mutex<Vec<u8>>>,
+    collector: Option<JoinHandle<()>>,
+    /// Holds the socket of the line.
+    _folder: TempDir,
+}
+
+impl Qemu {
+    /// Starts the machine with an image for the `lm3s6965evb`; the line to its first UART.
+    ///
+    /// # Errors
+    /// Where image or QEMU are missing, or the machine does not come up.
+    pub fn start(image: &Path) -> Result<(Self, UnixStream)> {
+        if !image.is_file() {
+            return Err(Problem::bad_input("there is no image of the unit")
+                .in_file(image)
+                .help("build it: cargo xtask unit"));
+        }
+        let folder = tempfile::tempdir().map_err(|error| Problem::system("make", image, &error))?;
+        let socket = folder.path().join("line");
+        let mut child = Command::new(PROGRAM)
+            .args(["-M", "lm3s6965evb", "-cpu", "cortex-m4"])
+            .args(["-nographic", "-monitor", "none", "-icount", PACE])
+            .args(["-semihosting-config", "enable=on,target=native"])
+            .arg("-serial")
+            .arg(format!("unix:{},server=on,wait=on", socket.display()))
+            .args(["-serial", "null", "-kernel"])
+            .arg(image)
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .map_err(|error| {
+                Problem {
+                    kind: Kind::System,
+                    ..Problem::bad_input(format!("cannot start {PROGRAM}: {error}"))
+                }
+                .help("install it: apt-get install qemu-system-arm")
+            })?;
+        let logs = Arc::new(Mutex::new(Vec::new()));
+        let collector = child.stdout.take().map(|mut output| {
+            let logs = Arc::clone(&logs);
+            std::thread::spawn(move || {
+                let mut bytes = [0; 4096];
+                while let Ok(count @ 1..) = output.read(&mut bytes) {
+                    let mut logs = logs.lock().unwrap_or_else(PoisonError::into_inner);
+                    logs.extend_from_slice(&bytes[..count]);
+                }
+            })
+        });
+        let mut machine = Self {
+            child,
+            logs,
+            collector,
+            _folder: folder,
+        };
+        let line = machine.connect(&socket)?;
+        Ok((machine, line))
+    }
+
+    fn connect(&mut self, socket: &Path) -> Result<UnixStream> {
+        let begin = Instant::now();
+        loop {
+            if let Ok(line) = UnixStream::connect(socket) {
+                return Ok(line);
+            }
+            let ended = self.child.try_wait().ok().flatten();
+            if ended.is_some() || begin.elapsed() > START_TIMEOUT {
+                let state =
+                    ended.map_or_else(|| "it does not answer".to_owned(), |s| s.to_string());
+                return Err(Problem {
+                    kind: Kind::System,
+                    ..Problem::bad_input(format!("{PROGRAM} did not open the line: {state}"))
+                });
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    }
+
+    /// What the unit has logged since the last call: defmt frames.
+    pub fn logs(&self) -> Vec<u8> {
+        std::mem::take(&mut *self.logs.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// Ends the machine; what it has logged since the last [`Qemu::logs`].
+    pub fn stop(mut self) -> Vec<u8> {
+        self.end();
+        self.logs()
+    }
+
+    fn end(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+        if let Some(collector) = self.collector.take() {
+            let _ = collector.join();
+        }
+    }
+}
+
+impl Drop for Qemu {
+    fn drop(&mut self) {
+        self.end();
+    }
+}

@@ -1,0 +1,256 @@
+//! What a stream came to.
+
+use std::fmt::Write as _;
+
+use bodyflight_core::link::Status;
+use bodyflight_core::link::fault::Struck;
+use serde::Serialize;
+
+use super::Settings;
+use super::session::{Session, accounted};
+use super::twin::Agreement;
+use crate::diagnostic::{Problem, Result};
+
+/// A stream as it goes.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Live {
+    /// Time of the flight (s).
+    pub time_s: f64,
+    /// Samples sent.
+    pub sent: u32,
+    /// Estimates received.
+    pub estimates: u64,
+    /// From the last sample that brought an estimate to the estimate (ms).
+    pub latency_ms: Option<f64>,
+    /// Samples the unit misses.
+    pub missing: u32,
+    /// Samples the unit dropped because it was behind.
+    pub dropped: u32,
+    /// Deadlines the unit missed.
+    pub deadline_missed: u32,
+}
+
+impl Live {
+    pub(super) fn of(session: &Session, time_s: f64) -> Self {
+        let status = session.status.as_ref();
+        Self {
+            time_s,
+            sent: session.sent(),
+            estimates: session.twin.agreement().received,
+            latency_ms: session.latencies.last().copied(),
+            missing: status.map_or(0, |s| s.missing),
+            dropped: status.map_or(0, |s| s.dropped_oldest),
+            deadline_missed: status.map_or(0, |s| s.deadline_missed),
+        }
+    }
+}
+
+/// Times from a sample to its estimate (ms).
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct Latency {
+    /// Half are shorter.
+    pub median_ms: f64,
+    /// One in a hundred is longer.
+    pub p99_ms: f64,
+    /// The longest.
+    pub max_ms: f64,
+    /// Shortest round trip of a clock comparison.
+    pub round_trip_ms: f64,
+}
+
+/// The unit's counters at the end, see `docs/unit.md`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[expect(missing_docs, reason = "as in Status, where they are explained")]
+pub struct UnitCounters {
+    pub received_bytes: u32,
+    pub received_frames: u32,
+    pub crc_bad: u32,
+    pub cobs_bad: u32,
+    pub too_long: u32,
+    pub unknown: u32,
+    pub value_bad: u32,
+    pub wrong_session: u32,
+    pub duplicate: u32,
+    pub late: u32,
+    pub gap_events: u32,
+    pub missing: u32,
+    pub used: u32,
+    pub rejected: u32,
+    pub dropped_oldest: u32,
+    pub uart_overrun: u32,
+    pub uart_framing: u32,
+    pub queue_high_water: u32,
+    pub deadline_missed: u32,
+    pub cycles_max: u32,
+    pub innovation_rejected: u32,
+    pub transmit_dropped: u32,
+    pub stack_free: u32,
+    pub watchdog_resets: u32,
+}
+
+impl From<&Status> for UnitCounters {
+    fn from(status: &Status) -> Self {
+        Self {
+            received_bytes: status.received_bytes,
+            received_frames: status.received_frames,
+            crc_bad: status.crc_bad,
+            cobs_bad: status.cobs_bad,
+            too_long: status.too_long,
+            unknown: status.unknown,
+            value_bad: status.value_bad,
+            wrong_session: status.wrong_session,
+            duplicate: status.duplicate,
+            late: status.late,
+            gap_events: status.gap_events,
+            missing: status.missing,
+            used: status.used,
+            rejected: status.rejected,
+            dropped_oldest: status.dropped_oldest,
+            uart_overrun: status.uart_overrun,
+            uart_framing: status.uart_framing,
+            queue_high_water: status.queue_high_water,
+            deadline_missed: status.deadline_missed,
+            cycles_max: status.cycles_max,
+            innovation_rejected: status.innovation_rejected,
+            transmit_dropped: status.transmit_dropped,
+            stack_free: status.stack_free,
+            watchdog_resets: status.watchdog_resets,
+        }
+    }
+}
+
+/// Frames that were harmed on purpose.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[expect(missing_docs, reason = "as in Struck")]
+pub struct Harmed {
+    pub dropped: u32,
+    pub corrupted: u32,
+    pub reordered: u32,
+}
+
+impl From<&Struck> for Harmed {
+    fn from(struck: &Struck) -> Self {
+        Self {
+            dropped: struck.drop,
+            corrupted: struck.corrupt,
+            reordered: struck.reorder,
+        }
+    }
+}
+
+/// What a stream came to.
+#[derive(Debug, Clone, Serialize)]
+pub struct Report {
+    /// Build of the unit.
+    pub unit_build: String,
+    /// Filter preset.
+    pub preset: &'static str,
+    /// Samples sent.
+    pub sent: u32,
+    /// Length of the flight (s).
+    pub flight_s: f64,
+    /// Time it took (s).
+    pub wall_s: f64,
+    /// Rate on the line to the unit (B/s).
+    pub bytes_per_second: f64,
+    /// Frames harmed on purpose.
+    pub harmed: Harmed,
+    /// Estimates of the unit against the desktop's.
+    pub estimates: Agreement,
+    /// From sample to estimate.
+    pub latency: Latency,
+    /// Samples that never reached the unit whole, beyond those harmed on purpose.
+    pub lost: u32,
+    /// Samples whose fate is known.
+    pub accounted: u32,
+    /// Frames from the unit that were refused.
+    pub refused: u64,
+    /// Counters of the unit.
+    pub unit: UnitCounters,
+}
+
+impl Report {
+    pub(super) fn of(session: &Session, settings: &Settings, flight_s: f64, wall_s: f64) -> Self {
+        let status = session.status.as_ref();
+        let unit = status.map(UnitCounters::from).unwrap_or_default();
+        let harmed = Harmed::from(session.injector.struck());
+        let build = session.unit.map_or([0; 8], |unit| unit.build);
+        let text = String::from_utf8_lossy(&build);
+        #[expect(clippy::cast_precision_loss, reason = "far below 2^53")]
+        let bytes_per_second = session.line.sent_bytes as f64 / wall_s;
+        Self {
+            unit_build: text.trim_end_matches('\0').to_owned(),
+            preset: settings.preset.name,
+            sent: session.sent(),
+            flight_s,
+            wall_s,
+            bytes_per_second,
+            harmed,
+            estimates: session.twin.agreement(),
+            latency: latency(session),
+            lost: unit
+                .missing
+                .saturating_sub(harmed.dropped + harmed.corrupted),
+            accounted: status.map_or(0, accounted),
+            refused: session.line.refused,
+            unit,
+        }
+    }
+
+    /// Whether every sample has its fate and every estimate is the desktop's.
+    ///
+    /// # Errors
+    /// A disagreement that says what differs.
+    pub fn verdict(&self) -> Result<()> {
+        let mut wrong = String::new();
+        let estimates = &self.estimates;
+        if !estimates.holds() {
+            let _ = write!(
+                wrong,
+                "{} estimates expected, {} received, {} equal",
+                estimates.expected, estimates.received, estimates.equal
+            );
+            if let Some(first) = estimates.first_difference {
+                let _ = write!(wrong, ", the first that differs is that of sample {first}");
+            }
+        }
+        if self.accounted != self.sent {
+            let _ = write!(
+                wrong,
+                "; {} samples sent, {} accounted for",
+                self.sent, self.accounted
+            );
+        }
+        if self.lost > 0 {
+            let _ = write!(wrong, "; {} samples lost on the line", self.lost);
+        }
+        if self.unit.dropped_oldest > 0 {
+            let dropped = self.unit.dropped_oldest;
+            let _ = write!(wrong, "; the unit was behind and dropped {dropped} samples");
+        }
+        if wrong.is_empty() {
+            return Ok(());
+        }
+        Err(
+            Problem::disagreement(wrong.trim_start_matches("; ").to_owned())
+                .help("--speed max streams without dropping; docs/unit.md explains each counter"),
+        )
+    }
+}
+
+fn latency(session: &Session) -> Latency {
+    let mut sorted = session.latencies.clone();
+    sorted.sort_by(f64::total_cmp);
+    let at = |percent: usize| {
+        let index = (sorted.len() * percent / 100).min(sorted.len().saturating_sub(1));
+        sorted.get(index).copied().unwrap_or(0.0)
+    };
+    #[expect(clippy::cast_precision_loss, reason = "microseconds")]
+    let round_trip_ms = session.round_trip.unwrap_or(0) as f64 * 1e-3;
+    Latency {
+        median_ms: at(50),
+        p99_ms: at(99),
+        max_ms: at(100),
+        round_trip_ms,
+    }
+}

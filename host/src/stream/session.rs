@@ -1,0 +1,295 @@
+//! One stream of samples to a unit: greeting, configuration, samples, end.
+
+use std::time::{Duration, Instant};
+
+use bodyflight_core::link::fault::Injector;
+use bodyflight_core::link::{
+    Configure, Configured, Header, Hello, HelloAcknowledge, MAX_FRAME_LENGTH, Message, SCHEMA_HASH,
+    Sample, SegmentTable, Start, Status, Stop, StreamMode, TimeSync, Verdict,
+};
+
+use super::line::{ANSWER_TIMEOUT, Line, encode};
+use super::twin::Twin;
+use crate::diagnostic::{Kind, Problem, Result};
+
+/// How often a question is asked before the unit is taken for silent.
+const ATTEMPTS: u32 = 15;
+
+/// A credit that does not come is asked for after this long.
+const CREDIT_TIMEOUT: Duration = Duration::from_millis(300);
+
+/// A stream to one unit, with the desktop's twin beside it.
+pub(super) struct Session {
+    pub(super) line: Line,
+    pub(super) twin: Twin,
+    pub(super) injector: Injector,
+    number: u16,
+    mode: StreamMode,
+    granted: u32,
+    /// When each sample was sent.
+    sent_at: Vec<Instant>,
+    /// Frame of the last sample, to be sent again where credit was lost.
+    last_frame: Vec<u8>,
+    /// From sample to estimate (ms).
+    pub(super) latencies: Vec<f64>,
+    pub(super) status: Option<Status>,
+    pub(super) unit: Option<HelloAcknowledge>,
+    /// Shortest round trip of a clock comparison (us).
+    pub(super) round_trip: Option<u64>,
+}
+
+impl Session {
+    pub(super) fn new(line: Line, injector: Injector, number: u16, mode: StreamMode) -> Self {
+        Self {
+            line,
+            twin: Twin::new(),
+            injector,
+            number,
+            mode,
+            granted: 0,
+            sent_at: Vec::new(),
+            last_frame: Vec::new(),
+            latencies: Vec::new(),
+            status: None,
+            unit: None,
+            round_trip: None,
+        }
+    }
+
+    pub(super) fn sent(&self) -> u32 {
+        u32::try_from(self.sent_at.len()).unwrap_or(u32::MAX)
+    }
+
+    /// Sends a command to the unit and its twin.
+    fn command(&mut self, message: impl Into<Message>) -> Result<()> {
+        let frame = self.line.frame(self.number, message);
+        self.twin.receive(&frame);
+        self.line.write(&frame)
+    }
+
+    /// Sends a command until an answer passes.
+    fn ask(
+        &mut self,
+        what: &str,
+        question: impl Into<Message>,
+        mut passes: impl FnMut(&Header, &Message) -> bool,
+    ) -> Result<Message> {
+        let question = question.into();
+        for _ in 0..ATTEMPTS {
+            crate::interrupt::check()?;
+            self.command(question)?;
+            let deadline = Instant::now() + ANSWER_TIMEOUT;
+            while let Some((at, header, message)) = self.line.next(deadline)? {
+                self.hear(at, &header, &message)?;
+                if passes(&header, &message) {
+                    return Ok(message);
+                }
+            }
+        }
+        Err(Problem {
+            kind: Kind::System,
+            ..Problem::bad_input(format!("the unit does not answer {what}"))
+        }
+        .help("is it the right port and rate, and does the unit run?"))
+    }
+
+    /// Takes in what the unit says by itself.
+    fn hear(&mut self, at: Instant, header: &Header, message: &Message) -> Result<()> {
+        match message {
+            Message::Estimate(estimate) if header.session == self.number => {
+                let index = usize::try_from(estimate.sample_sequence).unwrap_or(usize::MAX);
+                if let Some(sent) = self.sent_at.get(index) {
+                    let latency = at.saturating_duration_since(*sent);
+                    self.latencies.push(latency.as_secs_f64() * 1e3);
+                }
+                self.twin.answer(estimate);
+            }
+            Message::Credit(credit) if header.session == self.number => {
+                self.granted = credit.granted;
+            }
+            Message::Status(status) if header.session == self.number => {
+                self.status = Some(*status);
+            }
+            Message::HelloAcknowledge(unit) => {
+                let before = self.unit.replace(*unit);
+                if before.is_some_and(|before| before.boot_id != unit.boot_id) {
+                    return Err(Problem::disagreement(format!(
+                        "the unit started anew in mid-stream: cause {}, fault kind {} at {:#010x}, sample {}",
+                        unit.reset_cause, unit.fault_kind, unit.fault_address, unit.fault_sequence
+                    )));
+                }
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// Greets the unit.
+    pub(super) fn greet(&mut self) -> Result<()> {
+        let hello = Hello {
+            schema_hash: SCHEMA_HASH,
+            max_frame_length: u16::try_from(MAX_FRAME_LENGTH).unwrap_or(u16::MAX),
+        };
+        let answer = self.ask("the greeting", hello, |_, message| {
+            matches!(message, Message::HelloAcknowledge(_))
+        })?;
+        if let Message::HelloAcknowledge(unit) = answer
+            && unit.schema_hash != SCHEMA_HASH
+        {
+            return Err(Problem::disagreement(format!(
+                "the unit was built with other messages: its hash is {:#018x}, ours {SCHEMA_HASH:#018x}",
+                unit.schema_hash
+            ))
+            .help("flash the unit and build the host from the same source"));
+        }
+        Ok(())
+    }
+
+    /// Compares the clocks a few times.
+    pub(super) fn compare_clocks(&mut self) -> Result<()> {
+        for _ in 0..5 {
+            let begin = Instant::now();
+            let question = TimeSync {
+                asked: u64::try_from(self.sent_at.len()).unwrap_or(0),
+                received: 0,
+                answered: 0,
+            };
+            let answer = self.ask("a clock comparison", question, |_, message| {
+                matches!(message, Message::TimeSync(_))
+            })?;
+            if let Message::TimeSync(answer) = answer {
+                let whole = u64::try_from(begin.elapsed().as_micros()).unwrap_or(u64::MAX);
+                let inside = answer.answered.saturating_sub(answer.received);
+                let trip = whole.saturating_sub(inside);
+                self.round_trip = Some(self.round_trip.map_or(trip, |best| best.min(trip)));
+            }
+        }
+        Ok(())
+    }
+
+    /// Sends configuration and segment table until the unit holds both.
+    pub(super) fn configure(&mut self, configure: Configure, table: &SegmentTable) -> Result<()> {
+        let mut verdict = Verdict::Incomplete;
+        for _ in 0..ATTEMPTS {
+            let answer = self.ask_configured(configure)?;
+            verdict = answer.verdict;
+            let wanted = match verdict {
+                Verdict::Accepted => return Ok(()),
+                Verdict::Incomplete => !answer.segments,
+                Verdict::DigestMismatch => u16::MAX,
+                Verdict::UnknownPreset | Verdict::NotABody | Verdict::UnusableRates => break,
+            };
+            // One by one: the unit's receiver need not hold them all.
+            for row in table
+                .rows()
+                .filter(|row| wanted & 1 << (row.segment as u16) != 0)
+            {
+                self.ask_configured(*row)?;
+            }
+        }
+        Err(
+            Problem::bad_input(format!("the unit refuses the configuration: {verdict:?}"))
+                .help("docs/link.md, CONFIGURED, says what each verdict means"),
+        )
+    }
+
+    fn ask_configured(&mut self, question: impl Into<Message>) -> Result<Configured> {
+        let question = question.into();
+        let mut found = None;
+        self.ask("a configuration", question, |_, message| {
+            if let Message::Configured(answer) = message {
+                found = Some(*answer);
+            }
+            found.is_some()
+        })?;
+        found.ok_or_else(|| Problem::bad_input("the unit does not answer a configuration"))
+    }
+
+    /// Opens the session.
+    pub(super) fn start(&mut self) -> Result<()> {
+        let number = self.number;
+        let start = Start { mode: self.mode };
+        self.ask("the start", start, |header, message| {
+            matches!(message, Message::Status(_)) && header.session == number
+        })?;
+        Ok(())
+    }
+
+    /// Takes in what comes until `deadline`.
+    pub(super) fn listen(&mut self, deadline: Instant) -> Result<()> {
+        while let Some((at, header, message)) = self.line.next(deadline)? {
+            self.hear(at, &header, &message)?;
+        }
+        Ok(())
+    }
+
+    /// Waits until one more sample may be sent.
+    pub(super) fn await_credit(&mut self) -> Result<()> {
+        let mut waits = 0;
+        while self.mode == StreamMode::Credit
+            && self.granted.wrapping_sub(self.sent()).cast_signed() <= 0
+        {
+            crate::interrupt::check()?;
+            match self.line.next(Instant::now() + CREDIT_TIMEOUT)? {
+                Some((at, header, message)) => self.hear(at, &header, &message)?,
+                None if waits == ATTEMPTS => {
+                    return Err(Problem::disagreement("the unit grants no more credit"));
+                }
+                None => {
+                    waits += 1;
+                    // A repeated sample is answered by the credit; what the line held back goes too.
+                    let mut pieces = Vec::new();
+                    self.injector.flush(|piece| pieces.extend_from_slice(piece));
+                    pieces.extend_from_slice(&self.last_frame);
+                    self.twin.receive(&pieces);
+                    self.line.write(&pieces)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Sends a sample through the faults.
+    pub(super) fn sample(&mut self, time: u64, sample: Sample) -> Result<()> {
+        let header = Header {
+            session: self.number,
+            sequence: self.sent(),
+            time,
+        };
+        let frame = encode(&header, &sample.into());
+        let mut pieces = Vec::new();
+        self.injector
+            .pass(&frame, |piece| pieces.extend_from_slice(piece));
+        self.twin.receive(&pieces);
+        self.sent_at.push(Instant::now());
+        self.last_frame = frame;
+        self.line.write(&pieces)
+    }
+
+    /// Closes the session and waits for the unit to have worked everything off.
+    pub(super) fn stop(&mut self) -> Result<()> {
+        let mut pieces = Vec::new();
+        self.injector.flush(|piece| pieces.extend_from_slice(piece));
+        self.twin.receive(&pieces);
+        self.line.write(&pieces)?;
+        let (number, sent) = (self.number, self.sent());
+        self.ask("the end", Stop { sent }, |header, message| match message {
+            Message::Status(status) => header.session == number && accounted(status) == sent,
+            _ => false,
+        })?;
+        self.listen(Instant::now() + ANSWER_TIMEOUT)
+    }
+}
+
+/// Samples whose fate is known.
+pub(super) fn accounted(status: &Status) -> u32 {
+    [
+        status.used,
+        status.rejected,
+        status.dropped_oldest,
+        status.late,
+        status.missing,
+    ]
+    .into_iter()
+    .fold(0, u32::wrapping_add)
+}

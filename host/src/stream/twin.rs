@@ -1,0 +1,138 @@
+//! The desktop's own unit: it gets the same bytes and must give the same answers, bit for bit.
+
+use std::collections::BTreeMap;
+
+use bodyflight_core::link::{Estimate, EstimateFlags, MAX_FRAME_LENGTH, Message};
+use bodyflight_firmware::{Board, Identity, Unit};
+use serde::Serialize;
+
+/// A unit without ports or time: samples are worked off as they come.
+pub struct Twin {
+    unit: Unit<NoTime>,
+    /// What it answered and nobody has compared, by the number of the sample.
+    expected: BTreeMap<u32, Estimate>,
+    /// What the real unit answered first.
+    early: BTreeMap<u32, Estimate>,
+    agreement: Agreement,
+}
+
+/// How the unit's estimates compare with the desktop's.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+pub struct Agreement {
+    /// Estimates of the desktop.
+    pub expected: u64,
+    /// Estimates of the unit.
+    pub received: u64,
+    /// The same in every bit.
+    pub equal: u64,
+    /// Sample of the first that differ.
+    pub first_difference: Option<u32>,
+}
+
+/// A board on which nothing takes time.
+struct NoTime;
+
+impl Board for NoTime {
+    fn now(&self) -> u64 {
+        0
+    }
+    fn cycles(&self) -> u32 {
+        0
+    }
+    fn stack_free(&self) -> u32 {
+        0
+    }
+    fn line_errors(&self) -> [u32; 2] {
+        [0; 2]
+    }
+    fn feed_watchdog(&self) {}
+    fn note(&self, _: u32) {}
+}
+
+impl Default for Twin {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Twin {
+    /// Just started.
+    pub fn new() -> Self {
+        Self {
+            unit: Unit::new(NoTime, Identity::default()),
+            expected: BTreeMap::new(),
+            early: BTreeMap::new(),
+            agreement: Agreement::default(),
+        }
+    }
+
+    /// Takes what goes over the line.
+    pub fn receive(&mut self, bytes: &[u8]) {
+        self.unit.receive(bytes);
+        while self.unit.work() {}
+        let mut frame = [0; MAX_FRAME_LENGTH];
+        while let Some(length) = self.unit.transmit(&mut frame) {
+            if let Ok((_, Message::Estimate(estimate))) = Message::decode(&frame[..length]) {
+                self.agreement.expected += 1;
+                let number = estimate.sample_sequence;
+                match self.early.remove(&number) {
+                    Some(found) => self.agreement.compare(&estimate, &found),
+                    None => {
+                        self.expected.insert(number, estimate);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Takes what the unit answered.
+    pub fn answer(&mut self, found: &Estimate) {
+        self.agreement.received += 1;
+        let number = found.sample_sequence;
+        match self.expected.remove(&number) {
+            Some(expected) => self.agreement.compare(&expected, found),
+            None => {
+                self.early.insert(number, *found);
+            }
+        }
+    }
+
+    /// How the two compare so far.
+    pub fn agreement(&self) -> Agreement {
+        self.agreement
+    }
+}
+
+impl Agreement {
+    fn compare(&mut self, expected: &Estimate, found: &Estimate) {
+        if bits(expected) == bits(found) {
+            self.equal += 1;
+        } else {
+            let number = expected.sample_sequence;
+            self.first_difference = Some(self.first_difference.map_or(number, |n| n.min(number)));
+        }
+    }
+
+    /// Whether the two gave the same estimates, every one.
+    pub fn holds(&self) -> bool {
+        self.equal == self.expected && self.equal == self.received
+    }
+}
+
+/// All that does not depend on how fast a machine is.
+fn bits(estimate: &Estimate) -> ([u32; 17], u16) {
+    let Estimate {
+        state,
+        variance,
+        measurement,
+        nis,
+        flags,
+        ..
+    } = estimate;
+    let mut numbers = [0; 17];
+    let values = state.iter().chain(variance).chain(measurement).chain([nis]);
+    for (place, value) in numbers.iter_mut().zip(values) {
+        *place = value.to_bits();
+    }
+    (numbers, flags.without(EstimateFlags::LATE).bits())
+}

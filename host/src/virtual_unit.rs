@@ -1,0 +1,138 @@
+//! The unit as a process on this machine: the application of the boards behind a pseudo-terminal.
+
+use std::cell::RefCell;
+use std::io::{ErrorKind, Read as _, Write as _};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use bodyflight_firmware::{Board, Identity, NoPort, RECEIVER_BYTES, Unit, run};
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::pipe::Pipe;
+use embedded_io_async::{ErrorType, Read, Write};
+use serialport::{SerialPort, TTYPort};
+
+use crate::diagnostic::{Kind, Problem, Result};
+
+/// A unit that runs in threads of this process, until the process ends.
+#[derive(Debug)]
+pub struct VirtualUnit {
+    path: PathBuf,
+    /// Held open, so that hosts may come and go.
+    _port: TTYPort,
+}
+
+impl VirtualUnit {
+    /// Starts a unit.
+    ///
+    /// # Errors
+    /// Where the system has no pseudo-terminal to give.
+    pub fn start() -> Result<Self> {
+        let (ours, port) =
+            TTYPort::pair().map_err(|error| refused("open a pseudo-terminal", &error))?;
+        let path = port
+            .name()
+            .map(PathBuf::from)
+            .ok_or_else(|| refused("name a pseudo-terminal", &"it has no name"))?;
+        let writer = ours
+            .try_clone_native()
+            .map_err(|error| refused("share a pseudo-terminal", &error))?;
+        // Threads end with the process; a unit has no end of its own.
+        let received: &'static Received = Box::leak(Box::new(Pipe::new()));
+        std::thread::spawn(move || receive(ours, received));
+        std::thread::spawn(move || {
+            let unit = RefCell::new(Unit::new(ThisMachine(Instant::now()), identity()));
+            pollster::block_on(run(&unit, FromHost(received), ToHost(writer), NoPort));
+        });
+        Ok(Self { path, _port: port })
+    }
+
+    /// Where hosts find it, like any serial port.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+}
+
+fn refused(action: &str, error: &dyn std::fmt::Display) -> Problem {
+    Problem {
+        kind: Kind::System,
+        ..Problem::bad_input(format!("cannot {action}: {error}"))
+    }
+}
+
+fn identity() -> Identity {
+    Identity {
+        build: *b"virtual\0",
+        boot_id: std::process::id(),
+        ..Identity::default()
+    }
+}
+
+/// This machine as a board.
+struct ThisMachine(Instant);
+
+impl Board for ThisMachine {
+    /// Nanoseconds stand in for cycles.
+    #[expect(clippy::cast_possible_truncation, reason = "wraps")]
+    fn cycles(&self) -> u32 {
+        self.0.elapsed().as_nanos() as u32
+    }
+
+    /// Unknown here.
+    fn stack_free(&self) -> u32 {
+        0
+    }
+
+    fn line_errors(&self) -> [u32; 2] {
+        [0; 2]
+    }
+
+    fn feed_watchdog(&self) {}
+
+    fn note(&self, _: u32) {}
+}
+
+type Received = Pipe<CriticalSectionRawMutex, RECEIVER_BYTES>;
+
+/// Moves bytes from the terminal to the unit. A full pipe stops the terminal and so the host: nothing is lost.
+fn receive(mut port: TTYPort, received: &Received) {
+    let mut bytes = [0; 512];
+    let _ = port.set_timeout(Duration::from_secs(3600));
+    loop {
+        match port.read(&mut bytes) {
+            Ok(count) => pollster::block_on(received.write_all(&bytes[..count])),
+            Err(error) if matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted) => {}
+            Err(_) => std::thread::sleep(Duration::from_millis(20)),
+        }
+    }
+}
+
+struct FromHost(&'static Received);
+
+impl ErrorType for FromHost {
+    type Error = std::convert::Infallible;
+}
+
+impl Read for FromHost {
+    async fn read(&mut self, bytes: &mut [u8]) -> core::result::Result<usize, Self::Error> {
+        Ok(self.0.read(bytes).await)
+    }
+}
+
+struct ToHost(TTYPort);
+
+impl ErrorType for ToHost {
+    type Error = embedded_io_async::ErrorKind;
+}
+
+impl Write for ToHost {
+    /// Fails where the host does not read: the terminal is full.
+    async fn write(&mut self, bytes: &[u8]) -> core::result::Result<usize, Self::Error> {
+        self.0
+            .write(bytes)
+            .map_err(|_| embedded_io_async::ErrorKind::TimedOut)
+    }
+
+    async fn flush(&mut self) -> core::result::Result<(), Self::Error> {
+        Ok(())
+    }
+}
