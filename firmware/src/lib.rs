@@ -6,6 +6,9 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+#[cfg(test)]
+extern crate std;
+
 pub mod board;
 pub mod computer;
 pub mod display;
@@ -14,6 +17,8 @@ mod log;
 mod queue;
 mod run;
 pub mod sensor;
+#[cfg(test)]
+mod test_flight;
 pub mod unit;
 
 pub use board::{Board, Identity};

@@ -3,6 +3,8 @@
 mod demo;
 mod estimate;
 mod inspect;
+mod monitor;
+mod ports;
 mod simulate;
 mod stream;
 mod synth;
@@ -44,6 +46,8 @@ enum Verb {
     Tune(tune::Args),
     Stream(stream::Args),
     Unit(unit::Args),
+    Ports(ports::Args),
+    Monitor(monitor::Args),
 }
 
 /// Runs the verb that the arguments ask for.
@@ -71,5 +75,7 @@ fn run(cli: &Cli) -> Result<()> {
         Verb::Tune(args) => tune::run(args, cli.json),
         Verb::Stream(args) => stream::run(args, cli.json),
         Verb::Unit(args) => unit::run(args),
+        Verb::Ports(args) => ports::run(args, cli.json),
+        Verb::Monitor(args) => monitor::run(args, cli.json),
     }
 }

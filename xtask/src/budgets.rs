@@ -12,21 +12,29 @@ use crate::run::{Result, root};
 pub(crate) struct Budgets {
     tolerance: f64,
     board: BTreeMap<String, Board>,
+    image: BTreeMap<String, Image>,
     /// Most of what is measured, by its name: instructions and bytes of stack.
     pub(crate) cost: BTreeMap<String, u64>,
 }
 
 /// Memory of a board.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Board {
     /// Where flash begins: the vector table must lie there.
     pub(crate) flash_origin: u64,
-    /// Most of it that an image may take.
-    pub(crate) flash_bytes: u64,
     /// RAM of the board.
     pub(crate) ram_bytes: u64,
-    /// Most of it that static data may take.
+}
+
+/// What an image may take.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Image {
+    board: String,
+    /// Most of the flash.
+    pub(crate) flash_bytes: u64,
+    /// Most of the RAM that static data may take.
     pub(crate) static_ram_bytes: u64,
 }
 
@@ -39,11 +47,17 @@ impl Budgets {
         toml::from_str(&text).map_err(|error| format!("budgets.toml: {error}"))
     }
 
-    /// The row of a board.
-    pub(crate) fn board(&self, name: &str) -> Result<&Board> {
-        self.board
+    /// What an image may take, and its board.
+    pub(crate) fn image(&self, name: &str) -> Result<(&Image, &Board)> {
+        let image = self
+            .image
             .get(name)
-            .ok_or_else(|| format!("budgets.toml has no board {name}"))
+            .ok_or_else(|| format!("budgets.toml has no image {name}"))?;
+        let board = self
+            .board
+            .get(&image.board)
+            .ok_or_else(|| format!("budgets.toml has no board {}", image.board))?;
+        Ok((image, board))
     }
 
     /// Whether a cost is within its budget.

@@ -1,10 +1,12 @@
 //! Tasks of the project: `cargo xtask <verb>`.
 
 mod budgets;
+mod hil;
 mod image;
 mod on_target;
 mod run;
 mod test;
+mod unit;
 
 use std::process::ExitCode;
 
@@ -24,12 +26,22 @@ enum Verb {
     Test,
     /// Run the core on the unit's processor in QEMU: same bits as here, cost within the budgets.
     OnTarget,
+    /// Build the images of the unit for all boards, and check their sizes.
+    Unit,
+    /// Stream a flight to the unit in QEMU and to the virtual unit: nothing lost, nothing late, the same bits.
+    Hil {
+        /// Seconds of flight, at the rate of the recording.
+        #[arg(long, default_value_t = 30)]
+        seconds: u32,
+    },
 }
 
 fn main() -> ExitCode {
     let result = match Cli::parse().verb {
         Verb::Test => test::test(),
         Verb::OnTarget => on_target::on_target(),
+        Verb::Unit => unit::unit().map(|_| ()),
+        Verb::Hil { seconds } => hil::hil(seconds),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -1,7 +1,7 @@
 //! Running other programs, visibly.
 
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// What went wrong, in a sentence.
@@ -19,11 +19,21 @@ pub(crate) fn root() -> PathBuf {
 
 /// Runs a command in the root of the project; its output goes to the terminal.
 pub(crate) fn run(program: &str, arguments: &[&str]) -> Result<()> {
+    run_in(&root(), program, arguments, &[])
+}
+
+fn run_in(
+    folder: &Path,
+    program: &str,
+    arguments: &[&str],
+    variables: &[(&str, String)],
+) -> Result<()> {
     let line = format!("{program} {}", arguments.join(" "));
     say(&format!("$ {line}"));
     let status = Command::new(program)
         .args(arguments)
-        .current_dir(root())
+        .current_dir(folder)
+        .envs(variables.iter().map(|(name, value)| (name, value)))
         .status()
         .map_err(|error| format!("cannot start {program}: {error}"))?;
     if status.success() {
@@ -35,6 +45,15 @@ pub(crate) fn run(program: &str, arguments: &[&str]) -> Result<()> {
 
 /// Runs cargo with these arguments.
 pub(crate) fn cargo(arguments: &[&str]) -> Result<()> {
+    cargo_in(&root(), arguments, &[])
+}
+
+/// Runs cargo in a folder with these arguments and environment variables.
+pub(crate) fn cargo_in(
+    folder: &Path,
+    arguments: &[&str],
+    variables: &[(&str, String)],
+) -> Result<()> {
     let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned());
-    run(&cargo, arguments)
+    run_in(folder, &cargo, arguments, variables)
 }

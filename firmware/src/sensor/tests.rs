@@ -1,1 +1,95 @@
-//! Tests.
+//! Axes of the sensor and of the earth become those of the model.
+
+use bodyflight_core::xbus::{CoordinateSystem, DataId, MessageId, NumberFormat, PacketWriter};
+use std::vec::Vec;
+
+use super::*;
+
+fn packet(system: CoordinateSystem, wxyz: [f32; 4], turn: [f32; 3], velocity: [f32; 3]) -> Vec<u8> {
+    let mut bytes = [0; 128];
+    let mut writer = PacketWriter::new(&mut bytes, MessageId::MT_DATA2);
+    writer
+        .reals(
+            DataId::QUATERNION.with(system, NumberFormat::Float32),
+            &wxyz,
+        )
+        .unwrap();
+    writer.reals(DataId::RATE_OF_TURN, &turn).unwrap();
+    writer
+        .reals(
+            DataId::VELOCITY_XYZ.with(system, NumberFormat::Float32),
+            &velocity,
+        )
+        .unwrap();
+    let length = writer.finish().unwrap();
+    bytes[..length].to_vec()
+}
+
+#[test]
+fn every_earth_frame_is_turned_to_the_models() {
+    // The same attitude and velocity, 30 m/s to the north, as each kind of sensor tells them: X to the north.
+    let half = core::f32::consts::FRAC_1_SQRT_2;
+    for (system, wxyz, velocity) in [
+        (
+            CoordinateSystem::NorthWestUp,
+            [1.0, 0.0, 0.0, 0.0],
+            [30.0, 0.0, -50.0],
+        ),
+        (
+            CoordinateSystem::EastNorthUp,
+            [half, 0.0, 0.0, half],
+            [0.0, 30.0, -50.0],
+        ),
+        (
+            CoordinateSystem::NorthEastDown,
+            [0.0, 1.0, 0.0, 0.0],
+            [30.0, 0.0, 50.0],
+        ),
+    ] {
+        let mut sensor = Sensor::new();
+        let bytes = packet(system, wxyz, [0.1, 0.2, 0.3], velocity);
+        let (header, sample) = sensor.next(&mut bytes.as_slice(), 42).unwrap();
+        assert_eq!((header.sequence, header.time), (0, 42));
+        let turn = sample.inertial_from_body().quaternion().angle();
+        assert!(turn < 1e-3, "{system:?}: {turn}");
+        let found = sample.motion().velocity.unwrap().components;
+        assert!(
+            (found - Vector3::new(30.0, 0.0, -50.0)).norm() < 0.01,
+            "{system:?}: {found}"
+        );
+    }
+}
+
+#[test]
+fn the_mounting_turns_attitude_and_angular_velocity() {
+    // The sensor's X looks along the body's Z.
+    let body_from_sensor =
+        UnitQuaternion::from_axis_angle(&Vector3::y_axis(), -core::f32::consts::FRAC_PI_2);
+    let mut sensor = Sensor::new();
+    sensor.mount(body_from_sensor);
+    let bytes = packet(
+        CoordinateSystem::NorthWestUp,
+        [1.0, 0.0, 0.0, 0.0],
+        [1.0, 0.0, 0.0],
+        [0.0; 3],
+    );
+    let (_, sample) = sensor.next(&mut bytes.as_slice(), 0).unwrap();
+    let spin = sample.motion().angular_velocity.unwrap().components;
+    assert!((spin - Vector3::z()).norm() < 2e-3, "{spin}");
+    // The body's Z lies where the sensor's X does: to the north.
+    let up = sample.inertial_from_body().quaternion() * Vector3::z();
+    assert!((up - Vector3::x()).norm() < 1e-3, "{up}");
+}
+
+#[test]
+fn packets_without_an_attitude_are_no_samples() {
+    let mut bytes = [0; 64];
+    let mut writer = PacketWriter::new(&mut bytes, MessageId::MT_DATA2);
+    writer.reals(DataId::RATE_OF_TURN, &[0.0; 3]).unwrap();
+    let length = writer.finish().unwrap();
+    let mut sensor = Sensor::new();
+    assert!(sensor.next(&mut &bytes[..length], 0).is_none());
+    // Not a rotation at all.
+    let bytes = packet(CoordinateSystem::NorthWestUp, [0.0; 4], [0.0; 3], [0.0; 3]);
+    assert!(sensor.next(&mut bytes.as_slice(), 0).is_none());
+}

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use bodyflight::diagnostic::{Problem, Result};
 use bodyflight::flight::Flight;
+use bodyflight::monitor::defmt;
 use bodyflight::recording::Recording;
 use bodyflight::stream::connection::{DEFAULT_BAUD, Target};
 use bodyflight::stream::report::Report;
@@ -11,7 +12,7 @@ use bodyflight::stream::{Pace, Settings, stream};
 use bodyflight_core::link::fault::Faults;
 
 use super::simulate::Reading;
-use super::{estimate, terminal};
+use super::{estimate, monitor, terminal};
 
 /// Stream a flight to a unit, and compare its estimates with the same filter here, bit for bit.
 #[derive(clap::Args)]
@@ -134,6 +135,9 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
             frame.time - *start.get_or_insert(frame.time) <= seconds
         })
     });
+    // The image itself says what the unit's logs mean.
+    let table = args.qemu.as_deref().map(defmt::table).transpose()?;
+    let mut logs = table.as_ref().map(defmt::Decoder::new);
     let spinner = terminal::spinner("streaming");
     let report = stream(
         &flight,
@@ -152,10 +156,16 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
                 live.deadline_missed
             ));
         },
-        |_| {},
+        |bytes| {
+            for line in logs.iter_mut().flat_map(|logs| logs.push(bytes)) {
+                spinner.suspend(|| terminal::print_note(&monitor::text(&line)));
+            }
+        },
     );
     spinner.finish_and_clear();
-    let report = report?;
+    let mut report = report?;
+    report.log_lines = logs.as_ref().map(|logs| logs.lines);
+    report.log_malformed = logs.as_ref().map(|logs| logs.malformed);
     if json {
         terminal::print_json(&report)?;
     } else {

@@ -26,6 +26,23 @@ pub(super) fn print_json(value: &impl Serialize) -> Result<()> {
     Ok(())
 }
 
+/// Writes a value as one line of JSON.
+///
+/// # Errors
+/// Where the value cannot be written as JSON.
+pub(super) fn print_json_line(value: &impl Serialize) -> Result<()> {
+    let text = serde_json::to_string(value)
+        .map_err(|error| Problem::bad_input(format!("cannot write JSON: {error}")))?;
+    print(&text);
+    Ok(())
+}
+
+/// Writes a line to standard error: what is not part of the result.
+pub(super) fn print_note(text: &str) {
+    let mut err = std::io::stderr().lock();
+    let _ = writeln!(err, "{text}");
+}
+
 /// Writes a problem to standard error, with its help.
 pub(super) fn print_problem(problem: Problem) {
     let mut err = std::io::stderr().lock();

@@ -167,6 +167,10 @@ pub struct Report {
     pub refused: u64,
     /// Counters of the unit.
     pub unit: UnitCounters,
+    /// Lines of the unit's log, where it was read.
+    pub log_lines: Option<u64>,
+    /// Log frames that could not be read.
+    pub log_malformed: Option<u64>,
 }
 
 impl Report {
@@ -194,6 +198,8 @@ impl Report {
             accounted: status.map_or(0, accounted),
             refused: session.line.refused,
             unit,
+            log_lines: None,
+            log_malformed: None,
         }
     }
 

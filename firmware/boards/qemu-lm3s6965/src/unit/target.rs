@@ -1,12 +1,12 @@
 //! The image: ports, clock, watch over faults, and the application on top.
 
-mod faults;
 mod time;
 mod uart;
 
 use core::cell::RefCell;
 use core::sync::atomic::{AtomicBool, Ordering};
 
+use bodyflight_cortex_m::faults;
 use bodyflight_firmware::{Board, Unit, run};
 use cortex_m::peripheral::{Peripherals, SYST};
 use cortex_m_rt::entry;
@@ -42,16 +42,6 @@ impl Board for Lm3s6965 {
     }
 }
 
-/// The first bytes of the source revision.
-fn build() -> [u8; 8] {
-    let mut build = [0; 8];
-    let revision = option_env!("BODYFLIGHT_REVISION").unwrap_or_default();
-    for (place, byte) in build.iter_mut().zip(revision.bytes()) {
-        *place = byte;
-    }
-    build
-}
-
 static EXECUTOR: StaticCell<Executor> = StaticCell::new();
 static UNIT: StaticCell<RefCell<Unit<Lm3s6965>>> = StaticCell::new();
 /// The executor has work.
@@ -84,7 +74,7 @@ fn main() -> ! {
         }
     }
     // The counter is somewhere else at each start of the machine.
-    let identity = record.identity(build(), SYST::get_current() << 8);
+    let identity = record.identity(faults::build(), SYST::get_current() << 8);
     let unit = UNIT.init_with(|| RefCell::new(Unit::new(Lm3s6965, identity)));
     let executor = EXECUTOR.init_with(|| Executor::new(core::ptr::null_mut()));
     match application(unit) {

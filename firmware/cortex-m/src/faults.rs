@@ -31,8 +31,18 @@ fn store(record: &Record) {
     critical_section::with(|token| RECORD.borrow(token).set(words));
 }
 
+/// The first bytes of the source revision that the image was built from, zero where unknown.
+pub fn build() -> [u8; 8] {
+    let mut build = [0; 8];
+    let revision = option_env!("BODYFLIGHT_REVISION").unwrap_or_default();
+    for (place, byte) in build.iter_mut().zip(revision.bytes()) {
+        *place = byte;
+    }
+    build
+}
+
 /// Counts this start and tells what is known of those before.
-pub(super) fn begin() -> Record {
+pub fn begin() -> Record {
     let mut record = load();
     record.start();
     store(&record);
@@ -43,7 +53,7 @@ pub(super) fn begin() -> Record {
 static SEQUENCE: AtomicU32 = AtomicU32::new(0);
 
 /// Notes the sample in work.
-pub(super) fn note(sequence: u32) {
+pub fn note(sequence: u32) {
     SEQUENCE.store(sequence, Ordering::Relaxed);
 }
 
@@ -67,7 +77,7 @@ unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
 }
 
 /// Bytes of stack that were never touched.
-pub(super) fn stack_free() -> u32 {
+pub fn stack_free() -> u32 {
     #[allow(
         unsafe_code,
         reason = "the linker's mark of the lowest address of the stack"
