@@ -14,8 +14,8 @@ use std::time::Instant;
 use bodyflight_core::frame::{Rotation, Vector};
 use bodyflight_core::link::fault::Random;
 use bodyflight_core::link::{
-    Credit, Decoder, Estimate, Event, Header, MAX_FRAME_LENGTH, Message, Motion, Sample, Stop,
-    TimeSync,
+    Credit, Decoder, Estimate, EstimateFlags, Event, Header, MAX_FRAME_LENGTH, Message, Motion,
+    Sample, Stop, TimeSync,
 };
 use bodyflight_core::{Posture, Segment};
 
@@ -79,7 +79,7 @@ fn any_message(random: &mut Random) -> Sent {
     let mut value = || signed_unit(random);
     let estimate = Estimate {
         sample_sequence: 1,
-        flags: 1,
+        flags: EstimateFlags::VALID,
         state: core::array::from_fn(|_| value()),
         variance: core::array::from_fn(|_| value().abs()),
         measurement: core::array::from_fn(|_| value()),

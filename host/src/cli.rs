@@ -4,6 +4,7 @@ mod demo;
 mod estimate;
 mod inspect;
 mod monitor;
+mod mvn;
 mod ports;
 mod simulate;
 mod stream;
@@ -48,6 +49,7 @@ enum Verb {
     Unit(unit::Args),
     Ports(ports::Args),
     Monitor(monitor::Args),
+    Mvn(mvn::Args),
 }
 
 /// Runs the verb that the arguments ask for.
@@ -77,5 +79,6 @@ fn run(cli: &Cli) -> Result<()> {
         Verb::Unit(args) => unit::run(args),
         Verb::Ports(args) => ports::run(args, cli.json),
         Verb::Monitor(args) => monitor::run(args, cli.json),
+        Verb::Mvn(args) => mvn::run(args, cli.json),
     }
 }

@@ -8,6 +8,7 @@ pub mod input_history;
 pub mod inspect;
 pub mod interrupt;
 pub mod monitor;
+pub mod mvn_network;
 pub mod mvnx;
 pub mod output;
 pub mod plot;

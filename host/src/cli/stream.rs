@@ -1,11 +1,12 @@
 //! `bodyflight stream`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use bodyflight::diagnostic::{Problem, Result};
 use bodyflight::flight::Flight;
 use bodyflight::monitor::defmt;
-use bodyflight::recording::Recording;
+use bodyflight::mvn_network::Source;
+use bodyflight::recording::{FlightFrame, Recording};
 use bodyflight::stream::connection::{DEFAULT_BAUD, Target};
 use bodyflight::stream::report::Report;
 use bodyflight::stream::{Pace, Settings, stream};
@@ -21,11 +22,19 @@ use super::{estimate, monitor, terminal};
     after_help = "Exit code 4: an estimate differs, or a sample was lost that was not harmed on purpose.\n\n\
                   Examples:\n  bodyflight stream flight.toml --virtual\n  \
                   bodyflight stream flight.toml --port /dev/ttyACM0 --speed max\n  \
-                  bodyflight stream flight.toml --qemu --drop 0.05 --corrupt 0.05 --reorder 0.02"
+                  bodyflight stream flight.toml --qemu --drop 0.05 --corrupt 0.05 --reorder 0.02\n  \
+                  bodyflight stream --mvn :9763 --port /dev/ttyACM0"
 )]
 pub(super) struct Args {
-    /// A flight.toml, or an MVNX file alone.
-    flight: PathBuf,
+    /// A flight.toml, or an MVNX file alone; with --mvn the flight whose subject and air are meant.
+    #[arg(required_unless_present = "mvn")]
+    flight: Option<PathBuf>,
+    /// Listen to the network stream of MVN instead of a recording.
+    #[arg(long, value_name = "HOST:PORT", conflicts_with_all = ["speed", "seconds"])]
+    mvn: Option<String>,
+    /// Samples a second of that stream.
+    #[arg(long, value_name = "HZ", default_value_t = 240.0)]
+    rate: f64,
     /// The unit's serial port; `bodyflight ports` lists them.
     #[arg(long, group = "target", value_name = "DEVICE")]
     port: Option<PathBuf>,
@@ -79,6 +88,9 @@ impl Args {
     }
 
     fn pace(&self) -> Result<Pace> {
+        if self.mvn.is_some() {
+            return Ok(Pace::Source);
+        }
         let wrong = || {
             Problem::bad_input(format!(
                 "expected --speed of 0.01 to 100, or max, found {}",
@@ -125,7 +137,15 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         faults: args.faults()?,
         seed: args.seed,
     };
-    let flight = Flight::read(&args.flight)?;
+    let flight = match &args.flight {
+        Some(path) => Flight::read(path)?,
+        None => Flight::bare(Path::new("MVN")),
+    };
+    if let Some(address) = &args.mvn {
+        let source = Source::bind(address)?;
+        terminal::print_note(&format!("listening to MVN at {}", source.address()));
+        return run_frames(args, json, &flight, args.rate, source, &settings);
+    }
     let recording = Recording::open(&flight.recording, args.reading.options())?;
     let frame_rate = recording.header().frame_rate;
     let seconds = args.seconds.unwrap_or(f64::INFINITY);
@@ -135,15 +155,26 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
             frame.time - *start.get_or_insert(frame.time) <= seconds
         })
     });
+    run_frames(args, json, &flight, frame_rate, frames, &settings)
+}
+
+fn run_frames(
+    args: &Args,
+    json: bool,
+    flight: &Flight,
+    frame_rate: f64,
+    frames: impl Iterator<Item = Result<FlightFrame>>,
+    settings: &Settings,
+) -> Result<()> {
     // The image itself says what the unit's logs mean.
     let table = args.qemu.as_deref().map(defmt::table).transpose()?;
     let mut logs = table.as_ref().map(defmt::Decoder::new);
     let spinner = terminal::spinner("streaming");
     let report = stream(
-        &flight,
+        flight,
         frame_rate,
         frames,
-        &settings,
+        settings,
         |live| {
             spinner.set_message(format!(
                 "{:.0} s, {} sent, {} estimates, {:.1} ms, missing {}, dropped {}, late {}",

@@ -169,6 +169,11 @@ impl Session {
 
     /// Sends configuration and segment table until the unit holds both.
     pub(super) fn configure(&mut self, configure: Configure, table: &SegmentTable) -> Result<()> {
+        // The unit may hold the table of an earlier host; the twin never does.
+        for row in table.rows() {
+            let frame = self.line.frame(self.number, *row);
+            self.twin.receive(&frame);
+        }
         let mut verdict = Verdict::Incomplete;
         for _ in 0..ATTEMPTS {
             let answer = self.ask_configured(configure)?;

@@ -1,0 +1,175 @@
+//! Streaming with the real binary to a unit behind a pseudo-terminal.
+#![expect(clippy::expect_used, reason = "tests may panic: that is how they fail")]
+
+use std::io::{BufRead, BufReader, Write};
+use std::path::Path;
+use std::process::{Child, Command, Output, Stdio};
+use std::time::Duration;
+
+use serde_json::Value;
+
+fn bodyflight() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_bodyflight"))
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// A synthetic flight; its `flight.toml`.
+fn flight(folder: &Path) -> String {
+    let out = folder.join("flight");
+    let output = bodyflight()
+        .args(["synth", "rotations", "--seed", "3", "--out"])
+        .arg(&out)
+        .output()
+        .expect("the binary starts");
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    out.join("flight.toml").display().to_string()
+}
+
+fn stream(arguments: &[&str]) -> Output {
+    bodyflight()
+        .args(["stream", "--json"])
+        .args(arguments)
+        .output()
+        .expect("the binary starts")
+}
+
+fn report(output: &Output) -> Value {
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    serde_json::from_slice(&output.stdout).expect("standard output is JSON")
+}
+
+/// `bodyflight unit`, ended with the test.
+struct Unit {
+    process: Child,
+    port: String,
+}
+
+impl Unit {
+    fn start() -> Self {
+        let mut process = bodyflight()
+            .arg("unit")
+            .stdout(Stdio::piped())
+            .spawn()
+            .expect("the binary starts");
+        let output = process.stdout.take().expect("it is piped");
+        let mut port = String::new();
+        BufReader::new(output)
+            .read_line(&mut port)
+            .expect("it prints its port");
+        Self {
+            process,
+            port: port.trim().to_owned(),
+        }
+    }
+}
+
+impl Drop for Unit {
+    fn drop(&mut self) {
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
+
+#[test]
+fn estimates_are_the_desktops_bit_for_bit() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let flight = flight(folder.path());
+    let report = report(&stream(&[&flight, "--virtual", "--seconds", "2"]));
+    assert_eq!(report["sent"], 481);
+    assert_eq!(report["estimates"]["expected"], 106);
+    assert_eq!(report["estimates"]["equal"], 106);
+    assert_eq!(report["unit"]["used"], 481);
+    assert_eq!(report["unit"]["missing"], 0);
+    let wall = report["wall_s"].as_f64().expect("a number");
+    assert!((2.0..3.5).contains(&wall), "{wall} s");
+}
+
+#[test]
+fn faults_are_counted_and_the_desktop_agrees() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let flight = flight(folder.path());
+    let faults = ["--drop", "0.05", "--corrupt", "0.05", "--reorder", "0.02"];
+    for seed in ["1", "2", "3"] {
+        let arguments = [&flight, "--virtual", "--speed", "max", "--seed", seed];
+        let report = report(&stream(&[&arguments[..], &faults].concat()));
+        let count = |path: [&str; 2]| report[path[0]][path[1]].as_u64().expect("a count");
+        let harmed = count(["harmed", "dropped"]) + count(["harmed", "corrupted"]);
+        assert!(harmed > 100);
+        assert_eq!(count(["unit", "missing"]), harmed);
+        assert_eq!(report["accounted"], report["sent"]);
+        assert_eq!(
+            count(["estimates", "equal"]),
+            count(["estimates", "expected"])
+        );
+    }
+}
+
+#[test]
+fn a_unit_outlives_its_hosts() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let flight = flight(folder.path());
+    let unit = Unit::start();
+    let arguments = [&flight, "--port", &unit.port, "--speed", "max"];
+    for _ in 0..3 {
+        // A host that is killed in mid-stream, then one that begins anew on the same port.
+        let mut killed = bodyflight()
+            .args(["stream", &flight, "--port", &unit.port])
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .expect("the binary starts");
+        std::thread::sleep(Duration::from_millis(400));
+        killed.kill().expect("it runs");
+        killed.wait().expect("it ends");
+        // What somebody else writes to the port in between.
+        let mut port = std::fs::OpenOptions::new()
+            .write(true)
+            .open(&unit.port)
+            .expect("the port opens");
+        port.write_all(b"AT\r\nATI\r\n\0\0\x01garbage")
+            .expect("it takes bytes");
+        drop(port);
+        let report = report(&stream(&arguments));
+        assert_eq!(
+            report["estimates"]["equal"],
+            report["estimates"]["expected"]
+        );
+        assert_eq!(report["lost"], 0);
+    }
+}
+
+#[test]
+fn what_is_wrong_is_told() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let flight = flight(folder.path());
+    for (arguments, code, part) in [
+        (vec!["--port", "/dev/no-such-port"], 3, "bodyflight ports"),
+        (vec!["--qemu", "no-such-image"], 3, "no-such-image"),
+        (vec!["--virtual", "--speed", "0"], 2, "--speed"),
+        (vec!["--virtual", "--drop", "2"], 2, "--drop"),
+        (vec!["--virtual", "--preset", "x"], 2, "preset"),
+        (vec![], 2, "--virtual"),
+    ] {
+        let output = stream(&[&[flight.as_str()][..], &arguments].concat());
+        let message = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(code), "{arguments:?}: {message}");
+        assert!(message.contains(part), "{arguments:?}: {message}");
+    }
+}
+
+#[test]
+fn a_port_that_is_no_unit_is_told() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let flight = flight(folder.path());
+    // A terminal at which nobody answers.
+    let (_silent, port) = serialport::TTYPort::pair().expect("a pseudo-terminal");
+    let name = serialport::SerialPort::name(&port).expect("it has a name");
+    drop(port);
+    let output = stream(&[&flight, "--port", &name]);
+    assert_eq!(output.status.code(), Some(3));
+    let message = text(&output.stderr);
+    assert!(message.contains("does not answer"), "{message}");
+}
