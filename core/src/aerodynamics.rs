@@ -193,7 +193,12 @@ impl<T: Real> ExposedSegment<T> {
     /// (coeffCl), (cm), in the form of model.md.
     #[inline]
     pub fn load(&self, direction: &Vector3<T>) -> SegmentLoad<T> {
-        let exposed_area = self.exposed_area(direction);
+        self.load_on_area(direction, self.exposed_area(direction))
+    }
+
+    /// [`ExposedSegment::load`] with the exposed area (m2) known for this direction.
+    #[inline]
+    pub fn load_on_area(&self, direction: &Vector3<T>, exposed_area: T) -> SegmentLoad<T> {
         // The component along y of paper eq. (unityVloclimb).
         let normal = self.dorsal.dot(direction);
         let across = self.lift_area * normal;

@@ -83,19 +83,27 @@ impl<T: Real> CompiledAerodynamics<T> {
     /// Force and moment on the body, as [`super::total_load`].
     #[inline]
     pub fn total_load(&self, flow: &Flow<T>) -> Loads<T> {
+        self.total_load_and_areas(flow).0
+    }
+
+    /// [`CompiledAerodynamics::total_load`], and the exposed area of each segment (m2) for who needs it again.
+    #[inline]
+    pub fn total_load_and_areas(&self, flow: &Flow<T>) -> (Loads<T>, SegmentArray<T>) {
         let mut drag = Drag {
             exposed_area: T::zero(),
             area: T::zero(),
             centre: Vector3::zeros(),
         };
-        for segment in self.segments.values() {
+        let mut areas = SegmentArray::from_fn(|_| T::zero());
+        for (segment, (_, place)) in self.segments.values().zip(areas.iter_mut()) {
             let area = segment.exposed_area(&flow.direction);
+            *place = area;
             drag.exposed_area += area;
             let drag_area = segment.drag * area;
             drag.area += drag_area;
             drag.centre += segment.centre * drag_area;
         }
-        self.forms.load(flow, &drag)
+        (self.forms.load(flow, &drag), areas)
     }
 
     /// The form for streams from about `direction` (unit vector, body axes).

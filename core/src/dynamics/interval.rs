@@ -88,11 +88,12 @@ impl<T: Real> Interval<T> for PostureSample<T> {
         density: T,
     ) -> (Loads<T>, Vector3<T>) {
         let flow = Flow::new(velocity_through_air, density);
-        let mut loads = self.aerodynamics.total_load(&flow);
+        let (mut loads, areas) = self.aerodynamics.total_load_and_areas(&flow);
         let muscle = muscle_load(
             &dynamics.muscles,
             &inputs.muscle,
             &self.aerodynamics.segments,
+            &areas,
             &flow,
             dynamics.body.height,
         );

@@ -188,21 +188,24 @@ pub struct GroupMoments<T>(
 impl<T: Real> GroupMoments<T> {
     /// Sums the limbs. `M_atot` of a limb is its `r x F + M` (no sum, see model.md's list of misprints).
     ///
-    /// Groups whose input is zero are left at zero. Cost: one segment load for each limb of the others.
+    /// `areas` are the exposed areas (m2) in this flow. Groups whose input is zero are left at zero.
     #[inline]
     pub fn of(
         model: &MuscleModel,
         input: &MuscleInput<T>,
         segments: &SegmentArray<ExposedSegment<T>>,
+        areas: &SegmentArray<T>,
         flow: &Flow<T>,
     ) -> Self {
         let mut moments = [T::zero(); GROUPS];
         let groups = model.groups();
-        for (segment, exposed) in segments.iter() {
-            if !model.acts(segment, input) {
+        let acting = model.acting(input);
+        for ((segment, exposed), &area) in segments.iter().zip(areas.values()) {
+            if !acting.contains(segment) {
                 continue;
             }
-            let moment = exposed.load(&flow.direction).moment * flow.dynamic_pressure;
+            let load = exposed.load_on_area(&flow.direction, area);
+            let moment = load.moment * flow.dynamic_pressure;
             for (sum, (limbs, axis)) in moments.iter_mut().zip(groups) {
                 if limbs.contains(segment) {
                     *sum += moment[axis];
@@ -232,12 +235,14 @@ impl<T: Real> GroupMoments<T> {
     }
 }
 
-/// Muscle moment and force, paper eqs. (eq1) and (eq1_1), body axes; `height` is the stature (m).
+/// Muscle moment and force, paper eqs. (eq1) and (eq1_1), body axes; `areas` are the exposed areas (m2) in this
+/// flow, `height` is the stature (m).
 #[inline]
 pub fn muscle_load<T: Real>(
     model: &MuscleModel,
     input: &MuscleInput<T>,
     segments: &SegmentArray<ExposedSegment<T>>,
+    areas: &SegmentArray<T>,
     flow: &Flow<T>,
     height: T,
 ) -> MuscleLoad<T> {
@@ -247,7 +252,7 @@ pub fn muscle_load<T: Real>(
             moment: Vector3::zeros(),
         };
     }
-    GroupMoments::of(model, input, segments, flow).load(input, &model.levers(height))
+    GroupMoments::of(model, input, segments, areas, flow).load(input, &model.levers(height))
 }
 
 impl MuscleModel {
@@ -272,15 +277,25 @@ impl MuscleModel {
             .map(|share| T::one() / (T::single(share) * height))
     }
 
-    /// Whether `segment` takes part in an input that is not zero.
+    /// The segments that take part in inputs that are not zero.
     #[inline]
-    fn acts<T: Real>(&self, segment: Segment, input: &MuscleInput<T>) -> bool {
-        let zero = T::zero();
+    fn acting<T: Real>(&self, input: &MuscleInput<T>) -> Limbs {
         let yaw = self.upper_proximal.and(self.lower_proximal);
         let yaw = yaw.and(self.right_distal).and(self.left_distal);
-        (input.pitch != zero && self.center.contains(segment))
-            || (input.yaw != zero && yaw.contains(segment))
-            || (input.roll != zero && self.right.and(self.left).contains(segment))
+        let parts = [
+            (input.pitch, self.center),
+            (input.yaw, yaw),
+            (input.roll, self.right.and(self.left)),
+        ];
+        parts
+            .into_iter()
+            .fold(Limbs::NONE, |acting, (input, limbs)| {
+                if input == T::zero() {
+                    acting
+                } else {
+                    acting.and(limbs)
+                }
+            })
     }
 }
 
@@ -307,9 +322,11 @@ mod tests {
         ) {
             let segments = exposed(&posture);
             let flow = Flow::new(&Vector3::from(velocity), 1.0);
+            let areas = segments.map(|_, segment| segment.exposed_area(&flow.direction));
             for (_, model) in MODELS {
                 let load = |yaw, pitch, roll| {
-                    muscle_load(&model, &MuscleInput { yaw, pitch, roll }, &segments, &flow, 1.75)
+                    let input = MuscleInput { yaw, pitch, roll };
+                    muscle_load(&model, &input, &segments, &areas, &flow, 1.75)
                 };
                 let whole = load(a[0], a[1], a[2]);
                 let parts = [load(a[0], 0.0, 0.0), load(0.0, a[1], 0.0), load(0.0, 0.0, a[2])];
@@ -329,7 +346,8 @@ mod tests {
             pitch: 1.0,
             ..MuscleInput::none()
         };
-        let load = muscle_load(&LAYOUTS, &input, &segments, &flow, 1.75);
+        let areas = segments.map(|_, segment| segment.exposed_area(&flow.direction));
+        let load = muscle_load(&LAYOUTS, &input, &segments, &areas, &flow, 1.75);
         let felt: f64 = [
             Segment::LeftThigh,
             Segment::RightThigh,
