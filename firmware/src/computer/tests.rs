@@ -49,7 +49,8 @@ fn whole_samples_give_what_the_estimator_gives() {
     assert_eq!(found.len(), expected.len());
     assert!(found.len() > 40);
     for (found, expected) in found.iter().zip(&expected) {
-        assert_eq!(found.state, <[f32; 6]>::from(expected.state));
+        let bits = |state: [f32; 6]| state.map(f32::to_bits);
+        assert_eq!(bits(found.state), bits(expected.state.into()));
         assert_eq!(
             found.nis.to_bits(),
             expected.normalised_innovation.to_bits()

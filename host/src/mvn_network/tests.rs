@@ -37,7 +37,7 @@ fn datagrams(count: u64) -> Vec<Vec<u8>> {
 fn same(found: &FlightFrame, sent: &FlightFrame) {
     for segment in Segment::ALL {
         let [a, b] = [&found.posture, &sent.posture].map(|p| p.parent_from_segment(segment));
-        assert!(a.angle_to(&b) < 1e-6, "{segment:?}");
+        assert!(a.angle_to(b) < 1e-6, "{segment:?}");
     }
     let attitude = |frame: &FlightFrame| *frame.pelvis.inertial_from_body.quaternion();
     assert!(attitude(found).angle_to(&attitude(sent)) < 1e-6);
