@@ -3,7 +3,7 @@
 //! ```toml
 //! [[effect]]
 //! name = "wind"
-//! north_m_s = 3.5
+//! north_mps = 3.5
 //! ```
 //! Parameters that are not given keep the value at which they do nothing.
 
@@ -116,7 +116,7 @@ mod tests {
     #[test]
     fn effects_change_the_model() {
         let effects = parse(
-            "[[effect]]\nname = \"wind\"\nnorth_m_s = 3\n[[effect]]\nname = \"damping\"\nyaw_factor = -0.5",
+            "[[effect]]\nname = \"wind\"\nnorth_mps = 3\n[[effect]]\nname = \"damping\"\nyaw_factor = -0.5",
         )
         .unwrap();
         let plain = Dynamics::paper(Subject::default().body(), 1.0);

@@ -17,7 +17,7 @@ const fn speed(name: &'static str) -> Parameter {
 pub const WIND: Description = Description {
     name: "wind",
     form: "velocity added to that of the air",
-    parameters: &[speed("north_m_s"), speed("west_m_s")],
+    parameters: &[speed("north_mps"), speed("west_mps")],
     source: "model.md: forces depend on the velocity through the air",
     signature: "horizontal force along one direction over ground, whatever the heading",
     confused_with: &["lift"],
