@@ -107,6 +107,8 @@ impl EffectTable {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use nalgebra::Vector3;
+
     use crate::subject::Subject;
 
     fn parse(text: &str) -> Result<Effects> {
@@ -122,9 +124,9 @@ mod tests {
         let plain = Dynamics::paper(Subject::default().body(), 1.0);
         let model = effects.applied(plain).unwrap();
         let wind = model.dynamics.air.velocity.components;
-        assert_eq!([wind.x, wind.y, wind.z], [3.0, 0.0, 0.0]);
+        assert_eq!(wind, Vector3::new(3.0, 0.0, 0.0));
         let factor = model.damping_factor;
-        assert_eq!([factor.x, factor.y, factor.z], [1.0, -0.5, 1.0]);
+        assert_eq!(factor, Vector3::new(1.0, -0.5, 1.0));
         assert_eq!(model.dynamics.body, plain.body);
     }
 
