@@ -7,6 +7,7 @@ use std::time::Instant;
 use bodyflight_core::body::mass_properties::PostureRate;
 use bodyflight_core::dynamics::free_run::FreeRun;
 use bodyflight_core::dynamics::{Dynamics, Inputs, Motion};
+use bodyflight_core::effect::Model;
 use bodyflight_core::observation::Observation;
 use bodyflight_core::{Posture, Real};
 use serde::Serialize;
@@ -120,6 +121,7 @@ pub fn simulate<T: Real>(
 /// The model beside a recording, frame by frame.
 pub struct Follower<'a, T: Real> {
     flight: &'a Flight,
+    model: Model<f64>,
     dynamics: Dynamics<T>,
     run: FreeRun<T>,
     time: f64,
@@ -127,7 +129,8 @@ pub struct Follower<'a, T: Real> {
 }
 
 impl<'a, T: Real> Follower<'a, T> {
-    /// Starts at `first`, whose joints move towards `second`.
+    /// Starts at `first`, whose joints move towards `second`; `dynamics` is the model before the effects of
+    /// the flight.
     ///
     /// # Errors
     /// Where `first` has no velocity or angular velocity.
@@ -137,13 +140,15 @@ impl<'a, T: Real> Follower<'a, T> {
         first: &FlightFrame,
         second: &FlightFrame,
     ) -> Result<Self> {
-        let dynamics = dynamics.cast::<T>();
+        let model = flight.effects.applied(*dynamics)?;
+        let dynamics = model.dynamics.cast::<T>();
         let rate = rate(&first.posture, &second.posture, second.time - first.time);
         let motion = measured_motion(first)?.cast();
         let posture = first.posture.cast();
         let run = FreeRun::new(&dynamics, flight.equations, &motion, &posture, &rate);
         Ok(Self {
             flight,
+            model,
             dynamics,
             run,
             time: first.time,
@@ -166,7 +171,7 @@ impl<'a, T: Real> Follower<'a, T> {
         };
         self.run.advance(
             &self.dynamics,
-            &inputs.cast(),
+            &self.model.inputs(&inputs).cast(),
             &frame.posture.cast(),
             T::of(duration),
         );

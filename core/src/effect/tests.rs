@@ -1,0 +1,119 @@
+//! Tests of the library as a whole.
+
+use super::*;
+use crate::Posture;
+use crate::body::mass_properties::PostureRate;
+use crate::dynamics::Motion;
+use crate::dynamics::free_run::{Equations, FreeRun};
+use crate::frame::{Rotation, Vector};
+use crate::test_body::reference_body;
+use proptest::prelude::*;
+
+fn plain() -> Model<f64> {
+    Model::new(Dynamics::paper(reference_body(), 1.0))
+}
+
+/// Motion after two seconds of a fall that turns about all axes.
+fn flown(model: &Model<f64>) -> Motion<f64> {
+    let (posture, rate) = (Posture::h_pose(), PostureRate::zero());
+    let start = Motion {
+        inertial_from_body: Rotation::from_quaternion(nalgebra::UnitQuaternion::from_euler_angles(
+            1.3, 0.2, 0.1,
+        )),
+        position: Vector::zero(),
+        velocity: Vector::new(2.0, -45.0, 5.0),
+        angular_velocity: Vector::new(0.2, 0.5, -0.1),
+    };
+    let dynamics = &model.dynamics;
+    let mut run = FreeRun::new(dynamics, Equations::Exact, &start, &posture, &rate);
+    let inputs = model.inputs(&Inputs::belly_turn());
+    for _ in 0..480 {
+        run.advance(dynamics, &inputs, &posture, 1.0 / 240.0);
+    }
+    run.motion(dynamics, &rate)
+}
+
+#[test]
+fn descriptions_are_complete_and_name_each_other() {
+    for effect in Effect::ALL {
+        let description = effect.description();
+        assert_eq!(Effect::from_name(description.name), Some(effect));
+        assert!((1..=PARAMETER_COUNT).contains(&description.parameters.len()));
+        for parameter in description.parameters {
+            assert!(parameter.low < parameter.neutral && parameter.neutral < parameter.high);
+        }
+        for name in description.confused_with {
+            let rival = Effect::from_name(name);
+            assert!(rival.is_some_and(|rival| rival != effect), "{name}");
+        }
+    }
+}
+
+#[test]
+fn neutral_values_keep_every_bit() {
+    for effect in Effect::ALL {
+        let mut model = plain();
+        effect.apply(&effect.neutral(), &mut model).unwrap();
+        assert_eq!(flown(&model), flown(&plain()), "{effect:?}");
+    }
+}
+
+#[test]
+fn every_parameter_moves_the_flight() {
+    for effect in Effect::ALL {
+        for (index, parameter) in effect.description().parameters.iter().enumerate() {
+            let mut values = effect.neutral();
+            values[index] += 0.2 * (parameter.high - parameter.neutral);
+            let mut model = plain();
+            effect.apply(&values, &mut model).unwrap();
+            let (with, without) = (flown(&model), flown(&plain()));
+            let gap = (with.velocity.components - without.velocity.components).norm()
+                + (with.angular_velocity.components - without.angular_velocity.components).norm();
+            assert!(gap > 1e-4, "{effect:?} {}: {gap}", parameter.name);
+        }
+    }
+}
+
+#[test]
+fn implausible_values_are_refused_and_change_nothing() {
+    for effect in Effect::ALL {
+        let last = effect.description().parameters.len() - 1;
+        for bad in [f64::NAN, f64::INFINITY, -1e3] {
+            let mut values = effect.neutral();
+            values[last] = bad;
+            let mut model = plain();
+            let error = effect.apply(&values, &mut model).unwrap_err();
+            assert_eq!(error.parameter, &effect.description().parameters[last]);
+            assert_eq!(model, plain());
+        }
+    }
+}
+
+proptest! {
+    #[test]
+    fn the_order_of_effects_does_not_matter(
+        first in 0..Effect::ALL.len(),
+        second in 0..Effect::ALL.len(),
+        share in 0.0f64..1.0,
+    ) {
+        let values = |effect: Effect| {
+            let mut values = effect.neutral();
+            for (value, parameter) in values.iter_mut().zip(effect.description().parameters) {
+                *value += share * 0.5 * (parameter.high - parameter.neutral);
+            }
+            values
+        };
+        let applied = |order: [usize; 2]| {
+            let mut model = plain();
+            for effect in order.map(|index| Effect::ALL[index]) {
+                effect.apply(&values(effect), &mut model).unwrap();
+            }
+            model
+        };
+        let (one, other) = (applied([first, second]), applied([second, first]));
+        prop_assert!((one.dynamics.body.mass() - other.dynamics.body.mass()).abs() < 1e-9);
+        prop_assert_eq!(one.dynamics.aerodynamics, other.dynamics.aerodynamics);
+        prop_assert_eq!(one.dynamics.air, other.dynamics.air);
+        prop_assert_eq!(one.inputs(&Inputs::belly_turn()), other.inputs(&Inputs::belly_turn()));
+    }
+}
