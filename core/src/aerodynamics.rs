@@ -15,6 +15,7 @@
 
 pub mod arch;
 pub mod compiled;
+pub mod stream;
 
 use nalgebra::Vector3;
 
@@ -40,6 +41,8 @@ pub enum ArchFactor<T> {
     Fixed(T),
     /// From the arch area of the posed body.
     FromPosture,
+    /// The same, its distance from one this many times as large.
+    Scaled(T),
 }
 
 /// Parameters of the aerodynamic model.
@@ -93,6 +96,7 @@ impl<T: Real> Aerodynamics<T> {
             arch: match self.arch {
                 ArchFactor::Fixed(factor) => ArchFactor::Fixed(scalar(factor)),
                 ArchFactor::FromPosture => ArchFactor::FromPosture,
+                ArchFactor::Scaled(scale) => ArchFactor::Scaled(scalar(scale)),
             },
         }
     }
@@ -233,6 +237,10 @@ pub fn expose<T: Real>(
     let arch_factor = match aerodynamics.arch {
         ArchFactor::Fixed(factor) => factor,
         ArchFactor::FromPosture => arch::arch_factor(arch::arch_area(body, posed)),
+        ArchFactor::Scaled(scale) => {
+            let factor = arch::arch_factor(arch::arch_area(body, posed));
+            T::one() + scale * (factor - T::one())
+        }
     };
     SegmentArray::from_fn(|segment| {
         let (parameters, placed) = (&body.segments[segment], &posed[segment]);

@@ -16,6 +16,15 @@ pub enum Density<T> {
         /// Altitude of the inertial origin above sea level (m).
         origin_altitude: T,
     },
+    /// Changes with the height by the same share for each metre.
+    Linear {
+        /// Density at the reference height (kg/m3).
+        density: T,
+        /// Reference height (m, inertial).
+        height: T,
+        /// Share by which it grows for each metre up (1/m).
+        slope: T,
+    },
 }
 
 impl<T: Real> Density<T> {
@@ -25,6 +34,15 @@ impl<T: Real> Density<T> {
             Self::Constant(density) => density,
             Self::StandardAtmosphere { origin_altitude } => {
                 standard_density(origin_altitude + height)
+            }
+            Self::Linear {
+                density,
+                height: reference,
+                slope,
+            } => {
+                // Never negative, however far the fall goes.
+                let share = T::one() + slope * (height - reference);
+                density * clamp(share, T::of(0.05), T::of(20.0))
             }
         }
     }
@@ -49,6 +67,9 @@ pub struct Air<T: Real> {
     pub density: Density<T>,
     /// Velocity of the air (m/s): wind, or the upward stream of a tunnel.
     pub velocity: Vector<T, Inertial>,
+    /// Share of the velocity that is lost for each square metre of horizontal distance from the vertical axis
+    /// through the origin (1/m2): the profile of a tunnel, zero for a wind.
+    pub profile: T,
 }
 
 impl<T: Real> Air<T> {
@@ -57,7 +78,20 @@ impl<T: Real> Air<T> {
         Self {
             density: Density::Constant(density),
             velocity: Vector::zero(),
+            profile: T::zero(),
         }
+    }
+
+    /// Velocity of the air at a place (m, inertial).
+    #[inline]
+    pub fn velocity_at(&self, position: &Vector<T, Inertial>) -> Vector<T, Inertial> {
+        if self.profile == T::zero() {
+            return self.velocity;
+        }
+        let place = &position.components;
+        let loss = self.profile * (place.x * place.x + place.y * place.y);
+        let share = clamp(T::one() - loss, T::zero(), T::of(2.0));
+        Vector::from_components(self.velocity.components * share)
     }
 
     /// The same air in another precision.
@@ -69,8 +103,18 @@ impl<T: Real> Air<T> {
                 Density::StandardAtmosphere { origin_altitude } => Density::StandardAtmosphere {
                     origin_altitude: scalar(origin_altitude),
                 },
+                Density::Linear {
+                    density,
+                    height,
+                    slope,
+                } => Density::Linear {
+                    density: scalar(density),
+                    height: scalar(height),
+                    slope: scalar(slope),
+                },
             },
             velocity: self.velocity.cast(),
+            profile: scalar(self.profile),
         }
     }
 }

@@ -15,6 +15,7 @@ pub mod trim;
 use nalgebra::{Matrix3, Vector3};
 
 use crate::aerodynamics::compiled::CompiledAerodynamics;
+use crate::aerodynamics::stream::Stream;
 use crate::aerodynamics::{self, Aerodynamics, BELLY_TURN_DAMPING};
 use crate::air::{Air, GRAVITY};
 use crate::body::Body;
@@ -34,6 +35,8 @@ pub struct Dynamics<T: Real> {
     pub aerodynamics: Aerodynamics<T>,
     /// Air density and motion.
     pub air: Air<T>,
+    /// Changes of the stream at single segments.
+    pub stream: Stream<T>,
     /// Limbs that act on muscle input.
     pub muscles: MuscleModel,
     /// Acceleration of gravity, downwards (m/s2).
@@ -47,6 +50,7 @@ impl<T: Real> Dynamics<T> {
             body,
             aerodynamics: Aerodynamics::paper(),
             air: Air::still(density),
+            stream: Stream::uniform(),
             muscles: muscle_input::BACK_TRACKING,
             gravity: T::of(GRAVITY),
         }
@@ -58,6 +62,7 @@ impl<T: Real> Dynamics<T> {
             body: self.body.cast(),
             aerodynamics: self.aerodynamics.cast(),
             air: self.air.cast(),
+            stream: self.stream.cast(),
             muscles: self.muscles,
             gravity: U::of(self.gravity.to_f64()),
         }

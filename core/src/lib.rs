@@ -6,6 +6,7 @@ pub mod aerodynamics;
 pub mod air;
 pub mod body;
 pub mod dynamics;
+pub mod effect;
 pub mod estimator;
 pub mod frame;
 pub mod link;

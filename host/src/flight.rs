@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use bodyflight_core::aerodynamics::stream::Stream;
 use bodyflight_core::air::{Air, Density};
 use bodyflight_core::dynamics::Dynamics;
 use bodyflight_core::dynamics::free_run::Equations;
@@ -11,6 +12,7 @@ use serde::Deserialize;
 
 use crate::diagnostic::{Problem, Result};
 use crate::input_history::InputHistory;
+use crate::model_file::Effects;
 use crate::subject::Subject;
 
 /// Density where a flight says nothing about it (kg/m3): about 2000 m.
@@ -33,6 +35,8 @@ pub struct Flight {
     pub muscles: MuscleModel,
     /// Known conscious inputs over time; otherwise the subject's constant damping.
     pub inputs: Option<InputHistory>,
+    /// What the free run of the model is extended by.
+    pub effects: Effects,
 }
 
 /// How a flight gives the density.
@@ -99,6 +103,7 @@ impl Flight {
             equations: Equations::default(),
             muscles: muscle_input::BACK_TRACKING,
             inputs: None,
+            effects: Effects::default(),
         }
     }
 
@@ -170,6 +175,7 @@ impl Flight {
                 Some(inputs) => Some(InputHistory::read(&folder.join(inputs))?),
                 None => None,
             },
+            effects: Effects::default(),
         })
     }
 
@@ -188,7 +194,9 @@ impl Flight {
             air: Air {
                 density,
                 velocity: Vector::new(north, west, up),
+                profile: 0.0,
             },
+            stream: Stream::uniform(),
             muscles: self.muscles,
             gravity: bodyflight_core::air::GRAVITY,
         }

@@ -7,6 +7,7 @@ pub mod flight;
 pub mod input_history;
 pub mod inspect;
 pub mod interrupt;
+pub mod model_file;
 pub mod monitor;
 pub mod mvn_network;
 pub mod mvnx;

@@ -7,6 +7,7 @@ use std::time::Instant;
 use bodyflight_core::body::mass_properties::PostureRate;
 use bodyflight_core::dynamics::free_run::FreeRun;
 use bodyflight_core::dynamics::{Dynamics, Inputs, Motion};
+use bodyflight_core::effect::Model;
 use bodyflight_core::observation::Observation;
 use bodyflight_core::{Posture, Real};
 use serde::Serialize;
@@ -120,6 +121,9 @@ pub fn simulate<T: Real>(
 /// The model beside a recording, frame by frame.
 pub struct Follower<'a, T: Real> {
     flight: &'a Flight,
+    model: Model<f64>,
+    start: f64,
+    motion: Motion<f64>,
     dynamics: Dynamics<T>,
     run: FreeRun<T>,
     time: f64,
@@ -127,7 +131,8 @@ pub struct Follower<'a, T: Real> {
 }
 
 impl<'a, T: Real> Follower<'a, T> {
-    /// Starts at `first`, whose joints move towards `second`.
+    /// Starts at `first`, whose joints move towards `second`; `dynamics` is the model before the effects of
+    /// the flight.
     ///
     /// # Errors
     /// Where `first` has no velocity or angular velocity.
@@ -137,13 +142,19 @@ impl<'a, T: Real> Follower<'a, T> {
         first: &FlightFrame,
         second: &FlightFrame,
     ) -> Result<Self> {
-        let dynamics = dynamics.cast::<T>();
+        let model = flight
+            .effects
+            .applied(*dynamics, first.pelvis.position.components.z)?;
+        let dynamics = model.dynamics.cast::<T>();
         let rate = rate(&first.posture, &second.posture, second.time - first.time);
         let motion = measured_motion(first)?.cast();
         let posture = first.posture.cast();
         let run = FreeRun::new(&dynamics, flight.equations, &motion, &posture, &rate);
         Ok(Self {
             flight,
+            model,
+            start: first.time,
+            motion: measured_motion(first)?,
             dynamics,
             run,
             time: first.time,
@@ -166,7 +177,7 @@ impl<'a, T: Real> Follower<'a, T> {
         };
         self.run.advance(
             &self.dynamics,
-            &inputs.cast(),
+            &self.model.inputs(&inputs).cast(),
             &frame.posture.cast(),
             T::of(duration),
         );
@@ -176,6 +187,9 @@ impl<'a, T: Real> Follower<'a, T> {
         self.time = frame.time;
         self.posture = frame.posture;
         let motion = self.run.motion(&self.dynamics, &rate).cast::<f64>();
+        let sensors = &self.model.sensors;
+        let seen = sensors.observe(&motion, &self.motion, duration, frame.time - self.start);
+        self.motion = motion;
         if !motion.velocity.components.iter().all(|v| v.abs() < 1e4) {
             return Err(Problem::bad_input(format!(
                 "the simulated motion left every plausible range at {:.3} s",
@@ -186,7 +200,7 @@ impl<'a, T: Real> Follower<'a, T> {
         Ok(Pair {
             time: frame.time,
             measured: Observation::of(&measured_motion(frame)?),
-            simulated: Observation::of(&motion),
+            simulated: Observation::of(&seen),
         })
     }
 }

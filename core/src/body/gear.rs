@@ -282,20 +282,30 @@ fn put_on_rig<T: Real>(thorax: &mut SegmentParameters<T>, mass: T) {
     if mass <= T::zero() {
         return;
     }
-    let sides = RIG_SIDES.map(T::of);
-    let [breadth, depth, height] = sides;
-    let [_, half_depth] = half_axes(thorax);
-    let half = T::of(0.5);
-    let place = Vector3::new(T::zero(), half_depth + depth * half, thorax.length * half);
-    add(thorax, mass, &place, &Solid::Cuboid { sides }.gyration());
+    carry_on_back(thorax, mass);
+    let [breadth, depth, height] = RIG_SIDES.map(T::of);
     thorax.area.x += depth * height;
     thorax.area.z += breadth * depth;
 }
 
+/// A mass (kg) where the container lies; less than nothing takes some of it away.
+pub(crate) fn carry_on_back<T: Real>(thorax: &mut SegmentParameters<T>, mass: T) {
+    let sides = RIG_SIDES.map(T::of);
+    let [_, depth, _] = sides;
+    let [_, half_depth] = half_axes(thorax);
+    let half = T::of(0.5);
+    let place = Vector3::new(T::zero(), half_depth + depth * half, thorax.length * half);
+    add(thorax, mass, &place, &Solid::Cuboid { sides }.gyration());
+}
+
 fn put_on_belt<T: Real>(pelvis: &mut SegmentParameters<T>, mass: T) {
-    if mass <= T::zero() {
-        return;
+    if mass > T::zero() {
+        carry_at_hips(pelvis, mass);
     }
+}
+
+/// A mass (kg) where a belt lies; less than nothing takes some of it away.
+pub(crate) fn carry_at_hips<T: Real>(pelvis: &mut SegmentParameters<T>, mass: T) {
     let (thickness, height) = BELT;
     let inside = half_axes(pelvis);
     let inner = Solid::elliptic_cylinder(inside, T::of(height));

@@ -211,9 +211,9 @@ fn rates<T: Real>(
     let to_body = motion.inertial_from_body.inverse();
     let velocity = &motion.velocity.components;
     let spin = &motion.angular_velocity.components;
-    let through_air = velocity - (to_body * dynamics.air.velocity).components;
+    let through_air = velocity - (to_body * dynamics.air.velocity_at(&motion.position)).components;
     let density = dynamics.air.density.at(motion.position.components.z);
-    let (loads, damping) = dynamics.loads(sample, inputs, &through_air, density);
+    let (loads, damping) = dynamics.loads(sample, inputs, &through_air, spin, density);
     let weight = Vector::new(T::zero(), T::zero(), -dynamics.gravity * sample.mass.mass);
     let weight = (to_body * weight).components;
     let wrench = Wrench {

@@ -27,12 +27,13 @@ pub trait Interval<T: Real> {
     /// Force and moment about the origin on a moving body, body axes: air, muscle input, no gravity, no
     /// damping; and the coefficient of the damping moment per axis (N m s).
     ///
-    /// `velocity_through_air` in m/s, body axes; `density` in kg/m3.
+    /// `velocity_through_air` in m/s and `spin`, the angular velocity, in rad/s, body axes; `density` in kg/m3.
     fn loads(
         &self,
         dynamics: &Dynamics<T>,
         inputs: &Inputs<T>,
         velocity_through_air: &Vector3<T>,
+        spin: &Vector3<T>,
         density: T,
     ) -> (Loads<T>, Vector3<T>);
 
@@ -85,10 +86,16 @@ impl<T: Real> Interval<T> for PostureSample<T> {
         dynamics: &Dynamics<T>,
         inputs: &Inputs<T>,
         velocity_through_air: &Vector3<T>,
+        spin: &Vector3<T>,
         density: T,
     ) -> (Loads<T>, Vector3<T>) {
         let flow = Flow::new(velocity_through_air, density);
         let (mut loads, areas) = self.aerodynamics.total_load_and_areas(&flow);
+        if !dynamics.stream.is_uniform() {
+            let segments = &self.aerodynamics.segments;
+            let stream = &dynamics.stream;
+            loads = stream.total_load(segments, velocity_through_air, spin, density);
+        }
         let muscle = muscle_load(
             &dynamics.muscles,
             &inputs.muscle,

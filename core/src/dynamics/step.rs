@@ -24,9 +24,10 @@ impl<T: Real> Dynamics<T> {
         interval: &impl Interval<T>,
         inputs: &Inputs<T>,
         velocity_through_air: &Vector3<T>,
+        spin: &Vector3<T>,
         density: T,
     ) -> (Loads<T>, Vector3<T>) {
-        interval.loads(self, inputs, velocity_through_air, density)
+        interval.loads(self, inputs, velocity_through_air, spin, density)
     }
 
     /// The state `duration` (s) later, while the body moves as `sample` says and the inputs are constant.
@@ -71,12 +72,12 @@ impl<T: Real> Dynamics<T> {
         let middle_from_inertial = inertial_from_middle.transpose();
         let angular_momentum = middle_from_inertial * state.angular_momentum.components;
         // Momentum relative to the air: its velocity is turned along.
-        let relative_momentum =
-            state.linear_momentum.components - self.air.velocity.components * sample.mass();
+        let air = self.air.velocity_at(&state.cg_position).components;
+        let relative_momentum = state.linear_momentum.components - air * sample.mass();
         let linear_momentum = middle_from_inertial * relative_momentum;
         let spin = sample.angular_velocity(&angular_momentum);
         let velocity = sample.origin_velocity(&linear_momentum, &spin);
-        let (loads, damping) = self.loads(sample, inputs, &velocity, density);
+        let (loads, damping) = self.loads(sample, inputs, &velocity, &spin, density);
         let moment = loads.moment - sample.cg().cross(&loads.force);
 
         // Trapezium rule for the damping: (I + D dt/2) W1 = (I - D dt/2) W0 + M dt.

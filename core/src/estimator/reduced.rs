@@ -140,6 +140,7 @@ impl<T: Real> Interval<T> for ReducedInterval<T> {
         dynamics: &Dynamics<T>,
         inputs: &Inputs<T>,
         velocity_through_air: &Vector3<T>,
+        _spin: &Vector3<T>,
         density: T,
     ) -> (Loads<T>, Vector3<T>) {
         let flow = Flow::new(velocity_through_air, density);

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use bodyflight::diagnostic::{Problem, Result};
 use bodyflight::flight::Flight;
+use bodyflight::model_file::Effects;
 use bodyflight::output::write_file;
 use bodyflight::plot::comparison_svg;
 use bodyflight::recording::{BadFrames, Options};
@@ -24,6 +25,9 @@ pub(super) struct Args {
     /// Write a plot of all channels as SVG.
     #[arg(long, value_name = "SVG")]
     plot: Option<PathBuf>,
+    /// Effects to extend the model by: a model.toml.
+    #[arg(long, value_name = "TOML")]
+    model: Option<PathBuf>,
     /// Equations of motion, in place of the flight's own.
     #[arg(long, value_enum)]
     equations: Option<EquationsName>,
@@ -82,7 +86,14 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         Some(EquationsName::AsPublished) => flight.equations = Equations::AsPublished,
         None => {}
     }
-    refuse_inputs([&args.out, &args.plot], &[&args.flight, &flight.recording])?;
+    let mut inputs = vec![&args.flight, &flight.recording];
+    if let Some(model) = &args.model {
+        inputs.push(model);
+    }
+    refuse_inputs([&args.out, &args.plot], &inputs)?;
+    if let Some(model) = &args.model {
+        flight.effects = Effects::read(model)?;
+    }
     let simulation = run_flight(&flight, args)?;
     if let Some(path) = &args.plot {
         let title = format!("{}: free run against measurement", args.flight.display());

@@ -1,0 +1,184 @@
+//! What the stream at a segment has beyond that of the body: effects that the paper's model leaves out.
+//!
+//! All are off unless an [effect](crate::effect) turns them on; then loads are summed segment by segment, each with
+//! the stream that it feels, in place of the compiled sums.
+
+use nalgebra::Vector3;
+
+use super::{ExposedSegment, Flow, Loads};
+use crate::body::{Segment, SegmentArray};
+use crate::math::Real;
+
+/// Speed at which drag has its tabled coefficient (m/s).
+pub const REYNOLDS_SPEED: f64 = 50.0;
+
+/// Distance from the line of the stream through the trunk at which half the shelter is left (m).
+pub const SHELTER_WIDTH: f64 = 0.25;
+
+/// Changes of the local stream; zero is none.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Stream<T> {
+    /// Share of the velocity `spin x r` that a segment feels from the rotation of the body.
+    pub rotation: T,
+    /// Exponent by which drag falls with the speed.
+    pub reynolds: T,
+    /// Share of its load that a segment right behind the trunk loses.
+    pub shelter: T,
+}
+
+impl<T: Real> Stream<T> {
+    /// The paper's: the same stream for all.
+    pub fn uniform() -> Self {
+        Self {
+            rotation: T::zero(),
+            reynolds: T::zero(),
+            shelter: T::zero(),
+        }
+    }
+
+    /// Whether all segments feel the stream of the body.
+    #[inline]
+    pub fn is_uniform(&self) -> bool {
+        let zero = T::zero();
+        self.rotation == zero && self.reynolds == zero && self.shelter == zero
+    }
+
+    /// The same changes in another precision.
+    pub fn cast<U: Real>(&self) -> Stream<U> {
+        let scalar = |value: T| U::of(value.to_f64());
+        Stream {
+            rotation: scalar(self.rotation),
+            reynolds: scalar(self.reynolds),
+            shelter: scalar(self.shelter),
+        }
+    }
+
+    /// Force and moment of all segments, each in its own stream.
+    ///
+    /// `velocity` through the air (m/s) and `spin` (rad/s) in body axes, `density` in kg/m3.
+    pub fn total_load(
+        &self,
+        segments: &SegmentArray<ExposedSegment<T>>,
+        velocity: &Vector3<T>,
+        spin: &Vector3<T>,
+        density: T,
+    ) -> Loads<T> {
+        let direction = Flow::new(velocity, density).direction;
+        let trunk = segments[Segment::Thorax].centre;
+        let mut loads = Loads {
+            exposed_area: T::zero(),
+            force: Vector3::zeros(),
+            moment: Vector3::zeros(),
+        };
+        for (segment, exposed) in segments.iter() {
+            let local = velocity + spin.cross(&exposed.centre) * self.rotation;
+            let flow = Flow::new(&local, density);
+            let mut felt = *exposed;
+            felt.drag *= self.drag_factor(&local);
+            let load = felt.load(&flow.direction);
+            let pressure = flow.dynamic_pressure
+                * self.unsheltered(segment, &exposed.centre, &trunk, &direction);
+            loads.exposed_area += load.exposed_area;
+            loads.force += load.force * pressure;
+            loads.moment += load.moment * pressure;
+        }
+        loads
+    }
+
+    /// Drag over that at [`REYNOLDS_SPEED`].
+    fn drag_factor(&self, velocity: &Vector3<T>) -> T {
+        let ratio = velocity.norm_squared() * T::of(1.0 / (REYNOLDS_SPEED * REYNOLDS_SPEED));
+        // At rest the exponent has no meaning, and no force.
+        if self.reynolds == T::zero() || ratio < T::of(1e-4) {
+            T::one()
+        } else {
+            ratio.power(self.reynolds * T::of(-0.5))
+        }
+    }
+
+    /// Share of the load that is left to a segment in the wake of the trunk.
+    fn unsheltered(
+        &self,
+        segment: Segment,
+        centre: &Vector3<T>,
+        trunk: &Vector3<T>,
+        direction: &Vector3<T>,
+    ) -> T {
+        let is_trunk = matches!(
+            segment,
+            Segment::Pelvis | Segment::Abdomen | Segment::Thorax
+        );
+        let offset = trunk - centre;
+        // The stream comes from where the body goes: behind is against the velocity.
+        let behind = offset.dot(direction);
+        if is_trunk || behind <= T::zero() {
+            return T::one();
+        }
+        let aside = (offset - direction * behind).norm_squared();
+        let width = T::of(SHELTER_WIDTH * SHELTER_WIDTH);
+        T::one() - self.shelter * width / (width + aside)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::aerodynamics::{Aerodynamics, expose, total_load};
+    use crate::body::posture::pose;
+    use crate::test_body::{any_posture, reference_body};
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn a_uniform_stream_gives_the_loads_of_the_paper(
+            posture in any_posture(),
+            velocity in prop::array::uniform3(-60.0f64..60.0),
+            spin in prop::array::uniform3(-6.0f64..6.0),
+        ) {
+            let body = reference_body();
+            let exposed = expose(&body, &pose(&body, &posture), &Aerodynamics::paper());
+            let (velocity, spin) = (Vector3::from(velocity), Vector3::from(spin));
+            let plain = total_load(&exposed, &Flow::new(&velocity, 1.0));
+            let local = Stream::uniform().total_load(&exposed, &velocity, &spin, 1.0);
+            let scale = 1.0 + velocity.norm_squared();
+            prop_assert!((plain.force - local.force).norm() < 1e-13 * scale);
+            prop_assert!((plain.moment - local.moment).norm() < 1e-13 * scale);
+        }
+
+        #[test]
+        fn rotation_is_felt_by_the_share_and_not_at_rest(
+            posture in any_posture(),
+            spin in prop::array::uniform3(-6.0f64..6.0),
+        ) {
+            let body = reference_body();
+            let exposed = expose(&body, &pose(&body, &posture), &Aerodynamics::paper());
+            let (velocity, spin) = (Vector3::new(3.0, -48.0, 5.0), Vector3::from(spin));
+            let load = |rotation: f64, spin: &Vector3<f64>| {
+                let stream = Stream { rotation, ..Stream::uniform() };
+                stream.total_load(&exposed, &velocity, spin, 1.0)
+            };
+            prop_assert_eq!(load(1.0, &Vector3::zeros()), load(0.0, &spin));
+            let (half, whole) = (load(0.5, &(spin * 2.0)), load(1.0, &spin));
+            prop_assert!((half.moment - whole.moment).norm() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn drag_falls_with_the_speed_and_shelter_takes_from_behind() {
+        let stream = Stream::<f64> {
+            reynolds: 0.5,
+            shelter: 0.6,
+            ..Stream::uniform()
+        };
+        assert!((stream.drag_factor(&Vector3::new(0.0, 50.0, 0.0)) - 1.0).abs() < 1e-12);
+        let slow = stream.drag_factor(&Vector3::new(0.0, 12.5, 0.0));
+        assert!((slow - 2.0).abs() < 1e-9, "{slow}");
+        let (trunk, down) = (Vector3::zeros(), -Vector3::z());
+        let left =
+            |place: Vector3<f64>| stream.unsheltered(Segment::LeftHand, &place, &trunk, &down);
+        // Falling down, above the trunk is behind it.
+        assert!((left(Vector3::new(0.0, 0.0, 0.5)) - 0.4).abs() < 1e-12);
+        assert!((left(Vector3::new(0.0, 0.0, -0.5)) - 1.0).abs() < 1e-12);
+        assert!((left(Vector3::new(0.25, 0.0, 0.5)) - 0.7).abs() < 1e-12);
+    }
+}

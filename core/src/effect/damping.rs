@@ -1,0 +1,24 @@
+//! Damping that differs, or is negative.
+
+use super::{Description, Kind, Model, PARAMETER_COUNT, parameter};
+use crate::math::Real;
+
+pub(super) const EFFECT: Description = Description {
+    name: "damping",
+    kind: Kind::Physics,
+    form: "factor on the damping moment coefficients",
+    parameters: &[
+        parameter("pitch_factor", 1.0, -1.0, 4.0),
+        parameter("yaw_factor", 1.0, -1.0, 4.0),
+        parameter("roll_factor", 1.0, -1.0, 4.0),
+    ],
+    source: "paper eq. (sum_m)",
+    signature: "moment against or along the angular velocity, nothing at rest",
+    confused_with: &["local-flow", "mass"],
+    separated_by: "a steady turn followed by a stop",
+};
+
+pub(super) fn apply<T: Real>(values: &[T; PARAMETER_COUNT], model: &mut Model<T>) {
+    let values = nalgebra::Vector3::from(*values);
+    model.damping_factor.component_mul_assign(&values);
+}

@@ -1,0 +1,24 @@
+//! Drag coefficients of segment groups that are off.
+
+use super::scale_group;
+use super::{Description, Kind, Model, PARAMETER_COUNT, parameter};
+use crate::math::Real;
+
+pub(super) const EFFECT: Description = Description {
+    name: "drag",
+    kind: Kind::Physics,
+    form: "factor on the drag coefficients of a group of segments",
+    parameters: &[
+        parameter("trunk_factor", 1.0, 0.3, 2.5),
+        parameter("arms_factor", 1.0, 0.3, 2.5),
+        parameter("legs_factor", 1.0, 0.3, 2.5),
+    ],
+    source: "paper eq. (limbf)",
+    signature: "force along the stream; off the trunk also a moment, with the lever of the group",
+    confused_with: &["mass", "booties"],
+    separated_by: "arms and legs spread and closed in turn",
+};
+
+pub(super) fn apply<T: Real>(values: &[T; PARAMETER_COUNT], model: &mut Model<T>) {
+    scale_group(values, model, |coefficients| &mut coefficients.drag);
+}

@@ -1,0 +1,26 @@
+//! Speed of the aircraft that the recording does not know: its velocity starts from zero.
+
+use super::{Description, Kind, Model, PARAMETER_COUNT, parameter};
+use crate::frame::Vector;
+use crate::math::Real;
+
+pub(super) const EFFECT: Description = Description {
+    name: "exit-speed",
+    kind: Kind::Measurement,
+    form: "velocity missing in what was measured, north and west",
+    parameters: &[
+        parameter("north_mps", 0.0, -60.0, 60.0),
+        parameter("west_mps", 0.0, -60.0, 60.0),
+    ],
+    source: "inertial recordings that start in the aircraft",
+    signature: "horizontal force as of a wind, and a horizontal speed that misses it",
+    confused_with: &["wind"],
+    separated_by: "none without satellites: in the recording it is a wind",
+};
+
+pub(super) fn apply<T: Real>(values: &[T; PARAMETER_COUNT], model: &mut Model<T>) {
+    let [north, west, _] = *values;
+    let offset = nalgebra::Vector3::new(north, west, T::zero());
+    let missing = &mut model.sensors.velocity_offset;
+    *missing = Vector::from_components(missing.components - offset);
+}

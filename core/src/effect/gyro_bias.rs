@@ -1,0 +1,23 @@
+//! A constant error of the angular velocity.
+
+use super::{Description, Kind, Model, PARAMETER_COUNT, parameter};
+use crate::math::Real;
+
+pub(super) const EFFECT: Description = Description {
+    name: "gyro-bias",
+    kind: Kind::Measurement,
+    form: "angular velocity added to what is measured, body axes",
+    parameters: &[
+        parameter("x_rad_s", 0.0, -0.5, 0.5),
+        parameter("y_rad_s", 0.0, -0.5, 0.5),
+        parameter("z_rad_s", 0.0, -0.5, 0.5),
+    ],
+    source: "MEMS gyroscopes: 0.2 to 3 deg/s before calibration",
+    signature: "angular velocity that the attitude does not follow",
+    confused_with: &["damping"],
+    separated_by: "any: attitude and angular velocity are both measured",
+};
+
+pub(super) fn apply<T: Real>(values: &[T; PARAMETER_COUNT], model: &mut Model<T>) {
+    model.sensors.gyro_bias += nalgebra::Vector3::from(*values);
+}

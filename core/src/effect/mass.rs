@@ -1,0 +1,23 @@
+//! A wrong mass, spread as the body's.
+
+use super::{Description, Kind, Model, PARAMETER_COUNT, parameter};
+use crate::math::Real;
+
+pub(super) const EFFECT: Description = Description {
+    name: "mass",
+    kind: Kind::Physics,
+    form: "factor on masses and inertias of all segments",
+    parameters: &[parameter("factor", 1.0, 0.6, 1.7)],
+    source: "rigid-body mechanics; shape and areas are kept",
+    signature: "fall rate off by the root of the factor, slower response to every moment",
+    confused_with: &["drag", "added-mass"],
+    separated_by: "postures of different drag, with changes of speed in between",
+};
+
+pub(super) fn apply<T: Real>(values: &[T; PARAMETER_COUNT], model: &mut Model<T>) {
+    let [factor, ..] = *values;
+    for (_, segment) in model.dynamics.body.segments.iter_mut() {
+        segment.mass *= factor;
+        segment.inertia *= factor;
+    }
+}

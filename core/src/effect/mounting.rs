@@ -1,0 +1,23 @@
+//! The sensor of the pelvis is mounted askew.
+
+use super::{Description, Kind, Model, PARAMETER_COUNT, parameter};
+use crate::math::Real;
+
+pub(super) const EFFECT: Description = Description {
+    name: "mounting",
+    kind: Kind::Measurement,
+    form: "turn of the measured body axes about X, Y, Z",
+    parameters: &[
+        parameter("x_rad", 0.0, -0.5, 0.5),
+        parameter("y_rad", 0.0, -0.5, 0.5),
+        parameter("z_rad", 0.0, -0.5, 0.5),
+    ],
+    source: "sensors slip on the harness by some degrees",
+    signature: "attitude and angular velocity turned alike, in body axes",
+    confused_with: &["cg-offset", "muscle"],
+    separated_by: "belly and back attitudes in turn",
+};
+
+pub(super) fn apply<T: Real>(values: &[T; PARAMETER_COUNT], model: &mut Model<T>) {
+    model.sensors.mounting += nalgebra::Vector3::from(*values);
+}

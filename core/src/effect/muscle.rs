@@ -1,0 +1,26 @@
+//! The same muscle input all along.
+
+use super::{Description, Kind, Model, PARAMETER_COUNT, parameter};
+use crate::math::Real;
+
+pub(super) const EFFECT: Description = Description {
+    name: "muscle",
+    kind: Kind::Physics,
+    form: "input moment coefficients added to the skydiver's",
+    parameters: &[
+        parameter("yaw", 0.0, -1.0, 1.0),
+        parameter("pitch", 0.0, -1.0, 1.0),
+        parameter("roll", 0.0, -1.0, 1.0),
+    ],
+    source: "paper eqs. (eq1), (eq1_1)",
+    signature: "moment in body axes that follows the load on the limbs",
+    confused_with: &["cg-offset", "moment"],
+    separated_by: "belly and back attitudes in turn with the same limbs",
+};
+
+pub(super) fn apply<T: Real>(values: &[T; PARAMETER_COUNT], model: &mut Model<T>) {
+    let [yaw, pitch, roll] = *values;
+    model.muscle.yaw += yaw;
+    model.muscle.pitch += pitch;
+    model.muscle.roll += roll;
+}

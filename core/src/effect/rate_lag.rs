@@ -1,0 +1,20 @@
+//! Angular velocity that is low-pass filtered.
+
+use super::{Description, Kind, Model, PARAMETER_COUNT, parameter};
+use crate::math::Real;
+
+pub(super) const EFFECT: Description = Description {
+    name: "rate-lag",
+    kind: Kind::Measurement,
+    form: "delay of the filter of the angular velocity",
+    parameters: &[parameter("lag_s", 0.0, -0.2, 0.2)],
+    source: "filters of IMUs at 5 to 50 Hz",
+    signature: "angular velocity behind the attitude",
+    confused_with: &["posture-delay", "gyro-bias"],
+    separated_by: "quick starts and stops of turns",
+};
+
+pub(super) fn apply<T: Real>(values: &[T; PARAMETER_COUNT], model: &mut Model<T>) {
+    let [lag, ..] = *values;
+    model.sensors.rate_lag += lag;
+}

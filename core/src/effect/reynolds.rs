@@ -1,0 +1,20 @@
+//! Drag that falls with the speed, as near the drag crisis.
+
+use super::{Description, Kind, Model, PARAMETER_COUNT, parameter};
+use crate::math::Real;
+
+pub(super) const EFFECT: Description = Description {
+    name: "reynolds",
+    kind: Kind::Physics,
+    form: "exponent by which the drag coefficient falls with the speed, one at 50 m/s",
+    parameters: &[parameter("exponent", 0.0, -1.0, 1.5)],
+    source: "cylinders at Reynolds numbers of 1e5 to 5e5",
+    signature: "drag that differs between slow and fast, by the same share in all postures",
+    confused_with: &["density-gradient", "drag"],
+    separated_by: "the same posture at two speeds of fall",
+};
+
+pub(super) fn apply<T: Real>(values: &[T; PARAMETER_COUNT], model: &mut Model<T>) {
+    let [exponent, ..] = *values;
+    model.dynamics.stream.reynolds += exponent;
+}

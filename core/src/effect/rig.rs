@@ -1,0 +1,24 @@
+//! The rig on the back: mass and area that the table lacks.
+
+use super::{Description, Kind, Model, PARAMETER_COUNT, parameter};
+use crate::body::Segment;
+use crate::body::gear::carry_on_back;
+use crate::math::Real;
+
+pub(super) const EFFECT: Description = Description {
+    name: "rig",
+    kind: Kind::Physics,
+    form: "a mass where the equipment tables put the rig",
+    parameters: &[parameter("mass_kg", 0.0, -6.0, 15.0)],
+    source: "sport rigs weigh 6 to 12 kg and lie 0.15 m behind the spine",
+    signature: "pitching moment with the weight and the drag on the back, faster fall",
+    confused_with: &["cg-offset", "mass"],
+    separated_by: "belly and back attitudes in turn",
+};
+
+pub(super) fn apply<T: Real>(values: &[T; PARAMETER_COUNT], model: &mut Model<T>) {
+    let [mass, ..] = *values;
+    if mass != T::zero() {
+        carry_on_back(&mut model.dynamics.body.segments[Segment::Thorax], mass);
+    }
+}

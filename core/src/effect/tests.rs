@@ -1,0 +1,98 @@
+//! Tests of the library as a whole.
+
+use super::*;
+use crate::Posture;
+use crate::body::mass_properties::PostureRate;
+use crate::dynamics::Motion;
+use crate::dynamics::free_run::{Equations, FreeRun};
+use crate::frame::{Rotation, Vector};
+use crate::test_body::reference_body;
+
+fn plain() -> Model<f64> {
+    let mut dynamics = Dynamics::paper(reference_body(), 1.0);
+    dynamics.air.velocity = Vector::new(0.0, 0.0, 5.0);
+    Model::new(dynamics, 0.0)
+}
+
+/// What is measured after two seconds of a fall that turns about all axes.
+fn flown(model: &Model<f64>) -> Motion<f64> {
+    let (posture, rate) = (Posture::h_pose(), PostureRate::zero());
+    let start = Motion {
+        inertial_from_body: Rotation::from_quaternion(nalgebra::UnitQuaternion::from_euler_angles(
+            1.3, 0.2, 0.1,
+        )),
+        position: Vector::new(1.0, -2.0, 0.0),
+        velocity: Vector::new(2.0, -45.0, 5.0),
+        angular_velocity: Vector::new(0.2, 0.5, -0.1),
+    };
+    let dynamics = &model.dynamics;
+    let mut run = FreeRun::new(dynamics, Equations::Exact, &start, &posture, &rate);
+    let inputs = model.inputs(&Inputs::belly_turn());
+    let mut before = start;
+    for _ in 0..480 {
+        before = run.motion(dynamics, &rate);
+        run.advance(dynamics, &inputs, &posture, 1.0 / 240.0);
+    }
+    let motion = run.motion(dynamics, &rate);
+    model.sensors.observe(&motion, &before, 1.0 / 240.0, 2.0)
+}
+
+#[test]
+fn descriptions_are_complete_and_name_each_other() {
+    for &effect in Effect::ALL {
+        let description = effect.description();
+        assert_eq!(Effect::from_name(description.name), Some(effect));
+        assert!((1..=PARAMETER_COUNT).contains(&description.parameters.len()));
+        for parameter in description.parameters {
+            assert!(parameter.low < parameter.neutral && parameter.neutral < parameter.high);
+        }
+        for name in description.confused_with {
+            let rival = Effect::from_name(name);
+            assert!(rival.is_some_and(|rival| rival != effect), "{name}");
+        }
+    }
+}
+
+#[test]
+fn neutral_values_keep_every_bit() {
+    for &effect in Effect::ALL {
+        let mut model = plain();
+        effect.apply(&effect.neutral(), &mut model).unwrap();
+        assert_eq!(flown(&model), flown(&plain()), "{effect:?}");
+    }
+}
+
+#[test]
+fn every_parameter_moves_the_flight() {
+    for &effect in Effect::ALL {
+        for (index, parameter) in effect.description().parameters.iter().enumerate() {
+            // Who flies the model reads the postures later; here they do not move.
+            if effect == Effect::PostureDelay {
+                continue;
+            }
+            let mut values = effect.neutral();
+            values[index] += 0.2 * (parameter.high - parameter.neutral);
+            let mut model = plain();
+            effect.apply(&values, &mut model).unwrap();
+            let (with, without) = (flown(&model), flown(&plain()));
+            let gap = (with.velocity.components - without.velocity.components).norm()
+                + (with.angular_velocity.components - without.angular_velocity.components).norm();
+            assert!(gap > 1e-4, "{effect:?} {}: {gap}", parameter.name);
+        }
+    }
+}
+
+#[test]
+fn implausible_values_are_refused_and_change_nothing() {
+    for &effect in Effect::ALL {
+        let last = effect.description().parameters.len() - 1;
+        for bad in [f64::NAN, f64::INFINITY, -1e3] {
+            let mut values = effect.neutral();
+            values[last] = bad;
+            let mut model = plain();
+            let error = effect.apply(&values, &mut model).unwrap_err();
+            assert_eq!(error.parameter, &effect.description().parameters[last]);
+            assert_eq!(model, plain());
+        }
+    }
+}

@@ -1,0 +1,26 @@
+//! Horizontal wind, the same at all heights.
+
+use super::{Description, Kind, Model, PARAMETER_COUNT, parameter};
+use crate::frame::Vector;
+use crate::math::Real;
+
+pub(super) const EFFECT: Description = Description {
+    name: "wind",
+    kind: Kind::Physics,
+    form: "velocity added to that of the air",
+    parameters: &[
+        parameter("north_mps", 0.0, -40.0, 40.0),
+        parameter("west_mps", 0.0, -40.0, 40.0),
+    ],
+    source: "model.md: forces depend on the velocity through the air",
+    signature: "horizontal force along one direction over ground, whatever the heading",
+    confused_with: &["exit-speed", "lift"],
+    separated_by: "a full turn at constant posture",
+};
+
+pub(super) fn apply<T: Real>(values: &[T; PARAMETER_COUNT], model: &mut Model<T>) {
+    let [north, west, _] = *values;
+    let air = &mut model.dynamics.air.velocity;
+    let wind = nalgebra::Vector3::new(north, west, T::zero());
+    *air = Vector::from_components(air.components + wind);
+}
