@@ -7,6 +7,7 @@ pub mod flight;
 pub mod input_history;
 pub mod inspect;
 pub mod interrupt;
+pub mod mvn_network;
 pub mod mvnx;
 pub mod output;
 pub mod plot;

@@ -1,0 +1,27 @@
+//! The network stream of Xsens MVN over UDP: a live source of flight frames, and a sink that sends recordings.
+//!
+//! [`Source`] receives and [`Sink`] sends; between them [`Receiver`] turns datagrams into frames without a
+//! socket. Datagrams may be cut, repeated, late or lost; each such case has its counter, see [`Counters`].
+//! `docs/mvn.md` says what is sent and understood.
+
+mod assembly;
+mod clock;
+mod datagram;
+mod message;
+mod rates;
+mod receiver;
+mod sink;
+mod source;
+
+pub use assembly::{REORDER_WINDOW, RESTART_DISTANCE};
+pub use datagram::{BadDatagram, Datagram, HEADER_LENGTH, Header, Kind};
+pub use message::{
+    AngularKinematics, JointAngles, LinearKinematics, Message, Scale, ScalePoint, SegmentPose,
+};
+pub use rates::{AngularUnit, DIFFERENCE_WINDOW};
+pub use receiver::{Counters, Information, Options, Receiver};
+pub use sink::{Sent, Sink, Speed, replay};
+pub use source::Source;
+
+/// The port that MVN sends to unless told otherwise.
+pub const DEFAULT_PORT: u16 = 9763;
