@@ -3,6 +3,9 @@
 mod demo;
 mod estimate;
 mod inspect;
+mod monitor;
+mod mvn;
+mod ports;
 mod simulate;
 mod synth;
 mod terminal;
@@ -40,6 +43,9 @@ enum Verb {
     Trim(trim::Args),
     Synth(synth::Args),
     Tune(tune::Args),
+    Mvn(mvn::Args),
+    Monitor(monitor::Args),
+    Ports(ports::Args),
 }
 
 /// Runs the verb that the arguments ask for.
@@ -65,5 +71,8 @@ fn run(cli: &Cli) -> Result<()> {
         Verb::Trim(args) => trim::run(args, cli.json),
         Verb::Synth(args) => synth::run(args, cli.json),
         Verb::Tune(args) => tune::run(args, cli.json),
+        Verb::Mvn(args) => mvn::run(args, cli.json),
+        Verb::Monitor(args) => monitor::run(args, cli.json),
+        Verb::Ports(args) => ports::run(args, cli.json),
     }
 }

@@ -116,8 +116,10 @@ impl Assembly {
             .get(place)
             .is_none_or(|sample| sample.counter != header.sample)
         {
-            self.pending
-                .insert(place, Sample::new(header.sample, header.time_ms, self.epoch));
+            self.pending.insert(
+                place,
+                Sample::new(header.sample, header.time_ms, self.epoch),
+            );
         }
         let sample = self.pending.get_mut(place)?;
         if sample.fragments.entry(header.kind).or_default().add(header) {
@@ -168,12 +170,9 @@ impl Assembly {
         });
         let usual = self.given.iter().flat_map(|(.., parts)| parts.keys());
         follows
-            && usual.into_iter().all(|kind| {
-                sample
-                    .fragments
-                    .get(kind)
-                    .is_some_and(Fragments::is_whole)
-            })
+            && usual
+                .into_iter()
+                .all(|kind| sample.fragments.get(kind).is_some_and(Fragments::is_whole))
     }
 }
 

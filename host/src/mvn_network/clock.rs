@@ -2,12 +2,14 @@
 
 /// Largest gap between even time and time code (s): the code is cut or rounded to 1 ms.
 const TOLERANCE: f64 = 1e-3;
+/// Share of the gap that is made up in each sample: 0.5 ms of rounding move a step by 0.01 ms.
+const PULL: f64 = 0.02;
 /// Samples after which a time code that stands still is a fault.
 const PATIENCE: u32 = 48;
 
 /// Turns sample counters and time codes into time. At 240 Hz the codes step by 4 or 5 ms; a filter needs the
-/// 4.167 ms they stand for. The period is the mean since the first sample; the time runs on with it and is
-/// only held within 1 ms of the codes.
+/// 4.167 ms they stand for. The period is the mean since the first sample; the time runs on with it, is drawn
+/// gently to the codes, and held within 1 ms of them.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Clock {
     first: Option<(u32, u32)>,
@@ -41,7 +43,8 @@ impl Clock {
             (Some((last, time)), Some(period)) => {
                 let even = time + f64::from(counter.wrapping_sub(last)) * period;
                 // Never back: a code that steps back holds the clock.
-                even.clamp(code - TOLERANCE, code + TOLERANCE).max(time)
+                let drawn = even + PULL * (code - even);
+                drawn.clamp(code - TOLERANCE, code + TOLERANCE).max(time)
             }
             _ => code,
         };

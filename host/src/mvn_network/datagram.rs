@@ -144,8 +144,30 @@ impl<'a> Datagram<'a> {
             .split_first_chunk::<HEADER_LENGTH>()
             .ok_or(short(HEADER_LENGTH))?;
         let [
-            m0, m1, m2, m3, tens, ones, s0, s1, s2, s3, counter, items, t0, t1, t2, t3, character,
-            body_segments, props, finger_segments, _, _, l0, l1,
+            m0,
+            m1,
+            m2,
+            m3,
+            tens,
+            ones,
+            s0,
+            s1,
+            s2,
+            s3,
+            counter,
+            items,
+            t0,
+            t1,
+            t2,
+            t3,
+            character,
+            body_segments,
+            props,
+            finger_segments,
+            _,
+            _,
+            l0,
+            l1,
         ] = *head;
         if [m0, m1, m2, m3] != MAGIC || !tens.is_ascii_digit() || !ones.is_ascii_digit() {
             return Err(BadDatagram::NotMvn);

@@ -226,9 +226,12 @@ fn records<T>(
     payload: &[u8],
     mut read: impl FnMut(&mut Reader<'_>) -> Option<T>,
 ) -> Option<Vec<T>> {
-    let size = payload.len().checked_div(usize::from(items))?;
+    let size = payload
+        .len()
+        .checked_div(usize::from(items))
+        .filter(|size| *size > 0)?;
     payload
-        .chunks_exact(size.max(1))
+        .chunks_exact(size)
         .take(usize::from(items))
         .map(|item| read(&mut Reader(item)))
         .collect()
@@ -287,7 +290,8 @@ impl Reader<'_> {
     }
 
     fn real(&mut self) -> Option<f64> {
-        self.bytes().map(|bytes| f64::from(f32::from_be_bytes(bytes)))
+        self.bytes()
+            .map(|bytes| f64::from(f32::from_be_bytes(bytes)))
     }
 
     fn vector(&mut self) -> Option<Vector3<f64>> {
@@ -389,7 +393,12 @@ mod tests {
             (
                 prop::collection::vec(("[A-Za-z0-9]{0,9}", any_vector()), 0..24),
                 prop::collection::vec(
-                    (any::<[u16; 2]>(), "[A-Za-z]{0,9}", any::<u32>(), any_vector()),
+                    (
+                        any::<[u16; 2]>(),
+                        "[A-Za-z]{0,9}",
+                        any::<u32>(),
+                        any_vector()
+                    ),
                     0..20
                 ),
             )
@@ -406,17 +415,19 @@ mod tests {
                         })
                         .collect(),
                 })),
-            prop::collection::vec((any::<[u32; 2]>(), any_vector()), list.clone()).prop_map(|all| {
-                Message::JointAngles(
-                    all.into_iter()
-                        .map(|([parent, child], angles_deg)| JointAngles {
-                            parent,
-                            child,
-                            angles_deg,
-                        })
-                        .collect(),
-                )
-            }),
+            prop::collection::vec((any::<[u32; 2]>(), any_vector()), list.clone()).prop_map(
+                |all| {
+                    Message::JointAngles(
+                        all.into_iter()
+                            .map(|([parent, child], angles_deg)| JointAngles {
+                                parent,
+                                child,
+                                angles_deg,
+                            })
+                            .collect(),
+                    )
+                }
+            ),
             prop::collection::vec(
                 (any::<u32>(), any_vector(), any_vector(), any_vector()),
                 list.clone()

@@ -119,7 +119,9 @@ impl Receiver {
             self.counters.bad_datagrams += 1;
             return;
         };
-        let other_person = self.character.is_some_and(|number| number != header.character);
+        let other_person = self
+            .character
+            .is_some_and(|number| number != header.character);
         if other_person || matches!(header.kind, Kind::Other(_)) {
             self.counters.ignored_datagrams += 1;
             return;
@@ -242,9 +244,10 @@ impl Receiver {
     }
 
     fn frame(&mut self, sample: &Sample) -> Option<FlightFrame> {
-        let leading =
-            |segment: Segment| sample.orientations[MvnSegment::leading(segment) as usize];
-        let whole = Segment::ALL.into_iter().all(|segment| leading(segment).is_some());
+        let leading = |segment: Segment| sample.orientations[MvnSegment::leading(segment) as usize];
+        let whole = Segment::ALL
+            .into_iter()
+            .all(|segment| leading(segment).is_some());
         let Some(position) = sample.position.filter(|_| whole) else {
             self.counters.incomplete_samples += 1;
             return None;
@@ -268,8 +271,7 @@ impl Receiver {
             return None;
         }
         let unit = |_, orientation: &Quaternion<f64>| UnitQuaternion::new_normalize(*orientation);
-        let (inertial_from_body, posture) =
-            xsens::attitude_and_posture(&orientations.map(unit));
+        let (inertial_from_body, posture) = xsens::attitude_and_posture(&orientations.map(unit));
         let position = xsens::inertial_vector(position);
         let time = self
             .clock
@@ -304,5 +306,149 @@ fn clock(options: &Options) -> Clock {
     match options.rate {
         Some(rate) => Clock::with_rate(rate),
         None => Clock::default(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mvn_network::{LinearKinematics, SegmentPose};
+    use nalgebra::Vector3;
+    use proptest::prelude::*;
+
+    fn bytes(message: &Message, sample: u32, character: u8) -> Vec<u8> {
+        let mut payload = Vec::new();
+        let (kind, items) = message.encode(&mut payload);
+        let header = Header {
+            kind,
+            sample,
+            fragment: 0,
+            last: true,
+            items,
+            time_ms: sample * 4,
+            character,
+            body_segments: 23,
+            props: 0,
+            finger_segments: 0,
+        };
+        let mut bytes = Vec::new();
+        let payload = &payload;
+        Datagram { header, payload }.encode(&mut bytes).unwrap();
+        bytes
+    }
+
+    /// The T-pose at a height.
+    fn pose(height: f64, scale: f64) -> Message {
+        let segment = |id| SegmentPose {
+            id,
+            position: Vector3::new(0.0, 0.0, height),
+            orientation: Quaternion::identity() * scale,
+        };
+        Message::Pose((1..=23).map(segment).collect())
+    }
+
+    fn frames(receiver: &mut Receiver) -> Vec<FlightFrame> {
+        receiver.flush();
+        core::iter::from_fn(|| receiver.next_frame()).collect()
+    }
+
+    #[test]
+    fn the_t_pose_comes_out_as_the_t_pose() {
+        let mut receiver = Receiver::new(Options::default());
+        for sample in 0..10 {
+            receiver.push(&bytes(&pose(f64::from(sample), 1.0), sample, 0));
+        }
+        let frames = frames(&mut receiver);
+        assert_eq!(frames.len(), 10);
+        let last = frames[9];
+        assert_eq!((last.index, last.bridged), (9, false));
+        assert_eq!(last.posture, xsens::t_pose());
+        assert!((last.pelvis.position.components.z - 9.0).abs() < 1e-12);
+        // 1 m in 4 ms, not sent, so from differences.
+        let velocity = last.pelvis.velocity.unwrap().components;
+        assert!((velocity.z - 250.0).abs() < 1.0, "{velocity}");
+        assert_eq!(receiver.counters().differenced_velocities, 9);
+        assert!((receiver.rate().unwrap() - 250.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn what_cannot_be_is_counted_and_not_given() {
+        let mut receiver = Receiver::new(Options::default());
+        receiver.push(&bytes(&pose(1.0, 1.0), 0, 3));
+        receiver.push(&bytes(&pose(1.0, 0.5), 1, 3));
+        receiver.push(&bytes(&pose(f64::NAN, 1.0), 2, 3));
+        let Message::Pose(mut half) = pose(1.0, 1.0) else {
+            panic!()
+        };
+        half.truncate(12);
+        receiver.push(&bytes(&Message::Pose(half), 3, 3));
+        receiver.push(&bytes(&pose(1.0, 1.0), 4, 0));
+        receiver.push(b"hello");
+        let mut cut = bytes(&pose(1.0, 1.0), 5, 3);
+        cut.truncate(700);
+        receiver.push(&cut);
+        assert_eq!(frames(&mut receiver).len(), 1);
+        let counters = receiver.counters();
+        assert_eq!(counters.bad_samples, 2);
+        assert_eq!(counters.incomplete_samples, 1);
+        assert_eq!(counters.ignored_datagrams, 1);
+        assert_eq!(counters.bad_datagrams, 2);
+        assert_eq!(counters.datagrams, 7);
+    }
+
+    #[test]
+    fn sent_velocities_come_before_differences() {
+        let mut receiver = Receiver::new(Options::default());
+        for sample in 0..3 {
+            let linear = LinearKinematics {
+                id: 1,
+                position: Vector3::zeros(),
+                velocity: Vector3::new(0.0, 0.0, -50.0),
+                acceleration: Vector3::zeros(),
+            };
+            receiver.push(&bytes(&Message::LinearKinematics(vec![linear]), sample, 0));
+            receiver.push(&bytes(&pose(1.0, 1.0), sample, 0));
+        }
+        for frame in frames(&mut receiver) {
+            let velocity = frame.pelvis.velocity.unwrap().components;
+            assert!((velocity + Vector3::z() * 50.0).norm() < 1e-12);
+        }
+        assert_eq!(receiver.counters().differenced_velocities, 0);
+    }
+
+    proptest! {
+        #[test]
+        fn no_datagram_stops_it(
+            datagrams in prop::collection::vec(
+                (0usize..10, any::<u32>(), any::<u8>(), any::<u8>(), any::<u32>(),
+                 prop::collection::vec(any::<u8>(), 0..900)),
+                0..40,
+            ),
+        ) {
+            let mut receiver = Receiver::new(Options::default());
+            let count = datagrams.len() as u64;
+            for (kind, sample, counter, items, time_ms, payload) in datagrams {
+                let number = [1, 2, 12, 13, 20, 21, 22, 24, 25, 77][kind];
+                let header = Header {
+                    kind: Kind::from_number(number),
+                    sample,
+                    fragment: counter & 0x7F,
+                    last: counter & 0x80 != 0,
+                    items,
+                    time_ms,
+                    character: 0,
+                    body_segments: 23,
+                    props: 0,
+                    finger_segments: 0,
+                };
+                let mut bytes = Vec::new();
+                Datagram { header, payload: &payload }.encode(&mut bytes).unwrap();
+                receiver.push(&bytes);
+                receiver.push(&payload);
+            }
+            let frames = frames(&mut receiver);
+            prop_assert_eq!(receiver.counters().datagrams, 2 * count);
+            prop_assert!(frames.iter().all(|frame| frame.posture.is_valid() && frame.time.is_finite()));
+        }
     }
 }

@@ -182,8 +182,13 @@ impl Sink {
 
     /// Name, skeleton and time.
     fn introduce(&mut self, frame: &MovingFrame) -> Result<()> {
-        let metadata = [("name", self.subject_label.clone()), ("count", "1".to_owned())];
-        let metadata = metadata.map(|(tag, value)| (tag.to_owned(), value)).to_vec();
+        let metadata = [
+            ("name", self.subject_label.clone()),
+            ("count", "1".to_owned()),
+        ];
+        let metadata = metadata
+            .map(|(tag, value)| (tag.to_owned(), value))
+            .to_vec();
         self.transmit(frame, &Message::Metadata(metadata), 0, true)?;
         let mut parts = skeleton(&self.layout).into_iter().peekable();
         let mut fragment = 0;

@@ -115,9 +115,7 @@ fn moving(before: Option<&Sample>, here: &Sample, next: Option<&Sample>) -> Movi
     let segments: PerSegment<usize> = core::array::from_fn(|segment| segment);
     let mut velocity =
         segments.map(|at| rate(ends[1].placed[at].position - ends[0].placed[at].position));
-    let mut angular_velocity = segments.map(|at| {
-        turning(ends[0], ends[1], at)
-    });
+    let mut angular_velocity = segments.map(|at| turning(ends[0], ends[1], at));
     let angular_acceleration = |at: usize| match (before, next) {
         (Some(before), Some(next)) => {
             (turning(here, next, at) - turning(before, here, at)) * (2.0 / duration)
