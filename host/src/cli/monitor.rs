@@ -59,8 +59,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
 }
 
 /// Hands pieces on until the end, Ctrl-C, or until nobody reads the output.
-fn pieces(args: &Args, mut take: impl FnMut(&[u8]) -> Result<bool>) -> Result<()> {
-    let input = Input::open(&args.input, args.baud)?;
+fn pieces(input: &Input, mut take: impl FnMut(&[u8]) -> Result<bool>) -> Result<()> {
     while !interrupt::requested() {
         let more = match input.next(PATIENCE)? {
             Chunk::Bytes(bytes) => take(&bytes)?,
@@ -76,10 +75,11 @@ fn pieces(args: &Args, mut take: impl FnMut(&[u8]) -> Result<bool>) -> Result<()
 
 fn defmt(args: &Args, elf: &Path, json: bool) -> Result<()> {
     let mut decoder = Defmt::open(elf)?;
+    let input = Input::open(&args.input, args.baud)?;
     if args.verbose && !decoder.has_locations() {
         terminal::note("the ELF file has no debug information: lines come without their places");
     }
-    let ended = pieces(args, |bytes| {
+    let ended = pieces(&input, |bytes| {
         for line in decoder.push(bytes) {
             let goes_on = if json {
                 terminal::json_line(&line)?
@@ -110,6 +110,7 @@ fn defmt(args: &Args, elf: &Path, json: bool) -> Result<()> {
 }
 
 fn xbus(args: &Args, json: bool) -> Result<()> {
+    let input = Input::open(&args.input, args.baud)?;
     let mut decoder = Xbus::new();
     let mut reported = (Instant::now(), 0);
     let every = |packets: Vec<PacketReading>| -> Result<bool> {
@@ -125,7 +126,7 @@ fn xbus(args: &Args, json: bool) -> Result<()> {
         }
         Ok(true)
     };
-    let ended = pieces(args, |bytes| {
+    let ended = pieces(&input, |bytes| {
         let goes_on = every(decoder.push(bytes))?;
         if !json && !args.items && reported.0.elapsed() >= REPORT_PERIOD {
             let totals = decoder.totals();
