@@ -20,10 +20,10 @@ const REPORT_PERIOD: Duration = Duration::from_secs(1);
 /// Ctrl-C ends it with the totals.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  bodyflight monitor --defmt unit.elf /dev/ttyUSB0 --baud 115200\n  \
-                  qemu-system-arm ... | bodyflight monitor --defmt unit.elf -\n  \
-                  bodyflight monitor --xbus /dev/ttyUSB0 --baud 230400\n  \
-                  bodyflight monitor --xbus recording.bin --json"
+    after_help = "Example: bodyflight monitor --xbus /dev/ttyUSB0 --baud 230400\n         \
+                  bodyflight monitor --xbus recording.bin --json\n         \
+                  bodyflight monitor --defmt unit.elf /dev/ttyUSB0\n         \
+                  qemu-system-arm ... | bodyflight monitor --defmt unit.elf -"
 )]
 pub(super) struct Args {
     /// Decode defmt by the strings of this ELF file, the one that runs on the unit.
