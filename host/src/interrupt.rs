@@ -21,9 +21,14 @@ pub fn listen() {
 /// # Errors
 /// Where Ctrl-C was pressed.
 pub fn check() -> Result<()> {
-    if REQUESTED.load(Ordering::Relaxed) {
+    if requested() {
         Err(Problem::interrupted())
     } else {
         Ok(())
     }
+}
+
+/// Whether Ctrl-C was pressed, for work that has no end of its own: there it is the regular one.
+pub fn requested() -> bool {
+    REQUESTED.load(Ordering::Relaxed)
 }

@@ -13,6 +13,7 @@ pub mod mvn_network;
 pub mod mvnx;
 pub mod output;
 pub mod plot;
+pub mod ports;
 pub mod recording;
 pub mod simulate;
 pub mod stream;

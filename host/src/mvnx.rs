@@ -20,3 +20,4 @@ pub use frame::{Fault, Frame, FrameKind};
 pub use header::Header;
 pub use reader::{ReadOptions, Reader};
 pub use writer::Writer;
+pub(crate) use writer::{Differences, MovingFrame, rotation_rate};

@@ -7,6 +7,7 @@
 //! model.md "Frames and rotations"; the paper's eqs. (qXsens2SM) to (qXsens2SM4) are these for one joint.
 
 pub mod skeleton;
+pub mod y_up;
 
 use core::f64::consts::FRAC_1_SQRT_2;
 

@@ -1,85 +1,191 @@
 //! `bodyflight monitor`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 use bodyflight::diagnostic::Result;
-use bodyflight::monitor::{defmt, follow, open, xbus};
+use bodyflight::interrupt;
+use bodyflight::monitor::{Chunk, Defmt, Input, PacketReading, Xbus};
+use serde_json::json;
 
 use super::terminal;
 
-/// Read what comes from a port, a file or `-`: the unit's logs, or a sensor's packets. Ctrl-C ends it.
+/// Longest wait without a look at Ctrl-C.
+const PATIENCE: Duration = Duration::from_millis(100);
+/// Time between two lines of rates.
+const REPORT_PERIOD: Duration = Duration::from_secs(1);
+
+/// Read along on a serial line: the unit's defmt log, or the Xbus packets of an MTi sensor.
+///
+/// Ctrl-C ends it with the totals.
 #[derive(clap::Args)]
 #[command(
-    group = clap::ArgGroup::new("protocol").required(true),
-    after_help = "Examples:\n  probe-rs run … | bodyflight monitor --defmt unit.elf -\n  \
-                  bodyflight monitor --xbus /dev/ttyUSB0 --baud 115200"
+    after_help = "Example: bodyflight monitor --xbus /dev/ttyUSB0 --baud 230400\n         \
+                  bodyflight monitor --xbus recording.bin --json\n         \
+                  bodyflight monitor --defmt unit.elf /dev/ttyUSB0\n         \
+                  qemu-system-arm ... | bodyflight monitor --defmt unit.elf -"
 )]
 pub(super) struct Args {
-    /// A serial port, a file, or - for standard input.
-    input: PathBuf,
-    /// The unit's logs, read by the image that runs on it.
-    #[arg(long, group = "protocol", value_name = "IMAGE")]
+    /// Decode defmt by the strings of this ELF file, the one that runs on the unit.
+    #[arg(
+        long,
+        value_name = "ELF",
+        conflicts_with = "xbus",
+        required_unless_present = "xbus"
+    )]
     defmt: Option<PathBuf>,
-    /// Packets of an Xsens MTi sensor.
-    #[arg(long, group = "protocol")]
+    /// Decode Xbus.
+    #[arg(long)]
     xbus: bool,
-    /// Rate of the port (baud).
-    #[arg(long, default_value_t = 460_800)]
+    /// A serial port, a file, or - for standard input.
+    #[arg(default_value = "-")]
+    input: String,
+    /// Speed of the serial port (bit/s).
+    #[arg(long, default_value_t = 115_200, value_parser = clap::value_parser!(u32).range(1..))]
     baud: u32,
+    /// Xbus: print every packet, not only rates.
+    #[arg(long, requires = "xbus")]
+    items: bool,
+    /// defmt: print where in the source each line is.
+    #[arg(short, long, conflicts_with = "xbus")]
+    verbose: bool,
 }
 
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     match &args.defmt {
-        Some(image) => {
-            let table = defmt::table(image)?;
-            let mut decoder = defmt::Decoder::new(&table);
-            let input = open(&args.input, args.baud)?;
-            follow(&args.input, input, |bytes| {
-                for line in decoder.push(bytes) {
-                    if json {
-                        terminal::print_json_line(&line)?;
-                    } else {
-                        terminal::print(&text(&line));
-                    }
-                }
-                Ok(())
-            })?;
-            let (lines, malformed) = (decoder.lines, decoder.malformed);
-            terminal::print_note(&format!("{lines} lines, {malformed} frames malformed"));
-        }
-        None => {
-            let mut reader = xbus::Reader::new();
-            let input = open(&args.input, args.baud)?;
-            follow(&args.input, input, |bytes| {
-                for line in reader.push(bytes) {
-                    if json {
-                        terminal::print_json_line(&line)?;
-                    } else {
-                        let time = line.time_us.map_or(String::new(), |t| format!("{t} us  "));
-                        let items = line.items.join("; ");
-                        terminal::print(&format!("{time}message {:#04x}: {items}", line.message));
-                    }
-                }
-                Ok(())
-            })?;
-            let counters = reader.counters();
-            terminal::print_note(&format!(
-                "{} packets; {} bytes skipped, {} bad checksums, {} bad lengths, {} with bad items",
-                counters.packets,
-                counters.skipped_bytes,
-                counters.bad_checksum,
-                counters.bad_length,
-                counters.bad_items
-            ));
+        Some(elf) => defmt(args, elf, json),
+        None => xbus(args, json),
+    }
+}
+
+/// Hands pieces on until the end, Ctrl-C, or until nobody reads the output.
+fn pieces(input: &Input, mut take: impl FnMut(&[u8]) -> Result<bool>) -> Result<()> {
+    while !interrupt::requested() {
+        let more = match input.next(PATIENCE)? {
+            Chunk::Bytes(bytes) => take(&bytes)?,
+            Chunk::Silence => take(&[])?,
+            Chunk::End => return Ok(()),
+        };
+        if !more {
+            return Ok(());
         }
     }
     Ok(())
 }
 
-/// A line of the unit's log as text.
-pub(super) fn text(line: &defmt::Line) -> String {
-    let defmt::Line { time, level, text } = line;
-    let time = time.as_deref().unwrap_or_default();
-    let level = level.as_deref().unwrap_or_default();
-    format!("{time:>10} {level:5} {text}")
+fn defmt(args: &Args, elf: &Path, json: bool) -> Result<()> {
+    let mut decoder = Defmt::open(elf)?;
+    let input = Input::open(&args.input, args.baud)?;
+    if args.verbose && !decoder.has_locations() {
+        terminal::note("the ELF file has no debug information: lines come without their places");
+    }
+    let ended = pieces(&input, |bytes| {
+        for line in decoder.push(bytes) {
+            let goes_on = if json {
+                terminal::json_line(&line)?
+            } else {
+                let place = line.location.as_ref().filter(|_| args.verbose);
+                let place = place
+                    .map(|place| format!("  ({place})"))
+                    .unwrap_or_default();
+                terminal::line(&format!("{line}{place}"))
+            };
+            if !goes_on {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    });
+    // The totals come after a failure too, such as a pulled plug.
+    let totals = decoder.totals();
+    if json {
+        terminal::json_line(&json!({ "totals": totals }))?;
+    } else {
+        terminal::note(&format!(
+            "{} lines, {} malformed frames, {} bytes",
+            totals.lines, totals.malformed_frames, totals.bytes
+        ));
+    }
+    ended
+}
+
+fn xbus(args: &Args, json: bool) -> Result<()> {
+    let input = Input::open(&args.input, args.baud)?;
+    let mut decoder = Xbus::new();
+    let mut reported = (Instant::now(), 0);
+    let every = |packets: Vec<PacketReading>| -> Result<bool> {
+        for packet in packets {
+            let goes_on = if json {
+                terminal::json_line(&packet)?
+            } else {
+                !args.items || terminal::line(&text(&packet))
+            };
+            if !goes_on {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    };
+    let ended = pieces(&input, |bytes| {
+        let goes_on = every(decoder.push(bytes))?;
+        if !json && !args.items && reported.0.elapsed() >= REPORT_PERIOD {
+            let totals = decoder.totals();
+            #[expect(clippy::cast_precision_loss, reason = "packets of a second")]
+            let rate = (totals.packets - reported.1) as f64 / reported.0.elapsed().as_secs_f64();
+            reported = (Instant::now(), totals.packets);
+            return Ok(terminal::line(&format!(
+                "{rate:.1} packets/s, {} in all, {} missing, {} bad checksums, {} bytes skipped",
+                totals.packets, totals.missing_packets, totals.bad_checksums, totals.skipped_bytes
+            )));
+        }
+        Ok(goes_on)
+    });
+    every(decoder.finish())?;
+    let totals = decoder.totals();
+    if json {
+        terminal::json_line(&json!({ "totals": totals }))?;
+        return ended;
+    }
+    let mut table = terminal::table(&["item", "count", "rate (Hz)", "last"]);
+    for item in &totals.items {
+        let rate = item.rate_hz.map(|rate| format!("{rate:.2}"));
+        table.add_row([
+            item.name.to_owned(),
+            item.count.to_string(),
+            rate.unwrap_or_default(),
+            item.last.to_string(),
+        ]);
+    }
+    if !totals.items.is_empty() {
+        terminal::print(&table.to_string());
+    }
+    terminal::print(&format!(
+        "{} packets in {:.2} s of the sensor's time, {} missing, {} bad checksums, {} bad lengths, \
+         {} bad items, {} of {} bytes skipped",
+        totals.packets,
+        totals.duration_s,
+        totals.missing_packets,
+        totals.bad_checksums,
+        totals.bad_lengths,
+        totals.bad_items,
+        totals.skipped_bytes,
+        totals.bytes
+    ));
+    ended
+}
+
+fn text(packet: &PacketReading) -> String {
+    let time = packet.time_s.map(|time| format!("{time:.4} s  "));
+    let items: Vec<String> = packet
+        .items
+        .iter()
+        .map(|(name, value)| format!("{name} {value}"))
+        .collect();
+    format!(
+        "{}{:02x} {}  {}",
+        time.unwrap_or_default(),
+        packet.bus_id,
+        packet.message_id,
+        items.join("  ")
+    )
 }

@@ -6,95 +6,206 @@ use std::time::{Duration, Instant};
 use bodyflight::diagnostic::{Problem, Result};
 use bodyflight::flight::Flight;
 use bodyflight::interrupt;
-use bodyflight::mvn_network::{Sink, Source};
-use bodyflight::recording::Recording;
+use bodyflight::mvn_network::{AngularUnit, Options, Receiver, Sink, Source, Speed, replay};
+use bodyflight::recording::{self, Recording};
+use clap::Subcommand;
+use serde_json::json;
 
-use super::simulate::Reading;
 use super::terminal;
 
-/// The network stream of Xsens MVN: send a recording as MVN would, or listen to one.
+/// Time between two lines of rates.
+const REPORT_PERIOD: Duration = Duration::from_secs(1);
+/// Longest wait without a look at the clock.
+const PATIENCE: Duration = Duration::from_millis(100);
+
+/// The network stream of Xsens MVN: send a recording like MVN does, or listen to a live one.
 #[derive(clap::Args)]
-#[command(after_help = "Examples:\n  bodyflight mvn listen\n  \
-                        bodyflight mvn send flight.toml --to 127.0.0.1:9763")]
+#[command(after_help = "Example: bodyflight mvn listen\n         \
+                  bodyflight mvn send flight.mvnx --to 127.0.0.1:9763")]
 pub(super) struct Args {
     #[command(subcommand)]
     verb: Verb,
 }
 
-#[derive(clap::Subcommand)]
+#[derive(Subcommand)]
 enum Verb {
-    /// Send a recording at its own rate: pose and kinematics (MXTP02, 21, 22).
-    Send {
-        /// A flight.toml, or an MVNX file alone.
-        flight: PathBuf,
-        /// Where to.
-        #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:9763")]
-        to: String,
-        /// How many times faster than recorded.
-        #[arg(long, default_value_t = 1.0)]
-        speed: f64,
-        #[command(flatten)]
-        reading: Reading,
-    },
-    /// Listen until the sender falls silent or Ctrl-C, and say what came.
-    Listen {
-        /// Where.
-        #[arg(long, value_name = "HOST:PORT", default_value = ":9763")]
-        bind: String,
-    },
+    Send(Send),
+    Listen(Listen),
+}
+
+/// Send a recording to other tools as MVN would: pose, kinematics, centre of mass, skeleton.
+#[derive(clap::Args)]
+#[command(after_help = "Example: bodyflight mvn send flight.mvnx --to 127.0.0.1:9763 --speed 0.5")]
+struct Send {
+    /// A flight.toml or an MVNX file.
+    flight: PathBuf,
+    /// Where to: HOST:PORT. MVN's port is 9763.
+    #[arg(long, value_name = "HOST:PORT")]
+    to: String,
+    /// How many times as fast as recorded, or max.
+    #[arg(long, default_value = "1")]
+    speed: Speed,
+}
+
+/// Listen to MVN: rate, loss and frames once a second, totals at Ctrl-C.
+#[derive(clap::Args)]
+#[command(
+    after_help = "In MVN: Options, Network Streamer, this machine's address, port 9763, quaternions (02);\n\
+                  add linear and angular segment kinematics for exact velocities.\n\
+                  Example: bodyflight mvn listen --bind :9763 --json"
+)]
+struct Listen {
+    /// Where to listen: HOST:PORT, or :PORT on all networks.
+    #[arg(long, default_value = ":9763", value_name = "[HOST]:PORT")]
+    bind: String,
+    /// The person to follow, from 0; otherwise whoever comes first.
+    #[arg(long)]
+    character: Option<u8>,
+    /// Rate of the sample counter (Hz), where the time codes are no good.
+    #[arg(long)]
+    rate: Option<f64>,
+    /// End after so many frames.
+    #[arg(long)]
+    frames: Option<u64>,
 }
 
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     match &args.verb {
-        Verb::Send {
-            flight,
-            to,
-            speed,
-            reading,
-        } => {
-            if !(0.01..=1000.0).contains(speed) {
-                return Err(Problem::bad_input(format!(
-                    "expected --speed of 0.01 to 1000, found {speed}"
-                )));
-            }
-            let flight = Flight::read(flight)?;
-            let mut sink = Sink::connect(to)?;
-            let begin = Instant::now();
-            let mut first = None;
-            let mut count = 0u64;
-            for frame in Recording::open(&flight.recording, reading.options())? {
-                let frame = frame?;
-                let start = *first.get_or_insert(frame.time);
-                let due = begin + Duration::from_secs_f64(((frame.time - start) / speed).max(0.0));
-                std::thread::sleep(due.saturating_duration_since(Instant::now()));
-                sink.send(&frame);
-                count += 1;
-                interrupt::check()?;
-            }
-            terminal::print(&format!("{count} samples sent to {to}"));
-            Ok(())
+        Verb::Send(args) => send(args, json),
+        Verb::Listen(args) => listen(args, json),
+    }
+}
+
+fn send(args: &Send, json: bool) -> Result<()> {
+    let flight = Flight::read(&args.flight)?;
+    let recording = Recording::open(&flight.recording, recording::Options::default())?;
+    let label = recording.header().subject_label.clone();
+    let sink = Sink::connect(
+        &args.to,
+        &flight.subject.body(),
+        label.as_deref().unwrap_or("bodyflight"),
+    )?;
+    let spinner = terminal::spinner("sending");
+    let sent = replay(recording, sink, args.speed, |sent| {
+        spinner.set_position(sent.frames);
+    });
+    spinner.finish_and_clear();
+    let sent = sent?;
+    if json {
+        return terminal::print_json(&sent);
+    }
+    terminal::print(&format!(
+        "{} frames in {} datagrams, {:.1} kB, to {}",
+        sent.frames,
+        sent.datagrams,
+        sent.bytes as f64 / 1000.0,
+        args.to
+    ));
+    if sent.refused_datagrams > 0 {
+        terminal::note(&format!(
+            "{} datagrams were refused: nobody listens at {}",
+            sent.refused_datagrams, args.to
+        ));
+    }
+    Ok(())
+}
+
+fn listen(args: &Listen, json: bool) -> Result<()> {
+    if let Some(rate) = args.rate.filter(|rate| !(1.0..=10_000.0).contains(rate)) {
+        return Err(Problem::bad_input(format!(
+            "expected --rate of 1 to 10000 Hz, found {rate}"
+        )));
+    }
+    let options = Options {
+        character: args.character,
+        rate: args.rate,
+        angular_unit: None,
+    };
+    let mut source = Source::with_options(&args.bind, options)?;
+    let address = source.local_address()?.to_string();
+    let mut goes_on = if json {
+        terminal::json_line(&json!({ "listening": address }))?
+    } else {
+        terminal::line(&format!("listening at {address}"))
+    };
+    let mut reported = (Instant::now(), 0);
+    let mut frames = 0;
+    while goes_on && !interrupt::requested() && args.frames.is_none_or(|limit| frames < limit) {
+        match source.next_within(PATIENCE) {
+            Ok(frame) => frames += u64::from(frame.is_some()),
+            // Here Ctrl-C is the regular end.
+            Err(_) if interrupt::requested() => break,
+            Err(problem) => return Err(problem),
         }
-        Verb::Listen { bind } => {
-            let mut source = Source::bind(bind)?;
-            terminal::print_note(&format!("listening at {}", source.address()));
-            while let Some(Ok(_)) = source.next() {}
-            let counters = *source.counters();
-            if json {
-                return terminal::print_json(&counters);
-            }
-            terminal::print(&format!(
-                "{} samples from {} datagrams; {} missing, {} late, {} incomplete; \
-                 {} malformed, {} of other kinds, {} not of MVN",
-                counters.samples,
-                counters.datagrams,
-                counters.missing,
-                counters.late,
-                counters.incomplete,
-                counters.malformed,
-                counters.unused,
-                counters.foreign
-            ));
-            Ok(())
+        if reported.0.elapsed() >= REPORT_PERIOD {
+            #[expect(clippy::cast_precision_loss, reason = "frames of a second")]
+            let rate = (frames - reported.1) as f64 / reported.0.elapsed().as_secs_f64();
+            reported = (Instant::now(), frames);
+            goes_on = if json {
+                terminal::json_line(&json!({
+                    "received_rate_hz": rate,
+                    "counters": source.receiver().counters(),
+                }))?
+            } else {
+                terminal::line(&format!(
+                    "{rate:.1} Hz, {}",
+                    summary(frames, source.receiver())
+                ))
+            };
         }
     }
+    let receiver = source.receiver();
+    if json {
+        terminal::json_line(&json!({ "totals": {
+            "frames": frames,
+            "sender_rate_hz": receiver.rate(),
+            "subject": receiver.information().name(),
+            "angular_unit": receiver.angular_unit().map(unit),
+            "counters": receiver.counters(),
+        }}))?;
+        return Ok(());
+    }
+    terminal::print(&format!("total: {}", summary(frames, receiver)));
+    let counters = receiver.counters();
+    for (count, what) in [
+        (counters.differenced_velocities, "velocity"),
+        (counters.differenced_angular_velocities, "angular velocity"),
+    ] {
+        if count > 0 {
+            terminal::note(&format!(
+                "{what} of {count} frames is from differences of the pose, not sent by MVN"
+            ));
+        }
+    }
+    Ok(())
+}
+
+fn unit(unit: AngularUnit) -> &'static str {
+    match unit {
+        AngularUnit::Radians => "radps",
+        AngularUnit::Degrees => "degps",
+    }
+}
+
+fn summary(frames: u64, receiver: &Receiver) -> String {
+    let counters = receiver.counters();
+    let expected = counters.samples + counters.missing_samples;
+    let lost = expected.saturating_sub(counters.frames);
+    #[expect(clippy::cast_precision_loss, reason = "counts of samples")]
+    let share = if expected > 0 {
+        100.0 * lost as f64 / expected as f64
+    } else {
+        0.0
+    };
+    let name = receiver.information().name().unwrap_or("nobody named");
+    format!(
+        "{frames} frames of {name}, {lost} lost ({share:.2} %): {} missing, {} incomplete, {} bad; \
+         datagrams: {} repeated, {} late, {} bad",
+        counters.missing_samples,
+        counters.incomplete_samples,
+        counters.bad_samples,
+        counters.repeated_datagrams,
+        counters.late_datagrams,
+        counters.bad_datagrams
+    )
 }

@@ -1,10 +1,11 @@
 //! `bodyflight stream`.
 
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use bodyflight::diagnostic::{Problem, Result};
 use bodyflight::flight::Flight;
-use bodyflight::monitor::defmt;
+use bodyflight::monitor::Defmt;
 use bodyflight::mvn_network::Source;
 use bodyflight::recording::{FlightFrame, Recording};
 use bodyflight::stream::connection::{DEFAULT_BAUD, Target};
@@ -13,7 +14,7 @@ use bodyflight::stream::{Pace, Settings, stream};
 use bodyflight_core::link::fault::Faults;
 
 use super::simulate::Reading;
-use super::{estimate, monitor, terminal};
+use super::{estimate, terminal};
 
 /// Stream a flight to a unit, and compare its estimates with the same filter here, bit for bit.
 #[derive(clap::Args)]
@@ -71,6 +72,9 @@ pub(super) struct Args {
     #[command(flatten)]
     reading: Reading,
 }
+
+/// A stream of MVN that was silent for this long has ended.
+const SILENCE: Duration = Duration::from_secs(5);
 
 /// Where `cargo xtask unit` puts the image.
 const DEFAULT_IMAGE: &str = "target/thumbv7em-none-eabihf/firmware/unit";
@@ -142,9 +146,15 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         None => Flight::bare(Path::new("MVN")),
     };
     if let Some(address) = &args.mvn {
-        let source = Source::bind(address)?;
-        terminal::print_note(&format!("listening to MVN at {}", source.address()));
-        return run_frames(args, json, &flight, args.rate, source, &settings);
+        let mut source = Source::bind(address)?;
+        terminal::note(&format!("listening to MVN at {}", source.local_address()?));
+        let mut patience = Duration::MAX;
+        let frames = std::iter::from_fn(|| {
+            let frame = source.next_within(patience).transpose();
+            patience = SILENCE;
+            frame
+        });
+        return run_frames(args, json, &flight, args.rate, frames, &settings);
     }
     let recording = Recording::open(&flight.recording, args.reading.options())?;
     let frame_rate = recording.header().frame_rate;
@@ -167,8 +177,7 @@ fn run_frames(
     settings: &Settings,
 ) -> Result<()> {
     // The image itself says what the unit's logs mean.
-    let table = args.qemu.as_deref().map(defmt::table).transpose()?;
-    let mut logs = table.as_ref().map(defmt::Decoder::new);
+    let mut logs = args.qemu.as_deref().map(Defmt::open).transpose()?;
     let spinner = terminal::spinner("streaming");
     let report = stream(
         flight,
@@ -189,14 +198,14 @@ fn run_frames(
         },
         |bytes| {
             for line in logs.iter_mut().flat_map(|logs| logs.push(bytes)) {
-                spinner.suspend(|| terminal::print_note(&monitor::text(&line)));
+                spinner.suspend(|| terminal::note(&line.to_string()));
             }
         },
     );
     spinner.finish_and_clear();
     let mut report = report?;
-    report.log_lines = logs.as_ref().map(|logs| logs.lines);
-    report.log_malformed = logs.as_ref().map(|logs| logs.malformed);
+    report.log_lines = logs.as_ref().map(|logs| logs.totals().lines);
+    report.log_malformed = logs.as_ref().map(|logs| logs.totals().malformed_frames);
     if json {
         terminal::print_json(&report)?;
     } else {

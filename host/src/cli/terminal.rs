@@ -26,19 +26,24 @@ pub(super) fn print_json(value: &impl Serialize) -> Result<()> {
     Ok(())
 }
 
-/// Writes a value as one line of JSON.
+/// Writes a line of a stream that may have no end; `false` once nobody reads it.
+pub(super) fn line(text: &str) -> bool {
+    let mut out = std::io::stdout().lock();
+    writeln!(out, "{text}").is_ok()
+}
+
+/// As [`line()`], a value as JSON on one line.
 ///
 /// # Errors
 /// Where the value cannot be written as JSON.
-pub(super) fn print_json_line(value: &impl Serialize) -> Result<()> {
+pub(super) fn json_line(value: &impl Serialize) -> Result<bool> {
     let text = serde_json::to_string(value)
         .map_err(|error| Problem::bad_input(format!("cannot write JSON: {error}")))?;
-    print(&text);
-    Ok(())
+    Ok(line(&text))
 }
 
-/// Writes a line to standard error: what is not part of the result.
-pub(super) fn print_note(text: &str) {
+/// Writes a remark to standard error.
+pub(super) fn note(text: &str) {
     let mut err = std::io::stderr().lock();
     let _ = writeln!(err, "{text}");
 }

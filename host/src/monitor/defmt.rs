@@ -1,98 +1,320 @@
-//! The unit's logs: defmt frames, made readable by the image that sent them.
+//! defmt frames to lines of text, by the strings in the program's ELF file.
 
+use std::fmt;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
-use defmt_decoder::{DecodeError, StreamDecoder, Table};
+use defmt_decoder::{DecodeError, Encoding, Locations, Table};
 use serde::Serialize;
 
 use crate::diagnostic::{Problem, Result};
 
-/// The table of an image: what its log frames mean.
-///
-/// # Errors
-/// Where the file is no image, or one without logs.
-pub fn table(image: &Path) -> Result<Table> {
-    let bytes = std::fs::read(image).map_err(|error| Problem::system("read", image, &error))?;
-    let wrong = |what: String| {
-        Problem::bad_input(what)
-            .in_file(image)
-            .help("give the ELF image that runs on the unit; cargo xtask unit builds it")
-    };
-    Table::parse(&bytes)
-        .map_err(|error| wrong(format!("expected an image with defmt logs: {error}")))?
-        .ok_or_else(|| wrong("this image has no defmt logs".to_owned()))
-}
+/// Longest frame kept while its end is awaited; more is noise.
+const LONGEST_FRAME: usize = 1 << 16;
 
-/// A line of the log.
+/// One log line.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Line {
-    /// Time of the unit, as it prints it.
+    /// Time as the program prints it; none where it has no clock.
     pub time: Option<String>,
-    /// Level: trace to error.
-    pub level: Option<String>,
-    /// What it says.
+    /// `trace` to `error`; none for plain prints.
+    pub level: Option<&'static str>,
+    /// The message.
     pub text: String,
+    /// File and line in the program's source, where the ELF file has them.
+    pub location: Option<String>,
 }
 
-/// Turns bytes into lines.
-pub struct Decoder<'t> {
-    frames: Box<dyn StreamDecoder + Send + Sync + 't>,
-    /// Lines so far.
+impl fmt::Display for Line {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(time) = &self.time {
+            write!(f, "{time} ")?;
+        }
+        if let Some(level) = self.level {
+            write!(f, "{level:5} ")?;
+        }
+        write!(f, "{}", self.text)
+    }
+}
+
+/// What was decoded so far.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+pub struct DefmtTotals {
+    /// Lines given.
     pub lines: u64,
-    /// Frames that were none.
-    pub malformed: u64,
+    /// Frames that are none of this program's.
+    pub malformed_frames: u64,
+    /// Bytes taken.
+    pub bytes: u64,
 }
 
-impl<'t> Decoder<'t> {
-    /// For the image of `table`.
-    pub fn new(table: &'t Table) -> Self {
+/// Decodes the log of one program. A malformed frame is counted and costs nothing else.
+pub struct Defmt {
+    table: Table,
+    locations: Option<Locations>,
+    /// Bytes of a frame whose end has not come.
+    pending: Vec<u8>,
+    totals: DefmtTotals,
+}
+
+impl Defmt {
+    /// Reads the strings from an ELF file, the very one that runs on the unit.
+    ///
+    /// # Errors
+    /// Where the file cannot be read, is no ELF file, has no defmt strings, or another version of defmt.
+    pub fn open(path: &Path) -> Result<Self> {
+        let elf = std::fs::read(path).map_err(|error| Problem::system("read", path, &error))?;
+        Self::new(&elf).map_err(|problem| problem.in_file(path))
+    }
+
+    /// As [`Defmt::open`], from the bytes of the file.
+    ///
+    /// # Errors
+    /// As [`Defmt::open`].
+    pub fn new(elf: &[u8]) -> Result<Self> {
+        const HELP: &str =
+            "give the ELF file that was flashed, as cargo build leaves it, not .bin or .hex";
+        let table = Table::parse(elf)
+            .map_err(|error| {
+                Problem::bad_input(format!("no ELF file with defmt strings: {error:#}")).help(HELP)
+            })?
+            .ok_or_else(|| {
+                Problem::bad_input("the program does not use defmt: no section .defmt").help(HELP)
+            })?;
+        // Without debug information there are no places, and the log is as good.
+        let locations = table.get_locations(elf).ok();
+        Ok(Self {
+            locations,
+            ..Self::with_table(table)
+        })
+    }
+
+    fn with_table(table: Table) -> Self {
         Self {
-            frames: table.new_stream_decoder(),
-            lines: 0,
-            malformed: 0,
+            table,
+            locations: None,
+            pending: Vec::new(),
+            totals: DefmtTotals::default(),
         }
     }
 
-    /// The lines that `bytes` complete.
+    /// Whether lines have a place in the source.
+    pub fn has_locations(&self) -> bool {
+        self.locations
+            .as_ref()
+            .is_some_and(|locations| !locations.is_empty())
+    }
+
+    /// What was decoded so far.
+    pub fn totals(&self) -> &DefmtTotals {
+        &self.totals
+    }
+
+    /// Takes bytes in pieces of any size; the lines they complete.
     pub fn push(&mut self, bytes: &[u8]) -> Vec<Line> {
-        self.frames.received(bytes);
+        self.totals.bytes += bytes.len() as u64;
+        self.pending.extend_from_slice(bytes);
+        match self.table.encoding() {
+            Encoding::Rzcobs => self.delimited_frames(),
+            _ => self.bare_frames(),
+        }
+    }
+
+    /// Frames end with a zero, so the next one is found whatever came before.
+    fn delimited_frames(&mut self) -> Vec<Line> {
         let mut lines = Vec::new();
-        loop {
-            match self.frames.decode() {
-                Ok(frame) => lines.push(Line {
-                    time: frame.display_timestamp().map(|time| time.to_string()),
-                    level: frame.level().map(|level| level.as_str().to_owned()),
-                    text: frame.display_message().to_string(),
-                }),
-                Err(DecodeError::UnexpectedEof) => break,
-                Err(DecodeError::Malformed) => self.malformed += 1,
+        let pending = core::mem::take(&mut self.pending);
+        let mut rest = pending.as_slice();
+        while let Some(end) = rest.iter().position(|byte| *byte == 0) {
+            let (frame, after) = rest.split_at(end + 1);
+            rest = after;
+            if end > 0 {
+                let line = guarded(|| {
+                    let mut decoder = self.table.new_stream_decoder();
+                    decoder.received(frame);
+                    decoder.decode().map(|frame| self.line(&frame))
+                });
+                match line {
+                    Ok(line) => lines.push(line),
+                    Err(_) => self.totals.malformed_frames += 1,
+                }
             }
         }
-        self.lines += lines.len() as u64;
+        if rest.len() > LONGEST_FRAME {
+            self.totals.malformed_frames += 1;
+        } else {
+            self.pending = rest.to_vec();
+        }
+        self.totals.lines += lines.len() as u64;
         lines
     }
+
+    /// Frames without a delimiter: after a malformed one nothing tells where the next begins, so what was
+    /// received goes with it.
+    fn bare_frames(&mut self) -> Vec<Line> {
+        let mut lines = Vec::new();
+        let pending = core::mem::take(&mut self.pending);
+        let mut rest = pending.as_slice();
+        while !rest.is_empty() {
+            let decoded = guarded(|| {
+                let (frame, length) = self.table.decode(rest)?;
+                Ok((self.line(&frame), length))
+            });
+            match decoded {
+                Ok((line, length)) => {
+                    lines.push(line);
+                    rest = rest.get(length.max(1)..).unwrap_or_default();
+                }
+                Err(DecodeError::UnexpectedEof) if rest.len() <= LONGEST_FRAME => break,
+                Err(_) => {
+                    self.totals.malformed_frames += 1;
+                    rest = &[];
+                }
+            }
+        }
+        self.pending = rest.to_vec();
+        self.totals.lines += lines.len() as u64;
+        lines
+    }
+
+    fn line(&self, frame: &defmt_decoder::Frame<'_>) -> Line {
+        let location = self
+            .locations
+            .as_ref()
+            .and_then(|locations| locations.get(&frame.index()))
+            .map(|place| format!("{}:{}", place.file.display(), place.line));
+        Line {
+            time: frame.display_timestamp().map(|time| time.to_string()),
+            level: frame.level().map(|level| level.as_str()),
+            text: frame.display_message().to_string(),
+            location,
+        }
+    }
+}
+
+/// The decoder panics on some numbers that cannot be, such as times after the year 9999: malformed too.
+fn guarded<T>(
+    decode: impl FnOnce() -> core::result::Result<T, DecodeError>,
+) -> core::result::Result<T, DecodeError> {
+    catch_unwind(AssertUnwindSafe(decode)).unwrap_or(Err(DecodeError::Malformed))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
+    use serde_json::json;
+
+    /// The table of a program with three messages, as its ELF file would give it.
+    fn decoder(encoding: &str) -> Defmt {
+        let entry = |tag: &str, text: &str| json!({"string": {"tag": tag, "string": text}, "raw_symbol": ""});
+        let table = json!({
+            "timestamp": entry("Timestamp", "{=u8:us}"),
+            "entries": {
+                "1": entry("Info", "rate {=u8} Hz"),
+                "2": entry("Error", "dropped {=u16}"),
+                "3": entry("Println", "ready"),
+            },
+            "bitflags": {},
+            "encoding": encoding,
+        });
+        Defmt::with_table(serde_json::from_value(table).unwrap())
+    }
+
+    /// Index, time and argument of the messages, and what they say.
+    fn messages() -> [(Vec<u8>, &'static str); 3] {
+        [
+            (vec![1, 0, 7, 240], "0.000007 info  rate 240 Hz"),
+            (vec![2, 0, 8, 0x2C, 0x01], "0.000008 error dropped 300"),
+            (vec![3, 0, 9], "0.000009 ready"),
+        ]
+    }
+
+    /// Reverse zero-compressing COBS of at most six bytes: non-zero bytes, then a map of the zeros.
+    fn rzcobs(frame: &[u8]) -> Vec<u8> {
+        assert!((1..=6).contains(&frame.len()));
+        let mut zeros = 0xFFu8 << frame.len();
+        for (place, byte) in frame.iter().enumerate() {
+            zeros |= u8::from(*byte == 0) << place;
+        }
+        let mut encoded: Vec<u8> = frame.iter().copied().filter(|byte| *byte != 0).collect();
+        encoded.extend([zeros & 0x7F, 0]);
+        encoded
+    }
+
+    fn stream(encoding: &str) -> (Vec<u8>, Vec<&'static str>) {
+        let mut bytes = Vec::new();
+        let mut texts = Vec::new();
+        for (frame, text) in messages() {
+            bytes.extend(if encoding == "Raw" {
+                frame
+            } else {
+                rzcobs(&frame)
+            });
+            texts.push(text);
+        }
+        (bytes, texts)
+    }
 
     #[test]
-    fn what_is_no_image_is_told() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("unit");
-        assert!(
-            table(&path)
-                .unwrap_err()
-                .to_string()
-                .contains("cannot read")
-        );
-        std::fs::write(&path, "not an image").unwrap();
-        let problem = table(&path).err().unwrap();
-        assert!(
-            problem.to_string().contains("expected an image"),
-            "{problem}"
-        );
-        assert!(problem.help.unwrap().contains("cargo xtask unit"));
+    fn lines_are_the_same_in_pieces_of_any_size() {
+        for encoding in ["Raw", "Rzcobs"] {
+            let (bytes, texts) = stream(encoding);
+            for size in 1..=bytes.len() {
+                let mut decoder = decoder(encoding);
+                let lines: Vec<String> = bytes
+                    .chunks(size)
+                    .flat_map(|piece| decoder.push(piece))
+                    .map(|line| line.to_string())
+                    .collect();
+                assert_eq!(lines, texts, "{encoding} by {size}");
+                assert_eq!(decoder.totals().lines, 3);
+                assert_eq!(decoder.totals().malformed_frames, 0);
+            }
+        }
+    }
+
+    #[test]
+    fn a_malformed_frame_costs_no_other() {
+        let (good, texts) = stream("Rzcobs");
+        let mut decoder = decoder("Rzcobs");
+        let unknown = rzcobs(&[99, 0, 1, 1]);
+        let cut = [1, 0];
+        let bytes = [&unknown, good.as_slice(), &cut, &good].concat();
+        let lines = decoder.push(&bytes);
+        assert_eq!(lines.len(), 2 * texts.len());
+        assert_eq!(decoder.totals().malformed_frames, 2);
+        // Noise without an end is not kept.
+        decoder.push(&vec![0x55; LONGEST_FRAME + 1]);
+        assert!(decoder.pending.is_empty());
+        assert_eq!(decoder.totals().malformed_frames, 3);
+    }
+
+    #[test]
+    fn a_file_that_cannot_serve_is_told() {
+        let problem = |bytes: &[u8]| Defmt::new(bytes).err().unwrap();
+        let text = problem(b"#!/bin/sh");
+        assert!(text.message.contains("no ELF file"), "{text}");
+        assert!(text.help.unwrap().contains("flashed"));
+        assert!(Defmt::open(Path::new("/nowhere/unit")).is_err());
+        let own = std::env::current_exe().unwrap();
+        if cfg!(target_os = "linux") {
+            let problem = Defmt::open(&own).err().unwrap();
+            assert!(problem.message.contains("does not use defmt"), "{problem}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn noise_never_stops_it(noise in prop::collection::vec(any::<u8>(), 0..400), raw: bool) {
+            let encoding = if raw { "Raw" } else { "Rzcobs" };
+            let mut decoder = decoder(encoding);
+            decoder.push(&noise);
+            if !raw {
+                decoder.push(&[0]);
+                let (good, texts) = stream(encoding);
+                prop_assert_eq!(decoder.push(&good).len(), texts.len());
+            }
+        }
     }
 }

@@ -1,101 +1,254 @@
-//! A sensor's packets as text.
+//! The packets of a sensor with their items, and how often each comes.
 
-use bodyflight_core::xbus::{Counters, Decoder, Item, MAX_PACKET_LENGTH, MessageId, SampleClock};
+use std::collections::BTreeMap;
+
+use bodyflight_core::xbus::{Decoder, Item, MAX_PACKET_LENGTH, MessageId, Packet, SampleClock};
 use serde::Serialize;
+use serde_json::{Map, Value};
 
-/// One packet in words.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub struct Line {
-    /// Message type.
-    pub message: u8,
-    /// Sensor time (us), where it is sent.
-    pub time_us: Option<u64>,
-    /// Each measurement with its values.
-    pub items: Vec<String>,
+use super::reading::reading;
+
+/// One packet understood.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct PacketReading {
+    /// Time of the sensor (s), without its wraps; none where the packet has none.
+    pub time_s: Option<f64>,
+    /// Bus address.
+    pub bus_id: u8,
+    /// What the packet is, two hexadecimal digits; 36 is measurements.
+    pub message_id: String,
+    /// Measurements by name.
+    pub items: Map<String, Value>,
+    /// Items whose data cannot be.
+    pub bad_items: u32,
 }
 
-/// Turns bytes into packets in words.
+/// How often one item came.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ItemTotals {
+    /// Name with unit.
+    pub name: &'static str,
+    /// Times it came.
+    pub count: u64,
+    /// Rate in the sensor's own time (Hz); none where its packets have no time.
+    pub rate_hz: Option<f64>,
+    /// The last value.
+    pub last: Value,
+}
+
+/// What was decoded so far.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct XbusTotals {
+    /// Bytes taken.
+    pub bytes: u64,
+    /// Packets.
+    pub packets: u64,
+    /// Packets of measurements.
+    pub measurements: u64,
+    /// Bytes in no packet.
+    pub skipped_bytes: u32,
+    /// Preambles with a wrong checksum behind them.
+    pub bad_checksums: u32,
+    /// Preambles with an impossible length behind them.
+    pub bad_lengths: u32,
+    /// Items whose data cannot be, and packets that their items do not fill.
+    pub bad_items: u64,
+    /// Packets missing from the packet counter.
+    pub missing_packets: u64,
+    /// Sensor time from the first packet to the last (s).
+    pub duration_s: f64,
+    /// Items by name.
+    pub items: Vec<ItemTotals>,
+}
+
 #[derive(Debug, Default)]
-pub struct Reader {
-    decoder: Decoder<MAX_PACKET_LENGTH>,
-    clock: SampleClock,
+struct Tally {
+    count: u64,
+    last: Value,
 }
 
-impl Reader {
+/// Decodes the stream of one sensor.
+#[derive(Debug, Default)]
+pub struct Xbus {
+    decoder: Decoder<MAX_PACKET_LENGTH>,
+    survey: Survey,
+}
+
+/// What the packets amount to.
+#[derive(Debug, Default)]
+struct Survey {
+    clock: SampleClock,
+    bytes: u64,
+    packets: u64,
+    measurements: u64,
+    bad_items: u64,
+    missing_packets: u64,
+    last_counter: Option<u16>,
+    span: Option<(f64, f64)>,
+    tallies: BTreeMap<&'static str, Tally>,
+}
+
+impl Xbus {
     /// Nothing received yet.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// What the bytes held so far.
-    pub fn counters(&self) -> &Counters {
-        self.decoder.counters()
+    /// Takes bytes in pieces of any size; the packets they complete.
+    pub fn push(&mut self, bytes: &[u8]) -> Vec<PacketReading> {
+        self.survey.bytes += bytes.len() as u64;
+        let mut packets = Vec::new();
+        let mut input = bytes;
+        while let Some(packet) = self.decoder.next(&mut input) {
+            packets.push(self.survey.read(&packet));
+        }
+        packets
     }
 
-    /// The packets that `bytes` complete.
-    pub fn push(&mut self, bytes: &[u8]) -> Vec<Line> {
-        let mut input = bytes;
-        let mut lines = Vec::new();
-        while let Some(packet) = self.decoder.next(&mut input) {
-            let mut line = Line {
-                message: packet.message_id.0,
-                time_us: None,
-                items: Vec::new(),
-            };
-            if packet.message_id == MessageId::MT_DATA2 {
-                for item in packet.items() {
-                    match item.decode() {
-                        Ok(Item::SampleTimeFine(fine)) => {
-                            line.time_us = Some(self.clock.time(fine))
-                        }
-                        Ok(item) => line.items.push(words(&item)),
-                        Err(error) => line.items.push(error.to_string()),
-                    }
-                }
-            }
-            lines.push(line);
+    /// Gives up a packet whose end does not come, as at the end of a file; the packets that were in it.
+    pub fn finish(&mut self) -> Vec<PacketReading> {
+        let mut packets = Vec::new();
+        while self.decoder.pending() > 0 {
+            self.decoder.give_up();
+            packets.extend(self.push(&[]));
         }
-        lines
+        packets
+    }
+
+    /// What was decoded so far.
+    pub fn totals(&self) -> XbusTotals {
+        let counters = self.decoder.counters();
+        let survey = &self.survey;
+        let duration = survey.span.map_or(0.0, |(first, last)| last - first);
+        #[expect(clippy::cast_precision_loss, reason = "counts of packets")]
+        let rate =
+            |count: u64| (duration > 0.0).then(|| (count.saturating_sub(1)) as f64 / duration);
+        XbusTotals {
+            bytes: survey.bytes,
+            packets: survey.packets,
+            measurements: survey.measurements,
+            skipped_bytes: counters.skipped_bytes,
+            bad_checksums: counters.bad_checksum,
+            bad_lengths: counters.bad_length,
+            bad_items: survey.bad_items + u64::from(counters.bad_items),
+            missing_packets: survey.missing_packets,
+            duration_s: duration,
+            items: survey
+                .tallies
+                .iter()
+                .map(|(name, tally)| ItemTotals {
+                    name,
+                    count: tally.count,
+                    rate_hz: rate(tally.count),
+                    last: tally.last.clone(),
+                })
+                .collect(),
+        }
     }
 }
 
-/// A measurement with its values and unit.
-fn words(item: &Item<'_>) -> String {
-    let list = |values: &[f64], unit: &str| {
-        let values: Vec<String> = values.iter().map(|value| format!("{value:.5}")).collect();
-        format!("{} {unit}", values.join(" "))
-    };
-    match item {
-        Item::PacketCounter(count) => format!("packet {count}"),
-        Item::Quaternion(system, q) => format!("quaternion {system:?} {}", list(&q.to_f64(), "")),
-        Item::EulerAngles(system, a) => format!("angles {system:?} {}", list(&a.to_f64(), "deg")),
-        Item::RateOfTurn(w) => format!("rate of turn {}", list(&w.to_f64(), "rad/s")),
-        Item::Acceleration(a) => format!("acceleration {}", list(&a.to_f64(), "m/s2")),
-        Item::FreeAcceleration(a) => format!("free acceleration {}", list(&a.to_f64(), "m/s2")),
-        Item::MagneticField(m) => format!("magnetic field {}", list(&m.to_f64(), "")),
-        Item::VelocityXyz(system, v) => format!("velocity {system:?} {}", list(&v.to_f64(), "m/s")),
-        Item::LatLon(p) => format!("latitude, longitude {}", list(&p.to_f64(), "deg")),
-        Item::AltitudeEllipsoid(h) => format!("altitude {}", list(&h.to_f64(), "m")),
-        Item::Temperature(t) => format!("temperature {}", list(&t.to_f64(), "degC")),
-        Item::BaroPressure(pressure) => format!("pressure {pressure} Pa"),
-        Item::StatusWord(status) => format!("status {:#010x}", status.0),
-        Item::StatusByte(status) => format!("status {:#04x}", status.0),
-        other => format!("{other:?}"),
+impl Survey {
+    fn read(&mut self, packet: &Packet<'_>) -> PacketReading {
+        self.packets += 1;
+        if packet.message_id == MessageId::MT_DATA2 {
+            self.measurements += 1;
+        }
+        let mut result = PacketReading {
+            time_s: None,
+            bus_id: packet.bus_id,
+            message_id: format!("{:02x}", packet.message_id.0),
+            items: Map::new(),
+            bad_items: 0,
+        };
+        let (mut fine, mut solution) = (None, false);
+        for raw in packet.items() {
+            let Ok(item) = raw.decode() else {
+                result.bad_items += 1;
+                self.bad_items += 1;
+                continue;
+            };
+            match item {
+                Item::SampleTimeFine(ticks) => fine = Some(ticks),
+                Item::PacketCounter(count) => self.count(count),
+                Item::GnssPvt(_) => solution = true,
+                _ => {}
+            }
+            let (name, value) = reading(&item);
+            let tally = self.tallies.entry(name).or_default();
+            tally.count += 1;
+            tally.last = value.clone();
+            result.items.insert(name.to_owned(), value);
+        }
+        #[expect(clippy::cast_precision_loss, reason = "2^53 us are 285 years")]
+        let time = fine.map(|ticks| self.clock.time(ticks) as f64 / 1e6);
+        result.time_s = time;
+        // The time of a GNSS solution is older than that of the packets around it.
+        if let Some(time) = time.filter(|_| !solution) {
+            let (first, last) = self.span.unwrap_or((time, time));
+            self.span = Some((first, last.max(time)));
+        }
+        result
+    }
+
+    fn count(&mut self, counter: u16) {
+        if let Some(last) = self.last_counter {
+            self.missing_packets += u64::from(counter.wrapping_sub(last).saturating_sub(1));
+        }
+        self.last_counter = Some(counter);
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use bodyflight_core::xbus::{DataId, PacketWriter};
+
+    fn packet(counter: u16) -> Vec<u8> {
+        let mut bytes = [0; 64];
+        let mut writer = PacketWriter::new(&mut bytes, MessageId::MT_DATA2);
+        let ticks = u32::from(counter) * 100;
+        writer
+            .item(DataId::PACKET_COUNTER, &counter.to_be_bytes())
+            .unwrap();
+        writer
+            .item(DataId::SAMPLE_TIME_FINE, &ticks.to_be_bytes())
+            .unwrap();
+        writer
+            .reals(DataId::RATE_OF_TURN, &[0.5, -1.0, f32::from(counter)])
+            .unwrap();
+        let length = writer.finish().unwrap();
+        bytes[..length].to_vec()
+    }
 
     #[test]
-    fn a_packet_is_read_off() {
-        let bytes = [0xFA, 0xFF, 0x36, 0x05, 0x10, 0x20, 0x02, 0xDF, 0xC5, 0xF0];
-        let mut reader = Reader::new();
-        assert_eq!(reader.push(&bytes[..4]), []);
-        let lines = reader.push(&bytes[4..]);
-        assert_eq!(lines.len(), 1);
-        assert_eq!(lines[0].items, ["packet 57285"]);
-        assert_eq!(reader.counters().packets, 1);
+    fn rates_are_those_of_the_sensor_s_time() {
+        let mut xbus = Xbus::new();
+        let mut readings = Vec::new();
+        for counter in (0..101).filter(|counter| *counter != 50) {
+            readings.extend(xbus.push(&packet(counter)));
+        }
+        assert_eq!(readings.len(), 100);
+        assert_eq!(readings[10].time_s, Some(0.1));
+        assert_eq!(
+            readings[10].items["rate_of_turn_radps"],
+            serde_json::json!([0.5, -1.0, 10.0])
+        );
+        let totals = xbus.totals();
+        assert_eq!((totals.packets, totals.measurements), (100, 100));
+        assert_eq!((totals.missing_packets, totals.bad_items), (1, 0));
+        assert!((totals.duration_s - 1.0).abs() < 1e-9);
+        let rate = &totals.items[1];
+        assert_eq!((rate.name, rate.count), ("rate_of_turn_radps", 100));
+        assert!((rate.rate_hz.unwrap() - 99.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn the_end_of_a_file_frees_what_waited_for_more() {
+        let mut xbus = Xbus::new();
+        // A preamble by chance that announces more than comes.
+        let bytes = [vec![0xFA, 0xFF, 0x36, 0xF0], packet(7)].concat();
+        assert!(xbus.push(&bytes).is_empty());
+        assert_eq!(xbus.finish().len(), 1);
+        assert_eq!(xbus.totals().skipped_bytes, 4);
     }
 }

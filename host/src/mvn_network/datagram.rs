@@ -1,161 +1,319 @@
-//! The bytes of MXTP datagrams. Source: MVN real-time network streaming protocol specification; big-endian.
+//! One datagram: its header of 24 bytes and its payload, whole numbers big-endian.
 
-use nalgebra::Vector3;
+use std::fmt;
 
-use crate::recording::FlightFrame;
-use crate::xsens::{self, MVN_SEGMENT_COUNT, MvnSegment};
-
-/// Kind 02: position (m) and orientation of each segment, Z up.
-pub const POSE: u8 = 2;
-/// Kind 21: position, velocity (m/s), acceleration of each segment.
-pub const LINEAR: u8 = 21;
-/// Kind 22: orientation, angular velocity (rad/s), angular acceleration of each segment, global axes.
-pub const ANGULAR: u8 = 22;
-
-const HEADER_LENGTH: usize = 24;
-/// The only datagram of its kind in a sample.
+/// Bytes of a header.
+pub const HEADER_LENGTH: usize = 24;
+/// First bytes of every datagram; two digits follow.
+const MAGIC: [u8; 4] = *b"MXTP";
+/// Set in the datagram counter of the last fragment.
 const LAST: u8 = 0x80;
 
-/// What stands before the items.
+/// What a datagram carries; the two digits of its header.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Kind {
+    /// 01, pose as Euler angles (deg) in axes with Y up (cm).
+    PoseEuler,
+    /// 02, pose as quaternions in axes with Z up (m).
+    Pose,
+    /// 12, lines of tag and value.
+    Metadata,
+    /// 13, the body in the null pose.
+    Scale,
+    /// 20, joint angles (deg).
+    JointAngles,
+    /// 21, position, velocity and acceleration of the segments.
+    LinearKinematics,
+    /// 22, orientation, angular velocity and angular acceleration of the segments.
+    AngularKinematics,
+    /// 24, centre of mass.
+    CentreOfMass,
+    /// 25, time of day.
+    TimeCode,
+    /// Any other.
+    Other(u8),
+}
+
+/// Numbers of the kinds that are understood.
+const NUMBERS: [(Kind, u8); 9] = [
+    (Kind::PoseEuler, 1),
+    (Kind::Pose, 2),
+    (Kind::Metadata, 12),
+    (Kind::Scale, 13),
+    (Kind::JointAngles, 20),
+    (Kind::LinearKinematics, 21),
+    (Kind::AngularKinematics, 22),
+    (Kind::CentreOfMass, 24),
+    (Kind::TimeCode, 25),
+];
+
+impl Kind {
+    /// The kind of a number of two digits.
+    pub fn from_number(number: u8) -> Self {
+        NUMBERS
+            .into_iter()
+            .find(|(_, known)| *known == number)
+            .map_or(Self::Other(number), |(kind, _)| kind)
+    }
+
+    /// Its number, below 100.
+    pub fn number(self) -> u8 {
+        match self {
+            Self::Other(number) => number % 100,
+            _ => NUMBERS
+                .into_iter()
+                .find(|(kind, _)| *kind == self)
+                .map_or(0, |(_, number)| number),
+        }
+    }
+}
+
+/// What stands before the payload.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Header {
-    /// Kind by its two digits.
-    pub kind: u8,
-    /// Number of the sample; kinds of one sample share it.
+    /// What the payload is.
+    pub kind: Kind,
+    /// Number of the sample; datagrams with the same one belong together.
     pub sample: u32,
+    /// Number of the fragment within kind and sample, 0 to 127.
+    pub fragment: u8,
+    /// Whether it is the last fragment.
+    pub last: bool,
+    /// Number of items in the payload.
+    pub items: u8,
     /// Time since the recording began (ms).
     pub time_ms: u32,
-    /// Items in the datagram.
-    pub items: u8,
+    /// Number of the person, from 0.
+    pub character: u8,
+    /// Number of body segments, 0 from senders before 2019.
+    pub body_segments: u8,
+    /// Number of props.
+    pub props: u8,
+    /// Number of finger segments, 0 or 40.
+    pub finger_segments: u8,
 }
 
-impl Header {
-    /// Header and items of a datagram; `None` where it is none of MVN.
-    pub fn read(bytes: &[u8]) -> Option<(Self, &[u8])> {
-        let (header, payload) = bytes.split_first_chunk::<HEADER_LENGTH>()?;
-        let (name, _) = header.split_first_chunk::<6>()?;
+/// A header with its payload.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Datagram<'a> {
+    /// The header.
+    pub header: Header,
+    /// What follows it.
+    pub payload: &'a [u8],
+}
+
+/// Bytes that are no datagram of MVN.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum BadDatagram {
+    /// It does not begin with "MXTP" and two digits.
+    NotMvn,
+    /// It ends too early.
+    Short {
+        /// Bytes there are.
+        found: usize,
+        /// Bytes the header speaks of.
+        expected: usize,
+    },
+}
+
+impl fmt::Display for BadDatagram {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotMvn => write!(f, "expected \"MXTP\" and two digits at the beginning"),
+            Self::Short { found, expected } => {
+                write!(f, "expected at least {expected} bytes, found {found}")
+            }
+        }
+    }
+}
+
+impl std::error::Error for BadDatagram {}
+
+impl<'a> Datagram<'a> {
+    /// Reads what one UDP packet brought. Senders before 2018 leave the length of the payload at 0: then it
+    /// is all that follows.
+    ///
+    /// # Errors
+    /// [`BadDatagram`] where the bytes are none.
+    pub fn parse(bytes: &'a [u8]) -> Result<Self, BadDatagram> {
+        let short = |expected| BadDatagram::Short {
+            found: bytes.len(),
+            expected,
+        };
+        let (head, rest) = bytes
+            .split_first_chunk::<HEADER_LENGTH>()
+            .ok_or(short(HEADER_LENGTH))?;
         let [
-            b'M',
-            b'X',
-            b'T',
-            b'P',
-            tens @ b'0'..=b'9',
-            ones @ b'0'..=b'9',
-        ] = *name
-        else {
-            return None;
+            m0,
+            m1,
+            m2,
+            m3,
+            tens,
+            ones,
+            s0,
+            s1,
+            s2,
+            s3,
+            counter,
+            items,
+            t0,
+            t1,
+            t2,
+            t3,
+            character,
+            body_segments,
+            props,
+            finger_segments,
+            _,
+            _,
+            l0,
+            l1,
+        ] = *head;
+        if [m0, m1, m2, m3] != MAGIC || !tens.is_ascii_digit() || !ones.is_ascii_digit() {
+            return Err(BadDatagram::NotMvn);
+        }
+        let payload = match usize::from(u16::from_be_bytes([l0, l1])) {
+            0 => rest,
+            length => rest.get(..length).ok_or(short(HEADER_LENGTH + length))?,
         };
-        let header = Self {
-            kind: (tens - b'0') * 10 + (ones - b'0'),
-            sample: words(&header[6..]),
-            time_ms: words(&header[12..]),
-            items: header[11],
-        };
-        Some((header, payload))
+        Ok(Self {
+            header: Header {
+                kind: Kind::from_number((tens - b'0') * 10 + (ones - b'0')),
+                sample: u32::from_be_bytes([s0, s1, s2, s3]),
+                fragment: counter & !LAST,
+                last: counter & LAST != 0,
+                items,
+                time_ms: u32::from_be_bytes([t0, t1, t2, t3]),
+                character,
+                body_segments,
+                props,
+                finger_segments,
+            },
+            payload,
+        })
     }
 
-    fn write(&self, datagram: &mut Vec<u8>, payload: u16) {
-        let segments = MVN_SEGMENT_COUNT.to_le_bytes()[0];
-        datagram.extend(format!("MXTP{:02}", self.kind).into_bytes());
-        datagram.extend(self.sample.to_be_bytes());
-        datagram.extend([LAST, self.items]);
-        datagram.extend(self.time_ms.to_be_bytes());
-        datagram.extend([0, segments, 0, 0, 0, 0]);
-        datagram.extend(payload.to_be_bytes());
+    /// The bytes to send, in place of what `out` holds; `None` where the payload is over 65 507 bytes less
+    /// the header, the most UDP carries.
+    #[must_use]
+    pub fn encode(&self, out: &mut Vec<u8>) -> Option<()> {
+        let length = u16::try_from(self.payload.len())
+            .ok()
+            .filter(|length| *length <= 65_507 - 24)?;
+        let Header { kind, .. } = self.header;
+        let number = kind.number();
+        out.clear();
+        out.extend_from_slice(&MAGIC);
+        out.extend_from_slice(&[b'0' + number / 10, b'0' + number % 10]);
+        out.extend_from_slice(&self.header.sample.to_be_bytes());
+        let last = if self.header.last { LAST } else { 0 };
+        out.extend_from_slice(&[self.header.fragment & !LAST | last, self.header.items]);
+        out.extend_from_slice(&self.header.time_ms.to_be_bytes());
+        out.extend_from_slice(&[
+            self.header.character,
+            self.header.body_segments,
+            self.header.props,
+            self.header.finger_segments,
+            0,
+            0,
+        ]);
+        out.extend_from_slice(&length.to_be_bytes());
+        out.extend_from_slice(self.payload);
+        Some(())
     }
 }
 
-/// The first four bytes as a number; missing ones are zero.
-pub fn words(bytes: &[u8]) -> u32 {
-    bytes
-        .first_chunk()
-        .map_or(0, |word| u32::from_be_bytes(*word))
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
 
-/// Single precision numbers in a row; missing ones are not a number.
-pub fn numbers<const N: usize>(bytes: &[u8]) -> [f64; N] {
-    let mut numbers = [f64::NAN; N];
-    for (number, bytes) in numbers.iter_mut().zip(bytes.as_chunks::<4>().0) {
-        *number = f64::from(f32::from_be_bytes(*bytes));
-    }
-    numbers
-}
+    /// The header of a pose as MVN 2019 sends it, with a payload of three bytes.
+    const EXAMPLE: [u8; 27] = [
+        b'M', b'X', b'T', b'P', b'0', b'2', 0, 0, 0x1A, 0x19, 0x80, 23, 0, 0, 0x6C, 0xBD, 1, 23, 0,
+        0, 0, 0, 0, 3, 7, 8, 9,
+    ];
 
-/// The datagrams of a frame: pose, and the kinematics that the frame has.
-pub fn of_frame(frame: &FlightFrame, sample: u32) -> Vec<Vec<u8>> {
-    let orientations = xsens::mvn_orientations(frame.pelvis.inertial_from_body, &frame.posture);
-    let position = xsens::xsens_vector(frame.pelvis.position);
-    let velocity = frame.pelvis.velocity.map(xsens::xsens_vector);
-    let turn = frame.pelvis.angular_velocity.map(xsens::xsens_vector);
-    let nothing = Vector3::zeros();
-    // Positions and velocities are those of the pelvis: a frame knows no others.
-    let wxyz = |segment: MvnSegment| orientations[segment.part_of()].wxyz();
-    let mut datagrams = vec![datagram(POSE, sample, frame, |segment, put| {
-        put(position.as_slice());
-        put(&wxyz(segment));
-    })];
-    if let Some(velocity) = velocity {
-        datagrams.push(datagram(LINEAR, sample, frame, |segment, put| {
-            let own = if segment == MvnSegment::Pelvis {
-                velocity
-            } else {
-                nothing
-            };
-            put(position.as_slice());
-            put(own.as_slice());
-            put(nothing.as_slice());
-        }));
+    #[test]
+    fn the_fields_are_where_the_protocol_has_them() {
+        let datagram = Datagram::parse(&EXAMPLE).unwrap();
+        assert_eq!(
+            datagram.header,
+            Header {
+                kind: Kind::Pose,
+                sample: 6681,
+                fragment: 0,
+                last: true,
+                items: 23,
+                time_ms: 27_837,
+                character: 1,
+                body_segments: 23,
+                props: 0,
+                finger_segments: 0,
+            }
+        );
+        assert_eq!(datagram.payload, [7, 8, 9]);
+        let mut bytes = Vec::new();
+        datagram.encode(&mut bytes).unwrap();
+        assert_eq!(bytes, EXAMPLE);
+        // The header of older senders ends with zeros.
+        let mut old = EXAMPLE;
+        old[17..24].fill(0);
+        assert_eq!(Datagram::parse(&old).unwrap().payload, [7, 8, 9]);
     }
-    if let Some(turn) = turn {
-        datagrams.push(datagram(ANGULAR, sample, frame, |segment, put| {
-            let own = if segment == MvnSegment::Pelvis {
-                turn
-            } else {
-                nothing
-            };
-            put(&wxyz(segment));
-            put(own.as_slice());
-            put(nothing.as_slice());
-        }));
-    }
-    datagrams
-}
 
-fn datagram(
-    kind: u8,
-    sample: u32,
-    frame: &FlightFrame,
-    item: impl Fn(MvnSegment, &mut dyn FnMut(&[f64])),
-) -> Vec<u8> {
-    let mut items = Vec::new();
-    for (id, segment) in (1u32..).zip(MvnSegment::ALL) {
-        items.extend(id.to_be_bytes());
-        item(segment, &mut |values| {
-            #[expect(
-                clippy::cast_possible_truncation,
-                reason = "single precision on the wire"
-            )]
-            items.extend(
-                values
-                    .iter()
-                    .flat_map(|&value| (value as f32).to_be_bytes()),
+    #[test]
+    fn a_cut_datagram_is_refused_at_every_length() {
+        for length in 0..EXAMPLE.len() {
+            let expected = if length < HEADER_LENGTH { 24 } else { 27 };
+            assert_eq!(
+                Datagram::parse(&EXAMPLE[..length]),
+                Err(BadDatagram::Short {
+                    found: length,
+                    expected
+                })
             );
-        });
+        }
+        let mut other = EXAMPLE;
+        other[4] = b'x';
+        assert_eq!(Datagram::parse(&other), Err(BadDatagram::NotMvn));
+        let payload = vec![0; 65_507 - 23];
+        let datagram = Datagram {
+            payload: &payload,
+            ..Datagram::parse(&EXAMPLE).unwrap()
+        };
+        assert!(datagram.encode(&mut Vec::new()).is_none());
     }
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "saturates; frames begin at 0"
-    )]
-    let time_ms = (frame.time * 1e3).round() as u32;
-    let header = Header {
-        kind,
-        sample,
-        time_ms,
-        items: MVN_SEGMENT_COUNT.to_le_bytes()[0],
-    };
-    let mut datagram = Vec::with_capacity(HEADER_LENGTH + items.len());
-    header.write(&mut datagram, u16::try_from(items.len()).unwrap_or(0));
-    datagram.extend(items);
-    datagram
+
+    proptest! {
+        #[test]
+        fn datagrams_return_as_sent(
+            number in 0u8..100,
+            words in any::<[u32; 2]>(),
+            bytes in any::<[u8; 5]>(),
+            fragment in 0u8..128,
+            last: bool,
+            payload in prop::collection::vec(any::<u8>(), 1..200),
+        ) {
+            let [items, character, body_segments, props, finger_segments] = bytes;
+            let sent = Datagram {
+                header: Header {
+                    kind: Kind::from_number(number),
+                    sample: words[0],
+                    fragment,
+                    last,
+                    items,
+                    time_ms: words[1],
+                    character,
+                    body_segments,
+                    props,
+                    finger_segments,
+                },
+                payload: &payload,
+            };
+            let mut bytes = Vec::new();
+            sent.encode(&mut bytes).unwrap();
+            prop_assert_eq!(Datagram::parse(&bytes), Ok(sent));
+        }
+    }
 }

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 use bodyflight_core::Body;
 
-use self::motion::Differences;
+pub(crate) use self::motion::{Differences, MovingFrame, rotation_rate};
 use crate::diagnostic::{Problem, Result};
 use crate::output::AtomicFile;
 use crate::recording::FlightFrame;
@@ -147,7 +147,7 @@ impl<W: Write> Writer<W> {
         Ok(self.output)
     }
 
-    fn put(&mut self, moving: &motion::MovingFrame) -> Result<()> {
+    fn put(&mut self, moving: &MovingFrame) -> Result<()> {
         document::frame(&mut self.output, &self.description, moving)
             .map_err(|error| Problem::system("write", &self.path, &error))
     }

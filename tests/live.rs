@@ -1,0 +1,49 @@
+//! Live streams through the real binary, the network and pseudo terminals of this machine.
+#![expect(
+    clippy::expect_used,
+    clippy::panic,
+    reason = "tests may panic: that is how they fail"
+)]
+
+#[path = "live/monitor.rs"]
+mod monitor;
+#[path = "live/network.rs"]
+mod network;
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+const BINARY: &str = env!("CARGO_BIN_EXE_bodyflight");
+
+fn bodyflight(arguments: &[&str]) -> Output {
+    Command::new(BINARY)
+        .args(arguments)
+        .stdin(Stdio::null())
+        .output()
+        .expect("the binary starts")
+}
+
+fn fails(arguments: &[&str], code: i32) -> String {
+    let output = bodyflight(arguments);
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {message}");
+    assert!(!message.contains("panicked"), "{message}");
+    let words = message.split_whitespace().filter(|word| *word != "│");
+    words.collect::<Vec<_>>().join(" ")
+}
+
+fn plain(path: &Path) -> &str {
+    path.to_str().expect("a plain path")
+}
+
+/// A file of the recordings, or a visible note that it is not there.
+fn shared(name: &str) -> Option<PathBuf> {
+    let path: PathBuf = [env!("CARGO_MANIFEST_DIR"), "../../shared/data", name]
+        .iter()
+        .collect();
+    if path.exists() {
+        return Some(path);
+    }
+    eprintln!("skipped: {} is not there", path.display());
+    None
+}
