@@ -1,7 +1,9 @@
 //! Verbs of the command line: one file each, arguments and output; the work is in the library.
 
 mod demo;
+mod discover;
 mod estimate;
+mod hide;
 mod inspect;
 mod monitor;
 mod mvn;
@@ -45,6 +47,8 @@ enum Verb {
     Trim(trim::Args),
     Synth(synth::Args),
     Tune(tune::Args),
+    Discover(discover::Args),
+    Hide(hide::Args),
     Stream(stream::Args),
     Unit(unit::Args),
     Ports(ports::Args),
@@ -75,6 +79,8 @@ fn run(cli: &Cli) -> Result<()> {
         Verb::Trim(args) => trim::run(args, cli.json),
         Verb::Synth(args) => synth::run(args, cli.json),
         Verb::Tune(args) => tune::run(args, cli.json),
+        Verb::Discover(args) => discover::run(args, cli.json),
+        Verb::Hide(args) => hide::run(args, cli.json),
         Verb::Stream(args) => stream::run(args, cli.json),
         Verb::Unit(args) => unit::run(args),
         Verb::Ports(args) => ports::run(args, cli.json),

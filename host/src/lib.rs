@@ -2,8 +2,10 @@
 
 pub mod comparison;
 pub mod diagnostic;
+pub mod discover;
 pub mod estimate;
 pub mod flight;
+pub mod hide;
 pub mod input_history;
 pub mod inspect;
 pub mod interrupt;

@@ -39,6 +39,24 @@ pub const CONSTANT: Line = Line {
     colour: RGBColor(0x8a, 0x8a, 0x8a),
     width: 1,
 };
+/// The plain model, with something missing.
+pub const PLAIN: Line = Line {
+    label: "the model alone",
+    colour: RGBColor(0x8a, 0x8a, 0x8a),
+    width: 2,
+};
+/// The model with what was found.
+pub const EXTENDED: Line = Line {
+    label: "with the effects found",
+    colour: RGBColor(0x9c, 0x2f, 0x00),
+    width: 2,
+};
+/// What is left where nothing is missing.
+pub const FLOOR: Line = Line {
+    label: "where nothing is missing",
+    colour: RGBColor(0x8f, 0xb8, 0xde),
+    width: 3,
+};
 /// Lines of the three axes: yaw, pitch, roll.
 pub const AXES: [Line; 3] = [
     Line {

@@ -1,0 +1,365 @@
+//! How often discovery finds what was hidden: every effect, clean flights, things outside the library, two effects
+//! at once, other noise. Writes `docs/discovery.json` and the table of `docs/discovery.md`.
+//!
+//! `cargo xtask discovery-bench --seeds 3` runs it; `--only wind,mass` looks at some effects and writes nothing.
+#![expect(clippy::expect_used, reason = "a bench may end with a panic")]
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+use std::time::Instant;
+
+use bodyflight::discover::report::{Outcome, Report};
+use bodyflight::discover::track::Track;
+use bodyflight::discover::{Settings, discover};
+use bodyflight::hide::outside::Outside;
+use bodyflight::hide::{self, Hidden, fly, strength};
+use bodyflight::subject::Subject;
+use bodyflight_core::dynamics::muscle_input::BACK_TRACKING;
+use bodyflight_core::dynamics::{Dynamics, Inputs};
+use bodyflight_core::effect::Effect;
+use serde_json::{Value, json};
+
+/// What is hidden in a run.
+struct Case {
+    group: &'static str,
+    name: String,
+    hidden: Vec<Hidden>,
+    seed: u64,
+    noise: f64,
+}
+
+fn effect(effect: Effect, seed: u64) -> Hidden {
+    Hidden::Effect(effect, strength(effect, seed))
+}
+
+fn cases(seeds: u64, only: &[String]) -> Vec<Case> {
+    let mut cases = Vec::new();
+    let mut add = |group, name: String, hidden: Vec<Hidden>, seed, noise| {
+        if only.is_empty() || only.contains(&name) {
+            cases.push(Case {
+                group,
+                name,
+                hidden,
+                seed,
+                noise,
+            });
+        }
+    };
+    for seed in 0..seeds {
+        // A profile of the stream acts in a tunnel only, and these flights fall through still air.
+        for &one in Effect::ALL
+            .iter()
+            .filter(|effect| **effect != Effect::TunnelProfile)
+        {
+            add(
+                "single",
+                one.description().name.to_owned(),
+                vec![effect(one, seed)],
+                seed,
+                1.0,
+            );
+        }
+        for outside in Outside::ALL {
+            add(
+                "outside",
+                outside.name().to_owned(),
+                vec![Hidden::Outside(outside)],
+                seed,
+                1.0,
+            );
+        }
+    }
+    for seed in 0..5 * seeds {
+        add("clean", "clean".to_owned(), vec![], seed, 1.0);
+    }
+    let pairs = [
+        (Effect::Wind, Effect::Mass),
+        (Effect::Drag, Effect::GyroBias),
+        (Effect::Lift, Effect::HeadingDrift),
+        (Effect::Moment, Effect::Wind),
+        (Effect::Damping, Effect::Mounting),
+    ];
+    for seed in 0..seeds {
+        for (a, b) in pairs {
+            let name = format!("{} + {}", a.description().name, b.description().name);
+            add(
+                "pair",
+                name,
+                vec![effect(a, seed), effect(b, seed + 77)],
+                seed,
+                1.0,
+            );
+        }
+        for noise in [0.5, 2.0] {
+            for one in [
+                Effect::Wind,
+                Effect::Drag,
+                Effect::Moment,
+                Effect::GyroBias,
+                Effect::Reynolds,
+            ] {
+                add(
+                    "noise",
+                    one.description().name.to_owned(),
+                    vec![effect(one, seed)],
+                    seed,
+                    noise,
+                );
+            }
+        }
+    }
+    cases
+}
+
+fn names(hidden: &[Hidden]) -> Vec<&'static str> {
+    let name = |hidden: &Hidden| match hidden {
+        Hidden::Effect(effect, _) => effect.description().name,
+        Hidden::Outside(outside) => outside.name(),
+    };
+    hidden.iter().map(name).collect()
+}
+
+/// Whether the names found are those hidden; one of several that cannot be told apart counts.
+fn is_right(case: &Case, report: &Report) -> bool {
+    let hidden = names(&case.hidden);
+    match case.group {
+        "clean" => report.verdict == Outcome::None,
+        "outside" => report.verdict == Outcome::Unexplained,
+        _ => {
+            let covers = |name: &str| {
+                let meets = |named: &bodyflight::discover::report::Named| {
+                    named.name == name || named.rivals.iter().any(|rival| rival.name == name)
+                };
+                report.effects.iter().any(meets)
+            };
+            report.verdict == Outcome::Named
+                && report.effects.len() == hidden.len()
+                && hidden.iter().all(|name| covers(name))
+        }
+    }
+}
+
+/// Of the parameters of a rightly named effect: how many, and how many within three standard errors.
+fn errors(case: &Case, report: &Report) -> (u64, u64) {
+    let (mut all, mut within) = (0, 0);
+    for hidden in &case.hidden {
+        let Hidden::Effect(effect, truth) = hidden else {
+            continue;
+        };
+        let named = report
+            .effects
+            .iter()
+            .find(|named| named.name == effect.description().name);
+        for ((found, error), truth) in named
+            .iter()
+            .flat_map(|named| named.parameters.iter().zip(&named.standard_errors))
+            .zip(truth)
+        {
+            all += 1;
+            within += u64::from((found.1 - truth).abs() <= 3.0 * error);
+        }
+    }
+    (all, within)
+}
+
+fn run(case: &Case, dynamics: &Dynamics<f64>, inputs: &Inputs<f64>) -> Option<Value> {
+    let settings = hide::Settings {
+        seed: case.seed,
+        noise: case.noise,
+        ..hide::Settings::default()
+    };
+    let track = |seed| {
+        let flight = fly(
+            dynamics,
+            inputs,
+            &case.hidden,
+            &hide::Settings { seed, ..settings },
+        );
+        Track::new(&flight.frames, *dynamics, *inputs).ok()
+    };
+    let (flown, other) = (track(case.seed)?, track(case.seed + 5000)?);
+    let begin = Instant::now();
+    let report = discover(&flown, &[other], &Settings::default(), |_| {}).ok()?;
+    let seconds = begin.elapsed().as_secs_f64();
+    let (parameters, within) = errors(case, &report);
+    let right = is_right(case, &report);
+    let found: Vec<&str> = report.effects.iter().map(|named| named.name).collect();
+    println!(
+        "{:8} {:28} seed {} noise {:.1}: {} {:?} {found:?} {:.0} s",
+        case.group,
+        case.name,
+        case.seed,
+        case.noise,
+        if right { "right" } else { "WRONG" },
+        report.verdict,
+        seconds
+    );
+    Some(json!({
+        "group": case.group,
+        "hidden": names(&case.hidden),
+        "seed": case.seed,
+        "noise": case.noise,
+        "verdict": report.verdict,
+        "effects": report.effects,
+        "right": right,
+        "parameters": parameters,
+        "within_three_standard_errors": within,
+        "disagreement": report.disagreement,
+        "explained": report.explained,
+        "held_out_closed_share": report.held_out.first().map(|gap| gap.closed_share()),
+        "held_out_worse": report.held_out.iter().any(|gap| gap.misfit_after > gap.misfit_before),
+    }))
+}
+
+fn main() {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let value = |name: &str| {
+        let place = arguments.iter().position(|argument| argument == name)?;
+        arguments.get(place + 1).cloned()
+    };
+    // `cargo test` runs benches without asking for one.
+    let Some(seeds) = value("--seeds") else {
+        return;
+    };
+    let seeds = seeds.parse().expect("--seeds is a number");
+    let only: Vec<String> = value("--only").map_or_else(Vec::new, |list| {
+        list.split(',').map(str::to_owned).collect()
+    });
+    let subject = Subject::default();
+    let dynamics = Dynamics {
+        aerodynamics: subject.aerodynamics(),
+        muscles: BACK_TRACKING,
+        ..Dynamics::paper(subject.body(), 1.0)
+    };
+    let inputs = Inputs {
+        damping: subject.damping(),
+        ..Inputs::belly_turn()
+    };
+    let rows: Vec<Value> = cases(seeds, &only)
+        .iter()
+        .filter_map(|case| run(case, &dynamics, &inputs))
+        .collect();
+    let table = table(&rows);
+    println!("{table}");
+    if only.is_empty() {
+        write(&rows, &table);
+    }
+}
+
+fn write(rows: &[Value], table: &str) {
+    let docs = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../docs");
+    let lines: Vec<String> = rows.iter().map(Value::to_string).collect();
+    std::fs::write(
+        docs.join("discovery.json"),
+        format!("[\n{}\n]\n", lines.join(",\n")),
+    )
+    .expect("docs are writable");
+    let page = docs.join("discovery.md");
+    let text = std::fs::read_to_string(&page).expect("the page is there");
+    let (before, rest) = text
+        .split_once("<!-- table -->\n")
+        .expect("the page marks its table");
+    let (_, after) = rest
+        .split_once("<!-- end of the table -->")
+        .expect("the page marks the end");
+    let text = format!("{before}<!-- table -->\n{table}<!-- end of the table -->{after}");
+    std::fs::write(page, text).expect("docs are writable");
+}
+
+fn table(rows: &[Value]) -> String {
+    let mut table = String::from(
+        "| hidden | noise | flights | right | parameters within 3 standard errors | held-out misfit closed | otherwise |\n|---|---|---|---|---|---|---|\n",
+    );
+    let mut keys: Vec<(String, String)> = Vec::new();
+    let label = |row: &Value| {
+        let hidden = row["hidden"].as_array().map_or_else(Vec::new, Clone::clone);
+        let hidden: Vec<&str> = hidden
+            .iter()
+            .filter_map(Value::as_str)
+            .map(|s| s.to_owned().leak() as &str)
+            .collect();
+        let name = if hidden.is_empty() {
+            "nothing".to_owned()
+        } else {
+            hidden.join(" + ")
+        };
+        (name, row["noise"].to_string())
+    };
+    for row in rows {
+        if !keys.contains(&label(row)) {
+            keys.push(label(row));
+        }
+    }
+    for group in ["single", "clean", "outside", "pair", "noise"] {
+        let own: Vec<&Value> = rows.iter().filter(|row| row["group"] == group).collect();
+        if own.is_empty() {
+            continue;
+        }
+        for key in keys
+            .iter()
+            .filter(|key| own.iter().any(|row| label(row) == **key))
+        {
+            let of: Vec<&Value> = own
+                .iter()
+                .copied()
+                .filter(|row| label(row) == *key)
+                .collect();
+            line(&mut table, &key.0, &key.1, &of);
+        }
+        line(&mut table, &format!("**all: {group}**"), "", &own);
+    }
+    table
+}
+
+fn line(table: &mut String, name: &str, noise: &str, rows: &[&Value]) {
+    let right = rows.iter().filter(|row| row["right"] == true).count();
+    let sum = |key: &str| rows.iter().filter_map(|row| row[key].as_u64()).sum::<u64>();
+    let closed: Vec<f64> = rows
+        .iter()
+        .filter(|row| row["right"] == true && row["verdict"] == "named")
+        .filter_map(|row| row["held_out_closed_share"].as_f64())
+        .collect();
+    let mean = closed.iter().sum::<f64>() / closed.len().max(1) as f64;
+    let closed = if closed.is_empty() {
+        String::new()
+    } else {
+        format!("{mean:.2}")
+    };
+    let mut otherwise: Vec<String> = rows
+        .iter()
+        .filter(|row| row["right"] != true)
+        .map(|row| {
+            let found = row["effects"]
+                .as_array()
+                .map_or_else(Vec::new, Clone::clone);
+            let found: Vec<String> = found
+                .iter()
+                .filter_map(|e| e["name"].as_str().map(str::to_owned))
+                .collect();
+            let verdict = row["verdict"].as_str().unwrap_or_default();
+            if verdict == "named" {
+                found.join(" + ")
+            } else {
+                verdict.to_owned()
+            }
+        })
+        .collect();
+    otherwise.sort();
+    otherwise.dedup();
+    let otherwise = if name.starts_with("**") {
+        String::new()
+    } else {
+        otherwise.join(", ")
+    };
+    let (all, within) = (sum("parameters"), sum("within_three_standard_errors"));
+    let within = if all == 0 {
+        String::new()
+    } else {
+        format!("{within} of {all}")
+    };
+    let _ = writeln!(
+        table,
+        "| {name} | {noise} | {} | {right} | {within} | {closed} | {otherwise} |",
+        rows.len()
+    );
+}

@@ -1,0 +1,136 @@
+//! `bodyflight discover`.
+
+use std::path::{Path, PathBuf};
+
+use bodyflight::diagnostic::{Problem, Result};
+use bodyflight::discover::report::{CHANNEL_NAMES, Outcome, Report};
+use bodyflight::discover::track::Track;
+use bodyflight::discover::{Settings, discover, figure};
+use bodyflight::flight::Flight;
+use bodyflight::output::write_file;
+
+use super::simulate::Reading;
+use super::terminal;
+
+/// Find where simulation and measurement disagree, name the effect that is missing, and show how the gap shrinks.
+#[derive(clap::Args)]
+#[command(
+    after_help = "Verdicts: named, none (model and data agree to the noise), unexplained (a disagreement like nothing in \
+                  the library), thin (too short to tell). docs/discovery.md says how often each is right.\n\n\
+                  Example: bodyflight hide wind --out lab && bodyflight discover lab/flight-0/flight.toml \
+                  --hold-out lab/flight-1/flight.toml --out found"
+)]
+pub(super) struct Args {
+    /// A flight.toml, or an MVNX file alone.
+    flight: PathBuf,
+    /// Other flights, which effects are not fitted to but have to help in.
+    #[arg(long, value_name = "FLIGHT", num_args = 1..)]
+    hold_out: Vec<PathBuf>,
+    /// Most effects that are named.
+    #[arg(long, default_value_t = 3)]
+    max_effects: usize,
+    /// Seed of the flights that are drawn for comparison.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Folder for report.json, report.svg and model.toml; made where absent.
+    #[arg(long)]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    reading: Reading,
+}
+
+pub(super) fn run(args: &Args, json: bool) -> Result<()> {
+    let read = |path: &PathBuf| Track::read(&Flight::read(path)?, args.reading.options());
+    let track = read(&args.flight)?;
+    let held_out = args.hold_out.iter().map(read).collect::<Result<Vec<_>>>()?;
+    let settings = Settings {
+        max_effects: args.max_effects,
+        seed: args.seed,
+    };
+    let spinner = terminal::spinner("discovering");
+    let report = discover(&track, &held_out, &settings, |what| {
+        spinner.set_message(what.to_owned());
+    });
+    spinner.finish_and_clear();
+    let report = report?;
+    if let Some(folder) = &args.out {
+        write(&report, folder, &args.flight)?;
+    }
+    if json {
+        return terminal::print_json(&report);
+    }
+    print_report(&report);
+    if let Some(folder) = &args.out {
+        terminal::print(&format!("written: {}", folder.display()));
+    }
+    Ok(())
+}
+
+fn write(report: &Report, folder: &Path, flight: &Path) -> Result<()> {
+    std::fs::create_dir_all(folder).map_err(|error| Problem::system("create", folder, &error))?;
+    let text = serde_json::to_string_pretty(report)
+        .map_err(|error| Problem::bad_input(format!("cannot write JSON: {error}")))?;
+    write_file(&folder.join("report.json"), text.as_bytes())?;
+    let title = format!("{}: what the model misses", flight.display());
+    write_file(
+        &folder.join("report.svg"),
+        figure::svg(&title, report)?.as_bytes(),
+    )?;
+    write_file(&folder.join("model.toml"), report.model_toml().as_bytes())
+}
+
+fn print_report(report: &Report) {
+    let verdict = match report.verdict {
+        Outcome::Named => "named",
+        Outcome::None => "none: model and data agree to the noise",
+        Outcome::Unexplained => "unexplained: a disagreement like nothing in the library",
+        Outcome::Thin => "thin: not enough excitation to tell effects apart",
+    };
+    terminal::print(&format!(
+        "verdict: {verdict} (misfit {:+.1} deviations from that of flights in which nothing is missing)",
+        report.disagreement
+    ));
+    for named in &report.effects {
+        let parameters: Vec<String> = named
+            .parameters
+            .iter()
+            .zip(&named.standard_errors)
+            .map(|((name, value), error)| format!("{name} = {value:.3} +- {error:.3}"))
+            .collect();
+        terminal::print(&format!(
+            "  {}: {} ({:.1} deviations beyond chance)",
+            named.name,
+            parameters.join(", "),
+            named.confidence
+        ));
+        if !named.rivals.is_empty() {
+            let rivals: Vec<&str> = named.rivals.iter().map(|rival| rival.name).collect();
+            terminal::print(&format!(
+                "    not to be told from {} here; fly: {}",
+                rivals.join(", "),
+                named.separated_by
+            ));
+        }
+        if named.imitated_by_inputs {
+            terminal::print("    an estimator of muscle input and damping would take it for those");
+        }
+    }
+    let mut table = terminal::table(&["channel", "before", "after", "where nothing is missing"]);
+    for (channel, name) in CHANNEL_NAMES.iter().enumerate() {
+        let gap = &report.gap;
+        let numbers =
+            [gap.before, gap.after, gap.floor].map(|values| format!("{:.3}", values[channel]));
+        table.add_row([&[(*name).to_owned()][..], &numbers].concat());
+    }
+    terminal::print(&table.to_string());
+    for (index, gap) in report.held_out.iter().enumerate() {
+        terminal::print(&format!(
+            "held-out flight {}: misfit {:.0} -> {:.0}, {:.0} numbers; {:.0} % of what is above the noise closed",
+            index + 1,
+            gap.misfit_before,
+            gap.misfit_after,
+            gap.numbers,
+            100.0 * gap.closed_share()
+        ));
+    }
+}

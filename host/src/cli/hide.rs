@@ -1,0 +1,128 @@
+//! `bodyflight hide`.
+
+use std::path::PathBuf;
+
+use bodyflight::diagnostic::{Problem, Result};
+use bodyflight::flight::Flight;
+use bodyflight::hide::outside::Outside;
+use bodyflight::hide::{Hidden, Settings, fly, strength, truth_toml, write};
+use bodyflight::output::write_file;
+use bodyflight::subject::Subject;
+use bodyflight_core::dynamics::Inputs;
+use bodyflight_core::effect::Effect;
+use serde::Serialize;
+
+use super::terminal;
+
+/// Write flights in which an effect acts and nothing in the files says so.
+#[derive(clap::Args)]
+#[command(after_help = hidden_help())]
+pub(super) struct Args {
+    /// Effects by name, several with commas; `clean` for none.
+    effects: String,
+    /// Folder for flight-0, flight-1 and so on, and truth.toml beside them.
+    #[arg(long)]
+    out: PathBuf,
+    /// A subject.toml; the default subject where absent.
+    #[arg(long)]
+    subject: Option<PathBuf>,
+    /// How many flights, with the same effects.
+    #[arg(long, default_value_t = 2)]
+    flights: u64,
+    /// Length of each (s).
+    #[arg(long, default_value_t = 40.0)]
+    duration: f64,
+    /// Seed of strengths, movements, errors and noise.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Noise and errors as a share of the usual; 0 for none.
+    #[arg(long, default_value_t = 1.0)]
+    noise: f64,
+}
+
+fn known() -> String {
+    let effects = Effect::ALL.iter().map(|effect| effect.description().name);
+    let names: Vec<&str> = effects.chain(Outside::ALL.map(Outside::name)).collect();
+    names.join(", ")
+}
+
+fn hidden_help() -> String {
+    format!(
+        "Effects: {}\n\nExample: bodyflight hide wind --seed 1 --out lab",
+        known()
+    )
+}
+
+#[derive(Serialize)]
+struct Written {
+    flights: Vec<PathBuf>,
+    truth: PathBuf,
+}
+
+pub(super) fn run(args: &Args, json: bool) -> Result<()> {
+    for (name, value, low, high) in [
+        ("duration", args.duration, 2.0, 300.0),
+        ("noise", args.noise, 0.0, 20.0),
+    ] {
+        if !(low..=high).contains(&value) {
+            return Err(Problem::bad_input(format!(
+                "expected --{name} of {low} to {high}, found {value}"
+            )));
+        }
+    }
+    let names = args.effects.split(',').filter(|name| *name != "clean");
+    let hidden = names
+        .map(|name| hidden(name, args.seed))
+        .collect::<Result<Vec<_>>>()?;
+    let subject = match &args.subject {
+        Some(path) => Subject::read(path)?,
+        None => Subject::default(),
+    };
+    let flight = Flight {
+        subject: subject.clone(),
+        ..Flight::bare(&args.out)
+    };
+    let dynamics = flight.dynamics(0.0);
+    let inputs = Inputs {
+        damping: subject.damping(),
+        ..Inputs::belly_turn()
+    };
+    let bar = terminal::bar(args.flights, "flying");
+    let mut flights = Vec::new();
+    for index in 0..args.flights {
+        let settings = Settings {
+            seed: args.seed.wrapping_mul(1000) + index,
+            duration: args.duration,
+            noise: args.noise,
+        };
+        let flown = fly(&dynamics, &inputs, &hidden, &settings);
+        flights.push(write(
+            &flown,
+            &subject,
+            &args.out.join(format!("flight-{index}")),
+        )?);
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    let truth = args.out.join("truth.toml");
+    write_file(&truth, truth_toml(&hidden).as_bytes())?;
+    if json {
+        return terminal::print_json(&Written { flights, truth });
+    }
+    for path in flights.iter().chain([&truth]) {
+        terminal::print(&format!("written: {}", path.display()));
+    }
+    Ok(())
+}
+
+fn hidden(name: &str, seed: u64) -> Result<Hidden> {
+    if let Some(effect) = Effect::from_name(name) {
+        return Ok(Hidden::Effect(effect, strength(effect, seed)));
+    }
+    Outside::from_name(name)
+        .map(Hidden::Outside)
+        .ok_or_else(|| {
+            Problem::bad_input(format!("unknown effect \"{name}\""))
+                .help(format!("one of: {}", known()))
+        })
+}

@@ -1,0 +1,50 @@
+//! The report as a figure: where the model disagrees, and each channel before and after.
+
+use super::report::{CHANNEL_NAMES, Report};
+use super::stretch::CHANNELS;
+use crate::diagnostic::Result;
+use crate::plot::{Curve, EXTENDED, FLOOR, Line, PLAIN, Panel, figure_svg};
+
+/// The figure as SVG.
+///
+/// # Errors
+/// Where it cannot be drawn.
+pub fn svg(title: &str, report: &Report) -> Result<String> {
+    let effects: Vec<&str> = report.model.iter().map(|(name, _)| *name).collect();
+    let found = if effects.is_empty() {
+        format!("{:?}", report.verdict).to_lowercase()
+    } else {
+        effects.join(" + ")
+    };
+    let panels: Vec<Panel> = (0..CHANNELS)
+        .map(|channel| panel(report, channel))
+        .collect();
+    figure_svg(&format!("{title}: {found}"), &panels)
+}
+
+fn panel(report: &Report, channel: usize) -> Panel {
+    let gap = &report.gap;
+    let floor = gap.floor[channel];
+    let curve = |line: Line, value: &dyn Fn(usize) -> f64| Curve {
+        line,
+        points: report
+            .residual_map
+            .iter()
+            .enumerate()
+            .map(|(k, spot)| (spot.time_s, value(k)))
+            .collect(),
+    };
+    let spots = &report.residual_map;
+    Panel {
+        caption: format!(
+            "{}: RMS over 0.6 s, in all {:.3}, after {:.3}, floor {floor:.3}",
+            CHANNEL_NAMES[channel], gap.before[channel], gap.after[channel]
+        ),
+        curves: vec![
+            curve(FLOOR, &|_| floor),
+            curve(PLAIN, &|k| spots[k].over_floor[channel] * floor),
+            curve(EXTENDED, &|k| spots[k].over_floor_after[channel] * floor),
+        ],
+        wraps: false,
+    }
+}

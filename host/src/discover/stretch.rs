@@ -1,0 +1,236 @@
+//! Short free runs over the recorded postures, and how far the measurement is from them.
+//!
+//! The flight is cut into stretches. In each, the model flies alone from the smoothed measurement at its start, so
+//! what it feels does not depend on the noise of the sensors; the error of the start is left free within what
+//! smoothing leaves. Nothing is differentiated. Averages over a tenth of a second are compared: attitude, angular
+//! velocity and velocity, so that errors of the sensors and of the physics show in different rows.
+
+use bodyflight_core::Posture;
+use bodyflight_core::dynamics::{Motion, PostureSample, State};
+use bodyflight_core::effect::Model;
+use bodyflight_core::frame::{Rotation, Vector};
+use bodyflight_core::math::small_rotation;
+use nalgebra::{DVector, SVector, Vector3};
+
+use super::track::Track;
+
+/// Frames of a stretch: 0.6 s at 240 Hz, short enough for what joints have wrong to act in proportion.
+pub const FRAMES: usize = 144;
+/// Frames that are averaged into a row of comparisons.
+pub const WINDOW: usize = 24;
+/// Channels of a comparison: attitude (body axes), angular velocity (body), velocity (north, west, up).
+pub const CHANNELS: usize = 9;
+/// Comparisons of a stretch.
+const ROWS: usize = FRAMES / WINDOW;
+/// Numbers of a stretch.
+pub const NUMBERS: usize = ROWS * CHANNELS;
+/// Frames on both sides of the start that are smoothed.
+const HALF_SMOOTHING: usize = 12;
+/// Frames over which the rate of change at the start is taken.
+pub const BEFORE: usize = 48;
+
+/// Standard deviations of single frames: attitude (rad), angular velocity (rad/s), velocity (m/s), the paper's.
+pub const SENSOR_NOISE: [f64; CHANNELS] = [0.01, 0.01, 0.01, 0.03, 0.03, 0.03, 0.1, 0.1, 1.0];
+
+/// What the model misses in a tenth of a second whatever it knows: jitter of joints, slow errors of the suit.
+const MODEL_NOISE: [f64; CHANNELS] = [
+    0.0008, 0.0008, 0.0008, 0.004, 0.004, 0.004, 0.01, 0.01, 0.015,
+];
+
+/// A difference in all channels.
+pub type Channels = SVector<f64, CHANNELS>;
+
+/// A stretch of a flight.
+#[derive(Debug, Clone)]
+pub struct Stretch {
+    /// Its first frame.
+    pub first: usize,
+    /// The smoothed motion there.
+    pub start: Motion<f64>,
+    /// The smoothed motion [`BEFORE`] frames earlier, for errors that are delays.
+    pub before: Motion<f64>,
+}
+
+/// Where stretches begin, and from which motion.
+pub fn stretches(track: &Track) -> Vec<Stretch> {
+    let count = track.measured.len();
+    let mut first = HALF_SMOOTHING + BEFORE;
+    let mut stretches = Vec::new();
+    while first + FRAMES < count {
+        stretches.push(Stretch {
+            first,
+            start: smoothed(track, first),
+            before: smoothed(track, first - BEFORE),
+        });
+        first += FRAMES;
+    }
+    stretches
+}
+
+/// Mean of the motions around a frame, which keeps what changes linearly.
+fn smoothed(track: &Track, frame: usize) -> Motion<f64> {
+    let around = frame - HALF_SMOOTHING..=frame + HALF_SMOOTHING;
+    let centre = track.measured[frame];
+    let share = 1.0 / (2 * HALF_SMOOTHING + 1) as f64;
+    let mut mean = Channels::zeros();
+    for motion in &track.measured[around] {
+        mean += difference(motion, &centre) * share;
+    }
+    moved(&centre, &mean)
+}
+
+/// `motion` changed by a difference in all channels.
+fn moved(motion: &Motion<f64>, by: &Channels) -> Motion<f64> {
+    let part = |from: usize| Vector3::new(by[from], by[from + 1], by[from + 2]);
+    let turn = small_rotation(&part(0));
+    let inertial_from_body =
+        Rotation::from_quaternion(motion.inertial_from_body.quaternion() * turn);
+    let velocity = motion.velocity_inertial().components + part(6);
+    Motion {
+        inertial_from_body,
+        position: motion.position,
+        velocity: inertial_from_body.inverse() * Vector::from_components(velocity),
+        angular_velocity: Vector::from_components(motion.angular_velocity.components + part(3)),
+    }
+}
+
+/// `measured` less `predicted`.
+fn difference(measured: &Motion<f64>, predicted: &Motion<f64>) -> Channels {
+    let turn = predicted.inertial_from_body.quaternion().inverse()
+        * measured.inertial_from_body.quaternion();
+    let attitude = turn.scaled_axis();
+    let spin = measured.angular_velocity.components - predicted.angular_velocity.components;
+    let velocity =
+        measured.velocity_inertial().components - predicted.velocity_inertial().components;
+    Channels::from_iterator(attitude.iter().chain(&spin).chain(&velocity).copied())
+}
+
+/// Covariance of the start, by its standard deviations.
+pub fn start_deviation() -> Channels {
+    let smoothing = 1.0 / (2.0 * HALF_SMOOTHING as f64 + 1.0).sqrt();
+    Channels::from_fn(|channel, _| SENSOR_NOISE[channel] * smoothing * 1.2)
+}
+
+/// Variance of the numbers of a stretch.
+pub fn variance() -> DVector<f64> {
+    let averaged = WINDOW as f64;
+    DVector::from_fn(NUMBERS, |row, _| {
+        let channel = row % CHANNELS;
+        SENSOR_NOISE[channel].powi(2) / averaged + MODEL_NOISE[channel].powi(2)
+    })
+}
+
+/// Postures of a stretch as the model flies them.
+fn posture(track: &Track, frame: usize, delay: f64) -> Posture<f64> {
+    let last = track.postures.len() - 1;
+    if delay == 0.0 {
+        return track.postures[frame.min(last)];
+    }
+    // Recorded too late: what is meant now stands further on.
+    let interval = track.duration() / last as f64;
+    let place = (frame as f64 + delay / interval).clamp(0.0, last as f64);
+    let before = place.floor();
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "clamped to the frames"
+    )]
+    let index = before as usize;
+    track.postures[index].interpolated(&track.postures[(index + 1).min(last)], place - before)
+}
+
+/// The intervals of a stretch in a model, ready to be flown from any start.
+pub struct Prepared<'a> {
+    track: &'a Track,
+    model: Model<f64>,
+    stretch: &'a Stretch,
+    samples: Vec<PostureSample<f64>>,
+}
+
+impl<'a> Prepared<'a> {
+    /// Computes the intervals; `joints` turns recorded postures to those that are flown.
+    pub fn new(
+        track: &'a Track,
+        stretch: &'a Stretch,
+        model: &Model<f64>,
+        joints: &dyn Fn(Posture<f64>) -> Posture<f64>,
+    ) -> Self {
+        let delay = model.sensors.posture_delay;
+        let mut from = joints(posture(track, stretch.first, delay));
+        let samples = (stretch.first..stretch.first + FRAMES)
+            .map(|frame| {
+                let to = joints(posture(track, frame + 1, delay));
+                let duration = track.times[frame + 1] - track.times[frame];
+                let sample = model.dynamics.between(&from, &to, duration);
+                from = to;
+                sample
+            })
+            .collect();
+        Self {
+            track,
+            model: *model,
+            stretch,
+            samples,
+        }
+    }
+
+    /// Measured less flown, averaged, from the smoothed start changed by `start`.
+    pub fn residual(&self, start: &Channels) -> DVector<f64> {
+        let mut residual = DVector::zeros(NUMBERS);
+        self.each(start, |k, seen, _| {
+            let row = k / WINDOW;
+            let measured = &self.track.measured[self.stretch.first + k + 1];
+            let difference = difference(measured, seen) / WINDOW as f64;
+            for (channel, value) in difference.iter().enumerate() {
+                residual[row * CHANNELS + channel] += value;
+            }
+        });
+        residual
+    }
+
+    /// What sensors would see of this flight less what they see of `other`, averaged.
+    pub fn apart(&self, start: &Channels, other: &Self) -> DVector<f64> {
+        let mut seen_by_other = Vec::with_capacity(FRAMES);
+        other.each(&Channels::zeros(), |_, seen, _| seen_by_other.push(*seen));
+        let mut apart = DVector::zeros(NUMBERS);
+        self.each(start, |k, seen, _| {
+            let difference = difference(seen, &seen_by_other[k]) / WINDOW as f64;
+            for (channel, value) in difference.iter().enumerate() {
+                apart[k / WINDOW * CHANNELS + channel] += value;
+            }
+        });
+        apart
+    }
+
+    fn each(&self, start: &Channels, mut each: impl FnMut(usize, &Motion<f64>, &Motion<f64>)) {
+        let Some(first) = self.samples.first() else {
+            return;
+        };
+        let begin = moved(&self.stretch.start, start);
+        let begin = self.corrected(&begin);
+        let inputs = self.model.inputs(&self.track.inputs);
+        let mut state = State::from_motion(&begin, first);
+        let mut before = begin;
+        for (k, sample) in self.samples.iter().enumerate() {
+            let frame = self.stretch.first + k;
+            let duration = self.track.times[frame + 1] - self.track.times[frame];
+            state = self.model.dynamics.step(&state, sample, &inputs, duration);
+            let motion = state.motion(sample);
+            let time = self.track.times[frame + 1] - self.track.times[0];
+            let seen = self.model.sensors.observe(&motion, &before, duration, time);
+            before = motion;
+            each(k, &seen, &motion);
+        }
+    }
+
+    /// The true start behind a measured one: the sensors' errors taken off.
+    fn corrected(&self, measured: &Motion<f64>) -> Motion<f64> {
+        let time = self.track.times[self.stretch.first] - self.track.times[0];
+        let sensors = &self.model.sensors;
+        let interval =
+            self.track.times[self.stretch.first] - self.track.times[self.stretch.first - BEFORE];
+        let seen = sensors.observe(measured, &self.stretch.before, interval, time);
+        // Errors are small: what they add to the measured start they added to the true one.
+        moved(measured, &difference(measured, &seen))
+    }
+}

@@ -1,0 +1,78 @@
+//! Things that push a body and are not in the library, for the question whether they are taken for something
+//! that is. They belong here, not to the model.
+
+use bodyflight_core::dynamics::{Motion, State};
+use bodyflight_core::frame::Vector;
+use nalgebra::Vector3;
+
+/// A push that no effect of the library makes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Outside {
+    /// Gusts of the air: a horizontal force that comes and goes every few seconds.
+    Gusts,
+    /// A strap that flaps: a moment about the long axis at four times a second.
+    Flapping,
+    /// Another skydiver who grips now and then and pulls.
+    Grip,
+    /// A pilot chute that tows from the back, in bursts.
+    Tow,
+}
+
+impl Outside {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Gusts, Self::Flapping, Self::Grip, Self::Tow];
+
+    /// Name in commands and tables.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Gusts => "outside-gusts",
+            Self::Flapping => "outside-flapping",
+            Self::Grip => "outside-grip",
+            Self::Tow => "outside-tow",
+        }
+    }
+
+    /// The one of that name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|outside| outside.name() == name)
+    }
+
+    /// Pushes for `duration` (s) from `time` (s) on.
+    pub fn push(self, state: &mut State<f64>, motion: &Motion<f64>, time: f64, duration: f64) {
+        let up = Vector3::z();
+        let body = |moment: Vector3<f64>| {
+            (motion.inertial_from_body * Vector::from_components(moment)).components
+        };
+        let bursts = |period: f64, share: f64| {
+            if (time / period).fract() < share {
+                1.0
+            } else {
+                0.0
+            }
+        };
+        let (force, moment) = match self {
+            Self::Gusts => {
+                let east = (time * 1.7).sin() + (time * 2.9 + 1.0).sin();
+                let north = (time * 2.3 + 2.0).sin();
+                (Vector3::new(north, east, 0.0) * 120.0, Vector3::zeros())
+            }
+            Self::Flapping => {
+                let beat = (time * 8.0 * core::f64::consts::PI).sin();
+                (Vector3::zeros(), body(Vector3::new(0.0, 10.0, 25.0) * beat))
+            }
+            Self::Grip => {
+                let on = bursts(5.0, 0.25);
+                let pull = Vector3::new(100.0, -60.0, 20.0) * on;
+                (pull, body(Vector3::new(12.0, 20.0, -8.0)) * on)
+            }
+            Self::Tow => {
+                let on = bursts(7.0, 0.3);
+                (up * (300.0 * on), body(Vector3::new(25.0, 0.0, 0.0)) * on)
+            }
+        };
+        let linear = state.linear_momentum.components + force * duration;
+        let angular = state.angular_momentum.components + moment * duration;
+        state.linear_momentum = Vector::from_components(linear);
+        state.angular_momentum = Vector::from_components(angular);
+    }
+}
