@@ -169,11 +169,13 @@ fn run<T: Real, P: Propagation<T>, const INTERVALS: usize>(
         inputs: None,
         ..flight.clone()
     };
-    let dynamics = Dynamics {
+    let height = first.pelvis.position.components.z;
+    let plain = Dynamics {
         muscles: preset.muscles,
-        ..flight.dynamics(first.pelvis.position.components.z)
+        ..flight.dynamics(height)
     };
-    let mut follower = Follower::<f64>::new(&constant_flight, &dynamics, &first, &ahead)?;
+    let dynamics = flight.effects.for_filter(plain, height)?;
+    let mut follower = Follower::<f64>::new(&constant_flight, &plain, &first, &ahead)?;
     let mut follow = |frame: &FlightFrame, next: Option<&FlightFrame>| {
         // A free run that leaves every range is a result here, not a fault of the flight.
         follower.follow(frame, next).map(|pair| pair.simulated).ok()

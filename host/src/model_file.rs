@@ -11,6 +11,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use bodyflight_core::dynamics::Dynamics;
+use bodyflight_core::effect::sensors::Sensors;
 use bodyflight_core::effect::{Effect, Model, PARAMETER_COUNT};
 use serde::Deserialize;
 
@@ -71,6 +72,27 @@ impl Effects {
                 .map_err(|error| Problem::bad_input(error.to_string()))?;
         }
         Ok(model)
+    }
+
+    /// The model with the effects for an estimator, which finds muscle input and damping by itself.
+    ///
+    /// # Errors
+    /// Where an effect cannot fly in a filter: those of the sensors, and those of the stream at single segments.
+    pub fn for_filter(&self, dynamics: Dynamics<f64>, start_height: f64) -> Result<Dynamics<f64>> {
+        let model = self.applied(dynamics, start_height)?;
+        let refused = |what: &str| {
+            Problem::bad_input(format!(
+                "an effect of the model acts on {what}, which no filter flies"
+            ))
+            .help("take it out of the model.toml; simulate --model flies with it")
+        };
+        if model.sensors != Sensors::perfect() {
+            return Err(refused("the sensors"));
+        }
+        if !model.dynamics.stream.is_uniform() || model.dynamics.air.profile != 0.0 {
+            return Err(refused("the stream at single segments"));
+        }
+        Ok(model.dynamics)
     }
 }
 

@@ -9,6 +9,7 @@ pub mod twin;
 
 use std::time::{Duration, Instant};
 
+use bodyflight_core::dynamics::Dynamics;
 use bodyflight_core::estimator::preset::{PRESETS, Preset};
 use bodyflight_core::link::fault::{Faults, Injector};
 use bodyflight_core::link::{
@@ -127,7 +128,19 @@ fn configuration(
     frame_rate: f64,
 ) -> Result<(Configure, SegmentTable)> {
     let height = first.pelvis.position.components.z;
-    let dynamics = flight.dynamics(height);
+    let plain = flight.dynamics(height);
+    let dynamics = flight.effects.for_filter(plain, height)?;
+    // What the unit is told: the segment table and one density. The rest is the paper's there.
+    let beyond = Dynamics {
+        body: plain.body,
+        ..dynamics
+    };
+    if beyond != plain {
+        return Err(Problem::bad_input(
+            "an effect of the model acts on what the unit cannot be told: only mass, shape and mounting can",
+        )
+        .help("take it out of the model.toml; estimate --model runs the filter here with it"));
+    }
     let body = dynamics.body.cast::<f32>();
     let table = SegmentTable::of(&body);
     let number = PRESETS.iter().position(|p| p.name == preset.name);

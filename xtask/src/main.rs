@@ -28,6 +28,12 @@ enum Verb {
     OnTarget,
     /// Build the images of the unit for all boards, and check their sizes.
     Unit,
+    /// Hide effects, look for them, and write how often they were found: docs/discovery.json and its table.
+    DiscoveryBench {
+        /// Flights for each effect.
+        #[arg(long, default_value_t = 3)]
+        seeds: u32,
+    },
     /// Stream a flight to the unit in QEMU and to the virtual unit: nothing lost, nothing late, the same bits.
     Hil {
         /// Seconds of flight, at the rate of the recording.
@@ -41,6 +47,16 @@ fn main() -> ExitCode {
         Verb::Test => test::test(),
         Verb::OnTarget => on_target::on_target(),
         Verb::Unit => unit::unit().map(|_| ()),
+        Verb::DiscoveryBench { seeds } => run::cargo(&[
+            "bench",
+            "--package",
+            "bodyflight-benches",
+            "--bench",
+            "discovery",
+            "--",
+            "--seeds",
+            &seeds.to_string(),
+        ]),
         Verb::Hil { seconds } => hil::hil(seconds),
     };
     match result {

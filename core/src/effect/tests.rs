@@ -1,5 +1,7 @@
 //! Tests of the library as a whole.
 
+extern crate std;
+
 use super::*;
 use crate::Posture;
 use crate::body::mass_properties::PostureRate;
@@ -95,4 +97,72 @@ fn implausible_values_are_refused_and_change_nothing() {
             assert_eq!(model, plain());
         }
     }
+}
+
+const PAGE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/effects.md");
+
+fn page() -> std::string::String {
+    use std::fmt::Write;
+    let mut page = std::string::String::from(
+        "# Effects\n\n\
+         What the model may lack, one file each in `core/src/effect/`. `bodyflight discover` looks for them, \
+         `bodyflight hide` hides them, and a `model.toml` adds them:\n\n\
+         ```toml\n[[effect]]\nname = \"wind\"\nnorth_mps = 3.5\n```\n\n\
+         Parameters that are not given keep the value at which they do nothing. The page is made from the code:\n\n\
+         ```\nBODYFLIGHT_WRITE_DOCS=1 cargo test -p bodyflight-core effect\n```\n",
+    );
+    for (kind, title) in [
+        (Kind::Physics, "Effects on the motion"),
+        (Kind::Measurement, "Effects on what is recorded"),
+    ] {
+        writeln!(page, "\n## {title}").unwrap();
+        for effect in Effect::ALL.iter().filter(|e| e.description().kind == kind) {
+            let Description {
+                name,
+                form,
+                parameters,
+                source,
+                signature,
+                confused_with,
+                separated_by,
+                ..
+            } = effect.description();
+            writeln!(page, "\n### {name}\n\n{form}. Source: {source}.\n").unwrap();
+            writeln!(
+                page,
+                "| parameter | does nothing at | plausible |\n|---|---|---|"
+            )
+            .unwrap();
+            for Parameter {
+                name,
+                neutral,
+                low,
+                high,
+            } in *parameters
+            {
+                writeln!(page, "| `{name}` | {neutral} | {low} to {high} |").unwrap();
+            }
+            writeln!(page, "\nLooks like: {signature}.").unwrap();
+            let rivals = confused_with.join(", ");
+            writeln!(
+                page,
+                "Confused with: {rivals}. Told apart by: {separated_by}."
+            )
+            .unwrap();
+        }
+    }
+    page
+}
+
+#[test]
+fn the_page_of_effects_says_what_the_code_says() {
+    let page = page();
+    if std::env::var_os("BODYFLIGHT_WRITE_DOCS").is_some() {
+        std::fs::write(PAGE, &page).unwrap();
+    }
+    let found = std::fs::read_to_string(PAGE).unwrap_or_default();
+    assert!(
+        found == page,
+        "docs/effects.md differs from the code: BODYFLIGHT_WRITE_DOCS=1 cargo test -p bodyflight-core effect"
+    );
 }

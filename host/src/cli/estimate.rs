@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use bodyflight::diagnostic::{Problem, Result};
 use bodyflight::estimate::{Estimation, Filter, estimate};
 use bodyflight::flight::Flight;
+use bodyflight::model_file::Effects;
 use bodyflight::output::write_file;
 use bodyflight_core::estimator::preset::{PRESETS, Preset};
 
@@ -29,6 +30,9 @@ pub(super) struct Args {
     /// Write coefficients and channels as SVG.
     #[arg(long, value_name = "SVG")]
     plot: Option<PathBuf>,
+    /// Effects to extend the model by: a model.toml.
+    #[arg(long, value_name = "TOML")]
+    model: Option<PathBuf>,
     /// Precision of filter and model.
     #[arg(long, value_enum, default_value = "double")]
     precision: Precision,
@@ -63,7 +67,10 @@ pub(super) fn preset(name: &str) -> Result<&'static Preset> {
 
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     let preset = preset(&args.preset)?;
-    let flight = Flight::read(&args.flight)?;
+    let mut flight = Flight::read(&args.flight)?;
+    if let Some(model) = &args.model {
+        flight.effects = Effects::read(model)?;
+    }
     let outputs = [&args.out, &args.plot];
     refuse_inputs(outputs, &[&args.flight, &flight.recording])?;
     let filter = match args.filter {

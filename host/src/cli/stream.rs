@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use bodyflight::diagnostic::{Problem, Result};
 use bodyflight::flight::Flight;
+use bodyflight::model_file::Effects;
 use bodyflight::monitor::Defmt;
 use bodyflight::mvn_network::Source;
 use bodyflight::recording::{FlightFrame, Recording};
@@ -69,6 +70,9 @@ pub(super) struct Args {
     /// Seed of the faults.
     #[arg(long, default_value_t = 0)]
     seed: u64,
+    /// Effects to extend the model by: a model.toml; those that change the body.
+    #[arg(long, value_name = "TOML")]
+    model: Option<PathBuf>,
     #[command(flatten)]
     reading: Reading,
 }
@@ -141,10 +145,13 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         faults: args.faults()?,
         seed: args.seed,
     };
-    let flight = match &args.flight {
+    let mut flight = match &args.flight {
         Some(path) => Flight::read(path)?,
         None => Flight::bare(Path::new("MVN")),
     };
+    if let Some(model) = &args.model {
+        flight.effects = Effects::read(model)?;
+    }
     if let Some(address) = &args.mvn {
         let mut source = Source::bind(address)?;
         terminal::note(&format!("listening to MVN at {}", source.local_address()?));
