@@ -1,0 +1,152 @@
+//! The parts of the search, where the answer is known.
+
+use bodyflight_core::dynamics::{Dynamics, Inputs};
+use nalgebra::{DMatrix, DVector};
+use proptest::prelude::*;
+
+use super::design::places;
+use super::fit::Reduced;
+use super::stretch::{CHANNELS, Channels, Prepared};
+use super::*;
+use crate::hide::{self, Hidden, fly};
+use crate::subject::Subject;
+
+fn model() -> (Dynamics<f64>, Inputs<f64>) {
+    let subject = Subject::default();
+    let dynamics = Dynamics {
+        aerodynamics: subject.aerodynamics(),
+        ..Dynamics::paper(subject.body(), 1.0)
+    };
+    let inputs = Inputs {
+        damping: subject.damping(),
+        ..Inputs::belly_turn()
+    };
+    (dynamics, inputs)
+}
+
+fn track(hidden: &[Hidden], noise: f64) -> Track {
+    let (dynamics, inputs) = model();
+    let settings = hide::Settings {
+        seed: 3,
+        duration: 6.0,
+        noise,
+    };
+    let flight = fly(&dynamics, &inputs, hidden, &settings);
+    Track::new(&flight.frames, dynamics, inputs).unwrap()
+}
+
+fn residuals(track: &Track, model: &Model<f64>) -> f64 {
+    let squares: f64 = stretches(track)
+        .iter()
+        .map(|stretch| {
+            let flown = Prepared::new(track, stretch, model, &|posture| posture);
+            flown.residual(&Channels::zeros()).norm_squared()
+        })
+        .sum();
+    squares.sqrt()
+}
+
+#[test]
+fn without_noise_the_model_flies_as_recorded_and_effects_are_felt() {
+    let effects = [
+        (Effect::Wind, [5.0, -3.0, 0.0]),
+        (Effect::GyroBias, [0.05, -0.02, 0.04]),
+        (Effect::GnssLatency, [0.1, 0.0, 0.0]),
+        (Effect::HeadingDrift, [0.02, 0.0, 0.0]),
+    ];
+    let plain = |track: &Track| Model::new(track.dynamics, track.start_height());
+    let clean = track(&[], 0.0);
+    let floor = residuals(&clean, &plain(&clean));
+    for (effect, values) in effects {
+        let track = track(&[Hidden::Effect(effect, values)], 0.0);
+        let without = residuals(&track, &plain(&track));
+        let with = residuals(&track, &with(&plain(&track), &vec![(effect, values)]));
+        assert!(
+            without > 5.0 * floor,
+            "{effect:?}: {without}, floor {floor}"
+        );
+        assert!(
+            with < 0.75 * without,
+            "{effect:?}: {without} to {with}, floor {floor}"
+        );
+    }
+}
+
+#[test]
+fn every_parameter_has_a_column_and_every_stretch_its_numbers() {
+    let track = track(&[], 1.0);
+    let model = Model::new(track.dynamics, track.start_height());
+    let stretches = stretches(&track);
+    let around = blocks(&track, &stretches, &model, &|effect| effect.neutral());
+    assert_eq!(around.len(), stretches.len());
+    for block in &around {
+        assert_eq!(block.residual.len() % CHANNELS, 0);
+        assert_eq!(block.effects.ncols(), places().len());
+        assert!(
+            block
+                .effects
+                .iter()
+                .chain(&block.nuisances)
+                .all(|value| value.is_finite())
+        );
+    }
+    // All but the profile of a tunnel are felt in a fall through still air.
+    for (k, place) in places().iter().enumerate() {
+        let felt: f64 = around
+            .iter()
+            .map(|block| block.effects.column(k).norm_squared())
+            .sum();
+        let name = place.effect.description().name;
+        assert!(
+            felt > 1e-6 || place.effect == Effect::TunnelProfile,
+            "{name} {}",
+            place.index
+        );
+    }
+}
+
+#[test]
+fn the_same_seed_gives_the_same_answer() {
+    let track = track(&[Hidden::Effect(Effect::GyroBias, [0.1, 0.1, -0.1])], 1.0);
+    let answer = || {
+        let report = discover(&track, &[], &Settings::default(), |_| {}).unwrap();
+        serde_json::to_string(&report).unwrap()
+    };
+    assert_eq!(answer(), answer());
+}
+
+#[test]
+fn a_flight_of_a_moment_is_refused() {
+    let (dynamics, inputs) = model();
+    let settings = hide::Settings {
+        duration: 1.0,
+        ..hide::Settings::default()
+    };
+    let flight = fly(&dynamics, &inputs, &[], &settings);
+    let track = Track::new(&flight.frames, dynamics, inputs).unwrap();
+    let problem = discover(&track, &[], &Settings::default(), |_| {}).unwrap_err();
+    assert!(problem.to_string().contains("4 s"), "{problem}");
+}
+
+proptest! {
+    /// Nuisances with unit priors are noise of covariance `I + N N^T`.
+    #[test]
+    fn nuisances_are_taken_out_as_noise(
+        residual in prop::collection::vec(-2.0f64..2.0, 8),
+        columns in prop::collection::vec(-1.0f64..1.0, 16),
+        nuisances in prop::collection::vec(-3.0f64..3.0, 24),
+    ) {
+        let residual = DVector::from_vec(residual);
+        let columns = DMatrix::from_vec(8, 2, columns);
+        let nuisances = DMatrix::from_vec(8, 3, nuisances);
+        let reduced = Reduced::of([(&residual, &columns, &nuisances)].into_iter());
+        let covariance = DMatrix::identity(8, 8) + &nuisances * nuisances.transpose();
+        let inverse = covariance.try_inverse().unwrap();
+        let misfit = residual.dot(&(&inverse * &residual));
+        prop_assert!((reduced.misfit - misfit).abs() < 1e-9 * (1.0 + misfit));
+        let slope = columns.transpose() * &inverse * &residual;
+        prop_assert!((reduced.slope - slope).norm() < 1e-9);
+        let curvature = columns.transpose() * &inverse * &columns;
+        prop_assert!((reduced.curvature - curvature).norm() < 1e-9);
+    }
+}
