@@ -16,16 +16,16 @@ pub mod report;
 pub mod stretch;
 pub mod track;
 
-use bodyflight_core::effect::{Effect, Model};
+use bodyflight_core::effect::Model;
 
 use crate::diagnostic::{Problem, Result};
 use choice::{next, pruned};
-use design::{Block, blocks};
-use fit::{Data, Fit, Values, with};
+use design::blocks;
+use fit::{Data, Fit};
 use held_out::HeldOut;
 use null::draw;
 use report::{Gap, Named, Outcome};
-use stretch::{Stretch, stretches};
+use stretch::stretches;
 use track::Track;
 
 /// How to look.
@@ -74,11 +74,9 @@ pub fn discover(
         )));
     }
     progress("what each effect would change");
-    let neutral = |effect: Effect| effect.neutral();
-    let around = blocks(track, &stretches, &model, &neutral);
+    let mut pairs = blocks(track, &model, stretches, &Vec::new());
     progress("flights in which nothing is missing");
-    let null = draw(track, &stretches, &around, &model, settings.seed);
-    let mut pairs: Vec<(Stretch, Block)> = stretches.into_iter().zip(around).collect();
+    let null = draw(track, &pairs, &model, settings.seed);
     let data = Data {
         track,
         model: &model,
@@ -111,7 +109,8 @@ pub fn discover(
         };
         named.push(found);
         // What joints and subject may have wrong acts differently in the model that was found.
-        pairs = relinearised(track, &model, pairs, &fit.values);
+        let stretches = pairs.into_iter().map(|(stretch, _)| stretch).collect();
+        pairs = blocks(track, &model, stretches, &fit.values);
         let data = Data {
             track,
             model: &model,
@@ -119,9 +118,16 @@ pub fn discover(
         };
         chosen = pruned(&data, &null, data.fit(fit.values, all), &mut named);
     }
-    let to_explain = plain - expected;
+    // Both sides by the same measure, that of the model that was found.
+    let data = Data {
+        track,
+        model: &model,
+        stretches: &pairs,
+    };
+    let without = data.misfit(&Vec::new(), all);
+    let to_explain = without - expected;
     let explained = if to_explain > 0.0 {
-        (plain - chosen.misfit) / to_explain
+        (without - chosen.misfit) / to_explain
     } else {
         0.0
     };
@@ -139,11 +145,6 @@ pub fn discover(
     };
     report::settle(&mut named, &chosen);
     progress("what is left of the gap");
-    let data = Data {
-        track,
-        model: &model,
-        stretches: &pairs,
-    };
     let gap = Gap::of(&data, &values, &null.floor);
     let held_out = others
         .iter()
@@ -159,22 +160,6 @@ pub fn discover(
         map: report::map(&data, &values, &null.floor),
         values,
     }))
-}
-
-/// The problem around a model with effects.
-fn relinearised(
-    track: &Track,
-    model: &Model<f64>,
-    pairs: Vec<(Stretch, Block)>,
-    values: &Values,
-) -> Vec<(Stretch, Block)> {
-    let stretches: Vec<Stretch> = pairs.into_iter().map(|(stretch, _)| stretch).collect();
-    let present = |effect: Effect| {
-        let found = values.iter().find(|(known, _)| *known == effect);
-        found.map_or_else(|| effect.neutral(), |(_, values)| *values)
-    };
-    let around = blocks(track, &stretches, &with(model, values), &present);
-    stretches.into_iter().zip(around).collect()
 }
 
 #[cfg(test)]

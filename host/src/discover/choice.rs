@@ -14,6 +14,9 @@ use super::report::{Named, Rival};
 const SIGNIFICANT: f64 = 4.5;
 const SIGNIFICANT_ALONE: f64 = 9.0;
 
+/// Deviations by which a flight held out must gain.
+const VOTE: f64 = 2.0;
+
 /// Share of what is left to explain that an effect must explain to be material.
 const MATERIAL: f64 = 0.1;
 
@@ -27,6 +30,8 @@ fn deviations(chi_squared: f64, freedom: f64) -> f64 {
 struct Candidate {
     effect: Effect,
     fit: Fit,
+    /// What the effect gains in flights in which nothing is missing, over its parameters.
+    inflation: f64,
     deviations: f64,
 }
 
@@ -51,6 +56,7 @@ pub(super) fn next(
             Candidate {
                 effect,
                 fit,
+                inflation: *inflation,
                 deviations: deviations(gain, freedom),
             }
         })
@@ -73,8 +79,9 @@ pub(super) fn next(
         SIGNIFICANT
     };
     let vetoed = others.iter().any(|other| {
-        let misfit = |values: &Values| other.misfit(values);
-        misfit(&best.fit.values) >= misfit(&chosen.values)
+        let gain = other.misfit(&chosen.values) - other.misfit(&best.fit.values);
+        let freedom = best.effect.description().parameters.len() as f64;
+        deviations(gain / best.inflation, freedom) < VOTE
     });
     if best.deviations < least
         || gain < MATERIAL * left
@@ -140,7 +147,9 @@ fn helps_elsewhere(data: &Data<'_>, chosen: &Fit, candidate: &Candidate) -> bool
     for half in 0..2 {
         let own = move |k: usize| (k / 2) % 2 == half;
         let other = move |k: usize| (k / 2) % 2 != half;
-        let fit = data.fit(candidate.fit.values.clone(), own);
+        let mut values = chosen.values.clone();
+        values.push((candidate.effect, candidate.effect.neutral()));
+        let fit = data.fit(values, own);
         gain += data.misfit(&chosen.values, other) - data.misfit(&fit.values, other);
     }
     gain > 0.0

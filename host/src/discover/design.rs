@@ -15,6 +15,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use rayon::prelude::*;
 
+use super::fit::{Values, with};
 use super::stretch::{Channels, NUMBERS, Prepared, Stretch, start_deviation, variance};
 use super::track::Track;
 
@@ -81,50 +82,56 @@ fn turned(posture: Posture<f64>, joint: usize, angle: f64) -> Posture<f64> {
     )
 }
 
-/// `model` with a parameter changed by a small step; the step that was possible.
-fn changed(
-    model: &Model<f64>,
-    present: &[f64; PARAMETER_COUNT],
-    place: Place,
-) -> (Model<f64>, f64) {
-    // The model has the present values already, so the change alone is applied, from neutral.
-    let mut values = place.effect.neutral();
+/// The plain model with effects of which one parameter is changed by a small step, and the step that was possible.
+///
+/// Effects are applied from the plain model again: some multiply what is there, or take its place.
+pub(super) fn changed(plain: &Model<f64>, values: &Values, place: Place) -> (Model<f64>, f64) {
+    let mut values = values.clone();
+    if !values.iter().any(|(effect, _)| *effect == place.effect) {
+        values.push((place.effect, place.effect.neutral()));
+    }
     let parameter = &place.effect.description().parameters[place.index];
-    let size = step(place);
-    let up = present[place.index] + size <= parameter.high;
-    let size = if up { size } else { -size };
-    values[place.index] += size;
-    let mut changed = *model;
-    // Within the range by construction.
-    let _ = place.effect.apply(&values, &mut changed);
-    (changed, size)
+    let mut size = step(place);
+    for (effect, values) in &mut values {
+        if *effect == place.effect {
+            let value = &mut values[place.index];
+            if *value + size > parameter.high {
+                size = -size;
+            }
+            *value += size;
+        }
+    }
+    (with(plain, &values), size)
 }
 
-/// The problem around a model.
+/// Stretches with the problem around a model with effects; without those whose noise has no covariance.
 pub fn blocks(
     track: &Track,
-    stretches: &[Stretch],
-    model: &Model<f64>,
-    present: &dyn Fn(Effect) -> [f64; PARAMETER_COUNT],
-) -> Vec<Block> {
+    plain: &Model<f64>,
+    stretches: Vec<Stretch>,
+    values: &Values,
+) -> Vec<(Stretch, Block)> {
     let places = places();
-    let values: Vec<_> = places.iter().map(|place| present(place.effect)).collect();
     stretches
-        .par_iter()
-        .filter_map(|stretch| block(track, stretch, model, &places, &values))
+        .into_par_iter()
+        .filter_map(|stretch| {
+            let block = block(track, &stretch, plain, values, &places)?;
+            Some((stretch, block))
+        })
         .collect()
 }
 
 fn block(
     track: &Track,
     stretch: &Stretch,
-    model: &Model<f64>,
+    plain: &Model<f64>,
+    values: &Values,
     places: &[Place],
-    present: &[[f64; PARAMETER_COUNT]],
 ) -> Option<Block> {
     let none = Channels::zeros();
-    let plain = |posture: Posture<f64>| posture;
-    let base = Prepared::new(track, stretch, model, &plain);
+    let model = &with(plain, values);
+    let recorded = |posture: Posture<f64>| posture;
+    let base = Prepared::new(track, stretch, model, &recorded);
     let residual = base.residual(&none);
 
     // The start is free within what smoothing leaves: it adds to the noise.
@@ -140,8 +147,8 @@ fn block(
 
     let mut effects = DMatrix::zeros(NUMBERS, places.len());
     for (k, place) in places.iter().enumerate() {
-        let (other, size) = changed(model, &present[k], *place);
-        let column = Prepared::new(track, stretch, &other, &plain).apart(&none, &base) / size;
+        let (other, size) = changed(plain, values, *place);
+        let column = Prepared::new(track, stretch, &other, &recorded).apart(&none, &base) / size;
         effects.set_column(k, &whiten(column));
     }
     let mut nuisances = DMatrix::zeros(NUMBERS, JOINTS + SUBJECT.len() * PARAMETER_COUNT);
@@ -181,18 +188,19 @@ impl Block {
         &self,
         track: &Track,
         stretch: &Stretch,
-        model: &Model<f64>,
+        plain: &Model<f64>,
+        values: &Values,
         places: &[Place],
-        present: &[[f64; PARAMETER_COUNT]],
     ) -> (DVector<f64>, DMatrix<f64>) {
         let none = Channels::zeros();
-        let plain = |posture: Posture<f64>| posture;
-        let base = Prepared::new(track, stretch, model, &plain);
+        let recorded = |posture: Posture<f64>| posture;
+        let base = Prepared::new(track, stretch, &with(plain, values), &recorded);
         let residual = base.residual(&none);
         let mut columns = DMatrix::zeros(NUMBERS, places.len());
         for (k, place) in places.iter().enumerate() {
-            let (other, size) = changed(model, &present[k], *place);
-            let column = Prepared::new(track, stretch, &other, &plain).apart(&none, &base) / size;
+            let (other, size) = changed(plain, values, *place);
+            let column =
+                Prepared::new(track, stretch, &other, &recorded).apart(&none, &base) / size;
             columns.set_column(k, &white(&self.whitening, column));
         }
         (white(&self.whitening, residual), columns)
@@ -203,8 +211,7 @@ impl Block {
 /// stretches, whitened and plain, as they would be if the model were right.
 pub fn drawn(
     track: &Track,
-    stretches: &[Stretch],
-    blocks: &[Block],
+    pairs: &[(Stretch, Block)],
     model: &Model<f64>,
     seed: u64,
 ) -> Vec<(DVector<f64>, DVector<f64>)> {
@@ -220,7 +227,7 @@ pub fn drawn(
         // Deviations are far inside the plausible ranges.
         let _ = effect.apply(&values, &mut other);
     }
-    let seeds: Vec<u64> = stretches.iter().map(|_| random.random()).collect();
+    let seeds: Vec<u64> = pairs.iter().map(|_| random.random()).collect();
     let noise = variance().map(f64::sqrt);
     let askew = |posture: Posture<f64>| {
         let joints = errors.iter().enumerate();
@@ -228,7 +235,7 @@ pub fn drawn(
             turned(posture, joint, *angle)
         })
     };
-    let all = stretches.par_iter().zip(blocks).zip(seeds);
+    let all = pairs.par_iter().zip(seeds);
     all.map(|((stretch, block), seed)| {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let mut normal = || random.sample::<f64, _>(StandardNormal);

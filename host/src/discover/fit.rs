@@ -161,22 +161,15 @@ pub struct Data<'a> {
 impl Data<'_> {
     /// Residuals around some effects: misfit and slopes of the stretches that `choose` takes.
     fn around(&self, values: &Values, choose: impl Fn(usize) -> bool + Sync) -> Reduced {
-        let model = with(self.model, values);
         let (places, _) = columns(values);
-        let present: Vec<_> = places
-            .iter()
-            .map(|place| {
-                let found = values.iter().find(|(effect, _)| *effect == place.effect);
-                found.map_or_else(|| place.effect.neutral(), |(_, values)| *values)
-            })
-            .collect();
         let parts: Vec<_> = self
             .stretches
             .par_iter()
             .enumerate()
             .filter(|(k, _)| choose(*k))
             .map(|(_, (stretch, block))| {
-                let (white, columns) = block.around(self.track, stretch, &model, &places, &present);
+                let (white, columns) =
+                    block.around(self.track, stretch, self.model, values, &places);
                 (white, columns, &block.nuisances)
             })
             .collect();

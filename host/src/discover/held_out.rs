@@ -18,12 +18,10 @@ pub(super) struct HeldOut<'a> {
 impl<'a> HeldOut<'a> {
     pub(super) fn new(track: &'a Track) -> Self {
         let model = Model::new(track.dynamics, track.start_height());
-        let stretches = stretches(track);
-        let around = blocks(track, &stretches, &model, &|effect| effect.neutral());
         Self {
             track,
             model,
-            pairs: stretches.into_iter().zip(around).collect(),
+            pairs: blocks(track, &model, stretches(track), &Vec::new()),
         }
     }
 
@@ -35,8 +33,22 @@ impl<'a> HeldOut<'a> {
         }
     }
 
+    /// Misfit with some effects; what joints and subject have wrong acts as it does in that model.
     pub(super) fn misfit(&self, values: &Values) -> f64 {
-        self.data().misfit(values, |_| true)
+        if values.is_empty() {
+            return self.data().misfit(values, |_| true);
+        }
+        let stretches = self
+            .pairs
+            .iter()
+            .map(|(stretch, _)| stretch.clone())
+            .collect();
+        let pairs = blocks(self.track, &self.model, stretches, values);
+        let data = Data {
+            stretches: &pairs,
+            ..self.data()
+        };
+        data.misfit(values, |_| true)
     }
 
     pub(super) fn gap(&self, values: &Values, floor: &Channels) -> HeldOutGap {

@@ -25,8 +25,7 @@ pub(super) struct Null {
 /// Draws them.
 pub(super) fn draw(
     track: &Track,
-    stretches: &[Stretch],
-    around: &[Block],
+    pairs: &[(Stretch, Block)],
     model: &Model<f64>,
     seed: u64,
 ) -> Null {
@@ -36,12 +35,12 @@ pub(super) fn draw(
     let mut squares = Vec::new();
     for draw in 0..DRAWS {
         let seed = seed.wrapping_mul(1000) + draw;
-        let residuals = drawn(track, stretches, around, model, seed);
+        let residuals = drawn(track, pairs, model, seed);
         let reduced = Reduced::of(
             residuals
                 .iter()
-                .zip(around)
-                .map(|((white, _), block)| (white, &block.effects, &block.nuisances)),
+                .zip(pairs)
+                .map(|((white, _), (_, block))| (white, &block.effects, &block.nuisances)),
         );
         misfits.push(reduced.misfit);
         for (gains, &effect) in gains.iter_mut().zip(Effect::ALL) {
@@ -51,7 +50,7 @@ pub(super) fn draw(
         squares.push(report::mean_square(&plain));
     }
     // Medians: a draw may be so far off that the flight tumbles, and one such draw is most of a mean.
-    let rows = (stretches.len() * NUMBERS) as f64;
+    let rows = (pairs.len() * NUMBERS) as f64;
     let middle = quantile(&mut misfits, 0.5);
     let spread = quantile(&mut misfits, 0.84) - middle;
     let inflation = gains.iter_mut().zip(Effect::ALL).map(|(gains, effect)| {

@@ -26,8 +26,8 @@ const ROWS: usize = FRAMES / WINDOW;
 pub const NUMBERS: usize = ROWS * CHANNELS;
 /// Frames on both sides of the start that are smoothed.
 const HALF_SMOOTHING: usize = 12;
-/// Frames over which the rate of change at the start is taken.
-pub const BEFORE: usize = 48;
+/// Frames over which the rate of change around the start is taken.
+pub const AROUND: usize = 48;
 
 /// Standard deviations of single frames: attitude (rad), angular velocity (rad/s), velocity (m/s), the paper's.
 pub const SENSOR_NOISE: [f64; CHANNELS] = [0.01, 0.01, 0.01, 0.03, 0.03, 0.03, 0.1, 0.1, 1.0];
@@ -47,20 +47,22 @@ pub struct Stretch {
     pub first: usize,
     /// The smoothed motion there.
     pub start: Motion<f64>,
-    /// The smoothed motion [`BEFORE`] frames earlier, for errors that are delays.
+    /// The motion [`AROUND`] frames earlier had it changed as it does around the start: for errors that are delays.
     pub before: Motion<f64>,
 }
 
 /// Where stretches begin, and from which motion.
 pub fn stretches(track: &Track) -> Vec<Stretch> {
     let count = track.measured.len();
-    let mut first = HALF_SMOOTHING + BEFORE;
+    let mut first = HALF_SMOOTHING + AROUND / 2;
     let mut stretches = Vec::new();
     while first + FRAMES < count {
+        let start = smoothed(track, first);
+        let [earlier, later] = [first - AROUND / 2, first + AROUND / 2].map(|k| smoothed(track, k));
         stretches.push(Stretch {
             first,
-            start: smoothed(track, first),
-            before: smoothed(track, first - BEFORE),
+            start,
+            before: moved(&start, &-difference(&later, &earlier)),
         });
         first += FRAMES;
     }
@@ -227,8 +229,8 @@ impl<'a> Prepared<'a> {
     fn corrected(&self, measured: &Motion<f64>) -> Motion<f64> {
         let time = self.track.times[self.stretch.first] - self.track.times[0];
         let sensors = &self.model.sensors;
-        let interval =
-            self.track.times[self.stretch.first] - self.track.times[self.stretch.first - BEFORE];
+        let (times, first) = (&self.track.times, self.stretch.first);
+        let interval = times[first + AROUND / 2] - times[first - AROUND / 2];
         let seen = sensors.observe(measured, &self.stretch.before, interval, time);
         // Errors are small: what they add to the measured start they added to the true one.
         moved(measured, &difference(measured, &seen))

@@ -1,11 +1,12 @@
 //! The parts of the search, where the answer is known.
 
 use bodyflight_core::dynamics::{Dynamics, Inputs};
+use bodyflight_core::effect::Effect;
 use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;
 
 use super::design::places;
-use super::fit::Reduced;
+use super::fit::{Reduced, with};
 use super::stretch::{CHANNELS, Channels, Prepared};
 use super::*;
 use crate::hide::{self, Hidden, fly};
@@ -77,9 +78,10 @@ fn every_parameter_has_a_column_and_every_stretch_its_numbers() {
     let track = track(&[], 1.0);
     let model = Model::new(track.dynamics, track.start_height());
     let stretches = stretches(&track);
-    let around = blocks(&track, &stretches, &model, &|effect| effect.neutral());
-    assert_eq!(around.len(), stretches.len());
-    for block in &around {
+    let count = stretches.len();
+    let around = blocks(&track, &model, stretches, &Vec::new());
+    assert_eq!(around.len(), count);
+    for (_, block) in &around {
         assert_eq!(block.residual.len() % CHANNELS, 0);
         assert_eq!(block.effects.ncols(), places().len());
         assert!(
@@ -94,13 +96,54 @@ fn every_parameter_has_a_column_and_every_stretch_its_numbers() {
     for (k, place) in places().iter().enumerate() {
         let felt: f64 = around
             .iter()
-            .map(|block| block.effects.column(k).norm_squared())
+            .map(|(_, block)| block.effects.column(k).norm_squared())
             .sum();
         let name = place.effect.description().name;
         assert!(
             felt > 1e-6 || place.effect == Effect::TunnelProfile,
             "{name} {}",
             place.index
+        );
+    }
+}
+
+/// Some effects add, some multiply, some take the place of what is there: columns have to be right for all, also
+/// where the effect acts already.
+#[test]
+fn columns_are_slopes_wherever_an_effect_stands() {
+    let track = track(&[], 0.0);
+    let plain = Model::new(track.dynamics, track.start_height());
+    let stretch = &stretches(&track)[2];
+    for place in places() {
+        let parameter = &place.effect.description().parameters[place.index];
+        let mut values = place.effect.neutral();
+        values[place.index] += 0.5 * (parameter.high - parameter.neutral);
+        let at = |step: f64| {
+            let mut values = values;
+            values[place.index] += step;
+            let model = with(&plain, &vec![(place.effect, values)]);
+            let flown = Prepared::new(&track, stretch, &model, &|posture| posture);
+            -flown.residual(&Channels::zeros())
+        };
+        let small = 0.02 * (parameter.high - parameter.low);
+        let central = (at(small) - at(-small)) / (2.0 * small);
+        let (model, size) = design::changed(&plain, &vec![(place.effect, values)], place);
+        let here = Prepared::new(
+            &track,
+            stretch,
+            &with(&plain, &vec![(place.effect, values)]),
+            &|p| p,
+        );
+        let other = Prepared::new(&track, stretch, &model, &|posture| posture);
+        let column = other.apart(&Channels::zeros(), &here) / size;
+        let name = place.effect.description().name;
+        // Where a sensor's error is taken off the start, the start moves too.
+        let apart = (&column - &central).norm();
+        assert!(
+            apart < 0.25 * central.norm() + 1e-6,
+            "{name} {}: {apart} of {}",
+            place.index,
+            central.norm()
         );
     }
 }
