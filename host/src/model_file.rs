@@ -142,7 +142,7 @@ mod tests {
     #[test]
     fn effects_change_the_model() {
         let effects = parse(
-            "[[effect]]\nname = \"wind\"\nnorth_mps = 3\n[[effect]]\nname = \"damping\"\nyaw_factor = -0.5",
+            "[[effect]]\nname = \"wind\"\nnorth_mps = 3\n[[effect]]\nname = \"damping\"\nyaw_factor = -0.25",
         )
         .unwrap();
         let plain = Dynamics::paper(Subject::default().body(), 1.0);
@@ -150,7 +150,7 @@ mod tests {
         let wind = model.dynamics.air.velocity.components;
         assert_eq!(wind, Vector3::new(3.0, 0.0, 0.0));
         let factor = model.damping_factor;
-        assert_eq!(factor, Vector3::new(1.0, -0.5, 1.0));
+        assert_eq!(factor, Vector3::new(1.0, -0.25, 1.0));
         assert_eq!(model.dynamics.body, plain.body);
     }
 
