@@ -1,7 +1,8 @@
 //! How often discovery finds what was hidden: every effect, clean flights, things outside the library, two effects
 //! at once, other noise. Writes `docs/discovery.json` and the table of `docs/discovery.md`.
 //!
-//! `cargo xtask discovery-bench --seeds 3` runs it; `--only wind,mass` looks at some effects and writes nothing.
+//! `cargo xtask discovery-bench --seeds 2` runs it; `--only wind,mass` looks at some effects and writes nothing,
+//! `--table` makes the table again from the rows.
 #![expect(clippy::expect_used, reason = "a bench may end with a panic")]
 
 use std::fmt::Write as _;
@@ -217,6 +218,12 @@ fn main() {
         let place = arguments.iter().position(|argument| argument == name)?;
         arguments.get(place + 1).cloned()
     };
+    if arguments.iter().any(|argument| argument == "--table") {
+        let rows = std::fs::read_to_string(docs().join("discovery.json")).expect("there are rows");
+        let rows: Vec<Value> = serde_json::from_str(&rows).expect("the rows are JSON");
+        write(&rows, &table(&rows));
+        return;
+    }
     // `cargo test` runs benches without asking for one.
     let Some(seeds) = value("--seeds") else {
         return;
@@ -246,8 +253,12 @@ fn main() {
     }
 }
 
+fn docs() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../docs")
+}
+
 fn write(rows: &[Value], table: &str) {
-    let docs = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../docs");
+    let docs = docs();
     let lines: Vec<String> = rows.iter().map(Value::to_string).collect();
     std::fs::write(
         docs.join("discovery.json"),
@@ -318,6 +329,7 @@ fn line(table: &mut String, name: &str, noise: &str, rows: &[&Value]) {
         .iter()
         .filter(|row| row["right"] == true && row["verdict"] == "named")
         .filter_map(|row| row["held_out_closed_share"].as_f64())
+        .map(|share| share.min(1.0))
         .collect();
     let mean = closed.iter().sum::<f64>() / closed.len().max(1) as f64;
     let closed = if closed.is_empty() {

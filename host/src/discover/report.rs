@@ -199,10 +199,10 @@ pub struct HeldOutGap {
 }
 
 impl HeldOutGap {
-    /// Share of the misfit above that of noise which the effects take away.
+    /// Share of the misfit above that of noise which the effects take away, at most one.
     pub fn closed_share(&self) -> f64 {
         let above = (self.misfit_before - self.numbers as f64).max(1.0);
-        (self.misfit_before - self.misfit_after) / above
+        ((self.misfit_before - self.misfit_after) / above).min(1.0)
     }
 }
 
