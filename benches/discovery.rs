@@ -151,7 +151,7 @@ fn errors(case: &Case, report: &Report) -> (u64, u64) {
             .effects
             .iter()
             .find(|named| named.name == effect.description().name);
-        for ((found, error), truth) in named
+        for ((found, (_, error)), truth) in named
             .iter()
             .flat_map(|named| named.parameters.iter().zip(&named.standard_errors))
             .zip(truth)
@@ -163,7 +163,16 @@ fn errors(case: &Case, report: &Report) -> (u64, u64) {
     (all, within)
 }
 
-fn run(case: &Case, dynamics: &Dynamics<f64>, inputs: &Inputs<f64>) -> Option<Value> {
+/// Whether the names found are exactly those hidden.
+fn is_exact(case: &Case, report: &Report) -> bool {
+    let mut hidden = names(&case.hidden);
+    let mut found: Vec<&str> = report.effects.iter().map(|named| named.name).collect();
+    hidden.sort_unstable();
+    found.sort_unstable();
+    hidden == found
+}
+
+fn run(case: &Case, dynamics: &Dynamics<f64>, inputs: &Inputs<f64>) -> Value {
     let settings = hide::Settings {
         seed: case.seed,
         noise: case.noise,
@@ -176,11 +185,33 @@ fn run(case: &Case, dynamics: &Dynamics<f64>, inputs: &Inputs<f64>) -> Option<Va
             &case.hidden,
             &hide::Settings { seed, ..settings },
         );
-        Track::new(&flight.frames, *dynamics, *inputs).ok()
+        Track::new(&flight.frames, *dynamics, *inputs)
     };
-    let (flown, other) = (track(case.seed)?, track(case.seed + 5000)?);
     let begin = Instant::now();
-    let report = discover(&flown, &[other], &Settings::default(), |_| {}).ok()?;
+    let found = track(case.seed).and_then(|flown| {
+        let other = track(case.seed + 5000)?;
+        discover(&flown, &[other], &Settings::default(), |_| {})
+    });
+    let report = match found {
+        Ok(report) => report,
+        // A flight that cannot be judged is a wrong answer, not a missing row.
+        Err(problem) => {
+            println!(
+                "{:8} {:28} seed {}: {problem}",
+                case.group, case.name, case.seed
+            );
+            return json!({
+                "group": case.group,
+                "hidden": names(&case.hidden),
+                "seed": case.seed,
+                "noise": case.noise,
+                "verdict": "failed",
+                "effects": [],
+                "right": false,
+                "exact": false,
+            });
+        }
+    };
     let seconds = begin.elapsed().as_secs_f64();
     let (parameters, within) = errors(case, &report);
     let right = is_right(case, &report);
@@ -195,7 +226,7 @@ fn run(case: &Case, dynamics: &Dynamics<f64>, inputs: &Inputs<f64>) -> Option<Va
         report.verdict,
         seconds
     );
-    Some(json!({
+    json!({
         "group": case.group,
         "hidden": names(&case.hidden),
         "seed": case.seed,
@@ -203,13 +234,15 @@ fn run(case: &Case, dynamics: &Dynamics<f64>, inputs: &Inputs<f64>) -> Option<Va
         "verdict": report.verdict,
         "effects": report.effects,
         "right": right,
+        "exact": is_exact(case, &report),
+        "nearest": report.nearest.iter().map(|named| named.name).collect::<Vec<_>>(),
         "parameters": parameters,
         "within_three_standard_errors": within,
         "disagreement": report.disagreement,
         "explained": report.explained,
         "held_out_closed_share": report.held_out.first().map(|gap| gap.closed_share()),
         "held_out_worse": report.held_out.iter().any(|gap| gap.misfit_after > gap.misfit_before),
-    }))
+    })
 }
 
 fn main() {
@@ -244,7 +277,7 @@ fn main() {
     };
     let rows: Vec<Value> = cases(seeds, &only)
         .iter()
-        .filter_map(|case| run(case, &dynamics, &inputs))
+        .map(|case| run(case, &dynamics, &inputs))
         .collect();
     let table = table(&rows);
     println!("{table}");
@@ -279,7 +312,7 @@ fn write(rows: &[Value], table: &str) {
 
 fn table(rows: &[Value]) -> String {
     let mut table = String::from(
-        "| hidden | noise | flights | right | parameters within 3 standard errors | held-out misfit closed | otherwise |\n|---|---|---|---|---|---|---|\n",
+        "| hidden | noise | flights | right | by exact name | parameters within 3 standard errors | held-out misfit closed: mean, least, at least 0.9 | otherwise |\n|---|---|---|---|---|---|---|---|\n",
     );
     let mut keys: Vec<(String, String)> = Vec::new();
     let label = |row: &Value| {
@@ -324,6 +357,7 @@ fn table(rows: &[Value]) -> String {
 
 fn line(table: &mut String, name: &str, noise: &str, rows: &[&Value]) {
     let right = rows.iter().filter(|row| row["right"] == true).count();
+    let exact = rows.iter().filter(|row| row["exact"] == true).count();
     let sum = |key: &str| rows.iter().filter_map(|row| row[key].as_u64()).sum::<u64>();
     let closed: Vec<f64> = rows
         .iter()
@@ -331,11 +365,18 @@ fn line(table: &mut String, name: &str, noise: &str, rows: &[&Value]) {
         .filter_map(|row| row["held_out_closed_share"].as_f64())
         .map(|share| share.min(1.0))
         .collect();
-    let mean = closed.iter().sum::<f64>() / closed.len().max(1) as f64;
-    let closed = if closed.is_empty() {
-        String::new()
-    } else {
-        format!("{mean:.2}")
+    let (mut least, mut sum_of) = (f64::INFINITY, 0.0);
+    for share in &closed {
+        least = least.min(*share);
+        sum_of += share;
+    }
+    let most = closed.iter().filter(|share| **share >= 0.9).count();
+    let closed = match closed.len() {
+        0 => String::new(),
+        count => format!(
+            "{:.2}, least {least:.2}, {most} of {count}",
+            sum_of / count as f64
+        ),
     };
     let mut otherwise: Vec<String> = rows
         .iter()
@@ -371,7 +412,7 @@ fn line(table: &mut String, name: &str, noise: &str, rows: &[&Value]) {
     };
     let _ = writeln!(
         table,
-        "| {name} | {noise} | {} | {right} | {within} | {closed} | {otherwise} |",
+        "| {name} | {noise} | {} | {right} | {exact} | {within} | {closed} | {otherwise} |",
         rows.len()
     );
 }

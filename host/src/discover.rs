@@ -20,7 +20,7 @@ use bodyflight_core::effect::Model;
 
 use crate::diagnostic::{Problem, Result};
 use choice::{next, pruned};
-use design::blocks;
+use design::{blocks, places};
 use fit::{Data, Fit};
 use held_out::HeldOut;
 use null::draw;
@@ -74,7 +74,7 @@ pub fn discover(
         )));
     }
     progress("what each effect would change");
-    let mut pairs = blocks(track, &model, stretches, &Vec::new());
+    let mut pairs = blocks(track, &model, stretches, &Vec::new(), &places());
     progress("flights in which nothing is missing");
     let null = draw(track, &pairs, &model, settings.seed);
     let data = Data {
@@ -104,30 +104,26 @@ pub fn discover(
             model: &model,
             stretches: &pairs,
         };
-        let Some((fit, found)) = next(&data, &others, &null, &chosen) else {
+        let Some(choice) = next(&data, &others, &null, &chosen) else {
             break;
         };
-        named.push(found);
-        // What joints and subject may have wrong acts differently in the model that was found.
-        let stretches = pairs.into_iter().map(|(stretch, _)| stretch).collect();
-        pairs = blocks(track, &model, stretches, &fit.values);
+        named.push(choice.named);
+        pairs = choice.pairs;
         let data = Data {
             track,
             model: &model,
             stretches: &pairs,
         };
-        chosen = pruned(&data, &null, data.fit(fit.values, all), &mut named);
+        chosen = pruned(&data, &null, choice.fit, &mut named);
     }
-    // Both sides by the same measure, that of the model that was found.
     let data = Data {
         track,
         model: &model,
         stretches: &pairs,
     };
-    let without = data.misfit(&Vec::new(), all);
-    let to_explain = without - expected;
+    let to_explain = plain - expected;
     let explained = if to_explain > 0.0 {
-        (without - chosen.misfit) / to_explain
+        (plain - chosen.misfit) / to_explain
     } else {
         0.0
     };
@@ -143,12 +139,12 @@ pub fn discover(
         Outcome::Named => chosen.values.clone(),
         _ => Vec::new(),
     };
-    report::settle(&mut named, &chosen);
+    report::settle(&mut named, &chosen, &null);
     progress("what is left of the gap");
     let gap = Gap::of(&data, &values, &null.floor);
     let held_out = others
         .iter()
-        .map(|other| other.gap(&values, &null.floor))
+        .map(|other| other.gap(&values, settings.seed))
         .collect();
     Ok(report::Report::new(report::Parts {
         outcome,

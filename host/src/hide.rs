@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 use bodyflight_core::body::mass_properties::PostureRate;
 use bodyflight_core::body::pattern::{self, JointAngles};
 use bodyflight_core::dynamics::{Dynamics, Inputs, Motion, State};
+use bodyflight_core::effect::sensors::Moving;
 use bodyflight_core::effect::{Effect, Model, PARAMETER_COUNT};
 use bodyflight_core::frame::{Rotation, Vector};
 use bodyflight_core::math::small_rotation;
@@ -22,6 +23,7 @@ use rand_distr::StandardNormal;
 
 use crate::diagnostic::{Problem, Result};
 use crate::flight::DEFAULT_DENSITY;
+use crate::motion_history::MotionHistory;
 use crate::mvnx::writer::{Description, Writer};
 use crate::output::write_file;
 use crate::recording::{FlightFrame, PelvisMotion};
@@ -206,10 +208,9 @@ pub fn fly(
     let step = 1.0 / (FRAME_RATE * FINER as f64);
     let inputs = model.inputs(inputs);
     let mut state = State::from_motion(&start(), &model.dynamics.hold(&script.posture(0.0)));
-    let mut before = start();
-    let mut frames = Vec::new();
+    let mut flown = Vec::new();
+    let mut history = MotionHistory::default();
     let mut time = 0.0;
-    let mut index = 0;
     while time <= settings.duration {
         let rate = PostureRate::between(
             &script.posture(time - step),
@@ -218,16 +219,8 @@ pub fn fly(
         );
         let sample = model.dynamics.sample(&script.posture(time), &rate);
         let motion = state.motion(&sample);
-        let seen = model
-            .sensors
-            .observe(&motion, &before, 1.0 / FRAME_RATE, time);
-        before = motion;
-        let mut recorded = script.posture(time - model.sensors.posture_delay);
-        for (&segment, error) in Segment::ALL.iter().zip(&joint_errors) {
-            let turned = recorded.parent_from_segment(segment) * error;
-            recorded.set(segment, turned);
-        }
-        frames.push(frame(index, time, &recorded, &seen, &noise, &mut normal));
+        history.push(time, Moving::of(&motion));
+        flown.push((time, motion));
         for k in 0..FINER {
             let now = time + step * k as f64;
             let interval =
@@ -241,11 +234,25 @@ pub fn fly(
                 }
             }
         }
-        index += 1;
-        time = index as f64 / FRAME_RATE;
+        time = flown.len() as f64 / FRAME_RATE;
     }
+    // Sensors may be late by any time, so they see the flight when it is over.
+    let frames = flown.iter().zip(0..).map(|((time, motion), index)| {
+        let past = |delay: f64| {
+            history
+                .at(time - delay)
+                .unwrap_or_else(|| Moving::of(motion))
+        };
+        let seen = model.sensors.observe(motion, past, *time);
+        let mut recorded = script.posture(time - model.sensors.posture_delay);
+        for (&segment, error) in Segment::ALL.iter().zip(&joint_errors) {
+            let turned = recorded.parent_from_segment(segment) * error;
+            recorded.set(segment, turned);
+        }
+        frame(index, *time, &recorded, &seen, &noise, &mut normal)
+    });
     HiddenFlight {
-        frames,
+        frames: frames.collect(),
         truth: hidden.to_vec(),
     }
 }

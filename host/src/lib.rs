@@ -11,6 +11,7 @@ pub mod inspect;
 pub mod interrupt;
 pub mod model_file;
 pub mod monitor;
+pub mod motion_history;
 pub mod mvn_network;
 pub mod mvnx;
 pub mod output;

@@ -8,6 +8,7 @@ use bodyflight_core::body::mass_properties::PostureRate;
 use bodyflight_core::dynamics::free_run::FreeRun;
 use bodyflight_core::dynamics::{Dynamics, Inputs, Motion};
 use bodyflight_core::effect::Model;
+use bodyflight_core::effect::sensors::Moving;
 use bodyflight_core::observation::Observation;
 use bodyflight_core::{Posture, Real};
 use serde::Serialize;
@@ -16,6 +17,7 @@ use crate::comparison::{Channel, Comparison, Pair, PerChannel};
 use crate::diagnostic::{Problem, Result};
 use crate::flight::Flight;
 use crate::interrupt;
+use crate::motion_history::MotionHistory;
 use crate::output::CsvFile;
 use crate::recording::{FlightFrame, Options, Quality, Recording};
 
@@ -118,12 +120,15 @@ pub fn simulate<T: Real>(
     })
 }
 
+/// Longest delay of a sensor that is kept (s).
+const LONGEST_DELAY: f64 = 1.0;
+
 /// The model beside a recording, frame by frame.
 pub struct Follower<'a, T: Real> {
     flight: &'a Flight,
     model: Model<f64>,
     start: f64,
-    motion: Motion<f64>,
+    history: MotionHistory,
     dynamics: Dynamics<T>,
     run: FreeRun<T>,
     time: f64,
@@ -147,14 +152,16 @@ impl<'a, T: Real> Follower<'a, T> {
             .applied(*dynamics, first.pelvis.position.components.z)?;
         let dynamics = model.dynamics.cast::<T>();
         let rate = rate(&first.posture, &second.posture, second.time - first.time);
-        let motion = measured_motion(first)?.cast();
+        let motion = measured_motion(first)?;
+        let mut history = MotionHistory::default();
+        history.push(first.time, Moving::of(&motion));
         let posture = first.posture.cast();
-        let run = FreeRun::new(&dynamics, flight.equations, &motion, &posture, &rate);
+        let run = FreeRun::new(&dynamics, flight.equations, &motion.cast(), &posture, &rate);
         Ok(Self {
             flight,
             model,
             start: first.time,
-            motion: measured_motion(first)?,
+            history,
             dynamics,
             run,
             time: first.time,
@@ -188,8 +195,12 @@ impl<'a, T: Real> Follower<'a, T> {
         self.posture = frame.posture;
         let motion = self.run.motion(&self.dynamics, &rate).cast::<f64>();
         let sensors = &self.model.sensors;
-        let seen = sensors.observe(&motion, &self.motion, duration, frame.time - self.start);
-        self.motion = motion;
+        self.history.push_within(frame.time, &motion, LONGEST_DELAY);
+        let past = |delay: f64| {
+            let moving = self.history.at(frame.time - delay);
+            moving.unwrap_or_else(|| Moving::of(&motion))
+        };
+        let seen = sensors.observe(&motion, past, frame.time - self.start);
         if !motion.velocity.components.iter().all(|v| v.abs() < 1e4) {
             return Err(Problem::bad_input(format!(
                 "the simulated motion left every plausible range at {:.3} s",

@@ -8,9 +8,10 @@ pub(super) const EFFECT: Description = Description {
     kind: Kind::Physics,
     form: "factor on the damping moment coefficients",
     parameters: &[
-        parameter("pitch_factor", 1.0, -0.3, 4.0),
-        parameter("yaw_factor", 1.0, -0.3, 4.0),
-        parameter("roll_factor", 1.0, -0.3, 4.0),
+        parameter("pitch_factor", 1.0, -0.1, 4.0),
+        parameter("yaw_factor", 1.0, -0.1, 4.0),
+        // Roll has the smallest inertia: with less than no damping it runs away within seconds.
+        parameter("roll_factor", 1.0, 0.0, 4.0),
     ],
     source: "paper eq. (sum_m)",
     signature: "moment against or along the angular velocity, nothing at rest",

@@ -3,7 +3,7 @@
 use nalgebra::{UnitQuaternion, Vector3};
 
 use crate::dynamics::Motion;
-use crate::frame::{Inertial, Rotation, Vector};
+use crate::frame::{Body as BodyFrame, Inertial, Rotation, Vector};
 use crate::math::{Real, small_rotation};
 
 /// Errors of the sensors; zero is none.
@@ -25,6 +25,40 @@ pub struct Sensors<T: Real> {
     pub rate_lag: T,
 }
 
+/// The part of a motion that sensors may report late.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Moving<T: Real> {
+    /// Velocity (m/s).
+    pub velocity: Vector<T, Inertial>,
+    /// Angular velocity (rad/s).
+    pub angular_velocity: Vector<T, BodyFrame>,
+}
+
+impl<T: Real> Moving<T> {
+    /// Of a motion.
+    pub fn of(motion: &Motion<T>) -> Self {
+        Self {
+            velocity: motion.velocity_inertial(),
+            angular_velocity: motion.angular_velocity,
+        }
+    }
+
+    /// On the line through this and `other`, `share` of the way; beyond the ends too.
+    pub fn towards(&self, other: &Self, share: T) -> Self {
+        let line = |from: Vector3<T>, to: Vector3<T>| from + (to - from) * share;
+        Self {
+            velocity: Vector::from_components(line(
+                self.velocity.components,
+                other.velocity.components,
+            )),
+            angular_velocity: Vector::from_components(line(
+                self.angular_velocity.components,
+                other.angular_velocity.components,
+            )),
+        }
+    }
+}
+
 impl<T: Real> Sensors<T> {
     /// Sensors without error.
     pub fn perfect() -> Self {
@@ -39,35 +73,22 @@ impl<T: Real> Sensors<T> {
         }
     }
 
-    /// What is measured of `motion`, `time` (s) after the start of the flight. `before` is the motion `interval`
-    /// (s) earlier: a delay is its first-order form, by the rate of change between the two.
-    pub fn observe(
-        &self,
-        motion: &Motion<T>,
-        before: &Motion<T>,
-        interval: T,
-        time: T,
-    ) -> Motion<T> {
+    /// What is measured of `motion`, `time` (s) after the start of the flight. `past` gives the moving a delay (s)
+    /// earlier, later where negative; it is asked only for what is late.
+    pub fn observe(&self, motion: &Motion<T>, past: impl Fn(T) -> Moving<T>, time: T) -> Motion<T> {
         if *self == Self::perfect() {
             return *motion;
         }
-        let back = |now: Vector3<T>, then: Vector3<T>, delay: T| {
-            if interval > T::zero() {
-                now - (now - then) * (delay / interval)
+        let at = |delay: T| {
+            if delay == T::zero() {
+                Moving::of(motion)
             } else {
-                now
+                past(delay)
             }
         };
-        let velocity = back(
-            motion.velocity_inertial().components,
-            before.velocity_inertial().components,
-            self.velocity_latency,
-        ) + self.velocity_offset.components;
-        let spin = back(
-            motion.angular_velocity.components,
-            before.angular_velocity.components,
-            self.rate_lag,
-        );
+        let velocity =
+            at(self.velocity_latency).velocity.components + self.velocity_offset.components;
+        let spin = at(self.rate_lag).angular_velocity.components;
         let mounting: UnitQuaternion<T> = small_rotation(&self.mounting);
         let up = Vector3::new(T::zero(), T::zero(), self.heading_drift * time);
         let attitude = small_turns(&up) * motion.inertial_from_body.quaternion() * mounting;

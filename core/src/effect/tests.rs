@@ -7,6 +7,7 @@ use crate::Posture;
 use crate::body::mass_properties::PostureRate;
 use crate::dynamics::Motion;
 use crate::dynamics::free_run::{Equations, FreeRun};
+use crate::effect::sensors::Moving;
 use crate::frame::{Rotation, Vector};
 use crate::test_body::reference_body;
 
@@ -36,7 +37,8 @@ fn flown(model: &Model<f64>) -> Motion<f64> {
         run.advance(dynamics, &inputs, &posture, 1.0 / 240.0);
     }
     let motion = run.motion(dynamics, &rate);
-    model.sensors.observe(&motion, &before, 1.0 / 240.0, 2.0)
+    let past = |delay: f64| Moving::of(&motion).towards(&Moving::of(&before), delay * 240.0);
+    model.sensors.observe(&motion, past, 2.0)
 }
 
 #[test]
@@ -96,6 +98,56 @@ fn implausible_values_are_refused_and_change_nothing() {
             assert_eq!(error.parameter, &effect.description().parameters[last]);
             assert_eq!(model, plain());
         }
+    }
+}
+
+fn flies<T: Real>(effect: Effect, values: &[f64; PARAMETER_COUNT]) -> bool {
+    let mut dynamics = Dynamics::paper(reference_body().cast::<T>(), T::one());
+    dynamics.air.velocity = Vector::new(T::zero(), T::zero(), T::of(5.0));
+    let mut model = Model::new(dynamics, T::zero());
+    effect.apply(values, &mut model).unwrap();
+    let (posture, rate) = (Posture::h_pose(), PostureRate::zero());
+    let belly = nalgebra::UnitQuaternion::from_euler_angles(T::of(1.3), T::of(0.2), T::of(0.1));
+    let start = Motion {
+        inertial_from_body: Rotation::from_quaternion(belly),
+        position: Vector::new(T::one(), T::of(-2.0), T::zero()),
+        velocity: Vector::new(T::of(2.0), T::of(-45.0), T::of(5.0)),
+        angular_velocity: Vector::new(T::of(0.1), T::of(0.3), T::of(-0.1)),
+    };
+    let mut run = FreeRun::new(&model.dynamics, Equations::Exact, &start, &posture, &rate);
+    let inputs = model.inputs(&Inputs::belly_turn());
+    for _ in 0..960 {
+        run.advance(&model.dynamics, &inputs, &posture, T::of(1.0 / 240.0));
+    }
+    let motion = run.motion(&model.dynamics, &rate);
+    let seen = model
+        .sensors
+        .observe(&motion, |_| Moving::of(&motion), T::of(4.0));
+    let numbers = seen.velocity.components.iter();
+    numbers
+        .chain(&seen.angular_velocity.components)
+        .all(|value| *value < T::of(1e3) && *value > T::of(-1e3))
+}
+
+proptest::proptest! {
+    #![proptest_config(proptest::prelude::ProptestConfig::with_cases(400))]
+    /// Anywhere in its plausible range an effect leaves a flight that flies, in both precisions.
+    #[test]
+    fn plausible_effects_leave_a_flight_of_finite_numbers(
+        index in 0..Effect::ALL.len(),
+        shares in proptest::array::uniform3(proptest::prop_oneof![
+            proptest::strategy::Just(0.0), proptest::strategy::Just(1.0), 0.0..=1.0,
+        ]),
+    ) {
+        let effect = Effect::ALL[index];
+        let mut values = effect.neutral();
+        let parameters = effect.description().parameters;
+        for ((value, parameter), share) in values.iter_mut().zip(parameters).zip(shares) {
+            *value = (1.0 - share) * parameter.low + share * parameter.high;
+            *value = value.clamp(parameter.low, parameter.high);
+        }
+        proptest::prop_assert!(flies::<f64>(effect, &values), "{effect:?} {values:?} in f64");
+        proptest::prop_assert!(flies::<f32>(effect, &values), "{effect:?} {values:?} in f32");
     }
 }
 

@@ -90,12 +90,15 @@ fn print_report(report: &Report) {
         "verdict: {verdict} (misfit {:+.1} deviations from that of flights in which nothing is missing)",
         report.disagreement
     ));
-    for named in &report.effects {
+    if !report.nearest.is_empty() {
+        terminal::print("came nearest, not used:");
+    }
+    for named in report.effects.iter().chain(&report.nearest) {
         let parameters: Vec<String> = named
             .parameters
             .iter()
             .zip(&named.standard_errors)
-            .map(|((name, value), error)| format!("{name} = {value:.3} +- {error:.3}"))
+            .map(|((name, value), (_, error))| format!("{name} = {value:.3} +- {error:.3}"))
             .collect();
         terminal::print(&format!(
             "  {}: {} ({:.1} deviations beyond chance)",

@@ -3,10 +3,12 @@
 use bodyflight_core::effect::Effect;
 
 use super::DISAGREES;
+use super::design::Block;
 use super::fit::{Data, Fit, Values};
 use super::held_out::HeldOut;
 use super::null::Null;
 use super::report::{Named, Rival};
+use super::stretch::Stretch;
 
 /// Deviations of a gain beyond what drawn flights show, from which on it is significant: where flights held out
 /// have a vote, and where they have none. What joints have wrong is the same all through one flight, so its own
@@ -26,37 +28,94 @@ fn deviations(chi_squared: f64, freedom: f64) -> f64 {
     ((chi_squared / freedom).cbrt() - (1.0 - share)) / share.sqrt()
 }
 
+/// Candidates that are looked at closely.
+const SHORT_LIST: usize = 8;
+
 /// A candidate, fitted with what was chosen before.
 struct Candidate {
     effect: Effect,
     fit: Fit,
+    /// The problem around that fit: what joints and subject have wrong acts differently there.
+    pairs: Vec<(Stretch, Block)>,
     /// What the effect gains in flights in which nothing is missing, over its parameters.
     inflation: f64,
+    /// Gains in the flights held out.
+    votes: Vec<f64>,
+    /// Deviations of the gain in all flights together beyond chance.
     deviations: f64,
 }
 
-/// The effect that explains most of what is left, if it deserves a name, fitted with those chosen before.
-pub(super) fn next(
+impl Candidate {
+    fn freedom(&self) -> f64 {
+        self.effect.description().parameters.len() as f64
+    }
+
+    fn data<'a>(&'a self, data: &Data<'a>) -> Data<'a> {
+        Data {
+            stretches: &self.pairs,
+            ..*data
+        }
+    }
+}
+
+/// An effect that deserves a name.
+pub(super) struct Choice {
+    /// Fitted with those chosen before.
+    pub(super) fit: Fit,
+    pub(super) named: Named,
+    /// The problem around that fit.
+    pub(super) pairs: Vec<(Stretch, Block)>,
+}
+
+/// The candidates that gain most by the problem as it stands, fitted again in the problem around each, best first.
+fn short_list(
     data: &Data<'_>,
     others: &[HeldOut<'_>],
     null: &Null,
     chosen: &Fit,
-) -> Option<(Fit, Named)> {
-    let all = |_: usize| true;
-    let mut candidates: Vec<Candidate> = Effect::ALL
+) -> Vec<Candidate> {
+    let gain_over = |fit: &Fit| chosen.misfit - fit.misfit;
+    let mut first: Vec<(Effect, f64, Fit, f64)> = Effect::ALL
         .iter()
-        .zip(&null.inflation)
-        .filter(|(effect, _)| chosen.values.iter().all(|(known, _)| known != *effect))
-        .map(|(&effect, inflation)| {
+        .filter(|effect| chosen.values.iter().all(|(known, _)| known != *effect))
+        .map(|&effect| {
+            let inflation = null.inflation_of(effect);
             let mut values = chosen.values.clone();
             values.push((effect, effect.neutral()));
-            let fit = data.fit(values, all);
+            let fit = data.fit(values, |_| true);
             let freedom = effect.description().parameters.len() as f64;
-            let gain = (chosen.misfit - fit.misfit) / inflation;
+            let score = deviations(gain_over(&fit) / inflation, freedom);
+            (effect, inflation, fit, score)
+        })
+        .collect();
+    first.sort_by(|a, b| b.3.total_cmp(&a.3));
+    first.truncate(SHORT_LIST);
+    let before: Vec<f64> = others
+        .iter()
+        .map(|other| other.misfit(&chosen.values))
+        .collect();
+    let mut candidates: Vec<Candidate> = first
+        .into_iter()
+        .map(|(effect, inflation, fit, _)| {
+            let pairs = data.moved_to(&fit.values);
+            let there = Data {
+                stretches: &pairs,
+                ..*data
+            };
+            let fit = there.fit(fit.values, |_| true);
+            let votes: Vec<f64> = others
+                .iter()
+                .zip(&before)
+                .map(|(other, before)| before - other.misfit(&fit.values))
+                .collect();
+            let gain = (gain_over(&fit) + votes.iter().sum::<f64>()) / inflation;
+            let freedom = effect.description().parameters.len() as f64;
             Candidate {
                 effect,
                 fit,
-                inflation: *inflation,
+                pairs,
+                inflation,
+                votes,
                 deviations: deviations(gain, freedom),
             }
         })
@@ -69,24 +128,34 @@ pub(super) fn next(
         let order = enough(b).cmp(&enough(a));
         order.then(b.deviations.total_cmp(&a.deviations))
     });
-    let mut candidates = candidates.into_iter();
+    candidates
+}
+
+/// The effect that explains most of what is left, if it deserves a name, fitted with those chosen before.
+pub(super) fn next(
+    data: &Data<'_>,
+    others: &[HeldOut<'_>],
+    null: &Null,
+    chosen: &Fit,
+) -> Option<Choice> {
+    let mut candidates = short_list(data, others, null, chosen).into_iter();
     let best = candidates.next()?;
-    let left = chosen.misfit - null.misfit[0];
     let gain = chosen.misfit - best.fit.misfit;
+    let left = chosen.misfit - null.misfit[0];
+    let alone = deviations(gain / best.inflation, best.freedom());
     let least = if others.is_empty() {
         SIGNIFICANT_ALONE
     } else {
         SIGNIFICANT
     };
-    let vetoed = others.iter().any(|other| {
-        let gain = other.misfit(&chosen.values) - other.misfit(&best.fit.values);
-        let freedom = best.effect.description().parameters.len() as f64;
-        deviations(gain / best.inflation, freedom) < VOTE
-    });
-    if best.deviations < least
+    let vetoed = best
+        .votes
+        .iter()
+        .any(|vote| deviations(vote / best.inflation, best.freedom()) < VOTE);
+    if alone < least
         || gain < MATERIAL * left
         || vetoed
-        || !helps_elsewhere(data, chosen, &best)
+        || !helps_elsewhere(&best.data(data), chosen, &best)
     {
         return None;
     }
@@ -96,17 +165,20 @@ pub(super) fn next(
         .filter(|rival| {
             let mut values = rival.fit.values.clone();
             values.push((best.effect, best.effect.neutral()));
-            let both = data.fit(values, all);
-            let freedom = best.effect.description().parameters.len() as f64;
-            deviations(rival.fit.misfit - both.misfit, freedom) < SIGNIFICANT
+            let both = rival.data(data).fit(values, |_| true);
+            deviations(rival.fit.misfit - both.misfit, best.freedom()) < SIGNIFICANT
         })
         .map(|rival| Rival {
             name: rival.effect.description().name,
             share: (chosen.misfit - rival.fit.misfit) / gain,
         })
         .collect();
-    let named = Named::new(best.effect, best.deviations, gain / left.max(1.0), rivals);
-    Some((best.fit, named))
+    let named = Named::new(best.effect, alone, gain / left.max(1.0), rivals);
+    Some(Choice {
+        fit: best.fit,
+        named,
+        pairs: best.pairs,
+    })
 }
 
 /// Without the effects that are no longer worth having beside the last one.
@@ -126,13 +198,8 @@ pub(super) fn pruned(data: &Data<'_>, null: &Null, mut chosen: Fit, named: &mut 
             .filter(|(e, _)| *e != effect)
             .collect();
         let without = data.fit(rest, |_| true);
-        let inflation = Effect::ALL
-            .iter()
-            .zip(&null.inflation)
-            .find(|(e, _)| **e == effect);
-        let inflation = inflation.map_or(1.0, |(_, inflation)| *inflation);
         let freedom = effect.description().parameters.len() as f64;
-        let gain = (without.misfit - chosen.misfit) / inflation;
+        let gain = (without.misfit - chosen.misfit) / null.inflation_of(effect);
         if deviations(gain, freedom) < SIGNIFICANT_ALONE {
             named.retain(|named| named.effect() != effect);
             chosen = without;

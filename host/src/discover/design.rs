@@ -53,6 +53,12 @@ pub fn places() -> Vec<Place> {
     Effect::ALL.iter().flat_map(parameters).collect()
 }
 
+/// The parameters among them that a subject's file may have wrong.
+pub fn subject_places() -> Vec<Place> {
+    let of_subject = |place: &Place| SUBJECT.iter().any(|(effect, _)| *effect == place.effect);
+    places().into_iter().filter(of_subject).collect()
+}
+
 /// What is added to a parameter for a difference.
 fn step(place: Place) -> f64 {
     let parameter = &place.effect.description().parameters[place.index];
@@ -63,7 +69,7 @@ fn step(place: Place) -> f64 {
 pub struct Block {
     /// Residual.
     pub residual: DVector<f64>,
-    /// What each parameter of [`places`] changes.
+    /// What each parameter of the places asked for changes.
     pub effects: DMatrix<f64>,
     /// What each nuisance changes, in deviations of its prior.
     pub nuisances: DMatrix<f64>,
@@ -104,18 +110,19 @@ pub(super) fn changed(plain: &Model<f64>, values: &Values, place: Place) -> (Mod
     (with(plain, &values), size)
 }
 
-/// Stretches with the problem around a model with effects; without those whose noise has no covariance.
+/// Stretches with the problem around a model with effects, with columns for some places, among them at least
+/// [`subject_places`]; without those whose noise has no covariance.
 pub fn blocks(
     track: &Track,
     plain: &Model<f64>,
     stretches: Vec<Stretch>,
     values: &Values,
+    places: &[Place],
 ) -> Vec<(Stretch, Block)> {
-    let places = places();
     stretches
         .into_par_iter()
         .filter_map(|stretch| {
-            let block = block(track, &stretch, plain, values, &places)?;
+            let block = block(track, &stretch, plain, values, places)?;
             Some((stretch, block))
         })
         .collect()

@@ -4,7 +4,7 @@ use bodyflight_core::effect::{Effect, Model, PARAMETER_COUNT};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::design::{Block, Place};
+use super::design::{Block, Place, blocks, subject_places};
 use super::stretch::Stretch;
 use super::track::Track;
 
@@ -177,6 +177,19 @@ impl Data<'_> {
             parts
                 .iter()
                 .map(|(white, columns, nuisances)| (white, columns, *nuisances)),
+        )
+    }
+
+    /// The problem around some effects: what joints and subject have wrong acts differently in another model.
+    pub fn moved_to(&self, values: &Values) -> Vec<(Stretch, Block)> {
+        let stretches = self.stretches.iter().map(|(stretch, _)| stretch.clone());
+        let nuisances = subject_places();
+        blocks(
+            self.track,
+            self.model,
+            stretches.collect(),
+            values,
+            &nuisances,
         )
     }
 

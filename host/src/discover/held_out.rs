@@ -2,10 +2,11 @@
 
 use bodyflight_core::effect::Model;
 
-use super::design::{Block, blocks};
+use super::design::{Block, blocks, subject_places};
 use super::fit::{Data, Values};
+use super::null::floor;
 use super::report::{Gap, HeldOutGap};
-use super::stretch::{Channels, NUMBERS, Stretch, stretches};
+use super::stretch::{NUMBERS, Stretch, stretches};
 use super::track::Track;
 
 /// A flight that effects are not fitted to, but have to help in.
@@ -21,7 +22,13 @@ impl<'a> HeldOut<'a> {
         Self {
             track,
             model,
-            pairs: blocks(track, &model, stretches(track), &Vec::new()),
+            pairs: blocks(
+                track,
+                &model,
+                stretches(track),
+                &Vec::new(),
+                &subject_places(),
+            ),
         }
     }
 
@@ -38,12 +45,7 @@ impl<'a> HeldOut<'a> {
         if values.is_empty() {
             return self.data().misfit(values, |_| true);
         }
-        let stretches = self
-            .pairs
-            .iter()
-            .map(|(stretch, _)| stretch.clone())
-            .collect();
-        let pairs = blocks(self.track, &self.model, stretches, values);
+        let pairs = self.data().moved_to(values);
         let data = Data {
             stretches: &pairs,
             ..self.data()
@@ -51,12 +53,13 @@ impl<'a> HeldOut<'a> {
         data.misfit(values, |_| true)
     }
 
-    pub(super) fn gap(&self, values: &Values, floor: &Channels) -> HeldOutGap {
+    pub(super) fn gap(&self, values: &Values, seed: u64) -> HeldOutGap {
+        let floor = floor(self.track, &self.pairs, &self.model, seed);
         HeldOutGap {
             misfit_before: self.misfit(&Vec::new()),
             misfit_after: self.misfit(values),
             numbers: self.pairs.len() * NUMBERS,
-            gap: Gap::of(&self.data(), values, floor),
+            gap: Gap::of(&self.data(), values, &floor),
         }
     }
 }

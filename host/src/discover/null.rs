@@ -2,6 +2,7 @@
 //! what is found in them is chance.
 
 use bodyflight_core::effect::{Effect, Model};
+use nalgebra::DVector;
 
 use super::design::{Block, Place, drawn, places};
 use super::fit::{Reduced, reach};
@@ -22,6 +23,16 @@ pub(super) struct Null {
     pub(super) floor: Channels,
 }
 
+impl Null {
+    /// What an effect gains by chance over the number of its parameters.
+    pub(super) fn inflation_of(&self, effect: Effect) -> f64 {
+        let all = Effect::ALL.iter().zip(&self.inflation);
+        all.into_iter()
+            .find(|(e, _)| **e == effect)
+            .map_or(1.0, |(_, inflation)| *inflation)
+    }
+}
+
 /// Draws them.
 pub(super) fn draw(
     track: &Track,
@@ -34,8 +45,7 @@ pub(super) fn draw(
     let mut gains: Vec<Vec<f64>> = vec![Vec::new(); Effect::ALL.len()];
     let mut squares = Vec::new();
     for draw in 0..DRAWS {
-        let seed = seed.wrapping_mul(1000) + draw;
-        let residuals = drawn(track, pairs, model, seed);
+        let residuals = drawn(track, pairs, model, seed_of(seed, draw));
         let reduced = Reduced::of(
             residuals
                 .iter()
@@ -46,8 +56,7 @@ pub(super) fn draw(
         for (gains, &effect) in gains.iter_mut().zip(Effect::ALL) {
             gains.push(gain_of(&reduced, &places, effect));
         }
-        let plain: Vec<_> = residuals.iter().map(|(_, plain)| plain).collect();
-        squares.push(report::mean_square(&plain));
+        squares.push(square_of(&residuals));
     }
     // Medians: a draw may be so far off that the flight tumbles, and one such draw is most of a mean.
     let rows = (pairs.len() * NUMBERS) as f64;
@@ -58,15 +67,42 @@ pub(super) fn draw(
         let median = freedom * (1.0 - 2.0 / (9.0 * freedom)).powi(3);
         (quantile(gains, 0.5) / median).max(1.0)
     });
-    let floor = Channels::from_fn(|channel, _| {
-        let mut values: Vec<f64> = squares.iter().map(|square| square[channel]).collect();
-        quantile(&mut values, 0.5).sqrt()
-    });
     Null {
         misfit: [middle, spread.max((2.0 * rows).sqrt())],
         inflation: inflation.collect(),
-        floor,
+        floor: middle_of(&squares),
     }
+}
+
+/// Root mean square of each channel of a flight in which nothing is missing.
+pub(super) fn floor(
+    track: &Track,
+    pairs: &[(Stretch, Block)],
+    model: &Model<f64>,
+    seed: u64,
+) -> Channels {
+    let draws = (0..DRAWS).map(|draw| drawn(track, pairs, model, seed_of(seed, draw)));
+    middle_of(
+        &draws
+            .map(|residuals| square_of(&residuals))
+            .collect::<Vec<_>>(),
+    )
+}
+
+const fn seed_of(seed: u64, draw: u64) -> u64 {
+    seed.wrapping_mul(1000).wrapping_add(draw)
+}
+
+fn square_of(residuals: &[(DVector<f64>, DVector<f64>)]) -> Channels {
+    let plain: Vec<_> = residuals.iter().map(|(_, plain)| plain).collect();
+    report::mean_square(&plain)
+}
+
+fn middle_of(squares: &[Channels]) -> Channels {
+    Channels::from_fn(|channel, _| {
+        let mut values: Vec<f64> = squares.iter().map(|square| square[channel]).collect();
+        quantile(&mut values, 0.5).sqrt()
+    })
 }
 
 /// The value below which a share of the values lies.

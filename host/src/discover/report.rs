@@ -3,9 +3,10 @@
 use bodyflight_core::effect::{Effect, Model};
 use nalgebra::DVector;
 use rayon::prelude::*;
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 
 use super::fit::{Data, Fit, Values, with};
+use super::null::Null;
 use super::stretch::{CHANNELS, Channels, Prepared, Stretch};
 use super::track::Track;
 
@@ -45,15 +46,25 @@ pub struct Rival {
     pub share: f64,
 }
 
+/// Numbers by name as a map, in their order.
+fn by_name<S: Serializer>(
+    numbers: &[(&'static str, f64)],
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    serializer.collect_map(numbers.iter().copied())
+}
+
 /// An effect that was named.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Named {
     /// Its name.
     pub name: &'static str,
     /// Parameters by name.
+    #[serde(serialize_with = "by_name")]
     pub parameters: Vec<(&'static str, f64)>,
     /// Their standard errors.
-    pub standard_errors: Vec<f64>,
+    #[serde(serialize_with = "by_name")]
+    pub standard_errors: Vec<(&'static str, f64)>,
     /// Deviations by which its gain is beyond chance.
     pub confidence: f64,
     /// Share of what was left to explain.
@@ -95,11 +106,21 @@ impl Named {
 }
 
 /// Fills in the parameters of the last, joint fit.
-pub(super) fn settle(named: &mut [Named], fit: &Fit) {
+///
+/// Errors are widened by what the fit cannot know: by how much an effect gains through joints that are wrong in
+/// ways that are not linear, and by the misfit that is left.
+pub(super) fn settle(named: &mut [Named], fit: &Fit, null: &Null) {
+    let left = (fit.misfit / null.misfit[0].max(1.0)).max(1.0);
     let mut errors = fit.errors.iter();
     for (effect, values) in &fit.values {
         let parameters = effect.description().parameters;
-        let errors: Vec<f64> = errors.by_ref().take(parameters.len()).copied().collect();
+        let widened = (null.inflation_of(*effect) * left).sqrt();
+        let errors = errors.by_ref().take(parameters.len());
+        let errors: Vec<_> = parameters
+            .iter()
+            .zip(errors)
+            .map(|(p, e)| (p.name, e * widened))
+            .collect();
         for named in named.iter_mut().filter(|named| named.effect == *effect) {
             named.parameters = parameters
                 .iter()
@@ -253,10 +274,11 @@ pub(super) fn map(data: &Data<'_>, values: &Values, floor: &Channels) -> Vec<Spo
 pub struct Report {
     /// How it ended.
     pub verdict: Outcome,
-    /// Effects, in the order in which they were found. Where the verdict is not `named` they are what came
-    /// nearest, and not in the model.
+    /// Effects that were named, in the order in which they were found.
     pub effects: Vec<Named>,
-    /// Share of what there was to explain that they explain.
+    /// What came nearest where the verdict is not `named`; not in the model.
+    pub nearest: Vec<Named>,
+    /// Share of what there was to explain that effects or nearest explain.
     pub explained: f64,
     /// Deviations by which the misfit of the plain model is beyond that of flights in which nothing is missing.
     pub disagreement: f64,
@@ -291,9 +313,14 @@ impl Report {
                 parameters.map(|(p, v)| (p.name, *v)).collect(),
             )
         });
+        let (effects, nearest) = match parts.outcome {
+            Outcome::Named => (parts.named, Vec::new()),
+            _ => (Vec::new(), parts.named),
+        };
         Self {
             verdict: parts.outcome,
-            effects: parts.named,
+            effects,
+            nearest,
             explained: parts.explained,
             disagreement: parts.disagreement,
             gap: parts.gap,

@@ -8,11 +8,13 @@
 use bodyflight_core::Posture;
 use bodyflight_core::dynamics::{Motion, PostureSample, State};
 use bodyflight_core::effect::Model;
+use bodyflight_core::effect::sensors::Moving;
 use bodyflight_core::frame::{Rotation, Vector};
 use bodyflight_core::math::small_rotation;
 use nalgebra::{DVector, SVector, Vector3};
 
 use super::track::Track;
+use crate::motion_history::MotionHistory;
 
 /// Frames of a stretch: 0.6 s at 240 Hz, short enough for what joints have wrong to act in proportion.
 pub const FRAMES: usize = 144;
@@ -26,8 +28,10 @@ const ROWS: usize = FRAMES / WINDOW;
 pub const NUMBERS: usize = ROWS * CHANNELS;
 /// Frames on both sides of the start that are smoothed.
 const HALF_SMOOTHING: usize = 12;
-/// Frames over which the rate of change around the start is taken.
-pub const AROUND: usize = 48;
+/// Frames between the moments around the start at which the motion is kept, for sensors that are late.
+const APART: usize = 24;
+/// Moments on either side of the start: as far as a plausible delay reaches.
+const SIDE: usize = 3;
 
 /// Standard deviations of single frames: attitude (rad), angular velocity (rad/s), velocity (m/s), the paper's.
 pub const SENSOR_NOISE: [f64; CHANNELS] = [0.01, 0.01, 0.01, 0.03, 0.03, 0.03, 0.1, 0.1, 1.0];
@@ -47,22 +51,62 @@ pub struct Stretch {
     pub first: usize,
     /// The smoothed motion there.
     pub start: Motion<f64>,
-    /// The motion [`AROUND`] frames earlier had it changed as it does around the start: for errors that are delays.
-    pub before: Motion<f64>,
+    /// How the motion goes on around the start.
+    course: Course,
+}
+
+/// Velocity and angular velocity measured around a moment, every [`APART`] frames.
+#[derive(Debug, Clone)]
+struct Course {
+    moments: [SVector<f64, 6>; 2 * SIDE + 1],
+    /// Time between two moments (s).
+    apart: f64,
+}
+
+impl Course {
+    /// What changes until `later` (s) than the moment, by a cubic through the moments.
+    fn change(&self, later: f64) -> SVector<f64, 6> {
+        let last = 2 * SIDE;
+        let place = (later / self.apart + SIDE as f64).clamp(0.0, last as f64);
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "a few moments"
+        )]
+        let from = (place as usize).min(last - 1);
+        let share = place - from as f64;
+        let at = |k: usize| self.moments[k.min(last)];
+        let (left, right) = (at(from), at(from + 1));
+        let slope_left = (right - at(from.saturating_sub(1))) * 0.5;
+        let slope_right = (at(from + 2) - left) * 0.5;
+        let (square, cube) = (share * share, share.powi(3));
+        let curve = (right - left) * (3.0 * square - 2.0 * cube)
+            + slope_left * (cube - 2.0 * square + share)
+            + slope_right * (cube - square);
+        left + curve - self.moments[SIDE]
+    }
 }
 
 /// Where stretches begin, and from which motion.
 pub fn stretches(track: &Track) -> Vec<Stretch> {
     let count = track.measured.len();
-    let mut first = HALF_SMOOTHING + AROUND / 2;
+    let reach = SIDE * APART + HALF_SMOOTHING;
+    let mut first = reach;
     let mut stretches = Vec::new();
-    while first + FRAMES < count {
-        let start = smoothed(track, first);
-        let [earlier, later] = [first - AROUND / 2, first + AROUND / 2].map(|k| smoothed(track, k));
+    while first + FRAMES.max(reach) < count {
+        let moments = core::array::from_fn(|k| {
+            six(&Moving::of(&smoothed(
+                track,
+                first + k * APART - SIDE * APART,
+            )))
+        });
         stretches.push(Stretch {
             first,
-            start,
-            before: moved(&start, &-difference(&later, &earlier)),
+            start: smoothed(track, first),
+            course: Course {
+                moments,
+                apart: (track.times[first + APART] - track.times[first - APART]) * 0.5,
+            },
         });
         first += FRAMES;
     }
@@ -179,7 +223,7 @@ impl<'a> Prepared<'a> {
     /// Measured less flown, averaged, from the smoothed start changed by `start`.
     pub fn residual(&self, start: &Channels) -> DVector<f64> {
         let mut residual = DVector::zeros(NUMBERS);
-        self.each(start, |k, seen, _| {
+        self.each(start, |k, seen| {
             let row = k / WINDOW;
             let measured = &self.track.measured[self.stretch.first + k + 1];
             let difference = difference(measured, seen) / WINDOW as f64;
@@ -193,9 +237,9 @@ impl<'a> Prepared<'a> {
     /// What sensors would see of this flight less what they see of `other`, averaged.
     pub fn apart(&self, start: &Channels, other: &Self) -> DVector<f64> {
         let mut seen_by_other = Vec::with_capacity(FRAMES);
-        other.each(&Channels::zeros(), |_, seen, _| seen_by_other.push(*seen));
+        other.each(&Channels::zeros(), |_, seen| seen_by_other.push(*seen));
         let mut apart = DVector::zeros(NUMBERS);
-        self.each(start, |k, seen, _| {
+        self.each(start, |k, seen| {
             let difference = difference(seen, &seen_by_other[k]) / WINDOW as f64;
             for (channel, value) in difference.iter().enumerate() {
                 apart[k / WINDOW * CHANNELS + channel] += value;
@@ -204,24 +248,36 @@ impl<'a> Prepared<'a> {
         apart
     }
 
-    fn each(&self, start: &Channels, mut each: impl FnMut(usize, &Motion<f64>, &Motion<f64>)) {
+    fn each(&self, start: &Channels, mut each: impl FnMut(usize, &Motion<f64>)) {
         let Some(first) = self.samples.first() else {
             return;
         };
-        let begin = moved(&self.stretch.start, start);
-        let begin = self.corrected(&begin);
+        let begin = self.corrected(&moved(&self.stretch.start, start));
         let inputs = self.model.inputs(&self.track.inputs);
+        let time = |k: usize| self.track.times[self.stretch.first + k] - self.track.times[0];
+        let mut history = MotionHistory::default();
+        let (reach, moments) = (SIDE as f64 * self.stretch.course.apart, 4 * SIDE);
+        for k in 0..=moments {
+            let later = (k as f64 / moments as f64 - 1.0) * reach;
+            history.push(time(0) + later, self.around(&begin, later));
+        }
         let mut state = State::from_motion(&begin, first);
-        let mut before = begin;
+        let mut motions = Vec::with_capacity(self.samples.len());
         for (k, sample) in self.samples.iter().enumerate() {
-            let frame = self.stretch.first + k;
-            let duration = self.track.times[frame + 1] - self.track.times[frame];
+            let duration = time(k + 1) - time(k);
             state = self.model.dynamics.step(&state, sample, &inputs, duration);
             let motion = state.motion(sample);
-            let time = self.track.times[frame + 1] - self.track.times[0];
-            let seen = self.model.sensors.observe(&motion, &before, duration, time);
-            before = motion;
-            each(k, &seen, &motion);
+            history.push(time(k + 1), Moving::of(&motion));
+            motions.push(motion);
+        }
+        for (k, motion) in motions.iter().enumerate() {
+            let now = time(k + 1);
+            let past = |delay: f64| {
+                history
+                    .at(now - delay)
+                    .unwrap_or_else(|| Moving::of(motion))
+            };
+            each(k, &self.model.sensors.observe(motion, past, now));
         }
     }
 
@@ -229,10 +285,30 @@ impl<'a> Prepared<'a> {
     fn corrected(&self, measured: &Motion<f64>) -> Motion<f64> {
         let time = self.track.times[self.stretch.first] - self.track.times[0];
         let sensors = &self.model.sensors;
-        let (times, first) = (&self.track.times, self.stretch.first);
-        let interval = times[first + AROUND / 2] - times[first - AROUND / 2];
-        let seen = sensors.observe(measured, &self.stretch.before, interval, time);
+        let past = |delay: f64| self.around(measured, -delay);
+        let seen = sensors.observe(measured, past, time);
         // Errors are small: what they add to the measured start they added to the true one.
         moved(measured, &difference(measured, &seen))
+    }
+
+    /// The moving `later` (s) than at a start, as it goes on around the start.
+    fn around(&self, start: &Motion<f64>, later: f64) -> Moving<f64> {
+        let now = Moving::of(start);
+        moving(&(six(&now) + self.stretch.course.change(later)))
+    }
+}
+
+fn six(moving: &Moving<f64>) -> SVector<f64, 6> {
+    let (velocity, spin) = (
+        &moving.velocity.components,
+        &moving.angular_velocity.components,
+    );
+    SVector::from_iterator(velocity.iter().chain(spin).copied())
+}
+
+fn moving(six: &SVector<f64, 6>) -> Moving<f64> {
+    Moving {
+        velocity: Vector::new(six[0], six[1], six[2]),
+        angular_velocity: Vector::new(six[3], six[4], six[5]),
     }
 }

@@ -79,7 +79,7 @@ fn every_parameter_has_a_column_and_every_stretch_its_numbers() {
     let model = Model::new(track.dynamics, track.start_height());
     let stretches = stretches(&track);
     let count = stretches.len();
-    let around = blocks(&track, &model, stretches, &Vec::new());
+    let around = blocks(&track, &model, stretches, &Vec::new(), &places());
     assert_eq!(around.len(), count);
     for (_, block) in &around {
         assert_eq!(block.residual.len() % CHANNELS, 0);

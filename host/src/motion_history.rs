@@ -1,0 +1,72 @@
+//! What a motion was a while ago, for sensors that are late.
+
+use std::collections::VecDeque;
+
+use bodyflight_core::dynamics::Motion;
+use bodyflight_core::effect::sensors::Moving;
+
+/// Velocity and angular velocity over time.
+#[derive(Debug, Clone, Default)]
+pub struct MotionHistory {
+    moments: VecDeque<(f64, Moving<f64>)>,
+}
+
+impl MotionHistory {
+    /// Adds the moving at `time` (s), later than all before.
+    pub fn push(&mut self, time: f64, moving: Moving<f64>) {
+        self.moments.push_back((time, moving));
+    }
+
+    /// Adds a motion and forgets what is more than `span` (s) older, but for two moments.
+    pub fn push_within(&mut self, time: f64, motion: &Motion<f64>, span: f64) {
+        self.push(time, Moving::of(motion));
+        while self.moments.len() > 2 && self.moments[1].0 < time - span {
+            self.moments.pop_front();
+        }
+    }
+
+    /// The moving at `time` (s): on the line between the moments around it, or through the two nearest.
+    pub fn at(&self, time: f64) -> Option<Moving<f64>> {
+        let last = self.moments.len().checked_sub(1)?;
+        let after = self.moments.partition_point(|(moment, _)| *moment < time);
+        let upper = after.clamp(1.min(last), last);
+        let (from, to) = (&self.moments[upper.saturating_sub(1)], &self.moments[upper]);
+        let duration = to.0 - from.0;
+        if duration > 0.0 {
+            Some(from.1.towards(&to.1, (time - from.0) / duration))
+        } else {
+            Some(to.1)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bodyflight_core::frame::Vector;
+
+    fn moving(north: f64) -> Moving<f64> {
+        Moving {
+            velocity: Vector::new(north, 0.0, 0.0),
+            angular_velocity: Vector::new(0.0, -north, 0.0),
+        }
+    }
+
+    fn north(history: &MotionHistory, time: f64) -> f64 {
+        history.at(time).unwrap().velocity.components.x
+    }
+
+    #[test]
+    fn a_moment_between_others_is_on_their_line_and_one_beyond_on_the_last() {
+        let mut history = MotionHistory::default();
+        assert!(history.at(0.0).is_none());
+        history.push(0.0, moving(1.0));
+        assert!((north(&history, 3.0) - 1.0).abs() < 1e-12);
+        history.push(1.0, moving(3.0));
+        history.push(2.0, moving(7.0));
+        for (time, expected) in [(0.0, 1.0), (0.5, 2.0), (1.0, 3.0), (1.5, 5.0), (3.0, 11.0)] {
+            assert!((north(&history, time) - expected).abs() < 1e-12, "{time}");
+        }
+        assert!((north(&history, -1.0) + 1.0).abs() < 1e-12);
+    }
+}
