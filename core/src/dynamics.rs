@@ -16,11 +16,11 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::aerodynamics::compiled::CompiledAerodynamics;
 use crate::aerodynamics::stream::Stream;
-use crate::aerodynamics::{self, Aerodynamics, BELLY_TURN_DAMPING};
+use crate::aerodynamics::{Aerodynamics, BELLY_TURN_DAMPING, Loads, expose};
 use crate::air::{Air, GRAVITY};
-use crate::body::Body;
 use crate::body::mass_properties::{MassMotion, MassProperties, PostureRate};
 use crate::body::posture::{Posture, pose};
+use crate::body::{Body, SegmentArray};
 use crate::frame::{Body as BodyFrame, Inertial, Rotation, Vector};
 use crate::math::{Real, inverse_symmetric};
 use interval::Interval;
@@ -68,6 +68,23 @@ impl<T: Real> Dynamics<T> {
         }
     }
 
+    /// Loads of the air on each segment of a moving body (body axes, moments about the origin), without damping
+    /// and muscle input.
+    pub fn segment_loads(
+        &self,
+        posture: &Posture<T>,
+        motion: &Motion<T>,
+    ) -> SegmentArray<Loads<T>> {
+        let exposed = expose(&self.body, &pose(&self.body, posture), &self.aerodynamics);
+        let air = self.air.velocity_at(&motion.position);
+        let through_air =
+            motion.velocity.components - (motion.inertial_from_body.inverse() * air).components;
+        let density = self.air.density.at(motion.position.components.z);
+        let spin = &motion.angular_velocity.components;
+        self.stream
+            .segment_loads(&exposed, &through_air, spin, density)
+    }
+
     /// A body that keeps `posture`.
     pub fn hold(&self, posture: &Posture<T>) -> PostureSample<T> {
         self.sample(posture, &PostureRate::zero())
@@ -85,7 +102,7 @@ impl<T: Real> Dynamics<T> {
         let posed = pose(&self.body, posture);
         let mass = MassProperties::of(&self.body, &posed);
         let motion = MassMotion::of(&self.body, &posed, rate);
-        let exposed = aerodynamics::expose(&self.body, &posed, &self.aerodynamics);
+        let exposed = expose(&self.body, &posed, &self.aerodynamics);
         let inertia = mass.inertia_about_cg();
         PostureSample {
             mass,

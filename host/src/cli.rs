@@ -15,6 +15,7 @@ mod terminal;
 mod trim;
 mod tune;
 mod unit;
+mod view;
 
 use std::process::ExitCode;
 
@@ -49,6 +50,7 @@ enum Verb {
     Tune(tune::Args),
     Discover(discover::Args),
     Hide(hide::Args),
+    View(view::Args),
     Stream(stream::Args),
     Unit(unit::Args),
     Ports(ports::Args),
@@ -81,6 +83,7 @@ fn run(cli: &Cli) -> Result<()> {
         Verb::Tune(args) => tune::run(args, cli.json),
         Verb::Discover(args) => discover::run(args, cli.json),
         Verb::Hide(args) => hide::run(args, cli.json),
+        Verb::View(args) => view::run(args, cli.json),
         Verb::Stream(args) => stream::run(args, cli.json),
         Verb::Unit(args) => unit::run(args),
         Verb::Ports(args) => ports::run(args, cli.json),

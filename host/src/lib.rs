@@ -23,5 +23,6 @@ pub mod stream;
 pub mod subject;
 pub mod synthesize;
 pub mod tune;
+pub mod view;
 pub mod virtual_unit;
 pub mod xsens;

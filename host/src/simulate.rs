@@ -129,6 +129,8 @@ pub struct Follower<'a, T: Real> {
     model: Model<f64>,
     start: f64,
     history: MotionHistory,
+    motion: Motion<f64>,
+    inputs: Inputs<f64>,
     dynamics: Dynamics<T>,
     run: FreeRun<T>,
     time: f64,
@@ -159,9 +161,11 @@ impl<'a, T: Real> Follower<'a, T> {
         let run = FreeRun::new(&dynamics, flight.equations, &motion.cast(), &posture, &rate);
         Ok(Self {
             flight,
-            model,
             start: first.time,
             history,
+            motion,
+            inputs: model.inputs(&inputs_at(flight, first.time)),
+            model,
             dynamics,
             run,
             time: first.time,
@@ -175,16 +179,12 @@ impl<'a, T: Real> Follower<'a, T> {
     /// Where `frame` has no velocity or angular velocity, or the model runs out of numbers.
     pub fn follow(&mut self, frame: &FlightFrame, following: Option<&FlightFrame>) -> Result<Pair> {
         let duration = frame.time - self.time;
-        let inputs = match &self.flight.inputs {
-            Some(history) => history.at(self.time + 0.5 * duration),
-            None => Inputs {
-                damping: self.flight.subject.damping(),
-                ..Inputs::belly_turn()
-            },
-        };
+        self.inputs = self
+            .model
+            .inputs(&inputs_at(self.flight, self.time + 0.5 * duration));
         self.run.advance(
             &self.dynamics,
-            &self.model.inputs(&inputs).cast(),
+            &self.inputs.cast(),
             &frame.posture.cast(),
             T::of(duration),
         );
@@ -201,6 +201,7 @@ impl<'a, T: Real> Follower<'a, T> {
             moving.unwrap_or_else(|| Moving::of(&motion))
         };
         let seen = sensors.observe(&motion, past, frame.time - self.start);
+        self.motion = motion;
         if !motion.velocity.components.iter().all(|v| v.abs() < 1e4) {
             return Err(Problem::bad_input(format!(
                 "the simulated motion left every plausible range at {:.3} s",
@@ -213,6 +214,34 @@ impl<'a, T: Real> Follower<'a, T> {
             measured: Observation::of(&measured_motion(frame)?),
             simulated: Observation::of(&seen),
         })
+    }
+}
+
+impl<T: Real> Follower<'_, T> {
+    /// The motion of the model at the last frame; what sensors make of it is in the pair.
+    pub const fn motion(&self) -> &Motion<f64> {
+        &self.motion
+    }
+
+    /// The conscious inputs up to the last frame.
+    pub const fn inputs(&self) -> &Inputs<f64> {
+        &self.inputs
+    }
+
+    /// The model with its effects.
+    pub const fn model(&self) -> &Model<f64> {
+        &self.model
+    }
+}
+
+/// The conscious inputs of a flight: known ones, or the subject's damping.
+fn inputs_at(flight: &Flight, time: f64) -> Inputs<f64> {
+    match &flight.inputs {
+        Some(history) => history.at(time),
+        None => Inputs {
+            damping: flight.subject.damping(),
+            ..Inputs::belly_turn()
+        },
     }
 }
 

@@ -63,14 +63,31 @@ impl<T: Real> Stream<T> {
         spin: &Vector3<T>,
         density: T,
     ) -> Loads<T> {
-        let direction = Flow::new(velocity, density).direction;
-        let trunk = segments[Segment::Thorax].centre;
-        let mut loads = Loads {
+        let mut sum = Loads {
             exposed_area: T::zero(),
             force: Vector3::zeros(),
             moment: Vector3::zeros(),
         };
-        for (segment, exposed) in segments.iter() {
+        let loads = self.segment_loads(segments, velocity, spin, density);
+        for load in loads.values() {
+            sum.exposed_area += load.exposed_area;
+            sum.force += load.force;
+            sum.moment += load.moment;
+        }
+        sum
+    }
+
+    /// The loads of [`Stream::total_load`] one by one.
+    pub fn segment_loads(
+        &self,
+        segments: &SegmentArray<ExposedSegment<T>>,
+        velocity: &Vector3<T>,
+        spin: &Vector3<T>,
+        density: T,
+    ) -> SegmentArray<Loads<T>> {
+        let direction = Flow::new(velocity, density).direction;
+        let trunk = segments[Segment::Thorax].centre;
+        segments.map(|segment, exposed| {
             let local = velocity + spin.cross(&exposed.centre) * self.rotation;
             let flow = Flow::new(&local, density);
             let mut felt = *exposed;
@@ -78,11 +95,12 @@ impl<T: Real> Stream<T> {
             let load = felt.load(&flow.direction);
             let pressure = flow.dynamic_pressure
                 * self.unsheltered(segment, &exposed.centre, &trunk, &direction);
-            loads.exposed_area += load.exposed_area;
-            loads.force += load.force * pressure;
-            loads.moment += load.moment * pressure;
-        }
-        loads
+            Loads {
+                exposed_area: load.exposed_area,
+                force: load.force * pressure,
+                moment: load.moment * pressure,
+            }
+        })
     }
 
     /// Drag over that at [`REYNOLDS_SPEED`].

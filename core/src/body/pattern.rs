@@ -102,6 +102,31 @@ pub const PRESS: &JointAngles = &[
     (Segment::RightThigh, [0.0, 0.0, 1.0]),
 ];
 
+/// One arm up, the other down: turns about the stream.
+pub const TURN: &JointAngles = &[
+    (Segment::LeftUpperArm, [0.0, 0.0, 0.5]),
+    (Segment::RightUpperArm, [0.0, 0.0, -0.5]),
+];
+/// Trunk and limbs bent to one side.
+pub const SIDE_BEND: &JointAngles = &[
+    (Segment::Abdomen, [0.0, 0.8, 0.0]),
+    (Segment::Thorax, [0.0, 0.8, 0.0]),
+    (Segment::LeftUpperArm, [0.0, -1.0, 0.0]),
+    (Segment::RightUpperArm, [0.0, -1.0, 0.0]),
+    (Segment::LeftThigh, [0.0, -1.0, 0.0]),
+    (Segment::RightThigh, [0.0, -1.0, 0.0]),
+];
+/// Legs stretched: head-low, forwards.
+pub const STRETCH: &JointAngles = &[
+    (Segment::LeftShank, [0.0, 0.0, 1.0]),
+    (Segment::RightShank, [0.0, 0.0, 1.0]),
+];
+/// Both shoulders turned inwards: bent arms go down into the stream.
+pub const ARMS_DOWN: &JointAngles = &[
+    (Segment::LeftUpperArm, [0.0, 0.0, -1.0]),
+    (Segment::RightUpperArm, [0.0, 0.0, -1.0]),
+];
+
 /// Drag factor that the paper assigns to an arch angle (rad), first line of eq. (arch_pat).
 pub fn arch_line<T: Real>(angle: T) -> T {
     T::one() - angle * T::of(0.2 / FRAC_PI_8)

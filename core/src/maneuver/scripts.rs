@@ -5,28 +5,11 @@ use core::f64::consts::FRAC_PI_2;
 use super::{Knots, Maneuver, Track};
 use crate::aerodynamics::BELLY_TURN_DAMPING;
 use crate::body::Segment;
-use crate::body::pattern::{ARCH, DRAW_IN_LEFT, JointAngles, NEUTRAL, PRESS, TRACK};
+use crate::body::pattern::{
+    ARCH, DRAW_IN_LEFT, JointAngles, NEUTRAL, PRESS, SIDE_BEND, STRETCH, TRACK, TURN,
+};
 use crate::dynamics::muscle_input::{BACK_TRACKING, LAYOUTS};
 
-/// One arm up, the other down: turns about the stream.
-const TURN: &JointAngles = &[
-    (Segment::LeftUpperArm, [0.0, 0.0, 0.5]),
-    (Segment::RightUpperArm, [0.0, 0.0, -0.5]),
-];
-/// Trunk and limbs bent to one side.
-const SIDE_BEND: &JointAngles = &[
-    (Segment::Abdomen, [0.0, 0.8, 0.0]),
-    (Segment::Thorax, [0.0, 0.8, 0.0]),
-    (Segment::LeftUpperArm, [0.0, -1.0, 0.0]),
-    (Segment::RightUpperArm, [0.0, -1.0, 0.0]),
-    (Segment::LeftThigh, [0.0, -1.0, 0.0]),
-    (Segment::RightThigh, [0.0, -1.0, 0.0]),
-];
-/// Legs stretched: head-low, forwards.
-const STRETCH: &JointAngles = &[
-    (Segment::LeftShank, [0.0, 0.0, 1.0]),
-    (Segment::RightShank, [0.0, 0.0, 1.0]),
-];
 /// Arms from beside the body to straight ahead of the shoulders.
 const ARMS_AHEAD: &JointAngles = &[
     (Segment::LeftUpperArm, [0.0, 0.0, 1.0]),

@@ -1,0 +1,149 @@
+//! `bodyflight view`.
+
+use std::path::{Path, PathBuf};
+
+use bodyflight::diagnostic::{Problem, Result};
+use bodyflight::flight::Flight;
+use bodyflight::model_file::Effects;
+use bodyflight::output::write_file;
+use bodyflight::view::page::{PageData, Provenance, html};
+use bodyflight::view::run::fly;
+use serde::Serialize;
+use serde_json::Value;
+
+use super::simulate::{Reading, refuse_inputs};
+use super::terminal;
+
+/// Write a page that replays flights: body, plots and forces, one HTML file to look at and send.
+#[derive(clap::Args)]
+#[command(
+    after_help = "Examples:\n  bodyflight view flight.toml --out flight.html --open\n  \
+                  bodyflight view flight.toml --model found/model.toml --discovery found/report.json\n\n\
+                  With --model a second run with the effects is shown beside the plain one."
+)]
+pub(super) struct Args {
+    /// flight.toml files, or MVNX files alone; several are shown over one another.
+    #[arg(required = true)]
+    flights: Vec<PathBuf>,
+    /// The page.
+    #[arg(long, value_name = "HTML", default_value = "view.html")]
+    out: PathBuf,
+    /// Effects to extend the model by, as a second run of each flight: a model.toml.
+    #[arg(long, value_name = "TOML")]
+    model: Option<PathBuf>,
+    /// The report.json of bodyflight discover, shown beside the flights.
+    #[arg(long, value_name = "JSON")]
+    discovery: Option<PathBuf>,
+    /// Open the page in a browser.
+    #[arg(long)]
+    open: bool,
+    #[command(flatten)]
+    reading: Reading,
+}
+
+#[derive(Serialize)]
+struct Written {
+    page: PathBuf,
+    bytes: usize,
+    runs: usize,
+}
+
+pub(super) fn run(args: &Args, json: bool) -> Result<()> {
+    let spinner = terminal::spinner("flying");
+    let page = page(args, |time| {
+        spinner.set_message(format!("flying, {time:.0} s"))
+    });
+    spinner.finish_and_clear();
+    let page = page?;
+    let html = html(&page)?;
+    write_file(&args.out, html.as_bytes())?;
+    if args.open {
+        open(&args.out);
+    }
+    if json {
+        return terminal::print_json(&Written {
+            page: args.out.clone(),
+            bytes: html.len(),
+            runs: page.runs.len(),
+        });
+    }
+    terminal::print(&format!(
+        "written: {} ({:.1} MB, opens in a browser without a network)",
+        args.out.display(),
+        html.len() as f64 / 1e6
+    ));
+    Ok(())
+}
+
+/// Opens a page in a browser; where there is none its place is told anyway.
+pub(super) fn open(page: impl AsRef<std::ffi::OsStr>) {
+    if let Err(error) = open::that_detached(page.as_ref()) {
+        terminal::note(&format!("no browser was found: {error}"));
+    }
+}
+
+fn page(args: &Args, mut progress: impl FnMut(f64)) -> Result<PageData> {
+    let mut files: Vec<PathBuf> = Vec::new();
+    let mut runs = Vec::new();
+    let effects = args.model.as_deref().map(Effects::read).transpose()?;
+    let options = args.reading.options();
+    for path in &args.flights {
+        let mut flight = Flight::read(path)?;
+        files.push(path.clone());
+        if flight.recording != *path {
+            files.push(flight.recording.clone());
+        }
+        let name = name_of(path);
+        runs.push(fly(&name, &flight, options, &mut progress)?);
+        if let Some(effects) = &effects {
+            flight.effects = effects.clone();
+            let name = format!("{name}, extended model");
+            runs.push(fly(&name, &flight, options, &mut progress)?);
+        }
+    }
+    files.extend(args.model.clone());
+    files.extend(args.discovery.clone());
+    refuse_inputs([&Some(args.out.clone())], &files.iter().collect::<Vec<_>>())?;
+    let files: Vec<&Path> = files.iter().map(PathBuf::as_path).collect();
+    let provenance = Provenance::of(command(), &files)?;
+    let title = args
+        .flights
+        .first()
+        .map_or_else(String::new, |path| name_of(path));
+    let mut page = PageData::replay(title, provenance, runs);
+    page.discovery = args.discovery.as_deref().map(report).transpose()?;
+    Ok(page)
+}
+
+/// The command, without the folders of this machine.
+pub(super) fn command() -> String {
+    let bare = |word: std::ffi::OsString| {
+        let path = PathBuf::from(&word);
+        let name = path.file_name().map_or(word, std::ffi::OsStr::to_owned);
+        name.to_string_lossy().into_owned()
+    };
+    std::env::args_os().map(bare).collect::<Vec<_>>().join(" ")
+}
+
+/// A name for people: that of the folder for the usual `flight.toml`, else that of the file.
+fn name_of(path: &Path) -> String {
+    let stem = path.file_stem().unwrap_or(path.as_os_str());
+    let folder = path.parent().and_then(Path::file_name);
+    match folder {
+        Some(folder) if stem == "flight" => folder.to_string_lossy().into_owned(),
+        _ => stem.to_string_lossy().into_owned(),
+    }
+}
+
+fn report(path: &Path) -> Result<Value> {
+    let text =
+        std::fs::read_to_string(path).map_err(|error| Problem::system("read", path, &error))?;
+    let report: Value = serde_json::from_str(&text)
+        .map_err(|error| Problem::bad_input(format!("expected JSON: {error}")).in_file(path))?;
+    if report.get("verdict").is_none() {
+        return Err(Problem::bad_input("expected a field \"verdict\"")
+            .in_file(path)
+            .help("bodyflight discover --out FOLDER writes a report.json"));
+    }
+    Ok(report)
+}

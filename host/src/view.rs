@@ -1,0 +1,8 @@
+//! The viewer's page: a flight, its simulation and where they differ, in one HTML file that needs nothing else.
+//!
+//! [`run`] flies a recording and keeps what there is to see, [`series`] makes it small, [`page`] puts it into the
+//! page that `cargo xtask viewer` builds from `host/viewer`.
+
+pub mod page;
+pub mod run;
+pub mod series;

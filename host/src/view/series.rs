@@ -1,0 +1,180 @@
+//! Series of numbers, small: rounded to a step that the eye cannot see, differences, variable length, gzip, base64.
+
+use std::io::Write;
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use flate2::Compression;
+use flate2::write::GzEncoder;
+use serde::Serialize;
+
+/// What a column of the series is.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Column {
+    /// Name.
+    pub name: String,
+    /// Numbers of a row.
+    pub width: usize,
+    /// Numbers are multiples of this.
+    pub step: f64,
+}
+
+/// Columns over time as the page takes them.
+#[derive(Debug, Clone, Serialize)]
+pub struct Packed {
+    /// The columns, in order.
+    pub columns: Vec<Column>,
+    /// Rows.
+    pub rows: usize,
+    /// For each number of each column, rounded to its step, the difference to the row before: zigzag, seven bits a
+    /// byte, low ones first; then gzip, then base64.
+    pub data: String,
+}
+
+/// Collects rows.
+#[derive(Debug, Clone, Default)]
+pub struct Series {
+    columns: Vec<Column>,
+    numbers: Vec<Vec<f64>>,
+    rows: usize,
+}
+
+impl Series {
+    /// Of columns given as name, numbers of a row, and step.
+    pub fn new(columns: &[(&str, usize, f64)]) -> Self {
+        let columns: Vec<Column> = columns
+            .iter()
+            .map(|&(name, width, step)| Column {
+                name: name.to_owned(),
+                width,
+                step,
+            })
+            .collect();
+        Self {
+            numbers: vec![Vec::new(); columns.iter().map(|column| column.width).sum()],
+            columns,
+            rows: 0,
+        }
+    }
+
+    /// Adds a row, the numbers of all columns one after another. What is missing or no number stays as it was.
+    pub fn push(&mut self, row: impl IntoIterator<Item = f64>) {
+        let mut row = row.into_iter();
+        for numbers in &mut self.numbers {
+            let before = numbers.last().copied().unwrap_or(0.0);
+            let number = row.next().filter(|number| number.is_finite());
+            numbers.push(number.unwrap_or(before));
+        }
+        self.rows += 1;
+    }
+
+    /// Makes them small.
+    pub fn packed(&self) -> Packed {
+        let steps = self
+            .columns
+            .iter()
+            .flat_map(|column| std::iter::repeat_n(column.step, column.width));
+        let mut bytes = Vec::new();
+        for (numbers, step) in self.numbers.iter().zip(steps) {
+            let mut before = 0;
+            for number in numbers {
+                #[expect(
+                    clippy::cast_possible_truncation,
+                    reason = "saturates: a number so large is off every axis"
+                )]
+                let now = (number / step).round() as i32;
+                write_variable(&mut bytes, now.wrapping_sub(before));
+                before = now;
+            }
+        }
+        let mut encoder = GzEncoder::new(Vec::new(), Compression::best());
+        // Writing to memory does not fail.
+        let _ = encoder.write_all(&bytes);
+        Packed {
+            columns: self.columns.clone(),
+            rows: self.rows,
+            data: STANDARD.encode(encoder.finish().unwrap_or_default()),
+        }
+    }
+}
+
+fn write_variable(bytes: &mut Vec<u8>, difference: i32) {
+    let mut rest = (difference.cast_unsigned() << 1) ^ (difference >> 31).cast_unsigned();
+    while rest >= 0x80 {
+        bytes.push((rest & 0x7f) as u8 | 0x80);
+        rest >>= 7;
+    }
+    bytes.push((rest & 0x7f) as u8);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use flate2::read::GzDecoder;
+    use proptest::prelude::*;
+    use std::io::Read;
+
+    /// As the page reads it.
+    fn unpacked(packed: &Packed) -> Vec<Vec<f64>> {
+        let zipped = STANDARD.decode(&packed.data).unwrap();
+        let mut bytes = Vec::new();
+        GzDecoder::new(&zipped[..]).read_to_end(&mut bytes).unwrap();
+        let mut bytes = bytes.into_iter();
+        let mut next = || {
+            let (mut value, mut shift) = (0u32, 0);
+            loop {
+                let byte = bytes.next().unwrap();
+                value |= u32::from(byte & 0x7f) << shift;
+                shift += 7;
+                if byte < 0x80 {
+                    return (value >> 1).cast_signed() ^ -(value & 1).cast_signed();
+                }
+            }
+        };
+        let steps = packed
+            .columns
+            .iter()
+            .flat_map(|column| std::iter::repeat_n(column.step, column.width));
+        steps
+            .map(|step| {
+                let mut sum = 0i32;
+                let mut number = || {
+                    sum = sum.wrapping_add(next());
+                    f64::from(sum) * step
+                };
+                (0..packed.rows).map(|_| number()).collect()
+            })
+            .collect()
+    }
+
+    proptest! {
+        #[test]
+        fn numbers_come_back_to_half_a_step(
+            rows in prop::collection::vec(prop::array::uniform3(-1e4f64..1e4), 0..40),
+        ) {
+            let mut series = Series::new(&[("a", 1, 0.01), ("b", 2, 0.5)]);
+            for row in &rows {
+                series.push(*row);
+            }
+            let back = unpacked(&series.packed());
+            for (k, row) in rows.iter().enumerate() {
+                for (column, number) in row.iter().enumerate() {
+                    let step = if column == 0 { 0.01 } else { 0.5 };
+                    prop_assert!((back[column][k] - number).abs() <= 0.5001 * step);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_no_number_stays_as_it_was() {
+        let mut series = Series::new(&[("a", 2, 1.0)]);
+        series.push([1.0, f64::NAN]);
+        series.push([f64::INFINITY, 3.0]);
+        series.push([4.0]);
+        assert_eq!(
+            unpacked(&series.packed()),
+            [[1.0, 1.0, 4.0], [0.0, 3.0, 3.0]]
+        );
+    }
+}

@@ -1,0 +1,350 @@
+//! Flying by keyboard: controls move patterns of joints, the core flies.
+
+use bodyflight_core::body::mass_properties::PostureRate;
+use bodyflight_core::body::pattern::{self, JointAngles};
+use bodyflight_core::body::posture::joint_rotation;
+use bodyflight_core::dynamics::free_run::{Equations, FreeRun};
+use bodyflight_core::dynamics::step::TIME_STEP;
+use bodyflight_core::dynamics::{Dynamics, Inputs, Motion};
+use bodyflight_core::frame::{Rotation, Vector};
+use bodyflight_core::{Posture, Segment};
+use nalgebra::{UnitQuaternion, Vector3};
+
+use crate::frame::{Frame, frame};
+use crate::setup::Setup;
+
+/// Something to hold a key for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Control {
+    /// Name.
+    pub name: &'static str,
+    /// What moves.
+    pub pattern: &'static JointAngles,
+    /// Whether left and right are exchanged.
+    pub mirrored: bool,
+    /// Amount of the pattern at full command (rad).
+    pub limit: f32,
+}
+
+const fn control(name: &'static str, pattern: &'static JointAngles, limit: f32) -> Control {
+    Control {
+        name,
+        pattern,
+        mirrored: false,
+        limit,
+    }
+}
+
+/// All controls; a command is their index.
+pub const CONTROLS: [Control; 8] = [
+    control("turn", pattern::TURN, 0.5),
+    control("arch", pattern::ARCH, 0.35),
+    control("side-slide", pattern::SIDE_BEND, 0.25),
+    control("legs", pattern::STRETCH, 0.7),
+    control("press", pattern::PRESS, 0.6),
+    control("arms-down", pattern::ARMS_DOWN, 1.2),
+    control("left-arm-in", pattern::DRAW_IN_LEFT, 1.2),
+    Control {
+        mirrored: true,
+        ..control("right-arm-in", pattern::DRAW_IN_LEFT, 1.2)
+    },
+];
+
+/// A way to begin.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Start {
+    /// Name.
+    pub name: &'static str,
+    /// Posture.
+    pub posture: &'static JointAngles,
+    /// Turn about the left axis from standing (rad): pi/2 is belly to earth.
+    pub pitch: f32,
+    /// Speed of the fall (m/s).
+    pub speed: f32,
+    /// Factor on the subject's damping in pitch.
+    pub pitch_damping: f32,
+    /// Control that is held from the start, and by how much.
+    pub held: Option<(usize, f32)>,
+}
+
+const BELLY: Start = Start {
+    name: "neutral",
+    posture: pattern::NEUTRAL,
+    pitch: core::f32::consts::FRAC_PI_2,
+    speed: 50.0,
+    pitch_damping: 1.0,
+    held: None,
+};
+
+/// All of them; the last is the novice of the paper, "Pitch and Roll oscillations": arms down and little damping.
+pub const STARTS: [Start; 6] = [
+    BELLY,
+    Start {
+        name: "sit",
+        posture: pattern::SIT,
+        pitch: 0.0,
+        speed: 60.0,
+        ..BELLY
+    },
+    Start {
+        name: "head-down",
+        posture: pattern::HEAD_DOWN,
+        pitch: core::f32::consts::PI,
+        speed: 65.0,
+        ..BELLY
+    },
+    Start {
+        name: "track",
+        posture: pattern::TRACK,
+        pitch: 1.9,
+        ..BELLY
+    },
+    Start {
+        name: "back",
+        posture: pattern::BACK,
+        pitch: -core::f32::consts::FRAC_PI_2,
+        ..BELLY
+    },
+    Start {
+        name: "novice",
+        pitch_damping: 0.05,
+        held: Some((5, 0.5)),
+        ..BELLY
+    },
+];
+
+/// Share of a control's range that a joint moves in a second.
+const SPEED: f32 = 3.0;
+
+/// Height at which flights begin (m).
+const START_HEIGHT: f32 = 4000.0;
+
+/// A flight in progress.
+#[derive(Debug, Clone)]
+pub struct Cockpit {
+    setup: Setup,
+    run: FreeRun<f32>,
+    base: Posture<f32>,
+    inputs: Inputs<f32>,
+    wanted: [f32; CONTROLS.len()],
+    amounts: [f32; CONTROLS.len()],
+    joints: [[f32; 3]; Segment::ALL.len()],
+    before: Posture<f32>,
+    posture: Posture<f32>,
+    steps: u32,
+}
+
+impl Cockpit {
+    /// A flight that begins in one of [`STARTS`]; the first where `start` is none of them.
+    pub fn new(setup: &Setup, start: usize) -> Self {
+        let start = STARTS.get(start).unwrap_or(&BELLY);
+        let base = pattern::posture(start.posture);
+        let attitude = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), start.pitch);
+        let inertial_from_body = Rotation::from_quaternion(attitude);
+        let motion = Motion {
+            inertial_from_body,
+            position: Vector::new(0.0, 0.0, START_HEIGHT),
+            velocity: inertial_from_body.inverse() * Vector::new(0.0, 0.0, -start.speed),
+            angular_velocity: Vector::zero(),
+        };
+        let mut inputs = setup.inputs;
+        inputs.damping.x *= start.pitch_damping;
+        let mut wanted = [0.0; CONTROLS.len()];
+        if let Some((control, amount)) = start.held
+            && let Some(place) = wanted.get_mut(control)
+        {
+            *place = amount;
+        }
+        let rate = PostureRate::zero();
+        Self {
+            setup: *setup,
+            run: FreeRun::new(&setup.dynamics, Equations::Exact, &motion, &base, &rate),
+            base,
+            inputs,
+            wanted,
+            amounts: [0.0; CONTROLS.len()],
+            joints: [[0.0; 3]; Segment::ALL.len()],
+            before: base,
+            posture: base,
+            steps: 0,
+        }
+    }
+
+    /// The model.
+    pub const fn dynamics(&self) -> &Dynamics<f32> {
+        &self.setup.dynamics
+    }
+
+    /// Wants a control at a share of its range, -1 to 1; anything else changes nothing.
+    pub fn command(&mut self, control: usize, share: f32) {
+        if let Some(wanted) = self.wanted.get_mut(control)
+            && (-1.0..=1.0).contains(&share)
+        {
+            *wanted = share;
+        }
+    }
+
+    /// Turns a single joint by an angle (rad, within pi) of the paper's, 0 psi, 1 theta, 2 phi; anything else
+    /// changes nothing.
+    pub fn joint(&mut self, segment: usize, axis: usize, angle: f32) {
+        if let Some(place) = self.joints.get_mut(segment).and_then(|j| j.get_mut(axis))
+            && angle.abs() <= core::f32::consts::PI
+        {
+            *place = angle;
+        }
+    }
+
+    /// Muscle input [yaw, pitch, roll], each within 10; anything else changes nothing.
+    pub fn muscle(&mut self, input: [f32; 3]) {
+        if input.iter().all(|value| value.abs() <= 10.0) {
+            let muscle = &mut self.inputs.muscle;
+            [muscle.yaw, muscle.pitch, muscle.roll] = input;
+        }
+    }
+
+    /// Damping coefficients [pitch, yaw, roll], each -1 to 30; anything else changes nothing.
+    pub fn damping(&mut self, damping: [f32; 3]) {
+        if damping.iter().all(|value| (-1.0..=30.0).contains(value)) {
+            self.inputs.damping = Vector3::from(damping);
+        }
+    }
+
+    /// Flies one step of 1/240 s.
+    pub fn step(&mut self) {
+        #[expect(clippy::cast_possible_truncation, reason = "a constant")]
+        let duration = TIME_STEP as f32;
+        let reach = SPEED * duration;
+        let mut posture = self.base;
+        for ((control, wanted), amount) in CONTROLS.iter().zip(self.wanted).zip(&mut self.amounts) {
+            *amount += (wanted - *amount).clamp(-reach, reach);
+            let angle = *amount * control.limit;
+            posture = if control.mirrored {
+                pattern::moved(&posture.mirrored(), control.pattern, angle).mirrored()
+            } else {
+                pattern::moved(&posture, control.pattern, angle)
+            };
+        }
+        for (segment, [psi, theta, phi]) in Segment::ALL.iter().zip(self.joints) {
+            let turned = joint_rotation(psi, theta, phi) * posture.parent_from_segment(*segment);
+            posture.set(*segment, turned);
+        }
+        self.before = self.posture;
+        self.posture = posture;
+        self.run
+            .advance(&self.setup.dynamics, &self.inputs, &posture, duration);
+        self.steps += 1;
+    }
+
+    /// Time flown (s).
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_precision_loss,
+        reason = "flights of minutes"
+    )]
+    pub fn time(&self) -> f32 {
+        (f64::from(self.steps) * TIME_STEP) as f32
+    }
+
+    /// The motion, if it is one: a flight may tumble out of all numbers.
+    pub fn motion(&self) -> Motion<f32> {
+        #[expect(clippy::cast_possible_truncation, reason = "a constant")]
+        let rate = PostureRate::between(&self.before, &self.posture, TIME_STEP as f32);
+        self.run.motion(&self.setup.dynamics, &rate)
+    }
+
+    /// What there is to see.
+    pub fn frame(&self) -> Frame {
+        frame(
+            &self.setup.dynamics,
+            &self.inputs,
+            &self.posture,
+            &self.motion(),
+            self.time(),
+        )
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use bodyflight_core::body::anthropometry::{Person, Sex};
+    use bodyflight_core::observation::Observation;
+
+    pub(crate) fn setup() -> Setup {
+        let person = Person::new(1.75, 75.0, Sex::Male);
+        let body = person.body().unwrap();
+        let dynamics = Dynamics::paper(body, 1.0);
+        Setup {
+            dynamics,
+            inputs: Inputs::belly_turn(),
+            density: 1.0,
+        }
+    }
+
+    pub(crate) fn cockpit() -> Cockpit {
+        Cockpit::new(&setup(), 0)
+    }
+
+    fn flown(start: usize, control: usize, share: f32, seconds: u32) -> Observation<f32> {
+        let mut cockpit = Cockpit::new(&setup(), start);
+        for step in 0..240 * seconds {
+            if step == 240 {
+                cockpit.command(control, share);
+            }
+            cockpit.step();
+        }
+        Observation::of(&cockpit.motion())
+    }
+
+    #[test]
+    fn a_turn_key_turns_and_the_other_way_turns_back() {
+        let (left, right) = (flown(0, 0, 1.0, 4).yaw_rate, flown(0, 0, -1.0, 4).yaw_rate);
+        assert!(left.abs() > 0.3, "{left}");
+        assert!((left + right).abs() < 0.05 * left.abs(), "{left} {right}");
+        assert!(flown(0, 0, 0.0, 4).yaw_rate.abs() < 1e-3);
+    }
+
+    #[test]
+    fn de_arching_slows_the_fall() {
+        let [fast, slow] = [1.0, -1.0].map(|share| -flown(0, 1, share, 8).vertical_velocity);
+        assert!(fast > slow + 2.0, "{fast} {slow}");
+    }
+
+    #[test]
+    fn commands_that_are_none_change_nothing() {
+        let mut cockpit = cockpit();
+        let mut other = cockpit.clone();
+        cockpit.command(99, 1.0);
+        cockpit.command(0, f32::NAN);
+        cockpit.joint(99, 0, 0.1);
+        cockpit.joint(0, 9, 0.1);
+        cockpit.muscle([f32::INFINITY, 0.0, 0.0]);
+        cockpit.damping([f32::NAN; 3]);
+        for _ in 0..240 {
+            cockpit.step();
+            other.step();
+        }
+        assert_eq!(cockpit.frame(), other.frame());
+    }
+
+    /// Paper, "Pitch and Roll oscillations experienced by novices".
+    #[test]
+    fn the_novice_swings_in_pitch_and_the_relaxed_skydiver_does_not() {
+        let swing = |start: usize, held: f32| {
+            let mut cockpit = Cockpit::new(&setup(), start);
+            cockpit.command(5, held);
+            let (mut low, mut high) = (f32::MAX, f32::MIN);
+            for step in 0..240 * 20 {
+                cockpit.step();
+                if step >= 240 * 12 {
+                    let pitch = Observation::of(&cockpit.motion()).angles.pitch;
+                    (low, high) = (low.min(pitch), high.max(pitch));
+                }
+            }
+            high - low
+        };
+        let (novice, relaxed) = (swing(5, 0.5), swing(0, 0.5));
+        assert!(novice > 0.3, "{novice}");
+        assert!(relaxed < 0.1, "{relaxed}");
+    }
+}

@@ -1,0 +1,106 @@
+//! The functions that the page calls. One flight, one thread.
+#![allow(
+    unsafe_code,
+    reason = "the border of the module: exported names, and one static that the page's only thread uses"
+)]
+
+use core::cell::UnsafeCell;
+
+use crate::cockpit::Cockpit;
+use crate::frame;
+use crate::setup::{self, Setup};
+
+struct Held {
+    setup: UnsafeCell<[f32; setup::NUMBERS]>,
+    frame: UnsafeCell<frame::Frame>,
+    cockpit: UnsafeCell<Option<Cockpit>>,
+}
+
+// SAFETY: WebAssembly without threads has one.
+unsafe impl Sync for Held {}
+
+static HELD: Held = Held {
+    setup: UnsafeCell::new([0.0; setup::NUMBERS]),
+    frame: UnsafeCell::new([0.0; frame::NUMBERS]),
+    cockpit: UnsafeCell::new(None),
+};
+
+fn with(change: impl FnOnce(&mut Cockpit)) {
+    // SAFETY: one thread, and no function here calls another that borrows.
+    if let Some(cockpit) = unsafe { &mut *HELD.cockpit.get() } {
+        change(cockpit);
+    }
+}
+
+/// Where the page writes the numbers of the model.
+#[unsafe(no_mangle)]
+pub(crate) extern "C" fn setup_numbers() -> *mut f32 {
+    HELD.setup.get().cast()
+}
+
+/// How many there are.
+#[unsafe(no_mangle)]
+pub(crate) extern "C" fn setup_length() -> usize {
+    setup::NUMBERS
+}
+
+/// How many numbers a frame has.
+#[unsafe(no_mangle)]
+pub(crate) extern "C" fn frame_length() -> usize {
+    frame::NUMBERS
+}
+
+/// Begins a flight.
+#[unsafe(no_mangle)]
+pub(crate) extern "C" fn begin(start: usize) {
+    // SAFETY: as in `with`.
+    unsafe {
+        let setup = Setup::from_numbers(&*HELD.setup.get());
+        *HELD.cockpit.get() = Some(Cockpit::new(&setup, start));
+    }
+}
+
+/// See [`Cockpit::command`].
+#[unsafe(no_mangle)]
+pub(crate) extern "C" fn command(control: usize, share: f32) {
+    with(|cockpit| cockpit.command(control, share));
+}
+
+/// See [`Cockpit::joint`].
+#[unsafe(no_mangle)]
+pub(crate) extern "C" fn joint(segment: usize, axis: usize, angle: f32) {
+    with(|cockpit| cockpit.joint(segment, axis, angle));
+}
+
+/// See [`Cockpit::muscle`].
+#[unsafe(no_mangle)]
+pub(crate) extern "C" fn muscle(yaw: f32, pitch: f32, roll: f32) {
+    with(|cockpit| cockpit.muscle([yaw, pitch, roll]));
+}
+
+/// See [`Cockpit::damping`].
+#[unsafe(no_mangle)]
+pub(crate) extern "C" fn damping(pitch: f32, yaw: f32, roll: f32) {
+    with(|cockpit| cockpit.damping([pitch, yaw, roll]));
+}
+
+/// Flies some steps.
+#[unsafe(no_mangle)]
+pub(crate) extern "C" fn step(count: u32) {
+    with(|cockpit| (0..count).for_each(|_| cockpit.step()));
+}
+
+/// The frame of now.
+#[unsafe(no_mangle)]
+pub(crate) extern "C" fn see() -> *const f32 {
+    with(|cockpit| {
+        // SAFETY: as in `with`.
+        unsafe { *HELD.frame.get() = cockpit.frame() };
+    });
+    HELD.frame.get().cast()
+}
+
+#[panic_handler]
+fn panicked(_: &core::panic::PanicInfo<'_>) -> ! {
+    core::arch::wasm32::unreachable()
+}

@@ -1,0 +1,135 @@
+//! A model as a list of numbers in single precision, for the page.
+
+use bodyflight_core::aerodynamics::{Aerodynamics, ArchFactor, Coefficients};
+use bodyflight_core::body::{Body, SEGMENT_COUNT, SegmentParameters};
+use bodyflight_core::dynamics::muscle_input::MODELS;
+use bodyflight_core::dynamics::{Dynamics, Inputs};
+use bodyflight_core::frame::Vector;
+use bodyflight_core::{Segment, body::SegmentArray};
+use nalgebra::{Matrix3, Vector3};
+
+/// Numbers of a segment: mass, length, joint offset, cg, inertia by columns, area, moment arm; drag, lift and moment
+/// coefficients. Units as in [`SegmentParameters`].
+const SEGMENT: usize = 2 + 3 + 3 + 9 + 3 + 1 + 3;
+
+/// Numbers before the segments: height (m), density (kg/m3), arch factor (0: from the posture), index of the muscle
+/// model, velocity of the air (m/s), damping.
+const HEAD: usize = 4 + 3 + 3;
+
+/// Numbers of a model.
+pub const NUMBERS: usize = HEAD + SEGMENT_COUNT * SEGMENT;
+
+/// A model of one density, without effects on the stream.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Setup {
+    /// The model.
+    pub dynamics: Dynamics<f32>,
+    /// Damping as the subject has it.
+    pub inputs: Inputs<f32>,
+    /// Density (kg/m3).
+    pub density: f32,
+}
+
+impl Setup {
+    /// As numbers.
+    pub fn numbers(&self) -> [f32; NUMBERS] {
+        let dynamics = &self.dynamics;
+        let arch = match dynamics.aerodynamics.arch {
+            ArchFactor::Fixed(factor) => factor,
+            ArchFactor::FromPosture | ArchFactor::Scaled(_) => 0.0,
+        };
+        let muscles = MODELS.iter().zip(0u8..);
+        let muscles = muscles
+            .into_iter()
+            .find(|((_, model), _)| *model == dynamics.muscles)
+            .map_or(0, |(_, index)| index);
+        let head = [dynamics.body.height, self.density, arch, f32::from(muscles)];
+        let air = dynamics.air.velocity.components;
+        let mut numbers = head
+            .into_iter()
+            .chain(air.iter().copied())
+            .chain(self.inputs.damping.iter().copied());
+        let mut all = [0.0; NUMBERS];
+        let (first, rest) = all.split_at_mut(HEAD);
+        first
+            .iter_mut()
+            .for_each(|n| *n = numbers.next().unwrap_or(0.0));
+        for (row, segment) in rest.chunks_exact_mut(SEGMENT).zip(Segment::ALL) {
+            let p = &dynamics.body.segments[segment];
+            let c = &dynamics.aerodynamics.coefficients[segment];
+            let values = [p.mass, p.length]
+                .into_iter()
+                .chain(p.joint_offset.iter().copied())
+                .chain(p.cg.iter().copied())
+                .chain(p.inertia.iter().copied())
+                .chain(p.area.iter().copied())
+                .chain([p.moment_arm, c.drag, c.lift, c.moment]);
+            row.iter_mut().zip(values).for_each(|(to, from)| *to = from);
+        }
+        all
+    }
+
+    /// From numbers.
+    pub fn from_numbers(numbers: &[f32; NUMBERS]) -> Self {
+        let (head, rows) = numbers.split_at(HEAD);
+        let at = |k: usize| head.get(k).copied().unwrap_or(0.0);
+        let (height, density, arch) = (at(0), at(1), at(2));
+        let row = |segment: Segment| {
+            let from = segment as usize * SEGMENT;
+            move |k: usize| rows.get(from + k).copied().unwrap_or(0.0)
+        };
+        let segments = SegmentArray::from_fn(|segment| {
+            let at = row(segment);
+            let vector = |k: usize| Vector3::new(at(k), at(k + 1), at(k + 2));
+            SegmentParameters {
+                mass: at(0),
+                length: at(1),
+                joint_offset: vector(2),
+                cg: vector(5),
+                inertia: Matrix3::from_columns(&[vector(8), vector(11), vector(14)]),
+                area: vector(17),
+                moment_arm: at(20),
+            }
+        });
+        let coefficients = SegmentArray::from_fn(|segment| {
+            let at = row(segment);
+            Coefficients {
+                drag: at(21),
+                lift: at(22),
+                moment: at(23),
+            }
+        });
+        let arch = if arch > 0.0 {
+            ArchFactor::Fixed(arch)
+        } else {
+            ArchFactor::FromPosture
+        };
+        let named = MODELS.iter().zip(0u8..);
+        let muscles = named
+            .into_iter()
+            .find(|(_, index)| f32::from(*index) >= at(3))
+            .map_or(MODELS[0].1, |((_, model), _)| *model);
+        let mut dynamics = Dynamics::paper(Body { segments, height }, density);
+        dynamics.aerodynamics = Aerodynamics { coefficients, arch };
+        dynamics.muscles = muscles;
+        dynamics.air.velocity = Vector::new(at(4), at(5), at(6));
+        let mut inputs = Inputs::belly_turn();
+        inputs.damping = Vector3::new(at(7), at(8), at(9));
+        Self {
+            dynamics,
+            inputs,
+            density,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::cockpit::tests::setup;
+
+    #[test]
+    fn numbers_make_the_same_model() {
+        let setup = setup();
+        assert_eq!(super::Setup::from_numbers(&setup.numbers()), setup);
+    }
+}
