@@ -1,0 +1,37 @@
+// The core in the page, see host/viewer/wasm/src/page.rs.
+import bytes from "core.wasm";
+import type { FlyData } from "./data";
+import { Layout } from "./layout";
+
+interface Exports {
+  memory: WebAssembly.Memory;
+  setup_numbers(): number;
+  setup_length(): number;
+  frame_length(): number;
+  begin(start: number): void;
+  command(control: number, share: number): void;
+  joint(segment: number, axis: number, angle: number): void;
+  muscle(yaw: number, pitch: number, roll: number): void;
+  damping(pitch: number, yaw: number, roll: number): void;
+  step(count: number): void;
+  see(): number;
+}
+
+export class Core {
+  readonly exports: Exports;
+  readonly layout: Layout;
+
+  constructor(data: FlyData) {
+    this.layout = new Layout(data);
+    this.exports = new WebAssembly.Instance(new WebAssembly.Module(bytes as BufferSource)).exports as unknown as Exports;
+    if (this.exports.setup_length() !== data.setup.length) {
+      throw new Error("The page and its data are of different versions: write the page again with bodyflight fly.");
+    }
+    new Float32Array(this.exports.memory.buffer, this.exports.setup_numbers(), data.setup.length).set(data.setup);
+  }
+
+  /** A copy of the numbers of now. */
+  frame(): Float32Array {
+    return new Float32Array(this.exports.memory.buffer, this.exports.see(), this.exports.frame_length()).slice();
+  }
+}

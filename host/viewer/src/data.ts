@@ -1,0 +1,130 @@
+// The data that a page is given, see host/src/view/page.rs.
+
+export const SCHEMA = 1;
+
+export interface Shape { name: string; half_extents_m: [number, number, number]; }
+export interface Packed { columns: { name: string; width: number; step: number }[]; rows: number; data: string; }
+export interface RunData {
+  name: string;
+  shapes: Shape[];
+  rms: Record<string, number>;
+  amplitude: Record<string, number>;
+  frames: number;
+  air_velocity_mps: [number, number, number];
+  series: Packed;
+}
+export interface FlyData {
+  setup: number[];
+  shapes: Shape[];
+  starts: string[];
+  controls: string[];
+  layout: [string, number][];
+  segment_layout: [string, number][];
+}
+export interface Named {
+  name: string;
+  parameters: Record<string, number>;
+  standard_errors: Record<string, number>;
+  confidence: number;
+  explains: number;
+  rivals: { name: string; share: number }[];
+  separated_by: string;
+  imitated_by_inputs: boolean;
+}
+export interface Gap { before: number[]; after: number[]; floor: number[]; closed_share: number; }
+export interface Discovery {
+  verdict: "named" | "none" | "unexplained" | "thin";
+  effects: Named[];
+  nearest?: Named[];
+  explained: number;
+  disagreement: number;
+  gap: Gap;
+  held_out: { misfit_before: number; misfit_after: number; numbers: number; gap: Gap }[];
+  residual_map: { time_s: number; over_floor: number[]; over_floor_after: number[] }[];
+}
+export interface PageData {
+  schema: number;
+  mode: "replay" | "live" | "fly";
+  title: string;
+  provenance: { version: string; command: string; inputs: { file: string; sha256: string }[] };
+  runs: RunData[];
+  discovery: Discovery | null;
+  fly: FlyData | null;
+}
+
+/** A message for people instead of a page. */
+export class BadData extends Error {}
+
+export function pageData(): PageData {
+  const text = document.getElementById("bodyflight-data")?.textContent ?? "null";
+  let data: PageData | null;
+  try {
+    data = JSON.parse(text);
+  } catch {
+    throw new BadData("The data of this page is damaged: it was cut off or changed on its way. Write the page again with bodyflight view.");
+  }
+  if (data === null) {
+    throw new BadData("This page has no data yet: bodyflight view, fly or stream --view fill it.");
+  }
+  if (data.schema !== SCHEMA) {
+    throw new BadData(`This page reads data of version ${SCHEMA} and was given version ${data.schema}: make the page and the data with the same bodyflight.`);
+  }
+  return data;
+}
+
+/** Columns over time: for each number of a column one list. */
+export type Columns = Map<string, Float64Array[]>;
+
+/** The inverse of host/src/view/series.rs. */
+export async function unpack(packed: Packed): Promise<Columns> {
+  let bytes: Uint8Array;
+  try {
+    const zipped = Uint8Array.from(atob(packed.data), (c) => c.charCodeAt(0));
+    const stream = new Blob([zipped]).stream().pipeThrough(new DecompressionStream("gzip"));
+    bytes = new Uint8Array(await new Response(stream).arrayBuffer());
+  } catch {
+    throw new BadData("The series of this page are damaged: write the page again with bodyflight view.");
+  }
+  let next = 0;
+  const difference = () => {
+    let value = 0;
+    for (let shift = 0; ; shift += 7) {
+      if (next >= bytes.length) throw new BadData("The series of this page end too early: write the page again.");
+      const byte = bytes[next++];
+      value |= (byte & 0x7f) << shift;
+      if (byte < 0x80) break;
+    }
+    return (value >>> 1) ^ -(value & 1);
+  };
+  const columns: Columns = new Map();
+  for (const { name, width, step } of packed.columns) {
+    const numbers: Float64Array[] = [];
+    for (let k = 0; k < width; k++) {
+      const list = new Float64Array(packed.rows);
+      let sum = 0;
+      for (let row = 0; row < packed.rows; row++) {
+        sum = (sum + difference()) | 0;
+        list[row] = sum * step;
+      }
+      numbers.push(list);
+    }
+    columns.set(name, numbers);
+  }
+  return columns;
+}
+
+/** Channels of a flight, in the order of host/src/comparison.rs. */
+export const CHANNELS = [
+  { key: "roll_rad", label: "roll", unit: "rad", angle: true },
+  { key: "pitch_rad", label: "pitch", unit: "rad", angle: true },
+  { key: "heading_rad", label: "heading", unit: "rad", angle: true },
+  { key: "yaw_rate_radps", label: "yaw rate", unit: "rad/s", angle: false },
+  { key: "angular_velocity_radps", label: "angular velocity", unit: "rad/s", angle: false },
+  { key: "horizontal_velocity_mps", label: "horizontal velocity", unit: "m/s", angle: false },
+  { key: "vertical_velocity_mps", label: "vertical velocity", unit: "m/s", angle: false },
+] as const;
+
+/** The short way between two angles. */
+export function wrapped(angle: number): number {
+  return angle - 2 * Math.PI * Math.round(angle / (2 * Math.PI));
+}

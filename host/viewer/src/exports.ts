@@ -1,0 +1,62 @@
+// What can be taken out of a replay: numbers, plots, pictures, a film.
+import { CHANNELS } from "./data";
+import { save } from "./dom";
+import type { Flight } from "./flight";
+import { type PlotSpec, svg } from "./plots";
+import type { Stage } from "./stage";
+
+/** All channels of the rows between two times, as CSV. */
+export function csv(flight: Flight, [from, to]: [number, number]): string {
+  const names = CHANNELS.flatMap(({ key }) => [`measured_${key}`, `simulated_${key}`]);
+  const lines = [["time_s", ...names].join(",")];
+  const [measured, simulated] = [flight.list("measured"), flight.list("simulated")];
+  flight.time.forEach((time, row) => {
+    if (time < from || time > to) return;
+    const values = CHANNELS.flatMap((_, k) => [measured[k][row], simulated[k][row]]);
+    lines.push([time, ...values].map((value) => value.toFixed(4)).join(","));
+  });
+  return `${lines.join("\n")}\n`;
+}
+
+export function saveCsv(name: string, flight: Flight, range: [number, number]): void {
+  save(`${name}.csv`, new Blob([csv(flight, range)], { type: "text/csv" }));
+}
+
+export function saveSvg(name: string, time: ArrayLike<number>, specs: PlotSpec[]): void {
+  save(`${name}.svg`, new Blob([svg(name, time, specs)], { type: "image/svg+xml" }));
+}
+
+export function savePng(name: string, canvas: HTMLCanvasElement): void {
+  canvas.toBlob((blob) => blob && save(`${name}.png`, blob), "image/png");
+}
+
+/** Pictures at even times side by side, as in the paper's figures. */
+export function strip(stage: Stage, times: number[], seek: (time: number) => void): HTMLCanvasElement {
+  const source = stage.drawer.canvas;
+  const made = document.createElement("canvas");
+  const each = Math.round(source.height * 0.8);
+  made.width = each * times.length;
+  made.height = source.height;
+  const context = made.getContext("2d");
+  times.forEach((time, k) => {
+    seek(time);
+    context?.drawImage(source, (source.width - each) / 2, 0, each, source.height, k * each, 0, each, source.height);
+    if (context) {
+      context.font = `${Math.round(source.height / 25)}px sans-serif`;
+      context.fillStyle = getComputedStyle(document.documentElement).getPropertyValue("--text");
+      context.fillText(`${time.toFixed(1)} s`, k * each + 10, made.height - 12);
+    }
+  });
+  return made;
+}
+
+/** Films the picture until the returned function is called. */
+export function film(name: string, canvas: HTMLCanvasElement): (() => void) | null {
+  if (typeof MediaRecorder === "undefined") return null;
+  const recorder = new MediaRecorder(canvas.captureStream(30), { mimeType: "video/webm" });
+  const parts: Blob[] = [];
+  recorder.ondataavailable = (event) => parts.push(event.data);
+  recorder.onstop = () => save(`${name}.webm`, new Blob(parts, { type: "video/webm" }));
+  recorder.start();
+  return () => recorder.stop();
+}

@@ -1,0 +1,47 @@
+// What a picture of a body needs, whoever draws it.
+
+export type Vector = [number, number, number];
+/** w, x, y, z. */
+export type Quaternion = [number, number, number, number];
+
+export interface Pose {
+  position: Vector;
+  attitude: Quaternion;
+}
+
+export interface Segments {
+  /** body_from_segment. */
+  attitude: Quaternion[];
+  /** Body axes (m). */
+  cg: Vector[];
+  /** Body axes (N). */
+  force: Vector[];
+}
+
+export interface Picture {
+  simulated: Pose;
+  measured: Pose | null;
+  segments: Segments;
+  cg: Vector;
+  wind: Vector;
+}
+
+export interface View {
+  /** Turn about the vertical and height above it (rad), distance (m). */
+  azimuth: number;
+  elevation: number;
+  distance: number;
+}
+
+export function rotated([w, x, y, z]: Quaternion, [a, b, c]: Vector): Vector {
+  const [tx, ty, tz] = [2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)];
+  return [a + w * tx + y * tz - z * ty, b + w * ty + z * tx - x * tz, c + w * tz + x * ty - y * tx];
+}
+
+/** Of two rotations, the one a share of the way. */
+export function between(from: Quaternion, to: Quaternion, share: number): Quaternion {
+  const sign = from.reduce((sum, q, k) => sum + q * to[k], 0) < 0 ? -1 : 1;
+  const mixed = from.map((q, k) => q + (sign * to[k] - q) * share) as Quaternion;
+  const size = Math.hypot(...mixed) || 1;
+  return mixed.map((q) => q / size) as Quaternion;
+}

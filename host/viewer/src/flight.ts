@@ -1,0 +1,67 @@
+// A run of the replay, decoded: numbers at rows, and the picture between them.
+import { CHANNELS, type Columns, type RunData, unpack, wrapped } from "./data";
+import { between, type Picture, type Quaternion, type Vector } from "./figure";
+
+export class Flight {
+  readonly time: Float64Array;
+
+  private constructor(readonly run: RunData, readonly columns: Columns) {
+    this.time = this.list("time_s")[0];
+  }
+
+  static async of(run: RunData): Promise<Flight> {
+    return new Flight(run, await unpack(run.series));
+  }
+
+  list(name: string): Float64Array[] {
+    return this.columns.get(name) ?? [];
+  }
+
+  get end(): number {
+    return this.time[this.time.length - 1];
+  }
+
+  /** The last row at or before a time. */
+  row(time: number): number {
+    let [low, high] = [0, this.time.length - 1];
+    while (low < high) {
+      const middle = (low + high + 1) >> 1;
+      if (this.time[middle] <= time) low = middle;
+      else high = middle - 1;
+    }
+    return low;
+  }
+
+  /** Measured less simulated of a channel; angles by the short way. */
+  residual(channel: number): Float64Array {
+    const [measured, simulated] = [this.list("measured")[channel], this.list("simulated")[channel]];
+    return measured.map((value, k) => (CHANNELS[channel].angle ? wrapped(value - simulated[k]) : value - simulated[k]));
+  }
+
+  picture(time: number): Picture {
+    const from = this.row(time);
+    const to = Math.min(from + 1, this.time.length - 1);
+    const share = to === from ? 0 : Math.max(0, Math.min(1, (time - this.time[from]) / (this.time[to] - this.time[from])));
+    const vector = (name: string, place = 0) =>
+      [0, 1, 2].map((k) => {
+        const numbers = this.list(name)[place + k];
+        return numbers[from] + (numbers[to] - numbers[from]) * share;
+      }) as Vector;
+    const quaternion = (name: string, place = 0) => {
+      const at = (row: number) => [0, 1, 2, 3].map((k) => this.list(name)[place + k][row]) as Quaternion;
+      return between(at(from), at(to), share);
+    };
+    const each = <V>(value: (segment: number) => V) => this.run.shapes.map((_, segment) => value(segment));
+    return {
+      simulated: { position: vector("simulated_position_m"), attitude: quaternion("simulated_attitude") },
+      measured: { position: vector("measured_position_m"), attitude: quaternion("measured_attitude") },
+      segments: {
+        attitude: each((k) => quaternion("segment_attitude", 4 * k)),
+        cg: each((k) => vector("segment_cg_m", 3 * k)),
+        force: each((k) => vector("segment_force_n", 3 * k)),
+      },
+      cg: vector("cg_m"),
+      wind: this.run.air_velocity_mps,
+    };
+  }
+}

@@ -1,0 +1,20 @@
+// The page: what it does is in its data.
+import { BadData, pageData } from "./data";
+import { fly } from "./fly";
+import { live } from "./live";
+import { replay } from "./replay";
+import { problem } from "./shell";
+import "./style.css";
+
+async function main(): Promise<void> {
+  const data = pageData();
+  if (data.mode === "replay" && data.runs.length > 0) await replay(data);
+  else if (data.mode === "fly" && data.fly) fly(data, data.fly);
+  else if (data.mode === "live") live(data);
+  else throw new BadData("This page was given no flight.");
+}
+
+main().catch((error: unknown) => {
+  problem(error instanceof Error ? error.message : String(error));
+  if (!(error instanceof BadData)) console.error(error);
+});

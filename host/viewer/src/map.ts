@@ -1,0 +1,48 @@
+// The way over ground, seen from above: north is up.
+import { colour, element } from "./dom";
+
+export interface Way {
+  north: ArrayLike<number>;
+  west: ArrayLike<number>;
+  ink: string;
+}
+
+export class TopView {
+  readonly canvas = element("canvas", { width: "300", height: "300", role: "img", "aria-label": "trajectory from above, north up" });
+
+  draw(ways: Way[], here: [number, number]): void {
+    const context = this.canvas.getContext("2d");
+    if (!context) return;
+    const size = this.canvas.width;
+    context.clearRect(0, 0, size, size);
+    let [low, high] = [[Infinity, Infinity], [-Infinity, -Infinity]];
+    for (const { north, west } of ways)
+      for (let k = 0; k < north.length; k++) {
+        low = [Math.min(low[0], north[k]), Math.min(low[1], west[k])];
+        high = [Math.max(high[0], north[k]), Math.max(high[1], west[k])];
+      }
+    const extent = Math.max(1, high[0] - low[0], high[1] - low[1]) * 1.15;
+    const centre = [(low[0] + high[0]) / 2, (low[1] + high[1]) / 2];
+    const place = (north: number, west: number): [number, number] => [
+      size / 2 - ((west - centre[1]) / extent) * size,
+      size / 2 - ((north - centre[0]) / extent) * size,
+    ];
+    context.lineWidth = 3;
+    for (const { north, west, ink } of ways) {
+      context.strokeStyle = colour(ink);
+      context.beginPath();
+      for (let k = 0; k < north.length; k++) context.lineTo(...place(north[k], west[k]));
+      context.stroke();
+    }
+    context.fillStyle = colour("bad");
+    context.beginPath();
+    context.arc(...place(...here), 6, 0, 7);
+    context.fill();
+    context.fillStyle = colour("text");
+    context.font = "20px system-ui";
+    const step = 10 ** Math.floor(Math.log10(extent / 2));
+    context.fillRect(10, size - 12, (step / extent) * size, 3);
+    context.fillText(`${step} m`, 10, size - 18);
+    context.fillText("N ↑", size - 44, 24);
+  }
+}

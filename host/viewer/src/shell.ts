@@ -1,0 +1,32 @@
+// The frame of the page, the same in every mode.
+import type { PageData } from "./data";
+import { element } from "./dom";
+
+export interface Shell {
+  header: HTMLElement;
+  main: HTMLElement;
+  aside: HTMLElement;
+  footer: HTMLElement;
+}
+
+export function shell(data: PageData): Shell {
+  const app = document.getElementById("app") as HTMLElement;
+  document.title = `${data.title || data.mode} - bodyflight`;
+  const header = element("header", {}, element("h1", {}, data.title || data.mode));
+  const parts = { header, main: element("main"), aside: element("aside"), footer: element("footer") };
+  app.replaceChildren(parts.header, parts.main, parts.aside, parts.footer);
+  return parts;
+}
+
+export function provenance(data: PageData): HTMLElement {
+  const { version, command, inputs } = data.provenance;
+  const list = element("dl", { id: "provenance" }, element("dt", {}, "bodyflight"), element("dd", {}, version), element("dt", {}, "command"), element("dd", {}, command));
+  for (const { file, sha256 } of inputs) list.append(element("dt", {}, file), element("dd", { title: sha256 }, `sha256 ${sha256.slice(0, 12)}`));
+  return element("section", {}, element("h2", {}, "Where this page comes from"), list);
+}
+
+/** A problem in place of the page. */
+export function problem(message: string): void {
+  const app = document.getElementById("app") as HTMLElement;
+  app.replaceChildren(element("div", { class: "banner", role: "alert", id: "problem" }, message));
+}

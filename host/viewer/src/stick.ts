@@ -1,0 +1,49 @@
+// The body as sticks on a flat canvas, where there is no WebGL.
+import type { Shape } from "./data";
+import { colour, element } from "./dom";
+import { type Picture, type Pose, rotated, type Vector, type View } from "./figure";
+
+export class Sticks {
+  readonly canvas = element("canvas", { "aria-label": "stick figure" });
+  showForces = true;
+  showGhost = true;
+  together = true;
+
+  constructor(private readonly shapes: Shape[]) {}
+
+  setTrail(): void {}
+
+  draw(picture: Picture, view: View): void {
+    const box = this.canvas.parentElement;
+    this.canvas.width = box?.clientWidth ?? 640;
+    this.canvas.height = box?.clientHeight ?? 360;
+    if (picture.measured && this.showGhost) this.body(picture, picture.measured, view, colour("ghost"));
+    this.body(picture, picture.simulated, view, colour("skin"));
+  }
+
+  private body(picture: Picture, pose: Pose, view: View, ink: string): void {
+    const context = this.canvas.getContext("2d");
+    if (!context) return;
+    const { width, height } = this.canvas;
+    const scale = height / view.distance;
+    const [ca, sa] = [Math.cos(view.azimuth), Math.sin(view.azimuth)];
+    const [ce, se] = [Math.cos(view.elevation), Math.sin(view.elevation)];
+    // Seen from the camera: to the right, and up.
+    const flat = (place: Vector): [number, number] => {
+      const [x, y, z] = rotated(pose.attitude, place);
+      return [width / 2 + scale * (ca * y - sa * x), height / 2 - scale * (ce * z - se * (ca * x + sa * y))];
+    };
+    context.strokeStyle = ink;
+    context.lineCap = "round";
+    this.shapes.forEach((shape, k) => {
+      const { attitude, cg } = picture.segments;
+      const half = rotated(attitude[k], [0, 0, shape.half_extents_m[2]]);
+      const end = (sign: number): Vector => [cg[k][0] + sign * half[0], cg[k][1] + sign * half[1], cg[k][2] + sign * half[2]];
+      context.lineWidth = Math.max(2, 1.2 * scale * Math.min(shape.half_extents_m[0], shape.half_extents_m[1]));
+      context.beginPath();
+      context.moveTo(...flat(end(-1)));
+      context.lineTo(...flat(end(1)));
+      context.stroke();
+    });
+  }
+}

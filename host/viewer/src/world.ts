@@ -1,0 +1,156 @@
+// The sky with the body in it, by three.js.
+import {
+  AmbientLight, ArrowHelper, BufferAttribute, BufferGeometry, Color, DirectionalLight, Group, Line, LineBasicMaterial, Mesh,
+  MeshLambertMaterial, PerspectiveCamera, Points, PointsMaterial, Scene, SphereGeometry, Vector2, Vector3, WebGLRenderer,
+} from "three";
+import type { Shape } from "./data";
+import { colour } from "./dom";
+import type { Picture, Pose, Segments, Vector, View } from "./figure";
+
+/** Newtons that are drawn as one metre. */
+export const NEWTONS_PER_METRE = 250;
+const GRID = 3;
+const CELLS = 7;
+
+/** A rounded solid of these half extents: a superellipsoid of exponent 2.5. */
+function solid(half: Vector): BufferGeometry {
+  const geometry = new SphereGeometry(1, 20, 14);
+  const places = geometry.getAttribute("position");
+  const bulge = (value: number) => Math.sign(value) * Math.abs(value) ** 0.8;
+  for (let k = 0; k < places.count; k++) {
+    places.setXYZ(k, bulge(places.getX(k)) * half[0], bulge(places.getY(k)) * half[1], bulge(places.getZ(k)) * half[2]);
+  }
+  geometry.computeVertexNormals();
+  return geometry;
+}
+
+class Body {
+  readonly root = new Group();
+  readonly meshes: Mesh[];
+  readonly material: MeshLambertMaterial;
+
+  constructor(shapes: Shape[], ghost: boolean) {
+    this.material = new MeshLambertMaterial(ghost ? { transparent: true, opacity: 0.35, depthWrite: false } : {});
+    this.meshes = shapes.map((shape) => new Mesh(solid(shape.half_extents_m), this.material));
+    this.root.add(...this.meshes);
+  }
+
+  show(pose: Pose, segments: Segments): void {
+    const [w, x, y, z] = pose.attitude;
+    this.root.position.set(...pose.position);
+    this.root.quaternion.set(x, y, z, w);
+    this.meshes.forEach((mesh, k) => {
+      const [sw, sx, sy, sz] = segments.attitude[k];
+      mesh.position.set(...segments.cg[k]);
+      mesh.quaternion.set(sx, sy, sz, sw);
+    });
+  }
+}
+
+export class World {
+  readonly canvas: HTMLCanvasElement;
+  private readonly renderer: WebGLRenderer;
+  private readonly scene = new Scene();
+  private readonly camera = new PerspectiveCamera(40, 1, 0.1, 400);
+  private readonly body: Body;
+  private readonly ghost: Body;
+  private readonly dots: Points<BufferGeometry, PointsMaterial>;
+  private readonly arrows: ArrowHelper[];
+  private readonly wind = new ArrowHelper(new Vector3(1, 0, 0), new Vector3(), 1, 0x2b7f3e, 0.25, 0.15);
+  private readonly cg = new Mesh(new SphereGeometry(0.04, 12, 8), new MeshLambertMaterial({ color: 0xffffff, emissive: 0x333333, depthTest: false }));
+  private readonly trail = new Line(new BufferGeometry(), new LineBasicMaterial());
+  showForces = true;
+  showGhost = true;
+  together = true;
+
+  /** Throws where there is no WebGL. */
+  constructor(shapes: Shape[]) {
+    this.renderer = new WebGLRenderer({ antialias: true, preserveDrawingBuffer: true });
+    this.canvas = this.renderer.domElement;
+    this.body = new Body(shapes, false);
+    this.ghost = new Body(shapes, true);
+    const places = new Float32Array((2 * CELLS + 1) ** 3 * 3);
+    let k = 0;
+    for (let x = -CELLS; x <= CELLS; x++)
+      for (let y = -CELLS; y <= CELLS; y++)
+        for (let z = -CELLS; z <= CELLS; z++) {
+          places.set([x * GRID, y * GRID, z * GRID], k);
+          k += 3;
+        }
+    const cloud = new BufferGeometry().setAttribute("position", new BufferAttribute(places, 3));
+    this.dots = new Points(cloud, new PointsMaterial({ size: 0.09, transparent: true, opacity: 0.5 }));
+    this.arrows = shapes.map(() => new ArrowHelper(new Vector3(0, 0, 1), new Vector3(), 0.1, 0xb3261e, 0.06, 0.04));
+    this.body.root.add(...this.arrows, this.cg);
+    this.cg.renderOrder = 2;
+    this.trail.frustumCulled = false;
+    const sun = new DirectionalLight(0xffffff, 2);
+    sun.position.set(3, 5, 8);
+    this.scene.add(this.body.root, this.ghost.root, this.dots, this.wind, this.trail, sun, new AmbientLight(0xffffff, 1.4));
+    this.camera.up.set(0, 0, 1);
+    this.recolour();
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.recolour());
+  }
+
+  private recolour(): void {
+    this.scene.background = new Color(colour("sky"));
+    this.body.material.color.set(colour("skin"));
+    this.ghost.material.color.set(colour("ghost"));
+    this.dots.material.color.set(colour("dot"));
+    (this.trail.material as LineBasicMaterial).color.set(colour("simulated"));
+  }
+
+  /** The way flown, as x, y, z lists. */
+  setTrail(x: ArrayLike<number>, y: ArrayLike<number>, z: ArrayLike<number>): void {
+    const places = new Float32Array(x.length * 3);
+    for (let k = 0; k < x.length; k++) places.set([x[k], y[k], z[k]], 3 * k);
+    this.trail.geometry.dispose();
+    this.trail.geometry = new BufferGeometry().setAttribute("position", new BufferAttribute(places, 3));
+  }
+
+  draw(picture: Picture, view: View): void {
+    const box = this.canvas.parentElement;
+    const [width, height] = box ? [box.clientWidth, box.clientHeight] : [640, 360];
+    const size = this.renderer.getSize(new Vector2());
+    if (size.x !== width || size.y !== height) {
+      this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+      this.renderer.setSize(width, height, false);
+      this.camera.aspect = width / Math.max(1, height);
+      this.camera.updateProjectionMatrix();
+    }
+    this.render(picture, view);
+  }
+
+  private render(picture: Picture, view: View): void {
+    const { simulated, measured, segments } = picture;
+    this.body.show(simulated, segments);
+    this.ghost.root.visible = measured !== null && this.showGhost;
+    if (measured) {
+      this.ghost.show(this.together ? { ...measured, position: simulated.position } : measured, segments);
+    }
+    this.cg.position.set(...picture.cg);
+    this.arrows.forEach((arrow, k) => {
+      const force = new Vector3(...segments.force[k]);
+      const length = force.length() / NEWTONS_PER_METRE;
+      arrow.visible = this.showForces && length > 0.02;
+      arrow.position.set(...segments.cg[k]);
+      arrow.setDirection(force.normalize());
+      arrow.setLength(length, Math.min(0.08, 0.4 * length), Math.min(0.05, 0.25 * length));
+    });
+    const [x, y, z] = simulated.position;
+    const wind = new Vector3(...picture.wind);
+    this.wind.visible = wind.length() > 0.1;
+    this.wind.position.set(x, y, z + 1.4);
+    this.wind.setLength(Math.max(0.3, wind.length() / 10), 0.2, 0.12);
+    this.wind.setDirection(wind.normalize());
+    const cell = (value: number) => Math.round(value / GRID) * GRID;
+    this.dots.position.set(cell(x), cell(y), cell(z));
+    const level = Math.cos(view.elevation) * view.distance;
+    this.camera.position.set(
+      x + level * Math.cos(view.azimuth),
+      y + level * Math.sin(view.azimuth),
+      z + Math.sin(view.elevation) * view.distance,
+    );
+    this.camera.lookAt(x, y, z);
+    this.renderer.render(this.scene, this.camera);
+  }
+}
