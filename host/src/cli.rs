@@ -3,6 +3,7 @@
 mod demo;
 mod discover;
 mod estimate;
+mod fly;
 mod hide;
 mod inspect;
 mod monitor;
@@ -51,6 +52,7 @@ enum Verb {
     Discover(discover::Args),
     Hide(hide::Args),
     View(view::Args),
+    Fly(fly::Args),
     Stream(stream::Args),
     Unit(unit::Args),
     Ports(ports::Args),
@@ -84,6 +86,7 @@ fn run(cli: &Cli) -> Result<()> {
         Verb::Discover(args) => discover::run(args, cli.json),
         Verb::Hide(args) => hide::run(args, cli.json),
         Verb::View(args) => view::run(args, cli.json),
+        Verb::Fly(args) => fly::run(args, cli.json),
         Verb::Stream(args) => stream::run(args, cli.json),
         Verb::Unit(args) => unit::run(args),
         Verb::Ports(args) => ports::run(args, cli.json),

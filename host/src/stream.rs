@@ -52,11 +52,11 @@ pub struct Settings {
 }
 
 /// Samples a live display is told of at once.
-const SAMPLES_A_LOOK: u32 = 24;
+const SAMPLES_A_LOOK: u32 = 8;
 
 /// Streams `frames` of a flight, recorded at `frame_rate` (Hz), to a unit.
 ///
-/// `look` hears what happens, some ten times a second; `logs` gets the unit's defmt frames where there are any.
+/// `look` hears what happens, some thirty times a second at 240 Hz; `logs` gets the unit's defmt frames where there are any.
 ///
 /// # Errors
 /// Where the unit cannot be reached, refuses, or stops answering. What it answers is judged by the report.
@@ -65,7 +65,7 @@ pub fn stream(
     frame_rate: f64,
     frames: impl Iterator<Item = Result<FlightFrame>>,
     settings: &Settings,
-    mut look: impl FnMut(&Live),
+    mut look: impl FnMut(&Live, &FlightFrame) -> Result<()>,
     mut logs: impl FnMut(&[u8]),
 ) -> Result<Report> {
     let mut frames = frames.peekable();
@@ -106,7 +106,7 @@ pub fn stream(
         last_time = frame.time;
         if session.sent().is_multiple_of(SAMPLES_A_LOOK) {
             interrupt::check()?;
-            look(&Live::of(&session, frame.time));
+            look(&Live::of(&session, frame.time), &frame)?;
             if let Machine::Qemu(machine) = &session.line.machine {
                 logs(&machine.logs());
             }

@@ -7,6 +7,7 @@ mod on_target;
 mod run;
 mod test;
 mod unit;
+mod viewer;
 
 use std::process::ExitCode;
 
@@ -34,6 +35,15 @@ enum Verb {
         #[arg(long, default_value_t = 3)]
         seeds: u32,
     },
+    /// Build the viewer's page, which the program takes in when it is built next.
+    Viewer {
+        /// Pass its tests in a browser too.
+        #[arg(long)]
+        test: bool,
+        /// Make the pictures of the README too.
+        #[arg(long)]
+        pictures: bool,
+    },
     /// Stream a flight to the unit in QEMU and to the virtual unit: nothing lost, nothing late, the same bits.
     Hil {
         /// Seconds of flight, at the rate of the recording.
@@ -57,6 +67,9 @@ fn main() -> ExitCode {
             "--seeds",
             &seeds.to_string(),
         ]),
+        Verb::Viewer { test, pictures } => viewer::build()
+            .and_then(|()| if test { viewer::test() } else { Ok(()) })
+            .and_then(|()| if pictures { viewer::pictures() } else { Ok(()) }),
         Verb::Hil { seconds } => hil::hil(seconds),
     };
     match result {

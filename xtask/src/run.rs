@@ -22,7 +22,8 @@ pub(crate) fn run(program: &str, arguments: &[&str]) -> Result<()> {
     run_in(&root(), program, arguments, &[])
 }
 
-fn run_in(
+/// Runs a command in a folder, with environment variables.
+pub(crate) fn run_in(
     folder: &Path,
     program: &str,
     arguments: &[&str],

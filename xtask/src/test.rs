@@ -3,13 +3,17 @@
 use crate::hil::hil;
 use crate::on_target::on_target;
 use crate::run::{Result, cargo};
+use crate::viewer;
 
 /// Flight streamed in real time, to each kind of unit (s).
 const SECONDS_OF_STREAM: u32 = 10;
 
 /// Every test of the project.
 pub(crate) fn test() -> Result<()> {
+    // First: the program takes the page in.
+    viewer::build()?;
     cargo(&["test", "--workspace", "--locked"])?;
     on_target()?;
-    hil(SECONDS_OF_STREAM)
+    hil(SECONDS_OF_STREAM)?;
+    viewer::test()
 }

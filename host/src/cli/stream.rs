@@ -12,9 +12,12 @@ use bodyflight::recording::{FlightFrame, Recording};
 use bodyflight::stream::connection::{DEFAULT_BAUD, Target};
 use bodyflight::stream::report::Report;
 use bodyflight::stream::{Pace, Settings, stream};
+use bodyflight::view::live::LiveView;
+use bodyflight::view::page::Provenance;
 use bodyflight_core::link::fault::Faults;
 
 use super::simulate::Reading;
+use super::view::{command, open};
 use super::{estimate, terminal};
 
 /// Stream a flight to a unit, and compare its estimates with the same filter here, bit for bit.
@@ -25,6 +28,7 @@ use super::{estimate, terminal};
                   Examples:\n  bodyflight stream flight.toml --virtual\n  \
                   bodyflight stream flight.toml --port /dev/ttyACM0 --speed max\n  \
                   bodyflight stream flight.toml --qemu --drop 0.05 --corrupt 0.05 --reorder 0.02\n  \
+                  bodyflight stream flight.toml --virtual --view --open\n  \
                   bodyflight stream --mvn :9763 --port /dev/ttyACM0"
 )]
 pub(super) struct Args {
@@ -73,6 +77,12 @@ pub(super) struct Args {
     /// Effects to extend the model by: a model.toml; those that change the body.
     #[arg(long, value_name = "TOML")]
     model: Option<PathBuf>,
+    /// Show the stream as it goes: a page for a browser on this machine.
+    #[arg(long)]
+    view: bool,
+    /// Open that page in a browser.
+    #[arg(long, requires = "view")]
+    open: bool,
     #[command(flatten)]
     reading: Reading,
 }
@@ -185,13 +195,17 @@ fn run_frames(
 ) -> Result<()> {
     // The image itself says what the unit's logs mean.
     let mut logs = args.qemu.as_deref().map(Defmt::open).transpose()?;
+    let mut view = args.view.then(|| live_view(args, flight)).transpose()?;
     let spinner = terminal::spinner("streaming");
     let report = stream(
         flight,
         frame_rate,
         frames,
         settings,
-        |live| {
+        |live, frame| {
+            if let Some(view) = &mut view {
+                view.show(live, frame)?;
+            }
             spinner.set_message(format!(
                 "{:.0} s, {} sent, {} estimates, {:.1} ms, missing {}, dropped {}, late {}",
                 live.time_s,
@@ -202,6 +216,7 @@ fn run_frames(
                 live.dropped,
                 live.deadline_missed
             ));
+            Ok(())
         },
         |bytes| {
             for line in logs.iter_mut().flat_map(|logs| logs.push(bytes)) {
@@ -219,6 +234,26 @@ fn run_frames(
         print_report(&report);
     }
     report.verdict()
+}
+
+/// Opens the page and waits until it is looked at.
+fn live_view(args: &Args, flight: &Flight) -> Result<LiveView> {
+    let name = args.flight.as_ref().and_then(|path| path.file_name());
+    let title = name.map_or_else(
+        || "MVN".to_owned(),
+        |name| name.to_string_lossy().into_owned(),
+    );
+    let files: Vec<&Path> = args.flight.iter().map(PathBuf::as_path).collect();
+    let view = LiveView::start(flight, title, Provenance::of(command(), &files)?)?;
+    terminal::note(&format!(
+        "live at {} (the stream waits for the page)",
+        view.url()
+    ));
+    if args.open {
+        open(view.url());
+    }
+    view.await_page()?;
+    Ok(view)
 }
 
 fn print_report(report: &Report) {

@@ -28,6 +28,19 @@ pub struct Live {
     pub dropped: u32,
     /// Deadlines the unit missed.
     pub deadline_missed: u32,
+    /// The last estimate.
+    pub estimate: Option<LiveEstimate>,
+}
+
+/// An estimate of the unit.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct LiveEstimate {
+    /// Muscle input and damping coefficients, yaw, pitch, roll each.
+    pub state: [f32; 6],
+    /// Their variances.
+    pub variance: [f32; 6],
+    /// Normalised innovation squared.
+    pub nis: f32,
 }
 
 impl Live {
@@ -41,6 +54,11 @@ impl Live {
             missing: status.map_or(0, |s| s.missing),
             dropped: status.map_or(0, |s| s.dropped_oldest),
             deadline_missed: status.map_or(0, |s| s.deadline_missed),
+            estimate: session.estimate.map(|estimate| LiveEstimate {
+                state: estimate.state,
+                variance: estimate.variance,
+                nis: estimate.nis,
+            }),
         }
     }
 }

@@ -4,8 +4,8 @@ use std::time::{Duration, Instant};
 
 use bodyflight_core::link::fault::Injector;
 use bodyflight_core::link::{
-    Configure, Configured, Header, Hello, HelloAcknowledge, MAX_FRAME_LENGTH, Message, SCHEMA_HASH,
-    Sample, SegmentTable, Start, Status, Stop, StreamMode, TimeSync, Verdict,
+    Configure, Configured, Estimate, Header, Hello, HelloAcknowledge, MAX_FRAME_LENGTH, Message,
+    SCHEMA_HASH, Sample, SegmentTable, Start, Status, Stop, StreamMode, TimeSync, Verdict,
 };
 
 use super::line::{ANSWER_TIMEOUT, Line, encode};
@@ -33,6 +33,8 @@ pub(super) struct Session {
     /// From sample to estimate (ms).
     pub(super) latencies: Vec<f64>,
     pub(super) status: Option<Status>,
+    /// The last one.
+    pub(super) estimate: Option<Estimate>,
     pub(super) unit: Option<HelloAcknowledge>,
     /// Shortest round trip of a clock comparison (us).
     pub(super) round_trip: Option<u64>,
@@ -51,6 +53,7 @@ impl Session {
             last_frame: Vec::new(),
             latencies: Vec::new(),
             status: None,
+            estimate: None,
             unit: None,
             round_trip: None,
         }
@@ -102,6 +105,7 @@ impl Session {
                     let latency = at.saturating_duration_since(*sent);
                     self.latencies.push(latency.as_secs_f64() * 1e3);
                 }
+                self.estimate = Some(*estimate);
                 self.twin.answer(estimate);
             }
             Message::Credit(credit) if header.session == self.number => {

@@ -2,12 +2,17 @@
 
 use std::path::Path;
 
+use bodyflight_core::dynamics::{Dynamics, Inputs};
+use bodyflight_viewer::cockpit::{CONTROLS, STARTS};
+use bodyflight_viewer::frame;
+use bodyflight_viewer::setup::Setup;
 use serde::Serialize;
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 
 use super::run::{Run, Shape};
 use crate::diagnostic::{Problem, Result};
+use crate::subject::Subject;
 
 /// The page, empty where it was not built.
 const PAGE: &str = include_str!(concat!(env!("OUT_DIR"), "/viewer.html"));
@@ -125,7 +130,47 @@ pub struct PageData {
     pub fly: Option<FlyData>,
 }
 
+/// The model of a subject as the page flies it, in still air of one density (kg/m3).
+pub fn setup(subject: &Subject, density: f64) -> Setup {
+    let mut dynamics = Dynamics::paper(subject.body(), density);
+    dynamics.aerodynamics = subject.aerodynamics();
+    let inputs = Inputs {
+        damping: subject.damping(),
+        ..Inputs::belly_turn()
+    };
+    #[expect(clippy::cast_possible_truncation, reason = "the page's precision")]
+    let single = density as f32;
+    Setup {
+        dynamics: dynamics.cast(),
+        inputs: inputs.cast(),
+        density: single,
+    }
+}
+
+impl FlyData {
+    /// For a model and the body that is drawn.
+    pub fn new(setup: &Setup, shapes: Vec<Shape>) -> Self {
+        Self {
+            setup: setup.numbers().to_vec(),
+            shapes,
+            starts: STARTS.iter().map(|start| start.name).collect(),
+            controls: CONTROLS.iter().map(|control| control.name).collect(),
+            layout: frame::LAYOUT.to_vec(),
+            segment_layout: frame::SEGMENT_LAYOUT.to_vec(),
+        }
+    }
+}
+
 impl PageData {
+    /// A page without flights.
+    pub fn of(mode: Mode, title: String, provenance: Provenance, fly: FlyData) -> Self {
+        Self {
+            mode,
+            fly: Some(fly),
+            ..Self::replay(title, provenance, Vec::new())
+        }
+    }
+
     /// A page of flights.
     pub fn replay(title: String, provenance: Provenance, runs: Vec<Run>) -> Self {
         Self {

@@ -14,6 +14,7 @@ use crate::flight::Flight;
 use crate::interrupt;
 use crate::recording::{Options, Recording};
 use crate::simulate::{Follower, measured_motion};
+use crate::subject::Subject;
 
 /// Rows a second; the page shows what is between them on straight lines.
 pub const RATE: f64 = 30.0;
@@ -46,9 +47,9 @@ pub struct Shape {
     pub half_extents_m: [f64; 3],
 }
 
-/// Shapes of all segments of a flight's subject.
-pub fn shapes(flight: &Flight) -> Vec<Shape> {
-    let body = flight.subject.body();
+/// Shapes of all segments of a subject.
+pub fn shapes(subject: &Subject) -> Vec<Shape> {
+    let body = subject.body();
     let shape = |segment: Segment| Shape {
         name: segment.name(),
         half_extents_m: half_extents(&body.segments[segment].area).into(),
@@ -130,7 +131,7 @@ pub fn fly(
     }
     Ok(Run {
         name: name.to_owned(),
-        shapes: shapes(flight),
+        shapes: shapes(&flight.subject),
         rms: comparison.rms(),
         amplitude: comparison.amplitude(),
         frames: comparison.count(),

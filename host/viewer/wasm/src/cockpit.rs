@@ -37,7 +37,7 @@ const fn control(name: &'static str, pattern: &'static JointAngles, limit: f32) 
 
 /// All controls; a command is their index.
 pub const CONTROLS: [Control; 8] = [
-    control("turn", pattern::TURN, 0.5),
+    control("turn", pattern::TURN, 0.25),
     control("arch", pattern::ARCH, 0.35),
     control("side-slide", pattern::SIDE_BEND, 0.25),
     control("legs", pattern::STRETCH, 0.7),

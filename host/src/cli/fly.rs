@@ -1,0 +1,105 @@
+//! `bodyflight fly`.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use bodyflight::diagnostic::{Problem, Result};
+use bodyflight::flight::DEFAULT_DENSITY;
+use bodyflight::interrupt;
+use bodyflight::output::write_file;
+use bodyflight::subject::Subject;
+use bodyflight::view::flown::{frames, write};
+use bodyflight::view::page::{FlyData, Mode, PageData, Provenance, html, setup};
+use bodyflight::view::run::shapes;
+use bodyflight::view::server::Server;
+use serde::Serialize;
+
+use super::terminal;
+use super::view::{command, open};
+
+/// Fly by keyboard in a browser: the core runs in the page, flights can be saved as recordings.
+#[derive(clap::Args)]
+#[command(
+    after_help = "Examples:\n  bodyflight fly --open\n  bodyflight fly subject.toml --save flights\n  \
+                  bodyflight fly --out fly.html   (one page to send; it saves flights as numbers)\n\n\
+                  Runs until Ctrl-C."
+)]
+pub(super) struct Args {
+    /// A subject.toml; the default subject where absent.
+    subject: Option<PathBuf>,
+    /// Folder for saved flights: flown-0, flown-1 and so on.
+    #[arg(long, value_name = "FOLDER", default_value = ".")]
+    save: PathBuf,
+    /// Density of the air (kg/m3).
+    #[arg(long, default_value_t = DEFAULT_DENSITY)]
+    density: f64,
+    /// Write the page and end.
+    #[arg(long, value_name = "HTML", conflicts_with_all = ["save", "open"])]
+    out: Option<PathBuf>,
+    /// Open the page in a browser.
+    #[arg(long)]
+    open: bool,
+}
+
+#[derive(Serialize)]
+struct Opened<'a> {
+    url: &'a str,
+}
+
+pub(super) fn run(args: &Args, json: bool) -> Result<()> {
+    if !(0.1..=2.0).contains(&args.density) {
+        return Err(Problem::bad_input(format!(
+            "expected --density of 0.1 to 2 kg/m3, found {}",
+            args.density
+        )));
+    }
+    let subject = match &args.subject {
+        Some(path) => Subject::read(path)?,
+        None => Subject::default(),
+    };
+    let files: Vec<&Path> = args.subject.iter().map(PathBuf::as_path).collect();
+    let provenance = Provenance::of(command(), &files)?;
+    let fly = FlyData::new(&setup(&subject, args.density), shapes(&subject));
+    let page = html(&PageData::of(Mode::Fly, "fly".to_owned(), provenance, fly))?;
+    if let Some(path) = &args.out {
+        write_file(path, page.as_bytes())?;
+        terminal::print(&format!("written: {}", path.display()));
+        return Ok(());
+    }
+    let (folder, density) = (args.save.clone(), args.density);
+    let saved = move |bytes: Vec<u8>| match save(&bytes, &subject, density, &folder) {
+        Ok(path) => {
+            terminal::note(&format!("saved: {}", path.display()));
+            format!("Saved: {}", path.display())
+        }
+        Err(problem) => {
+            let text = format!("Not saved: {}", problem.message);
+            terminal::print_problem(problem);
+            text
+        }
+    };
+    let server = Server::start(page, Box::new(saved))?;
+    let url = server.url();
+    if json {
+        terminal::json_line(&Opened { url: &url })?;
+    } else {
+        terminal::print(&format!("fly at {url} (Ctrl-C ends)"));
+    }
+    if args.open {
+        open(&url);
+    }
+    // Ctrl-C is the way to end, not a failure.
+    while interrupt::check().is_ok() {
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    Ok(())
+}
+
+/// Saves a flight in the first folder that is free.
+fn save(bytes: &[u8], subject: &Subject, density: f64, folder: &Path) -> Result<PathBuf> {
+    let frames = frames(bytes)?;
+    let free = (0..)
+        .map(|number: u32| folder.join(format!("flown-{number}")))
+        .find(|folder| !folder.exists());
+    write(&frames, subject, density, &free.unwrap_or_default())
+}

@@ -1,0 +1,312 @@
+//! A server for one page on this machine: the page itself, and a web socket to it.
+//!
+//! It listens on the loopback address only. A random token in the address keeps other users and other pages out,
+//! `Host` and `Origin` are checked, and nothing of a request becomes a path.
+
+use std::io::{self, Read, Write};
+use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
+use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use tungstenite::handshake::derive_accept_key;
+use tungstenite::protocol::{Role, WebSocketConfig};
+use tungstenite::{Message, WebSocket};
+
+use crate::diagnostic::{Problem, Result};
+
+/// Longest head of a request (bytes).
+const LONGEST_HEAD: usize = 16 * 1024;
+
+/// Longest message from the page (bytes): twenty minutes of recorded flight.
+const LONGEST_MESSAGE: usize = 320 << 20;
+
+/// Messages that wait for a slow page; later ones are left out.
+const WAITING: usize = 64;
+
+/// Time after which a silent connection is closed, and between two looks at what is to be sent.
+const PATIENCE: Duration = Duration::from_secs(5);
+const TURN: Duration = Duration::from_millis(5);
+
+/// Answers a binary message of the page with a text.
+pub type Answer = dyn Fn(Vec<u8>) -> String + Send + Sync;
+
+/// The server; it ends with the process.
+pub struct Server {
+    address: SocketAddr,
+    token: String,
+    listeners: Arc<Mutex<Vec<SyncSender<Message>>>>,
+}
+
+struct Shared {
+    page: String,
+    token: String,
+    address: SocketAddr,
+    answer: Box<Answer>,
+    listeners: Arc<Mutex<Vec<SyncSender<Message>>>>,
+}
+
+impl Server {
+    /// Begins to serve `page` on a free port; `answer` hears the binary messages of the page.
+    ///
+    /// # Errors
+    /// Where no port is free, or the system has no randomness.
+    pub fn start(page: String, answer: Box<Answer>) -> Result<Self> {
+        let refused = |what: &str, error: &dyn std::fmt::Display| {
+            Problem::bad_input(format!("cannot {what} for the page: {error}"))
+        };
+        let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))
+            .map_err(|error| refused("open a port", &error))?;
+        let address = listener
+            .local_addr()
+            .map_err(|error| refused("open a port", &error))?;
+        let mut random = [0; 16];
+        getrandom::fill(&mut random).map_err(|error| refused("draw a token", &error))?;
+        let token: String = random.iter().map(|byte| format!("{byte:02x}")).collect();
+        let listeners = Arc::default();
+        let shared = Arc::new(Shared {
+            page,
+            token: token.clone(),
+            address,
+            answer,
+            listeners: Arc::clone(&listeners),
+        });
+        std::thread::spawn(move || {
+            for stream in listener.incoming().flatten() {
+                let shared = Arc::clone(&shared);
+                // A connection that fails concerns nobody else.
+                std::thread::spawn(move || shared.serve(stream));
+            }
+        });
+        Ok(Self {
+            address,
+            token,
+            listeners,
+        })
+    }
+
+    /// Where the page is.
+    pub fn url(&self) -> String {
+        format!("http://{}/{}/", self.address, self.token)
+    }
+
+    /// Pages that listen.
+    pub fn listening(&self) -> usize {
+        self.listeners
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .len()
+    }
+
+    /// Sends to every page that listens; one that is behind misses it.
+    pub fn send(&self, message: &Message) {
+        self.listeners
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .retain(|listener| {
+                !matches!(
+                    listener.try_send(message.clone()),
+                    Err(TrySendError::Disconnected(_))
+                )
+            });
+    }
+}
+
+impl Shared {
+    fn serve(&self, mut stream: TcpStream) -> io::Result<()> {
+        stream.set_read_timeout(Some(PATIENCE))?;
+        stream.set_write_timeout(Some(PATIENCE))?;
+        let head = read_head(&mut stream)?;
+        match self.judge(&head) {
+            Request::Page => answer(
+                &mut stream,
+                "200 OK",
+                "text/html; charset=utf-8",
+                &self.page,
+            ),
+            Request::Socket(key) => {
+                let accept = derive_accept_key(key.as_bytes());
+                write!(
+                    stream,
+                    "HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Accept: {accept}\r\n\r\n"
+                )?;
+                self.talk(stream)
+            }
+            Request::Refused(status, reason) => {
+                answer(&mut stream, status, "text/plain; charset=utf-8", reason)
+            }
+        }
+    }
+
+    fn judge(&self, head: &[u8]) -> Request {
+        let mut headers = [httparse::EMPTY_HEADER; 64];
+        let mut request = httparse::Request::new(&mut headers);
+        if !matches!(request.parse(head), Ok(httparse::Status::Complete(_))) {
+            return Request::Refused("400 Bad Request", "this is no request");
+        }
+        let path = request.path.unwrap_or_default();
+        let method = request.method.unwrap_or_default();
+        let header = |name: &str| {
+            let mut all = request.headers.iter();
+            let found = all.find(|header| header.name.eq_ignore_ascii_case(name));
+            found.and_then(|header| std::str::from_utf8(header.value).ok())
+        };
+        let host = self.address.to_string();
+        // Another name for this address means that some other page's name was pointed here.
+        if header("host") != Some(&host) {
+            return Request::Refused("403 Forbidden", "this page is at 127.0.0.1 only");
+        }
+        let origin = header("origin");
+        if origin.is_some_and(|origin| origin != format!("http://{host}")) {
+            return Request::Refused("403 Forbidden", "another page may not talk to this one");
+        }
+        if method != "GET" {
+            return Request::Refused("405 Method Not Allowed", "GET only");
+        }
+        if path == format!("/{}/", self.token) {
+            return Request::Page;
+        }
+        if path == format!("/{}/socket", self.token) {
+            // Browsers always name the origin of a socket.
+            return match (header("sec-websocket-key"), origin) {
+                (Some(key), Some(_)) => Request::Socket(key.to_owned()),
+                _ => Request::Refused("400 Bad Request", "this is for the page's socket"),
+            };
+        }
+        Request::Refused("404 Not Found", "use the address that the program printed")
+    }
+
+    fn talk(&self, stream: TcpStream) -> io::Result<()> {
+        stream.set_read_timeout(Some(TURN))?;
+        let config = WebSocketConfig::default()
+            .max_message_size(Some(LONGEST_MESSAGE))
+            .max_frame_size(Some(LONGEST_MESSAGE));
+        let mut socket = WebSocket::from_raw_socket(stream, Role::Server, Some(config));
+        let (sender, waiting) = sync_channel(WAITING);
+        self.listeners
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .push(sender);
+        self.exchange(&mut socket, &waiting)
+            .map_err(io::Error::other)
+    }
+
+    fn exchange(
+        &self,
+        socket: &mut WebSocket<TcpStream>,
+        waiting: &Receiver<Message>,
+    ) -> core::result::Result<(), Box<tungstenite::Error>> {
+        loop {
+            for message in waiting.try_iter() {
+                socket.write(message)?;
+            }
+            socket.flush()?;
+            match socket.read() {
+                Ok(Message::Binary(bytes)) => {
+                    let text = (self.answer)(bytes.into());
+                    socket.send(Message::text(text))?;
+                }
+                Ok(Message::Close(_)) => return Ok(()),
+                Ok(_) => {}
+                Err(tungstenite::Error::Io(error))
+                    if matches!(
+                        error.kind(),
+                        io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut
+                    ) => {}
+                Err(error) => return Err(Box::new(error)),
+            }
+        }
+    }
+}
+
+enum Request {
+    Page,
+    Socket(String),
+    Refused(&'static str, &'static str),
+}
+
+fn read_head(stream: &mut TcpStream) -> io::Result<Vec<u8>> {
+    let mut head = Vec::new();
+    let mut byte = [0];
+    // Not a byte beyond: what follows belongs to the socket.
+    while !head.ends_with(b"\r\n\r\n") {
+        if head.len() >= LONGEST_HEAD || stream.read(&mut byte)? == 0 {
+            return Err(io::ErrorKind::InvalidData.into());
+        }
+        head.extend(byte);
+    }
+    Ok(head)
+}
+
+fn answer(stream: &mut TcpStream, status: &str, kind: &str, body: &str) -> io::Result<()> {
+    write!(
+        stream,
+        "HTTP/1.1 {status}\r\nContent-Type: {kind}\r\nContent-Length: {}\r\nCache-Control: no-store\r\nReferrer-Policy: no-referrer\r\nX-Content-Type-Options: nosniff\r\nConnection: close\r\n\r\n{body}",
+        body.len()
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn server() -> Server {
+        let answer = |bytes: Vec<u8>| format!("{} bytes", bytes.len());
+        Server::start("<p>page".to_owned(), Box::new(answer)).unwrap()
+    }
+
+    fn asked(server: &Server, head: &str) -> String {
+        let mut stream = TcpStream::connect(server.address).unwrap();
+        stream
+            .write_all(format!("{head}\r\n\r\n").as_bytes())
+            .unwrap();
+        let mut text = String::new();
+        stream.read_to_string(&mut text).unwrap();
+        text
+    }
+
+    #[test]
+    fn the_page_is_for_whoever_has_the_token_and_comes_by_the_right_name() {
+        let server = server();
+        let (host, token) = (server.address, &server.token);
+        let page = asked(&server, &format!("GET /{token}/ HTTP/1.1\r\nHost: {host}"));
+        assert!(page.starts_with("HTTP/1.1 200") && page.ends_with("<p>page"));
+        for (head, status) in [
+            (format!("GET / HTTP/1.1\r\nHost: {host}"), 404),
+            (format!("GET /{token}/../x HTTP/1.1\r\nHost: {host}"), 404),
+            (format!("GET /{token}/ HTTP/1.1\r\nHost: evil.example"), 403),
+            (
+                format!("GET /{token}/ HTTP/1.1\r\nHost: {host}\r\nOrigin: http://evil.example"),
+                403,
+            ),
+            (format!("POST /{token}/ HTTP/1.1\r\nHost: {host}"), 405),
+            (format!("GET /{token}/socket HTTP/1.1\r\nHost: {host}"), 400),
+            ("nonsense".to_owned(), 400),
+        ] {
+            let text = asked(&server, &head);
+            assert!(
+                text.starts_with(&format!("HTTP/1.1 {status}")),
+                "{head}: {text}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_page_hears_and_is_heard() {
+        let server = server();
+        let url = server.url().replace("http", "ws") + "socket";
+        let mut request = tungstenite::client::IntoClientRequest::into_client_request(url).unwrap();
+        let origin = format!("http://{}", server.address);
+        request
+            .headers_mut()
+            .insert("origin", origin.parse().unwrap());
+        let (mut socket, _) = tungstenite::connect(request).unwrap();
+        while server.listening() == 0 {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        server.send(&Message::text("hello"));
+        assert_eq!(socket.read().unwrap().into_text().unwrap(), "hello");
+        socket.send(Message::binary(vec![0; 70_000])).unwrap();
+        assert_eq!(socket.read().unwrap().into_text().unwrap(), "70000 bytes");
+    }
+}

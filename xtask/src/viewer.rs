@@ -1,0 +1,160 @@
+//! `cargo xtask viewer`: the viewer's page, its tests in a browser, and the pictures of the README.
+
+use std::path::PathBuf;
+use std::process::{Command, Stdio};
+
+use crate::run::{Result, cargo, root, run, run_in};
+
+/// Oldest Node that builds the page.
+const LEAST_NODE: u32 = 20;
+
+/// Names of the browser.
+const BROWSERS: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
+
+fn folder() -> PathBuf {
+    root().join("host/viewer")
+}
+
+/// Builds the page into `host/viewer/dist`; the program takes it in when it is built next.
+pub(crate) fn build() -> Result<()> {
+    install_node()?;
+    cargo(&[
+        "build",
+        "--locked",
+        "--profile",
+        "viewer",
+        "--package",
+        "bodyflight-viewer",
+        "--target",
+        "wasm32-unknown-unknown",
+    ])?;
+    let wasm = root().join("target/wasm32-unknown-unknown/viewer/bodyflight_viewer.wasm");
+    let wasm = wasm
+        .canonicalize()
+        .map_err(|error| format!("{}: {error}", wasm.display()))?;
+    let folder = folder();
+    run_in(&folder, "npm", &["ci", "--no-audit", "--no-fund"], &[])?;
+    run_in(&folder, "npm", &["run", "--silent", "check"], &[])?;
+    let variables = [("BODYFLIGHT_WASM", wasm.display().to_string())];
+    run_in(&folder, "npm", &["run", "--silent", "build"], &variables)
+}
+
+/// Passes the page's tests in a browser; pictures are left in `target/viewer`.
+pub(crate) fn test() -> Result<()> {
+    let browser = install_browser()?;
+    cargo(&["build", "--locked", "--package", "bodyflight"])?;
+    cargo(&[
+        "build",
+        "--locked",
+        "--package",
+        "bodyflight-viewer",
+        "--example",
+        "keys",
+    ])?;
+    node(
+        &browser,
+        &[
+            "--test",
+            "--test-concurrency=1",
+            "tests/replay.test.mjs",
+            "tests/fly.test.mjs",
+            "tests/live.test.mjs",
+        ],
+    )
+}
+
+/// Makes the pictures of the README, `docs/*.jpg`.
+pub(crate) fn pictures() -> Result<()> {
+    let browser = install_browser()?;
+    cargo(&["build", "--locked", "--package", "bodyflight"])?;
+    node(&browser, &["pictures.mjs"])
+}
+
+fn node(browser: &str, arguments: &[&str]) -> Result<()> {
+    let built = |path: &str| {
+        let path = root().join("target").join(path);
+        path.canonicalize().unwrap_or(path).display().to_string()
+    };
+    let variables = [
+        ("BODYFLIGHT", built("debug/bodyflight")),
+        ("BODYFLIGHT_NATIVE", built("debug/examples/keys")),
+        ("BODYFLIGHT_CHROMIUM", browser.to_owned()),
+        ("BODYFLIGHT_OUTPUT", built("viewer")),
+    ];
+    run_in(&folder(), "node", arguments, &variables)
+}
+
+fn output_of(program: &str) -> Option<String> {
+    let output = Command::new(program)
+        .arg("--version")
+        .stderr(Stdio::null())
+        .output()
+        .ok()?;
+    output
+        .status
+        .success()
+        .then(|| String::from_utf8_lossy(&output.stdout).into_owned())
+}
+
+/// Node with npm, by apt-get where it is missing.
+fn install_node() -> Result<()> {
+    let version = || {
+        let text = output_of("node")?;
+        let major = text.trim().trim_start_matches('v').split('.').next()?;
+        major.parse::<u32>().ok()
+    };
+    let good =
+        || version().is_some_and(|version| version >= LEAST_NODE) && output_of("npm").is_some();
+    if good() {
+        return Ok(());
+    }
+    if version().is_none() {
+        apt_get(&["nodejs", "npm"])?;
+    }
+    if good() {
+        Ok(())
+    } else {
+        Err(format!(
+            "the page needs Node {LEAST_NODE} or later with npm: install it by hand (nodejs.org)"
+        ))
+    }
+}
+
+/// Chromium, by apt-get where it is missing.
+fn install_browser() -> Result<String> {
+    let found = || {
+        BROWSERS
+            .into_iter()
+            .find(|name| output_of(name).is_some())
+            .and_then(path_of)
+    };
+    if let Some(browser) = found() {
+        return Ok(browser);
+    }
+    apt_get(&["chromium"])?;
+    found().ok_or_else(|| "no Chromium is found: install it by hand".to_owned())
+}
+
+fn path_of(program: &str) -> Option<String> {
+    let folders = std::env::var_os("PATH")?;
+    let path = std::env::split_paths(&folders)
+        .map(|folder| folder.join(program))
+        .find(|path| path.is_file())?;
+    Some(path.display().to_string())
+}
+
+fn apt_get(packages: &[&str]) -> Result<()> {
+    let advice = |_| {
+        format!(
+            "{} is missing and apt-get cannot install it here: install it by hand",
+            packages.join(", ")
+        )
+    };
+    run("apt-get", &["update", "-qq"]).map_err(advice)?;
+    let arguments = [
+        &["install", "-y", "-qq", "--no-install-recommends"],
+        packages,
+    ]
+    .concat();
+    run("apt-get", &arguments).map_err(advice)
+}
