@@ -328,3 +328,28 @@ fn every_verb_explains_itself_with_an_example() {
     }
     assert!(count >= 6, "{verbs}");
 }
+
+#[test]
+fn figures_are_written_and_bad_input_of_the_viewer_is_named() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let flight = synth("rotations", folder.path(), &[]);
+    let out = folder.path().join("figures");
+    let out = out.to_str().expect("a plain path");
+    let report = json(&["figures", &flight, "--preset", "turning", "--out", out]);
+    let figures = report["figures"].as_array().expect("a list");
+    assert_eq!(figures.len(), 4);
+    for figure in figures {
+        let svg = std::fs::read_to_string(figure.as_str().expect("a path")).expect("a file");
+        assert!(svg.contains("</svg>") && !svg.contains("NaN"), "{figure}");
+    }
+    let message = fails(&["figures", &flight, "--snapshots", "0"], 2);
+    assert!(message.contains("--snapshots of 1 to 40"), "{message}");
+    let message = fails(&["view", &flight, "--out", &flight], 2);
+    assert!(message.contains("would be overwritten"), "{message}");
+    let message = fails(&["view", "absent/flight.toml"], 3);
+    assert!(message.contains("absent/flight.toml"), "{message}");
+    let message = fails(&["view", &flight, "--discovery", &flight], 2);
+    assert!(message.contains("expected JSON"), "{message}");
+    let message = fails(&["fly", "--density", "9"], 2);
+    assert!(message.contains("0.1 to 2 kg/m3"), "{message}");
+}

@@ -3,6 +3,7 @@
 mod demo;
 mod discover;
 mod estimate;
+mod figures;
 mod fly;
 mod hide;
 mod inspect;
@@ -53,6 +54,7 @@ enum Verb {
     Hide(hide::Args),
     View(view::Args),
     Fly(fly::Args),
+    Figures(figures::Args),
     Stream(stream::Args),
     Unit(unit::Args),
     Ports(ports::Args),
@@ -87,6 +89,7 @@ fn run(cli: &Cli) -> Result<()> {
         Verb::Hide(args) => hide::run(args, cli.json),
         Verb::View(args) => view::run(args, cli.json),
         Verb::Fly(args) => fly::run(args, cli.json),
+        Verb::Figures(args) => figures::run(args, cli.json),
         Verb::Stream(args) => stream::run(args, cli.json),
         Verb::Unit(args) => unit::run(args),
         Verb::Ports(args) => ports::run(args, cli.json),

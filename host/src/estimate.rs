@@ -315,11 +315,8 @@ impl Estimation {
         file.finish()
     }
 
-    /// Coefficients over time above, reconstructed and measured channels below, as SVG.
-    ///
-    /// # Errors
-    /// Where the figure cannot be drawn.
-    pub fn svg(&self, title: &str) -> Result<String> {
+    /// Muscle input and damping over time.
+    pub fn input_panels(&self) -> [Panel; 2] {
         let axes = |caption: &str, value: fn(&Row) -> [f64; 3]| Panel {
             caption: caption.to_owned(),
             curves: AXES
@@ -336,6 +333,21 @@ impl Estimation {
                 .collect(),
             wraps: false,
         };
+        [
+            axes("muscle input coefficients", |row| {
+                [row.yaw, row.pitch, row.roll]
+            }),
+            axes("damping coefficients", |row| {
+                [row.damp_yaw, row.damp_pitch, row.damp_roll]
+            }),
+        ]
+    }
+
+    /// Coefficients over time above, reconstructed and measured channels below, as SVG.
+    ///
+    /// # Errors
+    /// Where the figure cannot be drawn.
+    pub fn svg(&self, title: &str) -> Result<String> {
         let channels = [
             Channel::Roll,
             Channel::Pitch,
@@ -359,14 +371,7 @@ impl Estimation {
                 wraps: channel.is_angle(),
             }
         });
-        let mut panels = vec![
-            axes("muscle input coefficients", |row| {
-                [row.yaw, row.pitch, row.roll]
-            }),
-            axes("damping coefficients", |row| {
-                [row.damp_yaw, row.damp_pitch, row.damp_roll]
-            }),
-        ];
+        let mut panels = self.input_panels().to_vec();
         panels.extend(reconstructed);
         figure_svg(title, &panels)
     }

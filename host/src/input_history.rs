@@ -88,6 +88,19 @@ pub struct InputHistory {
 }
 
 impl InputHistory {
+    /// Of rows whose time rises; those that do not are left out.
+    pub fn new(rows: Vec<Row>) -> Self {
+        let mut last = f64::NEG_INFINITY;
+        let rows = rows.into_iter().filter(|row| {
+            let later = row.time_s > last;
+            last = last.max(row.time_s);
+            later
+        });
+        Self {
+            rows: rows.collect(),
+        }
+    }
+
     /// Reads a CSV file with the columns of [`Row`].
     ///
     /// # Errors

@@ -4,6 +4,7 @@ pub mod comparison;
 pub mod diagnostic;
 pub mod discover;
 pub mod estimate;
+pub mod figures;
 pub mod flight;
 pub mod hide;
 pub mod input_history;

@@ -15,6 +15,13 @@ pub struct Line {
     width: u32,
 }
 
+impl Line {
+    /// As the plotting library wants it.
+    pub fn style(&self) -> ShapeStyle {
+        self.colour.stroke_width(self.width)
+    }
+}
+
 /// Broad and pale, to lie below: seen where lines agree, and in grey print.
 pub const MEASURED: Line = Line {
     label: "measured",
@@ -105,11 +112,28 @@ const HEAD_HEIGHT: u32 = 46;
 /// # Errors
 /// Where the figure cannot be drawn.
 pub fn figure_svg(title: &str, panels: &[Panel]) -> Result<String> {
+    let height: u32 = panels.iter().map(|_| PANEL_HEIGHT).sum();
+    laid_out_svg(title, panels, height, (panels.len().max(1), 1))
+}
+
+/// As [`figure_svg`], the panels side by side.
+///
+/// # Errors
+/// Where the figure cannot be drawn.
+pub fn row_svg(title: &str, panels: &[Panel]) -> Result<String> {
+    laid_out_svg(title, panels, 2 * PANEL_HEIGHT, (1, panels.len().max(1)))
+}
+
+fn laid_out_svg(
+    title: &str,
+    panels: &[Panel],
+    height: u32,
+    layout: (usize, usize),
+) -> Result<String> {
     let mut svg = String::new();
     {
-        let height: u32 = panels.iter().map(|_| PANEL_HEIGHT).sum();
         let root = SVGBackend::with_string(&mut svg, (WIDTH, HEAD_HEIGHT + height));
-        draw(&root.into_drawing_area(), title, panels)
+        draw(&root.into_drawing_area(), title, panels, layout)
             .map_err(|error| Problem::bad_input(format!("cannot draw the plot: {error}")))?;
     }
     Ok(svg)
@@ -160,7 +184,7 @@ pub fn simulated_curve(channel: Channel, series: &[Pair], line: Line) -> Curve {
 type DrawResult = core::result::Result<(), Box<dyn std::error::Error>>;
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
-fn draw(root: &Area<'_>, title: &str, panels: &[Panel]) -> DrawResult {
+fn draw(root: &Area<'_>, title: &str, panels: &[Panel], layout: (usize, usize)) -> DrawResult {
     root.fill(&WHITE)?;
     let (head, body) = root.split_vertically(HEAD_HEIGHT);
     head.draw_text(
@@ -176,10 +200,7 @@ fn draw(root: &Area<'_>, title: &str, panels: &[Panel]) -> DrawResult {
     }
     let mut x = 60;
     for line in lines {
-        head.draw(&PathElement::new(
-            vec![(x, 38), (x + 24, 38)],
-            line.colour.stroke_width(line.width),
-        ))?;
+        head.draw(&PathElement::new(vec![(x, 38), (x + 24, 38)], line.style()))?;
         head.draw_text(
             line.label,
             &("sans-serif", 13).into_font().color(&BLACK),
@@ -187,10 +208,7 @@ fn draw(root: &Area<'_>, title: &str, panels: &[Panel]) -> DrawResult {
         )?;
         x += 56 + 7 * i32::try_from(line.label.len())?;
     }
-    for (panel, area) in panels
-        .iter()
-        .zip(&body.split_evenly((panels.len().max(1), 1)))
-    {
+    for (panel, area) in panels.iter().zip(&body.split_evenly(layout)) {
         draw_panel(area, panel)?;
     }
     root.present()?;
@@ -228,7 +246,7 @@ fn draw_panel(area: &Area<'_>, panel: &Panel) -> DrawResult {
         .draw()?;
     for Curve { line, points } in &panel.curves {
         for part in unwrapped_parts(panel.wraps, points) {
-            let style = line.colour.stroke_width(line.width);
+            let style = line.style();
             chart.draw_series(LineSeries::new(part.iter().copied(), style))?;
         }
     }

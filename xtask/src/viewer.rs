@@ -39,7 +39,7 @@ pub(crate) fn build() -> Result<()> {
     run_in(&folder, "npm", &["run", "--silent", "build"], &variables)
 }
 
-/// Passes the page's tests in a browser; pictures are left in `target/viewer`.
+/// Passes the page's tests in a browser; pictures are left in `target/pictures`.
 pub(crate) fn test() -> Result<()> {
     let browser = install_browser()?;
     cargo(&["build", "--locked", "--package", "bodyflight"])?;
@@ -79,7 +79,7 @@ fn node(browser: &str, arguments: &[&str]) -> Result<()> {
         ("BODYFLIGHT", built("debug/bodyflight")),
         ("BODYFLIGHT_NATIVE", built("debug/examples/keys")),
         ("BODYFLIGHT_CHROMIUM", browser.to_owned()),
-        ("BODYFLIGHT_OUTPUT", built("viewer")),
+        ("BODYFLIGHT_OUTPUT", built("pictures")),
     ];
     run_in(&folder(), "node", arguments, &variables)
 }

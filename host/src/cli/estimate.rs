@@ -41,11 +41,21 @@ pub(super) struct Args {
 }
 
 #[derive(clap::ValueEnum, Clone, Copy)]
-enum FilterName {
+pub(super) enum FilterName {
     /// The paper's: thirteen whole runs.
     Paper,
     /// The unit's: the same reconstruction at a fraction of the cost.
     Reduced,
+}
+
+impl FilterName {
+    /// The filter of the library.
+    pub(super) const fn filter(self) -> Filter {
+        match self {
+            Self::Paper => Filter::Paper,
+            Self::Reduced => Filter::Reduced,
+        }
+    }
 }
 
 fn presets_help() -> String {
@@ -73,10 +83,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     }
     let outputs = [&args.out, &args.plot];
     refuse_inputs(outputs, &[&args.flight, &flight.recording])?;
-    let filter = match args.filter {
-        FilterName::Paper => Filter::Paper,
-        FilterName::Reduced => Filter::Reduced,
-    };
+    let filter = args.filter.filter();
     let spinner = terminal::spinner("estimating");
     let progress = |time: f64| spinner.set_message(format!("estimating, {time:.0} s"));
     let options = args.reading.options();

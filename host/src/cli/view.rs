@@ -126,7 +126,7 @@ pub(super) fn command() -> String {
 }
 
 /// A name for people: that of the folder for the usual `flight.toml`, else that of the file.
-fn name_of(path: &Path) -> String {
+pub(super) fn name_of(path: &Path) -> String {
     let stem = path.file_stem().unwrap_or(path.as_os_str());
     let folder = path.parent().and_then(Path::file_name);
     match folder {

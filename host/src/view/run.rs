@@ -76,7 +76,7 @@ pub struct Run {
     pub series: Packed,
 }
 
-/// Flies a recording.
+/// Flies a recording, for the page.
 ///
 /// # Errors
 /// As of [`crate::simulate::simulate`].
@@ -84,8 +84,34 @@ pub fn fly(
     name: &str,
     flight: &Flight,
     options: Options,
-    mut progress: impl FnMut(f64),
+    progress: impl FnMut(f64),
 ) -> Result<Run> {
+    let (series, comparison) = fly_series(flight, options, progress)?;
+    let air = flight
+        .effects
+        .applied(flight.dynamics(0.0), 0.0)?
+        .dynamics
+        .air;
+    Ok(Run {
+        name: name.to_owned(),
+        shapes: shapes(&flight.subject),
+        rms: comparison.rms(),
+        amplitude: comparison.amplitude(),
+        frames: comparison.count(),
+        air_velocity_mps: air.velocity.components.into(),
+        series: series.packed(),
+    })
+}
+
+/// Flies a recording: what there is to see, [`RATE`] rows a second, and the comparison of all frames.
+///
+/// # Errors
+/// As of [`crate::simulate::simulate`].
+pub fn fly_series(
+    flight: &Flight,
+    options: Options,
+    mut progress: impl FnMut(f64),
+) -> Result<(Series, Comparison)> {
     let mut recording = Recording::open(&flight.recording, options)?;
     let too_short = || {
         Problem::bad_input("expected at least two frames of type \"normal\"")
@@ -129,15 +155,7 @@ pub fn fly(
             None => break,
         }
     }
-    Ok(Run {
-        name: name.to_owned(),
-        shapes: shapes(&flight.subject),
-        rms: comparison.rms(),
-        amplitude: comparison.amplitude(),
-        frames: comparison.count(),
-        air_velocity_mps: dynamics.air.velocity.components.into(),
-        series: series.packed(),
-    })
+    Ok((series, comparison))
 }
 
 /// A row of [`COLUMNS`].

@@ -68,6 +68,23 @@ impl Series {
         self.rows += 1;
     }
 
+    /// Rows.
+    pub const fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// The numbers of a column, one list for each; none where there is no such column.
+    pub fn column(&self, name: &str) -> &[Vec<f64>] {
+        let mut from = 0;
+        for column in &self.columns {
+            if column.name == name {
+                return self.numbers.get(from..from + column.width).unwrap_or(&[]);
+            }
+            from += column.width;
+        }
+        &[]
+    }
+
     /// Makes them small.
     pub fn packed(&self) -> Packed {
         let steps = self

@@ -53,8 +53,9 @@ export function fly(data: PageData, flight: FlyData): void {
   const help = element("dl", { id: "keys" });
   for (const { key, does } of KEYS) help.append(element("dt", {}, element("span", { class: "key" }, key.toUpperCase())), element("dd", {}, does));
   help.append(element("dt", {}, element("span", { class: "key" }, "U O"), " ", element("span", { class: "key" }, "I K"), " ", element("span", { class: "key" }, "J L")), element("dd", {}, "muscle input: yaw, pitch, roll"));
+  aside.append(element("section", {}, element("h2", {}, "Keys"), help));
   const plots = new Plots(aside, time, shown.map((k, n) => ({ key: CHANNELS[k].key, title: CHANNELS[k].label, unit: CHANNELS[k].unit, lines: [{ label: "flown", ink: "simulated", values: lines[n] }] })), () => {});
-  aside.append(element("section", {}, element("h2", {}, "Keys"), help), joints(core, flight), damping(core), provenance(data));
+  aside.append(joints(core, flight), damping(core), provenance(data));
 
   function begin(): void {
     core.exports.begin(start);

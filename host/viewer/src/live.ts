@@ -42,7 +42,8 @@ export function live(data: PageData): void {
   header.append(state);
   const cost = element("span", { class: "faint", id: "cost" });
   footer.append(hold, slider, cost);
-  aside.append(numbers);
+  const place = element("div");
+  aside.append(numbers, place, provenance(data));
 
   let time = new Float64Array(0);
   const lists = STATES.map(() => ({ value: [] as number[], low: [] as number[], high: [] as number[] }));
@@ -116,7 +117,7 @@ export function live(data: PageData): void {
       plotted = now;
       time = Float64Array.from(looks, (entry) => entry.time_s);
       if (plots) plots.update(time);
-      else if (time.length > 1) plots = new Plots(aside, time, specs, () => {});
+      else if (time.length > 1) plots = new Plots(place, time, specs, () => {});
       plots?.mark(look.time_s);
     }
   }
@@ -132,7 +133,6 @@ export function live(data: PageData): void {
     }
     requestAnimationFrame(next);
   }
-  aside.append(provenance(data));
   document.documentElement.dataset.ready = "live";
   requestAnimationFrame(next);
 }

@@ -33,7 +33,7 @@ export class Plots {
       for (const line of spec.lines) keys.append(element("span", { style: `color:var(--${line.ink})` }, `${line.dash ? "- - " : "— "}${line.label}`));
       const plot = new uPlot(this.options(spec, place.clientWidth - 20), this.data(spec), box);
       box.append(keys);
-      const mark = element("div", { class: "now" });
+      const mark = element("div", { class: "now", style: "display:none" });
       plot.over.append(mark);
       this.marks.push(mark);
       plot.over.addEventListener("click", () => {
@@ -47,7 +47,10 @@ export class Plots {
   }
 
   private data(spec: PlotSpec): uPlot.AlignedData {
-    return [this.time, ...spec.lines.map((line) => line.values)] as uPlot.AlignedData;
+    // What is no number is a gap, which uPlot writes as null.
+    const gaps = (values: ArrayLike<number>) =>
+      Array.prototype.some.call(values, Number.isNaN) ? Array.from(values, (value) => (Number.isNaN(value) ? null : value)) : values;
+    return [this.time, ...spec.lines.map((line) => gaps(line.values))] as uPlot.AlignedData;
   }
 
   private options(spec: PlotSpec, width: number): uPlot.Options {

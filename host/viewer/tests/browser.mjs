@@ -71,3 +71,18 @@ export function colours(page, selector) {
     return new Set(pixels).size;
   }, selector);
 }
+
+/** How many pixels of a canvas have a colour of the style sheet. */
+export function inked(page, selector, ink) {
+  return page.evaluate(([selector, ink]) => {
+    const hex = getComputedStyle(document.documentElement).getPropertyValue(`--${ink}`).trim();
+    const wanted = [1, 3, 5].map((k) => Number.parseInt(hex.slice(k, k + 2), 16));
+    const canvas = document.querySelector(selector);
+    const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+    let count = 0;
+    for (let k = 0; k < data.length; k += 4) {
+      if (data[k + 3] > 200 && wanted.every((value, n) => Math.abs(data[k + n] - value) < 24)) count += 1;
+    }
+    return count;
+  }, [selector, ink]);
+}

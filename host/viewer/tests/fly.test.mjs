@@ -4,7 +4,7 @@ import { existsSync, mkdtempSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
-import { begin, browser, NATIVE, open, run, shot } from "./browser.mjs";
+import { begin, browser, inked, NATIVE, open, run, shot } from "./browser.mjs";
 
 const folder = mkdtempSync(join(tmpdir(), "bodyflight-fly-"));
 let chromium;
@@ -36,6 +36,7 @@ test("holding a turn key turns, and letting it go ends the turn's growth", async
   await page.waitForTimeout(2500);
   const turning = await yawRate(page);
   await shot(page, "fly");
+  assert.ok((await inked(page, "[data-plot=yaw_rate_radps] canvas", "simulated")) > 30, "the plot draws the turn");
   await page.keyboard.up("a");
   console.log(`yaw rate after holding A for 2.5 s: ${turning.toFixed(2)} rad/s`);
   assert.ok(Math.abs(turning) > 0.1, String(turning));

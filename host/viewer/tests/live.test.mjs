@@ -3,7 +3,7 @@ import { mkdtempSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
-import { begin, browser, colours, open, run, shot } from "./browser.mjs";
+import { begin, browser, colours, inked, open, run, shot } from "./browser.mjs";
 
 const folder = mkdtempSync(join(tmpdir(), "bodyflight-live-"));
 const SECONDS = 8;
@@ -31,6 +31,8 @@ test("a stream is seen while it goes: body, latency, counters, estimates", async
   assert.equal(await number("dropped"), 0);
   assert.ok((await colours(page, "main > canvas")) > 100);
   assert.equal(await page.locator(".plot").count(), 7);
+  assert.ok((await inked(page, "[data-plot=latency] canvas", "measured")) > 30, "the latency is drawn");
+  assert.ok((await inked(page, '[data-plot="muscle pitch"] canvas', "simulated")) > 30, "the estimate is drawn");
   await page.click('footer button:text-is("pause")');
   const held = await page.textContent("#time");
   await page.waitForTimeout(400);

@@ -3,7 +3,7 @@ import { mkdtempSync, readFileSync, statSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
-import { browser, colours, open, OUTPUT, run, shot } from "./browser.mjs";
+import { browser, colours, inked, open, OUTPUT, run, shot } from "./browser.mjs";
 
 const folder = mkdtempSync(join(tmpdir(), "bodyflight-view-"));
 const path = join(folder, "view.html");
@@ -31,6 +31,7 @@ test("a flight opens offline, in one small file, soon, and shows something", asy
   const count = await colours(page, "main > canvas");
   assert.ok(count > 100, `${count} colours`);
   assert.equal(await page.locator(".plot").count(), 9);
+  for (const ink of ["measured", "simulated", "residual"]) assert.ok((await inked(page, "[data-plot=pitch_rad] canvas", ink)) > 30, ink);
   assert.match(await page.textContent("#provenance"), /view.*flight\.mvnx.*sha256/s);
   const overflow = await page.evaluate(() => document.documentElement.scrollWidth > innerWidth || document.documentElement.scrollHeight > innerHeight);
   assert.ok(!overflow, "the page does not fit 1280 x 720");

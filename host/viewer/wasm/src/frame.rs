@@ -117,7 +117,7 @@ pub fn frame<T: Real>(
     let observation = Observation::of(motion);
     pen.write([time]);
     pen.vector(&motion.position.components);
-    pen.rotation(&motion.inertial_from_body.quaternion());
+    pen.rotation(motion.inertial_from_body.quaternion());
     pen.vector(&motion.velocity_inertial().components);
     pen.vector(&motion.angular_velocity.components);
     pen.write([
