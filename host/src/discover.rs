@@ -1,11 +1,12 @@
 //! `bodyflight discover`: where simulation and measurement disagree, which effect is missing, and how much of the
 //! gap it closes.
 //!
-//! The steps, one file each: the flight in memory ([`track`]), short free runs and their residuals ([`stretch`]),
+//! The steps, one file each: the flight in memory ([`track`]), whether its sensors agree with one another ([`check`]), short free runs and their residuals ([`stretch`]),
 //! what each effect would change in them and what may be wrong without being one ([`design`]), effects fitted to
 //! them ([`fit`]), and here the choice: an effect gets a name where it is significant over flights drawn from
 //! the plain model, helps in stretches that it was not fitted to, and explains most of what there is to explain.
 
+pub mod check;
 mod choice;
 pub mod design;
 pub mod figure;
@@ -16,12 +17,13 @@ pub mod report;
 pub mod stretch;
 pub mod track;
 
-use bodyflight_core::effect::Model;
+use bodyflight_core::effect::{Effect, Model};
 
 use crate::diagnostic::{Problem, Result};
+use check::{Check, Finding};
 use choice::{next, pruned};
 use design::{blocks, places};
-use fit::{Data, Fit};
+use fit::{Data, Fit, Values, with};
 use held_out::HeldOut;
 use null::draw;
 use report::{Gap, Named, Outcome};
@@ -65,7 +67,7 @@ pub fn discover(
     settings: &Settings,
     mut progress: impl FnMut(&str),
 ) -> Result<report::Report> {
-    let model = Model::new(track.dynamics, track.start_height());
+    let bare = Model::new(track.dynamics, track.start_height());
     let stretches = stretches(track);
     if stretches.len() < 2 {
         return Err(Problem::bad_input(format!(
@@ -73,30 +75,63 @@ pub fn discover(
             track.duration()
         )));
     }
+    progress("whether the sensors agree with one another");
+    let checks = check::checks(track);
+    let faults: Values = checks
+        .iter()
+        .filter(|check| check.finding == Finding::Found)
+        .map(|check| (check.effect, check.values))
+        .collect();
+    // Errors of the sensors are in the model from here on, and no physics is taken for them.
+    let model = with(&bare, &faults);
     progress("what each effect would change");
     let mut pairs = blocks(track, &model, stretches, &Vec::new(), &places());
     progress("flights in which nothing is missing");
     let null = draw(track, &pairs, &model, settings.seed);
+    let others: Vec<HeldOut<'_>> = held_out
+        .iter()
+        .map(|track| HeldOut::new(track, &faults))
+        .collect();
+    let all = |_: usize| true;
     let data = Data {
         track,
         model: &model,
         stretches: &pairs,
     };
-    let others: Vec<HeldOut<'_>> = held_out.iter().map(HeldOut::new).collect();
-    let all = |_: usize| true;
-    let plain = data.misfit(&Vec::new(), all);
+    let after_checks = data.misfit(&Vec::new(), all);
+    let plain = if faults.is_empty() {
+        after_checks
+    } else {
+        let bare = Data {
+            model: &bare,
+            ..data
+        };
+        let around = bare.moved_to(&Vec::new());
+        Data {
+            stretches: &around,
+            ..bare
+        }
+        .misfit(&Vec::new(), all)
+    };
     let [expected, deviation] = null.misfit;
     let disagreement = (plain - expected) / deviation;
 
+    let decided = |check: &&Check| check.finding != Finding::Undecided;
+    let out_of_question: Vec<Effect> = checks
+        .iter()
+        .filter(decided)
+        .map(|check| check.effect)
+        .collect();
     let mut chosen = Fit {
         values: Vec::new(),
         errors: Vec::new(),
-        misfit: plain,
+        misfit: after_checks,
     };
     let mut named: Vec<Named> = Vec::new();
-    while named.len() < settings.max_effects {
+    while named.len() + faults.len() < settings.max_effects {
         progress("which effect explains most");
-        if !named.is_empty() && chosen.misfit < expected + DISAGREES * deviation {
+        let found_something = !named.is_empty() || !faults.is_empty();
+        if found_something && chosen.misfit < expected + DISAGREES * deviation {
             break;
         }
         let data = Data {
@@ -104,10 +139,11 @@ pub fn discover(
             model: &model,
             stretches: &pairs,
         };
-        let Some(choice) = next(&data, &others, &null, &chosen) else {
+        let Some(choice) = next(&data, &others, &null, &chosen, &out_of_question) else {
             break;
         };
         named.push(choice.named);
+        // What joints and subject may have wrong acts differently in the model that was found.
         pairs = choice.pairs;
         let data = Data {
             track,
@@ -127,6 +163,9 @@ pub fn discover(
     } else {
         0.0
     };
+    report::settle(&mut named, &chosen, &null);
+    let by_check = checks.iter().filter(|c| c.finding == Finding::Found);
+    named.splice(0..0, by_check.map(Named::by_check));
     let thin = pairs.len() < LEAST_STRETCHES;
     let agrees = disagreement < DISAGREES;
     let outcome = match (thin, named.is_empty()) {
@@ -135,11 +174,14 @@ pub fn discover(
         (false, false) if agrees || explained >= EXPLAINS => Outcome::Named,
         (false, _) => Outcome::Unexplained,
     };
+    let data = Data {
+        model: &bare,
+        ..data
+    };
     let values = match outcome {
-        Outcome::Named => chosen.values.clone(),
+        Outcome::Named => [faults, chosen.values].concat(),
         _ => Vec::new(),
     };
-    report::settle(&mut named, &chosen, &null);
     progress("what is left of the gap");
     let gap = Gap::of(&data, &values, &null.floor);
     let held_out = others
@@ -155,6 +197,7 @@ pub fn discover(
         held_out,
         map: report::map(&data, &values, &null.floor),
         values,
+        checks,
     }))
 }
 

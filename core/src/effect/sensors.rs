@@ -15,7 +15,7 @@ pub struct Sensors<T: Real> {
     pub gyro_bias: Vector3<T>,
     /// Rate at which the heading drifts (rad/s).
     pub heading_drift: T,
-    /// Velocity added (m/s).
+    /// Velocity added from the start (m/s), to the position too.
     pub velocity_offset: Vector<T, Inertial>,
     /// Time by which postures are recorded too late (s). Who flies the model reads postures that much later.
     pub posture_delay: T,
@@ -95,7 +95,10 @@ impl<T: Real> Sensors<T> {
         let inertial_from_body = Rotation::from_quaternion(attitude);
         Motion {
             inertial_from_body,
-            position: motion.position,
+            // What misses a velocity from the start misses the way that it makes.
+            position: Vector::from_components(
+                motion.position.components + self.velocity_offset.components * time,
+            ),
             velocity: inertial_from_body.inverse() * Vector::from_components(velocity),
             angular_velocity: Vector::from_components(mounting.inverse() * spin + self.gyro_bias),
         }

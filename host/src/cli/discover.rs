@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use bodyflight::diagnostic::{Problem, Result};
+use bodyflight::discover::check::Finding;
 use bodyflight::discover::report::{CHANNEL_NAMES, Outcome, Report};
 use bodyflight::discover::track::Track;
 use bodyflight::discover::{Settings, discover, figure};
@@ -117,6 +118,24 @@ fn print_report(report: &Report) {
         if named.imitated_by_inputs {
             terminal::print("    an estimator of muscle input and damping would take it for those");
         }
+    }
+    for check in &report.checks {
+        let what = match check.finding {
+            Finding::Found => "found",
+            Finding::Absent => "none",
+            Finding::Undecided => "not to be told here",
+        };
+        let numbers: Vec<String> = check
+            .parameters
+            .iter()
+            .zip(&check.standard_errors)
+            .map(|((name, value), (_, error))| format!("{name} {value:.4} +- {error:.4}"))
+            .collect();
+        terminal::print(&format!(
+            "sensors alone, {}: {what} ({})",
+            check.name,
+            numbers.join(", ")
+        ));
     }
     let mut table = terminal::table(&["channel", "before", "after", "where nothing is missing"]);
     for (channel, name) in CHANNEL_NAMES.iter().enumerate() {

@@ -73,11 +73,13 @@ fn short_list(
     others: &[HeldOut<'_>],
     null: &Null,
     chosen: &Fit,
+    out_of_question: &[Effect],
 ) -> Vec<Candidate> {
     let gain_over = |fit: &Fit| chosen.misfit - fit.misfit;
     let mut first: Vec<(Effect, f64, Fit, f64)> = Effect::ALL
         .iter()
         .filter(|effect| chosen.values.iter().all(|(known, _)| known != *effect))
+        .filter(|effect| !out_of_question.contains(effect))
         .map(|&effect| {
             let inflation = null.inflation_of(effect);
             let mut values = chosen.values.clone();
@@ -137,8 +139,9 @@ pub(super) fn next(
     others: &[HeldOut<'_>],
     null: &Null,
     chosen: &Fit,
+    out_of_question: &[Effect],
 ) -> Option<Choice> {
-    let mut candidates = short_list(data, others, null, chosen).into_iter();
+    let mut candidates = short_list(data, others, null, chosen, out_of_question).into_iter();
     let best = candidates.next()?;
     let gain = chosen.misfit - best.fit.misfit;
     let left = chosen.misfit - null.misfit[0];

@@ -3,7 +3,7 @@
 use bodyflight_core::effect::Model;
 
 use super::design::{Block, blocks, subject_places};
-use super::fit::{Data, Values};
+use super::fit::{Data, Values, with};
 use super::null::floor;
 use super::report::{Gap, HeldOutGap};
 use super::stretch::{NUMBERS, Stretch, stretches};
@@ -12,15 +12,20 @@ use super::track::Track;
 /// A flight that effects are not fitted to, but have to help in.
 pub(super) struct HeldOut<'a> {
     track: &'a Track,
+    /// Without anything found.
+    bare: Model<f64>,
+    /// With the errors of sensors that the data alone show.
     model: Model<f64>,
     pairs: Vec<(Stretch, Block)>,
 }
 
 impl<'a> HeldOut<'a> {
-    pub(super) fn new(track: &'a Track) -> Self {
-        let model = Model::new(track.dynamics, track.start_height());
+    pub(super) fn new(track: &'a Track, faults: &Values) -> Self {
+        let bare = Model::new(track.dynamics, track.start_height());
+        let model = with(&bare, faults);
         Self {
             track,
+            bare,
             model,
             pairs: blocks(
                 track,
@@ -40,26 +45,37 @@ impl<'a> HeldOut<'a> {
         }
     }
 
-    /// Misfit with some effects; what joints and subject have wrong acts as it does in that model.
+    /// Misfit with some effects beside the errors of sensors; what joints and subject have wrong acts as it does in
+    /// that model.
     pub(super) fn misfit(&self, values: &Values) -> f64 {
-        if values.is_empty() {
-            return self.data().misfit(values, |_| true);
-        }
-        let pairs = self.data().moved_to(values);
+        self.misfit_of(&self.model, values)
+    }
+
+    fn misfit_of(&self, plain: &Model<f64>, values: &Values) -> f64 {
+        let data = Data {
+            model: plain,
+            ..self.data()
+        };
+        let pairs = data.moved_to(values);
         let data = Data {
             stretches: &pairs,
-            ..self.data()
+            ..data
         };
         data.misfit(values, |_| true)
     }
 
+    /// What `values`, all that was found, do here.
     pub(super) fn gap(&self, values: &Values, seed: u64) -> HeldOutGap {
+        let data = Data {
+            model: &self.bare,
+            ..self.data()
+        };
         let floor = floor(self.track, &self.pairs, &self.model, seed);
         HeldOutGap {
-            misfit_before: self.misfit(&Vec::new()),
-            misfit_after: self.misfit(values),
+            misfit_before: self.misfit_of(&self.bare, &Vec::new()),
+            misfit_after: self.misfit_of(&self.bare, values),
             numbers: self.pairs.len() * NUMBERS,
-            gap: Gap::of(&self.data(), values, &floor),
+            gap: Gap::of(&data, values, &floor),
         }
     }
 }

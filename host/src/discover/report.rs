@@ -5,6 +5,7 @@ use nalgebra::DVector;
 use rayon::prelude::*;
 use serde::{Serialize, Serializer};
 
+use super::check::{Check, Finding};
 use super::fit::{Data, Fit, Values, with};
 use super::null::Null;
 use super::stretch::{CHANNELS, Channels, Prepared, Stretch};
@@ -100,6 +101,16 @@ impl Named {
 }
 
 impl Named {
+    /// An error of a sensor that the data alone show.
+    pub(super) fn by_check(check: &Check) -> Self {
+        let names = check.effect.description().parameters.iter().map(|p| p.name);
+        Self {
+            parameters: names.clone().zip(check.values).collect(),
+            standard_errors: names.zip(check.errors).collect(),
+            ..Self::new(check.effect, check.deviations, 0.0, Vec::new())
+        }
+    }
+
     pub(super) const fn effect(&self) -> Effect {
         self.effect
     }
@@ -269,6 +280,33 @@ pub(super) fn map(data: &Data<'_>, values: &Values, floor: &Channels) -> Vec<Spo
     data.stretches.iter().map(spot).collect()
 }
 
+/// An error of a sensor that the data alone show, rule out, or do not decide.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Checked {
+    /// Name of the effect.
+    pub name: &'static str,
+    /// What came of it.
+    pub finding: Finding,
+    /// Parameters by name.
+    #[serde(serialize_with = "by_name")]
+    pub parameters: Vec<(&'static str, f64)>,
+    /// Their standard errors.
+    #[serde(serialize_with = "by_name")]
+    pub standard_errors: Vec<(&'static str, f64)>,
+}
+
+impl Checked {
+    fn of(check: &Check) -> Self {
+        let named = Named::by_check(check);
+        Self {
+            name: named.name,
+            finding: check.finding,
+            parameters: named.parameters,
+            standard_errors: named.standard_errors,
+        }
+    }
+}
+
 /// What discovery found.
 #[derive(Debug, Clone, Serialize)]
 pub struct Report {
@@ -288,6 +326,8 @@ pub struct Report {
     pub held_out: Vec<HeldOutGap>,
     /// Where the plain model disagrees.
     pub residual_map: Vec<Spot>,
+    /// What sensors say of one another.
+    pub checks: Vec<Checked>,
     /// The effects as in `model.toml`.
     pub model: Vec<(&'static str, Vec<(&'static str, f64)>)>,
 }
@@ -301,6 +341,7 @@ pub(super) struct Parts {
     pub(super) held_out: Vec<HeldOutGap>,
     pub(super) map: Vec<Spot>,
     pub(super) values: Values,
+    pub(super) checks: Vec<Check>,
 }
 
 impl Report {
@@ -326,6 +367,7 @@ impl Report {
             gap: parts.gap,
             held_out: parts.held_out,
             residual_map: parts.map,
+            checks: parts.checks.iter().map(Checked::of).collect(),
             model: model.collect(),
         }
     }

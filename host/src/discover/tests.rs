@@ -74,6 +74,46 @@ fn without_noise_the_model_flies_as_recorded_and_effects_are_felt() {
 }
 
 #[test]
+fn errors_of_sensors_show_in_the_data_alone_and_only_they() {
+    let flown = |hidden: &[Hidden]| {
+        let (dynamics, inputs) = model();
+        let settings = hide::Settings {
+            seed: 5,
+            duration: 30.0,
+            noise: 1.0,
+        };
+        let flight = fly(&dynamics, &inputs, hidden, &settings);
+        check::checks(&Track::new(&flight.frames, dynamics, inputs).unwrap())
+    };
+    let errors = [
+        (Effect::GyroBias, [0.03, -0.02, 0.04]),
+        (Effect::RateLag, [0.06, 0.0, 0.0]),
+        // Belly to earth this is nearly a bias about the dorsal axis.
+        (Effect::HeadingDrift, [0.02, 0.0, 0.0]),
+        (Effect::GnssLatency, [-0.12, 0.0, 0.0]),
+    ];
+    for (hidden, truth) in errors {
+        let checks = flown(&[
+            Hidden::Effect(hidden, truth),
+            Hidden::Effect(Effect::Drag, [0.7, 1.5, 1.2]),
+        ]);
+        assert_eq!(checks.len(), errors.len());
+        for check in checks {
+            let found = check.finding == Finding::Found;
+            assert_eq!(found, check.effect == hidden, "{hidden:?}: {check:?}");
+            if found {
+                for ((value, error), truth) in check.values.iter().zip(check.errors).zip(truth) {
+                    assert!((value - truth).abs() <= 4.0 * error, "{check:?}, {truth}");
+                }
+            }
+        }
+    }
+    for check in flown(&[Hidden::Effect(Effect::Mounting, [0.2, -0.1, 0.1])]) {
+        assert_ne!(check.finding, Finding::Found, "{check:?}");
+    }
+}
+
+#[test]
 fn every_parameter_has_a_column_and_every_stretch_its_numbers() {
     let track = track(&[], 1.0);
     let model = Model::new(track.dynamics, track.start_height());
