@@ -275,10 +275,14 @@ fn main() {
         damping: subject.damping(),
         ..Inputs::belly_turn()
     };
-    let rows: Vec<Value> = cases(seeds, &only)
-        .iter()
-        .map(|case| run(case, &dynamics, &inputs))
-        .collect();
+    let mut rows: Vec<Value> = Vec::new();
+    for case in cases(seeds, &only) {
+        rows.push(run(&case, &dynamics, &inputs));
+        // A run that is cut short keeps its rows; `--table` makes the table of them.
+        if only.is_empty() {
+            keep(&rows);
+        }
+    }
     let table = table(&rows);
     println!("{table}");
     if only.is_empty() {
@@ -290,14 +294,18 @@ fn docs() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../docs")
 }
 
-fn write(rows: &[Value], table: &str) {
-    let docs = docs();
+fn keep(rows: &[Value]) {
     let lines: Vec<String> = rows.iter().map(Value::to_string).collect();
     std::fs::write(
-        docs.join("discovery.json"),
+        docs().join("discovery.json"),
         format!("[\n{}\n]\n", lines.join(",\n")),
     )
     .expect("docs are writable");
+}
+
+fn write(rows: &[Value], table: &str) {
+    keep(rows);
+    let docs = docs();
     let page = docs.join("discovery.md");
     let text = std::fs::read_to_string(&page).expect("the page is there");
     let (before, rest) = text

@@ -102,7 +102,13 @@ impl<T: Real> Dynamics<T> {
         let posed = pose(&self.body, posture);
         let mass = MassProperties::of(&self.body, &posed);
         let motion = MassMotion::of(&self.body, &posed, rate);
-        let exposed = expose(&self.body, &posed, &self.aerodynamics);
+        let lag = self.stream.lag;
+        let exposed = if lag == T::zero() {
+            expose(&self.body, &posed, &self.aerodynamics)
+        } else {
+            let earlier = pose(&self.body, &rate.posture_before(posture, lag));
+            expose(&self.body, &earlier, &self.aerodynamics)
+        };
         let inertia = mass.inertia_about_cg();
         PostureSample {
             mass,

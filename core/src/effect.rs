@@ -16,6 +16,7 @@ mod damping;
 mod density;
 mod drag;
 mod exit_speed;
+mod force_lag;
 mod gnss_latency;
 mod gyro_bias;
 mod heading_drift;
@@ -197,6 +198,8 @@ effects! {
     Shelter = shelter,
     /// Local flow from rotation.
     LocalFlow = rotation,
+    /// Loads late after the posture.
+    ForceLag = force_lag,
     /// Constant muscle input.
     Muscle = muscle,
     /// Damping changed, or negative.

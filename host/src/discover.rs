@@ -166,7 +166,7 @@ pub fn discover(
     report::settle(&mut named, &chosen, &null);
     let by_check = checks.iter().filter(|c| c.finding == Finding::Found);
     named.splice(0..0, by_check.map(Named::by_check));
-    let thin = pairs.len() < LEAST_STRETCHES;
+    let thin = pairs.len() < LEAST_STRETCHES || track.is_still();
     let agrees = disagreement < DISAGREES;
     let outcome = match (thin, named.is_empty()) {
         (true, _) => Outcome::Thin,

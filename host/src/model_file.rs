@@ -10,6 +10,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use bodyflight_core::aerodynamics::stream::Stream;
 use bodyflight_core::dynamics::Dynamics;
 use bodyflight_core::effect::sensors::Sensors;
 use bodyflight_core::effect::{Effect, Model, PARAMETER_COUNT};
@@ -89,7 +90,7 @@ impl Effects {
         if model.sensors != Sensors::perfect() {
             return Err(refused("the sensors"));
         }
-        if !model.dynamics.stream.is_uniform() || model.dynamics.air.profile != 0.0 {
+        if model.dynamics.stream != Stream::uniform() || model.dynamics.air.profile != 0.0 {
             return Err(refused("the stream at single segments"));
         }
         Ok(model.dynamics)
@@ -142,7 +143,7 @@ mod tests {
     #[test]
     fn effects_change_the_model() {
         let effects = parse(
-            "[[effect]]\nname = \"wind\"\nnorth_mps = 3\n[[effect]]\nname = \"damping\"\nyaw_factor = -0.25",
+            "[[effect]]\nname = \"wind\"\nnorth_mps = 3\n[[effect]]\nname = \"damping\"\nyaw_factor = -0.05",
         )
         .unwrap();
         let plain = Dynamics::paper(Subject::default().body(), 1.0);
@@ -150,7 +151,7 @@ mod tests {
         let wind = model.dynamics.air.velocity.components;
         assert_eq!(wind, Vector3::new(3.0, 0.0, 0.0));
         let factor = model.damping_factor;
-        assert_eq!(factor, Vector3::new(1.0, -0.25, 1.0));
+        assert_eq!(factor, Vector3::new(1.0, -0.05, 1.0));
         assert_eq!(model.dynamics.body, plain.body);
     }
 

@@ -24,6 +24,8 @@ pub struct Stream<T> {
     pub reynolds: T,
     /// Share of its load that a segment right behind the trunk loses.
     pub shelter: T,
+    /// Time by which loads follow the joints (s).
+    pub lag: T,
 }
 
 impl<T: Real> Stream<T> {
@@ -33,10 +35,11 @@ impl<T: Real> Stream<T> {
             rotation: T::zero(),
             reynolds: T::zero(),
             shelter: T::zero(),
+            lag: T::zero(),
         }
     }
 
-    /// Whether all segments feel the stream of the body.
+    /// Whether all segments feel the stream of the body; they may do so late.
     #[inline]
     pub fn is_uniform(&self) -> bool {
         let zero = T::zero();
@@ -50,6 +53,7 @@ impl<T: Real> Stream<T> {
             rotation: scalar(self.rotation),
             reynolds: scalar(self.reynolds),
             shelter: scalar(self.shelter),
+            lag: scalar(self.lag),
         }
     }
 

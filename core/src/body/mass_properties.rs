@@ -5,7 +5,7 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use super::posture::{PosedSegment, Posture, near};
 use super::{Body, Segment, SegmentArray};
-use crate::math::{Real, outer, point_inertia, skew};
+use crate::math::{Real, outer, point_inertia, skew, small_rotation};
 
 /// Mass properties of a posed body, body axes, origin at the pelvic joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -70,6 +70,16 @@ impl<T: Real> PostureRate<T> {
             let series = T::one() + square * (T::of(1.0 / 6.0) + square * T::of(3.0 / 40.0));
             half_turn * (series * scale)
         }))
+    }
+
+    /// The posture a short time (s) before `posture`, had its joints moved at these rates.
+    pub fn posture_before(&self, posture: &Posture<T>, time: T) -> Posture<T> {
+        let mut before = *posture;
+        for (segment, rate) in self.0.iter() {
+            let back: UnitQuaternion<T> = small_rotation(&(rate * -time));
+            before.set(segment, back * posture.parent_from_segment(segment));
+        }
+        before
     }
 }
 

@@ -4,7 +4,9 @@ extern crate std;
 
 use super::*;
 use crate::Posture;
+use crate::aerodynamics::Flow;
 use crate::body::mass_properties::PostureRate;
+use crate::body::pattern;
 use crate::dynamics::Motion;
 use crate::dynamics::free_run::{Equations, FreeRun};
 use crate::effect::sensors::Moving;
@@ -70,8 +72,8 @@ fn neutral_values_keep_every_bit() {
 fn every_parameter_moves_the_flight() {
     for &effect in Effect::ALL {
         for (index, parameter) in effect.description().parameters.iter().enumerate() {
-            // Who flies the model reads the postures later; here they do not move.
-            if effect == Effect::PostureDelay {
+            // These need joints that move; here they do not.
+            if [Effect::PostureDelay, Effect::ForceLag].contains(&effect) {
                 continue;
             }
             let mut values = effect.neutral();
@@ -127,6 +129,33 @@ fn flies<T: Real>(effect: Effect, values: &[f64; PARAMETER_COUNT]) -> bool {
     numbers
         .chain(&seen.angular_velocity.components)
         .all(|value| *value < T::of(1e3) && *value > T::of(-1e3))
+}
+
+#[test]
+fn a_force_lag_is_felt_while_joints_move_and_by_the_air_alone() {
+    let dynamics = plain().dynamics;
+    let mut model = plain();
+    Effect::ForceLag
+        .apply(&[0.1, 0.0, 0.0], &mut model)
+        .unwrap();
+    let (from, to) = (
+        pattern::neutral(),
+        pattern::arched(&pattern::neutral(), 0.05),
+    );
+    let held = |dynamics: &Dynamics<f64>| dynamics.between(&from, &from, 0.1);
+    assert_eq!(held(&model.dynamics), held(&dynamics));
+    let (late, plain) = (
+        model.dynamics.between(&from, &to, 0.1),
+        dynamics.between(&from, &to, 0.1),
+    );
+    assert_eq!((late.mass, late.inertia), (plain.mass, plain.inertia));
+    // A tenth of a second before the middle is half an interval before its beginning.
+    let before = pattern::arched(&pattern::neutral(), -0.025);
+    let expected = dynamics.hold(&before).aerodynamics;
+    let flow = Flow::new(&Vector3::new(1.0, -50.0, 3.0), 1.0);
+    let [seen, expected, other] =
+        [late.aerodynamics, expected, plain.aerodynamics].map(|a| a.total_load(&flow).force);
+    assert!((seen - expected).norm() < 0.01 * (other - expected).norm());
 }
 
 proptest::proptest! {

@@ -198,6 +198,28 @@ fn the_same_seed_gives_the_same_answer() {
     assert_eq!(answer(), answer());
 }
 
+/// Belly to earth in one posture for long: a constant force can be anything.
+#[test]
+fn a_flight_in_which_nothing_moves_gets_no_name() {
+    let (dynamics, inputs) = model();
+    let settings = hide::Settings {
+        duration: 15.0,
+        noise: 0.0,
+        ..hide::Settings::default()
+    };
+    let flown = fly(&dynamics, &inputs, &[], &settings);
+    let moving = Track::new(&flown.frames, dynamics, inputs).unwrap();
+    assert!(!moving.is_still());
+    let mut still = moving;
+    let (posture, motion) = (still.postures[0], still.measured[0]);
+    still.postures.fill(posture);
+    still.measured.fill(motion);
+    assert!(still.is_still());
+    let report = discover(&still, &[], &Settings::default(), |_| {}).unwrap();
+    assert_eq!(report.verdict, Outcome::Thin);
+    assert!(report.effects.is_empty() && report.model.is_empty());
+}
+
 #[test]
 fn a_flight_of_a_moment_is_refused() {
     let (dynamics, inputs) = model();

@@ -1,12 +1,17 @@
 //! A flight in memory, as discovery wants it.
 
-use bodyflight_core::Posture;
 use bodyflight_core::dynamics::{Dynamics, Inputs, Motion};
+use bodyflight_core::{Posture, Segment};
+use nalgebra::Vector3;
 
 use crate::diagnostic::{Problem, Result};
 use crate::flight::Flight;
 use crate::recording::{FlightFrame, Options, Recording};
 use crate::simulate::measured_motion;
+
+/// Root mean square of joint angles and of the stream's direction below which nothing moves (rad): what jitter of suit and
+/// sensors makes.
+const STILL: f64 = 0.04;
 
 /// A recorded flight with the model that is meant to fly it.
 #[derive(Debug, Clone)]
@@ -64,6 +69,35 @@ impl Track {
     pub fn duration(&self) -> f64 {
         let ends = self.times.first().zip(self.times.last());
         ends.map_or(0.0, |(first, last)| last - first)
+    }
+
+    /// Whether one posture is held in one attitude to the stream: then many effects are one constant force and moment, and
+    /// cannot be told apart however long the flight is.
+    pub fn is_still(&self) -> bool {
+        let (Some(first), count) = (self.postures.first(), self.postures.len().max(1) as f64)
+        else {
+            return true;
+        };
+        let moved = |posture: &Posture<f64>| {
+            let joints = Segment::ALL.iter().skip(1).map(|&segment| {
+                let from = first.parent_from_segment(segment);
+                from.angle_to(posture.parent_from_segment(segment)).powi(2)
+            });
+            joints.sum::<f64>() / (Segment::ALL.len() - 1) as f64
+        };
+        let joints = self.postures.iter().map(moved).sum::<f64>() / count;
+        let stream = |motion: &Motion<f64>| {
+            let through_air = motion.velocity.components;
+            through_air / through_air.norm().max(1.0)
+        };
+        let mean = self
+            .measured
+            .iter()
+            .fold(Vector3::zeros(), |sum, motion| sum + stream(motion))
+            / count;
+        let aside = |motion: &Motion<f64>| (stream(motion) - mean).norm_squared();
+        let attitude = self.measured.iter().map(aside).sum::<f64>() / count;
+        joints.sqrt() < STILL && attitude.sqrt() < STILL
     }
 
     /// Height of the first frame (m, inertial).
