@@ -97,18 +97,28 @@ impl<T: Real> Dynamics<T> {
         self.sample(&middle, &PostureRate::between(from, to, duration))
     }
 
+    /// The loads of [`Stream::lag`] before on the body of now. Apart, so that who flies without does not pay for it.
+    #[cold]
+    #[inline(never)]
+    fn late_sample(&self, posture: &Posture<T>, rate: &PostureRate<T>) -> PostureSample<T> {
+        let mut prompt = *self;
+        prompt.stream.lag = T::zero();
+        let before = rate.posture_before(posture, self.stream.lag);
+        PostureSample {
+            aerodynamics: prompt.sample(&before, rate).aerodynamics,
+            ..prompt.sample(posture, rate)
+        }
+    }
+
     /// A posture with its joint rates.
     pub fn sample(&self, posture: &Posture<T>, rate: &PostureRate<T>) -> PostureSample<T> {
+        if self.stream.lag != T::zero() {
+            return self.late_sample(posture, rate);
+        }
         let posed = pose(&self.body, posture);
         let mass = MassProperties::of(&self.body, &posed);
         let motion = MassMotion::of(&self.body, &posed, rate);
-        let lag = self.stream.lag;
-        let exposed = if lag == T::zero() {
-            expose(&self.body, &posed, &self.aerodynamics)
-        } else {
-            let earlier = pose(&self.body, &rate.posture_before(posture, lag));
-            expose(&self.body, &earlier, &self.aerodynamics)
-        };
+        let exposed = expose(&self.body, &posed, &self.aerodynamics);
         let inertia = mass.inertia_about_cg();
         PostureSample {
             mass,

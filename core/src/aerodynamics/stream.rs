@@ -60,6 +60,8 @@ impl<T: Real> Stream<T> {
     /// Force and moment of all segments, each in its own stream.
     ///
     /// `velocity` through the air (m/s) and `spin` (rad/s) in body axes, `density` in kg/m3.
+    #[cold]
+    #[inline(never)]
     pub fn total_load(
         &self,
         segments: &SegmentArray<ExposedSegment<T>>,
