@@ -62,6 +62,13 @@ pub struct Parameter {
     pub high: f64,
 }
 
+impl Parameter {
+    /// Whether it can only be larger than where it does nothing.
+    pub fn is_one_sided(&self) -> bool {
+        self.low >= self.neutral
+    }
+}
+
 /// Where an effect acts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {

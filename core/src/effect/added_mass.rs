@@ -7,7 +7,7 @@ pub(super) const EFFECT: Description = Description {
     name: "added-mass",
     kind: Kind::Physics,
     form: "inertia without weight, as a share of that of the body",
-    parameters: &[parameter("share", 0.0, -0.3, 0.5)],
+    parameters: &[parameter("share", 0.0, 0.0, 0.5)],
     source: "potential flow: the mass of the air displaced, some 0.1 kg, more in separated flow",
     signature: "slow response to every force, the same terminal speed",
     confused_with: &["mass", "damping"],

@@ -9,7 +9,7 @@ pub(super) const EFFECT: Description = Description {
     name: "weight-belt",
     kind: Kind::Physics,
     form: "a mass where the equipment tables put a belt",
-    parameters: &[parameter("mass_kg", 0.0, -6.0, 12.0)],
+    parameters: &[parameter("mass_kg", 0.0, 0.0, 12.0)],
     source: "relative work: belts of 2 to 10 kg",
     signature: "faster fall in every posture, hips low",
     confused_with: &["mass", "cg-offset"],

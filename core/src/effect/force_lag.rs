@@ -7,7 +7,7 @@ pub(super) const EFFECT: Description = Description {
     name: "force-lag",
     kind: Kind::Physics,
     form: "time by which the loads of the air follow the joints, to first order",
-    parameters: &[parameter("lag_s", 0.0, -0.05, 0.15)],
+    parameters: &[parameter("lag_s", 0.0, 0.0, 0.15)],
     source: "unsteady aerodynamics: a wake settles over some widths of the body, 0.5 m at 50 m/s each",
     signature: "loads late after quick movements, while what limbs do by their momentum comes at once",
     confused_with: &["posture-delay"],

@@ -7,7 +7,7 @@ pub(super) const EFFECT: Description = Description {
     name: "gnss-latency",
     kind: Kind::Measurement,
     form: "time by which the velocity is measured too late",
-    parameters: &[parameter("latency_s", 0.0, -0.3, 0.3)],
+    parameters: &[parameter("latency_s", 0.0, 0.0, 0.3)],
     source: "GNSS receivers: 0.1 to 0.4 s",
     signature: "velocity follows attitude and posture too late, while attitude does not",
     confused_with: &["posture-delay"],

@@ -7,7 +7,7 @@ pub(super) const EFFECT: Description = Description {
     name: "rate-lag",
     kind: Kind::Measurement,
     form: "delay of the filter of the angular velocity",
-    parameters: &[parameter("lag_s", 0.0, -0.2, 0.2)],
+    parameters: &[parameter("lag_s", 0.0, 0.0, 0.2)],
     source: "filters of IMUs at 5 to 50 Hz",
     signature: "angular velocity behind the attitude",
     confused_with: &["posture-delay", "gyro-bias"],

@@ -7,7 +7,7 @@ pub(super) const EFFECT: Description = Description {
     name: "reynolds",
     kind: Kind::Physics,
     form: "exponent by which the drag coefficient falls with the speed, one at 50 m/s",
-    parameters: &[parameter("exponent", 0.0, -1.0, 1.5)],
+    parameters: &[parameter("exponent", 0.0, 0.0, 1.5)],
     source: "cylinders at Reynolds numbers of 1e5 to 5e5",
     signature: "drag that differs between slow and fast, by the same share in all postures",
     confused_with: &["density-gradient", "drag"],

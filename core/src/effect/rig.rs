@@ -9,7 +9,7 @@ pub(super) const EFFECT: Description = Description {
     name: "rig",
     kind: Kind::Physics,
     form: "a mass where the equipment tables put the rig",
-    parameters: &[parameter("mass_kg", 0.0, -6.0, 15.0)],
+    parameters: &[parameter("mass_kg", 0.0, 0.0, 15.0)],
     source: "sport rigs weigh 6 to 12 kg and lie 0.15 m behind the spine",
     signature: "pitching moment with the weight and the drag on the back, faster fall",
     confused_with: &["cg-offset", "mass"],

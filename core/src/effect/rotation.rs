@@ -7,7 +7,7 @@ pub(super) const EFFECT: Description = Description {
     name: "local-flow",
     kind: Kind::Physics,
     form: "share of the velocity spin x r that segments feel",
-    parameters: &[parameter("share", 0.0, -0.5, 2.0)],
+    parameters: &[parameter("share", 0.0, 0.0, 2.0)],
     source: "rigid-body kinematics; the paper lumps it into the damping",
     signature: "moment against every rotation, which grows with the speed and with limbs spread",
     confused_with: &["damping"],

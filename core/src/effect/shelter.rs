@@ -7,7 +7,7 @@ pub(super) const EFFECT: Description = Description {
     name: "shelter",
     kind: Kind::Physics,
     form: "share of the load that a segment right behind the trunk loses",
-    parameters: &[parameter("share", 0.0, -0.5, 1.0)],
+    parameters: &[parameter("share", 0.0, 0.0, 1.0)],
     source: "bluff bodies in tandem: the second feels a half to a fifth",
     signature: "less load on limbs behind the trunk: head-down and standing falls are faster",
     confused_with: &["drag"],

@@ -50,7 +50,7 @@ fn descriptions_are_complete_and_name_each_other() {
         assert_eq!(Effect::from_name(description.name), Some(effect));
         assert!((1..=PARAMETER_COUNT).contains(&description.parameters.len()));
         for parameter in description.parameters {
-            assert!(parameter.low < parameter.neutral && parameter.neutral < parameter.high);
+            assert!(parameter.low <= parameter.neutral && parameter.neutral < parameter.high);
         }
         for name in description.confused_with {
             let rival = Effect::from_name(name);
