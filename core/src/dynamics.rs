@@ -3,12 +3,14 @@
 //! [`Dynamics`] is everything that stays the same during a flight; a [`PostureSample`] is everything that
 //! depends on the posture alone, made once for each interval between two recorded postures; a [`State`] is
 //! the rest. [`step`] holds the integrator, [`equations_of_motion`] the rates in the exact and in the
-//! published form, [`muscle_input`] the skydiver's conscious inputs, [`trim`] the steady fall.
+//! published form, [`muscle_input`] the skydiver's conscious inputs, [`trim`] the steady fall, [`point_mass`] a fall
+//! of which the posture is not known.
 
 pub mod equations_of_motion;
 pub mod free_run;
 pub mod interval;
 pub mod muscle_input;
+pub mod point_mass;
 pub mod step;
 pub mod trim;
 

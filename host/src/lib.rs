@@ -6,6 +6,7 @@ pub mod discover;
 pub mod estimate;
 pub mod figures;
 pub mod flight;
+pub mod flysight;
 pub mod hide;
 pub mod input_history;
 pub mod inspect;

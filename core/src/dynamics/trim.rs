@@ -86,6 +86,11 @@ pub fn trim<T: Real>(
     })
 }
 
+/// Area times drag coefficient of a posture that falls belly to earth (m2).
+pub(super) fn belly_drag_area<T: Real>(dynamics: &Dynamics<T>, posture: &Posture<T>) -> T {
+    Balance::of(dynamics, posture, T::of(core::f64::consts::FRAC_PI_2)).support
+}
+
 /// Balance of a vertical fall, all per dynamic pressure.
 struct Balance<T: Real> {
     /// Force upwards (m2).

@@ -1,0 +1,88 @@
+//! A body without posture: what a single receiver of satellites sees of a fall.
+//!
+//! Drag acts against the velocity through the air, on the area of a posture that is held belly to earth. Lift and moments,
+//! which need attitude and posture, are left out.
+
+use nalgebra::Vector3;
+
+use super::Dynamics;
+use super::trim::belly_drag_area;
+use crate::Posture;
+use crate::air::Air;
+use crate::frame::{Inertial, Vector};
+use crate::math::Real;
+
+/// A falling body without posture.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PointMass<T: Real> {
+    /// Density and motion of the air.
+    pub air: Air<T>,
+    /// Area times drag coefficient (m2).
+    pub drag_area: T,
+    /// Mass that is accelerated (kg).
+    pub mass: T,
+    /// Acceleration of gravity, downwards (m/s2).
+    pub gravity: T,
+}
+
+impl<T: Real> PointMass<T> {
+    /// The body of `dynamics` in a posture held belly to earth.
+    pub fn of(dynamics: &Dynamics<T>, posture: &Posture<T>) -> Self {
+        Self {
+            air: dynamics.air,
+            drag_area: belly_drag_area(dynamics, posture),
+            mass: dynamics.body.mass(),
+            gravity: dynamics.gravity,
+        }
+    }
+
+    /// Acceleration (m/s2) at a position (m) and velocity (m/s) over ground.
+    pub fn acceleration(
+        &self,
+        position: &Vector<T, Inertial>,
+        velocity: &Vector<T, Inertial>,
+    ) -> Vector<T, Inertial> {
+        let through_air = velocity.components - self.air.velocity_at(position).components;
+        let density = self.air.density.at(position.components.z);
+        let drag = density * T::of(0.5) * self.drag_area * through_air.norm() / self.mass;
+        let weight = Vector3::new(T::zero(), T::zero(), -self.gravity);
+        Vector::from_components(weight - through_air * drag)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use super::*;
+    use crate::body::pattern;
+    use crate::dynamics::trim::trim;
+    use crate::test_body::reference_body;
+
+    #[test]
+    fn at_the_speed_of_a_trimmed_fall_nothing_accelerates() {
+        let dynamics = Dynamics::paper(reference_body(), 1.0);
+        let posture = pattern::neutral();
+        let point = PointMass::of(&dynamics, &posture);
+        let terminal = (point.mass * point.gravity * 2.0 / point.drag_area).sqrt();
+        let down = Vector::new(0.0, 0.0, -terminal);
+        let rest = point.acceleration(&Vector::zero(), &down).components;
+        assert!(rest.norm() < 1e-12);
+        // The trim is a little off belly to earth.
+        let trim = trim(&dynamics, &posture, 0.0).unwrap();
+        assert!((terminal / trim.terminal_speed - 1.0).abs() < 0.05);
+    }
+
+    #[test]
+    fn wind_carries_the_body_along() {
+        let mut dynamics = Dynamics::paper(reference_body(), 1.0);
+        dynamics.air.velocity = Vector::new(5.0, -3.0, 0.0);
+        let point = PointMass::of(&dynamics, &pattern::neutral());
+        let with_it = Vector::new(5.0, -3.0, -50.0);
+        let pull = point.acceleration(&Vector::zero(), &with_it).components;
+        assert!(pull.xy().norm() < 1e-12);
+        let still = Vector::new(0.0, 0.0, -50.0);
+        let pull = point.acceleration(&Vector::zero(), &still).components;
+        assert!(pull.x > 0.1 && pull.y < -0.05);
+    }
+}

@@ -1,0 +1,130 @@
+//! The tables in files of FlySight receivers.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use super::Skipped;
+use crate::diagnostic::{Problem, Result};
+
+/// Rows of all sensors in a file.
+#[derive(Debug)]
+pub(super) struct Tables {
+    /// Names of the columns of each sensor.
+    columns: BTreeMap<String, Vec<String>>,
+    /// Line, sensor and fields.
+    rows: Vec<(u64, String, Vec<String>)>,
+    /// Whether the file is of a FlySight 2.
+    pub(super) is_second_generation: bool,
+    pub(super) skipped: Skipped,
+}
+
+/// A row with the names of its fields.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Row<'a> {
+    pub(super) line: u64,
+    columns: &'a [String],
+    fields: &'a [String],
+}
+
+impl Tables {
+    pub(super) fn read(path: &Path) -> Result<Self> {
+        let bytes = std::fs::read(path).map_err(|error| Problem::system("read", path, &error))?;
+        Ok(Self::parse(&bytes))
+    }
+
+    /// Bytes that are not text are no reason to lose the rest of a track.
+    pub(super) fn parse(bytes: &[u8]) -> Self {
+        let mut tables = Self {
+            columns: BTreeMap::new(),
+            rows: Vec::new(),
+            is_second_generation: bytes.starts_with(b"$FLYS"),
+            skipped: Skipped::default(),
+        };
+        let mut reader = csv::ReaderBuilder::new()
+            .has_headers(false)
+            .flexible(true)
+            .quoting(false)
+            .from_reader(bytes);
+        let mut record = csv::ByteRecord::new();
+        loop {
+            match reader.read_byte_record(&mut record) {
+                Ok(true) => tables.add(&record),
+                Ok(false) => break,
+                Err(error) => {
+                    let line = error.position().map_or(0, csv::Position::line);
+                    tables.skipped.add(line, &error.to_string());
+                }
+            }
+        }
+        tables
+    }
+
+    fn add(&mut self, record: &csv::ByteRecord) {
+        let line = record.position().map_or(0, csv::Position::line);
+        let fields: Vec<String> = record
+            .iter()
+            .map(|field| String::from_utf8_lossy(field).trim().to_owned())
+            .collect();
+        let Some(first) = fields.first() else {
+            return;
+        };
+        match first.as_str() {
+            "$FLYS" | "$VAR" | "$UNIT" | "$DATA" => {}
+            "$COL" => {
+                if let Some((sensor, names)) = fields[1..].split_first() {
+                    self.columns.insert(sensor.clone(), names.to_vec());
+                }
+            }
+            sensor if sensor.starts_with('$') => {
+                let sensor = sensor[1..].to_owned();
+                self.rows.push((line, sensor, fields[1..].to_vec()));
+            }
+            // FlySight 1: a line of names, one of units, then rows.
+            "time" if !self.is_second_generation => {
+                self.columns.insert("GNSS".to_owned(), fields);
+            }
+            "" if self.rows.is_empty() => {}
+            _ => self.rows.push((line, "GNSS".to_owned(), fields)),
+        }
+    }
+
+    /// Rows of one sensor.
+    pub(super) fn rows<'a>(&'a self, sensor: &'a str) -> impl Iterator<Item = Row<'a>> {
+        let columns = self.columns.get(sensor).map_or(&[][..], Vec::as_slice);
+        let own = self.rows.iter().filter(move |(_, s, _)| s == sensor);
+        own.map(move |(line, _, fields)| Row {
+            line: *line,
+            columns,
+            fields,
+        })
+    }
+}
+
+impl<'a> Row<'a> {
+    /// A field by its name.
+    pub(super) fn text(&self, name: &str) -> core::result::Result<&'a str, String> {
+        let place = self.columns.iter().position(|column| column == name);
+        let place = place.ok_or_else(|| format!("no column \"{name}\""))?;
+        let field = self.fields.get(place).map(String::as_str);
+        field.ok_or_else(|| format!("the row ends before \"{name}\""))
+    }
+
+    /// A number by its name.
+    pub(super) fn number(&self, name: &str) -> core::result::Result<f64, String> {
+        let text = self.text(name)?;
+        let number: Option<f64> = text.parse().ok();
+        number
+            .filter(|number| number.is_finite())
+            .ok_or_else(|| format!("{name}: expected a number, found \"{text}\""))
+    }
+
+    /// A number by its name, not further from zero than `most`.
+    pub(super) fn within(&self, name: &str, most: f64) -> core::result::Result<f64, String> {
+        let number = self.number(name)?;
+        if number.abs() <= most {
+            Ok(number)
+        } else {
+            Err(format!("{name}: expected at most {most}, found {number}"))
+        }
+    }
+}
