@@ -11,10 +11,18 @@ mod choice;
 pub mod design;
 pub mod figure;
 pub mod fit;
+pub mod flown;
+pub mod gap;
 mod held_out;
+pub mod linear;
+pub mod momentum;
 mod null;
+pub mod point;
+pub mod regime;
 pub mod report;
+pub mod stability;
 pub mod stretch;
+pub mod tolerance;
 pub mod track;
 
 use bodyflight_core::effect::{Effect, Model};
@@ -22,12 +30,16 @@ use bodyflight_core::effect::{Effect, Model};
 use crate::diagnostic::{Problem, Result};
 use check::{Check, Finding};
 use choice::{next, pruned};
-use design::{blocks, places};
-use fit::{Data, Fit, Values, with};
+use design::{Around, places};
+use fit::{Data, Values, with};
+use gap::Gap;
 use held_out::HeldOut;
-use null::draw;
-use report::{Gap, Named, Outcome};
+use momentum::balance;
+use null::Null;
+use report::{Named, Outcome};
+use stability::{Parts, Whiteness};
 use stretch::stretches;
+use tolerance::Wrong;
 use track::Track;
 
 /// How to look.
@@ -50,6 +62,9 @@ impl Default for Settings {
 
 /// Deviations of the misfit beyond that of drawn flights, from which on the flight disagrees with the model.
 const DISAGREES: f64 = 5.0;
+
+/// Problems that are set up around one fit, at most.
+const PROBLEMS: usize = 3;
 
 /// Share of what there is to explain that the effects named must explain together.
 const EXPLAINS: f64 = 0.6;
@@ -85,33 +100,23 @@ pub fn discover(
     // Errors of the sensors are in the model from here on, and no physics is taken for them.
     let model = with(&bare, &faults);
     progress("what each effect would change");
-    let mut pairs = blocks(track, &model, stretches, &Vec::new(), &places());
+    let start = (&Vec::new(), &Wrong::nothing());
+    let mut around = Around::new(track, &model, stretches, start, &places());
     progress("flights in which nothing is missing");
-    let null = draw(track, &pairs, &model, settings.seed);
+    let mut null = Null::draw(track, &around, &model, &Vec::new(), settings.seed);
     let others: Vec<HeldOut<'_>> = held_out
         .iter()
         .map(|track| HeldOut::new(track, &faults))
         .collect();
-    let all = |_: usize| true;
-    let data = Data {
-        track,
-        model: &model,
-        stretches: &pairs,
-    };
-    let after_checks = data.misfit(&Vec::new(), all);
+    let nothing = Vec::new();
+    let here = Data::new(track, &model, &around);
+    let (mut chosen, there) = here.settled_refined(&nothing, PROBLEMS);
+    let left_before = Parts::of(&here.with(&there), &chosen);
     let plain = if faults.is_empty() {
-        after_checks
+        chosen.misfit
     } else {
-        let bare = Data {
-            model: &bare,
-            ..data
-        };
-        let around = bare.moved_to(&Vec::new());
-        Data {
-            stretches: &around,
-            ..bare
-        }
-        .misfit(&Vec::new(), all)
+        let bare = Data::new(track, &bare, &around);
+        bare.settled_refined(&nothing, PROBLEMS).0.misfit
     };
     let [expected, deviation] = null.misfit;
     let disagreement = (plain - expected) / deviation;
@@ -122,42 +127,30 @@ pub fn discover(
         .filter(decided)
         .map(|check| check.effect)
         .collect();
-    let mut chosen = Fit {
-        values: Vec::new(),
-        errors: Vec::new(),
-        misfit: after_checks,
-    };
     let mut named: Vec<Named> = Vec::new();
     while named.len() + faults.len() < settings.max_effects {
         progress("which effect explains most");
+        let [expected, deviation] = null.misfit;
         let found_something = !named.is_empty() || !faults.is_empty();
         if found_something && chosen.misfit < expected + DISAGREES * deviation {
             break;
         }
-        let data = Data {
-            track,
-            model: &model,
-            stretches: &pairs,
-        };
-        let Some(choice) = next(&data, &others, &null, &chosen, &out_of_question) else {
+        let here = Data::new(track, &model, &around);
+        let Some(choice) = next(&here, &others, &null, &chosen, &out_of_question) else {
             break;
         };
         named.push(choice.named);
-        // What joints and subject may have wrong acts differently in the model that was found.
-        pairs = choice.pairs;
-        let data = Data {
-            track,
-            model: &model,
-            stretches: &pairs,
-        };
-        chosen = pruned(&data, &null, choice.fit, &mut named);
+        around = here.moved_to(&choice.fit.values, &choice.fit.wrong, &places());
+        chosen = pruned(
+            &Data::new(track, &model, &around),
+            &null,
+            choice.fit,
+            &mut named,
+        );
+        progress("flights in which nothing more is missing");
+        null = Null::draw(track, &around, &model, &chosen.values, settings.seed);
     }
-    let data = Data {
-        track,
-        model: &model,
-        stretches: &pairs,
-    };
-    let to_explain = plain - expected;
+    let to_explain = plain - null.misfit[0];
     let explained = if to_explain > 0.0 {
         (plain - chosen.misfit) / to_explain
     } else {
@@ -166,7 +159,7 @@ pub fn discover(
     report::settle(&mut named, &chosen, &null);
     let by_check = checks.iter().filter(|c| c.finding == Finding::Found);
     named.splice(0..0, by_check.map(Named::by_check));
-    let thin = pairs.len() < LEAST_STRETCHES || track.is_still();
+    let thin = around.parts.len() < LEAST_STRETCHES || track.is_still();
     let agrees = disagreement < DISAGREES;
     let outcome = match (thin, named.is_empty()) {
         (true, _) => Outcome::Thin,
@@ -174,10 +167,8 @@ pub fn discover(
         (false, false) if agrees || explained >= EXPLAINS => Outcome::Named,
         (false, _) => Outcome::Unexplained,
     };
-    let data = Data {
-        model: &bare,
-        ..data
-    };
+    let left_after = Parts::of(&Data::new(track, &model, &around), &chosen);
+    let data = Data::new(track, &bare, &around);
     let values = match outcome {
         Outcome::Named => [faults, chosen.values].concat(),
         _ => Vec::new(),
@@ -188,6 +179,8 @@ pub fn discover(
         .iter()
         .map(|other| other.gap(&values, settings.seed))
         .collect();
+    let momentum = [&bare, &with(&bare, &values)].map(|model| balance(track, model));
+    let map = gap::map(&data, &values, &null.floor);
     Ok(report::Report::new(report::Parts {
         outcome,
         named,
@@ -195,7 +188,11 @@ pub fn discover(
         disagreement,
         gap,
         held_out,
-        map: report::map(&data, &values, &null.floor),
+        regimes: regime::regimes(track, &map),
+        signature: regime::companions(track, &momentum[1]),
+        whiteness: Whiteness::of(&left_before, &left_after),
+        momentum,
+        map,
         values,
         checks,
     }))

@@ -76,12 +76,16 @@ pub const SUBJECT_DEVIATION: f64 = 0.03;
 /// Calibration error of each joint about each axis (rad): 2 degrees in all.
 pub const JOINT_DEVIATION: f64 = 0.02;
 
-/// A strength of an effect that can be hidden: between 40 and 80 % of its plausible range, either way.
+/// A strength of an effect that can be hidden: between 40 and 80 % of its plausible range, either way where it has two.
 pub fn strength(effect: Effect, seed: u64) -> [f64; PARAMETER_COUNT] {
-    let mut random = ChaCha8Rng::seed_from_u64(seed ^ 0x5eed);
+    let of_effect = effect.description().name.bytes();
+    let mixed = of_effect.fold(seed ^ 0x5eed, |mixed, byte| {
+        mixed.wrapping_mul(131).wrapping_add(u64::from(byte))
+    });
+    let mut random = ChaCha8Rng::seed_from_u64(mixed);
     let mut values = effect.neutral();
     for (value, parameter) in values.iter_mut().zip(effect.description().parameters) {
-        let up = random.random::<bool>();
+        let up = random.random::<bool>() || parameter.is_one_sided();
         let share = 0.4 + 0.4 * random.random::<f64>();
         let end = if up { parameter.high } else { parameter.low };
         *value += share * (end - parameter.neutral);

@@ -1,14 +1,18 @@
 //! `bodyflight discover`.
 
+mod point;
+
 use std::path::{Path, PathBuf};
 
 use bodyflight::diagnostic::{Problem, Result};
 use bodyflight::discover::check::Finding;
-use bodyflight::discover::report::{CHANNEL_NAMES, Outcome, Report};
+use bodyflight::discover::report::{CHANNEL_NAMES, Named, Outcome, Report};
 use bodyflight::discover::track::Track;
 use bodyflight::discover::{Settings, discover, figure};
 use bodyflight::flight::Flight;
+use bodyflight::flysight;
 use bodyflight::output::write_file;
+use serde::Serialize;
 
 use super::simulate::Reading;
 use super::terminal;
@@ -22,7 +26,7 @@ use super::terminal;
                   --hold-out lab/flight-1/flight.toml --out found"
 )]
 pub(super) struct Args {
-    /// A flight.toml, or an MVNX file alone.
+    /// A flight.toml, an MVNX file alone, or a FlySight's CSV file, of which density, wind and drag area are judged.
     flight: PathBuf,
     /// Other flights, which effects are not fitted to but have to help in.
     #[arg(long, value_name = "FLIGHT", num_args = 1..)]
@@ -41,7 +45,20 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
-    let read = |path: &PathBuf| Track::read(&Flight::read(path)?, args.reading.options());
+    if flysight::is_flysight(&Flight::read(&args.flight)?.recording) {
+        return point::run(args, json);
+    }
+    let read = |path: &PathBuf| {
+        let flight = Flight::read(path)?;
+        if flysight::is_flysight(&flight.recording) {
+            return Err(Problem::bad_input(
+                "expected an MVNX recording, found that of a point (CSV)",
+            )
+            .in_file(&flight.recording)
+            .help("flights that are held out must be of the kind that effects are fitted to"));
+        }
+        Track::read(&flight, args.reading.options())
+    };
     let track = read(&args.flight)?;
     let held_out = args.hold_out.iter().map(read).collect::<Result<Vec<_>>>()?;
     let settings = Settings {
@@ -68,33 +85,36 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
 }
 
 fn write(report: &Report, folder: &Path, flight: &Path) -> Result<()> {
+    let title = format!("{}: what the model misses", flight.display());
+    let figure = figure::svg(&title, report)?;
+    write_all(folder, report, &figure, &report.model_toml())
+}
+
+/// Writes report.json, report.svg and model.toml.
+fn write_all(folder: &Path, report: &impl Serialize, figure: &str, model: &str) -> Result<()> {
     std::fs::create_dir_all(folder).map_err(|error| Problem::system("create", folder, &error))?;
     let text = serde_json::to_string_pretty(report)
         .map_err(|error| Problem::bad_input(format!("cannot write JSON: {error}")))?;
     write_file(&folder.join("report.json"), text.as_bytes())?;
-    let title = format!("{}: what the model misses", flight.display());
-    write_file(
-        &folder.join("report.svg"),
-        figure::svg(&title, report)?.as_bytes(),
-    )?;
-    write_file(&folder.join("model.toml"), report.model_toml().as_bytes())
+    write_file(&folder.join("report.svg"), figure.as_bytes())?;
+    write_file(&folder.join("model.toml"), model.as_bytes())
 }
 
-fn print_report(report: &Report) {
-    let verdict = match report.verdict {
+/// Verdict and names, which recordings of all kinds have.
+fn print_names(outcome: Outcome, disagreement: f64, effects: &[Named], nearest: &[Named]) {
+    let verdict = match outcome {
         Outcome::Named => "named",
         Outcome::None => "none: model and data agree to the noise",
         Outcome::Unexplained => "unexplained: a disagreement like nothing in the library",
         Outcome::Thin => "thin: not enough excitation to tell effects apart",
     };
     terminal::print(&format!(
-        "verdict: {verdict} (misfit {:+.1} deviations from that of flights in which nothing is missing)",
-        report.disagreement
+        "verdict: {verdict} (misfit {disagreement:+.1} deviations from that of flights in which nothing is missing)"
     ));
-    if !report.nearest.is_empty() {
+    if !nearest.is_empty() {
         terminal::print("came nearest, not used:");
     }
-    for named in report.effects.iter().chain(&report.nearest) {
+    for named in effects.iter().chain(nearest) {
         let parameters: Vec<String> = named
             .parameters
             .iter()
@@ -102,10 +122,11 @@ fn print_report(report: &Report) {
             .map(|((name, value), (_, error))| format!("{name} = {value:.3} +- {error:.3}"))
             .collect();
         terminal::print(&format!(
-            "  {}: {} ({:.1} deviations beyond chance)",
+            "  {}: {} ({:.1} deviations beyond chance, first in {:.0} % of resampled flights)",
             named.name,
             parameters.join(", "),
-            named.confidence
+            named.evidence.deviations,
+            100.0 * named.evidence.stability
         ));
         if !named.rivals.is_empty() {
             let rivals: Vec<&str> = named.rivals.iter().map(|rival| rival.name).collect();
@@ -115,10 +136,22 @@ fn print_report(report: &Report) {
                 named.separated_by
             ));
         }
+        if named.at_limit {
+            terminal::print("    at the end of its plausible range: it is not all that is missing");
+        }
         if named.imitated_by_inputs {
             terminal::print("    an estimator of muscle input and damping would take it for those");
         }
     }
+}
+
+fn print_report(report: &Report) {
+    print_names(
+        report.verdict,
+        report.disagreement,
+        &report.effects,
+        &report.nearest,
+    );
     for check in &report.checks {
         let what = match check.finding {
             Finding::Found => "found",
@@ -147,11 +180,11 @@ fn print_report(report: &Report) {
     terminal::print(&table.to_string());
     for (index, gap) in report.held_out.iter().enumerate() {
         terminal::print(&format!(
-            "held-out flight {}: misfit {:.0} -> {:.0}, {:.0} numbers; {:.0} % of what is above the noise closed",
+            "held-out flight {}: misfit {:.0} -> {:.0}, {:.0} where nothing is missing; {:.0} % of the gap closed",
             index + 1,
             gap.misfit_before,
             gap.misfit_after,
-            gap.numbers,
+            gap.misfit_expected,
             100.0 * gap.closed_share()
         ));
     }

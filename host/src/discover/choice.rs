@@ -2,18 +2,19 @@
 
 use bodyflight_core::effect::Effect;
 
-use super::DISAGREES;
-use super::design::Block;
+use super::design::Around;
 use super::fit::{Data, Fit, Values};
 use super::held_out::HeldOut;
 use super::null::Null;
-use super::report::{Named, Rival};
-use super::stretch::Stretch;
+use super::report::{Evidence, Named, Rival};
+use super::stability::{Parts, stability};
+use super::{DISAGREES, PROBLEMS};
 
 /// Deviations of a gain beyond what drawn flights show, from which on it is significant: where flights held out
-/// have a vote, and where they have none. What joints have wrong is the same all through one flight, so its own
-/// halves cannot vote on that.
-const SIGNIFICANT: f64 = 4.5;
+/// have a vote, alone and with them, and where they have none. What joints have wrong is the same all through one
+/// flight, so its own halves cannot vote on that.
+const SIGNIFICANT: f64 = 3.5;
+const SIGNIFICANT_TOGETHER: f64 = 5.0;
 const SIGNIFICANT_ALONE: f64 = 9.0;
 
 /// Deviations by which a flight held out must gain.
@@ -23,26 +24,31 @@ const VOTE: f64 = 2.0;
 const MATERIAL: f64 = 0.1;
 
 /// Deviations of a chi-squared number of `freedom` degrees from its mean, as of a normal one (Wilson and Hilferty).
-fn deviations(chi_squared: f64, freedom: f64) -> f64 {
+pub(super) fn deviations(chi_squared: f64, freedom: f64) -> f64 {
     let share = 2.0 / (9.0 * freedom);
     ((chi_squared / freedom).cbrt() - (1.0 - share)) / share.sqrt()
 }
 
-/// Candidates that are looked at closely.
+/// Candidates that are fitted with joints and subject, and those of them that are fitted in problems of their own and for
+/// which all flights vote.
 const SHORT_LIST: usize = 8;
+const SHORTER_LIST: usize = 4;
+
+/// Share of the best one's score that they must have for that.
+const WITHIN_REACH: f64 = 0.25;
 
 /// A candidate, fitted with what was chosen before.
 struct Candidate {
     effect: Effect,
     fit: Fit,
     /// The problem around that fit: what joints and subject have wrong acts differently there.
-    pairs: Vec<(Stretch, Block)>,
+    around: Around,
     /// What the effect gains in flights in which nothing is missing, over its parameters.
     inflation: f64,
     /// Gains in the flights held out.
     votes: Vec<f64>,
-    /// Deviations of the gain in all flights together beyond chance.
-    deviations: f64,
+    /// How much it is to be preferred, by the gain in all flights together.
+    score: f64,
 }
 
 impl Candidate {
@@ -51,10 +57,7 @@ impl Candidate {
     }
 
     fn data<'a>(&'a self, data: &Data<'a>) -> Data<'a> {
-        Data {
-            stretches: &self.pairs,
-            ..*data
-        }
+        data.with(&self.around)
     }
 }
 
@@ -63,8 +66,6 @@ pub(super) struct Choice {
     /// Fitted with those chosen before.
     pub(super) fit: Fit,
     pub(super) named: Named,
-    /// The problem around that fit.
-    pub(super) pairs: Vec<(Stretch, Block)>,
 }
 
 /// The candidates that gain most by the problem as it stands, fitted again in the problem around each, best first.
@@ -75,62 +76,75 @@ fn short_list(
     chosen: &Fit,
     out_of_question: &[Effect],
 ) -> Vec<Candidate> {
-    let gain_over = |fit: &Fit| chosen.misfit - fit.misfit;
-    let mut first: Vec<(Effect, f64, Fit, f64)> = Effect::ALL
+    let without = data.sketched(chosen.values.clone()).misfit;
+    let mut first: Vec<(Effect, Fit, f64)> = Effect::ALL
         .iter()
         .filter(|effect| chosen.values.iter().all(|(known, _)| known != *effect))
         .filter(|effect| !out_of_question.contains(effect))
         .map(|&effect| {
-            let inflation = null.inflation_of(effect);
             let mut values = chosen.values.clone();
             values.push((effect, effect.neutral()));
-            let fit = data.fit(values, |_| true);
-            let freedom = effect.description().parameters.len() as f64;
-            let score = deviations(gain_over(&fit) / inflation, freedom);
-            (effect, inflation, fit, score)
+            let fit = data.sketched(values);
+            let gain = without - fit.misfit;
+            (effect, fit, score(null, effect, gain))
         })
         .collect();
-    first.sort_by(|a, b| b.3.total_cmp(&a.3));
+    first.sort_by(|a, b| b.2.total_cmp(&a.2));
     first.truncate(SHORT_LIST);
-    let before: Vec<f64> = others
-        .iter()
-        .map(|other| other.misfit(&chosen.values))
-        .collect();
-    let mut candidates: Vec<Candidate> = first
+    // Near the truth this is enough to rank them; from afar, where it does not converge, the sketch is.
+    let without = data.settled(&chosen.values, |_| true).misfit;
+    let mut near: Vec<(Effect, Fit, f64)> = first
         .into_iter()
-        .map(|(effect, inflation, fit, _)| {
-            let pairs = data.moved_to(&fit.values);
-            let there = Data {
-                stretches: &pairs,
-                ..*data
-            };
-            let fit = there.fit(fit.values, |_| true);
-            let votes: Vec<f64> = others
-                .iter()
-                .zip(&before)
-                .map(|(other, before)| before - other.misfit(&fit.values))
-                .collect();
-            let gain = (gain_over(&fit) + votes.iter().sum::<f64>()) / inflation;
-            let freedom = effect.description().parameters.len() as f64;
-            Candidate {
-                effect,
-                fit,
-                pairs,
-                inflation,
-                votes,
-                deviations: deviations(gain, freedom),
+        .map(|(effect, sketch, of_sketch)| {
+            let fit = data.fit(sketch.values.clone(), |_| true);
+            let of_fit = score(null, effect, without - fit.misfit);
+            if of_fit > of_sketch {
+                (effect, fit, of_fit)
+            } else {
+                (effect, sketch, of_sketch)
             }
         })
         .collect();
+    near.sort_by(|a, b| b.2.total_cmp(&a.2));
+    let best = near.first().map_or(0.0, |(.., score)| *score);
+    near.retain(|(.., score)| *score >= WITHIN_REACH * best);
+    near.truncate(SHORTER_LIST);
+    let voters: Vec<(&HeldOut<'_>, f64)> = others
+        .iter()
+        .map(|other| (other, other.misfit(&chosen.values)))
+        .collect();
+    let candidate = |(effect, fit, _): (Effect, Fit, f64)| {
+        let (fit, around) = data.refined(fit, PROBLEMS);
+        let votes: Vec<f64> = voters
+            .iter()
+            .map(|(other, before)| before - other.misfit(&fit.values))
+            .collect();
+        let gain = chosen.misfit - fit.misfit + votes.iter().sum::<f64>();
+        Candidate {
+            effect,
+            score: score(null, effect, gain),
+            fit,
+            around,
+            inflation: null.inflation_of(effect),
+            votes,
+        }
+    };
+    let mut candidates: Vec<Candidate> = near.into_iter().map(candidate).collect();
     // Those first that leave no more than flights have in which nothing is missing; then by how far the gain is
     // beyond chance: some effects take up what joints have wrong, and gain by that alone.
     let [expected, deviation] = null.misfit;
     let enough = |candidate: &Candidate| candidate.fit.misfit < expected + DISAGREES * deviation;
     candidates.sort_by(|a, b| {
         let order = enough(b).cmp(&enough(a));
-        order.then(b.deviations.total_cmp(&a.deviations))
+        order.then(b.score.total_cmp(&a.score))
     });
     candidates
+}
+
+/// How much an effect is to be preferred: its gain beyond chance, less what its parameters cost by Schwarz' criterion.
+fn score(null: &Null, effect: Effect, gain: f64) -> f64 {
+    let freedom = effect.description().parameters.len() as f64;
+    gain / null.inflation_of(effect) - freedom * null.rows.ln()
 }
 
 /// The effect that explains most of what is left, if it deserves a name, fitted with those chosen before.
@@ -141,46 +155,67 @@ pub(super) fn next(
     chosen: &Fit,
     out_of_question: &[Effect],
 ) -> Option<Choice> {
-    let mut candidates = short_list(data, others, null, chosen, out_of_question).into_iter();
-    let best = candidates.next()?;
+    let candidates = short_list(data, others, null, chosen, out_of_question);
+    let (best, rest) = candidates.split_first()?;
     let gain = chosen.misfit - best.fit.misfit;
     let left = chosen.misfit - null.misfit[0];
     let alone = deviations(gain / best.inflation, best.freedom());
-    let least = if others.is_empty() {
-        SIGNIFICANT_ALONE
+    let votes: f64 = best.votes.iter().sum();
+    let together = deviations((gain + votes) / best.inflation, best.freedom());
+    let significant = if others.is_empty() {
+        alone >= SIGNIFICANT_ALONE
     } else {
-        SIGNIFICANT
+        alone >= SIGNIFICANT && together >= SIGNIFICANT_TOGETHER
     };
     let vetoed = best
         .votes
         .iter()
         .any(|vote| deviations(vote / best.inflation, best.freedom()) < VOTE);
-    if alone < least
+    if !significant
         || gain < MATERIAL * left
         || vetoed
-        || !helps_elsewhere(&best.data(data), chosen, &best)
+        || !helps_elsewhere(&best.data(data), chosen, best)
     {
         return None;
     }
     // Whoever explains as much, and leaves nothing for the best beside it.
-    let rivals = candidates
-        .filter(|rival| chosen.misfit - rival.fit.misfit > 0.8 * gain)
-        .filter(|rival| {
-            let mut values = rival.fit.values.clone();
-            values.push((best.effect, best.effect.neutral()));
-            let both = rival.data(data).fit(values, |_| true);
-            deviations(rival.fit.misfit - both.misfit, best.freedom()) < SIGNIFICANT
+    let is_rival = |rival: &Candidate| {
+        if chosen.misfit - rival.fit.misfit <= 0.8 * gain {
+            return false;
+        }
+        let mut values = rival.fit.values.clone();
+        values.push((best.effect, best.effect.neutral()));
+        let both = rival.data(data).fit(values, |_| true);
+        deviations(rival.fit.misfit - both.misfit, best.freedom()) < SIGNIFICANT_TOGETHER
+    };
+    let (as_good, rivals): (Vec<usize>, Vec<Rival>) = rest
+        .iter()
+        .enumerate()
+        .filter(|(_, rival)| is_rival(rival))
+        .map(|(k, rival)| {
+            let share = (chosen.misfit - rival.fit.misfit) / gain;
+            let name = rival.effect.description().name;
+            (k + 1, Rival { name, share })
         })
-        .map(|rival| Rival {
-            name: rival.effect.description().name,
-            share: (chosen.misfit - rival.fit.misfit) / gain,
-        })
+        .unzip();
+    let parts: Vec<Parts> = candidates
+        .iter()
+        .map(|candidate| Parts::of(&candidate.data(data), &candidate.fit))
         .collect();
-    let named = Named::new(best.effect, alone, gain / left.max(1.0), rivals);
+    let before = Parts::of(data, chosen);
+    let stability = stability(&before, &parts, &as_good, |k, gain| {
+        score(null, candidates[k].effect, gain)
+    });
+    let evidence = Evidence {
+        deviations: alone,
+        chance: null.chance_of(alone),
+        stability,
+        explains: gain / left.max(1.0),
+    };
+    let named = Named::new(best.effect, evidence, rivals);
     Some(Choice {
-        fit: best.fit,
+        fit: best.fit.clone(),
         named,
-        pairs: best.pairs,
     })
 }
 
@@ -220,7 +255,8 @@ fn helps_elsewhere(data: &Data<'_>, chosen: &Fit, candidate: &Candidate) -> bool
         let mut values = chosen.values.clone();
         values.push((candidate.effect, candidate.effect.neutral()));
         let fit = data.fit(values, own);
-        gain += data.misfit(&chosen.values, other) - data.misfit(&fit.values, other);
+        let misfit = |values: &Values| data.settled(values, other).misfit;
+        gain += misfit(&chosen.values) - misfit(&fit.values);
     }
     gain > 0.0
 }

@@ -2,38 +2,17 @@
 //! without being an effect.
 //!
 //! Every column is a difference of two flights of the model, so an effect needs no code here. Columns and
-//! residuals are whitened by the noise of sensors and starts. Calibration of joints, and a subject that is a few
-//! percent off, are nuisances with a prior: they are taken out of residuals and columns alike
-//! (Brynjarsdottir and O'Hagan: without priors a discrepancy and the parameters cannot be told apart).
+//! residuals are whitened by the noise of sensors and starts.
 
-use bodyflight_core::effect::{Effect, Model, PARAMETER_COUNT};
-use bodyflight_core::math::small_rotation;
-use bodyflight_core::{Posture, Segment};
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Vector3};
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
-use rand_distr::StandardNormal;
+use bodyflight_core::effect::{Effect, Model};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
 use super::fit::{Values, with};
-use super::stretch::{Channels, NUMBERS, Prepared, Stretch, start_deviation, variance};
+use super::flown::{COARSE, Flown, Prepared};
+use super::stretch::{Channels, NUMBERS, Stretch, start_deviation, variance};
+use super::tolerance::{self, Wrong};
 use super::track::Track;
-
-/// Deviation of the calibration of a joint about one axis (rad): the suit's 2 degrees.
-const JOINT_DEVIATION: f64 = 0.02;
-
-/// What a subject file may have wrong, with standard deviations.
-const SUBJECT: [(Effect, [f64; PARAMETER_COUNT]); 6] = [
-    (Effect::Mass, [0.03, 0.0, 0.0]),
-    (Effect::AddedMass, [0.03, 0.0, 0.0]),
-    (Effect::Drag, [0.04; PARAMETER_COUNT]),
-    (Effect::Lift, [0.04; PARAMETER_COUNT]),
-    (Effect::Moment, [0.04; PARAMETER_COUNT]),
-    (Effect::CgOffset, [0.004; PARAMETER_COUNT]),
-];
-
-/// Joints, by the segment behind them, and axes.
-const JOINTS: usize = 3 * (bodyflight_core::body::SEGMENT_COUNT - 1);
 
 /// One parameter of an effect, a column of the problem.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -53,12 +32,6 @@ pub fn places() -> Vec<Place> {
     Effect::ALL.iter().flat_map(parameters).collect()
 }
 
-/// The parameters among them that a subject's file may have wrong.
-pub fn subject_places() -> Vec<Place> {
-    let of_subject = |place: &Place| SUBJECT.iter().any(|(effect, _)| *effect == place.effect);
-    places().into_iter().filter(of_subject).collect()
-}
-
 /// What is added to a parameter for a difference.
 fn step(place: Place) -> f64 {
     let parameter = &place.effect.description().parameters[place.index];
@@ -66,26 +39,18 @@ fn step(place: Place) -> f64 {
 }
 
 /// Whitened numbers of one stretch.
+#[derive(Clone)]
 pub struct Block {
-    /// Residual.
-    pub residual: DVector<f64>,
     /// What each parameter of the places asked for changes.
     pub effects: DMatrix<f64>,
     /// What each nuisance changes, in deviations of its prior.
     pub nuisances: DMatrix<f64>,
     /// The whitening.
     whitening: Cholesky<f64, Dyn>,
-}
-
-/// A joint turned by an error.
-fn turned(posture: Posture<f64>, joint: usize, angle: f64) -> Posture<f64> {
-    let segment = Segment::ALL[joint / 3 + 1];
-    let mut turn = Vector3::zeros();
-    turn[joint % 3] = angle;
-    posture.with(
-        segment,
-        posture.parent_from_segment(segment) * small_rotation(&turn),
-    )
+    /// Measured less flown in all frames.
+    missing: DVector<f64>,
+    /// Flown in long steps.
+    flown: Flown,
 }
 
 /// The plain model with effects of which one parameter is changed by a small step, and the step that was possible.
@@ -110,147 +75,141 @@ pub(super) fn changed(plain: &Model<f64>, values: &Values, place: Place) -> (Mod
     (with(plain, &values), size)
 }
 
-/// Stretches with the problem around a model with effects, with columns for some places, among them at least
-/// [`subject_places`]; without those whose noise has no covariance.
-pub fn blocks(
-    track: &Track,
-    plain: &Model<f64>,
-    stretches: Vec<Stretch>,
-    values: &Values,
-    places: &[Place],
-) -> Vec<(Stretch, Block)> {
-    stretches
-        .into_par_iter()
-        .filter_map(|stretch| {
-            let block = block(track, &stretch, plain, values, places)?;
-            Some((stretch, block))
-        })
-        .collect()
+/// A stretch with its numbers.
+pub type Part = (Stretch, Block);
+
+/// The problem around a model with effects, and around what joints and subject have wrong.
+#[derive(Clone)]
+pub struct Around {
+    /// All stretches but those whose noise has no covariance.
+    pub parts: Vec<Part>,
+    /// Where it is.
+    pub wrong: Wrong,
 }
 
-fn block(
-    track: &Track,
-    stretch: &Stretch,
-    plain: &Model<f64>,
-    values: &Values,
-    places: &[Place],
-) -> Option<Block> {
-    let none = Channels::zeros();
-    let model = &with(plain, values);
-    let recorded = |posture: Posture<f64>| posture;
-    let base = Prepared::new(track, stretch, model, &recorded);
-    let residual = base.residual(&none);
-
-    // The start is free within what smoothing leaves: it adds to the noise.
-    let mut covariance = DMatrix::from_diagonal(&variance());
-    for (channel, deviation) in start_deviation().iter().enumerate() {
-        let mut start = none;
-        start[channel] = *deviation;
-        let column = base.apart(&start, &base);
-        covariance += &column * column.transpose();
-    }
-    let whitening = covariance.cholesky()?;
-    let whiten = |column: DVector<f64>| white(&whitening, column);
-
-    let mut effects = DMatrix::zeros(NUMBERS, places.len());
-    for (k, place) in places.iter().enumerate() {
-        let (other, size) = changed(plain, values, *place);
-        let column = Prepared::new(track, stretch, &other, &recorded).apart(&none, &base) / size;
-        effects.set_column(k, &whiten(column));
-    }
-    let mut nuisances = DMatrix::zeros(NUMBERS, JOINTS + SUBJECT.len() * PARAMETER_COUNT);
-    for joint in 0..JOINTS {
-        let askew = |posture: Posture<f64>| turned(posture, joint, JOINT_DEVIATION);
-        let column = Prepared::new(track, stretch, model, &askew).apart(&none, &base);
-        nuisances.set_column(joint, &whiten(column));
-    }
-    for (row, (effect, deviations)) in SUBJECT.iter().enumerate() {
-        for (index, deviation) in deviations.iter().enumerate() {
-            let wanted = Place {
-                effect: *effect,
-                index,
-            };
-            if let Some(k) = places.iter().position(|place| *place == wanted) {
-                let column = effects.column(k) * *deviation;
-                nuisances.set_column(JOINTS + PARAMETER_COUNT * row + index, &column);
-            }
+impl Around {
+    /// Around `values` and `wrong`, with columns for some places.
+    pub fn new(
+        track: &Track,
+        plain: &Model<f64>,
+        stretches: Vec<Stretch>,
+        (values, wrong): (&Values, &Wrong),
+        places: &[Place],
+    ) -> Self {
+        let parts = stretches.into_par_iter().filter_map(|stretch| {
+            let block = Block::new(track, &stretch, plain, (values, wrong), places)?;
+            Some((stretch, block))
+        });
+        Self {
+            parts: parts.collect(),
+            wrong: wrong.clone(),
         }
     }
-    Some(Block {
-        residual: whiten(residual),
-        effects,
-        nuisances,
-        whitening,
-    })
-}
-
-fn white(whitening: &Cholesky<f64, Dyn>, mut column: DVector<f64>) -> DVector<f64> {
-    whitening.l_dirty().solve_lower_triangular_mut(&mut column);
-    column
 }
 
 impl Block {
-    /// Residual of a stretch in another model, and what single parameters change in it, whitened.
-    pub fn around(
+    fn new(
+        track: &Track,
+        stretch: &Stretch,
+        plain: &Model<f64>,
+        (values, wrong): (&Values, &Wrong),
+        places: &[Place],
+    ) -> Option<Self> {
+        let none = Channels::zeros();
+        let model = &wrong.of(&with(plain, values));
+        let base = Prepared::new(track, stretch, model, &wrong.joints(), COARSE);
+        // The start is free within what smoothing leaves: it adds to the noise.
+        let flown = base.fly(&none);
+        let mut covariance = DMatrix::from_diagonal(&variance());
+        for (channel, deviation) in start_deviation().iter().enumerate() {
+            let mut start = none;
+            start[channel] = *deviation;
+            let column = base.fly(&start).less(&flown);
+            covariance += &column * column.transpose();
+        }
+        let fine = Prepared::new(track, stretch, model, &wrong.joints(), 1).fly(&none);
+        let mut block = Self {
+            effects: DMatrix::zeros(NUMBERS, 0),
+            nuisances: DMatrix::zeros(NUMBERS, tolerance::COUNT),
+            whitening: covariance.cholesky()?,
+            missing: fine.missing(track, stretch),
+            flown,
+        };
+        block.effects = block.columns(track, stretch, plain, (values, wrong), places);
+        for k in 0..tolerance::COUNT {
+            let other = fly(track, stretch, &with(plain, values), &wrong.with(k));
+            let column = block.white(other.less(&block.flown));
+            block.nuisances.set_column(k, &column);
+        }
+        Some(block)
+    }
+
+    /// Residual of a stretch in another model, whitened: that of here, flown in all frames, less what changes.
+    pub fn residual(
+        &self,
+        track: &Track,
+        stretch: &Stretch,
+        model: &Model<f64>,
+        wrong: &Wrong,
+    ) -> DVector<f64> {
+        let flown = fly(track, stretch, model, wrong);
+        self.white(&self.missing - flown.less(&self.flown))
+    }
+
+    /// What single parameters change in a stretch in another model, whitened.
+    pub fn columns(
         &self,
         track: &Track,
         stretch: &Stretch,
         plain: &Model<f64>,
-        values: &Values,
+        (values, wrong): (&Values, &Wrong),
         places: &[Place],
-    ) -> (DVector<f64>, DMatrix<f64>) {
-        let none = Channels::zeros();
-        let recorded = |posture: Posture<f64>| posture;
-        let base = Prepared::new(track, stretch, &with(plain, values), &recorded);
-        let residual = base.residual(&none);
+    ) -> DMatrix<f64> {
         let mut columns = DMatrix::zeros(NUMBERS, places.len());
+        if places.is_empty() {
+            return columns;
+        }
+        let base = fly(track, stretch, &with(plain, values), wrong);
         for (k, place) in places.iter().enumerate() {
             let (other, size) = changed(plain, values, *place);
-            let column =
-                Prepared::new(track, stretch, &other, &recorded).apart(&none, &base) / size;
-            columns.set_column(k, &white(&self.whitening, column));
+            let column = fly(track, stretch, &other, wrong).less(&base) / size;
+            columns.set_column(k, &self.white(column));
         }
-        (white(&self.whitening, residual), columns)
+        columns
+    }
+
+    /// A residual in deviations.
+    pub fn white(&self, mut residual: DVector<f64>) -> DVector<f64> {
+        let lower = self.whitening.l_dirty();
+        lower.solve_lower_triangular_mut(&mut residual);
+        residual
+    }
+
+    /// Noise of sensors and start with the given deviations.
+    pub fn noise(&self, deviations: &DVector<f64>) -> DVector<f64> {
+        self.whitening.l() * deviations
     }
 }
 
-/// One draw of everything that may be wrong without being an effect, and what the sensors add: residuals of all
-/// stretches, whitened and plain, as they would be if the model were right.
-pub fn drawn(
+/// Flights in a model in which joints and subject are wrong, less the flight in that model: by stretch, then as in
+/// `wrong`.
+pub fn flown_wrong(
     track: &Track,
-    pairs: &[(Stretch, Block)],
+    around: &Around,
     model: &Model<f64>,
-    seed: u64,
-) -> Vec<(DVector<f64>, DVector<f64>)> {
-    let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let mut normal = || random.sample::<f64, _>(StandardNormal);
-    let errors: Vec<f64> = (0..JOINTS).map(|_| normal() * JOINT_DEVIATION).collect();
-    let mut other = *model;
-    for (effect, deviations) in SUBJECT {
-        let mut values = effect.neutral();
-        for (value, deviation) in values.iter_mut().zip(deviations) {
-            *value += normal() * deviation;
-        }
-        // Deviations are far inside the plausible ranges.
-        let _ = effect.apply(&values, &mut other);
-    }
-    let seeds: Vec<u64> = pairs.iter().map(|_| random.random()).collect();
-    let noise = variance().map(f64::sqrt);
-    let askew = |posture: Posture<f64>| {
-        let joints = errors.iter().enumerate();
-        joints.fold(posture, |posture, (joint, angle)| {
-            turned(posture, joint, *angle)
-        })
+    wrong: &[Wrong],
+) -> Vec<Vec<DVector<f64>>> {
+    let of_stretch = |(stretch, _): &Part| {
+        let base = fly(track, stretch, model, &Wrong::nothing());
+        let apart = wrong
+            .iter()
+            .map(|wrong| fly(track, stretch, model, wrong).less(&base));
+        apart.collect()
     };
-    let all = pairs.par_iter().zip(seeds);
-    all.map(|((stretch, block), seed)| {
-        let mut random = ChaCha8Rng::seed_from_u64(seed);
-        let mut normal = || random.sample::<f64, _>(StandardNormal);
-        let start = start_deviation().map(|deviation| deviation * normal());
-        let base = Prepared::new(track, stretch, model, &|posture| posture);
-        let flown = Prepared::new(track, stretch, &other, &askew).apart(&start, &base);
-        let plain = flown + noise.map(|deviation| deviation * normal());
-        (white(&block.whitening, plain.clone()), plain)
-    })
-    .collect()
+    around.parts.par_iter().map(of_stretch).collect()
+}
+
+/// Flies a stretch in long steps.
+fn fly(track: &Track, stretch: &Stretch, model: &Model<f64>, wrong: &Wrong) -> Flown {
+    Prepared::new(track, stretch, &wrong.of(model), &wrong.joints(), COARSE).fly(&Channels::zeros())
 }

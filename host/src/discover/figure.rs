@@ -1,5 +1,6 @@
 //! The report as a figure: where the model disagrees, and each channel before and after.
 
+use super::point;
 use super::report::{CHANNEL_NAMES, Report};
 use super::stretch::CHANNELS;
 use crate::diagnostic::Result;
@@ -19,6 +20,46 @@ pub fn svg(title: &str, report: &Report) -> Result<String> {
     let panels: Vec<Panel> = (0..CHANNELS)
         .map(|channel| panel(report, channel))
         .collect();
+    figure_svg(&format!("{title}: {found}"), &panels)
+}
+
+/// The figure of a point: what each window misses, before and after.
+///
+/// # Errors
+/// Where it cannot be drawn.
+pub fn point_svg(title: &str, report: &point::Report) -> Result<String> {
+    let effects: Vec<&str> = report.model.iter().map(|(name, _)| *name).collect();
+    let found = if effects.is_empty() {
+        format!("{:?}", report.verdict).to_lowercase()
+    } else {
+        effects.join(" + ")
+    };
+    let spots = &report.residual_map;
+    let panel = |component: usize| {
+        let gap = &report.gap;
+        let curve = |line: Line, value: &dyn Fn(&point::Spot) -> f64| Curve {
+            line,
+            points: spots
+                .iter()
+                .map(|spot| (spot.time_s, value(spot)))
+                .collect(),
+        };
+        Panel {
+            caption: format!(
+                "{}: missing over 2 s, RMS {:.2}, after {:.2}, noise and posture {:.2}",
+                point::COMPONENT_NAMES[component],
+                gap.before[component],
+                gap.after[component],
+                gap.floor[component]
+            ),
+            curves: vec![
+                curve(PLAIN, &|spot| spot.missing[component]),
+                curve(EXTENDED, &|spot| spot.missing_after[component]),
+            ],
+            wraps: false,
+        }
+    };
+    let panels: Vec<Panel> = (0..3).map(panel).collect();
     figure_svg(&format!("{title}: {found}"), &panels)
 }
 

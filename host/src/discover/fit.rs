@@ -1,106 +1,23 @@
 //! Effects fitted to the residuals, with the nuisances taken out.
 
 use bodyflight_core::effect::{Effect, Model, PARAMETER_COUNT};
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 use rayon::prelude::*;
 
-use super::design::{Block, Place, blocks, subject_places};
-use super::stretch::Stretch;
+use super::design::{Around, Place};
+use super::linear::{Normal, Reduced, Right, sum};
+use super::tolerance::Wrong;
 use super::track::Track;
 
-/// Steps of Gauss and Newton.
-const STEPS: usize = 5;
+/// Steps of Gauss and Newton until nothing changes, at most.
+const STEPS: usize = 12;
+const SKETCH_STEPS: usize = 5;
 
-/// Misfit, its slope and curvature in some parameters, after the nuisances have done what their priors allow.
-#[derive(Debug, Clone)]
-pub struct Reduced {
-    /// Sum of squares of the whitened residual.
-    pub misfit: f64,
-    /// Columns times residual.
-    pub slope: DVector<f64>,
-    /// Columns times columns.
-    pub curvature: DMatrix<f64>,
-}
+/// Gain from which on another problem is worth setting up.
+const SETTLED: f64 = 10.0;
 
-impl Reduced {
-    /// Of stretches given as residual, columns, nuisances.
-    pub fn of<'a>(
-        parts: impl Iterator<Item = (&'a DVector<f64>, &'a DMatrix<f64>, &'a DMatrix<f64>)>,
-    ) -> Self {
-        let mut sums: Option<[DMatrix<f64>; 5]> = None;
-        let mut misfit = 0.0;
-        for (residual, columns, nuisances) in parts {
-            misfit += residual.norm_squared();
-            let parts = [
-                columns.tr_mul(columns),
-                columns.tr_mul(nuisances),
-                nuisances.tr_mul(nuisances),
-                DMatrix::from_column_slice(columns.ncols(), 1, columns.tr_mul(residual).as_slice()),
-                DMatrix::from_column_slice(
-                    nuisances.ncols(),
-                    1,
-                    nuisances.tr_mul(residual).as_slice(),
-                ),
-            ];
-            match &mut sums {
-                Some(sums) => sums
-                    .iter_mut()
-                    .zip(parts)
-                    .for_each(|(sum, part)| *sum += part),
-                None => sums = Some(parts),
-            }
-        }
-        let Some([gg, gn, nn, gr, nr]) = sums else {
-            return Self {
-                misfit: 0.0,
-                slope: DVector::zeros(0),
-                curvature: DMatrix::zeros(0, 0),
-            };
-        };
-        // Nuisances are in deviations: their prior is one.
-        let prior = DMatrix::identity(nn.nrows(), nn.nrows());
-        let Some(held) = (nn + prior).cholesky() else {
-            return Self {
-                misfit,
-                slope: gr.column(0).into_owned(),
-                curvature: gg,
-            };
-        };
-        let taken = held.solve(&nr);
-        Self {
-            misfit: misfit - nr.dot(&taken),
-            slope: (&gr - &gn * &taken).column(0).into_owned(),
-            curvature: &gg - &gn * held.solve(&gn.transpose()),
-        }
-    }
-
-    /// Of some of its columns alone.
-    pub fn only(&self, columns: &[usize]) -> Self {
-        Self {
-            misfit: self.misfit,
-            slope: DVector::from_fn(columns.len(), |k, _| self.slope[columns[k]]),
-            curvature: DMatrix::from_fn(columns.len(), columns.len(), |j, k| {
-                self.curvature[(columns[j], columns[k])]
-            }),
-        }
-    }
-
-    /// The step that lowers the misfit most, and the covariance of the parameters; `priors` are deviations.
-    pub fn solved(&self, priors: &[f64]) -> Option<(DVector<f64>, DMatrix<f64>)> {
-        let mut curvature = self.curvature.clone();
-        for (k, prior) in priors.iter().enumerate() {
-            curvature[(k, k)] += 1.0 / (prior * prior);
-        }
-        let factor = curvature.cholesky()?;
-        Some((factor.solve(&self.slope), factor.inverse()))
-    }
-
-    /// By how much these parameters lower the misfit, to first order.
-    pub fn gain(&self, priors: &[f64]) -> f64 {
-        self.solved(priors)
-            .map_or(0.0, |(step, _)| step.dot(&self.slope))
-    }
-}
+/// Gain that is as good as none.
+const CLOSE: f64 = 0.2;
 
 /// Effects with their parameters.
 pub type Values = Vec<(Effect, [f64; PARAMETER_COUNT])>;
@@ -118,7 +35,7 @@ pub fn with(model: &Model<f64>, values: &Values) -> Model<f64> {
 }
 
 /// Parameters of effects as columns, and how far each may go.
-fn columns(values: &Values) -> (Vec<Place>, Vec<f64>) {
+pub(super) fn columns(values: &Values) -> (Vec<Place>, Vec<f64>) {
     let places: Vec<Place> = values
         .iter()
         .flat_map(|&(effect, _)| {
@@ -141,99 +58,192 @@ pub fn reach(place: Place) -> f64 {
 pub struct Fit {
     /// The effects with their parameters.
     pub values: Values,
+    /// What joints and subject have wrong beside them.
+    pub wrong: Wrong,
     /// Standard errors, in the order of the parameters.
     pub errors: Vec<f64>,
     /// Misfit that is left.
     pub misfit: f64,
 }
 
-/// A set of stretches to fit to, with the problem around the plain model.
+/// What joints and subject do while effects are fitted.
+#[derive(Clone, Copy)]
+enum Nuisances {
+    /// They are fitted too.
+    Move,
+    /// They act to first order where they stand.
+    Stay,
+}
+
+/// A flight to fit to, with the problem around a model.
 #[derive(Clone, Copy)]
 pub struct Data<'a> {
     /// The flight.
     pub track: &'a Track,
     /// The plain model.
     pub model: &'a Model<f64>,
-    /// Stretches with their blocks.
-    pub stretches: &'a [(Stretch, Block)],
+    /// The problem around some effects.
+    pub around: &'a Around,
 }
 
-impl Data<'_> {
-    /// Residuals around some effects: misfit and slopes of the stretches that `choose` takes.
-    fn around(&self, values: &Values, choose: impl Fn(usize) -> bool + Sync) -> Reduced {
-        let (places, _) = columns(values);
+impl<'a> Data<'a> {
+    /// A flight, the plain model, and the problem around some effects.
+    pub const fn new(track: &'a Track, model: &'a Model<f64>, around: &'a Around) -> Self {
+        Self {
+            track,
+            model,
+            around,
+        }
+    }
+
+    /// The same flight around something else.
+    pub const fn with(self, around: &'a Around) -> Self {
+        Self { around, ..self }
+    }
+
+    /// The problem around some effects, with columns for some places: what joints and subject have wrong acts
+    /// differently in another model.
+    pub fn moved_to(&self, values: &Values, wrong: &Wrong, places: &[Place]) -> Around {
+        let stretches = self.around.parts.iter().map(|(stretch, _)| stretch.clone());
+        let stretches = stretches.collect();
+        Around::new(self.track, self.model, stretches, (values, wrong), places)
+    }
+
+    /// Misfit and slopes in some places, of the stretches that `choose` takes.
+    fn reduced(
+        &self,
+        values: &Values,
+        wrong: &Wrong,
+        places: &[Place],
+        choose: impl Fn(usize) -> bool + Sync,
+    ) -> Reduced {
+        let model = with(self.model, values);
         let parts: Vec<_> = self
-            .stretches
+            .around
+            .parts
             .par_iter()
             .enumerate()
             .filter(|(k, _)| choose(*k))
             .map(|(_, (stretch, block))| {
-                let (white, columns) =
-                    block.around(self.track, stretch, self.model, values, &places);
-                (white, columns, &block.nuisances)
+                let white = block.residual(self.track, stretch, &model, wrong);
+                let columns =
+                    block.columns(self.track, stretch, self.model, (values, wrong), places);
+                (
+                    Normal::of(&columns, &block.nuisances),
+                    Right::of(&white, &columns, &block.nuisances),
+                )
             })
             .collect();
-        Reduced::of(
-            parts
-                .iter()
-                .map(|(white, columns, nuisances)| (white, columns, *nuisances)),
-        )
+        let normal = sum(parts.iter().map(|(normal, _)| normal));
+        let right = sum(parts.iter().map(|(_, right)| right));
+        match (normal, right) {
+            (Some(normal), Some(right)) => Reduced::of(&normal, &right, &wrong.0),
+            _ => Reduced::nothing(),
+        }
     }
 
-    /// The problem around some effects: what joints and subject have wrong acts differently in another model.
-    pub fn moved_to(&self, values: &Values) -> Vec<(Stretch, Block)> {
-        let stretches = self.stretches.iter().map(|(stretch, _)| stretch.clone());
-        let nuisances = subject_places();
-        blocks(
-            self.track,
-            self.model,
-            stretches.collect(),
-            values,
-            &nuisances,
-        )
+    /// Effects as they are, with what joints and subject have wrong fitted beside them.
+    pub fn settled(&self, values: &Values, choose: impl Fn(usize) -> bool + Sync + Copy) -> Fit {
+        self.minimised(values.clone(), &[], Nuisances::Move, choose)
     }
 
-    /// Misfit of some effects as they are.
-    pub fn misfit(&self, values: &Values, choose: impl Fn(usize) -> bool + Sync) -> f64 {
-        self.around(values, choose).misfit
+    /// Fits the parameters of `values` from where they are, with joints and subject.
+    pub fn fit(&self, values: Values, choose: impl Fn(usize) -> bool + Sync + Copy) -> Fit {
+        let (places, _) = columns(&values);
+        self.minimised(values, &places, Nuisances::Move, choose)
     }
 
-    /// Fits the parameters of `values` from where they are.
-    pub fn fit(&self, mut values: Values, choose: impl Fn(usize) -> bool + Sync + Copy) -> Fit {
-        let (places, reach) = columns(&values);
-        let mut reduced = self.around(&values, choose);
-        let mut errors = vec![f64::INFINITY; places.len()];
-        for _ in 0..STEPS {
-            let Some((step, covariance)) = reduced.solved(&reach) else {
+    /// Fits them with joints and subject to first order: cheap, and it converges from afar.
+    pub fn sketched(&self, values: Values) -> Fit {
+        let (places, _) = columns(&values);
+        self.minimised(values, &places, Nuisances::Stay, |_| true)
+    }
+
+    /// Fits in the problem around each fit, at most `problems` of them, until that changes nothing.
+    pub fn refined(&self, fit: Fit, problems: usize) -> (Fit, Around) {
+        let (places, _) = columns(&fit.values);
+        self.refined_in(fit, &places, problems)
+    }
+
+    /// Effects as they are, joints and subject fitted in the problem around each fit.
+    pub fn settled_refined(&self, values: &Values, problems: usize) -> (Fit, Around) {
+        let fit = self.settled(values, |_| true);
+        self.refined_in(fit, &[], problems)
+    }
+
+    fn refined_in(&self, mut fit: Fit, places: &[Place], problems: usize) -> (Fit, Around) {
+        let mut around = self.moved_to(&fit.values, &fit.wrong, &[]);
+        for problem in 1.. {
+            let before = fit.misfit;
+            let there = self.with(&around);
+            fit = there.minimised(fit.values, places, Nuisances::Move, |_| true);
+            if problem >= problems || before - fit.misfit < SETTLED {
                 break;
+            }
+            around = self.moved_to(&fit.values, &fit.wrong, &[]);
+        }
+        (fit, around)
+    }
+
+    fn minimised(
+        &self,
+        mut values: Values,
+        places: &[Place],
+        nuisances: Nuisances,
+        choose: impl Fn(usize) -> bool + Sync + Copy,
+    ) -> Fit {
+        let reach: Vec<f64> = places.iter().map(|place| reach(*place)).collect();
+        let mut wrong = self.around.wrong.clone();
+        let mut reduced = self.reduced(&values, &wrong, places, choose);
+        let mut errors = vec![f64::INFINITY; places.len()];
+        let misfit = |reduced: &Reduced| match nuisances {
+            Nuisances::Move => reduced.here,
+            Nuisances::Stay => reduced.misfit,
+        };
+        let steps = match nuisances {
+            Nuisances::Move => STEPS,
+            Nuisances::Stay => SKETCH_STEPS,
+        };
+        for _ in 0..steps {
+            let mut step = DVector::zeros(places.len());
+            if let Some((best, covariance)) = reduced.solved(&reach) {
+                errors = covariance.diagonal().iter().map(|v| v.sqrt()).collect();
+                step = best;
+            }
+            if misfit(&reduced) - reduced.misfit + step.dot(&reduced.slope) < CLOSE {
+                break;
+            }
+            let aside = match nuisances {
+                Nuisances::Move => reduced.nuisances(&step),
+                Nuisances::Stay => DVector::zeros(wrong.0.len()),
             };
-            errors = covariance.diagonal().iter().map(|v| v.sqrt()).collect();
-            // Halved until it helps: the model is not linear.
+            // Shortened until it helps: the model is not linear.
             let mut share = 1.0;
             let mut better = None;
             for _ in 0..4 {
                 let tried = moved(&values, &(&step * share));
-                let around = self.around(&tried, choose);
-                if around.misfit < reduced.misfit {
-                    better = Some((tried, around));
+                let tried_wrong = Wrong(&wrong.0 + &aside * share);
+                let there = self.reduced(&tried, &tried_wrong, places, choose);
+                if misfit(&there) < misfit(&reduced) {
+                    better = Some((tried, tried_wrong, there));
                     break;
                 }
                 share *= 0.4;
             }
-            let Some((tried, around)) = better else {
+            let Some(found) = better else {
                 break;
             };
-            let gained = reduced.misfit - around.misfit;
-            values = tried;
-            reduced = around;
-            if gained < 0.05 {
+            let gained = misfit(&reduced) - misfit(&found.2);
+            (values, wrong, reduced) = found;
+            if gained < CLOSE {
                 break;
             }
         }
         Fit {
             values,
+            wrong,
             errors,
-            misfit: reduced.misfit,
+            misfit: misfit(&reduced),
         }
     }
 }

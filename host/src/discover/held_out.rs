@@ -2,11 +2,13 @@
 
 use bodyflight_core::effect::Model;
 
-use super::design::{Block, blocks, subject_places};
+use super::PROBLEMS;
+use super::design::Around;
 use super::fit::{Data, Values, with};
-use super::null::floor;
-use super::report::{Gap, HeldOutGap};
-use super::stretch::{NUMBERS, Stretch, stretches};
+use super::gap::{Gap, HeldOutGap};
+use super::null::expected;
+use super::stretch::stretches;
+use super::tolerance::Wrong;
 use super::track::Track;
 
 /// A flight that effects are not fitted to, but have to help in.
@@ -16,24 +18,19 @@ pub(super) struct HeldOut<'a> {
     bare: Model<f64>,
     /// With the errors of sensors that the data alone show.
     model: Model<f64>,
-    pairs: Vec<(Stretch, Block)>,
+    around: Around,
 }
 
 impl<'a> HeldOut<'a> {
     pub(super) fn new(track: &'a Track, faults: &Values) -> Self {
         let bare = Model::new(track.dynamics, track.start_height());
         let model = with(&bare, faults);
+        let start = (&Vec::new(), &Wrong::nothing());
         Self {
             track,
             bare,
             model,
-            pairs: blocks(
-                track,
-                &model,
-                stretches(track),
-                &Vec::new(),
-                &subject_places(),
-            ),
+            around: Around::new(track, &model, stretches(track), start, &[]),
         }
     }
 
@@ -41,12 +38,11 @@ impl<'a> HeldOut<'a> {
         Data {
             track: self.track,
             model: &self.model,
-            stretches: &self.pairs,
+            around: &self.around,
         }
     }
 
-    /// Misfit with some effects beside the errors of sensors; what joints and subject have wrong acts as it does in
-    /// that model.
+    /// Misfit with some effects beside the errors of sensors, joints and subject fitted to this flight.
     pub(super) fn misfit(&self, values: &Values) -> f64 {
         self.misfit_of(&self.model, values)
     }
@@ -56,12 +52,7 @@ impl<'a> HeldOut<'a> {
             model: plain,
             ..self.data()
         };
-        let pairs = data.moved_to(values);
-        let data = Data {
-            stretches: &pairs,
-            ..data
-        };
-        data.misfit(values, |_| true)
+        data.settled_refined(values, PROBLEMS).0.misfit
     }
 
     /// What `values`, all that was found, do here.
@@ -70,11 +61,13 @@ impl<'a> HeldOut<'a> {
             model: &self.bare,
             ..self.data()
         };
-        let floor = floor(self.track, &self.pairs, &self.model, seed);
+        let around = data.moved_to(values, &Wrong::nothing(), &[]);
+        let model = with(&self.bare, values);
+        let (misfit_expected, floor) = expected(self.track, &around, &model, seed);
         HeldOutGap {
             misfit_before: self.misfit_of(&self.bare, &Vec::new()),
             misfit_after: self.misfit_of(&self.bare, values),
-            numbers: self.pairs.len() * NUMBERS,
+            misfit_expected,
             gap: Gap::of(&data, values, &floor),
         }
     }

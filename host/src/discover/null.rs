@@ -1,26 +1,44 @@
-//! Flights drawn from the plain model, in which nothing is missing but joints, subject and sensors have their errors:
-//! what is found in them is chance.
+//! Flights drawn from a model, in which nothing is missing but joints, subject and sensors have their errors: what is
+//! found in them is chance, and how far parameters fitted to them are off is their standard error.
 
 use bodyflight_core::effect::{Effect, Model};
 use nalgebra::DVector;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::StandardNormal;
+use rayon::prelude::*;
 
-use super::design::{Block, Place, drawn, places};
-use super::fit::{Reduced, reach};
-use super::report;
-use super::stretch::{Channels, NUMBERS, Stretch};
+use super::choice::deviations;
+use super::design::{Around, Place, flown_wrong, places};
+use super::fit::{Values, columns, reach, with};
+use super::linear::{Normal, Reduced, Right, sum};
+use super::stretch::{CHANNELS, Channels, NUMBERS};
+use super::tolerance::Wrong;
 use super::track::Track;
 
-/// Flights drawn from the plain model, by which significance is judged.
-const DRAWS: u64 = 40;
+/// Draws of joints and subject that are flown.
+const BODIES: usize = 40;
+
+/// Draws of the noise for each of them.
+const NOISES: usize = 5;
+
+/// Steps by which a body is fitted.
+const FITS: usize = 2;
 
 /// What flights look like in which nothing is missing.
 pub(super) struct Null {
+    /// Numbers that are compared.
+    pub(super) rows: f64,
     /// Mean misfit and its deviation.
     pub(super) misfit: [f64; 2],
     /// Mean gain of each effect over the number of its parameters, at least one.
-    pub(super) inflation: Vec<f64>,
+    inflation: Vec<f64>,
+    /// Of each draw, how far the effect that gains most in it is beyond chance (deviations), rising.
+    best: Vec<f64>,
     /// Root mean square of each channel.
     pub(super) floor: Channels,
+    /// Of the parameters of the effects in the model: how far fits are off.
+    pub(super) errors: Vec<f64>,
 }
 
 impl Null {
@@ -31,82 +49,209 @@ impl Null {
             .find(|(e, _)| **e == effect)
             .map_or(1.0, |(_, inflation)| *inflation)
     }
-}
 
-/// Draws them.
-pub(super) fn draw(
-    track: &Track,
-    pairs: &[(Stretch, Block)],
-    model: &Model<f64>,
-    seed: u64,
-) -> Null {
-    let places = places();
-    let mut misfits = Vec::new();
-    let mut gains: Vec<Vec<f64>> = vec![Vec::new(); Effect::ALL.len()];
-    let mut squares = Vec::new();
-    for draw in 0..DRAWS {
-        let residuals = drawn(track, pairs, model, seed_of(seed, draw));
-        let reduced = Reduced::of(
-            residuals
-                .iter()
-                .zip(pairs)
-                .map(|((white, _), (_, block))| (white, &block.effects, &block.nuisances)),
-        );
-        misfits.push(reduced.misfit);
-        for (gains, &effect) in gains.iter_mut().zip(Effect::ALL) {
-            gains.push(gain_of(&reduced, &places, effect));
+    /// Probability that some effect of the library gains as much by chance.
+    pub(super) fn chance_of(&self, deviations: f64) -> f64 {
+        let below = self.best.partition_point(|best| *best < deviations);
+        (self.best.len() - below + 1) as f64 / (self.best.len() + 1) as f64
+    }
+
+    /// Draws them from the model with `values`, around which `around` is the problem, with a column for every parameter of the
+    /// library.
+    pub(super) fn draw(
+        track: &Track,
+        around: &Around,
+        plain: &Model<f64>,
+        values: &Values,
+        seed: u64,
+    ) -> Self {
+        let draws = Draws::new(track, around, &with(plain, values), seed);
+        let places = places();
+        let (own, priors) = columns(values);
+        let own: Vec<usize> = own
+            .iter()
+            .filter_map(|place| places.iter().position(|other| other == place))
+            .collect();
+        let mut misfits = Vec::new();
+        let mut gains: Vec<Vec<f64>> = vec![Vec::new(); Effect::ALL.len()];
+        let mut off: Vec<Vec<f64>> = vec![Vec::new(); own.len()];
+        for draw in 0..BODIES * NOISES {
+            let reduced = draws.reduced(draw);
+            let fitted = reduced.only(&own);
+            let gain = fitted.gain(&priors);
+            misfits.push(reduced.misfit - gain);
+            if let Some((step, _)) = fitted.solved(&priors) {
+                for (off, step) in off.iter_mut().zip(&step) {
+                    off.push(step.abs());
+                }
+            }
+            for (gains, &effect) in gains.iter_mut().zip(Effect::ALL) {
+                let (columns, priors) = beside(&places, &own, effect);
+                gains.push((reduced.only(&columns).gain(&priors) - gain).max(0.0));
+            }
         }
-        squares.push(square_of(&residuals));
-    }
-    // Medians: a draw may be so far off that the flight tumbles, and one such draw is most of a mean.
-    let rows = (pairs.len() * NUMBERS) as f64;
-    let middle = quantile(&mut misfits, 0.5);
-    let spread = quantile(&mut misfits, 0.84) - middle;
-    let inflation = gains.iter_mut().zip(Effect::ALL).map(|(gains, effect)| {
-        let freedom = effect.description().parameters.len() as f64;
-        let median = freedom * (1.0 - 2.0 / (9.0 * freedom)).powi(3);
-        (quantile(gains, 0.5) / median).max(1.0)
-    });
-    Null {
-        misfit: [middle, spread.max((2.0 * rows).sqrt())],
-        inflation: inflation.collect(),
-        floor: middle_of(&squares),
+        // Medians: a draw may be so far off that the flight tumbles, and one such draw is most of a mean.
+        let rows = (around.parts.len() * NUMBERS) as f64;
+        let middle = quantile(misfits.clone(), 0.5);
+        let spread = quantile(misfits, 0.84) - middle;
+        let inflation: Vec<f64> = gains
+            .iter()
+            .zip(Effect::ALL)
+            .map(|(gains, effect)| {
+                let freedom = freedom(*effect);
+                let median = freedom * (1.0 - 2.0 / (9.0 * freedom)).powi(3);
+                (quantile(gains.clone(), 0.5) / median).max(1.0)
+            })
+            .collect();
+        let known = |effect: &Effect| values.iter().any(|(known, _)| known == effect);
+        let best_of = |draw: usize| {
+            let all = gains.iter().zip(Effect::ALL).zip(&inflation);
+            all.filter(|((_, effect), _)| !known(effect))
+                .filter_map(|((gains, effect), inflation)| {
+                    Some(deviations(gains.get(draw)? / inflation, freedom(*effect)))
+                })
+                .fold(f64::NEG_INFINITY, f64::max)
+        };
+        let mut best: Vec<f64> = (0..BODIES * NOISES).map(best_of).collect();
+        best.sort_by(f64::total_cmp);
+        Self {
+            rows,
+            misfit: [middle, spread.max((2.0 * rows).sqrt())],
+            inflation,
+            best,
+            floor: draws.floor(),
+            // As of a normal distribution: two thirds of the draws are less far off.
+            errors: off.into_iter().map(|off| quantile(off, 0.683)).collect(),
+        }
     }
 }
 
-/// Root mean square of each channel of a flight in which nothing is missing.
-pub(super) fn floor(
+fn freedom(effect: Effect) -> f64 {
+    effect.description().parameters.len() as f64
+}
+
+/// Columns of an effect beside those `own` already in the model, with their priors.
+fn beside(places: &[Place], own: &[usize], effect: Effect) -> (Vec<usize>, Vec<f64>) {
+    let of_effect = (0..places.len()).filter(|&k| places[k].effect == effect && !own.contains(&k));
+    let columns: Vec<usize> = own.iter().copied().chain(of_effect).collect();
+    let priors = columns.iter().map(|&k| reach(places[k])).collect();
+    (columns, priors)
+}
+
+/// What is expected of a flight in which nothing is missing: its misfit, and the root mean square of each channel.
+pub(super) fn expected(
     track: &Track,
-    pairs: &[(Stretch, Block)],
+    around: &Around,
     model: &Model<f64>,
     seed: u64,
-) -> Channels {
-    let draws = (0..DRAWS).map(|draw| drawn(track, pairs, model, seed_of(seed, draw)));
-    middle_of(
-        &draws
-            .map(|residuals| square_of(&residuals))
-            .collect::<Vec<_>>(),
-    )
+) -> (f64, Channels) {
+    let draws = Draws::new(track, around, model, seed);
+    let misfits = (0..BODIES * NOISES).map(|draw| draws.reduced(draw).misfit);
+    (quantile(misfits.collect(), 0.5), draws.floor())
 }
 
-const fn seed_of(seed: u64, draw: u64) -> u64 {
-    seed.wrapping_mul(1000).wrapping_add(draw)
+/// Draws of everything that may be wrong without being an effect, and of what the sensors add.
+struct Draws<'a> {
+    around: &'a Around,
+    normal: Normal,
+    /// By stretch and body: what the body flies differently.
+    flown: Vec<Vec<DVector<f64>>>,
+    /// By stretch and body: what is left of that once the body was fitted, in deviations.
+    left: Vec<Vec<DVector<f64>>>,
+    /// Fitted bodies.
+    fitted: Vec<Wrong>,
+    seed: u64,
 }
 
-fn square_of(residuals: &[(DVector<f64>, DVector<f64>)]) -> Channels {
-    let plain: Vec<_> = residuals.iter().map(|(_, plain)| plain).collect();
-    report::mean_square(&plain)
-}
+impl<'a> Draws<'a> {
+    fn new(track: &Track, around: &'a Around, model: &Model<f64>, seed: u64) -> Self {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let bodies: Vec<Wrong> = (0..BODIES).map(|_| Wrong::drawn(&mut random)).collect();
+        let flown = flown_wrong(track, around, model, &bodies);
+        let normals: Vec<Normal> = around
+            .parts
+            .par_iter()
+            .map(|(_, block)| Normal::of(&block.effects, &block.nuisances))
+            .collect();
+        let white = |stretch: usize, apart: DVector<f64>| around.parts[stretch].1.white(apart);
+        let white_all = |flown: &[Vec<DVector<f64>>]| -> Vec<Vec<DVector<f64>>> {
+            let stretches = flown.iter().enumerate();
+            stretches
+                .map(|(k, bodies)| bodies.iter().map(|apart| white(k, apart.clone())).collect())
+                .collect()
+        };
+        let target = white_all(&flown);
+        let mut draws = Self {
+            around,
+            normal: sum(&normals).unwrap_or_else(Normal::nothing),
+            flown,
+            left: target.clone(),
+            fitted: bodies.iter().map(|_| Wrong::nothing()).collect(),
+            seed,
+        };
+        for _ in 0..FITS {
+            for body in 0..BODIES {
+                let right = draws.right(body, None);
+                let reduced = Reduced::of(&draws.normal, &right, &draws.fitted[body].0);
+                draws.fitted[body].0 += reduced.nuisances(&DVector::zeros(0));
+            }
+            let again = white_all(&flown_wrong(track, around, model, &draws.fitted));
+            for ((left, target), again) in draws.left.iter_mut().zip(&target).zip(again) {
+                for ((left, target), again) in left.iter_mut().zip(target).zip(again) {
+                    *left = target - again;
+                }
+            }
+        }
+        draws
+    }
 
-fn middle_of(squares: &[Channels]) -> Channels {
-    Channels::from_fn(|channel, _| {
-        let mut values: Vec<f64> = squares.iter().map(|square| square[channel]).collect();
-        quantile(&mut values, 0.5).sqrt()
-    })
+    /// Noise of one stretch in one draw (deviations).
+    fn noise(&self, stretch: usize, draw: usize) -> DVector<f64> {
+        let number = (self.seed << 32) ^ ((stretch as u64) << 12) ^ draw as u64;
+        let mut random = ChaCha8Rng::seed_from_u64(number);
+        DVector::from_fn(NUMBERS, |_, _| random.sample::<f64, _>(StandardNormal))
+    }
+
+    fn reduced(&self, draw: usize) -> Reduced {
+        let right = self.right(draw % BODIES, Some(draw));
+        Reduced::of(&self.normal, &right, &self.fitted[draw % BODIES].0)
+    }
+
+    /// Of a body, with the noise of a draw.
+    fn right(&self, body: usize, draw: Option<usize>) -> Right {
+        let parts: Vec<Right> = (0..self.around.parts.len())
+            .into_par_iter()
+            .map(|stretch| {
+                let block = &self.around.parts[stretch].1;
+                let mut white = self.left[stretch][body].clone();
+                if let Some(draw) = draw {
+                    white += self.noise(stretch, draw);
+                }
+                Right::of(&white, &block.effects, &block.nuisances)
+            })
+            .collect();
+        sum(&parts).unwrap_or_else(Right::nothing)
+    }
+
+    /// Root mean square of each channel, in the middle of the bodies.
+    fn floor(&self) -> Channels {
+        let square_of = |body: usize| {
+            let plain: Vec<_> = (0..self.around.parts.len())
+                .map(|stretch| {
+                    let block = &self.around.parts[stretch].1;
+                    &self.flown[stretch][body] + block.noise(&self.noise(stretch, body))
+                })
+                .collect();
+            super::gap::mean_square(&plain.iter().collect::<Vec<_>>())
+        };
+        let squares: Vec<Channels> = (0..BODIES).into_par_iter().map(square_of).collect();
+        let middle = |channel: usize| quantile(squares.iter().map(|s| s[channel]).collect(), 0.5);
+        Channels::from_iterator((0..CHANNELS).map(|channel| middle(channel).sqrt()))
+    }
 }
 
 /// The value below which a share of the values lies.
-fn quantile(values: &mut [f64], share: f64) -> f64 {
+fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
     values.sort_by(f64::total_cmp);
     #[expect(
         clippy::cast_possible_truncation,
@@ -118,13 +263,4 @@ fn quantile(values: &mut [f64], share: f64) -> f64 {
         .get(place.min(values.len().saturating_sub(1)))
         .copied()
         .unwrap_or(0.0)
-}
-
-/// Gain of an effect, to first order.
-fn gain_of(reduced: &Reduced, places: &[Place], effect: Effect) -> f64 {
-    let own: Vec<usize> = (0..places.len())
-        .filter(|&k| places[k].effect == effect)
-        .collect();
-    let reach: Vec<f64> = own.iter().map(|&k| reach(places[k])).collect();
-    reduced.only(&own).gain(&reach)
 }

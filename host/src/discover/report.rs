@@ -1,15 +1,16 @@
 //! What discovery found, in numbers for people and machines.
 
-use bodyflight_core::effect::{Effect, Model};
-use nalgebra::DVector;
-use rayon::prelude::*;
+use bodyflight_core::effect::{Effect, PARAMETER_COUNT};
 use serde::{Serialize, Serializer};
 
 use super::check::{Check, Finding};
-use super::fit::{Data, Fit, Values, with};
+use super::fit::{Fit, Values};
+use super::gap::{Gap, HeldOutGap, Spot};
+use super::momentum::Missing;
 use super::null::Null;
-use super::stretch::{CHANNELS, Channels, Prepared, Stretch};
-use super::track::Track;
+use super::regime::{Companion, Regime};
+use super::stability::Whiteness;
+use super::stretch::CHANNELS;
 
 /// Names of the channels, with units.
 pub const CHANNEL_NAMES: [&str; CHANNELS] = [
@@ -55,6 +56,20 @@ fn by_name<S: Serializer>(
     serializer.collect_map(numbers.iter().copied())
 }
 
+/// Why an effect got its name.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Evidence {
+    /// Deviations by which its gain is beyond chance.
+    #[serde(rename = "confidence")]
+    pub deviations: f64,
+    /// Probability that some effect of the library gains as much in a flight in which nothing is missing.
+    pub chance: f64,
+    /// Share of flights put together from blocks of this one in which it, or a rival, comes out first.
+    pub stability: f64,
+    /// Share of what was left to explain.
+    pub explains: f64,
+}
+
 /// An effect that was named.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Named {
@@ -66,14 +81,15 @@ pub struct Named {
     /// Their standard errors.
     #[serde(serialize_with = "by_name")]
     pub standard_errors: Vec<(&'static str, f64)>,
-    /// Deviations by which its gain is beyond chance.
-    pub confidence: f64,
-    /// Share of what was left to explain.
-    pub explains: f64,
+    /// Why.
+    #[serde(flatten)]
+    pub evidence: Evidence,
     /// Effects that cannot be told from it on this flight.
     pub rivals: Vec<Rival>,
     /// The maneuver that would tell them apart.
     pub separated_by: &'static str,
+    /// Whether a parameter stands at an end of its plausible range: then the effect is not all that is missing.
+    pub at_limit: bool,
     /// Whether conscious muscle input or damping could imitate it, so that an estimator would take it for that.
     pub imitated_by_inputs: bool,
     #[serde(skip)]
@@ -81,7 +97,7 @@ pub struct Named {
 }
 
 impl Named {
-    pub(super) fn new(effect: Effect, confidence: f64, explains: f64, rivals: Vec<Rival>) -> Self {
+    pub(super) fn new(effect: Effect, evidence: Evidence, rivals: Vec<Rival>) -> Self {
         let description = effect.description();
         let inputs = [Effect::Muscle, Effect::Damping].map(|input| input.description().name);
         let imitated = |name: &str| inputs.contains(&name);
@@ -89,12 +105,12 @@ impl Named {
             name: description.name,
             parameters: Vec::new(),
             standard_errors: Vec::new(),
-            confidence,
-            explains,
+            evidence,
             imitated_by_inputs: description.confused_with.iter().any(|name| imitated(name))
                 || rivals.iter().any(|rival| imitated(rival.name)),
             rivals,
             separated_by: description.separated_by,
+            at_limit: false,
             effect,
         }
     }
@@ -103,11 +119,32 @@ impl Named {
 impl Named {
     /// An error of a sensor that the data alone show.
     pub(super) fn by_check(check: &Check) -> Self {
-        let names = check.effect.description().parameters.iter().map(|p| p.name);
+        // Of sensors against one another, with no physics between them.
+        let evidence = Evidence {
+            deviations: check.deviations,
+            chance: 0.0,
+            stability: 1.0,
+            explains: 0.0,
+        };
+        Self::new(check.effect, evidence, Vec::new()).with_parameters(&check.values, &check.errors)
+    }
+
+    /// With its parameters and their standard errors.
+    pub(super) fn with_parameters(
+        self,
+        values: &[f64; PARAMETER_COUNT],
+        errors: &[f64; PARAMETER_COUNT],
+    ) -> Self {
+        let parameters = self.effect.description().parameters;
+        let names = parameters.iter().map(|p| p.name);
         Self {
-            parameters: names.clone().zip(check.values).collect(),
-            standard_errors: names.zip(check.errors).collect(),
-            ..Self::new(check.effect, check.deviations, 0.0, Vec::new())
+            at_limit: parameters
+                .iter()
+                .zip(values)
+                .any(|(p, value)| *value >= p.high || (*value <= p.low && !p.is_one_sided())),
+            parameters: names.clone().zip(*values).collect(),
+            standard_errors: names.zip(*errors).collect(),
+            ..self
         }
     }
 
@@ -118,166 +155,20 @@ impl Named {
 
 /// Fills in the parameters of the last, joint fit.
 ///
-/// Errors are widened by what the fit cannot know: by how much an effect gains through joints that are wrong in
-/// ways that are not linear, and by the misfit that is left.
+/// Their errors are how far fits to flights drawn from the model found are off, widened by the misfit that is left.
 pub(super) fn settle(named: &mut [Named], fit: &Fit, null: &Null) {
-    let left = (fit.misfit / null.misfit[0].max(1.0)).max(1.0);
-    let mut errors = fit.errors.iter();
+    let left = (fit.misfit / null.misfit[0].max(1.0)).max(1.0).sqrt();
+    let mut errors = fit.errors.iter().zip(&null.errors);
     for (effect, values) in &fit.values {
-        let parameters = effect.description().parameters;
-        let widened = (null.inflation_of(*effect) * left).sqrt();
-        let errors = errors.by_ref().take(parameters.len());
-        let errors: Vec<_> = parameters
-            .iter()
-            .zip(errors)
-            .map(|(p, e)| (p.name, e * widened))
-            .collect();
+        let mut own = [0.0; PARAMETER_COUNT];
+        let count = effect.description().parameters.len();
+        for (own, (fitted, drawn)) in own.iter_mut().zip(errors.by_ref().take(count)) {
+            *own = fitted.max(*drawn) * left;
+        }
         for named in named.iter_mut().filter(|named| named.effect == *effect) {
-            named.parameters = parameters
-                .iter()
-                .zip(values)
-                .map(|(p, v)| (p.name, *v))
-                .collect();
-            named.standard_errors = errors.clone();
+            *named = named.clone().with_parameters(values, &own);
         }
     }
-}
-
-/// Root mean squares of the residuals by channel.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Gap {
-    /// Of the plain model.
-    pub before: [f64; CHANNELS],
-    /// With the effects named.
-    pub after: [f64; CHANNELS],
-    /// Where nothing is missing: noise, and what subject and joints have wrong.
-    pub floor: [f64; CHANNELS],
-    /// Share of the gap above the floor that was closed, all channels in units of their floor.
-    pub closed_share: f64,
-}
-
-/// Mean square of each channel.
-pub(super) fn mean_square(residuals: &[&DVector<f64>]) -> Channels {
-    let mut squares = Channels::zeros();
-    let mut count = 0.0;
-    for residual in residuals {
-        for row in residual.as_slice().chunks_exact(CHANNELS) {
-            squares += Channels::from_column_slice(row).map(|value| value * value);
-            count += 1.0;
-        }
-    }
-    if count > 0.0 {
-        squares / count
-    } else {
-        squares
-    }
-}
-
-impl Gap {
-    pub(super) fn of(data: &Data<'_>, values: &Values, floor: &Channels) -> Self {
-        let stretches: Vec<Stretch> = data
-            .stretches
-            .iter()
-            .map(|(stretch, _)| stretch.clone())
-            .collect();
-        Self::without_columns(data.track, data.model, &stretches, values, floor)
-    }
-
-    pub(super) fn without_columns(
-        track: &Track,
-        model: &Model<f64>,
-        stretches: &[Stretch],
-        values: &Values,
-        floor: &Channels,
-    ) -> Self {
-        let of = |model: &Model<f64>| {
-            let residuals: Vec<_> = stretches
-                .par_iter()
-                .map(|stretch| {
-                    Prepared::new(track, stretch, model, &|posture| posture)
-                        .residual(&Channels::zeros())
-                })
-                .collect();
-            mean_square(&residuals.iter().collect::<Vec<_>>())
-        };
-        let (before, after) = (of(model), of(&with(model, values)));
-        let (mut open, mut left) = (0.0, 0.0);
-        for channel in 0..CHANNELS {
-            let least = floor[channel] * floor[channel];
-            open += (before[channel] / least - 1.0).max(0.0);
-            left += (after[channel] / least - 1.0).max(0.0);
-        }
-        let roots = |squares: &Channels| squares.map(f64::sqrt).into();
-        Self {
-            before: roots(&before),
-            after: roots(&after),
-            floor: (*floor).into(),
-            closed_share: if open > 0.0 { 1.0 - left / open } else { 0.0 },
-        }
-    }
-}
-
-/// What effects do in a flight that they were not fitted to.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct HeldOutGap {
-    /// Misfit of the plain model: sum of squares in deviations.
-    pub misfit_before: f64,
-    /// With the effects named.
-    pub misfit_after: f64,
-    /// Numbers compared: what the misfit is where nothing is missing.
-    pub numbers: usize,
-    /// By channel.
-    pub gap: Gap,
-}
-
-impl HeldOutGap {
-    /// Share of the misfit above that of noise which the effects take away, at most one.
-    pub fn closed_share(&self) -> f64 {
-        let above = (self.misfit_before - self.numbers as f64).max(1.0);
-        ((self.misfit_before - self.misfit_after) / above).min(1.0)
-    }
-}
-
-/// Where the plain model disagrees: one stretch.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Spot {
-    /// Begin of the stretch (s).
-    pub time_s: f64,
-    /// Root mean square of each channel over its floor, of the plain model.
-    pub over_floor: [f64; CHANNELS],
-    /// The same with the effects named.
-    pub over_floor_after: [f64; CHANNELS],
-    /// Mean speed (m/s).
-    pub speed_m_s: f64,
-    /// Mean size of the angular velocity (rad/s).
-    pub turn_rad_s: f64,
-    /// Mean height (m).
-    pub height_m: f64,
-}
-
-pub(super) fn map(data: &Data<'_>, values: &Values, floor: &Channels) -> Vec<Spot> {
-    let extended = with(data.model, values);
-    let spot = |(stretch, _): &(Stretch, super::design::Block)| {
-        let track = data.track;
-        let over_floor = |model: &Model<f64>| -> [f64; CHANNELS] {
-            let flown = Prepared::new(track, stretch, model, &|posture| posture);
-            let squares = mean_square(&[&flown.residual(&Channels::zeros())]);
-            squares.map(f64::sqrt).component_div(floor).into()
-        };
-        let motions = &track.measured[stretch.first..stretch.first + super::stretch::FRAMES];
-        let mean = |value: &dyn Fn(&bodyflight_core::dynamics::Motion<f64>) -> f64| {
-            motions.iter().map(value).sum::<f64>() / motions.len() as f64
-        };
-        Spot {
-            time_s: track.times[stretch.first],
-            over_floor: over_floor(data.model),
-            over_floor_after: over_floor(&extended),
-            speed_m_s: mean(&|motion| motion.velocity.components.norm()),
-            turn_rad_s: mean(&|motion| motion.angular_velocity.components.norm()),
-            height_m: mean(&|motion| motion.position.components.z),
-        }
-    };
-    data.stretches.iter().map(spot).collect()
 }
 
 /// An error of a sensor that the data alone show, rule out, or do not decide.
@@ -326,6 +217,16 @@ pub struct Report {
     pub held_out: Vec<HeldOutGap>,
     /// Where the plain model disagrees.
     pub residual_map: Vec<Spot>,
+    /// In which regime.
+    pub regimes: Vec<Regime>,
+    /// Force and moment that the plain model misses, by the balance of momentum.
+    pub momentum: Vec<Missing>,
+    /// The same with the effects.
+    pub momentum_after: Vec<Missing>,
+    /// What goes with what is still missing: the signature of something that the library does not have.
+    pub signature: Vec<Companion>,
+    /// Whether what is left is noise.
+    pub whiteness: Whiteness,
     /// What sensors say of one another.
     pub checks: Vec<Checked>,
     /// The effects as in `model.toml`.
@@ -340,20 +241,17 @@ pub(super) struct Parts {
     pub(super) gap: Gap,
     pub(super) held_out: Vec<HeldOutGap>,
     pub(super) map: Vec<Spot>,
+    pub(super) regimes: Vec<Regime>,
+    pub(super) momentum: [Vec<Missing>; 2],
+    pub(super) signature: Vec<Companion>,
+    pub(super) whiteness: Whiteness,
     pub(super) values: Values,
     pub(super) checks: Vec<Check>,
 }
 
 impl Report {
     pub(super) fn new(parts: Parts) -> Self {
-        let model = parts.values.iter().map(|(effect, values)| {
-            let description = effect.description();
-            let parameters = description.parameters.iter().zip(values);
-            (
-                description.name,
-                parameters.map(|(p, v)| (p.name, *v)).collect(),
-            )
-        });
+        let [momentum, momentum_after] = parts.momentum;
         let (effects, nearest) = match parts.outcome {
             Outcome::Named => (parts.named, Vec::new()),
             _ => (Vec::new(), parts.named),
@@ -367,20 +265,46 @@ impl Report {
             gap: parts.gap,
             held_out: parts.held_out,
             residual_map: parts.map,
+            regimes: parts.regimes,
+            momentum,
+            momentum_after,
+            signature: parts.signature,
+            whiteness: parts.whiteness,
             checks: parts.checks.iter().map(Checked::of).collect(),
-            model: model.collect(),
+            model: model_of(&parts.values),
         }
     }
 
     /// The effects as a `model.toml`.
     pub fn model_toml(&self) -> String {
-        let mut text = String::from("# Effects found by bodyflight discover.\n");
-        for (name, parameters) in &self.model {
-            text.push_str(&format!("\n[[effect]]\nname = \"{name}\"\n"));
-            for (parameter, value) in parameters {
-                text.push_str(&format!("{parameter} = {value:?}\n"));
-            }
-        }
-        text
+        model_toml(&self.model)
     }
+}
+
+/// Effects by the names of files.
+pub(super) fn model_of(values: &Values) -> Vec<(&'static str, Vec<(&'static str, f64)>)> {
+    let of_effect = |(effect, values): &(Effect, [f64; PARAMETER_COUNT])| {
+        let description = effect.description();
+        let parameters = description.parameters.iter().zip(values);
+        (
+            description.name,
+            parameters.map(|(p, v)| (p.name, *v)).collect(),
+        )
+    };
+    values.iter().map(of_effect).collect()
+}
+
+/// The text of a `model.toml`.
+pub(super) fn model_toml(model: &[(&str, Vec<(&str, f64)>)]) -> String {
+    let mut text = String::from(
+        "# Effects found by bodyflight discover.
+",
+    );
+    for (name, parameters) in model {
+        text.push_str(&format!("\n[[effect]]\nname = \"{name}\"\n"));
+        for (parameter, value) in parameters {
+            text.push_str(&format!("{parameter} = {value:?}\n"));
+        }
+    }
+    text
 }

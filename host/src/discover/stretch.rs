@@ -5,16 +5,13 @@
 //! smoothing leaves. Nothing is differentiated. Averages over a tenth of a second are compared: attitude, angular
 //! velocity and velocity, so that errors of the sensors and of the physics show in different rows.
 
-use bodyflight_core::Posture;
-use bodyflight_core::dynamics::{Motion, PostureSample, State};
-use bodyflight_core::effect::Model;
+use bodyflight_core::dynamics::Motion;
 use bodyflight_core::effect::sensors::Moving;
 use bodyflight_core::frame::{Rotation, Vector};
 use bodyflight_core::math::small_rotation;
 use nalgebra::{DVector, SVector, Vector3};
 
 use super::track::Track;
-use crate::motion_history::MotionHistory;
 
 /// Frames of a stretch: 0.6 s at 240 Hz, short enough for what joints have wrong to act in proportion.
 pub const FRAMES: usize = 144;
@@ -31,14 +28,13 @@ const HALF_SMOOTHING: usize = 12;
 /// Frames between the moments around the start at which the motion is kept, for sensors that are late.
 const APART: usize = 24;
 /// Moments on either side of the start: as far as a plausible delay reaches.
-const SIDE: usize = 3;
-
+pub(super) const SIDE: usize = 3;
 /// Standard deviations of single frames: attitude (rad), angular velocity (rad/s), velocity (m/s), the paper's.
 pub const SENSOR_NOISE: [f64; CHANNELS] = [0.01, 0.01, 0.01, 0.03, 0.03, 0.03, 0.1, 0.1, 1.0];
 
 /// What the model misses in a tenth of a second whatever it knows: jitter of joints, slow errors of the suit.
 const MODEL_NOISE: [f64; CHANNELS] = [
-    0.0008, 0.0008, 0.0008, 0.004, 0.004, 0.004, 0.01, 0.01, 0.015,
+    0.0005, 0.0005, 0.0005, 0.0025, 0.0025, 0.0025, 0.006, 0.006, 0.01,
 ];
 
 /// A difference in all channels.
@@ -52,20 +48,20 @@ pub struct Stretch {
     /// The smoothed motion there.
     pub start: Motion<f64>,
     /// How the motion goes on around the start.
-    course: Course,
+    pub(super) course: Course,
 }
 
 /// Velocity and angular velocity measured around a moment, every [`APART`] frames.
 #[derive(Debug, Clone)]
-struct Course {
+pub(super) struct Course {
     moments: [SVector<f64, 6>; 2 * SIDE + 1],
     /// Time between two moments (s).
-    apart: f64,
+    pub(super) apart: f64,
 }
 
 impl Course {
     /// What changes until `later` (s) than the moment, by a cubic through the moments.
-    fn change(&self, later: f64) -> SVector<f64, 6> {
+    pub(super) fn change(&self, later: f64) -> SVector<f64, 6> {
         let last = 2 * SIDE;
         let place = (later / self.apart + SIDE as f64).clamp(0.0, last as f64);
         #[expect(
@@ -126,7 +122,7 @@ fn smoothed(track: &Track, frame: usize) -> Motion<f64> {
 }
 
 /// `motion` changed by a difference in all channels.
-fn moved(motion: &Motion<f64>, by: &Channels) -> Motion<f64> {
+pub(super) fn moved(motion: &Motion<f64>, by: &Channels) -> Motion<f64> {
     let part = |from: usize| Vector3::new(by[from], by[from + 1], by[from + 2]);
     let turn = small_rotation(&part(0));
     let inertial_from_body =
@@ -141,7 +137,7 @@ fn moved(motion: &Motion<f64>, by: &Channels) -> Motion<f64> {
 }
 
 /// `measured` less `predicted`.
-fn difference(measured: &Motion<f64>, predicted: &Motion<f64>) -> Channels {
+pub(super) fn difference(measured: &Motion<f64>, predicted: &Motion<f64>) -> Channels {
     let turn = predicted.inertial_from_body.quaternion().inverse()
         * measured.inertial_from_body.quaternion();
     let attitude = turn.scaled_axis();
@@ -166,139 +162,7 @@ pub fn variance() -> DVector<f64> {
     })
 }
 
-/// Postures of a stretch as the model flies them.
-fn posture(track: &Track, frame: usize, delay: f64) -> Posture<f64> {
-    let last = track.postures.len() - 1;
-    if delay == 0.0 {
-        return track.postures[frame.min(last)];
-    }
-    // Recorded too late: what is meant now stands further on.
-    let interval = track.duration() / last as f64;
-    let place = (frame as f64 + delay / interval).clamp(0.0, last as f64);
-    let before = place.floor();
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "clamped to the frames"
-    )]
-    let index = before as usize;
-    track.postures[index].interpolated(&track.postures[(index + 1).min(last)], place - before)
-}
-
-/// The intervals of a stretch in a model, ready to be flown from any start.
-pub struct Prepared<'a> {
-    track: &'a Track,
-    model: Model<f64>,
-    stretch: &'a Stretch,
-    samples: Vec<PostureSample<f64>>,
-}
-
-impl<'a> Prepared<'a> {
-    /// Computes the intervals; `joints` turns recorded postures to those that are flown.
-    pub fn new(
-        track: &'a Track,
-        stretch: &'a Stretch,
-        model: &Model<f64>,
-        joints: &dyn Fn(Posture<f64>) -> Posture<f64>,
-    ) -> Self {
-        let delay = model.sensors.posture_delay;
-        let mut from = joints(posture(track, stretch.first, delay));
-        let samples = (stretch.first..stretch.first + FRAMES)
-            .map(|frame| {
-                let to = joints(posture(track, frame + 1, delay));
-                let duration = track.times[frame + 1] - track.times[frame];
-                let sample = model.dynamics.between(&from, &to, duration);
-                from = to;
-                sample
-            })
-            .collect();
-        Self {
-            track,
-            model: *model,
-            stretch,
-            samples,
-        }
-    }
-
-    /// Measured less flown, averaged, from the smoothed start changed by `start`.
-    pub fn residual(&self, start: &Channels) -> DVector<f64> {
-        let mut residual = DVector::zeros(NUMBERS);
-        self.each(start, |k, seen| {
-            let row = k / WINDOW;
-            let measured = &self.track.measured[self.stretch.first + k + 1];
-            let difference = difference(measured, seen) / WINDOW as f64;
-            for (channel, value) in difference.iter().enumerate() {
-                residual[row * CHANNELS + channel] += value;
-            }
-        });
-        residual
-    }
-
-    /// What sensors would see of this flight less what they see of `other`, averaged.
-    pub fn apart(&self, start: &Channels, other: &Self) -> DVector<f64> {
-        let mut seen_by_other = Vec::with_capacity(FRAMES);
-        other.each(&Channels::zeros(), |_, seen| seen_by_other.push(*seen));
-        let mut apart = DVector::zeros(NUMBERS);
-        self.each(start, |k, seen| {
-            let difference = difference(seen, &seen_by_other[k]) / WINDOW as f64;
-            for (channel, value) in difference.iter().enumerate() {
-                apart[k / WINDOW * CHANNELS + channel] += value;
-            }
-        });
-        apart
-    }
-
-    fn each(&self, start: &Channels, mut each: impl FnMut(usize, &Motion<f64>)) {
-        let Some(first) = self.samples.first() else {
-            return;
-        };
-        let begin = self.corrected(&moved(&self.stretch.start, start));
-        let inputs = self.model.inputs(&self.track.inputs);
-        let time = |k: usize| self.track.times[self.stretch.first + k] - self.track.times[0];
-        let mut history = MotionHistory::default();
-        let (reach, moments) = (SIDE as f64 * self.stretch.course.apart, 4 * SIDE);
-        for k in 0..=moments {
-            let later = (k as f64 / moments as f64 - 1.0) * reach;
-            history.push(time(0) + later, self.around(&begin, later));
-        }
-        let mut state = State::from_motion(&begin, first);
-        let mut motions = Vec::with_capacity(self.samples.len());
-        for (k, sample) in self.samples.iter().enumerate() {
-            let duration = time(k + 1) - time(k);
-            state = self.model.dynamics.step(&state, sample, &inputs, duration);
-            let motion = state.motion(sample);
-            history.push(time(k + 1), Moving::of(&motion));
-            motions.push(motion);
-        }
-        for (k, motion) in motions.iter().enumerate() {
-            let now = time(k + 1);
-            let past = |delay: f64| {
-                history
-                    .at(now - delay)
-                    .unwrap_or_else(|| Moving::of(motion))
-            };
-            each(k, &self.model.sensors.observe(motion, past, now));
-        }
-    }
-
-    /// The true start behind a measured one: the sensors' errors taken off.
-    fn corrected(&self, measured: &Motion<f64>) -> Motion<f64> {
-        let time = self.track.times[self.stretch.first] - self.track.times[0];
-        let sensors = &self.model.sensors;
-        let past = |delay: f64| self.around(measured, -delay);
-        let seen = sensors.observe(measured, past, time);
-        // Errors are small: what they add to the measured start they added to the true one.
-        moved(measured, &difference(measured, &seen))
-    }
-
-    /// The moving `later` (s) than at a start, as it goes on around the start.
-    fn around(&self, start: &Motion<f64>, later: f64) -> Moving<f64> {
-        let now = Moving::of(start);
-        moving(&(six(&now) + self.stretch.course.change(later)))
-    }
-}
-
-fn six(moving: &Moving<f64>) -> SVector<f64, 6> {
+pub(super) fn six(moving: &Moving<f64>) -> SVector<f64, 6> {
     let (velocity, spin) = (
         &moving.velocity.components,
         &moving.angular_velocity.components,
@@ -306,7 +170,7 @@ fn six(moving: &Moving<f64>) -> SVector<f64, 6> {
     SVector::from_iterator(velocity.iter().chain(spin).copied())
 }
 
-fn moving(six: &SVector<f64, 6>) -> Moving<f64> {
+pub(super) fn moving(six: &SVector<f64, 6>) -> Moving<f64> {
     Moving {
         velocity: Vector::new(six[0], six[1], six[2]),
         angular_velocity: Vector::new(six[3], six[4], six[5]),

@@ -6,11 +6,16 @@ use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;
 
 use super::design::places;
-use super::fit::{Reduced, with};
-use super::stretch::{CHANNELS, Channels, Prepared};
+use super::fit::with;
+use super::flown::Prepared;
+use super::linear::{Normal, Reduced, Right};
+use super::stretch::{CHANNELS, Channels};
 use super::*;
 use crate::hide::{self, Hidden, fly};
 use crate::subject::Subject;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::StandardNormal;
 
 fn model() -> (Dynamics<f64>, Inputs<f64>) {
     let subject = Subject::default();
@@ -40,8 +45,11 @@ fn residuals(track: &Track, model: &Model<f64>) -> f64 {
     let squares: f64 = stretches(track)
         .iter()
         .map(|stretch| {
-            let flown = Prepared::new(track, stretch, model, &|posture| posture);
-            flown.residual(&Channels::zeros()).norm_squared()
+            let flown = Prepared::new(track, stretch, model, &|posture| posture, 1);
+            flown
+                .fly(&Channels::zeros())
+                .missing(track, stretch)
+                .norm_squared()
         })
         .sum();
     squares.sqrt()
@@ -90,7 +98,7 @@ fn errors_of_sensors_show_in_the_data_alone_and_only_they() {
         (Effect::RateLag, [0.06, 0.0, 0.0]),
         // Belly to earth this is nearly a bias about the dorsal axis.
         (Effect::HeadingDrift, [0.02, 0.0, 0.0]),
-        (Effect::GnssLatency, [-0.12, 0.0, 0.0]),
+        (Effect::GnssLatency, [0.12, 0.0, 0.0]),
     ];
     for (hidden, truth) in errors {
         let checks = flown(&[
@@ -119,10 +127,11 @@ fn every_parameter_has_a_column_and_every_stretch_its_numbers() {
     let model = Model::new(track.dynamics, track.start_height());
     let stretches = stretches(&track);
     let count = stretches.len();
-    let around = blocks(&track, &model, stretches, &Vec::new(), &places());
+    let start = (&Vec::new(), &Wrong::nothing());
+    let around = Around::new(&track, &model, stretches, start, &places()).parts;
     assert_eq!(around.len(), count);
     for (_, block) in &around {
-        assert_eq!(block.residual.len() % CHANNELS, 0);
+        assert_eq!(block.effects.nrows() % CHANNELS, 0);
         assert_eq!(block.effects.ncols(), places().len());
         assert!(
             block
@@ -162,8 +171,8 @@ fn columns_are_slopes_wherever_an_effect_stands() {
             let mut values = values;
             values[place.index] += step;
             let model = with(&plain, &vec![(place.effect, values)]);
-            let flown = Prepared::new(&track, stretch, &model, &|posture| posture);
-            -flown.residual(&Channels::zeros())
+            let flown = Prepared::new(&track, stretch, &model, &|posture| posture, 1);
+            -flown.fly(&Channels::zeros()).missing(&track, stretch)
         };
         let small = 0.02 * (parameter.high - parameter.low);
         let central = (at(small) - at(-small)) / (2.0 * small);
@@ -173,9 +182,11 @@ fn columns_are_slopes_wherever_an_effect_stands() {
             stretch,
             &with(&plain, &vec![(place.effect, values)]),
             &|p| p,
+            1,
         );
-        let other = Prepared::new(&track, stretch, &model, &|posture| posture);
-        let column = other.apart(&Channels::zeros(), &here) / size;
+        let other = Prepared::new(&track, stretch, &model, &|posture| posture, 1);
+        let none = Channels::zeros();
+        let column = other.fly(&none).less(&here.fly(&none)) / size;
         let name = place.effect.description().name;
         // Where a sensor's error is taken off the start, the start moves too.
         let apart = (&column - &central).norm();
@@ -244,7 +255,11 @@ proptest! {
         let residual = DVector::from_vec(residual);
         let columns = DMatrix::from_vec(8, 2, columns);
         let nuisances = DMatrix::from_vec(8, 3, nuisances);
-        let reduced = Reduced::of([(&residual, &columns, &nuisances)].into_iter());
+        let reduced = Reduced::of(
+            &Normal::of(&columns, &nuisances),
+            &Right::of(&residual, &columns, &nuisances),
+            &DVector::zeros(3),
+        );
         let covariance = DMatrix::identity(8, 8) + &nuisances * nuisances.transpose();
         let inverse = covariance.try_inverse().unwrap();
         let misfit = residual.dot(&(&inverse * &residual));
@@ -254,4 +269,73 @@ proptest! {
         let curvature = columns.transpose() * &inverse * &columns;
         prop_assert!((reduced.curvature - curvature).norm() < 1e-9);
     }
+}
+
+#[test]
+fn the_balance_of_momentum_shows_what_is_missing_and_how_well_it_is_known() {
+    let plain = |track: &Track| Model::new(track.dynamics, track.start_height());
+    let size = |missing: &[momentum::Missing], of: &dyn Fn(&momentum::Missing) -> f64| {
+        (missing.iter().map(|m| of(m).powi(2)).sum::<f64>() / missing.len() as f64).sqrt()
+    };
+    let force = |m: &momentum::Missing| m.force_n.iter().map(|f| f * f).sum::<f64>().sqrt();
+    // Nothing is missing where nothing is hidden, and nothing with what is hidden.
+    let clean = track(&[], 0.0);
+    let floor = size(&balance(&clean, &plain(&clean)), &force);
+    let drag = (Effect::Drag, [1.6, 1.6, 1.6]);
+    let flown = track(&[Hidden::Effect(drag.0, drag.1)], 0.0);
+    let without = size(&balance(&flown, &plain(&flown)), &force);
+    let extended = with(&plain(&flown), &vec![drag]);
+    let within = size(&balance(&flown, &extended), &force);
+    assert!(
+        without > 100.0 && floor < 0.05 * without,
+        "{without} N, {floor} N"
+    );
+    assert!(within < 0.05 * without, "{within} N of {without} N");
+    // With noise of sensors, and nothing else wrong, a window is as far off as its errors say.
+    let (dynamics, inputs) = model();
+    let mut noisy = clean;
+    let mut random = ChaCha8Rng::seed_from_u64(5);
+    for motion in &mut noisy.measured {
+        let noise = Channels::from_fn(|channel, _| {
+            random.sample::<f64, _>(StandardNormal) * stretch::SENSOR_NOISE[channel]
+        });
+        *motion = stretch::moved(motion, &noise);
+    }
+    let model = Model::new(dynamics, noisy.start_height());
+    noisy.inputs = inputs;
+    let mean = size(&balance(&noisy, &model), &|m| m.deviations) / 6.0_f64.sqrt();
+    assert!((0.7..1.4).contains(&mean), "{mean}");
+}
+
+#[test]
+fn regimes_and_companions_tell_where_and_with_what() {
+    let flown = track(&[Hidden::Effect(Effect::Drag, [1.6, 1.6, 1.6])], 0.0);
+    let model = Model::new(flown.dynamics, flown.start_height());
+    let missing = balance(&flown, &model);
+    let companions = regime::companions(&flown, &missing);
+    assert!(companions.len() <= 5 && companions.iter().all(|c| c.correlation.abs() <= 1.0));
+    let spot = |time_s: f64, over: f64| gap::Spot {
+        time_s,
+        over_floor: [over; CHANNELS],
+        over_floor_after: [1.0; CHANNELS],
+        speed_m_s: 0.0,
+        turn_rad_s: 0.0,
+        height_m: 0.0,
+    };
+    // What disagrees late disagrees in the last third of the time.
+    let map: Vec<gap::Spot> = (0..9)
+        .map(|k| spot(0.6 * f64::from(k), if k < 6 { 1.0 } else { 5.0 }))
+        .collect();
+    let regimes = regime::regimes(&flown, &map);
+    let by_time = regimes.iter().find(|regime| regime.by == "time_s").unwrap();
+    for (found, expected) in by_time.over_floor.iter().zip([1.0, 1.0, 5.0]) {
+        assert!((found - expected).abs() < 1e-12);
+    }
+    assert!(
+        by_time
+            .over_floor_after
+            .iter()
+            .all(|over| (over - 1.0).abs() < 1e-12)
+    );
+    assert!(regime::regimes(&flown, &map[..2]).is_empty());
 }

@@ -1,0 +1,99 @@
+//! `bodyflight discover` for the recording of a point.
+
+use std::path::PathBuf;
+
+use bodyflight::diagnostic::{Problem, Result};
+use bodyflight::discover::figure;
+use bodyflight::discover::point::{COMPONENT_NAMES, Report, discover};
+use bodyflight::flight::Flight;
+use bodyflight::flysight::{Track, is_flysight};
+
+use super::super::terminal;
+use super::{Args, print_names, write_all};
+
+pub(super) fn run(args: &Args, json: bool) -> Result<()> {
+    let flight = Flight::read(&args.flight)?;
+    let track = Track::read(&flight.recording)?;
+    let other =
+        |path: &PathBuf| {
+            let recording = Flight::read(path)?.recording;
+            if is_flysight(&recording) {
+                Track::read(&recording)
+            } else {
+                Err(Problem::bad_input("expected the recording of a point (CSV)")
+                .in_file(&recording)
+                .help("flights that are held out must be of the kind that effects are fitted to"))
+            }
+        };
+    let held_out = args
+        .hold_out
+        .iter()
+        .map(other)
+        .collect::<Result<Vec<_>>>()?;
+    let report = discover(
+        &track,
+        &held_out,
+        &|height| flight.dynamics(height),
+        args.max_effects,
+    )
+    .map_err(|problem| match problem.file {
+        Some(_) => problem,
+        None => problem.in_file(&flight.recording),
+    })?;
+    if let Some(folder) = &args.out {
+        let title = format!("{}: what the model misses", args.flight.display());
+        let figure = figure::point_svg(&title, &report)?;
+        write_all(folder, &report, &figure, &report.model_toml())?;
+    }
+    if json {
+        return terminal::print_json(&report);
+    }
+    print(&report);
+    if let Some(folder) = &args.out {
+        terminal::print(&format!("written: {}", folder.display()));
+    }
+    Ok(())
+}
+
+fn print(report: &Report) {
+    print_names(
+        report.verdict,
+        report.disagreement,
+        &report.effects,
+        &report.nearest,
+    );
+    terminal::print(&format!(
+        "free fall of {:.1} s, noise of a velocity {:.2} m/s, {} rows skipped",
+        report.free_fall_s, report.noise_m_s, report.rows_skipped
+    ));
+    if let Some(latency) = report.latency {
+        terminal::print(&format!(
+            "velocity late by {:.3} +- {:.3} s, by the way that was made",
+            latency.latency_s, latency.standard_error_s
+        ));
+    }
+    if let Some(force) = report.specific_force {
+        terminal::print(&format!(
+            "mean specific force {:.2} m/s2 by the inertial sensor, {:.2} by the satellites",
+            force.inertial_m_s2, force.satellites_m_s2
+        ));
+    }
+    let mut table = terminal::table(&["missing in 2 s", "before", "after", "noise and posture"]);
+    for (component, name) in COMPONENT_NAMES.iter().enumerate() {
+        let gap = &report.gap;
+        let numbers =
+            [gap.before, gap.after, gap.floor].map(|values| format!("{:.2}", values[component]));
+        table.add_row([&[(*name).to_owned()][..], &numbers].concat());
+    }
+    terminal::print(&table.to_string());
+    for (index, gap) in report.held_out.iter().enumerate() {
+        terminal::print(&format!(
+            "held-out fall {}: misfit {:.0} -> {:.0}, {:.0} where nothing is missing; {:.0} % of the gap closed",
+            index + 1,
+            gap.misfit_before,
+            gap.misfit_after,
+            gap.misfit_expected,
+            100.0 * gap.closed_share
+        ));
+    }
+}

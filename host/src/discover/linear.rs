@@ -1,0 +1,188 @@
+//! The algebra of the linear problem: columns, residuals, and nuisances with a prior that are taken out of both.
+
+use core::ops::AddAssign;
+
+use nalgebra::{DMatrix, DVector};
+
+/// Products of columns and nuisances over some stretches.
+#[derive(Debug, Clone)]
+pub struct Normal {
+    /// Columns times columns.
+    gg: DMatrix<f64>,
+    /// Columns times nuisances.
+    gn: DMatrix<f64>,
+    /// Nuisances times nuisances.
+    nn: DMatrix<f64>,
+}
+
+impl Normal {
+    /// Of one stretch.
+    pub fn of(columns: &DMatrix<f64>, nuisances: &DMatrix<f64>) -> Self {
+        Self {
+            gg: columns.tr_mul(columns),
+            gn: columns.tr_mul(nuisances),
+            nn: nuisances.tr_mul(nuisances),
+        }
+    }
+
+    /// Of no stretch.
+    pub fn nothing() -> Self {
+        Self::of(&DMatrix::zeros(0, 0), &DMatrix::zeros(0, 0))
+    }
+}
+
+impl AddAssign<&Self> for Normal {
+    fn add_assign(&mut self, other: &Self) {
+        self.gg += &other.gg;
+        self.gn += &other.gn;
+        self.nn += &other.nn;
+    }
+}
+
+/// Products of both with a residual, over the same stretches.
+#[derive(Debug, Clone)]
+pub struct Right {
+    /// Columns times residual.
+    gr: DVector<f64>,
+    /// Nuisances times residual.
+    nr: DVector<f64>,
+    /// Residual times residual.
+    rr: f64,
+}
+
+impl Right {
+    /// Of one stretch.
+    pub fn of(residual: &DVector<f64>, columns: &DMatrix<f64>, nuisances: &DMatrix<f64>) -> Self {
+        Self {
+            gr: columns.tr_mul(residual),
+            nr: nuisances.tr_mul(residual),
+            rr: residual.norm_squared(),
+        }
+    }
+
+    /// Of no stretch.
+    pub fn nothing() -> Self {
+        let none = DMatrix::zeros(0, 0);
+        Self::of(&DVector::zeros(0), &none, &none)
+    }
+}
+
+impl AddAssign<&Self> for Right {
+    fn add_assign(&mut self, other: &Self) {
+        self.gr += &other.gr;
+        self.nr += &other.nr;
+        self.rr += other.rr;
+    }
+}
+
+/// The sum of what there is, if anything.
+pub fn sum<'a, T: Clone + AddAssign<&'a T> + 'a>(
+    parts: impl IntoIterator<Item = &'a T>,
+) -> Option<T> {
+    let mut parts = parts.into_iter();
+    let mut sum = parts.next()?.clone();
+    for part in parts {
+        sum += part;
+    }
+    Some(sum)
+}
+
+/// Misfit, its slope and curvature in some parameters, after the nuisances have done what their priors allow.
+#[derive(Debug, Clone)]
+pub struct Reduced {
+    /// Sum of squares of the whitened residual and of the nuisances where they stand.
+    pub here: f64,
+    /// The same where the nuisances go.
+    pub misfit: f64,
+    /// Columns times residual.
+    pub slope: DVector<f64>,
+    /// Columns times columns.
+    pub curvature: DMatrix<f64>,
+    /// How far the nuisances go.
+    taken: DVector<f64>,
+    /// How much less far for each parameter.
+    pull: DMatrix<f64>,
+}
+
+impl Reduced {
+    /// Takes the nuisances out, which stand at `centre`; they are in deviations, so their prior is one around zero.
+    pub fn of(normal: &Normal, right: &Right, centre: &DVector<f64>) -> Self {
+        let count = normal.nn.nrows();
+        let nr = &right.nr - centre;
+        let rr = right.rr + centre.norm_squared();
+        let Some(held) = (&normal.nn + DMatrix::identity(count, count)).cholesky() else {
+            return Self {
+                here: rr,
+                misfit: rr,
+                slope: right.gr.clone(),
+                curvature: normal.gg.clone(),
+                taken: DVector::zeros(count),
+                pull: DMatrix::zeros(count, normal.gg.ncols()),
+            };
+        };
+        let taken = held.solve(&nr);
+        let pull = held.solve(&normal.gn.transpose());
+        Self {
+            here: rr,
+            misfit: rr - nr.dot(&taken),
+            slope: &right.gr - &normal.gn * &taken,
+            curvature: &normal.gg - &normal.gn * &pull,
+            taken,
+            pull,
+        }
+    }
+
+    /// Of no stretch at all.
+    pub fn nothing() -> Self {
+        Self {
+            here: 0.0,
+            misfit: 0.0,
+            slope: DVector::zeros(0),
+            curvature: DMatrix::zeros(0, 0),
+            taken: DVector::zeros(0),
+            pull: DMatrix::zeros(0, 0),
+        }
+    }
+
+    /// Of some of its columns alone.
+    pub fn only(&self, columns: &[usize]) -> Self {
+        Self {
+            here: self.here,
+            misfit: self.misfit,
+            slope: DVector::from_fn(columns.len(), |k, _| self.slope[columns[k]]),
+            curvature: DMatrix::from_fn(columns.len(), columns.len(), |j, k| {
+                self.curvature[(columns[j], columns[k])]
+            }),
+            taken: self.taken.clone(),
+            pull: self.pull.select_columns(columns),
+        }
+    }
+
+    /// How far the nuisances go where the parameters make a step.
+    pub fn nuisances(&self, step: &DVector<f64>) -> DVector<f64> {
+        if step.len() == self.pull.ncols() {
+            &self.taken - &self.pull * step
+        } else {
+            self.taken.clone()
+        }
+    }
+
+    /// The step that lowers the misfit most, and the covariance of the parameters; `priors` are deviations.
+    pub fn solved(&self, priors: &[f64]) -> Option<(DVector<f64>, DMatrix<f64>)> {
+        if self.slope.is_empty() || self.slope.len() != priors.len() {
+            return None;
+        }
+        let mut curvature = self.curvature.clone();
+        for (k, prior) in priors.iter().enumerate() {
+            curvature[(k, k)] += 1.0 / (prior * prior);
+        }
+        let factor = curvature.cholesky()?;
+        Some((factor.solve(&self.slope), factor.inverse()))
+    }
+
+    /// By how much these parameters lower the misfit, to first order.
+    pub fn gain(&self, priors: &[f64]) -> f64 {
+        self.solved(priors)
+            .map_or(0.0, |(step, _)| step.dot(&self.slope))
+    }
+}

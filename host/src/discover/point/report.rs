@@ -1,0 +1,288 @@
+//! What was found in the recording of a point.
+
+use bodyflight_core::effect::{Effect, PARAMETER_COUNT};
+use nalgebra::Vector3;
+use serde::Serialize;
+
+use super::{DISAGREES, ENOUGH, Fall, Fit, Values, WINDOW, values_of};
+use crate::discover::EXPLAINS;
+use crate::discover::report::{Evidence, Named, Outcome, model_of, model_toml};
+use crate::flysight::{Fix, Track};
+
+/// Names of the components, with units.
+pub const COMPONENT_NAMES: [&str; 3] =
+    ["velocity_north_m_s", "velocity_west_m_s", "velocity_up_m_s"];
+
+/// One window of the free fall.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Spot {
+    /// Begin (s from that of the fall).
+    pub time_s: f64,
+    /// Height above mean sea level (m).
+    pub height_m: f64,
+    /// Speed over ground (m/s).
+    pub speed_m_s: f64,
+    /// Change of velocity that the plain model misses (m/s).
+    pub missing: [f64; 3],
+    /// The same with the effects named.
+    pub missing_after: [f64; 3],
+}
+
+/// Root mean squares of what is missing in a window, by component (m/s).
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Gap {
+    /// Of the plain model.
+    pub before: [f64; 3],
+    /// With the effects named.
+    pub after: [f64; 3],
+    /// Of noise and unknown posture.
+    pub floor: [f64; 3],
+    /// Sum of squares in deviations, posture taken out, of the plain model.
+    pub misfit_before: f64,
+    /// With the effects named.
+    pub misfit_after: f64,
+    /// Where nothing is missing.
+    pub misfit_expected: f64,
+    /// Share of the misfit above the expected one that is closed.
+    pub closed_share: f64,
+}
+
+/// By how much satellites are late, by way and velocity.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Latency {
+    /// Time by which the velocity is late (s).
+    pub latency_s: f64,
+    /// Its standard error (s).
+    pub standard_error_s: f64,
+}
+
+/// Mean size of the specific force in the fall, by the inertial sensor and by the satellites (m/s2).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct SpecificForce {
+    /// Of the inertial sensor.
+    pub inertial_m_s2: f64,
+    /// Of the changes of velocity over windows.
+    pub satellites_m_s2: f64,
+}
+
+/// What discovery found.
+#[derive(Debug, Clone, Serialize)]
+pub struct Report {
+    /// How it ended.
+    pub verdict: Outcome,
+    /// Effects that were named.
+    pub effects: Vec<Named>,
+    /// What came nearest where the verdict is not `named`.
+    pub nearest: Vec<Named>,
+    /// Share of what there was to explain that they explain.
+    pub explained: f64,
+    /// Deviations by which the misfit is beyond that of a fall in which nothing is missing.
+    pub disagreement: f64,
+    /// Length of the free fall (s).
+    pub free_fall_s: f64,
+    /// Noise of one component of the velocity (m/s).
+    pub noise_m_s: f64,
+    /// Rows of the files that were not usable.
+    pub rows_skipped: usize,
+    /// Whether way and velocity fit together.
+    pub latency: Option<Latency>,
+    /// Whether the inertial sensor agrees, where there is one.
+    pub specific_force: Option<SpecificForce>,
+    /// Gap of the fall.
+    pub gap: Gap,
+    /// Gaps of the falls held out.
+    pub held_out: Vec<Gap>,
+    /// Window by window.
+    pub residual_map: Vec<Spot>,
+    /// The effects as in `model.toml`.
+    pub model: Vec<(&'static str, Vec<(&'static str, f64)>)>,
+}
+
+pub(super) struct Found {
+    pub(super) chosen: Fit,
+    /// Of each effect: deviations beyond chance, and the gain.
+    pub(super) gains: Vec<(Effect, f64, f64)>,
+    pub(super) plain: f64,
+    pub(super) disagreement: f64,
+}
+
+impl Report {
+    pub(super) fn new(fall: &Fall<'_>, others: &[Fall<'_>], track: &Track, found: Found) -> Self {
+        let Found {
+            chosen,
+            gains,
+            plain,
+            disagreement,
+        } = found;
+        let expected = fall.rows();
+        let to_explain = plain - expected;
+        let explained = if to_explain > 0.0 {
+            (plain - chosen.misfit) / to_explain
+        } else {
+            0.0
+        };
+        let named = named(&chosen, &gains, plain, expected);
+        let thin = fall.duration() < ENOUGH;
+        let agrees = disagreement < DISAGREES;
+        let at_limit = named.iter().any(|named| named.at_limit);
+        let verdict = match (thin, named.is_empty()) {
+            (true, _) => Outcome::Thin,
+            (false, true) if agrees => Outcome::None,
+            (false, false) if at_limit => Outcome::Unexplained,
+            (false, false) if agrees || explained >= EXPLAINS => Outcome::Named,
+            (false, _) => Outcome::Unexplained,
+        };
+        let (effects, nearest, values) = match verdict {
+            Outcome::Named => (named, Vec::new(), values_of(&chosen.found)),
+            _ => (Vec::new(), named, Values::new()),
+        };
+        Self {
+            verdict,
+            effects,
+            nearest,
+            explained,
+            disagreement,
+            free_fall_s: fall.duration(),
+            noise_m_s: fall.noise,
+            rows_skipped: track.skipped.count,
+            latency: latency(fall.fixes),
+            specific_force: specific_force(fall, track),
+            gap: gap(fall, &values),
+            held_out: others.iter().map(|other| gap(other, &values)).collect(),
+            residual_map: map(fall, &values),
+            model: model_of(&values),
+        }
+    }
+
+    /// The effects as a `model.toml`.
+    pub fn model_toml(&self) -> String {
+        model_toml(&self.model)
+    }
+}
+
+/// The effects with parameters and errors, these widened by the misfit that is left.
+fn named(chosen: &Fit, gains: &[(Effect, f64, f64)], plain: f64, expected: f64) -> Vec<Named> {
+    let left = (chosen.misfit / expected).max(1.0).sqrt();
+    let mut errors = chosen.errors.iter();
+    let one = |(candidate, numbers): &(super::Candidate, Vec<f64>)| {
+        let own: Vec<f64> = errors.by_ref().take(numbers.len()).copied().collect();
+        let (_, score, gain) = gains
+            .iter()
+            .find(|(effect, ..)| *effect == candidate.effect)?;
+        let evidence = Evidence {
+            deviations: *score,
+            chance: 0.0,
+            stability: 1.0,
+            explains: gain / (plain - expected).max(1.0),
+        };
+        let tied = |of: &[f64]| -> [f64; PARAMETER_COUNT] { candidate.ties.map(|tie| of[tie]) };
+        let (values, errors) = (tied(numbers), tied(&own).map(|error| error * left));
+        Some(Named::new(candidate.effect, evidence, Vec::new()).with_parameters(&values, &errors))
+    };
+    chosen.found.iter().filter_map(one).collect()
+}
+
+fn gap(fall: &Fall<'_>, values: &Values) -> Gap {
+    let of = |values: &Values| -> [f64; 3] {
+        let rows = fall.residuals(values);
+        let squares = rows
+            .iter()
+            .fold(Vector3::zeros(), |sum, row| sum + row.component_mul(row));
+        (squares / rows.len().max(1) as f64).map(f64::sqrt).into()
+    };
+    // Variance of the rows by noise and posture.
+    let mut floor = Vector3::zeros();
+    for (k, deviation) in fall.deviations.iter().enumerate() {
+        let own = fall.nuisances.rows(3 * k, 3);
+        let posture = Vector3::from_fn(|row, _| own.row(row).norm_squared());
+        floor += (posture.add_scalar(1.0)) * (deviation * deviation);
+    }
+    let floor = (floor / fall.deviations.len().max(1) as f64).map(f64::sqrt);
+    let (before, after) = (fall.misfit(&Values::new()), fall.misfit(values));
+    let above = (before - fall.rows()).max(1.0);
+    Gap {
+        before: of(&Values::new()),
+        after: of(values),
+        floor: floor.into(),
+        misfit_before: before,
+        misfit_after: after,
+        misfit_expected: fall.rows(),
+        closed_share: ((before - after) / above).min(1.0),
+    }
+}
+
+fn map(fall: &Fall<'_>, values: &Values) -> Vec<Spot> {
+    let (before, after) = (fall.residuals(&Values::new()), fall.residuals(values));
+    let spots = before.iter().zip(&after).enumerate();
+    spots
+        .map(|(k, (before, after))| {
+            let fix = &fall.fixes[fall.windows[k].0];
+            Spot {
+                time_s: fall.time(k),
+                height_m: fix.position.components.z,
+                speed_m_s: fix.velocity.components.norm(),
+                missing: (*before).into(),
+                missing_after: (*after).into(),
+            }
+        })
+        .collect()
+}
+
+/// By how much the velocity is late: the way over windows is that of the velocity, less the delay times its change.
+fn latency(fixes: &[Fix]) -> Option<Latency> {
+    let mut rows: Vec<(f64, f64)> = Vec::new();
+    let mut begin = 0;
+    for (end, fix) in fixes.iter().enumerate() {
+        if fix.time - fixes[begin].time < WINDOW {
+            continue;
+        }
+        let part = &fixes[begin..=end];
+        let said = part.windows(2).fold(Vector3::zeros(), |way, pair| {
+            let mean = (pair[0].velocity.components + pair[1].velocity.components) * 0.5;
+            way + mean * (pair[1].time - pair[0].time)
+        });
+        let way = fix.position.components - fixes[begin].position.components;
+        let change = fix.velocity.components - fixes[begin].velocity.components;
+        rows.extend((way - said).iter().copied().zip(change.iter().copied()));
+        begin = end;
+    }
+    let curvature: f64 = rows.iter().map(|(_, change)| change * change).sum();
+    if rows.len() < 6 || curvature <= 0.0 {
+        return None;
+    }
+    let slope: f64 = rows.iter().map(|(beyond, change)| beyond * change).sum();
+    let latency = slope / curvature;
+    let left: f64 = rows
+        .iter()
+        .map(|(beyond, change)| (beyond - latency * change).powi(2))
+        .sum();
+    Some(Latency {
+        latency_s: latency,
+        standard_error_s: (left / (rows.len() as f64 - 1.0) / curvature).sqrt(),
+    })
+}
+
+fn specific_force(fall: &Fall<'_>, track: &Track) -> Option<SpecificForce> {
+    let ends = fall.fixes.first().zip(fall.fixes.last())?;
+    let (from, to) = (ends.0.time_of_week(), ends.1.time_of_week());
+    let sizes: Vec<f64> = track
+        .inertial
+        .iter()
+        .filter(|sample| (from..=to).contains(&sample.time_of_week))
+        .map(|sample| sample.specific_force.norm())
+        .collect();
+    if sizes.is_empty() {
+        return None;
+    }
+    let gravity = Vector3::new(0.0, 0.0, fall.plain.dynamics.gravity);
+    let of_window = |&(from, to): &(usize, usize)| {
+        let (from, to) = (&fall.fixes[from], &fall.fixes[to]);
+        let change = to.velocity.components - from.velocity.components;
+        (change / (to.time - from.time) + gravity).norm()
+    };
+    let windows = fall.windows.iter().map(of_window);
+    Some(SpecificForce {
+        inertial_m_s2: sizes.iter().sum::<f64>() / sizes.len() as f64,
+        satellites_m_s2: windows.sum::<f64>() / fall.windows.len().max(1) as f64,
+    })
+}
