@@ -15,6 +15,9 @@ pub const REYNOLDS_SPEED: f64 = 50.0;
 /// Distance from the line of the stream through the trunk at which half the shelter is left (m).
 pub const SHELTER_WIDTH: f64 = 0.25;
 
+/// Distance behind the middle of the trunk at which half the shelter is there (m): half the depth of a chest.
+pub const SHELTER_DEPTH: f64 = 0.1;
+
 /// Changes of the local stream; zero is none.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stream<T> {
@@ -140,12 +143,17 @@ impl<T: Real> Stream<T> {
         }
         let aside = (offset - direction * behind).norm_squared();
         let width = T::of(SHELTER_WIDTH * SHELTER_WIDTH);
-        T::one() - self.shelter * width / (width + aside)
+        let depth = T::of(SHELTER_DEPTH * SHELTER_DEPTH);
+        // A wake begins at the trunk: without depth a limb beside it would lose its load in a jump.
+        let inside = behind * behind / (behind * behind + depth);
+        T::one() - self.shelter * inside * width / (width + aside)
     }
 }
 
 #[cfg(test)]
 mod tests {
+    extern crate std;
+
     use super::*;
     use crate::aerodynamics::{Aerodynamics, expose, total_load};
     use crate::body::posture::pose;
@@ -201,8 +209,17 @@ mod tests {
         let left =
             |place: Vector3<f64>| stream.unsheltered(Segment::LeftHand, &place, &trunk, &down);
         // Falling down, above the trunk is behind it.
-        assert!((left(Vector3::new(0.0, 0.0, 0.5)) - 0.4).abs() < 1e-12);
+        let inside = 0.25 / 0.26;
+        assert!((left(Vector3::new(0.0, 0.0, 0.5)) - (1.0 - 0.6 * inside)).abs() < 1e-12);
         assert!((left(Vector3::new(0.0, 0.0, -0.5)) - 1.0).abs() < 1e-12);
-        assert!((left(Vector3::new(0.25, 0.0, 0.5)) - 0.7).abs() < 1e-12);
+        assert!((left(Vector3::new(0.25, 0.0, 0.5)) - (1.0 - 0.3 * inside)).abs() < 1e-12);
+        // A limb that passes the level of the trunk loses its load step by step.
+        let levels = (-50..50).map(|k| left(Vector3::new(0.1, 0.0, 0.01 * f64::from(k))));
+        let levels: std::vec::Vec<f64> = levels.collect();
+        assert!(
+            levels
+                .windows(2)
+                .all(|pair| (pair[1] - pair[0]).abs() < 0.05)
+        );
     }
 }

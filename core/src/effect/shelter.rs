@@ -6,7 +6,7 @@ use crate::math::Real;
 pub(super) const EFFECT: Description = Description {
     name: "shelter",
     kind: Kind::Physics,
-    form: "share of the load that a segment right behind the trunk loses",
+    form: "share of the load that a segment well behind the trunk loses; half of it a tenth of a metre behind the middle",
     parameters: &[parameter("share", 0.0, 0.0, 1.0)],
     source: "bluff bodies in tandem: the second feels a half to a fifth",
     signature: "less load on limbs behind the trunk: head-down and standing falls are faster",

@@ -162,20 +162,14 @@ pub(super) fn next(
     let alone = deviations(gain / best.inflation, best.freedom());
     let votes: f64 = best.votes.iter().sum();
     let together = deviations((gain + votes) / best.inflation, best.freedom());
+    let votes_for = |vote: &f64| deviations(vote / best.inflation, best.freedom()) >= VOTE;
+    // Without flights that vote its own halves have to.
     let significant = if others.is_empty() {
-        alone >= SIGNIFICANT_ALONE
+        alone >= SIGNIFICANT_ALONE && helps_elsewhere(&best.data(data), chosen, best)
     } else {
-        alone >= SIGNIFICANT && together >= SIGNIFICANT_TOGETHER
+        alone >= SIGNIFICANT && together >= SIGNIFICANT_TOGETHER && best.votes.iter().all(votes_for)
     };
-    let vetoed = best
-        .votes
-        .iter()
-        .any(|vote| deviations(vote / best.inflation, best.freedom()) < VOTE);
-    if !significant
-        || gain < MATERIAL * left
-        || vetoed
-        || !helps_elsewhere(&best.data(data), chosen, best)
-    {
+    if !significant || gain < MATERIAL * left {
         return None;
     }
     // Whoever explains as much, and leaves nothing for the best beside it.

@@ -1,7 +1,7 @@
 //! Effects fitted to the residuals, with the nuisances taken out.
 
 use bodyflight_core::effect::{Effect, Model, PARAMETER_COUNT};
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::design::{Around, Place};
@@ -15,6 +15,9 @@ const SKETCH_STEPS: usize = 5;
 
 /// Gain from which on another problem is worth setting up.
 const SETTLED: f64 = 10.0;
+
+/// Times that a step is held back, at most.
+const TRIES: usize = 5;
 
 /// Gain that is as good as none.
 const CLOSE: f64 = 0.2;
@@ -109,14 +112,14 @@ impl<'a> Data<'a> {
         Around::new(self.track, self.model, stretches, (values, wrong), places)
     }
 
-    /// Misfit and slopes in some places, of the stretches that `choose` takes.
-    fn reduced(
+    /// Products of residuals with slopes in some places and with nuisances, of the stretches that `choose` takes.
+    fn linear(
         &self,
         values: &Values,
         wrong: &Wrong,
         places: &[Place],
         choose: impl Fn(usize) -> bool + Sync,
-    ) -> Reduced {
+    ) -> (Normal, Right) {
         let model = with(self.model, values);
         let parts: Vec<_> = self
             .around
@@ -136,10 +139,16 @@ impl<'a> Data<'a> {
             .collect();
         let normal = sum(parts.iter().map(|(normal, _)| normal));
         let right = sum(parts.iter().map(|(_, right)| right));
-        match (normal, right) {
-            (Some(normal), Some(right)) => Reduced::of(&normal, &right, &wrong.0),
-            _ => Reduced::nothing(),
-        }
+        normal.zip(right).unwrap_or_else(|| {
+            let (none, nuisances) = (
+                DMatrix::zeros(0, places.len()),
+                DMatrix::zeros(0, wrong.0.len()),
+            );
+            (
+                Normal::of(&none, &nuisances),
+                Right::of(&DVector::zeros(0), &none, &nuisances),
+            )
+        })
     }
 
     /// Effects as they are, with what joints and subject have wrong fitted beside them.
@@ -194,47 +203,57 @@ impl<'a> Data<'a> {
     ) -> Fit {
         let reach: Vec<f64> = places.iter().map(|place| reach(*place)).collect();
         let mut wrong = self.around.wrong.clone();
-        let mut reduced = self.reduced(&values, &wrong, places, choose);
+        let mut here = self.linear(&values, &wrong, places, choose);
         let mut errors = vec![f64::INFINITY; places.len()];
-        let misfit = |reduced: &Reduced| match nuisances {
-            Nuisances::Move => reduced.here,
-            Nuisances::Stay => reduced.misfit,
+        let misfit = |(normal, right): &(Normal, Right), wrong: &Wrong| {
+            let reduced = Reduced::of(normal, right, &wrong.0);
+            match nuisances {
+                Nuisances::Move => reduced.here,
+                Nuisances::Stay => reduced.misfit,
+            }
         };
+        let mut best = misfit(&here, &wrong);
         let steps = match nuisances {
             Nuisances::Move => STEPS,
             Nuisances::Stay => SKETCH_STEPS,
         };
+        let mut damping = 0.0;
         for _ in 0..steps {
-            let mut step = DVector::zeros(places.len());
-            if let Some((best, covariance)) = reduced.solved(&reach) {
-                errors = covariance.diagonal().iter().map(|v| v.sqrt()).collect();
-                step = best;
-            }
-            if misfit(&reduced) - reduced.misfit + step.dot(&reduced.slope) < CLOSE {
-                break;
-            }
-            let aside = match nuisances {
-                Nuisances::Move => reduced.nuisances(&step),
-                Nuisances::Stay => DVector::zeros(wrong.0.len()),
-            };
-            // Shortened until it helps: the model is not linear.
-            let mut share = 1.0;
+            // Held back until it helps: the model is not linear.
             let mut better = None;
-            for _ in 0..4 {
-                let tried = moved(&values, &(&step * share));
-                let tried_wrong = Wrong(&wrong.0 + &aside * share);
-                let there = self.reduced(&tried, &tried_wrong, places, choose);
-                if misfit(&there) < misfit(&reduced) {
-                    better = Some((tried, tried_wrong, there));
+            for _ in 0..TRIES {
+                let reduced = Reduced::damped(&here.0, &here.1, &wrong.0, damping);
+                let held: Vec<f64> = reach.iter().map(|r| r / (1.0 + damping).sqrt()).collect();
+                let mut step = DVector::zeros(places.len());
+                if let Some((found, covariance)) = reduced.solved(&held) {
+                    if damping == 0.0 {
+                        errors = covariance.diagonal().iter().map(|v| v.sqrt()).collect();
+                    }
+                    step = found;
+                }
+                let aside = match nuisances {
+                    Nuisances::Move => reduced.nuisances(&step),
+                    Nuisances::Stay => DVector::zeros(wrong.0.len()),
+                };
+                let tried = moved(&values, &step);
+                let tried_wrong = Wrong(&wrong.0 + &aside);
+                let there = self.linear(&tried, &tried_wrong, places, choose);
+                let left = misfit(&there, &tried_wrong);
+                if left < best {
+                    better = Some((tried, tried_wrong, there, left));
+                    damping *= 0.1;
+                    if damping < 1.0 {
+                        damping = 0.0;
+                    }
                     break;
                 }
-                share *= 0.4;
+                damping = (damping * 10.0).max(3.0);
             }
-            let Some(found) = better else {
+            let Some((tried, tried_wrong, there, left)) = better else {
                 break;
             };
-            let gained = misfit(&reduced) - misfit(&found.2);
-            (values, wrong, reduced) = found;
+            let gained = best - left;
+            (values, wrong, here, best) = (tried, tried_wrong, there, left);
             if gained < CLOSE {
                 break;
             }
@@ -243,7 +262,7 @@ impl<'a> Data<'a> {
             values,
             wrong,
             errors,
-            misfit: misfit(&reduced),
+            misfit: best,
         }
     }
 }

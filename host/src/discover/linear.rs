@@ -107,10 +107,16 @@ pub struct Reduced {
 impl Reduced {
     /// Takes the nuisances out, which stand at `centre`; they are in deviations, so their prior is one around zero.
     pub fn of(normal: &Normal, right: &Right, centre: &DVector<f64>) -> Self {
+        Self::damped(normal, right, centre, 0.0)
+    }
+
+    /// The same where nuisances are held at `centre` by so many priors more (Levenberg and Marquardt).
+    pub fn damped(normal: &Normal, right: &Right, centre: &DVector<f64>, damping: f64) -> Self {
         let count = normal.nn.nrows();
         let nr = &right.nr - centre;
         let rr = right.rr + centre.norm_squared();
-        let Some(held) = (&normal.nn + DMatrix::identity(count, count)).cholesky() else {
+        let prior = DMatrix::from_diagonal_element(count, count, 1.0 + damping);
+        let Some(held) = (&normal.nn + prior).cholesky() else {
             return Self {
                 here: rr,
                 misfit: rr,
@@ -129,18 +135,6 @@ impl Reduced {
             curvature: &normal.gg - &normal.gn * &pull,
             taken,
             pull,
-        }
-    }
-
-    /// Of no stretch at all.
-    pub fn nothing() -> Self {
-        Self {
-            here: 0.0,
-            misfit: 0.0,
-            slope: DVector::zeros(0),
-            curvature: DMatrix::zeros(0, 0),
-            taken: DVector::zeros(0),
-            pull: DMatrix::zeros(0, 0),
         }
     }
 
