@@ -104,6 +104,26 @@ fn falling() -> Motion<f32> {
     }
 }
 
+/// Flush subnormals to zero, and one pattern for all that is not a number: bits 24 and 25 of the FPSCR.
+const FLUSH_AND_DEFAULT: u32 = 3 << 24;
+
+/// Does `work` with subnormals flushed and a default NaN, as other processors and settings may.
+#[allow(
+    unsafe_code,
+    reason = "the mode of the floating-point unit has no other door"
+)]
+fn flushed<R>(work: impl FnOnce() -> R) -> R {
+    let before: u32;
+    // SAFETY: reads and writes the status register of the floating-point unit, which holds no memory.
+    unsafe { core::arch::asm!("vmrs {}, fpscr", out(reg) before) };
+    // SAFETY: as above.
+    unsafe { core::arch::asm!("vmsr fpscr, {}", in(reg) before | FLUSH_AND_DEFAULT) };
+    let result = black_box(work());
+    // SAFETY: as above.
+    unsafe { core::arch::asm!("vmsr fpscr, {}", in(reg) before) };
+    result
+}
+
 // Estimators live on the stack, one at a time: each in a frame of its own.
 
 #[inline(never)]
@@ -148,6 +168,41 @@ fn pushes<P: Propagation<f32>, const INTERVALS: usize>(
     Some([quiet, update, stack])
 }
 
+/// By how many thousandths the dearest update is dearer than the cheapest, over postures, rates and innovations that
+/// differ from one to the next.
+#[inline(never)]
+fn spread(counter: &mut Counter, dynamics: &Dynamics<f32>) -> Option<u32> {
+    let neutral = pattern::neutral::<f32>();
+    let motion = falling();
+    let mut estimator =
+        Estimator::<f32, Reduced, 30>::new(&TRACKING_ON_BACK, dynamics, &motion, &neutral).ok()?;
+    let (mut least, mut most) = (u32::MAX, 0);
+    for k in 0..estimator.prediction_window() + 160 {
+        // Numbers between -1 and 1 that go through all of it.
+        let swing = |period: usize| {
+            let place = (k % period) as f32 / period as f32;
+            (place * 4.0 - 2.0).abs() - 1.0
+        };
+        let posture = pattern::arched(&neutral, 0.2 * swing(37));
+        let turn = small_rotation(&(Vector3::new(swing(23), swing(41), swing(59)) * 0.3));
+        let attitude = Rotation::from_quaternion(motion.inertial_from_body.quaternion() * turn);
+        let seen = Measurement::of(&Motion {
+            inertial_from_body: attitude,
+            angular_velocity: Vector::new(swing(29), swing(31), swing(43)),
+            ..motion
+        });
+        let mut estimated = false;
+        let cost = counter.instructions(|| {
+            estimated = estimator.push(dynamics, &posture, &seen).is_some();
+        });
+        if estimated {
+            least = least.min(cost);
+            most = most.max(cost);
+        }
+    }
+    (most > 0).then(|| (most - least) * 1000 / most)
+}
+
 #[inline(never)]
 fn paper_pushes<const INTERVALS: usize>(
     counter: &mut Counter,
@@ -161,6 +216,8 @@ fn run(timer: SYST) -> Option<()> {
     let body = body()?;
     println!("trace_reduced {:#018x}", reduced_trace(&body)?);
     println!("trace_paper {:#018x}", paper_trace(&body)?);
+    let flushed = flushed(|| reduced_trace(&body));
+    println!("trace_reduced_flushed {:#018x}", flushed?);
 
     let mut counter = Counter::new(timer);
     let dynamics = Dynamics::paper(body, 1.0);
@@ -185,6 +242,10 @@ fn run(timer: SYST) -> Option<()> {
     println!("reduced_push {quiet}");
     println!("reduced_update {update}");
     println!("stack_of_reduced_update {stack}");
+    println!(
+        "spread_of_reduced_update {}",
+        spread(&mut counter, &dynamics)?
+    );
     // The paper's window of 60 samples does not fit this board: its cost follows from two shorter ones, since
     // every sample of the window takes the same.
     let [_, of_12, _] = paper_pushes::<12>(&mut counter, &dynamics, &posture)?;
