@@ -13,7 +13,7 @@ const TARGET: &str = "thumbv7em-none-eabihf";
 
 /// Builds an image of the workspace and gives its path.
 pub(crate) fn build(package: &str, name: &str) -> Result<PathBuf> {
-    install_target()?;
+    install_target(TARGET)?;
     let package = ["--package", package, "--bin", name];
     let rest = ["--target", TARGET, "--profile", "firmware", "--locked"];
     let arguments = [&["build"], &package[..], &rest[..]].concat();
@@ -23,7 +23,7 @@ pub(crate) fn build(package: &str, name: &str) -> Result<PathBuf> {
 
 /// Builds the image of a board that is a workspace of its own.
 pub(crate) fn build_board(board: &str) -> Result<PathBuf> {
-    install_target()?;
+    install_target(TARGET)?;
     let folder = target_folder().join("boards");
     let target = folder.display().to_string();
     let arguments = [
@@ -57,8 +57,8 @@ fn revision() -> Vec<(&'static str, String)> {
         .collect()
 }
 
-/// The compiler's target for the unit, by rustup where it is missing.
-fn install_target() -> Result<()> {
+/// A target of the compiler, by rustup where it is missing.
+pub(crate) fn install_target(target: &str) -> Result<()> {
     let installed = Command::new("rustup")
         .args(["target", "list", "--installed"])
         .output();
@@ -66,11 +66,11 @@ fn install_target() -> Result<()> {
         Ok(output)
             if String::from_utf8_lossy(&output.stdout)
                 .lines()
-                .any(|line| line == TARGET) =>
+                .any(|line| line == target) =>
         {
             Ok(())
         }
-        Ok(_) => run("rustup", &["target", "add", TARGET]),
+        Ok(_) => run("rustup", &["target", "add", target]),
         // Without rustup the compiler may still have the target; the build will tell.
         Err(_) => Ok(()),
     }

@@ -3,10 +3,14 @@
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
+use crate::image::install_target;
 use crate::run::{Result, cargo, root, run, run_in};
 
 /// Oldest Node that builds the page.
 const LEAST_NODE: u32 = 20;
+
+/// The page's target of the compiler.
+const TARGET: &str = "wasm32-unknown-unknown";
 
 /// Names of the browser.
 const BROWSERS: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
@@ -18,6 +22,7 @@ fn folder() -> PathBuf {
 /// Builds the page into `host/viewer/dist`; the program takes it in when it is built next.
 pub(crate) fn build() -> Result<()> {
     install_node()?;
+    install_target(TARGET)?;
     cargo(&[
         "build",
         "--locked",
@@ -26,9 +31,9 @@ pub(crate) fn build() -> Result<()> {
         "--package",
         "bodyflight-viewer",
         "--target",
-        "wasm32-unknown-unknown",
+        TARGET,
     ])?;
-    let wasm = root().join("target/wasm32-unknown-unknown/viewer/bodyflight_viewer.wasm");
+    let wasm = root().join(format!("target/{TARGET}/viewer/bodyflight_viewer.wasm"));
     let wasm = wasm
         .canonicalize()
         .map_err(|error| format!("{}: {error}", wasm.display()))?;
