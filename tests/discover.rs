@@ -95,6 +95,31 @@ fn a_hidden_effect_is_named_and_closes_the_gap_of_another_flight() {
 }
 
 #[test]
+fn the_strength_of_what_is_hidden_can_be_given() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().to_str().expect("a plain path");
+    let common = [
+        "hide",
+        "rig",
+        "--duration",
+        "2",
+        "--flights",
+        "1",
+        "--out",
+        out,
+    ];
+    json(&[&common[..], &["--strength", "0.6"]].concat());
+    let truth = std::fs::read_to_string(folder.path().join("truth.toml")).expect("the truth");
+    assert!(truth.contains("mass_kg = 9.0"), "{truth}");
+    let refused = Command::new(env!("CARGO_BIN_EXE_bodyflight"))
+        .args([&common[..], &["--strength", "1.5"]].concat())
+        .output()
+        .expect("the binary starts");
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("--strength"));
+}
+
+#[test]
 fn nothing_is_named_where_nothing_is_hidden_or_the_flight_is_short() {
     let folder = tempfile::tempdir().expect("a folder");
     let [flight, other] = hide("clean", "15", &folder.path().join("clean"));

@@ -78,6 +78,15 @@ pub const JOINT_DEVIATION: f64 = 0.02;
 
 /// A strength of an effect that can be hidden: between 40 and 80 % of its plausible range, either way where it has two.
 pub fn strength(effect: Effect, seed: u64) -> [f64; PARAMETER_COUNT] {
+    drawn_strength(effect, seed, None)
+}
+
+/// The same with a share of the range that is given; the seed gives the signs.
+pub fn strength_of_share(effect: Effect, seed: u64, share: f64) -> [f64; PARAMETER_COUNT] {
+    drawn_strength(effect, seed, Some(share))
+}
+
+fn drawn_strength(effect: Effect, seed: u64, given: Option<f64>) -> [f64; PARAMETER_COUNT] {
     let of_effect = effect.description().name.bytes();
     let mixed = of_effect.fold(seed ^ 0x5eed, |mixed, byte| {
         mixed.wrapping_mul(131).wrapping_add(u64::from(byte))
@@ -86,7 +95,8 @@ pub fn strength(effect: Effect, seed: u64) -> [f64; PARAMETER_COUNT] {
     let mut values = effect.neutral();
     for (value, parameter) in values.iter_mut().zip(effect.description().parameters) {
         let up = random.random::<bool>() || parameter.is_one_sided();
-        let share = 0.4 + 0.4 * random.random::<f64>();
+        let drawn = 0.4 + 0.4 * random.random::<f64>();
+        let share = given.unwrap_or(drawn);
         let end = if up { parameter.high } else { parameter.low };
         *value += share * (end - parameter.neutral);
     }

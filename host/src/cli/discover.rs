@@ -121,12 +121,15 @@ fn print_names(outcome: Outcome, disagreement: f64, effects: &[Named], nearest: 
             .zip(&named.standard_errors)
             .map(|((name, value), (_, error))| format!("{name} = {value:.3} +- {error:.3}"))
             .collect();
+        let stability = named.evidence.stability.map_or_else(String::new, |share| {
+            format!(", first in {:.0} % of resampled flights", 100.0 * share)
+        });
         terminal::print(&format!(
-            "  {}: {} ({:.1} deviations beyond chance, first in {:.0} % of resampled flights)",
+            "  {}: {} ({:.1} deviations beyond chance{})",
             named.name,
             parameters.join(", "),
             named.evidence.deviations,
-            100.0 * named.evidence.stability
+            stability
         ));
         if !named.rivals.is_empty() {
             let rivals: Vec<&str> = named.rivals.iter().map(|rival| rival.name).collect();

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use bodyflight::diagnostic::{Problem, Result};
 use bodyflight::flight::Flight;
 use bodyflight::hide::outside::Outside;
-use bodyflight::hide::{Hidden, Settings, fly, strength, truth_toml, write};
+use bodyflight::hide::{Hidden, Settings, fly, strength, strength_of_share, truth_toml, write};
 use bodyflight::output::write_file;
 use bodyflight::subject::Subject;
 use bodyflight_core::dynamics::Inputs;
@@ -32,6 +32,9 @@ pub(super) struct Args {
     /// Length of each (s).
     #[arg(long, default_value_t = 40.0)]
     duration: f64,
+    /// Strength of the effects as a share of their plausible ranges, 0 to 1; 0.4 to 0.8 by the seed where absent.
+    #[arg(long)]
+    strength: Option<f64>,
     /// Seed of strengths, movements, errors and noise.
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -63,6 +66,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     for (name, value, low, high) in [
         ("duration", args.duration, 2.0, 300.0),
         ("noise", args.noise, 0.0, 20.0),
+        ("strength", args.strength.unwrap_or(0.5), 0.0, 1.0),
     ] {
         if !(low..=high).contains(&value) {
             return Err(Problem::bad_input(format!(
@@ -72,7 +76,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     }
     let names = args.effects.split(',').filter(|name| *name != "clean");
     let hidden = names
-        .map(|name| hidden(name, args.seed))
+        .map(|name| hidden(name, args.seed, args.strength))
         .collect::<Result<Vec<_>>>()?;
     let subject = match &args.subject {
         Some(path) => Subject::read(path)?,
@@ -115,9 +119,13 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     Ok(())
 }
 
-fn hidden(name: &str, seed: u64) -> Result<Hidden> {
+fn hidden(name: &str, seed: u64, share: Option<f64>) -> Result<Hidden> {
     if let Some(effect) = Effect::from_name(name) {
-        return Ok(Hidden::Effect(effect, strength(effect, seed)));
+        let values = match share {
+            Some(share) => strength_of_share(effect, seed, share),
+            None => strength(effect, seed),
+        };
+        return Ok(Hidden::Effect(effect, values));
     }
     Outside::from_name(name)
         .map(Hidden::Outside)

@@ -202,8 +202,8 @@ pub(super) fn next(
     });
     let evidence = Evidence {
         deviations: alone,
-        chance: null.chance_of(alone),
-        stability,
+        chance: Some(null.chance_of(alone)),
+        stability: Some(stability),
         explains: gain / left.max(1.0),
     };
     let named = Named::new(best.effect, evidence, rivals);

@@ -62,10 +62,11 @@ pub struct Evidence {
     /// Deviations by which its gain is beyond chance.
     #[serde(rename = "confidence")]
     pub deviations: f64,
-    /// Probability that some effect of the library gains as much in a flight in which nothing is missing.
-    pub chance: f64,
-    /// Share of flights put together from blocks of this one in which it, or a rival, comes out first.
-    pub stability: f64,
+    /// Probability that some effect of the library gains as much in a flight in which nothing is missing, where such
+    /// flights were drawn.
+    pub chance: Option<f64>,
+    /// Share of flights put together from blocks of this one in which it, or a rival, comes out first, where they were.
+    pub stability: Option<f64>,
     /// Share of what was left to explain.
     pub explains: f64,
 }
@@ -122,8 +123,8 @@ impl Named {
         // Of sensors against one another, with no physics between them.
         let evidence = Evidence {
             deviations: check.deviations,
-            chance: 0.0,
-            stability: 1.0,
+            chance: None,
+            stability: None,
             explains: 0.0,
         };
         Self::new(check.effect, evidence, Vec::new()).with_parameters(&check.values, &check.errors)

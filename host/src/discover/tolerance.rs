@@ -105,3 +105,35 @@ impl Wrong {
         other
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use bodyflight_core::body::pattern;
+    use bodyflight_core::dynamics::Dynamics;
+
+    use super::*;
+    use crate::subject::Subject;
+
+    #[test]
+    fn nothing_wrong_changes_nothing_and_each_number_changes_one_thing() {
+        let dynamics = Dynamics::paper(Subject::default().body(), 1.0);
+        let model = Model::new(dynamics, 0.0);
+        let posture = pattern::neutral();
+        let nothing = Wrong::nothing();
+        assert_eq!(nothing.of(&model), model);
+        assert_eq!(nothing.joints()(posture), posture);
+        for k in 0..COUNT {
+            let wrong = nothing.with(k);
+            let turned = wrong.joints()(posture) != posture;
+            assert_eq!(turned, k < JOINTS, "{k}");
+            assert_eq!(wrong.of(&model) != model, k >= JOINTS, "{k}");
+        }
+        let heavier = nothing.with(JOINTS).of(&model).dynamics.body.mass();
+        assert!((heavier / dynamics.body.mass() - 1.0 - MASS).abs() < 1e-12);
+        let left = nothing.with(3 * (Segment::LeftThigh as usize - 1) + 1);
+        let angle = left.joints()(posture)
+            .parent_from_segment(Segment::LeftThigh)
+            .angle_to(posture.parent_from_segment(Segment::LeftThigh));
+        assert!((angle - JOINT).abs() < 1e-4, "{angle}");
+    }
+}

@@ -171,8 +171,8 @@ fn named(chosen: &Fit, gains: &[(Effect, f64, f64)], plain: f64, expected: f64) 
             .find(|(effect, ..)| *effect == candidate.effect)?;
         let evidence = Evidence {
             deviations: *score,
-            chance: 0.0,
-            stability: 1.0,
+            chance: None,
+            stability: None,
             explains: gain / (plain - expected).max(1.0),
         };
         let tied = |of: &[f64]| -> [f64; PARAMETER_COUNT] { candidate.ties.map(|tie| of[tie]) };
