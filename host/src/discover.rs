@@ -1,10 +1,11 @@
 //! `bodyflight discover`: where simulation and measurement disagree, which effect is missing, and how much of the
 //! gap it closes.
 //!
-//! The steps, one file each: the flight in memory ([`track`]), whether its sensors agree with one another ([`check`]), short free runs and their residuals ([`stretch`]),
-//! what each effect would change in them and what may be wrong without being one ([`design`]), effects fitted to
-//! them ([`fit`]), and here the choice: an effect gets a name where it is significant over flights drawn from
-//! the plain model, helps in stretches that it was not fitted to, and explains most of what there is to explain.
+//! The steps, one file each: the flight in memory ([`track`]), whether its sensors agree with one another
+//! ([`check`]), short free runs and their residuals ([`stretch`]), what each effect would change in them and what may
+//! be wrong without being one ([`design`]), effects fitted to them ([`fit`]), and here the choice: an effect gets a
+//! name where it is significant over flights drawn from the plain model, helps in stretches that it was not fitted
+//! to, and explains most of what there is to explain.
 
 pub mod check;
 mod choice;

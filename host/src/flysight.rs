@@ -1,8 +1,10 @@
-//! Recordings of FlySight receivers: `TRACK.CSV` of FlySight 2, with `SENSOR.CSV` beside it, and the CSV files of FlySight 1.
+//! Recordings of FlySight receivers: `TRACK.CSV` of FlySight 2, with `SENSOR.CSV` beside it, and the CSV files of
+//! FlySight 1.
 //!
-//! FlySight 2 names its columns in `$COL` lines and marks each row with its sensor; FlySight 1 has one line of names and often
-//! one of units. Rows that cannot be used are skipped and counted, with the line of the first of them. Known faults of receivers: milliseconds
-//! that are negative (`:28.-001` is a millisecond before the full second), rows that are cut off, time that runs back.
+//! FlySight 2 names its columns in `$COL` lines and marks each row with its sensor; FlySight 1 has one line of names
+//! and often one of units. Rows that cannot be used are skipped and counted, with the line of the first of them.
+//! Known faults of receivers: milliseconds that are negative (`:28.-001` is a millisecond before the full second),
+//! rows that are cut off, time that runs back.
 
 mod table;
 

@@ -1,7 +1,7 @@
 //! A body without posture: what a single receiver of satellites sees of a fall.
 //!
-//! Drag acts against the velocity through the air, on the area of a posture that is held belly to earth. Lift and moments,
-//! which need attitude and posture, are left out.
+//! Drag acts against the velocity through the air, on the area of a posture that is held belly to earth. Lift and
+//! moments, which need attitude and posture, are left out.
 
 use nalgebra::Vector3;
 

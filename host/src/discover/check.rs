@@ -1,8 +1,9 @@
 //! The data before the physics: what sensors say of one motion must fit together, whatever made it.
 //!
-//! Attitude changes as the angular velocity says, and position as the velocity says, in integral form over windows: short
-//! ones for delays, long ones for biases and drifts. Delays, biases and drifts of the sensors that this needs to hold are found here, to a precision that no
-//! physics adds to; where it holds without them they are out of the question, and no physics is taken for them.
+//! Attitude changes as the angular velocity says, and position as the velocity says, in integral form over windows:
+//! short ones for delays, long ones for biases and drifts. Delays, biases and drifts of the sensors that this needs
+//! to hold are found here, to a precision that no physics adds to; where it holds without them they are out of the
+//! question, and no physics is taken for them.
 
 use bodyflight_core::dynamics::Motion;
 use bodyflight_core::effect::sensors::Moving;
@@ -19,8 +20,8 @@ use crate::motion_history::MotionHistory;
 /// Frames of windows: half a second and five.
 const WINDOWS: [usize; 2] = [120, 1200];
 
-/// Frames on both sides that are averaged, of everything alike: what sensors say fits together after that as before, and
-/// what a delay changes is seen above the noise.
+/// Frames on both sides that are averaged, of everything alike: what sensors say fits together after that as before,
+/// and what a delay changes is seen above the noise.
 const HALF_SMOOTHING: usize = 12;
 
 /// Steps of Gauss and Newton.
@@ -82,8 +83,8 @@ pub fn checks(track: &Track) -> Vec<Check> {
     checks
 }
 
-/// Bias, lag and drift. Belly to earth a drift of the heading is nearly a bias about one axis: where both together do not
-/// tell, each is tried alone.
+/// Bias, lag and drift. Belly to earth a drift of the heading is nearly a bias about one axis: where both together do
+/// not tell, each is tried alone.
 fn turning_checks(turns: &impl Fn(usize, &Parameters) -> DVector<f64>) -> Option<[Check; 3]> {
     let both = solved(&[&BIAS[..], &[LAG, DRIFT]].concat(), turns)?;
     let biased = solved(&[&BIAS[..], &[LAG]].concat(), turns)?;

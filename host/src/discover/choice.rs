@@ -29,8 +29,8 @@ pub(super) fn deviations(chi_squared: f64, freedom: f64) -> f64 {
     ((chi_squared / freedom).cbrt() - (1.0 - share)) / share.sqrt()
 }
 
-/// Candidates that are fitted with joints and subject, and those of them that are fitted in problems of their own and for
-/// which all flights vote.
+/// Candidates that are fitted with joints and subject, and those of them that are fitted in problems of their own and
+/// for which all flights vote.
 const SHORT_LIST: usize = 8;
 const SHORTER_LIST: usize = 4;
 

@@ -1,9 +1,9 @@
 //! The balance of momentum, in weak form: what force and moment are missing, window by window.
 //!
 //! Linear and angular momentum of the measured motion are weighed by a bump that is zero at both ends of a window, so
-//! their changes need no derivative: the sums are shifted to the bump. What the model's forces add up to in the same frames is
-//! taken off. Each window has the covariance that the noise of the sensors gives it. For looking at; the search itself compares short free
-//! runs, whose errors are linear in what joints have wrong.
+//! their changes need no derivative: the sums are shifted to the bump. What the model's forces add up to in the same
+//! frames is taken off. Each window has the covariance that the noise of the sensors gives it. For looking at; the
+//! search itself compares short free runs, whose errors are linear in what joints have wrong.
 
 use bodyflight_core::dynamics::{Motion, State};
 use bodyflight_core::effect::Model;

@@ -56,8 +56,8 @@ impl Null {
         (self.best.len() - below + 1) as f64 / (self.best.len() + 1) as f64
     }
 
-    /// Draws them from the model with `values`, around which `around` is the problem, with a column for every parameter of the
-    /// library.
+    /// Draws them from the model with `values`, around which `around` is the problem, with a column for every
+    /// parameter of the library.
     pub(super) fn draw(
         track: &Track,
         around: &Around,

@@ -1,5 +1,5 @@
-//! In which regime model and measurement disagree: slow or fast, high or low, turning, leaning, moving; and what the missing force and
-//! moment go with.
+//! In which regime model and measurement disagree: slow or fast, high or low, turning, leaning, moving; and what the
+//! missing force and moment go with.
 
 use bodyflight_core::Segment;
 use bodyflight_core::dynamics::Motion;

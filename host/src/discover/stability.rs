@@ -1,5 +1,5 @@
-//! Whether a choice hangs on a few moments of the flight: the same choice in flights put together from blocks of it. And
-//! whether what it leaves is noise.
+//! Whether a choice hangs on a few moments of the flight: the same choice in flights put together from blocks of it.
+//! And whether what it leaves is noise.
 
 use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
@@ -89,8 +89,8 @@ impl Whiteness {
     }
 }
 
-/// Share of the resampled flights in which the first of some candidates, or one of those `with_it`, scores best; `scores`
-/// makes a score of the index of a candidate and its gain over `before`.
+/// Share of the resampled flights in which the first of some candidates, or one of those `with_it`, scores best;
+/// `scores` makes a score of the index of a candidate and its gain over `before`.
 pub(super) fn stability(
     before: &Parts,
     candidates: &[Parts],

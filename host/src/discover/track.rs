@@ -9,8 +9,8 @@ use crate::flight::Flight;
 use crate::recording::{FlightFrame, Options, Recording};
 use crate::simulate::measured_motion;
 
-/// Root mean square of joint angles and of the stream's direction below which nothing moves (rad): what jitter of suit and
-/// sensors makes.
+/// Root mean square of joint angles and of the stream's direction below which nothing moves (rad): what jitter of
+/// suit and sensors makes.
 const STILL: f64 = 0.04;
 
 /// A recorded flight with the model that is meant to fly it.
@@ -71,8 +71,8 @@ impl Track {
         ends.map_or(0.0, |(first, last)| last - first)
     }
 
-    /// Whether one posture is held in one attitude to the stream: then many effects are one constant force and moment, and
-    /// cannot be told apart however long the flight is.
+    /// Whether one posture is held in one attitude to the stream: then many effects are one constant force and
+    /// moment, and cannot be told apart however long the flight is.
     pub fn is_still(&self) -> bool {
         let (Some(first), count) = (self.postures.first(), self.postures.len().max(1) as f64)
         else {

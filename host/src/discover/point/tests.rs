@@ -18,7 +18,8 @@ fn dynamics(_height: f64) -> Dynamics<f64> {
     }
 }
 
-/// A fall from 4000 m with effects, of a skydiver who changes posture every ten seconds, as a receiver with noise sees it.
+/// A fall from 4000 m with effects, of a skydiver who changes posture every ten seconds, as a receiver with noise
+/// sees it.
 fn recorded(effects: &Values, seed: u64, duration: f64) -> Track {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut normal = |deviation: f64| random.sample::<f64, _>(StandardNormal) * deviation;
