@@ -131,11 +131,6 @@ pub fn discover(
     let mut named: Vec<Named> = Vec::new();
     while named.len() + faults.len() < settings.max_effects {
         progress("which effect explains most");
-        let [expected, deviation] = null.misfit;
-        let found_something = !named.is_empty() || !faults.is_empty();
-        if found_something && chosen.misfit < expected + DISAGREES * deviation {
-            break;
-        }
         let here = Data::new(track, &model, &around);
         let Some(choice) = next(&here, &others, &null, &chosen, &out_of_question) else {
             break;

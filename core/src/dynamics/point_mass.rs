@@ -61,7 +61,12 @@ mod tests {
 
     #[test]
     fn at_the_speed_of_a_trimmed_fall_nothing_accelerates() {
-        let dynamics = Dynamics::paper(reference_body(), 1.0);
+        let mut body = reference_body();
+        // Of the width of the limbs, as for any trim.
+        for (_, segment) in body.segments.iter_mut() {
+            segment.moment_arm *= 0.33;
+        }
+        let dynamics = Dynamics::paper(body, 1.0);
         let posture = pattern::neutral();
         let point = PointMass::of(&dynamics, &posture);
         let terminal = (point.mass * point.gravity * 2.0 / point.drag_area).sqrt();

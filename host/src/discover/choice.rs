@@ -107,7 +107,7 @@ fn short_list(
         .collect();
     near.sort_by(|a, b| b.2.total_cmp(&a.2));
     let best = near.first().map_or(0.0, |(.., score)| *score);
-    near.retain(|(.., score)| *score >= WITHIN_REACH * best);
+    near.retain(|(.., score)| *score > 0.0 && *score >= WITHIN_REACH * best);
     near.truncate(SHORTER_LIST);
     let voters: Vec<(&HeldOut<'_>, f64)> = others
         .iter()

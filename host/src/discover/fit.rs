@@ -223,9 +223,8 @@ impl<'a> Data<'a> {
             let mut better = None;
             for _ in 0..TRIES {
                 let reduced = Reduced::damped(&here.0, &here.1, &wrong.0, damping);
-                let held: Vec<f64> = reach.iter().map(|r| r / (1.0 + damping).sqrt()).collect();
                 let mut step = DVector::zeros(places.len());
-                if let Some((found, covariance)) = reduced.solved(&held) {
+                if let Some((found, covariance)) = reduced.solved_damped(&reach, damping) {
                     if damping == 0.0 {
                         errors = covariance.diagonal().iter().map(|v| v.sqrt()).collect();
                     }
@@ -241,13 +240,10 @@ impl<'a> Data<'a> {
                 let left = misfit(&there, &tried_wrong);
                 if left < best {
                     better = Some((tried, tried_wrong, there, left));
-                    damping *= 0.1;
-                    if damping < 1.0 {
-                        damping = 0.0;
-                    }
+                    damping = if damping < 1.0 { 0.0 } else { damping / 5.0 };
                     break;
                 }
-                damping = (damping * 10.0).max(3.0);
+                damping = (damping * 5.0).max(0.5);
             }
             let Some((tried, tried_wrong, there, left)) = better else {
                 break;

@@ -110,13 +110,16 @@ impl Reduced {
         Self::damped(normal, right, centre, 0.0)
     }
 
-    /// The same where nuisances are held at `centre` by so many priors more (Levenberg and Marquardt).
+    /// The same where nuisances are held at `centre` by a share of their own curvature (Marquardt).
     pub fn damped(normal: &Normal, right: &Right, centre: &DVector<f64>, damping: f64) -> Self {
         let count = normal.nn.nrows();
         let nr = &right.nr - centre;
         let rr = right.rr + centre.norm_squared();
-        let prior = DMatrix::from_diagonal_element(count, count, 1.0 + damping);
-        let Some(held) = (&normal.nn + prior).cholesky() else {
+        let mut held = &normal.nn + DMatrix::identity(count, count);
+        for k in 0..count {
+            held[(k, k)] *= 1.0 + damping;
+        }
+        let Some(held) = held.cholesky() else {
             return Self {
                 here: rr,
                 misfit: rr,
@@ -163,12 +166,22 @@ impl Reduced {
 
     /// The step that lowers the misfit most, and the covariance of the parameters; `priors` are deviations.
     pub fn solved(&self, priors: &[f64]) -> Option<(DVector<f64>, DMatrix<f64>)> {
+        self.solved_damped(priors, 0.0)
+    }
+
+    /// The same with parameters held where they are by a share of their own curvature.
+    pub fn solved_damped(
+        &self,
+        priors: &[f64],
+        damping: f64,
+    ) -> Option<(DVector<f64>, DMatrix<f64>)> {
         if self.slope.is_empty() || self.slope.len() != priors.len() {
             return None;
         }
         let mut curvature = self.curvature.clone();
         for (k, prior) in priors.iter().enumerate() {
             curvature[(k, k)] += 1.0 / (prior * prior);
+            curvature[(k, k)] *= 1.0 + damping;
         }
         let factor = curvature.cholesky()?;
         Some((factor.solve(&self.slope), factor.inverse()))
