@@ -65,7 +65,7 @@ impl Default for Settings {
 const DISAGREES: f64 = 5.0;
 
 /// Problems that are set up around one fit, at most.
-const PROBLEMS: usize = 3;
+const PROBLEMS: usize = 6;
 
 /// Share of what there is to explain that the effects named must explain together.
 const EXPLAINS: f64 = 0.6;
