@@ -30,7 +30,7 @@ struct Case {
 }
 
 fn effect(effect: Effect, seed: u64) -> Hidden {
-    Hidden::Effect(effect, strength(effect, seed))
+    Hidden::Effect(effect, strength(effect, seed, None))
 }
 
 fn cases(seeds: u64, only: &[String]) -> Vec<Case> {

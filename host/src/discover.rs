@@ -37,7 +37,7 @@ use gap::Gap;
 use held_out::HeldOut;
 use momentum::balance;
 use null::Null;
-use report::{Named, Outcome};
+use report::{Named, Outcome, share_explained};
 use stability::{Parts, Whiteness};
 use stretch::stretches;
 use tolerance::Wrong;
@@ -63,9 +63,6 @@ impl Default for Settings {
 
 /// Deviations of the misfit beyond that of drawn flights, from which on the flight disagrees with the model.
 const DISAGREES: f64 = 5.0;
-
-/// Problems that are set up around one fit, at most.
-const PROBLEMS: usize = 6;
 
 /// Share of what there is to explain that the effects named must explain together.
 const EXPLAINS: f64 = 0.6;
@@ -111,13 +108,13 @@ pub fn discover(
         .collect();
     let nothing = Vec::new();
     let here = Data::new(track, &model, &around);
-    let (mut chosen, there) = here.settled_refined(&nothing, PROBLEMS);
+    let (mut chosen, there) = here.settled_refined(&nothing);
     let left_before = Parts::of(&here.with(&there), &chosen);
     let plain = if faults.is_empty() {
         chosen.misfit
     } else {
         let bare = Data::new(track, &bare, &around);
-        bare.settled_refined(&nothing, PROBLEMS).0.misfit
+        bare.settled_refined(&nothing).0.misfit
     };
     let [expected, deviation] = null.misfit;
     let disagreement = (plain - expected) / deviation;
@@ -146,23 +143,14 @@ pub fn discover(
         progress("flights in which nothing more is missing");
         null = Null::draw(track, &around, &model, &chosen.values, settings.seed);
     }
-    let to_explain = plain - null.misfit[0];
-    let explained = if to_explain > 0.0 {
-        (plain - chosen.misfit) / to_explain
-    } else {
-        0.0
-    };
+    let explained = share_explained(plain, chosen.misfit, null.misfit[0]);
     report::settle(&mut named, &chosen, &null);
     let by_check = checks.iter().filter(|c| c.finding == Finding::Found);
     named.splice(0..0, by_check.map(Named::by_check));
     let thin = around.parts.len() < LEAST_STRETCHES || track.is_still();
     let agrees = disagreement < DISAGREES;
-    let outcome = match (thin, named.is_empty()) {
-        (true, _) => Outcome::Thin,
-        (false, true) if agrees => Outcome::None,
-        (false, false) if agrees || explained >= EXPLAINS => Outcome::Named,
-        (false, _) => Outcome::Unexplained,
-    };
+    let enough = agrees || explained >= EXPLAINS;
+    let outcome = Outcome::of(thin, agrees, &named, enough);
     let left_after = Parts::of(&Data::new(track, &model, &around), &chosen);
     let data = Data::new(track, &bare, &around);
     let values = match outcome {

@@ -23,6 +23,7 @@ use rand_distr::StandardNormal;
 
 use crate::diagnostic::{Problem, Result};
 use crate::flight::DEFAULT_DENSITY;
+use crate::model_file::{by_name, model_toml};
 use crate::motion_history::MotionHistory;
 use crate::mvnx::writer::{Description, Writer};
 use crate::output::write_file;
@@ -76,17 +77,9 @@ pub const SUBJECT_DEVIATION: f64 = 0.03;
 /// Calibration error of each joint about each axis (rad): 2 degrees in all.
 pub const JOINT_DEVIATION: f64 = 0.02;
 
-/// A strength of an effect that can be hidden: between 40 and 80 % of its plausible range, either way where it has two.
-pub fn strength(effect: Effect, seed: u64) -> [f64; PARAMETER_COUNT] {
-    drawn_strength(effect, seed, None)
-}
-
-/// The same with a share of the range that is given; the seed gives the signs.
-pub fn strength_of_share(effect: Effect, seed: u64, share: f64) -> [f64; PARAMETER_COUNT] {
-    drawn_strength(effect, seed, Some(share))
-}
-
-fn drawn_strength(effect: Effect, seed: u64, given: Option<f64>) -> [f64; PARAMETER_COUNT] {
+/// A strength of an effect that can be hidden: a share of its plausible range, between 40 and 80 % by the seed where
+/// none is given; either way where it has two.
+pub fn strength(effect: Effect, seed: u64, share: Option<f64>) -> [f64; PARAMETER_COUNT] {
     let of_effect = effect.description().name.bytes();
     let mixed = of_effect.fold(seed ^ 0x5eed, |mixed, byte| {
         mixed.wrapping_mul(131).wrapping_add(u64::from(byte))
@@ -96,7 +89,7 @@ fn drawn_strength(effect: Effect, seed: u64, given: Option<f64>) -> [f64; PARAME
     for (value, parameter) in values.iter_mut().zip(effect.description().parameters) {
         let up = random.random::<bool>() || parameter.is_one_sided();
         let drawn = 0.4 + 0.4 * random.random::<f64>();
-        let share = given.unwrap_or(drawn);
+        let share = share.unwrap_or(drawn);
         let end = if up { parameter.high } else { parameter.low };
         *value += share * (end - parameter.neutral);
     }
@@ -300,25 +293,17 @@ pub fn write(flight: &HiddenFlight, subject: &Subject, folder: &Path) -> Result<
 
 /// What is hidden, as a `model.toml`; things outside the library as comments.
 pub fn truth_toml(hidden: &[Hidden]) -> String {
-    let mut text = String::from("# What bodyflight hide has hidden in these flights.\n");
+    let mut comment = "# What bodyflight hide has hidden in these flights.\n".to_owned();
+    let mut effects = Vec::new();
     for hidden in hidden {
         match hidden {
             Hidden::Outside(outside) => {
-                text.push_str(&format!(
-                    "# {}, which is not in the library\n",
-                    outside.name()
-                ));
+                comment += &format!("# {}, which is not in the library\n", outside.name());
             }
-            Hidden::Effect(effect, values) => {
-                let description = effect.description();
-                text.push_str(&format!("\n[[effect]]\nname = \"{}\"\n", description.name));
-                for (parameter, value) in description.parameters.iter().zip(values) {
-                    text.push_str(&format!("{} = {value:?}\n", parameter.name));
-                }
-            }
+            Hidden::Effect(effect, values) => effects.push(by_name(*effect, values)),
         }
     }
-    text
+    model_toml(&comment, &effects)
 }
 
 /// Belly to earth at terminal speed.

@@ -19,6 +19,29 @@ use serde::Deserialize;
 use crate::diagnostic::{Problem, Result};
 use crate::flight::toml_problem;
 
+/// An effect with its parameters, by the names of files.
+pub type ByName = (&'static str, Vec<(&'static str, f64)>);
+
+/// The effect by name.
+pub fn by_name(effect: Effect, values: &[f64; PARAMETER_COUNT]) -> ByName {
+    let description = effect.description();
+    let parameters = description.parameters.iter().zip(values);
+    let parameters = parameters.map(|(parameter, value)| (parameter.name, *value));
+    (description.name, parameters.collect())
+}
+
+/// The text of a `model.toml`, after a comment of whole lines.
+pub fn model_toml(comment: &str, effects: &[ByName]) -> String {
+    let mut text = comment.to_owned();
+    for (name, parameters) in effects {
+        text += &format!("\n[[effect]]\nname = \"{name}\"\n");
+        for (parameter, value) in parameters {
+            text += &format!("{parameter} = {value:?}\n");
+        }
+    }
+    text
+}
+
 /// Effects with their parameters, in the order of the file.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Effects(Vec<(Effect, [f64; PARAMETER_COUNT])>);

@@ -108,17 +108,13 @@ fn compare_traces(found: &BTreeMap<String, String>) -> Result<()> {
         .body()
         .map_err(|e| e.to_string())?;
     let hash = |hash: core::result::Result<u64, _>| hash.map_err(|error| format!("{error:?}"));
+    let reduced = hash(trace::hash::<Reduced, 30>(&body, 40))?;
+    let paper = hash(trace::hash::<Full, 12>(&body, 8))?;
     for (name, here) in [
-        (
-            "trace_reduced",
-            hash(trace::hash::<Reduced, 30>(&body, 40))?,
-        ),
-        ("trace_paper", hash(trace::hash::<Full, 12>(&body, 8))?),
+        ("trace_reduced", reduced),
+        ("trace_paper", paper),
         // No number of the filter is subnormal, so flushing them changes nothing.
-        (
-            "trace_reduced_flushed",
-            hash(trace::hash::<Reduced, 30>(&body, 40))?,
-        ),
+        ("trace_reduced_flushed", reduced),
     ] {
         let here = format!("{here:#018x}");
         let there = found

@@ -173,22 +173,34 @@ fn print_report(report: &Report) {
             numbers.join(", ")
         ));
     }
-    let mut table = terminal::table(&["channel", "before", "after", "where nothing is missing"]);
-    for (channel, name) in CHANNEL_NAMES.iter().enumerate() {
-        let gap = &report.gap;
-        let numbers =
-            [gap.before, gap.after, gap.floor].map(|values| format!("{:.3}", values[channel]));
+    let gap = &report.gap;
+    print_gap(
+        ["channel", "where nothing is missing"],
+        &CHANNEL_NAMES,
+        [&gap.before, &gap.after, &gap.floor],
+    );
+    for (index, gap) in report.held_out.iter().enumerate() {
+        let misfits = [gap.misfit_before, gap.misfit_after, gap.misfit_expected];
+        print_held_out("flight", index, misfits, gap.closed_share());
+    }
+}
+
+/// Each channel before and after, and its floor; `titles` of the first and the last column.
+fn print_gap(titles: [&str; 2], channels: &[&str], gap: [&[f64]; 3]) {
+    let mut table = terminal::table(&[titles[0], "before", "after", titles[1]]);
+    for (channel, name) in channels.iter().enumerate() {
+        let numbers = gap.map(|values| format!("{:.3}", values[channel]));
         table.add_row([&[(*name).to_owned()][..], &numbers].concat());
     }
     terminal::print(&table.to_string());
-    for (index, gap) in report.held_out.iter().enumerate() {
-        terminal::print(&format!(
-            "held-out flight {}: misfit {:.0} -> {:.0}, {:.0} where nothing is missing; {:.0} % of the gap closed",
-            index + 1,
-            gap.misfit_before,
-            gap.misfit_after,
-            gap.misfit_expected,
-            100.0 * gap.closed_share()
-        ));
-    }
+}
+
+/// Misfits of a recording held out: before, after, and where nothing is missing.
+fn print_held_out(what: &str, index: usize, [before, after, expected]: [f64; 3], closed: f64) {
+    terminal::print(&format!(
+        "held-out {what} {}: misfit {before:.0} -> {after:.0}, {expected:.0} where nothing is missing; {:.0} % of \
+         the gap closed",
+        index + 1,
+        100.0 * closed
+    ));
 }

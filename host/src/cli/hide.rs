@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use bodyflight::diagnostic::{Problem, Result};
 use bodyflight::flight::Flight;
 use bodyflight::hide::outside::Outside;
-use bodyflight::hide::{Hidden, Settings, fly, strength, strength_of_share, truth_toml, write};
+use bodyflight::hide::{Hidden, Settings, fly, strength, truth_toml, write};
 use bodyflight::output::write_file;
 use bodyflight::subject::Subject;
 use bodyflight_core::dynamics::Inputs;
@@ -121,11 +121,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
 
 fn hidden(name: &str, seed: u64, share: Option<f64>) -> Result<Hidden> {
     if let Some(effect) = Effect::from_name(name) {
-        let values = match share {
-            Some(share) => strength_of_share(effect, seed, share),
-            None => strength(effect, seed),
-        };
-        return Ok(Hidden::Effect(effect, values));
+        return Ok(Hidden::Effect(effect, strength(effect, seed, share)));
     }
     Outside::from_name(name)
         .map(Hidden::Outside)

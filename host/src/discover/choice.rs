@@ -2,23 +2,23 @@
 
 use bodyflight_core::effect::Effect;
 
-use super::design::Around;
+use super::DISAGREES;
+use super::design::{Around, freedom};
 use super::fit::{Data, Fit, Values};
 use super::held_out::HeldOut;
 use super::null::Null;
 use super::report::{Evidence, Named, Rival};
 use super::stability::{Parts, stability};
-use super::{DISAGREES, PROBLEMS};
 
 /// Deviations of a gain beyond what drawn flights show, from which on it is significant: where flights held out
 /// have a vote, alone and with them, and where they have none. What joints have wrong is the same all through one
 /// flight, so its own halves cannot vote on that.
 const SIGNIFICANT: f64 = 3.5;
 const SIGNIFICANT_TOGETHER: f64 = 5.0;
-const SIGNIFICANT_ALONE: f64 = 9.0;
+pub(super) const SIGNIFICANT_ALONE: f64 = 9.0;
 
 /// Deviations by which a flight held out must gain.
-const VOTE: f64 = 2.0;
+pub(super) const VOTE: f64 = 2.0;
 
 /// Share of what is left to explain that an effect must explain to be material.
 const MATERIAL: f64 = 0.1;
@@ -37,6 +37,9 @@ const SHORTER_LIST: usize = 4;
 /// Share of the best one's score that they must have for that.
 const WITHIN_REACH: f64 = 0.25;
 
+/// Share of the best one's gain that they must reach for the flights held out to be asked.
+const IN_THE_RACE: f64 = 0.5;
+
 /// A candidate, fitted with what was chosen before.
 struct Candidate {
     effect: Effect,
@@ -53,7 +56,7 @@ struct Candidate {
 
 impl Candidate {
     fn freedom(&self) -> f64 {
-        self.effect.description().parameters.len() as f64
+        freedom(self.effect)
     }
 
     fn data<'a>(&'a self, data: &Data<'a>) -> Data<'a> {
@@ -113,23 +116,31 @@ fn short_list(
         .iter()
         .map(|other| (other, other.misfit(&chosen.values)))
         .collect();
-    let candidate = |(effect, fit, _): (Effect, Fit, f64)| {
-        let (fit, around) = data.refined(fit, PROBLEMS);
+    let mut candidates: Vec<Candidate> = Vec::new();
+    // Largest gain in this flight so far, beyond chance.
+    let mut most = 0.0_f64;
+    for (effect, fit, _) in near {
+        let inflation = null.inflation_of(effect);
+        let goal = chosen.misfit - IN_THE_RACE * most * inflation;
+        let (fit, around) = data.refined(fit, goal);
+        if fit.misfit > goal {
+            continue;
+        }
         let votes: Vec<f64> = voters
             .iter()
             .map(|(other, before)| before - other.misfit(&fit.values))
             .collect();
-        let gain = chosen.misfit - fit.misfit + votes.iter().sum::<f64>();
-        Candidate {
+        let gain = chosen.misfit - fit.misfit;
+        most = most.max(gain / inflation);
+        candidates.push(Candidate {
             effect,
-            score: score(null, effect, gain),
+            score: score(null, effect, gain + votes.iter().sum::<f64>()),
             fit,
             around,
-            inflation: null.inflation_of(effect),
+            inflation,
             votes,
-        }
-    };
-    let mut candidates: Vec<Candidate> = near.into_iter().map(candidate).collect();
+        });
+    }
     // Those first that leave no more than flights have in which nothing is missing; then by how far the gain is
     // beyond chance: some effects take up what joints have wrong, and gain by that alone.
     let [expected, deviation] = null.misfit;
@@ -143,8 +154,7 @@ fn short_list(
 
 /// How much an effect is to be preferred: its gain beyond chance, less what its parameters cost by Schwarz' criterion.
 fn score(null: &Null, effect: Effect, gain: f64) -> f64 {
-    let freedom = effect.description().parameters.len() as f64;
-    gain / null.inflation_of(effect) - freedom * null.rows.ln()
+    gain / null.inflation_of(effect) - freedom(effect) * null.rows.ln()
 }
 
 /// The effect that explains most of what is left, if it deserves a name, fitted with those chosen before.
@@ -230,9 +240,8 @@ pub(super) fn pruned(data: &Data<'_>, null: &Null, mut chosen: Fit, named: &mut 
             .filter(|(e, _)| *e != effect)
             .collect();
         let without = data.fit(rest, |_| true);
-        let freedom = effect.description().parameters.len() as f64;
         let gain = (without.misfit - chosen.misfit) / null.inflation_of(effect);
-        if deviations(gain, freedom) < SIGNIFICANT_ALONE {
+        if deviations(gain, freedom(effect)) < SIGNIFICANT_ALONE {
             named.retain(|named| named.effect() != effect);
             chosen = without;
         }

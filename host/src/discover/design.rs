@@ -10,6 +10,7 @@ use rayon::prelude::*;
 
 use super::fit::{Values, with};
 use super::flown::{COARSE, Flown, Prepared};
+use super::linear::Nuisances;
 use super::stretch::{Channels, NUMBERS, Stretch, start_deviation, variance};
 use super::tolerance::{self, Wrong};
 use super::track::Track;
@@ -23,13 +24,23 @@ pub struct Place {
     pub index: usize,
 }
 
-/// All parameters of all effects, in order.
-pub fn places() -> Vec<Place> {
-    let parameters = |&effect: &Effect| {
+/// All parameters of some effects, in order.
+pub fn places_of(effects: impl IntoIterator<Item = Effect>) -> Vec<Place> {
+    let parameters = |effect: Effect| {
         let count = effect.description().parameters.len();
         (0..count).map(move |index| Place { effect, index })
     };
-    Effect::ALL.iter().flat_map(parameters).collect()
+    effects.into_iter().flat_map(parameters).collect()
+}
+
+/// All parameters of all effects.
+pub fn places() -> Vec<Place> {
+    places_of(Effect::ALL.iter().copied())
+}
+
+/// Number of parameters of an effect.
+pub fn freedom(effect: Effect) -> f64 {
+    effect.description().parameters.len() as f64
 }
 
 /// What is added to a parameter for a difference.
@@ -43,8 +54,8 @@ fn step(place: Place) -> f64 {
 pub struct Block {
     /// What each parameter of the places asked for changes.
     pub effects: DMatrix<f64>,
-    /// What each nuisance changes, in deviations of its prior.
-    pub nuisances: DMatrix<f64>,
+    /// What each nuisance changes.
+    pub nuisances: Nuisances,
     /// The whitening.
     whitening: Cholesky<f64, Dyn>,
     /// Measured less flown in all frames.
@@ -116,8 +127,8 @@ impl Block {
         places: &[Place],
     ) -> Option<Self> {
         let none = Channels::zeros();
-        let model = &wrong.of(&with(plain, values));
-        let base = Prepared::new(track, stretch, model, &wrong.joints(), COARSE);
+        let model = with(plain, values);
+        let base = Prepared::new(track, stretch, &model, wrong, COARSE);
         // The start is free within what smoothing leaves: it adds to the noise.
         let flown = base.fly(&none);
         let mut covariance = DMatrix::from_diagonal(&variance());
@@ -127,40 +138,34 @@ impl Block {
             let column = base.fly(&start).less(&flown);
             covariance += &column * column.transpose();
         }
-        let fine = Prepared::new(track, stretch, model, &wrong.joints(), 1).fly(&none);
+        let whitening = covariance.cholesky()?;
+        let mut nuisances = DMatrix::zeros(NUMBERS, tolerance::COUNT);
+        for k in 0..tolerance::COUNT {
+            let other = base.changed_to(&model, &wrong.with(k)).fly(&none);
+            nuisances.set_column(k, &white(&whitening, other.less(&flown)));
+        }
+        let fine = Prepared::new(track, stretch, &model, wrong, 1).fly(&none);
         let mut block = Self {
             effects: DMatrix::zeros(NUMBERS, 0),
-            nuisances: DMatrix::zeros(NUMBERS, tolerance::COUNT),
-            whitening: covariance.cholesky()?,
+            nuisances: nuisances.into(),
+            whitening,
             missing: fine.missing(track, stretch),
             flown,
         };
-        block.effects = block.columns(track, stretch, plain, (values, wrong), places);
-        for k in 0..tolerance::COUNT {
-            let other = fly(track, stretch, &with(plain, values), &wrong.with(k));
-            let column = block.white(other.less(&block.flown));
-            block.nuisances.set_column(k, &column);
-        }
+        block.effects = block.columns(&base, plain, (values, wrong), places);
         Some(block)
     }
 
     /// Residual of a stretch in another model, whitened: that of here, flown in all frames, less what changes.
-    pub fn residual(
-        &self,
-        track: &Track,
-        stretch: &Stretch,
-        model: &Model<f64>,
-        wrong: &Wrong,
-    ) -> DVector<f64> {
-        let flown = fly(track, stretch, model, wrong);
+    pub fn residual(&self, flight: &Prepared<'_>) -> DVector<f64> {
+        let flown = flight.fly(&Channels::zeros());
         self.white(&self.missing - flown.less(&self.flown))
     }
 
-    /// What single parameters change in a stretch in another model, whitened.
+    /// What single parameters change in a flight with `values` and `wrong`, whitened.
     pub fn columns(
         &self,
-        track: &Track,
-        stretch: &Stretch,
+        flight: &Prepared<'_>,
         plain: &Model<f64>,
         (values, wrong): (&Values, &Wrong),
         places: &[Place],
@@ -169,26 +174,32 @@ impl Block {
         if places.is_empty() {
             return columns;
         }
-        let base = fly(track, stretch, &with(plain, values), wrong);
+        let none = Channels::zeros();
+        let base = flight.fly(&none);
         for (k, place) in places.iter().enumerate() {
             let (other, size) = changed(plain, values, *place);
-            let column = fly(track, stretch, &other, wrong).less(&base) / size;
+            let column = flight.changed_to(&other, wrong).fly(&none).less(&base) / size;
             columns.set_column(k, &self.white(column));
         }
         columns
     }
 
     /// A residual in deviations.
-    pub fn white(&self, mut residual: DVector<f64>) -> DVector<f64> {
-        let lower = self.whitening.l_dirty();
-        lower.solve_lower_triangular_mut(&mut residual);
-        residual
+    pub fn white(&self, residual: DVector<f64>) -> DVector<f64> {
+        white(&self.whitening, residual)
     }
 
     /// Noise of sensors and start with the given deviations.
     pub fn noise(&self, deviations: &DVector<f64>) -> DVector<f64> {
         self.whitening.l() * deviations
     }
+}
+
+fn white(whitening: &Cholesky<f64, Dyn>, mut residual: DVector<f64>) -> DVector<f64> {
+    whitening
+        .l_dirty()
+        .solve_lower_triangular_mut(&mut residual);
+    residual
 }
 
 /// Flights in a model in which joints and subject are wrong, less the flight in that model: by stretch, then as in
@@ -200,16 +211,11 @@ pub fn flown_wrong(
     wrong: &[Wrong],
 ) -> Vec<Vec<DVector<f64>>> {
     let of_stretch = |(stretch, _): &Part| {
-        let base = fly(track, stretch, model, &Wrong::nothing());
-        let apart = wrong
-            .iter()
-            .map(|wrong| fly(track, stretch, model, wrong).less(&base));
-        apart.collect()
+        let fly = |wrong: &Wrong| {
+            Prepared::new(track, stretch, model, wrong, COARSE).fly(&Channels::zeros())
+        };
+        let base = fly(&Wrong::nothing());
+        wrong.iter().map(|wrong| fly(wrong).less(&base)).collect()
     };
     around.parts.par_iter().map(of_stretch).collect()
-}
-
-/// Flies a stretch in long steps.
-fn fly(track: &Track, stretch: &Stretch, model: &Model<f64>, wrong: &Wrong) -> Flown {
-    Prepared::new(track, stretch, &wrong.of(model), &wrong.joints(), COARSE).fly(&Channels::zeros())
 }

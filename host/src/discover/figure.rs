@@ -1,9 +1,10 @@
 //! The report as a figure: where the model disagrees, and each channel before and after.
 
 use super::point;
-use super::report::{CHANNEL_NAMES, Report};
+use super::report::{CHANNEL_NAMES, Outcome, Report};
 use super::stretch::CHANNELS;
 use crate::diagnostic::Result;
+use crate::model_file::ByName;
 use crate::plot::{Curve, EXTENDED, FLOOR, Line, PLAIN, Panel, figure_svg};
 
 /// The figure as SVG.
@@ -11,16 +12,10 @@ use crate::plot::{Curve, EXTENDED, FLOOR, Line, PLAIN, Panel, figure_svg};
 /// # Errors
 /// Where it cannot be drawn.
 pub fn svg(title: &str, report: &Report) -> Result<String> {
-    let effects: Vec<&str> = report.model.iter().map(|(name, _)| *name).collect();
-    let found = if effects.is_empty() {
-        format!("{:?}", report.verdict).to_lowercase()
-    } else {
-        effects.join(" + ")
-    };
     let panels: Vec<Panel> = (0..CHANNELS)
         .map(|channel| panel(report, channel))
         .collect();
-    figure_svg(&format!("{title}: {found}"), &panels)
+    figure_svg(&titled(title, report.verdict, &report.model), &panels)
 }
 
 /// The figure of a point: what each window misses, before and after.
@@ -28,12 +23,6 @@ pub fn svg(title: &str, report: &Report) -> Result<String> {
 /// # Errors
 /// Where it cannot be drawn.
 pub fn point_svg(title: &str, report: &point::Report) -> Result<String> {
-    let effects: Vec<&str> = report.model.iter().map(|(name, _)| *name).collect();
-    let found = if effects.is_empty() {
-        format!("{:?}", report.verdict).to_lowercase()
-    } else {
-        effects.join(" + ")
-    };
     let spots = &report.residual_map;
     let panel = |component: usize| {
         let gap = &report.gap;
@@ -60,7 +49,18 @@ pub fn point_svg(title: &str, report: &point::Report) -> Result<String> {
         }
     };
     let panels: Vec<Panel> = (0..3).map(panel).collect();
-    figure_svg(&format!("{title}: {found}"), &panels)
+    figure_svg(&titled(title, report.verdict, &report.model), &panels)
+}
+
+/// The title with what was found.
+fn titled(title: &str, verdict: Outcome, model: &[ByName]) -> String {
+    let effects: Vec<&str> = model.iter().map(|(name, _)| *name).collect();
+    let found = if effects.is_empty() {
+        format!("{verdict:?}").to_lowercase()
+    } else {
+        effects.join(" + ")
+    };
+    format!("{title}: {found}")
 }
 
 fn panel(report: &Report, channel: usize) -> Panel {

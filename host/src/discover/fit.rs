@@ -1,10 +1,11 @@
 //! Effects fitted to the residuals, with the nuisances taken out.
 
 use bodyflight_core::effect::{Effect, Model, PARAMETER_COUNT};
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 use rayon::prelude::*;
 
-use super::design::{Around, Place};
+use super::design::{Around, Place, places_of};
+use super::flown::{COARSE, Prepared};
 use super::linear::{Normal, Reduced, Right, sum};
 use super::tolerance::Wrong;
 use super::track::Track;
@@ -13,14 +14,18 @@ use super::track::Track;
 const STEPS: usize = 12;
 const SKETCH_STEPS: usize = 5;
 
-/// Gain from which on another problem is worth setting up.
-const SETTLED: f64 = 10.0;
+/// Problems that are set up around one fit, at most, and the gain from which on another one is worth it, also as a
+/// share of the misfit: of a fit that leaves much it need not be known how much.
+const PROBLEMS: usize = 6;
+const SETTLED: f64 = 3.0;
+const SETTLED_SHARE: f64 = 0.001;
 
 /// Times that a step is held back, at most.
 const TRIES: usize = 5;
 
-/// Gain that is as good as none.
+/// Gain that is as good as none, and as a share of the misfit.
 const CLOSE: f64 = 0.2;
+const CLOSE_SHARE: f64 = 0.0003;
 
 /// Effects with their parameters.
 pub type Values = Vec<(Effect, [f64; PARAMETER_COUNT])>;
@@ -37,17 +42,9 @@ pub fn with(model: &Model<f64>, values: &Values) -> Model<f64> {
     model
 }
 
-/// Parameters of effects as columns, and how far each may go.
-pub(super) fn columns(values: &Values) -> (Vec<Place>, Vec<f64>) {
-    let places: Vec<Place> = values
-        .iter()
-        .flat_map(|&(effect, _)| {
-            let count = effect.description().parameters.len();
-            (0..count).map(move |index| Place { effect, index })
-        })
-        .collect();
-    let reach = places.iter().map(|place| reach(*place)).collect();
-    (places, reach)
+/// Parameters of effects, each a column.
+pub(super) fn columns(values: &Values) -> Vec<Place> {
+    places_of(values.iter().map(|(effect, _)| *effect))
 }
 
 /// Half of the plausible range: the prior of a parameter.
@@ -69,13 +66,57 @@ pub struct Fit {
     pub misfit: f64,
 }
 
+/// How a step is held back: to a share of it, which follows a curved valley, then by damping (Marquardt), which
+/// finds the way from afar.
+#[derive(Debug, Clone, Copy)]
+struct Hold {
+    share: f64,
+    damping: f64,
+}
+
+impl Default for Hold {
+    fn default() -> Self {
+        Self {
+            share: 1.0,
+            damping: 0.0,
+        }
+    }
+}
+
+impl Hold {
+    fn tighter(&mut self) {
+        *self = if self.share == 1.0 && self.damping == 0.0 {
+            Self {
+                share: 0.3,
+                ..*self
+            }
+        } else {
+            Self {
+                share: 1.0,
+                damping: (self.damping * 5.0).max(0.5),
+            }
+        };
+    }
+
+    fn looser(&mut self) {
+        *self = Self {
+            share: 1.0,
+            damping: if self.damping < 1.0 {
+                0.0
+            } else {
+                self.damping / 5.0
+            },
+        };
+    }
+}
+
 /// What joints and subject do while effects are fitted.
 #[derive(Clone, Copy)]
-enum Nuisances {
+enum Subject {
     /// They are fitted too.
-    Move,
+    Moves,
     /// They act to first order where they stand.
-    Stay,
+    Stays,
 }
 
 /// A flight to fit to, with the problem around a model.
@@ -128,65 +169,62 @@ impl<'a> Data<'a> {
             .enumerate()
             .filter(|(k, _)| choose(*k))
             .map(|(_, (stretch, block))| {
-                let white = block.residual(self.track, stretch, &model, wrong);
-                let columns =
-                    block.columns(self.track, stretch, self.model, (values, wrong), places);
+                let flight = Prepared::new(self.track, stretch, &model, wrong, COARSE);
+                let white = block.residual(&flight);
+                let columns = block.columns(&flight, self.model, (values, wrong), places);
                 (
                     Normal::of(&columns, &block.nuisances),
                     Right::of(&white, &columns, &block.nuisances),
                 )
             })
             .collect();
-        let normal = sum(parts.iter().map(|(normal, _)| normal));
-        let right = sum(parts.iter().map(|(_, right)| right));
-        normal.zip(right).unwrap_or_else(|| {
-            let (none, nuisances) = (
-                DMatrix::zeros(0, places.len()),
-                DMatrix::zeros(0, wrong.0.len()),
-            );
-            (
-                Normal::of(&none, &nuisances),
-                Right::of(&DVector::zeros(0), &none, &nuisances),
-            )
-        })
+        let nothing = Normal::nothing(places.len(), wrong.0.len());
+        let right = sum(
+            Right::nothing(&nothing),
+            parts.iter().map(|(_, right)| right),
+        );
+        (sum(nothing, parts.iter().map(|(normal, _)| normal)), right)
     }
 
     /// Effects as they are, with what joints and subject have wrong fitted beside them.
     pub fn settled(&self, values: &Values, choose: impl Fn(usize) -> bool + Sync + Copy) -> Fit {
-        self.minimised(values.clone(), &[], Nuisances::Move, choose)
+        self.minimised(values.clone(), &[], Subject::Moves, choose)
     }
 
     /// Fits the parameters of `values` from where they are, with joints and subject.
     pub fn fit(&self, values: Values, choose: impl Fn(usize) -> bool + Sync + Copy) -> Fit {
-        let (places, _) = columns(&values);
-        self.minimised(values, &places, Nuisances::Move, choose)
+        let places = columns(&values);
+        self.minimised(values, &places, Subject::Moves, choose)
     }
 
     /// Fits them with joints and subject to first order: cheap, and it converges from afar.
     pub fn sketched(&self, values: Values) -> Fit {
-        let (places, _) = columns(&values);
-        self.minimised(values, &places, Nuisances::Stay, |_| true)
+        let places = columns(&values);
+        self.minimised(values, &places, Subject::Stays, |_| true)
     }
 
-    /// Fits in the problem around each fit, at most `problems` of them, until that changes nothing.
-    pub fn refined(&self, fit: Fit, problems: usize) -> (Fit, Around) {
-        let (places, _) = columns(&fit.values);
-        self.refined_in(fit, &places, problems)
+    /// Fits in the problem around each fit, until that changes nothing, or cannot bring the misfit to `goal`.
+    pub fn refined(&self, fit: Fit, goal: f64) -> (Fit, Around) {
+        let places = columns(&fit.values);
+        self.refined_in(fit, &places, goal)
     }
 
     /// Effects as they are, joints and subject fitted in the problem around each fit.
-    pub fn settled_refined(&self, values: &Values, problems: usize) -> (Fit, Around) {
+    pub fn settled_refined(&self, values: &Values) -> (Fit, Around) {
         let fit = self.settled(values, |_| true);
-        self.refined_in(fit, &[], problems)
+        self.refined_in(fit, &[], f64::INFINITY)
     }
 
-    fn refined_in(&self, mut fit: Fit, places: &[Place], problems: usize) -> (Fit, Around) {
+    fn refined_in(&self, mut fit: Fit, places: &[Place], goal: f64) -> (Fit, Around) {
         let mut around = self.moved_to(&fit.values, &fit.wrong, &[]);
-        for problem in 1.. {
+        for problems_left in (0..PROBLEMS).rev() {
             let before = fit.misfit;
             let there = self.with(&around);
-            fit = there.minimised(fit.values, places, Nuisances::Move, |_| true);
-            if problem >= problems || before - fit.misfit < SETTLED {
+            fit = there.minimised(fit.values, places, Subject::Moves, |_| true);
+            let gained = before - fit.misfit;
+            let settled = gained < SETTLED.max(SETTLED_SHARE * fit.misfit);
+            let hopeless = fit.misfit - gained * problems_left as f64 > goal;
+            if problems_left == 0 || settled || hopeless {
                 break;
             }
             around = self.moved_to(&fit.values, &fit.wrong, &[]);
@@ -198,61 +236,57 @@ impl<'a> Data<'a> {
         &self,
         mut values: Values,
         places: &[Place],
-        nuisances: Nuisances,
+        subject: Subject,
         choose: impl Fn(usize) -> bool + Sync + Copy,
     ) -> Fit {
         let reach: Vec<f64> = places.iter().map(|place| reach(*place)).collect();
         let mut wrong = self.around.wrong.clone();
         let mut here = self.linear(&values, &wrong, places, choose);
         let mut errors = vec![f64::INFINITY; places.len()];
-        let misfit = |(normal, right): &(Normal, Right), wrong: &Wrong| {
-            let reduced = Reduced::of(normal, right, &wrong.0);
-            match nuisances {
-                Nuisances::Move => reduced.here,
-                Nuisances::Stay => reduced.misfit,
-            }
+        let misfit = |(normal, right): &(Normal, Right), wrong: &Wrong| match subject {
+            Subject::Moves => right.misfit(&wrong.0),
+            Subject::Stays => Reduced::of(normal, right, &wrong.0).misfit,
         };
         let mut best = misfit(&here, &wrong);
-        let steps = match nuisances {
-            Nuisances::Move => STEPS,
-            Nuisances::Stay => SKETCH_STEPS,
+        let steps = match subject {
+            Subject::Moves => STEPS,
+            Subject::Stays => SKETCH_STEPS,
         };
-        let mut damping = 0.0;
+        let mut hold = Hold::default();
         for _ in 0..steps {
+            let free = Reduced::of(&here.0, &here.1, &wrong.0);
+            if let Some((_, covariance)) = free.solved(&reach) {
+                errors = covariance.diagonal().iter().map(|v| v.sqrt()).collect();
+            }
+            let predicted = best - free.misfit + free.gain(&reach);
+            if predicted < CLOSE.max(CLOSE_SHARE * best) {
+                break;
+            }
             // Held back until it helps: the model is not linear.
             let mut better = None;
             for _ in 0..TRIES {
-                let reduced = Reduced::damped(&here.0, &here.1, &wrong.0, damping);
-                let mut step = DVector::zeros(places.len());
-                if let Some((found, covariance)) = reduced.solved_damped(&reach, damping) {
-                    if damping == 0.0 {
-                        errors = covariance.diagonal().iter().map(|v| v.sqrt()).collect();
-                    }
-                    step = found;
-                }
-                let aside = match nuisances {
-                    Nuisances::Move => reduced.nuisances(&step),
-                    Nuisances::Stay => DVector::zeros(wrong.0.len()),
+                let reduced = Reduced::damped(&here.0, &here.1, &wrong.0, hold.damping);
+                let step = reduced.solved_damped(&reach, hold.damping);
+                let step = step.map_or_else(|| DVector::zeros(places.len()), |(step, _)| step);
+                let aside = match subject {
+                    Subject::Moves => reduced.nuisances(&step),
+                    Subject::Stays => DVector::zeros(wrong.0.len()),
                 };
-                let tried = moved(&values, &step);
-                let tried_wrong = Wrong(&wrong.0 + &aside);
+                let tried = moved(&values, &(&step * hold.share));
+                let tried_wrong = Wrong(&wrong.0 + &aside * hold.share);
                 let there = self.linear(&tried, &tried_wrong, places, choose);
                 let left = misfit(&there, &tried_wrong);
                 if left < best {
                     better = Some((tried, tried_wrong, there, left));
-                    damping = if damping < 1.0 { 0.0 } else { damping / 5.0 };
+                    hold.looser();
                     break;
                 }
-                damping = (damping * 5.0).max(0.5);
+                hold.tighter();
             }
-            let Some((tried, tried_wrong, there, left)) = better else {
+            let Some(found) = better else {
                 break;
             };
-            let gained = best - left;
-            (values, wrong, here, best) = (tried, tried_wrong, there, left);
-            if gained < CLOSE {
-                break;
-            }
+            (values, wrong, here, best) = found;
         }
         Fit {
             values,

@@ -1,6 +1,9 @@
 //! The model flying a stretch, and what its sensors see.
 
+use std::rc::Rc;
+
 use bodyflight_core::Posture;
+use bodyflight_core::body::mass_properties::PostureRate;
 use bodyflight_core::dynamics::{Motion, PostureSample, State};
 use bodyflight_core::effect::Model;
 use bodyflight_core::effect::sensors::Moving;
@@ -9,12 +12,13 @@ use nalgebra::{DVector, SVector};
 use super::stretch::{
     CHANNELS, Channels, FRAMES, NUMBERS, SIDE, Stretch, WINDOW, difference, moved, moving, six,
 };
+use super::tolerance::Wrong;
 use super::track::Track;
 use crate::motion_history::MotionHistory;
 
-/// Steps to the true start behind a measured one, at most, and the difference in all channels that is close enough.
-const START_STEPS: usize = 12;
-const START_CLOSE: f64 = 1e-9;
+/// Steps to the true motion behind a measured one, at most, and the difference in all channels that is close enough.
+const BEHIND_STEPS: usize = 12;
+const BEHIND_CLOSE: f64 = 1e-9;
 
 /// Postures of a stretch as the model flies them.
 fn posture(track: &Track, frame: usize, delay: f64) -> Posture<f64> {
@@ -36,51 +40,89 @@ fn posture(track: &Track, frame: usize, delay: f64) -> Posture<f64> {
 }
 
 /// Frames of an interval where only what changes between two flights counts: errors of the longer steps cancel.
-pub const COARSE: usize = 3;
+pub const COARSE: usize = 6;
+
+/// A posture in the middle of an interval, and how it changes.
+type Posed = (Posture<f64>, PostureRate<f64>);
 
 /// The intervals of a stretch in a model, ready to be flown from any start.
 pub struct Prepared<'a> {
     track: &'a Track,
-    model: Model<f64>,
     stretch: &'a Stretch,
-    samples: Vec<PostureSample<f64>>,
+    /// With the subject as it is.
+    model: Model<f64>,
+    wrong: Wrong,
     /// Frames of an interval.
     stride: usize,
+    postures: Rc<[Posed]>,
+    samples: Rc<[PostureSample<f64>]>,
 }
 
 impl<'a> Prepared<'a> {
-    /// Computes the intervals, each of `stride` frames; `joints` turns recorded postures to those that are flown.
+    /// Computes the intervals, each of `stride` frames, in a model with what joints and subject have wrong.
     pub fn new(
         track: &'a Track,
         stretch: &'a Stretch,
         model: &Model<f64>,
-        joints: &dyn Fn(Posture<f64>) -> Posture<f64>,
+        wrong: &Wrong,
         stride: usize,
     ) -> Self {
-        let delay = model.sensors.posture_delay;
-        let mut from = joints(posture(track, stretch.first, delay));
-        let samples = (stretch.first..stretch.first + FRAMES)
+        let model = wrong.of(model);
+        let joints = wrong.joints();
+        let at = |frame: usize| joints(posture(track, frame, model.sensors.posture_delay));
+        let mut from = at(stretch.first);
+        let postures: Rc<[Posed]> = (stretch.first..stretch.first + FRAMES)
             .step_by(stride)
             .map(|frame| {
-                let to = joints(posture(track, frame + stride, delay));
+                let to = at(frame + stride);
                 let duration = track.times[frame + stride] - track.times[frame];
-                let sample = model.dynamics.between(&from, &to, duration);
+                let posed = (
+                    from.interpolated(&to, 0.5),
+                    PostureRate::between(&from, &to, duration),
+                );
                 from = to;
-                sample
+                posed
             })
             .collect();
         Self {
             track,
-            model: *model,
             stretch,
-            samples,
+            samples: sampled(&model, &postures),
+            model,
+            wrong: wrong.clone(),
             stride,
+            postures,
+        }
+    }
+
+    /// The same intervals in another model: what that does not change is kept.
+    pub fn changed_to(&self, model: &Model<f64>, wrong: &Wrong) -> Self {
+        if !self.wrong.has_joints_of(wrong)
+            || self.model.sensors.posture_delay != model.sensors.posture_delay
+        {
+            return Self::new(self.track, self.stretch, model, wrong, self.stride);
+        }
+        let model = wrong.of(model);
+        let [now, then] = [&self.model.dynamics, &model.dynamics];
+        let same = now.body == then.body
+            && now.aerodynamics == then.aerodynamics
+            && now.stream.lag == then.stream.lag;
+        Self {
+            samples: if same {
+                self.samples.clone()
+            } else {
+                sampled(&model, &self.postures)
+            },
+            model,
+            wrong: wrong.clone(),
+            postures: self.postures.clone(),
+            ..*self
         }
     }
 
     /// Flies from the smoothed start changed by `start`.
     pub fn fly(&self, start: &Channels) -> Flown {
-        let mut seen = Vec::with_capacity(self.samples.len());
+        let mut seen = Vec::with_capacity(self.samples.len() + 1);
         self.each(start, |motion| seen.push(motion));
         Flown {
             seen,
@@ -92,7 +134,8 @@ impl<'a> Prepared<'a> {
         let Some(first) = self.samples.first() else {
             return;
         };
-        let begin = self.true_start(&moved(&self.stretch.start, start));
+        let measured = moved(&self.stretch.start, start);
+        let begin = self.true_start(&measured);
         let inputs = self.model.inputs(&self.track.inputs);
         let times = &self.track.times;
         let time = |k: usize| times[self.stretch.first + k * self.stride] - times[0];
@@ -111,6 +154,7 @@ impl<'a> Prepared<'a> {
             history.push(time(k + 1), Moving::of(&motion));
             motions.push(motion);
         }
+        each(measured);
         for (k, motion) in motions.iter().enumerate() {
             let now = time(k + 1);
             let past = |delay: f64| {
@@ -122,20 +166,12 @@ impl<'a> Prepared<'a> {
         }
     }
 
-    /// The true start behind a measured one: what sensors see of it is the measured one.
     fn true_start(&self, measured: &Motion<f64>) -> Motion<f64> {
         let time = self.track.times[self.stretch.first] - self.track.times[0];
-        let mut start = *measured;
-        for _ in 0..START_STEPS {
-            let past = |delay: f64| self.around(&start, -delay);
-            let seen = self.model.sensors.observe(&start, past, time);
-            let missing = difference(measured, &seen);
-            start = moved(&start, &missing);
-            if missing.norm() < START_CLOSE {
-                break;
-            }
-        }
-        start
+        behind(measured, |start| {
+            let past = |delay: f64| self.around(start, -delay);
+            self.model.sensors.observe(start, past, time)
+        })
     }
 
     /// The moving `later` (s) than at a start, as it goes on around the start. What was measured there is late itself.
@@ -151,10 +187,32 @@ impl<'a> Prepared<'a> {
     }
 }
 
+/// The true motion behind a measured one: what sensors see of it, by `observe`, is the measured one.
+pub(super) fn behind(
+    measured: &Motion<f64>,
+    observe: impl Fn(&Motion<f64>) -> Motion<f64>,
+) -> Motion<f64> {
+    let mut motion = *measured;
+    for _ in 0..BEHIND_STEPS {
+        let missing = difference(measured, &observe(&motion));
+        motion = moved(&motion, &missing);
+        if missing.norm() < BEHIND_CLOSE {
+            break;
+        }
+    }
+    motion
+}
+
+/// What loads and mass owe to the postures.
+fn sampled(model: &Model<f64>, postures: &[Posed]) -> Rc<[PostureSample<f64>]> {
+    let sample = |(posture, rate): &Posed| model.dynamics.sample(posture, rate);
+    postures.iter().map(sample).collect()
+}
+
 /// What sensors see of a flown stretch.
 #[derive(Debug, Clone)]
 pub struct Flown {
-    /// After each interval.
+    /// At the start and after each interval.
     seen: Vec<Motion<f64>>,
     /// Frames of an interval.
     stride: usize,
@@ -163,7 +221,7 @@ pub struct Flown {
 impl Flown {
     /// What was measured less what is seen here, averaged.
     pub fn missing(&self, track: &Track, stretch: &Stretch) -> DVector<f64> {
-        let measured = |k: usize| &track.measured[stretch.first + (k + 1) * self.stride];
+        let measured = |k: usize| &track.measured[stretch.first + k * self.stride];
         self.averaged(|k, seen| difference(measured(k), seen))
     }
 
@@ -172,14 +230,20 @@ impl Flown {
         self.averaged(|k, seen| difference(seen, &other.seen[k]))
     }
 
+    /// The mean of the frames after the start of each window, linear between those that were flown.
     fn averaged(&self, difference: impl Fn(usize, &Motion<f64>) -> Channels) -> DVector<f64> {
         let mut averages = DVector::zeros(NUMBERS);
-        let share = self.stride as f64 / WINDOW as f64;
+        let stride = self.stride as f64;
+        let [early, late] = [stride - 1.0, stride + 1.0].map(|share| share / (2 * WINDOW) as f64);
+        let mut before = Channels::zeros();
         for (k, seen) in self.seen.iter().enumerate() {
-            let row = k * self.stride / WINDOW;
-            for (channel, value) in difference(k, seen).iter().enumerate() {
-                averages[row * CHANNELS + channel] += value * share;
+            let now = difference(k, seen);
+            if let Some(interval) = k.checked_sub(1) {
+                let row = interval * self.stride / WINDOW;
+                let mut mean = averages.rows_mut(row * CHANNELS, CHANNELS);
+                mean += before * early + now * late;
             }
+            before = now;
         }
         averages
     }

@@ -9,6 +9,7 @@ use super::design::Part;
 use super::fit::{Data, Values, with};
 use super::flown::Prepared;
 use super::stretch::{CHANNELS, Channels, Stretch};
+use super::tolerance::Wrong;
 use super::track::Track;
 
 /// Root mean squares of the residuals by channel.
@@ -22,6 +23,12 @@ pub struct Gap {
     pub floor: [f64; CHANNELS],
     /// Share of the gap above the floor that was closed, all channels in units of their floor.
     pub closed_share: f64,
+}
+
+/// What the model misses in a stretch, joints and subject as in the files.
+pub(super) fn missing(track: &Track, stretch: &Stretch, model: &Model<f64>) -> DVector<f64> {
+    let flight = Prepared::new(track, stretch, model, &Wrong::nothing(), 1);
+    flight.fly(&Channels::zeros()).missing(track, stretch)
 }
 
 /// Mean square of each channel.
@@ -43,33 +50,16 @@ pub(super) fn mean_square(residuals: &[&DVector<f64>]) -> Channels {
 
 impl Gap {
     pub(super) fn of(data: &Data<'_>, values: &Values, floor: &Channels) -> Self {
-        let stretches: Vec<Stretch> = data
-            .around
-            .parts
-            .iter()
-            .map(|(stretch, _)| stretch.clone())
-            .collect();
-        Self::without_columns(data.track, data.model, &stretches, values, floor)
-    }
-
-    pub(super) fn without_columns(
-        track: &Track,
-        model: &Model<f64>,
-        stretches: &[Stretch],
-        values: &Values,
-        floor: &Channels,
-    ) -> Self {
         let of = |model: &Model<f64>| {
-            let residuals: Vec<_> = stretches
+            let residuals: Vec<_> = data
+                .around
+                .parts
                 .par_iter()
-                .map(|stretch| {
-                    let flown = Prepared::new(track, stretch, model, &|posture| posture, 1);
-                    flown.fly(&Channels::zeros()).missing(track, stretch)
-                })
+                .map(|(stretch, _)| missing(data.track, stretch, model))
                 .collect();
             mean_square(&residuals.iter().collect::<Vec<_>>())
         };
-        let (before, after) = (of(model), of(&with(model, values)));
+        let (before, after) = (of(data.model), of(&with(data.model, values)));
         let (mut open, mut left) = (0.0, 0.0);
         for channel in 0..CHANNELS {
             let least = floor[channel] * floor[channel];
@@ -129,9 +119,7 @@ pub(super) fn map(data: &Data<'_>, values: &Values, floor: &Channels) -> Vec<Spo
     let spot = |(stretch, _): &Part| {
         let track = data.track;
         let over_floor = |model: &Model<f64>| -> [f64; CHANNELS] {
-            let flown = Prepared::new(track, stretch, model, &|posture| posture, 1);
-            let missing = flown.fly(&Channels::zeros()).missing(track, stretch);
-            let squares = mean_square(&[&missing]);
+            let squares = mean_square(&[&missing(track, stretch, model)]);
             squares.map(f64::sqrt).component_div(floor).into()
         };
         let motions = &track.measured[stretch.first..stretch.first + super::stretch::FRAMES];

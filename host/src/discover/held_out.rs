@@ -2,7 +2,6 @@
 
 use bodyflight_core::effect::Model;
 
-use super::PROBLEMS;
 use super::design::Around;
 use super::fit::{Data, Values, with};
 use super::gap::{Gap, HeldOutGap};
@@ -52,7 +51,7 @@ impl<'a> HeldOut<'a> {
             model: plain,
             ..self.data()
         };
-        data.settled_refined(values, PROBLEMS).0.misfit
+        data.settled_refined(values).0.misfit
     }
 
     /// What `values`, all that was found, do here.

@@ -4,6 +4,30 @@ use core::ops::AddAssign;
 
 use nalgebra::{DMatrix, DVector};
 
+/// What nuisances change in some numbers, each by a deviation of its prior.
+#[derive(Debug, Clone)]
+pub struct Nuisances {
+    slopes: DMatrix<f64>,
+    /// Columns times columns.
+    products: DMatrix<f64>,
+}
+
+impl Nuisances {
+    /// As columns.
+    pub const fn slopes(&self) -> &DMatrix<f64> {
+        &self.slopes
+    }
+}
+
+impl From<DMatrix<f64>> for Nuisances {
+    fn from(slopes: DMatrix<f64>) -> Self {
+        Self {
+            products: slopes.tr_mul(&slopes),
+            slopes,
+        }
+    }
+}
+
 /// Products of columns and nuisances over some stretches.
 #[derive(Debug, Clone)]
 pub struct Normal {
@@ -17,17 +41,21 @@ pub struct Normal {
 
 impl Normal {
     /// Of one stretch.
-    pub fn of(columns: &DMatrix<f64>, nuisances: &DMatrix<f64>) -> Self {
+    pub fn of(columns: &DMatrix<f64>, nuisances: &Nuisances) -> Self {
         Self {
             gg: columns.tr_mul(columns),
-            gn: columns.tr_mul(nuisances),
-            nn: nuisances.tr_mul(nuisances),
+            gn: columns.tr_mul(&nuisances.slopes),
+            nn: nuisances.products.clone(),
         }
     }
 
-    /// Of no stretch.
-    pub fn nothing() -> Self {
-        Self::of(&DMatrix::zeros(0, 0), &DMatrix::zeros(0, 0))
+    /// Of no stretch, of so many columns and nuisances.
+    pub fn nothing(columns: usize, nuisances: usize) -> Self {
+        Self {
+            gg: DMatrix::zeros(columns, columns),
+            gn: DMatrix::zeros(columns, nuisances),
+            nn: DMatrix::zeros(nuisances, nuisances),
+        }
     }
 }
 
@@ -52,18 +80,26 @@ pub struct Right {
 
 impl Right {
     /// Of one stretch.
-    pub fn of(residual: &DVector<f64>, columns: &DMatrix<f64>, nuisances: &DMatrix<f64>) -> Self {
+    pub fn of(residual: &DVector<f64>, columns: &DMatrix<f64>, nuisances: &Nuisances) -> Self {
         Self {
             gr: columns.tr_mul(residual),
-            nr: nuisances.tr_mul(residual),
+            nr: nuisances.slopes.tr_mul(residual),
             rr: residual.norm_squared(),
         }
     }
 
-    /// Of no stretch.
-    pub fn nothing() -> Self {
-        let none = DMatrix::zeros(0, 0);
-        Self::of(&DVector::zeros(0), &none, &none)
+    /// Of no stretch, for as many columns and nuisances as there are in `normal`.
+    pub fn nothing(normal: &Normal) -> Self {
+        Self {
+            gr: DVector::zeros(normal.gg.ncols()),
+            nr: DVector::zeros(normal.nn.ncols()),
+            rr: 0.0,
+        }
+    }
+
+    /// Sum of squares of the whitened residual and of the nuisances where they stand, at `centre`.
+    pub fn misfit(&self, centre: &DVector<f64>) -> f64 {
+        self.rr + centre.norm_squared()
     }
 }
 
@@ -75,24 +111,18 @@ impl AddAssign<&Self> for Right {
     }
 }
 
-/// The sum of what there is, if anything.
-pub fn sum<'a, T: Clone + AddAssign<&'a T> + 'a>(
-    parts: impl IntoIterator<Item = &'a T>,
-) -> Option<T> {
-    let mut parts = parts.into_iter();
-    let mut sum = parts.next()?.clone();
-    for part in parts {
+/// `nothing`, and all parts.
+pub fn sum<'a, T: AddAssign<&'a T> + 'a>(nothing: T, parts: impl IntoIterator<Item = &'a T>) -> T {
+    parts.into_iter().fold(nothing, |mut sum, part| {
         sum += part;
-    }
-    Some(sum)
+        sum
+    })
 }
 
 /// Misfit, its slope and curvature in some parameters, after the nuisances have done what their priors allow.
 #[derive(Debug, Clone)]
 pub struct Reduced {
-    /// Sum of squares of the whitened residual and of the nuisances where they stand.
-    pub here: f64,
-    /// The same where the nuisances go.
+    /// Sum of squares of the whitened residual and of the nuisances where they go.
     pub misfit: f64,
     /// Columns times residual.
     pub slope: DVector<f64>,
@@ -114,14 +144,13 @@ impl Reduced {
     pub fn damped(normal: &Normal, right: &Right, centre: &DVector<f64>, damping: f64) -> Self {
         let count = normal.nn.nrows();
         let nr = &right.nr - centre;
-        let rr = right.rr + centre.norm_squared();
+        let rr = right.misfit(centre);
         let mut held = &normal.nn + DMatrix::identity(count, count);
         for k in 0..count {
             held[(k, k)] *= 1.0 + damping;
         }
         let Some(held) = held.cholesky() else {
             return Self {
-                here: rr,
                 misfit: rr,
                 slope: right.gr.clone(),
                 curvature: normal.gg.clone(),
@@ -132,7 +161,6 @@ impl Reduced {
         let taken = held.solve(&nr);
         let pull = held.solve(&normal.gn.transpose());
         Self {
-            here: rr,
             misfit: rr - nr.dot(&taken),
             slope: &right.gr - &normal.gn * &taken,
             curvature: &normal.gg - &normal.gn * &pull,
@@ -144,7 +172,6 @@ impl Reduced {
     /// Of some of its columns alone.
     pub fn only(&self, columns: &[usize]) -> Self {
         Self {
-            here: self.here,
             misfit: self.misfit,
             slope: DVector::from_fn(columns.len(), |k, _| self.slope[columns[k]]),
             curvature: DMatrix::from_fn(columns.len(), columns.len(), |j, k| {

@@ -12,7 +12,8 @@ use nalgebra::{Matrix6, SMatrix, Vector6};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::stretch::{CHANNELS, Channels, SENSOR_NOISE, difference, moved};
+use super::flown::behind;
+use super::stretch::{CHANNELS, Channels, SENSOR_NOISE, moved};
 use super::track::Track;
 
 /// Frames of a window and from one window to the next: 0.6 and 0.2 s at 240 Hz.
@@ -99,17 +100,17 @@ fn window(track: &Track, model: &Model<f64>, first: usize) -> Option<Missing> {
     })
 }
 
-/// The motion behind a measured one: errors of the sensors that the model knows, taken off to first order.
+/// The motion behind a measured one: errors of the sensors that the model knows are taken off.
 fn true_motion(track: &Track, model: &Model<f64>, frame: usize) -> Motion<f64> {
-    let measured = &track.measured[frame];
     let time = track.times[frame] - track.times[0];
     let past = |delay: f64| {
         let then = track.times[frame] - delay;
         let place = track.times.partition_point(|time| *time < then);
         Moving::of(&track.measured[place.min(track.measured.len() - 1)])
     };
-    let seen = model.sensors.observe(measured, past, time);
-    moved(measured, &difference(measured, &seen))
+    behind(&track.measured[frame], |motion| {
+        model.sensors.observe(motion, past, time)
+    })
 }
 
 /// Momentum, and by how much the forces of the model change it until the next frame.

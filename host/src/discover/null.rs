@@ -9,11 +9,11 @@ use rand_distr::StandardNormal;
 use rayon::prelude::*;
 
 use super::choice::deviations;
-use super::design::{Around, Place, flown_wrong, places};
+use super::design::{Around, Part, Place, flown_wrong, freedom, places};
 use super::fit::{Values, columns, reach, with};
 use super::linear::{Normal, Reduced, Right, sum};
 use super::stretch::{CHANNELS, Channels, NUMBERS};
-use super::tolerance::Wrong;
+use super::tolerance::{COUNT, Wrong};
 use super::track::Track;
 
 /// Draws of joints and subject that are flown.
@@ -67,7 +67,8 @@ impl Null {
     ) -> Self {
         let draws = Draws::new(track, around, &with(plain, values), seed);
         let places = places();
-        let (own, priors) = columns(values);
+        let own = columns(values);
+        let priors: Vec<f64> = own.iter().map(|place| reach(*place)).collect();
         let own: Vec<usize> = own
             .iter()
             .filter_map(|place| places.iter().position(|other| other == place))
@@ -126,10 +127,6 @@ impl Null {
     }
 }
 
-fn freedom(effect: Effect) -> f64 {
-    effect.description().parameters.len() as f64
-}
-
 /// Columns of an effect beside those `own` already in the model, with their priors.
 fn beside(places: &[Place], own: &[usize], effect: Effect) -> (Vec<usize>, Vec<f64>) {
     let of_effect = (0..places.len()).filter(|&k| places[k].effect == effect && !own.contains(&k));
@@ -180,10 +177,12 @@ impl<'a> Draws<'a> {
                 .map(|(k, bodies)| bodies.iter().map(|apart| white(k, apart.clone())).collect())
                 .collect()
         };
+        let columns = |(_, block): &Part| block.effects.ncols();
+        let columns = around.parts.first().map_or(0, columns);
         let target = white_all(&flown);
         let mut draws = Self {
             around,
-            normal: sum(&normals).unwrap_or_else(Normal::nothing),
+            normal: sum(Normal::nothing(columns, COUNT), &normals),
             flown,
             left: target.clone(),
             fitted: bodies.iter().map(|_| Wrong::nothing()).collect(),
@@ -230,7 +229,7 @@ impl<'a> Draws<'a> {
                 Right::of(&white, &block.effects, &block.nuisances)
             })
             .collect();
-        sum(&parts).unwrap_or_else(Right::nothing)
+        sum(Right::nothing(&self.normal), &parts)
     }
 
     /// Root mean square of each channel, in the middle of the bodies.
@@ -251,7 +250,7 @@ impl<'a> Draws<'a> {
 }
 
 /// The value below which a share of the values lies.
-fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
+pub(super) fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
     values.sort_by(f64::total_cmp);
     #[expect(
         clippy::cast_possible_truncation,

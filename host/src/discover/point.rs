@@ -13,9 +13,10 @@ use bodyflight_core::dynamics::point_mass::PointMass;
 use bodyflight_core::effect::{Effect, Model, PARAMETER_COUNT};
 use nalgebra::{DMatrix, DVector, Vector3};
 
-use super::choice::deviations;
+use super::choice::{SIGNIFICANT_ALONE, VOTE, deviations};
 use super::fit::{Values, with};
-use super::linear::{Normal, Reduced, Right};
+use super::linear::{Normal, Nuisances, Reduced, Right};
+use super::null::quantile;
 use crate::diagnostic::{Problem, Result};
 use crate::flysight::{Fix, Track};
 use report::Found;
@@ -44,13 +45,8 @@ const JITTER: f64 = 0.01;
 /// Noise of a velocity, at least (m/s).
 const LEAST_NOISE: f64 = 0.03;
 
-/// Deviations from which on an effect is significant, as for flights without a vote, and with one.
-const SIGNIFICANT: f64 = 9.0;
+/// Deviations from which on an effect is significant where other falls have a vote.
 const SIGNIFICANT_WITH_VOTES: f64 = 4.5;
-const VOTE: f64 = 2.0;
-
-/// Deviations of the misfit from which on something is left to explain.
-const DISAGREES: f64 = 5.0;
 
 /// Steps of Gauss and Newton.
 const STEPS: usize = 8;
@@ -115,7 +111,7 @@ struct Fall<'a> {
     /// Standard deviation of one component of a velocity (m/s).
     noise: f64,
     /// What an unknown posture may change, whitened.
-    nuisances: DMatrix<f64>,
+    nuisances: Nuisances,
     /// Deviations of the rows.
     deviations: Vec<f64>,
 }
@@ -133,6 +129,58 @@ fn falling(fixes: &[Fix]) -> &[Fix] {
         .unwrap_or(&[])
 }
 
+/// First and last fix of each window.
+fn windows(fixes: &[Fix]) -> Vec<(usize, usize)> {
+    let mut windows = Vec::new();
+    let mut begin = 0;
+    for (index, fix) in fixes.iter().enumerate() {
+        if fix.time - fixes[begin].time >= WINDOW {
+            windows.push((begin, index));
+            begin = index;
+        }
+    }
+    windows
+}
+
+/// What lift and drag of an unknown posture change in each window, along and across the stream, in deviations of the
+/// rows, and these: of noise (m/s) and jitter.
+fn posture(
+    fixes: &[Fix],
+    windows: &[(usize, usize)],
+    noise: f64,
+    gravity: f64,
+) -> (DMatrix<f64>, Vec<f64>) {
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a few postures"
+    )]
+    let posture_at = |fix: usize| ((fixes[fix].time - fixes[0].time) / POSTURE) as usize;
+    let count = windows.last().map_or(0, |&(from, _)| posture_at(from)) + 1;
+    let mut nuisances = DMatrix::zeros(3 * windows.len(), 3 * count);
+    let mut deviations = Vec::new();
+    for (k, &(from, to)) in windows.iter().enumerate() {
+        let duration = fixes[to].time - fixes[from].time;
+        let jitter = JITTER * gravity * duration;
+        let deviation = (2.0 * noise * noise + jitter * jitter).sqrt();
+        let stream = fixes[from].velocity.components.normalize();
+        let aside = stream.cross(&Vector3::x()).normalize();
+        let axes = [
+            (stream, AREA_DEVIATION),
+            (aside, LIFT_DEVIATION),
+            (stream.cross(&aside), LIFT_DEVIATION),
+        ];
+        for (column, (axis, share)) in axes.into_iter().enumerate() {
+            let change = axis * (share * gravity * duration / deviation);
+            nuisances
+                .fixed_view_mut::<3, 1>(3 * k, 3 * posture_at(from) + column)
+                .copy_from(&change);
+        }
+        deviations.push(deviation);
+    }
+    (nuisances, deviations)
+}
+
 impl<'a> Fall<'a> {
     fn new(track: &'a Track, dynamics: &dyn Fn(f64) -> Dynamics<f64>) -> Result<Self> {
         let fixes = falling(&track.fixes);
@@ -147,24 +195,17 @@ impl<'a> Fall<'a> {
             )));
         };
         let height = first.position.components.z;
-        let mut windows = Vec::new();
-        let mut begin = 0;
-        for (index, fix) in fixes.iter().enumerate() {
-            if fix.time - fixes[begin].time >= WINDOW {
-                windows.push((begin, index));
-                begin = index;
-            }
-        }
-        let mut fall = Self {
+        let plain = Model::new(dynamics(height), height);
+        let (windows, noise) = (windows(fixes), noise(fixes));
+        let (nuisances, deviations) = posture(fixes, &windows, noise, plain.dynamics.gravity);
+        Ok(Self {
             fixes,
-            plain: Model::new(dynamics(height), height),
-            noise: noise(fixes),
+            plain,
             windows,
-            nuisances: DMatrix::zeros(0, 0),
-            deviations: Vec::new(),
-        };
-        fall.prepare();
-        Ok(fall)
+            noise,
+            nuisances: nuisances.into(),
+            deviations,
+        })
     }
 
     fn time(&self, window: usize) -> f64 {
@@ -173,42 +214,6 @@ impl<'a> Fall<'a> {
 
     fn duration(&self) -> f64 {
         self.fixes[self.fixes.len() - 1].time - self.fixes[0].time
-    }
-
-    /// Rows of a window change by lift and drag of one posture, along and across the stream.
-    fn prepare(&mut self) {
-        let gravity = self.plain.dynamics.gravity;
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "a few postures"
-        )]
-        let posture_of = |window: usize| (self.time(window) / POSTURE) as usize;
-        let count = (0..self.windows.len()).map(posture_of).max().unwrap_or(0) + 1;
-        let mut nuisances = DMatrix::zeros(3 * self.windows.len(), 3 * count);
-        let mut deviations = Vec::new();
-        for (k, &(from, to)) in self.windows.iter().enumerate() {
-            let duration = self.fixes[to].time - self.fixes[from].time;
-            let jitter = JITTER * gravity * duration;
-            let deviation = (2.0 * self.noise * self.noise + jitter * jitter).sqrt();
-            let stream = self.fixes[from].velocity.components.normalize();
-            let aside = stream.cross(&Vector3::x()).normalize();
-            let axes = [
-                (stream, AREA_DEVIATION),
-                (aside, LIFT_DEVIATION),
-                (stream.cross(&aside), LIFT_DEVIATION),
-            ];
-            for (column, (axis, share)) in axes.into_iter().enumerate() {
-                let change = axis * (share * gravity * duration / deviation);
-                let place = (3 * k, 3 * posture_of(k) + column);
-                nuisances
-                    .fixed_view_mut::<3, 1>(place.0, place.1)
-                    .copy_from(&change);
-            }
-            deviations.push(deviation);
-        }
-        self.nuisances = nuisances;
-        self.deviations = deviations;
     }
 
     /// Change of velocity in each window beyond what the model adds up to (m/s).
@@ -252,11 +257,14 @@ impl<'a> Fall<'a> {
                 columns.push((&here - self.white(&values_of(&there))) / step);
             }
         }
-        let columns = DMatrix::from_columns(&columns);
+        self.without_posture(&here, &DMatrix::from_columns(&columns))
+    }
+
+    fn without_posture(&self, white: &DVector<f64>, columns: &DMatrix<f64>) -> Reduced {
         Reduced::of(
-            &Normal::of(&columns, &self.nuisances),
-            &Right::of(&here, &columns, &self.nuisances),
-            &DVector::zeros(self.nuisances.ncols()),
+            &Normal::of(columns, &self.nuisances),
+            &Right::of(white, columns, &self.nuisances),
+            &DVector::zeros(self.nuisances.slopes().ncols()),
         )
     }
 
@@ -303,12 +311,7 @@ impl<'a> Fall<'a> {
     fn misfit(&self, values: &Values) -> f64 {
         let here = self.white(values);
         let none = DMatrix::zeros(here.len(), 0);
-        Reduced::of(
-            &Normal::of(&none, &self.nuisances),
-            &Right::of(&here, &none, &self.nuisances),
-            &DVector::zeros(self.nuisances.ncols()),
-        )
-        .misfit
+        self.without_posture(&here, &none).misfit
     }
 
     fn rows(&self) -> f64 {
@@ -334,15 +337,14 @@ fn values_of(found: &[(Candidate, Vec<f64>)]) -> Values {
 /// Noise of one component of a velocity: from what is left beside a parabola through four fixes, in the middle of all.
 fn noise(fixes: &[Fix]) -> f64 {
     let velocity = |k: usize| fixes[k].velocity.components;
-    let mut left: Vec<f64> = (3..fixes.len())
+    let left: Vec<f64> = (3..fixes.len())
         .flat_map(|k| {
             let third =
                 velocity(k) - velocity(k - 1) * 3.0 + velocity(k - 2) * 3.0 - velocity(k - 3);
             [third.x.abs(), third.y.abs(), third.z.abs()]
         })
         .collect();
-    left.sort_by(f64::total_cmp);
-    let middle = left.get(left.len() / 2).copied().unwrap_or(0.0);
+    let middle = quantile(left, 0.5);
     // Of a normal distribution the median is 0.6745 deviations; the third difference has the variance of twenty.
     (middle / 0.6745 / 20.0_f64.sqrt()).max(LEAST_NOISE)
 }
@@ -399,7 +401,7 @@ pub fn discover(
         });
         let vetoed = votes.into_iter().any(|vote| vote < VOTE);
         let least = if others.is_empty() {
-            SIGNIFICANT
+            SIGNIFICANT_ALONE
         } else {
             SIGNIFICANT_WITH_VOTES
         };

@@ -11,6 +11,7 @@ use super::null::Null;
 use super::regime::{Companion, Regime};
 use super::stability::Whiteness;
 use super::stretch::CHANNELS;
+use crate::model_file::{ByName, by_name, model_toml};
 
 /// Names of the channels, with units.
 pub const CHANNEL_NAMES: [&str; CHANNELS] = [
@@ -39,6 +40,36 @@ pub enum Outcome {
     Thin,
 }
 
+impl Outcome {
+    /// `agrees` says whether the plain model does, `explained` whether what was named explains enough.
+    pub(super) const fn of(thin: bool, agrees: bool, named: &[Named], explained: bool) -> Self {
+        match (thin, named.is_empty()) {
+            (true, _) => Self::Thin,
+            (false, true) if agrees => Self::None,
+            (false, false) if explained => Self::Named,
+            (false, _) => Self::Unexplained,
+        }
+    }
+
+    /// Effects that were named, or what only came nearest.
+    pub(super) fn split(self, named: Vec<Named>) -> (Vec<Named>, Vec<Named>) {
+        match self {
+            Self::Named => (named, Vec::new()),
+            _ => (Vec::new(), named),
+        }
+    }
+}
+
+/// Share of what there is to explain, the misfit of the plain model beyond the one expected, that a fit explains.
+pub(super) fn share_explained(plain: f64, left: f64, expected: f64) -> f64 {
+    let to_explain = plain - expected;
+    if to_explain > 0.0 {
+        (plain - left) / to_explain
+    } else {
+        0.0
+    }
+}
+
 /// Another effect that explains as much.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Rival {
@@ -49,7 +80,7 @@ pub struct Rival {
 }
 
 /// Numbers by name as a map, in their order.
-fn by_name<S: Serializer>(
+fn as_map<S: Serializer>(
     numbers: &[(&'static str, f64)],
     serializer: S,
 ) -> Result<S::Ok, S::Error> {
@@ -77,10 +108,10 @@ pub struct Named {
     /// Its name.
     pub name: &'static str,
     /// Parameters by name.
-    #[serde(serialize_with = "by_name")]
+    #[serde(serialize_with = "as_map")]
     pub parameters: Vec<(&'static str, f64)>,
     /// Their standard errors.
-    #[serde(serialize_with = "by_name")]
+    #[serde(serialize_with = "as_map")]
     pub standard_errors: Vec<(&'static str, f64)>,
     /// Why.
     #[serde(flatten)]
@@ -115,9 +146,7 @@ impl Named {
             effect,
         }
     }
-}
 
-impl Named {
     /// An error of a sensor that the data alone show.
     pub(super) fn by_check(check: &Check) -> Self {
         // Of sensors against one another, with no physics between them.
@@ -180,10 +209,10 @@ pub struct Checked {
     /// What came of it.
     pub finding: Finding,
     /// Parameters by name.
-    #[serde(serialize_with = "by_name")]
+    #[serde(serialize_with = "as_map")]
     pub parameters: Vec<(&'static str, f64)>,
     /// Their standard errors.
-    #[serde(serialize_with = "by_name")]
+    #[serde(serialize_with = "as_map")]
     pub standard_errors: Vec<(&'static str, f64)>,
 }
 
@@ -231,7 +260,7 @@ pub struct Report {
     /// What sensors say of one another.
     pub checks: Vec<Checked>,
     /// The effects as in `model.toml`.
-    pub model: Vec<(&'static str, Vec<(&'static str, f64)>)>,
+    pub model: Vec<ByName>,
 }
 
 pub(super) struct Parts {
@@ -253,10 +282,7 @@ pub(super) struct Parts {
 impl Report {
     pub(super) fn new(parts: Parts) -> Self {
         let [momentum, momentum_after] = parts.momentum;
-        let (effects, nearest) = match parts.outcome {
-            Outcome::Named => (parts.named, Vec::new()),
-            _ => (Vec::new(), parts.named),
-        };
+        let (effects, nearest) = parts.outcome.split(parts.named);
         Self {
             verdict: parts.outcome,
             effects,
@@ -278,34 +304,15 @@ impl Report {
 
     /// The effects as a `model.toml`.
     pub fn model_toml(&self) -> String {
-        model_toml(&self.model)
+        model_toml(MODEL_COMMENT, &self.model)
     }
 }
 
 /// Effects by the names of files.
-pub(super) fn model_of(values: &Values) -> Vec<(&'static str, Vec<(&'static str, f64)>)> {
-    let of_effect = |(effect, values): &(Effect, [f64; PARAMETER_COUNT])| {
-        let description = effect.description();
-        let parameters = description.parameters.iter().zip(values);
-        (
-            description.name,
-            parameters.map(|(p, v)| (p.name, *v)).collect(),
-        )
-    };
-    values.iter().map(of_effect).collect()
+pub(super) fn model_of(values: &Values) -> Vec<ByName> {
+    let by_name = |(effect, values): &(Effect, _)| by_name(*effect, values);
+    values.iter().map(by_name).collect()
 }
 
-/// The text of a `model.toml`.
-pub(super) fn model_toml(model: &[(&str, Vec<(&str, f64)>)]) -> String {
-    let mut text = String::from(
-        "# Effects found by bodyflight discover.
-",
-    );
-    for (name, parameters) in model {
-        text.push_str(&format!("\n[[effect]]\nname = \"{name}\"\n"));
-        for (parameter, value) in parameters {
-            text.push_str(&format!("{parameter} = {value:?}\n"));
-        }
-    }
-    text
-}
+/// Where a `model.toml` comes from.
+pub(super) const MODEL_COMMENT: &str = "# Effects found by bodyflight discover.\n";

@@ -9,6 +9,7 @@ use serde::Serialize;
 
 use super::design::Part;
 use super::fit::{Data, Fit, with};
+use super::flown::{COARSE, Prepared};
 use super::linear::{Normal, Reduced, Right, sum};
 use super::regime::correlation;
 use super::stretch::CHANNELS;
@@ -31,7 +32,9 @@ impl Parts {
     pub(super) fn of(data: &Data<'_>, fit: &Fit) -> Self {
         let model = with(data.model, &fit.values);
         let of_stretch = |(stretch, block): &Part| {
-            let white = block.residual(data.track, stretch, &model, &fit.wrong);
+            let white = block.residual(&Prepared::new(
+                data.track, stretch, &model, &fit.wrong, COARSE,
+            ));
             let none = DMatrix::zeros(white.len(), 0);
             let right = Right::of(&white, &none, &block.nuisances);
             ((Normal::of(&none, &block.nuisances), right), white)
@@ -58,12 +61,10 @@ impl Parts {
 
     fn misfit(&self, stretches: &[usize]) -> f64 {
         let own = || stretches.iter().filter_map(|&k| self.of_stretch.get(k));
-        let normal = sum(own().map(|(normal, _)| normal));
-        let right = sum(own().map(|(_, right)| right));
-        match (normal, right) {
-            (Some(normal), Some(right)) => Reduced::of(&normal, &right, &self.wrong.0).misfit,
-            _ => 0.0,
-        }
+        let nothing = Normal::nothing(0, self.wrong.0.len());
+        let right = sum(Right::nothing(&nothing), own().map(|(_, right)| right));
+        let normal = sum(nothing, own().map(|(normal, _)| normal));
+        Reduced::of(&normal, &right, &self.wrong.0).misfit
     }
 }
 
@@ -90,7 +91,7 @@ impl Whiteness {
 }
 
 /// Share of the resampled flights in which the first of some candidates, or one of those `with_it`, scores best;
-/// `scores` makes a score of the index of a candidate and its gain over `before`.
+/// `score` makes a score of the index of a candidate and its gain over `before`.
 pub(super) fn stability(
     before: &Parts,
     candidates: &[Parts],

@@ -8,8 +8,10 @@ use proptest::prelude::*;
 use super::design::places;
 use super::fit::with;
 use super::flown::Prepared;
-use super::linear::{Normal, Reduced, Right};
+use super::gap::missing;
+use super::linear::{Normal, Nuisances, Reduced, Right};
 use super::stretch::{CHANNELS, Channels};
+use super::tolerance::Wrong;
 use super::*;
 use crate::hide::{self, Hidden, fly};
 use crate::subject::Subject;
@@ -44,13 +46,7 @@ fn track(hidden: &[Hidden], noise: f64) -> Track {
 fn residuals(track: &Track, model: &Model<f64>) -> f64 {
     let squares: f64 = stretches(track)
         .iter()
-        .map(|stretch| {
-            let flown = Prepared::new(track, stretch, model, &|posture| posture, 1);
-            flown
-                .fly(&Channels::zeros())
-                .missing(track, stretch)
-                .norm_squared()
-        })
+        .map(|stretch| missing(track, stretch, model).norm_squared())
         .sum();
     squares.sqrt()
 }
@@ -137,7 +133,7 @@ fn every_parameter_has_a_column_and_every_stretch_its_numbers() {
             block
                 .effects
                 .iter()
-                .chain(&block.nuisances)
+                .chain(block.nuisances.slopes())
                 .all(|value| value.is_finite())
         );
     }
@@ -171,8 +167,7 @@ fn columns_are_slopes_wherever_an_effect_stands() {
             let mut values = values;
             values[place.index] += step;
             let model = with(&plain, &vec![(place.effect, values)]);
-            let flown = Prepared::new(&track, stretch, &model, &|posture| posture, 1);
-            -flown.fly(&Channels::zeros()).missing(&track, stretch)
+            -missing(&track, stretch, &model)
         };
         let small = 0.02 * (parameter.high - parameter.low);
         let central = (at(small) - at(-small)) / (2.0 * small);
@@ -181,10 +176,10 @@ fn columns_are_slopes_wherever_an_effect_stands() {
             &track,
             stretch,
             &with(&plain, &vec![(place.effect, values)]),
-            &|p| p,
+            &Wrong::nothing(),
             1,
         );
-        let other = Prepared::new(&track, stretch, &model, &|posture| posture, 1);
+        let other = Prepared::new(&track, stretch, &model, &Wrong::nothing(), 1);
         let none = Channels::zeros();
         let column = other.fly(&none).less(&here.fly(&none)) / size;
         let name = place.effect.description().name;
@@ -254,13 +249,14 @@ proptest! {
     ) {
         let residual = DVector::from_vec(residual);
         let columns = DMatrix::from_vec(8, 2, columns);
-        let nuisances = DMatrix::from_vec(8, 3, nuisances);
+        let slopes = DMatrix::from_vec(8, 3, nuisances);
+        let nuisances = Nuisances::from(slopes.clone());
         let reduced = Reduced::of(
             &Normal::of(&columns, &nuisances),
             &Right::of(&residual, &columns, &nuisances),
             &DVector::zeros(3),
         );
-        let covariance = DMatrix::identity(8, 8) + &nuisances * nuisances.transpose();
+        let covariance = DMatrix::identity(8, 8) + &slopes * slopes.transpose();
         let inverse = covariance.try_inverse().unwrap();
         let misfit = residual.dot(&(&inverse * &residual));
         prop_assert!((reduced.misfit - misfit).abs() < 1e-9 * (1.0 + misfit));

@@ -72,11 +72,22 @@ impl Wrong {
                 )
             })
             .collect();
-        move |posture| {
-            turns.iter().fold(posture, |posture, &(segment, turn)| {
-                posture.with(segment, posture.parent_from_segment(segment) * turn)
-            })
+        move |mut posture| {
+            for &(segment, turn) in &turns {
+                posture.set(segment, posture.parent_from_segment(segment) * turn);
+            }
+            posture
         }
+    }
+
+    /// Whether the same is wrong with the joints.
+    pub fn has_joints_of(&self, other: &Self) -> bool {
+        self.0
+            .as_slice()
+            .iter()
+            .zip(&other.0)
+            .take(JOINTS)
+            .all(|(a, b)| a == b)
     }
 
     /// The model with the subject as it is.

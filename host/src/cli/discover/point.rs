@@ -9,7 +9,7 @@ use bodyflight::flight::Flight;
 use bodyflight::flysight::{Track, is_flysight};
 
 use super::super::terminal;
-use super::{Args, print_names, write_all};
+use super::{Args, print_gap, print_held_out, print_names, write_all};
 
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     let flight = Flight::read(&args.flight)?;
@@ -78,22 +78,14 @@ fn print(report: &Report) {
             force.inertial_m_s2, force.satellites_m_s2
         ));
     }
-    let mut table = terminal::table(&["missing in 2 s", "before", "after", "noise and posture"]);
-    for (component, name) in COMPONENT_NAMES.iter().enumerate() {
-        let gap = &report.gap;
-        let numbers =
-            [gap.before, gap.after, gap.floor].map(|values| format!("{:.2}", values[component]));
-        table.add_row([&[(*name).to_owned()][..], &numbers].concat());
-    }
-    terminal::print(&table.to_string());
+    let gap = &report.gap;
+    print_gap(
+        ["missing in 2 s", "noise and posture"],
+        &COMPONENT_NAMES,
+        [&gap.before, &gap.after, &gap.floor],
+    );
     for (index, gap) in report.held_out.iter().enumerate() {
-        terminal::print(&format!(
-            "held-out fall {}: misfit {:.0} -> {:.0}, {:.0} where nothing is missing; {:.0} % of the gap closed",
-            index + 1,
-            gap.misfit_before,
-            gap.misfit_after,
-            gap.misfit_expected,
-            100.0 * gap.closed_share
-        ));
+        let misfits = [gap.misfit_before, gap.misfit_after, gap.misfit_expected];
+        print_held_out("fall", index, misfits, gap.closed_share);
     }
 }

@@ -4,10 +4,11 @@ use bodyflight_core::effect::{Effect, PARAMETER_COUNT};
 use nalgebra::Vector3;
 use serde::Serialize;
 
-use super::{DISAGREES, ENOUGH, Fall, Fit, Values, WINDOW, values_of};
-use crate::discover::EXPLAINS;
-use crate::discover::report::{Evidence, Named, Outcome, model_of, model_toml};
+use super::{ENOUGH, Fall, Fit, Values, values_of, windows};
+use crate::discover::report::{Evidence, MODEL_COMMENT, Named, Outcome, model_of, share_explained};
+use crate::discover::{DISAGREES, EXPLAINS};
 use crate::flysight::{Fix, Track};
+use crate::model_file::{ByName, model_toml};
 
 /// Names of the components, with units.
 pub const COMPONENT_NAMES: [&str; 3] =
@@ -95,7 +96,7 @@ pub struct Report {
     /// Window by window.
     pub residual_map: Vec<Spot>,
     /// The effects as in `model.toml`.
-    pub model: Vec<(&'static str, Vec<(&'static str, f64)>)>,
+    pub model: Vec<ByName>,
 }
 
 pub(super) struct Found {
@@ -115,27 +116,18 @@ impl Report {
             disagreement,
         } = found;
         let expected = fall.rows();
-        let to_explain = plain - expected;
-        let explained = if to_explain > 0.0 {
-            (plain - chosen.misfit) / to_explain
-        } else {
-            0.0
-        };
+        let explained = share_explained(plain, chosen.misfit, expected);
         let named = named(&chosen, &gains, plain, expected);
         let thin = fall.duration() < ENOUGH;
         let agrees = disagreement < DISAGREES;
         let at_limit = named.iter().any(|named| named.at_limit);
-        let verdict = match (thin, named.is_empty()) {
-            (true, _) => Outcome::Thin,
-            (false, true) if agrees => Outcome::None,
-            (false, false) if at_limit => Outcome::Unexplained,
-            (false, false) if agrees || explained >= EXPLAINS => Outcome::Named,
-            (false, _) => Outcome::Unexplained,
+        let enough = !at_limit && (agrees || explained >= EXPLAINS);
+        let verdict = Outcome::of(thin, agrees, &named, enough);
+        let values = match verdict {
+            Outcome::Named => values_of(&chosen.found),
+            _ => Values::new(),
         };
-        let (effects, nearest, values) = match verdict {
-            Outcome::Named => (named, Vec::new(), values_of(&chosen.found)),
-            _ => (Vec::new(), named, Values::new()),
-        };
+        let (effects, nearest) = verdict.split(named);
         Self {
             verdict,
             effects,
@@ -156,7 +148,7 @@ impl Report {
 
     /// The effects as a `model.toml`.
     pub fn model_toml(&self) -> String {
-        model_toml(&self.model)
+        model_toml(MODEL_COMMENT, &self.model)
     }
 }
 
@@ -193,7 +185,7 @@ fn gap(fall: &Fall<'_>, values: &Values) -> Gap {
     // Variance of the rows by noise and posture.
     let mut floor = Vector3::zeros();
     for (k, deviation) in fall.deviations.iter().enumerate() {
-        let own = fall.nuisances.rows(3 * k, 3);
+        let own = fall.nuisances.slopes().rows(3 * k, 3);
         let posture = Vector3::from_fn(|row, _| own.row(row).norm_squared());
         floor += (posture.add_scalar(1.0)) * (deviation * deviation);
     }
@@ -231,20 +223,16 @@ fn map(fall: &Fall<'_>, values: &Values) -> Vec<Spot> {
 /// By how much the velocity is late: the way over windows is that of the velocity, less the delay times its change.
 fn latency(fixes: &[Fix]) -> Option<Latency> {
     let mut rows: Vec<(f64, f64)> = Vec::new();
-    let mut begin = 0;
-    for (end, fix) in fixes.iter().enumerate() {
-        if fix.time - fixes[begin].time < WINDOW {
-            continue;
-        }
-        let part = &fixes[begin..=end];
-        let said = part.windows(2).fold(Vector3::zeros(), |way, pair| {
-            let mean = (pair[0].velocity.components + pair[1].velocity.components) * 0.5;
-            way + mean * (pair[1].time - pair[0].time)
-        });
-        let way = fix.position.components - fixes[begin].position.components;
-        let change = fix.velocity.components - fixes[begin].velocity.components;
+    for (from, to) in windows(fixes) {
+        let said = fixes[from..=to]
+            .windows(2)
+            .fold(Vector3::zeros(), |way, pair| {
+                let mean = (pair[0].velocity.components + pair[1].velocity.components) * 0.5;
+                way + mean * (pair[1].time - pair[0].time)
+            });
+        let way = fixes[to].position.components - fixes[from].position.components;
+        let change = fixes[to].velocity.components - fixes[from].velocity.components;
         rows.extend((way - said).iter().copied().zip(change.iter().copied()));
-        begin = end;
     }
     let curvature: f64 = rows.iter().map(|(_, change)| change * change).sum();
     if rows.len() < 6 || curvature <= 0.0 {
