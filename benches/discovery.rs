@@ -33,6 +33,15 @@ fn effect(effect: Effect, seed: u64) -> Hidden {
     Hidden::Effect(effect, strength(effect, seed, None))
 }
 
+/// Effects that are hidden together.
+const PAIRS: [(Effect, Effect); 5] = [
+    (Effect::Wind, Effect::Mass),
+    (Effect::Drag, Effect::GyroBias),
+    (Effect::Lift, Effect::HeadingDrift),
+    (Effect::Moment, Effect::Wind),
+    (Effect::Damping, Effect::Mounting),
+];
+
 fn cases(seeds: u64, only: &[String]) -> Vec<Case> {
     let mut cases = Vec::new();
     let mut add = |group, name: String, hidden: Vec<Hidden>, seed, noise| {
@@ -69,19 +78,10 @@ fn cases(seeds: u64, only: &[String]) -> Vec<Case> {
                 1.0,
             );
         }
-    }
-    for seed in 0..5 * seeds {
-        add("clean", "clean".to_owned(), vec![], seed, 1.0);
-    }
-    let pairs = [
-        (Effect::Wind, Effect::Mass),
-        (Effect::Drag, Effect::GyroBias),
-        (Effect::Lift, Effect::HeadingDrift),
-        (Effect::Moment, Effect::Wind),
-        (Effect::Damping, Effect::Mounting),
-    ];
-    for seed in 0..seeds {
-        for (a, b) in pairs {
+        for seed in 5 * seed..5 * (seed + 1) {
+            add("clean", "clean".to_owned(), vec![], seed, 1.0);
+        }
+        for (a, b) in PAIRS {
             let name = format!("{} + {}", a.description().name, b.description().name);
             add(
                 "pair",

@@ -118,6 +118,27 @@ impl Around {
     }
 }
 
+impl Around {
+    /// The same problem, where another flight was measured that is `beyond` what was flown here, by stretch; without
+    /// columns of effects, and from nothing wrong.
+    pub fn measuring(&self, beyond: &[DVector<f64>]) -> Self {
+        let part = |((stretch, block), missing): (&Part, &DVector<f64>)| {
+            let block = Block {
+                effects: DMatrix::zeros(NUMBERS, 0),
+                nuisances: block.nuisances.clone(),
+                whitening: block.whitening.clone(),
+                missing: missing.clone(),
+                flown: block.flown.clone(),
+            };
+            (stretch.clone(), block)
+        };
+        Self {
+            parts: self.parts.iter().zip(beyond).map(part).collect(),
+            wrong: Wrong::nothing(),
+        }
+    }
+}
+
 impl Block {
     fn new(
         track: &Track,
@@ -202,20 +223,38 @@ fn white(whitening: &Cholesky<f64, Dyn>, mut residual: DVector<f64>) -> DVector<
     residual
 }
 
-/// Flights in a model in which joints and subject are wrong, less the flight in that model: by stretch, then as in
-/// `wrong`.
+/// A flight in which joints and subject are wrong, by stretch.
+pub struct FlownWrong {
+    /// Less the flight of the body in the files.
+    pub beyond_files: Vec<DVector<f64>>,
+    /// Less the flight around which the problem is.
+    pub beyond_around: Vec<DVector<f64>>,
+}
+
+/// Flights in a model in which joints and subject are `wrong`.
 pub fn flown_wrong(
     track: &Track,
     around: &Around,
     model: &Model<f64>,
     wrong: &[Wrong],
-) -> Vec<Vec<DVector<f64>>> {
-    let of_stretch = |(stretch, _): &Part| {
-        let fly = |wrong: &Wrong| {
+) -> Vec<FlownWrong> {
+    let fly = |wrong: &Wrong| -> Vec<Flown> {
+        let of_stretch = |(stretch, _): &Part| {
             Prepared::new(track, stretch, model, wrong, COARSE).fly(&Channels::zeros())
         };
-        let base = fly(&Wrong::nothing());
-        wrong.iter().map(|wrong| fly(wrong).less(&base)).collect()
+        around.parts.iter().map(of_stretch).collect()
     };
-    around.parts.par_iter().map(of_stretch).collect()
+    let files = fly(&Wrong::nothing());
+    let flown = wrong.par_iter().map(|wrong| {
+        let flown = fly(wrong);
+        let beyond = flown.iter().zip(&files).zip(&around.parts);
+        let (beyond_files, beyond_around) = beyond
+            .map(|((flown, files), (_, block))| (flown.less(files), flown.less(&block.flown)))
+            .unzip();
+        FlownWrong {
+            beyond_files,
+            beyond_around,
+        }
+    });
+    flown.collect()
 }

@@ -4,7 +4,7 @@ use bodyflight_core::effect::{Effect, Model, PARAMETER_COUNT};
 use nalgebra::DVector;
 use rayon::prelude::*;
 
-use super::design::{Around, Place, places_of};
+use super::design::{Around, Part, Place, places_of};
 use super::flown::{COARSE, Prepared};
 use super::linear::{Normal, Reduced, Right, sum};
 use super::tolerance::Wrong;
@@ -184,6 +184,17 @@ impl<'a> Data<'a> {
             parts.iter().map(|(_, right)| right),
         );
         (sum(nothing, parts.iter().map(|(normal, _)| normal)), right)
+    }
+
+    /// What a fit leaves, whitened, by stretch.
+    pub fn residuals(&self, fit: &Fit) -> Vec<DVector<f64>> {
+        let model = with(self.model, &fit.values);
+        let residual = |(stretch, block): &Part| {
+            block.residual(&Prepared::new(
+                self.track, stretch, &model, &fit.wrong, COARSE,
+            ))
+        };
+        self.around.parts.par_iter().map(residual).collect()
     }
 
     /// Effects as they are, with what joints and subject have wrong fitted beside them.

@@ -10,20 +10,17 @@ use rayon::prelude::*;
 
 use super::choice::deviations;
 use super::design::{Around, Part, Place, flown_wrong, freedom, places};
-use super::fit::{Values, columns, reach, with};
+use super::fit::{Data, Values, columns, reach, with};
 use super::linear::{Normal, Reduced, Right, sum};
 use super::stretch::{CHANNELS, Channels, NUMBERS};
 use super::tolerance::{COUNT, Wrong};
 use super::track::Track;
 
 /// Draws of joints and subject that are flown.
-const BODIES: usize = 40;
+const BODIES: usize = 25;
 
 /// Draws of the noise for each of them.
-const NOISES: usize = 5;
-
-/// Steps by which a body is fitted.
-const FITS: usize = 2;
+const NOISES: usize = 8;
 
 /// What flights look like in which nothing is missing.
 pub(super) struct Null {
@@ -151,9 +148,9 @@ pub(super) fn expected(
 struct Draws<'a> {
     around: &'a Around,
     normal: Normal,
-    /// By stretch and body: what the body flies differently.
-    flown: Vec<Vec<DVector<f64>>>,
-    /// By stretch and body: what is left of that once the body was fitted, in deviations.
+    /// By body and stretch: what the body flies differently from that in the files.
+    beyond_files: Vec<Vec<DVector<f64>>>,
+    /// By body and stretch: what is left of that once the body was fitted, in deviations.
     left: Vec<Vec<DVector<f64>>>,
     /// Fitted bodies.
     fitted: Vec<Wrong>,
@@ -170,38 +167,23 @@ impl<'a> Draws<'a> {
             .par_iter()
             .map(|(_, block)| Normal::of(&block.effects, &block.nuisances))
             .collect();
-        let white = |stretch: usize, apart: DVector<f64>| around.parts[stretch].1.white(apart);
-        let white_all = |flown: &[Vec<DVector<f64>>]| -> Vec<Vec<DVector<f64>>> {
-            let stretches = flown.iter().enumerate();
-            stretches
-                .map(|(k, bodies)| bodies.iter().map(|apart| white(k, apart.clone())).collect())
-                .collect()
-        };
         let columns = |(_, block): &Part| block.effects.ncols();
         let columns = around.parts.first().map_or(0, columns);
-        let target = white_all(&flown);
-        let mut draws = Self {
+        let fitted = flown.par_iter().map(|flown| {
+            let around = around.measuring(&flown.beyond_around);
+            let data = Data::new(track, model, &around);
+            let fit = data.settled(&Values::new(), |_| true);
+            (data.residuals(&fit), fit.wrong)
+        });
+        let (left, fitted) = fitted.unzip();
+        Self {
             around,
             normal: sum(Normal::nothing(columns, COUNT), &normals),
-            flown,
-            left: target.clone(),
-            fitted: bodies.iter().map(|_| Wrong::nothing()).collect(),
+            beyond_files: flown.into_iter().map(|flown| flown.beyond_files).collect(),
+            left,
+            fitted,
             seed,
-        };
-        for _ in 0..FITS {
-            for body in 0..BODIES {
-                let right = draws.right(body, None);
-                let reduced = Reduced::of(&draws.normal, &right, &draws.fitted[body].0);
-                draws.fitted[body].0 += reduced.nuisances(&DVector::zeros(0));
-            }
-            let again = white_all(&flown_wrong(track, around, model, &draws.fitted));
-            for ((left, target), again) in draws.left.iter_mut().zip(&target).zip(again) {
-                for ((left, target), again) in left.iter_mut().zip(target).zip(again) {
-                    *left = target - again;
-                }
-            }
         }
-        draws
     }
 
     /// Noise of one stretch in one draw (deviations).
@@ -222,7 +204,7 @@ impl<'a> Draws<'a> {
             .into_par_iter()
             .map(|stretch| {
                 let block = &self.around.parts[stretch].1;
-                let mut white = self.left[stretch][body].clone();
+                let mut white = self.left[body][stretch].clone();
                 if let Some(draw) = draw {
                     white += self.noise(stretch, draw);
                 }
@@ -238,7 +220,7 @@ impl<'a> Draws<'a> {
             let plain: Vec<_> = (0..self.around.parts.len())
                 .map(|stretch| {
                     let block = &self.around.parts[stretch].1;
-                    &self.flown[stretch][body] + block.noise(&self.noise(stretch, body))
+                    &self.beyond_files[body][stretch] + block.noise(&self.noise(stretch, body))
                 })
                 .collect();
             super::gap::mean_square(&plain.iter().collect::<Vec<_>>())

@@ -8,8 +8,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::design::Part;
-use super::fit::{Data, Fit, with};
-use super::flown::{COARSE, Prepared};
+use super::fit::{Data, Fit};
 use super::linear::{Normal, Reduced, Right, sum};
 use super::regime::correlation;
 use super::stretch::CHANNELS;
@@ -30,16 +29,14 @@ pub(super) struct Parts {
 
 impl Parts {
     pub(super) fn of(data: &Data<'_>, fit: &Fit) -> Self {
-        let model = with(data.model, &fit.values);
-        let of_stretch = |(stretch, block): &Part| {
-            let white = block.residual(&Prepared::new(
-                data.track, stretch, &model, &fit.wrong, COARSE,
-            ));
+        let white = data.residuals(fit);
+        let of_stretch = |((_, block), white): (&Part, &DVector<f64>)| {
             let none = DMatrix::zeros(white.len(), 0);
-            let right = Right::of(&white, &none, &block.nuisances);
-            ((Normal::of(&none, &block.nuisances), right), white)
+            let right = Right::of(white, &none, &block.nuisances);
+            (Normal::of(&none, &block.nuisances), right)
         };
-        let (of_stretch, white) = data.around.parts.par_iter().map(of_stretch).unzip();
+        let parts = data.around.parts.par_iter().zip(&white);
+        let of_stretch = parts.map(of_stretch).collect();
         Self {
             of_stretch,
             white,
