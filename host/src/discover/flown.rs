@@ -69,7 +69,7 @@ impl<'a> Prepared<'a> {
     ) -> Self {
         let model = wrong.of(model);
         let joints = wrong.joints();
-        let at = |frame: usize| joints(posture(track, frame, model.sensors.posture_delay));
+        let at = |frame: usize| joints(&posture(track, frame, model.sensors.posture_delay));
         let mut from = at(stretch.first);
         let postures: Rc<[Posed]> = (stretch.first..stretch.first + FRAMES)
             .step_by(stride)

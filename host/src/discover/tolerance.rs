@@ -59,7 +59,7 @@ impl Wrong {
     }
 
     /// The joints as they are where they are recorded as in `posture`.
-    pub fn joints(&self) -> impl Fn(Posture<f64>) -> Posture<f64> + use<> {
+    pub fn joints(&self) -> impl Fn(&Posture<f64>) -> Posture<f64> + use<> {
         let turns: Vec<(Segment, UnitQuaternion<f64>)> = Segment::ALL
             .iter()
             .skip(1)
@@ -72,7 +72,8 @@ impl Wrong {
                 )
             })
             .collect();
-        move |mut posture| {
+        move |recorded| {
+            let mut posture = *recorded;
             for &(segment, turn) in &turns {
                 posture.set(segment, posture.parent_from_segment(segment) * turn);
             }
@@ -132,17 +133,17 @@ mod tests {
         let posture = pattern::neutral();
         let nothing = Wrong::nothing();
         assert_eq!(nothing.of(&model), model);
-        assert_eq!(nothing.joints()(posture), posture);
+        assert_eq!(nothing.joints()(&posture), posture);
         for k in 0..COUNT {
             let wrong = nothing.with(k);
-            let turned = wrong.joints()(posture) != posture;
+            let turned = wrong.joints()(&posture) != posture;
             assert_eq!(turned, k < JOINTS, "{k}");
             assert_eq!(wrong.of(&model) != model, k >= JOINTS, "{k}");
         }
         let heavier = nothing.with(JOINTS).of(&model).dynamics.body.mass();
         assert!((heavier / dynamics.body.mass() - 1.0 - MASS).abs() < 1e-12);
         let left = nothing.with(3 * (Segment::LeftThigh as usize - 1) + 1);
-        let angle = left.joints()(posture)
+        let angle = left.joints()(&posture)
             .parent_from_segment(Segment::LeftThigh)
             .angle_to(posture.parent_from_segment(Segment::LeftThigh));
         assert!((angle - JOINT).abs() < 1e-4, "{angle}");
