@@ -88,6 +88,38 @@ fn estimates_are_the_desktops_bit_for_bit() {
 }
 
 #[test]
+fn the_unit_flies_with_effects() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let flight = flight(folder.path());
+    let model = folder.path().join("model.toml");
+    let streamed = |effects: &str| {
+        std::fs::write(&model, effects).expect("a file");
+        let model = model.to_str().expect("a plain path");
+        stream(&[
+            &flight,
+            "--virtual",
+            "--speed",
+            "max",
+            "--model",
+            model,
+            "--seconds",
+            "2",
+        ])
+    };
+    let effects = "[[effect]]\nname = \"wind\"\nnorth_mps = 4.0\n\n\
+                   [[effect]]\nname = \"lift\"\narms_factor = 1.5\n\n\
+                   [[effect]]\nname = \"arch\"\nfactor = 1.5\n";
+    let report = report(&streamed(effects));
+    assert_eq!(
+        report["estimates"]["equal"],
+        report["estimates"]["expected"]
+    );
+    let refused = streamed("[[effect]]\nname = \"density-gradient\"\nper_km = 0.1\n");
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(text(&refused.stderr).contains("one density"));
+}
+
+#[test]
 fn faults_are_counted_and_the_desktop_agrees() {
     let folder = tempfile::tempdir().expect("a folder");
     let flight = flight(folder.path());

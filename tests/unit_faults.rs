@@ -3,14 +3,15 @@
 use std::cell::Cell;
 
 use bodyflight_core::Body;
+use bodyflight_core::aerodynamics::Aerodynamics;
 use bodyflight_core::body::anthropometry::{Person, Sex};
 use bodyflight_core::body::pattern;
 use bodyflight_core::dynamics::{Dynamics, Inputs, Motion, State};
 use bodyflight_core::frame::{Rotation, Vector};
 use bodyflight_core::link::fault::{Faults, Injector, Random};
 use bodyflight_core::link::{
-    self, Configure, Estimate, Header, Hello, MAX_FRAME_LENGTH, Message, PackedQuaternion,
-    SCHEMA_HASH, Sample, SegmentTable, Start, Stop, StreamMode,
+    self, ArchSource, Configure, Estimate, Header, Hello, MAX_FRAME_LENGTH, Message,
+    PackedQuaternion, SCHEMA_HASH, Sample, SegmentTable, Start, Stop, StreamMode,
 };
 use bodyflight_firmware::{Board, Identity, Unit};
 use nalgebra::{UnitQuaternion, Vector3};
@@ -77,7 +78,7 @@ fn body() -> Body<f32> {
 
 fn running() -> Unit<Bench> {
     let mut unit = Unit::new(Bench::default(), Identity::default());
-    let table = SegmentTable::of(&body());
+    let table = SegmentTable::of(&body(), &Aerodynamics::paper());
     tell(&mut unit, hello());
     tell(
         &mut unit,
@@ -87,6 +88,9 @@ fn running() -> Unit<Bench> {
             update_rate: 60.0,
             height: 1.75,
             air_density: 1.0,
+            air_velocity: [0.0; 3],
+            arch_source: ArchSource::Posture,
+            arch: 1.0,
             body_from_sensor: PackedQuaternion::default(),
             table_digest: table.digest(),
         },

@@ -39,8 +39,8 @@ pub use estimate_flags::EstimateFlags;
 pub use frame::{DecodeError, EncodeError, Header, MAX_FRAME_LENGTH, MAX_PACKET_LENGTH};
 pub use ledger::{Arrival, Imbalance, Ledger};
 pub use message::{
-    Configure, Configured, Credit, Estimate, Hello, HelloAcknowledge, Message, ResetFilter, Sample,
-    SegmentValues, Start, Status, Stop, StreamMode, TimeSync, Verdict,
+    ArchSource, Configure, Configured, Credit, Estimate, Hello, HelloAcknowledge, Message,
+    ResetFilter, Sample, SegmentValues, Start, Status, Stop, StreamMode, TimeSync, Verdict,
 };
 pub use packed_quaternion::PackedQuaternion;
 pub use sample::{Motion, Validity};

@@ -3,6 +3,8 @@
 //! No input, output or clock: what comes out depends on the samples and their sensor times alone, so the
 //! desktop that runs a [`Computer`] over the same samples finds the same bits as the unit.
 
+use bodyflight_core::aerodynamics::{Aerodynamics, ArchFactor};
+use bodyflight_core::air::Air;
 use bodyflight_core::dynamics::{Dynamics, Motion};
 use bodyflight_core::estimator::ReducedFilter;
 use bodyflight_core::estimator::measurement::Measurement;
@@ -10,7 +12,7 @@ use bodyflight_core::estimator::preset::{PRESETS, Preset};
 use bodyflight_core::estimator::status::{Estimate, Health};
 use bodyflight_core::frame::{Inertial, Vector};
 use bodyflight_core::link::{
-    self, Configure, EstimateFlags, Sample, SegmentTable, Validity, Verdict,
+    self, ArchSource, Configure, EstimateFlags, Sample, SegmentTable, Validity, Verdict,
 };
 use bodyflight_core::{Posture, Real};
 
@@ -67,6 +69,18 @@ impl Configuration {
             },
             dynamics: Dynamics {
                 muscles: preset.muscles,
+                aerodynamics: Aerodynamics {
+                    coefficients: table.coefficients(),
+                    arch: match asked.arch_source {
+                        ArchSource::Posture => ArchFactor::FromPosture,
+                        ArchSource::Scaled => ArchFactor::Scaled(asked.arch),
+                        ArchSource::Fixed => ArchFactor::Fixed(asked.arch),
+                    },
+                },
+                air: Air {
+                    velocity: Vector::from_components(asked.air_velocity.into()),
+                    ..Air::still(asked.air_density)
+                },
                 ..Dynamics::paper(body, asked.air_density)
             },
             update_period: whole(1e6 / asked.update_rate),

@@ -1,10 +1,11 @@
 //! A short flight for the tests of this crate, as samples.
 
+use bodyflight_core::aerodynamics::Aerodynamics;
 use bodyflight_core::body::anthropometry::{Person, Sex};
 use bodyflight_core::body::pattern;
 use bodyflight_core::dynamics::{Dynamics, Inputs, Motion, State};
 use bodyflight_core::frame::{Rotation, Vector};
-use bodyflight_core::link::{self, Configure, PackedQuaternion, Sample, SegmentTable};
+use bodyflight_core::link::{self, ArchSource, Configure, PackedQuaternion, Sample, SegmentTable};
 use bodyflight_core::math::small_rotation;
 use bodyflight_core::{Body, Posture};
 use nalgebra::Vector3;
@@ -17,7 +18,7 @@ pub(crate) fn body() -> Body<f32> {
 }
 
 pub(crate) fn table() -> SegmentTable {
-    SegmentTable::of(&body())
+    SegmentTable::of(&body(), &Aerodynamics::paper())
 }
 
 pub(crate) fn configure() -> Configure {
@@ -27,6 +28,9 @@ pub(crate) fn configure() -> Configure {
         update_rate: 60.0,
         height: 1.75,
         air_density: 1.0,
+        air_velocity: [0.0; 3],
+        arch_source: ArchSource::Posture,
+        arch: 1.0,
         body_from_sensor: PackedQuaternion::default(),
         table_digest: table().digest(),
     }

@@ -9,11 +9,11 @@ pub mod twin;
 
 use std::time::{Duration, Instant};
 
-use bodyflight_core::dynamics::Dynamics;
+use bodyflight_core::aerodynamics::ArchFactor;
 use bodyflight_core::estimator::preset::{PRESETS, Preset};
 use bodyflight_core::link::fault::{Faults, Injector};
 use bodyflight_core::link::{
-    Configure, Motion, PackedQuaternion, Sample, SegmentTable, StreamMode,
+    ArchSource, Configure, Motion, PackedQuaternion, Sample, SegmentTable, StreamMode,
 };
 
 use crate::diagnostic::{Problem, Result};
@@ -130,19 +130,22 @@ fn configuration(
     let height = first.pelvis.position.components.z;
     let plain = flight.dynamics(height);
     let dynamics = flight.effects.for_filter(plain, height)?;
-    // What the unit is told: the segment table and one density. The rest is the paper's there.
-    let beyond = Dynamics {
-        body: plain.body,
-        ..dynamics
-    };
-    if beyond != plain {
+    if dynamics.air.density != plain.air.density {
         return Err(Problem::bad_input(
-            "an effect of the model acts on what the unit cannot be told: only mass, shape and mounting can",
+            "an effect of the model changes the density over the height; the unit is told one density",
         )
         .help("take it out of the model.toml; estimate --model runs the filter here with it"));
     }
-    let body = dynamics.body.cast::<f32>();
-    let table = SegmentTable::of(&body);
+    let (body, aerodynamics) = (
+        dynamics.body.cast::<f32>(),
+        dynamics.aerodynamics.cast::<f32>(),
+    );
+    let table = SegmentTable::of(&body, &aerodynamics);
+    let (arch_source, arch) = match aerodynamics.arch {
+        ArchFactor::FromPosture => (ArchSource::Posture, 1.0),
+        ArchFactor::Scaled(scale) => (ArchSource::Scaled, scale),
+        ArchFactor::Fixed(factor) => (ArchSource::Fixed, factor),
+    };
     let number = PRESETS.iter().position(|p| p.name == preset.name);
     let number = number.and_then(|number| u16::try_from(number).ok());
     #[expect(
@@ -159,6 +162,9 @@ fn configuration(
         update_rate: sample_rate / window,
         height: body.height,
         air_density,
+        air_velocity: dynamics.air.velocity.cast::<f32>().components.into(),
+        arch_source,
+        arch,
         body_from_sensor: PackedQuaternion::default(),
         table_digest: table.digest(),
     };

@@ -46,6 +46,18 @@ body! {
     }
 }
 
+code! {
+    /// What makes the arch factor on the drag.
+    ArchSource {
+        /// The arch area of the posture, paper eq. (arch_eq)
+        Posture = 0,
+        /// The same, its distance from one as many times as large as `arch` says
+        Scaled = 1,
+        /// `arch` itself
+        Fixed = 2,
+    }
+}
+
 body! {
     /// Host to unit: what to compute. The segment table follows as one [`SegmentValues`] for each segment.
     Configure {
@@ -59,6 +71,12 @@ body! {
         height: f32 = "m" in 0.5..=3.0,
         /// Air density
         air_density: f32 = "kg/m3" in 0.1..=2.0,
+        /// Velocity of the air in inertial axes: north, west, up
+        air_velocity: [f32; 3] = "m/s" in -100.0..=100.0,
+        /// Where the arch factor on the drag comes from
+        arch_source: ArchSource = "",
+        /// Number for it, 1 where it needs none
+        arch: f32 = "" in -10.0..=10.0,
         /// Mounting of the inertial sensor on the pelvis: sensor axes to body axes
         body_from_sensor: PackedQuaternion = "",
         /// CRC-32C over the bodies of the 16 segment messages in order
@@ -85,6 +103,8 @@ body! {
         area: [f32; 3] = "m2" in 0.0..=10.0,
         /// Characteristic length of the aerodynamic moment
         moment_arm: f32 = "m" in 0.0..=3.0,
+        /// Coefficients of the air's loads: drag, force across the stream, moment
+        coefficients: [f32; 3] = "" in -20.0..=20.0,
     }
 }
 

@@ -5,6 +5,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::frame::checksum;
 use super::message::{SegmentValues, Verdict};
 use super::wire::{BadValue, Body as _, Reader, Wire, Writer};
+use crate::aerodynamics::{Aerodynamics, Coefficients};
 use crate::body::{Body, SEGMENT_COUNT, Segment, SegmentArray, SegmentParameters};
 
 impl Wire for Segment {
@@ -24,7 +25,11 @@ impl Wire for Segment {
 
 impl SegmentValues {
     /// The row of `segment`.
-    pub fn new(segment: Segment, parameters: &SegmentParameters<f32>) -> Self {
+    pub fn new(
+        segment: Segment,
+        parameters: &SegmentParameters<f32>,
+        coefficients: &Coefficients<f32>,
+    ) -> Self {
         let inertia = &parameters.inertia;
         Self {
             segment,
@@ -42,6 +47,7 @@ impl SegmentValues {
             ],
             area: parameters.area.into(),
             moment_arm: parameters.moment_arm,
+            coefficients: [coefficients.drag, coefficients.lift, coefficients.moment],
         }
     }
 
@@ -59,6 +65,12 @@ impl SegmentValues {
         }
     }
 
+    /// The coefficients of the row.
+    pub const fn coefficients(&self) -> Coefficients<f32> {
+        let [drag, lift, moment] = self.coefficients;
+        Coefficients { drag, lift, moment }
+    }
+
     /// A segment that weighs nothing and offers nothing to the air.
     fn massless(segment: Segment) -> Self {
         Self {
@@ -70,6 +82,7 @@ impl SegmentValues {
             inertia: [0.0; 6],
             area: [0.0; 3],
             moment_arm: 0.0,
+            coefficients: [0.0; 3],
         }
     }
 
@@ -112,12 +125,13 @@ impl SegmentTable {
         }
     }
 
-    /// The table of `body`.
-    pub fn of(body: &Body<f32>) -> Self {
+    /// The table of `body` in the air.
+    pub fn of(body: &Body<f32>, aerodynamics: &Aerodynamics<f32>) -> Self {
         Self {
-            rows: body
-                .segments
-                .map(|segment, parameters| Some(SegmentValues::new(segment, parameters))),
+            rows: body.segments.map(|segment, parameters| {
+                let coefficients = &aerodynamics.coefficients[segment];
+                Some(SegmentValues::new(segment, parameters, coefficients))
+            }),
         }
     }
 
@@ -165,18 +179,25 @@ impl SegmentTable {
         if mass <= 0.0 || !self.rows().all(SegmentValues::is_rigid_body) {
             return Err(Verdict::NotABody);
         }
-        // Complete as checked above: every segment has its row.
-        let segments = self.rows.map(|segment, row| {
-            row.unwrap_or_else(|| SegmentValues::massless(segment))
-                .parameters()
-        });
+        let segments = self.of_segment(SegmentValues::parameters);
         Ok(Body { segments, height })
+    }
+
+    /// Coefficients of the segments, of a table that is whole.
+    pub fn coefficients(&self) -> SegmentArray<Coefficients<f32>> {
+        self.of_segment(SegmentValues::coefficients)
+    }
+
+    fn of_segment<V>(&self, value: impl Fn(&SegmentValues) -> V) -> SegmentArray<V> {
+        self.rows
+            .map(|segment, row| value(&row.unwrap_or_else(|| SegmentValues::massless(segment))))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::aerodynamics::ArchFactor;
 
     fn rows() -> [SegmentValues; SEGMENT_COUNT] {
         Segment::ALL.map(|segment| {
@@ -186,6 +207,7 @@ mod tests {
                 length: 0.25,
                 cg: [0.0, 0.125, -number],
                 inertia: [0.5, 0.25, 0.125, 0.01, -0.02, 0.03],
+                coefficients: [1.25, 1.5 + number, 3.5],
                 ..SegmentValues::massless(segment)
             }
         })
@@ -201,10 +223,17 @@ mod tests {
         }
         assert_eq!(table.received(), u16::MAX);
         let body = table.body(1.75, table.digest()).unwrap();
-        assert_eq!(SegmentTable::of(&body), table);
-        assert_eq!(SegmentTable::of(&body).digest(), table.digest());
+        let aerodynamics = Aerodynamics {
+            coefficients: table.coefficients(),
+            arch: ArchFactor::FromPosture,
+        };
+        let again = SegmentTable::of(&body, &aerodynamics);
+        assert_eq!(again, table);
+        assert_eq!(again.digest(), table.digest());
         for row in rows() {
             assert_eq!(body.segments[row.segment], row.parameters());
+            let coefficients = aerodynamics.coefficients[row.segment];
+            assert_eq!(coefficients.lift, 1.5 + f32::from(row.segment as u8));
         }
     }
 

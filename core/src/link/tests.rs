@@ -66,6 +66,9 @@ fn examples() -> [Message; 13] {
             update_rate: 60.0,
             height: 1.75,
             air_density: 1.0,
+            air_velocity: [3.0, -2.0, 0.0],
+            arch_source: ArchSource::Scaled,
+            arch: 1.5,
             body_from_sensor: PackedQuaternion::pack(&equal_quaternion()),
             table_digest: 0x8765_4321,
         }),
@@ -78,6 +81,7 @@ fn examples() -> [Message; 13] {
             inertia: [0.16, 0.17, 0.04, 0.0, -0.001, 0.002],
             area: [0.06, 0.07, 0.02],
             moment_arm: 0.42,
+            coefficients: [1.2, 1.8, 3.5],
         }),
         Message::Configured(Configured {
             preset: 1,

@@ -152,6 +152,34 @@ fn rates_that_do_not_fit_are_refused() {
 }
 
 #[test]
+fn the_model_is_flown_that_was_sent() {
+    let mut dynamics = Dynamics {
+        muscles: PRESETS[0].muscles,
+        ..Dynamics::paper(body(), 0.9)
+    };
+    dynamics.air.velocity = Vector::new(3.0, -2.0, 0.5);
+    dynamics.aerodynamics.coefficients[bodyflight_core::Segment::LeftThigh].lift = 2.5;
+    for (arch_source, arch) in [
+        (ArchSource::Posture, ArchFactor::FromPosture),
+        (ArchSource::Scaled, ArchFactor::Scaled(1.5)),
+        (ArchSource::Fixed, ArchFactor::Fixed(1.5)),
+    ] {
+        dynamics.aerodynamics.arch = arch;
+        let table = SegmentTable::of(&dynamics.body, &dynamics.aerodynamics);
+        let asked = Configure {
+            air_density: 0.9,
+            air_velocity: [3.0, -2.0, 0.5],
+            arch_source,
+            arch: 1.5,
+            table_digest: table.digest(),
+            ..configure()
+        };
+        let found = Configuration::new(&asked, &table).unwrap();
+        assert_eq!(found.dynamics, dynamics);
+    }
+}
+
+#[test]
 fn the_same_configuration_does_not_disturb() {
     let samples = samples(200);
     let mut once = computer();

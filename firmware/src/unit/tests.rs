@@ -389,7 +389,7 @@ proptest! {
         let mut unit = running(StreamMode::Paced);
         unit.receive(&garbage);
         let mut frame = [0; MAX_FRAME_LENGTH];
-        let row = SegmentValues::new(Segment::Head, &crate::test_flight::body().segments[Segment::Head]);
+        let row = *table().rows().find(|row| row.segment == Segment::Head).unwrap();
         let length = Message::from(row).encode(&Header::default(), &mut frame).unwrap();
         unit.receive(&frame[..cut.min(length)]);
         while unit.work() {}
