@@ -99,21 +99,21 @@ pub fn discover(
     let model = with(&bare, &faults);
     progress("what each effect would change");
     let start = (&Vec::new(), &Wrong::nothing());
-    let mut around = Around::new(track, &model, stretches, start, &places());
+    let from_files = Around::new(track, &model, stretches, start, &places());
     progress("flights in which nothing is missing");
-    let mut null = Null::draw(track, &around, &model, &Vec::new(), settings.seed);
+    let nothing = Vec::new();
+    let mut null = Null::draw(track, &from_files, &model, &nothing, settings.seed);
     let others: Vec<HeldOut<'_>> = held_out
         .iter()
         .map(|track| HeldOut::new(track, &faults))
         .collect();
-    let nothing = Vec::new();
-    let here = Data::new(track, &model, &around);
-    let (mut chosen, there) = here.settled_refined(&nothing);
-    let left_before = Parts::of(&here.with(&there), &chosen);
+    let here = Data::new(track, &model, &from_files);
+    let (mut chosen, mut around) = here.settled_refined(&nothing);
+    let left_before = Parts::of(&here.with(&around), &chosen);
     let plain = if faults.is_empty() {
         chosen.misfit
     } else {
-        let bare = Data::new(track, &bare, &around);
+        let bare = Data::new(track, &bare, &from_files);
         bare.settled_refined(&nothing).0.misfit
     };
     let [expected, deviation] = null.misfit;
@@ -125,21 +125,24 @@ pub fn discover(
         .filter(decided)
         .map(|check| check.effect)
         .collect();
+    let mut from_files = Some(from_files);
     let mut named: Vec<Named> = Vec::new();
     while named.len() + faults.len() < settings.max_effects {
         progress("which effect explains most");
         let here = Data::new(track, &model, &around);
-        let Some(choice) = next(&here, &others, &null, &chosen, &out_of_question) else {
+        let problems = match &from_files {
+            // Joints may hide what is missing once they are fitted, and look like something else before.
+            Some(from_files) => vec![here.with(from_files), here],
+            None => vec![here],
+        };
+        let Some(choice) = next(&problems, &others, &null, &chosen, &out_of_question) else {
             break;
         };
         named.push(choice.named);
         around = here.moved_to(&choice.fit.values, &choice.fit.wrong, &places());
-        chosen = pruned(
-            &Data::new(track, &model, &around),
-            &null,
-            choice.fit,
-            &mut named,
-        );
+        from_files = None;
+        let here = Data::new(track, &model, &around);
+        chosen = pruned(&here, &null, choice.fit, &mut named);
         progress("flights in which nothing more is missing");
         null = Null::draw(track, &around, &model, &chosen.values, settings.seed);
     }

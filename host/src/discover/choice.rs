@@ -71,14 +71,13 @@ pub(super) struct Choice {
     pub(super) named: Named,
 }
 
-/// The candidates that gain most by the problem as it stands, fitted again in the problem around each, best first.
-fn short_list(
+/// The effects that gain most by a problem as it stands, fitted in it, best first.
+fn near(
     data: &Data<'_>,
-    others: &[HeldOut<'_>],
     null: &Null,
     chosen: &Fit,
     out_of_question: &[Effect],
-) -> Vec<Candidate> {
+) -> Vec<(Effect, Fit)> {
     let without = data.sketched(chosen.values.clone()).misfit;
     let mut first: Vec<(Effect, Fit, f64)> = Effect::ALL
         .iter()
@@ -112,14 +111,35 @@ fn short_list(
     let best = near.first().map_or(0.0, |(.., score)| *score);
     near.retain(|(.., score)| *score > 0.0 && *score >= WITHIN_REACH * best);
     near.truncate(SHORTER_LIST);
+    near.into_iter()
+        .map(|(effect, fit, _)| (effect, fit))
+        .collect()
+}
+
+/// The candidates that gain most in any of some problems, fitted again in the problem around each, best first.
+fn short_list(
+    problems: &[Data<'_>],
+    others: &[HeldOut<'_>],
+    null: &Null,
+    chosen: &Fit,
+    out_of_question: &[Effect],
+) -> Vec<Candidate> {
+    let mut contenders: Vec<(&Data<'_>, Effect, Fit)> = Vec::new();
+    for data in problems {
+        for (effect, fit) in near(data, null, chosen, out_of_question) {
+            if contenders.iter().all(|(_, known, _)| *known != effect) {
+                contenders.push((data, effect, fit));
+            }
+        }
+    }
     let voters: Vec<(&HeldOut<'_>, f64)> = others
         .iter()
         .map(|other| (other, other.misfit(&chosen.values)))
         .collect();
     let mut candidates: Vec<Candidate> = Vec::new();
-    // Largest gain in this flight so far, beyond chance.
+    // Largest gain in this flight so far, beyond chance, that other flights do not take back.
     let mut most = 0.0_f64;
-    for (effect, fit, _) in near {
+    for (data, effect, fit) in contenders {
         let inflation = null.inflation_of(effect);
         let goal = chosen.misfit - IN_THE_RACE * most * inflation;
         let (fit, around) = data.refined(fit, goal);
@@ -131,10 +151,11 @@ fn short_list(
             .map(|(other, before)| before - other.misfit(&fit.values))
             .collect();
         let gain = chosen.misfit - fit.misfit;
-        most = most.max(gain / inflation);
+        let together = gain + votes.iter().sum::<f64>();
+        most = most.max(gain.min(together) / inflation);
         candidates.push(Candidate {
             effect,
-            score: score(null, effect, gain + votes.iter().sum::<f64>()),
+            score: score(null, effect, together),
             fit,
             around,
             inflation,
@@ -158,14 +179,17 @@ fn score(null: &Null, effect: Effect, gain: f64) -> f64 {
 }
 
 /// The effect that explains most of what is left, if it deserves a name, fitted with those chosen before.
+///
+/// Of `problems` the last is around the fit chosen before; what others show from elsewhere is tried too.
 pub(super) fn next(
-    data: &Data<'_>,
+    problems: &[Data<'_>],
     others: &[HeldOut<'_>],
     null: &Null,
     chosen: &Fit,
     out_of_question: &[Effect],
 ) -> Option<Choice> {
-    let candidates = short_list(data, others, null, chosen, out_of_question);
+    let data = problems.last()?;
+    let candidates = short_list(problems, others, null, chosen, out_of_question);
     let (best, rest) = candidates.split_first()?;
     let gain = chosen.misfit - best.fit.misfit;
     let left = chosen.misfit - null.misfit[0];

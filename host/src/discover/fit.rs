@@ -66,47 +66,45 @@ pub struct Fit {
     pub misfit: f64,
 }
 
-/// How a step is held back: to a share of it, which follows a curved valley, then by damping (Marquardt), which
-/// finds the way from afar.
+/// How a step is held back.
 #[derive(Debug, Clone, Copy)]
-struct Hold {
-    share: f64,
-    damping: f64,
-}
-
-impl Default for Hold {
-    fn default() -> Self {
-        Self {
-            share: 1.0,
-            damping: 0.0,
-        }
-    }
+enum Hold {
+    /// Not at all.
+    Free,
+    /// To a share of it, which follows a curved valley.
+    Shortened,
+    /// By damping (Marquardt), which finds the way from afar.
+    Damped(f64),
 }
 
 impl Hold {
-    fn tighter(&mut self) {
-        *self = if self.share == 1.0 && self.damping == 0.0 {
-            Self {
-                share: 0.3,
-                ..*self
-            }
-        } else {
-            Self {
-                share: 1.0,
-                damping: (self.damping * 5.0).max(0.5),
-            }
-        };
+    const fn share(self) -> f64 {
+        match self {
+            Self::Shortened => 0.3,
+            _ => 1.0,
+        }
     }
 
-    fn looser(&mut self) {
-        *self = Self {
-            share: 1.0,
-            damping: if self.damping < 1.0 {
-                0.0
-            } else {
-                self.damping / 5.0
-            },
-        };
+    const fn damping(self) -> f64 {
+        match self {
+            Self::Damped(damping) => damping,
+            _ => 0.0,
+        }
+    }
+
+    fn tighter(self) -> Self {
+        match self {
+            Self::Free => Self::Shortened,
+            Self::Shortened => Self::Damped(0.5),
+            Self::Damped(damping) => Self::Damped(5.0 * damping),
+        }
+    }
+
+    fn looser(self) -> Self {
+        match self {
+            Self::Damped(damping) if damping >= 1.0 => Self::Damped(damping / 5.0),
+            _ => Self::Free,
+        }
     }
 }
 
@@ -263,7 +261,7 @@ impl<'a> Data<'a> {
             Subject::Moves => STEPS,
             Subject::Stays => SKETCH_STEPS,
         };
-        let mut hold = Hold::default();
+        let mut hold = Hold::Free;
         for _ in 0..steps {
             let free = Reduced::of(&here.0, &here.1, &wrong.0);
             if let Some((_, covariance)) = free.solved(&reach) {
@@ -276,23 +274,23 @@ impl<'a> Data<'a> {
             // Held back until it helps: the model is not linear.
             let mut better = None;
             for _ in 0..TRIES {
-                let reduced = Reduced::damped(&here.0, &here.1, &wrong.0, hold.damping);
-                let step = reduced.solved_damped(&reach, hold.damping);
+                let reduced = Reduced::damped(&here.0, &here.1, &wrong.0, hold.damping());
+                let step = reduced.solved_damped(&reach, hold.damping());
                 let step = step.map_or_else(|| DVector::zeros(places.len()), |(step, _)| step);
                 let aside = match subject {
                     Subject::Moves => reduced.nuisances(&step),
                     Subject::Stays => DVector::zeros(wrong.0.len()),
                 };
-                let tried = moved(&values, &(&step * hold.share));
-                let tried_wrong = Wrong(&wrong.0 + &aside * hold.share);
+                let tried = moved(&values, &(&step * hold.share()));
+                let tried_wrong = Wrong(&wrong.0 + &aside * hold.share());
                 let there = self.linear(&tried, &tried_wrong, places, choose);
                 let left = misfit(&there, &tried_wrong);
                 if left < best {
                     better = Some((tried, tried_wrong, there, left));
-                    hold.looser();
+                    hold = hold.looser();
                     break;
                 }
-                hold.tighter();
+                hold = hold.tighter();
             }
             let Some(found) = better else {
                 break;

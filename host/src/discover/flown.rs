@@ -97,16 +97,14 @@ impl<'a> Prepared<'a> {
 
     /// The same intervals in another model: what that does not change is kept.
     pub fn changed_to(&self, model: &Model<f64>, wrong: &Wrong) -> Self {
-        if !self.wrong.has_joints_of(wrong)
-            || self.model.sensors.posture_delay != model.sensors.posture_delay
-        {
+        if !self.wrong.has_joints_of(wrong) || self.model.sensors != model.sensors {
             return Self::new(self.track, self.stretch, model, wrong, self.stride);
         }
         let model = wrong.of(model);
         let [now, then] = [&self.model.dynamics, &model.dynamics];
         let same = now.body == then.body
             && now.aerodynamics == then.aerodynamics
-            && now.stream.lag == then.stream.lag;
+            && now.stream == then.stream;
         Self {
             samples: if same {
                 self.samples.clone()

@@ -83,12 +83,8 @@ impl Wrong {
 
     /// Whether the same is wrong with the joints.
     pub fn has_joints_of(&self, other: &Self) -> bool {
-        self.0
-            .as_slice()
-            .iter()
-            .zip(&other.0)
-            .take(JOINTS)
-            .all(|(a, b)| a == b)
+        let joints = |wrong: &Self| wrong.0.rows(0, JOINTS).into_owned();
+        joints(self) == joints(other)
     }
 
     /// The model with the subject as it is.
