@@ -4,7 +4,7 @@ use core::cell::Cell;
 use std::vec::Vec;
 
 use bodyflight_core::Segment;
-use bodyflight_core::link::{Estimate, ResetFilter, SegmentValues, Start, TimeSync};
+use bodyflight_core::link::{Estimate, ResetFilter, Start, TimeSync};
 use proptest::prelude::*;
 
 use super::*;
