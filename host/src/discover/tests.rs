@@ -239,6 +239,51 @@ fn a_flight_of_a_moment_is_refused() {
     assert!(problem.to_string().contains("4 s"), "{problem}");
 }
 
+/// A lift coefficient is also a tolerance: what one takes the other may give back, along a curved valley.
+#[test]
+fn a_fit_ends_at_the_same_place_from_wherever_it_begins() {
+    let truth = [1.9, 0.64, 1.73];
+    let track = track(&[Hidden::Effect(Effect::Lift, truth)], 1.0);
+    let plain = Model::new(track.dynamics, track.start_height());
+    let start = (&Vec::new(), &Wrong::nothing());
+    let around = Around::new(&track, &plain, stretches(&track), start, &[]);
+    let data = Data::new(&track, &plain, &around);
+    let fits = [Effect::Lift.neutral(), [2.4, 0.9, 1.0], truth].map(|values| {
+        let fit = data.fit(vec![(Effect::Lift, values)], |_| true);
+        data.refined(fit, f64::INFINITY).0
+    });
+    let [one, others @ ..] = &fits;
+    for other in others {
+        assert!((one.misfit - other.misfit).abs() < 1.0, "{fits:?}");
+        let values = one.values[0].1.iter().zip(other.values[0].1);
+        for ((value, other), error) in values.zip(&one.errors) {
+            assert!((value - other).abs() < 0.3 * error, "{fits:?}");
+        }
+    }
+}
+
+/// Where small errors of joints grow, bodies that are drawn have to be fitted as the flight is.
+#[test]
+fn what_chance_leaves_does_not_depend_on_the_effects_in_the_model() {
+    let track = track(&[], 1.0);
+    let plain = Model::new(track.dynamics, track.start_height());
+    for values in [
+        vec![],
+        vec![(Effect::Mounting, [-0.39, -0.31, -0.27])],
+        vec![(Effect::Wind, [-17.4, -20.0, 0.0])],
+    ] {
+        let start = (&values, &Wrong::nothing());
+        let around = Around::new(&track, &plain, stretches(&track), start, &places());
+        let null = Null::draw(&track, &around, &plain, &values, 1);
+        let [misfit, _] = null.misfit;
+        assert!(
+            (0.8..1.2).contains(&(misfit / null.rows)),
+            "{values:?}: {misfit} of {}",
+            null.rows
+        );
+    }
+}
+
 proptest! {
     /// Nuisances with unit priors are noise of covariance `I + N N^T`.
     #[test]
