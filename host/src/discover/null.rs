@@ -193,25 +193,22 @@ impl<'a> Draws<'a> {
         DVector::from_fn(NUMBERS, |_, _| random.sample::<f64, _>(StandardNormal))
     }
 
+    /// The body of a draw with its noise, joints and subject taken out.
     fn reduced(&self, draw: usize) -> Reduced {
-        let right = self.right(draw % BODIES, Some(draw));
-        Reduced::of(&self.normal, &right, &self.fitted[draw % BODIES].0)
-    }
-
-    /// Of a body, with the noise of a draw.
-    fn right(&self, body: usize, draw: Option<usize>) -> Right {
-        let parts: Vec<Right> = (0..self.around.parts.len())
-            .into_par_iter()
-            .map(|stretch| {
-                let block = &self.around.parts[stretch].1;
-                let mut white = self.left[body][stretch].clone();
-                if let Some(draw) = draw {
-                    white += self.noise(stretch, draw);
-                }
+        let body = draw % BODIES;
+        let parts: Vec<Right> = self
+            .around
+            .parts
+            .par_iter()
+            .zip(&self.left[body])
+            .enumerate()
+            .map(|(stretch, ((_, block), left))| {
+                let white = left + self.noise(stretch, draw);
                 Right::of(&white, &block.effects, &block.nuisances)
             })
             .collect();
-        sum(Right::nothing(&self.normal), &parts)
+        let right = sum(Right::nothing(&self.normal), &parts);
+        Reduced::of(&self.normal, &right, &self.fitted[body].0)
     }
 
     /// Root mean square of each channel, in the middle of the bodies.
