@@ -20,7 +20,7 @@ pub mod stream;
 use nalgebra::Vector3;
 
 use crate::body::posture::PosedSegment;
-use crate::body::{Body, Segment, SegmentArray};
+use crate::body::{Body, SEGMENT_COUNT, Segment, SegmentArray};
 use crate::math::Real;
 
 /// Maximum coefficients of a segment (dimensionless), paper eq. (params).
@@ -170,6 +170,19 @@ pub struct SegmentLoad<T: Real> {
 }
 
 impl<T: Real> ExposedSegment<T> {
+    /// Nothing that the air could see.
+    pub(crate) fn hidden() -> Self {
+        let zero = Vector3::zeros();
+        Self {
+            silhouette: [zero; 3],
+            dorsal: zero,
+            centre: zero,
+            drag: T::zero(),
+            lift_area: T::zero(),
+            moment_volume: T::zero(),
+        }
+    }
+
     /// Total area exposed to the stream (m2), paper eq. (area) with the components of `v`.
     #[inline]
     pub fn exposed_area(&self, direction: &Vector3<T>) -> T {
@@ -234,6 +247,18 @@ pub fn expose<T: Real>(
     posed: &SegmentArray<PosedSegment<T>>,
     aerodynamics: &Aerodynamics<T>,
 ) -> SegmentArray<ExposedSegment<T>> {
+    let mut exposed = SegmentArray::new([ExposedSegment::hidden(); SEGMENT_COUNT]);
+    expose_into(body, posed, aerodynamics, &mut exposed);
+    exposed
+}
+
+/// [`expose`] where the segments are kept.
+pub(crate) fn expose_into<T: Real>(
+    body: &Body<T>,
+    posed: &SegmentArray<PosedSegment<T>>,
+    aerodynamics: &Aerodynamics<T>,
+    exposed: &mut SegmentArray<ExposedSegment<T>>,
+) {
     let arch_factor = match aerodynamics.arch {
         ArchFactor::Fixed(factor) => factor,
         ArchFactor::FromPosture => arch::arch_factor(arch::arch_area(body, posed)),
@@ -242,13 +267,13 @@ pub fn expose<T: Real>(
             T::one() + scale * (factor - T::one())
         }
     };
-    SegmentArray::from_fn(|segment| {
+    for (segment, place) in exposed.iter_mut() {
         let (parameters, placed) = (&body.segments[segment], &posed[segment]);
         let coefficients = &aerodynamics.coefficients[segment];
         let axes = &placed.body_from_segment;
         let axis = |k: usize| axes.column(k).into_owned();
         let double_area = T::of(2.0) * parameters.area.y;
-        ExposedSegment {
+        *place = ExposedSegment {
             silhouette: [
                 axis(0) * parameters.area.x,
                 axis(1) * parameters.area.y,
@@ -259,8 +284,8 @@ pub fn expose<T: Real>(
             drag: arch_factor * coefficients.drag,
             lift_area: double_area * coefficients.lift,
             moment_volume: double_area * parameters.moment_arm * coefficients.moment,
-        }
-    })
+        };
+    }
 }
 
 /// Sum of the loads of all segments, paper eqs. (sum_f), (sum_m), segment by segment.

@@ -95,42 +95,70 @@ impl<T: Real> Dynamics<T> {
     /// The interval of `duration` (s) in which the body moves from one posture to the next: geometry of the
     /// middle, constant joint rates.
     pub fn between(&self, from: &Posture<T>, to: &Posture<T>, duration: T) -> PostureSample<T> {
+        let mut sample = PostureSample::blank();
+        self.between_into(from, to, duration, &mut sample);
+        sample
+    }
+
+    /// [`Dynamics::between`] where the sample is kept: it is a kilobyte and a half, which a unit's stack need not hold.
+    pub fn between_into(
+        &self,
+        from: &Posture<T>,
+        to: &Posture<T>,
+        duration: T,
+        sample: &mut PostureSample<T>,
+    ) {
         let middle = from.interpolated(to, T::of(0.5));
-        self.sample(&middle, &PostureRate::between(from, to, duration))
+        self.sample_into(&middle, &PostureRate::between(from, to, duration), sample);
     }
 
     /// The loads of [`Stream::lag`] before on the body of now. Apart, so that who flies without does not pay for it.
     #[cold]
     #[inline(never)]
-    fn late_sample(&self, posture: &Posture<T>, rate: &PostureRate<T>) -> PostureSample<T> {
+    fn late_sample_into(
+        &self,
+        posture: &Posture<T>,
+        rate: &PostureRate<T>,
+        sample: &mut PostureSample<T>,
+    ) {
         let mut prompt = *self;
         prompt.stream.lag = T::zero();
         let before = rate.posture_before(posture, self.stream.lag);
-        PostureSample {
-            aerodynamics: prompt.sample(&before, rate).aerodynamics,
-            ..prompt.sample(posture, rate)
-        }
+        prompt.sample_into(&before, rate, sample);
+        let aerodynamics = sample.aerodynamics;
+        prompt.sample_into(posture, rate, sample);
+        sample.aerodynamics = aerodynamics;
     }
 
     /// A posture with its joint rates.
     pub fn sample(&self, posture: &Posture<T>, rate: &PostureRate<T>) -> PostureSample<T> {
+        let mut sample = PostureSample::blank();
+        self.sample_into(posture, rate, &mut sample);
+        sample
+    }
+
+    /// [`Dynamics::sample`] where it is kept.
+    pub fn sample_into(
+        &self,
+        posture: &Posture<T>,
+        rate: &PostureRate<T>,
+        sample: &mut PostureSample<T>,
+    ) {
         if self.stream.lag != T::zero() {
-            return self.late_sample(posture, rate);
+            return self.late_sample_into(posture, rate, sample);
         }
         let posed = pose(&self.body, posture);
-        let mass = MassProperties::of(&self.body, &posed);
-        let motion = MassMotion::of(&self.body, &posed, rate);
-        let exposed = expose(&self.body, &posed, &self.aerodynamics);
-        let inertia = mass.inertia_about_cg();
-        PostureSample {
-            mass,
-            motion,
-            inertia,
-            // A body of positive masses is never singular; identity keeps the step finite for nonsense.
-            inverse_inertia: inverse_symmetric(&inertia).unwrap_or_else(Matrix3::identity),
-            relative_angular_momentum: motion.relative_angular_momentum_about_cg(&mass),
-            aerodynamics: CompiledAerodynamics::new(exposed),
-        }
+        sample.mass = MassProperties::of(&self.body, &posed);
+        sample.motion = MassMotion::of(&self.body, &posed, rate);
+        sample.inertia = sample.mass.inertia_about_cg();
+        // A body of positive masses is never singular; identity keeps the step finite for nonsense.
+        sample.inverse_inertia =
+            inverse_symmetric(&sample.inertia).unwrap_or_else(Matrix3::identity);
+        sample.relative_angular_momentum = sample
+            .motion
+            .relative_angular_momentum_about_cg(&sample.mass);
+        let aerodynamics = &mut sample.aerodynamics;
+        aerodynamics.expose(&self.body, &posed, &self.aerodynamics);
     }
 }
 
@@ -149,6 +177,24 @@ pub struct PostureSample<T: Real> {
     pub relative_angular_momentum: Vector3<T>,
     /// Aerodynamic sums.
     pub aerodynamics: CompiledAerodynamics<T>,
+}
+
+impl<T: Real> PostureSample<T> {
+    /// Nothing yet: a place for [`Dynamics::sample_into`].
+    pub fn blank() -> Self {
+        Self {
+            mass: MassProperties {
+                mass: T::zero(),
+                cg: Vector3::zeros(),
+                inertia_about_origin: Matrix3::zeros(),
+            },
+            motion: MassMotion::zero(),
+            inertia: Matrix3::zeros(),
+            inverse_inertia: Matrix3::zeros(),
+            relative_angular_momentum: Vector3::zeros(),
+            aerodynamics: CompiledAerodynamics::hidden(),
+        }
+    }
 }
 
 /// The skydiver's conscious inputs, paper eq. (ukf_state).

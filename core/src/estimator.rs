@@ -33,7 +33,7 @@ use nalgebra::{SVector, Vector3};
 use crate::body::posture::Posture;
 use crate::dynamics::interval::Interval;
 use crate::dynamics::muscle_input::MuscleInput;
-use crate::dynamics::{Dynamics, Inputs, Motion, State};
+use crate::dynamics::{Dynamics, Inputs, Motion, PostureSample, State};
 use crate::frame::Vector;
 use crate::math::Real;
 use full::Full;
@@ -86,6 +86,8 @@ pub struct Estimator<T: Real, P: Propagation<T>, const INTERVALS: usize> {
     front: State<T>,
     window: Deque<P::Interval, INTERVALS>,
     posture: Posture<T>,
+    /// The last interval in full: kept here for its size, not on the stack of an update.
+    sample: PostureSample<T>,
     /// Samples since the last interval ended.
     waiting: usize,
     /// Samples pushed since the start.
@@ -140,6 +142,7 @@ impl<T: Real, P: Propagation<T>, const INTERVALS: usize> Estimator<T, P, INTERVA
             front: skydiver,
             window: Deque::new(),
             posture: *posture,
+            sample: PostureSample::blank(),
             waiting: 0,
             samples: 0,
             updates: 0,
@@ -210,24 +213,30 @@ impl<T: Real, P: Propagation<T>, const INTERVALS: usize> Estimator<T, P, INTERVA
     }
 
     /// Adds the interval from the last posture to this one at the end of the window.
+    ///
+    /// Apart from the update, so that their stacks are not added.
+    #[inline(never)]
     fn append(&mut self, dynamics: &Dynamics<T>, posture: &Posture<T>) {
         let good = posture.is_valid();
         self.faults.posture |= !good;
-        let next = if good { *posture } else { self.posture };
-        let sample = dynamics.between(&self.posture, &next, self.duration);
-        self.posture = next;
-        let velocity = self.front.motion(&sample).velocity_inertial();
+        let next = if good { posture } else { &self.posture };
+        dynamics.between_into(&self.posture, next, self.duration, &mut self.sample);
+        if good {
+            self.posture = *posture;
+        }
+        let velocity = self.front.motion(&self.sample).velocity_inertial();
         let through_air =
             Vector::from_components(velocity.components - dynamics.air.velocity.components);
         let velocity = (self.front.inertial_from_body.inverse() * through_air).components;
-        let interval = P::keep(dynamics, &sample, &velocity);
+        let interval = P::keep(dynamics, &self.sample, &velocity);
         let inputs = inputs_of(self.filter.state());
-        self.front = dynamics.step(&self.front, &sample, &inputs, self.duration);
+        self.front = dynamics.step(&self.front, &self.sample, &inputs, self.duration);
         // There is room: a full window is shortened by every update.
         let _ = self.window.push_back(interval);
     }
 
     /// Prediction, update and solution step, paper "The Modified Unscented Kalman Filter".
+    #[inline(never)]
     fn update(&mut self, dynamics: &Dynamics<T>, measured: &Measurement<T>) -> Estimate<T> {
         let window = Window {
             dynamics,

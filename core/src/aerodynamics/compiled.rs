@@ -6,8 +6,9 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::{ExposedSegment, Flow, Loads};
-use crate::body::SegmentArray;
+use super::{Aerodynamics, ExposedSegment, Flow, Loads, expose_into};
+use crate::body::posture::PosedSegment;
+use crate::body::{Body, SEGMENT_COUNT, SegmentArray};
 use crate::math::{Real, outer, skew};
 
 /// Aerodynamics of one posture.
@@ -41,6 +42,31 @@ struct Drag<T: Real> {
 }
 
 impl<T: Real> Forms<T> {
+    fn none() -> Self {
+        let zero = Matrix3::zeros();
+        Self {
+            lift: zero,
+            couple: zero,
+            lift_moment: zero,
+            lift_centre: [zero; 3],
+        }
+    }
+
+    fn of(segments: &SegmentArray<ExposedSegment<T>>) -> Self {
+        let mut forms = Self::none();
+        for segment in segments.values() {
+            let dyad = outer(&segment.dorsal, T::one());
+            let lift_dyad = dyad * segment.lift_area;
+            forms.lift += lift_dyad;
+            forms.couple += dyad * segment.moment_volume;
+            forms.lift_moment += skew(&segment.centre) * lift_dyad;
+            for (sum, &coordinate) in forms.lift_centre.iter_mut().zip(segment.centre.iter()) {
+                *sum += lift_dyad * coordinate;
+            }
+        }
+        forms
+    }
+
     #[inline]
     fn load(&self, flow: &Flow<T>, drag: &Drag<T>) -> Loads<T> {
         let u = &flow.direction;
@@ -60,24 +86,27 @@ impl<T: Real> Forms<T> {
 impl<T: Real> CompiledAerodynamics<T> {
     /// Collects the sums.
     pub fn new(segments: SegmentArray<ExposedSegment<T>>) -> Self {
-        let zero = Matrix3::zeros();
-        let mut forms = Forms {
-            lift: zero,
-            couple: zero,
-            lift_moment: zero,
-            lift_centre: [zero; 3],
-        };
-        for segment in segments.values() {
-            let dyad = outer(&segment.dorsal, T::one());
-            let lift_dyad = dyad * segment.lift_area;
-            forms.lift += lift_dyad;
-            forms.couple += dyad * segment.moment_volume;
-            forms.lift_moment += skew(&segment.centre) * lift_dyad;
-            for (sum, &coordinate) in forms.lift_centre.iter_mut().zip(segment.centre.iter()) {
-                *sum += lift_dyad * coordinate;
-            }
-        }
+        let forms = Forms::of(&segments);
         Self { segments, forms }
+    }
+
+    /// Nothing that the air could see.
+    pub(crate) fn hidden() -> Self {
+        Self {
+            segments: SegmentArray::new([ExposedSegment::hidden(); SEGMENT_COUNT]),
+            forms: Forms::none(),
+        }
+    }
+
+    /// Exposes a posed body where its segments are kept, and collects the sums.
+    pub(crate) fn expose(
+        &mut self,
+        body: &Body<T>,
+        posed: &SegmentArray<PosedSegment<T>>,
+        aerodynamics: &Aerodynamics<T>,
+    ) {
+        expose_into(body, posed, aerodynamics, &mut self.segments);
+        self.forms = Forms::of(&self.segments);
     }
 
     /// Force and moment on the body, as [`super::total_load`].
