@@ -87,7 +87,7 @@ pub struct Estimator<T: Real, P: Propagation<T>, const INTERVALS: usize> {
     window: Deque<P::Interval, INTERVALS>,
     posture: Posture<T>,
     /// The last interval in full: kept here for its size, not on the stack of an update.
-    sample: PostureSample<T>,
+    sample: Option<PostureSample<T>>,
     /// Samples since the last interval ended.
     waiting: usize,
     /// Samples pushed since the start.
@@ -142,7 +142,7 @@ impl<T: Real, P: Propagation<T>, const INTERVALS: usize> Estimator<T, P, INTERVA
             front: skydiver,
             window: Deque::new(),
             posture: *posture,
-            sample: PostureSample::blank(),
+            sample: None,
             waiting: 0,
             samples: 0,
             updates: 0,
@@ -220,17 +220,18 @@ impl<T: Real, P: Propagation<T>, const INTERVALS: usize> Estimator<T, P, INTERVA
         let good = posture.is_valid();
         self.faults.posture |= !good;
         let next = if good { posture } else { &self.posture };
-        dynamics.between_into(&self.posture, next, self.duration, &mut self.sample);
+        let sample = self.sample.get_or_insert_with(PostureSample::blank);
+        dynamics.between_into(&self.posture, next, self.duration, sample);
         if good {
             self.posture = *posture;
         }
-        let velocity = self.front.motion(&self.sample).velocity_inertial();
+        let velocity = self.front.motion(sample).velocity_inertial();
         let through_air =
             Vector::from_components(velocity.components - dynamics.air.velocity.components);
         let velocity = (self.front.inertial_from_body.inverse() * through_air).components;
-        let interval = P::keep(dynamics, &self.sample, &velocity);
+        let interval = P::keep(dynamics, sample, &velocity);
         let inputs = inputs_of(self.filter.state());
-        self.front = dynamics.step(&self.front, &self.sample, &inputs, self.duration);
+        self.front = dynamics.step(&self.front, sample, &inputs, self.duration);
         // There is room: a full window is shortened by every update.
         let _ = self.window.push_back(interval);
     }
