@@ -120,7 +120,7 @@ pub fn discover(
     let disagreement = (plain - expected) / deviation;
 
     let decided = |check: &&Check| check.finding != Finding::Undecided;
-    let out_of_question: Vec<Effect> = checks
+    let mut out_of_question: Vec<Effect> = checks
         .iter()
         .filter(decided)
         .map(|check| check.effect)
@@ -142,7 +142,12 @@ pub fn discover(
         around = here.moved_to(&choice.fit.values, &choice.fit.wrong, &places());
         from_files = None;
         let here = Data::new(track, &model, &around);
+        let with_all = choice.fit.values.clone();
         chosen = pruned(&here, &null, choice.fit, &mut named);
+        // What a later name made needless is not asked again, or two could drop one another for ever.
+        let dropped = with_all.iter().map(|(effect, _)| *effect);
+        out_of_question
+            .extend(dropped.filter(|effect| chosen.values.iter().all(|(kept, _)| kept != effect)));
         progress("flights in which nothing more is missing");
         null = Null::draw(track, &around, &model, &chosen.values, settings.seed);
     }
