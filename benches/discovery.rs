@@ -2,7 +2,7 @@
 //! at once, other noise. Writes `docs/discovery.json` and the table of `docs/discovery.md`.
 //!
 //! `cargo xtask discovery-bench --seeds 2` runs it; `--only wind,mass` looks at some effects and writes nothing,
-//! `--table` makes the table again from the rows.
+//! `--more` keeps the rows there are, `--table` makes the table again from the rows.
 #![expect(clippy::expect_used, reason = "a bench may end with a panic")]
 
 use std::fmt::Write as _;
@@ -251,9 +251,13 @@ fn main() {
         let place = arguments.iter().position(|argument| argument == name)?;
         arguments.get(place + 1).cloned()
     };
-    if arguments.iter().any(|argument| argument == "--table") {
+    let has = |name: &str| arguments.iter().any(|argument| argument == name);
+    let kept = || -> Vec<Value> {
         let rows = std::fs::read_to_string(docs().join("discovery.json")).expect("there are rows");
-        let rows: Vec<Value> = serde_json::from_str(&rows).expect("the rows are JSON");
+        serde_json::from_str(&rows).expect("the rows are JSON")
+    };
+    if has("--table") {
+        let rows = kept();
         write(&rows, &table(&rows));
         return;
     }
@@ -275,8 +279,11 @@ fn main() {
         damping: subject.damping(),
         ..Inputs::belly_turn()
     };
-    let mut rows: Vec<Value> = Vec::new();
+    let mut rows: Vec<Value> = if has("--more") { kept() } else { Vec::new() };
     for case in cases(seeds, &only) {
+        if rows.iter().any(|row| is_of(row, &case)) {
+            continue;
+        }
         rows.push(run(&case, &dynamics, &inputs));
         // A run that is cut short keeps its rows; `--table` makes the table of them.
         if only.is_empty() {
@@ -288,6 +295,14 @@ fn main() {
     if only.is_empty() {
         write(&rows, &table);
     }
+}
+
+/// Whether a row came of this case.
+fn is_of(row: &Value, case: &Case) -> bool {
+    row["group"] == case.group
+        && row["hidden"] == json!(names(&case.hidden))
+        && row["seed"] == case.seed
+        && row["noise"] == case.noise
 }
 
 fn docs() -> PathBuf {
