@@ -12,11 +12,7 @@ pub(super) fn table(rows: &[Value]) -> String {
     let mut keys: Vec<(String, String)> = Vec::new();
     let label = |row: &Value| {
         let hidden = row["hidden"].as_array().map_or_else(Vec::new, Clone::clone);
-        let hidden: Vec<&str> = hidden
-            .iter()
-            .filter_map(Value::as_str)
-            .map(|s| s.to_owned().leak() as &str)
-            .collect();
+        let hidden: Vec<&str> = hidden.iter().filter_map(Value::as_str).collect();
         let name = if hidden.is_empty() {
             "nothing".to_owned()
         } else {

@@ -21,6 +21,7 @@
 //! assert_eq!(events.next(), Some(Event::Frame(header, Message::Stop(Stop { sent: 8 }))));
 //! ```
 
+mod arch;
 mod decoder;
 mod estimate_flags;
 pub mod fault;

@@ -3,7 +3,7 @@
 //! No input, output or clock: what comes out depends on the samples and their sensor times alone, so the
 //! desktop that runs a [`Computer`] over the same samples finds the same bits as the unit.
 
-use bodyflight_core::aerodynamics::{Aerodynamics, ArchFactor};
+use bodyflight_core::aerodynamics::Aerodynamics;
 use bodyflight_core::air::Air;
 use bodyflight_core::dynamics::{Dynamics, Motion};
 use bodyflight_core::estimator::ReducedFilter;
@@ -12,7 +12,7 @@ use bodyflight_core::estimator::preset::{PRESETS, Preset};
 use bodyflight_core::estimator::status::{Estimate, Health};
 use bodyflight_core::frame::{Inertial, Vector};
 use bodyflight_core::link::{
-    self, ArchSource, Configure, EstimateFlags, Sample, SegmentTable, Validity, Verdict,
+    self, Configure, EstimateFlags, Sample, SegmentTable, Validity, Verdict,
 };
 use bodyflight_core::{Posture, Real};
 
@@ -71,11 +71,7 @@ impl Configuration {
                 muscles: preset.muscles,
                 aerodynamics: Aerodynamics {
                     coefficients: table.coefficients(),
-                    arch: match asked.arch_source {
-                        ArchSource::Posture => ArchFactor::FromPosture,
-                        ArchSource::Scaled => ArchFactor::Scaled(asked.arch),
-                        ArchSource::Fixed => ArchFactor::Fixed(asked.arch),
-                    },
+                    arch: asked.arch_factor(),
                 },
                 air: Air {
                     velocity: Vector::from_components(asked.air_velocity.into()),

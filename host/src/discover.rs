@@ -142,12 +142,11 @@ pub fn discover(
         around = here.moved_to(&choice.fit.values, &choice.fit.wrong, &places());
         from_files = None;
         let here = Data::new(track, &model, &around);
-        let with_all = choice.fit.values.clone();
-        chosen = pruned(&here, &null, choice.fit, &mut named);
+        let dropped;
+        (chosen, dropped) = pruned(&here, &null, choice.fit);
+        named.retain(|named| !dropped.contains(&named.effect()));
         // What a later name made needless is not asked again, or two could drop one another for ever.
-        let dropped = with_all.iter().map(|(effect, _)| *effect);
-        out_of_question
-            .extend(dropped.filter(|effect| chosen.values.iter().all(|(kept, _)| kept != effect)));
+        out_of_question.extend(dropped);
         progress("flights in which nothing more is missing");
         null = Null::draw(track, &around, &model, &chosen.values, settings.seed);
     }

@@ -9,7 +9,6 @@ pub mod twin;
 
 use std::time::{Duration, Instant};
 
-use bodyflight_core::aerodynamics::ArchFactor;
 use bodyflight_core::estimator::preset::{PRESETS, Preset};
 use bodyflight_core::link::fault::{Faults, Injector};
 use bodyflight_core::link::{
@@ -141,11 +140,7 @@ fn configuration(
         dynamics.aerodynamics.cast::<f32>(),
     );
     let table = SegmentTable::of(&body, &aerodynamics);
-    let (arch_source, arch) = match aerodynamics.arch {
-        ArchFactor::FromPosture => (ArchSource::Posture, 1.0),
-        ArchFactor::Scaled(scale) => (ArchSource::Scaled, scale),
-        ArchFactor::Fixed(factor) => (ArchSource::Fixed, factor),
-    };
+    let (arch_source, arch) = ArchSource::of(aerodynamics.arch);
     let number = PRESETS.iter().position(|p| p.name == preset.name);
     let number = number.and_then(|number| u16::try_from(number).ok());
     #[expect(

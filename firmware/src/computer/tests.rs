@@ -2,7 +2,9 @@
 
 use std::vec::Vec;
 
+use bodyflight_core::aerodynamics::ArchFactor;
 use bodyflight_core::estimator::preset::TRACKING_ON_BACK;
+use bodyflight_core::link::ArchSource;
 
 use super::*;
 use crate::test_flight::{body, configure, samples, table, time};

@@ -247,8 +247,8 @@ pub(super) fn next(
     })
 }
 
-/// Without the effects that are no longer worth having beside the last one.
-pub(super) fn pruned(data: &Data<'_>, null: &Null, mut chosen: Fit, named: &mut Vec<Named>) -> Fit {
+/// Without the effects that are no longer worth having beside the last one, and which these are.
+pub(super) fn pruned(data: &Data<'_>, null: &Null, mut chosen: Fit) -> (Fit, Vec<Effect>) {
     let earlier: Vec<Effect> = chosen
         .values
         .iter()
@@ -256,6 +256,7 @@ pub(super) fn pruned(data: &Data<'_>, null: &Null, mut chosen: Fit, named: &mut 
         .skip(1)
         .map(|(effect, _)| *effect)
         .collect();
+    let mut dropped = Vec::new();
     for effect in earlier {
         let rest: Values = chosen
             .values
@@ -266,11 +267,11 @@ pub(super) fn pruned(data: &Data<'_>, null: &Null, mut chosen: Fit, named: &mut 
         let without = data.fit(rest, |_| true);
         let gain = (without.misfit - chosen.misfit) / null.inflation_of(effect);
         if deviations(gain, freedom(effect)) < SIGNIFICANT_ALONE {
-            named.retain(|named| named.effect() != effect);
+            dropped.push(effect);
             chosen = without;
         }
     }
-    chosen
+    (chosen, dropped)
 }
 
 /// Whether an effect fitted to every other pair of stretches helps in the rest, both ways.

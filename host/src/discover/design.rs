@@ -116,9 +116,7 @@ impl Around {
             wrong: wrong.clone(),
         }
     }
-}
 
-impl Around {
     /// The same problem, where another flight was measured that is `beyond` what was flown here, by stretch; without
     /// columns of effects, and from nothing wrong.
     pub fn measuring(&self, beyond: &[DVector<f64>]) -> Self {
@@ -173,40 +171,35 @@ impl Block {
             missing: fine.missing(track, stretch),
             flown,
         };
-        block.effects = block.columns(&base, plain, (values, wrong), places);
+        block.effects = block.columns((&base, &block.flown), plain, (values, wrong), places);
         Some(block)
     }
 
     /// Residual of a stretch in another model, whitened: that of here, flown in all frames, less what changes.
-    pub fn residual(&self, flight: &Prepared<'_>) -> DVector<f64> {
-        let flown = flight.fly(&Channels::zeros());
+    pub fn residual(&self, flown: &Flown) -> DVector<f64> {
         self.white(&self.missing - flown.less(&self.flown))
     }
 
-    /// What single parameters change in a flight with `values` and `wrong`, whitened.
+    /// What single parameters change in a flight with `values` and `wrong`, which was flown, whitened.
     pub fn columns(
         &self,
-        flight: &Prepared<'_>,
+        (flight, flown): (&Prepared<'_>, &Flown),
         plain: &Model<f64>,
         (values, wrong): (&Values, &Wrong),
         places: &[Place],
     ) -> DMatrix<f64> {
         let mut columns = DMatrix::zeros(NUMBERS, places.len());
-        if places.is_empty() {
-            return columns;
-        }
         let none = Channels::zeros();
-        let base = flight.fly(&none);
         for (k, place) in places.iter().enumerate() {
             let (other, size) = changed(plain, values, *place);
-            let column = flight.changed_to(&other, wrong).fly(&none).less(&base) / size;
+            let column = flight.changed_to(&other, wrong).fly(&none).less(flown) / size;
             columns.set_column(k, &self.white(column));
         }
         columns
     }
 
     /// A residual in deviations.
-    pub fn white(&self, residual: DVector<f64>) -> DVector<f64> {
+    fn white(&self, residual: DVector<f64>) -> DVector<f64> {
         white(&self.whitening, residual)
     }
 

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use super::design::{Around, Part, Place, places_of};
 use super::flown::{COARSE, Prepared};
 use super::linear::{Normal, Reduced, Right, sum};
+use super::stretch::Channels;
 use super::tolerance::Wrong;
 use super::track::Track;
 
@@ -168,8 +169,9 @@ impl<'a> Data<'a> {
             .filter(|(k, _)| choose(*k))
             .map(|(_, (stretch, block))| {
                 let flight = Prepared::new(self.track, stretch, &model, wrong, COARSE);
-                let white = block.residual(&flight);
-                let columns = block.columns(&flight, self.model, (values, wrong), places);
+                let flown = flight.fly(&Channels::zeros());
+                let white = block.residual(&flown);
+                let columns = block.columns((&flight, &flown), self.model, (values, wrong), places);
                 (
                     Normal::of(&columns, &block.nuisances),
                     Right::of(&white, &columns, &block.nuisances),
@@ -188,9 +190,8 @@ impl<'a> Data<'a> {
     pub fn residuals(&self, fit: &Fit) -> Vec<DVector<f64>> {
         let model = with(self.model, &fit.values);
         let residual = |(stretch, block): &Part| {
-            block.residual(&Prepared::new(
-                self.track, stretch, &model, &fit.wrong, COARSE,
-            ))
+            let flight = Prepared::new(self.track, stretch, &model, &fit.wrong, COARSE);
+            block.residual(&flight.fly(&Channels::zeros()))
         };
         self.around.parts.par_iter().map(residual).collect()
     }
@@ -264,10 +265,11 @@ impl<'a> Data<'a> {
         let mut hold = Hold::Free;
         for _ in 0..steps {
             let free = Reduced::of(&here.0, &here.1, &wrong.0);
-            if let Some((_, covariance)) = free.solved(&reach) {
+            let mut predicted = best - free.misfit;
+            if let Some((step, covariance)) = free.solved(&reach) {
                 errors = covariance.diagonal().iter().map(|v| v.sqrt()).collect();
+                predicted += step.dot(&free.slope);
             }
-            let predicted = best - free.misfit + free.gain(&reach);
             if predicted < CLOSE.max(CLOSE_SHARE * best) {
                 break;
             }

@@ -28,7 +28,7 @@ test("a stream is seen while it goes: body, latency, counters, estimates", async
   console.log(`live: ${rate} frames a second, latency ${latency} ms`);
   assert.ok(rate > 10, `${rate} frames a second`);
   assert.ok(latency > 0 && latency < 1000, `latency ${latency} ms`);
-  assert.equal(await number("dropped"), 0);
+  const dropped = await number("dropped");
   assert.ok((await colours(page, "main > canvas")) > 100);
   assert.equal(await page.locator(".plot").count(), 7);
   assert.ok((await inked(page, "[data-plot=latency] canvas", "measured")) > 30, "the latency is drawn");
@@ -44,6 +44,7 @@ test("a stream is seen while it goes: body, latency, counters, estimates", async
   // A busy machine may be late; what it says must still be right.
   assert.ok(code === 0 || code === 4, err);
   assert.ok(report.sent > 240 * (SECONDS - 1), out);
+  assert.ok(dropped <= report.unit.dropped_oldest, `the page says ${dropped} were dropped: ${out}`);
   await page.waitForFunction(() => document.querySelector("#state").textContent.includes("ended"));
   await page.evaluate(() => {
     const slider = document.querySelector("footer input");

@@ -4,10 +4,10 @@ use bodyflight_core::effect::{Effect, PARAMETER_COUNT};
 use nalgebra::Vector3;
 use serde::Serialize;
 
-use super::{ENOUGH, Fall, Fit, Values, values_of, windows};
+use super::{ENOUGH, Fall, Fit, Values, values_of};
 use crate::discover::report::{Evidence, MODEL_COMMENT, Named, Outcome, model_of, share_explained};
 use crate::discover::{DISAGREES, EXPLAINS};
-use crate::flysight::{Fix, Track};
+use crate::flysight::Track;
 use crate::model_file::{ByName, model_toml};
 
 /// Names of the components, with units.
@@ -137,7 +137,7 @@ impl Report {
             free_fall_s: fall.duration(),
             noise_m_s: fall.noise,
             rows_skipped: track.skipped.count,
-            latency: latency(fall.fixes),
+            latency: latency(fall),
             specific_force: specific_force(fall, track),
             gap: gap(fall, &values),
             held_out: others.iter().map(|other| gap(other, &values)).collect(),
@@ -221,9 +221,10 @@ fn map(fall: &Fall<'_>, values: &Values) -> Vec<Spot> {
 }
 
 /// By how much the velocity is late: the way over windows is that of the velocity, less the delay times its change.
-fn latency(fixes: &[Fix]) -> Option<Latency> {
+fn latency(fall: &Fall<'_>) -> Option<Latency> {
+    let fixes = fall.fixes;
     let mut rows: Vec<(f64, f64)> = Vec::new();
-    for (from, to) in windows(fixes) {
+    for &(from, to) in &fall.windows {
         let said = fixes[from..=to]
             .windows(2)
             .fold(Vector3::zeros(), |way, pair| {
