@@ -9,6 +9,8 @@
 mod table;
 
 use std::path::PathBuf;
+use std::sync::Mutex;
+use std::thread::available_parallelism;
 use std::time::Instant;
 
 use bodyflight::discover::report::{Outcome, Report};
@@ -20,6 +22,7 @@ use bodyflight::subject::Subject;
 use bodyflight_core::dynamics::muscle_input::BACK_TRACKING;
 use bodyflight_core::dynamics::{Dynamics, Inputs};
 use bodyflight_core::effect::Effect;
+use rayon::ThreadPoolBuilder;
 use serde_json::{Value, json};
 use table::table;
 
@@ -112,6 +115,8 @@ fn cases(seeds: u64, only: &[String]) -> Vec<Case> {
             }
         }
     }
+    // Other noise last: a run that is cut short has the rest.
+    cases.sort_by_key(|case| case.group == "noise");
     cases
 }
 
@@ -282,22 +287,43 @@ fn main() {
         damping: subject.damping(),
         ..Inputs::belly_turn()
     };
-    let mut rows: Vec<Value> = if has("--more") { kept() } else { Vec::new() };
-    for case in cases(seeds, &only) {
-        if rows.iter().any(|row| is_of(row, &case)) {
-            continue;
+    let rows: Vec<Value> = if has("--more") { kept() } else { Vec::new() };
+    let cases = cases(seeds, &only);
+    let is_due = |case: &&Case| !rows.iter().any(|row| is_of(row, case));
+    let due: Vec<&Case> = cases.iter().filter(is_due).collect();
+    let (due, rows) = (Mutex::new(due.into_iter()), Mutex::new(rows));
+    // A flight on each core: its own parts are too short to keep all cores busy.
+    let work = || {
+        let alone = ThreadPoolBuilder::new().num_threads(1).build();
+        let alone = alone.expect("a thread starts");
+        while let Some(case) = next(&due) {
+            let row = alone.install(|| run(case, &dynamics, &inputs));
+            let mut rows = rows.lock().expect("no flight ends with a panic");
+            rows.push(row);
+            rows.sort_by_key(|row| cases.iter().position(|case| is_of(row, case)));
+            // A run that is cut short keeps its rows; `--table` makes the table of them.
+            if only.is_empty() {
+                keep(&rows);
+            }
         }
-        rows.push(run(&case, &dynamics, &inputs));
-        // A run that is cut short keeps its rows; `--table` makes the table of them.
-        if only.is_empty() {
-            keep(&rows);
+    };
+    let cores = available_parallelism().map_or(1, usize::from);
+    std::thread::scope(|scope| {
+        for _ in 0..cores {
+            scope.spawn(work);
         }
-    }
+    });
+    let rows = rows.into_inner().expect("no flight ends with a panic");
     let table = table(&rows);
     println!("{table}");
     if only.is_empty() {
         write(&rows, &table);
     }
+}
+
+/// The next case, for whoever asks first.
+fn next<'a>(due: &Mutex<impl Iterator<Item = &'a Case>>) -> Option<&'a Case> {
+    due.lock().expect("no flight ends with a panic").next()
 }
 
 /// Whether a row came of this case.

@@ -67,6 +67,22 @@ impl Parameter {
     pub fn is_one_sided(&self) -> bool {
         self.low >= self.neutral
     }
+
+    /// The value a share of the way from neutral to an end of the range: the low end where `share` is negative.
+    pub fn towards_end(&self, share: f64) -> f64 {
+        self.neutral + share.abs() * (self.end(share) - self.neutral)
+    }
+
+    /// The share of the way to its end that a value has gone, never negative; zero where there is no way.
+    pub fn share_of_range(&self, value: f64) -> f64 {
+        let away = value - self.neutral;
+        let way = self.end(away) - self.neutral;
+        if way == 0.0 { 0.0 } else { away / way }
+    }
+
+    fn end(&self, side: f64) -> f64 {
+        if side < 0.0 { self.low } else { self.high }
+    }
 }
 
 /// Where an effect acts.

@@ -33,7 +33,7 @@ use check::{Check, Finding};
 use choice::{next, pruned};
 use design::{Around, places};
 use fit::{Data, Values, with};
-use gap::Gap;
+use gap::{Gap, HeldOutGap};
 use held_out::HeldOut;
 use momentum::balance;
 use null::Null;
@@ -66,6 +66,9 @@ const DISAGREES: f64 = 5.0;
 
 /// Share of what there is to explain that the effects named must explain together.
 const EXPLAINS: f64 = 0.6;
+
+/// Share of what a flight held out leaves beyond noise that they must close there: what only fits one flight is not it.
+const CLOSES: f64 = 0.5;
 
 /// Shortest flight that is judged (stretches).
 const LEAST_STRETCHES: usize = 20;
@@ -139,11 +142,12 @@ pub fn discover(
             break;
         };
         named.push(choice.named);
-        around = here.moved_to(&choice.fit.values, &choice.fit.wrong, &places());
+        let fit = here.finished(choice.fit);
+        around = here.moved_to(&fit.values, &fit.wrong, &places());
         from_files = None;
         let here = Data::new(track, &model, &around);
         let dropped;
-        (chosen, dropped) = pruned(&here, &null, choice.fit);
+        (chosen, dropped) = pruned(&here, &null, fit);
         named.retain(|named| !dropped.contains(&named.effect()));
         // What a later name made needless is not asked again, or two could drop one another for ever.
         out_of_question.extend(dropped);
@@ -156,20 +160,24 @@ pub fn discover(
     named.splice(0..0, by_check.map(Named::by_check));
     let thin = around.parts.len() < LEAST_STRETCHES || track.is_still();
     let agrees = disagreement < DISAGREES;
-    let enough = agrees || explained >= EXPLAINS;
+    progress("what is left of the gap");
+    let gaps = |values: &Values| -> Vec<HeldOutGap> {
+        let gap = |other: &HeldOut<'_>| other.gap(values, settings.seed);
+        others.iter().map(gap).collect()
+    };
+    let mut values = [faults, chosen.values.clone()].concat();
+    let mut held_out = gaps(&values);
+    let closes = |gap: &HeldOutGap| gap.closed_share() >= CLOSES;
+    let holds = chosen.values.is_empty() || held_out.iter().all(closes);
+    let enough = holds && (agrees || explained >= EXPLAINS);
     let outcome = Outcome::of(thin, agrees, &named, enough);
+    if outcome != Outcome::Named && !values.is_empty() {
+        values.clear();
+        held_out = gaps(&values);
+    }
     let left_after = Parts::of(&Data::new(track, &model, &around), &chosen);
     let data = Data::new(track, &bare, &around);
-    let values = match outcome {
-        Outcome::Named => [faults, chosen.values].concat(),
-        _ => Vec::new(),
-    };
-    progress("what is left of the gap");
     let gap = Gap::of(&data, &values, &null.floor);
-    let held_out = others
-        .iter()
-        .map(|other| other.gap(&values, settings.seed))
-        .collect();
     let momentum = [&bare, &with(&bare, &values)].map(|model| balance(track, model));
     let map = gap::map(&data, &values, &null.floor);
     Ok(report::Report::new(report::Parts {

@@ -90,8 +90,7 @@ pub fn strength(effect: Effect, seed: u64, share: Option<f64>) -> [f64; PARAMETE
         let up = random.random::<bool>() || parameter.is_one_sided();
         let drawn = 0.4 + 0.4 * random.random::<f64>();
         let share = share.unwrap_or(drawn);
-        let end = if up { parameter.high } else { parameter.low };
-        *value += share * (end - parameter.neutral);
+        *value = parameter.towards_end(if up { share } else { -share });
     }
     values
 }

@@ -44,6 +44,20 @@ fn flown(model: &Model<f64>) -> Motion<f64> {
 }
 
 #[test]
+fn a_share_of_a_range_leads_to_a_value_and_back() {
+    let parameter = parameter("factor", 1.0, -0.1, 4.0);
+    assert!((parameter.towards_end(0.5) - 2.5).abs() < 1e-15);
+    assert!((parameter.towards_end(-0.5) - 0.45).abs() < 1e-15);
+    for share in [-1.0_f64, -0.3, 0.0, 0.02, 1.0] {
+        let there = parameter.share_of_range(parameter.towards_end(share));
+        assert!((there - share.abs()).abs() < 1e-15);
+    }
+    let one_sided = super::parameter("mass_kg", 0.0, 0.0, 8.0);
+    assert!(one_sided.towards_end(-0.5).abs() < 1e-15);
+    assert!(one_sided.share_of_range(0.0).abs() < 1e-15);
+}
+
+#[test]
 fn descriptions_are_complete_and_name_each_other() {
     for &effect in Effect::ALL {
         let description = effect.description();

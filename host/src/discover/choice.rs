@@ -1,6 +1,6 @@
 //! The choice: which effect explains most of what is left, and whether it deserves a name.
 
-use bodyflight_core::effect::Effect;
+use bodyflight_core::effect::{Effect, PARAMETER_COUNT};
 
 use super::DISAGREES;
 use super::design::{Around, freedom};
@@ -13,7 +13,7 @@ use super::stability::{Parts, stability};
 /// Deviations of a gain beyond what drawn flights show, from which on it is significant: where flights held out
 /// have a vote, alone and with them, and where they have none. What joints have wrong is the same all through one
 /// flight, so its own halves cannot vote on that.
-const SIGNIFICANT: f64 = 3.5;
+const SIGNIFICANT: f64 = 3.0;
 const SIGNIFICANT_TOGETHER: f64 = 5.0;
 pub(super) const SIGNIFICANT_ALONE: f64 = 9.0;
 
@@ -22,6 +22,10 @@ pub(super) const VOTE: f64 = 2.0;
 
 /// Share of what is left to explain that an effect must explain to be material.
 const MATERIAL: f64 = 0.1;
+
+/// Share of its plausible range that a parameter must be away from nothing to be material: less may be what the fit's
+/// own steps have wrong.
+const MATERIAL_SHARE_OF_RANGE: f64 = 0.02;
 
 /// Deviations of a chi-squared number of `freedom` degrees from its mean, as of a normal one (Wilson and Hilferty).
 pub(super) fn deviations(chi_squared: f64, freedom: f64) -> f64 {
@@ -39,6 +43,9 @@ const WITHIN_REACH: f64 = 0.25;
 
 /// Share of the best one's gain that they must reach for the flights held out to be asked.
 const IN_THE_RACE: f64 = 0.5;
+
+/// How much more a start leaves than that of an effect that explains it all, where it is given up.
+const FAR_BEHIND: f64 = 4.0;
 
 /// A candidate, fitted with what was chosen before.
 struct Candidate {
@@ -71,24 +78,45 @@ pub(super) struct Choice {
     pub(super) named: Named,
 }
 
+/// Where a fit of an effect starts: from nothing, and where several parameters may hide in joints and subject one
+/// behind the other, from halfway to both ends of their ranges.
+pub(super) fn starts(effect: Effect, from_afar: bool) -> Vec<[f64; PARAMETER_COUNT]> {
+    let sides: &[f64] = if from_afar && effect.description().parameters.len() > 1 {
+        &[0.0, -0.5, 0.5]
+    } else {
+        &[0.0]
+    };
+    let start = |side: &f64| {
+        let mut values = effect.neutral();
+        for (value, parameter) in values.iter_mut().zip(effect.description().parameters) {
+            *value = parameter.towards_end(*side);
+        }
+        values
+    };
+    sides.iter().map(start).collect()
+}
+
 /// The effects that gain most by a problem as it stands, fitted in it, best first.
 fn near(
     data: &Data<'_>,
     null: &Null,
     chosen: &Fit,
     out_of_question: &[Effect],
+    from_afar: bool,
 ) -> Vec<(Effect, Fit)> {
     let without = data.sketched(chosen.values.clone()).misfit;
     let mut first: Vec<(Effect, Fit, f64)> = Effect::ALL
         .iter()
         .filter(|effect| chosen.values.iter().all(|(known, _)| known != *effect))
         .filter(|effect| !out_of_question.contains(effect))
-        .map(|&effect| {
-            let mut values = chosen.values.clone();
-            values.push((effect, effect.neutral()));
-            let fit = data.sketched(values);
+        .filter_map(|&effect| {
+            let fits = starts(effect, from_afar).into_iter().map(|start| {
+                let values = [chosen.values.as_slice(), &[(effect, start)]].concat();
+                data.sketched(values)
+            });
+            let fit = fits.min_by(|a, b| a.misfit.total_cmp(&b.misfit))?;
             let gain = without - fit.misfit;
-            (effect, fit, score(null, effect, gain))
+            Some((effect, fit, score(null, effect, gain)))
         })
         .collect();
     first.sort_by(|a, b| b.2.total_cmp(&a.2));
@@ -124,14 +152,21 @@ fn short_list(
     chosen: &Fit,
     out_of_question: &[Effect],
 ) -> Vec<Candidate> {
-    let mut contenders: Vec<(&Data<'_>, Effect, Fit)> = Vec::new();
-    for data in problems {
-        for (effect, fit) in near(data, null, chosen, out_of_question) {
-            if contenders.iter().all(|(_, known, _)| *known != effect) {
-                contenders.push((data, effect, fit));
+    let mut contenders: Vec<(Effect, Vec<(&Data<'_>, Fit)>)> = Vec::new();
+    for (k, data) in problems.iter().enumerate() {
+        for (effect, fit) in near(data, null, chosen, out_of_question, k == 0) {
+            match contenders.iter_mut().find(|(known, _)| *known == effect) {
+                Some((_, starts)) => starts.push((data, fit)),
+                None => contenders.push((effect, vec![(data, fit)])),
             }
         }
     }
+    for (_, starts) in &mut contenders {
+        starts.sort_by(|a, b| a.1.misfit.total_cmp(&b.1.misfit));
+    }
+    let nearest =
+        |starts: &[(&Data<'_>, Fit)]| starts.first().map_or(f64::INFINITY, |s| s.1.misfit);
+    contenders.sort_by(|a, b| nearest(&a.1).total_cmp(&nearest(&b.1)));
     let voters: Vec<(&HeldOut<'_>, f64)> = others
         .iter()
         .map(|other| (other, other.misfit(&chosen.values)))
@@ -139,10 +174,25 @@ fn short_list(
     let mut candidates: Vec<Candidate> = Vec::new();
     // Largest gain in this flight so far, beyond chance, that other flights do not take back.
     let mut most = 0.0_f64;
-    for (data, effect, fit) in contenders {
+    let [expected, deviation] = null.misfit;
+    let little = expected + DISAGREES * deviation;
+    let enough = |fit: &Fit| fit.misfit < little;
+    // Where the first that leaves little came from.
+    let mut explained_from: Option<f64> = None;
+    for (effect, starts) in contenders {
         let inflation = null.inflation_of(effect);
-        let goal = chosen.misfit - IN_THE_RACE * most * inflation;
-        let (fit, around) = data.refined(fit, goal);
+        let mut goal = chosen.misfit - IN_THE_RACE * most * inflation;
+        // Where one explains it all, what leaves more is no rival, and what starts far behind will leave more.
+        let start = nearest(&starts);
+        if let Some(from) = explained_from {
+            goal = goal.min(little);
+            if start > FAR_BEHIND * from {
+                continue;
+            }
+        }
+        let Some((fit, around)) = refined_from(starts, goal) else {
+            continue;
+        };
         if fit.misfit > goal {
             continue;
         }
@@ -153,6 +203,9 @@ fn short_list(
         let gain = chosen.misfit - fit.misfit;
         let together = gain + votes.iter().sum::<f64>();
         most = most.max(gain.min(together) / inflation);
+        if chosen.misfit >= little && enough(&fit) && explained_from.is_none() {
+            explained_from = Some(start);
+        }
         candidates.push(Candidate {
             effect,
             score: score(null, effect, together),
@@ -164,13 +217,29 @@ fn short_list(
     }
     // Those first that leave no more than flights have in which nothing is missing; then by how far the gain is
     // beyond chance: some effects take up what joints have wrong, and gain by that alone.
-    let [expected, deviation] = null.misfit;
-    let enough = |candidate: &Candidate| candidate.fit.misfit < expected + DISAGREES * deviation;
     candidates.sort_by(|a, b| {
-        let order = enough(b).cmp(&enough(a));
+        let order = enough(&b.fit).cmp(&enough(&a.fit));
         order.then(b.score.total_cmp(&a.score))
     });
     candidates
+}
+
+/// The best fit from some starts, the nearest first. It may end in a valley that another start leads past.
+fn refined_from(starts: Vec<(&Data<'_>, Fit)>, goal: f64) -> Option<(Fit, Around)> {
+    let mut best: Option<(Fit, Around)> = None;
+    for (data, fit) in starts {
+        let goal = best
+            .as_ref()
+            .map_or(goal, |(best, _)| best.misfit.min(goal));
+        let found = data.refined(fit, goal);
+        if best
+            .as_ref()
+            .is_none_or(|(best, _)| found.0.misfit < best.misfit)
+        {
+            best = Some(found);
+        }
+    }
+    best
 }
 
 /// How much an effect is to be preferred: its gain beyond chance, less what its parameters cost by Schwarz' criterion.
@@ -203,7 +272,7 @@ pub(super) fn next(
     } else {
         alone >= SIGNIFICANT && together >= SIGNIFICANT_TOGETHER && best.votes.iter().all(votes_for)
     };
-    if !significant || gain < MATERIAL * left {
+    if !significant || gain < MATERIAL * left || !is_material(best) {
         return None;
     }
     // Whoever explains as much, and leaves nothing for the best beside it.
@@ -245,6 +314,18 @@ pub(super) fn next(
         fit: best.fit.clone(),
         named,
     })
+}
+
+/// Whether a parameter is at least a small share of its range away from nothing.
+fn is_material(candidate: &Candidate) -> bool {
+    let parameters = candidate.effect.description().parameters;
+    let fitted = candidate.fit.values.last().map(|(_, values)| values);
+    let mut shares = fitted
+        .into_iter()
+        .flatten()
+        .zip(parameters)
+        .map(|(value, parameter)| parameter.share_of_range(*value));
+    shares.any(|share| share > MATERIAL_SHARE_OF_RANGE)
 }
 
 /// Without the effects that are no longer worth having beside the last one, and which these are.

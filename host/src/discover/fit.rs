@@ -18,6 +18,8 @@ const SKETCH_STEPS: usize = 5;
 /// Problems that are set up around one fit, at most, and the gain from which on another one is worth it, also as a
 /// share of the misfit: of a fit that leaves much it need not be known how much.
 const PROBLEMS: usize = 6;
+/// The same for a fit that is kept: from afar it takes more.
+const PROBLEMS_TO_THE_END: usize = 24;
 const SETTLED: f64 = 3.0;
 const SETTLED_SHARE: f64 = 0.001;
 
@@ -216,18 +218,31 @@ impl<'a> Data<'a> {
     /// Fits in the problem around each fit, until that changes nothing, or cannot bring the misfit to `goal`.
     pub fn refined(&self, fit: Fit, goal: f64) -> (Fit, Around) {
         let places = columns(&fit.values);
-        self.refined_in(fit, &places, goal)
+        self.refined_in(fit, &places, goal, PROBLEMS)
+    }
+
+    /// The same to the end: nothing else is to be named for what a fit from afar still gains.
+    pub fn finished(&self, fit: Fit) -> Fit {
+        let places = columns(&fit.values);
+        let (fit, _) = self.refined_in(fit, &places, f64::INFINITY, PROBLEMS_TO_THE_END);
+        fit
     }
 
     /// Effects as they are, joints and subject fitted in the problem around each fit.
     pub fn settled_refined(&self, values: &Values) -> (Fit, Around) {
         let fit = self.settled(values, |_| true);
-        self.refined_in(fit, &[], f64::INFINITY)
+        self.refined_in(fit, &[], f64::INFINITY, PROBLEMS)
     }
 
-    fn refined_in(&self, mut fit: Fit, places: &[Place], goal: f64) -> (Fit, Around) {
+    fn refined_in(
+        &self,
+        mut fit: Fit,
+        places: &[Place],
+        goal: f64,
+        problems: usize,
+    ) -> (Fit, Around) {
         let mut around = self.moved_to(&fit.values, &fit.wrong, &[]);
-        for problems_left in (0..PROBLEMS).rev() {
+        for problems_left in (0..problems).rev() {
             let before = fit.misfit;
             let there = self.with(&around);
             fit = there.minimised(fit.values, places, Subject::Moves, |_| true);

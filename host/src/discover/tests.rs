@@ -5,8 +5,9 @@ use bodyflight_core::effect::Effect;
 use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;
 
+use super::choice::starts;
 use super::design::places;
-use super::fit::with;
+use super::fit::{Fit, with};
 use super::flown::Prepared;
 use super::gap::missing;
 use super::linear::{Normal, Nuisances, Reduced, Right};
@@ -260,6 +261,48 @@ fn a_fit_ends_at_the_same_place_from_wherever_it_begins() {
             assert!((value - other).abs() < 0.3 * error, "{fits:?}");
         }
     }
+}
+
+/// Joints do most of the work of a weak moment: from nothing the way leads into their valley and ends there.
+#[test]
+fn a_fit_from_halfway_arrives_where_one_from_nothing_does_not() {
+    let (dynamics, inputs) = model();
+    let settings = hide::Settings {
+        seed: 1,
+        ..hide::Settings::default()
+    };
+    let truth = hide::strength(Effect::Moment, 1, None);
+    let hidden = [Hidden::Effect(Effect::Moment, truth)];
+    let flight = fly(&dynamics, &inputs, &hidden, &settings);
+    let track = Track::new(&flight.frames, dynamics, inputs).unwrap();
+    let plain = Model::new(track.dynamics, track.start_height());
+    let start = (&Vec::new(), &Wrong::nothing());
+    let around = Around::new(&track, &plain, stretches(&track), start, &[]);
+    let data = Data::new(&track, &plain, &around);
+    let fits: Vec<Fit> = starts(Effect::Moment, true)
+        .into_iter()
+        .map(|start| {
+            let sketch = data.sketched(vec![(Effect::Moment, start)]);
+            data.refined(sketch, f64::INFINITY).0
+        })
+        .collect();
+    let [nothing, halfway, _] = fits.as_slice() else {
+        panic!("{fits:?}")
+    };
+    assert!(nothing.misfit > halfway.misfit + 100.0, "{fits:?}");
+    let values = halfway.values[0].1.iter().zip(&truth);
+    for ((value, truth), error) in values.zip(&halfway.errors) {
+        assert!((value - truth).abs() < 4.0 * error, "{fits:?}, {truth}");
+    }
+}
+
+#[test]
+fn only_from_afar_and_with_several_parameters_there_are_several_starts() {
+    assert_eq!(starts(Effect::Mass, true), [Effect::Mass.neutral()]);
+    assert_eq!(starts(Effect::Moment, false), [Effect::Moment.neutral()]);
+    let from_afar = starts(Effect::Moment, true);
+    assert_eq!(from_afar.len(), 3);
+    assert!(from_afar[1][0] < from_afar[0][0] && from_afar[0][0] < from_afar[2][0]);
 }
 
 /// Where small errors of joints grow, bodies that are drawn have to be fitted as the flight is.

@@ -18,10 +18,11 @@ const INERTIA: f64 = 0.03;
 const AREA: f64 = 0.03;
 
 /// Standard deviations of coefficients (share) and of the centre of gravity of the trunk (m).
-const COEFFICIENTS: [(Effect, f64); 4] = [
+const COEFFICIENTS: [(Effect, f64); 5] = [
     (Effect::Drag, 0.04),
     (Effect::Lift, 0.04),
     (Effect::Moment, 0.04),
+    (Effect::Damping, 0.04),
     (Effect::CgOffset, 0.004),
 ];
 
