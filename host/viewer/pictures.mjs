@@ -1,11 +1,9 @@
 // Makes the pictures of the README: cargo xtask viewer --pictures.
-import { mkdtempSync } from "node:fs";
-import { tmpdir } from "node:os";
 import { join } from "node:path";
-import { begin, browser, open, run } from "./tests/browser.mjs";
+import { begin, browser, open, run, scratch } from "./tests/browser.mjs";
 
 const docs = new URL("../../docs/", import.meta.url).pathname;
-const folder = mkdtempSync(join(tmpdir(), "bodyflight-pictures-"));
+const folder = scratch("pictures");
 const chromium = await browser();
 const keep = (page, name) => page.screenshot({ path: join(docs, `${name}.jpg`), type: "jpeg", quality: 72 });
 

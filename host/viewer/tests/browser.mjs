@@ -1,7 +1,8 @@
 // A browser for the tests, and what every page must hold to.
 import assert from "node:assert/strict";
 import { spawn } from "node:child_process";
-import { mkdirSync } from "node:fs";
+import { mkdirSync, mkdtempSync, rmSync } from "node:fs";
+import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { chromium } from "playwright-core";
 
@@ -10,6 +11,13 @@ export const BODYFLIGHT = need("BODYFLIGHT");
 export const NATIVE = need("BODYFLIGHT_NATIVE");
 export const OUTPUT = need("BODYFLIGHT_OUTPUT");
 mkdirSync(OUTPUT, { recursive: true });
+
+/** A folder that lasts as long as the tests. */
+export function scratch(name) {
+  const folder = mkdtempSync(join(tmpdir(), `bodyflight-${name}-`));
+  process.on("exit", () => rmSync(folder, { recursive: true, force: true }));
+  return folder;
+}
 
 /** Chromium with WebGL in software, or without WebGL. */
 export function browser({ webgl = true } = {}) {

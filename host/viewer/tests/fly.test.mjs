@@ -1,12 +1,11 @@
 import assert from "node:assert/strict";
 import { spawnSync } from "node:child_process";
-import { existsSync, mkdtempSync } from "node:fs";
-import { tmpdir } from "node:os";
+import { existsSync } from "node:fs";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
-import { begin, browser, inked, NATIVE, open, run, shot } from "./browser.mjs";
+import { begin, browser, inked, NATIVE, open, run, scratch, shot } from "./browser.mjs";
 
-const folder = mkdtempSync(join(tmpdir(), "bodyflight-fly-"));
+const folder = scratch("fly");
 let chromium;
 let program;
 let url;

@@ -1,11 +1,10 @@
 import assert from "node:assert/strict";
-import { mkdtempSync, readFileSync, statSync, writeFileSync } from "node:fs";
-import { tmpdir } from "node:os";
+import { readFileSync, statSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
-import { browser, colours, inked, open, OUTPUT, run, shot } from "./browser.mjs";
+import { browser, colours, inked, open, OUTPUT, run, scratch, shot } from "./browser.mjs";
 
-const folder = mkdtempSync(join(tmpdir(), "bodyflight-view-"));
+const folder = scratch("view");
 const path = join(folder, "view.html");
 const url = `file://${path}`;
 let chromium;
