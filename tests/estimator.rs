@@ -166,10 +166,11 @@ fn angle_flying_with_barrel_rolls_is_reconstructed() {
     };
     for estimated in [found.paper, found.reduced] {
         assert!(estimated.pitch < 0.15 && estimated.roll < 0.15);
-        // The paper's 0.45 m/s holds for most seeds, not for all: docs/benchmarks.md.
-        assert!(estimated.horizontal_speed < 0.8);
         assert!(estimated.horizontal_speed < found.constant.horizontal_speed / 3.0);
     }
+    // The paper's 0.45 m/s holds for most seeds, and with the reduced filter over many: docs/benchmarks.md.
+    assert!(found.paper.horizontal_speed < 0.8);
+    assert!(found.reduced.horizontal_speed < 0.5);
 }
 
 #[test]
@@ -189,11 +190,10 @@ fn transitions_are_reconstructed() {
     let Some(found) = compare(&TRANSITIONS, &preset("transitions")) else {
         return;
     };
-    assert!(found.paper.pitch < 0.2);
     // Roll jumps by half a turn when the body passes the vertical: a flip that passes it a few samples early
     // or late dominates the mean. Flips are unstable motions, too: a last bit can choose another branch.
     for estimated in [found.paper, found.reduced] {
-        assert!(estimated.pitch < found.constant.pitch);
+        assert!(estimated.pitch < 0.2 && estimated.pitch < found.constant.pitch);
         assert!(estimated.roll < found.constant.roll / 3.0);
     }
 }

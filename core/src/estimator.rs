@@ -3,7 +3,8 @@
 //!
 //! Both are an [`Estimator`]; they differ in how sigma points become predicted measurements
 //! ([`propagation`]): [`PaperFilter`] flies the whole model thirteen times ([`full`]), [`ReducedFilter`] a
-//! smaller one seven times ([`reduced`]). The algebra is in [`unscented`], what is measured in
+//! smaller one seven times ([`reduced`]) and checks what it finds ([`check`]). The algebra is in [`unscented`],
+//! what is measured in
 //! [`measurement`], tunings by name in [`preset`], what is published in [`status`]. [`ranges`] declares what
 //! every number may be and in which fixed-point format it would fit; [`trace`] is a flight whose bits are the
 //! same on every machine.
@@ -16,6 +17,7 @@
 //!
 //! No call allocates, panics, or takes longer for some data than for others.
 
+pub mod check;
 pub mod factor;
 pub mod full;
 pub mod measurement;
@@ -36,6 +38,7 @@ use crate::dynamics::muscle_input::MuscleInput;
 use crate::dynamics::{Dynamics, Inputs, Motion, PostureSample, State};
 use crate::frame::Vector;
 use crate::math::Real;
+use check::Check;
 use full::Full;
 use measurement::{CHANNELS, Measurement, MeasurementModel};
 use preset::Preset;
@@ -251,9 +254,24 @@ impl<T: Real, P: Propagation<T>, const INTERVALS: usize> Estimator<T, P, INTERVA
         let usable = self.model.usable(measured);
         let observation = self.model.vector(measured);
         let difference = self.model.difference(&observation, &moments.prediction);
+        let before = *self.filter.state();
         let innovation = self
             .filter
             .update(&moments, &difference, &self.noise, &usable);
+        let front = if P::CHECKED {
+            let check = Check {
+                model: &self.model,
+                observation: &observation,
+                noise: &self.noise,
+                usable: &usable,
+                before: &before,
+                innovation: &innovation,
+                mean_normalised_innovation: self.mean_normalised_innovation,
+            };
+            check.apply(&mut self.filter, &self.skydiver, &window)
+        } else {
+            front
+        };
 
         let inputs = inputs_of(self.filter.state());
         let mut skydiver = self.skydiver;

@@ -18,6 +18,8 @@ pub trait Propagation<T: Real> {
     const STRIDE: usize;
     /// Square root of the covariance that spreads the sigma points.
     const ROOT: Root;
+    /// Whether updates go through [`super::check`].
+    const CHECKED: bool;
 
     /// What to keep of an interval that the central run crosses at about `velocity` (m/s, through the air,
     /// body axes).

@@ -159,6 +159,7 @@ impl<T: Real> Propagation<T> for Reduced {
     type Interval = ReducedInterval<T>;
     const STRIDE: usize = 2;
     const ROOT: Root = Root::Cholesky;
+    const CHECKED: bool = true;
 
     fn keep(
         dynamics: &Dynamics<T>,

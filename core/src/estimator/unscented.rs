@@ -248,6 +248,29 @@ impl<T: Real, const N: usize> Unscented<T, N> {
             repaired,
         }
     }
+
+    /// Goes halfway back to the state from before an update.
+    pub fn hold_back(&mut self, before: &SVector<T, N>) {
+        self.state = (self.state + before) * T::of(0.5);
+    }
+
+    /// Believes the state less: variances grow by a factor, to those at the start at most.
+    pub fn fade(&mut self, factor: T) {
+        let scale = SVector::<T, N>::from_fn(|k, _| {
+            let most = self.settings.variance[k] / self.covariance[(k, k)];
+            let factor = if factor < most { factor } else { most };
+            if factor > T::one() {
+                factor.root()
+            } else {
+                T::one()
+            }
+        });
+        for j in 0..N {
+            for i in 0..N {
+                self.covariance[(i, j)] *= scale[i] * scale[j];
+            }
+        }
+    }
 }
 
 /// Weighted sums of differences to the central point.

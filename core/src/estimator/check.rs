@@ -1,0 +1,138 @@
+//! What the reduced filter does beyond the paper's: an update is flown before it is believed, and where the
+//! filter has lost the motion, its coefficients are believed less.
+//!
+//! In rolls and flips the measurement is far from linear in the coefficients. There the filter would step too
+//! far, or be too sure of coefficients that were right a moment before; the reconstructed motion then takes
+//! another branch, for seconds. Both checks cost the same whatever they find.
+//!
+//! A filter that is lost is one of [`Health::Inconsistent`](super::status::Health). Fading long before that
+//! reconstructs flips better, but then a last bit of rounding shows in every flight.
+
+use nalgebra::SVector;
+
+use super::measurement::{CHANNELS, MeasurementModel};
+use super::propagation::Window;
+use super::unscented::{Innovation, Unscented};
+use super::{INCONSISTENT, STATES, StateVector, inputs_of};
+use crate::dynamics::State;
+use crate::dynamics::interval::Interval;
+use crate::math::{Real, clamp};
+
+/// What a lost filter multiplies its variances by with each update, at most.
+const FADING: f64 = 2.0;
+
+/// An update, to be checked.
+#[derive(Debug)]
+pub struct Check<'a, T: Real> {
+    /// What is measured.
+    pub model: &'a MeasurementModel,
+    /// The measurement at the window's end.
+    pub observation: &'a SVector<T, CHANNELS>,
+    /// Diagonal of R.
+    pub noise: &'a SVector<T, CHANNELS>,
+    /// Channels that were used.
+    pub usable: &'a [bool; CHANNELS],
+    /// Coefficients before the update.
+    pub before: &'a StateVector<T>,
+    /// What the update found.
+    pub innovation: &'a Innovation<T, CHANNELS>,
+    /// Mean normalised innovation per channel of the last second.
+    pub mean_normalised_innovation: T,
+}
+
+impl<T: Real> Check<'_, T> {
+    /// Flies the window from `start` with the updated coefficients, to the state at its end. Where that misses
+    /// the measurement by more than the prediction did, the filter goes halfway back.
+    pub fn apply<I: Interval<T>, const N: usize>(
+        &self,
+        filter: &mut Unscented<T, STATES>,
+        start: &State<T>,
+        window: &Window<'_, T, I, N>,
+    ) -> State<T> {
+        let [end] = window.run(start, &[inputs_of(filter.state())]);
+        let seen = window.observe(&end, self.model);
+        let missed = self.misfit(&self.model.difference(self.observation, &seen));
+        // Not a number is not better.
+        let better = missed <= self.misfit(&self.innovation.innovation);
+        if !better {
+            filter.hold_back(self.before);
+        }
+        let lost = self.mean_normalised_innovation / T::of(INCONSISTENT);
+        filter.fade(clamp(lost, T::one(), T::of(FADING)));
+        end
+    }
+
+    /// Sum of squares in deviations of the measurement.
+    fn misfit(&self, difference: &SVector<T, CHANNELS>) -> T {
+        let mut sum = T::zero();
+        for (k, usable) in self.usable.iter().enumerate() {
+            if *usable {
+                sum += difference[k] * difference[k] / self.noise[k];
+            }
+        }
+        sum
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::estimator::preset::TRACKING_ON_BACK;
+    use crate::estimator::unscented::Root;
+
+    type Filter = Unscented<f64, STATES>;
+
+    fn filter() -> Filter {
+        Filter::new(TRACKING_ON_BACK.settings(Root::Cholesky).unwrap()).unwrap()
+    }
+
+    /// A filter that has taken in a measurement of all its states.
+    fn sure(noise: f64) -> Filter {
+        let mut filter = filter();
+        let points = filter.sigma_points();
+        let slope = nalgebra::SMatrix::<f64, STATES, STATES>::from_fn(|row, column| {
+            if row == column { 1.0 } else { 0.2 }
+        });
+        let moments = filter.linear_moments(&points, filter.state(), &slope);
+        let nothing = SVector::<f64, STATES>::zeros();
+        let noise = SVector::repeat(noise);
+        filter.update(&moments, &nothing, &noise, &[true; STATES]);
+        filter
+    }
+
+    proptest! {
+        #[test]
+        fn fading_keeps_the_covariance_whole_and_below_where_it_started(
+            noise in 1e-6..10.0, factor in 0.0..1e3, times in 1usize..20,
+        ) {
+            let mut faded = sure(noise);
+            let before = *faded.covariance();
+            for _ in 0..times {
+                faded.fade(factor);
+            }
+            let after = faded.covariance();
+            prop_assert_eq!(*after, after.transpose());
+            prop_assert!(after.cholesky().is_some());
+            for k in 0..STATES {
+                let start = filter().covariance()[(k, k)];
+                prop_assert!(after[(k, k)] >= before[(k, k)]);
+                prop_assert!(after[(k, k)] <= before[(k, k)].max(start * (1.0 + 1e-12)));
+            }
+            let unchanged = sure(noise);
+            prop_assert_eq!(faded.state(), unchanged.state());
+        }
+    }
+
+    #[test]
+    fn a_factor_of_one_changes_no_bit_and_holding_back_goes_halfway() {
+        let mut filter = sure(0.1);
+        let before = filter;
+        filter.fade(1.0);
+        assert_eq!(filter, before);
+        let other = filter.state() * 3.0;
+        filter.hold_back(&other);
+        assert!((filter.state() - before.state() * 2.0).norm() < 1e-12);
+    }
+}
