@@ -33,15 +33,21 @@ fn model() -> (Dynamics<f64>, Inputs<f64>) {
     (dynamics, inputs)
 }
 
-fn track(hidden: &[Hidden], noise: f64) -> Track {
+/// A flight of the laboratory.
+fn flown(hidden: &[Hidden], settings: &hide::Settings) -> Track {
     let (dynamics, inputs) = model();
+    let flight = fly(&dynamics, &inputs, hidden, settings);
+    Track::new(&flight.frames, dynamics, inputs).unwrap()
+}
+
+/// A short one.
+fn track(hidden: &[Hidden], noise: f64) -> Track {
     let settings = hide::Settings {
         seed: 3,
         duration: 6.0,
         noise,
     };
-    let flight = fly(&dynamics, &inputs, hidden, &settings);
-    Track::new(&flight.frames, dynamics, inputs).unwrap()
+    flown(hidden, &settings)
 }
 
 fn residuals(track: &Track, model: &Model<f64>) -> f64 {
@@ -80,16 +86,12 @@ fn without_noise_the_model_flies_as_recorded_and_effects_are_felt() {
 
 #[test]
 fn errors_of_sensors_show_in_the_data_alone_and_only_they() {
-    let flown = |hidden: &[Hidden]| {
-        let (dynamics, inputs) = model();
-        let settings = hide::Settings {
-            seed: 5,
-            duration: 30.0,
-            noise: 1.0,
-        };
-        let flight = fly(&dynamics, &inputs, hidden, &settings);
-        check::checks(&Track::new(&flight.frames, dynamics, inputs).unwrap())
+    let settings = hide::Settings {
+        seed: 5,
+        duration: 30.0,
+        noise: 1.0,
     };
+    let checked = |hidden: &[Hidden]| check::checks(&flown(hidden, &settings));
     let errors = [
         (Effect::GyroBias, [0.03, -0.02, 0.04]),
         (Effect::RateLag, [0.06, 0.0, 0.0]),
@@ -98,7 +100,7 @@ fn errors_of_sensors_show_in_the_data_alone_and_only_they() {
         (Effect::GnssLatency, [0.12, 0.0, 0.0]),
     ];
     for (hidden, truth) in errors {
-        let checks = flown(&[
+        let checks = checked(&[
             Hidden::Effect(hidden, truth),
             Hidden::Effect(Effect::Drag, [0.7, 1.5, 1.2]),
         ]);
@@ -113,7 +115,7 @@ fn errors_of_sensors_show_in_the_data_alone_and_only_they() {
             }
         }
     }
-    for check in flown(&[Hidden::Effect(Effect::Mounting, [0.2, -0.1, 0.1])]) {
+    for check in checked(&[Hidden::Effect(Effect::Mounting, [0.2, -0.1, 0.1])]) {
         assert_ne!(check.finding, Finding::Found, "{check:?}");
     }
 }
@@ -208,16 +210,13 @@ fn the_same_seed_gives_the_same_answer() {
 /// Belly to earth in one posture for long: a constant force can be anything.
 #[test]
 fn a_flight_in_which_nothing_moves_gets_no_name() {
-    let (dynamics, inputs) = model();
     let settings = hide::Settings {
         duration: 15.0,
         noise: 0.0,
         ..hide::Settings::default()
     };
-    let flown = fly(&dynamics, &inputs, &[], &settings);
-    let moving = Track::new(&flown.frames, dynamics, inputs).unwrap();
-    assert!(!moving.is_still());
-    let mut still = moving;
+    let mut still = flown(&[], &settings);
+    assert!(!still.is_still());
     let (posture, motion) = (still.postures[0], still.measured[0]);
     still.postures.fill(posture);
     still.measured.fill(motion);
@@ -229,13 +228,11 @@ fn a_flight_in_which_nothing_moves_gets_no_name() {
 
 #[test]
 fn a_flight_of_a_moment_is_refused() {
-    let (dynamics, inputs) = model();
     let settings = hide::Settings {
         duration: 1.0,
         ..hide::Settings::default()
     };
-    let flight = fly(&dynamics, &inputs, &[], &settings);
-    let track = Track::new(&flight.frames, dynamics, inputs).unwrap();
+    let track = flown(&[], &settings);
     let problem = discover(&track, &[], &Settings::default(), |_| {}).unwrap_err();
     assert!(problem.to_string().contains("4 s"), "{problem}");
 }
@@ -266,15 +263,13 @@ fn a_fit_ends_at_the_same_place_from_wherever_it_begins() {
 /// Joints do most of the work of a weak moment: from nothing the way leads into their valley and ends there.
 #[test]
 fn a_fit_from_halfway_arrives_where_one_from_nothing_does_not() {
-    let (dynamics, inputs) = model();
     let settings = hide::Settings {
         seed: 1,
         ..hide::Settings::default()
     };
     let truth = hide::strength(Effect::Moment, 1, None);
     let hidden = [Hidden::Effect(Effect::Moment, truth)];
-    let flight = fly(&dynamics, &inputs, &hidden, &settings);
-    let track = Track::new(&flight.frames, dynamics, inputs).unwrap();
+    let track = flown(&hidden, &settings);
     let plain = Model::new(track.dynamics, track.start_height());
     let start = (&Vec::new(), &Wrong::nothing());
     let around = Around::new(&track, &plain, stretches(&track), start, &[]);
