@@ -298,11 +298,11 @@ impl<B: Board> Unit<B> {
         true
     }
 
-    /// Grants credit for the free places of the queue, where it is worth a frame or the host `asked`.
+    /// Grants credit for what has been worked off, where it is worth a frame or the host `asked`.
     fn grant(&mut self, asked: bool) {
-        let free = u32::from(SAMPLES).saturating_sub(self.samples.len());
+        let waiting = self.samples.len();
         let session = self.session.as_mut();
-        if let Some(granted) = session.and_then(|session| session.grant(free, asked)) {
+        if let Some(granted) = session.and_then(|session| session.grant(waiting, asked)) {
             self.send(self.board.now(), Credit { granted });
         }
     }

@@ -18,7 +18,8 @@ pub(super) struct Session {
 /// Longest frame of a sample.
 const SAMPLE_BYTES: usize = 134;
 
-/// Samples that may be under way: while an update runs the board's receiver must hold them.
+/// Samples that may be under way: while an update runs the board's receiver must hold them. The unit works off as
+/// many in two updates, so that whoever keeps to the credit is in time.
 #[expect(clippy::cast_possible_truncation, reason = "a few")]
 const UNDER_WAY: u32 = (RECEIVER_BYTES / SAMPLE_BYTES) as u32;
 
@@ -53,9 +54,10 @@ impl Session {
         self.closed = true;
     }
 
-    /// What may have been sent in all with `free` places in the queue, where the host should hear of it.
-    pub(super) fn grant(&mut self, free: u32, asked: bool) -> Option<u32> {
-        let granted = self.ledger.expected().wrapping_add(free.min(UNDER_WAY));
+    /// What may have been sent in all while so many samples wait, where the host should hear of it.
+    pub(super) fn grant(&mut self, waiting: u32, asked: bool) -> Option<u32> {
+        let free = UNDER_WAY.saturating_sub(waiting);
+        let granted = self.ledger.expected().wrapping_add(free);
         let worth = asked || granted.wrapping_sub(self.granted) >= WORTH;
         if !self.runs(StreamMode::Credit) || !worth {
             return None;

@@ -216,7 +216,7 @@ fn an_overrun_drops_the_oldest_and_is_counted() {
 }
 
 #[test]
-fn credit_is_a_total_that_follows_the_free_places() {
+fn credit_is_a_total_that_follows_what_is_worked_off() {
     let mut unit = running(StreamMode::Credit);
     let credit = |unit: &mut Unit<Bench>| {
         heard(unit)
@@ -235,12 +235,14 @@ fn credit_is_a_total_that_follows_the_free_places() {
             tell_numbered(&mut unit, SESSION, sent, time(sent), samples[sent as usize]);
             sent += 1;
         }
-        while unit.work() {}
+        unit.work();
         granted = credit(&mut unit).unwrap_or(granted);
-        assert!(granted > sent);
     }
+    while unit.work() {}
     let status = unit.status();
     assert_eq!((status.used, status.dropped_oldest), (240, 0));
+    // The queue stays short, however slowly the unit gets to it: nobody waits for longer than a period.
+    assert!(status.queue_high_water < 8, "{}", status.queue_high_water);
     // A repeated sample asks again.
     tell_numbered(&mut unit, SESSION, 239, time(239), samples[239]);
     assert!(credit(&mut unit) >= Some(granted));
