@@ -77,9 +77,10 @@ pub fn stream(
             );
         }
     };
-    let mode = match settings.pace {
-        Pace::Max => StreamMode::Credit,
-        Pace::Source | Pace::Times(_) => StreamMode::Paced,
+    let mode = match (settings.pace, &settings.target) {
+        // A machine that is emulated may be slower than the flight; then it waits for it.
+        (Pace::Max, _) | (Pace::Times(_), Target::Qemu(_)) => StreamMode::Credit,
+        (Pace::Source | Pace::Times(_), _) => StreamMode::Paced,
     };
     let line = Line::new(Connection::open(&settings.target)?);
     let injector = Injector::new(settings.faults, settings.seed);
