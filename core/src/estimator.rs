@@ -4,10 +4,9 @@
 //! Both are an [`Estimator`]; they differ in how sigma points become predicted measurements
 //! ([`propagation`]): [`PaperFilter`] flies the whole model thirteen times ([`full`]), [`ReducedFilter`] a
 //! smaller one seven times ([`reduced`]) and checks what it finds ([`check`]). The algebra is in [`unscented`],
-//! what is measured in
-//! [`measurement`], tunings by name in [`preset`], what is published in [`status`]. [`ranges`] declares what
-//! every number may be and in which fixed-point format it would fit; [`trace`] is a flight whose bits are the
-//! same on every machine.
+//! what is measured in [`measurement`], tunings by name in [`preset`], what is published in [`status`].
+//! [`ranges`] declares what every number may be and in which fixed-point format it would fit; [`trace`] is a
+//! flight whose bits are the same on every machine.
 //!
 //! ```text
 //!      coefficients of k, motion of k                          measurement of k + N_pred

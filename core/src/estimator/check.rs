@@ -42,7 +42,8 @@ pub struct Check<'a, T: Real> {
 
 impl<T: Real> Check<'_, T> {
     /// Flies the window from `start` with the updated coefficients, to the state at its end. Where that misses
-    /// the measurement by more than the prediction did, the filter goes halfway back.
+    /// the measurement by more than the prediction did, the filter goes halfway back. Where it is lost, its
+    /// variances grow.
     pub fn apply<I: Interval<T>, const N: usize>(
         &self,
         filter: &mut Unscented<T, STATES>,

@@ -21,7 +21,7 @@ use crate::dynamics::{Dynamics, Inputs, PostureSample, State};
 use crate::math::Real;
 use nalgebra::Matrix3;
 
-/// Seven runs over intervals of two samples.
+/// Seven runs over intervals of two samples, and one of the [check](super::check).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Reduced;
 
