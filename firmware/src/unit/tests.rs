@@ -1,5 +1,7 @@
 //! The conversation, in virtual time.
 
+mod credit;
+
 use core::cell::Cell;
 use std::vec::Vec;
 
@@ -213,39 +215,6 @@ fn an_overrun_drops_the_oldest_and_is_counted() {
     // The end is told when all is worked off.
     let last = heard(&mut unit).pop().unwrap().1;
     assert!(matches!(last, Message::Status(end) if end.used == status.used));
-}
-
-#[test]
-fn credit_is_a_total_that_follows_what_is_worked_off() {
-    let mut unit = running(StreamMode::Credit);
-    let credit = |unit: &mut Unit<Bench>| {
-        heard(unit)
-            .into_iter()
-            .rev()
-            .find_map(|(_, message)| match message {
-                Message::Credit(credit) => Some(credit.granted),
-                _ => None,
-            })
-    };
-    let mut granted = credit(&mut unit).unwrap();
-    let samples = samples(240);
-    let mut sent = 0;
-    while sent < 240 {
-        while sent < granted.min(240) {
-            tell_numbered(&mut unit, SESSION, sent, time(sent), samples[sent as usize]);
-            sent += 1;
-        }
-        unit.work();
-        granted = credit(&mut unit).unwrap_or(granted);
-    }
-    while unit.work() {}
-    let status = unit.status();
-    assert_eq!((status.used, status.dropped_oldest), (240, 0));
-    // The queue stays short, however slowly the unit gets to it: nobody waits for longer than a period.
-    assert!(status.queue_high_water < 8, "{}", status.queue_high_water);
-    // A repeated sample asks again.
-    tell_numbered(&mut unit, SESSION, 239, time(239), samples[239]);
-    assert!(credit(&mut unit) >= Some(granted));
 }
 
 #[test]
