@@ -17,8 +17,9 @@ use bodyflight_core::estimator::reduced::Reduced;
 use bodyflight_core::estimator::status::Estimate;
 use bodyflight_core::math::wrap_angle;
 use bodyflight_tests::estimator_flights::{
-    ANGLE_FLYING, FED_SPIN, Flight, Record, TRANSITIONS, TURNS,
+    ANGLE_FLYING, FED_SPIN, FLIPS_AND_ROLLS, Flight, Record, TURNS,
 };
+use bodyflight_tests::transitions::STYLES;
 use bodyflight_tests::{reference, reference_body};
 
 /// Sums of squares of reconstructed less flown; [`Misfit::rms`] makes root mean squares of them.
@@ -114,7 +115,7 @@ fn over_seeds<P: Propagation<f32>, const N: usize>(record: &Record, preset: &Pre
     for seed in 1..=seeds() {
         all.merge(&estimate::<f32, P, N>(record, preset, seed, |_| ()));
     }
-    all.rms()
+    all
 }
 
 /// The flight without estimation: the paper's constant coefficients of belly turns.
@@ -136,7 +137,7 @@ fn constant(record: &Record) -> Misfit {
             &Measurement::of(flown),
         );
     }
-    misfit.rms()
+    misfit
 }
 
 struct Comparison {
@@ -146,13 +147,33 @@ struct Comparison {
 }
 
 fn compare(flight: &Flight, preset: &Preset) -> Option<Comparison> {
-    let record = flight.fly(&body()?, BACK_TRACKING);
-    let found = Comparison {
-        constant: constant(&record),
-        paper: over_seeds::<Full, 60>(&record, preset),
-        reduced: over_seeds::<Reduced, 30>(&record, preset),
+    compare_all(core::slice::from_ref(flight), preset)
+}
+
+/// The means over several flights.
+fn compare_all(flights: &[Flight], preset: &Preset) -> Option<Comparison> {
+    let body = body()?;
+    let fly = |flight: &Flight| flight.fly(&body, BACK_TRACKING);
+    let records: Vec<Record> = flights.iter().map(fly).collect();
+    let mean = |misfit: fn(&Record, &Preset) -> Misfit| {
+        let mut all = Misfit::default();
+        for record in &records {
+            all.merge(&misfit(record, preset));
+        }
+        all.rms()
     };
-    println!("{}, preset {}, {} seeds", flight.name, preset.name, seeds());
+    let found = Comparison {
+        constant: mean(|record, _| constant(record)),
+        paper: mean(over_seeds::<Full, 60>),
+        reduced: mean(over_seeds::<Reduced, 30>),
+    };
+    println!(
+        "{}, {} script(s), preset {}, {} seeds",
+        flights.first()?.name,
+        flights.len(),
+        preset.name,
+        seeds()
+    );
     found.constant.print("  constant coefficients");
     found.paper.print("  paper's filter");
     found.reduced.print("  reduced filter");
@@ -174,8 +195,48 @@ fn angle_flying_with_barrel_rolls_is_reconstructed() {
 }
 
 #[test]
-fn transitions_with_satellites_are_reconstructed_with_their_speed() {
-    let Some(found) = compare(&TRANSITIONS, &preset("transitions-gnss")) else {
+fn agile_angle_flying_is_within_the_papers_accuracy() {
+    let Some(found) = compare(&ANGLE_FLYING, &preset("tracking-agile")) else {
+        return;
+    };
+    let constant = found.constant;
+    for estimated in [found.paper, found.reduced] {
+        assert!(estimated.pitch < 0.15 && estimated.roll < 0.15);
+        assert!(estimated.horizontal_speed < 0.45);
+        assert!(estimated.roll < constant.roll / 3.0);
+        assert!(estimated.horizontal_speed < constant.horizontal_speed / 3.0);
+    }
+}
+
+#[test]
+fn fourteen_transitions_are_within_the_papers_accuracy() {
+    let flights = STYLES.map(|style| style.flight());
+    let Some(found) = compare_all(&flights, &preset("transitions-agile")) else {
+        return;
+    };
+    for estimated in [found.paper, found.reduced] {
+        assert!(estimated.pitch < 0.15 && estimated.pitch < found.constant.pitch / 3.0);
+        assert!(estimated.roll < 0.15 && estimated.roll < found.constant.roll / 3.0);
+    }
+}
+
+#[test]
+fn every_transition_changes_sides_once() {
+    let Some(body) = body() else { return };
+    for flight in STYLES.map(|style| style.flight()) {
+        let record = flight.fly(&body, BACK_TRACKING);
+        let changes = record.course.changes_of_side();
+        assert_eq!(changes.len(), 14);
+        for (change, pulse) in changes.iter().zip(flight.pulses.iter()) {
+            let [begin, end] = pulse.during;
+            assert!((begin..end + 0.4).contains(change), "{change} s, {begin} s");
+        }
+    }
+}
+
+#[test]
+fn flips_and_rolls_with_satellites_are_reconstructed_with_their_speed() {
+    let Some(found) = compare(&FLIPS_AND_ROLLS, &preset("transitions-gnss")) else {
         return;
     };
     for estimated in [found.paper, found.reduced] {
@@ -186,8 +247,8 @@ fn transitions_with_satellites_are_reconstructed_with_their_speed() {
 }
 
 #[test]
-fn transitions_are_reconstructed() {
-    let Some(found) = compare(&TRANSITIONS, &preset("transitions")) else {
+fn flips_and_rolls_are_reconstructed() {
+    let Some(found) = compare(&FLIPS_AND_ROLLS, &preset("transitions")) else {
         return;
     };
     // Roll jumps by half a turn when the body passes the vertical: a flip that passes it a few samples early
@@ -263,7 +324,11 @@ fn precisions_apart(record: &Record, preset: &Preset) -> [Misfit; 2] {
 fn single_precision_reconstructs_as_double_does() {
     let Some(body) = body() else { return };
     // Not in transitions: flips are unstable motions, and a last bit chooses another branch, docs/benchmarks.md.
-    for (flight, name) in [(&TURNS, "turning"), (&ANGLE_FLYING, "tracking")] {
+    for (flight, name) in [
+        (&TURNS, "turning"),
+        (&ANGLE_FLYING, "tracking"),
+        (&ANGLE_FLYING, "tracking-agile"),
+    ] {
         let preset = preset(name);
         let record = flight.fly(&body, BACK_TRACKING);
         for (filter, found) in ["paper", "reduced"]

@@ -1,6 +1,8 @@
 //! Synthetic flights for the estimator: postures and conscious inputs that vary in time, flown by the core in
 //! double precision at twice the filter's rate, and measured with the paper's noise.
 
+use std::borrow::Cow;
+
 use bodyflight_core::body::pattern::{self, DRAW_IN_LEFT, JointAngles, NEUTRAL, PRESS, TRACK};
 use bodyflight_core::dynamics::muscle_input::{MuscleInput, MuscleModel};
 use bodyflight_core::dynamics::step::TIME_STEP;
@@ -24,10 +26,12 @@ pub struct Pulse {
     pub damping: [f64; 3],
     /// Joints moved, by radians of a pattern.
     pub joints: Option<(&'static JointAngles, f64)>,
+    /// Whether it falls as soon as the body has changed sides.
+    pub until_over: bool,
 }
 
 /// A flight by script.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct Flight {
     /// Name in reports.
     pub name: &'static str,
@@ -47,8 +51,10 @@ pub struct Flight {
     pub rate: f64,
     /// Size of the slow swaying of the arms by which a skydiver keeps and changes direction (rad).
     pub sway: f64,
+    /// Joints moved while the back faces the earth.
+    pub on_back: &'static JointAngles,
     /// What is done.
-    pub pulses: &'static [Pulse],
+    pub pulses: Cow<'static, [Pulse]>,
 }
 
 /// One arm up, the other down.
@@ -62,6 +68,7 @@ const fn roll(from: f64, muscle: f64, damping: f64, arm: f64) -> Pulse {
         muscle: [0.0, 0.0, muscle],
         damping: [0.0, 0.0, damping],
         joints: Some((DRAW_IN_LEFT, arm)),
+        until_over: false,
     }
 }
 
@@ -71,6 +78,7 @@ const fn turn(from: f64, to: f64, amount: f64, yaw: f64) -> Pulse {
         muscle: [yaw, 0.4, 0.5],
         damping: [2.0, 1.5, -2.0],
         joints: Some((TURN, amount)),
+        until_over: false,
     }
 }
 
@@ -80,6 +88,7 @@ const fn flip(from: f64, to: f64) -> Pulse {
         muscle: [0.0, 3.0, 0.0],
         damping: [-5.0, 2.0, 3.0],
         joints: Some((PRESS, 0.8)),
+        until_over: false,
     }
 }
 
@@ -94,12 +103,14 @@ pub const ANGLE_FLYING: Flight = Flight {
     wander: 0.4,
     rate: 1.0,
     sway: 0.03,
-    pulses: &[roll(30.0, 1.8, -10.0, 1.2), roll(43.0, 1.8, -10.0, 1.2)],
+    on_back: &[],
+    pulses: Cow::Borrowed(&[roll(30.0, 1.8, -10.0, 1.2), roll(43.0, 1.8, -10.0, 1.2)]),
 };
 
-/// Fourteen transitions.
-pub const TRANSITIONS: Flight = Flight {
-    name: "transitions",
+/// Seven flips and seven rolls by the clock: the body tumbles through some and does not follow others, and changes
+/// sides eight times.
+pub const FLIPS_AND_ROLLS: Flight = Flight {
+    name: "flips and rolls",
     duration: 45.0,
     base: NEUTRAL,
     start_pitch: core::f64::consts::FRAC_PI_2,
@@ -108,7 +119,8 @@ pub const TRANSITIONS: Flight = Flight {
     wander: 0.2,
     rate: 1.0,
     sway: 0.1,
-    pulses: &[
+    on_back: &[],
+    pulses: Cow::Borrowed(&[
         flip(2.0, 3.4),
         roll(5.0, 3.0, -8.0, 0.6),
         flip(8.0, 9.4),
@@ -123,7 +135,7 @@ pub const TRANSITIONS: Flight = Flight {
         roll(35.0, 3.0, -8.0, 0.6),
         flip(38.0, 39.4),
         roll(41.0, 3.0, -8.0, 0.6),
-    ],
+    ]),
 };
 
 /// Aggressive turns left and right.
@@ -137,14 +149,15 @@ pub const TURNS: Flight = Flight {
     wander: 0.5,
     rate: 1.0,
     sway: 0.05,
-    pulses: &[
+    on_back: &[],
+    pulses: Cow::Borrowed(&[
         turn(2.0, 5.0, 0.3, 2.0),
         turn(6.0, 9.0, -0.35, 1.0),
         turn(11.0, 14.0, 0.4, 3.0),
         turn(16.0, 18.0, -0.3, 0.0),
         turn(19.0, 23.0, 0.3, 4.0),
         turn(24.0, 28.0, -0.4, 2.0),
-    ],
+    ]),
 };
 
 /// A spin that feeds itself: set off by the arms, then kept up by negative damping about the yaw axis, which
@@ -159,34 +172,82 @@ pub const FED_SPIN: Flight = Flight {
     wander: 0.3,
     rate: 1.0,
     sway: 0.0,
-    pulses: &[
+    on_back: &[],
+    pulses: Cow::Borrowed(&[
         turn(2.0, 4.0, 0.5, 0.0),
         Pulse {
             during: [3.0, 11.0],
             muscle: [0.0, 0.0, 0.0],
             damping: [0.0, -9.0, 0.0],
             joints: None,
+            until_over: false,
         },
-    ],
+    ]),
 };
 
+/// A rise from 0 to 1 without a corner, for `x` from 0 to 1.
+fn smooth(x: f64) -> f64 {
+    let x = x.clamp(0.0, 1.0);
+    x * x * (3.0 - 2.0 * x)
+}
+
 impl Pulse {
-    /// Share of the pulse at `time` (s): smooth steps at both ends.
+    /// Share of the pulse at `time` (s).
     fn share(&self, time: f64) -> f64 {
         let [begin, end] = self.during;
-        let smooth = |x: f64| {
-            let x = x.clamp(0.0, 1.0);
-            x * x * (3.0 - 2.0 * x)
-        };
         smooth((time - begin) / RISE) * smooth((end - time) / RISE)
     }
 }
 
-impl Flight {
+/// A script as it is flown: what depends on the motion is settled as the flight goes on.
+#[derive(Debug, Clone)]
+pub struct Course {
+    script: Flight,
+    pulses: Vec<Pulse>,
+    changes: Vec<f64>,
+}
+
+impl Course {
+    /// Times at which the body had changed sides, belly or back to earth: its dorsal axis is within 60 degrees of
+    /// the vertical, on the other side than before (s).
+    pub fn changes_of_side(&self) -> &[f64] {
+        &self.changes
+    }
+
+    fn on_back(&self) -> bool {
+        self.changes.len() % 2 == 1
+    }
+
+    /// Sees the motion at `time` (s). What follows from it changes nothing before.
+    fn see(&mut self, time: f64, motion: &Motion<f64>) {
+        let dorsal = Measurement::of(motion).vertical.y;
+        let over = if self.on_back() {
+            dorsal > 0.5
+        } else {
+            dorsal < -0.5
+        };
+        if over {
+            self.changes.push(time);
+            for pulse in &mut self.pulses {
+                let [begin, end] = &mut pulse.during;
+                if pulse.until_over && *begin < time {
+                    *end = end.min(time + RISE);
+                }
+            }
+        }
+    }
+
     /// Posture at `time` (s).
-    pub fn posture(&self, time: f64) -> Posture<f64> {
-        let sway = self.sway * ((1.1 * time).sin() + 0.6 * (2.3 * time).sin());
-        let base = pattern::moved(&pattern::posture(self.base), TURN, sway);
+    fn posture(&self, time: f64) -> Posture<f64> {
+        let script = &self.script;
+        let sway = script.sway * ((1.1 * time).sin() + 0.6 * (2.3 * time).sin());
+        let base = pattern::moved(&pattern::posture(script.base), TURN, sway);
+        let on_back = self
+            .changes
+            .iter()
+            .rev()
+            .fold(0.0, |later, change| smooth((time - change) / RISE) - later);
+        let base = pattern::moved(&base, script.on_back, on_back);
         self.pulses
             .iter()
             .fold(base, |posture, pulse| match pulse.joints {
@@ -199,14 +260,15 @@ impl Flight {
 
     /// Conscious inputs at `time` (s).
     pub fn inputs(&self, time: f64) -> Inputs<f64> {
-        let mut muscle = self.muscle;
-        let mut damping = self.damping;
+        let script = &self.script;
+        let mut muscle = script.muscle;
+        let mut damping = script.damping;
         for (k, value) in (0u32..).zip(muscle.iter_mut().chain(&mut damping)) {
             *value *= 1.0
-                + self.wander
-                    * (self.rate * time * (0.7 + 0.13 * f64::from(k)) + f64::from(k)).sin();
+                + script.wander
+                    * (script.rate * time * (0.7 + 0.13 * f64::from(k)) + f64::from(k)).sin();
         }
-        for pulse in self.pulses {
+        for pulse in &self.pulses {
             let share = pulse.share(time);
             for k in 0..3 {
                 muscle[k] += pulse.muscle[k] * share;
@@ -219,7 +281,9 @@ impl Flight {
             damping: Vector3::from(damping.map(|value| value.max(-0.25))),
         }
     }
+}
 
+impl Flight {
     /// Flies the script.
     pub fn fly(&self, body: &Body<f64>, muscles: MuscleModel) -> Record {
         let dynamics = Dynamics {
@@ -234,27 +298,37 @@ impl Flight {
             velocity: attitude.inverse() * Vector::new(0.0, -3.0, -42.0),
             angular_velocity: Vector::zero(),
         };
-        let half = TIME_STEP / 2.0;
-        let mut state = State::from_motion(&start, &dynamics.hold(&self.posture(0.0)));
-        let mut record = Record {
-            dynamics,
-            postures: vec![self.posture(0.0)],
-            motions: vec![start],
+        let mut course = Course {
+            script: self.clone(),
+            pulses: self.pulses.to_vec(),
+            changes: Vec::new(),
         };
+        let half = TIME_STEP / 2.0;
+        let posture = course.posture(0.0);
+        let mut state = State::from_motion(&start, &dynamics.hold(&posture));
+        let mut postures = vec![posture];
+        let mut motions = vec![start];
         let mut time = 0.0;
         while time < self.duration {
             for _ in 0..2 {
-                let ends = [self.posture(time), self.posture(time + half)];
+                let ends = [course.posture(time), course.posture(time + half)];
                 let sample = dynamics.between(&ends[0], &ends[1], half);
-                state = dynamics.step(&state, &sample, &self.inputs(time + half / 2.0), half);
+                state = dynamics.step(&state, &sample, &course.inputs(time + half / 2.0), half);
                 time += half;
             }
-            let next = [self.posture(time - half), self.posture(time + half)];
+            let next = [course.posture(time - half), course.posture(time + half)];
             let sample = dynamics.between(&next[0], &next[1], TIME_STEP);
-            record.postures.push(self.posture(time));
-            record.motions.push(state.motion(&sample));
+            let motion = state.motion(&sample);
+            postures.push(course.posture(time));
+            motions.push(motion);
+            course.see(time, &motion);
         }
-        record
+        Record {
+            dynamics,
+            course,
+            postures,
+            motions,
+        }
     }
 }
 
@@ -263,6 +337,8 @@ impl Flight {
 pub struct Record {
     /// The model that flew.
     pub dynamics: Dynamics<f64>,
+    /// The script as it was flown.
+    pub course: Course,
     /// Postures.
     pub postures: Vec<Posture<f64>>,
     /// Motions.
@@ -298,6 +374,7 @@ impl Record {
     /// What sensors saw, with the paper's noise of tracking and turning.
     pub fn measured(&self, seed: u64) -> Vec<Measurement<f64>> {
         let mut noise = Noise::new(seed);
+        let mut noise_of_vertical = Noise::new(!seed);
         let mut seen = |motion| {
             let Measurement {
                 horizontal_speed,
@@ -306,6 +383,7 @@ impl Record {
                 roll,
                 yaw_rate,
                 vertical_velocity,
+                vertical,
             } = Measurement::of(motion);
             Measurement {
                 horizontal_speed: horizontal_speed + noise.normal(0.1),
@@ -314,6 +392,7 @@ impl Record {
                 roll: roll + noise.normal(0.01),
                 yaw_rate: yaw_rate + noise.normal(0.01),
                 vertical_velocity: vertical_velocity + noise.normal(1.0),
+                vertical: vertical.map(|share| share + noise_of_vertical.normal(0.01)),
             }
         };
         self.motions.iter().map(&mut seen).collect()

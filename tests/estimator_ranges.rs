@@ -2,7 +2,7 @@
 
 use bodyflight_core::dynamics::muscle_input::BACK_TRACKING;
 use bodyflight_core::dynamics::step::TIME_STEP;
-use bodyflight_core::dynamics::{Dynamics, PostureSample, State};
+use bodyflight_core::dynamics::{Dynamics, Inputs, PostureSample, State};
 use bodyflight_core::estimator::measurement::Measurement;
 use bodyflight_core::estimator::ranges::{
     ANGULAR_MOMENTUM, ANGULAR_VELOCITY, CENTRE, DAMPING, DAMPING_RATE, DYNAMIC_PRESSURE, FORCE,
@@ -10,7 +10,8 @@ use bodyflight_core::estimator::ranges::{
     TABLE_HEAD, VELOCITY, quantised,
 };
 use bodyflight_core::math::wrap_angle;
-use bodyflight_tests::estimator_flights::{ANGLE_FLYING, Flight, TRANSITIONS, TURNS};
+use bodyflight_tests::estimator_flights::{ANGLE_FLYING, FLIPS_AND_ROLLS, Flight, TURNS};
+use bodyflight_tests::transitions::STYLES;
 use bodyflight_tests::{reference, reference_body};
 use nalgebra::Vector3;
 
@@ -44,7 +45,7 @@ fn the_page_is_what_the_code_declares() {
 /// Flies a script step by step.
 fn walk(
     flight: &Flight,
-    mut visit: impl FnMut(usize, &Dynamics<f64>, &State<f64>, &PostureSample<f64>),
+    mut visit: impl FnMut(usize, &Inputs<f64>, &Dynamics<f64>, &State<f64>, &PostureSample<f64>),
 ) {
     let Some(table) = reference("segments.json") else {
         return;
@@ -55,8 +56,8 @@ fn walk(
     let mut state = State::from_motion(&record.motions[0], &start);
     for (k, ends) in record.postures.windows(2).enumerate() {
         let sample = dynamics.between(&ends[0], &ends[1], TIME_STEP);
-        visit(k, &dynamics, &state, &sample);
-        let inputs = flight.inputs((k as f64 + 0.5) * TIME_STEP);
+        let inputs = record.course.inputs((k as f64 + 0.5) * TIME_STEP);
+        visit(k, &inputs, &dynamics, &state, &sample);
         state = dynamics.step(&state, &sample, &inputs, TIME_STEP);
     }
 }
@@ -76,13 +77,12 @@ fn whole_flights_stay_in_range() {
             None => used.push((*range, largest)),
         }
     };
-    for flight in [ANGLE_FLYING, TRANSITIONS, TURNS] {
-        walk(&flight, |k, dynamics, state, sample| {
+    for flight in [ANGLE_FLYING, FLIPS_AND_ROLLS, STYLES[0].flight(), TURNS] {
+        walk(&flight, |_, inputs, dynamics, state, sample| {
             let motion = state.motion(sample);
-            let inputs = flight.inputs(k as f64 * TIME_STEP);
             let velocity = motion.velocity.components;
             let (loads, damping) =
-                dynamics.loads(sample, &inputs, &velocity, &Vector3::zeros(), 1.0);
+                dynamics.loads(sample, inputs, &velocity, &Vector3::zeros(), 1.0);
             note(&POSITION, state.cg_position.components.as_slice());
             note(&VELOCITY, velocity.as_slice());
             note(
@@ -129,10 +129,10 @@ fn coarse(sample: &PostureSample<f64>) -> PostureSample<f64> {
 #[test]
 fn rounding_every_state_to_its_format_does_not_show() {
     // A quarter second from every half second of flight, exact and with all states and postures rounded.
-    for flight in [ANGLE_FLYING, TRANSITIONS, TURNS] {
+    for flight in [ANGLE_FLYING, FLIPS_AND_ROLLS, STYLES[0].flight(), TURNS] {
         let mut windows: Vec<(State<f64>, State<f64>)> = Vec::new();
         let mut worst = [0.0f64; 4];
-        walk(&flight, |k, dynamics, state, sample| {
+        walk(&flight, |k, inputs, dynamics, state, sample| {
             if k % 60 == 0 {
                 for (exact, rounded) in windows.drain(..) {
                     let [a, b] = [exact, rounded].map(|s| Measurement::of(&s.motion(sample)));
@@ -151,10 +151,9 @@ fn rounding_every_state_to_its_format_does_not_show() {
                 }
                 windows.push((*state, quantised(state)));
             }
-            let inputs = flight.inputs((k as f64 + 0.5) * TIME_STEP);
             for (exact, rounded) in &mut windows {
-                *exact = dynamics.step(exact, sample, &inputs, TIME_STEP);
-                *rounded = quantised(&dynamics.step(rounded, &coarse(sample), &inputs, TIME_STEP));
+                *exact = dynamics.step(exact, sample, inputs, TIME_STEP);
+                *rounded = quantised(&dynamics.step(rounded, &coarse(sample), inputs, TIME_STEP));
             }
         });
         println!(

@@ -13,7 +13,7 @@ use bodyflight_core::estimator::reduced::Reduced;
 use bodyflight_core::estimator::status::{Faults, Health};
 use bodyflight_core::estimator::unscented::Unsafe;
 use bodyflight_core::estimator::{Estimator, PaperFilter, ReducedFilter};
-use bodyflight_tests::estimator_flights::{Flight, Noise, Record, TRANSITIONS, TURNS};
+use bodyflight_tests::estimator_flights::{FLIPS_AND_ROLLS, Flight, Noise, Record, TURNS};
 use bodyflight_tests::{reference, reference_body};
 
 /// Runs of the last test.
@@ -31,13 +31,17 @@ fn preset(name: &str) -> Preset {
 fn estimates_come_on_time_and_name_their_samples() {
     let Some(body) = body() else { return };
     let record = TURNS.fly(&body, BACK_TRACKING);
-    let preset = preset("tracking");
+    come_on_time(&record, &preset("tracking"), 60);
+    come_on_time(&record, &preset("tracking-agile"), 20);
+}
+
+fn come_on_time(record: &Record, preset: &Preset, window: usize) {
     let dynamics: Dynamics<f32> = record.dynamics.cast();
     let start = record.motions[0].cast();
     let mut estimator =
-        ReducedFilter::<f32>::new(&preset, &dynamics, &start, &record.postures[0].cast()).unwrap();
-    assert!((estimator.delay() - 0.25).abs() < 1e-6);
-    assert_eq!(estimator.prediction_window(), 60);
+        ReducedFilter::<f32>::new(preset, &dynamics, &start, &record.postures[0].cast()).unwrap();
+    assert!((estimator.delay() - window as f32 / 240.0).abs() < 1e-6);
+    assert_eq!(estimator.prediction_window(), window);
     let measured = record.measured(1);
     let mut arrivals = Vec::new();
     for (k, (posture, measured)) in record
@@ -49,13 +53,13 @@ fn estimates_come_on_time_and_name_their_samples() {
         .take(100)
     {
         if let Some(estimate) = estimator.push(&dynamics, &posture.cast(), &measured.cast()) {
-            assert_eq!(estimate.sample as usize + 60, k);
+            assert_eq!(estimate.sample as usize + window, k);
             assert_eq!(estimate.solved_sample, estimate.sample + 4);
             assert!(estimate.faults.none(), "{:?}", estimate.faults);
             arrivals.push(k);
         }
     }
-    assert_eq!(arrivals[..4], [60, 64, 68, 72]);
+    assert_eq!(arrivals[..4], [0, 4, 8, 12].map(|k| window + k));
     // After a restart the window fills anew, coefficients are kept.
     let kept = *estimator.filter().state();
     let (motion, posture) = (record.motions[100].cast(), record.postures[100].cast());
@@ -165,7 +169,7 @@ fn absurd_postures_and_measurements_never_stick() {
     }
     let short = Flight {
         duration: 8.0,
-        ..TRANSITIONS
+        ..FLIPS_AND_ROLLS
     };
     let record = short.fly(&body, BACK_TRACKING);
     for seed in 1..=RUNS {
@@ -193,6 +197,17 @@ fn every_preset_builds_and_odd_windows_are_refused() {
             assert_eq!(refused.err(), Some(Unsafe::SolutionWindow));
         }
         preset.solution_window = 4;
+        for (window, verdict) in [
+            (0, Unsafe::PredictionWindow),
+            (21, Unsafe::PredictionWindow),
+            (62, Unsafe::PredictionWindow),
+            (2, Unsafe::SolutionWindow),
+        ] {
+            preset.prediction_window = window;
+            let refused = ReducedFilter::<f32>::new(&preset, &dynamics, &motion, &posture);
+            assert_eq!(refused.err(), Some(verdict), "{window}");
+        }
+        preset.prediction_window = 20;
         preset.sample_rate = f32::NAN;
         assert!(PaperFilter::<f32>::new(&preset, &dynamics, &motion, &posture).is_err());
     }

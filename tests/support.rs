@@ -2,6 +2,7 @@
 
 pub mod estimator_flights;
 pub mod small_recording;
+pub mod transitions;
 
 use std::path::PathBuf;
 

@@ -53,10 +53,10 @@ pub const STATES: usize = 6;
 /// pitch, roll.
 pub type StateVector<T> = SVector<T, STATES>;
 
-/// The paper's filter; its window of 60 samples is 0.25 s at 240 Hz.
+/// The paper's filter, with room for the paper's window of 60 samples, 0.25 s at 240 Hz.
 pub type PaperFilter<T, const INTERVALS: usize = 60> = Estimator<T, Full, INTERVALS>;
 
-/// The filter for the unit; its 30 intervals of two samples are the same 0.25 s.
+/// The filter for the unit; 30 intervals of two samples are the same 0.25 s.
 pub type ReducedFilter<T, const INTERVALS: usize = 30> = Estimator<T, Reduced, INTERVALS>;
 
 /// The inputs that a state vector stands for.
@@ -71,14 +71,17 @@ pub fn inputs_of<T: Real>(state: &StateVector<T>) -> Inputs<T> {
 
 /// A filter fed with one posture and one measurement at a time.
 ///
-/// `INTERVALS` of [`Propagation::STRIDE`] samples each are the prediction window. Give [`Estimator::push`] the
-/// same [`Dynamics`] every time, with the limbs of the preset.
+/// There is room for a prediction window of `INTERVALS` intervals of [`Propagation::STRIDE`] samples each; the
+/// preset says how long it is. Give [`Estimator::push`] the same [`Dynamics`] every time, with the limbs of the
+/// preset.
 #[derive(Debug, Clone)]
 pub struct Estimator<T: Real, P: Propagation<T>, const INTERVALS: usize> {
     model: MeasurementModel,
     noise: SVector<T, CHANNELS>,
     /// Duration of an interval (s).
     duration: T,
+    /// Intervals that a prediction crosses.
+    prediction_intervals: usize,
     /// Intervals that the solution step crosses.
     solution_intervals: usize,
     filter: Unscented<T, STATES>,
@@ -110,8 +113,8 @@ impl<T: Real, P: Propagation<T>, const INTERVALS: usize> Estimator<T, P, INTERVA
     /// Starts with the motion and posture of sample 0.
     ///
     /// # Errors
-    /// A preset that could not be run safely, a solution window that is not a multiple of the stride or
-    /// longer than the prediction window, or a start that is not finite.
+    /// A preset that could not be run safely, a window that is no multiple of the stride, a prediction window
+    /// for which there is no room, a solution window that is longer, or a start that is not finite.
     pub fn new(
         preset: &Preset,
         dynamics: &Dynamics<T>,
@@ -119,13 +122,14 @@ impl<T: Real, P: Propagation<T>, const INTERVALS: usize> Estimator<T, P, INTERVA
         posture: &Posture<T>,
     ) -> Result<Self, Unsafe> {
         let filter = Unscented::new(preset.settings(P::ROOT)?)?;
-        let solution_intervals = preset.solution_window / P::STRIDE;
-        if solution_intervals == 0
-            || solution_intervals > INTERVALS
-            || solution_intervals * P::STRIDE != preset.solution_window
-        {
-            return Err(Unsafe::SolutionWindow);
-        }
+        let intervals = |window: usize, room: usize| {
+            let fits = window.is_multiple_of(P::STRIDE) && (P::STRIDE..=room).contains(&window);
+            fits.then_some(window / P::STRIDE)
+        };
+        let prediction_intervals = intervals(preset.prediction_window, INTERVALS * P::STRIDE)
+            .ok_or(Unsafe::PredictionWindow)?;
+        let solution_intervals = intervals(preset.solution_window, preset.prediction_window)
+            .ok_or(Unsafe::SolutionWindow)?;
         let mut duration = T::zero();
         for _ in 0..P::STRIDE {
             duration += preset.time_step::<T>();
@@ -138,6 +142,7 @@ impl<T: Real, P: Propagation<T>, const INTERVALS: usize> Estimator<T, P, INTERVA
             model: preset.measurement,
             noise: preset.measurement.noise(),
             duration,
+            prediction_intervals,
             solution_intervals,
             filter,
             skydiver,
@@ -177,12 +182,12 @@ impl<T: Real, P: Propagation<T>, const INTERVALS: usize> Estimator<T, P, INTERVA
     /// Time from the sample an estimate refers to until the measurement that brings it (s): the prediction
     /// window.
     pub fn delay(&self) -> T {
-        self.duration * T::of(f64::from(u32::try_from(INTERVALS).unwrap_or(u32::MAX)))
+        self.duration * T::of(f64::from(count(self.prediction_intervals)))
     }
 
     /// Samples of the prediction window, N_pred.
     pub const fn prediction_window(&self) -> usize {
-        INTERVALS * P::STRIDE
+        self.prediction_intervals * P::STRIDE
     }
 
     /// The coefficients and their covariance.
@@ -208,7 +213,7 @@ impl<T: Real, P: Propagation<T>, const INTERVALS: usize> Estimator<T, P, INTERVA
         }
         self.waiting = 0;
         self.append(dynamics, posture);
-        if !self.window.is_full() {
+        if self.window.len() < self.prediction_intervals {
             return None;
         }
         Some(self.update(dynamics, measured))
@@ -234,7 +239,7 @@ impl<T: Real, P: Propagation<T>, const INTERVALS: usize> Estimator<T, P, INTERVA
         let interval = P::keep(dynamics, sample, &velocity);
         let inputs = inputs_of(self.filter.state());
         self.front = dynamics.step(&self.front, sample, &inputs, self.duration);
-        // There is room: a full window is shortened by every update.
+        // There is room: every update shortens the window.
         let _ = self.window.push_back(interval);
     }
 
@@ -360,7 +365,7 @@ impl<T: Real, P: Propagation<T>, const INTERVALS: usize> Estimator<T, P, INTERVA
         } else {
             Health::Good
         };
-        let window = count(INTERVALS * P::STRIDE);
+        let window = count(self.prediction_window());
         let sample = self.samples.wrapping_sub(window);
         let state = *self.filter.state();
         Estimate {

@@ -23,9 +23,6 @@ pub const LONGEST_BRIDGE: u16 = 12;
 /// Velocity that is assumed until one is measured: north, west, up (m/s).
 const ASSUMED_FALL: [f32; 3] = [0.0, 0.0, -50.0];
 
-/// Samples of the filter's window: the most that an update may take.
-const WINDOW: usize = 60;
-
 /// Samples of one interval of the filter: an update takes a multiple of it.
 const STRIDE: usize = 2;
 
@@ -54,7 +51,7 @@ impl Configuration {
             (samples * asked.update_rate - asked.sample_rate).abs() < 1e-3 * asked.sample_rate;
         let solution_window = whole(samples) as usize;
         let usable = exact
-            && (STRIDE..=WINDOW).contains(&solution_window)
+            && (STRIDE..=preset.prediction_window).contains(&solution_window)
             && solution_window.is_multiple_of(STRIDE)
             && asked.sample_rate >= LOWEST_RATE;
         if !usable {
@@ -302,6 +299,7 @@ fn measurement_of(sample: &Sample, motion: &Motion<f32>) -> Measurement<f32> {
         seen.heading = all.heading;
         seen.pitch = all.pitch;
         seen.roll = all.roll;
+        seen.vertical = all.vertical;
         if has(Validity::ANGULAR_VELOCITY) {
             seen.yaw_rate = all.yaw_rate;
         }

@@ -3,7 +3,7 @@
 //! A [`MeasurementModel`] is data: which quantities, with which standard deviation. Angles are compared by
 //! wrapped differences to an anchor, never by their raw values.
 
-use nalgebra::SVector;
+use nalgebra::{SVector, Vector3};
 
 use crate::dynamics::Motion;
 use crate::frame::AttitudeAngles;
@@ -28,6 +28,12 @@ pub enum Quantity {
     YawRate,
     /// Vertical velocity of the pelvic joint, positive up; not measured in the paper.
     VerticalVelocity,
+    /// Share of the vertical along the body's X axis, see [`Measurement::vertical`].
+    VerticalLeft,
+    /// Share of the vertical along the body's Y axis: 1 belly to earth, -1 back to earth.
+    VerticalDorsal,
+    /// Share of the vertical along the body's Z axis: 1 upright, -1 head down.
+    VerticalCranial,
 }
 
 impl Quantity {
@@ -40,6 +46,9 @@ impl Quantity {
             Self::Roll => "roll_rad",
             Self::YawRate => "yaw_rate_rad_s",
             Self::VerticalVelocity => "v_vert_m_s",
+            Self::VerticalLeft => "vertical_left",
+            Self::VerticalDorsal => "vertical_dorsal",
+            Self::VerticalCranial => "vertical_cranial",
         }
     }
 
@@ -55,6 +64,8 @@ impl Quantity {
             // Headings may come unwrapped, from ten turns to either side.
             Self::Heading | Self::Pitch | Self::Roll => 20.0 * core::f32::consts::PI,
             Self::YawRate => 35.0,
+            // Noise may lengthen a unit vector.
+            Self::VerticalLeft | Self::VerticalDorsal | Self::VerticalCranial => 1.5,
         }
     }
 }
@@ -74,6 +85,9 @@ pub struct Measurement<T> {
     pub yaw_rate: T,
     /// Vertical velocity, positive up (m/s).
     pub vertical_velocity: T,
+    /// Direction of the vertical, positive up, in body axes (unit vector): pitch and roll without a heading, and
+    /// without the jump of the roll where the cranial axis passes the vertical. Not measured in the paper.
+    pub vertical: Vector3<T>,
 }
 
 impl<T: Real> Measurement<T> {
@@ -92,6 +106,10 @@ impl<T: Real> Measurement<T> {
             roll,
             yaw_rate: heading_rate(motion),
             vertical_velocity: velocity.z,
+            vertical: motion
+                .inertial_from_body
+                .quaternion()
+                .inverse_transform_vector(&Vector3::z()),
         }
     }
 
@@ -105,6 +123,7 @@ impl<T: Real> Measurement<T> {
             roll: unknown,
             yaw_rate: unknown,
             vertical_velocity: unknown,
+            vertical: Vector3::repeat(unknown),
         }
     }
 
@@ -117,6 +136,9 @@ impl<T: Real> Measurement<T> {
             Quantity::Roll => self.roll,
             Quantity::YawRate => self.yaw_rate,
             Quantity::VerticalVelocity => self.vertical_velocity,
+            Quantity::VerticalLeft => self.vertical.x,
+            Quantity::VerticalDorsal => self.vertical.y,
+            Quantity::VerticalCranial => self.vertical.z,
         }
     }
 
@@ -130,6 +152,7 @@ impl<T: Real> Measurement<T> {
             roll: scalar(self.roll),
             yaw_rate: scalar(self.yaw_rate),
             vertical_velocity: scalar(self.vertical_velocity),
+            vertical: self.vertical.map(scalar),
         }
     }
 }
@@ -140,7 +163,7 @@ impl<T: Real> Measurement<T> {
 /// vertical, where a heading has no meaning, the rate is kept finite by a floor on that part (3 degrees).
 pub fn heading_rate<T: Real>(motion: &Motion<T>) -> T {
     let spin = (motion.inertial_from_body * motion.angular_velocity).components;
-    let axis = motion.inertial_from_body.quaternion() * nalgebra::Vector3::z();
+    let axis = motion.inertial_from_body.quaternion() * Vector3::z();
     let rate = spin.cross(&axis);
     let horizontal = axis.x * axis.x + axis.y * axis.y;
     let floor = T::of(0.003);
@@ -190,6 +213,17 @@ pub const TRANSITIONS_WITH_GNSS: MeasurementModel = MeasurementModel {
     ],
 };
 
+/// The vertical in body axes, for flips: in the angles of [`TRANSITIONS`] a flip is a jump of half a turn, which tells
+/// the filter nothing of which way and how far to go.
+pub const VERTICAL: MeasurementModel = MeasurementModel {
+    channels: [
+        Some((Quantity::VerticalLeft, 0.01)),
+        Some((Quantity::VerticalDorsal, 0.01)),
+        Some((Quantity::VerticalCranial, 0.01)),
+        None,
+    ],
+};
+
 /// Turning, paper eq. (meas_turns).
 pub const TURNING: MeasurementModel = MeasurementModel {
     channels: [
@@ -201,6 +235,12 @@ pub const TURNING: MeasurementModel = MeasurementModel {
 };
 
 impl MeasurementModel {
+    /// The quantities in use.
+    pub fn quantities(&self) -> impl Iterator<Item = Quantity> {
+        let channels = self.channels.into_iter().flatten();
+        channels.map(|(quantity, _)| quantity)
+    }
+
     /// The measurement vector; zero in empty channels.
     pub fn vector<T: Real>(&self, values: &Measurement<T>) -> SVector<T, CHANNELS> {
         SVector::from(self.channels.map(|channel| match channel {
@@ -248,7 +288,7 @@ mod tests {
     use super::*;
     use crate::frame::{Rotation, Vector};
     use crate::math::small_rotation;
-    use nalgebra::{UnitQuaternion, Vector3};
+    use nalgebra::UnitQuaternion;
     use proptest::prelude::*;
 
     fn motion(attitude: UnitQuaternion<f64>, spin: Vector3<f64>) -> Motion<f64> {

@@ -123,8 +123,11 @@ pub const ANGLE: Range = range("measured angle", "rad", 64.0, 0.01);
 /// Horizontal speed of a measurement.
 pub const HORIZONTAL_SPEED: Range = range("measured speed", "m/s", 128.0, 0.1);
 
+/// Component of the vertical in body axes.
+pub const VERTICAL: Range = range("measured vertical", "1", 1.5, 0.01);
+
 /// The table.
-pub const RANGES: [Range; 17] = [
+pub const RANGES: [Range; 18] = [
     ATTITUDE,
     POSITION,
     VELOCITY,
@@ -142,6 +145,7 @@ pub const RANGES: [Range; 17] = [
     DYNAMIC_PRESSURE,
     ANGLE,
     HORIZONTAL_SPEED,
+    VERTICAL,
 ];
 
 /// Head of the table in Markdown; rows are [`Range`]s as text.

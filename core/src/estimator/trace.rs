@@ -73,7 +73,10 @@ pub fn hash<P: Propagation<f32>, const INTERVALS: usize>(
     body: &Body<f32>,
     updates: u16,
 ) -> Result<u64, Unsafe> {
-    let preset: Preset = TRACKING_ON_BACK;
+    let preset = Preset {
+        prediction_window: INTERVALS * P::STRIDE,
+        ..TRACKING_ON_BACK
+    };
     let dynamics = Dynamics::paper(*body, 1.0);
     let step = f32::of(TIME_STEP);
     let attitude = Rotation::from_quaternion(

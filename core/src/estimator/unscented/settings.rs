@@ -60,6 +60,8 @@ pub enum Unsafe {
     MeasurementNoise,
     /// The solution window is empty, longer than the prediction window, or no multiple of the stride.
     SolutionWindow,
+    /// The prediction window is empty, longer than the estimator has room for, or no multiple of the stride.
+    PredictionWindow,
     /// The time step is not positive, or an interval is longer than 0.05 s.
     TimeStep,
     /// Motion or posture at the start are not finite.
@@ -81,6 +83,9 @@ impl core::fmt::Display for Unsafe {
             Self::MeasurementNoise => "every measurement noise must be positive and finite",
             Self::SolutionWindow => {
                 "the solution window must be a multiple of the filter's stride within the prediction window"
+            }
+            Self::PredictionWindow => {
+                "the prediction window must be a multiple of the filter's stride that the estimator has room for"
             }
             Self::TimeStep => "the time step must be positive and an interval 0.05 s at most",
             Self::Start => "motion and posture at the start must be finite",

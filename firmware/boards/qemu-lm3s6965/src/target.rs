@@ -9,7 +9,7 @@ use bodyflight_core::dynamics::step::TIME_STEP;
 use bodyflight_core::dynamics::{Dynamics, Inputs, Motion, PostureSample, State};
 use bodyflight_core::estimator::full::Full;
 use bodyflight_core::estimator::measurement::Measurement;
-use bodyflight_core::estimator::preset::TRACKING_ON_BACK;
+use bodyflight_core::estimator::preset::{Preset, TRACKING_ON_BACK};
 use bodyflight_core::estimator::propagation::Propagation;
 use bodyflight_core::estimator::reduced::Reduced;
 use bodyflight_core::estimator::{Estimator, trace};
@@ -145,8 +145,12 @@ fn pushes<P: Propagation<f32>, const INTERVALS: usize>(
     posture: &Posture<f32>,
 ) -> Option<[u32; 3]> {
     let motion = falling();
+    let preset = Preset {
+        prediction_window: INTERVALS * P::STRIDE,
+        ..TRACKING_ON_BACK
+    };
     let mut estimator =
-        Estimator::<f32, P, INTERVALS>::new(&TRACKING_ON_BACK, dynamics, &motion, posture).ok()?;
+        Estimator::<f32, P, INTERVALS>::new(&preset, dynamics, &motion, posture).ok()?;
     let seen = Measurement::of(&motion);
     let (mut quiet, mut update) = (0, 0);
     // Past the first update every fourth push updates; the largest of each kind counts.

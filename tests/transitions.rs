@@ -1,0 +1,220 @@
+//! Fourteen transitions between belly and back to earth, in the paper's order ("Transition Maneuvers"), in
+//! several styles.
+
+use std::borrow::Cow;
+
+use bodyflight_core::Segment;
+use bodyflight_core::body::pattern::{DRAW_IN_LEFT, JointAngles, NEUTRAL, PRESS};
+
+use crate::estimator_flights::{Flight, Pulse};
+
+/// How a skydiver does each kind of transition. The numbers were searched by one thing only: that the body changes sides
+/// once in each of the fourteen.
+#[derive(Debug, Clone, Copy)]
+pub struct Style {
+    /// Muscle input, damping, and radians of a pattern, each added for the time of a transition: back flip and
+    /// layout about the left axis by [`PRESS`], rolls to belly and to back by [`DRAW_IN_LEFT`].
+    moves: [[f64; 3]; 4],
+    sway: f64,
+    /// Damping between transitions [pitch, yaw, roll].
+    damping: [f64; 3],
+}
+
+const fn style(moves: [[f64; 3]; 4], sway: f64, damping: [f64; 3]) -> Style {
+    Style {
+        moves,
+        sway,
+        damping,
+    }
+}
+
+/// Every style found in a search of ten minutes.
+pub const STYLES: [Style; 11] = [
+    style(
+        [
+            [3.15, -6.0, 0.9],
+            [3.5, -1.35, -0.5],
+            [2.25, -7.7, 0.1],
+            [1.85, -5.8, 0.35],
+        ],
+        0.05,
+        [11.95, 4.0, 9.85],
+    ),
+    style(
+        [
+            [3.15, -1.85, 0.8],
+            [3.5, -1.55, -0.5],
+            [3.5, -3.85, 0.25],
+            [1.8, -10.0, 0.1],
+        ],
+        0.0,
+        [11.25, 8.0, 8.0],
+    ),
+    style(
+        [
+            [3.5, -6.0, 0.8],
+            [3.0, -4.6, -0.45],
+            [2.45, -8.6, 0.25],
+            [2.7, -2.0, 0.5],
+        ],
+        0.05,
+        [6.0, 6.4, 10.65],
+    ),
+    style(
+        [
+            [2.95, -0.2, 0.9],
+            [3.5, -4.1, -0.2],
+            [3.5, -10.0, 0.3],
+            [1.95, -10.0, 0.45],
+        ],
+        0.0,
+        [7.85, 8.0, 14.8],
+    ),
+    style(
+        [
+            [2.95, -6.0, 0.85],
+            [3.35, -3.8, 0.45],
+            [3.2, -4.65, 0.65],
+            [1.85, -7.0, 0.8],
+        ],
+        0.05,
+        [12.0, 6.1, 11.75],
+    ),
+    style(
+        [
+            [2.55, -1.05, 0.85],
+            [3.5, -6.0, -0.05],
+            [3.5, -2.35, 0.8],
+            [1.8, -10.0, 0.45],
+        ],
+        0.0,
+        [6.0, 3.0, 14.15],
+    ),
+    style(
+        [
+            [3.4, -3.45, 0.8],
+            [3.5, -6.0, -0.3],
+            [2.05, -5.35, 0.4],
+            [2.65, -7.2, 0.3],
+        ],
+        0.0,
+        [12.0, 6.4, 8.0],
+    ),
+    style(
+        [
+            [3.05, -5.25, 0.6],
+            [3.5, -3.2, -0.3],
+            [2.8, -8.4, 0.1],
+            [2.4, -2.0, 0.4],
+        ],
+        0.05,
+        [6.0, 8.0, 11.7],
+    ),
+    style(
+        [
+            [3.0, -6.0, 0.65],
+            [3.2, -5.8, -0.3],
+            [3.5, -8.9, 0.8],
+            [2.6, -10.0, 0.1],
+        ],
+        0.05,
+        [6.4, 4.3, 18.0],
+    ),
+    style(
+        [
+            [3.5, -2.0, 0.8],
+            [3.5, -6.0, -0.45],
+            [3.5, -4.35, 0.8],
+            [3.5, -10.0, 0.8],
+        ],
+        0.0,
+        [7.0, 5.2, 10.3],
+    ),
+    style(
+        [
+            [1.8, -6.0, 0.85],
+            [3.15, -1.25, 0.5],
+            [3.25, -8.15, 0.3],
+            [1.9, -8.2, 0.25],
+        ],
+        0.05,
+        [6.0, 7.1, 11.7],
+    ),
+];
+
+/// Changes from [`NEUTRAL`] to a posture that is stable back to earth.
+const TO_BACK: &JointAngles = &[
+    (Segment::Abdomen, [0.0, 0.0, -0.12]),
+    (Segment::Thorax, [0.0, 0.0, -0.08]),
+    (Segment::LeftUpperArm, [0.0, 0.0, 0.2]),
+    (Segment::RightUpperArm, [0.0, 0.0, 0.2]),
+    (Segment::LeftThigh, [0.0, 0.0, 0.8]),
+    (Segment::RightThigh, [0.0, 0.0, 0.8]),
+    (Segment::LeftShank, [0.0, 0.0, 0.2]),
+    (Segment::RightShank, [0.0, 0.0, 0.2]),
+    (Segment::LeftFoot, [0.0, 0.0, 0.6]),
+    (Segment::RightFoot, [0.0, 0.0, 0.6]),
+];
+
+#[derive(Clone, Copy)]
+enum Kind {
+    BackFlip,
+    Layout,
+    RollToBelly,
+    RollToBack,
+}
+use Kind::{BackFlip, Layout, RollToBack, RollToBelly};
+
+const ORDER: [Kind; 14] = [
+    BackFlip,
+    RollToBelly,
+    BackFlip,
+    RollToBelly,
+    BackFlip,
+    RollToBelly,
+    BackFlip,
+    Layout,
+    RollToBack,
+    Layout,
+    BackFlip,
+    Layout,
+    BackFlip,
+    Layout,
+];
+
+/// Time from one transition to the next, and the longest that one is tried (s).
+const EVERY: f64 = 3.0;
+const TRIED: f64 = 2.6;
+
+impl Style {
+    /// The script: 45 s.
+    pub fn flight(&self) -> Flight {
+        let pulses = (0u32..).zip(ORDER).map(|(number, kind)| {
+            let [muscle, damping, amount] = self.moves[kind as usize];
+            let begin = 2.0 + EVERY * f64::from(number);
+            let rolls = matches!(kind, RollToBelly | RollToBack);
+            let about = |value: f64| if rolls { [0.0, value] } else { [value, 0.0] };
+            let ([pitch, roll], [pitch_damping, roll_damping]) = (about(muscle), about(damping));
+            Pulse {
+                during: [begin, begin + TRIED],
+                muscle: [0.0, pitch, roll],
+                damping: [pitch_damping, 0.0, roll_damping],
+                joints: Some((if rolls { DRAW_IN_LEFT } else { PRESS }, amount)),
+                until_over: true,
+            }
+        });
+        Flight {
+            name: "transitions",
+            duration: 45.0,
+            base: NEUTRAL,
+            start_pitch: core::f64::consts::FRAC_PI_2,
+            muscle: [0.0; 3],
+            damping: self.damping,
+            wander: 0.2,
+            rate: 1.0,
+            sway: self.sway,
+            on_back: TO_BACK,
+            pulses: Cow::Owned(pulses.collect()),
+        }
+    }
+}
