@@ -1,5 +1,6 @@
 //! `bodyflight estimate`.
 
+use std::fmt::Write;
 use std::path::PathBuf;
 
 use bodyflight::diagnostic::{Problem, Result};
@@ -7,6 +8,7 @@ use bodyflight::estimate::{Estimation, Filter, estimate};
 use bodyflight::flight::Flight;
 use bodyflight::model_file::Effects;
 use bodyflight::output::write_file;
+use bodyflight_core::estimator::measurement::Quantity;
 use bodyflight_core::estimator::preset::{PRESETS, Preset};
 
 use super::simulate::{Precision, Reading, refuse_inputs};
@@ -59,11 +61,22 @@ impl FilterName {
 }
 
 fn presets_help() -> String {
-    let names: Vec<&str> = PRESETS.iter().map(|preset| preset.name).collect();
-    format!(
-        "Presets: {}\n\nExample: bodyflight estimate flight.toml --preset transitions --plot est.svg",
-        names.join(", ")
-    )
+    let mut text = String::from("Presets, what they measure, and how late their estimates come:\n");
+    for preset in &PRESETS {
+        let measured: Vec<&str> = preset
+            .measurement
+            .quantities()
+            .map(Quantity::name)
+            .collect();
+        let late = preset.time_step::<f64>() * preset.prediction_window as f64;
+        let _ = writeln!(
+            text,
+            "  {:28} {}; {late:.2} s",
+            preset.name,
+            measured.join(" ")
+        );
+    }
+    text + "\nExample: bodyflight estimate flight.toml --preset transitions-agile --plot est.svg"
 }
 
 /// The preset of that name.
