@@ -7,7 +7,7 @@ use std::time::Duration;
 use serde::Deserialize;
 
 use crate::on_target::install_qemu;
-use crate::run::{Result, cargo, root, run, say};
+use crate::run::{Result, build_program, root, run, say};
 use crate::unit::unit;
 
 /// What a stream reports, as far as it is judged here.
@@ -58,7 +58,7 @@ const HALT: Duration = Duration::from_millis(300);
 pub(crate) fn hil(seconds: u32) -> Result<()> {
     let image = unit()?;
     install_qemu()?;
-    cargo(&["build", "--locked", "--package", "bodyflight"])?;
+    build_program()?;
     let folder = root().join("target/hil");
     let flight = folder.join("flight.toml");
     Running::start(&["synth", "tracking", "--seed", "1", "--out"], &folder)?.output()?;

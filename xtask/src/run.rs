@@ -49,6 +49,17 @@ pub(crate) fn cargo(arguments: &[&str]) -> Result<()> {
     cargo_in(&root(), arguments, &[])
 }
 
+/// Builds the program, `target/debug/bodyflight`.
+pub(crate) fn build_program() -> Result<()> {
+    build_as_tested(&["--bin", "bodyflight"])
+}
+
+/// Builds a part of the workspace as `cargo test --workspace` does: what that has built is not built again.
+pub(crate) fn build_as_tested(part: &[&str]) -> Result<()> {
+    let workspace = ["build", "--locked", "--profile", "test", "--workspace"];
+    cargo(&[&workspace, part].concat())
+}
+
 /// Runs cargo in a folder with these arguments and environment variables.
 pub(crate) fn cargo_in(
     folder: &Path,

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
 use crate::image::install_target;
-use crate::run::{Result, cargo, root, run, run_in};
+use crate::run::{Result, build_as_tested, build_program, cargo, root, run, run_in};
 
 /// Oldest Node that builds the page.
 const LEAST_NODE: u32 = 20;
@@ -47,15 +47,8 @@ pub(crate) fn build() -> Result<()> {
 /// Passes the page's tests in a browser; pictures are left in `target/pictures`.
 pub(crate) fn test() -> Result<()> {
     let browser = install_browser()?;
-    cargo(&["build", "--locked", "--package", "bodyflight"])?;
-    cargo(&[
-        "build",
-        "--locked",
-        "--package",
-        "bodyflight-viewer",
-        "--example",
-        "keys",
-    ])?;
+    build_program()?;
+    build_as_tested(&["--example", "keys"])?;
     node(
         &browser,
         &[
@@ -71,7 +64,7 @@ pub(crate) fn test() -> Result<()> {
 /// Makes the pictures of the README, `docs/*.jpg`.
 pub(crate) fn pictures() -> Result<()> {
     let browser = install_browser()?;
-    cargo(&["build", "--locked", "--package", "bodyflight"])?;
+    build_program()?;
     node(&browser, &["pictures.mjs"])
 }
 
