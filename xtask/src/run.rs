@@ -57,7 +57,9 @@ pub(crate) fn build_program() -> Result<()> {
 /// Builds a part of the workspace as `cargo test --workspace` does: what that has built is not built again.
 pub(crate) fn build_as_tested(part: &[&str]) -> Result<()> {
     let workspace = ["build", "--locked", "--profile", "test", "--workspace"];
-    cargo(&[&workspace, part].concat())
+    // With one of the tests: what tests depend on switches on features of what the program depends on.
+    let a_test = ["--test", "cli"];
+    cargo(&[&workspace[..], part, &a_test].concat())
 }
 
 /// Runs cargo in a folder with these arguments and environment variables.
