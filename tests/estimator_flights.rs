@@ -199,11 +199,10 @@ impl Pulse {
     }
 }
 
-/// A script as it is flown: what depends on the motion is settled as the flight goes on.
+/// A script as it is flown: the ends of its pulses that depend on the motion are settled as the flight goes on.
 #[derive(Debug, Clone)]
 pub struct Course {
     script: Flight,
-    pulses: Vec<Pulse>,
     changes: Vec<f64>,
 }
 
@@ -228,7 +227,7 @@ impl Course {
         };
         if over {
             self.changes.push(time);
-            for pulse in &mut self.pulses {
+            for pulse in self.script.pulses.to_mut() {
                 let [begin, end] = &mut pulse.during;
                 if pulse.until_over && *begin < time {
                     *end = end.min(time + RISE);
@@ -248,7 +247,8 @@ impl Course {
             .rev()
             .fold(0.0, |later, change| smooth((time - change) / RISE) - later);
         let base = pattern::moved(&base, script.on_back, on_back);
-        self.pulses
+        script
+            .pulses
             .iter()
             .fold(base, |posture, pulse| match pulse.joints {
                 Some((joints, amount)) => {
@@ -268,7 +268,7 @@ impl Course {
                 + script.wander
                     * (script.rate * time * (0.7 + 0.13 * f64::from(k)) + f64::from(k)).sin();
         }
-        for pulse in &self.pulses {
+        for pulse in script.pulses.iter() {
             let share = pulse.share(time);
             for k in 0..3 {
                 muscle[k] += pulse.muscle[k] * share;
@@ -300,7 +300,6 @@ impl Flight {
         };
         let mut course = Course {
             script: self.clone(),
-            pulses: self.pulses.to_vec(),
             changes: Vec::new(),
         };
         let half = TIME_STEP / 2.0;

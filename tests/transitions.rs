@@ -4,9 +4,9 @@
 use std::borrow::Cow;
 
 use bodyflight_core::Segment;
-use bodyflight_core::body::pattern::{DRAW_IN_LEFT, JointAngles, NEUTRAL, PRESS};
+use bodyflight_core::body::pattern::{DRAW_IN_LEFT, JointAngles, PRESS};
 
-use crate::estimator_flights::{Flight, Pulse};
+use crate::estimator_flights::{FLIPS_AND_ROLLS, Flight, Pulse};
 
 /// How a skydiver does each kind of transition. The numbers were searched by one thing only: that the body changes sides
 /// once in each of the fourteen.
@@ -132,7 +132,7 @@ pub const STYLES: [Style; 10] = [
     ),
 ];
 
-/// Changes from [`NEUTRAL`] to a posture that is stable back to earth.
+/// Changes from the neutral posture to one that is stable back to earth.
 const TO_BACK: &JointAngles = &[
     (Segment::Abdomen, [0.0, 0.0, -0.12]),
     (Segment::Thorax, [0.0, 0.0, -0.08]),
@@ -177,7 +177,7 @@ const EVERY: f64 = 3.0;
 const TRIED: f64 = 2.6;
 
 impl Style {
-    /// The script: 45 s.
+    /// The script: 45 s, begun belly to earth.
     pub fn flight(&self) -> Flight {
         let pulses = (0u32..).zip(ORDER).map(|(number, kind)| {
             let [muscle, damping, amount] = self.moves[kind as usize];
@@ -195,16 +195,11 @@ impl Style {
         });
         Flight {
             name: "transitions",
-            duration: 45.0,
-            base: NEUTRAL,
-            start_pitch: core::f64::consts::FRAC_PI_2,
-            muscle: [0.0; 3],
             damping: self.damping,
-            wander: 0.2,
-            rate: 1.0,
             sway: self.sway,
             on_back: TO_BACK,
             pulses: Cow::Owned(pulses.collect()),
+            ..FLIPS_AND_ROLLS
         }
     }
 }
