@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
-use bodyflight::inspect::inspect;
-use bodyflight::mvnx::closure::t_pose_from_isb;
-use bodyflight::mvnx::{ArmFrame, Field, Frame, FrameKind, ReadOptions, Reader};
-use bodyflight::recording::{Options, Recording};
-use bodyflight::xsens::{self, MvnSegment};
+use bodyflight::formats::mvnx::closure::t_pose_from_isb;
+use bodyflight::formats::mvnx::{ArmFrame, Field, Frame, FrameKind, ReadOptions, Reader};
+use bodyflight::formats::recording::{Options, Recording};
+use bodyflight::formats::xsens::{self, MvnSegment};
+use bodyflight::verbs::inspect::inspect;
 use bodyflight_core::Segment;
 use bodyflight_tests::data_folder;
 use bodyflight_tests::small_recording::{NAME, read, with_numbers, written};

@@ -4,8 +4,8 @@
 use std::io::{BufReader, Read};
 use std::path::Path;
 
-use bodyflight::inspect::{inspect, inspect_input};
-use bodyflight::recording::Options;
+use bodyflight::formats::recording::Options;
+use bodyflight::verbs::inspect::{inspect, inspect_input};
 use bodyflight_tests::small_recording::{
     NAME, is_usable, read, read_as, replaced, survey, with_numbers, written,
 };

@@ -1,9 +1,9 @@
 //! The scripts do what their names say, flown by the default subject.
 
-use bodyflight::flight::Flight;
-use bodyflight::simulate::measured_motion;
-use bodyflight::subject::Subject;
-use bodyflight::synthesize::{Request, SensorNoise, fly};
+use bodyflight::formats::flight::Flight;
+use bodyflight::formats::subject::Subject;
+use bodyflight::verbs::simulate::measured_motion;
+use bodyflight::verbs::synthesize::{Request, SensorNoise, fly};
 use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::math::wrap_angle;
 use bodyflight_core::observation::Observation;

@@ -3,9 +3,9 @@
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
-use bodyflight::mvnx::writer::{Description, Writer};
-use bodyflight::recording::{FlightFrame, Options, PelvisMotion, Recording};
-use bodyflight::subject::Subject;
+use bodyflight::formats::mvnx::writer::{Description, Writer};
+use bodyflight::formats::recording::{FlightFrame, Options, PelvisMotion, Recording};
+use bodyflight::formats::subject::Subject;
 use bodyflight_core::Posture;
 use bodyflight_core::frame::{Rotation, Vector};
 

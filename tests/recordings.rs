@@ -5,13 +5,13 @@ use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 use bodyflight::discover::point;
-use bodyflight::flysight;
-use bodyflight::inspect::inspect;
-use bodyflight::mvnx::writer::{Description, Writer};
-use bodyflight::mvnx::{ArmFrame, Field, Frame, ReadOptions, Reader};
-use bodyflight::recording::{FlightFrame, Options, PelvisMotion, Recording};
-use bodyflight::subject::Subject;
-use bodyflight::xsens::MvnSegment;
+use bodyflight::formats::flysight;
+use bodyflight::formats::mvnx::writer::{Description, Writer};
+use bodyflight::formats::mvnx::{ArmFrame, Field, Frame, ReadOptions, Reader};
+use bodyflight::formats::recording::{FlightFrame, Options, PelvisMotion, Recording};
+use bodyflight::formats::subject::Subject;
+use bodyflight::formats::xsens::MvnSegment;
+use bodyflight::verbs::inspect::inspect;
 use bodyflight_core::body::posture::{joint_rotation, pose};
 use bodyflight_core::dynamics::Dynamics;
 use bodyflight_core::frame::{Rotation, Vector};
@@ -322,7 +322,7 @@ fn a_bad_frame_is_bridged_and_reported_or_refused() {
     let fault = recording.quality().first_fault.clone().expect("reported");
     assert_eq!((fault.index, fault.element), (20, "orientation"));
     let strict = Options {
-        bad_frames: bodyflight::recording::BadFrames::Refuse,
+        bad_frames: bodyflight::formats::recording::BadFrames::Refuse,
         ..Options::default()
     };
     let refused = Recording::new(broken.as_bytes(), Path::new("x.mvnx"), strict)

@@ -3,10 +3,10 @@
 use std::path::Path;
 
 use bodyflight::diagnostic::Problem;
-use bodyflight::inspect::{Report, inspect_input};
-use bodyflight::mvnx::writer::{Description, Writer};
-use bodyflight::recording::{FlightFrame, Options, PelvisMotion, Quality, Recording};
-use bodyflight::subject::Subject;
+use bodyflight::formats::mvnx::writer::{Description, Writer};
+use bodyflight::formats::recording::{FlightFrame, Options, PelvisMotion, Quality, Recording};
+use bodyflight::formats::subject::Subject;
+use bodyflight::verbs::inspect::{Report, inspect_input};
 use bodyflight_core::body::posture::joint_rotation;
 use bodyflight_core::frame::{Rotation, Vector};
 use bodyflight_core::{Posture, Segment};

@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-use bodyflight::mvn_network::{AngularUnit, Options, Receiver, Sink, Source};
-use bodyflight::recording::{self, FlightFrame, Recording};
-use bodyflight::subject::Subject;
+use bodyflight::formats::mvn_network::{AngularUnit, Options, Receiver, Sink, Source};
+use bodyflight::formats::recording::{self, FlightFrame, Recording};
+use bodyflight::formats::subject::Subject;
 use bodyflight_core::Segment;
 use serde_json::Value;
 

@@ -3,13 +3,13 @@
 use std::path::PathBuf;
 
 use bodyflight::diagnostic::{Problem, Result};
-use bodyflight::flight::Flight;
-use bodyflight::output::write_file;
-use bodyflight::plot::comparison_svg;
-use bodyflight::recording::Options;
-use bodyflight::simulate::{RunFile, simulate};
-use bodyflight::subject::Subject;
-use bodyflight::synthesize::{DEFAULT_SWAY, Request, SensorNoise};
+use bodyflight::formats::flight::Flight;
+use bodyflight::formats::recording::Options;
+use bodyflight::formats::subject::Subject;
+use bodyflight::output::files::write_file;
+use bodyflight::output::plot::comparison_svg;
+use bodyflight::verbs::simulate::{RunFile, simulate};
+use bodyflight::verbs::synthesize::{DEFAULT_SWAY, Request, SensorNoise};
 use bodyflight_core::maneuver::Maneuver;
 
 use super::{simulate as simulate_verb, synth, terminal};
@@ -34,7 +34,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     let request = Request {
         maneuver,
         subject: &subject,
-        density: bodyflight::flight::DEFAULT_DENSITY,
+        density: bodyflight::formats::flight::DEFAULT_DENSITY,
         seed: SEED,
         noise: SensorNoise::PAPER,
         sway: DEFAULT_SWAY,

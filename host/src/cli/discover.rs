@@ -9,9 +9,9 @@ use bodyflight::discover::check::Finding;
 use bodyflight::discover::report::{CHANNEL_NAMES, Named, Outcome, Report};
 use bodyflight::discover::track::Track;
 use bodyflight::discover::{Settings, discover, figure};
-use bodyflight::flight::Flight;
-use bodyflight::flysight;
-use bodyflight::output::write_file;
+use bodyflight::formats::flight::Flight;
+use bodyflight::formats::flysight;
+use bodyflight::output::files::write_file;
 use serde::Serialize;
 
 use super::simulate::Reading;

@@ -4,10 +4,10 @@ use std::fmt::Write;
 use std::path::PathBuf;
 
 use bodyflight::diagnostic::{Problem, Result};
-use bodyflight::estimate::{Estimation, Filter, estimate};
-use bodyflight::flight::Flight;
-use bodyflight::model_file::Effects;
-use bodyflight::output::write_file;
+use bodyflight::formats::flight::Flight;
+use bodyflight::formats::model_file::Effects;
+use bodyflight::output::files::write_file;
+use bodyflight::verbs::estimate::{Estimation, Filter, estimate};
 use bodyflight_core::estimator::measurement::Quantity;
 use bodyflight_core::estimator::preset::{PRESETS, Preset};
 

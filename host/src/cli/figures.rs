@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use bodyflight::diagnostic::{Problem, Result};
-use bodyflight::figures::{Settings, write};
-use bodyflight::flight::Flight;
+use bodyflight::formats::flight::Flight;
+use bodyflight::verbs::figures::{Settings, write};
 use serde::Serialize;
 
 use super::simulate::Reading;

@@ -4,14 +4,14 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use bodyflight::diagnostic::{Problem, Result};
-use bodyflight::flight::DEFAULT_DENSITY;
+use bodyflight::formats::flight::DEFAULT_DENSITY;
+use bodyflight::formats::subject::Subject;
 use bodyflight::interrupt;
-use bodyflight::output::write_file;
-use bodyflight::subject::Subject;
-use bodyflight::view::flown::{frames, write};
-use bodyflight::view::page::{FlyData, Mode, PageData, Provenance, html, setup};
-use bodyflight::view::run::shapes;
-use bodyflight::view::server::Server;
+use bodyflight::output::files::write_file;
+use bodyflight::verbs::view::flown::{frames, write};
+use bodyflight::verbs::view::page::{FlyData, Mode, PageData, Provenance, html, setup};
+use bodyflight::verbs::view::run::shapes;
+use bodyflight::verbs::view::server::Server;
 use serde::Serialize;
 
 use super::terminal;

@@ -3,11 +3,11 @@
 use std::path::PathBuf;
 
 use bodyflight::diagnostic::{Problem, Result};
-use bodyflight::flight::Flight;
-use bodyflight::hide::outside::Outside;
-use bodyflight::hide::{Hidden, Settings, fly, strength, truth_toml, write};
-use bodyflight::output::write_file;
-use bodyflight::subject::Subject;
+use bodyflight::formats::flight::Flight;
+use bodyflight::formats::subject::Subject;
+use bodyflight::output::files::write_file;
+use bodyflight::verbs::hide::outside::Outside;
+use bodyflight::verbs::hide::{Hidden, Settings, fly, strength, truth_toml, write};
 use bodyflight_core::dynamics::Inputs;
 use bodyflight_core::effect::Effect;
 use serde::Serialize;

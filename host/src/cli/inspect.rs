@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use bodyflight::diagnostic::Result;
-use bodyflight::inspect::inspect;
+use bodyflight::verbs::inspect::inspect;
 
 use super::terminal;
 

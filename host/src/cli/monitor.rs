@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use bodyflight::diagnostic::Result;
 use bodyflight::interrupt;
-use bodyflight::monitor::{Chunk, Defmt, Input, PacketReading, Xbus};
+use bodyflight::unit::monitor::{Chunk, Defmt, Input, PacketReading, Xbus};
 use serde_json::json;
 
 use super::terminal;

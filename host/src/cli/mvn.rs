@@ -4,10 +4,12 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use bodyflight::diagnostic::{Problem, Result};
-use bodyflight::flight::Flight;
+use bodyflight::formats::flight::Flight;
+use bodyflight::formats::mvn_network::{
+    AngularUnit, Options, Receiver, Sink, Source, Speed, replay,
+};
+use bodyflight::formats::recording::{self, Recording};
 use bodyflight::interrupt;
-use bodyflight::mvn_network::{AngularUnit, Options, Receiver, Sink, Source, Speed, replay};
-use bodyflight::recording::{self, Recording};
 use clap::Subcommand;
 use serde_json::json;
 

@@ -1,7 +1,7 @@
 //! `bodyflight ports`.
 
 use bodyflight::diagnostic::Result;
-use bodyflight::ports::{self, Port};
+use bodyflight::unit::ports::{self, Port};
 
 use super::terminal;
 

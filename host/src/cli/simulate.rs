@@ -3,12 +3,12 @@
 use std::path::PathBuf;
 
 use bodyflight::diagnostic::{Problem, Result};
-use bodyflight::flight::Flight;
-use bodyflight::model_file::Effects;
-use bodyflight::output::write_file;
-use bodyflight::plot::comparison_svg;
-use bodyflight::recording::{BadFrames, Options};
-use bodyflight::simulate::{RunFile, Simulation, simulate};
+use bodyflight::formats::flight::Flight;
+use bodyflight::formats::model_file::Effects;
+use bodyflight::formats::recording::{BadFrames, Options};
+use bodyflight::output::files::write_file;
+use bodyflight::output::plot::comparison_svg;
+use bodyflight::verbs::simulate::{RunFile, Simulation, simulate};
 use bodyflight_core::dynamics::free_run::Equations;
 
 use super::terminal;

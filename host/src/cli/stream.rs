@@ -4,16 +4,16 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use bodyflight::diagnostic::{Problem, Result};
-use bodyflight::flight::Flight;
-use bodyflight::model_file::Effects;
-use bodyflight::monitor::Defmt;
-use bodyflight::mvn_network::Source;
-use bodyflight::recording::{FlightFrame, Recording};
-use bodyflight::stream::connection::{DEFAULT_BAUD, Target};
-use bodyflight::stream::report::Report;
-use bodyflight::stream::{Pace, Settings, stream};
-use bodyflight::view::live::LiveView;
-use bodyflight::view::page::Provenance;
+use bodyflight::formats::flight::Flight;
+use bodyflight::formats::model_file::Effects;
+use bodyflight::formats::mvn_network::Source;
+use bodyflight::formats::recording::{FlightFrame, Recording};
+use bodyflight::unit::monitor::Defmt;
+use bodyflight::unit::stream::connection::{DEFAULT_BAUD, Target};
+use bodyflight::unit::stream::report::Report;
+use bodyflight::unit::stream::{Pace, Settings, stream};
+use bodyflight::verbs::view::live::LiveView;
+use bodyflight::verbs::view::page::Provenance;
 use bodyflight_core::link::fault::Faults;
 
 use super::simulate::Reading;

@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 
 use bodyflight::diagnostic::{Problem, Result};
-use bodyflight::flight::DEFAULT_DENSITY;
-use bodyflight::subject::Subject;
-use bodyflight::synthesize::{DEFAULT_SWAY, Report, Request, SensorNoise, synthesize};
+use bodyflight::formats::flight::DEFAULT_DENSITY;
+use bodyflight::formats::subject::Subject;
+use bodyflight::verbs::synthesize::{DEFAULT_SWAY, Report, Request, SensorNoise, synthesize};
 use bodyflight_core::maneuver::{MANEUVERS, Maneuver};
 
 use super::terminal;

@@ -3,8 +3,8 @@
 use std::io::{IsTerminal, Write};
 use std::time::Duration;
 
-use bodyflight::comparison::{Channel, PerChannel};
 use bodyflight::diagnostic::{Problem, Result};
+use bodyflight::replay::comparison::{Channel, PerChannel};
 use comfy_table::{CellAlignment, Table};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;

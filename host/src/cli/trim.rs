@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use bodyflight::diagnostic::{Problem, Result};
-use bodyflight::flight::{DEFAULT_DENSITY, DensityChoice, Flight};
-use bodyflight::subject::Subject;
+use bodyflight::formats::flight::{DEFAULT_DENSITY, DensityChoice, Flight};
+use bodyflight::formats::subject::Subject;
 use bodyflight_core::body::pattern;
 use bodyflight_core::dynamics::trim::{TrimError, trim};
 use serde::Serialize;

@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 
 use bodyflight::diagnostic::{Problem, Result};
-use bodyflight::flight::Flight;
-use bodyflight::output::write_file;
-use bodyflight::tune::{Candidate, Report, Search, tune};
+use bodyflight::formats::flight::Flight;
+use bodyflight::output::files::write_file;
+use bodyflight::verbs::tune::{Candidate, Report, Search, tune};
 
 use super::{simulate, terminal};
 

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use bodyflight::diagnostic::Result;
 use bodyflight::interrupt;
-use bodyflight::virtual_unit::VirtualUnit;
+use bodyflight::unit::virtual_unit::VirtualUnit;
 
 use super::terminal;
 

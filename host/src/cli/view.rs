@@ -3,11 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use bodyflight::diagnostic::{Problem, Result};
-use bodyflight::flight::Flight;
-use bodyflight::model_file::Effects;
-use bodyflight::output::write_file;
-use bodyflight::view::page::{PageData, Provenance, html};
-use bodyflight::view::run::fly;
+use bodyflight::formats::flight::Flight;
+use bodyflight::formats::model_file::Effects;
+use bodyflight::output::files::write_file;
+use bodyflight::verbs::view::page::{PageData, Provenance, html};
+use bodyflight::verbs::view::run::fly;
 use serde::Serialize;
 use serde_json::Value;
 

@@ -15,7 +15,7 @@ use serde::Serialize;
 use super::design::Place;
 use super::fit::reach;
 use super::track::Track;
-use crate::motion_history::MotionHistory;
+use crate::replay::motion_history::MotionHistory;
 
 /// Frames of windows: half a second and five.
 const WINDOWS: [usize; 2] = [120, 1200];

@@ -4,8 +4,8 @@ use super::point;
 use super::report::{CHANNEL_NAMES, Outcome, Report};
 use super::stretch::CHANNELS;
 use crate::diagnostic::Result;
-use crate::model_file::ByName;
-use crate::plot::{Curve, EXTENDED, FLOOR, Line, PLAIN, Panel, figure_svg};
+use crate::formats::model_file::ByName;
+use crate::output::plot::{Curve, EXTENDED, FLOOR, Line, PLAIN, Panel, figure_svg};
 
 /// The figure as SVG.
 ///

@@ -14,7 +14,7 @@ use super::stretch::{
 };
 use super::tolerance::Wrong;
 use super::track::Track;
-use crate::motion_history::MotionHistory;
+use crate::replay::motion_history::MotionHistory;
 
 /// Steps to the true motion behind a measured one, at most, and the difference in all channels that is close enough.
 const BEHIND_STEPS: usize = 12;

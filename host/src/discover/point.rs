@@ -18,7 +18,7 @@ use super::fit::{Values, with};
 use super::linear::{Normal, Nuisances, Reduced, Right};
 use super::null::quantile;
 use crate::diagnostic::{Problem, Result};
-use crate::flysight::{Fix, Track};
+use crate::formats::flysight::{Fix, Track};
 use report::Found;
 pub use report::{COMPONENT_NAMES, Report, Spot};
 

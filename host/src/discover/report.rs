@@ -11,7 +11,7 @@ use super::null::Null;
 use super::regime::{Companion, Regime};
 use super::stability::Whiteness;
 use super::stretch::CHANNELS;
-use crate::model_file::{ByName, by_name, model_toml};
+use crate::formats::model_file::{ByName, by_name, model_toml};
 
 /// Names of the channels, with units.
 pub const CHANNEL_NAMES: [&str; CHANNELS] = [

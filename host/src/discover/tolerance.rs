@@ -121,7 +121,7 @@ mod tests {
     use bodyflight_core::dynamics::Dynamics;
 
     use super::*;
-    use crate::subject::Subject;
+    use crate::formats::subject::Subject;
 
     #[test]
     fn nothing_wrong_changes_nothing_and_each_number_changes_one_thing() {

@@ -5,9 +5,9 @@ use bodyflight_core::{Posture, Segment};
 use nalgebra::Vector3;
 
 use crate::diagnostic::{Problem, Result};
-use crate::flight::Flight;
-use crate::recording::{FlightFrame, Options, Recording};
-use crate::simulate::measured_motion;
+use crate::formats::flight::Flight;
+use crate::formats::recording::{FlightFrame, Options, Recording};
+use crate::verbs::simulate::measured_motion;
 
 /// Root mean square of joint angles and of the stream's direction below which nothing moves (rad): what jitter of
 /// suit and sensors makes.

@@ -1,4 +1,4 @@
-// The data that a page is given, see host/src/view/page.rs.
+// The data that a page is given, see host/src/verbs/view/page.rs.
 
 export const SCHEMA = 1;
 
@@ -75,7 +75,7 @@ export function pageData(): PageData {
 /** Columns over time: for each number of a column one list. */
 export type Columns = Map<string, Float64Array[]>;
 
-/** The inverse of host/src/view/series.rs. */
+/** The inverse of host/src/verbs/view/series.rs. */
 export async function unpack(packed: Packed): Promise<Columns> {
   let bytes: Uint8Array;
   try {
@@ -113,7 +113,7 @@ export async function unpack(packed: Packed): Promise<Columns> {
   return columns;
 }
 
-/** Channels of a flight, in the order of host/src/comparison.rs. */
+/** Channels of a flight, in the order of host/src/replay/comparison.rs. */
 export const CHANNELS = [
   { key: "roll_rad", label: "roll", unit: "rad", angle: true },
   { key: "pitch_rad", label: "pitch", unit: "rad", angle: true },

@@ -6,7 +6,7 @@ import { Plots, type PlotSpec } from "./plots";
 import { provenance, shell } from "./shell";
 import { Stage } from "./stage";
 
-/** See Live in host/src/stream/report.rs. */
+/** See Live in host/src/unit/stream/report.rs. */
 interface Look {
   time_s: number;
   sent: number;

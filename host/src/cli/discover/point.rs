@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use bodyflight::diagnostic::{Problem, Result};
 use bodyflight::discover::figure;
 use bodyflight::discover::point::{COMPONENT_NAMES, Report, discover};
-use bodyflight::flight::Flight;
-use bodyflight::flysight::{Track, is_flysight};
+use bodyflight::formats::flight::Flight;
+use bodyflight::formats::flysight::{Track, is_flysight};
 
 use super::super::terminal;
 use super::{Args, print_gap, print_held_out, print_names, write_all};

@@ -7,8 +7,8 @@ use serde::Serialize;
 use super::{ENOUGH, Fall, Fit, Values, values_of};
 use crate::discover::report::{Evidence, MODEL_COMMENT, Named, Outcome, model_of, share_explained};
 use crate::discover::{DISAGREES, EXPLAINS};
-use crate::flysight::Track;
-use crate::model_file::{ByName, model_toml};
+use crate::formats::flysight::Track;
+use crate::formats::model_file::{ByName, model_toml};
 
 /// Names of the components, with units.
 pub const COMPONENT_NAMES: [&str; 3] =

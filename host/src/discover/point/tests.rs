@@ -7,8 +7,8 @@ use rand_distr::StandardNormal;
 
 use super::*;
 use crate::discover::report::Outcome;
-use crate::flysight::Skipped;
-use crate::subject::Subject;
+use crate::formats::flysight::Skipped;
+use crate::formats::subject::Subject;
 
 fn dynamics(_height: f64) -> Dynamics<f64> {
     let subject = Subject::default();

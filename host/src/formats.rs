@@ -1,0 +1,11 @@
+//! What is read and written: recordings, tracks, the MVN stream, and the files of a person, a flight and a model.
+
+pub mod flight;
+pub mod flysight;
+pub mod input_history;
+pub mod model_file;
+pub mod mvn_network;
+pub mod mvnx;
+pub mod recording;
+pub mod subject;
+pub mod xsens;

@@ -1,0 +1,288 @@
+//! `flight.toml`: a recording with the subject, the air and the inputs that go with it.
+
+use std::path::{Path, PathBuf};
+
+use bodyflight_core::aerodynamics::stream::Stream;
+use bodyflight_core::air::{Air, Density};
+use bodyflight_core::dynamics::Dynamics;
+use bodyflight_core::dynamics::free_run::Equations;
+use bodyflight_core::dynamics::muscle_input::{self, MuscleModel};
+use bodyflight_core::frame::Vector;
+use serde::Deserialize;
+
+use crate::diagnostic::{Problem, Result};
+use crate::formats::input_history::InputHistory;
+use crate::formats::model_file::Effects;
+use crate::formats::subject::Subject;
+
+/// Density where a flight says nothing about it (kg/m3): about 2000 m.
+pub const DEFAULT_DENSITY: f64 = 1.0;
+
+/// Everything that a verb needs to know about a flight besides its frames.
+#[derive(Debug, Clone)]
+pub struct Flight {
+    /// The MVNX file.
+    pub recording: PathBuf,
+    /// The person.
+    pub subject: Subject,
+    /// Density, before the recording says where it starts.
+    pub density: DensityChoice,
+    /// Velocity of the air (m/s), north, west, up.
+    pub air_velocity: [f64; 3],
+    /// Equations of motion.
+    pub equations: Equations,
+    /// Limbs that act on muscle input.
+    pub muscles: MuscleModel,
+    /// Known conscious inputs over time; otherwise the subject's constant damping.
+    pub inputs: Option<InputHistory>,
+    /// What the free run of the model is extended by.
+    pub effects: Effects,
+}
+
+/// How a flight gives the density.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum DensityChoice {
+    /// One density (kg/m3).
+    Constant(f64),
+    /// Altitude of the first frame above sea level (m): standard atmosphere from there.
+    FirstFrameAltitude(f64),
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FlightFile {
+    recording: PathBuf,
+    subject: Option<PathBuf>,
+    inputs: Option<PathBuf>,
+    muscles: Option<String>,
+    equations: Option<EquationsName>,
+    #[serde(default)]
+    air: AirTable,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(deny_unknown_fields)]
+struct AirTable {
+    density: Option<f64>,
+    altitude_m: Option<f64>,
+    #[serde(default)]
+    velocity: [f64; 3],
+}
+
+#[derive(Deserialize, Clone, Copy)]
+#[serde(rename_all = "kebab-case")]
+enum EquationsName {
+    Exact,
+    AsPublished,
+}
+
+impl Flight {
+    /// Reads a `flight.toml`, or takes a bare MVNX file with defaults for everything else.
+    ///
+    /// # Errors
+    /// Where a file is missing or a value is not usable: file, line and field.
+    pub fn read(path: &Path) -> Result<Self> {
+        let is_toml = path
+            .extension()
+            .is_some_and(|extension| extension == "toml");
+        if !is_toml {
+            return Ok(Self::bare(path));
+        }
+        let text =
+            std::fs::read_to_string(path).map_err(|error| Problem::system("read", path, &error))?;
+        Self::parse(&text, path)
+    }
+
+    /// A recording alone: default subject, still air of [`DEFAULT_DENSITY`].
+    pub fn bare(recording: &Path) -> Self {
+        Self {
+            recording: recording.to_path_buf(),
+            subject: Subject::default(),
+            density: DensityChoice::Constant(DEFAULT_DENSITY),
+            air_velocity: [0.0; 3],
+            equations: Equations::default(),
+            muscles: muscle_input::BACK_TRACKING,
+            inputs: None,
+            effects: Effects::default(),
+        }
+    }
+
+    fn parse(text: &str, path: &Path) -> Result<Self> {
+        let file: FlightFile =
+            toml::from_str(text).map_err(|error| toml_problem(&error, text, path))?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let at = |field: &str, message: String| {
+            Problem::bad_input(message)
+                .in_file(path)
+                .at(format!("field {field}"))
+        };
+        let density = match (file.air.density, file.air.altitude_m) {
+            (Some(_), Some(_)) => {
+                return Err(at("air", "density and altitude_m are both given".into())
+                    .help("keep one: density for constant air, altitude_m for the standard atmosphere"));
+            }
+            (Some(density), None) if density.is_finite() && (0.0..=2.0).contains(&density) => {
+                DensityChoice::Constant(density)
+            }
+            (Some(density), None) => {
+                return Err(at(
+                    "air.density",
+                    format!("expected 0 to 2 kg/m3, found {density}"),
+                ));
+            }
+            (None, Some(altitude)) if (-500.0..=11_000.0).contains(&altitude) => {
+                DensityChoice::FirstFrameAltitude(altitude)
+            }
+            (None, Some(altitude)) => {
+                return Err(at(
+                    "air.altitude_m",
+                    format!("expected -500 to 11000 m above sea level, found {altitude}"),
+                ));
+            }
+            (None, None) => DensityChoice::Constant(DEFAULT_DENSITY),
+        };
+        if !file.air.velocity.iter().all(|v| v.abs() <= 150.0) {
+            return Err(at(
+                "air.velocity",
+                format!(
+                    "expected three numbers within 150 m/s, found {:?}",
+                    file.air.velocity
+                ),
+            ));
+        }
+        let muscles = match &file.muscles {
+            None => muscle_input::BACK_TRACKING,
+            Some(name) => muscles_from_name(name).ok_or_else(|| {
+                let known = muscle_input::MODELS.map(|(name, _)| name).join(", ");
+                at("muscles", format!("unknown limb groups \"{name}\""))
+                    .help(format!("one of: {known}"))
+            })?,
+        };
+        Ok(Self {
+            recording: folder.join(&file.recording),
+            subject: match &file.subject {
+                Some(subject) => Subject::read(&folder.join(subject))?,
+                None => Subject::default(),
+            },
+            density,
+            air_velocity: file.air.velocity,
+            equations: match file.equations {
+                None | Some(EquationsName::Exact) => Equations::Exact,
+                Some(EquationsName::AsPublished) => Equations::AsPublished,
+            },
+            muscles,
+            inputs: match &file.inputs {
+                Some(inputs) => Some(InputHistory::read(&folder.join(inputs))?),
+                None => None,
+            },
+            effects: Effects::default(),
+        })
+    }
+
+    /// The model of this flight; `first_height` is where the recording starts (m, inertial).
+    pub fn dynamics(&self, first_height: f64) -> Dynamics<f64> {
+        let [north, west, up] = self.air_velocity;
+        let density = match self.density {
+            DensityChoice::Constant(density) => Density::Constant(density),
+            DensityChoice::FirstFrameAltitude(altitude) => Density::StandardAtmosphere {
+                origin_altitude: altitude - first_height,
+            },
+        };
+        Dynamics {
+            body: self.subject.body(),
+            aerodynamics: self.subject.aerodynamics(),
+            air: Air {
+                density,
+                velocity: Vector::new(north, west, up),
+                profile: 0.0,
+            },
+            stream: Stream::uniform(),
+            muscles: self.muscles,
+            gravity: bodyflight_core::air::GRAVITY,
+        }
+    }
+}
+
+fn muscles_from_name(name: &str) -> Option<MuscleModel> {
+    muscle_input::MODELS
+        .into_iter()
+        .find(|(known, _)| *known == name)
+        .map(|(_, model)| model)
+}
+
+/// Name of limb groups in `flight.toml`; the default's for a set that has none.
+pub fn name_of_muscles(model: &MuscleModel) -> &'static str {
+    let mut named = muscle_input::MODELS.iter();
+    named
+        .find(|(_, known)| known == model)
+        .map_or("back-tracking", |(name, _)| name)
+}
+
+/// A parse error of TOML with its line.
+pub fn toml_problem(error: &toml::de::Error, text: &str, path: &Path) -> Problem {
+    let problem = Problem::bad_input(error.message().trim().to_owned()).in_file(path);
+    match error.span() {
+        Some(span) => {
+            let before = text.get(..span.start).unwrap_or(text);
+            problem.at_line(before.matches('\n').count() as u64 + 1)
+        }
+        None => problem,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(text: &str) -> Result<Flight> {
+        Flight::parse(text, Path::new("flight.toml"))
+    }
+
+    #[test]
+    fn a_flight_needs_only_its_recording() {
+        let flight = parse("recording = \"a.mvnx\"").unwrap();
+        assert_eq!(flight.recording, Path::new("a.mvnx"));
+        assert_eq!(flight.density, DensityChoice::Constant(DEFAULT_DENSITY));
+    }
+
+    #[test]
+    fn altitude_is_that_of_the_first_frame() {
+        let flight = parse("recording = \"a.mvnx\"\n[air]\naltitude_m = 3800").unwrap();
+        let dynamics = flight.dynamics(100.0);
+        let expected = bodyflight_core::air::standard_density(3800.0);
+        assert!((dynamics.air.density.at(100.0) - expected).abs() < 1e-12);
+    }
+
+    #[test]
+    fn bad_values_are_named() {
+        for (text, parts) in [
+            (
+                "recording = \"a\"\n[air]\ndensity = -1",
+                ["air.density", "-1"],
+            ),
+            (
+                "recording = \"a\"\n[air]\ndensity = 1.0\naltitude_m = 3",
+                ["field air", "both"],
+            ),
+            (
+                "recording = \"a\"\n[air]\naltitude_m = 1e9",
+                ["air.altitude_m", "1000000000"],
+            ),
+            (
+                "recording = \"a\"\n[air]\nvelocity = [0, 0, 999]",
+                ["air.velocity", "999"],
+            ),
+            ("recording = \"a\"\nmuscles = \"tail\"", ["muscles", "tail"]),
+            (
+                "recording = \"a\"\nsbject = \"b\"",
+                ["flight.toml:2", "sbject"],
+            ),
+            ("subject = \"b\"", ["flight.toml", "recording"]),
+        ] {
+            let problem = parse(text).unwrap_err().to_string();
+            for part in parts {
+                assert!(problem.contains(part), "{text}: {problem}");
+            }
+        }
+    }
+}

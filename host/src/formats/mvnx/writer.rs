@@ -1,0 +1,154 @@
+//! Writes a flight as MVN does: version 4, six decimals, all 23 segments, calibration frames first.
+//!
+//! Written to a path, the file appears under its name when it is whole: until [`Writer::finish`] it is a
+//! temporary one in the same folder, removed if the writer is dropped.
+
+mod document;
+mod motion;
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use bodyflight_core::Body;
+
+pub(crate) use self::motion::{Differences, MovingFrame, rotation_rate};
+use crate::diagnostic::{Problem, Result};
+use crate::formats::recording::FlightFrame;
+use crate::formats::xsens::skeleton::Layout;
+use crate::output::files::AtomicFile;
+
+/// What the header says besides the body.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Description {
+    /// Name of the subject.
+    pub subject_label: String,
+    /// Frames per second (Hz).
+    pub frame_rate: f64,
+    /// Time of frame 0, milliseconds since 1970 (UTC).
+    pub start_unix_ms: u64,
+    /// Free text.
+    pub comment: String,
+}
+
+/// Writes a recording frame by frame. Memory does not grow with its length.
+pub struct Writer<W: Write> {
+    output: W,
+    description: Description,
+    layout: Layout,
+    differences: Differences,
+    path: PathBuf,
+    last_index: Option<u64>,
+}
+
+impl Writer<AtomicFile> {
+    /// Begins a recording of `body` in a file: header, skeleton and calibration.
+    ///
+    /// # Errors
+    /// Where the folder cannot be written to, or the frame rate is not above 0.
+    pub fn create(path: &Path, description: Description, body: &Body<f64>) -> Result<Self> {
+        Self::new(AtomicFile::create(path)?, path, description, body)
+    }
+
+    /// Completes the file and gives it its name, in place of any file there.
+    ///
+    /// # Errors
+    /// Where the disk refuses; then no file is left.
+    pub fn finish(self) -> Result<()> {
+        self.complete()?.finish()
+    }
+}
+
+impl<W: Write> Writer<W> {
+    /// Begins a recording of `body` in any output; `path` names it in messages.
+    ///
+    /// # Errors
+    /// Where the output refuses, or the frame rate is not above 0.
+    pub fn new(
+        mut output: W,
+        path: &Path,
+        description: Description,
+        body: &Body<f64>,
+    ) -> Result<Self> {
+        let rate = description.frame_rate;
+        if !(rate.is_finite() && rate > 0.0) {
+            let message = format!("expected a frame rate above 0 Hz, found {rate}");
+            return Err(Problem::bad_input(message).in_file(path));
+        }
+        let layout = Layout::new(body);
+        document::header(&mut output, &description, &layout)
+            .map_err(|error| Problem::system("write", path, &error))?;
+        Ok(Self {
+            output,
+            description,
+            layout,
+            differences: Differences::default(),
+            path: path.to_path_buf(),
+            last_index: None,
+        })
+    }
+
+    /// Appends a frame. Its index gives its time; it must be above that of the frame before.
+    ///
+    /// Velocity and angular velocity of the pelvis are written as given; those of the other segments, and all
+    /// accelerations, come from differences between frames.
+    ///
+    /// # Errors
+    /// Where the output refuses, an index does not rise, or a number is not finite.
+    pub fn write(&mut self, frame: &FlightFrame) -> Result<()> {
+        let problem = |message: &str| {
+            Problem::bad_input(message)
+                .in_file(&self.path)
+                .at(format!("frame {}", frame.index))
+        };
+        if let Some(last) = self.last_index
+            && frame.index <= last
+        {
+            return Err(problem(&format!("expected an index above {last}")));
+        }
+        let pelvis = &frame.pelvis;
+        let placed = self
+            .layout
+            .place(pelvis.inertial_from_body, pelvis.position, &frame.posture);
+        let rates = [
+            pelvis.velocity,
+            pelvis.angular_velocity,
+            frame.centre_of_mass,
+        ];
+        let finite = placed.iter().all(|segment| {
+            segment.position.iter().all(|c| c.is_finite())
+                && segment.orientation.coords.iter().all(|c| c.is_finite())
+        }) && rates
+            .iter()
+            .flatten()
+            .all(|vector| vector.components.iter().all(|c| c.is_finite()));
+        if !finite || !frame.posture.is_valid() {
+            return Err(problem("the flight is not finite here, nothing is written"));
+        }
+        self.last_index = Some(frame.index);
+        #[expect(clippy::cast_precision_loss, reason = "indices count frames")]
+        let time = frame.index as f64 / self.description.frame_rate;
+        match self.differences.push(frame, time, placed) {
+            Some(moving) => self.put(&moving),
+            None => Ok(()),
+        }
+    }
+
+    /// Writes what follows the frames and gives the output back.
+    ///
+    /// # Errors
+    /// Where the output refuses.
+    pub fn complete(mut self) -> Result<W> {
+        if let Some(moving) = self.differences.last() {
+            self.put(&moving)?;
+        }
+        document::tail(&mut self.output)
+            .and_then(|()| self.output.flush())
+            .map_err(|error| Problem::system("write", &self.path, &error))?;
+        Ok(self.output)
+    }
+
+    fn put(&mut self, moving: &MovingFrame) -> Result<()> {
+        document::frame(&mut self.output, &self.description, moving)
+            .map_err(|error| Problem::system("write", &self.path, &error))
+    }
+}

@@ -1,0 +1,413 @@
+//! A recorded flight: posture and motion of the pelvis, frame by frame, from an MVNX file.
+//!
+//! Bad frames are never silently used. By default a short run of them is replaced by frames between its good
+//! neighbours ([`FlightFrame::bridged`], and counted in [`Quality`]); a longer one ends the reading with a
+//! problem that names file, line, frame and element. [`BadFrames::Refuse`] ends it at the first.
+
+mod bridge;
+
+use std::collections::VecDeque;
+use std::fs::File;
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+
+use bodyflight_core::frame::{Body, Inertial, Rotation, Vector};
+use bodyflight_core::{Posture, SegmentArray};
+use nalgebra::{Quaternion, UnitQuaternion};
+
+use crate::diagnostic::{Problem, Result};
+use crate::formats::mvnx::closure::Skeleton;
+use crate::formats::mvnx::{
+    ArmFrame, Fault, Field, Fields, Frame, FrameKind, Header, ReadOptions, Reader,
+};
+use crate::formats::xsens::{self, MvnSegment};
+
+/// Longest time without a good frame that is bridged (s).
+pub const BRIDGE_LIMIT: f64 = 0.1;
+/// Largest closure error of a usable recording (m): four times that of a good file with a moving shoulder
+/// girdle is 0.01, a wrong convention gives 0.2 and more.
+const CLOSURE_LIMIT: f64 = 0.05;
+/// Frames that decide the arm frame, besides those of the calibration.
+const FRAMES_FOR_ARMS: usize = 8;
+
+/// What to do with a frame whose numbers are not usable.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum BadFrames {
+    /// Replaces it by a frame between its good neighbours, up to [`BRIDGE_LIMIT`].
+    #[default]
+    Bridge,
+    /// Ends the reading.
+    Refuse,
+}
+
+/// How to read a flight.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Options {
+    /// What to do with a frame whose numbers are not usable.
+    pub bad_frames: BadFrames,
+    /// Takes a file that ends too early up to its last whole frame.
+    pub allow_truncated: bool,
+}
+
+/// One instant of a flight.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FlightFrame {
+    /// Number of the frame in the recording.
+    pub index: u64,
+    /// Time since frame 0 (s): index by frame rate.
+    pub time: f64,
+    /// Posture of the body.
+    pub posture: Posture<f64>,
+    /// Motion of the pelvis.
+    pub pelvis: PelvisMotion,
+    /// Centre of mass as MVN estimates it (m).
+    pub centre_of_mass: Option<Vector<f64, Inertial>>,
+    /// Whether the frame stands in for a bad one.
+    pub bridged: bool,
+}
+
+/// Motion of the pelvis, the root of the body.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PelvisMotion {
+    /// Attitude.
+    pub inertial_from_body: Rotation<f64, Inertial, Body>,
+    /// Position of its origin (m).
+    pub position: Vector<f64, Inertial>,
+    /// Velocity of its origin (m/s), where the file has it.
+    pub velocity: Option<Vector<f64, Inertial>>,
+    /// Angular velocity (rad/s), where the file has it.
+    pub angular_velocity: Option<Vector<f64, Inertial>>,
+}
+
+impl FlightFrame {
+    /// Velocity (m/s) and angular velocity (rad/s) of the pelvis, for work that cannot do without.
+    ///
+    /// # Errors
+    /// Where the file lacks one of them: which, and how to get it.
+    pub fn rates(&self) -> Result<(Vector<f64, Inertial>, Vector<f64, Inertial>)> {
+        let missing = |field: Field| {
+            let element = field.element();
+            Problem::bad_input(format!(
+                "the recording has no <{element}>, which is needed here"
+            ))
+            .at(format!("frame {}", self.index))
+            .help(format!(
+                "export it again from MVN with <{element}> of the segments included"
+            ))
+        };
+        let pelvis = &self.pelvis;
+        Ok((
+            pelvis.velocity.ok_or_else(|| missing(Field::Velocity))?,
+            pelvis
+                .angular_velocity
+                .ok_or_else(|| missing(Field::AngularVelocity))?,
+        ))
+    }
+}
+
+/// What reading has met so far.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Quality {
+    /// Good frames given.
+    pub good_frames: u64,
+    /// Bad frames replaced by bridged ones.
+    pub bridged_frames: u64,
+    /// Bad frames before the first and after the last good one, left out.
+    pub dropped_frames: u64,
+    /// Frames missing from the indices.
+    pub missing_frames: u64,
+    /// The first fault.
+    pub first_fault: Option<Fault>,
+    /// Whether the file ended too early.
+    pub truncated: bool,
+}
+
+/// A flight read frame by frame; memory does not grow with its length.
+pub struct Recording<R: BufRead> {
+    reader: Reader<R>,
+    /// Frames read ahead to decide on the arms.
+    ahead: VecDeque<Frame>,
+    frame: Frame,
+    places: Places,
+    skeleton: Skeleton,
+    arm_frame: ArmFrame,
+    closure_error: f64,
+    bridge: bridge::Bridge,
+    finished: bool,
+}
+
+/// Where the segments of the model are in the numbers of a frame.
+type Places = SegmentArray<usize>;
+
+impl Recording<BufReader<File>> {
+    /// Opens a flight.
+    ///
+    /// # Errors
+    /// Where the file cannot be read or holds no flight, see [`Recording::new`].
+    pub fn open(path: &Path, options: Options) -> Result<Self> {
+        let reader = Reader::open(path, reader_options(options))?;
+        Self::from_reader(reader, options)
+    }
+}
+
+fn reader_options(options: Options) -> ReadOptions {
+    ReadOptions {
+        fields: Fields::FLIGHT,
+        allow_truncated: options.allow_truncated,
+    }
+}
+
+impl<R: BufRead> Recording<R> {
+    /// A flight from any input; `path` names it in messages.
+    ///
+    /// # Errors
+    /// Where the input is no recording, lacks segments, orientation or position, has no joints to tell its
+    /// conventions by, or its segments do not meet at their joints.
+    pub fn new(input: R, path: &Path, options: Options) -> Result<Self> {
+        let reader = Reader::new(input, path, reader_options(options))?;
+        Self::from_reader(reader, options)
+    }
+
+    fn from_reader(mut reader: Reader<R>, options: Options) -> Result<Self> {
+        let path = reader.path().to_path_buf();
+        let named = |problem: Problem| problem.in_file(&path);
+        let places = places(reader.header()).map_err(named)?;
+        let skeleton = Skeleton::of(reader.header()).ok_or_else(|| {
+            named(
+                Problem::bad_input(
+                    "no joints with points, so the convention of its arms cannot be told",
+                )
+                .help("export the recording again, with segments, points and joints"),
+            )
+        })?;
+        let mut ahead = VecDeque::with_capacity(FRAMES_FOR_ARMS);
+        let mut frame = Frame::default();
+        while ahead.len() < FRAMES_FOR_ARMS && reader.next_frame(&mut frame)? {
+            ahead.push_back(frame.clone());
+        }
+        let Some(first) = ahead.front() else {
+            return Err(named(
+                Problem::bad_input("no whole frame of type \"normal\": there is no flight in it")
+                    .help("export the recording again, with its frames"),
+            ));
+        };
+        check_fields(first, &ahead).map_err(named)?;
+        let (arm_frame, closure_error) = arm_frame(&skeleton, reader.calibration(), ahead.iter())
+            .unwrap_or((ArmFrame::TPose, 0.0));
+        if closure_error > CLOSURE_LIMIT {
+            return Err(named(
+                Problem::bad_input(format!(
+                    "the segments do not meet at their joints: {closure_error:.3} m apart, \
+                     expected below {CLOSURE_LIMIT} m"
+                ))
+                .help("orientations must be quaternions w x y z of the same subject as the points"),
+            ));
+        }
+        let bridge = bridge::Bridge::new(reader.header().frame_rate, options.bad_frames);
+        Ok(Self {
+            reader,
+            ahead,
+            frame,
+            places,
+            skeleton,
+            arm_frame,
+            closure_error,
+            bridge,
+            finished: false,
+        })
+    }
+
+    /// What the file says before its frames.
+    pub fn header(&self) -> &Header {
+        self.reader.header()
+    }
+
+    /// Convention in which the file gives the arms, and the closure error (m) it was told by. All that is
+    /// handed out is in the convention of the T-pose.
+    pub fn arm_frame(&self) -> (ArmFrame, f64) {
+        (self.arm_frame, self.closure_error)
+    }
+
+    /// What reading has met so far.
+    pub fn quality(&self) -> &Quality {
+        &self.bridge.quality
+    }
+
+    /// The first calibration frame of a kind, as posture and motion; `None` where there is none or it is bad.
+    pub fn calibration(&self, kind: FrameKind) -> Option<FlightFrame> {
+        let mut frame = self
+            .reader
+            .calibration()
+            .iter()
+            .find(|frame| frame.kind == kind && frame.fault.is_none())?
+            .clone();
+        self.flight_frame(&mut frame)
+    }
+
+    /// Bytes held, for the check that they do not grow.
+    pub fn buffered_bytes(&self) -> usize {
+        self.reader.buffered_bytes() + self.frame.capacity_bytes() + self.bridge.held_bytes()
+    }
+
+    /// Posture and motion of a good frame.
+    fn flight_frame(&self, frame: &mut Frame) -> Option<FlightFrame> {
+        if self.arm_frame == ArmFrame::Isb && frame.kind != FrameKind::Identity
+            || frame.kind == FrameKind::TposeIsb
+        {
+            self.skeleton
+                .convert_to_t_pose(frame.numbers_mut(Field::Orientation)?);
+        }
+        let orientation = frame.numbers(Field::Orientation)?;
+        let mut missing = false;
+        let leading = self.places.map(|_, place| {
+            let numbers = orientation.get(4 * place..4 * place + 4);
+            let [w, x, y, z] = numbers.and_then(|q| q.try_into().ok()).unwrap_or_else(|| {
+                missing = true;
+                [1.0, 0.0, 0.0, 0.0]
+            });
+            UnitQuaternion::new_normalize(Quaternion::new(w, x, y, z))
+        });
+        if missing {
+            return None;
+        }
+        let (inertial_from_body, posture) = xsens::attitude_and_posture(&leading);
+        let pelvis = self.places[bodyflight_core::Segment::Pelvis];
+        let vector = |field, place| frame.vector(field, place).map(xsens::inertial_vector);
+        Some(FlightFrame {
+            index: frame.index,
+            time: self.bridge.time(frame.index),
+            posture,
+            pelvis: PelvisMotion {
+                inertial_from_body,
+                position: vector(Field::Position, pelvis)?,
+                velocity: vector(Field::Velocity, pelvis),
+                angular_velocity: vector(Field::AngularVelocity, pelvis),
+            },
+            centre_of_mass: vector(Field::CenterOfMass, 0),
+            bridged: false,
+        })
+    }
+
+    /// The next frame, `None` at the end.
+    fn advance(&mut self) -> Result<Option<FlightFrame>> {
+        loop {
+            if let Some(frame) = self.bridge.ready() {
+                return Ok(Some(frame));
+            }
+            if self.finished {
+                return Ok(None);
+            }
+            let mut frame = core::mem::take(&mut self.frame);
+            let more = match self.ahead.pop_front() {
+                Some(first) => {
+                    frame = first;
+                    true
+                }
+                None => self.reader.next_frame(&mut frame)?,
+            };
+            if !more {
+                self.finished = true;
+                self.bridge.end()?;
+                self.bridge.quality.truncated = self.reader.is_truncated();
+            } else if let Some(fault) = frame.fault.take() {
+                self.bridge.bad(fault)?;
+            } else if let Some(flight) = self.flight_frame(&mut frame) {
+                self.bridge.good(flight)?;
+            } else {
+                // Not met: a frame without these elements carries a fault.
+                self.bridge.bad(Fault {
+                    index: frame.index,
+                    line: frame.line,
+                    element: Field::Orientation.element(),
+                    message: "orientation or position is missing".into(),
+                })?;
+            }
+            self.frame = frame;
+        }
+    }
+}
+
+impl<R: BufRead> Iterator for Recording<R> {
+    type Item = Result<FlightFrame>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let result = self.advance();
+        if result.is_err() {
+            self.finished = true;
+            self.bridge.discard();
+        }
+        result
+            .map_err(|problem| problem.in_file(self.reader.path()))
+            .transpose()
+    }
+}
+
+/// Convention of the arms by which the segments meet best, with the error left (m).
+///
+/// The calibration frame in ISB axes, which version 4 adds, says nothing about the others. `None` where no
+/// good frame has orientation and position.
+pub fn arm_frame<'a>(
+    skeleton: &Skeleton,
+    calibration: &'a [Frame],
+    normal: impl Iterator<Item = &'a Frame>,
+) -> Option<(ArmFrame, f64)> {
+    let calibration = calibration
+        .iter()
+        .filter(|frame| frame.kind != FrameKind::TposeIsb);
+    let mut errors = [f64::NEG_INFINITY; 2];
+    for frame in calibration
+        .chain(normal)
+        .filter(|frame| frame.fault.is_none())
+    {
+        let numbers = frame.numbers(Field::Orientation);
+        if let (Some(orientation), Some(position)) = (numbers, frame.numbers(Field::Position)) {
+            for (error, arms) in errors.iter_mut().zip([ArmFrame::TPose, ArmFrame::Isb]) {
+                *error = error.max(skeleton.closure_error(orientation, position, arms));
+            }
+        }
+    }
+    let [t_pose, isb] = errors;
+    (t_pose >= 0.0).then_some(if isb < t_pose {
+        (ArmFrame::Isb, isb)
+    } else {
+        (ArmFrame::TPose, t_pose)
+    })
+}
+
+/// Finds the segments of the model in a file.
+fn places(header: &Header) -> Result<Places> {
+    let mut missing = Vec::new();
+    let places = SegmentArray::from_fn(|segment| {
+        let label = MvnSegment::leading(segment).label();
+        header.segment_index(label).unwrap_or_else(|| {
+            missing.push(label);
+            0
+        })
+    });
+    if missing.is_empty() {
+        return Ok(places);
+    }
+    Err(Problem::bad_input(format!(
+        "a flight needs the full body, but the file has no segment {}",
+        missing.join(", ")
+    ))
+    .help("export the recording again with all 23 segments"))
+}
+
+/// Orientation and position must be there; a fault of single frames is another matter.
+fn check_fields(first: &Frame, frames: &VecDeque<Frame>) -> Result<()> {
+    for field in [Field::Orientation, Field::Position] {
+        if frames.iter().all(|frame| !frame.present().contains(field)) {
+            let element = field.element();
+            return Err(
+                Problem::bad_input(format!("expected <{element}>, found none"))
+                    .at_line(first.line)
+                    .at(format!("frame {}", first.index))
+                    .help(format!(
+                        "export the recording again from MVN with <{element}> included"
+                    )),
+            );
+        }
+    }
+    Ok(())
+}

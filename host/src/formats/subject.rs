@@ -1,0 +1,517 @@
+//! `subject.toml`: measures, equipment and coefficients of a person. `docs/subject.md` lists the fields.
+
+mod segment_table;
+
+use std::path::{Path, PathBuf};
+
+use bodyflight_core::aerodynamics::{
+    Aerodynamics, ArchFactor, BELLY_TURN_DAMPING, Coefficients, PAPER_COEFFICIENTS,
+};
+use bodyflight_core::body::anthropometry::{Girth, Measure, MomentArm, Person, Sex};
+use bodyflight_core::body::gear::{Gear, Shoes, Suit};
+use bodyflight_core::{Body, Segment, SegmentArray};
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+use crate::diagnostic::{Problem, Result};
+use crate::formats::flight::toml_problem;
+use crate::verbs::tune::Candidate;
+use segment_table::SegmentTable;
+
+/// A person as flights use them: checked when read.
+#[derive(Debug, Clone)]
+pub struct Subject {
+    file: SubjectFile,
+    table: Option<SegmentTable>,
+    body: Body<f64>,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SubjectFile {
+    height_m: f64,
+    mass_kg: f64,
+    sex: SexName,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    moment_arm: Option<MomentArmChoice>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    segments: Option<PathBuf>,
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    girths: BTreeMap<String, f64>,
+    #[serde(default)]
+    gear: GearTable,
+    #[serde(default)]
+    coefficients: CoefficientTable,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum SexName {
+    Male,
+    Female,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+enum MomentArmChoice {
+    Named(MomentArmName),
+    /// Share of the segment's length.
+    Share(f64),
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum MomentArmName {
+    Width,
+    Length,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct GearTable {
+    helmet: bool,
+    shoes: bool,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    shoe_size_eu: Option<f64>,
+    rig_kg: f64,
+    weight_belt_kg: f64,
+    suit: SuitName,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum SuitName {
+    Tight,
+    Standard,
+    Rw,
+}
+
+impl Default for GearTable {
+    fn default() -> Self {
+        Self {
+            helmet: true,
+            shoes: true,
+            shoe_size_eu: None,
+            rig_kg: 0.0,
+            weight_belt_kg: 0.0,
+            suit: SuitName::Standard,
+        }
+    }
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct CoefficientTable {
+    cl: f64,
+    cd: f64,
+    cm: f64,
+    /// [pitch, yaw, roll]
+    damp: [f64; 3],
+    f_arch: ArchChoice,
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    segment: BTreeMap<String, SegmentCoefficients>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+enum ArchChoice {
+    Fixed(f64),
+    Named(ArchName),
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum ArchName {
+    Posture,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct SegmentCoefficients {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    cl: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    cd: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    cm: Option<f64>,
+}
+
+impl Default for CoefficientTable {
+    fn default() -> Self {
+        let Coefficients { drag, lift, moment } = PAPER_COEFFICIENTS;
+        Self {
+            cl: lift,
+            cd: drag,
+            cm: moment,
+            damp: BELLY_TURN_DAMPING,
+            f_arch: ArchChoice::Named(ArchName::Posture),
+            segment: BTreeMap::new(),
+        }
+    }
+}
+
+/// Name under which a subject's segment table lies beside a written `subject.toml`.
+pub const SEGMENTS_FILE: &str = "segments.json";
+/// Largest coefficient taken, either sign for the damping.
+const COEFFICIENT_LIMIT: f64 = 100.0;
+
+impl Default for Subject {
+    /// 1.75 m, 75 kg, male, with helmet, shoes and a standard suit, and the paper's coefficients.
+    fn default() -> Self {
+        let file = SubjectFile {
+            height_m: 1.75,
+            mass_kg: 75.0,
+            sex: SexName::Male,
+            moment_arm: None,
+            segments: None,
+            girths: BTreeMap::new(),
+            gear: GearTable::default(),
+            coefficients: CoefficientTable::default(),
+        };
+        #[expect(clippy::expect_used, reason = "constant measures, covered by a test")]
+        let body = file.body(None).expect("the default person is a person");
+        Self {
+            file,
+            table: None,
+            body,
+        }
+    }
+}
+
+impl Subject {
+    /// Reads a `subject.toml` and the segment table that it names.
+    ///
+    /// # Errors
+    /// Where a file is missing or a value is not usable: file, line, field, what was expected.
+    pub fn read(path: &Path) -> Result<Self> {
+        let text =
+            std::fs::read_to_string(path).map_err(|error| Problem::system("read", path, &error))?;
+        Self::parse(&text, path)
+    }
+
+    fn parse(text: &str, path: &Path) -> Result<Self> {
+        let file: SubjectFile =
+            toml::from_str(text).map_err(|error| toml_problem(&error, text, path))?;
+        let table = match &file.segments {
+            Some(name) => {
+                let folder = path.parent().unwrap_or(Path::new(""));
+                Some(SegmentTable::read(&folder.join(name))?)
+            }
+            None => None,
+        };
+        let place = |fault: Fault| {
+            let problem = Problem::bad_input(fault.message)
+                .in_file(path)
+                .at(format!("field {}", fault.field));
+            let key = fault.field.rsplit('.').next().unwrap_or_default();
+            match line_of(text, key) {
+                Some(line) => problem.at_line(line),
+                None => problem,
+            }
+        };
+        file.check_coefficients().map_err(place)?;
+        let body = file.body(table.as_ref()).map_err(place)?;
+        Ok(Self { file, table, body })
+    }
+
+    /// The person with equipment on.
+    ///
+    /// The table of a `segments.json` is applied last: what it lists is final.
+    pub fn body(&self) -> Body<f64> {
+        self.body
+    }
+
+    /// The aerodynamic model of the coefficients.
+    pub fn aerodynamics(&self) -> Aerodynamics<f64> {
+        let table = &self.file.coefficients;
+        let coefficients = SegmentArray::from_fn(|segment| {
+            let own = table
+                .segment
+                .get(segment.name())
+                .copied()
+                .unwrap_or_default();
+            Coefficients {
+                drag: own.cd.unwrap_or(table.cd),
+                lift: own.cl.unwrap_or(table.cl),
+                moment: own.cm.unwrap_or(table.cm),
+            }
+        });
+        let arch = match table.f_arch {
+            ArchChoice::Fixed(factor) => ArchFactor::Fixed(factor),
+            ArchChoice::Named(ArchName::Posture) => ArchFactor::FromPosture,
+        };
+        Aerodynamics { coefficients, arch }
+    }
+
+    /// Constant damping coefficients about X, Y, Z: [pitch, yaw, roll].
+    pub fn damping(&self) -> Vector3<f64> {
+        Vector3::from(self.file.coefficients.damp)
+    }
+
+    /// The common coefficients, as a search varies them.
+    pub fn candidate(&self) -> Candidate {
+        let table = &self.file.coefficients;
+        Candidate {
+            cd: table.cd,
+            cl: table.cl,
+            cm: table.cm,
+            damp: table.damp,
+        }
+    }
+
+    /// Replaces the damping coefficients [pitch, yaw, roll].
+    pub fn set_damping(&mut self, damping: [f64; 3]) {
+        self.file.coefficients.damp = damping;
+    }
+
+    /// The file's text, for writing; its table is then expected as [`SEGMENTS_FILE`] beside it.
+    ///
+    /// # Errors
+    /// Where a value cannot be written as TOML.
+    pub fn to_toml(&self) -> Result<String> {
+        let mut file = self.file.clone();
+        file.segments = self.table.as_ref().map(|_| PathBuf::from(SEGMENTS_FILE));
+        toml::to_string(&file)
+            .map_err(|error| Problem::bad_input(format!("cannot write the subject: {error}")))
+    }
+
+    /// The text of the segment table, where the subject has one.
+    pub fn segments_json(&self) -> Option<&str> {
+        self.table.as_ref().map(SegmentTable::text)
+    }
+}
+
+/// A field that is not usable.
+#[derive(Debug)]
+struct Fault {
+    field: String,
+    message: String,
+}
+
+impl SubjectFile {
+    fn body(&self, table: Option<&SegmentTable>) -> core::result::Result<Body<f64>, Fault> {
+        let sex = match self.sex {
+            SexName::Male => Sex::Male,
+            SexName::Female => Sex::Female,
+        };
+        let mut person = Person::new(self.height_m, self.mass_kg, sex);
+        person.moment_arm = match self.moment_arm {
+            None | Some(MomentArmChoice::Named(MomentArmName::Width)) => MomentArm::Width,
+            Some(MomentArmChoice::Named(MomentArmName::Length)) => MomentArm::Length,
+            Some(MomentArmChoice::Share(share)) => MomentArm::FractionOfLength(share),
+        };
+        for (name, value) in &self.girths {
+            let girth = name
+                .strip_suffix("_m")
+                .and_then(Girth::from_name)
+                .ok_or_else(|| {
+                    let known = Girth::ALL
+                        .map(|girth| format!("{}_m", girth.name()))
+                        .join(", ");
+                    Fault {
+                        field: format!("girths.{name}"),
+                        message: format!("unknown girth; one of: {known}"),
+                    }
+                })?;
+            person.girths.set(girth, *value);
+        }
+        let bare = person.body().map_err(|error| Fault {
+            field: match error.measure {
+                Measure::Height => "height_m".into(),
+                Measure::Mass | Measure::BodyMassIndex => "mass_kg".into(),
+                Measure::Girth(girth) => format!("girths.{}_m", girth.name()),
+                Measure::MomentArm => "moment_arm".into(),
+            },
+            message: error.to_string(),
+        })?;
+        let mut body = self.gear().fit(&bare).map_err(|error| Fault {
+            field: match error.item {
+                item if item.starts_with("rig") => "gear.rig_kg".into(),
+                item if item.starts_with("weight") => "gear.weight_belt_kg".into(),
+                _ => "gear.shoe_size_eu".into(),
+            },
+            message: error.to_string(),
+        })?;
+        if let Some(table) = table {
+            table.apply(&mut body);
+        }
+        Ok(body)
+    }
+
+    fn gear(&self) -> Gear<f64> {
+        let gear = &self.gear;
+        Gear {
+            helmet: gear.helmet,
+            shoes: match (gear.shoes, gear.shoe_size_eu) {
+                (false, _) => Shoes::Barefoot,
+                (true, None) => Shoes::Fitted,
+                (true, Some(size)) => Shoes::European(size),
+            },
+            rig: gear.rig_kg,
+            weight_belt: gear.weight_belt_kg,
+            suit: match gear.suit {
+                SuitName::Tight => Suit::Tight,
+                SuitName::Standard => Suit::Standard,
+                SuitName::Rw => Suit::RelativeWork,
+            },
+        }
+    }
+
+    fn check_coefficients(&self) -> core::result::Result<(), Fault> {
+        let table = &self.coefficients;
+        let check = |field: &str, value: f64, low: f64| {
+            if value >= low && value <= COEFFICIENT_LIMIT {
+                return Ok(());
+            }
+            let message = format!("expected {low} to {COEFFICIENT_LIMIT}, found {value}");
+            Err(Fault {
+                field: format!("coefficients.{field}"),
+                message,
+            })
+        };
+        check("cl", table.cl, 0.0)?;
+        check("cd", table.cd, 0.0)?;
+        check("cm", table.cm, 0.0)?;
+        for value in table.damp {
+            check("damp", value, -COEFFICIENT_LIMIT)?;
+        }
+        if let ArchChoice::Fixed(factor) = table.f_arch {
+            check("f_arch", factor, 0.0)?;
+        }
+        for (name, own) in &table.segment {
+            if Segment::from_name(name).is_none() {
+                let known = Segment::ALL.map(Segment::name).join(", ");
+                return Err(Fault {
+                    field: format!("coefficients.segment.{name}"),
+                    message: format!("unknown segment; one of: {known}"),
+                });
+            }
+            for (key, value) in [("cl", own.cl), ("cd", own.cd), ("cm", own.cm)] {
+                check(&format!("segment.{name}.{key}"), value.unwrap_or(0.0), 0.0)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Line (from 1) that gives a key, for problems that the parser cannot see.
+fn line_of(text: &str, key: &str) -> Option<u64> {
+    let gives = |line: &str| {
+        line.trim_start()
+            .strip_prefix(key)
+            .is_some_and(|rest| rest.trim_start().starts_with('='))
+    };
+    text.lines().position(gives).map(|index| index as u64 + 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(text: &str) -> Result<Subject> {
+        Subject::parse(text, Path::new("subject.toml"))
+    }
+
+    const LEAST: &str = "height_m = 1.8\nmass_kg = 80\nsex = \"female\"\n";
+
+    #[test]
+    fn three_lines_make_a_subject() {
+        let subject = parse(LEAST).unwrap();
+        assert!(
+            (subject.body().mass() - 82.4).abs() < 0.5,
+            "{}",
+            subject.body().mass()
+        );
+        assert_eq!(subject.damping(), Vector3::new(3.0, 0.5, 6.0));
+    }
+
+    #[test]
+    fn the_default_subject_is_whole() {
+        assert!((Subject::default().body().mass() - 77.4).abs() < 0.5);
+    }
+
+    #[test]
+    fn the_example_of_the_page_is_taken_as_printed() {
+        let page = include_str!("../../../docs/subject.md");
+        let example = page
+            .split("```toml\n")
+            .nth(1)
+            .unwrap()
+            .split("```")
+            .next()
+            .unwrap();
+        let subject = parse(example).unwrap();
+        let coefficients = subject.aerodynamics().coefficients;
+        assert!((coefficients[Segment::LeftShank].drag - 1.6).abs() < 1e-12);
+        assert!((coefficients[Segment::LeftThigh].drag - 1.2).abs() < 1e-12);
+    }
+
+    #[test]
+    fn writing_and_reading_again_changes_nothing() {
+        let text = format!("{LEAST}[girths]\nchest_m = 1.0\n[gear]\nrig_kg = 9\nsuit = \"rw\"\n");
+        let subject = parse(&text).unwrap();
+        let again = parse(&subject.to_toml().unwrap()).unwrap();
+        assert_eq!(subject.file, again.file);
+        assert_eq!(subject.body(), again.body());
+    }
+
+    #[test]
+    fn bad_values_are_named_with_their_line() {
+        for (text, parts) in [
+            (
+                "height_m = 1.8\nmass_kg = -3\nsex = \"male\"",
+                ["subject.toml:2", "mass_kg", "-3"],
+            ),
+            (
+                "height_m = nan\nmass_kg = 80\nsex = \"male\"",
+                ["subject.toml:1", "height_m", "NaN"],
+            ),
+            (
+                "height_m = 1.8\nmass_kg = 80\nsex = \"man\"",
+                ["subject.toml:3", "man", "female"],
+            ),
+            (
+                "height_m = 1.8\nsex = \"male\"",
+                ["subject.toml", "missing", "mass_kg"],
+            ),
+            (
+                &format!("{LEAST}weight = 3"),
+                ["subject.toml:4", "weight", "unknown"],
+            ),
+            (
+                &format!("{LEAST}[girths]\nneck_m = 0.4"),
+                ["subject.toml:5", "girths.neck_m", "chest_m"],
+            ),
+            (
+                &format!("{LEAST}[girths]\nchest_m = 9"),
+                ["subject.toml:5", "girths.chest_m", "9"],
+            ),
+            (
+                &format!("{LEAST}[gear]\nrig_kg = -1"),
+                ["subject.toml:5", "gear.rig_kg", "-1"],
+            ),
+            (
+                &format!("{LEAST}[gear]\nsuit = \"wing\""),
+                ["subject.toml:5", "wing", "rw"],
+            ),
+            (
+                &format!("{LEAST}[coefficients]\ncd = inf"),
+                ["subject.toml:5", "coefficients.cd", "inf"],
+            ),
+            (
+                &format!("{LEAST}[coefficients.segment.tail]\ncd = 1"),
+                ["subject.toml", "coefficients.segment.tail", "l_shank"],
+            ),
+            (
+                &format!("{LEAST}segments = \"nowhere.json\""),
+                ["nowhere.json", "read", "No such file"],
+            ),
+        ] {
+            let problem = parse(text).unwrap_err().to_string();
+            for part in parts {
+                assert!(problem.contains(part), "{text}\n-> {problem}\nlacks {part}");
+            }
+        }
+    }
+}

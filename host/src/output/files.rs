@@ -1,0 +1,160 @@
+//! Output files that are whole or absent: written beside their place and renamed at the end, so an
+//! interrupted command leaves what was there before.
+
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use tempfile::NamedTempFile;
+
+use crate::diagnostic::{Problem, Result};
+
+/// A file that appears under its name when it is finished.
+pub struct AtomicFile {
+    file: BufWriter<NamedTempFile<File>>,
+    path: PathBuf,
+}
+
+impl AtomicFile {
+    /// Begins the file in the folder of `path`.
+    ///
+    /// # Errors
+    /// Where the folder does not exist or cannot be written to, or the path is a folder.
+    pub fn create(path: &Path) -> Result<Self> {
+        if path.is_dir() {
+            let is_folder = io::ErrorKind::IsADirectory.into();
+            return Err(Problem::system("create", path, &is_folder));
+        }
+        let folder = match path.parent() {
+            Some(folder) if !folder.as_os_str().is_empty() => folder,
+            _ => Path::new("."),
+        };
+        let file = NamedTempFile::new_in(folder)
+            .map_err(|error| Problem::system("create", path, &error))?;
+        Ok(Self {
+            file: BufWriter::new(file),
+            path: path.to_path_buf(),
+        })
+    }
+
+    /// Gives the file its name, in place of any file there.
+    ///
+    /// # Errors
+    /// Where the disk refuses; then no file is left.
+    pub fn finish(self) -> Result<()> {
+        let refused = |error: io::Error| Problem::system("write", &self.path, &error);
+        let file = self
+            .file
+            .into_inner()
+            .map_err(|error| refused(error.into_error()))?;
+        // A temporary file is private; a finished one is as readable as any other.
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::PermissionsExt;
+            let public = std::fs::Permissions::from_mode(0o644);
+            file.as_file().set_permissions(public).map_err(refused)?;
+        }
+        file.as_file().sync_all().map_err(refused)?;
+        file.persist(&self.path)
+            .map_err(|error| refused(error.error))?;
+        Ok(())
+    }
+}
+
+impl Write for AtomicFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.file.write(bytes)
+    }
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
+    }
+}
+
+/// A table of numbers as CSV, six decimals, whole or absent like every file.
+pub struct CsvFile {
+    writer: csv::Writer<AtomicFile>,
+    path: PathBuf,
+}
+
+impl CsvFile {
+    /// Begins the file with the names of its columns.
+    ///
+    /// # Errors
+    /// Where the folder cannot be written to.
+    pub fn create(path: &Path, columns: &[impl AsRef<[u8]>]) -> Result<Self> {
+        let writer = csv::Writer::from_writer(AtomicFile::create(path)?);
+        let mut file = Self {
+            writer,
+            path: path.to_path_buf(),
+        };
+        let written = file.writer.write_record(columns);
+        file.check(written)?;
+        Ok(file)
+    }
+
+    /// Adds a row.
+    ///
+    /// # Errors
+    /// Where the disk refuses, or the row is longer or shorter than the others.
+    pub fn write(&mut self, values: impl IntoIterator<Item = f64>) -> Result<()> {
+        let written = self
+            .writer
+            .write_record(values.into_iter().map(|value| format!("{value:.6}")));
+        self.check(written)
+    }
+
+    /// Gives the file its name.
+    ///
+    /// # Errors
+    /// Where the disk refuses; then no file is left.
+    pub fn finish(self) -> Result<()> {
+        match self.writer.into_inner() {
+            Ok(file) => file.finish(),
+            Err(error) => Err(Problem::system("write", &self.path, error.error())),
+        }
+    }
+
+    fn check(&self, written: csv::Result<()>) -> Result<()> {
+        written.map_err(|error| match error.kind() {
+            csv::ErrorKind::Io(io) => Problem::system("write", &self.path, io),
+            _ => Problem::bad_input(error.to_string()).in_file(&self.path),
+        })
+    }
+}
+
+/// Writes a whole file at once.
+///
+/// # Errors
+/// Where the disk refuses; then no file is left.
+pub fn write_file(path: &Path, content: &[u8]) -> Result<()> {
+    let mut file = AtomicFile::create(path)?;
+    file.write_all(content)
+        .map_err(|error| Problem::system("write", path, &error))?;
+    file.finish()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_unfinished_file_leaves_no_trace() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.csv");
+        write_file(&path, b"old").unwrap();
+        let mut file = AtomicFile::create(&path).unwrap();
+        file.write_all(b"half").unwrap();
+        drop(file);
+        assert_eq!(std::fs::read(&path).unwrap(), b"old");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_missing_folder_is_named() {
+        let problem = write_file(Path::new("/nowhere/run.csv"), b"").unwrap_err();
+        assert_eq!(problem.kind, crate::diagnostic::Kind::System);
+        assert!(problem.to_string().contains("/nowhere/run.csv"));
+        let folder = tempfile::tempdir().unwrap();
+        assert!(AtomicFile::create(folder.path()).is_err());
+    }
+}

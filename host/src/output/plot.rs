@@ -1,0 +1,291 @@
+//! SVG figures: panels over a common time, one below the other.
+
+use plotters::coord::Shift;
+use plotters::prelude::*;
+
+use crate::diagnostic::{Problem, Result};
+use crate::replay::comparison::{Channel, Comparison, Pair};
+
+/// How a line is drawn.
+#[derive(Debug, Clone, Copy)]
+pub struct Line {
+    /// Name in the legend.
+    pub label: &'static str,
+    colour: RGBColor,
+    width: u32,
+}
+
+impl Line {
+    /// As the plotting library wants it.
+    pub fn style(&self) -> ShapeStyle {
+        self.colour.stroke_width(self.width)
+    }
+}
+
+/// Broad and pale, to lie below: seen where lines agree, and in grey print.
+pub const MEASURED: Line = Line {
+    label: "measured",
+    colour: RGBColor(0x8f, 0xb8, 0xde),
+    width: 3,
+};
+/// Thin and dark, to lie above.
+pub const SIMULATED: Line = Line {
+    label: "simulated",
+    colour: RGBColor(0x9c, 0x2f, 0x00),
+    width: 1,
+};
+/// Reconstruction with estimated inputs.
+pub const ESTIMATED: Line = Line {
+    label: "with estimated inputs",
+    colour: RGBColor(0x9c, 0x2f, 0x00),
+    width: 1,
+};
+/// Reconstruction with constant inputs.
+pub const CONSTANT: Line = Line {
+    label: "with constant inputs",
+    colour: RGBColor(0x8a, 0x8a, 0x8a),
+    width: 1,
+};
+/// The plain model, with something missing.
+pub const PLAIN: Line = Line {
+    label: "the model alone",
+    colour: RGBColor(0x8a, 0x8a, 0x8a),
+    width: 2,
+};
+/// The model with what was found.
+pub const EXTENDED: Line = Line {
+    label: "with the effects found",
+    colour: RGBColor(0x9c, 0x2f, 0x00),
+    width: 2,
+};
+/// What is left where nothing is missing.
+pub const FLOOR: Line = Line {
+    label: "where nothing is missing",
+    colour: RGBColor(0x8f, 0xb8, 0xde),
+    width: 3,
+};
+/// Lines of the three axes: yaw, pitch, roll.
+pub const AXES: [Line; 3] = [
+    Line {
+        label: "yaw",
+        colour: RGBColor(0x1b, 0x6e, 0x53),
+        width: 2,
+    },
+    Line {
+        label: "pitch",
+        colour: RGBColor(0xc4, 0x6a, 0x00),
+        width: 2,
+    },
+    Line {
+        label: "roll",
+        colour: RGBColor(0x5b, 0x4b, 0xa8),
+        width: 2,
+    },
+];
+
+/// Values over time, in the order of time.
+#[derive(Debug, Clone)]
+pub struct Curve {
+    /// How it is drawn.
+    pub line: Line,
+    /// Time (s) and value.
+    pub points: Vec<(f64, f64)>,
+}
+
+/// One plot of a figure.
+#[derive(Debug, Clone)]
+pub struct Panel {
+    /// What is shown, with unit and figures.
+    pub caption: String,
+    /// Later ones lie above.
+    pub curves: Vec<Curve>,
+    /// Whether values are angles that jump from one end of their range to the other.
+    pub wraps: bool,
+}
+
+const WIDTH: u32 = 1000;
+const PANEL_HEIGHT: u32 = 170;
+const HEAD_HEIGHT: u32 = 46;
+
+/// A figure as an SVG document. The legend lists every line of the panels once.
+///
+/// # Errors
+/// Where the figure cannot be drawn.
+pub fn figure_svg(title: &str, panels: &[Panel]) -> Result<String> {
+    let height: u32 = panels.iter().map(|_| PANEL_HEIGHT).sum();
+    laid_out_svg(title, panels, height, (panels.len().max(1), 1))
+}
+
+/// As [`figure_svg`], the panels side by side.
+///
+/// # Errors
+/// Where the figure cannot be drawn.
+pub fn row_svg(title: &str, panels: &[Panel]) -> Result<String> {
+    laid_out_svg(title, panels, 2 * PANEL_HEIGHT, (1, panels.len().max(1)))
+}
+
+fn laid_out_svg(
+    title: &str,
+    panels: &[Panel],
+    height: u32,
+    layout: (usize, usize),
+) -> Result<String> {
+    let mut svg = String::new();
+    {
+        let root = SVGBackend::with_string(&mut svg, (WIDTH, HEAD_HEIGHT + height));
+        draw(&root.into_drawing_area(), title, panels, layout)
+            .map_err(|error| Problem::bad_input(format!("cannot draw the plot: {error}")))?;
+    }
+    Ok(svg)
+}
+
+/// A figure of all channels, measured and simulated.
+///
+/// # Errors
+/// Where the figure cannot be drawn.
+pub fn comparison_svg(title: &str, comparison: &Comparison) -> Result<String> {
+    let rms = comparison.rms();
+    let panels = Channel::ALL.map(|channel| {
+        let (label, unit) = channel.label();
+        Panel {
+            caption: format!("{label} ({unit}): RMS gap {:.3}", rms.get(channel)),
+            curves: vec![
+                measured_curve(channel, comparison.series()),
+                simulated_curve(channel, comparison.series(), SIMULATED),
+            ],
+            wraps: channel.is_angle(),
+        }
+    });
+    figure_svg(title, &panels)
+}
+
+/// The measured side of a channel.
+pub fn measured_curve(channel: Channel, series: &[Pair]) -> Curve {
+    let points = series
+        .iter()
+        .map(|pair| (pair.time, channel.value(&pair.measured)));
+    Curve {
+        line: MEASURED,
+        points: points.collect(),
+    }
+}
+
+/// The simulated side of a channel.
+pub fn simulated_curve(channel: Channel, series: &[Pair], line: Line) -> Curve {
+    let points = series
+        .iter()
+        .map(|pair| (pair.time, channel.value(&pair.simulated)));
+    Curve {
+        line,
+        points: points.collect(),
+    }
+}
+
+type DrawResult = core::result::Result<(), Box<dyn std::error::Error>>;
+type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+
+fn draw(root: &Area<'_>, title: &str, panels: &[Panel], layout: (usize, usize)) -> DrawResult {
+    root.fill(&WHITE)?;
+    let (head, body) = root.split_vertically(HEAD_HEIGHT);
+    head.draw_text(
+        title,
+        &("sans-serif", 18).into_font().color(&BLACK),
+        (60, 8),
+    )?;
+    let mut lines: Vec<Line> = Vec::new();
+    for curve in panels.iter().flat_map(|panel| &panel.curves) {
+        if lines.iter().all(|line| line.label != curve.line.label) {
+            lines.push(curve.line);
+        }
+    }
+    let mut x = 60;
+    for line in lines {
+        head.draw(&PathElement::new(vec![(x, 38), (x + 24, 38)], line.style()))?;
+        head.draw_text(
+            line.label,
+            &("sans-serif", 13).into_font().color(&BLACK),
+            (x + 30, 30),
+        )?;
+        x += 56 + 7 * i32::try_from(line.label.len())?;
+    }
+    for (panel, area) in panels.iter().zip(&body.split_evenly(layout)) {
+        draw_panel(area, panel)?;
+    }
+    root.present()?;
+    Ok(())
+}
+
+fn draw_panel(area: &Area<'_>, panel: &Panel) -> DrawResult {
+    let points = || panel.curves.iter().flat_map(|curve| curve.points.iter());
+    let bounds = |values: &dyn Fn(&(f64, f64)) -> f64| {
+        let low = points().map(values).fold(f64::INFINITY, f64::min);
+        let high = points().map(values).fold(f64::NEG_INFINITY, f64::max);
+        if low.is_finite() && high > low {
+            (low, high)
+        } else {
+            (0.0, 1.0)
+        }
+    };
+    let ((start, end), (low, high)) = (bounds(&|point| point.0), bounds(&|point| point.1));
+    let margin = (0.06 * (high - low)).max(0.02);
+    let mut chart = ChartBuilder::on(area)
+        .margin(4)
+        .margin_right(16)
+        .caption(&panel.caption, ("sans-serif", 13))
+        .x_label_area_size(22)
+        .y_label_area_size(52)
+        .build_cartesian_2d(start..end, (low - margin)..(high + margin))?;
+    chart
+        .configure_mesh()
+        .x_labels(12)
+        .y_labels(5)
+        .light_line_style(TRANSPARENT)
+        .bold_line_style(BLACK.mix(0.12))
+        .label_style(("sans-serif", 11))
+        .x_label_formatter(&|time| format!("{time:.0} s"))
+        .draw()?;
+    for Curve { line, points } in &panel.curves {
+        for part in unwrapped_parts(panel.wraps, points) {
+            let style = line.style();
+            chart.draw_series(LineSeries::new(part.iter().copied(), style))?;
+        }
+    }
+    Ok(())
+}
+
+/// Parts of a curve between jumps of an angle from one end of its range to the other.
+fn unwrapped_parts(wraps: bool, points: &[(f64, f64)]) -> Vec<&[(f64, f64)]> {
+    let jumps = |pair: &[(f64, f64)]| match pair {
+        [a, b] => wraps && (b.1 - a.1).abs() > std::f64::consts::PI,
+        _ => false,
+    };
+    let mut parts = Vec::new();
+    let mut begin = 0;
+    for (index, pair) in points.windows(2).enumerate() {
+        if jumps(pair) {
+            parts.extend(points.get(begin..=index));
+            begin = index + 1;
+        }
+    }
+    parts.extend(points.get(begin..));
+    parts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_angle_is_cut_where_it_wraps() {
+        let points = [(0.0, 3.0), (1.0, 3.1), (2.0, -3.1), (3.0, -3.0)];
+        let parts = unwrapped_parts(true, &points);
+        assert_eq!(parts, [&points[..2], &points[2..]]);
+        assert_eq!(unwrapped_parts(false, &points).len(), 1);
+    }
+
+    #[test]
+    fn an_empty_comparison_still_draws() {
+        let svg = comparison_svg("nothing", &Comparison::default()).unwrap();
+        assert!(svg.starts_with("<svg") && svg.contains("vertical velocity (m/s)"));
+    }
+}

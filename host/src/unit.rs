@@ -1,0 +1,6 @@
+//! A unit on a serial line: its ports, what is streamed to it, what it says, and a unit of the host's own.
+
+pub mod monitor;
+pub mod ports;
+pub mod stream;
+pub mod virtual_unit;

@@ -1,0 +1,147 @@
+//! Bytes from a serial port, a file or standard input.
+
+use std::fs::File;
+use std::io::{self, ErrorKind, Read};
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::thread;
+use std::time::Duration;
+
+use crate::diagnostic::{Problem, Result};
+use crate::unit::ports;
+
+/// Bytes of one read.
+const PIECE: usize = 4096;
+/// Pieces read ahead; a slow reader makes the system keep the rest.
+const AHEAD: usize = 64;
+
+/// What came.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Chunk {
+    /// At least one byte.
+    Bytes(Vec<u8>),
+    /// Nothing for now.
+    Silence,
+    /// Nothing any more.
+    End,
+}
+
+/// An input that is read on a thread of its own, so that waiting for it can end at any time.
+#[derive(Debug)]
+pub struct Input {
+    pieces: Receiver<io::Result<Vec<u8>>>,
+    name: PathBuf,
+}
+
+impl Input {
+    /// Opens `name`: `-` for standard input, a file, or else a serial port at `baud`.
+    ///
+    /// # Errors
+    /// Where it cannot be opened.
+    pub fn open(name: &str, baud: u32) -> Result<Self> {
+        let path = Path::new(name);
+        if name == "-" {
+            return Ok(Self::new(io::stdin(), Path::new("standard input")));
+        }
+        if path.is_dir() {
+            let is_folder = ErrorKind::IsADirectory.into();
+            return Err(Problem::system("read", path, &is_folder));
+        }
+        if is_file(path) {
+            let file = File::open(path).map_err(|error| Problem::system("read", path, &error))?;
+            return Ok(Self::new(file, path));
+        }
+        Ok(Self::new(ports::open(name, baud)?, path))
+    }
+
+    /// Reads from anything; `name` names it in messages.
+    pub fn new(reader: impl Read + Send + 'static, name: &Path) -> Self {
+        let (sender, pieces) = sync_channel(AHEAD);
+        thread::spawn(move || read(reader, &sender));
+        Self {
+            pieces,
+            name: name.to_path_buf(),
+        }
+    }
+
+    /// What comes next within `patience`.
+    ///
+    /// # Errors
+    /// Where reading fails, as when a device is unplugged.
+    pub fn next(&self, patience: Duration) -> Result<Chunk> {
+        match self.pieces.recv_timeout(patience) {
+            Ok(Ok(bytes)) if bytes.is_empty() => Ok(Chunk::Silence),
+            Ok(Ok(bytes)) => Ok(Chunk::Bytes(bytes)),
+            Ok(Err(error)) => Err(Problem::system("read", &self.name, &error)),
+            Err(RecvTimeoutError::Timeout) => Ok(Chunk::Silence),
+            Err(RecvTimeoutError::Disconnected) => Ok(Chunk::End),
+        }
+    }
+}
+
+/// Devices are ports; everything else that exists is read as a file, pipes too.
+fn is_file(path: &Path) -> bool {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::FileTypeExt;
+        std::fs::metadata(path).is_ok_and(|data| !data.file_type().is_char_device())
+    }
+    #[cfg(not(unix))]
+    path.is_file()
+}
+
+/// Reads until the end, a failure, or until nobody listens.
+fn read(mut reader: impl Read, sender: &SyncSender<io::Result<Vec<u8>>>) {
+    let mut piece = vec![0; PIECE];
+    loop {
+        let result = match reader.read(&mut piece) {
+            Ok(0) => return,
+            Ok(length) => Ok(piece.get(..length).unwrap_or_default().to_vec()),
+            Err(error) => match error.kind() {
+                // An empty piece asks whether anybody still listens.
+                ErrorKind::TimedOut | ErrorKind::WouldBlock | ErrorKind::Interrupted => {
+                    Ok(Vec::new())
+                }
+                _ => Err(error),
+            },
+        };
+        let failed = result.is_err();
+        if sender.send(result).is_err() || failed {
+            return;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn all_bytes_come_and_then_the_end() {
+        let bytes: Vec<u8> = (0..100_000u32).map(|i| i.to_le_bytes()[0]).collect();
+        let input = Input::new(io::Cursor::new(bytes.clone()), Path::new("test"));
+        let mut read = Vec::new();
+        loop {
+            match input.next(Duration::from_secs(5)).unwrap() {
+                Chunk::Bytes(piece) => read.extend(piece),
+                Chunk::Silence => {}
+                Chunk::End => break,
+            }
+        }
+        assert_eq!(read, bytes);
+    }
+
+    #[test]
+    fn a_failing_device_is_named() {
+        struct Unplugged;
+        impl Read for Unplugged {
+            fn read(&mut self, _: &mut [u8]) -> io::Result<usize> {
+                Err(ErrorKind::BrokenPipe.into())
+            }
+        }
+        let input = Input::new(Unplugged, Path::new("/dev/ttyUSB7"));
+        let problem = input.next(Duration::from_secs(5)).unwrap_err();
+        assert!(problem.to_string().contains("/dev/ttyUSB7"), "{problem}");
+        assert!(Input::open("/", 9600).is_err());
+    }
+}

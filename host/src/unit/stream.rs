@@ -1,0 +1,203 @@
+//! `bodyflight stream`: a recording to a unit, its estimates back, and the same filter here beside it.
+
+pub mod connection;
+pub mod line;
+pub mod qemu;
+pub mod report;
+mod session;
+pub mod twin;
+
+use std::time::{Duration, Instant};
+
+use bodyflight_core::estimator::preset::{PRESETS, Preset};
+use bodyflight_core::link::fault::{Faults, Injector};
+use bodyflight_core::link::{
+    ArchSource, Configure, Motion, PackedQuaternion, Sample, SegmentTable, StreamMode,
+};
+
+use crate::diagnostic::{Problem, Result};
+use crate::formats::flight::Flight;
+use crate::formats::recording::FlightFrame;
+use crate::interrupt;
+use connection::{Connection, Machine, Target};
+use line::Line;
+use report::{Live, Report};
+use session::Session;
+
+/// How fast samples go out.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Pace {
+    /// As a source that sets its own pace delivers them.
+    Source,
+    /// So many times faster than they were recorded.
+    Times(f64),
+    /// As fast as the unit grants credit; nothing is dropped.
+    Max,
+}
+
+/// What to stream, and how.
+#[derive(Debug, Clone)]
+pub struct Settings {
+    /// Where the unit is.
+    pub target: Target,
+    /// Filter preset.
+    pub preset: &'static Preset,
+    /// How fast.
+    pub pace: Pace,
+    /// Faults of the line, on purpose.
+    pub faults: Faults,
+    /// Seed of the faults.
+    pub seed: u64,
+}
+
+/// Samples a live display is told of at once.
+const SAMPLES_A_LOOK: u32 = 8;
+
+/// Streams `frames` of a flight, recorded at `frame_rate` (Hz), to a unit.
+///
+/// `look` hears what happens, some thirty times a second at 240 Hz; `logs` gets the unit's defmt frames where there are any.
+///
+/// # Errors
+/// Where the unit cannot be reached, refuses, or stops answering. What it answers is judged by the report.
+pub fn stream(
+    flight: &Flight,
+    frame_rate: f64,
+    frames: impl Iterator<Item = Result<FlightFrame>>,
+    settings: &Settings,
+    mut look: impl FnMut(&Live, &FlightFrame) -> Result<()>,
+    mut logs: impl FnMut(&[u8]),
+) -> Result<Report> {
+    let mut frames = frames.peekable();
+    let first = match frames.peek() {
+        Some(Ok(first)) => *first,
+        Some(Err(problem)) => return Err(problem.clone()),
+        None => {
+            return Err(
+                Problem::bad_input("there is no frame to stream").in_file(&flight.recording)
+            );
+        }
+    };
+    let mode = match (settings.pace, &settings.target) {
+        // A machine that is emulated may be slower than the flight; then it waits for it.
+        (Pace::Max, _) | (Pace::Times(_), Target::Qemu(_)) => StreamMode::Credit,
+        (Pace::Source | Pace::Times(_), _) => StreamMode::Paced,
+    };
+    let line = Line::new(Connection::open(&settings.target)?);
+    let injector = Injector::new(settings.faults, settings.seed);
+    let mut session = Session::new(line, injector, session_number(), mode);
+    session.greet()?;
+    session.compare_clocks()?;
+    let (configure, table) = configuration(flight, &first, settings.preset, frame_rate)?;
+    session.configure(configure, &table)?;
+    session.start()?;
+
+    let begin = Instant::now();
+    let mut last_time = first.time;
+    for frame in frames {
+        let frame = frame?;
+        if let Pace::Times(speed) = settings.pace {
+            let due = begin + Duration::from_secs_f64(((frame.time - first.time) / speed).max(0.0));
+            session.listen(due)?;
+        } else {
+            session.listen(Instant::now())?;
+        }
+        session.await_credit()?;
+        session.sample(microseconds(frame.time - first.time), sample_of(&frame))?;
+        last_time = frame.time;
+        if session.sent().is_multiple_of(SAMPLES_A_LOOK) {
+            interrupt::check()?;
+            look(&Live::of(&session, frame.time), &frame)?;
+            if let Machine::Qemu(machine) = &session.line.machine {
+                logs(&machine.logs());
+            }
+        }
+    }
+    session.stop()?;
+    let wall = begin.elapsed().as_secs_f64();
+    if let Machine::Qemu(machine) = &session.line.machine {
+        logs(&machine.logs());
+    }
+    Ok(Report::of(&session, settings, last_time - first.time, wall))
+}
+
+/// What the unit is told of flight and filter.
+fn configuration(
+    flight: &Flight,
+    first: &FlightFrame,
+    preset: &Preset,
+    frame_rate: f64,
+) -> Result<(Configure, SegmentTable)> {
+    let height = first.pelvis.position.components.z;
+    let plain = flight.dynamics(height);
+    let dynamics = flight.effects.for_filter(plain, height)?;
+    if dynamics.air.density != plain.air.density {
+        return Err(Problem::bad_input(
+            "an effect of the model changes the density over the height; the unit is told one density",
+        )
+        .help("take it out of the model.toml; estimate --model runs the filter here with it"));
+    }
+    let (body, aerodynamics) = (
+        dynamics.body.cast::<f32>(),
+        dynamics.aerodynamics.cast::<f32>(),
+    );
+    let table = SegmentTable::of(&body, &aerodynamics);
+    let (arch_source, arch) = ArchSource::of(aerodynamics.arch);
+    let number = PRESETS.iter().position(|p| p.name == preset.name);
+    let number = number.and_then(|number| u16::try_from(number).ok());
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "single precision on the wire"
+    )]
+    let [sample_rate, air_density] =
+        [frame_rate, dynamics.air.density.at(height)].map(|value| value as f32);
+    // A window of the filter is a few samples.
+    let window = f32::from(u8::try_from(preset.solution_window).unwrap_or(u8::MAX));
+    let configure = Configure {
+        preset: number.ok_or_else(|| Problem::bad_input(format!("no preset {}", preset.name)))?,
+        sample_rate,
+        update_rate: sample_rate / window,
+        height: body.height,
+        air_density,
+        air_velocity: dynamics.air.velocity.cast::<f32>().components.into(),
+        arch_source,
+        arch,
+        body_from_sensor: PackedQuaternion::default(),
+        table_digest: table.digest(),
+    };
+    Ok((configure, table))
+}
+
+/// A frame as it goes over the link.
+pub fn sample_of(frame: &FlightFrame) -> Sample {
+    let pelvis = &frame.pelvis;
+    let body_from_inertial = pelvis.inertial_from_body.inverse();
+    let motion = Motion {
+        angular_velocity: pelvis
+            .angular_velocity
+            .map(|w| (body_from_inertial * w).cast()),
+        velocity: pelvis.velocity.map(|v| v.cast()),
+        horizontal_speed: None,
+    };
+    Sample::new(
+        &frame.posture.cast(),
+        &pelvis.inertial_from_body.cast(),
+        &motion,
+    )
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "saturates; recordings begin at 0"
+)]
+fn microseconds(seconds: f64) -> u64 {
+    (seconds * 1e6).round() as u64
+}
+
+/// A number that the session before is unlikely to have had.
+fn session_number() -> u16 {
+    let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
+    let nanoseconds = now.map_or(0, |now| now.subsec_nanos());
+    let [a, b, c, d] = nanoseconds.to_le_bytes();
+    u16::from_le_bytes([a ^ c, b ^ d])
+}

@@ -1,0 +1,105 @@
+//! Ways to a unit: a serial port, QEMU, a unit in this process.
+
+use std::io::{Read, Write};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use serialport::{SerialPort, TTYPort};
+
+use super::qemu::Qemu;
+use crate::diagnostic::{Kind, Problem, Result};
+use crate::unit::virtual_unit::VirtualUnit;
+
+/// Rate of a serial line unless another is asked for (baud): 240 samples a second take 70 % of it.
+pub const DEFAULT_BAUD: u32 = 460_800;
+
+/// Where the unit is.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Target {
+    /// At a serial port.
+    Port {
+        /// Its device.
+        path: PathBuf,
+        /// Its rate (baud).
+        baud: u32,
+    },
+    /// In QEMU, from this image.
+    Qemu(PathBuf),
+    /// In this process.
+    Virtual,
+}
+
+/// An open line to a unit.
+pub struct Connection {
+    /// From the unit; fails with `TimedOut` now and then while nothing comes.
+    pub reader: Box<dyn Read + Send>,
+    /// To the unit.
+    pub writer: Box<dyn Write + Send>,
+    /// The machine behind the line, where we started it.
+    pub machine: Machine,
+}
+
+/// A machine that lives as long as its connection.
+pub enum Machine {
+    /// Somebody else's.
+    Foreign,
+    /// QEMU, with the unit's logs.
+    Qemu(Qemu),
+    /// Threads of this process.
+    Virtual(VirtualUnit),
+}
+
+/// Longest wait of a read, after which it looks whether the stream has ended.
+const READ_TIMEOUT: Duration = Duration::from_millis(50);
+
+impl Connection {
+    /// Opens the line and starts the machine where it is ours.
+    ///
+    /// # Errors
+    /// Where there is no such port, or the machine does not start.
+    pub fn open(target: &Target) -> Result<Self> {
+        match target {
+            Target::Port { path, baud } => Self::port(path, *baud, Machine::Foreign),
+            Target::Virtual => {
+                let unit = VirtualUnit::start()?;
+                let path = unit.path().to_path_buf();
+                Self::port(&path, DEFAULT_BAUD, Machine::Virtual(unit))
+            }
+            Target::Qemu(image) => {
+                let (qemu, line) = Qemu::start(image)?;
+                let system = |error| Problem::system("open", image, &error);
+                line.set_read_timeout(Some(READ_TIMEOUT)).map_err(system)?;
+                Ok(Self {
+                    reader: Box::new(line.try_clone().map_err(system)?),
+                    writer: Box::new(line),
+                    machine: Machine::Qemu(qemu),
+                })
+            }
+        }
+    }
+
+    fn port(path: &Path, baud: u32, machine: Machine) -> Result<Self> {
+        let refused = |error: serialport::Error| {
+            Problem {
+                kind: Kind::System,
+                ..Problem::bad_input(format!("cannot open the port: {error}"))
+            }
+            .in_file(path)
+            .help("list what is there: bodyflight ports; on Linux the user must be in the group dialout")
+        };
+        let mut port =
+            TTYPort::open(&serialport::new(path.to_string_lossy(), baud)).map_err(refused)?;
+        port.set_timeout(READ_TIMEOUT).map_err(refused)?;
+        // Boards with USB send only while a terminal is there; a pseudo-terminal has no such line.
+        let _ = port.write_data_terminal_ready(true);
+        let mut writer = port.try_clone_native().map_err(refused)?;
+        writer
+            .set_timeout(Duration::from_secs(2))
+            .map_err(refused)?;
+        Ok(Self {
+            reader: Box::new(port),
+            writer: Box::new(writer),
+            machine,
+        })
+    }
+}

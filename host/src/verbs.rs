@@ -1,0 +1,10 @@
+//! The work of the verbs that need no unit.
+
+pub mod estimate;
+pub mod figures;
+pub mod hide;
+pub mod inspect;
+pub mod simulate;
+pub mod synthesize;
+pub mod tune;
+pub mod view;

@@ -1,0 +1,107 @@
+//! Figures for papers, in the layout of the paper's validation figures: reconstruction with estimated inputs, the
+//! inputs, the way over ground, and snapshots of the body.
+
+mod snapshots;
+mod top_view;
+
+use std::path::{Path, PathBuf};
+
+use bodyflight_core::estimator::preset::Preset;
+
+use crate::diagnostic::{Problem, Result};
+use crate::formats::flight::Flight;
+use crate::formats::input_history::InputHistory;
+use crate::formats::recording::Options;
+use crate::output::files::write_file;
+use crate::output::plot::{
+    ESTIMATED, MEASURED, Panel, SIMULATED, figure_svg, measured_curve, row_svg, simulated_curve,
+};
+use crate::replay::comparison::Channel;
+use crate::verbs::estimate::{Estimation, Filter, estimate};
+use crate::verbs::view::run::{fly_series, shapes};
+
+/// How to draw a flight.
+#[derive(Debug, Clone, Copy)]
+pub struct Settings {
+    /// Preset of the filter: what is measured, and so what is shown.
+    pub preset: &'static Preset,
+    /// Which filter.
+    pub filter: Filter,
+    /// Bodies in the row of snapshots.
+    pub snapshots: usize,
+}
+
+/// Writes `reconstruction.svg`, `inputs.svg`, `top-view.svg` and `snapshots.svg` into `folder`, and tells where.
+///
+/// # Errors
+/// As of [`estimate`], or where the folder cannot be written to.
+pub fn write(
+    flight: &Flight,
+    title: &str,
+    settings: &Settings,
+    options: Options,
+    folder: &Path,
+    mut progress: impl FnMut(f64),
+) -> Result<Vec<PathBuf>> {
+    let preset = settings.preset;
+    let estimation = estimate::<f64>(flight, preset, settings.filter, options, &mut progress)?;
+    let rows = estimation.points.iter().map(|point| point.inputs);
+    // Known inputs where there are any.
+    let flown = match &flight.inputs {
+        Some(_) => flight.clone(),
+        None => Flight {
+            inputs: Some(InputHistory::new(rows.collect())),
+            muscles: preset.muscles,
+            ..flight.clone()
+        },
+    };
+    let (series, _) = fly_series(&flown, options, progress)?;
+    let figures = [
+        (
+            "reconstruction.svg",
+            reconstruction(title, preset, &estimation)?,
+        ),
+        ("inputs.svg", row_svg(title, &estimation.input_panels())?),
+        ("top-view.svg", top_view::svg(title, &series)?),
+        (
+            "snapshots.svg",
+            snapshots::svg(title, &shapes(&flight.subject), &series, settings.snapshots),
+        ),
+    ];
+    std::fs::create_dir_all(folder).map_err(|error| Problem::system("create", folder, &error))?;
+    let written = figures.into_iter().map(|(name, svg)| {
+        let path = folder.join(name);
+        write_file(&path, svg.as_bytes())?;
+        Ok(path)
+    });
+    written.collect()
+}
+
+/// Measured and reconstructed channels: those of the preset, the others left out.
+fn reconstruction(title: &str, preset: &Preset, estimation: &Estimation) -> Result<String> {
+    let turning = preset.name.contains("turn");
+    let channels = if turning {
+        [Channel::YawRate, Channel::Pitch, Channel::Roll]
+    } else {
+        [Channel::HorizontalVelocity, Channel::Pitch, Channel::Roll]
+    };
+    let panels = channels.map(|channel| {
+        let (label, unit) = channel.label();
+        let gap = estimation.report.rms.get(channel);
+        Panel {
+            caption: format!("{label} ({unit}): RMS gap {gap:.3}"),
+            curves: vec![
+                measured_curve(channel, estimation.estimated.series()),
+                simulated_curve(channel, estimation.estimated.series(), ESTIMATED),
+            ],
+            wraps: channel.is_angle(),
+        }
+    });
+    figure_svg(title, &panels)
+}
+
+/// The ways over ground: name in the legend, and column.
+const WAYS: [(&str, &str); 2] = [
+    (MEASURED.label, "measured_position_m"),
+    (SIMULATED.label, "simulated_position_m"),
+];

@@ -1,0 +1,82 @@
+//! The way over ground from above, north up, one scale for both axes.
+
+use plotters::prelude::*;
+
+use super::WAYS;
+use crate::diagnostic::{Problem, Result};
+use crate::output::plot::{MEASURED, SIMULATED};
+use crate::verbs::view::series::Series;
+
+const SIZE: u32 = 520;
+
+pub(super) fn svg(title: &str, series: &Series) -> Result<String> {
+    let mut svg = String::new();
+    draw(
+        title,
+        series,
+        SVGBackend::with_string(&mut svg, (SIZE, SIZE)),
+    )
+    .map_err(|error| Problem::bad_input(format!("cannot draw the figure: {error}")))?;
+    Ok(svg)
+}
+
+fn draw(
+    title: &str,
+    series: &Series,
+    backend: SVGBackend<'_>,
+) -> core::result::Result<(), Box<dyn std::error::Error>> {
+    let root = backend.into_drawing_area();
+    root.fill(&WHITE)?;
+    // To the right is east.
+    let ways = WAYS.map(|(label, column)| {
+        let way: Vec<(f64, f64)> = match series.column(column) {
+            [north, west, _] => west.iter().zip(north).map(|(w, n)| (-w, *n)).collect(),
+            _ => Vec::new(),
+        };
+        (label, way)
+    });
+    let all = || ways.iter().flat_map(|(_, way)| way);
+    let range = |value: fn(&(f64, f64)) -> f64| {
+        let low = all().map(value).fold(f64::INFINITY, f64::min);
+        let high = all().map(value).fold(f64::NEG_INFINITY, f64::max);
+        if low.is_finite() {
+            (low, high)
+        } else {
+            (0.0, 1.0)
+        }
+    };
+    let (east, north) = (range(|place| place.0), range(|place| place.1));
+    let half = 0.55 * (east.1 - east.0).max(north.1 - north.0).max(1.0);
+    let around = |(low, high): (f64, f64)| {
+        let middle = 0.5 * (low + high);
+        middle - half..middle + half
+    };
+    let mut chart = ChartBuilder::on(&root)
+        .caption(title, ("sans-serif", 16))
+        .margin(10)
+        .x_label_area_size(36)
+        .y_label_area_size(48)
+        .build_cartesian_2d(around(east), around(north))?;
+    chart
+        .configure_mesh()
+        .light_line_style(TRANSPARENT)
+        .bold_line_style(BLACK.mix(0.12))
+        .x_desc("east (m)")
+        .y_desc("north (m)")
+        .draw()?;
+    for ((label, way), line) in ways.into_iter().zip([MEASURED, SIMULATED]) {
+        let style = line.style();
+        chart
+            .draw_series(LineSeries::new(way, style))?
+            .label(label)
+            .legend(move |(x, y)| PathElement::new(vec![(x, y), (x + 18, y)], style));
+    }
+    chart
+        .configure_series_labels()
+        .position(SeriesLabelPosition::UpperLeft)
+        .background_style(WHITE)
+        .border_style(BLACK.mix(0.3))
+        .draw()?;
+    root.present()?;
+    Ok(())
+}

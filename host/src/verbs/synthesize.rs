@@ -1,0 +1,345 @@
+//! `bodyflight synth`: a maneuver flown by the model, seen through noisy sensors and written like a recording.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use bodyflight_core::Segment;
+use bodyflight_core::body::mass_properties::PostureRate;
+use bodyflight_core::body::posture::{Posture, joint_rotation};
+use bodyflight_core::dynamics::free_run::{Equations, FreeRun};
+use bodyflight_core::dynamics::step::TIME_STEP;
+use bodyflight_core::dynamics::trim::trim;
+use bodyflight_core::dynamics::{Dynamics, Motion};
+use bodyflight_core::frame::{Inertial, Vector};
+use bodyflight_core::maneuver::Maneuver;
+use bodyflight_core::math::small_rotation;
+use nalgebra::Vector3;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::StandardNormal;
+use serde::Serialize;
+
+use crate::diagnostic::Result;
+use crate::formats::flight::{DensityChoice, Flight};
+use crate::formats::input_history::Row;
+use crate::formats::mvnx::writer::{Description, Writer};
+use crate::formats::recording::{FlightFrame, PelvisMotion};
+use crate::formats::subject::{SEGMENTS_FILE, Subject};
+use crate::interrupt;
+use crate::output::files::{CsvFile, write_file};
+
+/// Noise of the sensors, standard deviations.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SensorNoise {
+    /// Attitude of the pelvis, each axis (rad).
+    pub attitude: f64,
+    /// Angular velocity, each axis (rad/s).
+    pub angular_velocity: f64,
+    /// Horizontal velocity, each axis (m/s).
+    pub horizontal_velocity: f64,
+    /// Vertical velocity (m/s).
+    pub vertical_velocity: f64,
+    /// Each joint, each axis (rad): slow errors of the sensor fusion.
+    pub joint: f64,
+}
+
+impl SensorNoise {
+    /// Perfect sensors.
+    pub const NONE: Self = Self {
+        attitude: 0.0,
+        angular_velocity: 0.0,
+        horizontal_velocity: 0.0,
+        vertical_velocity: 0.0,
+        joint: 0.0,
+    };
+
+    /// The paper's figures, sections "Measurements" and "Discussion": angles 0.01 rad, rates 0.03 rad/s,
+    /// velocity 0.1 m/s with GNSS and 1 m/s vertically. Joints are taken as exact: their error is a bias of
+    /// the posture, not noise.
+    pub const PAPER: Self = Self {
+        attitude: 0.01,
+        angular_velocity: 0.03,
+        horizontal_velocity: 0.1,
+        vertical_velocity: 1.0,
+        joint: 0.0,
+    };
+
+    /// The same noise, larger or smaller.
+    #[must_use]
+    pub fn scaled(&self, factor: f64) -> Self {
+        Self {
+            attitude: self.attitude * factor,
+            angular_velocity: self.angular_velocity * factor,
+            horizontal_velocity: self.horizontal_velocity * factor,
+            vertical_velocity: self.vertical_velocity * factor,
+            joint: self.joint * factor,
+        }
+    }
+}
+
+/// What to synthesise.
+#[derive(Debug, Clone)]
+pub struct Request<'a> {
+    /// The script.
+    pub maneuver: &'static Maneuver,
+    /// The person.
+    pub subject: &'a Subject,
+    /// Air density (kg/m3).
+    pub density: f64,
+    /// Seed of sway and noise.
+    pub seed: u64,
+    /// Sensor noise.
+    pub noise: SensorNoise,
+    /// Size of the involuntary sway of each joint (rad).
+    pub sway: f64,
+}
+
+/// What was written.
+#[derive(Debug, Clone, Serialize)]
+pub struct Report {
+    /// The `flight.toml`.
+    pub flight: PathBuf,
+    /// Frames written.
+    pub frames: u64,
+    /// Length (s).
+    pub duration_s: f64,
+}
+
+/// Sway of a relaxed skydiver (rad).
+pub const DEFAULT_SWAY: f64 = 0.02;
+const FRAME_RATE: f64 = 240.0;
+/// Height of the first frame above the inertial origin (m).
+const START_HEIGHT: f64 = 4000.0;
+
+/// Flies the maneuver and writes `flight.toml`, `subject.toml`, `inputs.csv` and `flight.mvnx` into `folder`.
+///
+/// # Errors
+/// Where the subject is not usable or the folder cannot be written to.
+pub fn synthesize(
+    request: &Request<'_>,
+    folder: &Path,
+    progress: impl FnMut(f64),
+) -> Result<Report> {
+    std::fs::create_dir_all(folder)
+        .map_err(|error| crate::diagnostic::Problem::system("create", folder, &error))?;
+    let mut flight = Flight::bare(&folder.join("flight.mvnx"));
+    flight.subject = request.subject.clone();
+    flight.density = DensityChoice::Constant(request.density);
+    flight.muscles = request.maneuver.muscles;
+    let dynamics = flight.dynamics(START_HEIGHT);
+    let description = Description {
+        subject_label: "Synthetic".to_owned(),
+        frame_rate: FRAME_RATE,
+        start_unix_ms: 0,
+        comment: format!(
+            "bodyflight synth {} --seed {}",
+            request.maneuver.name, request.seed
+        ),
+    };
+    let mut writer = Writer::create(&flight.recording, description, &dynamics.body)?;
+    let frames = fly(request, &dynamics, |frame| writer.write(&frame), progress)?;
+    writer.finish()?;
+    write_inputs(request.maneuver, &folder.join("inputs.csv"))?;
+    write_file(
+        &folder.join("subject.toml"),
+        request.subject.to_toml()?.as_bytes(),
+    )?;
+    if let Some(table) = request.subject.segments_json() {
+        write_file(&folder.join(SEGMENTS_FILE), table.as_bytes())?;
+    }
+    let path = folder.join("flight.toml");
+    write_file(&path, flight_toml(request).as_bytes())?;
+    #[expect(clippy::cast_precision_loss, reason = "counts of frames")]
+    let duration_s = frames.saturating_sub(1) as f64 / FRAME_RATE;
+    Ok(Report {
+        flight: path,
+        frames,
+        duration_s,
+    })
+}
+
+/// Flies the maneuver and hands every recorded frame to `each`; the number of frames.
+///
+/// # Errors
+/// Those of `each`.
+pub fn fly(
+    request: &Request<'_>,
+    dynamics: &Dynamics<f64>,
+    mut each: impl FnMut(FlightFrame) -> Result<()>,
+    mut progress: impl FnMut(f64),
+) -> Result<u64> {
+    let maneuver = request.maneuver;
+    let mut random = ChaCha8Rng::seed_from_u64(request.seed);
+    let sway = Sway::new(&mut random, request.sway);
+    let posture = |time: f64| sway.on(&maneuver.posture(time), time);
+    let rate = |time: f64| {
+        let (before, after) = (posture(time - TIME_STEP), posture(time + TIME_STEP));
+        PostureRate::between(&before, &after, 2.0 * TIME_STEP)
+    };
+    let mut run = FreeRun::new(
+        dynamics,
+        Equations::Exact,
+        &start(maneuver, dynamics),
+        &posture(0.0),
+        &rate(0.0),
+    );
+    let mut sensors = Sensors {
+        random,
+        noise: request.noise,
+    };
+    let mut index = 0;
+    loop {
+        #[expect(clippy::cast_precision_loss, reason = "counts of frames")]
+        let time = index as f64 / FRAME_RATE;
+        let motion = run.motion(dynamics, &rate(time));
+        each(sensors.frame(index, time, &posture(time), &motion))?;
+        if time >= maneuver.duration {
+            return Ok(index + 1);
+        }
+        index += 1;
+        #[expect(clippy::cast_precision_loss, reason = "counts of frames")]
+        let next = index as f64 / FRAME_RATE;
+        let inputs = maneuver.inputs(0.5 * (time + next));
+        run.advance(dynamics, &inputs, &posture(next), next - time);
+        if index.is_multiple_of(240) {
+            progress(time);
+            interrupt::check()?;
+        }
+    }
+}
+
+/// Motion at the start: the trimmed speed of the neutral pose, straight down.
+fn start(maneuver: &Maneuver, dynamics: &Dynamics<f64>) -> Motion<f64> {
+    let neutral = bodyflight_core::body::pattern::neutral();
+    // A posture without trim still falls: 50 m/s is where belly flight settles.
+    let speed = trim(dynamics, &neutral, START_HEIGHT).map_or(50.0, |trim| trim.terminal_speed);
+    let inertial_from_body = maneuver.start_attitude();
+    let fall = Vector::<f64, Inertial>::new(0.0, 0.0, -speed * maneuver.start_speed);
+    Motion {
+        inertial_from_body,
+        position: Vector::new(0.0, 0.0, START_HEIGHT),
+        velocity: inertial_from_body.inverse() * fall,
+        angular_velocity: Vector::zero(),
+    }
+}
+
+/// Slow involuntary motion of every joint: three sines an axis, with seeded frequencies and phases.
+struct Sway {
+    waves: Vec<(Segment, [[Wave; 3]; 3])>,
+}
+
+#[derive(Clone, Copy)]
+struct Wave {
+    amplitude: f64,
+    /// rad/s
+    frequency: f64,
+    phase: f64,
+}
+
+impl Sway {
+    fn new(random: &mut ChaCha8Rng, size: f64) -> Self {
+        let mut wave = || Wave {
+            amplitude: size * random.random_range(0.3..0.8),
+            frequency: std::f64::consts::TAU * random.random_range(0.1..0.9),
+            phase: random.random_range(0.0..std::f64::consts::TAU),
+        };
+        let mut axis = || [wave(), wave(), wave()];
+        let joints = Segment::ALL.into_iter().skip(1);
+        Self {
+            waves: joints
+                .map(|segment| (segment, [axis(), axis(), axis()]))
+                .collect(),
+        }
+    }
+
+    fn on(&self, posture: &Posture<f64>, time: f64) -> Posture<f64> {
+        self.waves
+            .iter()
+            .fold(*posture, |posture, (segment, axes)| {
+                let [psi, theta, phi] = axes.map(|waves| {
+                    waves
+                        .iter()
+                        .map(|w| w.amplitude * (w.frequency * time + w.phase).sin())
+                        .sum()
+                });
+                let joint = posture.parent_from_segment(*segment) * joint_rotation(psi, theta, phi);
+                posture.with(*segment, joint)
+            })
+    }
+}
+
+/// Sensors with their noise.
+struct Sensors {
+    random: ChaCha8Rng,
+    noise: SensorNoise,
+}
+
+impl Sensors {
+    fn vector(&mut self, size: [f64; 3]) -> Vector3<f64> {
+        Vector3::from(size.map(|size| size * self.random.sample::<f64, _>(StandardNormal)))
+    }
+
+    fn frame(
+        &mut self,
+        index: u64,
+        time: f64,
+        posture: &Posture<f64>,
+        motion: &Motion<f64>,
+    ) -> FlightFrame {
+        let noise = self.noise;
+        let tilt = small_rotation(&self.vector([noise.attitude; 3]));
+        let mut seen = *posture;
+        for segment in Segment::ALL.into_iter().skip(1) {
+            let error = small_rotation(&self.vector([noise.joint; 3]));
+            seen.set(segment, posture.parent_from_segment(segment) * error);
+        }
+        let inertial = |v: Vector3<f64>, error: Vector3<f64>| Vector::from_components(v + error);
+        let velocity = motion.velocity_inertial().components;
+        let spin = (motion.inertial_from_body * motion.angular_velocity).components;
+        let horizontal = noise.horizontal_velocity;
+        let velocity_error = self.vector([horizontal, horizontal, noise.vertical_velocity]);
+        let spin_error = self.vector([noise.angular_velocity; 3]);
+        let attitude = motion.inertial_from_body.quaternion() * tilt;
+        FlightFrame {
+            index,
+            time,
+            posture: seen,
+            pelvis: PelvisMotion {
+                inertial_from_body: bodyflight_core::frame::Rotation::from_quaternion(attitude),
+                position: motion.position,
+                velocity: Some(inertial(velocity, velocity_error)),
+                angular_velocity: Some(inertial(spin, spin_error)),
+            },
+            centre_of_mass: None,
+            bridged: false,
+        }
+    }
+}
+
+fn write_inputs(maneuver: &Maneuver, path: &Path) -> Result<()> {
+    let mut file = CsvFile::create(path, &Row::COLUMNS)?;
+    let mut time = 0.0;
+    while time <= maneuver.duration {
+        file.write(Row::of(time, &maneuver.inputs(time)).columns())?;
+        time += 0.02;
+    }
+    file.finish()
+}
+
+fn flight_toml(request: &Request<'_>) -> String {
+    let mut text = String::new();
+    // Writing to a String cannot fail.
+    let _ = writeln!(
+        text,
+        "# {}: {}",
+        request.maneuver.name, request.maneuver.summary
+    );
+    let _ = writeln!(text, "# seed {}", request.seed);
+    text.push_str(
+        "recording = \"flight.mvnx\"\nsubject = \"subject.toml\"\ninputs = \"inputs.csv\"\n",
+    );
+    let muscles = crate::formats::flight::name_of_muscles(&request.maneuver.muscles);
+    let _ = writeln!(text, "muscles = \"{muscles}\"");
+    let _ = writeln!(text, "\n[air]\ndensity = {}", request.density);
+    text
+}

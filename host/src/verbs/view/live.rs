@@ -1,0 +1,93 @@
+//! A stream as it goes, for the page.
+
+use std::time::Duration;
+
+use bodyflight_core::dynamics::muscle_input::MuscleInput;
+use bodyflight_core::dynamics::{Dynamics, Inputs};
+use bodyflight_viewer::frame::frame;
+use nalgebra::Vector3;
+use tungstenite::Message;
+
+use super::page::{FlyData, Mode, PageData, Provenance, html, setup};
+use super::run::shapes;
+use super::server::Server;
+use crate::diagnostic::{Problem, Result};
+use crate::formats::flight::{DEFAULT_DENSITY, Flight};
+use crate::formats::recording::FlightFrame;
+use crate::interrupt;
+use crate::unit::stream::report::Live;
+use crate::verbs::simulate::measured_motion;
+
+/// A page that shows a stream.
+///
+/// For each look it is sent the frame (binary, [`bodyflight_viewer::frame`]) and then the [`Live`] that goes with it
+/// (JSON).
+pub struct LiveView {
+    server: Server,
+    dynamics: Option<Dynamics<f64>>,
+    flight: Flight,
+}
+
+impl LiveView {
+    /// Begins to serve the page.
+    ///
+    /// # Errors
+    /// Where the program was built without the page, or no port is free.
+    pub fn start(flight: &Flight, title: String, provenance: Provenance) -> Result<Self> {
+        let subject = &flight.subject;
+        let data = FlyData::new(&setup(subject, DEFAULT_DENSITY), shapes(subject));
+        let page = html(&PageData::of(Mode::Live, title, provenance, data))?;
+        let deaf = |_| String::from("this page only listens");
+        Ok(Self {
+            server: Server::start(page, Box::new(deaf))?,
+            dynamics: None,
+            flight: flight.clone(),
+        })
+    }
+
+    /// Where the page is.
+    pub fn url(&self) -> String {
+        self.server.url()
+    }
+
+    /// Waits until somebody looks.
+    ///
+    /// # Errors
+    /// Where Ctrl-C was pressed.
+    pub fn await_page(&self) -> Result<()> {
+        while self.server.listening() == 0 {
+            interrupt::check()?;
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        Ok(())
+    }
+
+    /// Sends what there is to see at a frame of the flight.
+    ///
+    /// # Errors
+    /// Where the numbers cannot be written.
+    pub fn show(&mut self, live: &Live, recorded: &FlightFrame) -> Result<()> {
+        let height = recorded.pelvis.position.components.z;
+        let dynamics = self
+            .dynamics
+            .get_or_insert_with(|| self.flight.dynamics(height));
+        let inputs = live.estimate.map_or_else(Inputs::belly_turn, |estimate| {
+            let [yaw, pitch, roll, damping_yaw, damping_pitch, damping_roll] =
+                estimate.state.map(f64::from);
+            Inputs {
+                muscle: MuscleInput { yaw, pitch, roll },
+                damping: Vector3::new(damping_pitch, damping_yaw, damping_roll),
+            }
+        });
+        // A source without velocities is shown without forces of its own: nothing to see is no reason to stop.
+        if let Ok(motion) = measured_motion(recorded) {
+            let numbers = frame(dynamics, &inputs, &recorded.posture, &motion, recorded.time);
+            let bytes: Vec<u8> = numbers.iter().flat_map(|n| n.to_le_bytes()).collect();
+            self.server.send(&Message::binary(bytes));
+        }
+        let text = serde_json::to_string(live)
+            .map_err(|error| Problem::bad_input(format!("cannot write JSON: {error}")))?;
+        self.server.send(&Message::text(text));
+        Ok(())
+    }
+}

@@ -1,0 +1,233 @@
+//! The page with its data.
+
+use std::path::Path;
+
+use bodyflight_core::dynamics::{Dynamics, Inputs};
+use bodyflight_viewer::cockpit::{CONTROLS, STARTS};
+use bodyflight_viewer::frame;
+use bodyflight_viewer::setup::Setup;
+use serde::Serialize;
+use serde_json::Value;
+use sha2::{Digest, Sha256};
+
+use super::run::{Run, Shape};
+use crate::diagnostic::{Problem, Result};
+use crate::formats::subject::Subject;
+
+/// The page, empty where it was not built.
+const PAGE: &str = include_str!(concat!(env!("OUT_DIR"), "/viewer.html"));
+
+/// Where the data goes.
+const MARK: &str = "<script type=\"application/json\" id=\"bodyflight-data\">null</script>";
+
+/// Version of the data; a page refuses those it does not know.
+pub const SCHEMA: u32 = 1;
+
+/// What a page does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Mode {
+    /// Shows flights.
+    Replay,
+    /// Shows what a stream sends.
+    Live,
+    /// Flies by keyboard.
+    Fly,
+}
+
+/// An input file, for whoever wants to know where a page comes from.
+#[derive(Debug, Clone, Serialize)]
+pub struct Input {
+    /// Name of the file, without its folder.
+    pub file: String,
+    /// SHA-256 of its content, hexadecimal.
+    pub sha256: String,
+}
+
+impl Input {
+    /// Of a file.
+    ///
+    /// # Errors
+    /// Where it cannot be read.
+    pub fn of(path: &Path) -> Result<Self> {
+        let refused = |error| Problem::system("read", path, &error);
+        let mut hasher = Sha256::new();
+        let mut file = std::fs::File::open(path).map_err(refused)?;
+        std::io::copy(&mut file, &mut hasher).map_err(refused)?;
+        let name = path.file_name().unwrap_or(path.as_os_str());
+        Ok(Self {
+            file: name.to_string_lossy().into_owned(),
+            sha256: hasher
+                .finalize()
+                .iter()
+                .map(|byte| format!("{byte:02x}"))
+                .collect(),
+        })
+    }
+}
+
+/// Where a page comes from.
+#[derive(Debug, Clone, Serialize)]
+pub struct Provenance {
+    /// Version of bodyflight.
+    pub version: &'static str,
+    /// The command that made it.
+    pub command: String,
+    /// What was read.
+    pub inputs: Vec<Input>,
+}
+
+impl Provenance {
+    /// Of a command and the files that it read.
+    ///
+    /// # Errors
+    /// Where a file cannot be read.
+    pub fn of(command: String, files: &[&Path]) -> Result<Self> {
+        Ok(Self {
+            version: env!("CARGO_PKG_VERSION"),
+            command,
+            inputs: files
+                .iter()
+                .map(|file| Input::of(file))
+                .collect::<Result<_>>()?,
+        })
+    }
+}
+
+/// What the page needs to fly by itself.
+#[derive(Debug, Clone, Serialize)]
+pub struct FlyData {
+    /// The model, see [`bodyflight_viewer::setup`].
+    pub setup: Vec<f32>,
+    /// How segments are drawn.
+    pub shapes: Vec<Shape>,
+    /// Names of the ways to begin.
+    pub starts: Vec<&'static str>,
+    /// Names of the controls.
+    pub controls: Vec<&'static str>,
+    /// Parts of a frame with their numbers.
+    pub layout: Vec<(&'static str, usize)>,
+    /// Parts of a segment with their numbers.
+    pub segment_layout: Vec<(&'static str, usize)>,
+}
+
+/// Everything that a page is given.
+#[derive(Debug, Clone, Serialize)]
+pub struct PageData {
+    /// [`SCHEMA`].
+    pub schema: u32,
+    /// What the page does.
+    pub mode: Mode,
+    /// Title.
+    pub title: String,
+    /// Where it comes from.
+    pub provenance: Provenance,
+    /// Flights.
+    pub runs: Vec<Run>,
+    /// The report of `bodyflight discover`.
+    pub discovery: Option<Value>,
+    /// For flying.
+    pub fly: Option<FlyData>,
+}
+
+/// The model of a subject as the page flies it, in still air of one density (kg/m3).
+pub fn setup(subject: &Subject, density: f64) -> Setup {
+    let mut dynamics = Dynamics::paper(subject.body(), density);
+    dynamics.aerodynamics = subject.aerodynamics();
+    let inputs = Inputs {
+        damping: subject.damping(),
+        ..Inputs::belly_turn()
+    };
+    #[expect(clippy::cast_possible_truncation, reason = "the page's precision")]
+    let single = density as f32;
+    Setup {
+        dynamics: dynamics.cast(),
+        inputs: inputs.cast(),
+        density: single,
+    }
+}
+
+impl FlyData {
+    /// For a model and the body that is drawn.
+    pub fn new(setup: &Setup, shapes: Vec<Shape>) -> Self {
+        Self {
+            setup: setup.numbers().to_vec(),
+            shapes,
+            starts: STARTS.iter().map(|start| start.name).collect(),
+            controls: CONTROLS.iter().map(|control| control.name).collect(),
+            layout: frame::LAYOUT.to_vec(),
+            segment_layout: frame::SEGMENT_LAYOUT.to_vec(),
+        }
+    }
+}
+
+impl PageData {
+    /// A page without flights.
+    pub fn of(mode: Mode, title: String, provenance: Provenance, fly: FlyData) -> Self {
+        Self {
+            mode,
+            fly: Some(fly),
+            ..Self::replay(title, provenance, Vec::new())
+        }
+    }
+
+    /// A page of flights.
+    pub fn replay(title: String, provenance: Provenance, runs: Vec<Run>) -> Self {
+        Self {
+            schema: SCHEMA,
+            mode: Mode::Replay,
+            title,
+            provenance,
+            runs,
+            discovery: None,
+            fly: None,
+        }
+    }
+}
+
+/// The page as one HTML file.
+///
+/// # Errors
+/// Where the page was not built with the program.
+pub fn html(data: &PageData) -> Result<String> {
+    filled(PAGE, data)
+}
+
+fn filled(page: &str, data: &PageData) -> Result<String> {
+    let Some((before, after)) = page.split_once(MARK) else {
+        return Err(
+            Problem::bad_input("this program was built without the viewer's page")
+                .help("cargo xtask viewer builds it (Node 20 or later is needed); then build bodyflight again"),
+        );
+    };
+    let json = serde_json::to_string(data)
+        .map_err(|error| Problem::bad_input(format!("cannot write JSON: {error}")))?;
+    // Names come from users: nothing in them may end the script.
+    let json = json.replace('<', "\\u003c");
+    let mark = MARK.replace("null", &json);
+    Ok([before, &mark, after].concat())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn data(title: &str) -> PageData {
+        let provenance = Provenance::of("view".to_owned(), &[]).unwrap();
+        PageData::replay(title.to_owned(), provenance, Vec::new())
+    }
+
+    #[test]
+    fn a_title_cannot_leave_its_script() {
+        let page = format!("<html>{MARK}</html>");
+        let html = filled(&page, &data("</script><script>alert(1)")).unwrap();
+        assert_eq!(html.matches("</script>").count(), 1, "{html}");
+        assert!(html.contains("\\u003c/script"));
+    }
+
+    #[test]
+    fn without_its_page_the_program_says_how_to_build_it() {
+        let problem = filled("", &data("x")).unwrap_err();
+        assert!(problem.help.unwrap().contains("cargo xtask viewer"));
+    }
+}

@@ -1,0 +1,196 @@
+//! A recording flown by the model, with all that there is to see of both.
+
+use bodyflight_core::Segment;
+use bodyflight_core::body::SEGMENT_COUNT;
+use bodyflight_core::dynamics::{Inputs, Motion};
+use bodyflight_core::observation::Observation;
+use bodyflight_viewer::frame::{Frame, SEGMENT_NUMBERS, frame, half_extents, place};
+use serde::Serialize;
+
+use super::series::{Packed, Series};
+use crate::diagnostic::{Problem, Result};
+use crate::formats::flight::Flight;
+use crate::formats::recording::{Options, Recording};
+use crate::formats::subject::Subject;
+use crate::interrupt;
+use crate::replay::comparison::{Channel, Comparison, PerChannel};
+use crate::verbs::simulate::{Follower, measured_motion};
+
+/// Rows a second; the page shows what is between them on straight lines.
+pub const RATE: f64 = 30.0;
+
+/// The columns of a run, with the numbers of a row and their steps.
+///
+/// Axes and units as in [`bodyflight_viewer::frame::LAYOUT`]; `measured` and `simulated` are the channels in the
+/// order of [`Channel::ALL`].
+const COLUMNS: [(&str, usize, f64); 12] = [
+    ("time_s", 1, 1e-4),
+    ("simulated_position_m", 3, 1e-2),
+    ("simulated_attitude", 4, 2e-4),
+    ("measured_position_m", 3, 1e-2),
+    ("measured_attitude", 4, 2e-4),
+    ("simulated", 7, 1e-3),
+    ("measured", 7, 1e-3),
+    ("inputs", 6, 1e-3),
+    ("cg_m", 3, 2e-3),
+    ("segment_attitude", 4 * SEGMENT_COUNT, 5e-4),
+    ("segment_cg_m", 3 * SEGMENT_COUNT, 2e-3),
+    ("segment_force_n", 3 * SEGMENT_COUNT, 0.5),
+];
+
+/// A segment as it is drawn.
+#[derive(Debug, Clone, Serialize)]
+pub struct Shape {
+    /// Name.
+    pub name: &'static str,
+    /// Half the extents along the segment's X, Y, Z (m).
+    pub half_extents_m: [f64; 3],
+}
+
+/// Shapes of all segments of a subject.
+pub fn shapes(subject: &Subject) -> Vec<Shape> {
+    let body = subject.body();
+    let shape = |segment: Segment| Shape {
+        name: segment.name(),
+        half_extents_m: half_extents(&body.segments[segment].area).into(),
+    };
+    Segment::ALL.map(shape).to_vec()
+}
+
+/// A run as the page shows it.
+#[derive(Debug, Clone, Serialize)]
+pub struct Run {
+    /// Name for people.
+    pub name: String,
+    /// How segments are drawn.
+    pub shapes: Vec<Shape>,
+    /// Root mean square of measured minus simulated, over all frames.
+    pub rms: PerChannel,
+    /// Largest size of the measured channel.
+    pub amplitude: PerChannel,
+    /// Frames of the recording.
+    pub frames: u64,
+    /// Velocity of the air (m/s), north, west, up.
+    pub air_velocity_mps: [f64; 3],
+    /// What there is to see.
+    pub series: Packed,
+}
+
+/// Flies a recording, for the page.
+///
+/// # Errors
+/// As of [`crate::verbs::simulate::simulate`].
+pub fn fly(
+    name: &str,
+    flight: &Flight,
+    options: Options,
+    progress: impl FnMut(f64),
+) -> Result<Run> {
+    let (series, comparison) = fly_series(flight, options, progress)?;
+    let air = flight
+        .effects
+        .applied(flight.dynamics(0.0), 0.0)?
+        .dynamics
+        .air;
+    Ok(Run {
+        name: name.to_owned(),
+        shapes: shapes(&flight.subject),
+        rms: comparison.rms(),
+        amplitude: comparison.amplitude(),
+        frames: comparison.count(),
+        air_velocity_mps: air.velocity.components.into(),
+        series: series.packed(),
+    })
+}
+
+/// Flies a recording: what there is to see, [`RATE`] rows a second, and the comparison of all frames.
+///
+/// # Errors
+/// As of [`crate::verbs::simulate::simulate`].
+pub fn fly_series(
+    flight: &Flight,
+    options: Options,
+    mut progress: impl FnMut(f64),
+) -> Result<(Series, Comparison)> {
+    let mut recording = Recording::open(&flight.recording, options)?;
+    let too_short = || {
+        Problem::bad_input("expected at least two frames of type \"normal\"")
+            .in_file(&flight.recording)
+    };
+    let first = recording.next().ok_or_else(too_short)??;
+    let mut ahead = recording.next().ok_or_else(too_short)??;
+    let dynamics = flight.dynamics(first.pelvis.position.components.z);
+    let mut follower = Follower::<f64>::new(flight, &dynamics, &first, &ahead)?;
+    let dynamics = follower.model().dynamics;
+    let mut series = Series::new(&COLUMNS);
+    let mut comparison = Comparison::default();
+    let measured = measured_motion(&first)?;
+    let start = frame(
+        &dynamics,
+        follower.inputs(),
+        &first.posture,
+        &measured,
+        first.time,
+    );
+    let seen = Observation::of(&measured);
+    series.push(row(&start, follower.inputs(), &measured, [&seen, &seen]));
+    let mut due = first.time + 1.0 / RATE;
+    loop {
+        let following = recording.next().transpose()?;
+        let pair = follower.follow(&ahead, following.as_ref())?;
+        comparison.push(pair);
+        // Half a frame of slack: rates need not divide.
+        if ahead.time >= due - 1e-3 || following.is_none() {
+            due = (due + 1.0 / RATE).max(ahead.time);
+            let (inputs, motion) = (follower.inputs(), follower.motion());
+            let frame = frame(&dynamics, inputs, &ahead.posture, motion, ahead.time);
+            let measured = measured_motion(&ahead)?;
+            let seen = [&pair.simulated, &pair.measured];
+            series.push(row(&frame, inputs, &measured, seen));
+            progress(ahead.time);
+            interrupt::check()?;
+        }
+        match following {
+            Some(next) => ahead = next,
+            None => break,
+        }
+    }
+    Ok((series, comparison))
+}
+
+/// A row of [`COLUMNS`].
+fn row(
+    frame: &Frame,
+    inputs: &Inputs<f64>,
+    measured: &Motion<f64>,
+    seen: [&Observation<f64>; 2],
+) -> Vec<f64> {
+    let part = |name: &str, count: usize| {
+        let from = place(name).unwrap_or(0);
+        frame[from..from + count].iter().copied().map(f64::from)
+    };
+    let attitude = measured.inertial_from_body.quaternion();
+    let [simulated, measured_channels] =
+        seen.map(|seen| Channel::ALL.map(|channel| channel.value(seen)));
+    let muscle = &inputs.muscle;
+    let segments: Vec<f64> = part("segments", SEGMENT_COUNT * SEGMENT_NUMBERS).collect();
+    let of_segments = |from: usize, count: usize| {
+        segments
+            .chunks_exact(SEGMENT_NUMBERS)
+            .flat_map(move |segment| segment[from..from + count].iter().copied())
+    };
+    part("time_s", 1)
+        .chain(part("position_m", 3))
+        .chain(part("inertial_from_body", 4))
+        .chain(measured.position.components.iter().copied())
+        .chain([attitude.w, attitude.i, attitude.j, attitude.k])
+        .chain(simulated)
+        .chain(measured_channels)
+        .chain([muscle.yaw, muscle.pitch, muscle.roll])
+        .chain(inputs.damping.iter().copied())
+        .chain(part("cg_m", 3))
+        .chain(of_segments(4, 4))
+        .chain(of_segments(8, 3))
+        .chain(of_segments(11, 3))
+        .collect()
+}
