@@ -9,9 +9,9 @@ use bodyflight_core::body::mass_properties::{MassMotion, MassProperties};
 use bodyflight_core::body::posture::{joint_rotation, pose};
 use bodyflight_core::dynamics::equations_of_motion::{MassAcceleration, Wrench, exact};
 use bodyflight_core::dynamics::step::TIME_STEP;
-use bodyflight_core::dynamics::{Dynamics, Inputs, Motion, State, muscle_input::MuscleInput};
+use bodyflight_core::dynamics::{Dynamics, Inputs, Motion, State};
 use bodyflight_core::frame::{Rotation, Vector};
-use bodyflight_core::{Posture, Real, Segment};
+use bodyflight_core::{AxisCoefficients, Posture, Real, Segment};
 use bodyflight_tests::{
     assert_close, matrix, numbers, posture_of_angles, quaternion, reference, reference_body, vector,
 };
@@ -31,6 +31,12 @@ impl Precision for f32 {
 
 fn cast<T: Real>(v: &Vector3<f64>) -> Vector3<T> {
     v.map(T::of)
+}
+
+/// Three numbers in the order pitch, yaw, roll.
+fn axis_coefficients<T: Real>(value: &Value) -> AxisCoefficients<T> {
+    let [[x, y, z]] = vector(value).data.0;
+    AxisCoefficients::new(x, y, z).cast()
 }
 
 fn cases<'a>(file: &'a Value, key: &str) -> &'a [Value] {
@@ -156,7 +162,7 @@ fn check_aerodynamics<T: Precision>() {
             assert_close(&(load.moment * q), &moment, scale * 0.1, tolerance, &what);
         }
         let spin = vector(&case["angular_velocity"]);
-        let damp = cast::<T>(&vector(&case["damp"]));
+        let damp = axis_coefficients(&case["damp"]);
         let compiled = CompiledAerodynamics::new(exposed).total_load(&flow);
         for (form, loads) in [
             ("plain", total_load(&exposed, &flow)),
@@ -275,8 +281,8 @@ fn free_run<T: Real>(table: &Value, file: &Value) -> [f64; 3] {
     dynamics.aerodynamics =
         Aerodynamics::uniform(coefficients, ArchFactor::Fixed(scalar("f_arch")));
     let inputs = Inputs {
-        muscle: MuscleInput::none(),
-        damping: cast::<T>(&vector(&file["damp"])),
+        muscle: AxisCoefficients::zero(),
+        damping: axis_coefficients(&file["damp"]),
     };
     let base = posture_of_angles(&file["base"]);
     let posture = |time: f64| -> Posture<T> {

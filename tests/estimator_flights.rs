@@ -4,7 +4,7 @@
 use std::borrow::Cow;
 
 use bodyflight_core::body::pattern::{self, DRAW_IN_LEFT, JointAngles, NEUTRAL, PRESS, TRACK};
-use bodyflight_core::dynamics::muscle_input::{MuscleInput, MuscleModel};
+use bodyflight_core::dynamics::muscle_input::MuscleModel;
 use bodyflight_core::dynamics::step::TIME_STEP;
 use bodyflight_core::dynamics::{Dynamics, Inputs, Motion, State};
 use bodyflight_core::estimator::measurement::Measurement;
@@ -12,6 +12,8 @@ use bodyflight_core::frame::{Rotation, Vector};
 use bodyflight_core::{Body, Posture, Segment};
 use nalgebra::{UnitQuaternion, Vector3};
 
+/// Phases of the slow wandering of muscle input and damping, which also set its speeds (rad).
+const WANDER_PHASES: [f64; 6] = [1.0, 0.0, 2.0, 3.0, 4.0, 5.0];
 /// Time in which a pulse rises and falls (s).
 const RISE: f64 = 0.5;
 
@@ -20,7 +22,7 @@ const RISE: f64 = 0.5;
 pub struct Pulse {
     /// Begin and end (s).
     pub during: [f64; 2],
-    /// Muscle input added [yaw, pitch, roll].
+    /// Muscle input added [pitch, yaw, roll].
     pub muscle: [f64; 3],
     /// Damping added [pitch, yaw, roll].
     pub damping: [f64; 3],
@@ -41,7 +43,7 @@ pub struct Flight {
     pub base: &'static JointAngles,
     /// Turn about the left axis at the start (rad); pi/2 is belly to earth.
     pub start_pitch: f64,
-    /// Muscle input between the pulses [yaw, pitch, roll].
+    /// Muscle input between the pulses [pitch, yaw, roll].
     pub muscle: [f64; 3],
     /// Damping between the pulses [pitch, yaw, roll].
     pub damping: [f64; 3],
@@ -75,7 +77,7 @@ const fn roll(from: f64, muscle: f64, damping: f64, arm: f64) -> Pulse {
 const fn turn(from: f64, to: f64, amount: f64, yaw: f64) -> Pulse {
     Pulse {
         during: [from, to],
-        muscle: [yaw, 0.4, 0.5],
+        muscle: [0.4, yaw, 0.5],
         damping: [2.0, 1.5, -2.0],
         joints: Some((TURN, amount)),
         until_over: false,
@@ -85,7 +87,7 @@ const fn turn(from: f64, to: f64, amount: f64, yaw: f64) -> Pulse {
 const fn flip(from: f64, to: f64) -> Pulse {
     Pulse {
         during: [from, to],
-        muscle: [0.0, 3.0, 0.0],
+        muscle: [3.0, 0.0, 0.0],
         damping: [-5.0, 2.0, 3.0],
         joints: Some((PRESS, 0.8)),
         until_over: false,
@@ -98,7 +100,7 @@ pub const ANGLE_FLYING: Flight = Flight {
     duration: 55.0,
     base: TRACK,
     start_pitch: 1.9,
-    muscle: [0.2, 0.5, 0.2],
+    muscle: [0.5, 0.2, 0.2],
     damping: [6.0, 3.0, 12.0],
     wander: 0.4,
     rate: 1.0,
@@ -167,7 +169,7 @@ pub const FED_SPIN: Flight = Flight {
     duration: 12.0,
     base: NEUTRAL,
     start_pitch: core::f64::consts::FRAC_PI_2,
-    muscle: [0.0, 0.2, 0.0],
+    muscle: [0.2, 0.0, 0.0],
     damping: [3.0, 1.0, 6.0],
     wander: 0.3,
     rate: 1.0,
@@ -263,10 +265,12 @@ impl Course {
         let script = &self.script;
         let mut muscle = script.muscle;
         let mut damping = script.damping;
-        for (k, value) in (0u32..).zip(muscle.iter_mut().chain(&mut damping)) {
-            *value *= 1.0
-                + script.wander
-                    * (script.rate * time * (0.7 + 0.13 * f64::from(k)) + f64::from(k)).sin();
+        for (phase, value) in WANDER_PHASES
+            .iter()
+            .zip(muscle.iter_mut().chain(&mut damping))
+        {
+            *value *=
+                1.0 + script.wander * (script.rate * time * (0.7 + 0.13 * phase) + phase).sin();
         }
         for pulse in script.pulses.iter() {
             let share = pulse.share(time);
@@ -275,10 +279,9 @@ impl Course {
                 damping[k] += pulse.damping[k] * share;
             }
         }
-        let [yaw, pitch, roll] = muscle.map(|value| value.max(0.0));
         Inputs {
-            muscle: MuscleInput { yaw, pitch, roll },
-            damping: Vector3::from(damping.map(|value| value.max(-0.25))),
+            muscle: muscle.map(|value| value.max(0.0)).into(),
+            damping: damping.map(|value| value.max(-0.25)).into(),
         }
     }
 }

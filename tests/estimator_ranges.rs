@@ -104,9 +104,8 @@ fn whole_flights_stay_in_range() {
             note(&MOMENT, loads.moment.as_slice());
             note(&DAMPING_RATE, damping.as_slice());
             note(&DYNAMIC_PRESSURE, &[0.5 * velocity.norm_squared()]);
-            let muscle = inputs.muscle;
-            note(&MUSCLE_INPUT, &[muscle.yaw, muscle.pitch, muscle.roll]);
-            note(&DAMPING, inputs.damping.as_slice());
+            note(&MUSCLE_INPUT, &inputs.muscle.to_array());
+            note(&DAMPING, &inputs.damping.to_array());
         });
     }
     for (range, top) in used {

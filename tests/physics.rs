@@ -13,7 +13,7 @@ use bodyflight_core::dynamics::trim::trim;
 use bodyflight_core::dynamics::{Dynamics, Inputs, Motion, State};
 use bodyflight_core::frame::{Rotation, Vector};
 use bodyflight_core::math::Real;
-use bodyflight_core::{Body, Posture, Segment};
+use bodyflight_core::{AxisCoefficients, Body, Posture, Segment};
 use bodyflight_tests::{reference, reference_body};
 use nalgebra::{UnitQuaternion, Vector3};
 
@@ -235,7 +235,7 @@ fn spin_under_damping<T: Real>(body: &Body<f64>, damping: f64, seconds: i32) -> 
         angular_velocity: Vector::new(3.0, 5.0, -4.0),
     };
     let inputs = Inputs {
-        damping: Vector3::repeat(T::of(damping)),
+        damping: AxisCoefficients::repeat(T::of(damping)),
         ..Inputs::belly_turn()
     };
     let mut state = State::from_motion(&start.cast(), &sample);
@@ -398,7 +398,7 @@ fn damping_never_adds_energy() {
             angular_velocity: Vector::new(7.0, -5.0, 9.0),
         };
         let inputs = Inputs {
-            damping: Vector3::repeat(damping),
+            damping: AxisCoefficients::repeat(damping),
             ..Inputs::belly_turn()
         };
         let mut state = State::from_motion(&start, &sample);

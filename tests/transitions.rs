@@ -187,7 +187,7 @@ impl Style {
             let ([pitch, roll], [pitch_damping, roll_damping]) = (about(muscle), about(damping));
             Pulse {
                 during: [begin, begin + TRIED],
-                muscle: [0.0, pitch, roll],
+                muscle: [pitch, 0.0, roll],
                 damping: [pitch_damping, 0.0, roll_damping],
                 joints: Some((if rolls { DRAW_IN_LEFT } else { PRESS }, amount)),
                 until_over: true,

@@ -19,6 +19,7 @@ pub mod stream;
 
 use nalgebra::Vector3;
 
+use crate::axis::AxisCoefficients;
 use crate::body::posture::PosedSegment;
 use crate::body::{Body, SEGMENT_COUNT, Segment, SegmentArray};
 use crate::math::Real;
@@ -54,8 +55,8 @@ pub struct Aerodynamics<T> {
     pub arch: ArchFactor<T>,
 }
 
-/// Damping moment coefficients Cm_damp of belly turns [pitch, yaw, roll], paper eq. (params).
-pub const BELLY_TURN_DAMPING: [f64; 3] = [3.0, 0.5, 6.0];
+/// Damping moment coefficients Cm_damp of belly turns, paper eq. (params).
+pub const BELLY_TURN_DAMPING: AxisCoefficients<f64> = AxisCoefficients::new(3.0, 0.5, 6.0);
 
 /// Maximum coefficients of the paper, eq. (params).
 pub const PAPER_COEFFICIENTS: Coefficients<f64> = Coefficients {
@@ -310,15 +311,15 @@ pub fn total_load<T: Real>(segments: &SegmentArray<ExposedSegment<T>>, flow: &Fl
 /// Moment that resists rotation is `-coefficient * angular_velocity`; this is that coefficient per axis
 /// (N m s): `0.005 density A |V|^2 H Cm_damp`, paper eq. (sum_m).
 ///
-/// `damping` is Cm_damp [pitch about X, yaw about Y, roll about Z], `height` the stature (m).
+/// `damping` is Cm_damp, `height` the stature (m).
 #[inline]
 pub fn damping_rate<T: Real>(
-    damping: &Vector3<T>,
+    damping: &AxisCoefficients<T>,
     exposed_area: T,
     height: T,
     flow: &Flow<T>,
 ) -> Vector3<T> {
-    damping * (T::of(0.01) * flow.dynamic_pressure * exposed_area * height)
+    damping.to_vector() * (T::of(0.01) * flow.dynamic_pressure * exposed_area * height)
 }
 
 #[cfg(test)]

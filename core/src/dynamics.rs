@@ -20,13 +20,14 @@ use crate::aerodynamics::compiled::CompiledAerodynamics;
 use crate::aerodynamics::stream::Stream;
 use crate::aerodynamics::{Aerodynamics, BELLY_TURN_DAMPING, Loads, expose};
 use crate::air::{Air, GRAVITY};
+use crate::axis::AxisCoefficients;
 use crate::body::mass_properties::{MassMotion, MassProperties, PostureRate};
 use crate::body::posture::{Posture, pose};
 use crate::body::{Body, SegmentArray};
 use crate::frame::{Body as BodyFrame, Inertial, Rotation, Vector};
 use crate::math::{Real, inverse_symmetric};
 use interval::Interval;
-use muscle_input::{MuscleInput, MuscleModel};
+use muscle_input::MuscleModel;
 
 /// What stays the same during a flight.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -201,17 +202,17 @@ impl<T: Real> PostureSample<T> {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Inputs<T: Real> {
     /// Muscle input coefficients (dimensionless).
-    pub muscle: MuscleInput<T>,
-    /// Damping moment coefficients Cm_damp about X, Y, Z: [pitch, yaw, roll].
-    pub damping: Vector3<T>,
+    pub muscle: AxisCoefficients<T>,
+    /// Damping moment coefficients Cm_damp (dimensionless).
+    pub damping: AxisCoefficients<T>,
 }
 
 impl<T: Real> Inputs<T> {
     /// No muscle input and the paper's damping of belly turns, eq. (params).
     pub fn belly_turn() -> Self {
         Self {
-            muscle: MuscleInput::none(),
-            damping: Vector3::from(BELLY_TURN_DAMPING.map(T::of)),
+            muscle: AxisCoefficients::zero(),
+            damping: BELLY_TURN_DAMPING.map(T::of),
         }
     }
 
@@ -219,7 +220,7 @@ impl<T: Real> Inputs<T> {
     pub fn cast<U: Real>(&self) -> Inputs<U> {
         Inputs {
             muscle: self.muscle.cast(),
-            damping: self.damping.map(|value| U::of(value.to_f64())),
+            damping: self.damping.cast(),
         }
     }
 }

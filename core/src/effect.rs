@@ -37,11 +37,9 @@ mod wind;
 
 use core::fmt;
 
-use nalgebra::Vector3;
-
 use crate::aerodynamics::Coefficients;
+use crate::axis::AxisCoefficients;
 use crate::body::Segment;
-use crate::dynamics::muscle_input::MuscleInput;
 use crate::dynamics::{Dynamics, Inputs};
 use crate::math::Real;
 use sensors::Sensors;
@@ -130,9 +128,9 @@ pub struct Model<T: Real> {
     /// Body, coefficients and air.
     pub dynamics: Dynamics<T>,
     /// Muscle input in addition to the skydiver's (dimensionless).
-    pub muscle: MuscleInput<T>,
-    /// Factors on the damping coefficients [pitch, yaw, roll].
-    pub damping_factor: Vector3<T>,
+    pub muscle: AxisCoefficients<T>,
+    /// Factors on the damping coefficients.
+    pub damping_factor: AxisCoefficients<T>,
     /// What sensors make of the motion.
     pub sensors: Sensors<T>,
     /// Height at which the flight starts (m, inertial).
@@ -144,8 +142,8 @@ impl<T: Real> Model<T> {
     pub fn new(dynamics: Dynamics<T>, start_height: T) -> Self {
         Self {
             dynamics,
-            muscle: MuscleInput::none(),
-            damping_factor: Vector3::from_element(T::one()),
+            muscle: AxisCoefficients::zero(),
+            damping_factor: AxisCoefficients::repeat(T::one()),
             sensors: Sensors::perfect(),
             start_height,
         }
@@ -154,12 +152,10 @@ impl<T: Real> Model<T> {
     /// What the skydiver's inputs become.
     pub fn inputs(&self, inputs: &Inputs<T>) -> Inputs<T> {
         Inputs {
-            muscle: MuscleInput {
-                yaw: inputs.muscle.yaw + self.muscle.yaw,
-                pitch: inputs.muscle.pitch + self.muscle.pitch,
-                roll: inputs.muscle.roll + self.muscle.roll,
-            },
-            damping: inputs.damping.component_mul(&self.damping_factor),
+            muscle: inputs.muscle.zip_map(self.muscle, |own, more| own + more),
+            damping: inputs
+                .damping
+                .zip_map(self.damping_factor, |own, factor| own * factor),
         }
     }
 }

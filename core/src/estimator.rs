@@ -29,11 +29,11 @@ pub mod trace;
 pub mod unscented;
 
 use heapless::Deque;
-use nalgebra::{SVector, Vector3};
+use nalgebra::SVector;
 
+use crate::axis::AxisCoefficients;
 use crate::body::posture::Posture;
 use crate::dynamics::interval::Interval;
-use crate::dynamics::muscle_input::MuscleInput;
 use crate::dynamics::{Dynamics, Inputs, Motion, PostureSample, State};
 use crate::frame::Vector;
 use crate::math::Real;
@@ -64,8 +64,12 @@ pub type ReducedFilter<T, const INTERVALS: usize = 30> = Estimator<T, Reduced, I
 pub fn inputs_of<T: Real>(state: &StateVector<T>) -> Inputs<T> {
     let [yaw, pitch, roll, yaw_damping, pitch_damping, roll_damping] = (*state).into();
     Inputs {
-        muscle: MuscleInput { yaw, pitch, roll },
-        damping: Vector3::new(pitch_damping, yaw_damping, roll_damping),
+        muscle: AxisCoefficients { pitch, yaw, roll },
+        damping: AxisCoefficients {
+            pitch: pitch_damping,
+            yaw: yaw_damping,
+            roll: roll_damping,
+        },
     }
 }
 

@@ -4,6 +4,7 @@
 
 pub mod aerodynamics;
 pub mod air;
+pub mod axis;
 pub mod body;
 pub mod dynamics;
 pub mod effect;
@@ -17,6 +18,7 @@ pub mod observation;
 mod test_body;
 pub mod xbus;
 
+pub use axis::AxisCoefficients;
 pub use body::posture::Posture;
 pub use body::{Body, Segment, SegmentArray, SegmentParameters};
 pub use math::Real;

@@ -10,10 +10,11 @@ use nalgebra::{UnitQuaternion, Vector3};
 
 pub use scripts::MANEUVERS;
 
+use crate::axis::AxisCoefficients;
 use crate::body::pattern::{self, JointAngles};
 use crate::body::posture::Posture;
 use crate::dynamics::Inputs;
-use crate::dynamics::muscle_input::{MuscleInput, MuscleModel};
+use crate::dynamics::muscle_input::MuscleModel;
 use crate::frame::{Body, Inertial, Rotation};
 use crate::math::{Real, clamp};
 
@@ -46,10 +47,10 @@ pub struct Maneuver {
     pub start_speed: f64,
     /// Movements.
     pub tracks: &'static [Track],
-    /// Muscle input [yaw, pitch, roll].
-    pub muscle: Knots<[f64; 3]>,
-    /// Damping coefficients [pitch, yaw, roll].
-    pub damping: Knots<[f64; 3]>,
+    /// Muscle input.
+    pub muscle: Knots<AxisCoefficients<f64>>,
+    /// Damping coefficients.
+    pub damping: Knots<AxisCoefficients<f64>>,
     /// Limbs that act on the muscle input.
     pub muscles: MuscleModel,
 }
@@ -72,10 +73,14 @@ impl Maneuver {
 
     /// Conscious inputs at `time` (s).
     pub fn inputs<T: Real>(&self, time: f64) -> Inputs<T> {
-        let [yaw, pitch, roll] = follow(self.muscle, time, |&value| value).map(T::of);
+        let at_time = |knots: Knots<AxisCoefficients<f64>>| {
+            follow(knots, time, |value| value.to_array())
+                .map(T::of)
+                .into()
+        };
         Inputs {
-            muscle: MuscleInput { yaw, pitch, roll },
-            damping: Vector3::from(follow(self.damping, time, |&value| value).map(T::of)),
+            muscle: at_time(self.muscle),
+            damping: at_time(self.damping),
         }
     }
 

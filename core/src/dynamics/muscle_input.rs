@@ -1,48 +1,15 @@
 //! Muscle input: moments and forces by which a skydiver resists the air, with the limbs that produce them
 //! as data per maneuver and skill. Paper "Modeling of the Input Moments".
+//!
+//! The input is one coefficient for each axis (dimensionless), in_pitch, in_yaw and in_roll of the paper: 1 cancels
+//! the aerodynamic moment on the limbs involved.
 
 use nalgebra::Vector3;
 
 use crate::aerodynamics::{ExposedSegment, Flow};
+use crate::axis::AxisCoefficients;
 use crate::body::{Segment, SegmentArray};
 use crate::math::Real;
-
-/// Input moment coefficients (dimensionless): 1 cancels the aerodynamic moment on the limbs involved.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct MuscleInput<T> {
-    /// About the dorsal axis Y, in_yaw.
-    pub yaw: T,
-    /// About the left axis X, in_pitch.
-    pub pitch: T,
-    /// About the cranial axis Z, in_roll.
-    pub roll: T,
-}
-
-impl<T: Real> MuscleInput<T> {
-    /// Relaxed.
-    pub fn none() -> Self {
-        Self {
-            yaw: T::zero(),
-            pitch: T::zero(),
-            roll: T::zero(),
-        }
-    }
-
-    /// Whether nothing is put in.
-    pub fn is_none(&self) -> bool {
-        *self == Self::none()
-    }
-
-    /// The same input in another precision.
-    pub fn cast<U: Real>(&self) -> MuscleInput<U> {
-        let scalar = |value: T| U::of(value.to_f64());
-        MuscleInput {
-            yaw: scalar(self.yaw),
-            pitch: scalar(self.pitch),
-            roll: scalar(self.roll),
-        }
-    }
-}
 
 /// A set of segments.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -192,7 +159,7 @@ impl<T: Real> GroupMoments<T> {
     #[inline]
     pub fn of(
         model: &MuscleModel,
-        input: &MuscleInput<T>,
+        input: &AxisCoefficients<T>,
         segments: &SegmentArray<ExposedSegment<T>>,
         areas: &SegmentArray<T>,
         flow: &Flow<T>,
@@ -217,7 +184,7 @@ impl<T: Real> GroupMoments<T> {
 
     /// Muscle moment and force, paper eqs. (eq1) and (eq1_1), for [`MuscleModel::levers`].
     #[inline]
-    pub fn load(&self, input: &MuscleInput<T>, levers: &[T; 4]) -> MuscleLoad<T> {
+    pub fn load(&self, input: &AxisCoefficients<T>, levers: &[T; 4]) -> MuscleLoad<T> {
         let [center, upper, lower, right_distal, left_distal, right, left] = self.0;
         let [l1, l2, l3, l4] = *levers;
         MuscleLoad {
@@ -240,13 +207,13 @@ impl<T: Real> GroupMoments<T> {
 #[inline]
 pub fn muscle_load<T: Real>(
     model: &MuscleModel,
-    input: &MuscleInput<T>,
+    input: &AxisCoefficients<T>,
     segments: &SegmentArray<ExposedSegment<T>>,
     areas: &SegmentArray<T>,
     flow: &Flow<T>,
     height: T,
 ) -> MuscleLoad<T> {
-    if input.is_none() {
+    if input.is_zero() {
         return MuscleLoad {
             force: Vector3::zeros(),
             moment: Vector3::zeros(),
@@ -279,7 +246,7 @@ impl MuscleModel {
 
     /// The segments that take part in inputs that are not zero.
     #[inline]
-    fn acting<T: Real>(&self, input: &MuscleInput<T>) -> Limbs {
+    fn acting<T: Real>(&self, input: &AxisCoefficients<T>) -> Limbs {
         let yaw = self.upper_proximal.and(self.lower_proximal);
         let yaw = yaw.and(self.right_distal).and(self.left_distal);
         let parts = [
@@ -324,8 +291,8 @@ mod tests {
             let flow = Flow::new(&Vector3::from(velocity), 1.0);
             let areas = segments.map(|_, segment| segment.exposed_area(&flow.direction));
             for (_, model) in MODELS {
-                let load = |yaw, pitch, roll| {
-                    let input = MuscleInput { yaw, pitch, roll };
+                let load = |pitch, yaw, roll| {
+                    let input = AxisCoefficients { pitch, yaw, roll };
                     muscle_load(&model, &input, &segments, &areas, &flow, 1.75)
                 };
                 let whole = load(a[0], a[1], a[2]);
@@ -342,9 +309,9 @@ mod tests {
     fn unit_pitch_input_cancels_the_moment_of_its_limbs() {
         let segments = exposed(&pattern::neutral());
         let flow = Flow::new(&Vector3::new(0.0, -50.0, 8.0), 1.0);
-        let input = MuscleInput {
+        let input = AxisCoefficients {
             pitch: 1.0,
-            ..MuscleInput::none()
+            ..AxisCoefficients::zero()
         };
         let areas = segments.map(|_, segment| segment.exposed_area(&flow.direction));
         let load = muscle_load(&LAYOUTS, &input, &segments, &areas, &flow, 1.75);

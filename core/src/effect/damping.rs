@@ -20,6 +20,6 @@ pub(super) const EFFECT: Description = Description {
 };
 
 pub(super) fn apply<T: Real>(values: &[T; PARAMETER_COUNT], model: &mut Model<T>) {
-    let values = nalgebra::Vector3::from(*values);
-    model.damping_factor.component_mul_assign(&values);
+    let factor = &mut model.damping_factor;
+    *factor = factor.zip_map((*values).into(), |before, value| before * value);
 }

@@ -12,6 +12,7 @@ use crate::dynamics::free_run::{Equations, FreeRun};
 use crate::effect::sensors::Moving;
 use crate::frame::{Rotation, Vector};
 use crate::test_body::reference_body;
+use nalgebra::Vector3;
 
 fn plain() -> Model<f64> {
     let mut dynamics = Dynamics::paper(reference_body(), 1.0);

@@ -15,8 +15,9 @@ use super::unscented::{Moments, Root, SigmaPoints, Unscented};
 use super::{STATES, StateVector, inputs_of};
 use crate::aerodynamics::compiled::FrozenAerodynamics;
 use crate::aerodynamics::{Flow, Loads, damping_rate};
+use crate::axis::AxisCoefficients;
 use crate::dynamics::interval::Interval;
-use crate::dynamics::muscle_input::{GROUPS, GroupMoments, MuscleInput};
+use crate::dynamics::muscle_input::{GROUPS, GroupMoments};
 use crate::dynamics::{Dynamics, Inputs, PostureSample, State};
 use crate::math::Real;
 use nalgebra::Matrix3;
@@ -56,11 +57,7 @@ impl<T: Real> LinearGroups<T> {
     /// slope follows from the square of the speed.
     fn about(dynamics: &Dynamics<T>, sample: &PostureSample<T>, velocity: &Vector3<T>) -> Self {
         let one = T::one();
-        let unit = MuscleInput {
-            yaw: one,
-            pitch: one,
-            roll: one,
-        };
+        let unit = AxisCoefficients::repeat(one);
         let at = |velocity: &Vector3<T>| {
             let flow = Flow::new(velocity, one);
             let segments = &sample.aerodynamics.segments;

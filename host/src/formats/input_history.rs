@@ -4,28 +4,26 @@
 use std::path::Path;
 
 use bodyflight_core::dynamics::Inputs;
-use bodyflight_core::dynamics::muscle_input::MuscleInput;
-use nalgebra::Vector3;
 use serde::Deserialize;
 
 use crate::diagnostic::{Problem, Result};
 
-/// Inputs at one time; the columns of the file.
+/// Inputs at one time; the columns of the file, which a reader takes by their names.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 pub struct Row {
     /// Time since frame 0 (s).
     pub time_s: f64,
-    /// Muscle input coefficients.
-    pub yaw: f64,
-    /// Pitch.
+    /// Muscle input coefficient in pitch.
     pub pitch: f64,
-    /// Roll.
+    /// In yaw.
+    pub yaw: f64,
+    /// In roll.
     pub roll: f64,
-    /// Damping coefficients.
-    pub damp_yaw: f64,
-    /// Pitch.
+    /// Damping coefficient in pitch.
     pub damp_pitch: f64,
-    /// Roll.
+    /// In yaw.
+    pub damp_yaw: f64,
+    /// In roll.
     pub damp_roll: f64,
 }
 
@@ -33,26 +31,26 @@ impl Row {
     /// Names of the columns.
     pub const COLUMNS: [&'static str; 7] = [
         "time_s",
-        "yaw",
         "pitch",
+        "yaw",
         "roll",
-        "damp_yaw",
         "damp_pitch",
+        "damp_yaw",
         "damp_roll",
     ];
 
     /// Values in the order of [`Row::COLUMNS`].
     pub fn columns(&self) -> [f64; 7] {
-        let Self {
-            time_s,
-            yaw,
+        let [pitch, yaw, roll, damp_pitch, damp_yaw, damp_roll] = self.values();
+        [
+            self.time_s,
             pitch,
+            yaw,
             roll,
-            damp_yaw,
             damp_pitch,
+            damp_yaw,
             damp_roll,
-        } = *self;
-        [time_s, yaw, pitch, roll, damp_yaw, damp_pitch, damp_roll]
+        ]
     }
 
     /// Inputs of the core at `time_s`.
@@ -60,19 +58,19 @@ impl Row {
         let (muscle, damping) = (inputs.muscle, inputs.damping);
         Self {
             time_s,
-            yaw: muscle.yaw,
             pitch: muscle.pitch,
+            yaw: muscle.yaw,
             roll: muscle.roll,
-            damp_yaw: damping.y,
-            damp_pitch: damping.x,
-            damp_roll: damping.z,
+            damp_pitch: damping.pitch,
+            damp_yaw: damping.yaw,
+            damp_roll: damping.roll,
         }
     }
 
     fn values(&self) -> [f64; 6] {
         [
-            self.yaw,
             self.pitch,
+            self.yaw,
             self.roll,
             self.damp_pitch,
             self.damp_yaw,
@@ -133,7 +131,7 @@ impl InputHistory {
         }
         if rows.is_empty() {
             return Err(Problem::bad_input("no rows").in_file(path).help(
-                "the columns are time_s, yaw, pitch, roll, damp_yaw, damp_pitch, damp_roll",
+                "the columns are time_s, pitch, yaw, roll, damp_pitch, damp_yaw, damp_roll",
             ));
         }
         Ok(Self { rows })
@@ -157,10 +155,10 @@ impl InputHistory {
             (Some(only), None) | (None, Some(only)) => only.values(),
             (None, None) => [0.0; 6],
         };
-        let [yaw, pitch, roll, damp_pitch, damp_yaw, damp_roll] = values;
+        let [pitch, yaw, roll, damp_pitch, damp_yaw, damp_roll] = values;
         Inputs {
-            muscle: MuscleInput { yaw, pitch, roll },
-            damping: Vector3::new(damp_pitch, damp_yaw, damp_roll),
+            muscle: [pitch, yaw, roll].into(),
+            damping: [damp_pitch, damp_yaw, damp_roll].into(),
         }
     }
 }
@@ -180,6 +178,7 @@ fn csv_problem(error: &csv::Error, path: &Path) -> Problem {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use bodyflight_core::AxisCoefficients;
 
     fn read(text: &str) -> Result<InputHistory> {
         let folder = tempfile::tempdir().unwrap();
@@ -188,16 +187,42 @@ mod tests {
         InputHistory::read(&path)
     }
 
-    const HEAD: &str = "time_s,yaw,pitch,roll,damp_yaw,damp_pitch,damp_roll\n";
+    const HEAD: &str = "time_s,pitch,yaw,roll,damp_pitch,damp_yaw,damp_roll\n";
 
     #[test]
     fn inputs_are_linear_between_rows() {
-        let history = read(&format!("{HEAD}1,0,0,0,0.5,3,6\n3,0,2,0,0.5,3,6\n")).unwrap();
+        let history = read(&format!("{HEAD}1,0,0,0,3,0.5,6\n3,2,0,0,3,0.5,6\n")).unwrap();
         for (time, pitch) in [(0.0, 0.0), (1.0, 0.0), (2.0, 1.0), (3.0, 2.0), (9.0, 2.0)] {
             let inputs = history.at(time);
             assert!((inputs.muscle.pitch - pitch).abs() < 1e-12, "{time}");
-            assert_eq!(inputs.damping, Vector3::new(3.0, 0.5, 6.0));
+            assert_eq!(inputs.damping, AxisCoefficients::new(3.0, 0.5, 6.0));
         }
+    }
+
+    /// Files written by earlier versions have yaw first.
+    #[test]
+    fn columns_go_by_their_names_in_any_order() {
+        let history = read(
+            "time_s,yaw,pitch,roll,damp_yaw,damp_pitch,damp_roll,sd_yaw\n1,0.2,0.1,0.3,0.5,3,6,9\n",
+        )
+        .unwrap();
+        let expected = Inputs {
+            muscle: AxisCoefficients {
+                pitch: 0.1,
+                yaw: 0.2,
+                roll: 0.3,
+            },
+            damping: AxisCoefficients {
+                pitch: 3.0,
+                yaw: 0.5,
+                roll: 6.0,
+            },
+        };
+        assert_eq!(history.at(1.0), expected);
+        assert_eq!(
+            Row::of(1.0, &expected).columns(),
+            [1.0, 0.1, 0.2, 0.3, 3.0, 0.5, 6.0]
+        );
     }
 
     #[test]

@@ -155,6 +155,7 @@ impl EffectTable {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use bodyflight_core::AxisCoefficients;
     use nalgebra::Vector3;
 
     use crate::formats::subject::Subject;
@@ -174,7 +175,7 @@ mod tests {
         let wind = model.dynamics.air.velocity.components;
         assert_eq!(wind, Vector3::new(3.0, 0.0, 0.0));
         let factor = model.damping_factor;
-        assert_eq!(factor, Vector3::new(1.0, -0.05, 1.0));
+        assert_eq!(factor, AxisCoefficients::new(1.0, -0.05, 1.0));
         assert_eq!(model.dynamics.body, plain.body);
     }
 

@@ -9,8 +9,7 @@ use bodyflight_core::aerodynamics::{
 };
 use bodyflight_core::body::anthropometry::{Girth, Measure, MomentArm, Person, Sex};
 use bodyflight_core::body::gear::{Gear, Shoes, Suit};
-use bodyflight_core::{Body, Segment, SegmentArray};
-use nalgebra::Vector3;
+use bodyflight_core::{AxisCoefficients, Body, Segment, SegmentArray};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -106,7 +105,7 @@ struct CoefficientTable {
     cl: f64,
     cd: f64,
     cm: f64,
-    /// [pitch, yaw, roll]
+    /// In the order of [`AxisCoefficients`]: pitch, yaw, roll.
     damp: [f64; 3],
     f_arch: ArchChoice,
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
@@ -144,7 +143,7 @@ impl Default for CoefficientTable {
             cl: lift,
             cd: drag,
             cm: moment,
-            damp: BELLY_TURN_DAMPING,
+            damp: BELLY_TURN_DAMPING.to_array(),
             f_arch: ArchChoice::Named(ArchName::Posture),
             segment: BTreeMap::new(),
         }
@@ -244,9 +243,9 @@ impl Subject {
         Aerodynamics { coefficients, arch }
     }
 
-    /// Constant damping coefficients about X, Y, Z: [pitch, yaw, roll].
-    pub fn damping(&self) -> Vector3<f64> {
-        Vector3::from(self.file.coefficients.damp)
+    /// Constant damping coefficients.
+    pub fn damping(&self) -> AxisCoefficients<f64> {
+        self.file.coefficients.damp.into()
     }
 
     /// The common coefficients, as a search varies them.
@@ -260,9 +259,9 @@ impl Subject {
         }
     }
 
-    /// Replaces the damping coefficients [pitch, yaw, roll].
-    pub fn set_damping(&mut self, damping: [f64; 3]) {
-        self.file.coefficients.damp = damping;
+    /// Replaces the damping coefficients.
+    pub fn set_damping(&mut self, damping: AxisCoefficients<f64>) {
+        self.file.coefficients.damp = damping.to_array();
     }
 
     /// The file's text, for writing; its table is then expected as [`SEGMENTS_FILE`] beside it.
@@ -423,7 +422,7 @@ mod tests {
             "{}",
             subject.body().mass()
         );
-        assert_eq!(subject.damping(), Vector3::new(3.0, 0.5, 6.0));
+        assert_eq!(subject.damping(), AxisCoefficients::new(3.0, 0.5, 6.0));
     }
 
     #[test]

@@ -64,16 +64,16 @@ pub const FLOOR: Line = Line {
     colour: RGBColor(0x8f, 0xb8, 0xde),
     width: 3,
 };
-/// Lines of the three axes: yaw, pitch, roll.
+/// Lines of the three axes: pitch, yaw, roll.
 pub const AXES: [Line; 3] = [
-    Line {
-        label: "yaw",
-        colour: RGBColor(0x1b, 0x6e, 0x53),
-        width: 2,
-    },
     Line {
         label: "pitch",
         colour: RGBColor(0xc4, 0x6a, 0x00),
+        width: 2,
+    },
+    Line {
+        label: "yaw",
+        colour: RGBColor(0x1b, 0x6e, 0x53),
         width: 2,
     },
     Line {

@@ -335,10 +335,10 @@ impl Estimation {
         };
         [
             axes("muscle input coefficients", |row| {
-                [row.yaw, row.pitch, row.roll]
+                [row.pitch, row.yaw, row.roll]
             }),
             axes("damping coefficients", |row| {
-                [row.damp_yaw, row.damp_pitch, row.damp_roll]
+                [row.damp_pitch, row.damp_yaw, row.damp_roll]
             }),
         ]
     }

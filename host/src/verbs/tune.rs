@@ -35,7 +35,7 @@ pub struct Candidate {
     pub cl: f64,
     /// Moment.
     pub cm: f64,
-    /// Damping [pitch, yaw, roll].
+    /// Damping: pitch, yaw, roll.
     pub damp: [f64; 3],
 }
 
@@ -118,7 +118,7 @@ impl<'a> Loaded<'a> {
             };
         }
         let mut flight = self.flight.clone();
-        flight.subject.set_damping(candidate.damp);
+        flight.subject.set_damping(candidate.damp.into());
         let mut comparison = Comparison::default();
         let [first, second, ..] = self.frames.as_slice() else {
             return Ok(comparison);

@@ -11,7 +11,7 @@ interface Exports {
   begin(start: number): void;
   command(control: number, share: number): void;
   joint(segment: number, axis: number, angle: number): void;
-  muscle(yaw: number, pitch: number, roll: number): void;
+  muscle(pitch: number, yaw: number, roll: number): void;
   damping(pitch: number, yaw: number, roll: number): void;
   step(count: number): void;
   see(): number;

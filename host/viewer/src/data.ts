@@ -1,6 +1,6 @@
 // The data that a page is given, see host/src/verbs/view/page.rs.
 
-export const SCHEMA = 1;
+export const SCHEMA = 2;
 
 export interface Shape { name: string; half_extents_m: [number, number, number]; }
 export interface Packed { columns: { name: string; width: number; step: number }[]; rows: number; data: string; }

@@ -25,7 +25,7 @@ const KEYS: Key[] = [
   { key: "n", control: "left-arm-in", share: 1, does: "left arm in" },
   { key: "m", control: "right-arm-in", share: 1, does: "right arm in" },
 ];
-const MUSCLE: [string, number, number][] = [["u", 0, 1], ["o", 0, -1], ["i", 1, 1], ["k", 1, -1], ["j", 2, 1], ["l", 2, -1]];
+const MUSCLE: [string, number, number][] = [["i", 0, 1], ["k", 0, -1], ["u", 1, 1], ["o", 1, -1], ["j", 2, 1], ["l", 2, -1]];
 const MUSCLE_SHARE = 1;
 
 export function fly(data: PageData, flight: FlyData): void {
@@ -52,7 +52,7 @@ export function fly(data: PageData, flight: FlyData): void {
 
   const help = element("dl", { id: "keys" });
   for (const { key, does } of KEYS) help.append(element("dt", {}, element("span", { class: "key" }, key.toUpperCase())), element("dd", {}, does));
-  help.append(element("dt", {}, element("span", { class: "key" }, "U O"), " ", element("span", { class: "key" }, "I K"), " ", element("span", { class: "key" }, "J L")), element("dd", {}, "muscle input: yaw, pitch, roll"));
+  help.append(element("dt", {}, element("span", { class: "key" }, "I K"), " ", element("span", { class: "key" }, "U O"), " ", element("span", { class: "key" }, "J L")), element("dd", {}, "muscle input: pitch, yaw, roll"));
   aside.append(element("section", {}, element("h2", {}, "Keys"), help));
   const plots = new Plots(aside, time, shown.map((k, n) => ({ key: CHANNELS[k].key, title: CHANNELS[k].label, unit: CHANNELS[k].unit, lines: [{ label: "flown", ink: "simulated", values: lines[n] }] })), () => {});
   aside.append(joints(core, flight), damping(core), provenance(data));

@@ -13,7 +13,7 @@ const SPEEDS = [0.1, 0.25, 0.5, 1, 2];
 /** Pictures of a strip. */
 const SNAPSHOTS = 5;
 const INKS = ["simulated", "second", "text"];
-const INPUTS = [["muscle yaw", "muscle pitch", "muscle roll"], ["damping pitch", "damping yaw", "damping roll"]];
+const INPUTS = [["muscle pitch", "muscle yaw", "muscle roll"], ["damping pitch", "damping yaw", "damping roll"]];
 
 export async function replay(data: PageData): Promise<void> {
   const flights = await Promise.all(data.runs.map((run) => Flight.of(run)));

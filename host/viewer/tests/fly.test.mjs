@@ -52,7 +52,7 @@ test("the core in the page has the bits of the native one", async () => {
   await ready(page);
   const script = [
     "begin 0", "step 240", "see", "command 0 1", "step 480", "see", "command 0 -0.5", "command 3 0.7", "joint 4 2 0.3", "step 2400", "see",
-    "muscle 0.5 -1.2 2", "damping 0.2 0.5 6", "step 1200", "see", "begin 5", "step 4800", "see", "begin 3", "command 2 1", "step 2400", "see",
+    "muscle -1.2 0.5 2", "damping 0.2 0.5 6", "step 1200", "see", "begin 5", "step 4800", "see", "begin 3", "command 2 1", "step 2400", "see",
   ];
   const { setup, frames } = await page.evaluate((script) => {
     const { core, flight } = window.bodyflight;

@@ -2,10 +2,9 @@
 
 use std::time::Duration;
 
-use bodyflight_core::dynamics::muscle_input::MuscleInput;
 use bodyflight_core::dynamics::{Dynamics, Inputs};
+use bodyflight_core::estimator::inputs_of;
 use bodyflight_viewer::frame::frame;
-use nalgebra::Vector3;
 use tungstenite::Message;
 
 use super::page::{FlyData, Mode, PageData, Provenance, html, setup};
@@ -72,12 +71,7 @@ impl LiveView {
             .dynamics
             .get_or_insert_with(|| self.flight.dynamics(height));
         let inputs = live.estimate.map_or_else(Inputs::belly_turn, |estimate| {
-            let [yaw, pitch, roll, damping_yaw, damping_pitch, damping_roll] =
-                estimate.state.map(f64::from);
-            Inputs {
-                muscle: MuscleInput { yaw, pitch, roll },
-                damping: Vector3::new(damping_pitch, damping_yaw, damping_roll),
-            }
+            inputs_of(&estimate.state.map(f64::from).into())
         });
         // A source without velocities is shown without forces of its own: nothing to see is no reason to stop.
         if let Ok(motion) = measured_motion(recorded) {

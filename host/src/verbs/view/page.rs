@@ -21,7 +21,7 @@ const PAGE: &str = include_str!(concat!(env!("OUT_DIR"), "/viewer.html"));
 const MARK: &str = "<script type=\"application/json\" id=\"bodyflight-data\">null</script>";
 
 /// Version of the data; a page refuses those it does not know.
-pub const SCHEMA: u32 = 1;
+pub const SCHEMA: u32 = 2;
 
 /// What a page does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]

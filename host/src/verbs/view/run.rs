@@ -172,7 +172,6 @@ fn row(
     let attitude = measured.inertial_from_body.quaternion();
     let [simulated, measured_channels] =
         seen.map(|seen| Channel::ALL.map(|channel| channel.value(seen)));
-    let muscle = &inputs.muscle;
     let segments: Vec<f64> = part("segments", SEGMENT_COUNT * SEGMENT_NUMBERS).collect();
     let of_segments = |from: usize, count: usize| {
         segments
@@ -186,8 +185,8 @@ fn row(
         .chain([attitude.w, attitude.i, attitude.j, attitude.k])
         .chain(simulated)
         .chain(measured_channels)
-        .chain([muscle.yaw, muscle.pitch, muscle.roll])
-        .chain(inputs.damping.iter().copied())
+        .chain(inputs.muscle.to_array())
+        .chain(inputs.damping.to_array())
         .chain(part("cg_m", 3))
         .chain(of_segments(4, 4))
         .chain(of_segments(8, 3))

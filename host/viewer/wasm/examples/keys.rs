@@ -30,8 +30,8 @@ fn main() {
             "begin" => cockpit = Cockpit::new(&setup, index(1)),
             "command" => cockpit.command(index(1), number(2)),
             "joint" => cockpit.joint(index(1), index(2), number(3)),
-            "muscle" => cockpit.muscle([number(1), number(2), number(3)]),
-            "damping" => cockpit.damping([number(1), number(2), number(3)]),
+            "muscle" => cockpit.muscle([number(1), number(2), number(3)].into()),
+            "damping" => cockpit.damping([number(1), number(2), number(3)].into()),
             "step" => (0..index(1)).for_each(|_| cockpit.step()),
             "see" => {
                 let bits = cockpit.frame().map(|n| format!("{:08x}", n.to_bits()));

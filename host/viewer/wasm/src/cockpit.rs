@@ -7,7 +7,7 @@ use bodyflight_core::dynamics::free_run::{Equations, FreeRun};
 use bodyflight_core::dynamics::step::TIME_STEP;
 use bodyflight_core::dynamics::{Dynamics, Inputs, Motion};
 use bodyflight_core::frame::{Rotation, Vector};
-use bodyflight_core::{Posture, Segment};
+use bodyflight_core::{AxisCoefficients, Posture, Segment};
 use nalgebra::{UnitQuaternion, Vector3};
 
 use crate::frame::{Frame, frame};
@@ -148,7 +148,7 @@ impl Cockpit {
             angular_velocity: Vector::zero(),
         };
         let mut inputs = setup.inputs;
-        inputs.damping.x *= start.pitch_damping;
+        inputs.damping.pitch *= start.pitch_damping;
         let mut wanted = [0.0; CONTROLS.len()];
         if let Some((control, amount)) = start.held
             && let Some(place) = wanted.get_mut(control)
@@ -194,18 +194,18 @@ impl Cockpit {
         }
     }
 
-    /// Muscle input [yaw, pitch, roll], each within 10; anything else changes nothing.
-    pub fn muscle(&mut self, input: [f32; 3]) {
-        if input.iter().all(|value| value.abs() <= 10.0) {
-            let muscle = &mut self.inputs.muscle;
-            [muscle.yaw, muscle.pitch, muscle.roll] = input;
+    /// Muscle input, each coefficient within 10; anything else changes nothing.
+    pub fn muscle(&mut self, input: AxisCoefficients<f32>) {
+        if input.to_array().iter().all(|value| value.abs() <= 10.0) {
+            self.inputs.muscle = input;
         }
     }
 
-    /// Damping coefficients [pitch, yaw, roll], each -1 to 30; anything else changes nothing.
-    pub fn damping(&mut self, damping: [f32; 3]) {
-        if damping.iter().all(|value| (-1.0..=30.0).contains(value)) {
-            self.inputs.damping = Vector3::from(damping);
+    /// Damping coefficients, each -1 to 30; anything else changes nothing.
+    pub fn damping(&mut self, damping: AxisCoefficients<f32>) {
+        let allowed = |value: &f32| (-1.0..=30.0).contains(value);
+        if damping.to_array().iter().all(allowed) {
+            self.inputs.damping = damping;
         }
     }
 
@@ -329,8 +329,8 @@ pub(crate) mod tests {
         cockpit.command(0, f32::NAN);
         cockpit.joint(99, 0, 0.1);
         cockpit.joint(0, 9, 0.1);
-        cockpit.muscle([f32::INFINITY, 0.0, 0.0]);
-        cockpit.damping([f32::NAN; 3]);
+        cockpit.muscle(AxisCoefficients::new(f32::INFINITY, 0.0, 0.0));
+        cockpit.damping(AxisCoefficients::repeat(f32::NAN));
         for _ in 0..240 {
             cockpit.step();
             other.step();

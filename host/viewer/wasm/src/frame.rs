@@ -21,6 +21,7 @@ pub const LAYOUT: [(&str, usize); 12] = [
     ("observation", 7),
     ("cg_m", 3),
     ("air_velocity_mps", 3),
+    // About the axes of the body: pitch, yaw, roll.
     ("muscle", 3),
     ("damping", 3),
     // Sum of the forces of the air (N), inertial axes.
@@ -131,8 +132,8 @@ pub fn frame<T: Real>(
     ]);
     pen.vector(&(moment / dynamics.body.mass()));
     pen.vector(&dynamics.air.velocity_at(&motion.position).components);
-    pen.write([inputs.muscle.yaw, inputs.muscle.pitch, inputs.muscle.roll]);
-    pen.vector(&inputs.damping);
+    pen.write(inputs.muscle.to_array());
+    pen.write(inputs.damping.to_array());
     pen.vector(&(motion.inertial_from_body.quaternion() * force));
     for segment in Segment::ALL {
         pen.rotation(posture.parent_from_segment(segment));

@@ -6,6 +6,8 @@
 
 use core::cell::UnsafeCell;
 
+use bodyflight_core::AxisCoefficients;
+
 use crate::cockpit::Cockpit;
 use crate::frame;
 use crate::setup::{self, Setup};
@@ -74,14 +76,14 @@ pub(crate) extern "C" fn joint(segment: usize, axis: usize, angle: f32) {
 
 /// See [`Cockpit::muscle`].
 #[unsafe(no_mangle)]
-pub(crate) extern "C" fn muscle(yaw: f32, pitch: f32, roll: f32) {
-    with(|cockpit| cockpit.muscle([yaw, pitch, roll]));
+pub(crate) extern "C" fn muscle(pitch: f32, yaw: f32, roll: f32) {
+    with(|cockpit| cockpit.muscle(AxisCoefficients::new(pitch, yaw, roll)));
 }
 
 /// See [`Cockpit::damping`].
 #[unsafe(no_mangle)]
 pub(crate) extern "C" fn damping(pitch: f32, yaw: f32, roll: f32) {
-    with(|cockpit| cockpit.damping([pitch, yaw, roll]));
+    with(|cockpit| cockpit.damping(AxisCoefficients::new(pitch, yaw, roll)));
 }
 
 /// Flies some steps.

@@ -1,5 +1,6 @@
 //! A model as a list of numbers in single precision, for the page.
 
+use bodyflight_core::AxisCoefficients;
 use bodyflight_core::aerodynamics::{Aerodynamics, ArchFactor, Coefficients};
 use bodyflight_core::body::{Body, SEGMENT_COUNT, SegmentParameters};
 use bodyflight_core::dynamics::muscle_input::MODELS;
@@ -48,7 +49,7 @@ impl Setup {
         let mut numbers = head
             .into_iter()
             .chain(air.iter().copied())
-            .chain(self.inputs.damping.iter().copied());
+            .chain(self.inputs.damping.to_array());
         let mut all = [0.0; NUMBERS];
         let (first, rest) = all.split_at_mut(HEAD);
         first
@@ -114,7 +115,7 @@ impl Setup {
         dynamics.muscles = muscles;
         dynamics.air.velocity = Vector::new(at(4), at(5), at(6));
         let mut inputs = Inputs::belly_turn();
-        inputs.damping = Vector3::new(at(7), at(8), at(9));
+        inputs.damping = AxisCoefficients::new(at(7), at(8), at(9));
         Self {
             dynamics,
             inputs,
