@@ -3,8 +3,8 @@
 
 use bodyflight_core::effect::{Effect, Model};
 use nalgebra::DVector;
+use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use rayon::prelude::*;
 

@@ -2,8 +2,8 @@
 //! And whether what it leaves is noise.
 
 use nalgebra::{DMatrix, DVector};
+use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde::Serialize;
 

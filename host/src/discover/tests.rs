@@ -17,7 +17,6 @@ use super::*;
 use crate::formats::subject::Subject;
 use crate::verbs::hide::{self, Hidden, fly};
 use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 
 fn model() -> (Dynamics<f64>, Inputs<f64>) {

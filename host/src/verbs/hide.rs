@@ -17,8 +17,8 @@ use bodyflight_core::frame::{Rotation, Vector};
 use bodyflight_core::math::small_rotation;
 use bodyflight_core::{Posture, Segment};
 use nalgebra::{UnitQuaternion, Vector3};
+use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 
 use crate::diagnostic::{Problem, Result};

@@ -14,8 +14,8 @@ use bodyflight_core::frame::{Inertial, Vector};
 use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::math::small_rotation;
 use nalgebra::Vector3;
+use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use serde::Serialize;
 

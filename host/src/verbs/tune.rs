@@ -6,8 +6,8 @@
 
 use bodyflight_core::aerodynamics::Coefficients;
 use bodyflight_core::dynamics::Dynamics;
+use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use rayon::prelude::*;
 use serde::Serialize;

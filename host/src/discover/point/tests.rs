@@ -1,8 +1,8 @@
 //! Falls of which the truth is known.
 
 use bodyflight_core::frame::Vector;
+use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 
 use super::*;

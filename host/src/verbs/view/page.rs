@@ -1,5 +1,6 @@
 //! The page with its data.
 
+use std::io::{BufRead, BufReader};
 use std::path::Path;
 
 use bodyflight_core::dynamics::{Dynamics, Inputs};
@@ -52,8 +53,16 @@ impl Input {
     pub fn of(path: &Path) -> Result<Self> {
         let refused = |error| Problem::system("read", path, &error);
         let mut hasher = Sha256::new();
-        let mut file = std::fs::File::open(path).map_err(refused)?;
-        std::io::copy(&mut file, &mut hasher).map_err(refused)?;
+        let mut file = BufReader::new(std::fs::File::open(path).map_err(refused)?);
+        loop {
+            let piece = file.fill_buf().map_err(refused)?;
+            if piece.is_empty() {
+                break;
+            }
+            hasher.update(piece);
+            let length = piece.len();
+            file.consume(length);
+        }
         let name = path.file_name().unwrap_or(path.as_os_str());
         Ok(Self {
             file: name.to_string_lossy().into_owned(),
