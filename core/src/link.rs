@@ -22,10 +22,12 @@
 //! ```
 
 mod arch;
+mod decode_error;
 mod decoder;
-mod estimate_flags;
 pub mod fault;
+mod flags;
 mod frame;
+mod layout;
 mod ledger;
 mod message;
 mod packed_quaternion;
@@ -35,21 +37,20 @@ mod segment_values;
 mod status;
 mod wire;
 
+pub use decode_error::DecodeError;
 pub use decoder::{Counters, Decoder, Event};
-pub use estimate_flags::EstimateFlags;
-pub use frame::{DecodeError, EncodeError, Header, MAX_FRAME_LENGTH, MAX_PACKET_LENGTH};
+pub use flags::{EstimateFlags, Validity};
+pub use frame::{EncodeError, Header, MAX_FRAME_LENGTH, MAX_PACKET_LENGTH};
+pub use layout::{FieldLayout, MessageLayout, PROTOCOL_VERSION};
 pub use ledger::{Arrival, Imbalance, Ledger};
 pub use message::{
     ArchSource, Configure, Configured, Credit, Estimate, Hello, HelloAcknowledge, Message,
     ResetFilter, Sample, SegmentValues, Start, Status, Stop, StreamMode, TimeSync, Verdict,
 };
 pub use packed_quaternion::PackedQuaternion;
-pub use sample::{Motion, Validity};
-pub use schema::{FieldLayout, HEADER, MESSAGES, MessageLayout, SCHEMA_HASH};
+pub use sample::Motion;
+pub use schema::{HEADER, MESSAGES, SCHEMA_HASH};
 pub use segment_values::SegmentTable;
-
-/// Version in the first byte of each frame; another one is refused and counted.
-pub const PROTOCOL_VERSION: u8 = 1;
 
 #[cfg(test)]
 mod tests;

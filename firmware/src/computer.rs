@@ -138,7 +138,7 @@ impl Computer {
             configuration: None,
             filter: None,
             last: None,
-            pending: EstimateFlags::NONE,
+            pending: EstimateFlags::empty(),
             inconsistent: 0,
         }
     }
@@ -160,7 +160,7 @@ impl Computer {
     pub fn reset(&mut self) {
         self.filter = None;
         self.last = None;
-        self.pending = EstimateFlags::NONE;
+        self.pending = EstimateFlags::empty();
         self.inconsistent = 0;
     }
 
@@ -191,8 +191,9 @@ impl Computer {
         let dynamics = &configuration.dynamics;
         if steps > LONGEST_BRIDGE {
             // Coefficients and covariance stay.
-            let restarted = filter.restart(dynamics, &motion, &posture).is_ok();
-            self.pending = self.pending.with(EstimateFlags::RESTARTED, restarted);
+            if filter.restart(dynamics, &motion, &posture).is_ok() {
+                self.pending |= EstimateFlags::RESTARTED;
+            }
             return Outcome::Used(None);
         }
         let mut estimate = None;
@@ -205,7 +206,9 @@ impl Computer {
         }
         let seen = measurement_of(sample, &motion);
         estimate = filter.push(dynamics, &posture, &seen).or(estimate);
-        self.pending = self.pending.with(EstimateFlags::BRIDGED, steps > 1);
+        if steps > 1 {
+            self.pending |= EstimateFlags::BRIDGED;
+        }
         let Some(estimate) = estimate else {
             return Outcome::Used(None);
         };
@@ -265,7 +268,9 @@ impl Computer {
             let restarted = filter
                 .restart(&configuration.dynamics, motion, posture)
                 .is_ok();
-            self.pending = self.pending.with(EstimateFlags::RESTARTED, restarted);
+            if restarted {
+                self.pending |= EstimateFlags::RESTARTED;
+            }
             self.inconsistent = 0;
         }
     }
@@ -319,15 +324,13 @@ fn measurement_of(sample: &Sample, motion: &Motion<f32>) -> Measurement<f32> {
 fn answer(estimate: &Estimate<f32>, sequence: u32, pending: EstimateFlags) -> link::Estimate {
     let taken_in = estimate.channels.iter().any(|channel| channel.fused);
     let health = estimate.health;
-    let flags = pending
-        .with(
-            EstimateFlags::VALID,
-            taken_in && matches!(health, Health::Good | Health::Settling),
-        )
-        .with(EstimateFlags::NOT_TAKEN_IN, !taken_in)
-        .with(EstimateFlags::INCONSISTENT, health == Health::Inconsistent)
-        .with(EstimateFlags::SETTLING, health == Health::Settling)
-        .with(EstimateFlags::FAULT, !estimate.faults.none());
+    let follows = matches!(health, Health::Good | Health::Settling);
+    let mut flags = pending;
+    flags.set(EstimateFlags::VALID, taken_in && follows);
+    flags.set(EstimateFlags::NOT_TAKEN_IN, !taken_in);
+    flags.set(EstimateFlags::INCONSISTENT, health == Health::Inconsistent);
+    flags.set(EstimateFlags::SETTLING, health == Health::Settling);
+    flags.set(EstimateFlags::FAULT, !estimate.faults.none());
     link::Estimate {
         sample_sequence: sequence,
         flags,

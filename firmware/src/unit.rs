@@ -285,7 +285,8 @@ impl<B: Board> Unit<B> {
             self.deadline_missed = self.deadline_missed.wrapping_add(u32::from(late));
             self.not_taken_in = self.not_taken_in.wrapping_add(u32::from(not_taken_in));
             self.cycles_max = self.cycles_max.max(cycles);
-            let flags = estimate.flags.with(EstimateFlags::LATE, late);
+            let mut flags = estimate.flags;
+            flags.set(EstimateFlags::LATE, late);
             let estimate = Estimate {
                 cycles,
                 flags,

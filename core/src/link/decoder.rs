@@ -2,7 +2,8 @@
 
 use cobs::{DecodeResult, DecoderState};
 
-use super::frame::{self, DecodeError, Header, MAX_PACKET_LENGTH};
+use super::decode_error::DecodeError;
+use super::frame::{self, Header, MAX_PACKET_LENGTH};
 use super::message::Message;
 
 /// What a byte completed.
@@ -161,5 +162,23 @@ impl Decoder {
     fn refuse(&mut self, error: DecodeError) -> Event {
         self.counters.count(&error);
         Event::Refused(error)
+    }
+}
+
+impl Message {
+    /// The message in one whole frame, delimiters included or not.
+    ///
+    /// # Errors
+    /// Why the frame is refused; [`DecodeError::Incomplete`] where there is no frame.
+    pub fn decode(frame: &[u8]) -> Result<(Header, Self), DecodeError> {
+        let mut decoder = Decoder::new();
+        frame
+            .iter()
+            .chain(&[0])
+            .find_map(|&byte| decoder.push(byte))
+            .map_or(Err(DecodeError::Incomplete), |event| match event {
+                Event::Frame(header, message) => Ok((header, message)),
+                Event::Refused(error) => Err(error),
+            })
     }
 }

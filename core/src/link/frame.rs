@@ -4,7 +4,8 @@ use core::fmt;
 
 use crc::{CRC_32_ISCSI, Crc, Table};
 
-use super::PROTOCOL_VERSION;
+use super::decode_error::DecodeError;
+use super::layout::PROTOCOL_VERSION;
 use super::message::{LAYOUTS, Message};
 use super::wire::{Reader, Wire, Writer};
 
@@ -60,72 +61,6 @@ impl fmt::Display for EncodeError {
 
 impl core::error::Error for EncodeError {}
 
-/// Why a frame was refused.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum DecodeError {
-    /// The bytes end before the frame does.
-    Incomplete,
-    /// Not COBS: a delimiter inside a run, as after a lost or changed byte.
-    Cobs,
-    /// Longer than any message.
-    TooLong,
-    /// Shorter than header and checksum.
-    TooShort,
-    /// The checksum differs.
-    Checksum,
-    /// Another protocol version.
-    Version {
-        /// The version in the frame.
-        found: u8,
-    },
-    /// No message has this type.
-    UnknownType {
-        /// The type in the frame.
-        code: u8,
-    },
-    /// The body has not the length of its type.
-    Length {
-        /// Bytes in the frame.
-        found: usize,
-        /// Bytes of the type.
-        expected: usize,
-    },
-    /// A number is infinite or not a number.
-    NotFinite {
-        /// Which.
-        field: &'static str,
-    },
-    /// A value is outside the range in the byte table.
-    OutOfRange {
-        /// Which.
-        field: &'static str,
-    },
-}
-
-impl fmt::Display for DecodeError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Incomplete => write!(f, "the frame is not complete"),
-            Self::Cobs => write!(f, "a frame was cut or damaged"),
-            Self::TooLong => write!(f, "a frame is longer than any message"),
-            Self::TooShort => write!(f, "a frame is shorter than a header"),
-            Self::Checksum => write!(f, "the checksum of a frame is wrong"),
-            Self::Version { found } => write!(
-                f,
-                "protocol version {found} found, {PROTOCOL_VERSION} expected: update the older side"
-            ),
-            Self::UnknownType { code } => write!(f, "message type {code:#04x} is not known"),
-            Self::Length { found, expected } => {
-                write!(f, "a body has {found} bytes, {expected} expected")
-            }
-            Self::NotFinite { field } => write!(f, "{field} is not a finite number"),
-            Self::OutOfRange { field } => write!(f, "{field} is out of range"),
-        }
-    }
-}
-
-impl core::error::Error for DecodeError {}
-
 /// CRC-32C of several pieces.
 pub(super) fn checksum<'a>(pieces: impl IntoIterator<Item = &'a [u8]>) -> u32 {
     let mut digest = CHECKSUM.digest();
@@ -135,19 +70,21 @@ pub(super) fn checksum<'a>(pieces: impl IntoIterator<Item = &'a [u8]>) -> u32 {
     digest.finalize()
 }
 
-pub(super) fn encode(
-    header: &Header,
-    message: &Message,
-    frame: &mut [u8],
-) -> Result<usize, EncodeError> {
-    let mut packet = [0; MAX_PACKET_LENGTH];
-    let length = write_packet(header, message, &mut packet).ok_or(EncodeError)?;
-    let packet = packet.get(..length).ok_or(EncodeError)?;
-    let (start, rest) = frame.split_first_mut().ok_or(EncodeError)?;
-    let stuffed = cobs::try_encode(packet, rest).map_err(|_| EncodeError)?;
-    *start = 0;
-    *rest.get_mut(stuffed).ok_or(EncodeError)? = 0;
-    Ok(stuffed + 2)
+impl Message {
+    /// A whole frame with its delimiters into `frame`; returns its length.
+    ///
+    /// # Errors
+    /// [`EncodeError`] where `frame` is shorter than the frame. [`MAX_FRAME_LENGTH`] bytes always suffice.
+    pub fn encode(&self, header: &Header, frame: &mut [u8]) -> Result<usize, EncodeError> {
+        let mut packet = [0; MAX_PACKET_LENGTH];
+        let length = write_packet(header, self, &mut packet).ok_or(EncodeError)?;
+        let packet = packet.get(..length).ok_or(EncodeError)?;
+        let (start, rest) = frame.split_first_mut().ok_or(EncodeError)?;
+        let stuffed = cobs::try_encode(packet, rest).map_err(|_| EncodeError)?;
+        *start = 0;
+        *rest.get_mut(stuffed).ok_or(EncodeError)? = 0;
+        Ok(stuffed + 2)
+    }
 }
 
 fn write_packet(header: &Header, message: &Message, packet: &mut [u8]) -> Option<usize> {

@@ -1,10 +1,9 @@
 //! The messages. Commands are absolute and may be repeated: a lost answer is cured by asking again.
 
-use super::estimate_flags::EstimateFlags;
-use super::frame::{DecodeError, Header};
+use super::decode_error::DecodeError;
+use super::flags::{EstimateFlags, Validity};
+use super::layout::MessageLayout;
 use super::packed_quaternion::PackedQuaternion;
-use super::sample::Validity;
-use super::schema::MessageLayout;
 use super::wire::{BadValue, Body, Reader, Writer, body, code};
 use crate::body::{SEGMENT_COUNT, Segment};
 
@@ -367,31 +366,4 @@ fn take_body<B: Body>(body: &[u8]) -> Result<B, DecodeError> {
         BadValue::NotFinite => DecodeError::NotFinite { field },
         BadValue::OutOfRange => DecodeError::OutOfRange { field },
     })
-}
-
-impl Message {
-    /// A whole frame with its delimiters into `frame`; returns its length.
-    ///
-    /// # Errors
-    /// [`EncodeError`](super::EncodeError) where `frame` is shorter than the frame.
-    /// [`MAX_FRAME_LENGTH`](super::MAX_FRAME_LENGTH) bytes always suffice.
-    pub fn encode(&self, header: &Header, frame: &mut [u8]) -> Result<usize, super::EncodeError> {
-        super::frame::encode(header, self, frame)
-    }
-
-    /// The message in one whole frame, delimiters included or not.
-    ///
-    /// # Errors
-    /// Why the frame is refused; [`DecodeError::Incomplete`] where there is no frame.
-    pub fn decode(frame: &[u8]) -> Result<(Header, Self), DecodeError> {
-        let mut decoder = super::Decoder::new();
-        frame
-            .iter()
-            .chain(&[0])
-            .find_map(|&byte| decoder.push(byte))
-            .map_or(Err(DecodeError::Incomplete), |event| match event {
-                super::Event::Frame(header, message) => Ok((header, message)),
-                super::Event::Refused(error) => Err(error),
-            })
-    }
 }

@@ -2,66 +2,15 @@
 
 use nalgebra::{UnitQuaternion, Vector3};
 
+use super::flags::Validity;
 use super::message::Sample;
 use super::packed_quaternion::{PackedQuaternion, whole};
-use super::wire::{BadValue, Reader, Wire, Writer};
 use crate::body::posture::Posture;
 use crate::body::{SEGMENT_COUNT, Segment};
 use crate::frame::{Body, Inertial, Rotation, Vector};
 
 const ANGULAR_VELOCITY_COUNTS: f32 = 1024.0;
 const SPEED_COUNTS: f32 = 256.0;
-
-/// Which parts of a [`Sample`] hold a measurement.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Validity(u8);
-
-impl Validity {
-    /// The 15 joint rotations.
-    pub const POSTURE: Self = Self(1 << 0);
-    /// The attitude of the pelvis.
-    pub const ATTITUDE: Self = Self(1 << 1);
-    /// The angular velocity of the pelvis.
-    pub const ANGULAR_VELOCITY: Self = Self(1 << 2);
-    /// The velocity of the pelvis.
-    pub const VELOCITY: Self = Self(1 << 3);
-    /// The horizontal speed from GNSS.
-    pub const HORIZONTAL_SPEED: Self = Self(1 << 4);
-
-    const ALL: u8 = 0x1F;
-
-    /// Whether all parts in `parts` are valid.
-    pub const fn contains(self, parts: Self) -> bool {
-        self.0 & parts.0 == parts.0
-    }
-
-    /// The bits, bit 0 for the posture.
-    pub const fn bits(self) -> u8 {
-        self.0
-    }
-
-    #[must_use]
-    const fn with(self, parts: Self) -> Self {
-        Self(self.0 | parts.0)
-    }
-}
-
-impl Wire for Validity {
-    const SIZE: usize = 1;
-    const KIND: &'static str =
-        "u8: bit 0 posture, 1 attitude, 2 angular velocity, 3 velocity, 4 horizontal speed";
-    fn put(self, writer: &mut Writer<'_>) -> Option<()> {
-        writer.put([self.0])
-    }
-    fn take(reader: &mut Reader<'_>) -> Result<Self, BadValue> {
-        let [bits] = reader.take();
-        if bits & !Self::ALL == 0 {
-            Ok(Self(bits))
-        } else {
-            Err(BadValue::OutOfRange)
-        }
-    }
-}
 
 /// Motion of the pelvis as far as it is measured.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -103,21 +52,17 @@ impl Sample {
                 _ => {}
             }
         }
-        if with_posture {
-            sample.valid = sample.valid.with(Validity::POSTURE);
-        }
-        if with_attitude {
-            sample.valid = sample.valid.with(Validity::ATTITUDE);
-        }
+        sample.valid.set(Validity::POSTURE, with_posture);
+        sample.valid.set(Validity::ATTITUDE, with_attitude);
         let measured = motion.angular_velocity.map(|v| v.components);
         if let Some(counts) = counts_of(measured, ANGULAR_VELOCITY_COUNTS) {
             sample.angular_velocity = counts;
-            sample.valid = sample.valid.with(Validity::ANGULAR_VELOCITY);
+            sample.valid |= Validity::ANGULAR_VELOCITY;
         }
         let measured = motion.velocity.map(|v| v.components);
         if let Some(counts) = counts_of(measured, SPEED_COUNTS) {
             sample.velocity = counts;
-            sample.valid = sample.valid.with(Validity::VELOCITY);
+            sample.valid |= Validity::VELOCITY;
         }
         let counts = motion
             .horizontal_speed
@@ -125,7 +70,7 @@ impl Sample {
             .and_then(|speed| u16::try_from(whole(speed * SPEED_COUNTS)).ok());
         if let Some(counts) = counts {
             sample.horizontal_speed = counts;
-            sample.valid = sample.valid.with(Validity::HORIZONTAL_SPEED);
+            sample.valid |= Validity::HORIZONTAL_SPEED;
         }
         sample
     }
@@ -223,7 +168,7 @@ mod tests {
             .with_angles(Segment::Head, -0.1, 0.4, 0.0);
         let attitude = Rotation::from_wxyz([0.1, -0.7, 0.2, 0.6]).unwrap();
         let sample = Sample::new(&posture, &attitude, &Motion::default());
-        assert_eq!(sample.valid, Validity::POSTURE.with(Validity::ATTITUDE));
+        assert_eq!(sample.valid, Validity::POSTURE | Validity::ATTITUDE);
         let read = sample.posture();
         for segment in Segment::ALL {
             let (sent, got) = (

@@ -103,7 +103,7 @@ fn examples() -> [Message; 13] {
         Message::Sample(sample()),
         Message::Estimate(Estimate {
             sample_sequence: 77,
-            flags: EstimateFlags::VALID.with(EstimateFlags::INCONSISTENT, true),
+            flags: EstimateFlags::VALID | EstimateFlags::INCONSISTENT,
             state: [0.25, -55.0, 3.5, 0.0, -0.125, 2.0],
             variance: [0.01, 0.04, 0.01, 1e-4, 1e-4, 1e-4],
             measurement: [9.5, -1.5, 0.1, 0.0],

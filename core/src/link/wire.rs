@@ -1,6 +1,6 @@
 //! How each kind of number lies on the wire, and the one table from which messages are made.
 
-use super::schema::FieldLayout;
+use super::layout::FieldLayout;
 
 /// What is wrong with a value that arrived whole.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -170,8 +170,8 @@ macro_rules! body {
 
         impl $crate::link::wire::Body for $name {
             const SIZE: usize = 0 $(+ <$kind as $crate::link::wire::Wire>::SIZE)*;
-            const FIELDS: &'static [$crate::link::schema::FieldLayout] = &[$(
-                $crate::link::schema::FieldLayout {
+            const FIELDS: &'static [$crate::link::layout::FieldLayout] = &[$(
+                $crate::link::layout::FieldLayout {
                     name: stringify!($field),
                     kind: <$kind as $crate::link::wire::Wire>::KIND,
                     count: <$kind as $crate::link::wire::Wire>::COUNT,

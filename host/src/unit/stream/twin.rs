@@ -134,5 +134,5 @@ fn bits(estimate: &Estimate) -> ([u32; 17], u16) {
     for (place, value) in numbers.iter_mut().zip(values) {
         *place = value.to_bits();
     }
-    (numbers, flags.without(EstimateFlags::LATE).bits())
+    (numbers, flags.difference(EstimateFlags::LATE).bits())
 }

@@ -1,0 +1,71 @@
+//! Why frames are refused.
+
+use core::fmt;
+
+use super::layout::PROTOCOL_VERSION;
+
+/// Why a frame was refused.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DecodeError {
+    /// The bytes end before the frame does.
+    Incomplete,
+    /// Not COBS: a delimiter inside a run, as after a lost or changed byte.
+    Cobs,
+    /// Longer than any message.
+    TooLong,
+    /// Shorter than header and checksum.
+    TooShort,
+    /// The checksum differs.
+    Checksum,
+    /// Another protocol version.
+    Version {
+        /// The version in the frame.
+        found: u8,
+    },
+    /// No message has this type.
+    UnknownType {
+        /// The type in the frame.
+        code: u8,
+    },
+    /// The body has not the length of its type.
+    Length {
+        /// Bytes in the frame.
+        found: usize,
+        /// Bytes of the type.
+        expected: usize,
+    },
+    /// A number is infinite or not a number.
+    NotFinite {
+        /// Which.
+        field: &'static str,
+    },
+    /// A value is outside the range in the byte table.
+    OutOfRange {
+        /// Which.
+        field: &'static str,
+    },
+}
+
+impl fmt::Display for DecodeError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Incomplete => write!(f, "the frame is not complete"),
+            Self::Cobs => write!(f, "a frame was cut or damaged"),
+            Self::TooLong => write!(f, "a frame is longer than any message"),
+            Self::TooShort => write!(f, "a frame is shorter than a header"),
+            Self::Checksum => write!(f, "the checksum of a frame is wrong"),
+            Self::Version { found } => write!(
+                f,
+                "protocol version {found} found, {PROTOCOL_VERSION} expected: update the older side"
+            ),
+            Self::UnknownType { code } => write!(f, "message type {code:#04x} is not known"),
+            Self::Length { found, expected } => {
+                write!(f, "a body has {found} bytes, {expected} expected")
+            }
+            Self::NotFinite { field } => write!(f, "{field} is not a finite number"),
+            Self::OutOfRange { field } => write!(f, "{field} is out of range"),
+        }
+    }
+}
+
+impl core::error::Error for DecodeError {}

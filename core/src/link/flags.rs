@@ -1,0 +1,117 @@
+//! Sets of bits in messages. A bit without a name is refused: it is from another version or from noise.
+
+use bitflags::bitflags;
+
+use super::wire::{BadValue, Reader, Wire, Writer};
+
+bitflags! {
+    /// What is to be known of an [`Estimate`](super::Estimate) before it is used.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+    pub struct EstimateFlags: u16 {
+        /// The measurement was taken in and predictions follow the measurements.
+        const VALID = 1 << 0;
+        /// The measurement was not taken in.
+        const NOT_TAKEN_IN = 1 << 1;
+        /// Samples were missing; the model bridged them.
+        const BRIDGED = 1 << 2;
+        /// Later than one period of the updates after its sample. Tells of time, not of the filter.
+        const LATE = 1 << 3;
+        /// The reconstructed motion began anew since the last estimate: at the start, after a gap, or where
+        /// predictions and measurements had parted.
+        const RESTARTED = 1 << 4;
+        /// Predictions miss the measurements by far.
+        const INCONSISTENT = 1 << 5;
+        /// Still settling: less than a second since the start.
+        const SETTLING = 1 << 6;
+        /// The estimator met a fault, see `Faults`.
+        const FAULT = 1 << 7;
+    }
+}
+
+bitflags! {
+    /// Which parts of a [`Sample`](super::Sample) hold a measurement.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+    pub struct Validity: u8 {
+        /// The 15 joint rotations.
+        const POSTURE = 1 << 0;
+        /// The attitude of the pelvis.
+        const ATTITUDE = 1 << 1;
+        /// The angular velocity of the pelvis.
+        const ANGULAR_VELOCITY = 1 << 2;
+        /// The velocity of the pelvis.
+        const VELOCITY = 1 << 3;
+        /// The horizontal speed from GNSS.
+        const HORIZONTAL_SPEED = 1 << 4;
+    }
+}
+
+impl Wire for EstimateFlags {
+    const SIZE: usize = 2;
+    const KIND: &'static str = "u16: bit 0 valid, 1 not taken in, 2 bridged, 3 late, 4 restarted, \
+                                5 inconsistent, 6 settling, 7 fault";
+    fn put(self, writer: &mut Writer<'_>) -> Option<()> {
+        self.bits().put(writer)
+    }
+    fn take(reader: &mut Reader<'_>) -> Result<Self, BadValue> {
+        Self::from_bits(u16::take(reader)?).ok_or(BadValue::OutOfRange)
+    }
+}
+
+impl Wire for Validity {
+    const SIZE: usize = 1;
+    const KIND: &'static str =
+        "u8: bit 0 posture, 1 attitude, 2 angular velocity, 3 velocity, 4 horizontal speed";
+    fn put(self, writer: &mut Writer<'_>) -> Option<()> {
+        self.bits().put(writer)
+    }
+    fn take(reader: &mut Reader<'_>) -> Result<Self, BadValue> {
+        Self::from_bits(u8::take(reader)?).ok_or(BadValue::OutOfRange)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use super::*;
+    use std::format;
+
+    /// Asserts that the byte table names each bit, and gives how many there are.
+    fn named_bits<F: bitflags::Flags<Bits: Into<u64>>>(kind: &str) -> usize {
+        for flag in F::FLAGS {
+            let bits: u64 = flag.value().bits().into();
+            let name = flag.name().to_lowercase().replace('_', " ");
+            let row = format!("{} {name}", bits.trailing_zeros());
+            assert!(kind.contains(&row), "{kind}: {row}");
+        }
+        F::FLAGS.len()
+    }
+
+    #[test]
+    fn the_byte_table_names_every_bit() {
+        assert_eq!(named_bits::<EstimateFlags>(EstimateFlags::KIND), 8);
+        assert_eq!(named_bits::<Validity>(Validity::KIND), 5);
+    }
+
+    #[test]
+    fn every_set_of_known_bits_returns_and_no_other() {
+        for bits in 0..=u16::MAX {
+            let read = EstimateFlags::take(&mut Reader::new(&bits.to_le_bytes()));
+            if bits < 1 << 8 {
+                let mut bytes = [0; 2];
+                read.unwrap().put(&mut Writer::new(&mut bytes)).unwrap();
+                assert_eq!(u16::from_le_bytes(bytes), bits);
+            } else {
+                assert_eq!(read, Err(BadValue::OutOfRange));
+            }
+        }
+        for bits in 0..=u8::MAX {
+            let read = Validity::take(&mut Reader::new(&[bits]));
+            if bits < 1 << 5 {
+                assert_eq!(read.unwrap().bits(), bits);
+            } else {
+                assert_eq!(read, Err(BadValue::OutOfRange));
+            }
+        }
+    }
+}
