@@ -26,7 +26,6 @@ use crate::body::posture::{Posture, pose};
 use crate::body::{Body, SegmentArray};
 use crate::frame::{Body as BodyFrame, Inertial, Rotation, Vector};
 use crate::math::{Real, inverse_symmetric};
-use interval::Interval;
 use muscle_input::MuscleModel;
 
 /// What stays the same during a flight.
@@ -270,39 +269,6 @@ impl<T: Real> Motion<T> {
 }
 
 impl<T: Real> State<T> {
-    /// The state of a body that moves like this in this posture.
-    pub fn from_motion(motion: &Motion<T>, sample: &impl Interval<T>) -> Self {
-        let to_inertial = motion.inertial_from_body;
-        let cg = sample.cg();
-        let spin = &motion.angular_velocity.components;
-        let cg_velocity = motion.velocity.components + spin.cross(cg) + sample.cg_rate();
-        let momentum = sample.inertia() * spin + sample.relative_angular_momentum();
-        let inertial = |components| to_inertial * Vector::from_components(components);
-        Self {
-            inertial_from_body: to_inertial,
-            cg_position: Vector::from_components(
-                motion.position.components + inertial(*cg).components,
-            ),
-            linear_momentum: inertial(cg_velocity * sample.mass()),
-            angular_momentum: inertial(momentum),
-        }
-    }
-
-    /// Motion of the body frame for this state in this posture.
-    pub fn motion(&self, sample: &impl Interval<T>) -> Motion<T> {
-        let to_body = self.inertial_from_body.inverse();
-        let spin = sample.angular_velocity(&(to_body * self.angular_momentum).components);
-        let momentum = (to_body * self.linear_momentum).components;
-        let cg_inertial =
-            (self.inertial_from_body * Vector::from_components(*sample.cg())).components;
-        Motion {
-            inertial_from_body: self.inertial_from_body,
-            position: Vector::from_components(self.cg_position.components - cg_inertial),
-            velocity: Vector::from_components(sample.origin_velocity(&momentum, &spin)),
-            angular_velocity: Vector::from_components(spin),
-        }
-    }
-
     /// Whether every number is finite.
     pub fn is_finite(&self) -> bool {
         let finite = |v: &Vector3<T>| v.iter().all(|c| c.is_finite());

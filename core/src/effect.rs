@@ -14,6 +14,7 @@ mod booties;
 mod cg_offset;
 mod damping;
 mod density;
+mod description;
 mod drag;
 mod exit_speed;
 mod force_lag;
@@ -22,6 +23,7 @@ mod gyro_bias;
 mod heading_drift;
 mod lift;
 mod mass;
+mod model;
 mod moment;
 mod mounting;
 mod muscle;
@@ -37,128 +39,12 @@ mod wind;
 
 use core::fmt;
 
-use crate::aerodynamics::Coefficients;
-use crate::axis::AxisCoefficients;
-use crate::body::Segment;
-use crate::dynamics::{Dynamics, Inputs};
 use crate::math::Real;
-use sensors::Sensors;
+use description::parameter;
+use model::{is_trunk, scale_group};
 
-/// Most parameters that an effect has.
-pub const PARAMETER_COUNT: usize = 3;
-
-/// A parameter of an effect.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Parameter {
-    /// Name in files, with its unit as suffix unless dimensionless.
-    pub name: &'static str,
-    /// Value at which the effect is absent.
-    pub neutral: f64,
-    /// Smallest plausible value.
-    pub low: f64,
-    /// Largest plausible value.
-    pub high: f64,
-}
-
-impl Parameter {
-    /// Whether it can only be larger than where it does nothing.
-    pub fn is_one_sided(&self) -> bool {
-        self.low >= self.neutral
-    }
-
-    /// The value a share of the way from neutral to an end of the range: the low end where `share` is negative.
-    pub fn towards_end(&self, share: f64) -> f64 {
-        self.neutral + share.abs() * (self.end(share) - self.neutral)
-    }
-
-    /// The share of the way to its end that a value has gone, never negative; zero where there is no way.
-    pub fn share_of_range(&self, value: f64) -> f64 {
-        let away = value - self.neutral;
-        let way = self.end(away) - self.neutral;
-        if way == 0.0 { 0.0 } else { away / way }
-    }
-
-    fn end(&self, side: f64) -> f64 {
-        if side < 0.0 { self.low } else { self.high }
-    }
-}
-
-/// Where an effect acts.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
-    /// On the body: the motion itself changes.
-    Physics,
-    /// On what is recorded of it.
-    Measurement,
-}
-
-const fn parameter(name: &'static str, neutral: f64, low: f64, high: f64) -> Parameter {
-    Parameter {
-        name,
-        neutral,
-        low,
-        high,
-    }
-}
-
-/// What an effect is, in words and ranges.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Description {
-    /// Name in files and reports.
-    pub name: &'static str,
-    /// Where it acts.
-    pub kind: Kind,
-    /// What it does to the model.
-    pub form: &'static str,
-    /// Its parameters, at most [`PARAMETER_COUNT`].
-    pub parameters: &'static [Parameter],
-    /// Where the form comes from.
-    pub source: &'static str,
-    /// What it looks like in a flight.
-    pub signature: &'static str,
-    /// Names of the effects that it is confused with.
-    pub confused_with: &'static [&'static str],
-    /// The maneuver that tells them apart.
-    pub separated_by: &'static str,
-}
-
-/// The model that effects change.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Model<T: Real> {
-    /// Body, coefficients and air.
-    pub dynamics: Dynamics<T>,
-    /// Muscle input in addition to the skydiver's (dimensionless).
-    pub muscle: AxisCoefficients<T>,
-    /// Factors on the damping coefficients.
-    pub damping_factor: AxisCoefficients<T>,
-    /// What sensors make of the motion.
-    pub sensors: Sensors<T>,
-    /// Height at which the flight starts (m, inertial).
-    pub start_height: T,
-}
-
-impl<T: Real> Model<T> {
-    /// The model without effects, for a flight that starts at `start_height` (m, inertial).
-    pub fn new(dynamics: Dynamics<T>, start_height: T) -> Self {
-        Self {
-            dynamics,
-            muscle: AxisCoefficients::zero(),
-            damping_factor: AxisCoefficients::repeat(T::one()),
-            sensors: Sensors::perfect(),
-            start_height,
-        }
-    }
-
-    /// What the skydiver's inputs become.
-    pub fn inputs(&self, inputs: &Inputs<T>) -> Inputs<T> {
-        Inputs {
-            muscle: inputs.muscle.zip_map(self.muscle, |own, more| own + more),
-            damping: inputs
-                .damping
-                .zip_map(self.damping_factor, |own, factor| own * factor),
-        }
-    }
-}
+pub use description::{Description, Kind, PARAMETER_COUNT, Parameter};
+pub use model::Model;
 
 macro_rules! effects {
     ($( #[doc = $meaning:literal] $variant:ident = $module:ident, )*) => {
@@ -294,37 +180,6 @@ impl Effect {
         self.change(&values.map(T::of), model);
         Ok(())
     }
-}
-
-/// Multiplies a coefficient of each segment by the factor of its group: trunk and head, arms, legs.
-fn scale_group<T: Real>(
-    values: &[T; PARAMETER_COUNT],
-    model: &mut Model<T>,
-    coefficient: impl Fn(&mut Coefficients<T>) -> &mut T,
-) {
-    let [trunk, arms, legs] = *values;
-    for (segment, coefficients) in model.dynamics.aerodynamics.coefficients.iter_mut() {
-        let factor = match segment {
-            Segment::Head => trunk,
-            _ if is_trunk(segment) => trunk,
-            Segment::LeftUpperArm
-            | Segment::LeftForearm
-            | Segment::LeftHand
-            | Segment::RightUpperArm
-            | Segment::RightForearm
-            | Segment::RightHand => arms,
-            _ => legs,
-        };
-        *coefficient(coefficients) *= factor;
-    }
-}
-
-/// Whether a segment belongs to the trunk.
-const fn is_trunk(segment: Segment) -> bool {
-    matches!(
-        segment,
-        Segment::Pelvis | Segment::Abdomen | Segment::Thorax
-    )
 }
 
 #[cfg(test)]

@@ -4,11 +4,9 @@
 //! seven are the paper's basic maneuvers ("Experimental modalities"); the others fly in other orientations
 //! and need muscle input.
 
-mod scripts;
+pub mod scripts;
 
 use nalgebra::{UnitQuaternion, Vector3};
-
-pub use scripts::MANEUVERS;
 
 use crate::axis::AxisCoefficients;
 use crate::body::pattern::{self, JointAngles};
@@ -56,11 +54,6 @@ pub struct Maneuver {
 }
 
 impl Maneuver {
-    /// The maneuver of that name.
-    pub fn from_name(name: &str) -> Option<&'static Self> {
-        MANEUVERS.iter().find(|maneuver| maneuver.name == name)
-    }
-
     /// Posture at `time` (s).
     pub fn posture<T: Real>(&self, time: f64) -> Posture<T> {
         self.tracks
@@ -116,6 +109,7 @@ fn follow<V, const N: usize>(
 
 #[cfg(test)]
 mod tests {
+    use super::scripts::MANEUVERS;
     use super::*;
 
     #[test]

@@ -1,5 +1,8 @@
 //! What the application asks of a board.
 
+/// Bytes that a board's receiver should hold while an update runs.
+pub const RECEIVER_BYTES: usize = 1024;
+
 /// A board under the application. Its ports are given to [`run`](crate::run()) apart.
 pub trait Board {
     /// Time since the start (us).

@@ -21,7 +21,7 @@ pub mod sensor;
 mod test_flight;
 pub mod unit;
 
-pub use board::{Board, Identity};
+pub use board::{Board, Identity, RECEIVER_BYTES};
 pub use computer::Computer;
-pub use run::{NoPort, RECEIVER_BYTES, run};
+pub use run::{NoPort, run};
 pub use unit::Unit;

@@ -1,7 +1,8 @@
 //! The tasks: receiving, estimating, transmitting, reporting, side by side in one executor.
 //!
 //! Whoever waits for a port lets the others go on. While an update runs nothing else does, so a board's
-//! receiver must hold what arrives meanwhile: 5 ms at 460800 baud are 240 bytes, [`RECEIVER_BYTES`] is ample.
+//! receiver must hold what arrives meanwhile: 5 ms at 460800 baud are 240 bytes,
+//! [`RECEIVER_BYTES`](crate::RECEIVER_BYTES) is ample.
 
 use core::cell::RefCell;
 
@@ -17,9 +18,6 @@ use crate::board::Board;
 use crate::display::Glance;
 use crate::log::info;
 use crate::unit::Unit;
-
-/// Bytes that a board's receiver should hold while an update runs.
-pub const RECEIVER_BYTES: usize = 1024;
 
 /// Longest time that a frame may take to leave; then it counts as dropped.
 const LINE_TIMEOUT: Duration = Duration::from_millis(250);

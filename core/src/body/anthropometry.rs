@@ -5,6 +5,7 @@
 //! are those of Hanavan and `Kwon3D`; breadths and girths not given are linear in stature and mass (ANSUR II).
 
 mod form;
+mod girth;
 mod tables;
 
 use core::fmt;
@@ -16,10 +17,13 @@ use super::{Body, Segment, SegmentArray};
 use crate::math::Real;
 
 use form::Form;
-use tables::{Breadth, Proportions};
+use tables::{ANKLE_HEIGHT, Breadth, Proportions};
 
-/// Height of the ankle joint above the sole, as a share of the stature (Drillis and Contini 1966).
-const ANKLE_HEIGHT: f64 = 0.039;
+pub(super) use form::ANKLE_FROM_HEEL;
+pub use form::MomentArm;
+pub use girth::{Girth, Girths};
+pub use tables::Sex;
+
 /// Height of the shoulder joint above the sole, as a share of the stature: two percent below the acromion.
 const SHOULDER_HEIGHT: f64 = 0.80;
 /// The shoulder joint lies this share of the stature inwards of the acromion.
@@ -32,9 +36,6 @@ const RELAXED_BICEPS: f64 = 0.94;
 const HAND_THICKNESS: f64 = 0.33;
 /// Height of the toes as a share of the height of the ankle: places the cg of the foot where de Leva has it.
 const TOE_HEIGHT: f64 = 0.5;
-/// Distance of the ankle joint from the heel as a share of the length of foot or shoe.
-pub(super) const ANKLE_FROM_HEEL: f64 = 0.25;
-
 /// Statures accepted (m).
 const HEIGHT_RANGE: (f64, f64) = (1.2, 2.3);
 /// Masses accepted (kg).
@@ -45,116 +46,6 @@ const BODY_MASS_INDEX_RANGE: (f64, f64) = (9.0, 75.0);
 const GIRTH_RANGE: (f64, f64) = (0.5, 2.0);
 /// Moment arms accepted, as a share of the segment's length.
 const MOMENT_ARM_RANGE: (f64, f64) = (0.001, 10.0);
-
-/// Which column of the tables is used.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-#[expect(missing_docs, reason = "the names say it")]
-pub enum Sex {
-    #[default]
-    Male,
-    Female,
-}
-
-/// A measure taken with a tape.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Girth {
-    /// Largest, above the brows.
-    Head,
-    /// Around the fullest part.
-    Chest,
-    /// At the navel.
-    Waist,
-    /// Around the fullest part of the buttocks.
-    Hips,
-    /// Upper arm, flexed.
-    Biceps,
-    /// Largest, flexed.
-    Forearm,
-    /// Smallest.
-    Wrist,
-    /// Highest, at the groin.
-    Thigh,
-    /// Lower thigh, just above the knee.
-    Knee,
-    /// Largest.
-    Calf,
-    /// Smallest.
-    Ankle,
-}
-
-impl Girth {
-    /// All girths, head to foot.
-    pub const ALL: [Self; 11] = [
-        Self::Head,
-        Self::Chest,
-        Self::Waist,
-        Self::Hips,
-        Self::Biceps,
-        Self::Forearm,
-        Self::Wrist,
-        Self::Thigh,
-        Self::Knee,
-        Self::Calf,
-        Self::Ankle,
-    ];
-
-    /// Name in files, without unit.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Head => "head",
-            Self::Chest => "chest",
-            Self::Waist => "waist",
-            Self::Hips => "hips",
-            Self::Biceps => "biceps",
-            Self::Forearm => "forearm",
-            Self::Wrist => "wrist",
-            Self::Thigh => "thigh",
-            Self::Knee => "knee",
-            Self::Calf => "calf",
-            Self::Ankle => "ankle",
-        }
-    }
-
-    /// The girth of that name, see [`Girth::name`].
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|girth| girth.name() == name)
-    }
-}
-
-/// The girths of a person that are known.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Girths<T: Real>([Option<T>; Girth::ALL.len()]);
-
-impl<T: Real> Girths<T> {
-    /// The girth (m), where known.
-    pub fn get(&self, girth: Girth) -> Option<T> {
-        self.0[girth as usize]
-    }
-
-    /// Sets a girth (m).
-    pub fn set(&mut self, girth: Girth, value: T) {
-        self.0[girth as usize] = Some(value);
-    }
-
-    /// With a girth (m) set.
-    #[must_use]
-    pub fn with(mut self, girth: Girth, value: T) -> Self {
-        self.set(girth, value);
-        self
-    }
-}
-
-/// Which length `l_i` scales the aerodynamic moment of a segment, paper eq. (limbm).
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub enum MomentArm<T: Real> {
-    /// Mean width of the segment: with Cm = 3.5 pitch stiffness and trim are near those measured.
-    #[default]
-    Width,
-    /// Length of the segment: with Cm = 3.5 three to four times as stiff.
-    Length,
-    /// This share of the segment's length.
-    FractionOfLength(T),
-}
 
 /// Measures of a person.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -5,8 +5,9 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::muscle_input::muscle_load;
-use super::{Dynamics, Inputs, PostureSample};
+use super::{Dynamics, Inputs, Motion, PostureSample, State};
 use crate::aerodynamics::{Flow, Loads, damping_rate};
+use crate::frame::Vector;
 use crate::math::Real;
 
 /// A body over one interval of time, body axes.
@@ -113,5 +114,40 @@ impl<T: Real> Interval<T> for PostureSample<T> {
             &flow,
         );
         (loads, damping)
+    }
+}
+
+impl<T: Real> State<T> {
+    /// The state of a body that moves like this in this posture.
+    pub fn from_motion(motion: &Motion<T>, sample: &impl Interval<T>) -> Self {
+        let to_inertial = motion.inertial_from_body;
+        let cg = sample.cg();
+        let spin = &motion.angular_velocity.components;
+        let cg_velocity = motion.velocity.components + spin.cross(cg) + sample.cg_rate();
+        let momentum = sample.inertia() * spin + sample.relative_angular_momentum();
+        let inertial = |components| to_inertial * Vector::from_components(components);
+        Self {
+            inertial_from_body: to_inertial,
+            cg_position: Vector::from_components(
+                motion.position.components + inertial(*cg).components,
+            ),
+            linear_momentum: inertial(cg_velocity * sample.mass()),
+            angular_momentum: inertial(momentum),
+        }
+    }
+
+    /// Motion of the body frame for this state in this posture.
+    pub fn motion(&self, sample: &impl Interval<T>) -> Motion<T> {
+        let to_body = self.inertial_from_body.inverse();
+        let spin = sample.angular_velocity(&(to_body * self.angular_momentum).components);
+        let momentum = (to_body * self.linear_momentum).components;
+        let cg_inertial =
+            (self.inertial_from_body * Vector::from_components(*sample.cg())).components;
+        Motion {
+            inertial_from_body: self.inertial_from_body,
+            position: Vector::from_components(self.cg_position.components - cg_inertial),
+            velocity: Vector::from_components(sample.origin_velocity(&momentum, &spin)),
+            angular_velocity: Vector::from_components(spin),
+        }
     }
 }

@@ -9,6 +9,7 @@ use crate::body::mass_properties::PostureRate;
 use crate::body::pattern;
 use crate::dynamics::Motion;
 use crate::dynamics::free_run::{Equations, FreeRun};
+use crate::dynamics::{Dynamics, Inputs};
 use crate::effect::sensors::Moving;
 use crate::frame::{Rotation, Vector};
 use crate::test_body::reference_body;

@@ -275,3 +275,10 @@ pub const MANEUVERS: &[Maneuver] = &[
         ..BELLY
     },
 ];
+
+impl Maneuver {
+    /// The maneuver of that name.
+    pub fn from_name(name: &str) -> Option<&'static Self> {
+        MANEUVERS.iter().find(|maneuver| maneuver.name == name)
+    }
+}

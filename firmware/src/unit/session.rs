@@ -2,7 +2,7 @@
 
 use bodyflight_core::link::{Ledger, StreamMode};
 
-use crate::run::RECEIVER_BYTES;
+use crate::board::RECEIVER_BYTES;
 
 /// The session that runs or ran last.
 #[derive(Debug)]

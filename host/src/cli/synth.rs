@@ -6,7 +6,8 @@ use bodyflight::diagnostic::{Problem, Result};
 use bodyflight::formats::flight::DEFAULT_DENSITY;
 use bodyflight::formats::subject::Subject;
 use bodyflight::verbs::synthesize::{DEFAULT_SWAY, Report, Request, SensorNoise, synthesize};
-use bodyflight_core::maneuver::{MANEUVERS, Maneuver};
+use bodyflight_core::maneuver::Maneuver;
+use bodyflight_core::maneuver::scripts::MANEUVERS;
 
 use super::terminal;
 

@@ -16,6 +16,7 @@ use super::tolerance::Wrong;
 use super::*;
 use crate::formats::subject::Subject;
 use crate::verbs::hide::{self, Hidden, fly};
+use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use rand_distr::StandardNormal;
 

@@ -2,10 +2,24 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::{ANKLE_FROM_HEEL, MomentArm};
 use crate::body::SegmentParameters;
 use crate::body::solid::Solid;
 use crate::math::Real;
+
+/// Distance of the ankle joint from the heel as a share of the length of foot or shoe.
+pub(in crate::body) const ANKLE_FROM_HEEL: f64 = 0.25;
+
+/// Which length `l_i` scales the aerodynamic moment of a segment, paper eq. (limbm).
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum MomentArm<T: Real> {
+    /// Mean width of the segment: with Cm = 3.5 pitch stiffness and trim are near those measured.
+    #[default]
+    Width,
+    /// Length of the segment: with Cm = 3.5 three to four times as stiff.
+    Length,
+    /// This share of the segment's length.
+    FractionOfLength(T),
+}
 
 /// A solid and how it is attached to the proximal joint of its segment.
 #[derive(Debug, Clone, Copy)]

@@ -1,8 +1,20 @@
 //! The numbers behind the segment table, as published.
 
-use super::{ANKLE_HEIGHT, Girth, Sex};
+use super::girth::Girth;
 use crate::body::Segment;
 use crate::math::Real;
+
+/// Height of the ankle joint above the sole, as a share of the stature (Drillis and Contini 1966).
+pub(super) const ANKLE_HEIGHT: f64 = 0.039;
+
+/// Which column of the tables is used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[expect(missing_docs, reason = "the names say it")]
+pub enum Sex {
+    #[default]
+    Male,
+    Female,
+}
 
 /// Share of a segment in the whole body.
 pub(super) struct Share {

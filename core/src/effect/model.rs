@@ -1,0 +1,78 @@
+//! The model that effects change.
+
+use super::description::PARAMETER_COUNT;
+use super::sensors::Sensors;
+use crate::aerodynamics::Coefficients;
+use crate::axis::AxisCoefficients;
+use crate::body::Segment;
+use crate::dynamics::{Dynamics, Inputs};
+use crate::math::Real;
+
+/// Body, coefficients, air, conscious inputs and sensors, as an [`Effect`](super::Effect) finds them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Model<T: Real> {
+    /// Body, coefficients and air.
+    pub dynamics: Dynamics<T>,
+    /// Muscle input in addition to the skydiver's (dimensionless).
+    pub muscle: AxisCoefficients<T>,
+    /// Factors on the damping coefficients.
+    pub damping_factor: AxisCoefficients<T>,
+    /// What sensors make of the motion.
+    pub sensors: Sensors<T>,
+    /// Height at which the flight starts (m, inertial).
+    pub start_height: T,
+}
+
+impl<T: Real> Model<T> {
+    /// The model without effects, for a flight that starts at `start_height` (m, inertial).
+    pub fn new(dynamics: Dynamics<T>, start_height: T) -> Self {
+        Self {
+            dynamics,
+            muscle: AxisCoefficients::zero(),
+            damping_factor: AxisCoefficients::repeat(T::one()),
+            sensors: Sensors::perfect(),
+            start_height,
+        }
+    }
+
+    /// What the skydiver's inputs become.
+    pub fn inputs(&self, inputs: &Inputs<T>) -> Inputs<T> {
+        Inputs {
+            muscle: inputs.muscle.zip_map(self.muscle, |own, more| own + more),
+            damping: inputs
+                .damping
+                .zip_map(self.damping_factor, |own, factor| own * factor),
+        }
+    }
+}
+
+/// Multiplies a coefficient of each segment by the factor of its group: trunk and head, arms, legs.
+pub(super) fn scale_group<T: Real>(
+    values: &[T; PARAMETER_COUNT],
+    model: &mut Model<T>,
+    coefficient: impl Fn(&mut Coefficients<T>) -> &mut T,
+) {
+    let [trunk, arms, legs] = *values;
+    for (segment, coefficients) in model.dynamics.aerodynamics.coefficients.iter_mut() {
+        let factor = match segment {
+            Segment::Head => trunk,
+            _ if is_trunk(segment) => trunk,
+            Segment::LeftUpperArm
+            | Segment::LeftForearm
+            | Segment::LeftHand
+            | Segment::RightUpperArm
+            | Segment::RightForearm
+            | Segment::RightHand => arms,
+            _ => legs,
+        };
+        *coefficient(coefficients) *= factor;
+    }
+}
+
+/// Whether a segment belongs to the trunk.
+pub(super) const fn is_trunk(segment: Segment) -> bool {
+    matches!(
+        segment,
+        Segment::Pelvis | Segment::Abdomen | Segment::Thorax
+    )
+}
