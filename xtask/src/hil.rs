@@ -7,7 +7,7 @@ use std::time::Duration;
 use serde::Deserialize;
 
 use crate::on_target::install_qemu;
-use crate::run::{Result, build_program, root, run, say};
+use crate::run::{Result, build_program, run, say, target_folder};
 use crate::unit::unit;
 
 /// What a stream reports, as far as it is judged here.
@@ -59,7 +59,7 @@ pub(crate) fn hil(seconds: u32) -> Result<()> {
     let image = unit()?;
     install_qemu()?;
     build_program()?;
-    let folder = root().join("target/hil");
+    let folder = target_folder()?.join("hil");
     let flight = folder.join("flight.toml");
     Running::start(&["synth", "tracking", "--seed", "1", "--out"], &folder)?.output()?;
     let seconds = seconds.to_string();
@@ -153,7 +153,7 @@ impl Running {
     fn start(arguments: &[&str], path: &Path) -> Result<Self> {
         let line = format!("bodyflight {} {}", arguments.join(" "), path.display());
         say(&format!("$ {line}"));
-        let child = Command::new(root().join("target/debug/bodyflight"))
+        let child = Command::new(target_folder()?.join("debug/bodyflight"))
             .args(arguments)
             .arg(path)
             .stdout(Stdio::piped())

@@ -6,7 +6,7 @@ use std::process::Command;
 use object::{Object, ObjectSection, ObjectSymbol, SectionKind};
 
 use crate::budgets::Budgets;
-use crate::run::{Result, cargo_in, root, run, say};
+use crate::run::{Result, cargo_in, root, run, say, target_folder};
 
 /// The unit's processor: Cortex-M4 with single precision hardware.
 const TARGET: &str = "thumbv7em-none-eabihf";
@@ -18,13 +18,13 @@ pub(crate) fn build(package: &str, name: &str) -> Result<PathBuf> {
     let rest = ["--target", TARGET, "--profile", "firmware", "--locked"];
     let arguments = [&["build"], &package[..], &rest[..]].concat();
     cargo_in(&root(), &arguments, &revision())?;
-    Ok(target_folder().join(TARGET).join("firmware").join(name))
+    Ok(target_folder()?.join(TARGET).join("firmware").join(name))
 }
 
 /// Builds the image of a board that is a workspace of its own.
 pub(crate) fn build_board(board: &str) -> Result<PathBuf> {
     install_target(TARGET)?;
-    let folder = target_folder().join("boards");
+    let folder = target_folder()?.join("boards");
     let target = folder.display().to_string();
     let arguments = [
         "build",
@@ -37,10 +37,6 @@ pub(crate) fn build_board(board: &str) -> Result<PathBuf> {
     let board = root().join("firmware/boards").join(board);
     cargo_in(&board, &arguments, &revision())?;
     Ok(folder.join(TARGET).join("firmware").join("unit"))
-}
-
-fn target_folder() -> PathBuf {
-    std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from)
 }
 
 /// What images call themselves: the revision of the source where it is known.

@@ -3,6 +3,9 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::OnceLock;
+
+use serde::Deserialize;
 
 /// What went wrong, in a sentence.
 pub(crate) type Result<T> = core::result::Result<T, String>;
@@ -15,6 +18,33 @@ pub(crate) fn say(line: &str) {
 /// The root of the project.
 pub(crate) fn root() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+/// The folder that cargo builds into: `target`, unless the environment or cargo's configuration names another.
+pub(crate) fn target_folder() -> Result<&'static Path> {
+    static FOLDER: OnceLock<Result<PathBuf>> = OnceLock::new();
+    let folder = FOLDER.get_or_init(|| ask_for_target_folder(&[]));
+    folder.as_deref().map_err(Clone::clone)
+}
+
+fn ask_for_target_folder(variables: &[(&str, &str)]) -> Result<PathBuf> {
+    #[derive(Deserialize)]
+    struct Metadata {
+        target_directory: PathBuf,
+    }
+    let output = Command::new(cargo_program())
+        .args(["metadata", "--no-deps", "--format-version=1"])
+        .current_dir(root())
+        .envs(variables.iter().copied())
+        .output()
+        .map_err(|error| format!("cannot start cargo: {error}"))?;
+    if !output.status.success() {
+        let errors = String::from_utf8_lossy(&output.stderr);
+        return Err(format!("cargo metadata: {}: {errors}", output.status));
+    }
+    let metadata: Metadata = serde_json::from_slice(&output.stdout)
+        .map_err(|error| format!("what cargo metadata says: {error}"))?;
+    Ok(metadata.target_directory)
 }
 
 /// Runs a command in the root of the project; its output goes to the terminal.
@@ -49,7 +79,7 @@ pub(crate) fn cargo(arguments: &[&str]) -> Result<()> {
     cargo_in(&root(), arguments, &[])
 }
 
-/// Builds the program, `target/debug/bodyflight`.
+/// Builds the program, `debug/bodyflight` in the [folder of the target](target_folder).
 pub(crate) fn build_program() -> Result<()> {
     build_as_tested(&["--bin", "bodyflight"])
 }
@@ -68,6 +98,32 @@ pub(crate) fn cargo_in(
     arguments: &[&str],
     variables: &[(&str, String)],
 ) -> Result<()> {
-    let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned());
-    run_in(folder, &cargo, arguments, variables)
+    run_in(folder, &cargo_program(), arguments, variables)
+}
+
+fn cargo_program() -> String {
+    std::env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_target_folder_is_the_one_that_cargo_builds_into() {
+        let found = ask_for_target_folder(&[("CARGO_TARGET_DIR", "/elsewhere/built")]);
+        assert_eq!(found, Ok(PathBuf::from("/elsewhere/built")));
+        // As `build.target-dir` of cargo's configuration, over which CARGO_TARGET_DIR wins.
+        if std::env::var_os("CARGO_TARGET_DIR").is_none() {
+            let found = ask_for_target_folder(&[("CARGO_BUILD_TARGET_DIR", "/elsewhere/built")]);
+            assert_eq!(found, Ok(PathBuf::from("/elsewhere/built")));
+        }
+    }
+
+    #[test]
+    fn this_test_was_built_into_the_target_folder() {
+        let folder = target_folder().unwrap().canonicalize().unwrap();
+        let test = std::env::current_exe().unwrap().canonicalize().unwrap();
+        assert!(test.starts_with(&folder), "{test:?} {folder:?}");
+    }
 }

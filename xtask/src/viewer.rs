@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
 use crate::image::install_target;
-use crate::run::{Result, build_as_tested, build_program, cargo, root, run, run_in};
+use crate::run::{Result, build_as_tested, build_program, cargo, root, run, run_in, target_folder};
 
 /// Oldest Node that builds the page.
 const LEAST_NODE: u32 = 20;
@@ -33,7 +33,7 @@ pub(crate) fn build() -> Result<()> {
         "--target",
         TARGET,
     ])?;
-    let wasm = root().join(format!("target/{TARGET}/viewer/bodyflight_viewer.wasm"));
+    let wasm = target_folder()?.join(format!("{TARGET}/viewer/bodyflight_viewer.wasm"));
     let wasm = wasm
         .canonicalize()
         .map_err(|error| format!("{}: {error}", wasm.display()))?;
@@ -44,7 +44,7 @@ pub(crate) fn build() -> Result<()> {
     run_in(&folder, "npm", &["run", "--silent", "build"], &variables)
 }
 
-/// Passes the page's tests in a browser; pictures are left in `target/pictures`.
+/// Passes the page's tests in a browser; pictures are left in `pictures` of the target folder.
 pub(crate) fn test() -> Result<()> {
     let browser = install_browser()?;
     build_program()?;
@@ -69,10 +69,8 @@ pub(crate) fn pictures() -> Result<()> {
 }
 
 fn node(browser: &str, arguments: &[&str]) -> Result<()> {
-    let built = |path: &str| {
-        let path = root().join("target").join(path);
-        path.canonicalize().unwrap_or(path).display().to_string()
-    };
+    let target = target_folder()?;
+    let built = |path: &str| target.join(path).display().to_string();
     let variables = [
         ("BODYFLIGHT", built("debug/bodyflight")),
         ("BODYFLIGHT_NATIVE", built("debug/examples/keys")),
