@@ -49,8 +49,11 @@ use unscented::{Innovation, Unsafe, Unscented};
 /// Number of coefficients, n.
 pub const STATES: usize = 6;
 
-/// Coefficients in the order of paper eq. (ukf_state): muscle input in yaw, pitch, roll, then damping in yaw,
-/// pitch, roll.
+/// Coefficients: muscle input in pitch, yaw, roll, then damping in pitch, yaw, roll, each in the order of
+/// [`AxisCoefficients`].
+///
+/// Paper eq. (ukf_state) has yaw before pitch in both halves: its first and second coefficient, and its fourth and fifth,
+/// change places here.
 pub type StateVector<T> = SVector<T, STATES>;
 
 /// The paper's filter, with room for the paper's window of 60 samples, 0.25 s at 240 Hz.
@@ -62,14 +65,10 @@ pub type ReducedFilter<T, const INTERVALS: usize = 30> = Estimator<T, Reduced, I
 /// The inputs that a state vector stands for.
 #[inline]
 pub fn inputs_of<T: Real>(state: &StateVector<T>) -> Inputs<T> {
-    let [yaw, pitch, roll, yaw_damping, pitch_damping, roll_damping] = (*state).into();
+    let [pitch, yaw, roll, pitch_damping, yaw_damping, roll_damping] = (*state).into();
     Inputs {
-        muscle: AxisCoefficients { pitch, yaw, roll },
-        damping: AxisCoefficients {
-            pitch: pitch_damping,
-            yaw: yaw_damping,
-            roll: roll_damping,
-        },
+        muscle: AxisCoefficients::new(pitch, yaw, roll),
+        damping: AxisCoefficients::new(pitch_damping, yaw_damping, roll_damping),
     }
 }
 

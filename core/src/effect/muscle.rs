@@ -8,8 +8,8 @@ pub(super) const EFFECT: Description = Description {
     kind: Kind::Physics,
     form: "input moment coefficients added to the skydiver's",
     parameters: &[
-        parameter("yaw", 0.0, -1.0, 1.0),
         parameter("pitch", 0.0, -1.0, 1.0),
+        parameter("yaw", 0.0, -1.0, 1.0),
         parameter("roll", 0.0, -1.0, 1.0),
     ],
     source: "paper eqs. (eq1), (eq1_1)",
@@ -19,8 +19,6 @@ pub(super) const EFFECT: Description = Description {
 };
 
 pub(super) fn apply<T: Real>(values: &[T; PARAMETER_COUNT], model: &mut Model<T>) {
-    let [yaw, pitch, roll] = *values;
-    model.muscle.yaw += yaw;
-    model.muscle.pitch += pitch;
-    model.muscle.roll += roll;
+    let input = &mut model.muscle;
+    *input = input.zip_map((*values).into(), |before, value| before + value);
 }

@@ -15,8 +15,8 @@ use crate::math::Real;
 /// Samples a second of an Xsens recording (Hz).
 pub const SAMPLE_RATE: f32 = 240.0;
 
-/// Everything that tunes an estimator. Vectors are in the order of paper eq. (ukf_state): muscle input in
-/// yaw, pitch, roll, then damping in yaw, pitch, roll.
+/// Everything that tunes an estimator. Vectors are in the order of [`StateVector`]: muscle input in pitch, yaw, roll,
+/// then damping in pitch, yaw, roll.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Preset {
     /// Name in commands.
@@ -67,7 +67,7 @@ pub const TRACKING_ON_BACK: Preset = Preset {
     solution_window: 4,
 };
 
-const TURNING_BOUNDS: [f32; STATES] = [10.5, 3.5, 2.5, 24.0, 24.0, 24.0];
+const TURNING_BOUNDS: [f32; STATES] = [3.5, 10.5, 2.5, 24.0, 24.0, 24.0];
 const NEGATIVE_BOUNDS: [f32; STATES] = [
     0.0,
     0.0,

@@ -214,17 +214,16 @@ body! {
 body! {
     /// Unit to host: the filter's answer to the sample whose time and number it repeats.
     ///
-    /// Sent for each sample that brings an update. The order of states and measurements is that of the preset
-    /// in force.
+    /// Sent for each sample that brings an update. The order of the measurements is that of the preset in force.
     Estimate {
         /// Sequence number of the sample
         sample_sequence: u32 = "",
         /// What to know before using it
         flags: EstimateFlags = "",
-        /// States
-        state: [f32; 6] = "SI",
+        /// Muscle input in pitch, yaw, roll, then damping in pitch, yaw, roll
+        state: [f32; 6] = "",
         /// Variances of the states
-        variance: [f32; 6] = "SI, squared" in 0.0..=1.0e30,
+        variance: [f32; 6] = "" in 0.0..=1.0e30,
         /// Predicted measurement, zeros where there is none
         measurement: [f32; 4] = "SI",
         /// Normalised innovation squared

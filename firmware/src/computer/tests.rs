@@ -112,7 +112,7 @@ fn a_long_gap_starts_the_motion_anew_and_keeps_the_coefficients() {
     let after = answers(&mut computer, &all[260..]);
     assert!(after[0].flags.contains(EstimateFlags::RESTARTED));
     assert_eq!(after[0].sample_sequence, 260 + 60);
-    let moved = (after[0].state[1] - before.last().unwrap().state[1]).abs();
+    let moved = (after[0].state[0] - before.last().unwrap().state[0]).abs();
     assert!(moved < 0.5, "{moved}");
 }
 

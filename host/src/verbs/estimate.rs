@@ -100,7 +100,7 @@ pub struct Point {
     pub time: f64,
     /// Coefficients.
     pub inputs: Row,
-    /// Standard deviations, in the order of paper eq. (ukf_state).
+    /// Standard deviations, in the order of [`StateVector`].
     pub deviation: StateVector<f64>,
     /// Normalised innovation squared of the update.
     pub normalised_innovation: f64,
@@ -377,12 +377,12 @@ impl Estimation {
     }
 }
 
-/// Columns of the standard deviations, in the order of paper eq. (ukf_state).
+/// Columns of the standard deviations, in the order of [`StateVector`].
 const DEVIATIONS: [&str; 6] = [
-    "sd_yaw",
     "sd_pitch",
+    "sd_yaw",
     "sd_roll",
-    "sd_damp_yaw",
     "sd_damp_pitch",
+    "sd_damp_yaw",
     "sd_damp_roll",
 ];

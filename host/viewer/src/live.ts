@@ -20,7 +20,7 @@ interface Look {
 
 /** Looks that are kept, to scroll back. */
 const KEPT = 30 * 60 * 10;
-const STATES = ["muscle yaw", "muscle pitch", "muscle roll", "damping yaw", "damping pitch", "damping roll"];
+const STATES = ["muscle pitch", "muscle yaw", "muscle roll", "damping pitch", "damping yaw", "damping roll"];
 
 export function live(data: PageData): void {
   const layoutData = data.fly as FlyData;

@@ -35,7 +35,7 @@ pub struct Live {
 /// An estimate of the unit.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct LiveEstimate {
-    /// Muscle input and damping coefficients, yaw, pitch, roll each.
+    /// Muscle input and damping coefficients, pitch, yaw, roll each.
     pub state: [f32; 6],
     /// Their variances.
     pub variance: [f32; 6],
