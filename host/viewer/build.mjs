@@ -1,6 +1,7 @@
 // Bundles the page: scripts, styles and the core's wasm in one HTML file, dist/viewer.html.
-import { build } from "esbuild";
+
 import { readFile, writeFile } from "node:fs/promises";
+import { build } from "esbuild";
 
 const wasm = process.env.BODYFLIGHT_WASM;
 if (!wasm) {
@@ -22,8 +23,6 @@ const text = (end) => bundle.outputFiles.find((file) => file.path.endsWith(end))
 // Nothing in the script may end it.
 const script = text(".js").replaceAll("</script", "<\\/script");
 const page = await readFile("src/page.html", "utf8");
-const html = page
-  .replace("/* style */", () => text(".css"))
-  .replace("/* script */", () => script);
+const html = page.replace("/* style */", () => text(".css")).replace("/* script */", () => script);
 await writeFile("dist/viewer.html", html);
 console.log(`dist/viewer.html: ${Math.round(html.length / 1000)} kB`);

@@ -28,7 +28,16 @@ program.child.kill("SIGINT");
 await run("hide", "wind", "--out", join(folder, "lab"), "--duration", "20");
 const [first, second] = [0, 1].map((k) => join(folder, "lab", `flight-${k}`, "flight.toml"));
 await run("discover", first, "--hold-out", second, "--out", join(folder, "found"));
-await run("view", first, "--model", join(folder, "found", "model.toml"), "--discovery", join(folder, "found", "report.json"), "--out", join(folder, "found.html"));
+await run(
+  "view",
+  first,
+  "--model",
+  join(folder, "found", "model.toml"),
+  "--discovery",
+  join(folder, "found", "report.json"),
+  "--out",
+  join(folder, "found.html"),
+);
 const found = (await open(chromium, `file://${folder}/found.html#t=8`)).page;
 await found.waitForSelector("html[data-ready=replay]");
 await keep(found, "viewer-discrepancy");

@@ -23,7 +23,8 @@ export class Core {
 
   constructor(data: FlyData) {
     this.layout = new Layout(data);
-    this.exports = new WebAssembly.Instance(new WebAssembly.Module(bytes as BufferSource)).exports as unknown as Exports;
+    this.exports = new WebAssembly.Instance(new WebAssembly.Module(bytes as BufferSource))
+      .exports as unknown as Exports;
     if (this.exports.setup_length() !== data.setup.length) {
       throw new Error("The page and its data are of different versions: write the page again with bodyflight fly.");
     }

@@ -2,8 +2,15 @@
 
 export const SCHEMA = 2;
 
-export interface Shape { name: string; half_extents_m: [number, number, number]; }
-export interface Packed { columns: { name: string; width: number; step: number }[]; rows: number; data: string; }
+export interface Shape {
+  name: string;
+  half_extents_m: [number, number, number];
+}
+export interface Packed {
+  columns: { name: string; width: number; step: number }[];
+  rows: number;
+  data: string;
+}
 export interface RunData {
   name: string;
   shapes: Shape[];
@@ -31,7 +38,12 @@ export interface Named {
   separated_by: string;
   imitated_by_inputs: boolean;
 }
-export interface Gap { before: number[]; after: number[]; floor: number[]; closed_share: number; }
+export interface Gap {
+  before: number[];
+  after: number[];
+  floor: number[];
+  closed_share: number;
+}
 export interface Discovery {
   verdict: "named" | "none" | "unexplained" | "thin";
   effects: Named[];
@@ -61,13 +73,17 @@ export function pageData(): PageData {
   try {
     data = JSON.parse(text);
   } catch {
-    throw new BadData("The data of this page is damaged: it was cut off or changed on its way. Write the page again with bodyflight view.");
+    throw new BadData(
+      "The data of this page is damaged: it was cut off or changed on its way. Write the page again with bodyflight view.",
+    );
   }
   if (data === null) {
     throw new BadData("This page has no data yet: bodyflight view, fly or stream --view fill it.");
   }
   if (data.schema !== SCHEMA) {
-    throw new BadData(`This page reads data of version ${SCHEMA} and was given version ${data.schema}: make the page and the data with the same bodyflight.`);
+    throw new BadData(
+      `This page reads data of version ${SCHEMA} and was given version ${data.schema}: make the page and the data with the same bodyflight.`,
+    );
   }
   return data;
 }

@@ -3,9 +3,15 @@ import type { Discovery, Named } from "./data";
 import { colour, element } from "./dom";
 
 const CHANNELS = [
-  "attitude x (rad)", "attitude y (rad)", "attitude z (rad)",
-  "angular velocity x (rad/s)", "angular velocity y (rad/s)", "angular velocity z (rad/s)",
-  "velocity north (m/s)", "velocity west (m/s)", "velocity up (m/s)",
+  "attitude x (rad)",
+  "attitude y (rad)",
+  "attitude z (rad)",
+  "angular velocity x (rad/s)",
+  "angular velocity y (rad/s)",
+  "angular velocity z (rad/s)",
+  "velocity north (m/s)",
+  "velocity west (m/s)",
+  "velocity up (m/s)",
 ];
 const VERDICTS = {
   named: "An effect that the model misses was found.",
@@ -15,22 +21,50 @@ const VERDICTS = {
 };
 
 export function discoveryPanel(report: Discovery, seek: (time: number) => void): HTMLElement {
-  const panel = element("section", { id: "discovery" }, element("h2", {}, `Discrepancy: ${report.verdict}`), element("p", {}, VERDICTS[report.verdict] ?? ""));
-  panel.append(element("p", { class: "faint" },
-    `The plain model is ${report.disagreement?.toFixed(1)} deviations beyond flights in which nothing is missing; ${((report.explained ?? 0) * 100).toFixed(0)} % of that is explained.`));
+  const panel = element(
+    "section",
+    { id: "discovery" },
+    element("h2", {}, `Discrepancy: ${report.verdict}`),
+    element("p", {}, VERDICTS[report.verdict] ?? ""),
+  );
+  panel.append(
+    element(
+      "p",
+      { class: "faint" },
+      `The plain model is ${report.disagreement?.toFixed(1)} deviations beyond flights in which nothing is missing; ${((report.explained ?? 0) * 100).toFixed(0)} % of that is explained.`,
+    ),
+  );
   for (const named of report.effects ?? []) panel.append(effect(named));
   for (const named of report.nearest ?? []) panel.append(element("p", {}, "came nearest, not used:"), effect(named));
-  const table = element("table", { id: "gap" }, element("tr", {}, ...["channel", "before", "after", "floor"].map((name) => element("th", {}, name))));
+  const table = element(
+    "table",
+    { id: "gap" },
+    element("tr", {}, ...["channel", "before", "after", "floor"].map((name) => element("th", {}, name))),
+  );
   const { before = [], after = [], floor = [] } = report.gap ?? {};
   CHANNELS.forEach((name, k) => {
     const cells = [before, after, floor].map((list) => element("td", {}, list[k]?.toFixed(3) ?? ""));
     table.append(element("tr", {}, element("td", {}, name), ...cells));
   });
   panel.append(table);
-  (report.held_out ?? []).forEach((gap, k) =>
-    panel.append(element("p", {}, `Held-out flight ${k + 1}: misfit ${gap.misfit_before.toFixed(0)} before, ${gap.misfit_after.toFixed(0)} after, ${gap.numbers} where nothing is missing.`)));
+  for (const [k, gap] of (report.held_out ?? []).entries()) {
+    panel.append(
+      element(
+        "p",
+        {},
+        `Held-out flight ${k + 1}: misfit ${gap.misfit_before.toFixed(0)} before, ${gap.misfit_after.toFixed(0)} after, ${gap.numbers} where nothing is missing.`,
+      ),
+    );
+  }
   if (report.residual_map?.length) {
-    panel.append(element("p", { class: "faint" }, "Misfit over its floor in time, before (line) and after (filled); a click goes there:"), map(report, seek));
+    panel.append(
+      element(
+        "p",
+        { class: "faint" },
+        "Misfit over its floor in time, before (line) and after (filled); a click goes there:",
+      ),
+      map(report, seek),
+    );
   }
   return panel;
 }
@@ -39,17 +73,34 @@ function effect(named: Named): HTMLElement {
   const list = element("dl");
   for (const [name, value] of Object.entries(named.parameters ?? {})) {
     const error = named.standard_errors?.[name];
-    list.append(element("dt", {}, name), element("dd", {}, `${value.toPrecision(3)}${error ? ` ± ${error.toPrecision(2)}` : ""}`));
+    list.append(
+      element("dt", {}, name),
+      element("dd", {}, `${value.toPrecision(3)}${error ? ` ± ${error.toPrecision(2)}` : ""}`),
+    );
   }
   list.append(element("dt", {}, "beyond chance"), element("dd", {}, `${named.confidence?.toFixed(1)} deviations`));
   const part = element("div", { class: "effect" }, element("b", {}, named.name), list);
-  if (named.rivals?.length) part.append(element("p", {}, `Not to be told from ${named.rivals.map((rival) => rival.name).join(", ")} here; fly: ${named.separated_by}.`));
-  if (named.imitated_by_inputs) part.append(element("p", { class: "faint" }, "An estimator of muscle input and damping would take it for those."));
+  if (named.rivals?.length)
+    part.append(
+      element(
+        "p",
+        {},
+        `Not to be told from ${named.rivals.map((rival) => rival.name).join(", ")} here; fly: ${named.separated_by}.`,
+      ),
+    );
+  if (named.imitated_by_inputs)
+    part.append(element("p", { class: "faint" }, "An estimator of muscle input and damping would take it for those."));
   return part;
 }
 
 function map(report: Discovery, seek: (time: number) => void): HTMLCanvasElement {
-  const canvas = element("canvas", { class: "map", width: "860", height: "240", role: "img", "aria-label": "misfit over its floor in time" });
+  const canvas = element("canvas", {
+    class: "map",
+    width: "860",
+    height: "240",
+    role: "img",
+    "aria-label": "misfit over its floor in time",
+  });
   const spots = report.residual_map;
   const end = spots[spots.length - 1].time_s || 1;
   const worst = (list: number[]) => Math.max(...list);
@@ -61,7 +112,8 @@ function map(report: Discovery, seek: (time: number) => void): HTMLCanvasElement
     context.clearRect(0, 0, width, height);
     const x = (time: number) => (time / end) * (width - 10) + 5;
     // Logarithmic: the floor is one.
-    const y = (value: number) => height - 20 - (Math.log10(Math.max(1, value)) / Math.log10(Math.max(10, high))) * (height - 40);
+    const y = (value: number) =>
+      height - 20 - (Math.log10(Math.max(1, value)) / Math.log10(Math.max(10, high))) * (height - 40);
     context.fillStyle = colour("second");
     context.beginPath();
     context.moveTo(x(spots[0].time_s), height - 20);

@@ -5,7 +5,10 @@ import { between, type Picture, type Quaternion, type Vector } from "./figure";
 export class Flight {
   readonly time: Float64Array;
 
-  private constructor(readonly run: RunData, readonly columns: Columns) {
+  private constructor(
+    readonly run: RunData,
+    readonly columns: Columns,
+  ) {
     this.time = this.list("time_s")[0];
   }
 
@@ -41,7 +44,8 @@ export class Flight {
   picture(time: number): Picture {
     const from = this.row(time);
     const to = Math.min(from + 1, this.time.length - 1);
-    const share = to === from ? 0 : Math.max(0, Math.min(1, (time - this.time[from]) / (this.time[to] - this.time[from])));
+    const share =
+      to === from ? 0 : Math.max(0, Math.min(1, (time - this.time[from]) / (this.time[to] - this.time[from])));
     const vector = (name: string, place = 0) =>
       [0, 1, 2].map((k) => {
         const numbers = this.list(name)[place + k];

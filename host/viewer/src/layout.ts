@@ -35,7 +35,10 @@ export class Layout {
         return [...segments.subarray(from, from + count)] as V;
       });
     return {
-      simulated: { position: vector("position_m"), attitude: [...this.part(frame, "inertial_from_body")] as Quaternion },
+      simulated: {
+        position: vector("position_m"),
+        attitude: [...this.part(frame, "inertial_from_body")] as Quaternion,
+      },
       measured: null,
       segments: { attitude: each("body_from_segment", 4), cg: each("cg_m", 3), force: each("force_n", 3) },
       cg: vector("cg_m"),

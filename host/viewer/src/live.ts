@@ -2,7 +2,7 @@
 import type { FlyData, PageData } from "./data";
 import { button, element } from "./dom";
 import { Layout } from "./layout";
-import { Plots, type PlotSpec } from "./plots";
+import { type PlotSpec, Plots } from "./plots";
 import { provenance, shell } from "./shell";
 import { Stage } from "./stage";
 
@@ -38,7 +38,11 @@ export function live(data: PageData): void {
   const state = element("span", { id: "state", role: "status" }, "waiting for the stream");
   const slider = element("input", { type: "range", min: "0", max: "0", value: "0", "aria-label": "look back" });
   const hold = button("pause", "Stop the picture; the stream goes on", () => follow(!paused));
-  slider.addEventListener("input", () => { follow(true); shown = Number(slider.value); dirty = true; });
+  slider.addEventListener("input", () => {
+    follow(true);
+    shown = Number(slider.value);
+    dirty = true;
+  });
   header.append(state);
   const cost = element("span", { class: "faint", id: "cost" });
   footer.append(hold, slider, cost);
@@ -49,15 +53,24 @@ export function live(data: PageData): void {
   const lists = STATES.map(() => ({ value: [] as number[], low: [] as number[], high: [] as number[] }));
   const latency: number[] = [];
   const specs: PlotSpec[] = [
-    { key: "latency", title: "latency", unit: "ms", lines: [{ label: "sample to estimate", ink: "measured", values: latency }] },
-    ...STATES.map((name, k): PlotSpec => ({
-      key: name, title: name, unit: "1, \u00b1 2 sigma",
-      lines: [
-        { label: "estimate", ink: "simulated", values: lists[k].value },
-        { label: "- 2 sigma", ink: "residual", dash: [3, 3], values: lists[k].low },
-        { label: "+ 2 sigma", ink: "residual", dash: [3, 3], values: lists[k].high },
-      ],
-    })),
+    {
+      key: "latency",
+      title: "latency",
+      unit: "ms",
+      lines: [{ label: "sample to estimate", ink: "measured", values: latency }],
+    },
+    ...STATES.map(
+      (name, k): PlotSpec => ({
+        key: name,
+        title: name,
+        unit: "1, \u00b1 2 sigma",
+        lines: [
+          { label: "estimate", ink: "simulated", values: lists[k].value },
+          { label: "- 2 sigma", ink: "residual", dash: [3, 3], values: lists[k].low },
+          { label: "+ 2 sigma", ink: "residual", dash: [3, 3], values: lists[k].high },
+        ],
+      }),
+    ),
   ];
   let plots: Plots | null = null;
   let dirty = false;
@@ -74,7 +87,11 @@ export function live(data: PageData): void {
       looks.shift();
       frames.shift();
       latency.shift();
-      lists.forEach((list) => { list.value.shift(); list.low.shift(); list.high.shift(); });
+      lists.forEach((list) => {
+        list.value.shift();
+        list.low.shift();
+        list.high.shift();
+      });
     }
     looks.push(look);
     latency.push(look.latency_ms ?? NaN);
@@ -92,8 +109,12 @@ export function live(data: PageData): void {
 
   const socket = new WebSocket(`ws://${location.host}${location.pathname}socket`);
   socket.binaryType = "arraybuffer";
-  socket.onopen = () => { state.textContent = "streaming"; };
-  socket.onclose = () => { state.textContent = "the stream has ended; look back with the slider"; };
+  socket.onopen = () => {
+    state.textContent = "streaming";
+  };
+  socket.onclose = () => {
+    state.textContent = "the stream has ended; look back with the slider";
+  };
   socket.onmessage = (event) => {
     if (event.data instanceof ArrayBuffer) frames.push(new Float32Array(event.data));
     else take(JSON.parse(String(event.data)) as Look);
@@ -105,12 +126,22 @@ export function live(data: PageData): void {
     if (frame) stage.draw(layout.picture(frame));
     const rate = arrived.length / 2;
     const rows: [string, string][] = [
-      ["time", `${look.time_s.toFixed(1)} s`], ["samples sent", String(look.sent)], ["estimates", String(look.estimates)],
+      ["time", `${look.time_s.toFixed(1)} s`],
+      ["samples sent", String(look.sent)],
+      ["estimates", String(look.estimates)],
       ["latency", look.latency_ms === null ? "none yet" : `${look.latency_ms.toFixed(2)} ms`],
-      ["missing", String(look.missing)], ["dropped", String(look.dropped)], ["deadlines missed", String(look.deadline_missed)],
-      ["NIS", look.estimate ? look.estimate.nis.toFixed(2) : ""], ["frames a second", rate.toFixed(1)],
+      ["missing", String(look.missing)],
+      ["dropped", String(look.dropped)],
+      ["deadlines missed", String(look.deadline_missed)],
+      ["NIS", look.estimate ? look.estimate.nis.toFixed(2) : ""],
+      ["frames a second", rate.toFixed(1)],
     ];
-    numbers.replaceChildren(...rows.flatMap(([name, value]) => [element("dt", {}, name), element("dd", { id: name.replaceAll(" ", "-") }, value)]));
+    numbers.replaceChildren(
+      ...rows.flatMap(([name, value]) => [
+        element("dt", {}, name),
+        element("dd", { id: name.replaceAll(" ", "-") }, value),
+      ]),
+    );
     cost.textContent = `${stage.cost.toFixed(1)} ms to draw`;
     // Plots are slower than the picture: twice a second.
     if (now - plotted > 500) {

@@ -8,14 +8,22 @@ export interface Way {
 }
 
 export class TopView {
-  readonly canvas = element("canvas", { width: "300", height: "300", role: "img", "aria-label": "trajectory from above, north up" });
+  readonly canvas = element("canvas", {
+    width: "300",
+    height: "300",
+    role: "img",
+    "aria-label": "trajectory from above, north up",
+  });
 
   draw(ways: Way[], here: [number, number]): void {
     const context = this.canvas.getContext("2d");
     if (!context) return;
     const size = this.canvas.width;
     context.clearRect(0, 0, size, size);
-    let [low, high] = [[Infinity, Infinity], [-Infinity, -Infinity]];
+    let [low, high] = [
+      [Infinity, Infinity],
+      [-Infinity, -Infinity],
+    ];
     for (const { north, west } of ways)
       for (let k = 0; k < north.length; k++) {
         low = [Math.min(low[0], north[k]), Math.min(low[1], west[k])];

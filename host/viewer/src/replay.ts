@@ -5,7 +5,7 @@ import { button, element, typing } from "./dom";
 import { film, saveCsv, savePng, saveSvg, strip } from "./exports";
 import { Flight } from "./flight";
 import { TopView } from "./map";
-import { Plots, type PlotSpec } from "./plots";
+import { type PlotSpec, Plots } from "./plots";
 import { provenance, shell } from "./shell";
 import { Stage } from "./stage";
 
@@ -13,7 +13,10 @@ const SPEEDS = [0.1, 0.25, 0.5, 1, 2];
 /** Pictures of a strip. */
 const SNAPSHOTS = 5;
 const INKS = ["simulated", "second", "text"];
-const INPUTS = [["muscle pitch", "muscle yaw", "muscle roll"], ["damping pitch", "damping yaw", "damping roll"]];
+const INPUTS = [
+  ["muscle pitch", "muscle yaw", "muscle roll"],
+  ["damping pitch", "damping yaw", "damping roll"],
+];
 
 export async function replay(data: PageData): Promise<void> {
   const flights = await Promise.all(data.runs.map((run) => Flight.of(run)));
@@ -38,27 +41,59 @@ export async function replay(data: PageData): Promise<void> {
   const plots = new Plots(aside, first.time, specs, (to) => seek(to));
   aside.append(summary(flights), provenance(data));
 
-  const slider = element("input", { type: "range", min: String(first.time[0]), max: String(end), step: "any", "aria-label": "time" });
+  const slider = element("input", {
+    type: "range",
+    min: String(first.time[0]),
+    max: String(end),
+    step: "any",
+    "aria-label": "time",
+  });
   const clock = element("output", { id: "time" });
   const play = button("play", "Play or pause (space)", () => (playing ? pause() : start()));
-  const pace = element("select", { title: "Playback speed ([ and ])", "aria-label": "playback speed" }, ...SPEEDS.map((value) => element("option", { value: String(value) }, `${value}x`)));
+  const pace = element(
+    "select",
+    { title: "Playback speed ([ and ])", "aria-label": "playback speed" },
+    ...SPEEDS.map((value) => element("option", { value: String(value) }, `${value}x`)),
+  );
   pace.value = "1";
-  pace.addEventListener("change", () => { speed = Number(pace.value); });
+  pace.addEventListener("change", () => {
+    speed = Number(pace.value);
+  });
   slider.addEventListener("input", () => seek(Number(slider.value)));
-  const cost = element("span", { class: "faint", id: "cost", title: "time from one picture to the next, and to draw one" });
+  const cost = element("span", {
+    class: "faint",
+    id: "cost",
+    title: "time from one picture to the next, and to draw one",
+  });
   footer.append(play, slider, clock, pace, cost);
 
   if (flights.length > 1) {
-    const choice = element("select", { "aria-label": "run shown", id: "run" }, ...flights.map((flight, k) => element("option", { value: String(k) }, flight.run.name)));
-    choice.addEventListener("change", () => { shown = flights[Number(choice.value)]; show(); trail(); });
+    const choice = element(
+      "select",
+      { "aria-label": "run shown", id: "run" },
+      ...flights.map((flight, k) => element("option", { value: String(k) }, flight.run.name)),
+    );
+    choice.addEventListener("change", () => {
+      shown = flights[Number(choice.value)];
+      show();
+      trail();
+    });
     header.append(choice);
   }
   const name = data.title || "flight";
   let stop: (() => void) | null = null;
   const filming = button("WebM", "Film the picture; again to stop", () => {
-    if (stop) { stop(); stop = null; filming.removeAttribute("aria-pressed"); return; }
+    if (stop) {
+      stop();
+      stop = null;
+      filming.removeAttribute("aria-pressed");
+      return;
+    }
     stop = film(name, stage.drawer.canvas);
-    if (stop) { filming.setAttribute("aria-pressed", "true"); start(); }
+    if (stop) {
+      filming.setAttribute("aria-pressed", "true");
+      start();
+    }
   });
   header.append(
     element("span", { style: "flex:1" }),
@@ -89,10 +124,20 @@ export async function replay(data: PageData): Promise<void> {
     clock.textContent = `${time.toFixed(3)} s`;
     const row = shown.row(time);
     const [simulated, measured] = [shown.list("simulated"), shown.list("measured")];
-    legend.replaceChildren(...[5, 6, 3].map((k) =>
-      element("div", {}, `${CHANNELS[k].label}: ${simulated[k][row].toFixed(2)} (measured ${measured[k][row].toFixed(2)}) ${CHANNELS[k].unit}`)));
+    legend.replaceChildren(
+      ...[5, 6, 3].map((k) =>
+        element(
+          "div",
+          {},
+          `${CHANNELS[k].label}: ${simulated[k][row].toFixed(2)} (measured ${measured[k][row].toFixed(2)}) ${CHANNELS[k].unit}`,
+        ),
+      ),
+    );
     const way = (column: string, ink: string) => ({ north: shown.list(column)[0], west: shown.list(column)[1], ink });
-    map.draw([way("measured_position_m", "measured"), way("simulated_position_m", "simulated")], [picture.simulated.position[0], picture.simulated.position[1]]);
+    map.draw(
+      [way("measured_position_m", "measured"), way("simulated_position_m", "simulated")],
+      [picture.simulated.position[0], picture.simulated.position[1]],
+    );
   }
 
   function seek(to: number): void {
@@ -156,28 +201,37 @@ export async function replay(data: PageData): Promise<void> {
 
 function plotSpecs(flights: Flight[]): PlotSpec[] {
   const first = flights[0];
-  const channels = CHANNELS.map(({ key, label, unit }, k): PlotSpec => ({
-    key,
-    title: label,
-    unit,
-    note: flights.map((flight) => `RMS ${flight.run.rms[key]?.toFixed(3)}`).join(", "),
-    lines: [
-      { label: "measured", ink: "measured", values: first.list("measured")[k] },
-      ...flights.map((flight, n) => ({
-        label: n === 0 ? "simulated" : flight.run.name,
-        ink: INKS[n % INKS.length],
-        dash: [6, 3 + 3 * n],
-        values: alike(flight, flight.list("simulated")[k], first),
+  const channels = CHANNELS.map(
+    ({ key, label, unit }, k): PlotSpec => ({
+      key,
+      title: label,
+      unit,
+      note: flights.map((flight) => `RMS ${flight.run.rms[key]?.toFixed(3)}`).join(", "),
+      lines: [
+        { label: "measured", ink: "measured", values: first.list("measured")[k] },
+        ...flights.map((flight, n) => ({
+          label: n === 0 ? "simulated" : flight.run.name,
+          ink: INKS[n % INKS.length],
+          dash: [6, 3 + 3 * n],
+          values: alike(flight, flight.list("simulated")[k], first),
+        })),
+        { label: "residual", ink: "residual", values: first.residual(k) },
+      ],
+    }),
+  );
+  const inputs = INPUTS.map(
+    (names, group): PlotSpec => ({
+      key: group === 0 ? "muscle" : "damping",
+      title: group === 0 ? "muscle input" : "damping coefficients",
+      unit: "1",
+      lines: names.map((label, k) => ({
+        label,
+        ink: ["measured", "simulated", "second"][k],
+        dash: k ? [6, 3 * k] : undefined,
+        values: first.list("inputs")[3 * group + k],
       })),
-      { label: "residual", ink: "residual", values: first.residual(k) },
-    ],
-  }));
-  const inputs = INPUTS.map((names, group): PlotSpec => ({
-    key: group === 0 ? "muscle" : "damping",
-    title: group === 0 ? "muscle input" : "damping coefficients",
-    unit: "1",
-    lines: names.map((label, k) => ({ label, ink: ["measured", "simulated", "second"][k], dash: k ? [6, 3 * k] : undefined, values: first.list("inputs")[3 * group + k] })),
-  }));
+    }),
+  );
   return [...channels, ...inputs];
 }
 
@@ -191,14 +245,16 @@ function summary(flights: Flight[]): HTMLElement {
   const names = ["", ...flights.map((flight) => flight.run.name)];
   const table = element("table", {}, element("tr", {}, ...names.map((name) => element("th", {}, name))));
   const row = (label: string, value: (flight: Flight) => string) =>
-    table.append(element("tr", {}, element("td", {}, label), ...flights.map((flight) => element("td", {}, value(flight)))));
+    table.append(
+      element("tr", {}, element("td", {}, label), ...flights.map((flight) => element("td", {}, value(flight)))),
+    );
   const mean = (list: Float64Array) => list.reduce((sum, value) => sum + value, 0) / list.length;
   const most = (list: Float64Array) => list.reduce((high, value) => Math.max(high, Math.abs(value)), 0);
   row("length (s)", (flight) => (flight.end - flight.time[0]).toFixed(1));
   row("fall rate, measured (m/s)", (flight) => (-mean(flight.list("measured")[6])).toFixed(1));
   row("fall rate, simulated (m/s)", (flight) => (-mean(flight.list("simulated")[6])).toFixed(1));
   row("fastest turn, measured (rad/s)", (flight) => most(flight.list("measured")[3]).toFixed(2));
-  for (const { key, label, unit } of CHANNELS) row(`RMS ${label} (${unit})`, (flight) => flight.run.rms[key]?.toFixed(3) ?? "");
+  for (const { key, label, unit } of CHANNELS)
+    row(`RMS ${label} (${unit})`, (flight) => flight.run.rms[key]?.toFixed(3) ?? "");
   return element("section", {}, element("h2", {}, "Summary"), table);
 }
-

@@ -20,8 +20,16 @@ export function shell(data: PageData): Shell {
 
 export function provenance(data: PageData): HTMLElement {
   const { version, command, inputs } = data.provenance;
-  const list = element("dl", { id: "provenance" }, element("dt", {}, "bodyflight"), element("dd", {}, version), element("dt", {}, "command"), element("dd", {}, command));
-  for (const { file, sha256 } of inputs) list.append(element("dt", {}, file), element("dd", { title: sha256 }, `sha256 ${sha256.slice(0, 12)}`));
+  const list = element(
+    "dl",
+    { id: "provenance" },
+    element("dt", {}, "bodyflight"),
+    element("dd", {}, version),
+    element("dt", {}, "command"),
+    element("dd", {}, command),
+  );
+  for (const { file, sha256 } of inputs)
+    list.append(element("dt", {}, file), element("dd", { title: sha256 }, `sha256 ${sha256.slice(0, 12)}`));
   return element("section", {}, element("h2", {}, "Where this page comes from"), list);
 }
 

@@ -33,8 +33,11 @@ export class Stage {
     } catch {
       drawer = new Sticks(shapes);
       place.append(
-        element("div", { class: "banner", role: "alert", id: "no-webgl" },
-          "This browser has no WebGL: the body is drawn as sticks. Plots, timeline and exports work."),
+        element(
+          "div",
+          { class: "banner", role: "alert", id: "no-webgl" },
+          "This browser has no WebGL: the body is drawn as sticks. Plots, timeline and exports work.",
+        ),
       );
     }
     this.drawer = drawer;
@@ -45,7 +48,10 @@ export class Stage {
       this.tools.append(button(label, `Camera ${label} (${key.toUpperCase()})`, () => this.watch(follow)));
     }
     this.tools.append(
-      toggle("forces", `Force of the air on each segment; 1 m is ${NEWTONS_PER_METRE} N`, true, (on) => { this.drawer.showForces = on; this.redraw(); }),
+      toggle("forces", `Force of the air on each segment; 1 m is ${NEWTONS_PER_METRE} N`, true, (on) => {
+        this.drawer.showForces = on;
+        this.redraw();
+      }),
     );
     this.listen();
     addEventListener("resize", () => this.redraw());
@@ -53,8 +59,14 @@ export class Stage {
 
   addGhostTools(): void {
     this.tools.append(
-      toggle("measured", "The measured body, half transparent", true, (on) => { this.drawer.showGhost = on; this.redraw(); }),
-      toggle("together", "Both bodies at one place, or each where it flew", true, (on) => { this.drawer.together = on; this.redraw(); }),
+      toggle("measured", "The measured body, half transparent", true, (on) => {
+        this.drawer.showGhost = on;
+        this.redraw();
+      }),
+      toggle("together", "Both bodies at one place, or each where it flew", true, (on) => {
+        this.drawer.together = on;
+        this.redraw();
+      }),
     );
   }
 
@@ -89,11 +101,15 @@ export class Stage {
       this.view.elevation = Math.max(-1.56, Math.min(1.56, this.view.elevation + event.movementY * 0.008));
       this.redraw();
     });
-    canvas.addEventListener("wheel", (event) => {
-      event.preventDefault();
-      this.view.distance = Math.max(2, Math.min(60, this.view.distance * Math.exp(event.deltaY * 0.001)));
-      this.redraw();
-    }, { passive: false });
+    canvas.addEventListener(
+      "wheel",
+      (event) => {
+        event.preventDefault();
+        this.view.distance = Math.max(2, Math.min(60, this.view.distance * Math.exp(event.deltaY * 0.001)));
+        this.redraw();
+      },
+      { passive: false },
+    );
   }
 
   /** Camera keys, where the mode leaves them free. */

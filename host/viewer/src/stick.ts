@@ -38,7 +38,11 @@ export class Sticks {
     this.shapes.forEach((shape, k) => {
       const { attitude, cg } = picture.segments;
       const half = rotated(attitude[k], [0, 0, shape.half_extents_m[2]]);
-      const end = (sign: number): Vector => [cg[k][0] + sign * half[0], cg[k][1] + sign * half[1], cg[k][2] + sign * half[2]];
+      const end = (sign: number): Vector => [
+        cg[k][0] + sign * half[0],
+        cg[k][1] + sign * half[1],
+        cg[k][2] + sign * half[2],
+      ];
       context.lineWidth = Math.max(2, 1.2 * scale * Math.min(shape.half_extents_m[0], shape.half_extents_m[1]));
       context.beginPath();
       context.moveTo(...flat(end(-1)));

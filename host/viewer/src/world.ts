@@ -1,7 +1,24 @@
 // The sky with the body in it, by three.js.
 import {
-  AmbientLight, ArrowHelper, BufferAttribute, BufferGeometry, Color, DirectionalLight, Group, Line, LineBasicMaterial, Mesh,
-  MeshLambertMaterial, PerspectiveCamera, Points, PointsMaterial, Scene, SphereGeometry, Vector2, Vector3, WebGLRenderer,
+  AmbientLight,
+  ArrowHelper,
+  BufferAttribute,
+  BufferGeometry,
+  Color,
+  DirectionalLight,
+  Group,
+  Line,
+  LineBasicMaterial,
+  Mesh,
+  MeshLambertMaterial,
+  PerspectiveCamera,
+  Points,
+  PointsMaterial,
+  Scene,
+  SphereGeometry,
+  Vector2,
+  Vector3,
+  WebGLRenderer,
 } from "three";
 import type { Shape } from "./data";
 import { colour } from "./dom";
@@ -57,7 +74,10 @@ export class World {
   private readonly dots: Points<BufferGeometry, PointsMaterial>;
   private readonly arrows: ArrowHelper[];
   private readonly wind = new ArrowHelper(new Vector3(1, 0, 0), new Vector3(), 1, 0x2b7f3e, 0.25, 0.15);
-  private readonly cg = new Mesh(new SphereGeometry(0.04, 12, 8), new MeshLambertMaterial({ color: 0xffffff, emissive: 0x333333, depthTest: false }));
+  private readonly cg = new Mesh(
+    new SphereGeometry(0.04, 12, 8),
+    new MeshLambertMaterial({ color: 0xffffff, emissive: 0x333333, depthTest: false }),
+  );
   private readonly trail = new Line(new BufferGeometry(), new LineBasicMaterial());
   showForces = true;
   showGhost = true;
@@ -85,7 +105,15 @@ export class World {
     this.trail.frustumCulled = false;
     const sun = new DirectionalLight(0xffffff, 2);
     sun.position.set(3, 5, 8);
-    this.scene.add(this.body.root, this.ghost.root, this.dots, this.wind, this.trail, sun, new AmbientLight(0xffffff, 1.4));
+    this.scene.add(
+      this.body.root,
+      this.ghost.root,
+      this.dots,
+      this.wind,
+      this.trail,
+      sun,
+      new AmbientLight(0xffffff, 1.4),
+    );
     this.camera.up.set(0, 0, 1);
     this.recolour();
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.recolour());

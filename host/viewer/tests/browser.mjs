@@ -21,7 +21,9 @@ export function scratch(name) {
 
 /** Chromium with WebGL in software, or without WebGL. */
 export function browser({ webgl = true } = {}) {
-  const graphics = webgl ? ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"] : ["--disable-3d-apis"];
+  const graphics = webgl
+    ? ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+    : ["--disable-3d-apis"];
   return chromium.launch({ executablePath: need("BODYFLIGHT_CHROMIUM"), args: ["--no-sandbox", ...graphics] });
 }
 
@@ -34,7 +36,8 @@ export async function open(from, url, options = {}) {
     if (message.type() === "error") wrong.push(message.text());
   });
   page.on("request", (request) => {
-    if (!/^(file:|data:|blob:|http:\/\/127\.0\.0\.1:|ws:\/\/127\.0\.0\.1:)/.test(request.url())) wrong.push(`fetched ${request.url()}`);
+    if (!/^(file:|data:|blob:|http:\/\/127\.0\.0\.1:|ws:\/\/127\.0\.0\.1:)/.test(request.url()))
+      wrong.push(`fetched ${request.url()}`);
   });
   await page.goto(url);
   return { page, wrong };
@@ -51,8 +54,12 @@ export async function run(...words) {
 export function begin(...words) {
   const child = spawn(BODYFLIGHT, words);
   let [out, err] = ["", ""];
-  child.stdout.on("data", (data) => { out += data; });
-  child.stderr.on("data", (data) => { err += data; });
+  child.stdout.on("data", (data) => {
+    out += data;
+  });
+  child.stderr.on("data", (data) => {
+    err += data;
+  });
   const end = new Promise((resolve) => child.on("close", (code) => resolve({ code, out, err })));
   const line = async (pattern) => {
     for (let tries = 0; tries < 600; tries++) {
@@ -82,15 +89,18 @@ export function colours(page, selector) {
 
 /** How many pixels of a canvas have a colour of the style sheet. */
 export function inked(page, selector, ink) {
-  return page.evaluate(([selector, ink]) => {
-    const hex = getComputedStyle(document.documentElement).getPropertyValue(`--${ink}`).trim();
-    const wanted = [1, 3, 5].map((k) => Number.parseInt(hex.slice(k, k + 2), 16));
-    const canvas = document.querySelector(selector);
-    const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
-    let count = 0;
-    for (let k = 0; k < data.length; k += 4) {
-      if (data[k + 3] > 200 && wanted.every((value, n) => Math.abs(data[k + n] - value) < 24)) count += 1;
-    }
-    return count;
-  }, [selector, ink]);
+  return page.evaluate(
+    ([selector, ink]) => {
+      const hex = getComputedStyle(document.documentElement).getPropertyValue(`--${ink}`).trim();
+      const wanted = [1, 3, 5].map((k) => Number.parseInt(hex.slice(k, k + 2), 16));
+      const canvas = document.querySelector(selector);
+      const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+      let count = 0;
+      for (let k = 0; k < data.length; k += 4) {
+        if (data[k + 3] > 200 && wanted.every((value, n) => Math.abs(data[k + n] - value) < 24)) count += 1;
+      }
+      return count;
+    },
+    [selector, ink],
+  );
 }

@@ -22,10 +22,11 @@ after(async () => {
 });
 
 const ready = (page) => page.waitForSelector("html[data-ready=fly]");
-const yawRate = (page) => page.evaluate(() => {
-  const { core } = window.bodyflight;
-  return core.layout.part(core.frame(), "observation")[3];
-});
+const yawRate = (page) =>
+  page.evaluate(() => {
+    const { core } = window.bodyflight;
+    return core.layout.part(core.frame(), "observation")[3];
+  });
 
 test("holding a turn key turns, and letting it go ends the turn's growth", async () => {
   const { page, wrong } = await open(chromium, url);
@@ -51,12 +52,33 @@ test("the core in the page has the bits of the native one", async () => {
   const { page, wrong } = await open(chromium, url);
   await ready(page);
   const script = [
-    "begin 0", "step 240", "see", "command 0 1", "step 480", "see", "command 0 -0.5", "command 3 0.7", "joint 4 2 0.3", "step 2400", "see",
-    "muscle -1.2 0.5 2", "damping 0.2 0.5 6", "step 1200", "see", "begin 5", "step 4800", "see", "begin 3", "command 2 1", "step 2400", "see",
+    "begin 0",
+    "step 240",
+    "see",
+    "command 0 1",
+    "step 480",
+    "see",
+    "command 0 -0.5",
+    "command 3 0.7",
+    "joint 4 2 0.3",
+    "step 2400",
+    "see",
+    "muscle -1.2 0.5 2",
+    "damping 0.2 0.5 6",
+    "step 1200",
+    "see",
+    "begin 5",
+    "step 4800",
+    "see",
+    "begin 3",
+    "command 2 1",
+    "step 2400",
+    "see",
   ];
   const { setup, frames } = await page.evaluate((script) => {
     const { core, flight } = window.bodyflight;
-    const bits = (numbers) => [...new Uint32Array(Float32Array.from(numbers).buffer)].map((n) => n.toString(16).padStart(8, "0")).join(" ");
+    const bits = (numbers) =>
+      [...new Uint32Array(Float32Array.from(numbers).buffer)].map((n) => n.toString(16).padStart(8, "0")).join(" ");
     const frames = [];
     for (const line of script) {
       const [order, ...numbers] = line.split(" ");
@@ -69,7 +91,7 @@ test("the core in the page has the bits of the native one", async () => {
   assert.equal(native.status, 0, native.stderr);
   const expected = native.stdout.trim().split("\n");
   assert.equal(frames.length, 6);
-  frames.forEach((frame, k) => assert.equal(frame, expected[k], `frame ${k}`));
+  for (const [k, frame] of frames.entries()) assert.equal(frame, expected[k], `frame ${k}`);
   assert.ok(new Set(frames).size === 6);
   console.log("11520 steps, 6 frames of 257 numbers: the same bits");
   assert.deepEqual(wrong, []);
@@ -117,7 +139,9 @@ test("a recorded flight is saved as a flight that every verb reads", async () =>
   const flight = join(folder, "flown-0", "flight.toml");
   assert.ok(existsSync(flight));
   const report = JSON.parse(await run("--json", "simulate", flight));
-  console.log(`saved ${report.frames} frames; flown again: yaw rate apart by ${report.rms.yaw_rate_radps.toExponential(1)} rad/s RMS`);
+  console.log(
+    `saved ${report.frames} frames; flown again: yaw rate apart by ${report.rms.yaw_rate_radps.toExponential(1)} rad/s RMS`,
+  );
   assert.ok(report.rms.yaw_rate_radps < 0.01, JSON.stringify(report.rms));
   assert.deepEqual(wrong, []);
   await page.close();
@@ -125,10 +149,14 @@ test("a recorded flight is saved as a flight that every verb reads", async () =>
 
 test("another page cannot reach the server", async () => {
   const { page } = await open(chromium, "about:blank");
-  const refused = await page.evaluate((url) => new Promise((resolve) => {
-    const socket = new WebSocket(`${url.replace("http", "ws")}socket`);
-    socket.onopen = () => resolve(false);
-    socket.onerror = () => resolve(true);
-  }), url);
+  const refused = await page.evaluate(
+    (url) =>
+      new Promise((resolve) => {
+        const socket = new WebSocket(`${url.replace("http", "ws")}socket`);
+        socket.onopen = () => resolve(false);
+        socket.onerror = () => resolve(true);
+      }),
+    url,
+  );
   assert.ok(refused);
 });

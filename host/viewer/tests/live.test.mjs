@@ -14,7 +14,15 @@ before(async () => {
 after(() => chromium?.close());
 
 test("a stream is seen while it goes: body, latency, counters, estimates", async () => {
-  const program = begin("--json", "stream", join(folder, "flight.toml"), "--virtual", "--view", "--seconds", String(SECONDS));
+  const program = begin(
+    "--json",
+    "stream",
+    join(folder, "flight.toml"),
+    "--virtual",
+    "--view",
+    "--seconds",
+    String(SECONDS),
+  );
   const url = await program.line(/(http:\/\/127\.0\.0\.1:\S+)/);
   const { page, wrong } = await open(chromium, url);
   await page.waitForSelector("html[data-ready=live]");

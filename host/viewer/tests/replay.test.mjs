@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import { readFileSync, statSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
-import { browser, colours, inked, open, OUTPUT, run, scratch, shot } from "./browser.mjs";
+import { browser, colours, inked, OUTPUT, open, run, scratch, shot } from "./browser.mjs";
 
 const folder = scratch("view");
 const path = join(folder, "view.html");
@@ -30,9 +30,12 @@ test("a flight opens offline, in one small file, soon, and shows something", asy
   const count = await colours(page, "main > canvas");
   assert.ok(count > 100, `${count} colours`);
   assert.equal(await page.locator(".plot").count(), 9);
-  for (const ink of ["measured", "simulated", "residual"]) assert.ok((await inked(page, "[data-plot=pitch_rad] canvas", ink)) > 30, ink);
+  for (const ink of ["measured", "simulated", "residual"])
+    assert.ok((await inked(page, "[data-plot=pitch_rad] canvas", ink)) > 30, ink);
   assert.match(await page.textContent("#provenance"), /view.*flight\.mvnx.*sha256/s);
-  const overflow = await page.evaluate(() => document.documentElement.scrollWidth > innerWidth || document.documentElement.scrollHeight > innerHeight);
+  const overflow = await page.evaluate(
+    () => document.documentElement.scrollWidth > innerWidth || document.documentElement.scrollHeight > innerHeight,
+  );
   assert.ok(!overflow, "the page does not fit 1280 x 720");
   await shot(page, "replay");
   assert.deepEqual(wrong, []);
@@ -51,11 +54,13 @@ test("keys scrub, the slider seeks, play runs at the speed chosen", async () => 
   assert.ok(Math.abs((await time(page)) - 30) < 0.1);
   await page.keyboard.press("Home");
   assert.equal(await time(page), 0);
-  await page.fill("footer input", "10").catch(() => page.evaluate(() => {
-    const slider = document.querySelector("footer input");
-    slider.value = "10";
-    slider.dispatchEvent(new Event("input"));
-  }));
+  await page.fill("footer input", "10").catch(() =>
+    page.evaluate(() => {
+      const slider = document.querySelector("footer input");
+      slider.value = "10";
+      slider.dispatchEvent(new Event("input"));
+    }),
+  );
   assert.equal(await time(page), 10);
   assert.match(page.url(), /#t=10\.000/);
   await page.keyboard.press("Space");
@@ -72,7 +77,9 @@ test("the cursor is one for all plots, and a click goes there", async () => {
   await ready(page);
   const box = await page.locator("[data-plot=yaw_rate_radps] .u-over").boundingBox();
   await page.mouse.move(box.x + box.width / 2, box.y + 20);
-  const cursors = await page.$$eval(".u-cursor-x", (all) => all.map((cursor) => cursor.style.transform).filter((at) => !at.includes("-10px")));
+  const cursors = await page.$$eval(".u-cursor-x", (all) =>
+    all.map((cursor) => cursor.style.transform).filter((at) => !at.includes("-10px")),
+  );
   assert.ok(cursors.length >= 9, String(cursors));
   assert.equal(new Set(cursors).size, 1, String(cursors));
   await page.mouse.click(box.x + box.width / 2, box.y + 20);
@@ -85,7 +92,10 @@ test("numbers, plots, pictures and film can be taken out", async () => {
   const { page, wrong } = await open(chromium, `${url}#t=5`);
   await ready(page);
   const take = async (label) => {
-    const [download] = await Promise.all([page.waitForEvent("download"), page.click(`header button:text-is("${label}")`)]);
+    const [download] = await Promise.all([
+      page.waitForEvent("download"),
+      page.click(`header button:text-is("${label}")`),
+    ]);
     const to = join(OUTPUT, download.suggestedFilename());
     await download.saveAs(to);
     return readFileSync(to);
@@ -110,19 +120,40 @@ test("two runs are shown over one another, with what discovery found", async () 
   const [model, report] = [join(folder, "model.toml"), join(folder, "report.json")];
   writeFileSync(model, '[[effect]]\nname = "wind"\nnorth_mps = 4\n');
   const nine = (value) => Array(9).fill(value);
-  const named = { name: "wind", parameters: { north_mps: 4.01 }, standard_errors: { north_mps: 0.02 }, confidence: 30, explains: 1, rivals: [{ name: "exit-speed", share: 0.9 }], separated_by: "a long fall", imitated_by_inputs: false };
+  const named = {
+    name: "wind",
+    parameters: { north_mps: 4.01 },
+    standard_errors: { north_mps: 0.02 },
+    confidence: 30,
+    explains: 1,
+    rivals: [{ name: "exit-speed", share: 0.9 }],
+    separated_by: "a long fall",
+    imitated_by_inputs: false,
+  };
   const gap = { before: nine(0.5), after: nine(0.1), floor: nine(0.1), closed_share: 1 };
-  writeFileSync(report, JSON.stringify({
-    verdict: "named", effects: [named], nearest: [], explained: 1, disagreement: 40, gap, held_out: [{ misfit_before: 9000, misfit_after: 3000, numbers: 3000, gap }],
-    residual_map: [0, 1, 2, 3].map((time_s) => ({ time_s, over_floor: nine(5), over_floor_after: nine(1) })),
-  }));
+  writeFileSync(
+    report,
+    JSON.stringify({
+      verdict: "named",
+      effects: [named],
+      nearest: [],
+      explained: 1,
+      disagreement: 40,
+      gap,
+      held_out: [{ misfit_before: 9000, misfit_after: 3000, numbers: 3000, gap }],
+      residual_map: [0, 1, 2, 3].map((time_s) => ({ time_s, over_floor: nine(5), over_floor_after: nine(1) })),
+    }),
+  );
   await run("view", join(folder, "flight.toml"), "--model", model, "--discovery", report, "--out", two);
   const { page, wrong } = await open(chromium, `file://${two}`);
   await ready(page);
   assert.equal(await page.locator("#run option").count(), 2);
   await page.selectOption("#run", "1");
   const text = await page.textContent("#discovery");
-  assert.match(text, /named.*wind.*north_mps4\.01 ± 0\.020.*exit-speed here; fly: a long fall.*0\.500.*9000 before, 3000 after/s);
+  assert.match(
+    text,
+    /named.*wind.*north_mps4\.01 ± 0\.020.*exit-speed here; fly: a long fall.*0\.500.*9000 before, 3000 after/s,
+  );
   assert.ok((await colours(page, ".map")) > 2);
   await page.click(".map", { position: { x: 200, y: 50 } });
   assert.ok((await time(page)) > 0.5);
@@ -146,12 +177,18 @@ test("damaged pages say what is wrong", async () => {
   assert.match(await broken("cut", (text) => text.replace('"mode":"replay"', '"mode":"rep')), /damaged/);
   assert.match(await broken("new", (text) => text.replace('"schema":2', '"schema":99')), /version 99/);
   assert.match(await broken("series", (text) => text.replace(/"data":"[^"]{40}/, '"data":"')), /damaged/);
-  assert.match(await broken("empty", (text) => text.replace(/(id="bodyflight-data">).*?<\/script>/s, "$1null</script>")), /no data yet/);
+  assert.match(
+    await broken("empty", (text) => text.replace(/(id="bodyflight-data">).*?<\/script>/s, "$1null</script>")),
+    /no data yet/,
+  );
 });
 
 test("a name cannot become code", async () => {
   const evil = join(folder, "evil.html");
-  const html = readFileSync(path, "utf8").replace(/"title":"[^"]*"/, '"title":"\\u003cimg src=x onerror=window.evil=1>"');
+  const html = readFileSync(path, "utf8").replace(
+    /"title":"[^"]*"/,
+    '"title":"\\u003cimg src=x onerror=window.evil=1>"',
+  );
   writeFileSync(evil, html);
   const { page, wrong } = await open(chromium, `file://${evil}`);
   await ready(page);
@@ -169,21 +206,36 @@ test("light and dark are readable, and keys reach everything", async () => {
       const style = getComputedStyle(document.documentElement);
       const light = (name) => {
         const hex = style.getPropertyValue(`--${name}`).trim().slice(1);
-        const [r, g, b] = [0, 2, 4].map((k) => Number.parseInt(hex.slice(k, k + 2), 16) / 255).map((c) => (c <= 0.03928 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4));
+        const [r, g, b] = [0, 2, 4]
+          .map((k) => Number.parseInt(hex.slice(k, k + 2), 16) / 255)
+          .map((c) => (c <= 0.03928 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4));
         return 0.2126 * r + 0.7152 * g + 0.0722 * b;
       };
       const ratio = (a, b) => (Math.max(light(a), light(b)) + 0.05) / (Math.min(light(a), light(b)) + 0.05);
-      return Object.fromEntries([["text", 7], ["faint", 4.5], ["measured", 3], ["simulated", 3], ["second", 3], ["residual", 3], ["bad", 4.5]].map(([ink, least]) => [ink, [ratio(ink, "back"), least]]));
+      return Object.fromEntries(
+        [
+          ["text", 7],
+          ["faint", 4.5],
+          ["measured", 3],
+          ["simulated", 3],
+          ["second", 3],
+          ["residual", 3],
+          ["bad", 4.5],
+        ].map(([ink, least]) => [ink, [ratio(ink, "back"), least]]),
+      );
     });
-    for (const [ink, [ratio, least]] of Object.entries(contrasts)) assert.ok(ratio >= least, `${colorScheme} ${ink}: ${ratio}`);
+    for (const [ink, [ratio, least]] of Object.entries(contrasts))
+      assert.ok(ratio >= least, `${colorScheme} ${ink}: ${ratio}`);
     const controls = await page.locator("button, select, input").count();
     const reached = new Set();
     for (let k = 0; k < controls + 3; k++) {
       await page.keyboard.press("Tab");
-      reached.add(await page.evaluate(() => {
-        const all = [...document.querySelectorAll("button, select, input")];
-        return all.indexOf(document.activeElement);
-      }));
+      reached.add(
+        await page.evaluate(() => {
+          const all = [...document.querySelectorAll("button, select, input")];
+          return all.indexOf(document.activeElement);
+        }),
+      );
     }
     reached.delete(-1);
     assert.equal(reached.size, controls);
