@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use serde::Deserialize;
 
+use crate::f405;
 use crate::on_target::install_qemu;
 use crate::run::{Result, build_program, run, say, target_folder};
 use crate::unit::unit;
@@ -62,6 +63,7 @@ pub(crate) fn hil(seconds: u32) -> Result<()> {
     let folder = target_folder()?.join("hil");
     let flight = folder.join("flight.toml");
     Running::start(&["synth", "tracking", "--seed", "1", "--out"], &folder)?.output()?;
+    f405::paced(seconds)?;
     let seconds = seconds.to_string();
     let image = image.display().to_string();
     for target in [vec!["--qemu", &image], vec!["--virtual"]] {

@@ -1,6 +1,7 @@
 //! Tasks of the project: `cargo xtask <verb>`.
 
 mod budgets;
+mod f405;
 mod hil;
 mod image;
 mod on_target;
@@ -29,6 +30,8 @@ enum Verb {
     OnTarget,
     /// Build the images of the unit for all boards, and check their sizes.
     Unit,
+    /// Run the image for the STM32F405 on an emulated chip: the desktop's estimates, and back after every fault.
+    F405,
     /// Hide effects, look for them, and write how often they were found: docs/discovery.json and its table.
     DiscoveryBench {
         /// Flights for each effect.
@@ -44,7 +47,8 @@ enum Verb {
         #[arg(long)]
         pictures: bool,
     },
-    /// Stream a flight to the unit in QEMU and to the virtual unit: nothing lost, nothing late, the same bits.
+    /// Stream a flight to the unit in QEMU, on the emulated STM32F405 and to the virtual unit: nothing lost, nothing late,
+    /// the same bits.
     Hil {
         /// Seconds of flight, at the rate of the recording.
         #[arg(long, default_value_t = 30)]
@@ -57,6 +61,7 @@ fn main() -> ExitCode {
         Verb::Test => test::test(),
         Verb::OnTarget => on_target::on_target(),
         Verb::Unit => unit::unit().map(|_| ()),
+        Verb::F405 => f405::f405(),
         Verb::DiscoveryBench { seeds } => run::cargo(&[
             "bench",
             "--package",

@@ -1,5 +1,6 @@
 //! `cargo xtask test`.
 
+use crate::f405::f405;
 use crate::hil::hil;
 use crate::on_target::on_target;
 use crate::run::{Result, cargo};
@@ -14,6 +15,7 @@ pub(crate) fn test() -> Result<()> {
     viewer::build()?;
     cargo(&["test", "--workspace", "--locked"])?;
     on_target()?;
+    f405()?;
     hil(SECONDS_OF_STREAM)?;
     viewer::test()
 }

@@ -121,7 +121,7 @@ pub fn stream(
 }
 
 /// What the unit is told of flight and filter.
-fn configuration(
+pub fn configuration(
     flight: &Flight,
     first: &FlightFrame,
     preset: &Preset,

@@ -1,0 +1,333 @@
+//! The host at the line of the chip, in the chip's time.
+
+use bodyflight::formats::flight as file;
+use bodyflight::formats::subject::Subject;
+use bodyflight::unit::stream::twin::{Agreement, Twin};
+use bodyflight::unit::stream::{configuration, sample_of};
+use bodyflight::verbs::synthesize::{DEFAULT_SWAY, Request, SensorNoise, fly};
+use bodyflight_core::estimator::preset::PRESETS;
+use bodyflight_core::link::{
+    Configure, Decoder, Estimate, Event as LinkEvent, Header, Hello, HelloAcknowledge,
+    MAX_FRAME_LENGTH, Message, SCHEMA_HASH, Sample, SegmentTable, Start, Status, Stop, StreamMode,
+    Verdict,
+};
+use bodyflight_core::maneuver::Maneuver;
+
+use crate::Result;
+use crate::chip::{Chip, Event, Options};
+
+/// Samples a second.
+pub const RATE: u64 = 240;
+
+/// A flight as samples, and what the unit must know of it.
+#[derive(Debug, Clone)]
+pub struct Flight {
+    configure: Configure,
+    table: SegmentTable,
+    samples: Vec<Sample>,
+}
+
+impl Flight {
+    /// The bundled maneuver of that name, flown with the paper's sensor noise.
+    ///
+    /// # Errors
+    /// Returns an error if there is no such maneuver.
+    pub fn of(maneuver: &str) -> Result<Self> {
+        let maneuver =
+            Maneuver::from_name(maneuver).ok_or_else(|| format!("no maneuver {maneuver}"))?;
+        let subject = Subject::default();
+        let mut flight = file::Flight::bare("flight.mvnx".as_ref());
+        flight.subject = subject.clone();
+        flight.muscles = maneuver.muscles;
+        let request = Request {
+            maneuver,
+            subject: &subject,
+            density: 1.0,
+            seed: 1,
+            noise: SensorNoise::PAPER,
+            sway: DEFAULT_SWAY,
+        };
+        let mut frames = Vec::new();
+        let keep = |frame| {
+            frames.push(frame);
+            Ok(())
+        };
+        let failed = |problem| format!("{problem:?}");
+        fly(&request, &flight.dynamics(4000.0), keep, |_| ()).map_err(failed)?;
+        let first = frames.first().ok_or("the maneuver has no frames")?;
+        let (configure, table) =
+            configuration(&flight, first, &PRESETS[0], 240.0).map_err(failed)?;
+        Ok(Self {
+            configure,
+            table,
+            samples: frames.iter().map(sample_of).collect(),
+        })
+    }
+}
+
+/// How long the host waits (us).
+#[derive(Debug, Clone, Copy)]
+pub struct Limits;
+
+impl Limits {
+    /// For an answer before it asks again.
+    pub const ANSWER: u64 = 50_000;
+    /// For a unit that has gone away, before it gives up.
+    pub const RETURN: u64 = 10_000_000;
+    /// Between two looks at what came.
+    const LOOK: u64 = 1_000;
+}
+
+/// A host with a chip at its line.
+pub struct Host {
+    /// The chip.
+    pub chip: Chip,
+    flight: Flight,
+    decoder: Decoder,
+    twin: Twin,
+    session: u16,
+    sent: u32,
+    /// Time of the next sample (us).
+    due: u64,
+    /// Estimates of this session, with the time at which they came (us).
+    pub estimates: Vec<(u64, Estimate)>,
+    /// The last greeting.
+    pub greeting: Option<HelloAcknowledge>,
+    /// When it came (us), and how many did.
+    pub greeted: (u64, u32),
+    /// The last report.
+    pub status: Option<Status>,
+    configured: Option<(Verdict, u16)>,
+    started: bool,
+    /// Resets, with their time (us).
+    pub resets: Vec<(u64, String)>,
+}
+
+impl Host {
+    /// Powers a chip and waits for nothing.
+    ///
+    /// # Errors
+    /// Returns an error if the emulator does not start.
+    pub fn power(options: &Options, flight: &Flight) -> Result<Self> {
+        Ok(Self {
+            chip: Chip::start(options)?,
+            flight: flight.clone(),
+            decoder: Decoder::new(),
+            twin: Twin::new(),
+            session: 0,
+            sent: 0,
+            due: 0,
+            estimates: Vec::new(),
+            greeting: None,
+            greeted: (0, 0),
+            status: None,
+            configured: None,
+            started: false,
+            resets: Vec::new(),
+        })
+    }
+
+    /// Lets time pass (us) and takes in what comes.
+    ///
+    /// # Errors
+    /// Returns an error if the emulator has ended.
+    pub fn listen(&mut self, until: u64) -> Result<()> {
+        for event in self.chip.run(until)? {
+            match event {
+                Event::Reset { at, cause } => self.resets.push((at, cause)),
+                Event::Sent { at, port, bytes } if port == "host" => {
+                    for byte in bytes {
+                        if let Some(LinkEvent::Frame(header, message)) = self.decoder.push(byte) {
+                            self.hear(at, &header, &message);
+                        }
+                    }
+                }
+                Event::Sent { .. } => {}
+            }
+        }
+        Ok(())
+    }
+
+    fn hear(&mut self, at: u64, header: &Header, message: &Message) {
+        let ours = header.session == self.session;
+        match message {
+            Message::HelloAcknowledge(greeting) => {
+                self.greeting = Some(*greeting);
+                self.greeted = (at, self.greeted.1 + 1);
+            }
+            Message::Configured(answer) => {
+                self.configured = Some((answer.verdict, answer.segments));
+            }
+            Message::Estimate(estimate) if ours => {
+                self.twin.answer(estimate);
+                self.estimates.push((at, *estimate));
+            }
+            Message::Status(status) => {
+                self.started |= ours;
+                self.status = Some(*status);
+            }
+            _ => {}
+        }
+    }
+
+    fn frame(&self, sequence: u32, time: u64, message: Message) -> Vec<u8> {
+        let header = Header {
+            session: self.session,
+            sequence,
+            time,
+        };
+        let mut frame = vec![0; MAX_FRAME_LENGTH];
+        // The buffer suffices for every message.
+        let length = message.encode(&header, &mut frame).unwrap_or(0);
+        frame.truncate(length);
+        frame
+    }
+
+    fn command(&mut self, message: impl Into<Message>) -> Result<()> {
+        let frame = self.frame(0, self.chip.now(), message.into());
+        self.twin.receive(&frame);
+        self.chip.send(self.chip.now(), "host", &frame)
+    }
+
+    /// Asks until `answered`.
+    fn ask(
+        &mut self,
+        what: &str,
+        message: impl Into<Message>,
+        mut answered: impl FnMut(&Self) -> bool,
+    ) -> Result<()> {
+        let message = message.into();
+        let give_up = self.chip.now() + Limits::RETURN;
+        while self.chip.now() < give_up {
+            self.command(message)?;
+            let again = self.chip.now() + Limits::ANSWER;
+            while self.chip.now() < again {
+                self.listen(self.chip.now() + Limits::LOOK)?;
+                if answered(self) {
+                    return Ok(());
+                }
+            }
+        }
+        let look = self.chip.look()?;
+        Err(format!("the unit does not answer {what}: {look:?}"))
+    }
+
+    /// Greets, configures and starts a new session.
+    ///
+    /// # Errors
+    /// Returns an error if the unit does not answer.
+    pub fn connect(&mut self, mode: StreamMode) -> Result<()> {
+        self.session = self.session.wrapping_add(1);
+        (self.sent, self.started, self.configured) = (0, false, None);
+        self.twin = Twin::new();
+        self.estimates.clear();
+        let hello = Hello {
+            schema_hash: SCHEMA_HASH,
+            max_frame_length: u16::try_from(MAX_FRAME_LENGTH).unwrap_or(u16::MAX),
+        };
+        // The first may be what the unit says by itself after its start, before it has heard anything.
+        for _ in 0..2 {
+            let greetings = self.greeted.1;
+            self.ask("a greeting", hello, |host| host.greeted.1 > greetings)?;
+        }
+        let (configure, table) = (self.flight.configure, self.flight.table.clone());
+        self.ask("the configuration", configure, |host| {
+            host.configured.is_some()
+        })?;
+        for row in table.rows() {
+            let mask = 1 << (row.segment as u16);
+            self.ask("a segment", *row, |host| {
+                host.configured
+                    .is_some_and(|(_, segments)| segments & mask != 0)
+            })?;
+        }
+        if self.configured.map(|(verdict, _)| verdict) != Some(Verdict::Accepted) {
+            return Err(format!("the unit refuses: {:?}", self.configured));
+        }
+        self.ask("the start", Start { mode }, |host| host.started)?;
+        self.due = self.chip.now();
+        Ok(())
+    }
+
+    /// The next sample as a frame, due at a time (us); the desktop gets it too where `told`.
+    fn next_sample(&mut self, told: bool) -> (u64, Vec<u8>) {
+        let sequence = self.sent;
+        let samples = &self.flight.samples;
+        let sample = samples[sequence as usize % samples.len()];
+        let frame = self.frame(
+            sequence,
+            u64::from(sequence) * 1_000_000 / RATE,
+            sample.into(),
+        );
+        let due = self.due + u64::from(sequence) * 1_000_000 / RATE;
+        self.sent += 1;
+        if told {
+            self.twin.receive(&frame);
+        }
+        (due, frame)
+    }
+
+    /// Sends samples at the rate of the flight and takes in what comes meanwhile.
+    ///
+    /// # Errors
+    /// Returns an error if the emulator has ended.
+    pub fn fly(&mut self, samples: u32) -> Result<()> {
+        self.fly_harmed(samples, |_, frame| Some(frame))
+    }
+
+    /// The same, each frame as `harm` leaves it; frames that it drops the desktop does not see either.
+    ///
+    /// # Errors
+    /// Returns an error if the emulator has ended.
+    pub fn fly_harmed(
+        &mut self,
+        samples: u32,
+        mut harm: impl FnMut(u32, Vec<u8>) -> Option<Vec<u8>>,
+    ) -> Result<()> {
+        for _ in 0..samples {
+            let (due, frame) = self.next_sample(false);
+            if let Some(frame) = harm(self.sent - 1, frame) {
+                self.twin.receive(&frame);
+                self.chip.send(due, "host", &frame)?;
+            }
+            self.listen(due)?;
+        }
+        Ok(())
+    }
+
+    /// Samples sent in this session.
+    pub fn sent(&self) -> u32 {
+        self.sent
+    }
+
+    /// Ends the session; the unit's account of it.
+    ///
+    /// # Errors
+    /// Returns an error if the unit does not answer, or cannot account for every sample.
+    pub fn stop(&mut self) -> Result<Status> {
+        let sent = self.sent;
+        self.listen(self.chip.now() + 20_000)?;
+        self.ask("the end", Stop { sent }, |host| {
+            host.status.is_some_and(|status| accounted(&status) == sent)
+        })?;
+        self.status.ok_or_else(|| "no report".into())
+    }
+
+    /// How the estimates of the session compare with the desktop's.
+    pub fn agreement(&self) -> Agreement {
+        self.twin.agreement()
+    }
+}
+
+/// Samples whose fate is known.
+fn accounted(status: &Status) -> u32 {
+    [
+        status.used,
+        status.rejected,
+        status.dropped_oldest,
+        status.late,
+        status.missing,
+    ]
+    .into_iter()
+    .fold(0, u32::wrapping_add)
+}

@@ -1,0 +1,13 @@
+//! The unit's own image on an emulated STM32F405, in virtual time.
+//!
+//! [`Chip`] runs the emulator of `firmware/emulator/stm32f405`, and [`Host`] is the host at its line: it greets,
+//! configures and flies, and compares every estimate with the desktop's. `cargo xtask f405` runs the tests.
+
+mod chip;
+mod host;
+
+pub use chip::{Chip, Event, Look, Options, Provoked};
+pub use host::{Flight, Host, Limits, RATE};
+
+/// What went wrong, in a sentence.
+pub type Result<T> = core::result::Result<T, String>;

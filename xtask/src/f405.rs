@@ -1,0 +1,71 @@
+//! `cargo xtask f405`: the image for the STM32F405 on an emulated chip, flown and broken.
+
+use std::path::PathBuf;
+
+use crate::image;
+use crate::run::{Result, cargo_in, root, run, target_folder};
+
+/// Every test on the emulated chip.
+pub(crate) fn f405() -> Result<()> {
+    let image = image::build_board("stm32f405")?;
+    image::check(&image, "unit-stm32f405")?;
+    test("*", &image, &[])
+}
+
+/// A flight at its own rate: nothing lost, nothing late, every estimate the desktop's.
+pub(crate) fn paced(seconds: u32) -> Result<()> {
+    let image = image::build_board("stm32f405")?;
+    test(
+        "paced",
+        &image,
+        &[("BODYFLIGHT_F405_SECONDS", seconds.to_string())],
+    )
+}
+
+/// Runs tests on the chip. They are built with the workspace, so what its tests have built is not built again.
+fn test(name: &str, image: &std::path::Path, variables: &[(&str, String)]) -> Result<()> {
+    let mut all = vec![
+        ("BODYFLIGHT_F405_IMAGE", image.display().to_string()),
+        ("BODYFLIGHT_F405_PYTHON", python()?.display().to_string()),
+    ];
+    all.extend_from_slice(variables);
+    let tests: &[&str] = match name {
+        "paced" => &["--test", "f405_paced"],
+        _ => &["--test", "f405_*"],
+    };
+    let arguments = [
+        &["test", "--workspace", "--locked"],
+        tests,
+        &["--", "--ignored", "--nocapture"],
+    ]
+    .concat();
+    cargo_in(&root(), &arguments, &all)
+}
+
+/// Python with what the emulator needs, in an environment of its own.
+fn python() -> Result<PathBuf> {
+    let folder = target_folder()?.join("emulator");
+    let python = folder.join("bin/python");
+    let requirements = root().join("firmware/emulator/requirements.txt");
+    let wanted = std::fs::read_to_string(&requirements)
+        .map_err(|error| format!("{}: {error}", requirements.display()))?;
+    let marker = folder.join("installed.txt");
+    if std::fs::read_to_string(&marker).is_ok_and(|installed| installed == wanted) {
+        return Ok(python);
+    }
+    let advice = |error| format!("{error}: the emulator needs Python 3.9 with venv and pip");
+    run("python3", &["-m", "venv", &folder.display().to_string()]).map_err(advice)?;
+    let list = requirements.display().to_string();
+    let pip = [
+        "-m",
+        "pip",
+        "install",
+        "--quiet",
+        "--disable-pip-version-check",
+        "-r",
+        &list,
+    ];
+    run(&python.display().to_string(), &pip).map_err(advice)?;
+    std::fs::write(&marker, wanted).map_err(|error| format!("{}: {error}", marker.display()))?;
+    Ok(python)
+}
