@@ -16,8 +16,13 @@ pub trait Board {
     /// Bytes of stack that were never touched.
     fn stack_free(&self) -> u32;
 
-    /// Overruns and framing errors of the receiver since the start.
+    /// Overruns and other errors of the host's line since the start.
     fn line_errors(&self) -> [u32; 2];
+
+    /// The same of the sensor's line, where there is one.
+    fn sensor_errors(&self) -> [u32; 2] {
+        [0; 2]
+    }
 
     /// Tells the watchdog that the application goes on.
     fn feed_watchdog(&self);
@@ -33,16 +38,18 @@ pub struct Identity {
     pub build: [u8; 8],
     /// Changes at each start.
     pub boot_id: u32,
-    /// Why the unit started: 0 power, 1 fault, 2 watchdog, 3 other.
+    /// Why the unit started: 0 power, 1 fault, 2 watchdog, 3 other, 4 brown-out.
     pub reset_cause: u8,
     /// Starts after a fault since power was applied.
     pub fault_resets: u16,
-    /// The last fault: 0 none, 1 panic, 2 hard fault.
+    /// The last fault: 0 none, else a [`Kind`](crate::fault::Kind).
     pub fault_kind: u8,
-    /// Program counter at the last fault, 0 for a panic.
+    /// Program counter at the last fault, 0 where it is not known; for a panic the address of its location.
     pub fault_address: u32,
     /// Sequence number of the sample in work at the last fault.
     pub fault_sequence: u32,
+    /// End of file and line of the last fault where it was a panic.
+    pub fault_place: [u8; crate::fault::PLACE_BYTES],
     /// Starts by the watchdog.
     pub watchdog_resets: u32,
 }

@@ -6,7 +6,7 @@
 
 use core::cell::RefCell;
 
-use bodyflight_core::link::MAX_FRAME_LENGTH;
+use bodyflight_core::link::{MAX_FRAME_LENGTH, Status};
 use embassy_futures::join::join5;
 use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
@@ -28,7 +28,11 @@ const HEARTBEAT: Duration = Duration::from_millis(250);
 /// Heartbeats from one report to the next.
 const HEARTBEATS_A_REPORT: u32 = 4;
 
-/// Pause after a receiver that failed or was closed.
+/// Errors in a row after which a receiver lets the other tasks go on before it is read again. At once is best: until it is
+/// read again it is off, and every byte that comes is one more error.
+const ERRORS_AT_ONCE: u32 = 4;
+
+/// Pause after a port that was closed, or a transmitter that failed.
 const RECEIVER_PAUSE: Duration = Duration::from_millis(5);
 
 /// What the tasks share.
@@ -68,16 +72,18 @@ pub async fn run<B: Board>(
 impl<B: Board> Shared<'_, B> {
     async fn receive(&self, mut receiver: impl Read) {
         let mut bytes = [0; 128];
+        let mut errors = 0;
         loop {
             match receiver.read(&mut bytes).await {
                 Ok(count) if count > 0 => {
+                    errors = 0;
                     let received = bytes.get(..count).unwrap_or_default();
                     self.unit.borrow_mut().receive(received);
                 }
                 Ok(_) => Timer::after(RECEIVER_PAUSE).await,
                 Err(_) => {
                     self.unit.borrow_mut().line_error();
-                    Timer::after(RECEIVER_PAUSE).await;
+                    after_error(&mut errors).await;
                 }
             }
             self.arrived.signal(());
@@ -87,14 +93,17 @@ impl<B: Board> Shared<'_, B> {
 
     async fn receive_sensor(&self, mut sensor: impl Read) {
         let mut bytes = [0; 128];
+        let mut errors = 0;
         loop {
             match sensor.read(&mut bytes).await {
                 Ok(count) if count > 0 => {
+                    errors = 0;
                     let received = bytes.get(..count).unwrap_or_default();
                     self.unit.borrow_mut().receive_sensor(received);
                     self.arrived.signal(());
                 }
-                _ => Timer::after(RECEIVER_PAUSE).await,
+                Ok(_) => Timer::after(RECEIVER_PAUSE).await,
+                Err(_) => after_error(&mut errors).await,
             }
         }
     }
@@ -132,19 +141,18 @@ impl<B: Board> Shared<'_, B> {
         let mut beats = 0u32;
         loop {
             heartbeat.next().await;
-            self.unit.borrow().board().feed_watchdog();
+            self.unit.borrow_mut().feed_watchdog();
             beats = beats.wrapping_add(1);
             if beats.is_multiple_of(HEARTBEATS_A_REPORT) {
-                self.unit.borrow_mut().report();
+                let status = self.unit.borrow_mut().report();
                 self.outgoing.signal(());
-                self.log();
+                self.log(&status);
             }
         }
     }
 
-    fn log(&self) {
+    fn log(&self, status: &Status) {
         let unit = self.unit.borrow();
-        let status = unit.status();
         if let Some(sample) = unit.last_sample() {
             let Glance {
                 heading,
@@ -167,6 +175,14 @@ impl<B: Board> Shared<'_, B> {
             status.deadline_missed,
             status.cycles_max
         );
+    }
+}
+
+/// After an error of a receiver.
+async fn after_error(errors: &mut u32) {
+    *errors += 1;
+    if errors.is_multiple_of(ERRORS_AT_ONCE) {
+        yield_now().await;
     }
 }
 

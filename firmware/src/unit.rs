@@ -52,6 +52,8 @@ pub struct Unit<B: Board> {
     deadline_missed: u32,
     cycles_max: u32,
     not_taken_in: u32,
+    /// Samples worked off, and how many it were at the last heartbeat.
+    worked: [u32; 2],
 }
 
 impl<B: Board> Unit<B> {
@@ -75,6 +77,7 @@ impl<B: Board> Unit<B> {
             deadline_missed: 0,
             cycles_max: 0,
             not_taken_in: 0,
+            worked: [0; 2],
         }
     }
 
@@ -265,6 +268,7 @@ impl<B: Board> Unit<B> {
         let Some(waiting) = self.samples.pop() else {
             return false;
         };
+        self.worked[0] = self.worked[0].wrapping_add(1);
         let Header { sequence, time, .. } = waiting.header;
         self.board.note(sequence);
         self.last_sample = Some(waiting.sample);
@@ -316,10 +320,22 @@ impl<B: Board> Unit<B> {
         }
     }
 
-    /// Queues a report of what happened so far, where a host listens.
-    pub fn report(&mut self) {
+    /// Queues a report of what happened so far, where a host listens; the report.
+    pub fn report(&mut self) -> Status {
+        let status = self.status();
         if self.greeted {
-            self.send(self.board.now(), self.status());
+            self.send(self.board.now(), status);
+        }
+        status
+    }
+
+    /// A heartbeat: feeds the watchdog, unless samples wait and none was worked off since the last heartbeat. One such
+    /// heartbeat proves nothing, the sample may just have come; the watchdog bites after a few.
+    pub fn feed_watchdog(&mut self) {
+        let [worked, before] = self.worked;
+        self.worked[1] = worked;
+        if self.samples.is_empty() || worked != before {
+            self.board.feed_watchdog();
         }
     }
 

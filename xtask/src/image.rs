@@ -17,7 +17,7 @@ pub(crate) fn build(package: &str, name: &str) -> Result<PathBuf> {
     let package = ["--package", package, "--bin", name];
     let rest = ["--target", TARGET, "--profile", "firmware", "--locked"];
     let arguments = [&["build"], &package[..], &rest[..]].concat();
-    cargo_in(&root(), &arguments, &revision())?;
+    cargo_in(&root(), &arguments, &[])?;
     Ok(target_folder()?.join(TARGET).join("firmware").join(name))
 }
 
@@ -35,22 +35,8 @@ pub(crate) fn build_board(board: &str) -> Result<PathBuf> {
         &target,
     ];
     let board = root().join("firmware/boards").join(board);
-    cargo_in(&board, &arguments, &revision())?;
+    cargo_in(&board, &arguments, &[])?;
     Ok(folder.join(TARGET).join("firmware").join("unit"))
-}
-
-/// What images call themselves: the revision of the source where it is known.
-fn revision() -> Vec<(&'static str, String)> {
-    let output = Command::new("git")
-        .args(["rev-parse", "--short=8", "HEAD"])
-        .current_dir(root())
-        .output();
-    let revision = output.ok().filter(|output| output.status.success());
-    revision
-        .map(|output| String::from_utf8_lossy(&output.stdout).trim().to_owned())
-        .map(|revision| ("BODYFLIGHT_REVISION", revision))
-        .into_iter()
-        .collect()
 }
 
 /// A target of the compiler, by rustup where it is missing.

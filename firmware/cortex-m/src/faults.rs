@@ -1,98 +1,140 @@
-//! Panics and faults: written down where a reset does not reach, then a new start. And the stack's high water.
+//! Panics and faults: written down where a reset does not reach, then a new start.
 
-use core::cell::Cell;
-use core::mem::MaybeUninit;
 use core::panic::PanicInfo;
-use core::sync::atomic::{AtomicU32, Ordering};
 
-use bodyflight_firmware::fault::{Kind, Record, WORDS};
+use bodyflight_firmware::fault::{Kind, Record, Reset, WORDS};
 use cortex_m::peripheral::SCB;
-use cortex_m_rt::{ExceptionFrame, exception};
-use critical_section::Mutex;
 
-/// What the stack is filled with before the start.
-const PAINT: u32 = 0xCCCC_CCCC;
+use crate::retained::Retained;
+use crate::stack::marks;
 
 #[allow(unsafe_code, reason = "placed where the start-up code does not write")]
 #[unsafe(link_section = ".uninit.record")]
-static RECORD: Mutex<Cell<MaybeUninit<[u32; WORDS]>>> =
-    Mutex::new(Cell::new(MaybeUninit::uninit()));
+static RECORD: Retained<WORDS> = Retained::new();
 
-fn load() -> Record {
-    let words = critical_section::with(|token| RECORD.borrow(token).get());
-    // SAFETY: any bits are words; whether they are a record is checked by their sum.
-    #[allow(unsafe_code, reason = "reads memory that power-on left as it was")]
-    let words = unsafe { words.assume_init() };
-    Record::read(&words)
-}
+/// The sample in work.
+#[allow(unsafe_code, reason = "placed where the start-up code does not write")]
+#[unsafe(link_section = ".uninit.sequence")]
+static SEQUENCE: Retained<1> = Retained::new();
 
-fn store(record: &Record) {
-    let words = MaybeUninit::new(record.words());
-    critical_section::with(|token| RECORD.borrow(token).set(words));
-}
+/// Configuration and control: a division by zero faults.
+const DIVISION_TRAP: u32 = 1 << 4;
 
-/// The first bytes of the source revision that the image was built from, zero where unknown.
+/// Causes in the configurable fault status: memory, bus and usage faults.
+const MEMORY: u32 = 0x0000_00FF;
+const BUS: u32 = 0x0000_FF00;
+const UNDEFINED: u32 = 1 << 16;
+const UNALIGNED: u32 = 1 << 24;
+const DIVISION: u32 = 1 << 25;
+/// The stack took no frame on entry to an exception.
+const STACKING: u32 = 1 << 4 | 1 << 12;
+
+/// The source revision that the image was built from.
 pub fn build() -> [u8; 8] {
     let mut build = [0; 8];
-    let revision = option_env!("BODYFLIGHT_REVISION").unwrap_or_default();
-    for (place, byte) in build.iter_mut().zip(revision.bytes()) {
+    for (place, byte) in build.iter_mut().zip(env!("BODYFLIGHT_REVISION").bytes()) {
         *place = byte;
     }
     build
 }
 
 /// Counts this start and tells what is known of those before.
-pub fn begin() -> Record {
-    let mut record = load();
-    record.start();
-    store(&record);
+pub fn begin(reset: Reset) -> Record {
+    // SAFETY: only makes a fault of what gives a wrong quotient otherwise.
+    #[allow(unsafe_code, reason = "a register of the processor")]
+    unsafe {
+        (*SCB::PTR).ccr.modify(|control| control | DIVISION_TRAP);
+    }
+    let mut record = Record::read(&RECORD.load());
+    record.start(reset, SEQUENCE.load()[0]);
+    RECORD.store(record.words());
+    note(0);
     record
 }
 
-/// The sample in work.
-static SEQUENCE: AtomicU32 = AtomicU32::new(0);
-
 /// Notes the sample in work.
 pub fn note(sequence: u32) {
-    SEQUENCE.store(sequence, Ordering::Relaxed);
+    SEQUENCE.store([sequence]);
 }
 
-fn restart(kind: Kind, address: u32) -> ! {
-    let mut record = load();
-    record.fault(kind, address, SEQUENCE.load(Ordering::Relaxed));
-    store(&record);
-    SCB::sys_reset()
+/// Writes a fault down.
+fn write_down(kind: Kind, address: u32, place: Option<(&str, u32)>) {
+    let mut record = Record::read(&RECORD.load());
+    record.fault(kind, address, SEQUENCE.load()[0]);
+    if let Some((file, line)) = place {
+        record.place(file, line);
+    }
+    RECORD.store(record.words());
 }
 
 #[panic_handler]
 fn panic(info: &PanicInfo<'_>) -> ! {
+    cortex_m::interrupt::disable();
+    let place = info.location();
+    let address = place.map_or(0, |place| core::ptr::from_ref(place) as u32);
+    let place = place.map(|place| (place.file(), place.line()));
+    // Before the log, which may panic itself.
+    write_down(Kind::Panic, address, place);
     defmt::error!("{}", defmt::Display2Format(info));
-    restart(Kind::Panic, 0)
+    SCB::sys_reset()
 }
 
-#[allow(unsafe_code, reason = "the runtime hands over the faulting frame")]
-#[exception]
-unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
-    restart(Kind::HardFault, frame.pc())
+/// A fault of the processor. Where the stack pointer is near the end of the stack or outside, the handler gets the
+/// stack anew: it would fault itself, and the processor lock up.
+#[allow(unsafe_code, reason = "the stack pointer may be anywhere")]
+#[unsafe(export_name = "HardFault")]
+#[unsafe(naked)]
+unsafe extern "C" fn enter_hard_fault() -> ! {
+    core::arch::naked_asm!(
+        "mrs r0, msp",
+        "movw r1, #:lower16:_stack_end",
+        "movt r1, #:upper16:_stack_end",
+        "add r1, r1, #{room}",
+        "movw r2, #:lower16:_stack_start",
+        "movt r2, #:upper16:_stack_start",
+        "cmp r0, r1",
+        "blo 1f",
+        "cmp r0, r2",
+        "bls 2f",
+        "1:",
+        "msr msp, r2",
+        "2:",
+        "b {handler}",
+        room = const ROOM,
+        handler = sym hard_fault,
+    )
 }
 
-/// Bytes of stack that were never touched.
-pub fn stack_free() -> u32 {
-    #[allow(
-        unsafe_code,
-        reason = "the linker's mark of the lowest address of the stack"
-    )]
-    unsafe extern "C" {
-        static _stack_end: u32;
-    }
-    let bottom = &raw const _stack_end as u32;
-    let top = cortex_m::register::msp::read();
-    let painted = |address: &u32| {
-        // SAFETY: aligned RAM between the statics and the stack pointer.
-        #[allow(unsafe_code, reason = "looks at unused stack")]
-        let word = unsafe { core::ptr::read_volatile(*address as *const u32) };
-        word == PAINT
+/// Room that the handler needs on the stack (bytes).
+const ROOM: u32 = 512;
+
+/// Bytes of the frame that the processor pushes, and where the program counter lies in it.
+const FRAME: u32 = 32;
+const PROGRAM_COUNTER: u32 = 24;
+
+extern "C" fn hard_fault(frame: u32) -> ! {
+    // SAFETY: reads a register of the processor.
+    #[allow(unsafe_code, reason = "a register of the processor")]
+    let status = unsafe { (*SCB::PTR).cfsr.read() };
+    let inside = frame >= marks::bottom() && frame.saturating_add(FRAME) <= marks::top();
+    let kind = match status {
+        _ if !inside || status & STACKING != 0 => Kind::StackOverflow,
+        status if status & UNDEFINED != 0 => Kind::Undefined,
+        status if status & UNALIGNED != 0 => Kind::Unaligned,
+        status if status & DIVISION != 0 => Kind::DivisionByZero,
+        status if status & BUS != 0 => Kind::Bus,
+        status if status & MEMORY != 0 => Kind::Memory,
+        _ => Kind::HardFault,
     };
-    let end = (bottom..top).step_by(4).find(|address| !painted(address));
-    end.unwrap_or(top).saturating_sub(bottom)
+    let address = if kind == Kind::StackOverflow {
+        0
+    } else {
+        // SAFETY: the processor has pushed its frame there, inside the stack.
+        #[allow(unsafe_code, reason = "the faulting frame")]
+        unsafe {
+            ((frame + PROGRAM_COUNTER) as *const u32).read_volatile()
+        }
+    };
+    write_down(kind, address, None);
+    SCB::sys_reset()
 }

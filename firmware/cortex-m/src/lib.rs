@@ -4,3 +4,5 @@
 #![no_std]
 
 pub mod faults;
+mod retained;
+pub mod stack;

@@ -249,8 +249,8 @@ impl Host {
         Ok(())
     }
 
-    /// The next sample as a frame, due at a time (us); the desktop gets it too where `told`.
-    fn next_sample(&mut self, told: bool) -> (u64, Vec<u8>) {
+    /// The next sample as a frame, due at a time (us).
+    fn next_sample(&mut self) -> (u64, Vec<u8>) {
         let sequence = self.sent;
         let samples = &self.flight.samples;
         let sample = samples[sequence as usize % samples.len()];
@@ -259,11 +259,8 @@ impl Host {
             u64::from(sequence) * 1_000_000 / RATE,
             sample.into(),
         );
-        let due = self.due + u64::from(sequence) * 1_000_000 / RATE;
+        let due = self.next_due();
         self.sent += 1;
-        if told {
-            self.twin.receive(&frame);
-        }
         (due, frame)
     }
 
@@ -285,7 +282,7 @@ impl Host {
         mut harm: impl FnMut(u32, Vec<u8>) -> Option<Vec<u8>>,
     ) -> Result<()> {
         for _ in 0..samples {
-            let (due, frame) = self.next_sample(false);
+            let (due, frame) = self.next_sample();
             if let Some(frame) = harm(self.sent - 1, frame) {
                 self.twin.receive(&frame);
                 self.chip.send(due, "host", &frame)?;
@@ -293,6 +290,25 @@ impl Host {
             self.listen(due)?;
         }
         Ok(())
+    }
+
+    /// Samples that the unit misses in this session, by its own account of now.
+    ///
+    /// # Errors
+    /// Returns an error if the unit does not answer.
+    pub fn missing(&mut self) -> Result<u32> {
+        self.status = None;
+        // A start that is repeated is answered by a report.
+        let mode = StreamMode::Paced;
+        self.ask("for a report", Start { mode }, |host| host.status.is_some())?;
+        // Meanwhile no samples were due.
+        self.due += self.chip.now().saturating_sub(self.next_due());
+        Ok(self.status.map_or(0, |status| status.missing))
+    }
+
+    /// When the next sample is due (us).
+    fn next_due(&self) -> u64 {
+        self.due + u64::from(self.sent) * 1_000_000 / RATE
     }
 
     /// Samples sent in this session.

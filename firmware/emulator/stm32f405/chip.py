@@ -16,8 +16,9 @@ from .peripherals import NEVER, TICKS, Random, Rcc, Registers, Timer, Watchdog
 FLASH, CCM, RAM = (0x0800_0000, 0x10_0000), (0x1000_0000, 0x1_0000), (0x2000_0000, 0x2_0000)
 # Not programmed by any image; what is done on purpose finds place here.
 SCRATCH = 0x080F_FF00
-# Instructions from one look at the peripherals to the next.
-LONGEST_SLICE = 1000
+# Instructions from one look at the peripherals to the next: few after the processor slept, since Unicorn does not say how
+# many it ran before it sleeps again.
+SHORTEST_SLICE, LONGEST_SLICE = 60, 1000
 PORTS = ("host", "sensor")
 
 
@@ -42,6 +43,7 @@ class Chip(cpu.Processor):
         unicorn.mmio_map(0xE000_0000, 0x10_0000, self.read_private, None, self.write_private, None)
         unicorn.hook_add(UC_HOOK_MEM_INVALID, self.on_invalid)
         self.bad_address = None
+        self.slice = SHORTEST_SLICE
         self.load(image)
         self.power_on()
 
@@ -239,8 +241,9 @@ class Chip(cpu.Processor):
         if self.asleep or self.locked_up:
             self.now += max(span, 1)
             return
-        count = min(max(int(span / (self.cycles * self.tick)), 1), LONGEST_SLICE)
+        count = min(max(int(span / (self.cycles * self.tick)), 1), self.slice)
         executed = self.run(count)
+        self.slice = SHORTEST_SLICE if self.stop else min(2 * self.slice, LONGEST_SLICE)
         self.instructions += executed
         self.charge(executed * self.cycles)
         if self.stop == ("reset", "software"):

@@ -21,7 +21,8 @@ class Dma:
     def __init__(self, chip, interrupts):
         self.chip, self.interrupts = chip, interrupts
         self.streams = [
-            dict(cr=0, ndtr=0, par=0, m0ar=0, m1ar=0, fcr=0x21, flags=0, index=0, length=0) for _ in range(self.COUNT)
+            dict(cr=0, ndtr=0, par=0, m0ar=0, m1ar=0, fcr=0x21, flags=0, index=0, length=0)
+            for _ in range(self.COUNT)
         ]
 
     def read(self, offset):
@@ -42,10 +43,13 @@ class Dma:
             number, register = divmod(offset - 0x10, 0x18)
             stream, field = self.streams[number], self.FIELDS[register // 4]
             if field == "cr" and value & 1 and not stream["cr"] & 1:
-                stream["index"], stream["length"] = 0, stream["ndtr"]
+                # The count is loaded again with what was written last [10.5.6].
+                stream["index"], stream["ndtr"] = 0, stream["length"]
             elif field == "cr" and stream["cr"] & 1 and not value & 1:
                 # Switching a stream off counts as its end [10.3.17].
                 stream["flags"] |= self.COMPLETE
+            if field == "ndtr":
+                stream["length"] = value
             stream[field] = value
 
     def find(self, peripheral, towards_peripheral):

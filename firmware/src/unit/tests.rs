@@ -16,6 +16,7 @@ use crate::test_flight::{configure, samples, table, time};
 struct Bench {
     now: Cell<u64>,
     step: u64,
+    fed: Cell<u32>,
 }
 
 impl Board for Bench {
@@ -31,7 +32,9 @@ impl Board for Bench {
     fn line_errors(&self) -> [u32; 2] {
         [3, 4]
     }
-    fn feed_watchdog(&self) {}
+    fn feed_watchdog(&self) {
+        self.fed.set(self.fed.get() + 1);
+    }
     fn note(&self, _: u32) {}
 }
 
@@ -39,6 +42,7 @@ fn unit() -> Unit<Bench> {
     let bench = Bench {
         now: Cell::new(0),
         step: 10,
+        fed: Cell::new(0),
     };
     Unit::new(bench, Identity::default())
 }
@@ -396,4 +400,26 @@ proptest! {
         tell(&mut unit, SESSION, hello());
         prop_assert_eq!(heard(&mut unit).len(), 1);
     }
+}
+
+#[test]
+fn the_watchdog_is_fed_while_samples_are_worked_off_and_not_while_they_wait() {
+    let samples = samples(3);
+    let mut unit = running(StreamMode::Paced);
+    let fed = |unit: &mut Unit<Bench>| {
+        let before = unit.board().fed.get();
+        unit.feed_watchdog();
+        unit.board().fed.get() - before
+    };
+    assert_eq!(fed(&mut unit), 1, "nothing to do");
+    tell_numbered(&mut unit, SESSION, 0, time(0), samples[0]);
+    assert_eq!(fed(&mut unit), 0, "it waits");
+    assert_eq!(fed(&mut unit), 0, "it still does");
+    tell_numbered(&mut unit, SESSION, 1, time(1), samples[1]);
+    tell_numbered(&mut unit, SESSION, 2, time(2), samples[2]);
+    assert!(unit.work());
+    assert_eq!(fed(&mut unit), 1, "one of three was worked off");
+    assert_eq!(fed(&mut unit), 0, "two wait");
+    while unit.work() {}
+    assert_eq!(fed(&mut unit), 1);
 }

@@ -1,12 +1,14 @@
 //! The unit on an STM32F405: USART3 to the host (PB10 out, PB11 in, 460800 baud), USART6 from an inertial
-//! sensor (PC7 in, 460800 baud), logs by RTT, a crystal of 12 MHz.
+//! sensor (PC7 in, 460800 baud), logs by RTT, a crystal of 12 MHz. The chip itself is in `chip.rs`.
 #![no_std]
 #![no_main]
+
+mod chip;
 
 use core::cell::RefCell;
 use core::sync::atomic::{AtomicU32, Ordering};
 
-use bodyflight_cortex_m::faults;
+use bodyflight_cortex_m::{faults, stack};
 use bodyflight_firmware::{Board, RECEIVER_BYTES, Unit, run};
 use cortex_m::peripheral::DWT;
 // Linked for its logger.
@@ -14,10 +16,9 @@ use defmt_rtt as _;
 use embassy_executor::Spawner;
 use embassy_stm32::mode::Async;
 use embassy_stm32::peripherals::{DMA1_CH1, DMA1_CH3, DMA2_CH1, IWDG, USART3, USART6};
-use embassy_stm32::time::Hertz;
 use embassy_stm32::usart::{self, RingBufferedUartRx, Uart, UartRx, UartTx};
 use embassy_stm32::wdg::IndependentWatchdog;
-use embassy_stm32::{Config, bind_interrupts, dma, rcc};
+use embassy_stm32::{bind_interrupts, dma};
 use embedded_io_async::{ErrorType, Read};
 use static_cell::StaticCell;
 
@@ -32,13 +33,35 @@ bind_interrupts!(struct Interrupts {
 /// Rate of both lines (baud).
 const BAUD: u32 = 460_800;
 
-/// The watchdog bites after this long without a heartbeat, four of them (us).
-const WATCHDOG: u32 = 1_000_000;
+/// Errors of a receiver since the start: bytes that were lost, and others.
+struct Errors {
+    overruns: AtomicU32,
+    others: AtomicU32,
+}
 
-/// Receiver overruns since the start.
-static OVERRUNS: AtomicU32 = AtomicU32::new(0);
-/// Other errors of the receiver.
-static LINE_ERRORS: AtomicU32 = AtomicU32::new(0);
+static HOST_ERRORS: Errors = Errors::new();
+static SENSOR_ERRORS: Errors = Errors::new();
+
+impl Errors {
+    const fn new() -> Self {
+        Self {
+            overruns: AtomicU32::new(0),
+            others: AtomicU32::new(0),
+        }
+    }
+
+    fn count(&self, error: usart::Error) {
+        let counter = match error {
+            usart::Error::Overrun => &self.overruns,
+            _ => &self.others,
+        };
+        counter.fetch_add(1, Ordering::Relaxed);
+    }
+
+    fn counted(&self) -> [u32; 2] {
+        [&self.overruns, &self.others].map(|counter| counter.load(Ordering::Relaxed))
+    }
+}
 
 /// The board as the application sees it.
 struct Stm32f405 {
@@ -51,11 +74,15 @@ impl Board for Stm32f405 {
     }
 
     fn stack_free(&self) -> u32 {
-        faults::stack_free()
+        stack::free()
     }
 
     fn line_errors(&self) -> [u32; 2] {
-        [&OVERRUNS, &LINE_ERRORS].map(|counter| counter.load(Ordering::Relaxed))
+        HOST_ERRORS.counted()
+    }
+
+    fn sensor_errors(&self) -> [u32; 2] {
+        SENSOR_ERRORS.counted()
     }
 
     fn feed_watchdog(&self) {
@@ -68,7 +95,10 @@ impl Board for Stm32f405 {
 }
 
 /// A receiver that counts its errors; the application goes on behind them.
-struct Receiver(RingBufferedUartRx<'static>);
+struct Receiver {
+    ring: RingBufferedUartRx<'static>,
+    errors: &'static Errors,
+}
 
 impl ErrorType for Receiver {
     type Error = usart::Error;
@@ -76,38 +106,9 @@ impl ErrorType for Receiver {
 
 impl Read for Receiver {
     async fn read(&mut self, bytes: &mut [u8]) -> Result<usize, usart::Error> {
-        let result = self.0.read(bytes).await;
-        if let Err(error) = &result {
-            let counter = match error {
-                usart::Error::Overrun => &OVERRUNS,
-                _ => &LINE_ERRORS,
-            };
-            counter.fetch_add(1, Ordering::Relaxed);
-        }
-        result
+        let result = self.ring.read(bytes).await;
+        result.inspect_err(|error| self.errors.count(*error))
     }
-}
-
-/// 168 MHz from a crystal of 12 MHz.
-fn clocks() -> Config {
-    let mut config = Config::default();
-    config.rcc.hse = Some(rcc::Hse {
-        freq: Hertz::mhz(12),
-        mode: rcc::HseMode::Oscillator,
-    });
-    config.rcc.pll_src = rcc::PllSource::HSE;
-    config.rcc.pll = Some(rcc::Pll {
-        prediv: rcc::PllPreDiv::DIV6,
-        mul: rcc::PllMul::MUL168,
-        divp: Some(rcc::PllPDiv::DIV2),
-        divq: Some(rcc::PllQDiv::DIV7),
-        divr: None,
-    });
-    config.rcc.ahb_pre = rcc::AHBPrescaler::DIV1;
-    config.rcc.apb1_pre = rcc::APBPrescaler::DIV4;
-    config.rcc.apb2_pre = rcc::APBPrescaler::DIV2;
-    config.rcc.sys = rcc::Sysclk::PLL1_P;
-    config
 }
 
 static UNIT: StaticCell<RefCell<Unit<Stm32f405>>> = StaticCell::new();
@@ -126,15 +127,16 @@ async fn application(
 
 #[embassy_executor::main]
 async fn main(spawner: Spawner) {
-    let record = faults::begin();
-    let board = embassy_stm32::init(clocks());
+    let watchdog = chip::watchdog();
+    let record = faults::begin(chip::reset());
+    let board = embassy_stm32::init(chip::clocks());
+    chip::accelerate_flash();
     if let Some(mut core) = cortex_m::Peripherals::take() {
         core.DCB.enable_trace();
         core.DWT.enable_cycle_counter();
     }
     let mut line = usart::Config::default();
     line.baudrate = BAUD;
-    line.eager_reads = Some(1);
     let host = Uart::new(
         board.USART3,
         board.PB11,
@@ -152,15 +154,22 @@ async fn main(spawner: Spawner) {
     let (transmitter, receiver) = host.split();
     let receiver = receiver.into_ring_buffered(FROM_HOST.init([0; RECEIVER_BYTES]));
     let sensor = sensor.into_ring_buffered(FROM_SENSOR.init([0; RECEIVER_BYTES]));
-    let mut watchdog = IndependentWatchdog::new(board.IWDG, WATCHDOG);
-    watchdog.unleash();
-    // The cycle counter has run for a time that differs from start to start.
-    let identity = record.identity(faults::build(), DWT::cycle_count() << 8);
+    chip::order_interrupts();
+    let chance = chip::random().unwrap_or_else(DWT::cycle_count);
+    let identity = record.identity(faults::build(), chance);
     let board = Stm32f405 {
         watchdog: RefCell::new(watchdog),
     };
     let unit = UNIT.init_with(|| RefCell::new(Unit::new(board, identity)));
-    match application(unit, Receiver(receiver), transmitter, Receiver(sensor)) {
+    let receiver = Receiver {
+        ring: receiver,
+        errors: &HOST_ERRORS,
+    };
+    let sensor = Receiver {
+        ring: sensor,
+        errors: &SENSOR_ERRORS,
+    };
+    match application(unit, receiver, transmitter, sensor) {
         Ok(task) => spawner.spawn(task),
         Err(_) => defmt::error!("the task is running already"),
     }

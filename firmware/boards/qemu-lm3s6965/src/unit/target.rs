@@ -6,7 +6,8 @@ mod uart;
 use core::cell::RefCell;
 use core::sync::atomic::{AtomicBool, Ordering};
 
-use bodyflight_cortex_m::faults;
+use bodyflight_cortex_m::{faults, stack};
+use bodyflight_firmware::fault::Reset;
 use bodyflight_firmware::{Board, Unit, run};
 use cortex_m::peripheral::{Peripherals, SYST};
 use cortex_m_rt::entry;
@@ -27,7 +28,7 @@ impl Board for Lm3s6965 {
     }
 
     fn stack_free(&self) -> u32 {
-        faults::stack_free()
+        stack::free()
     }
 
     fn line_errors(&self) -> [u32; 2] {
@@ -66,7 +67,8 @@ async fn application(unit: &'static RefCell<Unit<Lm3s6965>>) {
 
 #[entry]
 fn main() -> ! {
-    let record = faults::begin();
+    // The machine starts with its power, or after a fault; nothing else resets it.
+    let record = faults::begin(Reset::Software);
     if let Some(mut peripherals) = Peripherals::take() {
         time::start(&mut peripherals.SYST);
         for port in [&UART0, &UART1] {

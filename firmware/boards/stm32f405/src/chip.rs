@@ -1,0 +1,113 @@
+//! What the chip needs before and beside its ports: watchdog, clocks, flash, chance.
+
+use bodyflight_firmware::fault::Reset;
+use embassy_stm32::interrupt::{self, InterruptExt, Priority};
+use embassy_stm32::pac::{FLASH, RCC, RNG};
+use embassy_stm32::peripherals::IWDG;
+use embassy_stm32::time::Hertz;
+use embassy_stm32::wdg::IndependentWatchdog;
+use embassy_stm32::{Config, rcc};
+
+/// The watchdog bites after this long without a heartbeat, four of them (us).
+const WATCHDOG: u32 = 1_000_000;
+
+/// Looks at a crystal that starts, some 100 ms at the 16 MHz of the start; crystals take 2 ms.
+const CRYSTAL_LOOKS: u32 = 100_000;
+
+/// Looks at a random number that is made in 40 cycles of its clock.
+const RANDOM_LOOKS: u32 = 10_000;
+
+/// Why the chip started. The flags add up until they are cleared, and power-on sets those of weaker causes too.
+pub(crate) fn reset() -> Reset {
+    let flags = RCC.csr().read();
+    RCC.csr().modify(|csr| csr.set_rmvf(true));
+    if flags.porrstf() {
+        Reset::Power
+    } else if flags.wdgrstf() {
+        Reset::Watchdog
+    } else if flags.sftrstf() {
+        Reset::Software
+    } else if flags.borrstf() {
+        Reset::BrownOut
+    } else {
+        Reset::Other
+    }
+}
+
+/// Starts the watchdog. It runs on an oscillator of its own, so it may go first.
+#[allow(
+    unsafe_code,
+    reason = "before the clocks there are no peripherals to own"
+)]
+pub(crate) fn watchdog() -> IndependentWatchdog<'static, IWDG> {
+    // SAFETY: nobody else takes the watchdog.
+    let peripheral = unsafe { IWDG::steal() };
+    let mut watchdog = IndependentWatchdog::new(peripheral, WATCHDOG);
+    watchdog.unleash();
+    watchdog
+}
+
+/// 168 MHz, from a crystal of 12 MHz, or from the chip's own oscillator of 16 MHz where no crystal starts: that one is
+/// within 1 % at room temperature, close enough for the lines.
+pub(crate) fn clocks() -> Config {
+    RCC.cr().modify(|control| control.set_hseon(true));
+    let crystal = (0..CRYSTAL_LOOKS).any(|_| RCC.cr().read().hserdy());
+    let mut config = Config::default();
+    let prediv = if crystal {
+        config.rcc.hse = Some(rcc::Hse {
+            freq: Hertz::mhz(12),
+            mode: rcc::HseMode::Oscillator,
+        });
+        config.rcc.pll_src = rcc::PllSource::HSE;
+        rcc::PllPreDiv::DIV6
+    } else {
+        RCC.cr().modify(|control| control.set_hseon(false));
+        config.rcc.pll_src = rcc::PllSource::HSI;
+        rcc::PllPreDiv::DIV8
+    };
+    config.rcc.pll = Some(rcc::Pll {
+        prediv,
+        mul: rcc::PllMul::MUL168,
+        divp: Some(rcc::PllPDiv::DIV2),
+        divq: Some(rcc::PllQDiv::DIV7),
+        divr: None,
+    });
+    config.rcc.ahb_pre = rcc::AHBPrescaler::DIV1;
+    config.rcc.apb1_pre = rcc::APBPrescaler::DIV4;
+    config.rcc.apb2_pre = rcc::APBPrescaler::DIV2;
+    config.rcc.sys = rcc::Sysclk::PLL1_P;
+    config.dma_interrupt_priority = Priority::P1;
+    config
+}
+
+/// Switches on what makes flash with five wait states nearly as fast as one without: prefetch and both caches.
+pub(crate) fn accelerate_flash() {
+    FLASH.acr().modify(|control| {
+        control.set_prften(true);
+        control.set_icen(true);
+        control.set_dcen(true);
+    });
+}
+
+/// What is received goes before what is sent, and both before the clock, whose interrupts may wait for 30 ms.
+pub(crate) fn order_interrupts() {
+    // SAFETY: there are no critical sections by priority that this could break.
+    interrupt::USART3.set_priority(Priority::P2);
+    interrupt::USART6.set_priority(Priority::P2);
+    interrupt::DMA1_STREAM3.set_priority(Priority::P3);
+    interrupt::TIM2.set_priority(Priority::P4);
+}
+
+/// A number that nobody can foresee, or `None` where the generator does not work.
+pub(crate) fn random() -> Option<u32> {
+    RCC.ahb2enr().modify(|enabled| enabled.set_rngen(true));
+    RNG.cr().modify(|control| control.set_rngen(true));
+    let next = || {
+        let ready = (0..RANDOM_LOOKS).any(|_| RNG.sr().read().drdy());
+        ready.then(|| RNG.dr().read())
+    };
+    // The first is not to be used.
+    let number = next().and_then(|_| next());
+    RNG.cr().modify(|control| control.set_rngen(false));
+    number
+}

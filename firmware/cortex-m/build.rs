@@ -1,0 +1,23 @@
+//! What images call themselves: the revision of the source, or the version where there is none.
+
+use std::process::Command;
+
+fn main() {
+    let revision = git(&["rev-parse", "--short=8", "HEAD"]);
+    let version = std::env::var("CARGO_PKG_VERSION").map(|version| format!("v{version}"));
+    let name = revision.or(version.ok()).unwrap_or_default();
+    println!("cargo::rustc-env=BODYFLIGHT_REVISION={name}");
+    println!("cargo::rerun-if-changed=build.rs");
+    // These change with every commit and every switch of branches.
+    for file in ["HEAD", "logs/HEAD"] {
+        if let Some(path) = git(&["rev-parse", "--path-format=absolute", "--git-path", file]) {
+            println!("cargo::rerun-if-changed={path}");
+        }
+    }
+}
+
+fn git(arguments: &[&str]) -> Option<String> {
+    let output = Command::new("git").args(arguments).output().ok()?;
+    let text = String::from_utf8(output.stdout).ok()?;
+    output.status.success().then(|| text.trim().to_owned())
+}

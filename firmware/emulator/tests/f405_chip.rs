@@ -1,0 +1,139 @@
+//! How the image sets up its chip, what its line costs and forgives, and what the unit tells of itself.
+
+use bodyflight_core::link::StreamMode;
+use bodyflight_emulator::{Flight, Host, Options, RATE};
+
+/// Interrupts of the receivers, the transmitter and the clock.
+const RECEIVERS: [&str; 4] = ["12", "57", "39", "71"];
+const TRANSMITTER: &str = "14";
+const CLOCK: &str = "28";
+
+fn flying(options: &Options, samples: u32) -> Host {
+    let flight = Flight::of("tracking").unwrap();
+    let mut host = Host::power(options, &flight).unwrap();
+    host.connect(StreamMode::Paced).unwrap();
+    host.fly(samples).unwrap();
+    host
+}
+
+fn greeting(options: &Options) -> bodyflight_core::link::HelloAcknowledge {
+    flying(options, 0).greeting.unwrap()
+}
+
+#[test]
+#[ignore = "needs the image: cargo xtask f405"]
+fn one_noise_error_costs_what_it_hits_and_no_more() {
+    let mut host = flying(&Options::new(), 120);
+    let at = host.chip.now() + 1_000;
+    host.chip
+        .send_broken(at, "host", &[0x55], "noise", true)
+        .unwrap();
+    host.fly(240).unwrap();
+    let status = host.stop().unwrap();
+    let agreement = host.agreement();
+    let overruns = host.chip.look().unwrap().overruns[0];
+    eprintln!(
+        "one noise error: {} of {} estimates, {} samples missing, {overruns} overruns",
+        agreement.received, agreement.expected, status.missing
+    );
+    assert!(status.missing <= 2, "{} samples missing", status.missing);
+    assert!(
+        agreement.received + 2 >= agreement.expected,
+        "{agreement:?}"
+    );
+    assert!(overruns <= 60, "{overruns} overruns: the receiver was off");
+}
+
+#[test]
+#[ignore = "needs the image: cargo xtask f405"]
+fn the_load_at_240_hz_is_below_45_percent() {
+    let mut host = flying(&Options::new(), 120);
+    let before = host.chip.look().unwrap();
+    host.fly(u32::try_from(RATE).unwrap()).unwrap();
+    let after = host.chip.look().unwrap();
+    let load = (after.busy - before.busy) as f64 / 168.0 / (after.now - before.now) as f64;
+    eprintln!("load at 240 Hz: {:.1} %", 100.0 * load);
+    assert!(load <= 0.45, "{load}");
+}
+
+#[test]
+#[ignore = "needs the image: cargo xtask f405"]
+fn a_second_of_waiting_costs_less_than_a_thousandth_of_the_processor() {
+    let mut host = flying(&Options::new(), 0);
+    host.listen(host.chip.now() + 1_000_000).unwrap();
+    let before = host.chip.look().unwrap();
+    host.listen(host.chip.now() + 1_000_000).unwrap();
+    let after = host.chip.look().unwrap();
+    let instructions = after.instructions - before.instructions;
+    eprintln!("a second of waiting: {instructions} instructions");
+    assert!(instructions < 100_000, "{instructions}");
+}
+
+#[test]
+#[ignore = "needs the image: cargo xtask f405"]
+fn flash_is_accelerated_and_what_is_received_goes_first() {
+    let look = flying(&Options::new(), 0).chip.look().unwrap();
+    assert_eq!(look.frequency, 168_000_000);
+    assert_eq!(
+        look.flash_control & 0x707,
+        0x705,
+        "{:#x}: prefetch, both caches, 5 waits",
+        look.flash_control
+    );
+    let priority = |irq: &str| look.priorities[irq];
+    for receiver in RECEIVERS {
+        assert!(
+            priority(receiver) < priority(TRANSMITTER),
+            "{receiver}: {:?}",
+            look.priorities
+        );
+    }
+    assert!(
+        priority(TRANSMITTER) < priority(CLOCK),
+        "{:?}",
+        look.priorities
+    );
+}
+
+#[test]
+#[ignore = "needs the image: cargo xtask f405"]
+fn without_its_crystal_the_unit_flies_from_the_chips_own_oscillator() {
+    let options = Options {
+        crystal: false,
+        ..Options::new()
+    };
+    let mut host = flying(&options, 120);
+    assert_eq!(host.stop().unwrap().missing, 0);
+    assert!(host.agreement().holds());
+}
+
+#[test]
+#[ignore = "needs the image: cargo xtask f405"]
+fn each_power_on_has_its_own_number_and_the_build_its_name() {
+    let [one, other] = [1, 2].map(|seed| {
+        greeting(&Options {
+            seed,
+            ..Options::new()
+        })
+    });
+    assert_ne!(one.boot_id, other.boot_id);
+    assert_eq!(one.build, other.build);
+    assert!(
+        one.build.iter().all(|byte| byte.is_ascii_graphic()),
+        "{:?}",
+        one.build
+    );
+}
+
+#[test]
+#[ignore = "needs the image: cargo xtask f405"]
+fn starts_by_the_watchdog_are_counted() {
+    let mut host = flying(&Options::new(), 70);
+    for resets in 1..=3 {
+        host.chip.provoke("hang", "task").unwrap();
+        host.listen(host.chip.now() + 1_200_000).unwrap();
+        host.connect(StreamMode::Paced).unwrap();
+        assert_eq!(host.status.unwrap().watchdog_resets, resets);
+        assert_eq!(host.greeting.unwrap().reset_cause, 2);
+    }
+}

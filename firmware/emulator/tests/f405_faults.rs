@@ -1,0 +1,381 @@
+//! Everything that can go wrong goes wrong, twenty times at random moments: the unit is back within two seconds, and it
+//! tells rightly what it was.
+
+use std::fmt::Write as _;
+use std::sync::Mutex;
+
+use bodyflight_core::link::fault::Random;
+use bodyflight_core::link::{HelloAcknowledge, StreamMode};
+use bodyflight_emulator::{Flight, Host, Options, Provoked, RATE};
+use bodyflight_firmware::fault::Kind;
+
+/// Times that each thing goes wrong.
+const TIMES: u32 = 20;
+/// The unit must be back within this time (us).
+const BACK: u64 = 2_000_000;
+/// Samples until the filter has filled its window and answers.
+const WINDOW: u32 = 64;
+
+/// What goes wrong.
+#[derive(Clone, Copy, PartialEq)]
+enum Wrong {
+    /// Of the program, at a random place or within a task or an interrupt.
+    Program(&'static str, &'static str),
+    /// Of the power or the pin; whether memory is kept.
+    Power(&'static str, bool),
+    /// Errors that the receiver reports.
+    Line(&'static str),
+    /// A frame that does not arrive.
+    Drop,
+    /// The cable is pulled and put back.
+    Replug,
+}
+
+/// What the unit must tell after it has started anew.
+struct Told {
+    cause: u8,
+    kind: Option<Kind>,
+    fault_resets: u16,
+    watchdog_resets: u32,
+}
+
+struct Case {
+    name: &'static str,
+    wrong: Wrong,
+    told: Option<Told>,
+}
+
+const fn fault(kind: Kind) -> Option<Told> {
+    Some(Told {
+        cause: 1,
+        kind: Some(kind),
+        fault_resets: 1,
+        watchdog_resets: 0,
+    })
+}
+
+const fn hang() -> Option<Told> {
+    Some(Told {
+        cause: 2,
+        kind: Some(Kind::Watchdog),
+        fault_resets: 0,
+        watchdog_resets: 1,
+    })
+}
+
+const fn start(cause: u8) -> Option<Told> {
+    Some(Told {
+        cause,
+        kind: None,
+        fault_resets: 0,
+        watchdog_resets: 0,
+    })
+}
+
+const CASES: [Case; 17] = {
+    use Wrong::{Drop, Line, Power, Program};
+    const fn case(name: &'static str, wrong: Wrong, told: Option<Told>) -> Case {
+        Case { name, wrong, told }
+    }
+    [
+        case(
+            "undefined instruction",
+            Program("undefined", ""),
+            fault(Kind::Undefined),
+        ),
+        case(
+            "nothing at an address",
+            Program("bus", ""),
+            fault(Kind::Bus),
+        ),
+        case(
+            "division by zero",
+            Program("division", ""),
+            fault(Kind::DivisionByZero),
+        ),
+        case(
+            "unaligned pair of words",
+            Program("unaligned", ""),
+            fault(Kind::Unaligned),
+        ),
+        case(
+            "stack overflow in a task",
+            Program("stack", "task"),
+            fault(Kind::StackOverflow),
+        ),
+        case(
+            "stack overflow in an interrupt",
+            Program("stack", "interrupt"),
+            fault(Kind::StackOverflow),
+        ),
+        case("panic", Program("panic", ""), fault(Kind::Panic)),
+        case("hang in a task", Program("hang", "task"), hang()),
+        case("hang in an interrupt", Program("hang", "interrupt"), hang()),
+        case("brown-out, memory kept", Power("brown-out", true), start(4)),
+        case(
+            "brown-out, memory lost",
+            Power("brown-out", false),
+            start(4),
+        ),
+        case("power off and on", Power("power-on", false), start(0)),
+        case("reset pin", Power("pin", true), start(3)),
+        case("frame dropped", Drop, None),
+        case("noise on a byte", Line("noise"), None),
+        case("framing error", Line("framing"), None),
+        case("overrun", Line("overrun"), None),
+    ]
+};
+
+const REPLUG: Case = Case {
+    name: "unplugged for a while",
+    wrong: Wrong::Replug,
+    told: None,
+};
+
+struct Row {
+    name: &'static str,
+    slowest_ms: f64,
+    missing: u32,
+    faults: Vec<String>,
+}
+
+#[test]
+#[ignore = "needs the image: cargo xtask f405"]
+fn the_unit_is_back_within_two_seconds_and_tells_what_it_was() {
+    let flight = Flight::of("tracking").unwrap();
+    let cases: Vec<&Case> = CASES.iter().chain([&REPLUG]).collect();
+    let left = Mutex::new((0..cases.len()).collect::<Vec<_>>());
+    let rows = Mutex::new(Vec::new());
+    // Two at a time.
+    std::thread::scope(|scope| {
+        for _ in 0..2 {
+            scope.spawn(|| {
+                loop {
+                    let Some(index) = left.lock().unwrap().pop() else {
+                        return;
+                    };
+                    let row = round(cases[index], index as u64, &flight);
+                    eprintln!(
+                        "{}: slowest {:.0} ms, {} faults",
+                        row.name,
+                        row.slowest_ms,
+                        row.faults.len()
+                    );
+                    rows.lock().unwrap().push((index, row));
+                }
+            });
+        }
+    });
+    let mut rows = rows.into_inner().unwrap();
+    rows.sort_by_key(|(index, _)| *index);
+    let faults: Vec<&String> = rows.iter().flat_map(|(_, row)| &row.faults).collect();
+    let table = table(&rows);
+    eprintln!("{table}");
+    if let Some(path) = std::env::var_os("BODYFLIGHT_F405_TABLE") {
+        std::fs::write(path, &table).unwrap();
+    }
+    assert!(faults.is_empty(), "{faults:#?}");
+}
+
+fn table(rows: &[(usize, Row)]) -> String {
+    let mut text = String::from(
+        "| what | times | back | slowest (ms) | told rightly | samples missing |\n|---|---|---|---|---|---|\n",
+    );
+    for (_, row) in rows {
+        let good = TIMES as usize - row.faults.len().min(TIMES as usize);
+        writeln!(
+            text,
+            "| {} | {TIMES} | {good} | {:.0} | {good} | {} |",
+            row.name, row.slowest_ms, row.missing
+        )
+        .unwrap();
+    }
+    text
+}
+
+/// One thing going wrong again and again, on a chip of its own.
+fn round(case: &Case, seed: u64, flight: &Flight) -> Row {
+    let mut row = Row {
+        name: case.name,
+        slowest_ms: 0.0,
+        missing: 0,
+        faults: Vec::new(),
+    };
+    let mut random = Random::new(seed + 1);
+    let options = Options {
+        seed,
+        ..Options::new()
+    };
+    let mut host = Host::power(&options, flight).unwrap();
+    host.connect(StreamMode::Paced).unwrap();
+    host.fly(WINDOW).unwrap();
+    for time in 0..TIMES {
+        host.fly(below(&mut random, 20)).unwrap();
+        let mut failed = |what: String| row.faults.push(format!("{} {time}: {what}", case.name));
+        match go_wrong(case, &mut host, &mut random) {
+            Ok((took, missing)) => {
+                row.slowest_ms = row.slowest_ms.max(took as f64 / 1e3);
+                row.missing += missing;
+                if took > BACK {
+                    failed(format!("back after {took} us"));
+                }
+                if case.told.is_some() && !host.agreement().holds() {
+                    failed(format!("{:?}", host.agreement()));
+                }
+            }
+            Err(what) => {
+                failed(what);
+                // The next one begins on a chip in order.
+                host = Host::power(&options, flight).unwrap();
+                host.connect(StreamMode::Paced).unwrap();
+                host.fly(WINDOW).unwrap();
+            }
+        }
+    }
+    row
+}
+
+fn below(random: &mut Random, bound: usize) -> u32 {
+    u32::try_from(random.below(bound)).unwrap()
+}
+
+/// Makes it go wrong; the time until the next estimate (us), and the samples that are missing.
+fn go_wrong(case: &Case, host: &mut Host, random: &mut Random) -> Result<(u64, u32), String> {
+    let offset = u64::from(below(random, 1_000_000 / RATE as usize));
+    host.listen(host.chip.now() + offset)?;
+    let begin = host.chip.now();
+    match case.wrong {
+        Wrong::Program(..) | Wrong::Power(..) => {
+            let before = host.greeting.ok_or("no greeting")?;
+            let sent = host.sent();
+            let provoked = match case.wrong {
+                Wrong::Program(kind, within) => Some(host.chip.provoke(kind, within)?),
+                Wrong::Power(cause, keep) => {
+                    host.chip.power(cause, keep)?;
+                    None
+                }
+                _ => None,
+            };
+            let begin = provoked.map_or(begin, |provoked| provoked.at);
+            while host
+                .greeting
+                .is_some_and(|now| now.boot_id == before.boot_id)
+            {
+                if host.chip.now() > begin + BACK {
+                    return Err(format!("silent after it: {:?}", host.chip.look()?));
+                }
+                host.listen(host.chip.now() + 1_000)?;
+            }
+            let now = host.greeting.ok_or("no greeting")?;
+            check(case, &before, &now, sent, provoked)?;
+            let resets = host.status.map_or(0, |status| status.watchdog_resets);
+            host.connect(StreamMode::Paced)?;
+            let more = host.status.map_or(0, |status| status.watchdog_resets) - resets;
+            if let Some(told) = &case.told
+                && told.cause != 0
+                && told.kind.is_some()
+                && more != told.watchdog_resets
+            {
+                return Err(format!("{more} more starts by the watchdog"));
+            }
+            host.fly(WINDOW)?;
+            back(host, begin, 0)
+        }
+        Wrong::Line(error) => {
+            // Some bytes of a frame are hit.
+            let at = begin + u64::from(below(random, 3_000));
+            let noise: Vec<u8> = (0..=below(random, 3))
+                .map(|_| random.bits() as u8)
+                .collect();
+            host.chip.send_broken(at, "host", &noise, error, true)?;
+            let before = host.missing()?;
+            host.fly(24)?;
+            let missing = host.missing()?.wrapping_sub(before);
+            let counted = host.status.ok_or("no report")?;
+            let counted = if error == "overrun" {
+                counted.uart_overrun
+            } else {
+                counted.uart_framing
+            };
+            if counted == 0 {
+                return Err("the error was not counted".into());
+            }
+            if missing > 3 {
+                return Err(format!("{missing} samples missing"));
+            }
+            back(host, begin, missing)
+        }
+        Wrong::Drop => {
+            let before = host.missing()?;
+            let lost = 1 + below(random, 10);
+            let first = host.sent();
+            host.fly_harmed(24, |number, frame| {
+                (number - first >= lost).then_some(frame)
+            })?;
+            let missing = host.missing()?.wrapping_sub(before);
+            if missing != lost {
+                return Err(format!(
+                    "{missing} samples missing of {lost} that were dropped"
+                ));
+            }
+            back(host, begin, missing)
+        }
+        Wrong::Replug => {
+            let sparks: Vec<u8> = (0..below(random, 40))
+                .map(|_| random.bits() as u8)
+                .collect();
+            host.chip
+                .send_broken(begin, "host", &sparks, "framing", true)?;
+            let away = u64::from(below(random, 700_000));
+            host.chip
+                .send_broken(begin + away, "host", &sparks, "noise", true)?;
+            host.listen(begin + away)?;
+            host.connect(StreamMode::Paced)?;
+            host.fly(WINDOW)?;
+            back(host, begin, 0)
+        }
+    }
+}
+
+/// Whether the unit tells rightly what happened.
+fn check(
+    case: &Case,
+    before: &HelloAcknowledge,
+    now: &HelloAcknowledge,
+    sent: u32,
+    provoked: Option<Provoked>,
+) -> Result<(), String> {
+    let Some(told) = &case.told else {
+        return Ok(());
+    };
+    let wrong = |what: &str| Err(format!("{what}: {now:?}, provoked {provoked:?}"));
+    if now.reset_cause != told.cause {
+        return wrong("the cause");
+    }
+    if told.cause == 1 && now.fault_resets != before.fault_resets + told.fault_resets {
+        return wrong("the count of faults");
+    }
+    let Some(kind) = told.kind else {
+        return Ok(());
+    };
+    if now.fault_kind != kind as u8 {
+        return wrong("the kind");
+    }
+    let address = provoked.map_or(0, |provoked| provoked.address);
+    let known = !matches!(kind, Kind::StackOverflow | Kind::Watchdog | Kind::Panic);
+    if known && now.fault_address != address || kind == Kind::Panic && now.fault_address == 0 {
+        return wrong("the address");
+    }
+    // The unit works on what came last.
+    if now.fault_sequence >= sent || now.fault_sequence + 8 < sent {
+        return wrong("the sample in work");
+    }
+    Ok(())
+}
+
+/// How long it took to the first estimate after `begin`.
+fn back(host: &Host, begin: u64, missing: u32) -> Result<(u64, u32), String> {
+    let first = host.estimates.iter().find(|(at, _)| *at > begin);
+    let (at, _) = first.ok_or("no estimate after it")?;
+    Ok((at - begin, missing))
+}
