@@ -13,15 +13,15 @@ use std::sync::Mutex;
 use std::thread::available_parallelism;
 use std::time::Instant;
 
-use bodyflight::discover::report::{Outcome, Report};
-use bodyflight::discover::track::Track;
-use bodyflight::discover::{Settings, discover};
 use bodyflight::formats::subject::Subject;
-use bodyflight::verbs::hide::outside::Outside;
-use bodyflight::verbs::hide::{self, Hidden, fly, strength};
 use bodyflight_core::dynamics::muscle_input::BACK_TRACKING;
 use bodyflight_core::dynamics::{Dynamics, Inputs};
 use bodyflight_core::effect::Effect;
+use bodyflight_discovery::laboratory::outside::Outside;
+use bodyflight_discovery::laboratory::{self, Hidden, fly, strength};
+use bodyflight_discovery::report::{Outcome, Report};
+use bodyflight_discovery::search::{Settings, discover};
+use bodyflight_discovery::track::Track;
 use rayon::ThreadPoolBuilder;
 use serde_json::{Value, json};
 use table::table;
@@ -136,7 +136,7 @@ fn is_right(case: &Case, report: &Report) -> bool {
         "outside" => report.verdict == Outcome::Unexplained,
         _ => {
             let covers = |name: &str| {
-                let meets = |named: &bodyflight::discover::report::Named| {
+                let meets = |named: &bodyflight_discovery::report::Named| {
                     named.name == name || named.rivals.iter().any(|rival| rival.name == name)
                 };
                 report.effects.iter().any(meets)
@@ -181,25 +181,23 @@ fn is_exact(case: &Case, report: &Report) -> bool {
 }
 
 fn run(case: &Case, dynamics: &Dynamics<f64>, inputs: &Inputs<f64>) -> Value {
-    let settings = hide::Settings {
+    let settings = laboratory::Settings {
         seed: case.seed,
         noise: case.noise,
-        ..hide::Settings::default()
+        ..laboratory::Settings::default()
     };
     let track = |seed| {
         let flight = fly(
             dynamics,
             inputs,
             &case.hidden,
-            &hide::Settings { seed, ..settings },
+            &laboratory::Settings { seed, ..settings },
         );
-        Track::new(&flight.frames, *dynamics, *inputs)
+        Track::new(&flight, *dynamics, *inputs)
     };
     let begin = Instant::now();
-    let found = track(case.seed).and_then(|flown| {
-        let other = track(case.seed + 5000)?;
-        discover(&flown, &[other], &Settings::default(), |_| {})
-    });
+    let (flown, other) = (track(case.seed), track(case.seed + 5000));
+    let found = discover(&flown, &[other], &Settings::default(), &());
     let report = match found {
         Ok(report) => report,
         // A flight that cannot be judged is a wrong answer, not a missing row.

@@ -1,12 +1,13 @@
 //! The scripts do what their names say, flown by the default subject.
 
 use bodyflight::formats::flight::Flight;
+use bodyflight::formats::recording::FlightFrame;
 use bodyflight::formats::subject::Subject;
-use bodyflight::verbs::simulate::measured_motion;
-use bodyflight::verbs::synthesize::{Request, SensorNoise, fly};
+use bodyflight::verbs::synthesize::{Request, fly};
 use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::math::wrap_angle;
 use bodyflight_core::observation::Observation;
+use bodyflight_core::sensor_noise::SensorNoise;
 
 /// What is seen of a maneuver, frame by frame, without noise and sway.
 fn seen(name: &str) -> Vec<(f64, Observation<f64>)> {
@@ -23,8 +24,8 @@ fn seen(name: &str) -> Vec<(f64, Observation<f64>)> {
         sway: 0.0,
     };
     let mut seen = Vec::new();
-    let each = |frame| {
-        let motion = measured_motion(&frame)?;
+    let each = |frame: FlightFrame| {
+        let motion = frame.motion()?;
         seen.push((frame.time, Observation::of(&motion)));
         Ok(())
     };

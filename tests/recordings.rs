@@ -4,19 +4,20 @@ use std::collections::HashMap;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
-use bodyflight::discover::point;
 use bodyflight::formats::flysight;
 use bodyflight::formats::mvnx::writer::{Description, Writer};
 use bodyflight::formats::mvnx::{ArmFrame, Field, Frame, ReadOptions, Reader};
 use bodyflight::formats::recording::{FlightFrame, Options, PelvisMotion, Recording};
 use bodyflight::formats::subject::Subject;
 use bodyflight::formats::xsens::MvnSegment;
+use bodyflight::verbs::discover::{problem, read_point_track};
 use bodyflight::verbs::inspect::inspect;
 use bodyflight_core::body::posture::{joint_rotation, pose};
 use bodyflight_core::dynamics::Dynamics;
 use bodyflight_core::frame::{Rotation, Vector};
 use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::{Body, Posture, Segment};
+use bodyflight_discovery::point::search::discover;
 use bodyflight_tests::data_folder;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
@@ -382,8 +383,8 @@ fn public_tracks_of_flysights_are_judged_or_refused_with_a_reason() {
             if !flysight::is_flysight(&path) {
                 continue;
             }
-            let report = flysight::Track::read(&path)
-                .and_then(|track| point::discover(&track, &[], &dynamics, 3));
+            let report = read_point_track(&path)
+                .and_then(|track| discover(&track, &[], &dynamics, 3).map_err(problem));
             match report {
                 Ok(report) => {
                     judged += 1;

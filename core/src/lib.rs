@@ -14,6 +14,7 @@ pub mod link;
 pub mod maneuver;
 pub mod math;
 pub mod observation;
+pub mod sensor_noise;
 #[cfg(test)]
 mod test_body;
 pub mod xbus;

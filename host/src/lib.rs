@@ -1,7 +1,6 @@
 //! Host side of bodyflight: recordings, subjects, and the verbs of the command line as functions.
 
 pub mod diagnostic;
-pub mod discover;
 pub mod formats;
 pub mod interrupt;
 pub mod output;

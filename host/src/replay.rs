@@ -1,4 +1,3 @@
 //! A recorded flight beside a simulated one.
 
 pub mod comparison;
-pub mod motion_history;

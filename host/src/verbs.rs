@@ -1,5 +1,6 @@
 //! The work of the verbs that need no unit.
 
+pub mod discover;
 pub mod estimate;
 pub mod figures;
 pub mod hide;

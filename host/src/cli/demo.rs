@@ -9,8 +9,9 @@ use bodyflight::formats::subject::Subject;
 use bodyflight::output::files::write_file;
 use bodyflight::output::plot::comparison_svg;
 use bodyflight::verbs::simulate::{RunFile, simulate};
-use bodyflight::verbs::synthesize::{DEFAULT_SWAY, Request, SensorNoise};
+use bodyflight::verbs::synthesize::{DEFAULT_SWAY, Request};
 use bodyflight_core::maneuver::Maneuver;
+use bodyflight_core::sensor_noise::SensorNoise;
 
 use super::{simulate as simulate_verb, synth, terminal};
 

@@ -5,13 +5,16 @@ mod point;
 use std::path::{Path, PathBuf};
 
 use bodyflight::diagnostic::{Problem, Result};
-use bodyflight::discover::check::Finding;
-use bodyflight::discover::report::{CHANNEL_NAMES, Named, Outcome, Report};
-use bodyflight::discover::track::Track;
-use bodyflight::discover::{Settings, discover, figure};
 use bodyflight::formats::flight::Flight;
 use bodyflight::formats::flysight;
+use bodyflight::interrupt;
 use bodyflight::output::files::write_file;
+use bodyflight::verbs::discover::{figure, model_toml, problem, read_track};
+use bodyflight_discovery::check::Finding;
+use bodyflight_discovery::progress::Progress;
+use bodyflight_discovery::report::{CHANNEL_NAMES, Named, Outcome, Report};
+use bodyflight_discovery::search::{Settings, discover};
+use indicatif::ProgressBar;
 use serde::Serialize;
 
 use super::simulate::Reading;
@@ -57,7 +60,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
             .in_file(&flight.recording)
             .help("flights that are held out must be of the kind that effects are fitted to"));
         }
-        Track::read(&flight, args.reading.options())
+        read_track(&flight, args.reading.options())
     };
     let track = read(&args.flight)?;
     let held_out = args.hold_out.iter().map(read).collect::<Result<Vec<_>>>()?;
@@ -66,11 +69,9 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         seed: args.seed,
     };
     let spinner = terminal::spinner("discovering");
-    let report = discover(&track, &held_out, &settings, |what| {
-        spinner.set_message(what.to_owned());
-    });
+    let report = discover(&track, &held_out, &settings, &Spinner(&spinner));
     spinner.finish_and_clear();
-    let report = report?;
+    let report = report.map_err(problem)?;
     if let Some(folder) = &args.out {
         write(&report, folder, &args.flight)?;
     }
@@ -84,10 +85,23 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     Ok(())
 }
 
+/// Stages on the terminal; Ctrl-C ends the search.
+struct Spinner<'a>(&'a ProgressBar);
+
+impl Progress for Spinner<'_> {
+    fn stage(&self, name: &str) {
+        self.0.set_message(name.to_owned());
+    }
+
+    fn is_cancelled(&self) -> bool {
+        interrupt::requested()
+    }
+}
+
 fn write(report: &Report, folder: &Path, flight: &Path) -> Result<()> {
     let title = format!("{}: what the model misses", flight.display());
     let figure = figure::svg(&title, report)?;
-    write_all(folder, report, &figure, &report.model_toml())
+    write_all(folder, report, &figure, &model_toml(&report.model))
 }
 
 /// Writes report.json, report.svg and model.toml.

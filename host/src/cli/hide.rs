@@ -6,10 +6,11 @@ use bodyflight::diagnostic::{Problem, Result};
 use bodyflight::formats::flight::Flight;
 use bodyflight::formats::subject::Subject;
 use bodyflight::output::files::write_file;
-use bodyflight::verbs::hide::outside::Outside;
-use bodyflight::verbs::hide::{Hidden, Settings, fly, strength, truth_toml, write};
+use bodyflight::verbs::hide::{truth_toml, write};
 use bodyflight_core::dynamics::Inputs;
 use bodyflight_core::effect::Effect;
+use bodyflight_discovery::laboratory::outside::Outside;
+use bodyflight_discovery::laboratory::{Hidden, Settings, fly, strength};
 use serde::Serialize;
 
 use super::terminal;

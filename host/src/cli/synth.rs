@@ -5,9 +5,10 @@ use std::path::PathBuf;
 use bodyflight::diagnostic::{Problem, Result};
 use bodyflight::formats::flight::DEFAULT_DENSITY;
 use bodyflight::formats::subject::Subject;
-use bodyflight::verbs::synthesize::{DEFAULT_SWAY, Report, Request, SensorNoise, synthesize};
+use bodyflight::verbs::synthesize::{DEFAULT_SWAY, Report, Request, synthesize};
 use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::maneuver::scripts::MANEUVERS;
+use bodyflight_core::sensor_noise::SensorNoise;
 
 use super::terminal;
 

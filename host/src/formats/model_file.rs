@@ -14,21 +14,11 @@ use bodyflight_core::aerodynamics::stream::Stream;
 use bodyflight_core::dynamics::Dynamics;
 use bodyflight_core::effect::sensors::Sensors;
 use bodyflight_core::effect::{Effect, Model, PARAMETER_COUNT};
+use bodyflight_discovery::report::ByName;
 use serde::Deserialize;
 
 use crate::diagnostic::{Problem, Result};
 use crate::formats::flight::toml_problem;
-
-/// An effect with its parameters, by the names of files.
-pub type ByName = (&'static str, Vec<(&'static str, f64)>);
-
-/// The effect by name.
-pub fn by_name(effect: Effect, values: &[f64; PARAMETER_COUNT]) -> ByName {
-    let description = effect.description();
-    let parameters = description.parameters.iter().zip(values);
-    let parameters = parameters.map(|(parameter, value)| (parameter.name, *value));
-    (description.name, parameters.collect())
-}
 
 /// The text of a `model.toml`, after a comment of whole lines.
 pub fn model_toml(comment: &str, effects: &[ByName]) -> String {

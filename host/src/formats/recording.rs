@@ -11,6 +11,7 @@ use std::fs::File;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 
+use bodyflight_core::dynamics::Motion;
 use bodyflight_core::frame::{Body, Inertial, Rotation, Vector};
 use bodyflight_core::{Posture, SegmentArray};
 use nalgebra::{Quaternion, UnitQuaternion};
@@ -80,6 +81,39 @@ pub struct PelvisMotion {
 }
 
 impl FlightFrame {
+    /// A frame that records a motion.
+    pub fn from_motion(index: u64, time: f64, posture: Posture<f64>, motion: &Motion<f64>) -> Self {
+        Self {
+            index,
+            time,
+            posture,
+            pelvis: PelvisMotion {
+                inertial_from_body: motion.inertial_from_body,
+                position: motion.position,
+                velocity: Some(motion.velocity_inertial()),
+                angular_velocity: Some(motion.inertial_from_body * motion.angular_velocity),
+            },
+            centre_of_mass: None,
+            bridged: false,
+        }
+    }
+
+    /// The motion of the pelvis in body axes.
+    ///
+    /// # Errors
+    /// Returns an error if the recording has no velocity or angular velocity.
+    pub fn motion(&self) -> Result<Motion<f64>> {
+        let (velocity, angular_velocity) = self.rates()?;
+        let inertial_from_body = self.pelvis.inertial_from_body;
+        let body_from_inertial = inertial_from_body.inverse();
+        Ok(Motion {
+            inertial_from_body,
+            position: self.pelvis.position,
+            velocity: body_from_inertial * velocity,
+            angular_velocity: body_from_inertial * angular_velocity,
+        })
+    }
+
     /// Velocity (m/s) and angular velocity (rad/s) of the pelvis, for work that cannot do without.
     ///
     /// # Errors

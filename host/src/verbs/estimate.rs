@@ -27,7 +27,7 @@ use crate::output::plot::{
     AXES, CONSTANT, Curve, ESTIMATED, Panel, figure_svg, measured_curve, simulated_curve,
 };
 use crate::replay::comparison::{Channel, Comparison, Pair, PerChannel};
-use crate::verbs::simulate::{Follower, measured_motion};
+use crate::verbs::simulate::Follower;
 
 /// Which of the two filters runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -181,15 +181,15 @@ fn run<T: Real, P: Propagation<T>, const INTERVALS: usize>(
         follower.follow(frame, next).map(|pair| pair.simulated).ok()
     };
     let dynamics = dynamics.cast::<T>();
-    let motion: Motion<T> = measured_motion(&first)?.cast();
+    let motion: Motion<T> = first.motion()?.cast();
     let mut filter =
         Estimator::<T, P, INTERVALS>::new(preset, &dynamics, &motion, &first.posture.cast())
             .map_err(|error| Problem::bad_input(format!("preset {}: {error}", preset.name)))?;
     let mut collected = Collected::new(first.time, rate);
-    let mut last_constant = Observation::of(&measured_motion(&first)?);
+    let mut last_constant = Observation::of(&first.motion()?);
     loop {
         let following = recording.next().transpose()?;
-        let measured = measured_motion(&ahead)?;
+        let measured = ahead.motion()?;
         last_constant = follow(&ahead, following.as_ref()).unwrap_or(last_constant);
         let seen = Observation::of(&measured);
         collected.waiting.push_back(Measured {

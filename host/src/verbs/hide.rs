@@ -1,273 +1,24 @@
-//! The hidden-effect laboratory: flights in which an effect acts and nothing in the files says so.
-//!
-//! What flies is not what the files say: masses, inertias and areas are a few percent off, joints are recorded
-//! with a calibration error of some degrees, sensors have the paper's noise, and the truth is computed in four
-//! times finer steps. So the model is never exactly right, and an effect has to be found beside all that.
-
-pub mod outside;
+//! `bodyflight hide`: flights of the laboratory as files, in which nothing says what acts in them.
 
 use std::path::{Path, PathBuf};
 
-use bodyflight_core::body::mass_properties::PostureRate;
-use bodyflight_core::body::pattern::{self, JointAngles};
-use bodyflight_core::dynamics::{Dynamics, Inputs, Motion, State};
-use bodyflight_core::effect::sensors::Moving;
-use bodyflight_core::effect::{Effect, Model, PARAMETER_COUNT};
-use bodyflight_core::frame::{Rotation, Vector};
-use bodyflight_core::math::small_rotation;
-use bodyflight_core::{Posture, Segment};
-use nalgebra::{UnitQuaternion, Vector3};
-use rand::rngs::ChaCha8Rng;
-use rand::{RngExt, SeedableRng};
-use rand_distr::StandardNormal;
+use bodyflight_discovery::laboratory::{FRAME_RATE, Hidden};
+use bodyflight_discovery::report::by_name;
+use bodyflight_discovery::track::Frame;
 
 use crate::diagnostic::{Problem, Result};
 use crate::formats::flight::DEFAULT_DENSITY;
-use crate::formats::model_file::{by_name, model_toml};
+use crate::formats::model_file::model_toml;
 use crate::formats::mvnx::writer::{Description, Writer};
-use crate::formats::recording::{FlightFrame, PelvisMotion};
+use crate::formats::recording::FlightFrame;
 use crate::formats::subject::Subject;
 use crate::output::files::write_file;
-use crate::replay::motion_history::MotionHistory;
-use crate::verbs::synthesize::SensorNoise;
-use outside::Outside;
-
-/// Frames a second.
-pub const FRAME_RATE: f64 = 240.0;
-
-/// Steps of the truth between two frames.
-const FINER: usize = 4;
-
-/// Height at the start (m, inertial).
-const START_HEIGHT: f64 = 4000.0;
-
-/// What is hidden in a flight.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Hidden {
-    /// An effect of the library with its parameters.
-    Effect(Effect, [f64; PARAMETER_COUNT]),
-    /// Something that the library does not have.
-    Outside(Outside),
-}
-
-/// How the laboratory flies.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Settings {
-    /// Seed of everything random.
-    pub seed: u64,
-    /// Length (s).
-    pub duration: f64,
-    /// Sensor noise and errors of subject and joints, as a share of the usual.
-    pub noise: f64,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Self {
-            seed: 0,
-            duration: 40.0,
-            noise: 1.0,
-        }
-    }
-}
-
-/// Deviation of mass, inertia and each area of the body flown from the body in the files (share).
-pub const SUBJECT_DEVIATION: f64 = 0.03;
-
-/// Calibration error of each joint about each axis (rad): 2 degrees in all.
-pub const JOINT_DEVIATION: f64 = 0.02;
-
-/// A strength of an effect that can be hidden: a share of its plausible range, between 40 and 80 % by the seed where
-/// none is given; either way where it has two.
-pub fn strength(effect: Effect, seed: u64, share: Option<f64>) -> [f64; PARAMETER_COUNT] {
-    let of_effect = effect.description().name.bytes();
-    let mixed = of_effect.fold(seed ^ 0x5eed, |mixed, byte| {
-        mixed.wrapping_mul(131).wrapping_add(u64::from(byte))
-    });
-    let mut random = ChaCha8Rng::seed_from_u64(mixed);
-    let mut values = effect.neutral();
-    for (value, parameter) in values.iter_mut().zip(effect.description().parameters) {
-        let up = random.random::<bool>() || parameter.is_one_sided();
-        let drawn = 0.4 + 0.4 * random.random::<f64>();
-        let share = share.unwrap_or(drawn);
-        *value = parameter.towards_end(if up { share } else { -share });
-    }
-    values
-}
-
-/// Movements of the laboratory's skydiver, one after another in a random order.
-const MOVEMENTS: [(&JointAngles, f64); 8] = [
-    (pattern::ARCH, 0.5),
-    (pattern::ARCH, -0.5),
-    (pattern::DRAW_IN_LEFT, 0.8),
-    (pattern::PRESS, 0.8),
-    (LEGS, 1.0),
-    (SHOULDERS, 0.5),
-    (ARMS_BACK, 1.0),
-    (HIPS, 0.7),
-];
-
-/// Arms swept back to the body, legs stretched, as for tracking.
-const ARMS_BACK: &JointAngles = &[
-    (Segment::LeftUpperArm, [0.0, -1.0, 0.0]),
-    (Segment::RightUpperArm, [0.0, 1.0, 0.0]),
-    (Segment::LeftForearm, [0.0, -1.5, 0.0]),
-    (Segment::RightForearm, [0.0, 1.5, 0.0]),
-    (Segment::LeftShank, [0.0, 0.0, 1.0]),
-    (Segment::RightShank, [0.0, 0.0, 1.0]),
-];
-
-/// Thighs bent forward, towards a sit.
-const HIPS: &JointAngles = &[
-    (Segment::LeftThigh, [0.0, 0.0, 1.0]),
-    (Segment::RightThigh, [0.0, 0.0, 1.0]),
-];
-
-/// Legs stretched.
-const LEGS: &JointAngles = &[
-    (Segment::LeftShank, [0.0, 0.0, 1.2]),
-    (Segment::RightShank, [0.0, 0.0, 1.2]),
-];
-
-/// One arm up, the other down.
-const SHOULDERS: &JointAngles = &[
-    (Segment::LeftUpperArm, [0.0, 0.0, 1.0]),
-    (Segment::RightUpperArm, [0.0, 0.0, -1.0]),
-];
-
-/// Time from one movement to the next (s).
-const PERIOD: f64 = 2.5;
-
-/// What the skydiver does, by a seed.
-#[derive(Debug, Clone)]
-struct Script {
-    movements: Vec<(&'static JointAngles, f64, bool)>,
-}
-
-impl Script {
-    fn new(random: &mut ChaCha8Rng, duration: f64) -> Self {
-        let mut movements = Vec::new();
-        let mut time = 0.0;
-        while time < duration + PERIOD {
-            let (pattern, amount) = MOVEMENTS[random.random_range(0..MOVEMENTS.len())];
-            let amount = amount * (0.6 + 0.4 * random.random::<f64>());
-            movements.push((pattern, amount, random.random::<bool>()));
-            time += PERIOD;
-        }
-        Self { movements }
-    }
-
-    fn posture(&self, time: f64) -> Posture<f64> {
-        let base = pattern::neutral();
-        let place = (time / PERIOD).max(0.0);
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "a few movements"
-        )]
-        let Some((pattern, amount, mirrored)) = self.movements.get(place as usize) else {
-            return base;
-        };
-        // Out and back again, smoothly.
-        let phase = core::f64::consts::TAU * place.fract();
-        let moved = pattern::moved(&base, pattern, amount * 0.5 * (1.0 - phase.cos()));
-        if *mirrored { moved.mirrored() } else { moved }
-    }
-}
-
-/// A flight of the laboratory.
-#[derive(Debug, Clone)]
-pub struct HiddenFlight {
-    /// What the recording says.
-    pub frames: Vec<FlightFrame>,
-    /// What is hidden.
-    pub truth: Vec<Hidden>,
-}
-
-/// Flies the model of `dynamics`, with what is hidden, and records it.
-pub fn fly(
-    dynamics: &Dynamics<f64>,
-    inputs: &Inputs<f64>,
-    hidden: &[Hidden],
-    settings: &Settings,
-) -> HiddenFlight {
-    let mut random = ChaCha8Rng::seed_from_u64(settings.seed);
-    let script = Script::new(&mut random, settings.duration);
-    let mut model = Model::new(*dynamics, START_HEIGHT);
-    perturb(&mut model.dynamics, &mut random, settings.noise);
-    for hidden in hidden {
-        if let Hidden::Effect(effect, values) = hidden {
-            // Strengths are within the plausible range.
-            let _ = effect.apply(values, &mut model);
-        }
-    }
-    let mut normal = |deviation: f64| random.sample::<f64, _>(StandardNormal) * deviation;
-    let joint_errors: Vec<UnitQuaternion<f64>> = Segment::ALL
-        .iter()
-        .map(|_| {
-            small_rotation(&Vector3::from_fn(|_, _| {
-                normal(JOINT_DEVIATION * settings.noise)
-            }))
-        })
-        .collect();
-    let noise = SensorNoise::PAPER.scaled(settings.noise);
-    let step = 1.0 / (FRAME_RATE * FINER as f64);
-    let inputs = model.inputs(inputs);
-    let mut state = State::from_motion(&start(), &model.dynamics.hold(&script.posture(0.0)));
-    let mut flown = Vec::new();
-    let mut history = MotionHistory::default();
-    let mut time = 0.0;
-    while time <= settings.duration {
-        let rate = PostureRate::between(
-            &script.posture(time - step),
-            &script.posture(time + step),
-            2.0 * step,
-        );
-        let sample = model.dynamics.sample(&script.posture(time), &rate);
-        let motion = state.motion(&sample);
-        history.push(time, Moving::of(&motion));
-        flown.push((time, motion));
-        for k in 0..FINER {
-            let now = time + step * k as f64;
-            let interval =
-                model
-                    .dynamics
-                    .between(&script.posture(now), &script.posture(now + step), step);
-            state = model.dynamics.step(&state, &interval, &inputs, step);
-            for hidden in hidden {
-                if let Hidden::Outside(outside) = hidden {
-                    outside.push(&mut state, &motion, now, step);
-                }
-            }
-        }
-        time = flown.len() as f64 / FRAME_RATE;
-    }
-    // Sensors may be late by any time, so they see the flight when it is over.
-    let frames = flown.iter().zip(0..).map(|((time, motion), index)| {
-        let past = |delay: f64| {
-            history
-                .at(time - delay)
-                .unwrap_or_else(|| Moving::of(motion))
-        };
-        let seen = model.sensors.observe(motion, past, *time);
-        let mut recorded = script.posture(time - model.sensors.posture_delay);
-        for (&segment, error) in Segment::ALL.iter().zip(&joint_errors) {
-            let turned = recorded.parent_from_segment(segment) * error;
-            recorded.set(segment, turned);
-        }
-        frame(index, *time, &recorded, &seen, &noise, &mut normal)
-    });
-    HiddenFlight {
-        frames: frames.collect(),
-        truth: hidden.to_vec(),
-    }
-}
 
 /// Writes a flight as `flight.toml`, `subject.toml` and `flight.mvnx` into `folder`, as if nothing were hidden.
 ///
 /// # Errors
 /// Where the folder cannot be written to.
-pub fn write(flight: &HiddenFlight, subject: &Subject, folder: &Path) -> Result<PathBuf> {
+pub fn write(frames: &[Frame], subject: &Subject, folder: &Path) -> Result<PathBuf> {
     std::fs::create_dir_all(folder).map_err(|error| Problem::system("create", folder, &error))?;
     let description = Description {
         subject_label: "Laboratory".to_owned(),
@@ -277,8 +28,13 @@ pub fn write(flight: &HiddenFlight, subject: &Subject, folder: &Path) -> Result<
     };
     let recording = folder.join("flight.mvnx");
     let mut writer = Writer::create(&recording, description, &subject.body())?;
-    for frame in &flight.frames {
-        writer.write(frame)?;
+    for (index, frame) in (0..).zip(frames) {
+        writer.write(&FlightFrame::from_motion(
+            index,
+            frame.time,
+            frame.posture,
+            &frame.motion,
+        ))?;
     }
     writer.finish()?;
     write_file(&folder.join("subject.toml"), subject.to_toml()?.as_bytes())?;
@@ -303,58 +59,4 @@ pub fn truth_toml(hidden: &[Hidden]) -> String {
         }
     }
     model_toml(&comment, &effects)
-}
-
-/// Belly to earth at terminal speed.
-fn start() -> Motion<f64> {
-    let belly = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), core::f64::consts::FRAC_PI_2);
-    let inertial_from_body = Rotation::from_quaternion(belly);
-    Motion {
-        inertial_from_body,
-        position: Vector::new(0.0, 0.0, START_HEIGHT),
-        velocity: inertial_from_body.inverse() * Vector::new(1.0, -2.0, -52.0),
-        angular_velocity: Vector::zero(),
-    }
-}
-
-/// The body that flies is not quite the one in the files.
-fn perturb(dynamics: &mut Dynamics<f64>, random: &mut ChaCha8Rng, noise: f64) {
-    let mut factor = || 1.0 + random.sample::<f64, _>(StandardNormal) * SUBJECT_DEVIATION * noise;
-    let (mass, inertia) = (factor(), factor());
-    for (_, segment) in dynamics.body.segments.iter_mut() {
-        segment.mass *= mass;
-        segment.inertia *= mass * inertia;
-        segment.area *= factor();
-    }
-}
-
-fn frame(
-    index: u64,
-    time: f64,
-    posture: &Posture<f64>,
-    motion: &Motion<f64>,
-    noise: &SensorNoise,
-    normal: &mut impl FnMut(f64) -> f64,
-) -> FlightFrame {
-    let mut vector = |[x, y, z]: [f64; 3]| Vector3::new(normal(x), normal(y), normal(z));
-    let turn = small_rotation(&vector([noise.attitude; 3]));
-    let inertial_from_body =
-        Rotation::from_quaternion(motion.inertial_from_body.quaternion() * turn);
-    let spin = motion.angular_velocity.components + vector([noise.angular_velocity; 3]);
-    let horizontal = noise.horizontal_velocity;
-    let velocity = motion.velocity_inertial().components
-        + vector([horizontal, horizontal, noise.vertical_velocity]);
-    FlightFrame {
-        index,
-        time,
-        posture: *posture,
-        pelvis: PelvisMotion {
-            inertial_from_body,
-            position: motion.position,
-            velocity: Some(Vector::from_components(velocity)),
-            angular_velocity: Some(inertial_from_body * Vector::from_components(spin)),
-        },
-        centre_of_mass: None,
-        bridged: false,
-    }
 }

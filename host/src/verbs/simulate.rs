@@ -11,6 +11,7 @@ use bodyflight_core::effect::Model;
 use bodyflight_core::effect::sensors::Moving;
 use bodyflight_core::observation::Observation;
 use bodyflight_core::{Posture, Real};
+use bodyflight_discovery::motion_history::MotionHistory;
 use serde::Serialize;
 
 use crate::diagnostic::{Problem, Result};
@@ -19,7 +20,6 @@ use crate::formats::recording::{FlightFrame, Options, Quality, Recording};
 use crate::interrupt;
 use crate::output::files::CsvFile;
 use crate::replay::comparison::{Channel, Comparison, Pair, PerChannel};
-use crate::replay::motion_history::MotionHistory;
 
 /// The result of a simulation.
 #[derive(Debug, Clone, Serialize)]
@@ -47,22 +47,6 @@ pub struct Simulation {
     pub comparison: Comparison,
     /// What reading met.
     pub quality: Quality,
-}
-
-/// Motion of the pelvis in a frame.
-///
-/// # Errors
-/// Where the recording has no velocity or angular velocity.
-pub fn measured_motion(frame: &FlightFrame) -> Result<Motion<f64>> {
-    let (velocity, angular_velocity) = frame.rates()?;
-    let inertial_from_body = frame.pelvis.inertial_from_body;
-    let body_from_inertial = inertial_from_body.inverse();
-    Ok(Motion {
-        inertial_from_body,
-        position: frame.pelvis.position,
-        velocity: body_from_inertial * velocity,
-        angular_velocity: body_from_inertial * angular_velocity,
-    })
 }
 
 /// Reads the recording of a flight, runs the model beside it and compares.
@@ -154,7 +138,7 @@ impl<'a, T: Real> Follower<'a, T> {
             .applied(*dynamics, first.pelvis.position.components.z)?;
         let dynamics = model.dynamics.cast::<T>();
         let rate = rate(&first.posture, &second.posture, second.time - first.time);
-        let motion = measured_motion(first)?;
+        let motion = first.motion()?;
         let mut history = MotionHistory::default();
         history.push(first.time, Moving::of(&motion));
         let posture = first.posture.cast();
@@ -211,7 +195,7 @@ impl<'a, T: Real> Follower<'a, T> {
         }
         Ok(Pair {
             time: frame.time,
-            measured: Observation::of(&measured_motion(frame)?),
+            measured: Observation::of(&frame.motion()?),
             simulated: Observation::of(&seen),
         })
     }

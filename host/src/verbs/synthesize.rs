@@ -13,6 +13,7 @@ use bodyflight_core::dynamics::{Dynamics, Motion};
 use bodyflight_core::frame::{Inertial, Vector};
 use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::math::small_rotation;
+use bodyflight_core::sensor_noise::SensorNoise;
 use nalgebra::Vector3;
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
@@ -27,55 +28,6 @@ use crate::formats::recording::{FlightFrame, PelvisMotion};
 use crate::formats::subject::{SEGMENTS_FILE, Subject};
 use crate::interrupt;
 use crate::output::files::{CsvFile, write_file};
-
-/// Noise of the sensors, standard deviations.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SensorNoise {
-    /// Attitude of the pelvis, each axis (rad).
-    pub attitude: f64,
-    /// Angular velocity, each axis (rad/s).
-    pub angular_velocity: f64,
-    /// Horizontal velocity, each axis (m/s).
-    pub horizontal_velocity: f64,
-    /// Vertical velocity (m/s).
-    pub vertical_velocity: f64,
-    /// Each joint, each axis (rad): slow errors of the sensor fusion.
-    pub joint: f64,
-}
-
-impl SensorNoise {
-    /// Perfect sensors.
-    pub const NONE: Self = Self {
-        attitude: 0.0,
-        angular_velocity: 0.0,
-        horizontal_velocity: 0.0,
-        vertical_velocity: 0.0,
-        joint: 0.0,
-    };
-
-    /// The paper's figures, sections "Measurements" and "Discussion": angles 0.01 rad, rates 0.03 rad/s,
-    /// velocity 0.1 m/s with GNSS and 1 m/s vertically. Joints are taken as exact: their error is a bias of
-    /// the posture, not noise.
-    pub const PAPER: Self = Self {
-        attitude: 0.01,
-        angular_velocity: 0.03,
-        horizontal_velocity: 0.1,
-        vertical_velocity: 1.0,
-        joint: 0.0,
-    };
-
-    /// The same noise, larger or smaller.
-    #[must_use]
-    pub fn scaled(&self, factor: f64) -> Self {
-        Self {
-            attitude: self.attitude * factor,
-            angular_velocity: self.angular_velocity * factor,
-            horizontal_velocity: self.horizontal_velocity * factor,
-            vertical_velocity: self.vertical_velocity * factor,
-            joint: self.joint * factor,
-        }
-    }
-}
 
 /// What to synthesise.
 #[derive(Debug, Clone)]

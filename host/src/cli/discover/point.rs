@@ -3,22 +3,23 @@
 use std::path::PathBuf;
 
 use bodyflight::diagnostic::{Problem, Result};
-use bodyflight::discover::figure;
-use bodyflight::discover::point::{COMPONENT_NAMES, Report, discover};
 use bodyflight::formats::flight::Flight;
-use bodyflight::formats::flysight::{Track, is_flysight};
+use bodyflight::formats::flysight::is_flysight;
+use bodyflight::verbs::discover::{figure, model_toml, problem, read_point_track};
+use bodyflight_discovery::point::report::{COMPONENT_NAMES, Report};
+use bodyflight_discovery::point::search::discover;
 
 use super::super::terminal;
 use super::{Args, print_gap, print_held_out, print_names, write_all};
 
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     let flight = Flight::read(&args.flight)?;
-    let track = Track::read(&flight.recording)?;
+    let track = read_point_track(&flight.recording)?;
     let other =
         |path: &PathBuf| {
             let recording = Flight::read(path)?.recording;
             if is_flysight(&recording) {
-                Track::read(&recording)
+                read_point_track(&recording)
             } else {
                 Err(Problem::bad_input("expected the recording of a point (CSV)")
                 .in_file(&recording)
@@ -36,14 +37,11 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         &|height| flight.dynamics(height),
         args.max_effects,
     )
-    .map_err(|problem| match problem.file {
-        Some(_) => problem,
-        None => problem.in_file(&flight.recording),
-    })?;
+    .map_err(|error| problem(error).in_file(&flight.recording))?;
     if let Some(folder) = &args.out {
         let title = format!("{}: what the model misses", args.flight.display());
         let figure = figure::point_svg(&title, &report)?;
-        write_all(folder, &report, &figure, &report.model_toml())?;
+        write_all(folder, &report, &figure, &model_toml(&report.model))?;
     }
     if json {
         return terminal::print_json(&report);

@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use bodyflight_core::link::Status;
 use bodyflight_core::link::fault::Struck;
+use bodyflight_discovery::statistics::quantile_of_sorted;
 use serde::Serialize;
 
 use super::Settings;
@@ -265,16 +266,13 @@ impl Report {
 fn latency(session: &Session) -> Latency {
     let mut sorted = session.latencies.clone();
     sorted.sort_by(f64::total_cmp);
-    let at = |percent: usize| {
-        let index = (sorted.len() * percent / 100).min(sorted.len().saturating_sub(1));
-        sorted.get(index).copied().unwrap_or(0.0)
-    };
+    let at = |share: f64| quantile_of_sorted(&sorted, share);
     #[expect(clippy::cast_precision_loss, reason = "microseconds")]
     let round_trip_ms = session.round_trip.unwrap_or(0) as f64 * 1e-3;
     Latency {
-        median_ms: at(50),
-        p99_ms: at(99),
-        max_ms: at(100),
+        median_ms: at(0.5),
+        p99_ms: at(0.99),
+        max_ms: at(1.0),
         round_trip_ms,
     }
 }

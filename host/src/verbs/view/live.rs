@@ -15,7 +15,6 @@ use crate::formats::flight::{DEFAULT_DENSITY, Flight};
 use crate::formats::recording::FlightFrame;
 use crate::interrupt;
 use crate::unit::stream::report::Live;
-use crate::verbs::simulate::measured_motion;
 
 /// A page that shows a stream.
 ///
@@ -74,7 +73,7 @@ impl LiveView {
             inputs_of(&estimate.state.map(f64::from).into())
         });
         // A source without velocities is shown without forces of its own: nothing to see is no reason to stop.
-        if let Ok(motion) = measured_motion(recorded) {
+        if let Ok(motion) = recorded.motion() {
             let numbers = frame(dynamics, &inputs, &recorded.posture, &motion, recorded.time);
             let bytes: Vec<u8> = numbers.iter().flat_map(|n| n.to_le_bytes()).collect();
             self.server.send(&Message::binary(bytes));

@@ -14,7 +14,7 @@ use crate::formats::recording::{Options, Recording};
 use crate::formats::subject::Subject;
 use crate::interrupt;
 use crate::replay::comparison::{Channel, Comparison, PerChannel};
-use crate::verbs::simulate::{Follower, measured_motion};
+use crate::verbs::simulate::Follower;
 
 /// Rows a second; the page shows what is between them on straight lines.
 pub const RATE: f64 = 30.0;
@@ -124,7 +124,7 @@ pub fn fly_series(
     let dynamics = follower.model().dynamics;
     let mut series = Series::new(&COLUMNS);
     let mut comparison = Comparison::default();
-    let measured = measured_motion(&first)?;
+    let measured = first.motion()?;
     let start = frame(
         &dynamics,
         follower.inputs(),
@@ -144,7 +144,7 @@ pub fn fly_series(
             due = (due + 1.0 / RATE).max(ahead.time);
             let (inputs, motion) = (follower.inputs(), follower.motion());
             let frame = frame(&dynamics, inputs, &ahead.posture, motion, ahead.time);
-            let measured = measured_motion(&ahead)?;
+            let measured = ahead.motion()?;
             let seen = [&pair.simulated, &pair.measured];
             series.push(row(&frame, inputs, &measured, seen));
             progress(ahead.time);

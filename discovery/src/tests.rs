@@ -1,48 +1,45 @@
 //! The parts of the search, where the answer is known.
 
 use bodyflight_core::dynamics::{Dynamics, Inputs};
-use bodyflight_core::effect::Effect;
+use bodyflight_core::effect::{Effect, Model};
 use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;
-
-use super::choice::starts;
-use super::design::places;
-use super::fit::{Fit, with};
-use super::flown::Prepared;
-use super::gap::missing;
-use super::linear::{Normal, Nuisances, Reduced, Right};
-use super::stretch::{CHANNELS, Channels};
-use super::tolerance::Wrong;
-use super::*;
-use crate::formats::subject::Subject;
-use crate::verbs::hide::{self, Hidden, fly};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use rand_distr::StandardNormal;
 
+use super::check::{self, Finding};
+use super::choice::starts;
+use super::effect_set::{all_parameters, changed, extended};
+use super::fit::{Data, Fit};
+use super::flown::Prepared;
+use super::gap::{self, missing};
+use super::laboratory::{self, Hidden, fly};
+use super::linearization::Linearization;
+use super::momentum::{self, balance};
+use super::normal_equations::{Marginalized, NormalMatrix, NormalVector, NuisanceColumns};
+use super::nuisance::Nuisance;
+use super::null_distribution::NullDistribution;
+use super::regime;
+use super::report::Outcome;
+use super::search::{Settings, discover};
+use super::stretch::{self, CHANNELS, Channels, stretches};
+use super::test_subject;
+use super::track::Track;
+
 fn model() -> (Dynamics<f64>, Inputs<f64>) {
-    let subject = Subject::default();
-    let dynamics = Dynamics {
-        aerodynamics: subject.aerodynamics(),
-        ..Dynamics::paper(subject.body(), 1.0)
-    };
-    let inputs = Inputs {
-        damping: subject.damping(),
-        ..Inputs::belly_turn()
-    };
-    (dynamics, inputs)
+    (test_subject::dynamics(), Inputs::belly_turn())
 }
 
 /// A flight of the laboratory.
-fn flown(hidden: &[Hidden], settings: &hide::Settings) -> Track {
+fn flown(hidden: &[Hidden], settings: &laboratory::Settings) -> Track {
     let (dynamics, inputs) = model();
-    let flight = fly(&dynamics, &inputs, hidden, settings);
-    Track::new(&flight.frames, dynamics, inputs).unwrap()
+    Track::new(&fly(&dynamics, &inputs, hidden, settings), dynamics, inputs)
 }
 
 /// A short one.
 fn track(hidden: &[Hidden], noise: f64) -> Track {
-    let settings = hide::Settings {
+    let settings = laboratory::Settings {
         seed: 3,
         duration: 6.0,
         noise,
@@ -72,7 +69,7 @@ fn without_noise_the_model_flies_as_recorded_and_effects_are_felt() {
     for (effect, values) in effects {
         let track = track(&[Hidden::Effect(effect, values)], 0.0);
         let without = residuals(&track, &plain(&track));
-        let with = residuals(&track, &with(&plain(&track), &vec![(effect, values)]));
+        let with = residuals(&track, &extended(&plain(&track), &vec![(effect, values)]));
         assert!(
             without > 5.0 * floor,
             "{effect:?}: {without}, floor {floor}"
@@ -86,7 +83,7 @@ fn without_noise_the_model_flies_as_recorded_and_effects_are_felt() {
 
 #[test]
 fn errors_of_sensors_show_in_the_data_alone_and_only_they() {
-    let settings = hide::Settings {
+    let settings = laboratory::Settings {
         seed: 5,
         duration: 30.0,
         noise: 1.0,
@@ -126,12 +123,13 @@ fn every_parameter_has_a_column_and_every_stretch_its_numbers() {
     let model = Model::new(track.dynamics, track.start_height());
     let stretches = stretches(&track);
     let count = stretches.len();
-    let start = (&Vec::new(), &Wrong::nothing());
-    let around = Around::new(&track, &model, stretches, start, &places()).parts;
-    assert_eq!(around.len(), count);
-    for (_, block) in &around {
+    let start = (&Vec::new(), &Nuisance::none());
+    let linearization =
+        Linearization::new(&track, &model, stretches, start, &all_parameters()).parts;
+    assert_eq!(linearization.len(), count);
+    for (_, block) in &linearization {
         assert_eq!(block.effects.nrows() % CHANNELS, 0);
-        assert_eq!(block.effects.ncols(), places().len());
+        assert_eq!(block.effects.ncols(), all_parameters().len());
         assert!(
             block
                 .effects
@@ -141,16 +139,16 @@ fn every_parameter_has_a_column_and_every_stretch_its_numbers() {
         );
     }
     // All but the profile of a tunnel are felt in a fall through still air.
-    for (k, place) in places().iter().enumerate() {
-        let felt: f64 = around
+    for (k, id) in all_parameters().iter().enumerate() {
+        let felt: f64 = linearization
             .iter()
             .map(|(_, block)| block.effects.column(k).norm_squared())
             .sum();
-        let name = place.effect.description().name;
+        let name = id.effect.description().name;
         assert!(
-            felt > 1e-6 || place.effect == Effect::TunnelProfile,
+            felt > 1e-6 || id.effect == Effect::TunnelProfile,
             "{name} {}",
-            place.index
+            id.index
         );
     }
 }
@@ -162,36 +160,36 @@ fn columns_are_slopes_wherever_an_effect_stands() {
     let track = track(&[], 0.0);
     let plain = Model::new(track.dynamics, track.start_height());
     let stretch = &stretches(&track)[2];
-    for place in places() {
-        let parameter = &place.effect.description().parameters[place.index];
-        let mut values = place.effect.neutral();
-        values[place.index] += 0.5 * (parameter.high - parameter.neutral);
+    for id in all_parameters() {
+        let parameter = &id.effect.description().parameters[id.index];
+        let mut values = id.effect.neutral();
+        values[id.index] += 0.5 * (parameter.high - parameter.neutral);
         let at = |step: f64| {
             let mut values = values;
-            values[place.index] += step;
-            let model = with(&plain, &vec![(place.effect, values)]);
+            values[id.index] += step;
+            let model = extended(&plain, &vec![(id.effect, values)]);
             -missing(&track, stretch, &model)
         };
         let small = 0.02 * (parameter.high - parameter.low);
         let central = (at(small) - at(-small)) / (2.0 * small);
-        let (model, size) = design::changed(&plain, &vec![(place.effect, values)], place);
+        let (model, size) = changed(&plain, &vec![(id.effect, values)], id);
         let here = Prepared::new(
             &track,
             stretch,
-            &with(&plain, &vec![(place.effect, values)]),
-            &Wrong::nothing(),
+            &extended(&plain, &vec![(id.effect, values)]),
+            &Nuisance::none(),
             1,
         );
-        let other = Prepared::new(&track, stretch, &model, &Wrong::nothing(), 1);
+        let other = Prepared::new(&track, stretch, &model, &Nuisance::none(), 1);
         let none = Channels::zeros();
         let column = other.fly(&none).less(&here.fly(&none)) / size;
-        let name = place.effect.description().name;
+        let name = id.effect.description().name;
         // Where a sensor's error is taken off the start, the start moves too.
         let apart = (&column - &central).norm();
         assert!(
             apart < 0.25 * central.norm() + 1e-6,
             "{name} {}: {apart} of {}",
-            place.index,
+            id.index,
             central.norm()
         );
     }
@@ -201,7 +199,7 @@ fn columns_are_slopes_wherever_an_effect_stands() {
 fn the_same_seed_gives_the_same_answer() {
     let track = track(&[Hidden::Effect(Effect::GyroBias, [0.1, 0.1, -0.1])], 1.0);
     let answer = || {
-        let report = discover(&track, &[], &Settings::default(), |_| {}).unwrap();
+        let report = discover(&track, &[], &Settings::default(), &()).unwrap();
         serde_json::to_string(&report).unwrap()
     };
     assert_eq!(answer(), answer());
@@ -210,10 +208,10 @@ fn the_same_seed_gives_the_same_answer() {
 /// Belly to earth in one posture for long: a constant force can be anything.
 #[test]
 fn a_flight_in_which_nothing_moves_gets_no_name() {
-    let settings = hide::Settings {
+    let settings = laboratory::Settings {
         duration: 15.0,
         noise: 0.0,
-        ..hide::Settings::default()
+        ..laboratory::Settings::default()
     };
     let mut still = flown(&[], &settings);
     assert!(!still.is_still());
@@ -221,19 +219,19 @@ fn a_flight_in_which_nothing_moves_gets_no_name() {
     still.postures.fill(posture);
     still.measured.fill(motion);
     assert!(still.is_still());
-    let report = discover(&still, &[], &Settings::default(), |_| {}).unwrap();
+    let report = discover(&still, &[], &Settings::default(), &()).unwrap();
     assert_eq!(report.verdict, Outcome::Thin);
     assert!(report.effects.is_empty() && report.model.is_empty());
 }
 
 #[test]
 fn a_flight_of_a_moment_is_refused() {
-    let settings = hide::Settings {
+    let settings = laboratory::Settings {
         duration: 1.0,
-        ..hide::Settings::default()
+        ..laboratory::Settings::default()
     };
     let track = flown(&[], &settings);
-    let problem = discover(&track, &[], &Settings::default(), |_| {}).unwrap_err();
+    let problem = discover(&track, &[], &Settings::default(), &()).unwrap_err();
     assert!(problem.to_string().contains("4 s"), "{problem}");
 }
 
@@ -243,17 +241,17 @@ fn a_fit_ends_at_the_same_place_from_wherever_it_begins() {
     let truth = [1.9, 0.64, 1.73];
     let track = track(&[Hidden::Effect(Effect::Lift, truth)], 1.0);
     let plain = Model::new(track.dynamics, track.start_height());
-    let start = (&Vec::new(), &Wrong::nothing());
-    let around = Around::new(&track, &plain, stretches(&track), start, &[]);
-    let data = Data::new(&track, &plain, &around);
+    let start = (&Vec::new(), &Nuisance::none());
+    let linearization = Linearization::new(&track, &plain, stretches(&track), start, &[]);
+    let data = Data::new(&track, &plain, &linearization);
     let fits = [Effect::Lift.neutral(), [2.4, 0.9, 1.0], truth].map(|values| {
         let fit = data.fit(vec![(Effect::Lift, values)], |_| true);
-        data.refined(fit, f64::INFINITY).0
+        data.relinearized(fit, f64::INFINITY).0
     });
     let [one, others @ ..] = &fits;
     for other in others {
         assert!((one.misfit - other.misfit).abs() < 1.0, "{fits:?}");
-        let values = one.values[0].1.iter().zip(other.values[0].1);
+        let values = one.effects[0].1.iter().zip(other.effects[0].1);
         for ((value, other), error) in values.zip(&one.errors) {
             assert!((value - other).abs() < 0.3 * error, "{fits:?}");
         }
@@ -263,29 +261,29 @@ fn a_fit_ends_at_the_same_place_from_wherever_it_begins() {
 /// Joints do most of the work of a weak moment: from nothing the way leads into their valley and ends there.
 #[test]
 fn a_fit_from_halfway_arrives_where_one_from_nothing_does_not() {
-    let settings = hide::Settings {
+    let settings = laboratory::Settings {
         seed: 1,
-        ..hide::Settings::default()
+        ..laboratory::Settings::default()
     };
-    let truth = hide::strength(Effect::Moment, 1, None);
+    let truth = laboratory::strength(Effect::Moment, 1, None);
     let hidden = [Hidden::Effect(Effect::Moment, truth)];
     let track = flown(&hidden, &settings);
     let plain = Model::new(track.dynamics, track.start_height());
-    let start = (&Vec::new(), &Wrong::nothing());
-    let around = Around::new(&track, &plain, stretches(&track), start, &[]);
-    let data = Data::new(&track, &plain, &around);
+    let start = (&Vec::new(), &Nuisance::none());
+    let linearization = Linearization::new(&track, &plain, stretches(&track), start, &[]);
+    let data = Data::new(&track, &plain, &linearization);
     let fits: Vec<Fit> = starts(Effect::Moment, true)
         .into_iter()
         .map(|start| {
             let sketch = data.sketched(vec![(Effect::Moment, start)]);
-            data.refined(sketch, f64::INFINITY).0
+            data.relinearized(sketch, f64::INFINITY).0
         })
         .collect();
     let [nothing, halfway, _] = fits.as_slice() else {
         panic!("{fits:?}")
     };
     assert!(nothing.misfit > halfway.misfit + 100.0, "{fits:?}");
-    let values = halfway.values[0].1.iter().zip(&truth);
+    let values = halfway.effects[0].1.iter().zip(&truth);
     for ((value, truth), error) in values.zip(&halfway.errors) {
         assert!((value - truth).abs() < 4.0 * error, "{fits:?}, {truth}");
     }
@@ -310,9 +308,10 @@ fn what_chance_leaves_does_not_depend_on_the_effects_in_the_model() {
         vec![(Effect::Mounting, [-0.39, -0.31, -0.27])],
         vec![(Effect::Wind, [-17.4, -20.0, 0.0])],
     ] {
-        let start = (&values, &Wrong::nothing());
-        let around = Around::new(&track, &plain, stretches(&track), start, &places());
-        let null = Null::draw(&track, &around, &plain, &values, 1);
+        let start = (&values, &Nuisance::none());
+        let linearization =
+            Linearization::new(&track, &plain, stretches(&track), start, &all_parameters());
+        let null = NullDistribution::draw(&track, &linearization, &plain, &values, 1);
         let [misfit, _] = null.misfit;
         assert!(
             (0.8..1.2).contains(&(misfit / null.rows)),
@@ -333,20 +332,20 @@ proptest! {
         let residual = DVector::from_vec(residual);
         let columns = DMatrix::from_vec(8, 2, columns);
         let slopes = DMatrix::from_vec(8, 3, nuisances);
-        let nuisances = Nuisances::from(slopes.clone());
-        let reduced = Reduced::of(
-            &Normal::of(&columns, &nuisances),
-            &Right::of(&residual, &columns, &nuisances),
+        let nuisances = NuisanceColumns::from(slopes.clone());
+        let marginalized = Marginalized::of(
+            &NormalMatrix::of(&columns, &nuisances),
+            &NormalVector::of(&residual, &columns, &nuisances),
             &DVector::zeros(3),
         );
         let covariance = DMatrix::identity(8, 8) + &slopes * slopes.transpose();
         let inverse = covariance.try_inverse().unwrap();
         let misfit = residual.dot(&(&inverse * &residual));
-        prop_assert!((reduced.misfit - misfit).abs() < 1e-9 * (1.0 + misfit));
+        prop_assert!((marginalized.misfit - misfit).abs() < 1e-9 * (1.0 + misfit));
         let slope = columns.transpose() * &inverse * &residual;
-        prop_assert!((reduced.slope - slope).norm() < 1e-9);
+        prop_assert!((marginalized.slope - slope).norm() < 1e-9);
         let curvature = columns.transpose() * &inverse * &columns;
-        prop_assert!((reduced.curvature - curvature).norm() < 1e-9);
+        prop_assert!((marginalized.curvature - curvature).norm() < 1e-9);
     }
 }
 
@@ -363,7 +362,7 @@ fn the_balance_of_momentum_shows_what_is_missing_and_how_well_it_is_known() {
     let drag = (Effect::Drag, [1.6, 1.6, 1.6]);
     let flown = track(&[Hidden::Effect(drag.0, drag.1)], 0.0);
     let without = size(&balance(&flown, &plain(&flown)), &force);
-    let extended = with(&plain(&flown), &vec![drag]);
+    let extended = extended(&plain(&flown), &vec![drag]);
     let within = size(&balance(&flown, &extended), &force);
     assert!(
         without > 100.0 && floor < 0.05 * without,

@@ -4,11 +4,15 @@ use bodyflight_core::effect::{Effect, PARAMETER_COUNT};
 use nalgebra::Vector3;
 use serde::Serialize;
 
-use super::{ENOUGH, Fall, Fit, Values, values_of};
-use crate::discover::report::{Evidence, MODEL_COMMENT, Named, Outcome, model_of, share_explained};
-use crate::discover::{DISAGREES, EXPLAINS};
-use crate::formats::flysight::Track;
-use crate::formats::model_file::{ByName, model_toml};
+use super::candidate::{Candidate, Fit, effects_of};
+use super::fall::Fall;
+use super::track::Track;
+use crate::criteria::{DISAGREES, EXPLAINS};
+use crate::effect_set::EffectSet;
+use crate::report::{ByName, Evidence, Named, Outcome, model_of, share_explained};
+
+/// Shortest fall in which names are given (s).
+const ENOUGH: f64 = 20.0;
 
 /// Names of the components, with units.
 pub const COMPONENT_NAMES: [&str; 3] =
@@ -99,10 +103,20 @@ pub struct Report {
     pub model: Vec<ByName>,
 }
 
+/// What an effect explains.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Gain {
+    pub(super) effect: Effect,
+    /// Deviations beyond chance.
+    pub(super) deviations: f64,
+    /// What it takes off the misfit.
+    pub(super) misfit: f64,
+}
+
 pub(super) struct Found {
     pub(super) chosen: Fit,
-    /// Of each effect: deviations beyond chance, and the gain.
-    pub(super) gains: Vec<(Effect, f64, f64)>,
+    /// Of each effect.
+    pub(super) gains: Vec<Gain>,
     pub(super) plain: f64,
     pub(super) disagreement: f64,
 }
@@ -123,9 +137,9 @@ impl Report {
         let at_limit = named.iter().any(|named| named.at_limit);
         let enough = !at_limit && (agrees || explained >= EXPLAINS);
         let verdict = Outcome::of(thin, agrees, &named, enough);
-        let values = match verdict {
-            Outcome::Named => values_of(&chosen.found),
-            _ => Values::new(),
+        let model = match verdict {
+            Outcome::Named => effects_of(&chosen.found),
+            _ => EffectSet::new(),
         };
         let (effects, nearest) = verdict.split(named);
         Self {
@@ -136,36 +150,29 @@ impl Report {
             disagreement,
             free_fall_s: fall.duration(),
             noise_m_s: fall.noise,
-            rows_skipped: track.skipped.count,
+            rows_skipped: track.rows_skipped,
             latency: latency(fall),
             specific_force: specific_force(fall, track),
-            gap: gap(fall, &values),
-            held_out: others.iter().map(|other| gap(other, &values)).collect(),
-            residual_map: map(fall, &values),
-            model: model_of(&values),
+            gap: gap(fall, &model),
+            held_out: others.iter().map(|other| gap(other, &model)).collect(),
+            residual_map: map(fall, &model),
+            model: model_of(&model),
         }
-    }
-
-    /// The effects as a `model.toml`.
-    pub fn model_toml(&self) -> String {
-        model_toml(MODEL_COMMENT, &self.model)
     }
 }
 
 /// The effects with parameters and errors, these widened by the misfit that is left.
-fn named(chosen: &Fit, gains: &[(Effect, f64, f64)], plain: f64, expected: f64) -> Vec<Named> {
+fn named(chosen: &Fit, gains: &[Gain], plain: f64, expected: f64) -> Vec<Named> {
     let left = (chosen.misfit / expected).max(1.0).sqrt();
     let mut errors = chosen.errors.iter();
-    let one = |(candidate, numbers): &(super::Candidate, Vec<f64>)| {
+    let one = |(candidate, numbers): &(Candidate, Vec<f64>)| {
         let own: Vec<f64> = errors.by_ref().take(numbers.len()).copied().collect();
-        let (_, score, gain) = gains
-            .iter()
-            .find(|(effect, ..)| *effect == candidate.effect)?;
+        let gain = gains.iter().find(|gain| gain.effect == candidate.effect)?;
         let evidence = Evidence {
-            deviations: *score,
+            deviations: gain.deviations,
             chance: None,
             stability: None,
-            explains: gain / (plain - expected).max(1.0),
+            explains: gain.misfit / (plain - expected).max(1.0),
         };
         let tied = |of: &[f64]| -> [f64; PARAMETER_COUNT] { candidate.ties.map(|tie| of[tie]) };
         let (values, errors) = (tied(numbers), tied(&own).map(|error| error * left));
@@ -174,9 +181,9 @@ fn named(chosen: &Fit, gains: &[(Effect, f64, f64)], plain: f64, expected: f64) 
     chosen.found.iter().filter_map(one).collect()
 }
 
-fn gap(fall: &Fall<'_>, values: &Values) -> Gap {
-    let of = |values: &Values| -> [f64; 3] {
-        let rows = fall.residuals(values);
+fn gap(fall: &Fall<'_>, effects: &EffectSet) -> Gap {
+    let of = |effects: &EffectSet| -> [f64; 3] {
+        let rows = fall.residuals(effects);
         let squares = rows
             .iter()
             .fold(Vector3::zeros(), |sum, row| sum + row.component_mul(row));
@@ -190,11 +197,11 @@ fn gap(fall: &Fall<'_>, values: &Values) -> Gap {
         floor += (posture.add_scalar(1.0)) * (deviation * deviation);
     }
     let floor = (floor / fall.deviations.len().max(1) as f64).map(f64::sqrt);
-    let (before, after) = (fall.misfit(&Values::new()), fall.misfit(values));
+    let (before, after) = (fall.misfit(&EffectSet::new()), fall.misfit(effects));
     let above = (before - fall.rows()).max(1.0);
     Gap {
-        before: of(&Values::new()),
-        after: of(values),
+        before: of(&EffectSet::new()),
+        after: of(effects),
         floor: floor.into(),
         misfit_before: before,
         misfit_after: after,
@@ -203,8 +210,8 @@ fn gap(fall: &Fall<'_>, values: &Values) -> Gap {
     }
 }
 
-fn map(fall: &Fall<'_>, values: &Values) -> Vec<Spot> {
-    let (before, after) = (fall.residuals(&Values::new()), fall.residuals(values));
+fn map(fall: &Fall<'_>, effects: &EffectSet) -> Vec<Spot> {
+    let (before, after) = (fall.residuals(&EffectSet::new()), fall.residuals(effects));
     let spots = before.iter().zip(&after).enumerate();
     spots
         .map(|(k, (before, after))| {
@@ -253,12 +260,12 @@ fn latency(fall: &Fall<'_>) -> Option<Latency> {
 
 fn specific_force(fall: &Fall<'_>, track: &Track) -> Option<SpecificForce> {
     let ends = fall.fixes.first().zip(fall.fixes.last())?;
-    let (from, to) = (ends.0.time_of_week(), ends.1.time_of_week());
+    let (from, to) = (ends.0.time, ends.1.time);
     let sizes: Vec<f64> = track
-        .inertial
+        .specific_force
         .iter()
-        .filter(|sample| (from..=to).contains(&sample.time_of_week))
-        .map(|sample| sample.specific_force.norm())
+        .filter(|(time, _)| (from..=to).contains(time))
+        .map(|(_, force)| force.norm())
         .collect();
     if sizes.is_empty() {
         return None;

@@ -9,6 +9,7 @@ use bodyflight_core::dynamics::Motion;
 use bodyflight_core::effect::sensors::Moving;
 use bodyflight_core::frame::{Rotation, Vector};
 use bodyflight_core::math::small_rotation;
+use bodyflight_core::sensor_noise::SensorNoise;
 use nalgebra::{DVector, SVector, Vector3};
 
 use super::track::Track;
@@ -30,7 +31,18 @@ const APART: usize = 24;
 /// Moments on either side of the start: as far as a plausible delay reaches.
 pub(super) const SIDE: usize = 3;
 /// Standard deviations of single frames: attitude (rad), angular velocity (rad/s), velocity (m/s), the paper's.
-pub const SENSOR_NOISE: [f64; CHANNELS] = [0.01, 0.01, 0.01, 0.03, 0.03, 0.03, 0.1, 0.1, 1.0];
+pub const SENSOR_NOISE: [f64; CHANNELS] = {
+    let SensorNoise {
+        attitude,
+        angular_velocity: spin,
+        horizontal_velocity: horizontal,
+        vertical_velocity: vertical,
+        ..
+    } = SensorNoise::PAPER;
+    [
+        attitude, attitude, attitude, spin, spin, spin, horizontal, horizontal, vertical,
+    ]
+};
 
 /// What the model misses in a tenth of a second whatever it knows: jitter of joints, slow errors of the suit.
 const MODEL_NOISE: [f64; CHANNELS] = [

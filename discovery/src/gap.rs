@@ -5,11 +5,12 @@ use nalgebra::DVector;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::design::Part;
-use super::fit::{Data, Values, with};
+use super::effect_set::{EffectSet, extended};
+use super::fit::Data;
 use super::flown::Prepared;
+use super::linearization::Part;
+use super::nuisance::Nuisance;
 use super::stretch::{CHANNELS, Channels, Stretch};
-use super::tolerance::Wrong;
 use super::track::Track;
 
 /// Root mean squares of the residuals by channel.
@@ -27,7 +28,7 @@ pub struct Gap {
 
 /// What the model misses in a stretch, joints and subject as in the files.
 pub(super) fn missing(track: &Track, stretch: &Stretch, model: &Model<f64>) -> DVector<f64> {
-    let flight = Prepared::new(track, stretch, model, &Wrong::nothing(), 1);
+    let flight = Prepared::new(track, stretch, model, &Nuisance::none(), 1);
     flight.fly(&Channels::zeros()).missing(track, stretch)
 }
 
@@ -49,17 +50,17 @@ pub(super) fn mean_square(residuals: &[&DVector<f64>]) -> Channels {
 }
 
 impl Gap {
-    pub(super) fn of(data: &Data<'_>, values: &Values, floor: &Channels) -> Self {
+    pub(super) fn of(data: &Data<'_>, effects: &EffectSet, floor: &Channels) -> Self {
         let of = |model: &Model<f64>| {
             let residuals: Vec<_> = data
-                .around
+                .linearization
                 .parts
                 .par_iter()
                 .map(|(stretch, _)| missing(data.track, stretch, model))
                 .collect();
             mean_square(&residuals.iter().collect::<Vec<_>>())
         };
-        let (before, after) = (of(data.model), of(&with(data.model, values)));
+        let (before, after) = (of(data.model), of(&extended(data.model, effects)));
         let (mut open, mut left) = (0.0, 0.0);
         for channel in 0..CHANNELS {
             let least = floor[channel] * floor[channel];
@@ -114,8 +115,8 @@ pub struct Spot {
     pub height_m: f64,
 }
 
-pub(super) fn map(data: &Data<'_>, values: &Values, floor: &Channels) -> Vec<Spot> {
-    let extended = with(data.model, values);
+pub(super) fn map(data: &Data<'_>, effects: &EffectSet, floor: &Channels) -> Vec<Spot> {
+    let extended = extended(data.model, effects);
     let spot = |(stretch, _): &Part| {
         let track = data.track;
         let over_floor = |model: &Model<f64>| -> [f64; CHANNELS] {
@@ -135,5 +136,5 @@ pub(super) fn map(data: &Data<'_>, values: &Values, floor: &Channels) -> Vec<Spo
             height_m: mean(&|motion| motion.position.components.z),
         }
     };
-    data.around.parts.iter().map(spot).collect()
+    data.linearization.parts.iter().map(spot).collect()
 }

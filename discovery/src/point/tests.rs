@@ -1,29 +1,32 @@
 //! Falls of which the truth is known.
 
+use bodyflight_core::body::pattern;
+use bodyflight_core::dynamics::Dynamics;
+use bodyflight_core::dynamics::point_mass::PointMass;
+use bodyflight_core::effect::{Effect, Model, PARAMETER_COUNT};
 use bodyflight_core::frame::Vector;
+use nalgebra::Vector3;
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use rand_distr::StandardNormal;
 
-use super::*;
-use crate::discover::report::Outcome;
-use crate::formats::flysight::Skipped;
-use crate::formats::subject::Subject;
+use super::fall::FALLING;
+use super::search::discover;
+use super::track::{Fix, Track};
+use crate::effect_set::{EffectSet, extended};
+use crate::report::Outcome;
+use crate::test_subject;
 
 fn dynamics(_height: f64) -> Dynamics<f64> {
-    let subject = Subject::default();
-    Dynamics {
-        aerodynamics: subject.aerodynamics(),
-        ..Dynamics::paper(subject.body(), 1.0)
-    }
+    test_subject::dynamics()
 }
 
 /// A fall from 4000 m with effects, of a skydiver who changes posture every ten seconds, as a receiver with noise
 /// sees it.
-fn recorded(effects: &Values, seed: u64, duration: f64) -> Track {
+fn recorded(effects: &EffectSet, seed: u64, duration: f64) -> Track {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut normal = |deviation: f64| random.sample::<f64, _>(StandardNormal) * deviation;
-    let model = with(&Model::new(dynamics(4000.0), 4000.0), effects);
+    let model = extended(&Model::new(dynamics(4000.0), 4000.0), effects);
     let point = PointMass::of(&model.dynamics, &pattern::neutral());
     let mut position = Vector::new(0.0, 0.0, 4000.0);
     let mut velocity = Vector::new(30.0, 10.0, -FALLING - 1.0);
@@ -45,7 +48,6 @@ fn recorded(effects: &Values, seed: u64, duration: f64) -> Track {
                 time,
                 position,
                 velocity: Vector::from_components(velocity.components + noise),
-                speed_accuracy: Some(0.3),
             });
         }
         let posed = PointMass {
@@ -58,8 +60,7 @@ fn recorded(effects: &Values, seed: u64, duration: f64) -> Track {
     }
     Track {
         fixes,
-        inertial: Vec::new(),
-        skipped: Skipped::default(),
+        ..Track::default()
     }
 }
 
@@ -101,8 +102,8 @@ fn what_needs_no_posture_is_found_with_its_size_and_helps_in_another_fall() {
 #[test]
 fn nothing_gets_a_name_where_nothing_is_missing() {
     for seed in 0..10 {
-        let flown = recorded(&Values::new(), seed, 50.0);
-        let other = recorded(&Values::new(), seed + 100, 50.0);
+        let flown = recorded(&EffectSet::new(), seed, 50.0);
+        let other = recorded(&EffectSet::new(), seed + 100, 50.0);
         let report = discover(&flown, &[other], &dynamics, 3).unwrap();
         assert_eq!(report.verdict, Outcome::None, "seed {seed}: {report:?}");
     }
@@ -119,7 +120,7 @@ fn several_at_once_are_found_one_after_another() {
     let mut names: Vec<&str> = report.effects.iter().map(|named| named.name).collect();
     names.sort_unstable();
     assert_eq!(names, ["drag", "wind"]);
-    assert!(report.model_toml().contains("trunk_factor"));
+    assert!(report.model.iter().any(|(name, _)| *name == "drag"));
 }
 
 #[test]
@@ -134,7 +135,7 @@ fn a_short_fall_gets_no_name_and_no_fall_is_refused() {
 
 #[test]
 fn late_velocities_show_in_the_way() {
-    let flown = recorded(&Values::new(), 4, 40.0);
+    let flown = recorded(&EffectSet::new(), 4, 40.0);
     let mut late = flown.clone();
     for (fix, before) in late.fixes[2..].iter_mut().zip(&flown.fixes) {
         fix.velocity = before.velocity;

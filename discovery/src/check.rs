@@ -12,10 +12,9 @@ use bodyflight_core::frame::Vector;
 use nalgebra::{DMatrix, DVector, SVector, UnitQuaternion, Vector3};
 use serde::Serialize;
 
-use super::design::Place;
-use super::fit::reach;
+use super::effect_set::ParameterId;
+use super::motion_history::MotionHistory;
 use super::track::Track;
-use crate::replay::motion_history::MotionHistory;
 
 /// Frames of windows: half a second and five.
 const WINDOWS: [usize; 2] = [120, 1200];
@@ -173,7 +172,7 @@ impl Solved {
             let parameter = &effect.description().parameters[index];
             check.values[index] = value.clamp(parameter.low, parameter.high);
             check.errors[index] = error;
-            let immaterial = IMMATERIAL * reach(Place { effect, index });
+            let immaterial = IMMATERIAL * ParameterId { effect, index }.prior_deviation();
             matters |= value.abs() > SIGNIFICANT * error && value.abs() > immaterial;
             vague |= 3.0 * error > immaterial;
             check.deviations = check.deviations.max(value.abs() / error.max(1e-12));

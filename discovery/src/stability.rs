@@ -7,12 +7,12 @@ use rand::{RngExt, SeedableRng};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::design::Part;
 use super::fit::{Data, Fit};
-use super::linear::{Normal, Reduced, Right, sum};
-use super::regime::correlation;
+use super::linearization::Part;
+use super::normal_equations::{Marginalized, NormalMatrix, NormalVector, sum};
+use super::nuisance::Nuisance;
+use super::statistics::correlation;
 use super::stretch::CHANNELS;
-use super::tolerance::Wrong;
 
 /// Stretches of a block: three seconds, longer than what one movement of the skydiver leaves in the residuals.
 const BLOCK: usize = 5;
@@ -22,9 +22,9 @@ const RESAMPLES: usize = 100;
 
 /// Residuals of every stretch with some effects, and what joints and subject may change in them.
 pub(super) struct Parts {
-    of_stretch: Vec<(Normal, Right)>,
+    of_stretch: Vec<(NormalMatrix, NormalVector)>,
     white: Vec<DVector<f64>>,
-    wrong: Wrong,
+    nuisance: Nuisance,
 }
 
 impl Parts {
@@ -32,15 +32,15 @@ impl Parts {
         let white = data.residuals(fit);
         let of_stretch = |((_, block), white): (&Part, &DVector<f64>)| {
             let none = DMatrix::zeros(white.len(), 0);
-            let right = Right::of(white, &none, &block.nuisances);
-            (Normal::of(&none, &block.nuisances), right)
+            let vector = NormalVector::of(white, &none, &block.nuisances);
+            (NormalMatrix::of(&none, &block.nuisances), vector)
         };
-        let parts = data.around.parts.par_iter().zip(&white);
+        let parts = data.linearization.parts.par_iter().zip(&white);
         let of_stretch = parts.map(of_stretch).collect();
         Self {
             of_stretch,
             white,
-            wrong: fit.wrong.clone(),
+            nuisance: fit.nuisance.clone(),
         }
     }
 
@@ -58,10 +58,13 @@ impl Parts {
 
     fn misfit(&self, stretches: &[usize]) -> f64 {
         let own = || stretches.iter().filter_map(|&k| self.of_stretch.get(k));
-        let nothing = Normal::nothing(0, self.wrong.0.len());
-        let right = sum(Right::nothing(&nothing), own().map(|(_, right)| right));
-        let normal = sum(nothing, own().map(|(normal, _)| normal));
-        Reduced::of(&normal, &right, &self.wrong.0).misfit
+        let nothing = NormalMatrix::nothing(0, self.nuisance.0.len());
+        let vector = sum(
+            NormalVector::nothing(&nothing),
+            own().map(|(_, vector)| vector),
+        );
+        let matrix = sum(nothing, own().map(|(matrix, _)| matrix));
+        Marginalized::of(&matrix, &vector, &self.nuisance.0).misfit
     }
 }
 

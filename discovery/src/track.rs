@@ -4,11 +4,6 @@ use bodyflight_core::dynamics::{Dynamics, Inputs, Motion};
 use bodyflight_core::{Posture, Segment};
 use nalgebra::Vector3;
 
-use crate::diagnostic::{Problem, Result};
-use crate::formats::flight::Flight;
-use crate::formats::recording::{FlightFrame, Options, Recording};
-use crate::verbs::simulate::measured_motion;
-
 /// Root mean square of joint angles and of the stream's direction below which nothing moves (rad): what jitter of
 /// suit and sensors makes.
 const STILL: f64 = 0.04;
@@ -28,41 +23,27 @@ pub struct Track {
     pub inputs: Inputs<f64>,
 }
 
-impl Track {
-    /// Reads a flight.
-    ///
-    /// # Errors
-    /// Where a file is not usable or has no velocities.
-    pub fn read(flight: &Flight, options: Options) -> Result<Self> {
-        let recording = Recording::open(&flight.recording, options)?;
-        let frames = recording.collect::<Result<Vec<_>>>()?;
-        let first = frames.first().ok_or_else(|| {
-            Problem::bad_input("expected frames of type \"normal\"").in_file(&flight.recording)
-        })?;
-        let dynamics = flight.dynamics(first.pelvis.position.components.z);
-        let inputs = Inputs {
-            damping: flight.subject.damping(),
-            ..Inputs::belly_turn()
-        };
-        Self::new(&frames, dynamics, inputs)
-    }
+/// One instant of a flight.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Frame {
+    /// Time (s).
+    pub time: f64,
+    /// Recorded posture.
+    pub posture: Posture<f64>,
+    /// Recorded motion of the pelvis.
+    pub motion: Motion<f64>,
+}
 
-    /// From frames.
-    ///
-    /// # Errors
-    /// Where a frame has no velocity or angular velocity.
-    pub fn new(
-        frames: &[FlightFrame],
-        dynamics: Dynamics<f64>,
-        inputs: Inputs<f64>,
-    ) -> Result<Self> {
-        Ok(Self {
+impl Track {
+    /// A flight of some frames.
+    pub fn new(frames: &[Frame], dynamics: Dynamics<f64>, inputs: Inputs<f64>) -> Self {
+        Self {
             times: frames.iter().map(|frame| frame.time).collect(),
             postures: frames.iter().map(|frame| frame.posture).collect(),
-            measured: frames.iter().map(measured_motion).collect::<Result<_>>()?,
+            measured: frames.iter().map(|frame| frame.motion).collect(),
             dynamics,
             inputs,
-        })
+        }
     }
 
     /// Length (s).

@@ -4,14 +4,12 @@ use bodyflight_core::effect::{Effect, PARAMETER_COUNT};
 use serde::{Serialize, Serializer};
 
 use super::check::{Check, Finding};
-use super::fit::{Fit, Values};
+use super::effect_set::EffectSet;
 use super::gap::{Gap, HeldOutGap, Spot};
 use super::momentum::Missing;
-use super::null::Null;
 use super::regime::{Companion, Regime};
 use super::stability::Whiteness;
 use super::stretch::CHANNELS;
-use crate::formats::model_file::{ByName, by_name, model_toml};
 
 /// Names of the channels, with units.
 pub const CHANNEL_NAMES: [&str; CHANNELS] = [
@@ -183,24 +181,6 @@ impl Named {
     }
 }
 
-/// Fills in the parameters of the last, joint fit.
-///
-/// Their errors are how far fits to flights drawn from the model found are off, widened by the misfit that is left.
-pub(super) fn settle(named: &mut [Named], fit: &Fit, null: &Null) {
-    let left = (fit.misfit / null.misfit[0].max(1.0)).max(1.0).sqrt();
-    let mut errors = fit.errors.iter().zip(&null.errors);
-    for (effect, values) in &fit.values {
-        let mut own = [0.0; PARAMETER_COUNT];
-        let count = effect.description().parameters.len();
-        for (own, (fitted, drawn)) in own.iter_mut().zip(errors.by_ref().take(count)) {
-            *own = fitted.max(*drawn) * left;
-        }
-        for named in named.iter_mut().filter(|named| named.effect == *effect) {
-            *named = named.clone().with_parameters(values, &own);
-        }
-    }
-}
-
 /// An error of a sensor that the data alone show, rule out, or do not decide.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Checked {
@@ -275,7 +255,7 @@ pub(super) struct Parts {
     pub(super) momentum: [Vec<Missing>; 2],
     pub(super) signature: Vec<Companion>,
     pub(super) whiteness: Whiteness,
-    pub(super) values: Values,
+    pub(super) effects: EffectSet,
     pub(super) checks: Vec<Check>,
 }
 
@@ -298,21 +278,24 @@ impl Report {
             signature: parts.signature,
             whiteness: parts.whiteness,
             checks: parts.checks.iter().map(Checked::of).collect(),
-            model: model_of(&parts.values),
+            model: model_of(&parts.effects),
         }
     }
+}
 
-    /// The effects as a `model.toml`.
-    pub fn model_toml(&self) -> String {
-        model_toml(MODEL_COMMENT, &self.model)
-    }
+/// An effect with its parameters, by their names in files.
+pub type ByName = (&'static str, Vec<(&'static str, f64)>);
+
+/// The effect by name.
+pub fn by_name(effect: Effect, values: &[f64; PARAMETER_COUNT]) -> ByName {
+    let description = effect.description();
+    let parameters = description.parameters.iter().zip(values);
+    let parameters = parameters.map(|(parameter, value)| (parameter.name, *value));
+    (description.name, parameters.collect())
 }
 
 /// Effects by the names of files.
-pub(super) fn model_of(values: &Values) -> Vec<ByName> {
+pub(super) fn model_of(effects: &EffectSet) -> Vec<ByName> {
     let by_name = |(effect, values): &(Effect, _)| by_name(*effect, values);
-    values.iter().map(by_name).collect()
+    effects.iter().map(by_name).collect()
 }
-
-/// Where a `model.toml` comes from.
-pub(super) const MODEL_COMMENT: &str = "# Effects found by bodyflight discover.\n";

@@ -32,16 +32,16 @@ const SEGMENTS: usize = bodyflight_core::body::SEGMENT_COUNT;
 const BODY: usize = JOINTS + 2;
 const COEFFICIENT: usize = BODY + SEGMENTS;
 
-/// Numbers of [`Wrong`].
+/// Numbers of a [`Nuisance`].
 pub const COUNT: usize = COEFFICIENT + COEFFICIENTS.len() * PARAMETER_COUNT;
 
 /// What is wrong with joints and subject, each in its standard deviations.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Wrong(pub DVector<f64>);
+pub struct Nuisance(pub DVector<f64>);
 
-impl Wrong {
+impl Nuisance {
     /// Everything is as the files say.
-    pub fn nothing() -> Self {
+    pub fn none() -> Self {
         Self(DVector::zeros(COUNT))
     }
 
@@ -84,7 +84,7 @@ impl Wrong {
 
     /// Whether the same is wrong with the joints.
     pub fn has_joints_of(&self, other: &Self) -> bool {
-        let joints = |wrong: &Self| wrong.0.rows(0, JOINTS).into_owned();
+        let joints = |nuisance: &Self| nuisance.0.rows(0, JOINTS).into_owned();
         joints(self) == joints(other)
     }
 
@@ -118,24 +118,23 @@ impl Wrong {
 #[cfg(test)]
 mod tests {
     use bodyflight_core::body::pattern;
-    use bodyflight_core::dynamics::Dynamics;
 
     use super::*;
-    use crate::formats::subject::Subject;
+    use crate::test_subject;
 
     #[test]
     fn nothing_wrong_changes_nothing_and_each_number_changes_one_thing() {
-        let dynamics = Dynamics::paper(Subject::default().body(), 1.0);
+        let dynamics = test_subject::dynamics();
         let model = Model::new(dynamics, 0.0);
         let posture = pattern::neutral();
-        let nothing = Wrong::nothing();
+        let nothing = Nuisance::none();
         assert_eq!(nothing.of(&model), model);
         assert_eq!(nothing.joints()(&posture), posture);
         for k in 0..COUNT {
-            let wrong = nothing.with(k);
-            let turned = wrong.joints()(&posture) != posture;
+            let nuisance = nothing.with(k);
+            let turned = nuisance.joints()(&posture) != posture;
             assert_eq!(turned, k < JOINTS, "{k}");
-            assert_eq!(wrong.of(&model) != model, k >= JOINTS, "{k}");
+            assert_eq!(nuisance.of(&model) != model, k >= JOINTS, "{k}");
         }
         let heavier = nothing.with(JOINTS).of(&model).dynamics.body.mass();
         assert!((heavier / dynamics.body.mass() - 1.0 - MASS).abs() < 1e-12);

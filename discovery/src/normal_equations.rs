@@ -1,4 +1,4 @@
-//! The algebra of the linear problem: columns, residuals, and nuisances with a prior that are taken out of both.
+//! Normal equations of columns, nuisances and residuals, and the nuisances marginalized out of them by their prior.
 
 use core::ops::AddAssign;
 
@@ -6,20 +6,20 @@ use nalgebra::{DMatrix, DVector};
 
 /// What nuisances change in some numbers, each by a deviation of its prior.
 #[derive(Debug, Clone)]
-pub struct Nuisances {
+pub struct NuisanceColumns {
     slopes: DMatrix<f64>,
     /// Columns times columns.
     products: DMatrix<f64>,
 }
 
-impl Nuisances {
+impl NuisanceColumns {
     /// As columns.
     pub const fn slopes(&self) -> &DMatrix<f64> {
         &self.slopes
     }
 }
 
-impl From<DMatrix<f64>> for Nuisances {
+impl From<DMatrix<f64>> for NuisanceColumns {
     fn from(slopes: DMatrix<f64>) -> Self {
         Self {
             products: slopes.tr_mul(&slopes),
@@ -28,9 +28,9 @@ impl From<DMatrix<f64>> for Nuisances {
     }
 }
 
-/// Products of columns and nuisances over some stretches.
+/// The matrix of the normal equations over some stretches: products of columns and nuisances.
 #[derive(Debug, Clone)]
-pub struct Normal {
+pub struct NormalMatrix {
     /// Columns times columns.
     gg: DMatrix<f64>,
     /// Columns times nuisances.
@@ -39,9 +39,9 @@ pub struct Normal {
     nn: DMatrix<f64>,
 }
 
-impl Normal {
+impl NormalMatrix {
     /// Of one stretch.
-    pub fn of(columns: &DMatrix<f64>, nuisances: &Nuisances) -> Self {
+    pub fn of(columns: &DMatrix<f64>, nuisances: &NuisanceColumns) -> Self {
         Self {
             gg: columns.tr_mul(columns),
             gn: columns.tr_mul(&nuisances.slopes),
@@ -59,7 +59,7 @@ impl Normal {
     }
 }
 
-impl AddAssign<&Self> for Normal {
+impl AddAssign<&Self> for NormalMatrix {
     fn add_assign(&mut self, other: &Self) {
         self.gg += &other.gg;
         self.gn += &other.gn;
@@ -67,9 +67,9 @@ impl AddAssign<&Self> for Normal {
     }
 }
 
-/// Products of both with a residual, over the same stretches.
+/// Their right-hand side: products of both with a residual, over the same stretches.
 #[derive(Debug, Clone)]
-pub struct Right {
+pub struct NormalVector {
     /// Columns times residual.
     gr: DVector<f64>,
     /// Nuisances times residual.
@@ -78,9 +78,13 @@ pub struct Right {
     rr: f64,
 }
 
-impl Right {
+impl NormalVector {
     /// Of one stretch.
-    pub fn of(residual: &DVector<f64>, columns: &DMatrix<f64>, nuisances: &Nuisances) -> Self {
+    pub fn of(
+        residual: &DVector<f64>,
+        columns: &DMatrix<f64>,
+        nuisances: &NuisanceColumns,
+    ) -> Self {
         Self {
             gr: columns.tr_mul(residual),
             nr: nuisances.slopes.tr_mul(residual),
@@ -88,11 +92,11 @@ impl Right {
         }
     }
 
-    /// Of no stretch, for as many columns and nuisances as there are in `normal`.
-    pub fn nothing(normal: &Normal) -> Self {
+    /// Of no stretch, for as many columns and nuisances as there are in `matrix`.
+    pub fn nothing(matrix: &NormalMatrix) -> Self {
         Self {
-            gr: DVector::zeros(normal.gg.ncols()),
-            nr: DVector::zeros(normal.nn.ncols()),
+            gr: DVector::zeros(matrix.gg.ncols()),
+            nr: DVector::zeros(matrix.nn.ncols()),
             rr: 0.0,
         }
     }
@@ -103,7 +107,7 @@ impl Right {
     }
 }
 
-impl AddAssign<&Self> for Right {
+impl AddAssign<&Self> for NormalVector {
     fn add_assign(&mut self, other: &Self) {
         self.gr += &other.gr;
         self.nr += &other.nr;
@@ -121,7 +125,7 @@ pub fn sum<'a, T: AddAssign<&'a T> + 'a>(nothing: T, parts: impl IntoIterator<It
 
 /// Misfit, its slope and curvature in some parameters, after the nuisances have done what their priors allow.
 #[derive(Debug, Clone)]
-pub struct Reduced {
+pub struct Marginalized {
     /// Sum of squares of the whitened residual and of the nuisances where they go.
     pub misfit: f64,
     /// Columns times residual.
@@ -134,36 +138,41 @@ pub struct Reduced {
     pull: DMatrix<f64>,
 }
 
-impl Reduced {
+impl Marginalized {
     /// Takes the nuisances out, which stand at `centre`; they are in deviations, so their prior is one around zero.
-    pub fn of(normal: &Normal, right: &Right, centre: &DVector<f64>) -> Self {
-        Self::damped(normal, right, centre, 0.0)
+    pub fn of(matrix: &NormalMatrix, vector: &NormalVector, centre: &DVector<f64>) -> Self {
+        Self::damped(matrix, vector, centre, 0.0)
     }
 
     /// The same where nuisances are held at `centre` by a share of their own curvature (Marquardt).
-    pub fn damped(normal: &Normal, right: &Right, centre: &DVector<f64>, damping: f64) -> Self {
-        let count = normal.nn.nrows();
-        let nr = &right.nr - centre;
-        let rr = right.misfit(centre);
-        let mut held = &normal.nn + DMatrix::identity(count, count);
+    pub fn damped(
+        matrix: &NormalMatrix,
+        vector: &NormalVector,
+        centre: &DVector<f64>,
+        damping: f64,
+    ) -> Self {
+        let count = matrix.nn.nrows();
+        let nr = &vector.nr - centre;
+        let rr = vector.misfit(centre);
+        let mut held = &matrix.nn + DMatrix::identity(count, count);
         for k in 0..count {
             held[(k, k)] *= 1.0 + damping;
         }
         let Some(held) = held.cholesky() else {
             return Self {
                 misfit: rr,
-                slope: right.gr.clone(),
-                curvature: normal.gg.clone(),
+                slope: vector.gr.clone(),
+                curvature: matrix.gg.clone(),
                 taken: DVector::zeros(count),
-                pull: DMatrix::zeros(count, normal.gg.ncols()),
+                pull: DMatrix::zeros(count, matrix.gg.ncols()),
             };
         };
         let taken = held.solve(&nr);
-        let pull = held.solve(&normal.gn.transpose());
+        let pull = held.solve(&matrix.gn.transpose());
         Self {
             misfit: rr - nr.dot(&taken),
-            slope: &right.gr - &normal.gn * &taken,
-            curvature: &normal.gg - &normal.gn * &pull,
+            slope: &vector.gr - &matrix.gn * &taken,
+            curvature: &matrix.gg - &matrix.gn * &pull,
             taken,
             pull,
         }

@@ -1,10 +1,10 @@
 //! The report as a figure: where the model disagrees, and each channel before and after.
 
-use super::point;
-use super::report::{CHANNEL_NAMES, Outcome, Report};
-use super::stretch::CHANNELS;
+use bodyflight_discovery::point;
+use bodyflight_discovery::report::{ByName, CHANNEL_NAMES, Outcome, Report};
+use bodyflight_discovery::stretch::CHANNELS;
+
 use crate::diagnostic::Result;
-use crate::formats::model_file::ByName;
 use crate::output::plot::{Curve, EXTENDED, FLOOR, Line, PLAIN, Panel, figure_svg};
 
 /// The figure as SVG.
@@ -22,11 +22,11 @@ pub fn svg(title: &str, report: &Report) -> Result<String> {
 ///
 /// # Errors
 /// Where it cannot be drawn.
-pub fn point_svg(title: &str, report: &point::Report) -> Result<String> {
+pub fn point_svg(title: &str, report: &point::report::Report) -> Result<String> {
     let spots = &report.residual_map;
     let panel = |component: usize| {
         let gap = &report.gap;
-        let curve = |line: Line, value: &dyn Fn(&point::Spot) -> f64| Curve {
+        let curve = |line: Line, value: &dyn Fn(&point::report::Spot) -> f64| Curve {
             line,
             points: spots
                 .iter()
@@ -36,7 +36,7 @@ pub fn point_svg(title: &str, report: &point::Report) -> Result<String> {
         Panel {
             caption: format!(
                 "{}: missing over 2 s, RMS {:.2}, after {:.2}, noise and posture {:.2}",
-                point::COMPONENT_NAMES[component],
+                point::report::COMPONENT_NAMES[component],
                 gap.before[component],
                 gap.after[component],
                 gap.floor[component]

@@ -1,33 +1,23 @@
-//! Discovery in recordings of a point: satellites see where a skydiver is and how fast, not the posture.
-//!
-//! The balance of momentum in integral form: over windows of two seconds the velocity changes by what gravity and
-//! drag add up to along the way that was measured. Nothing is differentiated. Drag area and lift of an unknown
-//! posture are nuisances, one draw for every ten seconds, so an effect gets a name only where it acts on the whole
-//! flight. Effects that need no posture are tried: drag area, wind, density over the height.
-
-mod report;
+//! The free fall of a point: what the model misses in windows of it, and effects fitted to that.
 
 use bodyflight_core::body::pattern;
 use bodyflight_core::dynamics::Dynamics;
 use bodyflight_core::dynamics::point_mass::PointMass;
-use bodyflight_core::effect::{Effect, Model, PARAMETER_COUNT};
+use bodyflight_core::effect::Model;
 use nalgebra::{DMatrix, DVector, Vector3};
 
-use super::choice::{SIGNIFICANT_ALONE, VOTE, deviations};
-use super::fit::{Values, with};
-use super::linear::{Normal, Nuisances, Reduced, Right};
-use super::null::quantile;
-use crate::diagnostic::{Problem, Result};
-use crate::formats::flysight::{Fix, Track};
-use report::Found;
-pub use report::{COMPONENT_NAMES, Report, Spot};
+use super::candidate::{Candidate, Fit, effects_of};
+use super::track::{Fix, Track};
+use crate::effect_set::{EffectSet, extended};
+use crate::error::{Error, Result};
+use crate::normal_equations::{Marginalized, NormalMatrix, NormalVector, NuisanceColumns};
+use crate::statistics::quantile;
 
 /// Speed of descent of a free fall, at least (m/s).
-const FALLING: f64 = 15.0;
+pub(super) const FALLING: f64 = 15.0;
 
-/// Shortest free fall that is judged at all, and from which on names are given (s).
+/// Shortest free fall that is judged at all (s).
 const LEAST: f64 = 8.0;
-const ENOUGH: f64 = 20.0;
 
 /// Length of a window (s).
 const WINDOW: f64 = 2.0;
@@ -45,75 +35,21 @@ const JITTER: f64 = 0.01;
 /// Noise of a velocity, at least (m/s).
 const LEAST_NOISE: f64 = 0.03;
 
-/// Deviations from which on an effect is significant where other falls have a vote.
-const SIGNIFICANT_WITH_VOTES: f64 = 4.5;
-
 /// Steps of Gauss and Newton.
 const STEPS: usize = 8;
 
-/// An effect that needs no posture, and which of its parameters move together.
-#[derive(Debug, Clone, Copy)]
-struct Candidate {
-    effect: Effect,
-    /// For each parameter of the effect, the number that sets it.
-    ties: [usize; PARAMETER_COUNT],
-    /// Numbers.
-    count: usize,
-}
-
-/// Trunk, arms and legs cannot be told apart without a posture.
-const CANDIDATES: [Candidate; 3] = [
-    Candidate {
-        effect: Effect::Drag,
-        ties: [0, 0, 0],
-        count: 1,
-    },
-    Candidate {
-        effect: Effect::Wind,
-        ties: [0, 1, 1],
-        count: 2,
-    },
-    Candidate {
-        effect: Effect::DensityGradient,
-        ties: [0, 0, 0],
-        count: 1,
-    },
-];
-
-impl Candidate {
-    /// Parameters of the effect for its numbers, inside their plausible ranges.
-    fn values(&self, numbers: &[f64]) -> [f64; PARAMETER_COUNT] {
-        let mut values = self.effect.neutral();
-        let parameters = self.effect.description().parameters;
-        for ((value, parameter), tie) in values.iter_mut().zip(parameters).zip(self.ties) {
-            *value = numbers[tie].clamp(parameter.low, parameter.high);
-        }
-        values
-    }
-
-    fn neutral(&self) -> Vec<f64> {
-        self.effect.neutral()[..self.count].to_vec()
-    }
-
-    /// Half of the plausible range: the prior.
-    fn reach(&self) -> f64 {
-        let parameter = &self.effect.description().parameters[0];
-        0.5 * (parameter.high - parameter.low)
-    }
-}
-
 /// A free fall with the model that is meant to fly it.
-struct Fall<'a> {
-    fixes: &'a [Fix],
-    plain: Model<f64>,
+pub(super) struct Fall<'a> {
+    pub(super) fixes: &'a [Fix],
+    pub(super) plain: Model<f64>,
     /// First and last fix of each window.
-    windows: Vec<(usize, usize)>,
+    pub(super) windows: Vec<(usize, usize)>,
     /// Standard deviation of one component of a velocity (m/s).
-    noise: f64,
+    pub(super) noise: f64,
     /// What an unknown posture may change, whitened.
-    nuisances: Nuisances,
+    pub(super) nuisances: NuisanceColumns,
     /// Deviations of the rows.
-    deviations: Vec<f64>,
+    pub(super) deviations: Vec<f64>,
 }
 
 /// The longest stretch of fixes that fall.
@@ -182,17 +118,16 @@ fn posture(
 }
 
 impl<'a> Fall<'a> {
-    fn new(track: &'a Track, dynamics: &dyn Fn(f64) -> Dynamics<f64>) -> Result<Self> {
+    pub(super) fn new(track: &'a Track, dynamics: &dyn Fn(f64) -> Dynamics<f64>) -> Result<Self> {
         let fixes = falling(&track.fixes);
         let ends = fixes.first().zip(fixes.last());
         let duration = ends.map_or(0.0, |(first, last)| last.time - first.time);
         let Some((first, _)) = ends.filter(|_| duration >= LEAST) else {
-            return Err(Problem::bad_input(format!(
-                "expected at least {LEAST} s of free fall, found {duration:.1} s"
-            ))
-            .help(format!(
-                "a fall is where the descent is faster than {FALLING} m/s; a jump under an open canopy or on the ground has none"
-            )));
+            return Err(Error::NoFreeFall {
+                least_s: LEAST,
+                found_s: duration,
+                descent_mps: FALLING,
+            });
         };
         let height = first.position.components.z;
         let plain = Model::new(dynamics(height), height);
@@ -208,17 +143,17 @@ impl<'a> Fall<'a> {
         })
     }
 
-    fn time(&self, window: usize) -> f64 {
+    pub(super) fn time(&self, window: usize) -> f64 {
         self.fixes[self.windows[window].0].time - self.fixes[0].time
     }
 
-    fn duration(&self) -> f64 {
+    pub(super) fn duration(&self) -> f64 {
         self.fixes[self.fixes.len() - 1].time - self.fixes[0].time
     }
 
     /// Change of velocity in each window beyond what the model adds up to (m/s).
-    fn residuals(&self, values: &Values) -> Vec<Vector3<f64>> {
-        let dynamics = with(&self.plain, values).dynamics;
+    pub(super) fn residuals(&self, effects: &EffectSet) -> Vec<Vector3<f64>> {
+        let dynamics = extended(&self.plain, effects).dynamics;
         let point = PointMass::of(&dynamics, &pattern::neutral());
         let at = |fix: &Fix| point.acceleration(&fix.position, &fix.velocity).components;
         let residual = |&(from, to): &(usize, usize)| {
@@ -232,8 +167,8 @@ impl<'a> Fall<'a> {
         self.windows.iter().map(residual).collect()
     }
 
-    fn white(&self, values: &Values) -> DVector<f64> {
-        let rows = self.residuals(values);
+    fn white(&self, effects: &EffectSet) -> DVector<f64> {
+        let rows = self.residuals(effects);
         let white = rows
             .iter()
             .zip(&self.deviations)
@@ -244,40 +179,40 @@ impl<'a> Fall<'a> {
         DVector::from_iterator(3 * rows.len(), white)
     }
 
-    fn reduced(&self, found: &[(Candidate, Vec<f64>)]) -> Reduced {
+    fn marginalized(&self, found: &[(Candidate, Vec<f64>)]) -> Marginalized {
         const DIFFERENCE: f64 = 1e-3;
-        let values = values_of(found);
-        let here = self.white(&values);
+        let effects = effects_of(found);
+        let here = self.white(&effects);
         let mut columns = Vec::new();
         for (index, (candidate, numbers)) in found.iter().enumerate() {
             for number in 0..numbers.len() {
                 let mut there = found.to_vec();
-                let step = DIFFERENCE * candidate.reach();
+                let step = DIFFERENCE * candidate.prior_deviation();
                 there[index].1[number] += step;
-                columns.push((&here - self.white(&values_of(&there))) / step);
+                columns.push((&here - self.white(&effects_of(&there))) / step);
             }
         }
         self.without_posture(&here, &DMatrix::from_columns(&columns))
     }
 
-    fn without_posture(&self, white: &DVector<f64>, columns: &DMatrix<f64>) -> Reduced {
-        Reduced::of(
-            &Normal::of(columns, &self.nuisances),
-            &Right::of(white, columns, &self.nuisances),
+    fn without_posture(&self, white: &DVector<f64>, columns: &DMatrix<f64>) -> Marginalized {
+        Marginalized::of(
+            &NormalMatrix::of(columns, &self.nuisances),
+            &NormalVector::of(white, columns, &self.nuisances),
             &DVector::zeros(self.nuisances.slopes().ncols()),
         )
     }
 
     /// Effects fitted from where they are: numbers, standard errors, misfit.
-    fn fit(&self, mut found: Vec<(Candidate, Vec<f64>)>) -> Fit {
+    pub(super) fn fit(&self, mut found: Vec<(Candidate, Vec<f64>)>) -> Fit {
         let priors: Vec<f64> = found
             .iter()
-            .flat_map(|(candidate, numbers)| numbers.iter().map(|_| candidate.reach()))
+            .flat_map(|(candidate, numbers)| numbers.iter().map(|_| candidate.prior_deviation()))
             .collect();
         let mut errors = vec![f64::INFINITY; priors.len()];
-        let mut reduced = self.reduced(&found);
+        let mut marginalized = self.marginalized(&found);
         for _ in 0..STEPS {
-            let Some((step, covariance)) = reduced.solved(&priors) else {
+            let Some((step, covariance)) = marginalized.solved(&priors) else {
                 break;
             };
             errors = covariance.diagonal().iter().map(|v| v.sqrt()).collect();
@@ -290,12 +225,12 @@ impl<'a> Fall<'a> {
                 let kept = candidate.values(numbers);
                 numbers.copy_from_slice(&kept[..candidate.count]);
             }
-            let again = self.reduced(&there);
-            if again.misfit >= reduced.misfit {
+            let again = self.marginalized(&there);
+            if again.misfit >= marginalized.misfit {
                 break;
             }
-            let gained = reduced.misfit - again.misfit;
-            (found, reduced) = (there, again);
+            let gained = marginalized.misfit - again.misfit;
+            (found, marginalized) = (there, again);
             if gained < 0.01 {
                 break;
             }
@@ -303,35 +238,20 @@ impl<'a> Fall<'a> {
         Fit {
             found,
             errors,
-            misfit: reduced.misfit,
+            misfit: marginalized.misfit,
         }
     }
 
     /// Misfit of effects as they are, posture taken out.
-    fn misfit(&self, values: &Values) -> f64 {
-        let here = self.white(values);
+    pub(super) fn misfit(&self, effects: &EffectSet) -> f64 {
+        let here = self.white(effects);
         let none = DMatrix::zeros(here.len(), 0);
         self.without_posture(&here, &none).misfit
     }
 
-    fn rows(&self) -> f64 {
+    pub(super) fn rows(&self) -> f64 {
         3.0 * self.windows.len() as f64
     }
-}
-
-/// Effects of the point, fitted.
-#[derive(Clone)]
-struct Fit {
-    found: Vec<(Candidate, Vec<f64>)>,
-    errors: Vec<f64>,
-    misfit: f64,
-}
-
-fn values_of(found: &[(Candidate, Vec<f64>)]) -> Values {
-    let values = |(candidate, numbers): &(Candidate, Vec<f64>)| {
-        (candidate.effect, candidate.values(numbers))
-    };
-    found.iter().map(values).collect()
 }
 
 /// Noise of one component of a velocity: from what is left beside a parabola through four fixes, in the middle of all.
@@ -348,77 +268,3 @@ fn noise(fixes: &[Fix]) -> f64 {
     // Of a normal distribution the median is 0.6745 deviations; the third difference has the variance of twenty.
     (middle / 0.6745 / 20.0_f64.sqrt()).max(LEAST_NOISE)
 }
-
-/// Looks for what the model of a point misses in the free fall of a recording.
-///
-/// `dynamics` is the model at the height at which the fall starts.
-///
-/// # Errors
-/// Where there is no free fall that is long enough.
-pub fn discover(
-    track: &Track,
-    held_out: &[Track],
-    dynamics: &dyn Fn(f64) -> Dynamics<f64>,
-    max_effects: usize,
-) -> Result<Report> {
-    let fall = Fall::new(track, dynamics)?;
-    let others = held_out
-        .iter()
-        .map(|track| Fall::new(track, dynamics))
-        .collect::<Result<Vec<_>>>()?;
-    let plain = fall.misfit(&Values::new());
-    let rows = fall.rows();
-    let spread = (2.0 * rows).sqrt();
-    let disagreement = (plain - rows) / spread;
-    let mut chosen = Fit {
-        found: Vec::new(),
-        errors: Vec::new(),
-        misfit: plain,
-    };
-    let mut gains: Vec<(Effect, f64, f64)> = Vec::new();
-    while chosen.found.len() < max_effects.min(CANDIDATES.len()) {
-        let known = |candidate: &&Candidate| {
-            let own = |(found, _): &(Candidate, _)| found.effect == candidate.effect;
-            !chosen.found.iter().any(own)
-        };
-        let tried = CANDIDATES.iter().filter(known).map(|candidate| {
-            let mut found = chosen.found.clone();
-            found.push((*candidate, candidate.neutral()));
-            (candidate, fall.fit(found))
-        });
-        // Misfit that nothing explains makes chance larger.
-        let best = tried.min_by(|a, b| a.1.misfit.total_cmp(&b.1.misfit));
-        let Some((candidate, fit)) = best else {
-            break;
-        };
-        let scale = (fit.misfit / rows).max(1.0);
-        let freedom = candidate.count as f64;
-        let score = deviations((chosen.misfit - fit.misfit) / scale, freedom);
-        let votes = others.iter().map(|other| {
-            let gain =
-                other.misfit(&values_of(&chosen.found)) - other.misfit(&values_of(&fit.found));
-            deviations(gain / scale, freedom)
-        });
-        let vetoed = votes.into_iter().any(|vote| vote < VOTE);
-        let least = if others.is_empty() {
-            SIGNIFICANT_ALONE
-        } else {
-            SIGNIFICANT_WITH_VOTES
-        };
-        if score < least || vetoed {
-            break;
-        }
-        gains.push((candidate.effect, score, chosen.misfit - fit.misfit));
-        chosen = fit;
-    }
-    let found = Found {
-        chosen,
-        gains,
-        plain,
-        disagreement,
-    };
-    Ok(Report::new(&fall, &others, track, found))
-}
-
-#[cfg(test)]
-mod tests;

@@ -7,6 +7,7 @@ use serde::Serialize;
 
 use super::gap::Spot;
 use super::momentum::Missing;
+use super::statistics::{correlation, quantile_of_sorted};
 use super::track::Track;
 
 /// Mean square of all channels over their floors in thirds of the flight, by one of its variables.
@@ -95,7 +96,7 @@ pub fn regimes(track: &Track, map: &[Spot]) -> Vec<Regime> {
     let by = |(index, &by): (usize, &'static &'static str)| {
         let mut sorted: Vec<f64> = of.iter().map(|variables| variables[index]).collect();
         sorted.sort_by(f64::total_cmp);
-        let bounds = [1, 2].map(|third| sorted[third * sorted.len() / 3]);
+        let bounds = [1.0, 2.0].map(|third| quantile_of_sorted(&sorted, third / 3.0));
         let mean = |third: usize, value: &dyn Fn(&Spot) -> f64| {
             let own = map.iter().zip(&of).filter(|(_, variables)| {
                 bounds
@@ -164,23 +165,4 @@ pub fn companions(track: &Track, missing: &[Missing]) -> Vec<Companion> {
     all.sort_by(|a, b| b.correlation.abs().total_cmp(&a.correlation.abs()));
     all.truncate(MOST);
     all
-}
-
-/// Correlation of two series; none where one does not change.
-pub(super) fn correlation(a: &[f64], b: &[f64]) -> f64 {
-    let count = a.len().min(b.len()).max(1) as f64;
-    let mean = |values: &[f64]| values.iter().sum::<f64>() / count;
-    let (mean_a, mean_b) = (mean(a), mean(b));
-    let (mut ab, mut aa, mut bb) = (0.0, 0.0, 0.0);
-    for (x, y) in a.iter().zip(b) {
-        let (x, y) = (x - mean_a, y - mean_b);
-        ab += x * y;
-        aa += x * x;
-        bb += y * y;
-    }
-    if aa > 0.0 && bb > 0.0 {
-        ab / (aa * bb).sqrt()
-    } else {
-        0.0
-    }
 }

@@ -9,12 +9,12 @@ use bodyflight_core::effect::Model;
 use bodyflight_core::effect::sensors::Moving;
 use nalgebra::{DVector, SVector};
 
+use super::motion_history::MotionHistory;
+use super::nuisance::Nuisance;
 use super::stretch::{
     CHANNELS, Channels, FRAMES, NUMBERS, SIDE, Stretch, WINDOW, difference, moved, moving, six,
 };
-use super::tolerance::Wrong;
 use super::track::Track;
-use crate::replay::motion_history::MotionHistory;
 
 /// Steps to the true motion behind a measured one, at most, and the difference in all channels that is close enough.
 const BEHIND_STEPS: usize = 12;
@@ -51,7 +51,7 @@ pub struct Prepared<'a> {
     stretch: &'a Stretch,
     /// With the subject as it is.
     model: Model<f64>,
-    wrong: Wrong,
+    nuisance: Nuisance,
     /// Frames of an interval.
     stride: usize,
     postures: Rc<[Posed]>,
@@ -64,11 +64,11 @@ impl<'a> Prepared<'a> {
         track: &'a Track,
         stretch: &'a Stretch,
         model: &Model<f64>,
-        wrong: &Wrong,
+        nuisance: &Nuisance,
         stride: usize,
     ) -> Self {
-        let model = wrong.of(model);
-        let joints = wrong.joints();
+        let model = nuisance.of(model);
+        let joints = nuisance.joints();
         let at = |frame: usize| joints(&posture(track, frame, model.sensors.posture_delay));
         let mut from = at(stretch.first);
         let postures: Rc<[Posed]> = (stretch.first..stretch.first + FRAMES)
@@ -89,18 +89,18 @@ impl<'a> Prepared<'a> {
             stretch,
             samples: sampled(&model, &postures),
             model,
-            wrong: wrong.clone(),
+            nuisance: nuisance.clone(),
             stride,
             postures,
         }
     }
 
     /// The same intervals in another model: what that does not change is kept.
-    pub fn changed_to(&self, model: &Model<f64>, wrong: &Wrong) -> Self {
-        if !self.wrong.has_joints_of(wrong) || self.model.sensors != model.sensors {
-            return Self::new(self.track, self.stretch, model, wrong, self.stride);
+    pub fn changed_to(&self, model: &Model<f64>, nuisance: &Nuisance) -> Self {
+        if !self.nuisance.has_joints_of(nuisance) || self.model.sensors != model.sensors {
+            return Self::new(self.track, self.stretch, model, nuisance, self.stride);
         }
-        let model = wrong.of(model);
+        let model = nuisance.of(model);
         let [now, then] = [&self.model.dynamics, &model.dynamics];
         let same = now.body == then.body
             && now.aerodynamics == then.aerodynamics
@@ -112,7 +112,7 @@ impl<'a> Prepared<'a> {
                 sampled(&model, &self.postures)
             },
             model,
-            wrong: wrong.clone(),
+            nuisance: nuisance.clone(),
             postures: self.postures.clone(),
             ..*self
         }

@@ -1,0 +1,85 @@
+//! Effects with their parameters, the model extended by them, and each parameter as a column of a fit.
+
+use bodyflight_core::effect::{Effect, Model, PARAMETER_COUNT, Parameter};
+
+/// Effects with their parameters.
+pub type EffectSet = Vec<(Effect, [f64; PARAMETER_COUNT])>;
+
+/// A model extended by effects.
+pub fn extended(model: &Model<f64>, effects: &EffectSet) -> Model<f64> {
+    let mut model = *model;
+    let mut sorted = effects.clone();
+    sorted.sort_by_key(|(effect, _)| *effect);
+    for (effect, values) in &sorted {
+        // Kept inside the plausible ranges.
+        let _ = effect.apply(values, &mut model);
+    }
+    model
+}
+
+/// One parameter of an effect, a column of a fit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ParameterId {
+    /// The effect.
+    pub effect: Effect,
+    /// Which of its parameters.
+    pub index: usize,
+}
+
+impl ParameterId {
+    /// Name, plausible range and neutral value.
+    fn parameter(self) -> &'static Parameter {
+        &self.effect.description().parameters[self.index]
+    }
+
+    /// Half of the plausible range: the deviation of the prior.
+    pub fn prior_deviation(self) -> f64 {
+        let parameter = self.parameter();
+        0.5 * (parameter.high - parameter.low)
+    }
+}
+
+/// All parameters of some effects, in order.
+pub fn parameters_of(effects: impl IntoIterator<Item = Effect>) -> Vec<ParameterId> {
+    let parameters = |effect: Effect| {
+        let count = effect.description().parameters.len();
+        (0..count).map(move |index| ParameterId { effect, index })
+    };
+    effects.into_iter().flat_map(parameters).collect()
+}
+
+/// All parameters of all effects.
+pub fn all_parameters() -> Vec<ParameterId> {
+    parameters_of(Effect::ALL.iter().copied())
+}
+
+/// Number of parameters of an effect: the degrees of freedom of its gain.
+pub fn freedom(effect: Effect) -> f64 {
+    effect.description().parameters.len() as f64
+}
+
+/// The plain model with effects of which one parameter is changed by a small step, and the step that was possible.
+///
+/// Effects are applied from the plain model again: some multiply what is there, or take its place.
+pub(crate) fn changed(
+    plain: &Model<f64>,
+    effects: &EffectSet,
+    id: ParameterId,
+) -> (Model<f64>, f64) {
+    let mut effects = effects.clone();
+    if !effects.iter().any(|(effect, _)| *effect == id.effect) {
+        effects.push((id.effect, id.effect.neutral()));
+    }
+    let parameter = id.parameter();
+    let mut size = 0.02 * (parameter.high - parameter.low);
+    for (effect, values) in &mut effects {
+        if *effect == id.effect {
+            let value = &mut values[id.index];
+            if *value + size > parameter.high {
+                size = -size;
+            }
+            *value += size;
+        }
+    }
+    (extended(plain, &effects), size)
+}

@@ -1,0 +1,90 @@
+//! The search in the fall of a point.
+
+use bodyflight_core::dynamics::Dynamics;
+
+use super::candidate::{CANDIDATES, Candidate, Fit, effects_of};
+use super::fall::Fall;
+use super::report::{Found, Gain, Report};
+use super::track::Track;
+use crate::criteria::{SIGNIFICANT_ALONE, VOTE};
+use crate::effect_set::EffectSet;
+use crate::error::Result;
+use crate::statistics::deviations;
+
+/// Deviations from which on an effect is significant where other falls have a vote.
+const SIGNIFICANT_WITH_VOTES: f64 = 4.5;
+
+/// Looks for what the model of a point misses in the free fall of a recording.
+///
+/// `dynamics` is the model at the height at which the fall starts.
+///
+/// # Errors
+/// Returns an error if there is no free fall that is long enough.
+pub fn discover(
+    track: &Track,
+    held_out: &[Track],
+    dynamics: &dyn Fn(f64) -> Dynamics<f64>,
+    max_effects: usize,
+) -> Result<Report> {
+    let fall = Fall::new(track, dynamics)?;
+    let others = held_out
+        .iter()
+        .map(|track| Fall::new(track, dynamics))
+        .collect::<Result<Vec<_>>>()?;
+    let plain = fall.misfit(&EffectSet::new());
+    let mut found = Found {
+        chosen: Fit {
+            found: Vec::new(),
+            errors: Vec::new(),
+            misfit: plain,
+        },
+        gains: Vec::new(),
+        plain,
+        disagreement: (plain - fall.rows()) / (2.0 * fall.rows()).sqrt(),
+    };
+    while found.chosen.found.len() < max_effects.min(CANDIDATES.len()) {
+        let Some((gain, fit)) = next(&fall, &others, &found.chosen) else {
+            break;
+        };
+        found.gains.push(gain);
+        found.chosen = fit;
+    }
+    Ok(Report::new(&fall, &others, track, found))
+}
+
+/// The effect that explains most of what is left, if it deserves a name, fitted with those chosen before.
+fn next(fall: &Fall<'_>, others: &[Fall<'_>], chosen: &Fit) -> Option<(Gain, Fit)> {
+    let known = |candidate: &&Candidate| {
+        let own = |(found, _): &(Candidate, _)| found.effect == candidate.effect;
+        !chosen.found.iter().any(own)
+    };
+    let tried = CANDIDATES.iter().filter(known).map(|candidate| {
+        let mut found = chosen.found.clone();
+        found.push((*candidate, candidate.neutral()));
+        (candidate, fall.fit(found))
+    });
+    let (candidate, fit) = tried.min_by(|a, b| a.1.misfit.total_cmp(&b.1.misfit))?;
+    // Misfit that nothing explains makes chance larger.
+    let scale = (fit.misfit / fall.rows()).max(1.0);
+    let beyond_chance = |gain: f64| deviations(gain / scale, candidate.count as f64);
+    let gain = chosen.misfit - fit.misfit;
+    let mut votes = others.iter().map(|other| {
+        let misfit = |fit: &Fit| other.misfit(&effects_of(&fit.found));
+        beyond_chance(misfit(chosen) - misfit(&fit))
+    });
+    let least = if others.is_empty() {
+        SIGNIFICANT_ALONE
+    } else {
+        SIGNIFICANT_WITH_VOTES
+    };
+    let deviations = beyond_chance(gain);
+    if deviations < least || votes.any(|vote| vote < VOTE) {
+        return None;
+    }
+    let gain = Gain {
+        effect: candidate.effect,
+        deviations,
+        misfit: gain,
+    };
+    Some((gain, fit))
+}

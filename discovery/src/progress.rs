@@ -1,0 +1,35 @@
+//! Who waits for a search.
+
+use crate::error::{Error, Result};
+
+/// Is told what a search does, and may end it.
+pub trait Progress: Sync {
+    /// A stage of the search begins.
+    fn stage(&self, name: &str);
+
+    /// Whether the search shall end; asked now and then.
+    fn is_cancelled(&self) -> bool {
+        false
+    }
+}
+
+/// Nobody waits.
+impl Progress for () {
+    fn stage(&self, _name: &str) {}
+}
+
+/// Begins a stage.
+pub(crate) fn begin(progress: &dyn Progress, name: &str) -> Result<()> {
+    check(progress)?;
+    progress.stage(name);
+    Ok(())
+}
+
+/// Returns an error if the search was cancelled.
+pub(crate) fn check(progress: &dyn Progress) -> Result<()> {
+    if progress.is_cancelled() {
+        Err(Error::Cancelled)
+    } else {
+        Ok(())
+    }
+}

@@ -1,0 +1,76 @@
+//! Order statistics, significance and correlation.
+
+/// The value below which a share of the values lies: that of the element at the share of their number, rounded down.
+/// Zero where there are none.
+pub fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
+    values.sort_by(f64::total_cmp);
+    quantile_of_sorted(&values, share)
+}
+
+/// As [`quantile`], of values that rise.
+pub fn quantile_of_sorted(values: &[f64], share: f64) -> f64 {
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a share of a length"
+    )]
+    let index = (values.len() as f64 * share) as usize;
+    values
+        .get(index.min(values.len().saturating_sub(1)))
+        .copied()
+        .unwrap_or(0.0)
+}
+
+/// Deviations of a chi-squared number of `freedom` degrees from its mean, as of a normal one (Wilson and Hilferty).
+pub fn deviations(chi_squared: f64, freedom: f64) -> f64 {
+    let share = 2.0 / (9.0 * freedom);
+    ((chi_squared / freedom).cbrt() - (1.0 - share)) / share.sqrt()
+}
+
+/// Correlation of two series; none where one does not change.
+pub fn correlation(a: &[f64], b: &[f64]) -> f64 {
+    let count = a.len().min(b.len()).max(1) as f64;
+    let mean = |values: &[f64]| values.iter().sum::<f64>() / count;
+    let (mean_a, mean_b) = (mean(a), mean(b));
+    let (mut ab, mut aa, mut bb) = (0.0, 0.0, 0.0);
+    for (x, y) in a.iter().zip(b) {
+        let (x, y) = (x - mean_a, y - mean_b);
+        ab += x * y;
+        aa += x * x;
+        bb += y * y;
+    }
+    if aa > 0.0 && bb > 0.0 {
+        ab / (aa * bb).sqrt()
+    } else {
+        0.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quantiles_are_elements() {
+        let values = vec![3.0, 1.0, 2.0, 5.0, 4.0];
+        for (share, expected) in [(0.0, 1.0), (0.39, 2.0), (0.5, 3.0), (0.84, 5.0), (1.0, 5.0)] {
+            assert!((quantile(values.clone(), share) - expected).abs() < 1e-12);
+        }
+        assert!(quantile(Vec::new(), 0.5).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_chi_squared_number_is_at_its_mean_without_deviations() {
+        // The median of one degree of freedom is 0.455.
+        assert!(deviations(0.455, 1.0).abs() < 0.03);
+        // A normal number is beyond 2.78 as seldom.
+        assert!((deviations(9.0, 1.0) - 2.78).abs() < 0.05);
+    }
+
+    #[test]
+    fn series_that_are_proportional_correlate_fully() {
+        let (rising, falling) = ([1.0, 2.0, 4.0], [-1.0, -2.0, -4.0]);
+        assert!((correlation(&rising, &falling) + 1.0).abs() < 1e-12);
+        assert!(correlation(&rising, &[1.0; 3]).abs() < 1e-12);
+    }
+}

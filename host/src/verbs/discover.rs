@@ -1,0 +1,84 @@
+//! `bodyflight discover`: flights read for the search, and what it found as files.
+
+pub mod figure;
+
+use std::path::Path;
+
+use bodyflight_core::dynamics::Inputs;
+use bodyflight_discovery::error::Error;
+use bodyflight_discovery::point::track as point;
+use bodyflight_discovery::report::ByName;
+use bodyflight_discovery::track::{Frame, Track};
+
+use crate::diagnostic::{Problem, Result};
+use crate::formats::flight::Flight;
+use crate::formats::flysight;
+use crate::formats::model_file;
+use crate::formats::recording::{FlightFrame, Options, Recording};
+
+/// Reads a flight with the model that is meant to fly it.
+///
+/// # Errors
+/// Returns an error if a file is not usable or has no velocities.
+pub fn read_track(flight: &Flight, options: Options) -> Result<Track> {
+    let recording = Recording::open(&flight.recording, options)?;
+    let frames = recording.collect::<Result<Vec<_>>>()?;
+    let first = frames.first().ok_or_else(|| {
+        Problem::bad_input("expected frames of type \"normal\"").in_file(&flight.recording)
+    })?;
+    let dynamics = flight.dynamics(first.pelvis.position.components.z);
+    let inputs = Inputs {
+        damping: flight.subject.damping(),
+        ..Inputs::belly_turn()
+    };
+    let frame = |frame: &FlightFrame| {
+        Ok(Frame {
+            time: frame.time,
+            posture: frame.posture,
+            motion: frame.motion()?,
+        })
+    };
+    let frames = frames.iter().map(frame).collect::<Result<Vec<_>>>()?;
+    Ok(Track::new(&frames, dynamics, inputs))
+}
+
+/// Reads the recording of a point.
+///
+/// # Errors
+/// Returns an error if the file is not of a FlySight or has too few rows that are usable.
+pub fn read_point_track(path: &Path) -> Result<point::Track> {
+    let track = flysight::Track::read(path)?;
+    let first = track.fixes.first();
+    // Both sensors on one clock.
+    let offset = first.map_or(0.0, |fix| fix.time - fix.time_of_week());
+    let fix = |fix: &flysight::Fix| point::Fix {
+        time: fix.time,
+        position: fix.position,
+        velocity: fix.velocity,
+    };
+    let force =
+        |sample: &flysight::InertialSample| (sample.time_of_week + offset, sample.specific_force);
+    Ok(point::Track {
+        fixes: track.fixes.iter().map(fix).collect(),
+        specific_force: track.inertial.iter().map(force).collect(),
+        rows_skipped: track.skipped.count,
+    })
+}
+
+/// Why a search gave no report, for people.
+pub fn problem(error: Error) -> Problem {
+    match error {
+        Error::Cancelled => Problem::interrupted(),
+        Error::TooShort { .. } => Problem::bad_input(error.to_string()),
+        Error::NoFreeFall { descent_mps, .. } => {
+            Problem::bad_input(error.to_string()).help(format!(
+                "a fall is where the descent is faster than {descent_mps} m/s; a jump under an open canopy or on the ground has none"
+            ))
+        }
+    }
+}
+
+/// The effects found as a `model.toml`.
+pub fn model_toml(model: &[ByName]) -> String {
+    model_file::model_toml("# Effects found by bodyflight discover.\n", model)
+}
