@@ -91,9 +91,9 @@ fn bad_numbers_make_a_bad_frame_and_nothing_else() {
         assert!(frames.iter().all(is_usable));
         // Between its neighbours, not a copy of one of them.
         assert!(frames[6].bridged);
-        let fall = frames[6].pelvis.position.components.z;
-        assert!(fall < frames[5].pelvis.position.components.z);
-        assert!(fall > frames[7].pelvis.position.components.z);
+        let fall = frames[6].pelvis.position.up();
+        assert!(fall < frames[5].pelvis.position.up());
+        assert!(fall > frames[7].pelvis.position.up());
         let report = survey(broken.as_bytes()).expect("surveyed");
         assert_eq!((report.bad_frames, report.frames), (1, 12));
         assert_eq!(report.bad_frame_list[0].element, name);

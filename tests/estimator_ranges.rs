@@ -9,6 +9,7 @@ use bodyflight_core::estimator::ranges::{
     INERTIA, INVERSE_INERTIA, LINEAR_MOMENTUM, MOMENT, MUSCLE_INPUT, POSITION, RANGES, Range,
     TABLE_HEAD, VELOCITY, quantised,
 };
+use bodyflight_core::frame::Vector;
 use bodyflight_core::math::wrap_angle;
 use bodyflight_tests::estimator_flights::{ANGLE_FLYING, FLIPS_AND_ROLLS, Flight, TURNS};
 use bodyflight_tests::transitions::STYLES;
@@ -80,23 +81,13 @@ fn whole_flights_stay_in_range() {
     for flight in [ANGLE_FLYING, FLIPS_AND_ROLLS, STYLES[0].flight(), TURNS] {
         walk(&flight, |_, inputs, dynamics, state, sample| {
             let motion = state.motion(sample);
-            let velocity = motion.velocity.components;
-            let (loads, damping) =
-                dynamics.loads(sample, inputs, &velocity, &Vector3::zeros(), 1.0);
-            note(&POSITION, state.cg_position.components.as_slice());
-            note(&VELOCITY, velocity.as_slice());
-            note(
-                &ANGULAR_VELOCITY,
-                motion.angular_velocity.components.as_slice(),
-            );
-            note(
-                &LINEAR_MOMENTUM,
-                state.linear_momentum.components.as_slice(),
-            );
-            note(
-                &ANGULAR_MOMENTUM,
-                state.angular_momentum.components.as_slice(),
-            );
+            let velocity = motion.velocity;
+            let (loads, damping) = dynamics.loads(sample, inputs, &velocity, &Vector::zero(), 1.0);
+            note(&POSITION, &state.cg_position.to_array());
+            note(&VELOCITY, &velocity.to_array());
+            note(&ANGULAR_VELOCITY, &motion.angular_velocity.to_array());
+            note(&LINEAR_MOMENTUM, &state.linear_momentum.to_array());
+            note(&ANGULAR_MOMENTUM, &state.angular_momentum.to_array());
             note(&CENTRE, sample.mass.cg.as_slice());
             note(&INERTIA, sample.inertia.as_slice());
             note(&INVERSE_INERTIA, sample.inverse_inertia.as_slice());

@@ -138,10 +138,7 @@ fn the_state_keeps_its_momenta_in_single_precision() {
     let at = |k: i32| busy_posture(f64::from(k) * TIME_STEP).cast::<f32>();
     let step = TIME_STEP as f32;
     let mut state = State::from_motion(&start, &dynamics.between(&at(0), &at(1), step));
-    let (linear, angular) = (
-        state.linear_momentum.components,
-        state.angular_momentum.components,
-    );
+    let (linear, angular) = (state.linear_momentum, state.angular_momentum);
     for k in 0..2400 {
         state = dynamics.step(
             &state,
@@ -150,8 +147,8 @@ fn the_state_keeps_its_momenta_in_single_precision() {
             step,
         );
     }
-    assert!((state.linear_momentum.components - linear).norm() < 1e-4 * linear.norm());
-    assert!((state.angular_momentum.components - angular).norm() < 1e-4 * angular.norm());
+    assert!((state.linear_momentum - linear).norm() < 1e-4 * linear.norm());
+    assert!((state.angular_momentum - angular).norm() < 1e-4 * angular.norm());
 }
 
 /// Turn of the pelvis (deg) while the right arm rises by 170 deg in 0.5 s, from a fall at `velocity` (m/s).
@@ -179,7 +176,7 @@ fn cat_turn(body: &Body<f64>, velocity: Vector3<f64>) -> (f64, f64) {
     }
     let motion = state.motion(&dynamics.hold(&at(150)));
     let turned = motion.inertial_from_body.quaternion().angle().to_degrees();
-    (turned, motion.angular_velocity.components.norm())
+    (turned, motion.angular_velocity.norm())
 }
 
 #[test]
@@ -219,7 +216,7 @@ fn the_published_equations_break_galilean_invariance() {
         let sample = dynamics.between(&at(k), &at(k + 1), TIME_STEP);
         flight.step(&dynamics, &sample, &Inputs::belly_turn(), TIME_STEP);
     }
-    let spin = flight.motion().angular_velocity.components.norm();
+    let spin = flight.motion().angular_velocity.norm();
     assert!(spin > 1.0, "expected the known fault, found {spin} rad/s");
 }
 
@@ -242,12 +239,9 @@ fn spin_under_damping<T: Real>(body: &Body<f64>, damping: f64, seconds: i32) -> 
     let mut largest = T::zero();
     for _ in 0..240 * seconds {
         state = dynamics.step(&state, &sample, &inputs, T::of(TIME_STEP));
-        largest = largest.max(state.motion(&sample).angular_velocity.components.norm());
+        largest = largest.max(state.motion(&sample).angular_velocity.norm());
     }
-    (
-        largest,
-        state.motion(&sample).angular_velocity.components.norm(),
-    )
+    (largest, state.motion(&sample).angular_velocity.norm())
 }
 
 #[test]
@@ -357,9 +351,9 @@ fn a_tunnel_is_a_fall_seen_from_the_ground_of_the_fall() {
             .angle_to(b.inertial_from_body.quaternion())
             < 1e-9
     );
-    let difference = b.velocity_inertial().components - a.velocity_inertial().components;
+    let difference = b.velocity_inertial() - a.velocity_inertial();
     assert!(
-        (difference - Vector3::new(1.0, -2.0, 48.0)).norm() < 1e-9,
+        (difference - Vector::new(1.0, -2.0, 48.0)).norm() < 1e-9,
         "{difference:?}"
     );
 }

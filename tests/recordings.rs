@@ -280,7 +280,7 @@ fn what_is_written_is_read_again() {
         // Six decimals, as MVN prints.
         assert!(largest_joint_error(&found.posture, &expected.posture) < 1e-5);
         let pelvis = (&found.pelvis, &expected.pelvis);
-        assert!((pelvis.0.position.components - pelvis.1.position.components).norm() < 2e-6);
+        assert!((pelvis.0.position - pelvis.1.position).norm() < 2e-6);
         let turned = pelvis.0.inertial_from_body.quaternion();
         assert!(turned.angle_to(pelvis.1.inertial_from_body.quaternion()) < 1e-5);
         let spin = found.pelvis.angular_velocity.expect("written").components;

@@ -127,9 +127,6 @@ pub fn is_usable(frame: &FlightFrame) -> bool {
     frame.posture.is_valid()
         && frame.time.is_finite()
         && (pelvis.inertial_from_body.quaternion().norm() - 1.0).abs() < 1e-6
-        && pelvis.position.components.iter().all(|c| c.is_finite())
-        && rates
-            .iter()
-            .flatten()
-            .all(|v| v.components.iter().all(|c| c.is_finite()))
+        && pelvis.position.is_finite()
+        && rates.iter().flatten().all(|v| v.is_finite())
 }

@@ -88,10 +88,10 @@ impl<T: Real> Air<T> {
         if self.profile == T::zero() {
             return self.velocity;
         }
-        let place = &position.components;
-        let loss = self.profile * (place.x * place.x + place.y * place.y);
+        let (north, west) = (position.north(), position.west());
+        let loss = self.profile * (north * north + west * west);
         let share = clamp(T::one() - loss, T::zero(), T::of(2.0));
-        Vector::from_components(self.velocity.components * share)
+        self.velocity * share
     }
 
     /// The same air in another precision.

@@ -79,12 +79,11 @@ impl<T: Real> Dynamics<T> {
     ) -> SegmentArray<Loads<T>> {
         let exposed = expose(&self.body, &pose(&self.body, posture), &self.aerodynamics);
         let air = self.air.velocity_at(&motion.position);
-        let through_air =
-            motion.velocity.components - (motion.inertial_from_body.inverse() * air).components;
-        let density = self.air.density.at(motion.position.components.z);
+        let through_air = motion.velocity - motion.inertial_from_body.inverse() * air;
+        let density = self.air.density.at(motion.position.up());
         let spin = &motion.angular_velocity.components;
         self.stream
-            .segment_loads(&exposed, &through_air, spin, density)
+            .segment_loads(&exposed, &through_air.components, spin, density)
     }
 
     /// A body that keeps `posture`.
@@ -271,15 +270,14 @@ impl<T: Real> Motion<T> {
 impl<T: Real> State<T> {
     /// Whether every number is finite.
     pub fn is_finite(&self) -> bool {
-        let finite = |v: &Vector3<T>| v.iter().all(|c| c.is_finite());
         self.inertial_from_body
             .quaternion()
             .coords
             .iter()
             .all(|c| c.is_finite())
-            && finite(&self.cg_position.components)
-            && finite(&self.linear_momentum.components)
-            && finite(&self.angular_momentum.components)
+            && self.cg_position.is_finite()
+            && self.linear_momentum.is_finite()
+            && self.angular_momentum.is_finite()
     }
 
     /// The same state in another precision.

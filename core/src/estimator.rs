@@ -236,9 +236,8 @@ impl<T: Real, P: Propagation<T>, const INTERVALS: usize> Estimator<T, P, INTERVA
             self.posture = *posture;
         }
         let velocity = self.front.motion(sample).velocity_inertial();
-        let through_air =
-            Vector::from_components(velocity.components - dynamics.air.velocity.components);
-        let velocity = (self.front.inertial_from_body.inverse() * through_air).components;
+        let through_air = velocity - dynamics.air.velocity;
+        let velocity = self.front.inertial_from_body.inverse() * through_air;
         let interval = P::keep(dynamics, sample, &velocity);
         let inputs = inputs_of(self.filter.state());
         self.front = dynamics.step(&self.front, sample, &inputs, self.duration);
@@ -407,12 +406,9 @@ fn start<T: Real>(
 fn limit<T: Real>(state: &mut State<T>, interval: &impl Interval<T>) -> bool {
     let mut motion = state.motion(interval);
     let mut changed = false;
-    let vectors = [
-        &mut motion.velocity.components,
-        &mut motion.angular_velocity.components,
-    ];
+    let vectors = [&mut motion.velocity, &mut motion.angular_velocity];
     for (vector, limit) in vectors.into_iter().zip(MOTION_LIMITS) {
-        let ratio = vector.norm_squared().root() / T::single(limit);
+        let ratio = vector.norm() / T::single(limit);
         if ratio > T::one() {
             *vector /= ratio;
             changed = true;

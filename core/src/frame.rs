@@ -12,163 +12,16 @@
 //! ```
 //!
 //! The types cost nothing at run time. Inside a function that works in a single frame plain nalgebra
-//! vectors are used, with the frame in the documentation.
+//! vectors may be used, with the frame in the documentation.
 
-use core::marker::PhantomData;
-use core::ops::Mul;
-
-use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+mod axes;
+mod rotation;
+mod vector;
 
 use crate::math::{self, Real};
-
-/// North, west, up (paper "Inertial Frame").
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Inertial;
-
-/// Fixed to the pelvis, origin at the pelvic joint: X left, Y dorsal (back), Z cranial (head).
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Body;
-
-/// Of any one segment, origin at its proximal joint; equal to the body frame in the H-pose.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct SegmentFrame;
-
-/// Of a segment as Xsens reports it in the T-pose: X forward, Y left, Z up.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct XsensSegment;
-
-/// Rotation that takes components in `From` to components in `To`.
-pub struct Rotation<T: Real, To, From> {
-    quaternion: UnitQuaternion<T>,
-    frames: PhantomData<fn(From) -> To>,
-}
-
-/// Vector given by its components in frame `F`.
-pub struct Vector<T: Real, F> {
-    /// Components along the axes of `F`.
-    pub components: Vector3<T>,
-    frame: PhantomData<fn() -> F>,
-}
-
-impl<T: Real, To, From> Rotation<T, To, From> {
-    /// The frames coincide.
-    pub fn identity() -> Self {
-        Self::from_quaternion(UnitQuaternion::identity())
-    }
-
-    /// States that `quaternion` takes components from `From` to `To`. This is the border of the type system.
-    pub fn from_quaternion(quaternion: UnitQuaternion<T>) -> Self {
-        Self {
-            quaternion,
-            frames: PhantomData,
-        }
-    }
-
-    /// From four numbers w, x, y, z of any norm; `None` where they have no direction or are not finite.
-    pub fn from_wxyz(wxyz: [T; 4]) -> Option<Self> {
-        let quaternion = Quaternion::new(wxyz[0], wxyz[1], wxyz[2], wxyz[3]);
-        let size = quaternion.coords.norm_squared();
-        (size.is_finite() && size > T::of(1e-12))
-            .then(|| Self::from_quaternion(math::normalized(quaternion)))
-    }
-
-    /// The plain quaternion.
-    pub fn quaternion(&self) -> &UnitQuaternion<T> {
-        &self.quaternion
-    }
-
-    /// Components w, x, y, z.
-    pub fn wxyz(&self) -> [T; 4] {
-        let q = &self.quaternion;
-        [q.w, q.i, q.j, q.k]
-    }
-
-    /// The way back.
-    pub fn inverse(&self) -> Rotation<T, From, To> {
-        Rotation::from_quaternion(self.quaternion.inverse())
-    }
-
-    /// The same rotation in another precision.
-    pub fn cast<U: Real>(&self) -> Rotation<U, To, From> {
-        Rotation::from_quaternion(math::normalized(
-            self.quaternion.coords.map(|c| U::of(c.to_f64())).into(),
-        ))
-    }
-}
-
-impl<T: Real, F> Vector<T, F> {
-    /// From components along the axes of `F`.
-    pub fn new(x: T, y: T, z: T) -> Self {
-        Self::from_components(Vector3::new(x, y, z))
-    }
-
-    /// States that `components` are along the axes of `F`. This is the border of the type system.
-    pub fn from_components(components: Vector3<T>) -> Self {
-        Self {
-            components,
-            frame: PhantomData,
-        }
-    }
-
-    /// All zero.
-    pub fn zero() -> Self {
-        Self::from_components(Vector3::zeros())
-    }
-
-    /// The same vector in another precision.
-    pub fn cast<U: Real>(&self) -> Vector<U, F> {
-        Vector::from_components(self.components.map(|c| U::of(c.to_f64())))
-    }
-}
-
-impl<T: Real, To, Via, From> Mul<Rotation<T, Via, From>> for Rotation<T, To, Via> {
-    type Output = Rotation<T, To, From>;
-    fn mul(self, rhs: Rotation<T, Via, From>) -> Self::Output {
-        Rotation::from_quaternion(self.quaternion * rhs.quaternion)
-    }
-}
-
-impl<T: Real, To, From> Mul<Vector<T, From>> for Rotation<T, To, From> {
-    type Output = Vector<T, To>;
-    fn mul(self, rhs: Vector<T, From>) -> Self::Output {
-        Vector::from_components(self.quaternion * rhs.components)
-    }
-}
-
-// Derives would ask the frames themselves to be Copy, Debug and so on.
-impl<T: Real, To, From> Clone for Rotation<T, To, From> {
-    fn clone(&self) -> Self {
-        *self
-    }
-}
-impl<T: Real, To, From> Copy for Rotation<T, To, From> {}
-impl<T: Real, To, From> PartialEq for Rotation<T, To, From> {
-    fn eq(&self, other: &Self) -> bool {
-        self.quaternion.coords == other.quaternion.coords
-    }
-}
-impl<T: Real, To, From> core::fmt::Debug for Rotation<T, To, From> {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        write!(f, "Rotation{:?}", self.wxyz())
-    }
-}
-impl<T: Real, F> Clone for Vector<T, F> {
-    fn clone(&self) -> Self {
-        *self
-    }
-}
-impl<T: Real, F> Copy for Vector<T, F> {}
-impl<T: Real, F> PartialEq for Vector<T, F> {
-    fn eq(&self, other: &Self) -> bool {
-        self.components == other.components
-    }
-}
-impl<T: Real, F> core::fmt::Debug for Vector<T, F> {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        let c = &self.components;
-        write!(f, "Vector[{:?}, {:?}, {:?}]", c.x, c.y, c.z)
-    }
-}
+pub use axes::{Body, Inertial, SegmentFrame, XsensSegment};
+pub use rotation::{Rotation, RotationMatrix};
+pub use vector::Vector;
 
 /// Heading, pitch and roll of the body as the paper measures them, paper eqs. (xyz) and (ypr).
 ///
@@ -188,7 +41,7 @@ pub struct AttitudeAngles<T> {
 impl<T: Real> AttitudeAngles<T> {
     /// Angles of an attitude, paper eqs. (xyz) and (ypr).
     pub fn of(inertial_from_body: &Rotation<T, Inertial, Body>) -> Self {
-        let matrix = inertial_from_body.quaternion.to_rotation_matrix();
+        let matrix = inertial_from_body.quaternion().to_rotation_matrix();
         let axes = matrix.matrix();
         // paper (xyz): a vector (x, y, z) in north, west, up is (-y, x, z) in the Xsens axes.
         let level = |column: usize| (axes[(0, column)], axes[(1, column)], axes[(2, column)]);
@@ -227,6 +80,7 @@ pub fn euler_angles<T: Real>(inertial_from_body: &Rotation<T, Inertial, Body>) -
 #[cfg(test)]
 mod tests {
     use super::*;
+    use nalgebra::{UnitQuaternion, Vector3};
     use proptest::prelude::*;
 
     proptest! {
@@ -249,7 +103,10 @@ mod tests {
             };
             let vector = Vector::<f64, Body>::from_components(v.into());
             let back = inertial_from_body.inverse() * (inertial_from_body * vector);
-            prop_assert!((back.components - vector.components).norm() < 1e-12);
+            prop_assert!((back - vector).norm() < 1e-12);
+            let matrix = inertial_from_body.to_matrix();
+            prop_assert!((&matrix * vector - inertial_from_body * vector).norm() < 1e-12);
+            prop_assert!((&matrix.inverse() * (&matrix * vector) - vector).norm() < 1e-12);
         }
     }
 

@@ -1,9 +1,7 @@
 //! What can be seen of a motion from outside: the channels in which simulation and measurement are compared.
 
-use nalgebra::Vector3;
-
 use crate::dynamics::Motion;
-use crate::frame::AttitudeAngles;
+use crate::frame::{AttitudeAngles, Body, Inertial, Vector};
 use crate::math::Real;
 
 /// The observable channels of one instant.
@@ -14,8 +12,8 @@ pub struct Observation<T: Real> {
     /// Rate of turn about the vertical, positive from above counter-clockwise (rad/s): the rate of the heading
     /// where the body is level, paper eq. (meas_turns).
     pub yaw_rate: T,
-    /// Angular velocity (rad/s), body axes.
-    pub angular_velocity: Vector3<T>,
+    /// Angular velocity (rad/s).
+    pub angular_velocity: Vector<T, Body>,
     /// Speed over ground (m/s), paper eq. (vel).
     pub horizontal_speed: T,
     /// Vertical velocity, positive up (m/s).
@@ -25,28 +23,29 @@ pub struct Observation<T: Real> {
 impl<T: Real> Observation<T> {
     /// Observes a motion.
     pub fn of(motion: &Motion<T>) -> Self {
-        let spin = (motion.inertial_from_body * motion.angular_velocity).components;
-        let velocity = motion.velocity_inertial().components;
+        let spin = motion.inertial_from_body * motion.angular_velocity;
+        let velocity = motion.velocity_inertial();
         Self {
             angles: AttitudeAngles::of(&motion.inertial_from_body),
-            yaw_rate: spin.z,
-            angular_velocity: motion.angular_velocity.components,
+            yaw_rate: spin.up(),
+            angular_velocity: motion.angular_velocity,
             horizontal_speed: horizontal_speed(&velocity),
-            vertical_velocity: velocity.z,
+            vertical_velocity: velocity.up(),
         }
     }
 }
 
-/// Horizontal part of a velocity in inertial axes (m/s), paper eq. (vel).
-pub fn horizontal_speed<T: Real>(velocity: &Vector3<T>) -> T {
-    (velocity.x * velocity.x + velocity.y * velocity.y).root()
+/// Horizontal part of a velocity (m/s), paper eq. (vel).
+pub fn horizontal_speed<T: Real>(velocity: &Vector<T, Inertial>) -> T {
+    let (north, west) = (velocity.north(), velocity.west());
+    (north * north + west * west).root()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frame::{Inertial, Rotation, Vector};
-    use nalgebra::UnitQuaternion;
+    use crate::frame::Rotation;
+    use nalgebra::{UnitQuaternion, Vector3};
 
     #[test]
     fn a_tilted_glide_is_seen_as_such() {

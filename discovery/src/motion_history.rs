@@ -53,7 +53,7 @@ mod tests {
     }
 
     fn north(history: &MotionHistory, time: f64) -> f64 {
-        history.at(time).unwrap().velocity.components.x
+        history.at(time).unwrap().velocity.x()
     }
 
     #[test]

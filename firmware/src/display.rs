@@ -28,7 +28,7 @@ impl Glance {
             roll,
         } = AttitudeAngles::of(&sample.inertial_from_body());
         let turn = sample.motion().angular_velocity;
-        let square = turn.map_or(0.0, |turn| turn.components.norm_squared());
+        let square = turn.map_or(0.0, |turn| turn.norm_squared());
         Self {
             heading: degrees(heading),
             pitch: degrees(pitch),

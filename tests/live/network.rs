@@ -51,9 +51,9 @@ fn assert_same_posture(sent: &FlightFrame, received: &FlightFrame) {
         .quaternion()
         .rotation_to(received.pelvis.inertial_from_body.quaternion());
     assert!(turn.imag().norm() < 1e-6);
-    let gap = sent.pelvis.position.components - received.pelvis.position.components;
+    let gap = sent.pelvis.position - received.pelvis.position;
     // Single precision holds the height to 1e-7 of itself.
-    assert!(gap.norm() <= 2e-7 * sent.pelvis.position.components.norm() + 1e-6);
+    assert!(gap.norm() <= 2e-7 * sent.pelvis.position.norm() + 1e-6);
 }
 
 fn round_trip(sent: &[FlightFrame]) -> Vec<FlightFrame> {
@@ -114,8 +114,8 @@ fn a_flight_returns_over_the_network() {
         assert!((sent.time - received.time).abs() < 1e-9);
         let (velocity, rate) = sent.rates().expect("rates");
         let (velocity_again, rate_again) = received.rates().expect("rates");
-        assert!((velocity.components - velocity_again.components).norm() < 2e-5);
-        assert!((rate.components - rate_again.components).norm() < 2e-6);
+        assert!((velocity - velocity_again).norm() < 2e-5);
+        assert!((rate - rate_again).norm() < 2e-6);
     }
 }
 

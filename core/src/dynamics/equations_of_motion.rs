@@ -209,17 +209,18 @@ fn rates<T: Real>(
     duration: T,
 ) -> Option<Rates<T>> {
     let to_body = motion.inertial_from_body.inverse();
-    let velocity = &motion.velocity.components;
-    let spin = &motion.angular_velocity.components;
-    let through_air = velocity - (to_body * dynamics.air.velocity_at(&motion.position)).components;
-    let density = dynamics.air.density.at(motion.position.components.z);
-    let (loads, damping) = dynamics.loads(sample, inputs, &through_air, spin, density);
+    let through_air = motion.velocity - to_body * dynamics.air.velocity_at(&motion.position);
+    let density = dynamics.air.density.at(motion.position.up());
+    let turn = &motion.angular_velocity;
+    let (loads, damping) = dynamics.loads(sample, inputs, &through_air, turn, density);
     let weight = Vector::new(T::zero(), T::zero(), -dynamics.gravity * sample.mass.mass);
     let weight = (to_body * weight).components;
     let wrench = Wrench {
         force: loads.force + weight,
         moment: loads.moment + sample.mass.cg.cross(&weight),
     };
+    // The printed equations are in body axes throughout.
+    let (velocity, spin) = (&motion.velocity.components, &turn.components);
     let mut rates = as_published(&sample.mass, cg_rate, inertia_rate, velocity, spin, &wrench)?;
     // Damping by the implicit rule keeps a coefficient of 24 stable.
     let implicit = sample.inertia + Matrix3::from_diagonal(&damping) * duration;
@@ -237,21 +238,16 @@ fn advanced<T: Real>(
     rates: &Rates<T>,
     duration: T,
 ) -> Motion<T> {
-    let spin = at.angular_velocity.components * duration;
-    let turned = **start.inertial_from_body.quaternion() * *small_rotation(&spin);
+    let turn = at.angular_velocity * duration;
+    let turned = **start.inertial_from_body.quaternion() * *small_rotation(&turn.components);
     Motion {
         inertial_from_body: crate::frame::Rotation::from_quaternion(crate::math::normalized(
             turned,
         )),
-        position: Vector::from_components(
-            start.position.components + at.velocity_inertial().components * duration,
-        ),
-        velocity: Vector::from_components(
-            start.velocity.components + rates.velocity_rate * duration,
-        ),
-        angular_velocity: Vector::from_components(
-            start.angular_velocity.components + rates.angular_velocity_rate * duration,
-        ),
+        position: start.position + at.velocity_inertial() * duration,
+        velocity: start.velocity + Vector::from_components(rates.velocity_rate) * duration,
+        angular_velocity: start.angular_velocity
+            + Vector::from_components(rates.angular_velocity_rate) * duration,
     }
 }
 

@@ -7,7 +7,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::muscle_input::muscle_load;
 use super::{Dynamics, Inputs, Motion, PostureSample, State};
 use crate::aerodynamics::{Flow, Loads, damping_rate};
-use crate::frame::Vector;
+use crate::frame::{Body, Vector};
 use crate::math::Real;
 
 /// A body over one interval of time, body axes.
@@ -15,43 +15,43 @@ pub trait Interval<T: Real> {
     /// Mass (kg).
     fn mass(&self) -> T;
     /// Centre of gravity (m).
-    fn cg(&self) -> &Vector3<T>;
+    fn cg(&self) -> Vector<T, Body>;
     /// Rate of the centre of gravity (m/s).
-    fn cg_rate(&self) -> &Vector3<T>;
+    fn cg_rate(&self) -> Vector<T, Body>;
     /// Inertia about the centre of gravity (kg m2).
     fn inertia(&self) -> &Matrix3<T>;
     /// Its inverse.
     fn inverse_inertia(&self) -> &Matrix3<T>;
     /// Angular momentum of the segments relative to the body frame, about the centre of gravity (kg m2/s).
-    fn relative_angular_momentum(&self) -> &Vector3<T>;
+    fn relative_angular_momentum(&self) -> Vector<T, Body>;
 
     /// Force and moment about the origin on a moving body, body axes: air, muscle input, no gravity, no
     /// damping; and the coefficient of the damping moment per axis (N m s).
     ///
-    /// `velocity_through_air` in m/s and `spin`, the angular velocity, in rad/s, body axes; `density` in kg/m3.
+    /// `velocity_through_air` in m/s and `spin`, the angular velocity, in rad/s; `density` in kg/m3.
     fn loads(
         &self,
         dynamics: &Dynamics<T>,
         inputs: &Inputs<T>,
-        velocity_through_air: &Vector3<T>,
-        spin: &Vector3<T>,
+        velocity_through_air: &Vector<T, Body>,
+        spin: &Vector<T, Body>,
         density: T,
     ) -> (Loads<T>, Vector3<T>);
 
-    /// Angular velocity (rad/s) that gives this angular momentum about the centre of gravity, body axes.
+    /// Angular velocity (rad/s) that gives this angular momentum about the centre of gravity.
     #[inline]
-    fn angular_velocity(&self, angular_momentum: &Vector3<T>) -> Vector3<T> {
-        self.inverse_inertia() * (angular_momentum - self.relative_angular_momentum())
+    fn angular_velocity(&self, angular_momentum: &Vector<T, Body>) -> Vector<T, Body> {
+        self.inverse_inertia() * (*angular_momentum - self.relative_angular_momentum())
     }
 
-    /// Velocity of the origin (m/s) for a linear momentum and an angular velocity, body axes.
+    /// Velocity of the origin (m/s) for a linear momentum and an angular velocity.
     #[inline]
     fn origin_velocity(
         &self,
-        linear_momentum: &Vector3<T>,
-        angular_velocity: &Vector3<T>,
-    ) -> Vector3<T> {
-        linear_momentum / self.mass() - angular_velocity.cross(self.cg()) - self.cg_rate()
+        linear_momentum: &Vector<T, Body>,
+        angular_velocity: &Vector<T, Body>,
+    ) -> Vector<T, Body> {
+        *linear_momentum / self.mass() - angular_velocity.cross(&self.cg()) - self.cg_rate()
     }
 }
 
@@ -61,12 +61,12 @@ impl<T: Real> Interval<T> for PostureSample<T> {
         self.mass.mass
     }
     #[inline]
-    fn cg(&self) -> &Vector3<T> {
-        &self.mass.cg
+    fn cg(&self) -> Vector<T, Body> {
+        Vector::from_components(self.mass.cg)
     }
     #[inline]
-    fn cg_rate(&self) -> &Vector3<T> {
-        &self.motion.cg_rate
+    fn cg_rate(&self) -> Vector<T, Body> {
+        Vector::from_components(self.motion.cg_rate)
     }
     #[inline]
     fn inertia(&self) -> &Matrix3<T> {
@@ -77,8 +77,8 @@ impl<T: Real> Interval<T> for PostureSample<T> {
         &self.inverse_inertia
     }
     #[inline]
-    fn relative_angular_momentum(&self) -> &Vector3<T> {
-        &self.relative_angular_momentum
+    fn relative_angular_momentum(&self) -> Vector<T, Body> {
+        Vector::from_components(self.relative_angular_momentum)
     }
 
     #[inline]
@@ -86,16 +86,17 @@ impl<T: Real> Interval<T> for PostureSample<T> {
         &self,
         dynamics: &Dynamics<T>,
         inputs: &Inputs<T>,
-        velocity_through_air: &Vector3<T>,
-        spin: &Vector3<T>,
+        velocity_through_air: &Vector<T, Body>,
+        spin: &Vector<T, Body>,
         density: T,
     ) -> (Loads<T>, Vector3<T>) {
+        let velocity_through_air = &velocity_through_air.components;
         let flow = Flow::new(velocity_through_air, density);
         let (mut loads, areas) = self.aerodynamics.total_load_and_areas(&flow);
         if !dynamics.stream.is_uniform() {
             let segments = &self.aerodynamics.segments;
             let stream = &dynamics.stream;
-            loads = stream.total_load(segments, velocity_through_air, spin, density);
+            loads = stream.total_load(segments, velocity_through_air, &spin.components, density);
         }
         let muscle = muscle_load(
             &dynamics.muscles,
@@ -122,32 +123,27 @@ impl<T: Real> State<T> {
     pub fn from_motion(motion: &Motion<T>, sample: &impl Interval<T>) -> Self {
         let to_inertial = motion.inertial_from_body;
         let cg = sample.cg();
-        let spin = &motion.angular_velocity.components;
-        let cg_velocity = motion.velocity.components + spin.cross(cg) + sample.cg_rate();
+        let spin = motion.angular_velocity;
+        let cg_velocity = motion.velocity + spin.cross(&cg) + sample.cg_rate();
         let momentum = sample.inertia() * spin + sample.relative_angular_momentum();
-        let inertial = |components| to_inertial * Vector::from_components(components);
         Self {
             inertial_from_body: to_inertial,
-            cg_position: Vector::from_components(
-                motion.position.components + inertial(*cg).components,
-            ),
-            linear_momentum: inertial(cg_velocity * sample.mass()),
-            angular_momentum: inertial(momentum),
+            cg_position: motion.position + to_inertial * cg,
+            linear_momentum: to_inertial * (cg_velocity * sample.mass()),
+            angular_momentum: to_inertial * momentum,
         }
     }
 
     /// Motion of the body frame for this state in this posture.
     pub fn motion(&self, sample: &impl Interval<T>) -> Motion<T> {
         let to_body = self.inertial_from_body.inverse();
-        let spin = sample.angular_velocity(&(to_body * self.angular_momentum).components);
-        let momentum = (to_body * self.linear_momentum).components;
-        let cg_inertial =
-            (self.inertial_from_body * Vector::from_components(*sample.cg())).components;
+        let spin = sample.angular_velocity(&(to_body * self.angular_momentum));
+        let momentum = to_body * self.linear_momentum;
         Motion {
             inertial_from_body: self.inertial_from_body,
-            position: Vector::from_components(self.cg_position.components - cg_inertial),
-            velocity: Vector::from_components(sample.origin_velocity(&momentum, &spin)),
-            angular_velocity: Vector::from_components(spin),
+            position: self.cg_position - self.inertial_from_body * sample.cg(),
+            velocity: sample.origin_velocity(&momentum, &spin),
+            angular_velocity: spin,
         }
     }
 }

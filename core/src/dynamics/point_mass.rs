@@ -3,8 +3,6 @@
 //! Drag acts against the velocity through the air, on the area of a posture that is held belly to earth. Lift and
 //! moments, which need attitude and posture, are left out.
 
-use nalgebra::Vector3;
-
 use super::Dynamics;
 use super::trim::belly_drag_area;
 use crate::Posture;
@@ -42,11 +40,11 @@ impl<T: Real> PointMass<T> {
         position: &Vector<T, Inertial>,
         velocity: &Vector<T, Inertial>,
     ) -> Vector<T, Inertial> {
-        let through_air = velocity.components - self.air.velocity_at(position).components;
-        let density = self.air.density.at(position.components.z);
+        let through_air = *velocity - self.air.velocity_at(position);
+        let density = self.air.density.at(position.up());
         let drag = density * T::of(0.5) * self.drag_area * through_air.norm() / self.mass;
-        let weight = Vector3::new(T::zero(), T::zero(), -self.gravity);
-        Vector::from_components(weight - through_air * drag)
+        let weight = Vector::new(T::zero(), T::zero(), -self.gravity);
+        weight - through_air * drag
     }
 }
 
@@ -71,7 +69,7 @@ mod tests {
         let point = PointMass::of(&dynamics, &posture);
         let terminal = (point.mass * point.gravity * 2.0 / point.drag_area).sqrt();
         let down = Vector::new(0.0, 0.0, -terminal);
-        let rest = point.acceleration(&Vector::zero(), &down).components;
+        let rest = point.acceleration(&Vector::zero(), &down);
         assert!(rest.norm() < 1e-12);
         // The trim is a little off belly to earth.
         let trim = trim(&dynamics, &posture, 0.0).unwrap();
@@ -84,10 +82,10 @@ mod tests {
         dynamics.air.velocity = Vector::new(5.0, -3.0, 0.0);
         let point = PointMass::of(&dynamics, &pattern::neutral());
         let with_it = Vector::new(5.0, -3.0, -50.0);
-        let pull = point.acceleration(&Vector::zero(), &with_it).components;
-        assert!(pull.xy().norm() < 1e-12);
+        let pull = point.acceleration(&Vector::zero(), &with_it);
+        assert!(pull.north().abs() < 1e-12 && pull.west().abs() < 1e-12);
         let still = Vector::new(0.0, 0.0, -50.0);
-        let pull = point.acceleration(&Vector::zero(), &still).components;
-        assert!(pull.x > 0.1 && pull.y < -0.05);
+        let pull = point.acceleration(&Vector::zero(), &still);
+        assert!(pull.north() > 0.1 && pull.west() < -0.05);
     }
 }

@@ -23,8 +23,8 @@ impl<T: Real> Dynamics<T> {
         &self,
         interval: &impl Interval<T>,
         inputs: &Inputs<T>,
-        velocity_through_air: &Vector3<T>,
-        spin: &Vector3<T>,
+        velocity_through_air: &Vector<T, BodyFrame>,
+        spin: &Vector<T, BodyFrame>,
         density: T,
     ) -> (Loads<T>, Vector3<T>) {
         interval.loads(self, inputs, velocity_through_air, spin, density)
@@ -44,7 +44,7 @@ impl<T: Real> Dynamics<T> {
 
     /// Density of the air around the body (kg/m3).
     pub fn density_at(&self, state: &State<T>) -> T {
-        self.air.density.at(state.cg_position.components.z)
+        self.air.density.at(state.cg_position.up())
     }
 
     /// [`Dynamics::step`] with the density (kg/m3) known: many runs over a short time share it.
@@ -60,64 +60,56 @@ impl<T: Real> Dynamics<T> {
         let half = duration * T::of(0.5);
 
         // Predict the attitude of the middle by half a turn at the present angular velocity.
-        let momentum = (state.inertial_from_body.inverse() * state.angular_momentum).components;
+        let momentum = state.inertial_from_body.inverse() * state.angular_momentum;
         let spin = sample.angular_velocity(&momentum);
         let inertial_from_middle = turned(&state.inertial_from_body, &spin, half);
 
         // Forces of the middle. What is constant in inertial axes turns with the attitude.
-        let inertial_from_middle = inertial_from_middle
-            .quaternion()
-            .to_rotation_matrix()
-            .into_inner();
-        let middle_from_inertial = inertial_from_middle.transpose();
-        let angular_momentum = middle_from_inertial * state.angular_momentum.components;
+        let inertial_from_middle = inertial_from_middle.to_matrix();
+        let middle_from_inertial = inertial_from_middle.inverse();
+        let angular_momentum = &middle_from_inertial * state.angular_momentum;
         // Momentum relative to the air: its velocity is turned along.
-        let air = self.air.velocity_at(&state.cg_position).components;
-        let relative_momentum = state.linear_momentum.components - air * sample.mass();
-        let linear_momentum = middle_from_inertial * relative_momentum;
+        let air = self.air.velocity_at(&state.cg_position);
+        let relative_momentum = state.linear_momentum - air * sample.mass();
+        let linear_momentum = &middle_from_inertial * relative_momentum;
         let spin = sample.angular_velocity(&angular_momentum);
         let velocity = sample.origin_velocity(&linear_momentum, &spin);
         let (loads, damping) = self.loads(sample, inputs, &velocity, &spin, density);
-        let moment = loads.moment - sample.cg().cross(&loads.force);
+        let force = Vector::<T, BodyFrame>::from_components(loads.force);
+        let moment = Vector::from_components(loads.moment) - sample.cg().cross(&force);
 
         // Trapezium rule for the damping: (I + D dt/2) W1 = (I - D dt/2) W0 + M dt.
         let half_damping = damping * half;
         let push = moment * duration;
         let implicit = *sample.inertia() + Matrix3::from_diagonal(&half_damping);
-        let explicit = *sample.inertia() * spin - half_damping.component_mul(&spin) + push;
-        let next_spin = solve_symmetric(&implicit, &explicit).unwrap_or(spin);
+        let explicit = sample.inertia() * spin - spin.component_mul(&half_damping) + push;
+        let next_spin =
+            solve_symmetric(&implicit, &explicit.components).map_or(spin, Vector::from_components);
         let mean_spin = (spin + next_spin) * T::of(0.5);
-        let push = push - damping.component_mul(&mean_spin) * duration;
-        let gravity_impulse = Vector3::new(
-            T::zero(),
-            T::zero(),
-            -self.gravity * sample.mass() * duration,
-        );
-        let impulse = inertial_from_middle * (loads.force * duration) + gravity_impulse;
-        let start = state.linear_momentum.components;
+        let push = push - mean_spin.component_mul(&damping) * duration;
+        let weight = -self.gravity * sample.mass();
+        let gravity_impulse = Vector::new(T::zero(), T::zero(), weight * duration);
+        let impulse = &inertial_from_middle * (force * duration) + gravity_impulse;
+        let start = state.linear_momentum;
 
         State {
             inertial_from_body: turned(&state.inertial_from_body, &mean_spin, duration),
-            cg_position: Vector::from_components(
-                state.cg_position.components
-                    + (start + impulse * T::of(0.5)) * (duration / sample.mass()),
-            ),
-            linear_momentum: Vector::from_components(start + impulse),
-            angular_momentum: Vector::from_components(
-                state.angular_momentum.components + inertial_from_middle * push,
-            ),
+            cg_position: state.cg_position
+                + (start + impulse * T::of(0.5)) * (duration / sample.mass()),
+            linear_momentum: start + impulse,
+            angular_momentum: state.angular_momentum + &inertial_from_middle * push,
         }
     }
 }
 
-/// Attitude after turning at `angular_velocity` (rad/s, body axes) for `duration` (s), paper eq. (quat).
+/// Attitude after turning at `angular_velocity` (rad/s) for `duration` (s), paper eq. (quat).
 #[inline]
 fn turned<T: Real>(
     inertial_from_body: &Rotation<T, Inertial, BodyFrame>,
-    angular_velocity: &Vector3<T>,
+    angular_velocity: &Vector<T, BodyFrame>,
     duration: T,
 ) -> Rotation<T, Inertial, BodyFrame> {
-    let turn = small_rotation(&(angular_velocity * duration));
+    let turn = small_rotation(&(*angular_velocity * duration).components);
     let product = **inertial_from_body.quaternion() * *turn;
     Rotation::from_quaternion(renormalized(product))
 }

@@ -180,11 +180,12 @@ mod tests {
         // GIVEN the trimmed posture, attitude and speed
         let sample = dynamics.hold(&with_knees(&pattern::neutral(), trim.knee));
         let attitude = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), trim.body_pitch);
-        let fall = attitude.inverse() * Vector3::new(0.0, 0.0, -trim.terminal_speed);
+        let inertial_from_body = Rotation::from_quaternion(attitude);
+        let fall = inertial_from_body.inverse() * Vector::new(0.0, 0.0, -trim.terminal_speed);
         let motion = Motion {
-            inertial_from_body: Rotation::from_quaternion(attitude),
+            inertial_from_body,
             position: Vector::zero(),
-            velocity: Vector::from_components(fall),
+            velocity: fall,
             angular_velocity: Vector::zero(),
         };
         let mut state = State::from_motion(&motion, &sample);
@@ -194,7 +195,7 @@ mod tests {
         }
         // THEN nothing has changed
         let end = state.motion(&sample);
-        assert!((end.velocity.components - fall).norm() < 0.05, "{end:?}");
+        assert!((end.velocity - fall).norm() < 0.05, "{end:?}");
         assert!(end.inertial_from_body.quaternion().angle_to(&attitude) < 0.01);
     }
 

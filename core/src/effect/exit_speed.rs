@@ -20,7 +20,5 @@ pub(super) const EFFECT: Description = Description {
 
 pub(super) fn apply<T: Real>(values: &[T; PARAMETER_COUNT], model: &mut Model<T>) {
     let [north, west, _] = *values;
-    let offset = nalgebra::Vector3::new(north, west, T::zero());
-    let missing = &mut model.sensors.velocity_offset;
-    *missing = Vector::from_components(missing.components - offset);
+    model.sensors.velocity_offset -= Vector::new(north, west, T::zero());
 }

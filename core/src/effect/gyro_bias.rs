@@ -19,5 +19,5 @@ pub(super) const EFFECT: Description = Description {
 };
 
 pub(super) fn apply<T: Real>(values: &[T; PARAMETER_COUNT], model: &mut Model<T>) {
-    model.sensors.gyro_bias += nalgebra::Vector3::from(*values);
+    model.sensors.gyro_bias += (*values).into();
 }

@@ -1,6 +1,6 @@
 //! What sensors make of a motion: the effects that act on the recording.
 
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 use crate::dynamics::Motion;
 use crate::frame::{Body as BodyFrame, Inertial, Rotation, Vector};
@@ -11,8 +11,8 @@ use crate::math::{Real, small_rotation};
 pub struct Sensors<T: Real> {
     /// Turn of the measured body axes about X, Y, Z (rad), small.
     pub mounting: Vector3<T>,
-    /// Angular velocity added (rad/s), body axes.
-    pub gyro_bias: Vector3<T>,
+    /// Angular velocity added (rad/s).
+    pub gyro_bias: Vector<T, BodyFrame>,
     /// Rate at which the heading drifts (rad/s).
     pub heading_drift: T,
     /// Velocity added from the start (m/s), to the position too.
@@ -45,16 +45,11 @@ impl<T: Real> Moving<T> {
 
     /// On the line through this and `other`, `share` of the way; beyond the ends too.
     pub fn towards(&self, other: &Self, share: T) -> Self {
-        let line = |from: Vector3<T>, to: Vector3<T>| from + (to - from) * share;
         Self {
-            velocity: Vector::from_components(line(
-                self.velocity.components,
-                other.velocity.components,
-            )),
-            angular_velocity: Vector::from_components(line(
-                self.angular_velocity.components,
-                other.angular_velocity.components,
-            )),
+            velocity: self.velocity.towards(&other.velocity, share),
+            angular_velocity: self
+                .angular_velocity
+                .towards(&other.angular_velocity, share),
         }
     }
 }
@@ -64,7 +59,7 @@ impl<T: Real> Sensors<T> {
     pub fn perfect() -> Self {
         Self {
             mounting: Vector3::zeros(),
-            gyro_bias: Vector3::zeros(),
+            gyro_bias: Vector::zero(),
             heading_drift: T::zero(),
             velocity_offset: Vector::zero(),
             posture_delay: T::zero(),
@@ -86,32 +81,25 @@ impl<T: Real> Sensors<T> {
                 past(delay)
             }
         };
-        let velocity =
-            at(self.velocity_latency).velocity.components + self.velocity_offset.components;
-        let spin = at(self.rate_lag).angular_velocity.components;
-        let mounting: UnitQuaternion<T> = small_rotation(&self.mounting);
-        let up = Vector3::new(T::zero(), T::zero(), self.heading_drift * time);
-        let attitude = small_turns(&up) * motion.inertial_from_body.quaternion() * mounting;
-        let inertial_from_body = Rotation::from_quaternion(attitude);
+        let velocity = at(self.velocity_latency).velocity + self.velocity_offset;
+        let spin = at(self.rate_lag).angular_velocity;
+        let body_from_measured =
+            Rotation::<T, BodyFrame, BodyFrame>::from_quaternion(small_rotation(&self.mounting));
+        let drifted = turn_about_up(self.heading_drift * time);
+        let inertial_from_body = drifted * motion.inertial_from_body * body_from_measured;
         Motion {
             inertial_from_body,
             // What misses a velocity from the start misses the way that it makes.
-            position: Vector::from_components(
-                motion.position.components + self.velocity_offset.components * time,
-            ),
-            velocity: inertial_from_body.inverse() * Vector::from_components(velocity),
-            angular_velocity: Vector::from_components(mounting.inverse() * spin + self.gyro_bias),
+            position: motion.position + self.velocity_offset * time,
+            velocity: inertial_from_body.inverse() * velocity,
+            angular_velocity: body_from_measured.inverse() * spin + self.gyro_bias,
         }
     }
 }
 
-/// A turn of any size, from small ones.
-fn small_turns<T: Real>(turn: &Vector3<T>) -> UnitQuaternion<T> {
-    let (sine, cosine) = (turn.z * T::of(0.5)).sine_cosine();
-    UnitQuaternion::new_unchecked(nalgebra::Quaternion::new(
-        cosine,
-        T::zero(),
-        T::zero(),
-        sine,
-    ))
+/// A turn of any size about the vertical (rad).
+fn turn_about_up<T: Real>(angle: T) -> Rotation<T, Inertial, Inertial> {
+    let (sine, cosine) = (angle * T::of(0.5)).sine_cosine();
+    let turn = Quaternion::new(cosine, T::zero(), T::zero(), sine);
+    Rotation::from_quaternion(UnitQuaternion::new_unchecked(turn))
 }

@@ -97,8 +97,8 @@ fn every_parameter_moves_the_flight() {
             let mut model = plain();
             effect.apply(&values, &mut model).unwrap();
             let (with, without) = (flown(&model), flown(&plain()));
-            let gap = (with.velocity.components - without.velocity.components).norm()
-                + (with.angular_velocity.components - without.angular_velocity.components).norm();
+            let gap = (with.velocity - without.velocity).norm()
+                + (with.angular_velocity - without.angular_velocity).norm();
             assert!(gap > 1e-4, "{effect:?} {}: {gap}", parameter.name);
         }
     }

@@ -20,7 +20,5 @@ pub(super) const EFFECT: Description = Description {
 
 pub(super) fn apply<T: Real>(values: &[T; PARAMETER_COUNT], model: &mut Model<T>) {
     let [north, west, _] = *values;
-    let air = &mut model.dynamics.air.velocity;
-    let wind = nalgebra::Vector3::new(north, west, T::zero());
-    *air = Vector::from_components(air.components + wind);
+    model.dynamics.air.velocity += Vector::new(north, west, T::zero());
 }

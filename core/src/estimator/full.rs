@@ -5,8 +5,8 @@ use super::unscented::{Moments, Root, SigmaPoints, Unscented};
 use super::{STATES, inputs_of};
 use crate::dynamics::{Dynamics, PostureSample, State};
 use crate::estimator::measurement::{CHANNELS, MeasurementModel};
+use crate::frame::{Body, Vector};
 use crate::math::Real;
-use nalgebra::Vector3;
 
 /// Number of sigma points, 2 n + 1.
 const POINTS: usize = 2 * STATES + 1;
@@ -22,7 +22,7 @@ impl<T: Real> Propagation<T> for Full {
     const ROOT: Root = Root::Symmetric;
     const CHECKED: bool = false;
 
-    fn keep(_: &Dynamics<T>, sample: &PostureSample<T>, _: &Vector3<T>) -> PostureSample<T> {
+    fn keep(_: &Dynamics<T>, sample: &PostureSample<T>, _: &Vector<T, Body>) -> PostureSample<T> {
         *sample
     }
 

@@ -6,7 +6,7 @@
 use nalgebra::{SVector, Vector3};
 
 use crate::dynamics::Motion;
-use crate::frame::AttitudeAngles;
+use crate::frame::{AttitudeAngles, Vector};
 use crate::math::{Real, wrap_angle};
 use crate::observation::horizontal_speed;
 
@@ -98,14 +98,14 @@ impl<T: Real> Measurement<T> {
             pitch,
             roll,
         } = AttitudeAngles::of(&motion.inertial_from_body);
-        let velocity = motion.velocity_inertial().components;
+        let velocity = motion.velocity_inertial();
         Self {
             horizontal_speed: horizontal_speed(&velocity),
             heading,
             pitch,
             roll,
             yaw_rate: heading_rate(motion),
-            vertical_velocity: velocity.z,
+            vertical_velocity: velocity.up(),
             vertical: motion
                 .inertial_from_body
                 .quaternion()
@@ -162,17 +162,18 @@ impl<T: Real> Measurement<T> {
 /// The cranial axis moves at `spin x axis`; the heading is the angle of its horizontal part. Towards the
 /// vertical, where a heading has no meaning, the rate is kept finite by a floor on that part (3 degrees).
 pub fn heading_rate<T: Real>(motion: &Motion<T>) -> T {
-    let spin = (motion.inertial_from_body * motion.angular_velocity).components;
-    let axis = motion.inertial_from_body.quaternion() * Vector3::z();
+    let spin = motion.inertial_from_body * motion.angular_velocity;
+    let cranial = Vector::new(T::zero(), T::zero(), T::one());
+    let axis = motion.inertial_from_body * cranial;
     let rate = spin.cross(&axis);
-    let horizontal = axis.x * axis.x + axis.y * axis.y;
+    let horizontal = axis.x() * axis.x() + axis.y() * axis.y();
     let floor = T::of(0.003);
     let horizontal = if horizontal > floor {
         horizontal
     } else {
         floor
     };
-    (axis.x * rate.y - axis.y * rate.x) / horizontal
+    (axis.x() * rate.y() - axis.y() * rate.x()) / horizontal
 }
 
 /// Quantities with their standard deviations (SI), in the order of the measurement vector.

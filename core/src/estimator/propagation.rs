@@ -1,13 +1,14 @@
 //! How sigma points become predicted measurements: the seam between the paper's filter and the reduced one.
 
 use heapless::Deque;
-use nalgebra::{SVector, Vector3};
+use nalgebra::SVector;
 
 use super::STATES;
 use super::measurement::{CHANNELS, Measurement, MeasurementModel};
 use super::unscented::{Moments, Root, SigmaPoints, Unscented};
 use crate::dynamics::interval::Interval;
 use crate::dynamics::{Dynamics, Inputs, PostureSample, State};
+use crate::frame::{Body, Vector};
 use crate::math::Real;
 
 /// A way to predict the measurement at the end of the window for every sigma point.
@@ -21,12 +22,11 @@ pub trait Propagation<T: Real> {
     /// Whether updates go through [`super::check`].
     const CHECKED: bool;
 
-    /// What to keep of an interval that the central run crosses at about `velocity` (m/s, through the air,
-    /// body axes).
+    /// What to keep of an interval that the central run crosses at about `velocity` (m/s, through the air).
     fn keep(
         dynamics: &Dynamics<T>,
         sample: &PostureSample<T>,
-        velocity: &Vector3<T>,
+        velocity: &Vector<T, Body>,
     ) -> Self::Interval;
 
     /// Moments of the sigma points with their predictions from `start`, and the central run's state at the

@@ -5,10 +5,10 @@
 
 use core::fmt;
 
-use nalgebra::{Quaternion, Vector3};
+use nalgebra::Quaternion;
 
 use crate::dynamics::State;
-use crate::frame::{Rotation, Vector};
+use crate::frame::{Inertial, Rotation, Vector};
 use crate::math::{Real, normalized};
 
 /// A number with its range.
@@ -155,19 +155,13 @@ pub const TABLE_HEAD: &str = "\
 
 /// A state rounded to the formats of the table, as fixed-point memory would hold it.
 pub fn quantised<T: Real>(state: &State<T>) -> State<T> {
-    let vector = |v: &Vector3<T>, range: &Range| v.map(|c| range.rounded(c));
+    let vector = |v: &Vector<T, Inertial>, range: &Range| v.map(|c| range.rounded(c));
     let [w, x, y, z] = state.inertial_from_body.wxyz().map(|c| ATTITUDE.rounded(c));
     State {
         inertial_from_body: Rotation::from_quaternion(normalized(Quaternion::new(w, x, y, z))),
-        cg_position: Vector::from_components(vector(&state.cg_position.components, &POSITION)),
-        linear_momentum: Vector::from_components(vector(
-            &state.linear_momentum.components,
-            &LINEAR_MOMENTUM,
-        )),
-        angular_momentum: Vector::from_components(vector(
-            &state.angular_momentum.components,
-            &ANGULAR_MOMENTUM,
-        )),
+        cg_position: vector(&state.cg_position, &POSITION),
+        linear_momentum: vector(&state.linear_momentum, &LINEAR_MOMENTUM),
+        angular_momentum: vector(&state.angular_momentum, &ANGULAR_MOMENTUM),
     }
 }
 

@@ -19,6 +19,7 @@ use crate::axis::AxisCoefficients;
 use crate::dynamics::interval::Interval;
 use crate::dynamics::muscle_input::{GROUPS, GroupMoments};
 use crate::dynamics::{Dynamics, Inputs, PostureSample, State};
+use crate::frame::{Body, Vector};
 use crate::math::Real;
 use nalgebra::Matrix3;
 
@@ -30,11 +31,11 @@ pub struct Reduced;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ReducedInterval<T: Real> {
     mass: T,
-    cg: Vector3<T>,
-    cg_rate: Vector3<T>,
+    cg: Vector<T, Body>,
+    cg_rate: Vector<T, Body>,
     inertia: Matrix3<T>,
     inverse_inertia: Matrix3<T>,
-    relative_angular_momentum: Vector3<T>,
+    relative_angular_momentum: Vector<T, Body>,
     aerodynamics: FrozenAerodynamics<T>,
     groups: LinearGroups<T>,
     levers: [T; 4],
@@ -111,12 +112,12 @@ impl<T: Real> Interval<T> for ReducedInterval<T> {
         self.mass
     }
     #[inline]
-    fn cg(&self) -> &Vector3<T> {
-        &self.cg
+    fn cg(&self) -> Vector<T, Body> {
+        self.cg
     }
     #[inline]
-    fn cg_rate(&self) -> &Vector3<T> {
-        &self.cg_rate
+    fn cg_rate(&self) -> Vector<T, Body> {
+        self.cg_rate
     }
     #[inline]
     fn inertia(&self) -> &Matrix3<T> {
@@ -127,8 +128,8 @@ impl<T: Real> Interval<T> for ReducedInterval<T> {
         &self.inverse_inertia
     }
     #[inline]
-    fn relative_angular_momentum(&self) -> &Vector3<T> {
-        &self.relative_angular_momentum
+    fn relative_angular_momentum(&self) -> Vector<T, Body> {
+        self.relative_angular_momentum
     }
 
     #[inline]
@@ -136,10 +137,11 @@ impl<T: Real> Interval<T> for ReducedInterval<T> {
         &self,
         dynamics: &Dynamics<T>,
         inputs: &Inputs<T>,
-        velocity_through_air: &Vector3<T>,
-        _spin: &Vector3<T>,
+        velocity_through_air: &Vector<T, Body>,
+        _spin: &Vector<T, Body>,
         density: T,
     ) -> (Loads<T>, Vector3<T>) {
+        let velocity_through_air = &velocity_through_air.components;
         let flow = Flow::new(velocity_through_air, density);
         let mut loads = self.aerodynamics.total_load(&flow);
         let groups = self.groups.at(velocity_through_air, density);
@@ -161,16 +163,17 @@ impl<T: Real> Propagation<T> for Reduced {
     fn keep(
         dynamics: &Dynamics<T>,
         sample: &PostureSample<T>,
-        velocity: &Vector3<T>,
+        velocity: &Vector<T, Body>,
     ) -> ReducedInterval<T> {
+        let velocity = &velocity.components;
         let flow = Flow::new(velocity, T::one());
         ReducedInterval {
             mass: sample.mass.mass,
-            cg: sample.mass.cg,
-            cg_rate: sample.motion.cg_rate,
+            cg: sample.cg(),
+            cg_rate: sample.cg_rate(),
             inertia: sample.inertia,
             inverse_inertia: sample.inverse_inertia,
-            relative_angular_momentum: sample.relative_angular_momentum,
+            relative_angular_momentum: sample.relative_angular_momentum(),
             aerodynamics: sample.aerodynamics.about(&flow.direction),
             groups: LinearGroups::about(dynamics, sample, velocity),
             levers: dynamics.muscles.levers(dynamics.body.height),

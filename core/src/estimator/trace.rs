@@ -103,13 +103,12 @@ pub fn hash<P: Propagation<f32>, const INTERVALS: usize>(
             inputs_of(&[0.6 + 0.3 * wave.0, 0.3, 0.4, 5.0 + 2.0 * wave.1, 3.0, 8.0].into());
         flown = dynamics.step(&flown, &sample, &inputs, step);
         let motion = flown.motion(&sample);
-        for component in motion
-            .velocity
-            .components
-            .iter()
-            .chain(&motion.angular_velocity.components)
-        {
-            hash.add(*component);
+        let velocities = [
+            motion.velocity.to_array(),
+            motion.angular_velocity.to_array(),
+        ];
+        for component in velocities.into_iter().flatten() {
+            hash.add(component);
         }
         let seen = Measurement::of(&motion);
         if let Some(estimate) = estimator.push(&dynamics, &ends[1], &seen) {

@@ -3,7 +3,6 @@
 
 use bodyflight_core::dynamics::{Motion, State};
 use bodyflight_core::frame::Vector;
-use nalgebra::Vector3;
 
 /// A push that no effect of the library makes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -39,10 +38,8 @@ impl Outside {
 
     /// Pushes for `duration` (s) from `time` (s) on.
     pub fn push(self, state: &mut State<f64>, motion: &Motion<f64>, time: f64, duration: f64) {
-        let up = Vector3::z();
-        let body = |moment: Vector3<f64>| {
-            (motion.inertial_from_body * Vector::from_components(moment)).components
-        };
+        let about_body =
+            |left, dorsal, cranial| motion.inertial_from_body * Vector::new(left, dorsal, cranial);
         let bursts = |period: f64, share: f64| {
             if (time / period).fract() < share {
                 1.0
@@ -54,25 +51,24 @@ impl Outside {
             Self::Gusts => {
                 let east = (time * 1.7).sin() + (time * 2.9 + 1.0).sin();
                 let north = (time * 2.3 + 2.0).sin();
-                (Vector3::new(north, east, 0.0) * 120.0, Vector3::zeros())
+                (Vector::new(north, east, 0.0) * 120.0, Vector::zero())
             }
             Self::Flapping => {
                 let beat = (time * 8.0 * core::f64::consts::PI).sin();
-                (Vector3::zeros(), body(Vector3::new(0.0, 10.0, 25.0) * beat))
+                (Vector::zero(), about_body(0.0, 10.0, 25.0) * beat)
             }
             Self::Grip => {
                 let on = bursts(5.0, 0.25);
-                let pull = Vector3::new(100.0, -60.0, 20.0) * on;
-                (pull, body(Vector3::new(12.0, 20.0, -8.0)) * on)
+                let pull = Vector::new(100.0, -60.0, 20.0) * on;
+                (pull, about_body(12.0, 20.0, -8.0) * on)
             }
             Self::Tow => {
                 let on = bursts(7.0, 0.3);
-                (up * (300.0 * on), body(Vector3::new(25.0, 0.0, 0.0)) * on)
+                let up = Vector::new(0.0, 0.0, 300.0 * on);
+                (up, about_body(25.0, 0.0, 0.0) * on)
             }
         };
-        let linear = state.linear_momentum.components + force * duration;
-        let angular = state.angular_momentum.components + moment * duration;
-        state.linear_momentum = Vector::from_components(linear);
-        state.angular_momentum = Vector::from_components(angular);
+        state.linear_momentum += force * duration;
+        state.angular_momentum += moment * duration;
     }
 }

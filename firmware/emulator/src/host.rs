@@ -4,7 +4,7 @@ use bodyflight::formats::flight as file;
 use bodyflight::formats::subject::Subject;
 use bodyflight::unit::stream::twin::{Agreement, Twin};
 use bodyflight::unit::stream::{configuration, sample_of};
-use bodyflight::verbs::synthesize::{DEFAULT_SWAY, Request, SensorNoise, fly};
+use bodyflight::verbs::synthesize::{DEFAULT_SWAY, Request, fly};
 use bodyflight_core::estimator::preset::PRESETS;
 use bodyflight_core::link::{
     Configure, Decoder, Estimate, Event as LinkEvent, Header, Hello, HelloAcknowledge,
@@ -12,6 +12,7 @@ use bodyflight_core::link::{
     Verdict,
 };
 use bodyflight_core::maneuver::Maneuver;
+use bodyflight_core::sensor_noise::SensorNoise;
 
 use crate::Result;
 use crate::chip::{Chip, Event, Options};

@@ -146,7 +146,7 @@ impl EffectTable {
 mod tests {
     use super::*;
     use bodyflight_core::AxisCoefficients;
-    use nalgebra::Vector3;
+    use bodyflight_core::frame::Vector;
 
     use crate::formats::subject::Subject;
 
@@ -162,8 +162,8 @@ mod tests {
         .unwrap();
         let plain = Dynamics::paper(Subject::default().body(), 1.0);
         let model = effects.applied(plain, 0.0).unwrap();
-        let wind = model.dynamics.air.velocity.components;
-        assert_eq!(wind, Vector3::new(3.0, 0.0, 0.0));
+        let wind = model.dynamics.air.velocity;
+        assert_eq!(wind, Vector::new(3.0, 0.0, 0.0));
         let factor = model.damping_factor;
         assert_eq!(factor, AxisCoefficients::new(1.0, -0.05, 1.0));
         assert_eq!(model.dynamics.body, plain.body);

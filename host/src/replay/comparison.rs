@@ -189,7 +189,7 @@ impl Comparison {
 mod tests {
     use super::*;
     use bodyflight_core::frame::AttitudeAngles;
-    use nalgebra::Vector3;
+    use bodyflight_core::frame::Vector;
 
     fn seen(roll: f64, speed: f64) -> Observation<f64> {
         Observation {
@@ -199,7 +199,7 @@ mod tests {
                 roll,
             },
             yaw_rate: 0.0,
-            angular_velocity: Vector3::new(3.0, 4.0, 0.0),
+            angular_velocity: Vector::new(3.0, 4.0, 0.0),
             horizontal_speed: speed,
             vertical_velocity: -50.0,
         }

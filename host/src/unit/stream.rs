@@ -127,7 +127,7 @@ pub fn configuration(
     preset: &Preset,
     frame_rate: f64,
 ) -> Result<(Configure, SegmentTable)> {
-    let height = first.pelvis.position.components.z;
+    let height = first.pelvis.position.up();
     let plain = flight.dynamics(height);
     let dynamics = flight.effects.for_filter(plain, height)?;
     if dynamics.air.density != plain.air.density {
@@ -158,7 +158,7 @@ pub fn configuration(
         update_rate: sample_rate / window,
         height: body.height,
         air_density,
-        air_velocity: dynamics.air.velocity.cast::<f32>().components.into(),
+        air_velocity: dynamics.air.velocity.cast::<f32>().to_array(),
         arch_source,
         arch,
         body_from_sensor: PackedQuaternion::default(),

@@ -169,7 +169,7 @@ fn run<T: Real, P: Propagation<T>, const INTERVALS: usize>(
         inputs: None,
         ..flight.clone()
     };
-    let height = first.pelvis.position.components.z;
+    let height = first.pelvis.position.up();
     let plain = Dynamics {
         muscles: preset.muscles,
         ..flight.dynamics(height)

@@ -69,7 +69,7 @@ pub fn simulate<T: Real>(
     };
     let first = recording.next().ok_or_else(too_short)??;
     let mut ahead = recording.next().ok_or_else(too_short)??;
-    let dynamics = flight.dynamics(first.pelvis.position.components.z);
+    let dynamics = flight.dynamics(first.pelvis.position.up());
     let mut follower = Follower::<T>::new(flight, &dynamics, &first, &ahead)?;
     let mut comparison = Comparison::default();
     loop {
@@ -135,7 +135,7 @@ impl<'a, T: Real> Follower<'a, T> {
     ) -> Result<Self> {
         let model = flight
             .effects
-            .applied(*dynamics, first.pelvis.position.components.z)?;
+            .applied(*dynamics, first.pelvis.position.up())?;
         let dynamics = model.dynamics.cast::<T>();
         let rate = rate(&first.posture, &second.posture, second.time - first.time);
         let motion = first.motion()?;
@@ -186,7 +186,7 @@ impl<'a, T: Real> Follower<'a, T> {
         };
         let seen = sensors.observe(&motion, past, frame.time - self.start);
         self.motion = motion;
-        if !motion.velocity.components.iter().all(|v| v.abs() < 1e4) {
+        if !motion.velocity.to_array().iter().all(|v| v.abs() < 1e4) {
             return Err(Problem::bad_input(format!(
                 "the simulated motion left every plausible range at {:.3} s",
                 frame.time

@@ -245,9 +245,8 @@ impl Sensors {
             let error = small_rotation(&self.vector([noise.joint; 3]));
             seen.set(segment, posture.parent_from_segment(segment) * error);
         }
-        let inertial = |v: Vector3<f64>, error: Vector3<f64>| Vector::from_components(v + error);
-        let velocity = motion.velocity_inertial().components;
-        let spin = (motion.inertial_from_body * motion.angular_velocity).components;
+        let velocity = motion.velocity_inertial();
+        let spin = motion.inertial_from_body * motion.angular_velocity;
         let horizontal = noise.horizontal_velocity;
         let velocity_error = self.vector([horizontal, horizontal, noise.vertical_velocity]);
         let spin_error = self.vector([noise.angular_velocity; 3]);
@@ -259,8 +258,8 @@ impl Sensors {
             pelvis: PelvisMotion {
                 inertial_from_body: bodyflight_core::frame::Rotation::from_quaternion(attitude),
                 position: motion.position,
-                velocity: Some(inertial(velocity, velocity_error)),
-                angular_velocity: Some(inertial(spin, spin_error)),
+                velocity: Some(velocity + Vector::from_components(velocity_error)),
+                angular_velocity: Some(spin + Vector::from_components(spin_error)),
             },
             centre_of_mass: None,
             bridged: false,

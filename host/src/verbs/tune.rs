@@ -99,7 +99,7 @@ impl<'a> Loaded<'a> {
                     .in_file(&flight.recording),
             );
         };
-        let dynamics = flight.dynamics(first.pelvis.position.components.z);
+        let dynamics = flight.dynamics(first.pelvis.position.up());
         Ok(Self {
             flight,
             dynamics,

@@ -129,16 +129,13 @@ impl Rates {
             self.history.clear();
             return None;
         }
-        let moved = (now.position.components - from.position.components) / duration;
+        let moved = (now.position - from.position) / duration;
         let turned = rotation_rate(
             from.inertial_from_body.quaternion(),
             now.inertial_from_body.quaternion(),
             duration,
         );
-        Some((
-            Vector::from_components(moved),
-            Vector::from_components(turned),
-        ))
+        Some((moved, Vector::from_components(turned)))
     }
 
     /// A turn seen in the orientations tells rad/s from deg/s.
@@ -198,7 +195,7 @@ mod tests {
         // Neither unit: differences it stays.
         let (rates, last) = turning(|rate| Some(rate * -3.0), 100);
         assert_eq!(rates.unit(), None);
-        assert!((last.angular_velocity.unwrap().components.z - 1.5).abs() < 1e-9);
+        assert!((last.angular_velocity.unwrap().up() - 1.5).abs() < 1e-9);
     }
 
     #[test]
@@ -206,8 +203,8 @@ mod tests {
         let (rates, last) = turning(|_| None, 40);
         assert!(rates.history.len() <= 6, "{}", rates.history.len());
         assert_eq!(last.differenced, [true, true]);
-        assert!((last.velocity.unwrap().components - Vector3::x() * 2.0).norm() < 1e-9);
-        assert!((last.angular_velocity.unwrap().components.z - 1.5).abs() < 1e-9);
+        assert!((last.velocity.unwrap() - Vector::new(2.0, 0.0, 0.0)).norm() < 1e-9);
+        assert!((last.angular_velocity.unwrap().up() - 1.5).abs() < 1e-9);
         let (_, first) = turning(|_| None, 1);
         assert_eq!(first, PelvisRates::default());
     }

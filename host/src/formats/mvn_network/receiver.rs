@@ -363,7 +363,7 @@ mod tests {
         let last = frames[9];
         assert_eq!((last.index, last.bridged), (9, false));
         assert_eq!(last.posture, xsens::t_pose());
-        assert!((last.pelvis.position.components.z - 9.0).abs() < 1e-12);
+        assert!((last.pelvis.position.up() - 9.0).abs() < 1e-12);
         // 1 m in 4 ms, not sent, so from differences.
         let velocity = last.pelvis.velocity.unwrap().components;
         assert!((velocity.z - 250.0).abs() < 1.0, "{velocity}");

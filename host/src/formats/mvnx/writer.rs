@@ -117,10 +117,7 @@ impl<W: Write> Writer<W> {
         let finite = placed.iter().all(|segment| {
             segment.position.iter().all(|c| c.is_finite())
                 && segment.orientation.coords.iter().all(|c| c.is_finite())
-        }) && rates
-            .iter()
-            .flatten()
-            .all(|vector| vector.components.iter().all(|c| c.is_finite()));
+        }) && rates.iter().flatten().all(|vector| vector.is_finite());
         if !finite || !frame.posture.is_valid() {
             return Err(problem("the flight is not finite here, nothing is written"));
         }

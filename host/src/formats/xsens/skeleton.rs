@@ -157,11 +157,10 @@ impl Layout {
             // In the H-pose all axes are the body's, so the difference is in those of the segment.
             let on_segment = self.origins[mvn as usize] - self.joints[segment];
             let in_body = posed[segment].joint + posed[segment].body_from_segment * on_segment;
-            let inertial = position.components
-                + (inertial_from_body * frame::Vector::from_components(in_body)).components;
+            let inertial = position + inertial_from_body * frame::Vector::from_components(in_body);
             Placed {
                 orientation: *orientation.quaternion(),
-                position: super::xsens_vector(frame::Vector::from_components(inertial)),
+                position: super::xsens_vector(inertial),
             }
         })
     }

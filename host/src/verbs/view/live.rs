@@ -65,7 +65,7 @@ impl LiveView {
     /// # Errors
     /// Where the numbers cannot be written.
     pub fn show(&mut self, live: &Live, recorded: &FlightFrame) -> Result<()> {
-        let height = recorded.pelvis.position.components.z;
+        let height = recorded.pelvis.position.up();
         let dynamics = self
             .dynamics
             .get_or_insert_with(|| self.flight.dynamics(height));

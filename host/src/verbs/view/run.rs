@@ -98,7 +98,7 @@ pub fn fly(
         rms: comparison.rms(),
         amplitude: comparison.amplitude(),
         frames: comparison.count(),
-        air_velocity_mps: air.velocity.components.into(),
+        air_velocity_mps: air.velocity.to_array(),
         series: series.packed(),
     })
 }
@@ -119,7 +119,7 @@ pub fn fly_series(
     };
     let first = recording.next().ok_or_else(too_short)??;
     let mut ahead = recording.next().ok_or_else(too_short)??;
-    let dynamics = flight.dynamics(first.pelvis.position.components.z);
+    let dynamics = flight.dynamics(first.pelvis.position.up());
     let mut follower = Follower::<f64>::new(flight, &dynamics, &first, &ahead)?;
     let dynamics = follower.model().dynamics;
     let mut series = Series::new(&COLUMNS);
@@ -181,7 +181,7 @@ fn row(
     part("time_s", 1)
         .chain(part("position_m", 3))
         .chain(part("inertial_from_body", 4))
-        .chain(measured.position.components.iter().copied())
+        .chain(measured.position.to_array())
         .chain([attitude.w, attitude.i, attitude.j, attitude.k])
         .chain(simulated)
         .chain(measured_channels)

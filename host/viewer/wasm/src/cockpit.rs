@@ -307,10 +307,10 @@ pub(crate) mod tests {
             let mut cockpit = cockpit();
             cockpit.command(control, share);
             (0..240 * 4).for_each(|_| cockpit.step());
-            cockpit.motion().velocity_inertial().components
+            cockpit.motion().velocity_inertial()
         };
-        let (forward, backward) = (-velocity(3, 1.0).y, -velocity(3, -1.0).y);
-        let (left, right) = (velocity(2, 1.0).x, velocity(2, -1.0).x);
+        let (forward, backward) = (-velocity(3, 1.0).west(), -velocity(3, -1.0).west());
+        let (left, right) = (velocity(2, 1.0).north(), velocity(2, -1.0).north());
         assert!(forward > 1.0 && backward < -0.3, "{forward} {backward}");
         assert!(left > 1.0 && right < -1.0, "{left} {right}");
     }

@@ -3,6 +3,7 @@
 use bodyflight_core::body::SEGMENT_COUNT;
 use bodyflight_core::body::posture::pose;
 use bodyflight_core::dynamics::{Dynamics, Inputs, Motion};
+use bodyflight_core::frame::{Body, Vector};
 use bodyflight_core::math::Real;
 use bodyflight_core::observation::Observation;
 use bodyflight_core::{Posture, Segment};
@@ -85,8 +86,8 @@ impl Pen<'_> {
         }
     }
 
-    fn vector<T: Real>(&mut self, vector: &Vector3<T>) {
-        self.write(vector.iter().copied());
+    fn vector<T: Real, F>(&mut self, vector: Vector<T, F>) {
+        self.write(vector.to_array());
     }
 
     fn rotation<T: Real>(&mut self, rotation: &UnitQuaternion<T>) {
@@ -110,17 +111,18 @@ pub fn frame<T: Real>(
     let posed = pose(&dynamics.body, posture);
     let loads = dynamics.segment_loads(posture, motion);
     let turned = posture.body_from_segments();
-    let (mut moment, mut force) = (Vector3::zeros(), Vector3::zeros());
+    let (mut moment, mut force) = (Vector::<T, Body>::zero(), Vector::zero());
     for segment in Segment::ALL {
-        moment += posed[segment].cg * dynamics.body.segments[segment].mass;
-        force += loads[segment].force;
+        let cg = Vector::from_components(posed[segment].cg);
+        moment += cg * dynamics.body.segments[segment].mass;
+        force += Vector::from_components(loads[segment].force);
     }
     let observation = Observation::of(motion);
     pen.write([time]);
-    pen.vector(&motion.position.components);
+    pen.vector(motion.position);
     pen.rotation(motion.inertial_from_body.quaternion());
-    pen.vector(&motion.velocity_inertial().components);
-    pen.vector(&motion.angular_velocity.components);
+    pen.vector(motion.velocity_inertial());
+    pen.vector(motion.angular_velocity);
     pen.write([
         observation.angles.roll,
         observation.angles.pitch,
@@ -130,16 +132,16 @@ pub fn frame<T: Real>(
         observation.horizontal_speed,
         observation.vertical_velocity,
     ]);
-    pen.vector(&(moment / dynamics.body.mass()));
-    pen.vector(&dynamics.air.velocity_at(&motion.position).components);
+    pen.vector(moment / dynamics.body.mass());
+    pen.vector(dynamics.air.velocity_at(&motion.position));
     pen.write(inputs.muscle.to_array());
     pen.write(inputs.damping.to_array());
-    pen.vector(&(motion.inertial_from_body.quaternion() * force));
+    pen.vector(motion.inertial_from_body * force);
     for segment in Segment::ALL {
         pen.rotation(posture.parent_from_segment(segment));
         pen.rotation(&turned[segment]);
-        pen.vector(&posed[segment].cg);
-        pen.vector(&loads[segment].force);
+        pen.write(posed[segment].cg.iter().copied());
+        pen.write(loads[segment].force.iter().copied());
     }
     frame
 }

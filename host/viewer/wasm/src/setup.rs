@@ -45,10 +45,10 @@ impl Setup {
             .find(|((_, model), _)| *model == dynamics.muscles)
             .map_or(0, |(_, index)| index);
         let head = [dynamics.body.height, self.density, arch, f32::from(muscles)];
-        let air = dynamics.air.velocity.components;
+        let air = dynamics.air.velocity.to_array();
         let mut numbers = head
             .into_iter()
-            .chain(air.iter().copied())
+            .chain(air)
             .chain(self.inputs.damping.to_array());
         let mut all = [0.0; NUMBERS];
         let (first, rest) = all.split_at_mut(HEAD);

@@ -1,0 +1,130 @@
+//! Rotations from one frame to another.
+
+use core::marker::PhantomData;
+use core::ops::Mul;
+
+use nalgebra::{Matrix3, Quaternion, UnitQuaternion};
+
+use super::vector::Vector;
+use crate::math::{self, Real};
+
+/// Rotation that takes components in `From` to components in `To`.
+pub struct Rotation<T: Real, To, From> {
+    quaternion: UnitQuaternion<T>,
+    frames: PhantomData<fn(From) -> To>,
+}
+
+impl<T: Real, To, From> Rotation<T, To, From> {
+    /// The frames coincide.
+    pub fn identity() -> Self {
+        Self::from_quaternion(UnitQuaternion::identity())
+    }
+
+    /// States that `quaternion` takes components from `From` to `To`. This is the border of the type system.
+    pub fn from_quaternion(quaternion: UnitQuaternion<T>) -> Self {
+        Self {
+            quaternion,
+            frames: PhantomData,
+        }
+    }
+
+    /// From four numbers w, x, y, z of any norm; `None` where they have no direction or are not finite.
+    pub fn from_wxyz(wxyz: [T; 4]) -> Option<Self> {
+        let quaternion = Quaternion::new(wxyz[0], wxyz[1], wxyz[2], wxyz[3]);
+        let size = quaternion.coords.norm_squared();
+        (size.is_finite() && size > T::of(1e-12))
+            .then(|| Self::from_quaternion(math::normalized(quaternion)))
+    }
+
+    /// The plain quaternion.
+    pub fn quaternion(&self) -> &UnitQuaternion<T> {
+        &self.quaternion
+    }
+
+    /// Components w, x, y, z.
+    pub fn wxyz(&self) -> [T; 4] {
+        let q = &self.quaternion;
+        [q.w, q.i, q.j, q.k]
+    }
+
+    /// The way back.
+    pub fn inverse(&self) -> Rotation<T, From, To> {
+        Rotation::from_quaternion(self.quaternion.inverse())
+    }
+
+    /// The same rotation in another precision.
+    pub fn cast<U: Real>(&self) -> Rotation<U, To, From> {
+        Rotation::from_quaternion(math::normalized(
+            self.quaternion.coords.map(|c| U::of(c.to_f64())).into(),
+        ))
+    }
+}
+
+impl<T: Real, To, From> Rotation<T, To, From> {
+    /// The same rotation as a matrix, which turns several vectors in less time.
+    #[inline]
+    pub fn to_matrix(&self) -> RotationMatrix<T, To, From> {
+        RotationMatrix {
+            matrix: self.quaternion.to_rotation_matrix().into_inner(),
+            frames: PhantomData,
+        }
+    }
+}
+
+/// A [`Rotation`] as a matrix.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RotationMatrix<T: Real, To, From> {
+    matrix: Matrix3<T>,
+    frames: PhantomData<fn(From) -> To>,
+}
+
+impl<T: Real, To, From> RotationMatrix<T, To, From> {
+    /// The way back.
+    #[inline]
+    pub fn inverse(&self) -> RotationMatrix<T, From, To> {
+        RotationMatrix {
+            matrix: self.matrix.transpose(),
+            frames: PhantomData,
+        }
+    }
+}
+
+impl<T: Real, To, From> Mul<Vector<T, From>> for &RotationMatrix<T, To, From> {
+    type Output = Vector<T, To>;
+    #[inline]
+    fn mul(self, rhs: Vector<T, From>) -> Self::Output {
+        Vector::from_components(self.matrix * rhs.components)
+    }
+}
+
+impl<T: Real, To, Via, From> Mul<Rotation<T, Via, From>> for Rotation<T, To, Via> {
+    type Output = Rotation<T, To, From>;
+    fn mul(self, rhs: Rotation<T, Via, From>) -> Self::Output {
+        Rotation::from_quaternion(self.quaternion * rhs.quaternion)
+    }
+}
+
+impl<T: Real, To, From> Mul<Vector<T, From>> for Rotation<T, To, From> {
+    type Output = Vector<T, To>;
+    fn mul(self, rhs: Vector<T, From>) -> Self::Output {
+        Vector::from_components(self.quaternion * rhs.components)
+    }
+}
+
+// Derives would ask the frames themselves to be Copy, Debug and so on.
+impl<T: Real, To, From> Clone for Rotation<T, To, From> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+impl<T: Real, To, From> Copy for Rotation<T, To, From> {}
+impl<T: Real, To, From> PartialEq for Rotation<T, To, From> {
+    fn eq(&self, other: &Self) -> bool {
+        self.quaternion.coords == other.quaternion.coords
+    }
+}
+impl<T: Real, To, From> core::fmt::Debug for Rotation<T, To, From> {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(f, "Rotation{:?}", self.wxyz())
+    }
+}
