@@ -10,3 +10,5 @@ pub mod page;
 pub mod run;
 pub mod series;
 pub mod server;
+#[cfg(test)]
+mod typescript;

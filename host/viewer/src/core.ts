@@ -1,7 +1,7 @@
 // The core in the page, see host/viewer/wasm/src/page.rs.
 import bytes from "core.wasm";
-import type { FlyData } from "./data";
 import { Layout } from "./layout";
+import type { FlyData } from "./types";
 
 interface Exports {
   memory: WebAssembly.Memory;

@@ -1,68 +1,5 @@
-// The data that a page is given, see host/src/verbs/view/page.rs.
-
-export const SCHEMA = 2;
-
-export interface Shape {
-  name: string;
-  half_extents_m: [number, number, number];
-}
-export interface Packed {
-  columns: { name: string; width: number; step: number }[];
-  rows: number;
-  data: string;
-}
-export interface RunData {
-  name: string;
-  shapes: Shape[];
-  rms: Record<string, number>;
-  amplitude: Record<string, number>;
-  frames: number;
-  air_velocity_mps: [number, number, number];
-  series: Packed;
-}
-export interface FlyData {
-  setup: number[];
-  shapes: Shape[];
-  starts: string[];
-  controls: string[];
-  layout: [string, number][];
-  segment_layout: [string, number][];
-}
-export interface Named {
-  name: string;
-  parameters: Record<string, number>;
-  standard_errors: Record<string, number>;
-  confidence: number;
-  explains: number;
-  rivals: { name: string; share: number }[];
-  separated_by: string;
-  imitated_by_inputs: boolean;
-}
-export interface Gap {
-  before: number[];
-  after: number[];
-  floor: number[];
-  closed_share: number;
-}
-export interface Discovery {
-  verdict: "named" | "none" | "unexplained" | "thin";
-  effects: Named[];
-  nearest?: Named[];
-  explained: number;
-  disagreement: number;
-  gap: Gap;
-  held_out: { misfit_before: number; misfit_after: number; numbers: number; gap: Gap }[];
-  residual_map: { time_s: number; over_floor: number[]; over_floor_after: number[] }[];
-}
-export interface PageData {
-  schema: number;
-  mode: "replay" | "live" | "fly";
-  title: string;
-  provenance: { version: string; command: string; inputs: { file: string; sha256: string }[] };
-  runs: RunData[];
-  discovery: Discovery | null;
-  fly: FlyData | null;
-}
+// The data of the page: read, checked and unpacked. Its types are those of the program.
+import { type Packed, type PageData, SCHEMA } from "./types";
 
 /** A message for people instead of a page. */
 export class BadData extends Error {}
@@ -128,17 +65,6 @@ export async function unpack(packed: Packed): Promise<Columns> {
   }
   return columns;
 }
-
-/** Channels of a flight, in the order of host/src/replay/comparison.rs. */
-export const CHANNELS = [
-  { key: "roll_rad", label: "roll", unit: "rad", angle: true },
-  { key: "pitch_rad", label: "pitch", unit: "rad", angle: true },
-  { key: "heading_rad", label: "heading", unit: "rad", angle: true },
-  { key: "yaw_rate_radps", label: "yaw rate", unit: "rad/s", angle: false },
-  { key: "angular_velocity_radps", label: "angular velocity", unit: "rad/s", angle: false },
-  { key: "horizontal_velocity_mps", label: "horizontal velocity", unit: "m/s", angle: false },
-  { key: "vertical_velocity_mps", label: "vertical velocity", unit: "m/s", angle: false },
-] as const;
 
 /** The short way between two angles. */
 export function wrapped(angle: number): number {

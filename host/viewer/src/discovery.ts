@@ -1,6 +1,33 @@
 // The report of bodyflight discover: where simulation and measurement disagree, and what explains it.
-import type { Discovery, Named } from "./data";
 import { colour, element } from "./dom";
+
+// See host/src/discover/report.rs.
+interface Named {
+  name: string;
+  parameters: Record<string, number>;
+  standard_errors: Record<string, number>;
+  confidence: number;
+  explains: number;
+  rivals: { name: string; share: number }[];
+  separated_by: string;
+  imitated_by_inputs: boolean;
+}
+interface Gap {
+  before: number[];
+  after: number[];
+  floor: number[];
+  closed_share: number;
+}
+export interface Discovery {
+  verdict: "named" | "none" | "unexplained" | "thin";
+  effects: Named[];
+  nearest?: Named[];
+  explained: number;
+  disagreement: number;
+  gap: Gap;
+  held_out: { misfit_before: number; misfit_after: number; numbers: number; gap: Gap }[];
+  residual_map: { time_s: number; over_floor: number[]; over_floor_after: number[] }[];
+}
 
 const CHANNELS = [
   "attitude x (rad)",

@@ -1,9 +1,10 @@
 // What can be taken out of a replay: numbers, plots, pictures, a film.
-import { CHANNELS } from "./data";
+
 import { save } from "./dom";
 import type { Flight } from "./flight";
 import { type PlotSpec, svg } from "./plots";
 import type { Stage } from "./stage";
+import { CHANNELS } from "./types";
 
 /** All channels of the rows between two times, as CSV. */
 export function csv(flight: Flight, [from, to]: [number, number]): string {

@@ -1,18 +1,19 @@
 // A run of the replay, decoded: numbers at rows, and the picture between them.
-import { CHANNELS, type Columns, type RunData, unpack, wrapped } from "./data";
+import { type Columns, unpack, wrapped } from "./data";
 import { between, type Picture, type Quaternion, type Vector } from "./figure";
+import { CHANNELS, type Run } from "./types";
 
 export class Flight {
   readonly time: Float64Array;
 
   private constructor(
-    readonly run: RunData,
+    readonly run: Run,
     readonly columns: Columns,
   ) {
     this.time = this.list("time_s")[0];
   }
 
-  static async of(run: RunData): Promise<Flight> {
+  static async of(run: Run): Promise<Flight> {
     return new Flight(run, await unpack(run.series));
   }
 

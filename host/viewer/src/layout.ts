@@ -1,6 +1,7 @@
 // Where the parts of a frame are, see host/viewer/wasm/src/frame.rs.
-import type { FlyData } from "./data";
+
 import type { Picture, Quaternion, Vector } from "./figure";
+import type { FlyData } from "./types";
 
 export class Layout {
   private readonly places = new Map<string, [number, number]>();

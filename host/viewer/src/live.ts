@@ -1,169 +1,138 @@
 // Live: what bodyflight stream --view sends while it streams.
-import type { FlyData, PageData } from "./data";
+
 import { button, element } from "./dom";
+import { LiveHistory } from "./history";
 import { Layout } from "./layout";
-import { type PlotSpec, Plots } from "./plots";
+import { Plots } from "./plots";
 import { provenance, shell } from "./shell";
 import { Stage } from "./stage";
+import type { FlyData, Live, PageData } from "./types";
 
-/** See Live in host/src/unit/stream/report.rs. */
-interface Look {
-  time_s: number;
-  sent: number;
-  estimates: number;
-  latency_ms: number | null;
-  missing: number;
-  dropped: number;
-  deadline_missed: number;
-  estimate: { state: number[]; variance: number[]; nis: number } | null;
-}
-
-/** Looks that are kept, to scroll back. */
-const KEPT = 30 * 60 * 10;
-const STATES = ["muscle pitch", "muscle yaw", "muscle roll", "damping pitch", "damping yaw", "damping roll"];
+/** Plots are slower than the picture: one in so many milliseconds. */
+const PLOT_INTERVAL = 500;
 
 export function live(data: PageData): void {
-  const layoutData = data.fly as FlyData;
-  const { header, main, aside, footer } = shell(data);
-  const layout = new Layout(layoutData);
-  const stage = new Stage(main, layoutData.shapes);
-  stage.listenToKeys();
-  const looks: Look[] = [];
-  const frames: Float32Array[] = [];
-  let paused = false;
-  let shown = 0;
-  let arrived: number[] = [];
+  const view = new LiveView(data, data.fly as FlyData);
+  view.listen();
+  document.documentElement.dataset.ready = "live";
+  view.run();
+}
 
-  const numbers = element("dl", { id: "numbers" });
-  const state = element("span", { id: "state", role: "status" }, "waiting for the stream");
-  const slider = element("input", { type: "range", min: "0", max: "0", value: "0", "aria-label": "look back" });
-  const hold = button("pause", "Stop the picture; the stream goes on", () => follow(!paused));
-  slider.addEventListener("input", () => {
-    follow(true);
-    shown = Number(slider.value);
-    dirty = true;
+/** The page of a stream. */
+class LiveView {
+  private readonly history = new LiveHistory();
+  private readonly layout: Layout;
+  private readonly stage: Stage;
+  private readonly numbers = element("dl", { id: "numbers" });
+  private readonly state = element("span", { id: "state", role: "status" }, "waiting for the stream");
+  private readonly slider = element("input", {
+    type: "range",
+    min: "0",
+    max: "0",
+    value: "0",
+    "aria-label": "look back",
   });
-  header.append(state);
-  const cost = element("span", { class: "faint", id: "cost" });
-  footer.append(hold, slider, cost);
-  const place = element("div");
-  aside.append(numbers, place, provenance(data));
+  private readonly hold: HTMLButtonElement;
+  private readonly cost = element("span", { class: "faint", id: "cost" });
+  private readonly place = element("div");
+  private plots: Plots | null = null;
+  private plotted = 0;
+  /** The look that is shown. */
+  private shown = 0;
+  private paused = false;
+  private dirty = false;
 
-  let time = new Float64Array(0);
-  const lists = STATES.map(() => ({ value: [] as number[], low: [] as number[], high: [] as number[] }));
-  const latency: number[] = [];
-  const specs: PlotSpec[] = [
-    {
-      key: "latency",
-      title: "latency",
-      unit: "ms",
-      lines: [{ label: "sample to estimate", ink: "measured", values: latency }],
-    },
-    ...STATES.map(
-      (name, k): PlotSpec => ({
-        key: name,
-        title: name,
-        unit: "1, \u00b1 2 sigma",
-        lines: [
-          { label: "estimate", ink: "simulated", values: lists[k].value },
-          { label: "- 2 sigma", ink: "residual", dash: [3, 3], values: lists[k].low },
-          { label: "+ 2 sigma", ink: "residual", dash: [3, 3], values: lists[k].high },
-        ],
-      }),
-    ),
-  ];
-  let plots: Plots | null = null;
-  let dirty = false;
-  let plotted = 0;
-
-  function follow(stop: boolean): void {
-    paused = stop;
-    hold.textContent = paused ? "go on" : "pause";
-    dirty = true;
-  }
-
-  function take(look: Look): void {
-    if (looks.length >= KEPT) {
-      looks.shift();
-      frames.shift();
-      latency.shift();
-      lists.forEach((list) => {
-        list.value.shift();
-        list.low.shift();
-        list.high.shift();
-      });
-    }
-    looks.push(look);
-    latency.push(look.latency_ms ?? NaN);
-    lists.forEach((list, k) => {
-      const value = look.estimate?.state[k] ?? NaN;
-      const sigma = Math.sqrt(look.estimate?.variance[k] ?? NaN);
-      list.value.push(value);
-      list.low.push(value - 2 * sigma);
-      list.high.push(value + 2 * sigma);
+  constructor(data: PageData, flight: FlyData) {
+    const { header, main, aside, footer } = shell(data);
+    this.layout = new Layout(flight);
+    this.stage = new Stage(main, flight.shapes);
+    this.stage.listenToKeys();
+    this.hold = button("pause", "Stop the picture; the stream goes on", () => this.stop(!this.paused));
+    this.slider.addEventListener("input", () => {
+      this.stop(true);
+      this.shown = Number(this.slider.value);
     });
-    const now = performance.now();
-    arrived = [...arrived.filter((moment) => now - moment < 2000), now];
-    dirty = true;
+    header.append(this.state);
+    footer.append(this.hold, this.slider, this.cost);
+    aside.append(this.numbers, this.place, provenance(data));
   }
 
-  const socket = new WebSocket(`ws://${location.host}${location.pathname}socket`);
-  socket.binaryType = "arraybuffer";
-  socket.onopen = () => {
-    state.textContent = "streaming";
-  };
-  socket.onclose = () => {
-    state.textContent = "the stream has ended; look back with the slider";
-  };
-  socket.onmessage = (event) => {
-    if (event.data instanceof ArrayBuffer) frames.push(new Float32Array(event.data));
-    else take(JSON.parse(String(event.data)) as Look);
-  };
-
-  function show(now: number): void {
-    const look = looks[shown];
-    const frame = frames[Math.min(shown, frames.length - 1)];
-    if (frame) stage.draw(layout.picture(frame));
-    const rate = arrived.length / 2;
-    const rows: [string, string][] = [
-      ["time", `${look.time_s.toFixed(1)} s`],
-      ["samples sent", String(look.sent)],
-      ["estimates", String(look.estimates)],
-      ["latency", look.latency_ms === null ? "none yet" : `${look.latency_ms.toFixed(2)} ms`],
-      ["missing", String(look.missing)],
-      ["dropped", String(look.dropped)],
-      ["deadlines missed", String(look.deadline_missed)],
-      ["NIS", look.estimate ? look.estimate.nis.toFixed(2) : ""],
-      ["frames a second", rate.toFixed(1)],
-    ];
-    numbers.replaceChildren(
-      ...rows.flatMap(([name, value]) => [
-        element("dt", {}, name),
-        element("dd", { id: name.replaceAll(" ", "-") }, value),
-      ]),
-    );
-    cost.textContent = `${stage.cost.toFixed(1)} ms to draw`;
-    // Plots are slower than the picture: twice a second.
-    if (now - plotted > 500) {
-      plotted = now;
-      time = Float64Array.from(looks, (entry) => entry.time_s);
-      if (plots) plots.update(time);
-      else if (time.length > 1) plots = new Plots(place, time, specs, () => {});
-      plots?.mark(look.time_s);
-    }
+  listen(): void {
+    const socket = new WebSocket(`ws://${location.host}${location.pathname}socket`);
+    socket.binaryType = "arraybuffer";
+    socket.onopen = () => {
+      this.state.textContent = "streaming";
+    };
+    socket.onclose = () => {
+      this.state.textContent = "the stream has ended; look back with the slider";
+    };
+    socket.onmessage = (event) => {
+      if (event.data instanceof ArrayBuffer) {
+        this.history.takeFrame(new Float32Array(event.data));
+      } else {
+        this.history.take(JSON.parse(String(event.data)) as Live);
+        this.dirty = true;
+      }
+    };
   }
 
-  function next(now: number): void {
-    if (dirty && looks.length > 0) {
-      dirty = false;
-      slider.max = String(looks.length - 1);
-      if (!paused) shown = looks.length - 1;
-      shown = Math.min(shown, looks.length - 1);
-      slider.value = String(shown);
-      show(now);
-    }
+  run(): void {
+    const next = (now: number) => {
+      const last = this.history.looks.length - 1;
+      if (this.dirty && last >= 0) {
+        this.dirty = false;
+        this.slider.max = String(last);
+        this.shown = this.paused ? Math.min(this.shown, last) : last;
+        this.slider.value = String(this.shown);
+        this.show(now);
+      }
+      requestAnimationFrame(next);
+    };
     requestAnimationFrame(next);
   }
-  document.documentElement.dataset.ready = "live";
-  requestAnimationFrame(next);
+
+  private stop(paused: boolean): void {
+    this.paused = paused;
+    this.hold.textContent = paused ? "go on" : "pause";
+    this.dirty = true;
+  }
+
+  private show(now: number): void {
+    const { frames, looks, rate } = this.history;
+    const look = looks[this.shown];
+    const frame = frames[Math.min(this.shown, frames.length - 1)];
+    if (frame) this.stage.draw(this.layout.picture(frame));
+    this.numbers.replaceChildren(...rows(look, rate));
+    this.cost.textContent = `${this.stage.cost.toFixed(1)} ms to draw`;
+    if (now - this.plotted > PLOT_INTERVAL) {
+      this.plotted = now;
+      this.plot(look);
+    }
+  }
+
+  private plot(look: Live): void {
+    const time = this.history.time;
+    if (this.plots) this.plots.update(time);
+    else if (time.length > 1) this.plots = new Plots(this.place, time, this.history.specs(), () => {});
+    this.plots?.mark(look.time_s);
+  }
+}
+
+/** The numbers of a look, as rows of a list. */
+function rows(look: Live, rate: number): HTMLElement[] {
+  const numbers: [string, string][] = [
+    ["time", `${look.time_s.toFixed(1)} s`],
+    ["samples sent", String(look.sent)],
+    ["estimates", String(look.estimates)],
+    ["latency", look.latency_ms === null ? "none yet" : `${look.latency_ms.toFixed(2)} ms`],
+    ["missing", String(look.missing)],
+    ["dropped", String(look.dropped)],
+    ["deadlines missed", String(look.deadline_missed)],
+    ["NIS", look.estimate ? look.estimate.nis.toFixed(2) : ""],
+    ["frames a second", rate.toFixed(1)],
+  ];
+  return numbers.flatMap(([name, value]) => [
+    element("dt", {}, name),
+    element("dd", { id: name.replaceAll(" ", "-") }, value),
+  ]);
 }

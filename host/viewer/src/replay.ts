@@ -1,15 +1,16 @@
 // Replay: one timeline for the body, the plots and the exports.
-import { CHANNELS, type PageData } from "./data";
-import { discoveryPanel } from "./discovery";
-import { button, element, typing } from "./dom";
+
+import { type Discovery, discoveryPanel } from "./discovery";
+import { button, element } from "./dom";
 import { film, saveCsv, savePng, saveSvg, strip } from "./exports";
 import { Flight } from "./flight";
 import { TopView } from "./map";
+import { Player, type Scene } from "./player";
 import { type PlotSpec, Plots } from "./plots";
 import { provenance, shell } from "./shell";
 import { Stage } from "./stage";
+import { CHANNELS, type PageData } from "./types";
 
-const SPEEDS = [0.1, 0.25, 0.5, 1, 2];
 /** Pictures of a strip. */
 const SNAPSHOTS = 5;
 const INKS = ["simulated", "second", "text"];
@@ -20,183 +21,142 @@ const INPUTS = [
 
 export async function replay(data: PageData): Promise<void> {
   const flights = await Promise.all(data.runs.map((run) => Flight.of(run)));
-  const first = flights[0];
-  const { header, main, aside, footer } = shell(data);
-  const stage = new Stage(main, first.run.shapes);
-  stage.addGhostTools();
-  stage.listenToKeys();
-  const map = new TopView();
-  main.append(element("div", { class: "over top" }, map.canvas));
-  const legend = element("div", { class: "over legend", id: "legend" });
-  main.append(legend);
+  new Replay(data, flights).open();
+  document.documentElement.dataset.ready = "replay";
+}
 
-  let shown = first;
-  let time = first.time[0];
-  let playing = false;
-  let speed = 1;
-  const end = Math.max(...flights.map((flight) => flight.end));
+/** The page of a replay: the flight shown, and what shows it. */
+class Replay implements Scene {
+  private shown: Flight;
+  private readonly name: string;
+  private readonly stage: Stage;
+  private readonly map = new TopView();
+  private readonly legend = element("div", { class: "over legend", id: "legend" });
+  private readonly specs: PlotSpec[];
+  private readonly plots: Plots;
+  private readonly player: Player;
 
-  if (data.discovery) aside.append(discoveryPanel(data.discovery, (to) => seek(to)));
-  const specs = plotSpecs(flights);
-  const plots = new Plots(aside, first.time, specs, (to) => seek(to));
-  aside.append(summary(flights), provenance(data));
+  constructor(
+    data: PageData,
+    private readonly flights: Flight[],
+  ) {
+    const first = flights[0];
+    const { header, main, aside, footer } = shell(data);
+    this.shown = first;
+    this.name = data.title || "flight";
+    this.stage = new Stage(main, first.run.shapes);
+    this.stage.addGhostTools();
+    this.stage.listenToKeys();
+    main.append(element("div", { class: "over top" }, this.map.canvas), this.legend);
 
-  const slider = element("input", {
-    type: "range",
-    min: String(first.time[0]),
-    max: String(end),
-    step: "any",
-    "aria-label": "time",
-  });
-  const clock = element("output", { id: "time" });
-  const play = button("play", "Play or pause (space)", () => (playing ? pause() : start()));
-  const pace = element(
-    "select",
-    { title: "Playback speed ([ and ])", "aria-label": "playback speed" },
-    ...SPEEDS.map((value) => element("option", { value: String(value) }, `${value}x`)),
-  );
-  pace.value = "1";
-  pace.addEventListener("change", () => {
-    speed = Number(pace.value);
-  });
-  slider.addEventListener("input", () => seek(Number(slider.value)));
-  const cost = element("span", {
-    class: "faint",
-    id: "cost",
-    title: "time from one picture to the next, and to draw one",
-  });
-  footer.append(play, slider, clock, pace, cost);
+    const seek = (to: number) => this.player.seek(to);
+    if (data.discovery) aside.append(discoveryPanel(data.discovery as Discovery, seek));
+    this.specs = plotSpecs(flights);
+    this.plots = new Plots(aside, first.time, this.specs, seek);
+    aside.append(summary(flights), provenance(data));
 
-  if (flights.length > 1) {
-    const choice = element(
-      "select",
-      { "aria-label": "run shown", id: "run" },
-      ...flights.map((flight, k) => element("option", { value: String(k) }, flight.run.name)),
-    );
-    choice.addEventListener("change", () => {
-      shown = flights[Number(choice.value)];
-      show();
-      trail();
-    });
-    header.append(choice);
-  }
-  const name = data.title || "flight";
-  let stop: (() => void) | null = null;
-  const filming = button("WebM", "Film the picture; again to stop", () => {
-    if (stop) {
-      stop();
-      stop = null;
-      filming.removeAttribute("aria-pressed");
-      return;
-    }
-    stop = film(name, stage.drawer.canvas);
-    if (stop) {
-      filming.setAttribute("aria-pressed", "true");
-      start();
-    }
-  });
-  header.append(
-    element("span", { style: "flex:1" }),
-    button("CSV", "Numbers of the part of time that the plots show", () => saveCsv(name, shown, plots.range())),
-    button("SVG", "All plots as one figure", () => saveSvg(name, first.time, specs)),
-    button("PNG", "The picture", () => savePng(name, stage.drawer.canvas)),
-    button("strip", `${SNAPSHOTS} pictures over the time that the plots show`, () => {
-      const [from, to] = plots.range();
-      const [a, b] = [Math.max(from, first.time[0]), Math.min(to, end)];
-      const times = Array.from({ length: SNAPSHOTS }, (_, k) => a + ((b - a) * k) / (SNAPSHOTS - 1));
-      const back = time;
-      savePng(`${name}-strip`, strip(stage, times, seek));
-      seek(back);
-    }),
-    filming,
-  );
-
-  function trail(): void {
-    const [x, y, z] = shown.list("simulated_position_m");
-    stage.drawer.setTrail(x, y, z);
+    const end = Math.max(...flights.map((flight) => flight.end));
+    this.player = new Player(footer, first.time[0], end, this);
+    if (flights.length > 1) header.append(this.choice());
+    header.append(element("span", { style: "flex:1" }), ...this.tools());
   }
 
-  function show(): void {
+  /** Begins at the time that the address names. */
+  open(): void {
+    this.trail();
+    this.player.seek(Number(/#t=([\d.]+)/.exec(location.hash)?.[1] ?? this.player.begin));
+  }
+
+  get cost(): number {
+    return this.stage.cost;
+  }
+
+  show(time: number): void {
+    const { shown } = this;
     const picture = shown.picture(time);
-    stage.draw(picture);
-    plots.mark(time);
-    slider.value = String(time);
-    clock.textContent = `${time.toFixed(3)} s`;
-    const row = shown.row(time);
-    const [simulated, measured] = [shown.list("simulated"), shown.list("measured")];
-    legend.replaceChildren(
-      ...[5, 6, 3].map((k) =>
-        element(
-          "div",
-          {},
-          `${CHANNELS[k].label}: ${simulated[k][row].toFixed(2)} (measured ${measured[k][row].toFixed(2)}) ${CHANNELS[k].unit}`,
-        ),
-      ),
-    );
+    this.stage.draw(picture);
+    this.plots.mark(time);
+    this.legend.replaceChildren(...legendLines(shown, shown.row(time)));
     const way = (column: string, ink: string) => ({ north: shown.list(column)[0], west: shown.list(column)[1], ink });
-    map.draw(
+    this.map.draw(
       [way("measured_position_m", "measured"), way("simulated_position_m", "simulated")],
       [picture.simulated.position[0], picture.simulated.position[1]],
     );
   }
 
-  function seek(to: number): void {
-    time = Math.max(first.time[0], Math.min(end, to));
-    show();
-    history.replaceState(null, "", `#t=${time.toFixed(3)}`);
+  private trail(): void {
+    const [x, y, z] = this.shown.list("simulated_position_m");
+    this.stage.drawer.setTrail(x, y, z);
   }
 
-  function start(): void {
-    if (time >= end) time = first.time[0];
-    playing = true;
-    play.textContent = "pause";
-    let before = performance.now();
-    const next = (now: number) => {
-      if (!playing) return;
-      time = Math.min(end, time + ((now - before) / 1000) * speed);
-      cost.textContent = `${(now - before).toFixed(1)} ms, ${stage.cost.toFixed(1)} ms`;
-      before = now;
-      show();
-      if (time >= end) pause();
-      else requestAnimationFrame(next);
-    };
-    requestAnimationFrame(next);
+  /** Which of the flights is shown. */
+  private choice(): HTMLElement {
+    const choice = element(
+      "select",
+      { "aria-label": "run shown", id: "run" },
+      ...this.flights.map((flight, k) => element("option", { value: String(k) }, flight.run.name)),
+    );
+    choice.addEventListener("change", () => {
+      this.shown = this.flights[Number(choice.value)];
+      this.player.show();
+      this.trail();
+    });
+    return choice;
   }
 
-  function pause(): void {
-    playing = false;
-    play.textContent = "play";
-    history.replaceState(null, "", `#t=${time.toFixed(3)}`);
+  /** What takes numbers, plots and pictures out of the page. */
+  private tools(): HTMLElement[] {
+    const { name, plots, stage } = this;
+    return [
+      button("CSV", "Numbers of the part of time that the plots show", () => saveCsv(name, this.shown, plots.range())),
+      button("SVG", "All plots as one figure", () => saveSvg(name, this.flights[0].time, this.specs)),
+      button("PNG", "The picture", () => savePng(name, stage.drawer.canvas)),
+      button("strip", `${SNAPSHOTS} pictures over the time that the plots show`, () => this.saveStrip()),
+      this.filming(),
+    ];
   }
 
-  const keys: Record<string, (event: KeyboardEvent) => void> = {
-    " ": () => (playing ? pause() : start()),
-    ArrowRight: (event) => seek(time + (event.shiftKey ? 1 : 1 / 30)),
-    ArrowLeft: (event) => seek(time - (event.shiftKey ? 1 : 1 / 30)),
-    ".": () => seek(time + 1 / 30),
-    ",": () => seek(time - 1 / 30),
-    Home: () => seek(first.time[0]),
-    End: () => seek(end),
-    "[": () => faster(-1),
-    "]": () => faster(1),
-  };
-  function faster(by: number): void {
-    const place = Math.max(0, Math.min(SPEEDS.length - 1, SPEEDS.indexOf(speed) + by));
-    speed = SPEEDS[place];
-    pace.value = String(speed);
+  private saveStrip(): void {
+    const { player, plots } = this;
+    const [from, to] = plots.range();
+    const [a, b] = [Math.max(from, player.begin), Math.min(to, player.end)];
+    const times = Array.from({ length: SNAPSHOTS }, (_, k) => a + ((b - a) * k) / (SNAPSHOTS - 1));
+    const back = player.time;
+    savePng(
+      `${this.name}-strip`,
+      strip(this.stage, times, (time) => player.seek(time)),
+    );
+    player.seek(back);
   }
-  addEventListener("keydown", (event) => {
-    const act = keys[event.key];
-    if (!act || typing(event) || event.ctrlKey || event.metaKey) return;
-    // A focused button keeps its space bar.
-    if (event.key === " " && (event.target as HTMLElement).tagName === "BUTTON") return;
-    event.preventDefault();
-    act(event);
-  });
 
-  trail();
-  seek(Number(/#t=([\d.]+)/.exec(location.hash)?.[1] ?? first.time[0]));
-  document.documentElement.dataset.ready = "replay";
+  private filming(): HTMLElement {
+    let stop: (() => void) | null = null;
+    const filming = button("WebM", "Film the picture; again to stop", () => {
+      if (stop) {
+        stop();
+        stop = null;
+        filming.removeAttribute("aria-pressed");
+        return;
+      }
+      stop = film(this.name, this.stage.drawer.canvas);
+      if (stop) {
+        filming.setAttribute("aria-pressed", "true");
+        this.player.start();
+      }
+    });
+    return filming;
+  }
+}
+
+function legendLines(flight: Flight, row: number): HTMLElement[] {
+  const [simulated, measured] = [flight.list("simulated"), flight.list("measured")];
+  return [5, 6, 3].map((k) =>
+    element(
+      "div",
+      {},
+      `${CHANNELS[k].label}: ${simulated[k][row].toFixed(2)} (measured ${measured[k][row].toFixed(2)}) ${CHANNELS[k].unit}`,
+    ),
+  );
 }
 
 function plotSpecs(flights: Flight[]): PlotSpec[] {

@@ -1,6 +1,7 @@
 // The frame of the page, the same in every mode.
-import type { PageData } from "./data";
+
 import { element } from "./dom";
+import type { PageData } from "./types";
 
 export interface Shell {
   header: HTMLElement;

@@ -1,8 +1,9 @@
 // The picture with its camera: whoever can draws it, and says so where it is sticks.
-import type { Shape } from "./data";
+
 import { button, element, toggle, typing } from "./dom";
 import type { Picture, View } from "./figure";
 import { Sticks } from "./stick";
+import type { Shape } from "./types";
 import { NEWTONS_PER_METRE, World } from "./world";
 
 type Follow = "free" | "trailing" | "front" | "side" | "top";

@@ -1,7 +1,8 @@
 // The body as sticks on a flat canvas, where there is no WebGL.
-import type { Shape } from "./data";
+
 import { colour, element } from "./dom";
 import { type Picture, type Pose, rotated, type Vector, type View } from "./figure";
+import type { Shape } from "./types";
 
 export class Sticks {
   readonly canvas = element("canvas", { "aria-label": "stick figure" });

@@ -20,9 +20,9 @@ import {
   Vector3,
   WebGLRenderer,
 } from "three";
-import type { Shape } from "./data";
 import { colour } from "./dom";
 import type { Picture, Pose, Segments, Vector, View } from "./figure";
+import type { Shape } from "./types";
 
 /** Newtons that are drawn as one metre. */
 export const NEWTONS_PER_METRE = 250;

@@ -14,6 +14,7 @@ use crate::diagnostic::{Problem, Result};
 
 /// A stream as it goes.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 pub struct Live {
     /// Time of the flight (s).
     pub time_s: f64,
@@ -35,6 +36,7 @@ pub struct Live {
 
 /// An estimate of the unit.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 pub struct LiveEstimate {
     /// Muscle input and damping coefficients, pitch, yaw, roll each.
     pub state: [f32; 6],

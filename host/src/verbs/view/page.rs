@@ -26,6 +26,7 @@ pub const SCHEMA: u32 = 2;
 
 /// What a page does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 #[serde(rename_all = "kebab-case")]
 pub enum Mode {
     /// Shows flights.
@@ -38,6 +39,7 @@ pub enum Mode {
 
 /// An input file, for whoever wants to know where a page comes from.
 #[derive(Debug, Clone, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 pub struct Input {
     /// Name of the file, without its folder.
     pub file: String,
@@ -77,6 +79,7 @@ impl Input {
 
 /// Where a page comes from.
 #[derive(Debug, Clone, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 pub struct Provenance {
     /// Version of bodyflight.
     pub version: &'static str,
@@ -105,6 +108,7 @@ impl Provenance {
 
 /// What the page needs to fly by itself.
 #[derive(Debug, Clone, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 pub struct FlyData {
     /// The model, see [`bodyflight_viewer::setup`].
     pub setup: Vec<f32>,
@@ -122,6 +126,7 @@ pub struct FlyData {
 
 /// Everything that a page is given.
 #[derive(Debug, Clone, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 pub struct PageData {
     /// [`SCHEMA`].
     pub schema: u32,
@@ -134,6 +139,7 @@ pub struct PageData {
     /// Flights.
     pub runs: Vec<Run>,
     /// The report of `bodyflight discover`.
+    #[cfg_attr(test, ts(type = "unknown"))]
     pub discovery: Option<Value>,
     /// For flying.
     pub fly: Option<FlyData>,

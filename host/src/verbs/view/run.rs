@@ -40,6 +40,7 @@ const COLUMNS: [(&str, usize, f64); 12] = [
 
 /// A segment as it is drawn.
 #[derive(Debug, Clone, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 pub struct Shape {
     /// Name.
     pub name: &'static str,
@@ -59,14 +60,17 @@ pub fn shapes(subject: &Subject) -> Vec<Shape> {
 
 /// A run as the page shows it.
 #[derive(Debug, Clone, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 pub struct Run {
     /// Name for people.
     pub name: String,
     /// How segments are drawn.
     pub shapes: Vec<Shape>,
     /// Root mean square of measured minus simulated, over all frames.
+    #[cfg_attr(test, ts(type = "Record<string, number>"))]
     pub rms: PerChannel,
     /// Largest size of the measured channel.
+    #[cfg_attr(test, ts(type = "Record<string, number>"))]
     pub amplitude: PerChannel,
     /// Frames of the recording.
     pub frames: u64,

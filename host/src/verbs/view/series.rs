@@ -10,6 +10,7 @@ use serde::Serialize;
 
 /// What a column of the series is.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 pub struct Column {
     /// Name.
     pub name: String,
@@ -21,6 +22,7 @@ pub struct Column {
 
 /// Columns over time as the page takes them.
 #[derive(Debug, Clone, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 pub struct Packed {
     /// The columns, in order.
     pub columns: Vec<Column>,

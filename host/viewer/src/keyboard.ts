@@ -1,0 +1,100 @@
+// The keyboard of a flight: which key moves what.
+import type { Core } from "./core";
+import { element, typing } from "./dom";
+
+interface Key {
+  key: string;
+  control: string;
+  share: number;
+  does: string;
+}
+const KEYS: Key[] = [
+  { key: "a", control: "turn", share: 1, does: "turn left" },
+  { key: "d", control: "turn", share: -1, does: "turn right" },
+  { key: "w", control: "legs", share: 1, does: "forward: legs stretched" },
+  { key: "s", control: "legs", share: -1, does: "backward: legs bent" },
+  { key: "q", control: "side-slide", share: 1, does: "slide left" },
+  { key: "e", control: "side-slide", share: -1, does: "slide right" },
+  { key: "r", control: "arch", share: 1, does: "arch: faster" },
+  { key: "f", control: "arch", share: -1, does: "de-arch: slower" },
+  { key: "g", control: "press", share: 1, does: "press arms and thighs" },
+  { key: "b", control: "arms-down", share: 1, does: "arms down" },
+  { key: "n", control: "left-arm-in", share: 1, does: "left arm in" },
+  { key: "m", control: "right-arm-in", share: 1, does: "right arm in" },
+];
+const MUSCLE: [string, number, number][] = [
+  ["i", 0, 1],
+  ["k", 0, -1],
+  ["u", 1, 1],
+  ["o", 1, -1],
+  ["j", 2, 1],
+  ["l", 2, -1],
+];
+const MUSCLE_SHARE = 1;
+
+/** Keys that are held move the joints and give muscle input; other keys act once. */
+export class Keyboard {
+  private readonly down = new Set<string>();
+
+  constructor(
+    private readonly core: Core,
+    private readonly controls: string[],
+    private readonly acts: Record<string, () => void>,
+  ) {
+    addEventListener("keydown", (event) => this.press(event, true));
+    addEventListener("keyup", (event) => this.press(event, false));
+    addEventListener("blur", () => {
+      for (const key of [...this.down]) this.press(new KeyboardEvent("keyup", { key }), false);
+    });
+  }
+
+  /** Forgets the keys that are held. */
+  clear(): void {
+    this.down.clear();
+  }
+
+  private press(event: KeyboardEvent, on: boolean): void {
+    const key = event.key.toLowerCase();
+    if (typing(event) || event.ctrlKey || event.metaKey || event.altKey) return;
+    if (on === this.down.has(key)) return;
+    const bound = KEYS.find((entry) => entry.key === key);
+    const muscle = MUSCLE.some((entry) => entry[0] === key);
+    if (!bound && !muscle) {
+      if (on) this.act(key, event);
+      return;
+    }
+    if (on) this.down.add(key);
+    else this.down.delete(key);
+    const strength = event.shiftKey ? 0.5 : 1;
+    if (bound) this.core.exports.command(this.controls.indexOf(bound.control), on ? bound.share * strength : 0);
+    if (muscle) this.core.exports.muscle(...this.muscle(strength));
+  }
+
+  private act(key: string, event: KeyboardEvent): void {
+    if (key === " ") {
+      // A focused button keeps its space bar.
+      if ((event.target as HTMLElement).tagName === "BUTTON") return;
+      event.preventDefault();
+    }
+    this.acts[key]?.();
+  }
+
+  /** Muscle input of the keys that are held. */
+  private muscle(strength: number): [number, number, number] {
+    const input: [number, number, number] = [0, 0, 0];
+    for (const [held, axis, sign] of MUSCLE) if (this.down.has(held)) input[axis] += sign * MUSCLE_SHARE * strength;
+    return input;
+  }
+}
+
+/** What the keys do. */
+export function keyList(): HTMLElement {
+  const cap = (key: string) => element("span", { class: "key" }, key.toUpperCase());
+  const list = element("dl", { id: "keys" });
+  for (const { key, does } of KEYS) list.append(element("dt", {}, cap(key)), element("dd", {}, does));
+  list.append(
+    element("dt", {}, cap("I K"), " ", cap("U O"), " ", cap("J L")),
+    element("dd", {}, "muscle input: pitch, yaw, roll"),
+  );
+  return element("section", {}, element("h2", {}, "Keys"), list);
+}

@@ -1,0 +1,135 @@
+// The time of a replay: slider, clock, playback, and their keys.
+import { button, element, typing } from "./dom";
+
+const SPEEDS = [0.1, 0.25, 0.5, 1, 2];
+/** What an arrow key moves (s); with Shift a second. */
+const STEP = 1 / 30;
+
+/** What is drawn at a time. */
+export interface Scene {
+  show(time: number): void;
+  /** Time to draw the last picture (ms). */
+  readonly cost: number;
+}
+
+export class Player {
+  private now: number;
+  private speed = 1;
+  private playing = false;
+  private readonly slider: HTMLInputElement;
+  private readonly clock = element("output", { id: "time" });
+  private readonly play: HTMLButtonElement;
+  private readonly pace: HTMLSelectElement;
+  private readonly cost = element("span", {
+    class: "faint",
+    id: "cost",
+    title: "time from one picture to the next, and to draw one",
+  });
+
+  constructor(
+    place: HTMLElement,
+    readonly begin: number,
+    readonly end: number,
+    private readonly scene: Scene,
+  ) {
+    this.now = begin;
+    this.slider = element("input", {
+      type: "range",
+      min: String(begin),
+      max: String(end),
+      step: "any",
+      "aria-label": "time",
+    });
+    this.slider.addEventListener("input", () => this.seek(Number(this.slider.value)));
+    this.play = button("play", "Play or pause (space)", () => this.toggle());
+    this.pace = element(
+      "select",
+      { title: "Playback speed ([ and ])", "aria-label": "playback speed" },
+      ...SPEEDS.map((value) => element("option", { value: String(value) }, `${value}x`)),
+    );
+    this.pace.value = String(this.speed);
+    this.pace.addEventListener("change", () => {
+      this.speed = Number(this.pace.value);
+    });
+    place.append(this.play, this.slider, this.clock, this.pace, this.cost);
+    this.listenToKeys();
+  }
+
+  get time(): number {
+    return this.now;
+  }
+
+  seek(to: number): void {
+    this.now = Math.max(this.begin, Math.min(this.end, to));
+    this.show();
+    this.remember();
+  }
+
+  /** Draws the time at hand again. */
+  show(): void {
+    this.slider.value = String(this.now);
+    this.clock.textContent = `${this.now.toFixed(3)} s`;
+    this.scene.show(this.now);
+  }
+
+  start(): void {
+    if (this.now >= this.end) this.now = this.begin;
+    this.playing = true;
+    this.play.textContent = "pause";
+    let before = performance.now();
+    const next = (now: number) => {
+      if (!this.playing) return;
+      this.now = Math.min(this.end, this.now + ((now - before) / 1000) * this.speed);
+      this.cost.textContent = `${(now - before).toFixed(1)} ms, ${this.scene.cost.toFixed(1)} ms`;
+      before = now;
+      this.show();
+      if (this.now >= this.end) this.pause();
+      else requestAnimationFrame(next);
+    };
+    requestAnimationFrame(next);
+  }
+
+  private pause(): void {
+    this.playing = false;
+    this.play.textContent = "play";
+    this.remember();
+  }
+
+  private toggle(): void {
+    if (this.playing) this.pause();
+    else this.start();
+  }
+
+  private faster(by: number): void {
+    const place = Math.max(0, Math.min(SPEEDS.length - 1, SPEEDS.indexOf(this.speed) + by));
+    this.speed = SPEEDS[place];
+    this.pace.value = String(this.speed);
+  }
+
+  /** The address of the page leads to the time at hand. */
+  private remember(): void {
+    history.replaceState(null, "", `#t=${this.now.toFixed(3)}`);
+  }
+
+  private listenToKeys(): void {
+    const keys: Record<string, (event: KeyboardEvent) => void> = {
+      " ": () => this.toggle(),
+      ArrowRight: (event) => this.seek(this.now + (event.shiftKey ? 1 : STEP)),
+      ArrowLeft: (event) => this.seek(this.now - (event.shiftKey ? 1 : STEP)),
+      ".": () => this.seek(this.now + STEP),
+      ",": () => this.seek(this.now - STEP),
+      Home: () => this.seek(this.begin),
+      End: () => this.seek(this.end),
+      "[": () => this.faster(-1),
+      "]": () => this.faster(1),
+    };
+    addEventListener("keydown", (event) => {
+      const act = keys[event.key];
+      if (!act || typing(event) || event.ctrlKey || event.metaKey) return;
+      // A focused button keeps its space bar.
+      if (event.key === " " && (event.target as HTMLElement).tagName === "BUTTON") return;
+      event.preventDefault();
+      act(event);
+    });
+  }
+}

@@ -1,0 +1,47 @@
+// Plots of the last seconds of a flight.
+
+import { Plots } from "./plots";
+import { CHANNELS } from "./types";
+
+/** Seconds that the plots show, and points a second. */
+const SPAN = 20;
+const RATE = 30;
+/** Channels shown, by their place in CHANNELS. */
+const SHOWN = [1, 0, 3, 5, 6];
+
+export class Traces {
+  private readonly time = new Float64Array(SPAN * RATE);
+  private readonly lines = SHOWN.map(() => new Float64Array(SPAN * RATE).fill(NaN));
+  private readonly plots: Plots;
+  private drawn = 0;
+
+  constructor(place: HTMLElement) {
+    const specs = SHOWN.map((k, n) => ({
+      key: CHANNELS[k].key,
+      title: CHANNELS[k].label,
+      unit: CHANNELS[k].unit,
+      lines: [{ label: "flown", ink: "simulated", values: this.lines[n] }],
+    }));
+    this.plots = new Plots(place, this.time, specs, () => {});
+  }
+
+  clear(): void {
+    for (const line of this.lines) line.fill(NaN);
+    for (const k of this.time.keys()) this.time[k] = k / RATE - SPAN;
+  }
+
+  /** Takes the channels of a moment, where one is due. */
+  take(time: number, channels: ArrayLike<number>): void {
+    if (time - this.drawn <= 1 / RATE && time >= this.drawn) return;
+    this.drawn = time;
+    push(this.time, time);
+    for (const [n, k] of SHOWN.entries()) push(this.lines[n], channels[k]);
+    this.plots.update();
+  }
+}
+
+/** Moves a list on by one number. */
+function push(list: Float64Array, value: number): void {
+  list.copyWithin(0, 1);
+  list[list.length - 1] = value;
+}

@@ -1,0 +1,247 @@
+// Made by a test of host/src/verbs/view/typescript.rs, which also says how to make it anew.
+
+/** Version of the data. */
+export const SCHEMA = 2;
+
+/** Channels of a flight, in the order of its series. */
+export const CHANNELS = [
+  { key: "roll_rad", label: "roll", unit: "rad", angle: true },
+  { key: "pitch_rad", label: "pitch", unit: "rad", angle: true },
+  { key: "heading_rad", label: "heading", unit: "rad", angle: true },
+  { key: "yaw_rate_radps", label: "yaw rate", unit: "rad/s", angle: false },
+  { key: "angular_velocity_radps", label: "angular velocity", unit: "rad/s", angle: false },
+  { key: "horizontal_velocity_mps", label: "horizontal velocity", unit: "m/s", angle: false },
+  { key: "vertical_velocity_mps", label: "vertical velocity", unit: "m/s", angle: false },
+] as const;
+
+/**
+ * A segment as it is drawn.
+ */
+export type Shape = {
+/**
+ * Name.
+ */
+name: string,
+/**
+ * Half the extents along the segment's X, Y, Z (m).
+ */
+half_extents_m: [number, number, number], };
+
+/**
+ * What a column of the series is.
+ */
+export type Column = {
+/**
+ * Name.
+ */
+name: string,
+/**
+ * Numbers of a row.
+ */
+width: number,
+/**
+ * Numbers are multiples of this.
+ */
+step: number, };
+
+/**
+ * Columns over time as the page takes them.
+ */
+export type Packed = {
+/**
+ * The columns, in order.
+ */
+columns: Array<Column>,
+/**
+ * Rows.
+ */
+rows: number,
+/**
+ * For each number of each column, rounded to its step, the difference to the row before: zigzag, seven bits a
+ * byte, low ones first; then gzip, then base64.
+ */
+data: string, };
+
+/**
+ * A run as the page shows it.
+ */
+export type Run = {
+/**
+ * Name for people.
+ */
+name: string,
+/**
+ * How segments are drawn.
+ */
+shapes: Array<Shape>,
+/**
+ * Root mean square of measured minus simulated, over all frames.
+ */
+rms: Record<string, number>,
+/**
+ * Largest size of the measured channel.
+ */
+amplitude: Record<string, number>,
+/**
+ * Frames of the recording.
+ */
+frames: number,
+/**
+ * Velocity of the air (m/s), north, west, up.
+ */
+air_velocity_mps: [number, number, number],
+/**
+ * What there is to see.
+ */
+series: Packed, };
+
+/**
+ * What the page needs to fly by itself.
+ */
+export type FlyData = {
+/**
+ * The model, see [`bodyflight_viewer::setup`].
+ */
+setup: Array<number>,
+/**
+ * How segments are drawn.
+ */
+shapes: Array<Shape>,
+/**
+ * Names of the ways to begin.
+ */
+starts: Array<string>,
+/**
+ * Names of the controls.
+ */
+controls: Array<string>,
+/**
+ * Parts of a frame with their numbers.
+ */
+layout: Array<[string, number]>,
+/**
+ * Parts of a segment with their numbers.
+ */
+segment_layout: Array<[string, number]>, };
+
+/**
+ * What a page does.
+ */
+export type Mode = "replay" | "live" | "fly";
+
+/**
+ * An input file, for whoever wants to know where a page comes from.
+ */
+export type Input = {
+/**
+ * Name of the file, without its folder.
+ */
+file: string,
+/**
+ * SHA-256 of its content, hexadecimal.
+ */
+sha256: string, };
+
+/**
+ * Where a page comes from.
+ */
+export type Provenance = {
+/**
+ * Version of bodyflight.
+ */
+version: string,
+/**
+ * The command that made it.
+ */
+command: string,
+/**
+ * What was read.
+ */
+inputs: Array<Input>, };
+
+/**
+ * Everything that a page is given.
+ */
+export type PageData = {
+/**
+ * [`SCHEMA`].
+ */
+schema: number,
+/**
+ * What the page does.
+ */
+mode: Mode,
+/**
+ * Title.
+ */
+title: string,
+/**
+ * Where it comes from.
+ */
+provenance: Provenance,
+/**
+ * Flights.
+ */
+runs: Array<Run>,
+/**
+ * The report of `bodyflight discover`.
+ */
+discovery: unknown,
+/**
+ * For flying.
+ */
+fly: FlyData | null, };
+
+/**
+ * An estimate of the unit.
+ */
+export type LiveEstimate = {
+/**
+ * Muscle input and damping coefficients, pitch, yaw, roll each.
+ */
+state: [number, number, number, number, number, number],
+/**
+ * Their variances.
+ */
+variance: [number, number, number, number, number, number],
+/**
+ * Normalised innovation squared.
+ */
+nis: number, };
+
+/**
+ * A stream as it goes.
+ */
+export type Live = {
+/**
+ * Time of the flight (s).
+ */
+time_s: number,
+/**
+ * Samples sent.
+ */
+sent: number,
+/**
+ * Estimates received.
+ */
+estimates: number,
+/**
+ * From the last sample that brought an estimate to the estimate (ms).
+ */
+latency_ms: number | null,
+/**
+ * Samples the unit misses.
+ */
+missing: number,
+/**
+ * Samples the unit dropped because it was behind.
+ */
+dropped: number,
+/**
+ * Deadlines the unit missed.
+ */
+deadline_missed: number,
+/**
+ * The last estimate.
+ */
+estimate: LiveEstimate | null, };
