@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use bodyflight::formats::mvnx::closure::t_pose_from_isb;
-use bodyflight::formats::mvnx::{ArmFrame, Field, Frame, FrameKind, ReadOptions, Reader};
-use bodyflight::formats::recording::{Options, Recording};
+use bodyflight::formats::mvnx::{ArmFrame, Field, Frame, FrameKind, Header, ReadOptions, Reader};
+use bodyflight::formats::recording::{FlightFrame, Options, Recording};
 use bodyflight::formats::xsens::{self, MvnSegment};
 use bodyflight::verbs::inspect::inspect;
 use bodyflight_core::Segment;
@@ -85,68 +85,12 @@ fn real_files_agree_with_their_own_skeleton() {
                 frame.numbers(Field::CenterOfMass).map(<[f64]>::len),
                 Some(mass_numbers)
             );
-            // Arms included, in the convention of the file: posture back to what MVN wrote.
-            let recorded = frame.numbers(Field::Orientation).expect("orientation");
-            let given = xsens::mvn_orientations(flight.pelvis.inertial_from_body, &flight.posture);
-            let mut orientations: Vec<UnitQuaternion<f64>> = recorded
-                .chunks(4)
-                .map(|q| UnitQuaternion::new_normalize(Quaternion::new(q[0], q[1], q[2], q[3])))
-                .collect();
-            for segment in Segment::ALL {
-                let mvn = MvnSegment::leading(segment);
-                let place = header.segment_index(mvn.label()).expect("23 segments");
-                let mut found = *given[segment].quaternion();
-                if isb {
-                    found *= t_pose_from_isb(mvn.label());
-                }
-                assert!(
-                    found.angle_to(&orientations[place]) < 1e-5,
-                    "{name} {segment:?}"
-                );
-                orientations[place] = found;
-            }
-            // From the pelvis outwards over the joints of the file.
-            let mut positions = vec![frame.vector(Field::Position, 0).expect("position")];
-            for child in &MvnSegment::ALL[1..] {
-                let parent = child.parent().expect("not the root") as usize;
-                let joint = header
-                    .joints
-                    .iter()
-                    .find(|j| j.connectors[1].starts_with(&format!("{}/", child.label())))
-                    .expect("its joint");
-                let [at_parent, at_child] = [0, 1].map(|end| {
-                    let (segment, point) = joint.connectors[end].split_once('/').expect("a point");
-                    let segment = header.segment_index(segment).expect("a segment");
-                    let axes = match isb {
-                        true => t_pose_from_isb(&header.segments[segment].label).inverse(),
-                        false => UnitQuaternion::identity(),
-                    };
-                    let point = header.segments[segment].point(point).expect("a point");
-                    orientations[segment] * axes * point
-                });
-                let position = positions[parent] + at_parent - at_child;
-                let expected = frame
-                    .vector(Field::Position, *child as usize)
-                    .expect("position");
-                largest = largest.max((position - expected).norm());
-                positions.push(position);
-            }
+            let orientations = orientations_of(&header, &frame, &flight, isb, name);
+            largest = largest.max(joint_gap(&header, &frame, &orientations, isb));
         }
         println!("{name}: joints reproduced to {:.2} mm", largest * 1e3);
         assert!(largest < 0.005, "{name}: {largest} m");
-        // Calibration: arms straight out, whatever the file's convention.
-        let recording = Recording::open(&path, Options::default()).expect("a flight");
-        let t_pose = recording.calibration(FrameKind::Tpose).expect("a T-pose");
-        for (segment, side) in [(Segment::LeftForearm, 1.0), (Segment::RightForearm, -1.0)] {
-            let distal = t_pose.posture.body_from_segments()[segment] * -nalgebra::Vector3::z();
-            assert!(distal.x * side > 0.99, "{name} {segment:?}: {distal:?}");
-        }
-        if let Some(isb) = recording.calibration(FrameKind::TposeIsb) {
-            for segment in Segment::ALL {
-                let [a, b] = [&isb, &t_pose].map(|f| *f.posture.parent_from_segment(segment));
-                assert!(a.angle_to(&b) < 1e-5, "{segment:?}");
-            }
-        }
+        arms_are_straight_out(&path, name);
     }
     let Some(folder) = data_folder() else { return };
     let odd = folder.join("mvnx/x-biosignal-PhysioDevices/xsens_sample.mvnx");
@@ -159,4 +103,86 @@ fn real_files_agree_with_their_own_skeleton() {
         .err()
         .expect("no full body");
     assert!(problem.message.contains("RightUpperArm"), "{problem}");
+}
+
+/// Orientations of the file's segments, arms in its convention; the posture leads back to them.
+fn orientations_of(
+    header: &Header,
+    frame: &Frame,
+    flight: &FlightFrame,
+    isb: bool,
+    name: &str,
+) -> Vec<UnitQuaternion<f64>> {
+    let recorded = frame.numbers(Field::Orientation).expect("orientation");
+    let given = xsens::mvn_orientations(flight.pelvis.inertial_from_body, &flight.posture);
+    let mut orientations: Vec<UnitQuaternion<f64>> = recorded
+        .chunks(4)
+        .map(|q| UnitQuaternion::new_normalize(Quaternion::new(q[0], q[1], q[2], q[3])))
+        .collect();
+    for segment in Segment::ALL {
+        let mvn = MvnSegment::leading(segment);
+        let place = header.segment_index(mvn.label()).expect("23 segments");
+        let mut found = *given[segment].quaternion();
+        if isb {
+            found *= t_pose_from_isb(mvn.label());
+        }
+        assert!(
+            found.angle_to(&orientations[place]) < 1e-5,
+            "{name} {segment:?}"
+        );
+        orientations[place] = found;
+    }
+    orientations
+}
+
+/// Largest distance (m) of a segment's place in the file from where the joints put it, from the pelvis outwards.
+fn joint_gap(
+    header: &Header,
+    frame: &Frame,
+    orientations: &[UnitQuaternion<f64>],
+    isb: bool,
+) -> f64 {
+    let mut largest = 0.0f64;
+    let mut positions = vec![frame.vector(Field::Position, 0).expect("position")];
+    for child in &MvnSegment::ALL[1..] {
+        let parent = child.parent().expect("not the root") as usize;
+        let joint = header
+            .joints
+            .iter()
+            .find(|j| j.connectors[1].starts_with(&format!("{}/", child.label())))
+            .expect("its joint");
+        let [at_parent, at_child] = [0, 1].map(|end| {
+            let (segment, point) = joint.connectors[end].split_once('/').expect("a point");
+            let segment = header.segment_index(segment).expect("a segment");
+            let axes = match isb {
+                true => t_pose_from_isb(&header.segments[segment].label).inverse(),
+                false => UnitQuaternion::identity(),
+            };
+            let point = header.segments[segment].point(point).expect("a point");
+            orientations[segment] * axes * point
+        });
+        let position = positions[parent] + at_parent - at_child;
+        let expected = frame
+            .vector(Field::Position, *child as usize)
+            .expect("position");
+        largest = largest.max((position - expected).norm());
+        positions.push(position);
+    }
+    largest
+}
+
+/// In the calibration, whatever the file's convention.
+fn arms_are_straight_out(path: &Path, name: &str) {
+    let recording = Recording::open(path, Options::default()).expect("a flight");
+    let t_pose = recording.calibration(FrameKind::Tpose).expect("a T-pose");
+    for (segment, side) in [(Segment::LeftForearm, 1.0), (Segment::RightForearm, -1.0)] {
+        let distal = t_pose.posture.body_from_segments()[segment] * -nalgebra::Vector3::z();
+        assert!(distal.x * side > 0.99, "{name} {segment:?}: {distal:?}");
+    }
+    if let Some(isb) = recording.calibration(FrameKind::TposeIsb) {
+        for segment in Segment::ALL {
+            let [a, b] = [&isb, &t_pose].map(|f| *f.posture.parent_from_segment(segment));
+            assert!(a.angle_to(&b) < 1e-5, "{segment:?}");
+        }
+    }
 }
