@@ -45,7 +45,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     let (csv, svg) = (args.out.join("run.csv"), args.out.join("run.svg"));
     let mut file = RunFile::create(&csv)?;
     let spinner = terminal::spinner("simulating");
-    let simulation = simulate::<f64>(&flight, Options::default(), |pair| file.write(pair), |_| {});
+    let simulation = simulate::<f64>(&flight, Options::default(), |step| file.write(step), |_| {});
     spinner.finish_and_clear();
     let simulation = simulation?;
     file.finish()?;

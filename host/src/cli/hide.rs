@@ -7,7 +7,6 @@ use bodyflight::formats::flight::Flight;
 use bodyflight::formats::subject::Subject;
 use bodyflight::output::files::write_file;
 use bodyflight::verbs::hide::{truth_toml, write};
-use bodyflight_core::dynamics::Inputs;
 use bodyflight_core::effect::Effect;
 use bodyflight_discovery::laboratory::outside::Outside;
 use bodyflight_discovery::laboratory::{Hidden, Settings, fly, strength};
@@ -88,10 +87,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         ..Flight::bare(&args.out)
     };
     let dynamics = flight.dynamics(0.0);
-    let inputs = Inputs {
-        damping: subject.damping(),
-        ..Inputs::belly_turn()
-    };
+    let inputs = flight.constant_inputs();
     let bar = terminal::bar(args.flights, "flying");
     let mut flights = Vec::new();
     for index in 0..args.flights {

@@ -135,7 +135,7 @@ fn run_flight(flight: &Flight, args: &Args) -> Result<Simulation> {
     let spinner = terminal::spinner("simulating");
     let mut file = args.out.as_deref().map(RunFile::create).transpose()?;
     let options = args.reading.options();
-    let each = |pair: &_| file.as_mut().map_or(Ok(()), |file| file.write(pair));
+    let each = |step: &_| file.as_mut().map_or(Ok(()), |file| file.write(step));
     let progress = |time: f64| spinner.set_message(format!("simulating, {time:.0} s"));
     let simulation = match args.precision {
         Precision::Single => simulate::<f32>(flight, options, each, progress),

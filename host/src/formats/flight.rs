@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 
 use bodyflight_core::aerodynamics::stream::Stream;
 use bodyflight_core::air::{Air, Density};
-use bodyflight_core::dynamics::Dynamics;
 use bodyflight_core::dynamics::free_run::Equations;
 use bodyflight_core::dynamics::muscle_input::{self, MuscleModel};
+use bodyflight_core::dynamics::{Dynamics, Inputs};
 use bodyflight_core::frame::Vector;
 use serde::Deserialize;
 
@@ -177,6 +177,14 @@ impl Flight {
             },
             effects: Effects::default(),
         })
+    }
+
+    /// The subject's damping without muscle input.
+    pub fn constant_inputs(&self) -> Inputs<f64> {
+        Inputs {
+            damping: self.subject.damping(),
+            ..Inputs::belly_turn()
+        }
     }
 
     /// The model of this flight; `first_height` is where the recording starts (m, inertial).

@@ -4,7 +4,6 @@ pub mod figure;
 
 use std::path::Path;
 
-use bodyflight_core::dynamics::Inputs;
 use bodyflight_discovery::error::Error;
 use bodyflight_discovery::point::track as point;
 use bodyflight_discovery::report::ByName;
@@ -27,10 +26,6 @@ pub fn read_track(flight: &Flight, options: Options) -> Result<Track> {
         Problem::bad_input("expected frames of type \"normal\"").in_file(&flight.recording)
     })?;
     let dynamics = flight.dynamics(first.pelvis.position.components.z);
-    let inputs = Inputs {
-        damping: flight.subject.damping(),
-        ..Inputs::belly_turn()
-    };
     let frame = |frame: &FlightFrame| {
         Ok(Frame {
             time: frame.time,
@@ -39,7 +34,7 @@ pub fn read_track(flight: &Flight, options: Options) -> Result<Track> {
         })
     };
     let frames = frames.iter().map(frame).collect::<Result<Vec<_>>>()?;
-    Ok(Track::new(&frames, dynamics, inputs))
+    Ok(Track::new(&frames, dynamics, flight.constant_inputs()))
 }
 
 /// Reads the recording of a point.

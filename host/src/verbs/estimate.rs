@@ -6,7 +6,6 @@ use std::path::Path;
 use std::time::Instant;
 
 use bodyflight_core::Real;
-use bodyflight_core::dynamics::{Dynamics, Motion};
 use bodyflight_core::estimator::full::Full;
 use bodyflight_core::estimator::measurement::Measurement;
 use bodyflight_core::estimator::preset::Preset;
@@ -20,14 +19,14 @@ use serde::Serialize;
 use crate::diagnostic::{Problem, Result};
 use crate::formats::flight::Flight;
 use crate::formats::input_history::Row;
-use crate::formats::recording::{FlightFrame, Options, Recording};
+use crate::formats::recording::{Options, Recording};
 use crate::interrupt;
 use crate::output::files::CsvFile;
 use crate::output::plot::{
     AXES, CONSTANT, Curve, ESTIMATED, Panel, figure_svg, measured_curve, simulated_curve,
 };
 use crate::replay::comparison::{Channel, Comparison, Pair, PerChannel};
-use crate::verbs::simulate::Follower;
+use crate::replay::steps::{Divergence, Replay};
 
 /// Which of the two filters runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -136,20 +135,13 @@ pub fn estimate<T: Real>(
     }
 }
 
-/// What was measured, kept until its estimate comes.
-struct Measured {
-    time: f64,
-    seen: Observation<f64>,
-    constant: Observation<f64>,
-}
-
 fn run<T: Real, P: Propagation<T>, const INTERVALS: usize>(
     flight: &Flight,
     preset: &Preset,
     options: Options,
     mut progress: impl FnMut(f64),
 ) -> Result<Estimation> {
-    let mut recording = Recording::open(&flight.recording, options)?;
+    let recording = Recording::open(&flight.recording, options)?;
     let rate = recording.header().frame_rate;
     if (rate * preset.time_step::<f64>() - 1.0).abs() > 1e-3 {
         return Err(
@@ -158,60 +150,44 @@ fn run<T: Real, P: Propagation<T>, const INTERVALS: usize>(
                 .help("the filter's windows count samples: export the recording at 240 Hz"),
         );
     }
-    let too_short = || {
-        Problem::bad_input("expected at least two frames of type \"normal\"")
-            .in_file(&flight.recording)
-    };
-    let first = recording.next().ok_or_else(too_short)??;
-    let mut ahead = recording.next().ok_or_else(too_short)??;
     // The run with constant coefficients knows of no inputs.
-    let constant_flight = Flight {
+    let constant = Flight {
         inputs: None,
+        muscles: preset.muscles,
         ..flight.clone()
     };
-    let height = first.pelvis.position.up();
-    let plain = Dynamics {
-        muscles: preset.muscles,
-        ..flight.dynamics(height)
-    };
-    let dynamics = flight.effects.for_filter(plain, height)?;
-    let mut follower = Follower::<f64>::new(&constant_flight, &plain, &first, &ahead)?;
-    let mut follow = |frame: &FlightFrame, next: Option<&FlightFrame>| {
-        // A free run that leaves every range is a result here, not a fault of the flight.
-        follower.follow(frame, next).map(|pair| pair.simulated).ok()
-    };
-    let dynamics = dynamics.cast::<T>();
-    let motion: Motion<T> = first.motion()?.cast();
-    let mut filter =
-        Estimator::<T, P, INTERVALS>::new(preset, &dynamics, &motion, &first.posture.cast())
-            .map_err(|error| Problem::bad_input(format!("preset {}: {error}", preset.name)))?;
-    let mut collected = Collected::new(first.time, rate);
-    let mut last_constant = Observation::of(&first.motion()?);
-    loop {
-        let following = recording.next().transpose()?;
-        let measured = ahead.motion()?;
-        last_constant = follow(&ahead, following.as_ref()).unwrap_or(last_constant);
-        let seen = Observation::of(&measured);
-        collected.waiting.push_back(Measured {
-            time: ahead.time,
-            seen,
-            constant: last_constant,
-        });
-        let measurement = Measurement::of(&measured).cast();
+    // A free run that leaves every range is a result here, not a fault of the flight.
+    let replay = Replay::<f64, _>::new(&constant, recording)?.on_divergence(Divergence::Held);
+    let start = *replay.start();
+    let height = start.measured.position.up();
+    let dynamics = flight
+        .effects
+        .for_filter(constant.dynamics(height), height)?
+        .cast::<T>();
+    let mut filter = Estimator::<T, P, INTERVALS>::new(
+        preset,
+        &dynamics,
+        &start.measured.cast(),
+        &start.posture.cast(),
+    )
+    .map_err(|error| Problem::bad_input(format!("preset {}: {error}", preset.name)))?;
+    let mut collected = Collected::new(start.time, rate);
+    let mut end = start.time;
+    for step in replay {
+        let step = step?;
+        end = step.time;
+        collected.waiting.push_back(step.pair);
+        let measurement = Measurement::of(&step.measured).cast();
         let begin = Instant::now();
-        let estimate = filter.push(&dynamics, &ahead.posture.cast(), &measurement);
+        let estimate = filter.push(&dynamics, &step.posture.cast(), &measurement);
         collected.seconds += begin.elapsed().as_secs_f64();
         if let Some(estimate) = estimate {
             collected.take(&estimate);
-            progress(ahead.time);
+            progress(step.time);
             interrupt::check()?;
         }
-        match following {
-            Some(next) => ahead = next,
-            None => break,
-        }
     }
-    Ok(collected.finish(ahead.time - first.time, filter.delay().to_f64()))
+    Ok(collected.finish(end - start.time, filter.delay().to_f64()))
 }
 
 struct Collected {
@@ -219,7 +195,8 @@ struct Collected {
     rate: f64,
     /// Index of the first entry of `waiting`; the first frame is 0.
     first_waiting: u32,
-    waiting: VecDeque<Measured>,
+    /// What was measured, beside the run with constant coefficients, until its estimate comes.
+    waiting: VecDeque<Pair>,
     estimated: Comparison,
     constant: Comparison,
     points: Vec<Point>,
@@ -261,15 +238,12 @@ impl Collected {
             self.waiting.pop_front();
             self.first_waiting += 1;
         }
-        if let Some(measured) = self.waiting.front() {
-            let pair = |simulated| Pair {
-                time: measured.time,
-                measured: measured.seen,
-                simulated,
-            };
-            self.estimated
-                .push(pair(Observation::of(&estimate.motion.cast())));
-            self.constant.push(pair(measured.constant));
+        if let Some(constant) = self.waiting.front() {
+            self.estimated.push(Pair {
+                simulated: Observation::of(&estimate.motion.cast()),
+                ..*constant
+            });
+            self.constant.push(*constant);
         }
     }
 

@@ -17,7 +17,7 @@ use crate::formats::flight::Flight;
 use crate::formats::recording::{FlightFrame, Options, Recording};
 use crate::interrupt;
 use crate::replay::comparison::{Channel, Comparison, PerChannel};
-use crate::verbs::simulate::Follower;
+use crate::replay::steps::{Replay, too_short};
 
 /// Scales of the gap: the paper's own accuracy of reconstruction, section "Model Validation in Experiments".
 const SCALES: [(Channel, f64); 3] = [
@@ -94,10 +94,7 @@ impl<'a> Loaded<'a> {
         let frames: Vec<FlightFrame> =
             Recording::open(&flight.recording, options)?.collect::<Result<_>>()?;
         let [first, _, ..] = frames.as_slice() else {
-            return Err(
-                Problem::bad_input("expected at least two frames of type \"normal\"")
-                    .in_file(&flight.recording),
-            );
+            return Err(too_short(&flight.recording));
         };
         let dynamics = flight.dynamics(first.pelvis.position.up());
         Ok(Self {
@@ -119,13 +116,10 @@ impl<'a> Loaded<'a> {
         }
         let mut flight = self.flight.clone();
         flight.subject.set_damping(candidate.damp.into());
+        let frames = self.frames.iter().copied().map(Ok);
         let mut comparison = Comparison::default();
-        let [first, second, ..] = self.frames.as_slice() else {
-            return Ok(comparison);
-        };
-        let mut follower = Follower::<f64>::new(&flight, &dynamics, first, second)?;
-        for (index, frame) in self.frames.iter().enumerate().skip(1) {
-            comparison.push(follower.follow(frame, self.frames.get(index + 1))?);
+        for step in Replay::<f64, _>::with_dynamics(&flight, frames, |_| dynamics)? {
+            comparison.push(step?.pair);
         }
         Ok(comparison)
     }

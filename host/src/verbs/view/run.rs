@@ -2,19 +2,18 @@
 
 use bodyflight_core::Segment;
 use bodyflight_core::body::SEGMENT_COUNT;
-use bodyflight_core::dynamics::{Inputs, Motion};
-use bodyflight_core::observation::Observation;
-use bodyflight_viewer::frame::{Frame, SEGMENT_NUMBERS, frame, half_extents, place};
+use bodyflight_core::dynamics::Dynamics;
+use bodyflight_viewer::frame::{SEGMENT_NUMBERS, frame, half_extents, place};
 use serde::Serialize;
 
 use super::series::{Packed, Series};
-use crate::diagnostic::{Problem, Result};
+use crate::diagnostic::Result;
 use crate::formats::flight::Flight;
-use crate::formats::recording::{Options, Recording};
+use crate::formats::recording::Options;
 use crate::formats::subject::Subject;
 use crate::interrupt;
 use crate::replay::comparison::{Channel, Comparison, PerChannel};
-use crate::verbs::simulate::Follower;
+use crate::replay::steps::{Replay, Step};
 
 /// Rows a second; the page shows what is between them on straight lines.
 pub const RATE: f64 = 30.0;
@@ -116,66 +115,39 @@ pub fn fly_series(
     options: Options,
     mut progress: impl FnMut(f64),
 ) -> Result<(Series, Comparison)> {
-    let mut recording = Recording::open(&flight.recording, options)?;
-    let too_short = || {
-        Problem::bad_input("expected at least two frames of type \"normal\"")
-            .in_file(&flight.recording)
-    };
-    let first = recording.next().ok_or_else(too_short)??;
-    let mut ahead = recording.next().ok_or_else(too_short)??;
-    let dynamics = flight.dynamics(first.pelvis.position.up());
-    let mut follower = Follower::<f64>::new(flight, &dynamics, &first, &ahead)?;
-    let dynamics = follower.model().dynamics;
+    let replay = Replay::<f64, _>::open(flight, options)?;
+    let dynamics = replay.model().dynamics;
     let mut series = Series::new(&COLUMNS);
     let mut comparison = Comparison::default();
-    let measured = first.motion()?;
-    let start = frame(
-        &dynamics,
-        follower.inputs(),
-        &first.posture,
-        &measured,
-        first.time,
-    );
-    let seen = Observation::of(&measured);
-    series.push(row(&start, follower.inputs(), &measured, [&seen, &seen]));
-    let mut due = first.time + 1.0 / RATE;
-    loop {
-        let following = recording.next().transpose()?;
-        let pair = follower.follow(&ahead, following.as_ref())?;
-        comparison.push(pair);
+    let start = *replay.start();
+    series.push(row(&dynamics, &start));
+    let mut due = start.time + 1.0 / RATE;
+    let mut steps = replay.peekable();
+    while let Some(step) = steps.next() {
+        let step = step?;
+        comparison.push(step.pair);
         // Half a frame of slack: rates need not divide.
-        if ahead.time >= due - 1e-3 || following.is_none() {
-            due = (due + 1.0 / RATE).max(ahead.time);
-            let (inputs, motion) = (follower.inputs(), follower.motion());
-            let frame = frame(&dynamics, inputs, &ahead.posture, motion, ahead.time);
-            let measured = ahead.motion()?;
-            let seen = [&pair.simulated, &pair.measured];
-            series.push(row(&frame, inputs, &measured, seen));
-            progress(ahead.time);
+        if step.time >= due - 1e-3 || steps.peek().is_none() {
+            due = (due + 1.0 / RATE).max(step.time);
+            series.push(row(&dynamics, &step));
+            progress(step.time);
             interrupt::check()?;
-        }
-        match following {
-            Some(next) => ahead = next,
-            None => break,
         }
     }
     Ok((series, comparison))
 }
 
 /// A row of [`COLUMNS`].
-fn row(
-    frame: &Frame,
-    inputs: &Inputs<f64>,
-    measured: &Motion<f64>,
-    seen: [&Observation<f64>; 2],
-) -> Vec<f64> {
+fn row(dynamics: &Dynamics<f64>, step: &Step) -> Vec<f64> {
+    let (inputs, measured) = (&step.inputs, &step.measured);
+    let frame = frame(dynamics, inputs, &step.posture, &step.simulated, step.time);
     let part = |name: &str, count: usize| {
         let from = place(name).unwrap_or(0);
         frame[from..from + count].iter().copied().map(f64::from)
     };
     let attitude = measured.inertial_from_body.quaternion();
-    let [simulated, measured_channels] =
-        seen.map(|seen| Channel::ALL.map(|channel| channel.value(seen)));
+    let [simulated, measured_channels] = [&step.pair.simulated, &step.pair.measured]
+        .map(|seen| Channel::ALL.map(|channel| channel.value(seen)));
     let segments: Vec<f64> = part("segments", SEGMENT_COUNT * SEGMENT_NUMBERS).collect();
     let of_segments = |from: usize, count: usize| {
         segments

@@ -1,0 +1,259 @@
+//! A recording and the model side by side, step by step: a free run from the first frame, fed by the recorded postures.
+
+use std::fs::File;
+use std::io::BufReader;
+use std::path::Path;
+
+use bodyflight_core::body::mass_properties::PostureRate;
+use bodyflight_core::dynamics::free_run::FreeRun;
+use bodyflight_core::dynamics::{Dynamics, Inputs, Motion};
+use bodyflight_core::effect::Model;
+use bodyflight_core::effect::sensors::Moving;
+use bodyflight_core::observation::Observation;
+use bodyflight_core::{Posture, Real};
+use bodyflight_discovery::motion_history::MotionHistory;
+
+use super::comparison::Pair;
+use crate::diagnostic::{Problem, Result};
+use crate::formats::flight::Flight;
+use crate::formats::recording::{FlightFrame, Options, Recording};
+
+/// Longest delay of a sensor that is kept (s).
+const LONGEST_DELAY: f64 = 1.0;
+
+/// Largest component of a velocity that is plausible (m/s).
+const PLAUSIBLE_SPEED: f64 = 1e4;
+
+/// One frame of a replay: what was recorded, and what the model does beside it.
+#[derive(Debug, Clone, Copy)]
+pub struct Step {
+    /// Time since frame 0 (s).
+    pub time: f64,
+    /// Recorded posture.
+    pub posture: Posture<f64>,
+    /// Recorded motion of the pelvis.
+    pub measured: Motion<f64>,
+    /// Motion of the model, before its sensors see it.
+    pub simulated: Motion<f64>,
+    /// Conscious inputs up to this frame.
+    pub inputs: Inputs<f64>,
+    /// What is compared: the recorded motion, and the model's as its sensors see it.
+    pub pair: Pair,
+}
+
+/// What a replay does where the model runs out of every plausible range.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Divergence {
+    /// Ends with an error.
+    #[default]
+    Refused,
+    /// Goes on; compared is the last motion that was plausible.
+    Held,
+}
+
+/// The steps of a flight, from the second frame on.
+///
+/// `T` is the precision of the model, `F` where the frames come from.
+pub struct Replay<'a, T: Real, F> {
+    flight: &'a Flight,
+    frames: F,
+    divergence: Divergence,
+    ahead: Option<FlightFrame>,
+    start: Step,
+    last: Step,
+    model: Model<f64>,
+    dynamics: Dynamics<T>,
+    run: FreeRun<T>,
+    history: MotionHistory,
+}
+
+impl<'a, T: Real> Replay<'a, T, Recording<BufReader<File>>> {
+    /// Opens the recording of a flight.
+    ///
+    /// # Errors
+    /// Returns an error if a file is not usable, fewer than two frames are there, or the first has no velocity or
+    /// angular velocity.
+    pub fn open(flight: &'a Flight, options: Options) -> Result<Self> {
+        Self::new(flight, Recording::open(&flight.recording, options)?)
+    }
+}
+
+impl<'a, T: Real, F: Iterator<Item = Result<FlightFrame>>> Replay<'a, T, F> {
+    /// Replays frames of a flight.
+    ///
+    /// # Errors
+    /// Returns an error if there are fewer than two frames, or the first has no velocity or angular velocity.
+    pub fn new(flight: &'a Flight, frames: F) -> Result<Self> {
+        Self::with_dynamics(flight, frames, |height| flight.dynamics(height))
+    }
+
+    /// The same with other dynamics than the flight's, before its effects; they are asked for by the height of the
+    /// first frame (m, inertial).
+    ///
+    /// # Errors
+    /// As of [`Replay::new`].
+    pub fn with_dynamics(
+        flight: &'a Flight,
+        mut frames: F,
+        dynamics: impl FnOnce(f64) -> Dynamics<f64>,
+    ) -> Result<Self> {
+        let mut next = || {
+            let frame = frames.next().transpose()?;
+            frame.ok_or_else(|| too_short(&flight.recording))
+        };
+        let (first, second) = (next()?, next()?);
+        let height = first.pelvis.position.up();
+        let model = flight.effects.applied(dynamics(height), height)?;
+        let measured = motion_of(flight, &first)?;
+        let seen = Observation::of(&measured);
+        let start = Step {
+            time: first.time,
+            posture: first.posture,
+            measured,
+            simulated: measured,
+            inputs: model.inputs(&inputs_at(flight, first.time)),
+            pair: Pair {
+                time: first.time,
+                measured: seen,
+                simulated: seen,
+            },
+        };
+        let mut history = MotionHistory::default();
+        history.push(first.time, Moving::of(&measured));
+        let dynamics = model.dynamics.cast::<T>();
+        let rate = rate(&first.posture, &second.posture, second.time - first.time);
+        let posture = first.posture.cast();
+        let run = FreeRun::new(
+            &dynamics,
+            flight.equations,
+            &measured.cast(),
+            &posture,
+            &rate,
+        );
+        Ok(Self {
+            flight,
+            frames,
+            divergence: Divergence::default(),
+            ahead: Some(second),
+            start,
+            last: start,
+            model,
+            dynamics,
+            run,
+            history,
+        })
+    }
+
+    /// What happens where the model runs out of every plausible range.
+    #[must_use]
+    pub fn on_divergence(self, divergence: Divergence) -> Self {
+        Self { divergence, ..self }
+    }
+
+    /// The first frame, where the model starts as measured.
+    pub const fn start(&self) -> &Step {
+        &self.start
+    }
+
+    /// The model with its effects.
+    pub const fn model(&self) -> &Model<f64> {
+        &self.model
+    }
+
+    /// Where the frames come from.
+    pub const fn frames(&self) -> &F {
+        &self.frames
+    }
+
+    /// Goes on to `frame`; the one after it, where there is one, gives the joint rates at `frame`.
+    fn advance(&mut self, frame: &FlightFrame) -> Result<Step> {
+        let (before, duration) = (self.last.time, frame.time - self.last.time);
+        let inputs = inputs_at(self.flight, before + 0.5 * duration);
+        let inputs = self.model.inputs(&inputs);
+        self.run.advance(
+            &self.dynamics,
+            &inputs.cast(),
+            &frame.posture.cast(),
+            T::of(duration),
+        );
+        // Central where there is a frame on both sides.
+        let last = self.ahead.as_ref().unwrap_or(frame);
+        let rate = rate(&self.last.posture, &last.posture, last.time - before);
+        let simulated = self.run.motion(&self.dynamics, &rate).cast::<f64>();
+        let seen = self.seen(&simulated, frame.time)?;
+        let measured = motion_of(self.flight, frame)?;
+        Ok(Step {
+            time: frame.time,
+            posture: frame.posture,
+            measured,
+            simulated,
+            inputs,
+            pair: Pair {
+                time: frame.time,
+                measured: Observation::of(&measured),
+                simulated: seen,
+            },
+        })
+    }
+
+    /// What the model's sensors see of its motion.
+    fn seen(&mut self, motion: &Motion<f64>, time: f64) -> Result<Observation<f64>> {
+        self.history.push_within(time, motion, LONGEST_DELAY);
+        let past = |delay: f64| {
+            let moving = self.history.at(time - delay);
+            moving.unwrap_or_else(|| Moving::of(motion))
+        };
+        let sensors = &self.model.sensors;
+        let seen = Observation::of(&sensors.observe(motion, past, time - self.start.time));
+        let is_plausible = |v: &f64| v.abs() < PLAUSIBLE_SPEED;
+        match self.divergence {
+            _ if motion.velocity.to_array().iter().all(is_plausible) => Ok(seen),
+            Divergence::Held => Ok(self.last.pair.simulated),
+            Divergence::Refused => Err(Problem::bad_input(format!(
+                "the simulated motion left every plausible range at {time:.3} s"
+            ))
+            .help("check the damping coefficients and the segment table of the subject")),
+        }
+    }
+}
+
+impl<T: Real, F: Iterator<Item = Result<FlightFrame>>> Iterator for Replay<'_, T, F> {
+    type Item = Result<Step>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let frame = self.ahead.take()?;
+        let step = self.frames.next().transpose().and_then(|ahead| {
+            self.ahead = ahead;
+            self.advance(&frame)
+        });
+        match step {
+            Ok(step) => self.last = step,
+            Err(_) => self.ahead = None,
+        }
+        Some(step)
+    }
+}
+
+/// Why a recording cannot be replayed that has fewer than two frames.
+pub fn too_short(recording: &Path) -> Problem {
+    Problem::bad_input("expected at least two frames of type \"normal\"").in_file(recording)
+}
+
+fn motion_of(flight: &Flight, frame: &FlightFrame) -> Result<Motion<f64>> {
+    frame
+        .motion()
+        .map_err(|problem| problem.in_file(&flight.recording))
+}
+
+/// The conscious inputs of a flight: known ones, or the subject's damping.
+fn inputs_at(flight: &Flight, time: f64) -> Inputs<f64> {
+    match &flight.inputs {
+        Some(history) => history.at(time),
+        None => flight.constant_inputs(),
+    }
+}
+
+/// Joint rates from one posture to another, `duration` (s) later.
+fn rate<T: Real>(from: &Posture<f64>, to: &Posture<f64>, duration: f64) -> PostureRate<T> {
+    PostureRate::between(&from.cast(), &to.cast(), T::of(duration))
+}
