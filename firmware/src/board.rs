@@ -3,6 +3,9 @@
 /// Bytes that a board's receiver should hold while an update runs.
 pub const RECEIVER_BYTES: usize = 1024;
 
+/// Bytes of the place of a panic.
+pub const PLACE_BYTES: usize = 24;
+
 /// A board under the application. Its ports are given to [`run`](crate::run()) apart.
 pub trait Board {
     /// Time since the start (us).
@@ -49,7 +52,7 @@ pub struct Identity {
     /// Sequence number of the sample in work at the last fault.
     pub fault_sequence: u32,
     /// End of file and line of the last fault where it was a panic.
-    pub fault_place: [u8; crate::fault::PLACE_BYTES],
+    pub fault_place: [u8; PLACE_BYTES],
     /// Starts by the watchdog.
     pub watchdog_resets: u32,
 }

@@ -5,13 +5,10 @@
 
 use crc::{CRC_32_ISCSI, Crc, Table};
 
-use crate::board::Identity;
+use crate::board::{Identity, PLACE_BYTES};
 
 /// Words of a record.
 pub const WORDS: usize = 13;
-
-/// Bytes of the place of a panic.
-pub const PLACE_BYTES: usize = 24;
 
 static CHECKSUM: Crc<u32, Table<0>> = Crc::<u32, Table<0>>::new(&CRC_32_ISCSI);
 

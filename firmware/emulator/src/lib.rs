@@ -5,9 +5,8 @@
 
 mod chip;
 mod host;
+mod result;
 
 pub use chip::{Chip, Event, Look, Options, Provoked};
 pub use host::{Flight, Host, Limits, RATE};
-
-/// What went wrong, in a sentence.
-pub type Result<T> = core::result::Result<T, String>;
+pub use result::Result;

@@ -1,7 +1,7 @@
 // The report of bodyflight discover: where simulation and measurement disagree, and what explains it.
 import { colour, element } from "./dom";
 
-// See host/src/discover/report.rs.
+// See discovery/src/report.rs.
 interface Named {
   name: string;
   parameters: Record<string, number>;
