@@ -344,10 +344,14 @@ impl<B: Board> Unit<B> {
         let session = self.session.as_ref();
         let ledger = session.map(|session| session.ledger).unwrap_or_default();
         let [uart_overrun, uart_framing] = self.board.line_errors();
+        let [sensor_overrun, sensor_framing] = self.board.sensor_errors();
         Status {
             wrong_session: self.wrong_session,
             uart_overrun,
             uart_framing,
+            sensor_overrun,
+            sensor_framing,
+            fault_place: self.identity.fault_place,
             queue_high_water: self.samples.high_water(),
             deadline_missed: self.deadline_missed,
             cycles_max: self.cycles_max,

@@ -32,13 +32,13 @@ body! {
         max_frame_length: u16 = "bytes",
         /// Samples the unit queues; the oldest gives way in paced mode
         queue_length: u16 = "samples",
-        /// Why the unit started last
+        /// Why the unit started last: power, fault, watchdog, other, brown-out
         reset_cause: u8 = "",
         /// Starts after a fault since power was applied
         fault_resets: u16 = "",
-        /// Kind of the last fault, 0 for none
+        /// Kind of the last fault, 0 for none: panic, hard fault, stack, bus, instruction, alignment, division, memory, watchdog
         fault_kind: u8 = "",
-        /// Program counter at the last fault
+        /// Program counter at the last fault, of a panic the address of its location, 0 where unknown
         fault_address: u32 = "",
         /// Sequence number of the sample in work at the last fault
         fault_sequence: u32 = "",
@@ -269,9 +269,9 @@ body! {
         rejected: u32 = "samples",
         /// Samples that gave way to newer ones
         dropped_oldest: u32 = "samples",
-        /// Receiver overruns reported by the driver
+        /// Bytes lost by the receiver of the host's line, as its driver reports them
         uart_overrun: u32 = "",
-        /// Framing errors reported by the driver
+        /// Noise and framing errors of the host's line, as its driver reports them
         uart_framing: u32 = "",
         /// Most samples ever queued
         queue_high_water: u32 = "samples",
@@ -287,6 +287,12 @@ body! {
         stack_free: u32 = "bytes",
         /// Starts by the watchdog
         watchdog_resets: u32 = "",
+        /// Bytes lost by the receiver of the sensor's line
+        sensor_overrun: u32 = "",
+        /// Noise and framing errors of the sensor's line
+        sensor_framing: u32 = "",
+        /// Where the last fault was a panic: the end of `file:line`, zeros before it
+        fault_place: [u8; 24] = "",
     }
 }
 

@@ -37,6 +37,9 @@ impl Status {
             transmit_dropped: 0,
             stack_free: 0,
             watchdog_resets: 0,
+            sensor_overrun: 0,
+            sensor_framing: 0,
+            fault_place: [0; 24],
         }
     }
 }

@@ -136,6 +136,9 @@ fn examples() -> [Message; 13] {
             transmit_dropped: 22,
             stack_free: 23,
             watchdog_resets: 24,
+            sensor_overrun: 25,
+            sensor_framing: 26,
+            fault_place: *b"/src/unit/outbox.rs:1230",
         }),
     ]
 }

@@ -127,6 +127,31 @@ fn each_power_on_has_its_own_number_and_the_build_its_name() {
 
 #[test]
 #[ignore = "needs the image: cargo xtask f405"]
+fn a_panic_is_told_with_its_file_and_line() {
+    let mut host = flying(&Options::new(), 70);
+    host.chip.provoke("panic", "").unwrap();
+    host.listen(host.chip.now() + 100_000).unwrap();
+    host.connect(StreamMode::Paced).unwrap();
+    let place = host.status.unwrap().fault_place;
+    assert_eq!(&place, b"are/src/provoked.rs:1234");
+}
+
+#[test]
+#[ignore = "needs the image: cargo xtask f405"]
+fn errors_of_the_sensors_line_are_told_apart_from_the_hosts() {
+    let mut host = flying(&Options::new(), 70);
+    let at = host.chip.now();
+    host.chip
+        .send_broken(at, "sensor", &[0x55], "noise", true)
+        .unwrap();
+    host.fly(120).unwrap();
+    let status = host.stop().unwrap();
+    assert_eq!((status.uart_framing, status.missing), (0, 0));
+    assert_eq!((status.sensor_framing, status.sensor_overrun), (1, 0));
+}
+
+#[test]
+#[ignore = "needs the image: cargo xtask f405"]
 fn starts_by_the_watchdog_are_counted() {
     let mut host = flying(&Options::new(), 70);
     for resets in 1..=3 {

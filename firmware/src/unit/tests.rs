@@ -32,6 +32,9 @@ impl Board for Bench {
     fn line_errors(&self) -> [u32; 2] {
         [3, 4]
     }
+    fn sensor_errors(&self) -> [u32; 2] {
+        [5, 6]
+    }
     fn feed_watchdog(&self) {
         self.fed.set(self.fed.get() + 1);
     }
@@ -194,6 +197,7 @@ fn samples_bring_estimates_and_every_sample_its_fate() {
         (status.stack_free, status.uart_overrun, status.uart_framing),
         (1234, 3, 4)
     );
+    assert_eq!((status.sensor_overrun, status.sensor_framing), (5, 6));
     // The session is over.
     tell_numbered(&mut unit, SESSION, 201, time(201), samples[0]);
     unit.report();

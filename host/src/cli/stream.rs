@@ -259,6 +259,11 @@ fn live_view(args: &Args, flight: &Flight) -> Result<LiveView> {
 fn print_report(report: &Report) {
     let estimates = &report.estimates;
     let unit = &report.unit;
+    if let Some(place) = &report.unit_panic {
+        terminal::print(&format!(
+            "the unit has panicked since its power-on, at {place}"
+        ));
+    }
     let latency = &report.latency;
     terminal::print(&format!(
         "{} samples in {:.1} s ({:.1} s of flight, {:.1} kB/s) to unit {}",

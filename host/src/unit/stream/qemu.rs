@@ -14,7 +14,7 @@ use crate::diagnostic::{Kind, Problem, Result};
 
 const PROGRAM: &str = "qemu-system-arm";
 
-/// An instruction takes 2^3 ns of the machine's time, about what a Cortex-M4 at 168 MHz takes. The machine's
+/// An instruction takes 2^3 ns of the machine's time; a Cortex-M4 at 168 MHz takes half as much again. The machine's
 /// clock then counts its own work: a host that stalls does not make the unit late. Its line has no rate, and what
 /// comes while it stalls would come at once, so its samples must go out on credit.
 const PACE: &str = "shift=3";

@@ -107,6 +107,8 @@ pub struct UnitCounters {
     pub transmit_dropped: u32,
     pub stack_free: u32,
     pub watchdog_resets: u32,
+    pub sensor_overrun: u32,
+    pub sensor_framing: u32,
 }
 
 impl From<&Status> for UnitCounters {
@@ -136,8 +138,17 @@ impl From<&Status> for UnitCounters {
             transmit_dropped: status.transmit_dropped,
             stack_free: status.stack_free,
             watchdog_resets: status.watchdog_resets,
+            sensor_overrun: status.sensor_overrun,
+            sensor_framing: status.sensor_framing,
         }
     }
+}
+
+/// Where the unit panicked last, if that was its last fault.
+fn place_of_panic(status: &Status) -> Option<String> {
+    let place = String::from_utf8_lossy(&status.fault_place);
+    let place = place.trim_start_matches('\0');
+    (!place.is_empty()).then(|| place.to_owned())
 }
 
 /// Frames that were harmed on purpose.
@@ -164,6 +175,8 @@ impl From<&Struck> for Harmed {
 pub struct Report {
     /// Build of the unit.
     pub unit_build: String,
+    /// End of `file:line` where the unit's last fault since its power-on was a panic.
+    pub unit_panic: Option<String>,
     /// Filter preset.
     pub preset: &'static str,
     /// Samples sent.
@@ -205,6 +218,7 @@ impl Report {
         let bytes_per_second = session.line.sent_bytes as f64 / wall_s;
         Self {
             unit_build: text.trim_end_matches('\0').to_owned(),
+            unit_panic: session.status.as_ref().and_then(place_of_panic),
             preset: settings.preset.name,
             sent: session.sent(),
             flight_s,
