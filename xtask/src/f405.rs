@@ -1,44 +1,69 @@
 //! `cargo xtask f405`: the image for the STM32F405 on an emulated chip, flown and broken.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use crate::image;
 use crate::run::{Result, cargo_in, root, run, target_folder};
 
-/// Every test on the emulated chip.
-pub(crate) fn f405() -> Result<()> {
+/// The page with the table of faults, and the marks around it.
+const PAGE: &str = "docs/unit.md";
+const BEGIN: &str = "<!-- faults -->\n";
+const END: &str = "<!-- end of faults -->";
+
+/// Every test on the emulated chip; `write` puts its table of faults into the documents.
+pub(crate) fn f405(write: bool) -> Result<()> {
     let image = image::build_board("stm32f405")?;
     image::check(&image, "unit-stm32f405")?;
-    test("*", &image, &[])
+    let table = target_folder()?.join("f405-faults.md");
+    let place = [("BODYFLIGHT_F405_TABLE", table.display().to_string())];
+    test("f405_*", &image, &place)?;
+    if write {
+        put_into_page(&table)?;
+    }
+    Ok(())
+}
+
+fn put_into_page(table: &Path) -> Result<()> {
+    let read = |path: &Path| {
+        std::fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))
+    };
+    let page = root().join(PAGE);
+    let text = read(&page)?;
+    let marks = text
+        .split_once(BEGIN)
+        .and_then(|(before, rest)| Some((before, rest.split_once(END)?.1)));
+    let (before, after) = marks.ok_or_else(|| format!("{PAGE} has no {BEGIN}"))?;
+    let text = format!("{before}{BEGIN}{}{END}{after}", read(table)?);
+    std::fs::write(&page, text).map_err(|error| format!("{PAGE}: {error}"))
 }
 
 /// A flight at its own rate: nothing lost, nothing late, every estimate the desktop's.
 pub(crate) fn paced(seconds: u32) -> Result<()> {
     let image = image::build_board("stm32f405")?;
     test(
-        "paced",
+        "f405_paced",
         &image,
         &[("BODYFLIGHT_F405_SECONDS", seconds.to_string())],
     )
 }
 
 /// Runs tests on the chip. They are built with the workspace, so what its tests have built is not built again.
-fn test(name: &str, image: &std::path::Path, variables: &[(&str, String)]) -> Result<()> {
+fn test(name: &str, image: &Path, variables: &[(&str, String)]) -> Result<()> {
     let mut all = vec![
         ("BODYFLIGHT_F405_IMAGE", image.display().to_string()),
         ("BODYFLIGHT_F405_PYTHON", python()?.display().to_string()),
     ];
     all.extend_from_slice(variables);
-    let tests: &[&str] = match name {
-        "paced" => &["--test", "f405_paced"],
-        _ => &["--test", "f405_*"],
-    };
     let arguments = [
-        &["test", "--workspace", "--locked"],
-        tests,
-        &["--", "--ignored", "--nocapture"],
-    ]
-    .concat();
+        "test",
+        "--workspace",
+        "--locked",
+        "--test",
+        name,
+        "--",
+        "--ignored",
+        "--nocapture",
+    ];
     cargo_in(&root(), &arguments, &all)
 }
 

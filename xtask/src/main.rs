@@ -31,7 +31,11 @@ enum Verb {
     /// Build the images of the unit for all boards, and check their sizes.
     Unit,
     /// Run the image for the STM32F405 on an emulated chip: the desktop's estimates, and back after every fault.
-    F405,
+    F405 {
+        /// Write the table of faults into docs/unit.md.
+        #[arg(long)]
+        table: bool,
+    },
     /// Hide effects, look for them, and write how often they were found: docs/discovery.json and its table.
     DiscoveryBench {
         /// Flights for each effect.
@@ -61,7 +65,7 @@ fn main() -> ExitCode {
         Verb::Test => test::test(),
         Verb::OnTarget => on_target::on_target(),
         Verb::Unit => unit::unit().map(|_| ()),
-        Verb::F405 => f405::f405(),
+        Verb::F405 { table } => f405::f405(table),
         Verb::DiscoveryBench { seeds } => run::cargo(&[
             "bench",
             "--package",

@@ -15,7 +15,7 @@ pub(crate) fn test() -> Result<()> {
     viewer::build()?;
     cargo(&["test", "--workspace", "--locked"])?;
     on_target()?;
-    f405()?;
+    f405(false)?;
     hil(SECONDS_OF_STREAM)?;
     viewer::test()
 }

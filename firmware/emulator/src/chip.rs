@@ -92,6 +92,19 @@ pub struct Look {
     pub pc: u32,
 }
 
+/// What a stretch of the program cost, by the model of `stm32f405/cycles.py`.
+#[derive(Debug, Clone, Copy, Deserialize)]
+pub struct Cost {
+    /// Instructions.
+    pub instructions: u64,
+    /// Cycles without any wait for flash.
+    pub cycles: u64,
+    /// Cycles with flash as it is after a reset.
+    pub plain: u64,
+    /// Cycles with prefetch and caches.
+    pub accelerated: u64,
+}
+
 /// A fault that was provoked.
 #[derive(Debug, Clone, Copy, Deserialize)]
 pub struct Provoked {
@@ -206,6 +219,15 @@ impl Chip {
         self.now = self.now.max(until);
         let found: Events = self.ask(&json!({"do": "run", "until": until}))?;
         found.events.into_iter().map(RawEvent::parse).collect()
+    }
+
+    /// Lets time pass until `until` (us), counting every cycle; slow.
+    ///
+    /// # Errors
+    /// Returns an error if the emulator has ended.
+    pub fn trace(&mut self, until: u64) -> Result<Cost> {
+        self.now = self.now.max(until);
+        self.ask(&json!({"do": "trace", "until": until}))
     }
 
     /// Makes something go wrong now: `undefined`, `bus`, `division`, `unaligned`, `stack`, `panic`, `hang`;

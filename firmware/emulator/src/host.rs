@@ -15,7 +15,7 @@ use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::sensor_noise::SensorNoise;
 
 use crate::Result;
-use crate::chip::{Chip, Event, Options};
+use crate::chip::{Chip, Cost, Event, Options};
 
 /// Samples a second.
 pub const RATE: u64 = 240;
@@ -291,6 +291,22 @@ impl Host {
             self.listen(due)?;
         }
         Ok(())
+    }
+
+    /// Flies so many samples and counts every cycle meanwhile; the time (us).
+    ///
+    /// # Errors
+    /// Returns an error if the emulator has ended.
+    pub fn fly_traced(&mut self, samples: u32) -> Result<(Cost, u64)> {
+        let begin = self.next_due();
+        self.listen(begin)?;
+        for _ in 0..samples {
+            let (due, frame) = self.next_sample();
+            self.twin.receive(&frame);
+            self.chip.send(due, "host", &frame)?;
+        }
+        let end = self.next_due();
+        Ok((self.chip.trace(end)?, end - begin))
     }
 
     /// Samples that the unit misses in this session, by its own account of now.

@@ -4,9 +4,11 @@ import argparse
 import json
 import sys
 
+from unicorn import UC_HOOK_CODE, UC_HOOK_MEM_READ
 from unicorn.arm_const import UC_ARM_REG_SP
 
-from .chip import PORTS, Chip
+from .chip import FLASH, PORTS, Chip
+from .cycles import Model
 from .lines import Usart
 from .peripherals import TICKS, Rcc
 
@@ -34,6 +36,18 @@ class Server:
         events = sorted([*self.chip.left(), *self.chip.log], key=lambda event: event["at"])
         self.chip.log.clear()
         return {"events": events}
+
+    def trace(self, until):
+        """Lets time pass (us) and counts every cycle by the model of cycles.py; slow."""
+        unicorn, model = self.chip.unicorn, Model(self.chip.unicorn.mem_read)
+        hooks = [
+            unicorn.hook_add(UC_HOOK_CODE, lambda _, address, *__: model.execute(address)),
+            unicorn.hook_add(UC_HOOK_MEM_READ, lambda _, __, address, *___: model.read(address), begin=FLASH[0], end=sum(FLASH)),
+        ]
+        self.chip.run_until(ticks(until))
+        for hook in hooks:
+            unicorn.hook_del(hook)
+        return model.result()
 
     def provoke(self, kind, within=""):
         """A fault; `within` waits up to a tenth of a second for the processor to be in a task or an interrupt."""
