@@ -72,6 +72,18 @@ impl Problem {
         }
     }
 
+    /// A file that is no TOML, or not the expected one, with the line of the error.
+    pub fn toml(error: &toml::de::Error, text: &str, file: &Path) -> Self {
+        let problem = Self::bad_input(error.message().trim().to_owned()).in_file(file);
+        match error.span() {
+            Some(span) => {
+                let before = text.get(..span.start).unwrap_or(text);
+                problem.at_line(before.matches('\n').count() as u64 + 1)
+            }
+            None => problem,
+        }
+    }
+
     /// A negative answer.
     pub fn disagreement(message: impl Into<String>) -> Self {
         Self {

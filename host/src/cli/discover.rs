@@ -1,5 +1,7 @@
 //! `bodyflight discover`.
 
+mod args;
+mod output;
 mod point;
 
 use std::path::{Path, PathBuf};
@@ -8,44 +10,16 @@ use bodyflight::diagnostic::{Problem, Result};
 use bodyflight::formats::flight::Flight;
 use bodyflight::formats::flysight;
 use bodyflight::interrupt;
-use bodyflight::output::files::write_file;
 use bodyflight::verbs::discover::{figure, model_toml, problem, read_track};
 use bodyflight_discovery::check::Finding;
 use bodyflight_discovery::progress::Progress;
-use bodyflight_discovery::report::{CHANNEL_NAMES, Named, Outcome, Report};
+use bodyflight_discovery::report::{CHANNEL_NAMES, Report};
 use bodyflight_discovery::search::{Settings, discover};
 use indicatif::ProgressBar;
-use serde::Serialize;
 
-use super::simulate::Reading;
 use super::terminal;
-
-/// Find where simulation and measurement disagree, name the effect that is missing, and show how the gap shrinks.
-#[derive(clap::Args)]
-#[command(
-    after_help = "Verdicts: named, none (model and data agree to the noise), unexplained (a disagreement like nothing in \
-                  the library), thin (too short to tell). docs/discovery.md says how often each is right.\n\n\
-                  Example: bodyflight hide wind --out lab && bodyflight discover lab/flight-0/flight.toml \
-                  --hold-out lab/flight-1/flight.toml --out found"
-)]
-pub(super) struct Args {
-    /// A flight.toml, an MVNX file alone, or a FlySight's CSV file, of which density, wind and drag area are judged.
-    flight: PathBuf,
-    /// Other flights, which effects are not fitted to but have to help in.
-    #[arg(long, value_name = "FLIGHT", num_args = 1..)]
-    hold_out: Vec<PathBuf>,
-    /// Most effects that are named.
-    #[arg(long, default_value_t = 3)]
-    max_effects: usize,
-    /// Seed of the flights that are drawn for comparison.
-    #[arg(long, default_value_t = 1)]
-    seed: u64,
-    /// Folder for report.json, report.svg and model.toml; made where absent.
-    #[arg(long)]
-    out: Option<PathBuf>,
-    #[command(flatten)]
-    reading: Reading,
-}
+pub(super) use args::Args;
+use output::{print_gap, print_held_out, print_names, write_all};
 
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     if flysight::is_flysight(&Flight::read(&args.flight)?.recording) {
@@ -104,64 +78,6 @@ fn write(report: &Report, folder: &Path, flight: &Path) -> Result<()> {
     write_all(folder, report, &figure, &model_toml(&report.model))
 }
 
-/// Writes report.json, report.svg and model.toml.
-fn write_all(folder: &Path, report: &impl Serialize, figure: &str, model: &str) -> Result<()> {
-    std::fs::create_dir_all(folder).map_err(|error| Problem::system("create", folder, &error))?;
-    let text = serde_json::to_string_pretty(report)
-        .map_err(|error| Problem::bad_input(format!("cannot write JSON: {error}")))?;
-    write_file(&folder.join("report.json"), text.as_bytes())?;
-    write_file(&folder.join("report.svg"), figure.as_bytes())?;
-    write_file(&folder.join("model.toml"), model.as_bytes())
-}
-
-/// Verdict and names, which recordings of all kinds have.
-fn print_names(outcome: Outcome, disagreement: f64, effects: &[Named], nearest: &[Named]) {
-    let verdict = match outcome {
-        Outcome::Named => "named",
-        Outcome::None => "none: model and data agree to the noise",
-        Outcome::Unexplained => "unexplained: a disagreement like nothing in the library",
-        Outcome::Thin => "thin: not enough excitation to tell effects apart",
-    };
-    terminal::print(&format!(
-        "verdict: {verdict} (misfit {disagreement:+.1} deviations from that of flights in which nothing is missing)"
-    ));
-    if !nearest.is_empty() {
-        terminal::print("came nearest, not used:");
-    }
-    for named in effects.iter().chain(nearest) {
-        let parameters: Vec<String> = named
-            .parameters
-            .iter()
-            .zip(&named.standard_errors)
-            .map(|((name, value), (_, error))| format!("{name} = {value:.3} +- {error:.3}"))
-            .collect();
-        let stability = named.evidence.stability.map_or_else(String::new, |share| {
-            format!(", first in {:.0} % of resampled flights", 100.0 * share)
-        });
-        terminal::print(&format!(
-            "  {}: {} ({:.1} deviations beyond chance{})",
-            named.name,
-            parameters.join(", "),
-            named.evidence.deviations,
-            stability
-        ));
-        if !named.rivals.is_empty() {
-            let rivals: Vec<&str> = named.rivals.iter().map(|rival| rival.name).collect();
-            terminal::print(&format!(
-                "    not to be told from {} here; fly: {}",
-                rivals.join(", "),
-                named.separated_by
-            ));
-        }
-        if named.at_limit {
-            terminal::print("    at the end of its plausible range: it is not all that is missing");
-        }
-        if named.imitated_by_inputs {
-            terminal::print("    an estimator of muscle input and damping would take it for those");
-        }
-    }
-}
-
 fn print_report(report: &Report) {
     print_names(
         report.verdict,
@@ -197,24 +113,4 @@ fn print_report(report: &Report) {
         let misfits = [gap.misfit_before, gap.misfit_after, gap.misfit_expected];
         print_held_out("flight", index, misfits, gap.closed_share());
     }
-}
-
-/// Each channel before and after, and its floor; `titles` of the first and the last column.
-fn print_gap(titles: [&str; 2], channels: &[&str], gap: [&[f64]; 3]) {
-    let mut table = terminal::table(&[titles[0], "before", "after", titles[1]]);
-    for (channel, name) in channels.iter().enumerate() {
-        let numbers = gap.map(|values| format!("{:.3}", values[channel]));
-        table.add_row([&[(*name).to_owned()][..], &numbers].concat());
-    }
-    terminal::print(&table.to_string());
-}
-
-/// Misfits of a recording held out: before, after, and where nothing is missing.
-fn print_held_out(what: &str, index: usize, [before, after, expected]: [f64; 3], closed: f64) {
-    terminal::print(&format!(
-        "held-out {what} {}: misfit {before:.0} -> {after:.0}, {expected:.0} where nothing is missing; {:.0} % of \
-         the gap closed",
-        index + 1,
-        100.0 * closed
-    ));
 }

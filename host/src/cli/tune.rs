@@ -4,8 +4,9 @@ use std::path::PathBuf;
 
 use bodyflight::diagnostic::{Problem, Result};
 use bodyflight::formats::flight::Flight;
+use bodyflight::formats::subject::CommonCoefficients;
 use bodyflight::output::files::write_file;
-use bodyflight::verbs::tune::{Candidate, Report, Search, tune};
+use bodyflight::verbs::tune::{Report, Search, tune};
 
 use super::{simulate, terminal};
 
@@ -72,7 +73,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     Ok(())
 }
 
-fn coefficients_toml(best: &Candidate) -> String {
+fn coefficients_toml(best: &CommonCoefficients) -> String {
     let [pitch, yaw, roll] = best.damp;
     format!(
         "[coefficients]\ncl = {:.4}\ncd = {:.4}\ncm = {:.4}\ndamp = [{pitch:.4}, {yaw:.4}, {roll:.4}]\n",
@@ -82,7 +83,7 @@ fn coefficients_toml(best: &Candidate) -> String {
 
 fn print_report(report: &Report) {
     let mut table = terminal::table(&["coefficient", "guess", "best"]);
-    let rows = |c: &Candidate| [c.cd, c.cl, c.cm, c.damp[0], c.damp[1], c.damp[2]];
+    let rows = |c: &CommonCoefficients| [c.cd, c.cl, c.cm, c.damp[0], c.damp[1], c.damp[2]];
     let names = ["cd", "cl", "cm", "damp pitch", "damp yaw", "damp roll"];
     for ((name, guess), best) in names
         .iter()

@@ -109,7 +109,7 @@ impl Flight {
 
     fn parse(text: &str, path: &Path) -> Result<Self> {
         let file: FlightFile =
-            toml::from_str(text).map_err(|error| toml_problem(&error, text, path))?;
+            toml::from_str(text).map_err(|error| Problem::toml(&error, text, path))?;
         let folder = path.parent().unwrap_or(Path::new(""));
         let at = |field: &str, message: String| {
             Problem::bad_input(message)
@@ -224,18 +224,6 @@ pub fn name_of_muscles(model: &MuscleModel) -> &'static str {
     named
         .find(|(_, known)| known == model)
         .map_or("back-tracking", |(name, _)| name)
-}
-
-/// A parse error of TOML with its line.
-pub fn toml_problem(error: &toml::de::Error, text: &str, path: &Path) -> Problem {
-    let problem = Problem::bad_input(error.message().trim().to_owned()).in_file(path);
-    match error.span() {
-        Some(span) => {
-            let before = text.get(..span.start).unwrap_or(text);
-            problem.at_line(before.matches('\n').count() as u64 + 1)
-        }
-        None => problem,
-    }
 }
 
 #[cfg(test)]

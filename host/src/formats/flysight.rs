@@ -15,6 +15,7 @@ use chrono::NaiveDateTime;
 use nalgebra::Vector3;
 
 use crate::diagnostic::{Problem, Result};
+pub use table::Skipped;
 use table::{Row, Tables};
 
 /// Metres of a degree of latitude: the mean radius of the Earth.
@@ -51,22 +52,6 @@ pub struct InertialSample {
     pub specific_force: Vector3<f64>,
     /// Angular velocity, axes of the device (rad/s).
     pub angular_velocity: Vector3<f64>,
-}
-
-/// Rows that were not usable.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Skipped {
-    /// How many.
-    pub count: usize,
-    /// Line of the first, and what is wrong with it.
-    pub first: Option<(u64, String)>,
-}
-
-impl Skipped {
-    fn add(&mut self, line: u64, why: &str) {
-        self.count += 1;
-        self.first.get_or_insert((line, why.to_owned()));
-    }
 }
 
 /// A recording.

@@ -18,7 +18,6 @@ use bodyflight_discovery::report::ByName;
 use serde::Deserialize;
 
 use crate::diagnostic::{Problem, Result};
-use crate::formats::flight::toml_problem;
 
 /// The text of a `model.toml`, after a comment of whole lines.
 pub fn model_toml(comment: &str, effects: &[ByName]) -> String {
@@ -62,7 +61,7 @@ impl Effects {
 
     fn parse(text: &str, path: &Path) -> Result<Self> {
         let file: ModelFile =
-            toml::from_str(text).map_err(|error| toml_problem(&error, text, path))?;
+            toml::from_str(text).map_err(|error| Problem::toml(&error, text, path))?;
         let effects = file.effect.iter().enumerate().map(|(index, table)| {
             table
                 .effect()

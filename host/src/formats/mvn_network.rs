@@ -6,6 +6,7 @@
 
 mod assembly;
 mod clock;
+mod counters;
 mod datagram;
 mod message;
 mod rates;
@@ -14,14 +15,12 @@ mod sink;
 mod source;
 
 pub use assembly::{REORDER_WINDOW, RESTART_DISTANCE};
+pub use counters::Counters;
 pub use datagram::{BadDatagram, Datagram, HEADER_LENGTH, Header, Kind};
 pub use message::{
     AngularKinematics, JointAngles, LinearKinematics, Message, Scale, ScalePoint, SegmentPose,
 };
 pub use rates::{AngularUnit, DIFFERENCE_WINDOW};
-pub use receiver::{Counters, Information, Options, Receiver};
+pub use receiver::{Information, Options, Receiver};
 pub use sink::{Sent, Sink, Speed, replay};
-pub use source::Source;
-
-/// The port that MVN sends to unless told otherwise.
-pub const DEFAULT_PORT: u16 = 9763;
+pub use source::{DEFAULT_PORT, Source};

@@ -5,15 +5,17 @@
 //! problem that names file, line, frame and element. [`BadFrames::Refuse`] ends it at the first.
 
 mod bridge;
+mod frame;
+
+pub use bridge::{BRIDGE_LIMIT, BadFrames, Quality};
+pub use frame::{FlightFrame, PelvisMotion};
 
 use std::collections::VecDeque;
 use std::fs::File;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 
-use bodyflight_core::dynamics::Motion;
-use bodyflight_core::frame::{Body, Inertial, Rotation, Vector};
-use bodyflight_core::{Posture, SegmentArray};
+use bodyflight_core::SegmentArray;
 use nalgebra::{Quaternion, UnitQuaternion};
 
 use crate::diagnostic::{Problem, Result};
@@ -23,23 +25,11 @@ use crate::formats::mvnx::{
 };
 use crate::formats::xsens::{self, MvnSegment};
 
-/// Longest time without a good frame that is bridged (s).
-pub const BRIDGE_LIMIT: f64 = 0.1;
 /// Largest closure error of a usable recording (m): four times that of a good file with a moving shoulder
 /// girdle is 0.01, a wrong convention gives 0.2 and more.
 const CLOSURE_LIMIT: f64 = 0.05;
 /// Frames that decide the arm frame, besides those of the calibration.
 const FRAMES_FOR_ARMS: usize = 8;
-
-/// What to do with a frame whose numbers are not usable.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum BadFrames {
-    /// Replaces it by a frame between its good neighbours, up to [`BRIDGE_LIMIT`].
-    #[default]
-    Bridge,
-    /// Ends the reading.
-    Refuse,
-}
 
 /// How to read a flight.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -48,112 +38,6 @@ pub struct Options {
     pub bad_frames: BadFrames,
     /// Takes a file that ends too early up to its last whole frame.
     pub allow_truncated: bool,
-}
-
-/// One instant of a flight.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FlightFrame {
-    /// Number of the frame in the recording.
-    pub index: u64,
-    /// Time since frame 0 (s): index by frame rate.
-    pub time: f64,
-    /// Posture of the body.
-    pub posture: Posture<f64>,
-    /// Motion of the pelvis.
-    pub pelvis: PelvisMotion,
-    /// Centre of mass as MVN estimates it (m).
-    pub centre_of_mass: Option<Vector<f64, Inertial>>,
-    /// Whether the frame stands in for a bad one.
-    pub bridged: bool,
-}
-
-/// Motion of the pelvis, the root of the body.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PelvisMotion {
-    /// Attitude.
-    pub inertial_from_body: Rotation<f64, Inertial, Body>,
-    /// Position of its origin (m).
-    pub position: Vector<f64, Inertial>,
-    /// Velocity of its origin (m/s), where the file has it.
-    pub velocity: Option<Vector<f64, Inertial>>,
-    /// Angular velocity (rad/s), where the file has it.
-    pub angular_velocity: Option<Vector<f64, Inertial>>,
-}
-
-impl FlightFrame {
-    /// A frame that records a motion.
-    pub fn from_motion(index: u64, time: f64, posture: Posture<f64>, motion: &Motion<f64>) -> Self {
-        Self {
-            index,
-            time,
-            posture,
-            pelvis: PelvisMotion {
-                inertial_from_body: motion.inertial_from_body,
-                position: motion.position,
-                velocity: Some(motion.velocity_inertial()),
-                angular_velocity: Some(motion.inertial_from_body * motion.angular_velocity),
-            },
-            centre_of_mass: None,
-            bridged: false,
-        }
-    }
-
-    /// The motion of the pelvis in body axes.
-    ///
-    /// # Errors
-    /// Returns an error if the recording has no velocity or angular velocity.
-    pub fn motion(&self) -> Result<Motion<f64>> {
-        let (velocity, angular_velocity) = self.rates()?;
-        let inertial_from_body = self.pelvis.inertial_from_body;
-        let body_from_inertial = inertial_from_body.inverse();
-        Ok(Motion {
-            inertial_from_body,
-            position: self.pelvis.position,
-            velocity: body_from_inertial * velocity,
-            angular_velocity: body_from_inertial * angular_velocity,
-        })
-    }
-
-    /// Velocity (m/s) and angular velocity (rad/s) of the pelvis, for work that cannot do without.
-    ///
-    /// # Errors
-    /// Where the file lacks one of them: which, and how to get it.
-    pub fn rates(&self) -> Result<(Vector<f64, Inertial>, Vector<f64, Inertial>)> {
-        let missing = |field: Field| {
-            let element = field.element();
-            Problem::bad_input(format!(
-                "the recording has no <{element}>, which is needed here"
-            ))
-            .at(format!("frame {}", self.index))
-            .help(format!(
-                "export it again from MVN with <{element}> of the segments included"
-            ))
-        };
-        let pelvis = &self.pelvis;
-        Ok((
-            pelvis.velocity.ok_or_else(|| missing(Field::Velocity))?,
-            pelvis
-                .angular_velocity
-                .ok_or_else(|| missing(Field::AngularVelocity))?,
-        ))
-    }
-}
-
-/// What reading has met so far.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Quality {
-    /// Good frames given.
-    pub good_frames: u64,
-    /// Bad frames replaced by bridged ones.
-    pub bridged_frames: u64,
-    /// Bad frames before the first and after the last good one, left out.
-    pub dropped_frames: u64,
-    /// Frames missing from the indices.
-    pub missing_frames: u64,
-    /// The first fault.
-    pub first_fault: Option<Fault>,
-    /// Whether the file ended too early.
-    pub truncated: bool,
 }
 
 /// A flight read frame by frame; memory does not grow with its length.

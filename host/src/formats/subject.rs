@@ -14,8 +14,6 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 use crate::diagnostic::{Problem, Result};
-use crate::formats::flight::toml_problem;
-use crate::verbs::tune::Candidate;
 use segment_table::SegmentTable;
 
 /// A person as flights use them: checked when read.
@@ -178,6 +176,19 @@ impl Default for Subject {
     }
 }
 
+/// Coefficients that all segments have in common.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct CommonCoefficients {
+    /// Drag.
+    pub cd: f64,
+    /// Force across the stream.
+    pub cl: f64,
+    /// Moment.
+    pub cm: f64,
+    /// Damping: pitch, yaw, roll.
+    pub damp: [f64; 3],
+}
+
 impl Subject {
     /// Reads a `subject.toml` and the segment table that it names.
     ///
@@ -191,7 +202,7 @@ impl Subject {
 
     fn parse(text: &str, path: &Path) -> Result<Self> {
         let file: SubjectFile =
-            toml::from_str(text).map_err(|error| toml_problem(&error, text, path))?;
+            toml::from_str(text).map_err(|error| Problem::toml(&error, text, path))?;
         let table = match &file.segments {
             Some(name) => {
                 let folder = path.parent().unwrap_or(Path::new(""));
@@ -249,9 +260,9 @@ impl Subject {
     }
 
     /// The common coefficients, as a search varies them.
-    pub fn candidate(&self) -> Candidate {
+    pub fn common_coefficients(&self) -> CommonCoefficients {
         let table = &self.file.coefficients;
-        Candidate {
+        CommonCoefficients {
             cd: table.cd,
             cl: table.cl,
             cm: table.cm,

@@ -5,12 +5,13 @@ pub mod line;
 pub mod qemu;
 pub mod report;
 mod session;
+mod settings;
 pub mod twin;
 
 use std::time::{Duration, Instant};
 
 use bodyflight_core::estimator::preset::{PRESETS, Preset};
-use bodyflight_core::link::fault::{Faults, Injector};
+use bodyflight_core::link::fault::Injector;
 use bodyflight_core::link::{
     ArchSource, Configure, Motion, PackedQuaternion, Sample, SegmentTable, StreamMode,
 };
@@ -23,32 +24,7 @@ use connection::{Connection, Machine, Target};
 use line::Line;
 use report::{Live, Report};
 use session::Session;
-
-/// How fast samples go out.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Pace {
-    /// As a source that sets its own pace delivers them.
-    Source,
-    /// So many times faster than they were recorded.
-    Times(f64),
-    /// As fast as the unit grants credit; nothing is dropped.
-    Max,
-}
-
-/// What to stream, and how.
-#[derive(Debug, Clone)]
-pub struct Settings {
-    /// Where the unit is.
-    pub target: Target,
-    /// Filter preset.
-    pub preset: &'static Preset,
-    /// How fast.
-    pub pace: Pace,
-    /// Faults of the line, on purpose.
-    pub faults: Faults,
-    /// Seed of the faults.
-    pub seed: u64,
-}
+pub use settings::{Pace, Settings};
 
 /// Samples a live display is told of at once.
 const SAMPLES_A_LOOK: u32 = 8;

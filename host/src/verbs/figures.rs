@@ -13,9 +13,7 @@ use crate::formats::flight::Flight;
 use crate::formats::input_history::InputHistory;
 use crate::formats::recording::Options;
 use crate::output::files::write_file;
-use crate::output::plot::{
-    ESTIMATED, MEASURED, Panel, SIMULATED, figure_svg, measured_curve, row_svg, simulated_curve,
-};
+use crate::output::plot::{ESTIMATED, Panel, figure_svg, measured_curve, row_svg, simulated_curve};
 use crate::replay::comparison::Channel;
 use crate::verbs::estimate::{Estimation, Filter, estimate};
 use crate::verbs::view::run::{fly_series, shapes};
@@ -99,9 +97,3 @@ fn reconstruction(title: &str, preset: &Preset, estimation: &Estimation) -> Resu
     });
     figure_svg(title, &panels)
 }
-
-/// The ways over ground: name in the legend, and column.
-const WAYS: [(&str, &str); 2] = [
-    (MEASURED.label, "measured_position_m"),
-    (SIMULATED.label, "simulated_position_m"),
-];

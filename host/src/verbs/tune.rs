@@ -15,6 +15,7 @@ use serde::Serialize;
 use crate::diagnostic::{Problem, Result};
 use crate::formats::flight::Flight;
 use crate::formats::recording::{FlightFrame, Options, Recording};
+use crate::formats::subject::CommonCoefficients;
 use crate::interrupt;
 use crate::replay::comparison::{Channel, Comparison, PerChannel};
 use crate::replay::steps::{Replay, too_short};
@@ -25,19 +26,6 @@ const SCALES: [(Channel, f64); 3] = [
     (Channel::HorizontalVelocity, 0.45),
     (Channel::VerticalVelocity, 1.5),
 ];
-
-/// What is tuned: one set of coefficients for all segments.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Candidate {
-    /// Drag.
-    pub cd: f64,
-    /// Force across the stream.
-    pub cl: f64,
-    /// Moment.
-    pub cm: f64,
-    /// Damping: pitch, yaw, roll.
-    pub damp: [f64; 3],
-}
 
 /// How to search.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -54,9 +42,9 @@ pub struct Search {
 #[derive(Debug, Clone, Serialize)]
 pub struct Report {
     /// Where the search began.
-    pub guess: Candidate,
+    pub guess: CommonCoefficients,
     /// The best draw.
-    pub best: Candidate,
+    pub best: CommonCoefficients,
     /// Gap of the guess and of the best on the flights used, in units of the paper's accuracy.
     pub score_before: f64,
     /// Gap of the best.
@@ -105,7 +93,7 @@ impl<'a> Loaded<'a> {
     }
 
     /// Flies the postures with other coefficients.
-    fn fly(&self, candidate: &Candidate) -> Result<Comparison> {
+    fn fly(&self, candidate: &CommonCoefficients) -> Result<Comparison> {
         let mut dynamics = self.dynamics;
         for (_, coefficients) in dynamics.aerodynamics.coefficients.iter_mut() {
             *coefficients = Coefficients {
@@ -143,7 +131,7 @@ pub fn tune(
     };
     // Problems of any file come before the long work.
     let (used, held_out) = (load(flights, options)?, load(held_out, options)?);
-    let guess = first.subject.candidate();
+    let guess = first.subject.common_coefficients();
     let candidates = draw(&guess, search);
     let score_before = total_score(&used, &guess)?;
     let best = candidates
@@ -183,7 +171,11 @@ fn load(flights: &[Flight], options: Options) -> Result<Vec<Loaded<'_>>> {
         .collect()
 }
 
-fn check(flight: &Loaded<'_>, guess: &Candidate, best: &Candidate) -> Result<HeldOut> {
+fn check(
+    flight: &Loaded<'_>,
+    guess: &CommonCoefficients,
+    best: &CommonCoefficients,
+) -> Result<HeldOut> {
     let (before, after) = (flight.fly(guess)?, flight.fly(best)?);
     Ok(HeldOut {
         recording: flight.flight.recording.display().to_string(),
@@ -194,15 +186,15 @@ fn check(flight: &Loaded<'_>, guess: &Candidate, best: &Candidate) -> Result<Hel
     })
 }
 
-/// Candidates around a guess: normal, at least a tenth of the guess.
-fn draw(guess: &Candidate, search: Search) -> Vec<Candidate> {
+/// CommonCoefficientss around a guess: normal, at least a tenth of the guess.
+fn draw(guess: &CommonCoefficients, search: Search) -> Vec<CommonCoefficients> {
     let mut random = ChaCha8Rng::seed_from_u64(search.seed);
     let mut near = |value: f64| {
         let factor = 1.0 + search.spread * random.sample::<f64, _>(StandardNormal);
         value * factor.max(0.1)
     };
     (0..search.draws)
-        .map(|_| Candidate {
+        .map(|_| CommonCoefficients {
             cd: near(guess.cd),
             cl: near(guess.cl),
             cm: near(guess.cm),
@@ -212,7 +204,7 @@ fn draw(guess: &Candidate, search: Search) -> Vec<Candidate> {
 }
 
 /// Root mean square over flights of their scores.
-fn total_score(flights: &[Loaded<'_>], candidate: &Candidate) -> Result<f64> {
+fn total_score(flights: &[Loaded<'_>], candidate: &CommonCoefficients) -> Result<f64> {
     let mut sum = 0.0;
     for flight in flights {
         sum += score(&flight.fly(candidate)?).powi(2);

@@ -9,8 +9,9 @@ use bodyflight::verbs::discover::{figure, model_toml, problem, read_point_track}
 use bodyflight_discovery::point::report::{COMPONENT_NAMES, Report};
 use bodyflight_discovery::point::search::discover;
 
-use super::super::terminal;
-use super::{Args, print_gap, print_held_out, print_names, write_all};
+use super::args::Args;
+use super::output::{print_gap, print_held_out, print_names, write_all};
+use crate::cli::terminal;
 
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     let flight = Flight::read(&args.flight)?;

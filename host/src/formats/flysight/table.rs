@@ -3,8 +3,23 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::Skipped;
 use crate::diagnostic::{Problem, Result};
+
+/// Rows that were not usable.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Skipped {
+    /// How many.
+    pub count: usize,
+    /// Line of the first, and what is wrong with it.
+    pub first: Option<(u64, String)>,
+}
+
+impl Skipped {
+    pub(super) fn add(&mut self, line: u64, why: &str) {
+        self.count += 1;
+        self.first.get_or_insert((line, why.to_owned()));
+    }
+}
 
 /// Rows of all sensors in a file.
 #[derive(Debug)]

@@ -4,8 +4,8 @@ use std::collections::{BTreeMap, VecDeque};
 
 use nalgebra::{Quaternion, Vector3};
 
+use super::counters::Counters;
 use super::datagram::{Header, Kind};
-use super::receiver::Counters;
 use crate::formats::xsens::MVN_SEGMENT_COUNT;
 
 /// Samples begun after one that is not whole before it is given as it is.

@@ -4,10 +4,10 @@ use std::collections::VecDeque;
 
 use bodyflight_core::{Segment, SegmentArray};
 use nalgebra::{Quaternion, UnitQuaternion};
-use serde::Serialize;
 
 use super::assembly::{Assembly, Sample};
 use super::clock::Clock;
+use super::counters::Counters;
 use super::datagram::{Datagram, Header, Kind};
 use super::message::{JointAngles, Message, Scale};
 use super::rates::{AngularUnit, Rates};
@@ -26,37 +26,6 @@ pub struct Options {
     pub rate: Option<f64>,
     /// Unit of the angular velocities; otherwise told by comparison with the orientations.
     pub angular_unit: Option<AngularUnit>,
-}
-
-/// What has come in so far.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
-pub struct Counters {
-    /// Datagrams of any kind.
-    pub datagrams: u64,
-    /// Datagrams that are none of MVN or hold less than they say.
-    pub bad_datagrams: u64,
-    /// Datagrams of other persons and of kinds that a flight does not need.
-    pub ignored_datagrams: u64,
-    /// Datagrams that had come before.
-    pub repeated_datagrams: u64,
-    /// Datagrams whose sample was given already.
-    pub late_datagrams: u64,
-    /// Samples given on, good or not.
-    pub samples: u64,
-    /// Samples of which nothing came.
-    pub missing_samples: u64,
-    /// Samples without the pose of the whole body.
-    pub incomplete_samples: u64,
-    /// Samples with numbers that cannot be.
-    pub bad_samples: u64,
-    /// Frames handed out.
-    pub frames: u64,
-    /// Frames whose velocity is from differences.
-    pub differenced_velocities: u64,
-    /// Frames whose angular velocity is from differences.
-    pub differenced_angular_velocities: u64,
-    /// Times the sender started anew.
-    pub restarts: u64,
 }
 
 /// What the sender says besides motion, the latest of each.

@@ -4,12 +4,13 @@ use std::io::ErrorKind;
 use std::net::{SocketAddr, UdpSocket};
 use std::time::{Duration, Instant};
 
-use super::DEFAULT_PORT;
 use super::receiver::{Options, Receiver};
 use crate::diagnostic::{Problem, Result};
 use crate::formats::recording::FlightFrame;
 use crate::interrupt;
 
+/// The port that MVN sends to unless told otherwise.
+pub const DEFAULT_PORT: u16 = 9763;
 /// Silence after which a sample is not waited for any longer.
 const SILENCE: Duration = Duration::from_millis(50);
 /// Most bytes of a datagram.

@@ -11,24 +11,12 @@ use std::path::{Path, PathBuf};
 
 use bodyflight_core::Body;
 
+pub use self::document::Description;
 pub(crate) use self::motion::{Differences, MovingFrame, rotation_rate};
 use crate::diagnostic::{Problem, Result};
 use crate::formats::recording::FlightFrame;
 use crate::formats::xsens::skeleton::Layout;
 use crate::output::files::AtomicFile;
-
-/// What the header says besides the body.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Description {
-    /// Name of the subject.
-    pub subject_label: String,
-    /// Frames per second (Hz).
-    pub frame_rate: f64,
-    /// Time of frame 0, milliseconds since 1970 (UTC).
-    pub start_unix_ms: u64,
-    /// Free text.
-    pub comment: String,
-}
 
 /// Writes a recording frame by frame. Memory does not grow with its length.
 pub struct Writer<W: Write> {

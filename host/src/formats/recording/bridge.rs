@@ -6,9 +6,39 @@ use bodyflight_core::body::posture::near;
 use bodyflight_core::frame::{Inertial, Rotation, Vector};
 use nalgebra::{Quaternion, UnitQuaternion};
 
-use super::{BRIDGE_LIMIT, BadFrames, FlightFrame, PelvisMotion, Quality};
+use super::frame::{FlightFrame, PelvisMotion};
 use crate::diagnostic::{Problem, Result};
 use crate::formats::mvnx::Fault;
+
+/// Longest time without a good frame that is bridged (s).
+pub const BRIDGE_LIMIT: f64 = 0.1;
+
+/// What to do with a frame whose numbers are not usable.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum BadFrames {
+    /// Replaces it by a frame between its good neighbours, up to [`BRIDGE_LIMIT`].
+    #[default]
+    Bridge,
+    /// Ends the reading.
+    Refuse,
+}
+
+/// What reading has met so far.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Quality {
+    /// Good frames given.
+    pub good_frames: u64,
+    /// Bad frames replaced by bridged ones.
+    pub bridged_frames: u64,
+    /// Bad frames before the first and after the last good one, left out.
+    pub dropped_frames: u64,
+    /// Frames missing from the indices.
+    pub missing_frames: u64,
+    /// The first fault.
+    pub first_fault: Option<Fault>,
+    /// Whether the file ended too early.
+    pub truncated: bool,
+}
 
 /// Holds bad frames back until the next good one.
 pub(super) struct Bridge {

@@ -7,8 +7,8 @@ use bodyflight_core::link::fault::Struck;
 use bodyflight_discovery::statistics::quantile_of_sorted;
 use serde::Serialize;
 
-use super::Settings;
 use super::session::{Session, accounted};
+use super::settings::Settings;
 use super::twin::Agreement;
 use crate::diagnostic::{Problem, Result};
 

@@ -2,12 +2,17 @@
 
 use plotters::prelude::*;
 
-use super::WAYS;
 use crate::diagnostic::{Problem, Result};
 use crate::output::plot::{MEASURED, SIMULATED};
 use crate::verbs::view::series::Series;
 
 const SIZE: u32 = 520;
+
+/// The ways over ground: name in the legend, and column.
+const WAYS: [(&str, &str); 2] = [
+    (MEASURED.label, "measured_position_m"),
+    (SIMULATED.label, "simulated_position_m"),
+];
 
 pub(super) fn svg(title: &str, series: &Series) -> Result<String> {
     let mut svg = String::new();

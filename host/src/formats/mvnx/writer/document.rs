@@ -6,7 +6,6 @@ use bodyflight_core::Posture;
 use bodyflight_core::frame::Vector;
 use nalgebra::Vector3;
 
-use super::Description;
 use super::motion::MovingFrame;
 use crate::formats::mvnx::closure::t_pose_from_isb;
 use crate::formats::xsens::skeleton::{Layout, Placed};
@@ -32,6 +31,19 @@ const SENSORS: [MvnSegment; 17] = [
     MvnSegment::LeftLowerLeg,
     MvnSegment::LeftFoot,
 ];
+
+/// What the header says besides the body.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Description {
+    /// Name of the subject.
+    pub subject_label: String,
+    /// Frames per second (Hz).
+    pub frame_rate: f64,
+    /// Time of frame 0, milliseconds since 1970 (UTC).
+    pub start_unix_ms: u64,
+    /// Free text.
+    pub comment: String,
+}
 
 /// Everything before the first normal frame.
 pub(super) fn header(

@@ -1,0 +1,32 @@
+//! Arguments of `bodyflight discover`.
+
+use std::path::PathBuf;
+
+use crate::cli::simulate::Reading;
+
+/// Find where simulation and measurement disagree, name the effect that is missing, and show how the gap shrinks.
+#[derive(clap::Args)]
+#[command(
+    after_help = "Verdicts: named, none (model and data agree to the noise), unexplained (a disagreement like nothing in \
+                  the library), thin (too short to tell). docs/discovery.md says how often each is right.\n\n\
+                  Example: bodyflight hide wind --out lab && bodyflight discover lab/flight-0/flight.toml \
+                  --hold-out lab/flight-1/flight.toml --out found"
+)]
+pub(in crate::cli) struct Args {
+    /// A flight.toml, an MVNX file alone, or a FlySight's CSV file, of which density, wind and drag area are judged.
+    pub(super) flight: PathBuf,
+    /// Other flights, which effects are not fitted to but have to help in.
+    #[arg(long, value_name = "FLIGHT", num_args = 1..)]
+    pub(super) hold_out: Vec<PathBuf>,
+    /// Most effects that are named.
+    #[arg(long, default_value_t = 3)]
+    pub(super) max_effects: usize,
+    /// Seed of the flights that are drawn for comparison.
+    #[arg(long, default_value_t = 1)]
+    pub(super) seed: u64,
+    /// Folder for report.json, report.svg and model.toml; made where absent.
+    #[arg(long)]
+    pub(super) out: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) reading: Reading,
+}
