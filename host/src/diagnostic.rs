@@ -3,8 +3,10 @@
 //! Each reader builds a [`Problem`] at the place that knows most; it is handed up unchanged and printed
 //! once, by `main`.
 
+use std::error::Error;
 use std::fmt;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// The result of everything that can disappoint a user.
 pub type Result<T> = core::result::Result<T, Problem>;
@@ -14,18 +16,22 @@ pub type Result<T> = core::result::Result<T, Problem>;
 pub enum Kind {
     /// A file or value given by the user is not usable.
     BadInput,
-    /// The operating system refused: missing file, no permission, full disk.
+    /// The system refused: missing file, no permission, full disk, a port in use, a unit that does not answer.
     System,
     /// The run finished and its answer is no: a mismatch, a lost packet.
     Disagreement,
     /// Ctrl-C.
     Interrupted,
+    /// A fault of this program.
+    Internal,
 }
 
 impl Kind {
-    /// Exit code of the process: 2 bad input, 3 system, 4 disagreement, 130 Ctrl-C (1 is left to crashes).
+    /// Exit code of the process: 1 a fault of this program, 2 bad input, 3 refused by the system, 4 disagreement,
+    /// 130 Ctrl-C.
     pub const fn exit_code(self) -> u8 {
         match self {
+            Self::Internal => 1,
             Self::BadInput => 2,
             Self::System => 3,
             Self::Disagreement => 4,
@@ -34,8 +40,9 @@ impl Kind {
     }
 }
 
-/// A problem with its place and the next step.
-#[derive(Debug, Clone, PartialEq, Eq)]
+/// A problem with its place, its cause and the next step.
+#[derive(Debug, Clone, thiserror::Error)]
+#[error("{}{message}", self.location())]
 pub struct Problem {
     /// What kind of failure this is.
     pub kind: Kind,
@@ -49,27 +56,39 @@ pub struct Problem {
     pub place: Option<String>,
     /// What the user can do next.
     pub help: Option<String>,
+    /// What brought it about, where another error did.
+    #[source]
+    pub cause: Option<Arc<dyn Error + Send + Sync>>,
 }
 
 impl Problem {
-    /// Bad input with its message.
-    pub fn bad_input(message: impl Into<String>) -> Self {
+    fn new(kind: Kind, message: impl Into<String>) -> Self {
         Self {
-            kind: Kind::BadInput,
+            kind,
             message: message.into(),
             file: None,
             line: None,
             place: None,
             help: None,
+            cause: None,
         }
     }
 
+    /// Bad input with its message.
+    pub fn bad_input(message: impl Into<String>) -> Self {
+        Self::new(Kind::BadInput, message)
+    }
+
+    /// A refusal by the system, or by what is connected to it.
+    pub fn refused(message: impl Into<String>) -> Self {
+        Self::new(Kind::System, message)
+    }
+
     /// A refusal by the operating system while doing `action` ("read", "create", ...) on `file`.
-    pub fn system(action: &str, file: &Path, error: &std::io::Error) -> Self {
-        Self {
-            kind: Kind::System,
-            ..Self::bad_input(format!("cannot {action} this file: {error}")).in_file(file)
-        }
+    pub fn system(action: &str, file: &Path, error: std::io::Error) -> Self {
+        Self::refused(format!("cannot {action} this file"))
+            .in_file(file)
+            .caused_by(error)
     }
 
     /// A file that is no TOML, or not the expected one, with the line of the error.
@@ -86,17 +105,28 @@ impl Problem {
 
     /// A negative answer.
     pub fn disagreement(message: impl Into<String>) -> Self {
-        Self {
-            kind: Kind::Disagreement,
-            ..Self::bad_input(message)
-        }
+        Self::new(Kind::Disagreement, message)
     }
 
     /// Ctrl-C was pressed.
     pub fn interrupted() -> Self {
+        Self::new(
+            Kind::Interrupted,
+            "interrupted; unfinished files were removed",
+        )
+    }
+
+    /// A fault of this program, not of what it was given.
+    pub fn internal(message: impl Into<String>) -> Self {
+        Self::new(Kind::Internal, message)
+    }
+
+    /// Keeps the error that brought it about.
+    #[must_use]
+    pub fn caused_by(self, cause: impl Error + Send + Sync + 'static) -> Self {
         Self {
-            kind: Kind::Interrupted,
-            ..Self::bad_input("interrupted; unfinished files were removed")
+            cause: Some(Arc::new(cause)),
+            ..self
         }
     }
 
@@ -129,23 +159,34 @@ impl Problem {
     }
 }
 
-impl fmt::Display for Problem {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+impl Problem {
+    /// File, line and place, as the message begins.
+    fn location(&self) -> String {
+        let mut text = String::new();
         if let Some(file) = &self.file {
-            write!(f, "{}", file.display())?;
+            text += &file.display().to_string();
             if let Some(line) = self.line {
-                write!(f, ":{line}")?;
+                text += &format!(":{line}");
             }
-            write!(f, ": ")?;
+            text += ": ";
         }
         if let Some(place) = &self.place {
-            write!(f, "{place}: ")?;
+            text += &format!("{place}: ");
         }
-        write!(f, "{}", self.message)
+        text
+    }
+
+    /// The problem and what brought it about, on one line.
+    pub fn with_causes(&self) -> String {
+        let mut text = self.to_string();
+        let mut cause = self.source();
+        while let Some(error) = cause {
+            text += &format!(": {error}");
+            cause = error.source();
+        }
+        text
     }
 }
-
-impl std::error::Error for Problem {}
 
 impl miette::Diagnostic for Problem {
     fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
@@ -173,5 +214,20 @@ mod tests {
             problem.in_file(Path::new("other")).file,
             Some("flight.mvnx".into())
         );
+    }
+
+    #[test]
+    fn a_refusal_keeps_its_cause() {
+        let cause = std::io::Error::from(std::io::ErrorKind::NotFound);
+        let problem = Problem::system("read", Path::new("flight.mvnx"), cause);
+        assert_eq!(problem.kind, Kind::System);
+        let source = problem.source().unwrap();
+        assert_eq!(source.to_string(), "entity not found");
+        assert_eq!(
+            problem.with_causes(),
+            "flight.mvnx: cannot read this file: entity not found"
+        );
+        let shown = format!("{:?}", miette::Report::new(problem));
+        assert!(shown.contains("entity not found"), "{shown}");
     }
 }

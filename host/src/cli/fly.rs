@@ -73,7 +73,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
             format!("Saved: {}", path.display())
         }
         Err(problem) => {
-            let text = format!("Not saved: {}", problem.message);
+            let text = format!("Not saved: {}", problem.with_causes());
             terminal::print_problem(problem);
             text
         }

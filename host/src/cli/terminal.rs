@@ -21,7 +21,7 @@ pub(super) fn print(text: &str) {
 /// Where the value cannot be written as JSON.
 pub(super) fn print_json(value: &impl Serialize) -> Result<()> {
     let text = serde_json::to_string_pretty(value)
-        .map_err(|error| Problem::bad_input(format!("cannot write JSON: {error}")))?;
+        .map_err(|error| Problem::internal("cannot write JSON").caused_by(error))?;
     print(&text);
     Ok(())
 }
@@ -38,7 +38,7 @@ pub(super) fn line(text: &str) -> bool {
 /// Where the value cannot be written as JSON.
 pub(super) fn json_line(value: &impl Serialize) -> Result<bool> {
     let text = serde_json::to_string(value)
-        .map_err(|error| Problem::bad_input(format!("cannot write JSON: {error}")))?;
+        .map_err(|error| Problem::internal("cannot write JSON").caused_by(error))?;
     Ok(line(&text))
 }
 

@@ -137,9 +137,12 @@ pub(super) fn name_of(path: &Path) -> String {
 
 fn report(path: &Path) -> Result<Value> {
     let text =
-        std::fs::read_to_string(path).map_err(|error| Problem::system("read", path, &error))?;
-    let report: Value = serde_json::from_str(&text)
-        .map_err(|error| Problem::bad_input(format!("expected JSON: {error}")).in_file(path))?;
+        std::fs::read_to_string(path).map_err(|error| Problem::system("read", path, error))?;
+    let report: Value = serde_json::from_str(&text).map_err(|error| {
+        Problem::bad_input("expected JSON")
+            .in_file(path)
+            .caused_by(error)
+    })?;
     if report.get("verdict").is_none() {
         return Err(Problem::bad_input("expected a field \"verdict\"")
             .in_file(path)

@@ -89,7 +89,7 @@ impl Flight {
             return Ok(Self::bare(path));
         }
         let text =
-            std::fs::read_to_string(path).map_err(|error| Problem::system("read", path, &error))?;
+            std::fs::read_to_string(path).map_err(|error| Problem::system("read", path, error))?;
         Self::parse(&text, path)
     }
 

@@ -107,10 +107,10 @@ impl InputHistory {
         let mut reader = csv::ReaderBuilder::new()
             .trim(csv::Trim::All)
             .from_path(path)
-            .map_err(|error| csv_problem(&error, path))?;
+            .map_err(|error| csv_problem(error, path))?;
         let mut rows: Vec<Row> = Vec::new();
         for row in reader.deserialize() {
-            let row: Row = row.map_err(|error| csv_problem(&error, path))?;
+            let row: Row = row.map_err(|error| csv_problem(error, path))?;
             let problem = |message: String| {
                 Problem::bad_input(message)
                     .in_file(path)
@@ -164,14 +164,12 @@ impl InputHistory {
 }
 
 /// A CSV error with its line.
-fn csv_problem(error: &csv::Error, path: &Path) -> Problem {
-    if let csv::ErrorKind::Io(io) = error.kind() {
-        return Problem::system("read", path, io);
-    }
+fn csv_problem(error: csv::Error, path: &Path) -> Problem {
     let problem = Problem::bad_input(error.to_string()).in_file(path);
-    match error.position() {
-        Some(position) => problem.at_line(position.line()),
-        None => problem,
+    match (error.position(), error.is_io_error()) {
+        (Some(position), false) => problem.at_line(position.line()),
+        (None, false) => problem,
+        (_, true) => Problem::system("read", path, error.into()),
     }
 }
 

@@ -55,7 +55,7 @@ impl Effects {
     /// Where the file is missing, or an effect, a parameter or a value is not usable.
     pub fn read(path: &Path) -> Result<Self> {
         let text =
-            std::fs::read_to_string(path).map_err(|error| Problem::system("read", path, &error))?;
+            std::fs::read_to_string(path).map_err(|error| Problem::system("read", path, error))?;
         Self::parse(&text, path)
     }
 

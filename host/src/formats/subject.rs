@@ -196,7 +196,7 @@ impl Subject {
     /// Where a file is missing or a value is not usable: file, line, field, what was expected.
     pub fn read(path: &Path) -> Result<Self> {
         let text =
-            std::fs::read_to_string(path).map_err(|error| Problem::system("read", path, &error))?;
+            std::fs::read_to_string(path).map_err(|error| Problem::system("read", path, error))?;
         Self::parse(&text, path)
     }
 
@@ -283,7 +283,7 @@ impl Subject {
         let mut file = self.file.clone();
         file.segments = self.table.as_ref().map(|_| PathBuf::from(SEGMENTS_FILE));
         toml::to_string(&file)
-            .map_err(|error| Problem::bad_input(format!("cannot write the subject: {error}")))
+            .map_err(|error| Problem::internal("cannot write the subject").caused_by(error))
     }
 
     /// The text of the segment table, where the subject has one.

@@ -23,14 +23,14 @@ impl AtomicFile {
     pub fn create(path: &Path) -> Result<Self> {
         if path.is_dir() {
             let is_folder = io::ErrorKind::IsADirectory.into();
-            return Err(Problem::system("create", path, &is_folder));
+            return Err(Problem::system("create", path, is_folder));
         }
         let folder = match path.parent() {
             Some(folder) if !folder.as_os_str().is_empty() => folder,
             _ => Path::new("."),
         };
         let file = NamedTempFile::new_in(folder)
-            .map_err(|error| Problem::system("create", path, &error))?;
+            .map_err(|error| Problem::system("create", path, error))?;
         Ok(Self {
             file: BufWriter::new(file),
             path: path.to_path_buf(),
@@ -42,7 +42,7 @@ impl AtomicFile {
     /// # Errors
     /// Where the disk refuses; then no file is left.
     pub fn finish(self) -> Result<()> {
-        let refused = |error: io::Error| Problem::system("write", &self.path, &error);
+        let refused = |error: io::Error| Problem::system("write", &self.path, error);
         let file = self
             .file
             .into_inner()
@@ -110,15 +110,13 @@ impl CsvFile {
     pub fn finish(self) -> Result<()> {
         match self.writer.into_inner() {
             Ok(file) => file.finish(),
-            Err(error) => Err(Problem::system("write", &self.path, error.error())),
+            Err(error) => Err(Problem::system("write", &self.path, error.into_error())),
         }
     }
 
     fn check(&self, written: csv::Result<()>) -> Result<()> {
-        written.map_err(|error| match error.kind() {
-            csv::ErrorKind::Io(io) => Problem::system("write", &self.path, io),
-            _ => Problem::bad_input(error.to_string()).in_file(&self.path),
-        })
+        // Rows are as long as the head, so nothing but the disk refuses one.
+        written.map_err(|error| Problem::system("write", &self.path, error.into()))
     }
 }
 
@@ -129,7 +127,7 @@ impl CsvFile {
 pub fn write_file(path: &Path, content: &[u8]) -> Result<()> {
     let mut file = AtomicFile::create(path)?;
     file.write_all(content)
-        .map_err(|error| Problem::system("write", path, &error))?;
+        .map_err(|error| Problem::system("write", path, error))?;
     file.finish()
 }
 

@@ -134,7 +134,7 @@ fn laid_out_svg(
     {
         let root = SVGBackend::with_string(&mut svg, (WIDTH, HEAD_HEIGHT + height));
         draw(&root.into_drawing_area(), title, panels, layout)
-            .map_err(|error| Problem::bad_input(format!("cannot draw the plot: {error}")))?;
+            .map_err(|error| Problem::internal(format!("cannot draw the plot: {error}")))?;
     }
     Ok(svg)
 }

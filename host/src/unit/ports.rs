@@ -8,7 +8,7 @@ use std::time::Duration;
 use serde::Serialize;
 use serialport::{ErrorKind, SerialPort, SerialPortInfo, SerialPortType};
 
-use crate::diagnostic::{Kind, Problem, Result};
+use crate::diagnostic::{Problem, Result};
 
 /// Longest wait of a read from an open port.
 pub const READ_TIMEOUT: Duration = Duration::from_millis(100);
@@ -66,10 +66,8 @@ pub fn list() -> Result<Vec<Port>> {
     if !Path::new(TERMINALS).is_dir() {
         return Ok(Vec::new());
     }
-    let found = serialport::available_ports().map_err(|error| Problem {
-        kind: Kind::System,
-        ..Problem::bad_input(format!("cannot list the serial ports: {error}"))
-    })?;
+    let found = serialport::available_ports()
+        .map_err(|error| Problem::refused("cannot list the serial ports").caused_by(error))?;
     let mut ports: Vec<Port> = found.into_iter().map(Port::from).collect();
     ports.sort_by(|a, b| a.name.cmp(&b.name));
     Ok(ports)
@@ -83,10 +81,10 @@ pub fn open(name: &str, baud: u32) -> Result<Box<dyn SerialPort>> {
     serialport::new(name, baud)
         .timeout(READ_TIMEOUT)
         .open()
-        .map_err(|error| refused(name, baud, &error))
+        .map_err(|error| refused(name, baud, error))
 }
 
-fn refused(name: &str, baud: u32, error: &serialport::Error) -> Problem {
+fn refused(name: &str, baud: u32, error: serialport::Error) -> Problem {
     let help = match error.kind() {
         ErrorKind::NoDevice | ErrorKind::Io(io::ErrorKind::NotFound) => {
             let mut help = "bodyflight ports lists the serial ports".to_owned();
@@ -108,17 +106,16 @@ fn refused(name: &str, baud: u32, error: &serialport::Error) -> Problem {
         ErrorKind::InvalidInput => format!("the port may not know {baud} baud: try another --baud"),
         _ => "it may be in use by another program".into(),
     };
-    Problem {
-        kind: Kind::System,
-        ..Problem::bad_input(format!("cannot open the serial port: {error}"))
-    }
-    .in_file(Path::new(name))
-    .help(help)
+    Problem::refused("cannot open the serial port")
+        .in_file(Path::new(name))
+        .help(help)
+        .caused_by(error)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::diagnostic::Kind;
     use serialport::UsbPortInfo;
 
     #[test]

@@ -11,7 +11,7 @@ use embassy_sync::pipe::Pipe;
 use embedded_io_async::{ErrorType, Read, Write};
 use serialport::{SerialPort, TTYPort};
 
-use crate::diagnostic::{Kind, Problem, Result};
+use crate::diagnostic::{Problem, Result};
 
 /// A unit that runs in threads of this process, until the process ends.
 #[derive(Debug)]
@@ -28,14 +28,14 @@ impl VirtualUnit {
     /// Where the system has no pseudo-terminal to give.
     pub fn start() -> Result<Self> {
         let (ours, port) =
-            TTYPort::pair().map_err(|error| refused("open a pseudo-terminal", &error))?;
+            TTYPort::pair().map_err(|error| refused("open a pseudo-terminal").caused_by(error))?;
         let path = port
             .name()
             .map(PathBuf::from)
-            .ok_or_else(|| refused("name a pseudo-terminal", &"it has no name"))?;
+            .ok_or_else(|| refused("use a pseudo-terminal: it has no name"))?;
         let writer = ours
             .try_clone_native()
-            .map_err(|error| refused("share a pseudo-terminal", &error))?;
+            .map_err(|error| refused("share a pseudo-terminal").caused_by(error))?;
         // Threads end with the process; a unit has no end of its own.
         let received: &'static Received = Box::leak(Box::new(Pipe::new()));
         std::thread::spawn(move || receive(ours, received));
@@ -52,11 +52,8 @@ impl VirtualUnit {
     }
 }
 
-fn refused(action: &str, error: &dyn std::fmt::Display) -> Problem {
-    Problem {
-        kind: Kind::System,
-        ..Problem::bad_input(format!("cannot {action}: {error}"))
-    }
+fn refused(action: &str) -> Problem {
+    Problem::refused(format!("cannot {action}"))
 }
 
 fn identity() -> Identity {

@@ -66,7 +66,7 @@ pub fn write(
             snapshots::svg(title, &shapes(&flight.subject), &series, settings.snapshots),
         ),
     ];
-    std::fs::create_dir_all(folder).map_err(|error| Problem::system("create", folder, &error))?;
+    std::fs::create_dir_all(folder).map_err(|error| Problem::system("create", folder, error))?;
     let written = figures.into_iter().map(|(name, svg)| {
         let path = folder.join(name);
         write_file(&path, svg.as_bytes())?;

@@ -19,7 +19,7 @@ use crate::output::files::write_file;
 /// # Errors
 /// Where the folder cannot be written to.
 pub fn write(frames: &[Frame], subject: &Subject, folder: &Path) -> Result<PathBuf> {
-    std::fs::create_dir_all(folder).map_err(|error| Problem::system("create", folder, &error))?;
+    std::fs::create_dir_all(folder).map_err(|error| Problem::system("create", folder, error))?;
     let description = Description {
         subject_label: "Laboratory".to_owned(),
         frame_rate: FRAME_RATE,

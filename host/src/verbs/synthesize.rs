@@ -73,7 +73,7 @@ pub fn synthesize(
     progress: impl FnMut(f64),
 ) -> Result<Report> {
     std::fs::create_dir_all(folder)
-        .map_err(|error| crate::diagnostic::Problem::system("create", folder, &error))?;
+        .map_err(|error| crate::diagnostic::Problem::system("create", folder, error))?;
     let mut flight = Flight::bare(&folder.join("flight.mvnx"));
     flight.subject = request.subject.clone();
     flight.density = DensityChoice::Constant(request.density);

@@ -16,9 +16,9 @@ pub(super) fn write_all(
     figure: &str,
     model: &str,
 ) -> Result<()> {
-    std::fs::create_dir_all(folder).map_err(|error| Problem::system("create", folder, &error))?;
+    std::fs::create_dir_all(folder).map_err(|error| Problem::system("create", folder, error))?;
     let text = serde_json::to_string_pretty(report)
-        .map_err(|error| Problem::bad_input(format!("cannot write JSON: {error}")))?;
+        .map_err(|error| Problem::internal("cannot write JSON").caused_by(error))?;
     write_file(&folder.join("report.json"), text.as_bytes())?;
     write_file(&folder.join("report.svg"), figure.as_bytes())?;
     write_file(&folder.join("model.toml"), model.as_bytes())

@@ -43,7 +43,7 @@ pub(super) struct Row<'a> {
 
 impl Tables {
     pub(super) fn read(path: &Path) -> Result<Self> {
-        let bytes = std::fs::read(path).map_err(|error| Problem::system("read", path, &error))?;
+        let bytes = std::fs::read(path).map_err(|error| Problem::system("read", path, error))?;
         Ok(Self::parse(&bytes))
     }
 

@@ -86,7 +86,7 @@ impl Sink {
     pub fn connect(address: &str, body: &Body<f64>, subject_label: &str) -> Result<Self> {
         let socket = UdpSocket::bind("0.0.0.0:0")
             .and_then(|socket| socket.connect(address).map(|()| socket))
-            .map_err(|error| network(&format!("cannot send to {address}: {error}"), &error))?;
+            .map_err(|error| network(&format!("cannot send to {address}"), error))?;
         Ok(Self {
             socket,
             layout: Layout::new(body),
@@ -240,7 +240,7 @@ impl Sink {
                 self.sent.refused_datagrams += 1;
                 Ok(())
             }
-            Err(error) => Err(network(&format!("cannot send: {error}"), &error)),
+            Err(error) => Err(network("cannot send", error)),
         }
     }
 }

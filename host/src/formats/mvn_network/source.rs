@@ -46,7 +46,7 @@ impl Source {
         };
         let socket = UdpSocket::bind(&full)
             .and_then(|socket| socket.set_read_timeout(Some(SILENCE)).map(|()| socket))
-            .map_err(|error| network(&format!("cannot listen at {address}: {error}"), &error))?;
+            .map_err(|error| network(&format!("cannot listen at {address}"), error))?;
         Ok(Self {
             socket,
             receiver: Receiver::new(options),
@@ -61,7 +61,7 @@ impl Source {
     pub fn local_address(&self) -> Result<SocketAddr> {
         self.socket
             .local_addr()
-            .map_err(|error| network(&format!("cannot tell the address: {error}"), &error))
+            .map_err(|error| network("cannot tell the address", error))
     }
 
     /// What was received.
@@ -94,7 +94,7 @@ impl Source {
                     ErrorKind::WouldBlock | ErrorKind::TimedOut => self.receiver.flush(),
                     // Windows tells a receiver that its own answers were refused.
                     ErrorKind::Interrupted | ErrorKind::ConnectionReset => {}
-                    _ => return Err(network(&format!("cannot receive: {error}"), &error)),
+                    _ => return Err(network("cannot receive", error)),
                 },
             }
             if begin.elapsed() >= patience {
@@ -117,12 +117,10 @@ impl Iterator for Source {
 }
 
 /// A problem of the network, with the usual next step.
-pub(super) fn network(message: &str, error: &std::io::Error) -> Problem {
-    let problem = Problem {
-        kind: crate::diagnostic::Kind::System,
-        ..Problem::bad_input(message)
-    };
-    match error.kind() {
+pub(super) fn network(message: &str, error: std::io::Error) -> Problem {
+    let kind = error.kind();
+    let problem = Problem::refused(message).caused_by(error);
+    match kind {
         ErrorKind::AddrInUse => problem.help("another program listens there: end it or take another port"),
         ErrorKind::InvalidInput => problem.help(format!(
             "expected HOST:PORT, for example 192.168.1.20:{DEFAULT_PORT}, or :PORT to listen on all networks"

@@ -78,7 +78,7 @@ impl Reader<BufReader<File>> {
     /// # Errors
     /// Where the file cannot be read or is no recording of version 3 or 4.
     pub fn open(path: &Path, options: ReadOptions) -> Result<Self> {
-        let file = File::open(path).map_err(|error| Problem::system("open", path, &error))?;
+        let file = File::open(path).map_err(|error| Problem::system("open", path, error))?;
         Self::new(BufReader::with_capacity(1 << 16, file), path, options)
     }
 }
@@ -93,7 +93,7 @@ impl<R: BufRead> Reader<R> {
             .extension()
             .is_some_and(|extension| extension.eq_ignore_ascii_case("mvn"));
         let input = source::sniff(input, is_container)
-            .map_err(|error| Problem::system("read", path, &error))?
+            .map_err(|error| Problem::system("read", path, error))?
             .map_err(|problem| problem.in_file(path))?;
         let mut scanner = Scanner::new(input);
         let header = Header::read(&mut scanner).map_err(|problem| problem.in_file(path))?;

@@ -135,16 +135,18 @@ impl<R: BufRead> Scanner<R> {
             Err(Error::Io(error)) => {
                 return Err(Problem {
                     kind: crate::diagnostic::Kind::System,
-                    ..problem(format!("cannot read on: {error}"))
+                    ..problem("cannot read on".into()).caused_by(error)
                 });
             }
             Err(Error::Encoding(error)) => {
-                return Err(problem(format!("not valid UTF-8: {error}"))
-                    .help("save the file as UTF-8; MVN does so itself"));
+                return Err(problem("not valid UTF-8".into())
+                    .help("save the file as UTF-8; MVN does so itself")
+                    .caused_by(error));
             }
             Err(error) => {
-                return Err(problem(format!("not well-formed XML: {error}"))
-                    .help("export the recording again"));
+                return Err(problem("not well-formed XML".into())
+                    .help("export the recording again")
+                    .caused_by(error));
             }
         };
         Ok(match event {

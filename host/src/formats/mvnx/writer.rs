@@ -64,7 +64,7 @@ impl<W: Write> Writer<W> {
         }
         let layout = Layout::new(body);
         document::header(&mut output, &description, &layout)
-            .map_err(|error| Problem::system("write", path, &error))?;
+            .map_err(|error| Problem::system("write", path, error))?;
         Ok(Self {
             output,
             description,
@@ -128,12 +128,12 @@ impl<W: Write> Writer<W> {
         }
         document::tail(&mut self.output)
             .and_then(|()| self.output.flush())
-            .map_err(|error| Problem::system("write", &self.path, &error))?;
+            .map_err(|error| Problem::system("write", &self.path, error))?;
         Ok(self.output)
     }
 
     fn put(&mut self, moving: &MovingFrame) -> Result<()> {
         document::frame(&mut self.output, &self.description, moving)
-            .map_err(|error| Problem::system("write", &self.path, &error))
+            .map_err(|error| Problem::system("write", &self.path, error))
     }
 }

@@ -39,7 +39,7 @@ struct Row {
 impl SegmentTable {
     pub(super) fn read(path: &Path) -> Result<Self> {
         let text =
-            std::fs::read_to_string(path).map_err(|error| Problem::system("read", path, &error))?;
+            std::fs::read_to_string(path).map_err(|error| Problem::system("read", path, error))?;
         Self::parse(text, path)
     }
 

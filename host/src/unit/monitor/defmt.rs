@@ -63,7 +63,7 @@ impl Defmt {
     /// # Errors
     /// Where the file cannot be read, is no ELF file, has no defmt strings, or another version of defmt.
     pub fn open(path: &Path) -> Result<Self> {
-        let elf = std::fs::read(path).map_err(|error| Problem::system("read", path, &error))?;
+        let elf = std::fs::read(path).map_err(|error| Problem::system("read", path, error))?;
         Self::new(&elf).map_err(|problem| problem.in_file(path))
     }
 

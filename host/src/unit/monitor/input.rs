@@ -45,10 +45,10 @@ impl Input {
         }
         if path.is_dir() {
             let is_folder = ErrorKind::IsADirectory.into();
-            return Err(Problem::system("read", path, &is_folder));
+            return Err(Problem::system("read", path, is_folder));
         }
         if is_file(path) {
-            let file = File::open(path).map_err(|error| Problem::system("read", path, &error))?;
+            let file = File::open(path).map_err(|error| Problem::system("read", path, error))?;
             return Ok(Self::new(file, path));
         }
         Ok(Self::new(ports::open(name, baud)?, path))
@@ -72,7 +72,7 @@ impl Input {
         match self.pieces.recv_timeout(patience) {
             Ok(Ok(bytes)) if bytes.is_empty() => Ok(Chunk::Silence),
             Ok(Ok(bytes)) => Ok(Chunk::Bytes(bytes)),
-            Ok(Err(error)) => Err(Problem::system("read", &self.name, &error)),
+            Ok(Err(error)) => Err(Problem::system("read", &self.name, error)),
             Err(RecvTimeoutError::Timeout) => Ok(Chunk::Silence),
             Err(RecvTimeoutError::Disconnected) => Ok(Chunk::End),
         }

@@ -7,7 +7,7 @@ use std::time::Duration;
 use serialport::{SerialPort, TTYPort};
 
 use super::qemu::Qemu;
-use crate::diagnostic::{Kind, Problem, Result};
+use crate::diagnostic::{Problem, Result};
 use crate::unit::virtual_unit::VirtualUnit;
 
 /// Rate of a serial line unless another is asked for (baud): 240 samples a second take 70 % of it.
@@ -67,7 +67,7 @@ impl Connection {
             }
             Target::Qemu(image) => {
                 let (qemu, line) = Qemu::start(image)?;
-                let system = |error| Problem::system("open", image, &error);
+                let system = |error| Problem::system("open", image, error);
                 line.set_read_timeout(Some(READ_TIMEOUT)).map_err(system)?;
                 Ok(Self {
                     reader: Box::new(line.try_clone().map_err(system)?),
@@ -80,12 +80,10 @@ impl Connection {
 
     fn port(path: &Path, baud: u32, machine: Machine) -> Result<Self> {
         let refused = |error: serialport::Error| {
-            Problem {
-                kind: Kind::System,
-                ..Problem::bad_input(format!("cannot open the port: {error}"))
-            }
-            .in_file(path)
-            .help("list what is there: bodyflight ports; on Linux the user must be in the group dialout")
+            Problem::refused("cannot open the port")
+                .in_file(path)
+                .help("list what is there: bodyflight ports; on Linux the user must be in the group dialout")
+                .caused_by(error)
         };
         let mut port =
             TTYPort::open(&serialport::new(path.to_string_lossy(), baud)).map_err(refused)?;

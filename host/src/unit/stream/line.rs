@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use bodyflight_core::link::{Decoder, Event, Header, MAX_FRAME_LENGTH, Message};
 
 use super::connection::{Connection, Machine};
-use crate::diagnostic::{Kind, Problem, Result};
+use crate::diagnostic::{Problem, Result};
 
 /// What the reading thread saw.
 enum Seen {
@@ -117,11 +117,8 @@ pub fn encode(header: &Header, message: &Message) -> Vec<u8> {
 }
 
 fn closed(why: &str) -> Problem {
-    Problem {
-        kind: Kind::System,
-        ..Problem::bad_input(format!("the line to the unit was closed: {why}"))
-    }
-    .help("was the unit unplugged, or did its machine end?")
+    Problem::refused(format!("the line to the unit was closed: {why}"))
+        .help("was the unit unplugged, or did its machine end?")
 }
 
 fn read(mut reader: Box<dyn Read + Send>, sender: &Sender<Seen>, stop: &AtomicBool) {

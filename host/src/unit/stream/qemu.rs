@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use tempfile::TempDir;
 
-use crate::diagnostic::{Kind, Problem, Result};
+use crate::diagnostic::{Problem, Result};
 
 const PROGRAM: &str = "qemu-system-arm";
 
@@ -42,7 +42,7 @@ impl Qemu {
                 .in_file(image)
                 .help("build it: cargo xtask unit"));
         }
-        let folder = tempfile::tempdir().map_err(|error| Problem::system("make", image, &error))?;
+        let folder = tempfile::tempdir().map_err(|error| Problem::system("make", image, error))?;
         let socket = folder.path().join("line");
         let mut child = Command::new(PROGRAM)
             .args(["-M", "lm3s6965evb", "-cpu", "cortex-m4"])
@@ -57,11 +57,9 @@ impl Qemu {
             .stderr(Stdio::null())
             .spawn()
             .map_err(|error| {
-                Problem {
-                    kind: Kind::System,
-                    ..Problem::bad_input(format!("cannot start {PROGRAM}: {error}"))
-                }
-                .help("install it: apt-get install qemu-system-arm")
+                Problem::refused(format!("cannot start {PROGRAM}"))
+                    .help("install it: apt-get install qemu-system-arm")
+                    .caused_by(error)
             })?;
         let logs = Arc::new(Mutex::new(Vec::new()));
         let collector = child.stdout.take().map(|mut output| {
@@ -94,10 +92,9 @@ impl Qemu {
             if ended.is_some() || begin.elapsed() > START_TIMEOUT {
                 let state =
                     ended.map_or_else(|| "it does not answer".to_owned(), |s| s.to_string());
-                return Err(Problem {
-                    kind: Kind::System,
-                    ..Problem::bad_input(format!("{PROGRAM} did not open the line: {state}"))
-                });
+                return Err(Problem::refused(format!(
+                    "{PROGRAM} did not open the line: {state}"
+                )));
             }
             std::thread::sleep(Duration::from_millis(10));
         }

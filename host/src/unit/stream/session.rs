@@ -10,7 +10,7 @@ use bodyflight_core::link::{
 
 use super::line::{ANSWER_TIMEOUT, Line, encode};
 use super::twin::Twin;
-use crate::diagnostic::{Kind, Problem, Result};
+use crate::diagnostic::{Problem, Result};
 
 /// How often a question is asked before the unit is taken for silent.
 const ATTEMPTS: u32 = 15;
@@ -89,11 +89,8 @@ impl Session {
                 }
             }
         }
-        Err(Problem {
-            kind: Kind::System,
-            ..Problem::bad_input(format!("the unit does not answer {what}"))
-        }
-        .help("is it the right port and rate, and does the unit run?"))
+        Err(Problem::refused(format!("the unit does not answer {what}"))
+            .help("is it the right port and rate, and does the unit run?"))
     }
 
     /// Takes in what the unit says by itself.

@@ -21,7 +21,7 @@ pub(super) fn svg(title: &str, series: &Series) -> Result<String> {
         series,
         SVGBackend::with_string(&mut svg, (SIZE, SIZE)),
     )
-    .map_err(|error| Problem::bad_input(format!("cannot draw the figure: {error}")))?;
+    .map_err(|error| Problem::internal(format!("cannot draw the figure: {error}")))?;
     Ok(svg)
 }
 

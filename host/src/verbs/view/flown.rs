@@ -99,7 +99,7 @@ pub fn write(
     density: f64,
     folder: &Path,
 ) -> Result<PathBuf> {
-    std::fs::create_dir_all(folder).map_err(|error| Problem::system("create", folder, &error))?;
+    std::fs::create_dir_all(folder).map_err(|error| Problem::system("create", folder, error))?;
     let description = Description {
         subject_label: "Page".to_owned(),
         frame_rate: RATE,

@@ -79,7 +79,7 @@ impl LiveView {
             self.server.send(&Message::binary(bytes));
         }
         let text = serde_json::to_string(live)
-            .map_err(|error| Problem::bad_input(format!("cannot write JSON: {error}")))?;
+            .map_err(|error| Problem::internal("cannot write JSON").caused_by(error))?;
         self.server.send(&Message::text(text));
         Ok(())
     }

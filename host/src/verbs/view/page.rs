@@ -53,7 +53,7 @@ impl Input {
     /// # Errors
     /// Where it cannot be read.
     pub fn of(path: &Path) -> Result<Self> {
-        let refused = |error| Problem::system("read", path, &error);
+        let refused = |error| Problem::system("read", path, error);
         let mut hasher = Sha256::new();
         let mut file = BufReader::new(std::fs::File::open(path).map_err(refused)?);
         loop {
@@ -216,7 +216,7 @@ fn filled(page: &str, data: &PageData) -> Result<String> {
         );
     };
     let json = serde_json::to_string(data)
-        .map_err(|error| Problem::bad_input(format!("cannot write JSON: {error}")))?;
+        .map_err(|error| Problem::internal("cannot write JSON").caused_by(error))?;
     // Names come from users: nothing in them may end the script.
     let json = json.replace('<', "\\u003c");
     let mark = MARK.replace("null", &json);

@@ -52,16 +52,14 @@ impl Server {
     /// # Errors
     /// Where no port is free, or the system has no randomness.
     pub fn start(page: String, answer: Box<Answer>) -> Result<Self> {
-        let refused = |what: &str, error: &dyn std::fmt::Display| {
-            Problem::bad_input(format!("cannot {what} for the page: {error}"))
-        };
+        let refused = |what: &str| Problem::refused(format!("cannot {what} for the page"));
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))
-            .map_err(|error| refused("open a port", &error))?;
+            .map_err(|error| refused("open a port").caused_by(error))?;
         let address = listener
             .local_addr()
-            .map_err(|error| refused("open a port", &error))?;
+            .map_err(|error| refused("open a port").caused_by(error))?;
         let mut random = [0; 16];
-        getrandom::fill(&mut random).map_err(|error| refused("draw a token", &error))?;
+        getrandom::fill(&mut random).map_err(|error| refused("draw a token").caused_by(error))?;
         let token: String = random.iter().map(|byte| format!("{byte:02x}")).collect();
         let listeners = Arc::default();
         let shared = Arc::new(Shared {
