@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use bodyflight::diagnostic::Result;
 use bodyflight::interrupt;
-use bodyflight::unit::monitor::{Chunk, Defmt, Input, PacketReading, Xbus};
+use bodyflight::unit::monitor::{Chunk, Defmt, Input, PacketReading, Xbus, XbusTotals};
 use serde_json::json;
 
 use super::terminal;
@@ -146,6 +146,12 @@ fn xbus(args: &Args, json: bool) -> Result<()> {
         terminal::json_line(&json!({ "totals": totals }))?;
         return ended;
     }
+    print_totals(&totals);
+    ended
+}
+
+/// What came in all.
+fn print_totals(totals: &XbusTotals) {
     let mut table = terminal::table(&["item", "count", "rate (Hz)", "last"]);
     for item in &totals.items {
         let rate = item.rate_hz.map(|rate| format!("{rate:.2}"));
@@ -171,7 +177,6 @@ fn xbus(args: &Args, json: bool) -> Result<()> {
         totals.skipped_bytes,
         totals.bytes
     ));
-    ended
 }
 
 fn text(packet: &PacketReading) -> String {

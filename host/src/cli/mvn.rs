@@ -156,7 +156,11 @@ fn listen(args: &Listen, json: bool) -> Result<()> {
             };
         }
     }
-    let receiver = source.receiver();
+    print_totals(frames, source.receiver(), json)
+}
+
+/// What was received in all.
+fn print_totals(frames: u64, receiver: &Receiver, json: bool) -> Result<()> {
     if json {
         terminal::json_line(&json!({ "totals": {
             "frames": frames,

@@ -116,31 +116,10 @@ impl Flight {
                 .in_file(path)
                 .at(format!("field {field}"))
         };
-        let density = match (file.air.density, file.air.altitude_m) {
-            (Some(_), Some(_)) => {
-                return Err(at("air", "density and altitude_m are both given".into())
-                    .help("keep one: density for constant air, altitude_m for the standard atmosphere"));
-            }
-            (Some(density), None) if density.is_finite() && (0.0..=2.0).contains(&density) => {
-                DensityChoice::Constant(density)
-            }
-            (Some(density), None) => {
-                return Err(at(
-                    "air.density",
-                    format!("expected 0 to 2 kg/m3, found {density}"),
-                ));
-            }
-            (None, Some(altitude)) if (-500.0..=11_000.0).contains(&altitude) => {
-                DensityChoice::FirstFrameAltitude(altitude)
-            }
-            (None, Some(altitude)) => {
-                return Err(at(
-                    "air.altitude_m",
-                    format!("expected -500 to 11000 m above sea level, found {altitude}"),
-                ));
-            }
-            (None, None) => DensityChoice::Constant(DEFAULT_DENSITY),
-        };
+        let density = file
+            .air
+            .density()
+            .map_err(|problem| problem.in_file(path))?;
         if !file.air.velocity.iter().all(|v| v.abs() <= 150.0) {
             return Err(at(
                 "air.velocity",
@@ -207,6 +186,35 @@ impl Flight {
             stream: Stream::uniform(),
             muscles: self.muscles,
             gravity: bodyflight_core::air::GRAVITY,
+        }
+    }
+}
+
+impl AirTable {
+    /// The density that is given, one way or the other.
+    fn density(&self) -> Result<DensityChoice> {
+        let at =
+            |field: &str, message: String| Problem::bad_input(message).at(format!("field {field}"));
+        match (self.density, self.altitude_m) {
+            (Some(_), Some(_)) => Err(at("air", "density and altitude_m are both given".into())
+                .help(
+                    "keep one: density for constant air, altitude_m for the standard atmosphere",
+                )),
+            (Some(density), None) if density.is_finite() && (0.0..=2.0).contains(&density) => {
+                Ok(DensityChoice::Constant(density))
+            }
+            (Some(density), None) => Err(at(
+                "air.density",
+                format!("expected 0 to 2 kg/m3, found {density}"),
+            )),
+            (None, Some(altitude)) if (-500.0..=11_000.0).contains(&altitude) => {
+                Ok(DensityChoice::FirstFrameAltitude(altitude))
+            }
+            (None, Some(altitude)) => Err(at(
+                "air.altitude_m",
+                format!("expected -500 to 11000 m above sea level, found {altitude}"),
+            )),
+            (None, None) => Ok(DensityChoice::Constant(DEFAULT_DENSITY)),
         }
     }
 }

@@ -167,19 +167,7 @@ impl Message {
                 (Kind::Metadata, 1)
             }
             Self::Scale(scale) => {
-                length(out, scale.segments.len());
-                for (label, origin) in &scale.segments {
-                    text(out, label);
-                    vector(out, origin);
-                }
-                length(out, scale.points.len());
-                for point in &scale.points {
-                    out.extend_from_slice(&point.segment.to_be_bytes());
-                    out.extend_from_slice(&point.point.to_be_bytes());
-                    text(out, &point.label);
-                    word(out, point.flags);
-                    vector(out, &point.position);
-                }
+                scale.encode(out);
                 (Kind::Scale, 0)
             }
             Self::JointAngles(joints) => {
@@ -216,6 +204,24 @@ impl Message {
                 text(out, time);
                 (Kind::TimeCode, 1)
             }
+        }
+    }
+}
+
+impl Scale {
+    fn encode(&self, out: &mut Vec<u8>) {
+        length(out, self.segments.len());
+        for (label, origin) in &self.segments {
+            text(out, label);
+            vector(out, origin);
+        }
+        length(out, self.points.len());
+        for point in &self.points {
+            out.extend_from_slice(&point.segment.to_be_bytes());
+            out.extend_from_slice(&point.point.to_be_bytes());
+            text(out, &point.label);
+            word(out, point.flags);
+            vector(out, &point.position);
         }
     }
 }

@@ -111,14 +111,7 @@ impl Header {
             let line = element.line;
             match (depth, element.name()) {
                 (1, "mvn") => {
-                    element.attributes(|name, value| {
-                        match name {
-                            "version" => header.mvn_version = Some(value.to_owned()),
-                            "build" => header.mvn_build = Some(value.to_owned()),
-                            _ => {}
-                        }
-                        Ok(())
-                    })?;
+                    header.read_program(&element)?;
                     pass(scanner)?;
                 }
                 (1, "subject") if !in_subject => {
@@ -138,20 +131,8 @@ impl Header {
                     header.foot_contacts = labels(scanner, "contactDefinition")?;
                 }
                 (2, "frames") if in_subject => {
-                    let mut counts = [None, None, None];
-                    element.attributes(|name, value| {
-                        match name {
-                            "segmentCount" => counts[0] = Some(count(value)?),
-                            "sensorCount" => counts[1] = Some(count(value)?),
-                            "jointCount" => counts[2] = Some(count(value)?),
-                            _ => {}
-                        }
-                        Ok(())
-                    })?;
-                    let listed = header.joints.len();
-                    header.joint_count = counts[2].or((listed > 0).then_some(listed));
-                    header.sensor_count = counts[1].or(header.sensor_count);
-                    header.check(line, frame_rate, [segment_count, counts[0]])?;
+                    let counted = header.read_counts(&element)?;
+                    header.check(line, frame_rate, [segment_count, counted])?;
                     return Ok(header);
                 }
                 _ => pass(scanner)?,
@@ -159,6 +140,35 @@ impl Header {
         }
         let problem = scanner.problem("the file has no <frames>: it holds no recording");
         Err(problem.help("export the recording again, with its frames"))
+    }
+
+    fn read_program(&mut self, element: &Element<'_>) -> Result<()> {
+        element.attributes(|name, value| {
+            match name {
+                "version" => self.mvn_version = Some(value.to_owned()),
+                "build" => self.mvn_build = Some(value.to_owned()),
+                _ => {}
+            }
+            Ok(())
+        })
+    }
+
+    /// What the frames are said to hold; the number of segments is given back.
+    fn read_counts(&mut self, element: &Element<'_>) -> Result<Option<usize>> {
+        let [mut segments, mut sensors, mut joints] = [None; 3];
+        element.attributes(|name, value| {
+            match name {
+                "segmentCount" => segments = Some(count(value)?),
+                "sensorCount" => sensors = Some(count(value)?),
+                "jointCount" => joints = Some(count(value)?),
+                _ => {}
+            }
+            Ok(())
+        })?;
+        let listed = self.joints.len();
+        self.joint_count = joints.or((listed > 0).then_some(listed));
+        self.sensor_count = sensors.or(self.sensor_count);
+        Ok(segments)
     }
 
     fn read_subject(

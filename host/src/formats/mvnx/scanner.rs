@@ -3,11 +3,11 @@
 use std::borrow::Cow;
 use std::io::BufRead;
 
-use quick_xml::events::{BytesStart, Event};
+use quick_xml::events::{BytesDecl, BytesStart, Event};
 use quick_xml::{Error, XmlVersion};
 
 use super::source::LimitedInput;
-use crate::diagnostic::{Problem, Result};
+use crate::diagnostic::{Kind, Problem, Result};
 
 /// Deepest nesting; a recording has 7.
 const DEPTH_LIMIT: usize = 32;
@@ -122,32 +122,7 @@ impl<R: BufRead> Scanner<R> {
         };
         let event = match self.parser.read_event_into(&mut self.buffer) {
             Ok(event) => event,
-            // These all mean that the input ended within a construct.
-            Err(Error::Syntax(_) | Error::IllFormed(_) | Error::Encoding(_))
-                if self.parser.get_ref().at_end() && !self.parser.get_ref().is_over() =>
-            {
-                return Ok(Token::EndOfFile);
-            }
-            Err(Error::Io(_)) if self.parser.get_ref().is_over() => {
-                return Err(problem("a single element or text above 1 MiB".into())
-                    .help("this is no recording, or it is damaged here"));
-            }
-            Err(Error::Io(error)) => {
-                return Err(Problem {
-                    kind: crate::diagnostic::Kind::System,
-                    ..problem("cannot read on".into()).caused_by(error)
-                });
-            }
-            Err(Error::Encoding(error)) => {
-                return Err(problem("not valid UTF-8".into())
-                    .help("save the file as UTF-8; MVN does so itself")
-                    .caused_by(error));
-            }
-            Err(error) => {
-                return Err(problem("not well-formed XML".into())
-                    .help("export the recording again")
-                    .caused_by(error));
-            }
+            Err(error) => return refusal(error, self.parser.get_ref(), problem),
         };
         Ok(match event {
             Event::Start(tag) | Event::Empty(tag) => {
@@ -166,14 +141,7 @@ impl<R: BufRead> Scanner<R> {
             Event::Text(text) => Token::Text(text.into_inner()),
             Event::CData(text) => Token::Text(text.into_inner()),
             Event::GeneralRef(reference) => {
-                let name = reference.into_inner();
-                let predefined = ["amp", "lt", "gt", "apos", "quot"].contains(&&*name);
-                if !(predefined || name.starts_with('#')) {
-                    return Err(problem(format!(
-                        "entity reference `&{};`: a recording has none",
-                        shortened(&name)
-                    )));
-                }
+                check_reference(&reference.into_inner(), problem)?;
                 Token::Reference
             }
             Event::DocType(_) => {
@@ -181,15 +149,7 @@ impl<R: BufRead> Scanner<R> {
                     .help("remove it; entities are never expanded"));
             }
             Event::Decl(declaration) => {
-                if let Some(Ok(encoding)) = declaration.encoding()
-                    && !["utf-8", "utf8", "us-ascii"].contains(&&*encoding.to_ascii_lowercase())
-                {
-                    return Err(problem(format!(
-                        "declared encoding `{}`, expected UTF-8",
-                        shortened(&encoding)
-                    ))
-                    .help("save the file as UTF-8; MVN does so itself"));
-                }
+                check_encoding(&declaration, problem)?;
                 Token::Ignored
             }
             Event::Comment(_) | Event::PI(_) => Token::Ignored,
@@ -242,6 +202,62 @@ impl<R: BufRead> Scanner<R> {
     pub(super) fn cut(&self) -> Problem {
         self.problem("the file ends here, before the header is complete")
             .help("copy or export the recording again")
+    }
+}
+
+/// What an error of the parser means: the end of the file, or that it cannot be read on.
+fn refusal<'t, R: BufRead>(
+    error: Error,
+    input: &LimitedInput<R>,
+    problem: impl Fn(String) -> Problem,
+) -> Result<Token<'t>> {
+    Err(match error {
+        // These all mean that the input ended within a construct.
+        Error::Syntax(_) | Error::IllFormed(_) | Error::Encoding(_)
+            if input.at_end() && !input.is_over() =>
+        {
+            return Ok(Token::EndOfFile);
+        }
+        Error::Io(_) if input.is_over() => problem("a single element or text above 1 MiB".into())
+            .help("this is no recording, or it is damaged here"),
+        Error::Io(error) => Problem {
+            kind: Kind::System,
+            ..problem("cannot read on".into()).caused_by(error)
+        },
+        Error::Encoding(error) => problem("not valid UTF-8".into())
+            .help("save the file as UTF-8; MVN does so itself")
+            .caused_by(error),
+        error => problem("not well-formed XML".into())
+            .help("export the recording again")
+            .caused_by(error),
+    })
+}
+
+/// Refuses a reference to anything but a character.
+fn check_reference(name: &str, problem: impl Fn(String) -> Problem) -> Result<()> {
+    let predefined = ["amp", "lt", "gt", "apos", "quot"].contains(&name);
+    if predefined || name.starts_with('#') {
+        return Ok(());
+    }
+    Err(problem(format!(
+        "entity reference `&{};`: a recording has none",
+        shortened(name)
+    )))
+}
+
+/// Refuses a declared encoding that is not UTF-8.
+fn check_encoding(declaration: &BytesDecl<'_>, problem: impl Fn(String) -> Problem) -> Result<()> {
+    match declaration.encoding() {
+        Some(Ok(encoding))
+            if !["utf-8", "utf8", "us-ascii"].contains(&&*encoding.to_ascii_lowercase()) =>
+        {
+            Err(problem(format!(
+                "declared encoding `{}`, expected UTF-8",
+                shortened(&encoding)
+            ))
+            .help("save the file as UTF-8; MVN does so itself"))
+        }
+        _ => Ok(()),
     }
 }
 

@@ -3,6 +3,24 @@
 use bodyflight_core::xbus::{CoordinateSystem, GnssPvt, Item, Reals, UtcTime};
 use serde_json::{Value, json};
 
+/// Names of what is given in axes: east, north, up; north, east, down; north, west, up.
+const QUATERNION: [&str; 3] = [
+    "quaternion_wxyz_enu",
+    "quaternion_wxyz_ned",
+    "quaternion_wxyz_nwu",
+];
+const ROTATION_MATRIX: [&str; 3] = [
+    "rotation_matrix_enu",
+    "rotation_matrix_ned",
+    "rotation_matrix_nwu",
+];
+const EULER_ANGLES: [&str; 3] = [
+    "roll_pitch_yaw_deg_enu",
+    "roll_pitch_yaw_deg_ned",
+    "roll_pitch_yaw_deg_nwu",
+];
+const VELOCITY: [&str; 3] = ["velocity_mps_enu", "velocity_mps_ned", "velocity_mps_nwu"];
+
 /// Name of an item, unit included, and its value. Items that the protocol's table does not know have the
 /// name `unknown` and their bytes.
 pub fn reading(item: &Item<'_>) -> (&'static str, Value) {
@@ -12,39 +30,9 @@ pub fn reading(item: &Item<'_>) -> (&'static str, Value) {
         Item::PacketCounter(count) => ("packet_counter", json!(count)),
         Item::SampleTimeFine(ticks) => ("sample_time_fine_0p1ms", json!(ticks)),
         Item::SampleTimeCoarse(seconds) => ("sample_time_coarse_s", json!(seconds)),
-        Item::Quaternion(axes, r) => (
-            in_axes(
-                *axes,
-                [
-                    "quaternion_wxyz_enu",
-                    "quaternion_wxyz_ned",
-                    "quaternion_wxyz_nwu",
-                ],
-            ),
-            many(r),
-        ),
-        Item::RotationMatrix(axes, r) => (
-            in_axes(
-                *axes,
-                [
-                    "rotation_matrix_enu",
-                    "rotation_matrix_ned",
-                    "rotation_matrix_nwu",
-                ],
-            ),
-            many(r),
-        ),
-        Item::EulerAngles(axes, r) => (
-            in_axes(
-                *axes,
-                [
-                    "roll_pitch_yaw_deg_enu",
-                    "roll_pitch_yaw_deg_ned",
-                    "roll_pitch_yaw_deg_nwu",
-                ],
-            ),
-            many(r),
-        ),
+        Item::Quaternion(axes, r) => (in_axes(*axes, QUATERNION), many(r)),
+        Item::RotationMatrix(axes, r) => (in_axes(*axes, ROTATION_MATRIX), many(r)),
+        Item::EulerAngles(axes, r) => (in_axes(*axes, EULER_ANGLES), many(r)),
         Item::BaroPressure(pascals) => ("pressure_pa", json!(pascals)),
         Item::DeltaV(r) => ("delta_v_mps", many(r)),
         Item::Acceleration(r) => ("acceleration_mps2", many(r)),
@@ -58,13 +46,7 @@ pub fn reading(item: &Item<'_>) -> (&'static str, Value) {
         Item::DeltaQ(r) => ("delta_q_wxyz", many(r)),
         Item::RateOfTurnHr(r) => ("rate_of_turn_hr_radps", many(r)),
         Item::MagneticField(r) => ("magnetic_field", many(r)),
-        Item::VelocityXyz(axes, r) => (
-            in_axes(
-                *axes,
-                ["velocity_mps_enu", "velocity_mps_ned", "velocity_mps_nwu"],
-            ),
-            many(r),
-        ),
+        Item::VelocityXyz(axes, r) => (in_axes(*axes, VELOCITY), many(r)),
         Item::StatusByte(status) => ("status_byte", json!(status.0)),
         Item::StatusWord(status) => ("status_word", json!(status.0)),
         Item::Unknown(raw) => (

@@ -71,6 +71,25 @@ pub(super) fn header(
         escaped(&description.subject_label)
     )?;
     writeln!(out, "\t\t<comment></comment>\n\t\t<segments>")?;
+    segments(out, layout)?;
+    writeln!(out, "\t\t</segments>\n\t\t<sensors>")?;
+    for sensor in SENSORS {
+        writeln!(out, "\t\t\t<sensor label=\"{}\"/>", sensor.label())?;
+    }
+    writeln!(out, "\t\t</sensors>\n\t\t<joints>")?;
+    joints(out)?;
+    let joints = MVN_SEGMENT_COUNT - 1;
+    writeln!(
+        out,
+        "\t\t</joints>\n\t\t<frames segmentCount=\"{MVN_SEGMENT_COUNT}\" sensorCount=\"{}\" \
+         jointCount=\"{joints}\">",
+        SENSORS.len()
+    )?;
+    calibration(out, layout)
+}
+
+/// The segments with their points.
+fn segments(out: &mut impl Write, layout: &Layout) -> io::Result<()> {
     for (id, segment) in (1..).zip(MvnSegment::ALL) {
         let label = segment.label();
         writeln!(out, "\t\t\t<segment label=\"{label}\" id=\"{id}\">")?;
@@ -83,11 +102,11 @@ pub(super) fn header(
         }
         writeln!(out, "\t\t\t\t</points>\n\t\t\t</segment>")?;
     }
-    writeln!(out, "\t\t</segments>\n\t\t<sensors>")?;
-    for sensor in SENSORS {
-        writeln!(out, "\t\t\t<sensor label=\"{}\"/>", sensor.label())?;
-    }
-    writeln!(out, "\t\t</sensors>\n\t\t<joints>")?;
+    Ok(())
+}
+
+/// The joints with what they connect.
+fn joints(out: &mut impl Write) -> io::Result<()> {
     for segment in MvnSegment::ALL {
         let (Some(parent), joint) = (segment.parent(), segment.joint()) else {
             continue;
@@ -102,14 +121,7 @@ pub(super) fn header(
         }
         writeln!(out, "\t\t\t</joint>")?;
     }
-    let joints = MVN_SEGMENT_COUNT - 1;
-    writeln!(
-        out,
-        "\t\t</joints>\n\t\t<frames segmentCount=\"{MVN_SEGMENT_COUNT}\" sensorCount=\"{}\" \
-         jointCount=\"{joints}\">",
-        SENSORS.len()
-    )?;
-    calibration(out, layout)
+    Ok(())
 }
 
 /// The three calibration frames: standing in the T-pose, facing along X.
