@@ -70,11 +70,12 @@ fn transcripts_of_the_documentation_are_true() {
 /// Lines of a help that begin with a command of this program.
 fn examples(help: &str) -> Vec<Vec<&str>> {
     let (_, rest) = help.split_once("Example").unwrap_or_default();
-    let lines = rest
-        .lines()
-        .filter_map(|line| line.split_once("bodyflight "));
-    lines
-        .map(|(_, command)| command.split_whitespace().collect())
+    rest.lines()
+        .filter_map(|line| {
+            line.trim_start_matches([':', ' '])
+                .strip_prefix("bodyflight ")
+        })
+        .map(|command| command.split_whitespace().collect())
         .collect()
 }
 
@@ -86,10 +87,11 @@ fn the_examples_of_the_help_work() {
     assert!(made.status.success(), "{made:?}");
     let help = text_of(&bodyflight(place, &["--help"]));
     let (_, verbs) = help.split_once("Commands:").expect("verbs");
-    let verbs = verbs.lines().skip(1).map_while(|line| {
-        let verb = line.strip_prefix("  ")?.split_whitespace().next()?;
-        (!line.starts_with("   ")).then_some(verb)
-    });
+    // Further lines of a description stand further in.
+    let verbs = (verbs.lines().skip(1))
+        .take_while(|line| !line.is_empty())
+        .filter_map(|line| line.strip_prefix("  "))
+        .filter_map(|line| line.split(' ').next().filter(|verb| !verb.is_empty()));
     let mut run = 0;
     for verb in verbs {
         let help = text_of(&bodyflight(place, &[verb, "--help"]));

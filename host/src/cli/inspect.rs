@@ -23,6 +23,6 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     if json {
         return terminal::print_json(&report);
     }
-    terminal::print(&report.to_string());
+    terminal::print(report.to_string().trim_end());
     Ok(())
 }
