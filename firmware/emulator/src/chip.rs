@@ -84,12 +84,23 @@ pub struct Look {
     pub reset_flags: u32,
     /// Priorities of the interrupts that are enabled, by their number.
     pub priorities: std::collections::BTreeMap<String, u8>,
+    /// The independent watchdog.
+    pub watchdog: Watchdog,
     /// Where the stack pointer is.
     pub stack_pointer: u32,
     /// A fault within the handler of faults.
     pub locked_up: bool,
     /// Program counter.
     pub pc: u32,
+}
+
+/// The independent watchdog.
+#[derive(Debug, Clone, Copy, Deserialize)]
+pub struct Watchdog {
+    /// Whether it runs.
+    pub started: bool,
+    /// How often it was fed since the reset.
+    pub fed: u32,
 }
 
 /// What a stretch of the program cost, by the model of `stm32f405/cycles.py`.

@@ -7,6 +7,6 @@ mod chip;
 mod host;
 mod result;
 
-pub use chip::{Chip, Cost, Event, Look, Options, Provoked};
+pub use chip::{Chip, Cost, Event, Look, Options, Provoked, Watchdog};
 pub use host::{Flight, Host, Limits, RATE};
 pub use result::Result;

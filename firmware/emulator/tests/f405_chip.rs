@@ -1,7 +1,7 @@
 //! How the image sets up its chip, what its line costs and forgives, and what the unit tells of itself.
 
 use bodyflight_core::link::StreamMode;
-use bodyflight_emulator::{Flight, Host, Options, RATE};
+use bodyflight_emulator::{Chip, Flight, Host, Options, RATE};
 
 /// Mean cycles of an instruction by which the emulator's clock goes, the default of `stm32f405/__main__.py`.
 const CYCLES: f64 = 2.3;
@@ -121,6 +121,21 @@ fn without_its_crystal_the_unit_flies_from_the_chips_own_oscillator() {
     let mut host = flying(&options, 120);
     assert_eq!(host.stop().unwrap().missing, 0);
     assert!(host.agreement().holds());
+}
+
+#[test]
+#[ignore = "needs the image: cargo xtask f405"]
+fn the_watchdog_runs_before_the_clocks() {
+    let options = Options {
+        crystal: false,
+        ..Options::new()
+    };
+    let mut chip = Chip::start(&options).unwrap();
+    // While it still waits for the crystal.
+    chip.run(20_000).unwrap();
+    let look = chip.look().unwrap();
+    assert_eq!(look.frequency, 16_000_000);
+    assert!(look.watchdog.started, "{look:?}");
 }
 
 #[test]
