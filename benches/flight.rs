@@ -38,7 +38,7 @@ fn fly<T: Real, P: Propagation<T>, const N: usize>(c: &mut Criterion, name: &str
             };
             let mut estimator = Box::new(estimator);
             for (posture, measured) in postures.iter().zip(&measured).skip(1) {
-                black_box(estimator.push(&dynamics, posture, measured));
+                black_box(estimator.push(posture, measured));
             }
         });
     });

@@ -178,9 +178,7 @@ fn estimated_inputs_reconstruct_what_constant_ones_cannot() {
     let flight = synth("transitions", folder.path(), &["--seed", "1"]);
     let path = |name: &str| folder.path().join(name).to_str().expect("plain").to_owned();
     let (csv, svg) = (path("est.csv"), path("est.svg"));
-    let common = [
-        "estimate", &flight, "--preset", "layouts", "--out", &csv, "--plot", &svg,
-    ];
+    let common = ["estimate", &flight, "--out", &csv, "--plot", &svg];
     let report = json(&common);
     for field in [
         "rms",
@@ -208,6 +206,88 @@ fn estimated_inputs_reconstruct_what_constant_ones_cannot() {
     std::fs::write(&flight, text.replace("inputs.csv", "est.csv")).expect("written");
     let again = json(&["simulate", &flight]);
     assert_eq!(again["frames"], 7200);
+}
+
+#[test]
+fn an_estimate_that_is_worse_than_constant_coefficients_says_so() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let flight = synth("neutral-fall", folder.path(), &["--noise", "0"]);
+    let output = bodyflight(&["estimate", &flight, "--preset", "turning"]);
+    assert_eq!(output.status.code(), Some(5), "{output:?}");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(
+        said.contains("worse than") && said.contains("--preset auto"),
+        "{said}"
+    );
+    // What does better: nothing is put in, and nothing is found.
+    let csv = folder.path().join("found.csv");
+    let csv = csv.to_str().expect("plain");
+    let report = json(&["estimate", &flight, "--out", csv]);
+    let vertical = report["rms"]["vertical_velocity_mps"]
+        .as_f64()
+        .expect("a number");
+    assert!(vertical < 0.01, "{vertical}");
+    for line in std::fs::read_to_string(csv)
+        .expect("the table")
+        .lines()
+        .skip(1)
+    {
+        let inputs = line.split(',').skip(1).take(3);
+        for input in inputs.map(|field| field.parse::<f64>().expect("a number")) {
+            assert!(input.abs() < 0.01, "{line}");
+        }
+    }
+}
+
+#[test]
+fn a_smoothed_estimate_flies_the_flight_again() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let flight = synth(
+        "tracking",
+        folder.path(),
+        &["--seed", "3", "--joint-error-deg", "2"],
+    );
+    let csv = folder.path().join("found.csv");
+    let common = ["estimate", &flight, "--out", csv.to_str().expect("plain")];
+    let (forward, whole) = (
+        json(&common),
+        json(&[&common[..], &["--method", "smooth"]].concat()),
+    );
+    for report in [&forward, &whole] {
+        assert!(report["doubt"].is_null(), "{report}");
+        let nis = report["nis_mean"].as_f64().expect("a number");
+        assert!((0.75..1.5).contains(&nis), "{nis}");
+    }
+    let text = std::fs::read_to_string(&flight).expect("the flight");
+    let again = text.replace("inputs.csv", "found.csv");
+    let again = again.lines().filter(|line| !line.starts_with("muscles"));
+    std::fs::write(&flight, again.collect::<Vec<&str>>().join("\n")).expect("written");
+    let again = json(&["simulate", &flight]);
+    for (channel, most) in [
+        ("roll_rad", 0.15),
+        ("pitch_rad", 0.15),
+        ("vertical_velocity_mps", 1.5),
+    ] {
+        let gap = again["rms"][channel].as_f64().expect("a number");
+        assert!(gap < most, "{channel}: {gap}");
+    }
+}
+
+#[test]
+fn presets_are_listed_and_read_from_files() {
+    let listed = json(&["estimate", "--presets"]);
+    assert_eq!(listed[0]["name"], "auto");
+    assert_eq!(listed[1]["name"], "tracking");
+    let folder = tempfile::tempdir().expect("a folder");
+    let flight = synth("layouts", folder.path(), &[]);
+    let preset = folder.path().join("preset.toml");
+    std::fs::write(&preset, "joint_error_deg = 0.5\n").expect("written");
+    let preset = preset.to_str().expect("plain");
+    let report = json(&["estimate", &flight, "--preset", preset]);
+    assert_eq!(report["joint_error_deg"], 0.5);
+    std::fs::write(preset, "joint_eror_deg = 0.5\n").expect("written");
+    let output = bodyflight(&["estimate", &flight, "--preset", preset]);
+    assert_eq!(output.status.code(), Some(2));
 }
 
 #[test]

@@ -8,6 +8,7 @@ use bodyflight_core::air::Air;
 use bodyflight_core::body::mass_properties::{MassMotion, MassProperties};
 use bodyflight_core::body::posture::{joint_rotation, pose};
 use bodyflight_core::dynamics::equations_of_motion::{MassAcceleration, Wrench, exact};
+use bodyflight_core::dynamics::residual::ResidualLoad;
 use bodyflight_core::dynamics::step::TIME_STEP;
 use bodyflight_core::dynamics::{Dynamics, Inputs, Motion, State};
 use bodyflight_core::frame::{Rotation, Vector};
@@ -283,6 +284,7 @@ fn free_run<T: Real>(table: &Value, file: &Value) -> [f64; 3] {
     let inputs = Inputs {
         muscle: AxisCoefficients::zero(),
         damping: axis_coefficients(&file["damp"]),
+        residual: ResidualLoad::none(),
     };
     let base = posture_of_angles(&file["base"]);
     let posture = |time: f64| -> Posture<T> {

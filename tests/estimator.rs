@@ -100,7 +100,7 @@ fn estimate<T: Real, P: Propagation<T>, const N: usize>(
     let measured = record.measured(seed);
     for (posture, measured) in record.postures.iter().zip(&measured).skip(1) {
         let posture: Posture<T> = posture.cast();
-        if let Some(estimate) = estimator.push(&dynamics, &posture, &measured.cast()) {
+        if let Some(estimate) = estimator.push(&posture, &measured.cast()) {
             visit(&estimate);
             let flown = &record.motions[estimate.solved_sample as usize];
             misfit.add(&estimate.reconstructed.cast(), &Measurement::of(flown));

@@ -1,7 +1,7 @@
 //! The unscented algebra alone: against a Kalman filter, its consistency, and what no input may do to it.
 
 use bodyflight_core::Real;
-use bodyflight_core::estimator::unscented::{Moments, Root, Settings, Unsafe, Unscented};
+use bodyflight_core::estimator::unscented::{Moments, Root, Settings, SettingsError, Unscented};
 use bodyflight_tests::estimator_flights::Noise;
 use nalgebra::{SMatrix, SVector};
 
@@ -272,17 +272,23 @@ fn the_bounds_hold_and_points_do_not_collapse() {
 fn unsafe_settings_are_refused_by_name() {
     let good = settings::<f32>(Root::Symmetric);
     type Change = fn(&mut Settings<f32, 6>);
-    let cases: [(Change, Unsafe); 10] = [
-        (|s| s.central_weight = -1e6, Unsafe::CentralWeight),
-        (|s| s.central_weight = f32::NAN, Unsafe::CentralWeight),
-        (|s| s.variance[2] = 0.0, Unsafe::Variance),
-        (|s| s.variance[2] = f32::INFINITY, Unsafe::Variance),
-        (|s| s.variance[0] = 1e-12, Unsafe::VarianceSpread),
-        (|s| s.process_noise[1] = -1.0, Unsafe::ProcessNoise),
-        (|s| s.process_noise[1] = f32::NAN, Unsafe::ProcessNoise),
-        (|s| s.low[4] = 2e6, Unsafe::Bounds),
-        (|s| s.state[5] = 2e6, Unsafe::State),
-        (|s| s.reflection = 1.5, Unsafe::Reflection),
+    let cases: [(Change, SettingsError); 10] = [
+        (|s| s.central_weight = -1e6, SettingsError::CentralWeight),
+        (
+            |s| s.central_weight = f32::NAN,
+            SettingsError::CentralWeight,
+        ),
+        (|s| s.variance[2] = 0.0, SettingsError::Variance),
+        (|s| s.variance[2] = f32::INFINITY, SettingsError::Variance),
+        (|s| s.variance[0] = 1e-12, SettingsError::VarianceSpread),
+        (|s| s.process_noise[1] = -1.0, SettingsError::ProcessNoise),
+        (
+            |s| s.process_noise[1] = f32::NAN,
+            SettingsError::ProcessNoise,
+        ),
+        (|s| s.low[4] = 2e6, SettingsError::Bounds),
+        (|s| s.state[5] = 2e6, SettingsError::State),
+        (|s| s.reflection = 1.5, SettingsError::Reflection),
     ];
     assert!(Unscented::new(good).is_ok());
     for (change, reason) in cases {

@@ -5,6 +5,7 @@ use std::borrow::Cow;
 
 use bodyflight_core::body::pattern::{self, DRAW_IN_LEFT, JointAngles, NEUTRAL, PRESS, TRACK};
 use bodyflight_core::dynamics::muscle_input::MuscleModel;
+use bodyflight_core::dynamics::residual::ResidualLoad;
 use bodyflight_core::dynamics::step::TIME_STEP;
 use bodyflight_core::dynamics::{Dynamics, Inputs, Motion, State};
 use bodyflight_core::estimator::measurement::Measurement;
@@ -282,6 +283,7 @@ impl Course {
         Inputs {
             muscle: muscle.map(|value| value.max(0.0)).into(),
             damping: damping.map(|value| value.max(-0.25)).into(),
+            residual: ResidualLoad::none(),
         }
     }
 }

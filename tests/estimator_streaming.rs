@@ -11,7 +11,7 @@ use bodyflight_core::estimator::preset::{PRESETS, Preset};
 use bodyflight_core::estimator::propagation::Propagation;
 use bodyflight_core::estimator::reduced::Reduced;
 use bodyflight_core::estimator::status::{Faults, Health};
-use bodyflight_core::estimator::unscented::Unsafe;
+use bodyflight_core::estimator::unscented::SettingsError;
 use bodyflight_core::estimator::{Estimator, PaperFilter, ReducedFilter};
 use bodyflight_tests::estimator_flights::{FLIPS_AND_ROLLS, Flight, Noise, Record, TURNS};
 use bodyflight_tests::{reference, reference_body};
@@ -52,7 +52,7 @@ fn come_on_time(record: &Record, preset: &Preset, window: usize) {
         .skip(1)
         .take(100)
     {
-        if let Some(estimate) = estimator.push(&dynamics, &posture.cast(), &measured.cast()) {
+        if let Some(estimate) = estimator.push(&posture.cast(), &measured.cast()) {
             assert_eq!(estimate.sample as usize + window, k);
             assert_eq!(estimate.solved_sample, estimate.sample + 4);
             assert!(estimate.faults.none(), "{:?}", estimate.faults);
@@ -63,13 +63,13 @@ fn come_on_time(record: &Record, preset: &Preset, window: usize) {
     // After a restart the window fills anew, coefficients are kept.
     let kept = *estimator.filter().state();
     let (motion, posture) = (record.motions[100].cast(), record.postures[100].cast());
-    estimator.restart(&dynamics, &motion, &posture).unwrap();
+    estimator.restart(&motion, &posture).unwrap();
     assert_eq!(*estimator.filter().state(), kept);
     let mut broken = motion;
     broken.velocity.components.x = f32::NAN;
     assert_eq!(
-        estimator.restart(&dynamics, &broken, &posture),
-        Err(Unsafe::Start)
+        estimator.restart(&broken, &posture),
+        Err(SettingsError::Start)
     );
 }
 
@@ -103,7 +103,7 @@ fn bad_input_raises_a_flag_and_changes_nothing() {
             );
         }
         let before = *estimator.filter();
-        if let Some(estimate) = estimator.push(&dynamics, &posture, &measured) {
+        if let Some(estimate) = estimator.push(&posture, &measured) {
             if dead {
                 assert_eq!(*estimator.filter(), before, "sample {k} changed the filter");
                 assert_eq!(estimate.health, Health::Failing);
@@ -149,8 +149,7 @@ fn absurd_postures_and_measurements_never_stick() {
                 x if x < 0.06 => measured.heading = f32::of(noise.normal(1e30)),
                 _ => (),
             }
-            if let Some(estimate) = estimator.push(&dynamics, &record.postures[k].cast(), &measured)
-            {
+            if let Some(estimate) = estimator.push(&record.postures[k].cast(), &measured) {
                 let finite = estimate
                     .state
                     .iter()
@@ -194,14 +193,14 @@ fn every_preset_builds_and_odd_windows_are_refused() {
         for window in [0, 3, 62] {
             preset.solution_window = window;
             let refused = ReducedFilter::<f32>::new(&preset, &dynamics, &motion, &posture);
-            assert_eq!(refused.err(), Some(Unsafe::SolutionWindow));
+            assert_eq!(refused.err(), Some(SettingsError::SolutionWindow));
         }
         preset.solution_window = 4;
         for (window, verdict) in [
-            (0, Unsafe::PredictionWindow),
-            (21, Unsafe::PredictionWindow),
-            (62, Unsafe::PredictionWindow),
-            (2, Unsafe::SolutionWindow),
+            (0, SettingsError::PredictionWindow),
+            (21, SettingsError::PredictionWindow),
+            (62, SettingsError::PredictionWindow),
+            (2, SettingsError::SolutionWindow),
         ] {
             preset.prediction_window = window;
             let refused = ReducedFilter::<f32>::new(&preset, &dynamics, &motion, &posture);

@@ -3,7 +3,7 @@
 use bodyflight::formats::flight::Flight;
 use bodyflight::formats::recording::FlightFrame;
 use bodyflight::formats::subject::Subject;
-use bodyflight::verbs::synthesize::{Request, fly};
+use bodyflight::verbs::synthesize::{JointError, Request, fly};
 use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::math::wrap_angle;
 use bodyflight_core::observation::Observation;
@@ -21,6 +21,7 @@ fn seen(name: &str) -> Vec<(f64, Observation<f64>)> {
         density: 1.0,
         seed: 0,
         noise: SensorNoise::NONE,
+        joint_error: JointError::default(),
         sway: 0.0,
     };
     let mut seen = Vec::new();

@@ -79,8 +79,8 @@ fn estimates_are_the_desktops_bit_for_bit() {
     let flight = flight(folder.path());
     let report = report(&stream(&[&flight, "--virtual", "--seconds", "2"]));
     assert_eq!(report["sent"], 481);
-    assert_eq!(report["estimates"]["expected"], 106);
-    assert_eq!(report["estimates"]["equal"], 106);
+    assert_eq!(report["estimates"]["expected"], 120);
+    assert_eq!(report["estimates"]["equal"], 120);
     assert_eq!(report["unit"]["used"], 481);
     assert_eq!(report["unit"]["missing"], 0);
     let wall = report["wall_s"].as_f64().expect("a number");

@@ -3,7 +3,7 @@
 //! [`Dynamics`] is everything that stays the same during a flight; a [`PostureSample`] is everything that
 //! depends on the posture alone, made once for each interval between two recorded postures; a [`State`] is
 //! the rest. [`step`] holds the integrator, [`equations_of_motion`] the rates in the exact and in the
-//! published form, [`muscle_input`] the skydiver's conscious inputs, [`trim`] the steady fall, [`point_mass`] a fall
+//! published form, [`muscle_input`] the skydiver's conscious inputs, [`residual`] loads that nothing accounts for, [`trim`] the steady fall, [`point_mass`] a fall
 //! of which the posture is not known.
 
 pub mod equations_of_motion;
@@ -11,6 +11,7 @@ pub mod free_run;
 pub mod interval;
 pub mod muscle_input;
 pub mod point_mass;
+pub mod residual;
 pub mod step;
 pub mod trim;
 
@@ -27,6 +28,7 @@ use crate::body::{Body, SegmentArray};
 use crate::frame::{Body as BodyFrame, Inertial, Rotation, Vector};
 use crate::math::{Real, inverse_symmetric};
 use muscle_input::MuscleModel;
+use residual::ResidualLoad;
 
 /// What stays the same during a flight.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -203,6 +205,8 @@ pub struct Inputs<T: Real> {
     pub muscle: AxisCoefficients<T>,
     /// Damping moment coefficients Cm_damp (dimensionless).
     pub damping: AxisCoefficients<T>,
+    /// Load that the posture does not account for; none in the paper.
+    pub residual: ResidualLoad<T>,
 }
 
 impl<T: Real> Inputs<T> {
@@ -211,6 +215,7 @@ impl<T: Real> Inputs<T> {
         Self {
             muscle: AxisCoefficients::zero(),
             damping: BELLY_TURN_DAMPING.map(T::of),
+            residual: ResidualLoad::none(),
         }
     }
 
@@ -219,6 +224,7 @@ impl<T: Real> Inputs<T> {
         Inputs {
             muscle: self.muscle.cast(),
             damping: self.damping.cast(),
+            residual: self.residual.cast(),
         }
     }
 }

@@ -6,7 +6,7 @@
 //! smaller one seven times ([`reduced`]) and checks what it finds ([`check`]). The algebra is in [`unscented`],
 //! what is measured in [`measurement`], tunings by name in [`preset`], what is published in [`status`].
 //! [`ranges`] declares what every number may be and in which fixed-point format it would fit; [`trace`] is a
-//! flight whose bits are the same on every machine.
+//! flight whose bits are the same on every machine. [`motion`] is the other filter, of the whole motion.
 //!
 //! ```text
 //!      coefficients of k, motion of k                          measurement of k + N_pred
@@ -19,13 +19,16 @@
 pub mod check;
 pub mod factor;
 pub mod full;
+mod limits;
 pub mod measurement;
+pub mod motion;
 pub mod preset;
 pub mod propagation;
 pub mod ranges;
 pub mod reduced;
 pub mod status;
 pub mod trace;
+pub mod unit_preset;
 pub mod unscented;
 
 use heapless::Deque;
@@ -33,18 +36,20 @@ use nalgebra::SVector;
 
 use crate::axis::AxisCoefficients;
 use crate::body::posture::Posture;
-use crate::dynamics::interval::Interval;
+use crate::dynamics::residual::ResidualLoad;
 use crate::dynamics::{Dynamics, Inputs, Motion, PostureSample, State};
 use crate::frame::Vector;
 use crate::math::Real;
 use check::Check;
 use full::Full;
+pub use limits::MOTION_LIMITS;
+use limits::limit;
 use measurement::{CHANNELS, Measurement, MeasurementModel};
 use preset::Preset;
 use propagation::{Propagation, Window};
 use reduced::Reduced;
 use status::{Channel, Estimate, Faults, Health, TEST_RATIO_GATE};
-use unscented::{Innovation, Unsafe, Unscented};
+use unscented::{Innovation, SettingsError, Unscented};
 
 /// Number of coefficients, n.
 pub const STATES: usize = 6;
@@ -69,16 +74,23 @@ pub fn inputs_of<T: Real>(state: &StateVector<T>) -> Inputs<T> {
     Inputs {
         muscle: AxisCoefficients::new(pitch, yaw, roll),
         damping: AxisCoefficients::new(pitch_damping, yaw_damping, roll_damping),
+        residual: ResidualLoad::none(),
     }
+}
+
+/// Muscle input and damping in the order of [`StateVector`].
+pub fn input_coefficients<T: Real>(inputs: &Inputs<T>) -> [T; STATES] {
+    let [[a, b, c], [d, e, f]] = [inputs.muscle, inputs.damping].map(AxisCoefficients::to_array);
+    [a, b, c, d, e, f]
 }
 
 /// A filter fed with one posture and one measurement at a time.
 ///
 /// There is room for a prediction window of `INTERVALS` intervals of [`Propagation::STRIDE`] samples each; the
-/// preset says how long it is. Give [`Estimator::push`] the same [`Dynamics`] every time, with the limbs of the
-/// preset.
+/// preset says how long it is. The model is the estimator's own, with the limbs of the preset.
 #[derive(Debug, Clone)]
 pub struct Estimator<T: Real, P: Propagation<T>, const INTERVALS: usize> {
+    dynamics: Dynamics<T>,
     model: MeasurementModel,
     noise: SVector<T, CHANNELS>,
     /// Duration of an interval (s).
@@ -105,10 +117,6 @@ pub struct Estimator<T: Real, P: Propagation<T>, const INTERVALS: usize> {
     faults: Faults,
 }
 
-/// Largest speed of the reconstructed motion (m/s) and largest angular velocity (rad/s); beyond them it is
-/// limited.
-pub const MOTION_LIMITS: [f32; 2] = [100.0, 35.0];
-
 /// Mean normalised innovation per channel above which predictions and measurements do not belong together.
 const INCONSISTENT: f64 = 100.0;
 
@@ -123,25 +131,30 @@ impl<T: Real, P: Propagation<T>, const INTERVALS: usize> Estimator<T, P, INTERVA
         dynamics: &Dynamics<T>,
         motion: &Motion<T>,
         posture: &Posture<T>,
-    ) -> Result<Self, Unsafe> {
+    ) -> Result<Self, SettingsError> {
         let filter = Unscented::new(preset.settings(P::ROOT)?)?;
         let intervals = |window: usize, room: usize| {
             let fits = window.is_multiple_of(P::STRIDE) && (P::STRIDE..=room).contains(&window);
             fits.then_some(window / P::STRIDE)
         };
         let prediction_intervals = intervals(preset.prediction_window, INTERVALS * P::STRIDE)
-            .ok_or(Unsafe::PredictionWindow)?;
+            .ok_or(SettingsError::PredictionWindow)?;
         let solution_intervals = intervals(preset.solution_window, preset.prediction_window)
-            .ok_or(Unsafe::SolutionWindow)?;
+            .ok_or(SettingsError::SolutionWindow)?;
         let mut duration = T::zero();
         for _ in 0..P::STRIDE {
             duration += preset.time_step::<T>();
         }
         if !(duration > T::zero() && duration <= T::of(0.05)) {
-            return Err(Unsafe::TimeStep);
+            return Err(SettingsError::TimeStep);
         }
-        let skydiver = start(dynamics, motion, posture)?;
+        let dynamics = Dynamics {
+            muscles: preset.muscles,
+            ..*dynamics
+        };
+        let skydiver = start(&dynamics, motion, posture)?;
         Ok(Self {
+            dynamics,
             model: preset.measurement,
             noise: preset.measurement.noise(),
             duration,
@@ -169,11 +182,10 @@ impl<T: Real, P: Propagation<T>, const INTERVALS: usize> Estimator<T, P, INTERVA
     /// A motion or posture that is not finite; the estimator is left as it was.
     pub fn restart(
         &mut self,
-        dynamics: &Dynamics<T>,
         motion: &Motion<T>,
         posture: &Posture<T>,
-    ) -> Result<(), Unsafe> {
-        self.skydiver = start(dynamics, motion, posture)?;
+    ) -> Result<(), SettingsError> {
+        self.skydiver = start(&self.dynamics, motion, posture)?;
         self.front = self.skydiver;
         self.window.clear();
         self.posture = *posture;
@@ -203,30 +215,26 @@ impl<T: Real, P: Propagation<T>, const INTERVALS: usize> Estimator<T, P, INTERVA
     ///
     /// A posture or a measurement that is not finite or absurd changes neither coefficients nor covariance:
     /// the last good posture is held, channels are left out, and [`Estimate::faults`] tells.
-    pub fn push(
-        &mut self,
-        dynamics: &Dynamics<T>,
-        posture: &Posture<T>,
-        measured: &Measurement<T>,
-    ) -> Option<Estimate<T>> {
+    pub fn push(&mut self, posture: &Posture<T>, measured: &Measurement<T>) -> Option<Estimate<T>> {
         self.samples = self.samples.wrapping_add(1);
         self.waiting += 1;
         if self.waiting < P::STRIDE {
             return None;
         }
         self.waiting = 0;
-        self.append(dynamics, posture);
+        self.append(posture);
         if self.window.len() < self.prediction_intervals {
             return None;
         }
-        Some(self.update(dynamics, measured))
+        Some(self.update(measured))
     }
 
     /// Adds the interval from the last posture to this one at the end of the window.
     ///
     /// Apart from the update, so that their stacks are not added.
     #[inline(never)]
-    fn append(&mut self, dynamics: &Dynamics<T>, posture: &Posture<T>) {
+    fn append(&mut self, posture: &Posture<T>) {
+        let dynamics = &self.dynamics;
         let good = posture.is_valid();
         self.faults.posture |= !good;
         let next = if good { posture } else { &self.posture };
@@ -247,7 +255,8 @@ impl<T: Real, P: Propagation<T>, const INTERVALS: usize> Estimator<T, P, INTERVA
 
     /// Prediction, update and solution step, paper "The Modified Unscented Kalman Filter".
     #[inline(never)]
-    fn update(&mut self, dynamics: &Dynamics<T>, measured: &Measurement<T>) -> Estimate<T> {
+    fn update(&mut self, measured: &Measurement<T>) -> Estimate<T> {
+        let dynamics = &self.dynamics;
         let window = Window {
             dynamics,
             intervals: &self.window,
@@ -264,20 +273,16 @@ impl<T: Real, P: Propagation<T>, const INTERVALS: usize> Estimator<T, P, INTERVA
         let innovation = self
             .filter
             .update(&moments, &difference, &self.noise, &usable);
-        let front = if P::CHECKED {
-            let check = Check {
-                model: &self.model,
-                observation: &observation,
-                noise: &self.noise,
-                usable: &usable,
-                before: &before,
-                innovation: &innovation,
-                mean_normalised_innovation: self.mean_normalised_innovation,
-            };
-            check.apply(&mut self.filter, &self.skydiver, &window)
-        } else {
-            front
+        let check = Check {
+            model: &self.model,
+            observation: &observation,
+            noise: &self.noise,
+            usable: &usable,
+            before: &before,
+            innovation: &innovation,
+            mean_normalised_innovation: self.mean_normalised_innovation,
         };
+        let front = P::settle(&check, &mut self.filter, &self.skydiver, &window, front);
 
         let inputs = inputs_of(self.filter.state());
         let mut skydiver = self.skydiver;
@@ -393,31 +398,13 @@ fn start<T: Real>(
     dynamics: &Dynamics<T>,
     motion: &Motion<T>,
     posture: &Posture<T>,
-) -> Result<State<T>, Unsafe> {
+) -> Result<State<T>, SettingsError> {
     let state = State::from_motion(motion, &dynamics.hold(posture));
     if posture.is_valid() && state.is_finite() {
         Ok(state)
     } else {
-        Err(Unsafe::Start)
+        Err(SettingsError::Start)
     }
-}
-
-/// Limits speed and angular velocity to [`MOTION_LIMITS`]; whether that changed anything.
-fn limit<T: Real>(state: &mut State<T>, interval: &impl Interval<T>) -> bool {
-    let mut motion = state.motion(interval);
-    let mut changed = false;
-    let vectors = [&mut motion.velocity, &mut motion.angular_velocity];
-    for (vector, limit) in vectors.into_iter().zip(MOTION_LIMITS) {
-        let ratio = vector.norm() / T::single(limit);
-        if ratio > T::one() {
-            *vector /= ratio;
-            changed = true;
-        }
-    }
-    if changed {
-        *state = State::from_motion(&motion, interval);
-    }
-    changed
 }
 
 /// A number of samples.

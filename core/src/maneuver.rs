@@ -13,6 +13,7 @@ use crate::body::pattern::{self, JointAngles};
 use crate::body::posture::Posture;
 use crate::dynamics::Inputs;
 use crate::dynamics::muscle_input::MuscleModel;
+use crate::dynamics::residual::ResidualLoad;
 use crate::frame::{Body, Inertial, Rotation};
 use crate::math::{Real, clamp};
 
@@ -74,6 +75,7 @@ impl Maneuver {
         Inputs {
             muscle: at_time(self.muscle),
             damping: at_time(self.damping),
+            residual: ResidualLoad::none(),
         }
     }
 

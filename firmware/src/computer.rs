@@ -3,18 +3,19 @@
 //! No input, output or clock: what comes out depends on the samples and their sensor times alone, so the
 //! desktop that runs a [`Computer`] over the same samples finds the same bits as the unit.
 
+mod filter;
+
 use bodyflight_core::aerodynamics::Aerodynamics;
 use bodyflight_core::air::Air;
 use bodyflight_core::dynamics::{Dynamics, Motion};
-use bodyflight_core::estimator::ReducedFilter;
-use bodyflight_core::estimator::measurement::Measurement;
-use bodyflight_core::estimator::preset::{PRESETS, Preset};
-use bodyflight_core::estimator::status::{Estimate, Health};
+use bodyflight_core::estimator::unit_preset::UnitPreset;
 use bodyflight_core::frame::{Inertial, Vector};
 use bodyflight_core::link::{
     self, Configure, EstimateFlags, Sample, SegmentTable, Validity, Verdict,
 };
 use bodyflight_core::{Posture, Real};
+
+use filter::Filter;
 
 /// Most samples from one to the next that the model bridges, with postures in between; after a longer gap the
 /// reconstructed motion starts anew from the sample that ends it.
@@ -32,7 +33,8 @@ const LOWEST_RATE: f32 = 40.0;
 /// What to compute.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Configuration {
-    preset: Preset,
+    preset: UnitPreset,
+    sample_rate: f32,
     dynamics: Dynamics<f32>,
     update_period: u32,
 }
@@ -43,15 +45,13 @@ impl Configuration {
     /// # Errors
     /// The verdict to send back.
     pub fn new(asked: &Configure, table: &SegmentTable) -> Result<Self, Verdict> {
-        let preset = PRESETS
-            .get(usize::from(asked.preset))
-            .ok_or(Verdict::UnknownPreset)?;
+        let preset = UnitPreset::of(usize::from(asked.preset)).ok_or(Verdict::UnknownPreset)?;
         let samples = (asked.sample_rate / asked.update_rate).nearest();
         let exact =
             (samples * asked.update_rate - asked.sample_rate).abs() < 1e-3 * asked.sample_rate;
         let solution_window = whole(samples) as usize;
         let usable = exact
-            && (STRIDE..=preset.prediction_window).contains(&solution_window)
+            && (STRIDE..=preset.longest_solution_window()).contains(&solution_window)
             && solution_window.is_multiple_of(STRIDE)
             && asked.sample_rate >= LOWEST_RATE;
         if !usable {
@@ -59,13 +59,10 @@ impl Configuration {
         }
         let body = table.body(asked.height, asked.table_digest)?;
         Ok(Self {
-            preset: Preset {
-                sample_rate: asked.sample_rate,
-                solution_window,
-                ..*preset
-            },
+            preset: preset.at_rates(asked.sample_rate, solution_window),
+            sample_rate: asked.sample_rate,
             dynamics: Dynamics {
-                muscles: preset.muscles,
+                muscles: *preset.muscles(),
                 aerodynamics: Aerodynamics {
                     coefficients: table.coefficients(),
                     arch: asked.arch_factor(),
@@ -117,7 +114,7 @@ struct Last {
 #[derive(Debug)]
 pub struct Computer {
     configuration: Option<Configuration>,
-    filter: Option<ReducedFilter<f32>>,
+    filter: Option<Filter>,
     last: Option<Last>,
     /// To be told with the next estimate.
     pending: EstimateFlags,
@@ -172,7 +169,7 @@ impl Computer {
         let (Some(filter), Some(last)) = (&mut self.filter, &self.last) else {
             return self.start(time, sample);
         };
-        let steps = steps_between(last.time, time, configuration.preset.sample_rate);
+        let steps = steps_between(last.time, time, configuration.sample_rate);
         if steps == 0 {
             return Outcome::Rejected;
         }
@@ -188,10 +185,9 @@ impl Computer {
             posture,
             velocity: motion.velocity_inertial(),
         });
-        let dynamics = &configuration.dynamics;
         if steps > LONGEST_BRIDGE {
             // Coefficients and covariance stay.
-            if filter.restart(dynamics, &motion, &posture).is_ok() {
+            if filter.restart(&motion, &posture).is_ok() {
                 self.pending |= EstimateFlags::RESTARTED;
             }
             return Outcome::Used(None);
@@ -200,20 +196,18 @@ impl Computer {
         let share = 1.0 / f32::from(steps);
         for step in 1..steps {
             let between = from.interpolated(&posture, share * f32::from(step));
-            estimate = filter
-                .push(dynamics, &between, &Measurement::none())
-                .or(estimate);
+            estimate = filter.push(&between, None).or(estimate);
         }
-        let seen = measurement_of(sample, &motion);
-        estimate = filter.push(dynamics, &posture, &seen).or(estimate);
+        estimate = filter.push(&posture, Some((sample, &motion))).or(estimate);
         if steps > 1 {
             self.pending |= EstimateFlags::BRIDGED;
         }
         let Some(estimate) = estimate else {
             return Outcome::Used(None);
         };
-        let answer = answer(&estimate, sequence, core::mem::take(&mut self.pending));
-        self.watch(estimate.health, sample, &motion, &posture);
+        let pending = core::mem::take(&mut self.pending);
+        let answer = estimate.over_the_link(sequence, pending);
+        self.watch(estimate.is_lost(), sample, &motion, &posture);
         Outcome::Used(Some(answer))
     }
 
@@ -229,7 +223,7 @@ impl Computer {
         let Configuration {
             preset, dynamics, ..
         } = configuration;
-        let Ok(filter) = ReducedFilter::new(preset, dynamics, &motion, &posture) else {
+        let Ok(filter) = Filter::new(preset, dynamics, &motion, &posture) else {
             return Outcome::Rejected;
         };
         self.filter = Some(filter);
@@ -245,15 +239,12 @@ impl Computer {
     /// Starts the reconstructed motion anew where predictions have missed the measurements for a second.
     fn watch(
         &mut self,
-        health: Health,
+        is_lost: bool,
         sample: &Sample,
         motion: &Motion<f32>,
         posture: &Posture<f32>,
     ) {
-        self.inconsistent = match health {
-            Health::Inconsistent => self.inconsistent + 1,
-            _ => 0,
-        };
+        self.inconsistent = if is_lost { self.inconsistent + 1 } else { 0 };
         let (Some(configuration), Some(filter)) = (&self.configuration, &mut self.filter) else {
             return;
         };
@@ -265,9 +256,7 @@ impl Computer {
             .iter()
             .all(|&part| sample.valid.contains(part));
         if lost && whole {
-            let restarted = filter
-                .restart(&configuration.dynamics, motion, posture)
-                .is_ok();
+            let restarted = filter.restart(motion, posture).is_ok();
             if restarted {
                 self.pending |= EstimateFlags::RESTARTED;
             }
@@ -292,53 +281,6 @@ fn motion_of(sample: &Sample, velocity: Vector<f32, Inertial>) -> Motion<f32> {
         position: Vector::zero(),
         velocity: inertial_from_body.inverse() * measured.velocity.unwrap_or(velocity),
         angular_velocity: measured.angular_velocity.unwrap_or_else(Vector::zero),
-    }
-}
-
-/// What the sample measured; not a number where it did not.
-fn measurement_of(sample: &Sample, motion: &Motion<f32>) -> Measurement<f32> {
-    let all = Measurement::of(motion);
-    let mut seen = Measurement::none();
-    let has = |part| sample.valid.contains(part);
-    if has(Validity::ATTITUDE) {
-        seen.heading = all.heading;
-        seen.pitch = all.pitch;
-        seen.roll = all.roll;
-        seen.vertical = all.vertical;
-        if has(Validity::ANGULAR_VELOCITY) {
-            seen.yaw_rate = all.yaw_rate;
-        }
-    }
-    if has(Validity::VELOCITY) {
-        seen.vertical_velocity = all.vertical_velocity;
-        seen.horizontal_speed = all.horizontal_speed;
-    }
-    // Satellites measure speed, inertial sensors integrate it.
-    if let Some(speed) = sample.motion().horizontal_speed {
-        seen.horizontal_speed = speed;
-    }
-    seen
-}
-
-/// What goes over the link. The processor's cycles are for the caller to fill in.
-fn answer(estimate: &Estimate<f32>, sequence: u32, pending: EstimateFlags) -> link::Estimate {
-    let taken_in = estimate.channels.iter().any(|channel| channel.fused);
-    let health = estimate.health;
-    let follows = matches!(health, Health::Good | Health::Settling);
-    let mut flags = pending;
-    flags.set(EstimateFlags::VALID, taken_in && follows);
-    flags.set(EstimateFlags::NOT_TAKEN_IN, !taken_in);
-    flags.set(EstimateFlags::INCONSISTENT, health == Health::Inconsistent);
-    flags.set(EstimateFlags::SETTLING, health == Health::Settling);
-    flags.set(EstimateFlags::FAULT, !estimate.faults.none());
-    link::Estimate {
-        sample_sequence: sequence,
-        flags,
-        state: estimate.state.into(),
-        variance: estimate.deviation.map(|d| d * d).into(),
-        measurement: estimate.channels.map(|channel| channel.predicted),
-        nis: estimate.normalised_innovation,
-        cycles: 0,
     }
 }
 

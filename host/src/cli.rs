@@ -30,7 +30,7 @@ use clap::{Parser, Subcommand};
 #[command(
     name = "bodyflight",
     version,
-    after_help = "Exit codes: 0 done, 2 bad input or usage, 3 refused by the system, 4 disagreement, 130 Ctrl-C.\n\
+    after_help = "Exit codes: 0 done, 2 bad input or usage, 3 refused by the system, 4 disagreement, 5 an estimate that is not to be trusted, 130 Ctrl-C.\n\
                   Start with: bodyflight demo"
 )]
 struct Cli {

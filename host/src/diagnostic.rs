@@ -20,6 +20,8 @@ pub enum Kind {
     System,
     /// The run finished and its answer is no: a mismatch, a lost packet.
     Disagreement,
+    /// The run finished, and its answer is not to be trusted.
+    Doubt,
     /// Ctrl-C.
     Interrupted,
     /// A fault of this program.
@@ -28,13 +30,14 @@ pub enum Kind {
 
 impl Kind {
     /// Exit code of the process: 1 a fault of this program, 2 bad input, 3 refused by the system, 4 disagreement,
-    /// 130 Ctrl-C.
+    /// 5 an answer that is not to be trusted, 130 Ctrl-C.
     pub const fn exit_code(self) -> u8 {
         match self {
             Self::Internal => 1,
             Self::BadInput => 2,
             Self::System => 3,
             Self::Disagreement => 4,
+            Self::Doubt => 5,
             Self::Interrupted => 130,
         }
     }
@@ -106,6 +109,11 @@ impl Problem {
     /// A negative answer.
     pub fn disagreement(message: impl Into<String>) -> Self {
         Self::new(Kind::Disagreement, message)
+    }
+
+    /// An answer that is not to be trusted.
+    pub fn doubt(message: impl Into<String>) -> Self {
+        Self::new(Kind::Doubt, message)
     }
 
     /// Ctrl-C was pressed.

@@ -6,6 +6,7 @@ pub mod input_history;
 pub mod model_file;
 pub mod mvn_network;
 pub mod mvnx;
+pub mod preset_file;
 pub mod recording;
 pub mod subject;
 pub mod xsens;

@@ -215,9 +215,13 @@ fn rates<T: Real>(
     let (loads, damping) = dynamics.loads(sample, inputs, &through_air, turn, density);
     let weight = Vector::new(T::zero(), T::zero(), -dynamics.gravity * sample.mass.mass);
     let weight = (to_body * weight).components;
+    let pressure = T::of(0.5) * density * through_air.norm_squared();
+    let residual = (inputs.residual.force * pressure).components;
     let wrench = Wrench {
-        force: loads.force + weight,
-        moment: loads.moment + sample.mass.cg.cross(&weight),
+        force: loads.force + residual + weight,
+        moment: loads.moment
+            + (inputs.residual.moment * pressure).components
+            + sample.mass.cg.cross(&(residual + weight)),
     };
     // The printed equations are in body axes throughout.
     let (velocity, spin) = (&motion.velocity.components, &turn.components);

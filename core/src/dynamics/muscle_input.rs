@@ -62,6 +62,35 @@ pub struct MuscleModel {
     /// the distances, in the neutral pose, from the pelvic joint to upper proximal limbs, to lower proximal
     /// limbs, and sideways to proximal and to distal limbs.
     pub lever_arms: [f32; 4],
+    /// Whether the muscles' moments come with forces.
+    pub forces: MuscleForces,
+}
+
+/// What muscle input does besides its moments.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum MuscleForces {
+    /// Nothing: muscles are internal, and the air's load on a limb that is held is that of its posture.
+    #[default]
+    Moment,
+    /// The forces of paper eq. (eq1_1), the moments over lever arms.
+    Paper,
+}
+
+impl MuscleForces {
+    /// Name in files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Moment => "moment",
+            Self::Paper => "paper",
+        }
+    }
+
+    /// The choice of that name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        [Self::Moment, Self::Paper]
+            .into_iter()
+            .find(|choice| choice.name() == name)
+    }
 }
 
 const LEVER_ARMS: [f32; 4] = [0.28, 0.12, 0.18, 0.22];
@@ -87,6 +116,7 @@ pub const BACK_TRACKING: MuscleModel = MuscleModel {
     right: RIGHT_LEG.and(Limbs::of(&[Segment::RightForearm, Segment::RightUpperArm])),
     left: LEFT_LEG.and(Limbs::of(&[Segment::LeftForearm, Segment::LeftUpperArm])),
     lever_arms: LEVER_ARMS,
+    forces: MuscleForces::Paper,
 };
 
 /// Belly-to-earth tracking by a proficient skydiver: no distal limbs in yaw; no limbs at all are left in roll.
@@ -115,6 +145,7 @@ pub const RW_SUIT_TURNS: MuscleModel = MuscleModel {
     right: RIGHT_LEG,
     left: LEFT_LEG,
     lever_arms: LEVER_ARMS,
+    forces: MuscleForces::Paper,
 };
 
 /// Layouts: pitch by legs and thighs, paper "Reconstruction of layouts in simulation".
@@ -223,6 +254,22 @@ pub fn muscle_load<T: Real>(
 }
 
 impl MuscleModel {
+    /// The paper's limb groups of that name, see [`MODELS`].
+    pub fn from_name(name: &str) -> Option<Self> {
+        let mut models = MODELS.into_iter();
+        models
+            .find(|(known, _)| *known == name)
+            .map(|(_, model)| model)
+    }
+
+    /// Name of the limb groups, whatever their forces; empty for a set that has none.
+    pub fn name(&self) -> &'static str {
+        let mut models = MODELS.into_iter();
+        models
+            .find(|(_, known)| known.with_forces(self.forces) == *self)
+            .map_or("", |(name, _)| name)
+    }
+
     /// The groups with the axis about which each acts: 0 X, 1 Y, 2 Z.
     #[inline]
     const fn groups(&self) -> [(Limbs, usize); GROUPS] {
@@ -237,11 +284,23 @@ impl MuscleModel {
         ]
     }
 
-    /// Reciprocals of the lever arms l_1 to l_4 of a person of this stature (1/m).
+    /// The same limbs with other forces.
+    #[must_use]
+    pub const fn with_forces(mut self, forces: MuscleForces) -> Self {
+        self.forces = forces;
+        self
+    }
+
+    /// Reciprocals of the lever arms l_1 to l_4 of a person of this stature (1/m): what forces follow from
+    /// moments by; zero where there are none.
     #[inline]
     pub fn levers<T: Real>(&self, height: T) -> [T; 4] {
-        self.lever_arms
-            .map(|share| T::one() / (T::single(share) * height))
+        match self.forces {
+            MuscleForces::Moment => [T::zero(); 4],
+            MuscleForces::Paper => self
+                .lever_arms
+                .map(|share| T::one() / (T::single(share) * height)),
+        }
     }
 
     /// The segments that take part in inputs that are not zero.

@@ -75,8 +75,13 @@ impl<T: Real> Dynamics<T> {
         let spin = sample.angular_velocity(&angular_momentum);
         let velocity = sample.origin_velocity(&linear_momentum, &spin);
         let (loads, damping) = self.loads(sample, inputs, &velocity, &spin, density);
-        let force = Vector::<T, BodyFrame>::from_components(loads.force);
-        let moment = Vector::from_components(loads.moment) - sample.cg().cross(&force);
+        let mut force = Vector::<T, BodyFrame>::from_components(loads.force);
+        let mut moment = Vector::from_components(loads.moment) - sample.cg().cross(&force);
+        if !inputs.residual.is_none() {
+            let pressure = T::of(0.5) * density * velocity.norm_squared();
+            force += inputs.residual.force * pressure;
+            moment += inputs.residual.moment * pressure;
+        }
 
         // Trapezium rule for the damping: (I + D dt/2) W1 = (I - D dt/2) W0 + M dt.
         let half_damping = damping * half;

@@ -42,6 +42,7 @@ impl<T: Real> Model<T> {
             damping: inputs
                 .damping
                 .zip_map(self.damping_factor, |own, factor| own * factor),
+            residual: inputs.residual,
         }
     }
 }

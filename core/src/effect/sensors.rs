@@ -97,9 +97,69 @@ impl<T: Real> Sensors<T> {
     }
 }
 
+impl<T: Real> Sensors<T> {
+    /// The motion that was measured as `seen`, `time` (s) after the start of the flight: [`Sensors::observe`] the other
+    /// way round, but for what is late.
+    pub fn corrected(&self, seen: &Motion<T>, time: T) -> Motion<T> {
+        let body_from_measured =
+            Rotation::<T, BodyFrame, BodyFrame>::from_quaternion(small_rotation(&self.mounting));
+        let drifted = turn_about_up(self.heading_drift * time);
+        let inertial_from_body =
+            drifted.inverse() * seen.inertial_from_body * body_from_measured.inverse();
+        let velocity = seen.velocity_inertial() - self.velocity_offset;
+        Motion {
+            inertial_from_body,
+            position: seen.position - self.velocity_offset * time,
+            velocity: inertial_from_body.inverse() * velocity,
+            angular_velocity: body_from_measured * (seen.angular_velocity - self.gyro_bias),
+        }
+    }
+}
+
 /// A turn of any size about the vertical (rad).
 fn turn_about_up<T: Real>(angle: T) -> Rotation<T, Inertial, Inertial> {
     let (sine, cosine) = (angle * T::of(0.5)).sine_cosine();
     let turn = Quaternion::new(cosine, T::zero(), T::zero(), sine);
     Rotation::from_quaternion(UnitQuaternion::new_unchecked(turn))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn what_is_corrected_is_what_was_observed(
+            q in prop::array::uniform4(-1.0f64..1.0),
+            moving in prop::array::uniform6(-20.0f64..20.0),
+            errors in prop::array::uniform6(-0.1f64..0.1),
+            time in 0.0f64..60.0,
+        ) {
+            let Some(inertial_from_body) = Rotation::from_wxyz(q) else {
+                return Ok(());
+            };
+            let motion = Motion {
+                inertial_from_body,
+                position: Vector::new(1.0, 2.0, 3.0),
+                velocity: Vector::new(moving[0], moving[1], moving[2]),
+                angular_velocity: Vector::new(moving[3], moving[4], moving[5]),
+            };
+            let sensors = Sensors {
+                mounting: Vector3::new(errors[0], errors[1], errors[2]),
+                gyro_bias: Vector::new(errors[3], errors[4], errors[5]),
+                heading_drift: errors[0],
+                velocity_offset: Vector::new(errors[1] * 50.0, errors[2] * 50.0, errors[3] * 50.0),
+                ..Sensors::perfect()
+            };
+            let seen = sensors.observe(&motion, |_| Moving::of(&motion), time);
+            let back = sensors.corrected(&seen, time);
+            prop_assert!((back.velocity - motion.velocity).norm() < 1e-9);
+            prop_assert!((back.position - motion.position).norm() < 1e-9);
+            let spin = back.angular_velocity - motion.angular_velocity;
+            prop_assert!(spin.norm() < 1e-9);
+            let turn = back.inertial_from_body.inverse() * motion.inertial_from_body;
+            prop_assert!(turn.quaternion().angle() < 1e-7);
+        }
+    }
 }

@@ -20,7 +20,6 @@ impl<T: Real> Propagation<T> for Full {
     const STRIDE: usize = 1;
     /// The paper's.
     const ROOT: Root = Root::Symmetric;
-    const CHECKED: bool = false;
 
     fn keep(_: &Dynamics<T>, sample: &PostureSample<T>, _: &Vector<T, Body>) -> PostureSample<T> {
         *sample

@@ -5,7 +5,7 @@ use nalgebra::SVector;
 use super::measurement::{
     MeasurementModel, TRACKING, TRANSITIONS, TRANSITIONS_WITH_GNSS, TURNING, VERTICAL,
 };
-use super::unscented::{Root, Settings, Unsafe};
+use super::unscented::{Root, Settings, SettingsError};
 use super::{STATES, StateVector};
 use crate::dynamics::muscle_input::{
     BACK_TRACKING, BELLY_TRACKING, EXPERIENCED_BELLY_TURNS, LAYOUTS, MuscleModel, RW_SUIT_TURNS,
@@ -159,6 +159,15 @@ impl Preset {
         PRESETS.iter().find(|preset| preset.name == name)
     }
 
+    /// Multiplies the process noise Q, the measurement noise R and the variances at the start P0.
+    pub fn scale(&mut self, process: f32, measurement: f32, start: f32) {
+        self.process_noise_rate = self.process_noise_rate.map(|rate| rate * process);
+        self.deviation = self.deviation.map(|deviation| deviation * start.root());
+        for (_, deviation) in self.measurement.channels.iter_mut().flatten() {
+            *deviation *= measurement.root();
+        }
+    }
+
     /// Time between two samples (s).
     pub fn time_step<T: Real>(&self) -> T {
         T::one() / T::single(self.sample_rate)
@@ -168,7 +177,7 @@ impl Preset {
     ///
     /// # Errors
     /// Settings that could not be run safely.
-    pub fn settings<T: Real>(&self, root: Root) -> Result<Settings<T, STATES>, Unsafe> {
+    pub fn settings<T: Real>(&self, root: Root) -> Result<Settings<T, STATES>, SettingsError> {
         let vector = |values: [f32; STATES]| StateVector::<T>::from(values.map(T::single));
         let settings = Settings {
             state: vector(self.state),
@@ -186,7 +195,7 @@ impl Preset {
         if noise.iter().all(|r| r.is_finite() && *r > T::zero()) {
             Ok(settings)
         } else {
-            Err(Unsafe::MeasurementNoise)
+            Err(SettingsError::MeasurementNoise)
         }
     }
 }

@@ -4,6 +4,7 @@ use heapless::Deque;
 use nalgebra::SVector;
 
 use super::STATES;
+use super::check::Check;
 use super::measurement::{CHANNELS, Measurement, MeasurementModel};
 use super::unscented::{Moments, Root, SigmaPoints, Unscented};
 use crate::dynamics::interval::Interval;
@@ -19,8 +20,6 @@ pub trait Propagation<T: Real> {
     const STRIDE: usize;
     /// Square root of the covariance that spreads the sigma points.
     const ROOT: Root;
-    /// Whether updates go through [`super::check`].
-    const CHECKED: bool;
 
     /// What to keep of an interval that the central run crosses at about `velocity` (m/s, through the air).
     fn keep(
@@ -38,6 +37,18 @@ pub trait Propagation<T: Real> {
         window: &Window<'_, T, Self::Interval, N>,
         model: &MeasurementModel,
     ) -> (Moments<T, STATES, CHANNELS>, State<T>);
+
+    /// What becomes of an update before it is believed, and the state at the window's end: as it is, at `front`,
+    /// unless the propagation checks it.
+    fn settle<const N: usize>(
+        _check: &Check<'_, T>,
+        _filter: &mut Unscented<T, STATES>,
+        _start: &State<T>,
+        _window: &Window<'_, T, Self::Interval, N>,
+        front: State<T>,
+    ) -> State<T> {
+        front
+    }
 }
 
 /// The prediction window: intervals in order of time, and what every run over them shares.

@@ -9,6 +9,7 @@
 
 use nalgebra::{SMatrix, SVector, Vector3};
 
+use super::check::Check;
 use super::measurement::{CHANNELS, MeasurementModel};
 use super::propagation::{Propagation, Window};
 use super::unscented::{Moments, Root, SigmaPoints, Unscented};
@@ -158,7 +159,6 @@ impl<T: Real> Propagation<T> for Reduced {
     type Interval = ReducedInterval<T>;
     const STRIDE: usize = 2;
     const ROOT: Root = Root::Cholesky;
-    const CHECKED: bool = true;
 
     fn keep(
         dynamics: &Dynamics<T>,
@@ -200,6 +200,16 @@ impl<T: Real> Propagation<T> for Reduced {
             slope.set_column(k, &(change / offsets[k]));
         }
         (filter.linear_moments(points, &seen[0], &slope), runs[0])
+    }
+
+    fn settle<const N: usize>(
+        check: &Check<'_, T>,
+        filter: &mut Unscented<T, STATES>,
+        start: &State<T>,
+        window: &Window<'_, T, ReducedInterval<T>, N>,
+        _: State<T>,
+    ) -> State<T> {
+        check.apply(filter, start, window)
     }
 }
 

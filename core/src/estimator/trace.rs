@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 use super::measurement::Measurement;
 use super::preset::{Preset, TRACKING_ON_BACK};
 use super::status::Estimate;
-use super::unscented::Unsafe;
+use super::unscented::SettingsError;
 use super::{Estimator, inputs_of};
 use crate::body::pattern;
 use crate::body::posture::{Posture, joint_rotation};
@@ -72,7 +72,7 @@ fn posture(k: u16) -> Posture<f32> {
 pub fn hash<P: Propagation<f32>, const INTERVALS: usize>(
     body: &Body<f32>,
     updates: u16,
-) -> Result<u64, Unsafe> {
+) -> Result<u64, SettingsError> {
     let preset = Preset {
         prediction_window: INTERVALS * P::STRIDE,
         ..TRACKING_ON_BACK
@@ -111,7 +111,7 @@ pub fn hash<P: Propagation<f32>, const INTERVALS: usize>(
             hash.add(component);
         }
         let seen = Measurement::of(&motion);
-        if let Some(estimate) = estimator.push(&dynamics, &ends[1], &seen) {
+        if let Some(estimate) = estimator.push(&ends[1], &seen) {
             add(&mut hash, &estimate);
             done += 1;
         }

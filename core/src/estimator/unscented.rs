@@ -11,7 +11,7 @@ mod settings;
 
 use nalgebra::{SMatrix, SVector};
 
-pub use settings::{Root, Settings, Unsafe};
+pub use settings::{Root, Settings, SettingsError};
 
 use super::factor::{Cholesky, symmetric_root};
 use crate::math::{Real, clamp};
@@ -75,8 +75,8 @@ impl<T: Real, const N: usize> Unscented<T, N> {
     /// Starts from the settings.
     ///
     /// # Errors
-    /// Settings that could not be run safely, see [`Unsafe`].
-    pub fn new(settings: Settings<T, N>) -> Result<Self, Unsafe> {
+    /// Settings that could not be run safely, see [`SettingsError`].
+    pub fn new(settings: Settings<T, N>) -> Result<Self, SettingsError> {
         settings.check()?;
         let pairs = T::one() - settings.central_weight;
         Ok(Self {

@@ -25,6 +25,10 @@ bitflags! {
         const SETTLING = 1 << 6;
         /// The estimator met a fault, see `Faults`.
         const FAULT = 1 << 7;
+        /// Error bars are too small, or something acts that the filter does not have.
+        const DOUBTFUL = 1 << 8;
+        /// Predictions do not follow the measurements: not to be used.
+        const LOST = 1 << 9;
     }
 }
 
@@ -48,7 +52,7 @@ bitflags! {
 impl Wire for EstimateFlags {
     const SIZE: usize = 2;
     const KIND: &'static str = "u16: bit 0 valid, 1 not taken in, 2 bridged, 3 late, 4 restarted, \
-                                5 inconsistent, 6 settling, 7 fault";
+                                5 inconsistent, 6 settling, 7 fault, 8 doubtful, 9 lost";
     fn put(self, writer: &mut Writer<'_>) -> Option<()> {
         self.bits().put(writer)
     }
@@ -89,7 +93,7 @@ mod tests {
 
     #[test]
     fn the_byte_table_names_every_bit() {
-        assert_eq!(named_bits::<EstimateFlags>(EstimateFlags::KIND), 8);
+        assert_eq!(named_bits::<EstimateFlags>(EstimateFlags::KIND), 10);
         assert_eq!(named_bits::<Validity>(Validity::KIND), 5);
     }
 
@@ -97,7 +101,7 @@ mod tests {
     fn every_set_of_known_bits_returns_and_no_other() {
         for bits in 0..=u16::MAX {
             let read = EstimateFlags::take(&mut Reader::new(&bits.to_le_bytes()));
-            if bits < 1 << 8 {
+            if bits < 1 << 10 {
                 let mut bytes = [0; 2];
                 read.unwrap().put(&mut Writer::new(&mut bytes)).unwrap();
                 assert_eq!(u16::from_le_bytes(bytes), bits);

@@ -279,7 +279,7 @@ body! {
         deadline_missed: u32 = "",
         /// Longest update
         cycles_max: u32 = "cycles",
-        /// Measurements refused by the filter's gate
+        /// Updates that took no measurement in
         innovation_rejected: u32 = "",
         /// Frames not sent because the host did not read
         transmit_dropped: u32 = "frames",

@@ -3,6 +3,8 @@
 use std::vec::Vec;
 
 use bodyflight_core::aerodynamics::ArchFactor;
+use bodyflight_core::estimator::ReducedFilter;
+use bodyflight_core::estimator::measurement::Measurement;
 use bodyflight_core::estimator::preset::TRACKING_ON_BACK;
 use bodyflight_core::link::ArchSource;
 
@@ -45,7 +47,7 @@ fn whole_samples_give_what_the_estimator_gives() {
         ReducedFilter::<f32>::new(&TRACKING_ON_BACK, &dynamics, &start, &first.posture()).unwrap();
     let expected = rest.iter().filter_map(|sample| {
         let seen = Measurement::of(&motion_of(sample, Vector::zero()));
-        filter.push(&dynamics, &sample.posture(), &seen)
+        filter.push(&sample.posture(), &seen)
     });
     let expected: Vec<_> = expected.collect();
     assert_eq!(found.len(), expected.len());
@@ -156,7 +158,7 @@ fn rates_that_do_not_fit_are_refused() {
 #[test]
 fn the_model_is_flown_that_was_sent() {
     let mut dynamics = Dynamics {
-        muscles: PRESETS[0].muscles,
+        muscles: TRACKING_ON_BACK.muscles,
         ..Dynamics::paper(body(), 0.9)
     };
     dynamics.air.velocity = Vector::new(3.0, -2.0, 0.5);

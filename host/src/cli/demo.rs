@@ -9,7 +9,7 @@ use bodyflight::formats::subject::Subject;
 use bodyflight::output::files::write_file;
 use bodyflight::output::plot::comparison_svg;
 use bodyflight::verbs::simulate::{RunFile, simulate};
-use bodyflight::verbs::synthesize::{DEFAULT_SWAY, Request};
+use bodyflight::verbs::synthesize::{DEFAULT_SWAY, JointError, Request};
 use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::sensor_noise::SensorNoise;
 
@@ -38,6 +38,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         density: bodyflight::formats::flight::DEFAULT_DENSITY,
         seed: SEED,
         noise: SensorNoise::PAPER,
+        joint_error: JointError::default(),
         sway: DEFAULT_SWAY,
     };
     let written = synth::write(&request, &args.out)?;

@@ -1,32 +1,62 @@
 //! `bodyflight estimate`.
 
-use std::fmt::Write;
 use std::path::PathBuf;
 
 use bodyflight::diagnostic::{Problem, Result};
 use bodyflight::formats::flight::Flight;
 use bodyflight::formats::model_file::Effects;
+use bodyflight::formats::preset_file::{AUTO, Tuning};
 use bodyflight::output::files::write_file;
+use bodyflight::verbs::estimate::motion::{self, Method};
 use bodyflight::verbs::estimate::{Estimation, Filter, estimate};
+use bodyflight_core::Real;
 use bodyflight_core::estimator::measurement::Quantity;
+use bodyflight_core::estimator::motion::measurement::NAMES;
 use bodyflight_core::estimator::preset::{PRESETS, Preset};
+use serde::Serialize;
 
 use super::simulate::{Precision, Reading, refuse_inputs};
 use super::terminal;
 
 /// Estimate muscle inputs and damping over time, and compare the reconstruction with and without them.
 #[derive(clap::Args)]
-#[command(after_help = presets_help())]
+#[command(after_help = HELP)]
 pub(super) struct Args {
     /// A flight.toml, or an MVNX file alone.
-    flight: PathBuf,
-    /// What is measured, which limbs act, bounds and noise.
-    #[arg(long, default_value = "tracking")]
+    #[arg(required_unless_present = "presets")]
+    flight: Option<PathBuf>,
+    /// A built-in preset or a preset.toml: what is measured, and what tunes the filter. "auto" measures all that the
+    /// recording has, with the limbs and the damping of the flight.
+    #[arg(long, default_value = AUTO)]
     preset: String,
-    /// Which filter.
-    #[arg(long, value_enum, default_value = "reduced")]
-    filter: FilterName,
-    /// Write coefficients, deviations and NIS over time as CSV; flight.toml takes it as `inputs`.
+    /// List the built-in presets.
+    #[arg(long)]
+    presets: bool,
+    /// Forward as on the unit, or the whole flight at once.
+    #[arg(long, value_enum, default_value = "filter")]
+    method: MethodName,
+    /// Which model the filter flies; by default the whole one with "auto", the reduced one with the others.
+    #[arg(long, value_enum)]
+    filter: Option<FilterName>,
+    /// Deviation of the recorded joints from the true ones, each axis; found from the innovations where it is not given.
+    #[arg(long, value_name = "DEG")]
+    joint_error_deg: Option<f32>,
+    /// Samples from one estimate to the next, in place of the preset's.
+    #[arg(long, value_name = "SAMPLES")]
+    solution_window: Option<usize>,
+    /// Samples that a prediction crosses, in place of the preset's; of filters over windows.
+    #[arg(long, value_name = "SAMPLES")]
+    prediction_window: Option<usize>,
+    /// Factor on the process noise Q of the preset.
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
+    process_noise: f32,
+    /// Factor on the measurement noise R of the preset, as a variance.
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
+    measurement_noise: f32,
+    /// Factor on the variances at the start, P0, of the preset.
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
+    start_variance: f32,
+    /// Write coefficients, deviations and consistency over time as CSV; flight.toml takes it as `inputs`.
     #[arg(long, value_name = "CSV")]
     out: Option<PathBuf>,
     /// Write coefficients and channels as SVG.
@@ -42,9 +72,23 @@ pub(super) struct Args {
     reading: Reading,
 }
 
+const HELP: &str = "\
+Example: bodyflight estimate flight.toml --method smooth --out found.csv --plot est.svg
+
+Ends with exit code 5, and a sentence, where a channel is reconstructed worse than with constant coefficients or
+consistency is lost for more than a second; files are written all the same.";
+
+#[derive(clap::ValueEnum, Clone, Copy)]
+enum MethodName {
+    /// Forward, as the unit does.
+    Filter,
+    /// What later measurements say of earlier inputs: error bars are smaller, and nothing comes late.
+    Smooth,
+}
+
 #[derive(clap::ValueEnum, Clone, Copy)]
 pub(super) enum FilterName {
-    /// The paper's: thirteen whole runs.
+    /// The whole model, every sample; with the paper's presets thirteen runs of it.
     Paper,
     /// The unit's: the same reconstruction at a fraction of the cost.
     Reduced,
@@ -60,26 +104,58 @@ impl FilterName {
     }
 }
 
-fn presets_help() -> String {
-    let mut text = String::from("Presets, what they measure, and how late their estimates come:\n");
-    for preset in &PRESETS {
-        let measured: Vec<&str> = preset
+/// A row of the list of presets.
+#[derive(Serialize)]
+struct Listed {
+    name: &'static str,
+    measures: Vec<&'static str>,
+    limbs: &'static str,
+    late_s: f64,
+}
+
+fn list_presets(json: bool) -> Result<()> {
+    let auto = Listed {
+        name: AUTO,
+        measures: NAMES.to_vec(),
+        limbs: "those of the flight",
+        late_s: 0.0,
+    };
+    let windows = PRESETS.iter().map(|preset| Listed {
+        name: preset.name,
+        measures: preset
             .measurement
             .quantities()
             .map(Quantity::name)
-            .collect();
-        let late = preset.time_step::<f64>() * preset.prediction_window as f64;
-        let _ = writeln!(
-            text,
-            "  {:28} {}; {late:.2} s",
-            preset.name,
-            measured.join(" ")
-        );
+            .collect(),
+        limbs: preset.muscles.name(),
+        late_s: preset.time_step::<f64>() * preset.prediction_window as f64,
+    });
+    let listed: Vec<Listed> = std::iter::once(auto).chain(windows).collect();
+    if json {
+        return terminal::print_json(&listed);
     }
-    text + "\nExample: bodyflight estimate flight.toml --preset transitions-agile --plot est.svg"
+    let mut table = terminal::table(&["preset", "limbs", "late", "measures"]);
+    for row in &listed {
+        table.add_row([
+            row.name.to_owned(),
+            row.limbs.to_owned(),
+            format!("{:.2} s", row.late_s),
+            row.measures.join(" "),
+        ]);
+    }
+    terminal::print(&table.to_string());
+    Ok(())
 }
 
-/// The preset of that name.
+/// The name of a preset that a unit has.
+pub(super) fn unit_preset(name: &str) -> Result<String> {
+    if name != AUTO {
+        preset(name)?;
+    }
+    Ok(name.to_owned())
+}
+
+/// The paper's preset of that name, for verbs that know no other.
 pub(super) fn preset(name: &str) -> Result<&'static Preset> {
     Preset::from_name(name).ok_or_else(|| {
         let names: Vec<&str> = PRESETS.iter().map(|preset| preset.name).collect();
@@ -89,52 +165,195 @@ pub(super) fn preset(name: &str) -> Result<&'static Preset> {
 }
 
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
-    let preset = preset(&args.preset)?;
-    let mut flight = Flight::read(&args.flight)?;
+    if args.presets {
+        return list_presets(json);
+    }
+    let Some(path) = &args.flight else {
+        return Ok(());
+    };
+    let tuning = args.tuning()?;
+    let mut flight = Flight::read(path)?;
     if let Some(model) = &args.model {
         flight.effects = Effects::read(model)?;
     }
     let outputs = [&args.out, &args.plot];
-    refuse_inputs(outputs, &[&args.flight, &flight.recording])?;
-    let filter = args.filter.filter();
+    refuse_inputs(outputs, &[path, &flight.recording])?;
     let spinner = terminal::spinner("estimating");
     let progress = |time: f64| spinner.set_message(format!("estimating, {time:.0} s"));
-    let options = args.reading.options();
     let estimation = match args.precision {
-        Precision::Single => estimate::<f32>(&flight, preset, filter, options, progress),
-        Precision::Double => estimate::<f64>(&flight, preset, filter, options, progress),
+        Precision::Single => args.estimate::<f32>(&flight, &tuning, progress),
+        Precision::Double => args.estimate::<f64>(&flight, &tuning, progress),
     };
     spinner.finish_and_clear();
     let estimation = estimation?;
     if let Some(path) = &args.out {
         estimation.write_csv(path)?;
     }
-    if let Some(path) = &args.plot {
-        let title = format!("{}: preset {}", args.flight.display(), preset.name);
-        write_file(path, estimation.svg(&title)?.as_bytes())?;
+    if let Some(file) = &args.plot {
+        let title = format!("{}: preset {}", path.display(), args.preset);
+        write_file(file, estimation.svg(&title)?.as_bytes())?;
     }
     if json {
-        return terminal::print_json(&estimation.report);
+        terminal::print_json(&estimation.report)?;
+    } else {
+        print_report(&estimation);
+        for path in outputs.into_iter().flatten() {
+            terminal::print(&format!("written: {}", path.display()));
+        }
     }
-    print_report(&estimation);
-    for path in outputs.into_iter().flatten() {
-        terminal::print(&format!("written: {}", path.display()));
+    match &estimation.report.doubt {
+        None => Ok(()),
+        Some(sentence) => Err(Problem::doubt(sentence.clone())
+            .in_file(path)
+            .help(advice(&tuning))),
     }
-    Ok(())
+}
+
+/// What would do better.
+fn advice(tuning: &Tuning) -> &'static str {
+    match tuning {
+        Tuning::Windows(_) => {
+            "--preset auto measures all that the recording has, with error bars that hold"
+        }
+        Tuning::Motion { .. } => {
+            "the model misses something: bodyflight discover names what, and --model takes what it found; \
+             or the joints are worse than --joint-error-deg says"
+        }
+    }
+}
+
+impl Args {
+    /// The preset with what the flags change.
+    fn tuning(&self) -> Result<Tuning> {
+        let mut tuning = Tuning::find(&self.preset)?;
+        let refused = |flag: &str, kind: &str| {
+            Err(Problem::bad_input(format!(
+                "--{flag} is of {kind}, and preset \"{}\" is not",
+                self.preset
+            )))
+        };
+        for factor in [
+            self.process_noise,
+            self.measurement_noise,
+            self.start_variance,
+        ] {
+            if !(factor.is_finite() && factor > 0.0) {
+                return Err(Problem::bad_input(format!(
+                    "expected factors above zero, found {factor}"
+                )));
+            }
+        }
+        match &mut tuning {
+            Tuning::Motion {
+                preset,
+                joint_error_given,
+                ..
+            } => {
+                if self.prediction_window.is_some() {
+                    return refused("prediction-window", "filters over windows");
+                }
+                if let Some(degrees) = self.joint_error_deg {
+                    preset.joint_error = degrees.to_radians();
+                    *joint_error_given = true;
+                }
+                if let Some(window) = self.solution_window {
+                    preset.solution_window = window;
+                }
+                preset.scale(
+                    self.process_noise,
+                    self.measurement_noise,
+                    self.start_variance,
+                );
+            }
+            Tuning::Windows(preset) => {
+                if self.joint_error_deg.is_some() {
+                    return refused("joint-error-deg", "the motion filter");
+                }
+                if matches!(self.method, MethodName::Smooth) {
+                    return refused("method smooth", "the motion filter");
+                }
+                preset.solution_window = self.solution_window.unwrap_or(preset.solution_window);
+                preset.prediction_window =
+                    self.prediction_window.unwrap_or(preset.prediction_window);
+                preset.scale(
+                    self.process_noise,
+                    self.measurement_noise,
+                    self.start_variance,
+                );
+            }
+        }
+        Ok(tuning)
+    }
+
+    fn estimate<T: Real>(
+        &self,
+        flight: &Flight,
+        tuning: &Tuning,
+        progress: impl FnMut(f64),
+    ) -> Result<Estimation> {
+        let options = self.reading.options();
+        match *tuning {
+            Tuning::Windows(preset) => {
+                if preset.muscles.name() != flight.muscles.name() {
+                    terminal::note(&format!(
+                        "preset {} takes the limbs {}, the flight says {}",
+                        preset.name,
+                        preset.muscles.name(),
+                        flight.muscles.name()
+                    ));
+                }
+                let filter = self.filter.unwrap_or(FilterName::Reduced).filter();
+                estimate::<T>(flight, &preset, filter, options, progress)
+            }
+            Tuning::Motion {
+                mut preset,
+                joint_error_given,
+                noise_given,
+                damping_given,
+            } => {
+                if !damping_given {
+                    #[expect(clippy::cast_possible_truncation, reason = "a coefficient")]
+                    let damping = flight.subject.damping().map(|value| value as f32);
+                    preset.damping = damping.to_array();
+                }
+                let settings = motion::Settings {
+                    preset,
+                    keep_noise: noise_given,
+                    find_joint_error: !joint_error_given,
+                    filter: self.filter.unwrap_or(FilterName::Paper).filter(),
+                    method: match self.method {
+                        MethodName::Filter => Method::Filter,
+                        MethodName::Smooth => Method::Smooth,
+                    },
+                };
+                motion::estimate::<T>(flight, &settings, options, progress)
+            }
+        }
+    }
 }
 
 fn print_report(estimation: &Estimation) {
     let report = &estimation.report;
-    let columns = [
-        ("RMS, estimated", report.rms),
-        ("RMS, constant", report.rms_constant),
-        ("amplitude", report.amplitude),
-    ];
+    let mut columns = vec![("RMS, estimated", report.rms)];
+    if let Some(free_run) = report.rms_free_run {
+        columns.push(("free run", free_run));
+    }
+    columns.push(("RMS, constant", report.rms_constant));
+    columns.push(("amplitude", report.amplitude));
     terminal::print(&terminal::gap_table(&columns).to_string());
     terminal::print(&format!(
-        "{} updates, mean NIS {:.1}; {:.1} s of flight in {:.3} s of filtering; estimates come {:.2} s late",
+        "{} updates, mean NIS {:.2}; {:.1} s of flight in {:.3} s of filtering; estimates come {:.2} s late",
         report.updates, report.nis_mean, report.duration_s, report.seconds, report.delay_s
     ));
+    if let Some(found) = &report.consistency {
+        terminal::print(&format!(
+            "consistent {:.0} %, doubtful {:.0} %, lost {:.0} % of the time; joints {:.2} deg off",
+            100.0 * found.consistent,
+            100.0 * found.doubtful,
+            100.0 * found.lost,
+            report.joint_error_deg.unwrap_or_default()
+        ));
+    }
     let flags = report.flags;
     terminal::print(&format!(
         "updates with faults: posture {}, measurement {}, update {}, covariance {}, motion {}; inconsistent {}",

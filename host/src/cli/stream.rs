@@ -56,8 +56,8 @@ pub(super) struct Args {
     /// How many times faster than recorded, or `max`: as fast as the unit can.
     #[arg(long, default_value = "1")]
     speed: String,
-    /// Filter preset of the unit, as in `estimate`.
-    #[arg(long, default_value = "tracking")]
+    /// Built-in filter preset of the unit, as in `estimate`.
+    #[arg(long, default_value = "auto")]
     preset: String,
     /// Only the first seconds of the flight.
     #[arg(long, value_name = "S")]
@@ -150,7 +150,7 @@ impl Args {
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     let settings = Settings {
         target: args.target(),
-        preset: estimate::preset(&args.preset)?,
+        preset: estimate::unit_preset(&args.preset)?,
         pace: args.pace()?,
         faults: args.faults()?,
         seed: args.seed,

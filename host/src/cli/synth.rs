@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use bodyflight::diagnostic::{Problem, Result};
 use bodyflight::formats::flight::DEFAULT_DENSITY;
 use bodyflight::formats::subject::Subject;
-use bodyflight::verbs::synthesize::{DEFAULT_SWAY, Report, Request, synthesize};
+use bodyflight::verbs::synthesize::{DEFAULT_SWAY, JointError, Report, Request, synthesize};
 use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::maneuver::scripts::MANEUVERS;
 use bodyflight_core::sensor_noise::SensorNoise;
@@ -33,6 +33,12 @@ pub(super) struct Args {
     /// Sensor noise as a share of the paper's figures; 0 for perfect sensors.
     #[arg(long, default_value_t = 1.0)]
     noise: f64,
+    /// Deviation of the recorded joints from the true ones, each axis, constant over the flight.
+    #[arg(long, default_value_t = 0.0, value_name = "DEG")]
+    joint_error_deg: f64,
+    /// The same, wandering at 0.08 to 0.5 Hz.
+    #[arg(long, default_value_t = 0.0, value_name = "DEG")]
+    joint_wander_deg: f64,
 }
 
 fn maneuvers_help() -> String {
@@ -53,7 +59,12 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         Problem::bad_input(format!("unknown maneuver \"{}\"", args.maneuver))
             .help(format!("one of: {}", names.join(", ")))
     })?;
-    for (name, value, high) in [("density", args.density, 2.0), ("noise", args.noise, 100.0)] {
+    for (name, value, high) in [
+        ("density", args.density, 2.0),
+        ("noise", args.noise, 100.0),
+        ("joint-error-deg", args.joint_error_deg, 20.0),
+        ("joint-wander-deg", args.joint_wander_deg, 20.0),
+    ] {
         if !(0.0..=high).contains(&value) {
             return Err(Problem::bad_input(format!(
                 "expected --{name} of 0 to {high}, found {value}"
@@ -67,6 +78,10 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
             density: args.density,
             seed: args.seed,
             noise: SensorNoise::PAPER.scaled(args.noise),
+            joint_error: JointError {
+                calibration: args.joint_error_deg.to_radians(),
+                wander: args.joint_wander_deg.to_radians(),
+            },
             sway: DEFAULT_SWAY,
         },
         &args.out,

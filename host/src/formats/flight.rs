@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use bodyflight_core::aerodynamics::stream::Stream;
 use bodyflight_core::air::{Air, Density};
 use bodyflight_core::dynamics::free_run::Equations;
-use bodyflight_core::dynamics::muscle_input::{self, MuscleModel};
+use bodyflight_core::dynamics::muscle_input::{self, MuscleForces, MuscleModel};
 use bodyflight_core::dynamics::{Dynamics, Inputs};
 use bodyflight_core::frame::Vector;
 use serde::Deserialize;
@@ -48,6 +48,14 @@ pub enum DensityChoice {
     FirstFrameAltitude(f64),
 }
 
+/// What muscle input does besides its moments, as `muscle_forces` names it.
+#[derive(Deserialize, Clone, Copy)]
+#[serde(rename_all = "lowercase")]
+enum MuscleForcesName {
+    Moment,
+    Paper,
+}
+
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct FlightFile {
@@ -55,6 +63,7 @@ struct FlightFile {
     subject: Option<PathBuf>,
     inputs: Option<PathBuf>,
     muscles: Option<String>,
+    muscle_forces: Option<MuscleForcesName>,
     equations: Option<EquationsName>,
     #[serde(default)]
     air: AirTable,
@@ -101,7 +110,7 @@ impl Flight {
             density: DensityChoice::Constant(DEFAULT_DENSITY),
             air_velocity: [0.0; 3],
             equations: Equations::default(),
-            muscles: muscle_input::BACK_TRACKING,
+            muscles: muscle_input::BACK_TRACKING.with_forces(MuscleForces::Moment),
             inputs: None,
             effects: Effects::default(),
         }
@@ -131,11 +140,15 @@ impl Flight {
         }
         let muscles = match &file.muscles {
             None => muscle_input::BACK_TRACKING,
-            Some(name) => muscles_from_name(name).ok_or_else(|| {
+            Some(name) => MuscleModel::from_name(name).ok_or_else(|| {
                 let known = muscle_input::MODELS.map(|(name, _)| name).join(", ");
                 at("muscles", format!("unknown limb groups \"{name}\""))
                     .help(format!("one of: {known}"))
             })?,
+        };
+        let forces = match file.muscle_forces {
+            None | Some(MuscleForcesName::Moment) => MuscleForces::Moment,
+            Some(MuscleForcesName::Paper) => MuscleForces::Paper,
         };
         Ok(Self {
             recording: folder.join(&file.recording),
@@ -149,7 +162,7 @@ impl Flight {
                 None | Some(EquationsName::Exact) => Equations::Exact,
                 Some(EquationsName::AsPublished) => Equations::AsPublished,
             },
-            muscles,
+            muscles: muscles.with_forces(forces),
             inputs: match &file.inputs {
                 Some(inputs) => Some(InputHistory::read(&folder.join(inputs))?),
                 None => None,
@@ -217,21 +230,6 @@ impl AirTable {
             (None, None) => Ok(DensityChoice::Constant(DEFAULT_DENSITY)),
         }
     }
-}
-
-fn muscles_from_name(name: &str) -> Option<MuscleModel> {
-    muscle_input::MODELS
-        .into_iter()
-        .find(|(known, _)| *known == name)
-        .map(|(_, model)| model)
-}
-
-/// Name of limb groups in `flight.toml`; the default's for a set that has none.
-pub fn name_of_muscles(model: &MuscleModel) -> &'static str {
-    let mut named = muscle_input::MODELS.iter();
-    named
-        .find(|(_, known)| known == model)
-        .map_or("back-tracking", |(name, _)| name)
 }
 
 #[cfg(test)]

@@ -4,7 +4,11 @@
 use std::path::Path;
 
 use bodyflight_core::dynamics::Inputs;
-use serde::Deserialize;
+use bodyflight_core::dynamics::muscle_input::{MODELS, MuscleForces, MuscleModel};
+use bodyflight_core::dynamics::residual::ResidualLoad;
+use bodyflight_core::frame::Vector;
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer};
 
 use crate::diagnostic::{Problem, Result};
 
@@ -25,10 +29,64 @@ pub struct Row {
     pub damp_yaw: f64,
     /// In roll.
     pub damp_roll: f64,
+    /// Residual force over the dynamic pressure along the left axis (m2); zero where the file has no such column.
+    #[serde(default)]
+    pub residual_left_m2: f64,
+    /// Along the dorsal axis.
+    #[serde(default)]
+    pub residual_dorsal_m2: f64,
+    /// Along the cranial axis.
+    #[serde(default)]
+    pub residual_cranial_m2: f64,
+    /// Residual moment over the dynamic pressure in pitch (m3).
+    #[serde(default)]
+    pub residual_pitch_m3: f64,
+    /// In yaw.
+    #[serde(default)]
+    pub residual_yaw_m3: f64,
+    /// In roll.
+    #[serde(default)]
+    pub residual_roll_m3: f64,
+    /// Limbs that act on the muscle input from here on; those of the flight where the file does not say.
+    #[serde(default, deserialize_with = "muscles")]
+    pub muscles: Option<MuscleModel>,
+    /// What muscle input does besides its moments.
+    #[serde(default, deserialize_with = "muscle_forces")]
+    pub muscle_forces: Option<MuscleForces>,
+}
+
+/// Number of numbers of a row besides its time.
+const VALUES: usize = 12;
+
+fn muscles<'de, D: Deserializer<'de>>(
+    source: D,
+) -> std::result::Result<Option<MuscleModel>, D::Error> {
+    let Some(name) = Option::<String>::deserialize(source)? else {
+        return Ok(None);
+    };
+    MuscleModel::from_name(&name).map(Some).ok_or_else(|| {
+        let known = MODELS.map(|(name, _)| name).join(", ");
+        D::Error::custom(format!(
+            "unknown limb groups \"{name}\", expected one of: {known}"
+        ))
+    })
+}
+
+fn muscle_forces<'de, D: Deserializer<'de>>(
+    source: D,
+) -> std::result::Result<Option<MuscleForces>, D::Error> {
+    let Some(name) = Option::<String>::deserialize(source)? else {
+        return Ok(None);
+    };
+    MuscleForces::from_name(&name).map(Some).ok_or_else(|| {
+        D::Error::custom(format!(
+            "muscle_forces: expected moment or paper, found \"{name}\""
+        ))
+    })
 }
 
 impl Row {
-    /// Names of the columns.
+    /// Names of the columns that every file has.
     pub const COLUMNS: [&'static str; 7] = [
         "time_s",
         "pitch",
@@ -39,9 +97,21 @@ impl Row {
         "damp_roll",
     ];
 
+    /// Names of the columns that an estimate has besides, in the order of [`Row::more_fields`].
+    pub const MORE_COLUMNS: [&'static str; 8] = [
+        "residual_left_m2",
+        "residual_dorsal_m2",
+        "residual_cranial_m2",
+        "residual_pitch_m3",
+        "residual_yaw_m3",
+        "residual_roll_m3",
+        "muscles",
+        "muscle_forces",
+    ];
+
     /// Values in the order of [`Row::COLUMNS`].
     pub fn columns(&self) -> [f64; 7] {
-        let [pitch, yaw, roll, damp_pitch, damp_yaw, damp_roll] = self.values();
+        let [pitch, yaw, roll, damp_pitch, damp_yaw, damp_roll, ..] = self.values();
         [
             self.time_s,
             pitch,
@@ -53,9 +123,23 @@ impl Row {
         ]
     }
 
+    /// Fields in the order of [`Row::MORE_COLUMNS`].
+    pub fn more_fields(&self) -> impl Iterator<Item = String> {
+        let [_, _, _, _, _, _, residual @ ..] = self.values();
+        let muscles = self.muscles.as_ref().map_or("", MuscleModel::name);
+        let forces = self.muscle_forces.map_or("", MuscleForces::name);
+        // Millionths are too coarse for loads over the dynamic pressure.
+        residual
+            .map(|value| format!("{value:.9}"))
+            .into_iter()
+            .chain([muscles.to_owned(), forces.to_owned()])
+    }
+
     /// Inputs of the core at `time_s`.
     pub fn of(time_s: f64, inputs: &Inputs<f64>) -> Self {
         let (muscle, damping) = (inputs.muscle, inputs.damping);
+        let force = inputs.residual.force.components;
+        let moment = inputs.residual.moment.components;
         Self {
             time_s,
             pitch: muscle.pitch,
@@ -64,10 +148,26 @@ impl Row {
             damp_pitch: damping.pitch,
             damp_yaw: damping.yaw,
             damp_roll: damping.roll,
+            residual_left_m2: force.x,
+            residual_dorsal_m2: force.y,
+            residual_cranial_m2: force.z,
+            residual_pitch_m3: moment.x,
+            residual_yaw_m3: moment.y,
+            residual_roll_m3: moment.z,
+            muscles: None,
+            muscle_forces: None,
         }
     }
 
-    fn values(&self) -> [f64; 6] {
+    /// The same with the limbs that the inputs belong to.
+    #[must_use]
+    pub fn with_muscles(mut self, muscles: &MuscleModel) -> Self {
+        self.muscle_forces = Some(muscles.forces);
+        self.muscles = Some(*muscles);
+        self
+    }
+
+    fn values(&self) -> [f64; VALUES] {
         [
             self.pitch,
             self.yaw,
@@ -75,6 +175,12 @@ impl Row {
             self.damp_pitch,
             self.damp_yaw,
             self.damp_roll,
+            self.residual_left_m2,
+            self.residual_dorsal_m2,
+            self.residual_cranial_m2,
+            self.residual_pitch_m3,
+            self.residual_yaw_m3,
+            self.residual_roll_m3,
         ]
     }
 }
@@ -153,13 +259,44 @@ impl InputHistory {
                 values
             }
             (Some(only), None) | (None, Some(only)) => only.values(),
-            (None, None) => [0.0; 6],
+            (None, None) => [0.0; VALUES],
         };
-        let [pitch, yaw, roll, damp_pitch, damp_yaw, damp_roll] = values;
+        let [
+            pitch,
+            yaw,
+            roll,
+            damp_pitch,
+            damp_yaw,
+            damp_roll,
+            residual @ ..,
+        ] = values;
+        let [
+            left,
+            dorsal,
+            cranial,
+            residual_pitch,
+            residual_yaw,
+            residual_roll,
+        ] = residual;
         Inputs {
             muscle: [pitch, yaw, roll].into(),
             damping: [damp_pitch, damp_yaw, damp_roll].into(),
+            residual: ResidualLoad {
+                force: Vector::new(left, dorsal, cranial),
+                moment: Vector::new(residual_pitch, residual_yaw, residual_roll),
+            },
         }
+    }
+
+    /// Limbs that act on the muscle input at `time` (s): those of the last row before, `flight`'s where it does
+    /// not say.
+    pub fn muscles_at(&self, time: f64, flight: &MuscleModel) -> MuscleModel {
+        let next = self.rows.partition_point(|row| row.time_s <= time);
+        let Some(row) = self.rows.get(next.saturating_sub(1)) else {
+            return *flight;
+        };
+        let muscles = row.muscles.unwrap_or(*flight);
+        muscles.with_forces(row.muscle_forces.unwrap_or(flight.forces))
     }
 }
 
@@ -215,12 +352,31 @@ mod tests {
                 yaw: 0.5,
                 roll: 6.0,
             },
+            residual: ResidualLoad::none(),
         };
         assert_eq!(history.at(1.0), expected);
         let written = Row::of(1.0, &expected).columns();
         for (found, expected) in written.iter().zip([1.0, 0.1, 0.2, 0.3, 3.0, 0.5, 6.0]) {
             assert!((found - expected).abs() < 1e-12, "{written:?}");
         }
+    }
+
+    #[test]
+    fn rows_say_which_limbs_they_belong_to() {
+        let history = read(
+            "time_s,pitch,yaw,roll,damp_pitch,damp_yaw,damp_roll,residual_left_m2,muscles,muscle_forces\n\
+             1,0,0,0,3,0.5,6,0.25,layouts,paper\n2,0,0,0,3,0.5,6,0.75,,\n",
+        )
+        .unwrap();
+        let flight = bodyflight_core::dynamics::muscle_input::BELLY_TRACKING;
+        let at = |time| history.muscles_at(time, &flight);
+        assert_eq!(at(1.5).name(), "layouts");
+        assert_eq!(at(1.5).forces, MuscleForces::Paper);
+        assert_eq!(at(2.5), flight);
+        assert!((history.at(1.5).residual.force.x() - 0.5).abs() < 1e-12);
+        let head = "time_s,pitch,yaw,roll,damp_pitch,damp_yaw,damp_roll,muscles";
+        let problem = read(&format!("{head}\n1,0,0,0,3,0.5,6,tail\n")).unwrap_err();
+        assert!(problem.to_string().contains("tail"), "{problem}");
     }
 
     #[test]

@@ -70,6 +70,11 @@ impl Write for AtomicFile {
     }
 }
 
+/// A number as it stands in a table.
+pub fn number(value: f64) -> String {
+    format!("{value:.6}")
+}
+
 /// A table of numbers as CSV, six decimals, whole or absent like every file.
 pub struct CsvFile {
     writer: csv::Writer<AtomicFile>,
@@ -97,9 +102,15 @@ impl CsvFile {
     /// # Errors
     /// Where the disk refuses, or the row is longer or shorter than the others.
     pub fn write(&mut self, values: impl IntoIterator<Item = f64>) -> Result<()> {
-        let written = self
-            .writer
-            .write_record(values.into_iter().map(|value| format!("{value:.6}")));
+        self.write_fields(values.into_iter().map(number))
+    }
+
+    /// Adds a row of texts; [`number`] makes one of a number.
+    ///
+    /// # Errors
+    /// Where the disk refuses, or the row is longer or shorter than the others.
+    pub fn write_fields(&mut self, fields: impl IntoIterator<Item = String>) -> Result<()> {
+        let written = self.writer.write_record(fields);
         self.check(written)
     }
 

@@ -170,6 +170,9 @@ impl<'a, T: Real, F: Iterator<Item = Result<FlightFrame>>> Replay<'a, T, F> {
         let (before, duration) = (self.last.time, frame.time - self.last.time);
         let inputs = inputs_at(self.flight, before + 0.5 * duration);
         let inputs = self.model.inputs(&inputs);
+        if let Some(history) = &self.flight.inputs {
+            self.dynamics.muscles = history.muscles_at(before, &self.flight.muscles);
+        }
         self.run.advance(
             &self.dynamics,
             &inputs.cast(),

@@ -10,7 +10,7 @@ pub mod twin;
 
 use std::time::{Duration, Instant};
 
-use bodyflight_core::estimator::preset::{PRESETS, Preset};
+use bodyflight_core::estimator::unit_preset::UnitPreset;
 use bodyflight_core::link::fault::Injector;
 use bodyflight_core::link::{
     ArchSource, Configure, Motion, PackedQuaternion, Sample, SegmentTable, StreamMode,
@@ -63,7 +63,7 @@ pub fn stream(
     let mut session = Session::new(line, injector, session_number(), mode);
     session.greet()?;
     session.compare_clocks()?;
-    let (configure, table) = configuration(flight, &first, settings.preset, frame_rate)?;
+    let (configure, table) = configuration(flight, &first, &settings.preset, frame_rate)?;
     session.configure(configure, &table)?;
     session.start()?;
 
@@ -100,7 +100,7 @@ pub fn stream(
 pub fn configuration(
     flight: &Flight,
     first: &FlightFrame,
-    preset: &Preset,
+    name: &str,
     frame_rate: f64,
 ) -> Result<(Configure, SegmentTable)> {
     let height = first.pelvis.position.up();
@@ -118,8 +118,9 @@ pub fn configuration(
     );
     let table = SegmentTable::of(&body, &aerodynamics);
     let (arch_source, arch) = ArchSource::of(aerodynamics.arch);
-    let number = PRESETS.iter().position(|p| p.name == preset.name);
-    let number = number.and_then(|number| u16::try_from(number).ok());
+    let unknown = || Problem::bad_input(format!("the unit has no preset \"{name}\""));
+    let number = UnitPreset::number(name, &dynamics.muscles).ok_or_else(unknown)?;
+    let preset = UnitPreset::of(number).ok_or_else(unknown)?;
     #[expect(
         clippy::cast_possible_truncation,
         reason = "single precision on the wire"
@@ -127,9 +128,9 @@ pub fn configuration(
     let [sample_rate, air_density] =
         [frame_rate, dynamics.air.density.at(height)].map(|value| value as f32);
     // A window of the filter is a few samples.
-    let window = f32::from(u8::try_from(preset.solution_window).unwrap_or(u8::MAX));
+    let window = f32::from(u8::try_from(preset.solution_window()).unwrap_or(u8::MAX));
     let configure = Configure {
-        preset: number.ok_or_else(|| Problem::bad_input(format!("no preset {}", preset.name)))?,
+        preset: u16::try_from(number).map_err(|_| unknown())?,
         sample_rate,
         update_rate: sample_rate / window,
         height: body.height,

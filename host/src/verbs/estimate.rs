@@ -1,32 +1,42 @@
 //! `bodyflight estimate`: conscious inputs over time from a recording, and how much better the flight is
 //! reconstructed with them than with constant coefficients, the paper's own comparison.
 
+pub mod motion;
+pub mod recorded;
+mod replayed;
+pub mod report;
+pub mod smoother;
+pub mod verdict;
+
 use std::collections::VecDeque;
 use std::path::Path;
 use std::time::Instant;
 
 use bodyflight_core::Real;
+use bodyflight_core::dynamics::muscle_input::MuscleModel;
 use bodyflight_core::estimator::full::Full;
 use bodyflight_core::estimator::measurement::Measurement;
+use bodyflight_core::estimator::motion::settings::MOTION;
+use bodyflight_core::estimator::motion::watch::Consistency;
 use bodyflight_core::estimator::preset::Preset;
 use bodyflight_core::estimator::propagation::Propagation;
 use bodyflight_core::estimator::reduced::Reduced;
-use bodyflight_core::estimator::status::{Estimate, Faults, Health};
-use bodyflight_core::estimator::{Estimator, StateVector};
+use bodyflight_core::estimator::status::Estimate;
+use bodyflight_core::estimator::{Estimator, inputs_of};
 use bodyflight_core::observation::Observation;
-use serde::Serialize;
 
 use crate::diagnostic::{Problem, Result};
 use crate::formats::flight::Flight;
 use crate::formats::input_history::Row;
 use crate::formats::recording::{Options, Recording};
 use crate::interrupt;
-use crate::output::files::CsvFile;
+use crate::output::files::{CsvFile, number};
 use crate::output::plot::{
     AXES, CONSTANT, Curve, ESTIMATED, Panel, figure_svg, measured_curve, simulated_curve,
 };
-use crate::replay::comparison::{Channel, Comparison, Pair, PerChannel};
+use crate::replay::comparison::{Channel, Comparison, Pair};
 use crate::replay::steps::{Divergence, Replay};
+use report::{Flags, Point, Report};
 
 /// Which of the two filters runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -35,74 +45,6 @@ pub enum Filter {
     Paper,
     /// The unit's.
     Reduced,
-}
-
-/// How often each fault was met, in updates.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
-pub struct Flags {
-    /// A posture was not usable.
-    pub posture: u64,
-    /// A measured channel was not usable.
-    pub measurement: u64,
-    /// An update was not taken in.
-    pub update: u64,
-    /// The covariance was kept from degenerating.
-    pub covariance: u64,
-    /// The reconstructed motion was limited.
-    pub motion: u64,
-    /// Updates in which predictions missed measurements by far.
-    pub inconsistent: u64,
-}
-
-impl Flags {
-    fn count(&mut self, faults: Faults, health: Health) {
-        for (count, set) in [
-            (&mut self.posture, faults.posture),
-            (&mut self.measurement, faults.measurement),
-            (&mut self.update, faults.update),
-            (&mut self.covariance, faults.covariance),
-            (&mut self.motion, faults.motion),
-            (&mut self.inconsistent, health == Health::Inconsistent),
-        ] {
-            *count += u64::from(set);
-        }
-    }
-}
-
-/// The result of an estimation.
-#[derive(Debug, Clone, Serialize)]
-pub struct Report {
-    /// Gap of the reconstruction with estimated inputs.
-    pub rms: PerChannel,
-    /// Gap of a free run with constant coefficients.
-    pub rms_constant: PerChannel,
-    /// Largest size of the measured channel.
-    pub amplitude: PerChannel,
-    /// Updates made.
-    pub updates: u64,
-    /// Mean normalised innovation squared of an update, all channels.
-    pub nis_mean: f64,
-    /// Faults by kind.
-    pub flags: Flags,
-    /// Time that the filter itself took (s).
-    pub seconds: f64,
-    /// Length of the flight (s).
-    pub duration_s: f64,
-    /// Time from a sample to the estimate for it (s): the prediction window.
-    pub delay_s: f64,
-}
-
-/// Coefficients at one time.
-#[derive(Debug, Clone, Copy)]
-pub struct Point {
-    /// Time from which on they act (s).
-    pub time: f64,
-    /// Coefficients.
-    pub inputs: Row,
-    /// Standard deviations, in the order of [`StateVector`].
-    pub deviation: StateVector<f64>,
-    /// Normalised innovation squared of the update.
-    pub normalised_innovation: f64,
 }
 
 /// An estimation with what plots and files need.
@@ -171,7 +113,7 @@ fn run<T: Real, P: Propagation<T>, const INTERVALS: usize>(
         &start.posture.cast(),
     )
     .map_err(|error| Problem::bad_input(format!("preset {}: {error}", preset.name)))?;
-    let mut collected = Collected::new(start.time, rate);
+    let mut collected = Collected::new(start.time, rate, preset.muscles);
     let mut end = start.time;
     for step in replay {
         let step = step?;
@@ -179,7 +121,7 @@ fn run<T: Real, P: Propagation<T>, const INTERVALS: usize>(
         collected.waiting.push_back(step.pair);
         let measurement = Measurement::of(&step.measured).cast();
         let begin = Instant::now();
-        let estimate = filter.push(&dynamics, &step.posture.cast(), &measurement);
+        let estimate = filter.push(&step.posture.cast(), &measurement);
         collected.seconds += begin.elapsed().as_secs_f64();
         if let Some(estimate) = estimate {
             collected.take(&estimate);
@@ -191,6 +133,7 @@ fn run<T: Real, P: Propagation<T>, const INTERVALS: usize>(
 }
 
 struct Collected {
+    muscles: MuscleModel,
     start: f64,
     rate: f64,
     /// Index of the first entry of `waiting`; the first frame is 0.
@@ -207,8 +150,9 @@ struct Collected {
 }
 
 impl Collected {
-    fn new(start: f64, rate: f64) -> Self {
+    fn new(start: f64, rate: f64, muscles: MuscleModel) -> Self {
         Self {
+            muscles,
             start,
             rate,
             first_waiting: 1,
@@ -230,9 +174,11 @@ impl Collected {
         let time = self.start + f64::from(estimate.sample) / self.rate;
         self.points.push(Point {
             time,
-            inputs: Row::of(time, &estimate.inputs.cast()),
-            deviation: estimate.deviation.map(Real::to_f64),
+            inputs: Row::of(time, &estimate.inputs.cast()).with_muscles(&self.muscles),
+            deviation: Row::of(time, &inputs_of(&estimate.deviation.map(Real::to_f64))),
             normalised_innovation: estimate.normalised_innovation.to_f64(),
+            consistency: None,
+            motion: None,
         });
         while self.first_waiting < estimate.solved_sample && self.waiting.len() > 1 {
             self.waiting.pop_front();
@@ -250,10 +196,20 @@ impl Collected {
     fn finish(self, duration_s: f64, delay_s: f64) -> Estimation {
         #[expect(clippy::cast_precision_loss, reason = "counts of updates")]
         let nis_mean = self.innovations / self.updates.max(1) as f64;
+        let (rms, rms_constant) = (self.estimated.rms(), self.constant.rms());
+        let worse: Vec<(Channel, f64, f64)> =
+            verdict::worse_channels(&rms, &rms_constant, &MOTION.noise)
+                .into_iter()
+                .map(|channel| (channel, rms.get(channel), rms_constant.get(channel)))
+                .collect();
         Estimation {
             report: Report {
-                rms: self.estimated.rms(),
-                rms_constant: self.constant.rms(),
+                doubt: verdict::sentence(&worse, None),
+                rms,
+                rms_constant,
+                rms_free_run: None,
+                joint_error_deg: None,
+                consistency: None,
                 amplitude: self.estimated.amplitude(),
                 updates: self.updates,
                 nis_mean,
@@ -277,14 +233,20 @@ impl Estimation {
     pub fn write_csv(&self, path: &Path) -> Result<()> {
         let columns: Vec<&str> = Row::COLUMNS
             .into_iter()
+            .chain(Row::MORE_COLUMNS)
             .chain(DEVIATIONS)
-            .chain(["nis"])
+            .chain(["nis", "consistency"])
             .collect();
         let mut file = CsvFile::create(path, &columns)?;
         for point in &self.points {
-            let deviation = point.deviation.iter().copied();
-            let rest = deviation.chain([point.normalised_innovation]);
-            file.write(point.inputs.columns().into_iter().chain(rest))?;
+            let numbers = point.inputs.columns().map(number);
+            let deviation = point.deviation.columns();
+            let rest = deviation.iter().skip(1).copied();
+            let rest = rest.chain([point.normalised_innovation]).map(number);
+            let consistency = point.consistency.map_or("", Consistency::name);
+            let more = point.inputs.more_fields();
+            let fields = numbers.into_iter().chain(more).chain(rest);
+            file.write_fields(fields.chain([consistency.to_owned()]))?;
         }
         file.finish()
     }
@@ -351,7 +313,7 @@ impl Estimation {
     }
 }
 
-/// Columns of the standard deviations, in the order of [`StateVector`].
+/// Columns of the standard deviations.
 const DEVIATIONS: [&str; 6] = [
     "sd_pitch",
     "sd_yaw",

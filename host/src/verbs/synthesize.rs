@@ -7,6 +7,7 @@ use bodyflight_core::Segment;
 use bodyflight_core::body::mass_properties::PostureRate;
 use bodyflight_core::body::posture::{Posture, joint_rotation};
 use bodyflight_core::dynamics::free_run::{Equations, FreeRun};
+use bodyflight_core::dynamics::muscle_input::MuscleForces;
 use bodyflight_core::dynamics::step::TIME_STEP;
 use bodyflight_core::dynamics::trim::trim;
 use bodyflight_core::dynamics::{Dynamics, Motion};
@@ -29,6 +30,15 @@ use crate::formats::subject::{SEGMENTS_FILE, Subject};
 use crate::interrupt;
 use crate::output::files::{CsvFile, write_file};
 
+/// Errors of the recorded joints that are slower than noise, standard deviations of each axis (rad).
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct JointError {
+    /// The same from the first frame to the last.
+    pub calibration: f64,
+    /// Wanders at 0.08 to 0.5 Hz.
+    pub wander: f64,
+}
+
 /// What to synthesise.
 #[derive(Debug, Clone)]
 pub struct Request<'a> {
@@ -42,6 +52,8 @@ pub struct Request<'a> {
     pub seed: u64,
     /// Sensor noise.
     pub noise: SensorNoise,
+    /// Errors of the recorded joints.
+    pub joint_error: JointError,
     /// Size of the involuntary sway of each joint (rad).
     pub sway: f64,
 }
@@ -77,7 +89,7 @@ pub fn synthesize(
     let mut flight = Flight::bare(&folder.join("flight.mvnx"));
     flight.subject = request.subject.clone();
     flight.density = DensityChoice::Constant(request.density);
-    flight.muscles = request.maneuver.muscles;
+    flight.muscles = request.maneuver.muscles.with_forces(MuscleForces::Moment);
     let dynamics = flight.dynamics(START_HEIGHT);
     let description = Description {
         subject_label: "Synthetic".to_owned(),
@@ -136,6 +148,7 @@ pub fn fly(
         &rate(0.0),
     );
     let mut sensors = Sensors {
+        joints: JointErrors::new(request.seed, request.joint_error),
         random,
         noise: request.noise,
     };
@@ -220,8 +233,57 @@ impl Sway {
     }
 }
 
+/// Errors of the recorded joints that are slower than noise.
+struct JointErrors {
+    errors: Vec<(Segment, [AxisError; 3])>,
+}
+
+#[derive(Clone, Copy)]
+struct AxisError {
+    constant: f64,
+    waves: [Wave; 2],
+}
+
+impl JointErrors {
+    /// Numbers of their own: with exact joints a flight keeps its bits.
+    fn new(seed: u64, size: JointError) -> Self {
+        let mut random = ChaCha8Rng::seed_from_u64(seed ^ 0x6a6f_696e_7473);
+        let mut axis = || AxisError {
+            constant: size.calibration * random.sample::<f64, _>(StandardNormal),
+            waves: [(); 2].map(|()| Wave {
+                amplitude: size.wander * random.sample::<f64, _>(StandardNormal),
+                frequency: std::f64::consts::TAU * random.random_range(0.08..0.5),
+                phase: random.random_range(0.0..std::f64::consts::TAU),
+            }),
+        };
+        let mut axes = || [axis(), axis(), axis()];
+        let joints = Segment::ALL.into_iter().skip(1);
+        Self {
+            errors: joints.map(|segment| (segment, axes())).collect(),
+        }
+    }
+
+    fn on(&self, posture: &Posture<f64>, time: f64) -> Posture<f64> {
+        self.errors.iter().fold(*posture, |seen, (segment, axes)| {
+            let turn = axes.map(|error| {
+                let waves = error.waves.iter();
+                let wander: f64 = waves
+                    .map(|w| w.amplitude * (w.frequency * time + w.phase).sin())
+                    .sum();
+                error.constant + wander
+            });
+            if turn == [0.0; 3] {
+                return seen;
+            }
+            let error = small_rotation(&Vector3::from(turn));
+            seen.with(*segment, seen.parent_from_segment(*segment) * error)
+        })
+    }
+}
+
 /// Sensors with their noise.
 struct Sensors {
+    joints: JointErrors,
     random: ChaCha8Rng,
     noise: SensorNoise,
 }
@@ -240,10 +302,10 @@ impl Sensors {
     ) -> FlightFrame {
         let noise = self.noise;
         let tilt = small_rotation(&self.vector([noise.attitude; 3]));
-        let mut seen = *posture;
+        let mut seen = self.joints.on(posture, time);
         for segment in Segment::ALL.into_iter().skip(1) {
             let error = small_rotation(&self.vector([noise.joint; 3]));
-            seen.set(segment, posture.parent_from_segment(segment) * error);
+            seen.set(segment, seen.parent_from_segment(segment) * error);
         }
         let velocity = motion.velocity_inertial();
         let spin = motion.inertial_from_body * motion.angular_velocity;
@@ -289,7 +351,7 @@ fn flight_toml(request: &Request<'_>) -> String {
     text.push_str(
         "recording = \"flight.mvnx\"\nsubject = \"subject.toml\"\ninputs = \"inputs.csv\"\n",
     );
-    let muscles = crate::formats::flight::name_of_muscles(&request.maneuver.muscles);
+    let muscles = request.maneuver.muscles.name();
     let _ = writeln!(text, "muscles = \"{muscles}\"");
     let _ = writeln!(text, "\n[air]\ndensity = {}", request.density);
     text

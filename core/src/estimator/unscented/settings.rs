@@ -40,7 +40,7 @@ pub struct Settings<T: Real, const N: usize> {
 
 /// Why settings are refused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Unsafe {
+pub enum SettingsError {
     /// The central weight is not in 0 to 0.99: negative weights make covariances indefinite in single
     /// precision.
     CentralWeight,
@@ -68,7 +68,7 @@ pub enum Unsafe {
     Start,
 }
 
-impl core::fmt::Display for Unsafe {
+impl core::fmt::Display for SettingsError {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         f.write_str(match self {
             Self::CentralWeight => "central weight W0 must lie in 0 to 0.99",
@@ -93,42 +93,45 @@ impl core::fmt::Display for Unsafe {
     }
 }
 
-impl core::error::Error for Unsafe {}
+impl core::error::Error for SettingsError {}
 
 impl<T: Real, const N: usize> Settings<T, N> {
     /// Whether a filter may run on these settings.
     ///
     /// # Errors
     /// The first rule that is broken.
-    pub fn check(&self) -> Result<(), Unsafe> {
+    pub fn check(&self) -> Result<(), SettingsError> {
         let (zero, one) = (T::zero(), T::one());
         let within = |value: T, low: T, high: T| value >= low && value <= high;
         let rule = |holds: bool, broken| if holds { Ok(()) } else { Err(broken) };
         rule(
             within(self.central_weight, zero, T::of(0.99)),
-            Unsafe::CentralWeight,
+            SettingsError::CentralWeight,
         )?;
-        rule(within(self.reflection, zero, one), Unsafe::Reflection)?;
+        rule(
+            within(self.reflection, zero, one),
+            SettingsError::Reflection,
+        )?;
         let variance = &self.variance;
         rule(
             variance.iter().all(|v| v.is_finite() && *v > zero),
-            Unsafe::Variance,
+            SettingsError::Variance,
         )?;
         rule(
             variance.max() <= variance.min() * T::of(1e12),
-            Unsafe::VarianceSpread,
+            SettingsError::VarianceSpread,
         )?;
         let mut noise = self.process_noise.iter().zip(variance.iter());
         rule(
             noise.all(|(q, v)| within(*q, zero, *v * T::of(100.0))),
-            Unsafe::ProcessNoise,
+            SettingsError::ProcessNoise,
         )?;
         let mut bounds = self.low.iter().zip(self.high.iter());
-        rule(bounds.all(|(low, high)| low < high), Unsafe::Bounds)?;
+        rule(bounds.all(|(low, high)| low < high), SettingsError::Bounds)?;
         let mut state = self.state.iter().zip(self.low.iter().zip(self.high.iter()));
         rule(
             state.all(|(x, (low, high))| x.is_finite() && within(*x, *low, *high)),
-            Unsafe::State,
+            SettingsError::State,
         )
     }
 }

@@ -157,7 +157,7 @@ fn pushes<P: Propagation<f32>, const INTERVALS: usize>(
     for _ in 0..estimator.prediction_window() + 24 {
         let mut estimated = false;
         let cost = counter.instructions(|| {
-            estimated = estimator.push(dynamics, posture, &seen).is_some();
+            estimated = estimator.push(posture, &seen).is_some();
         });
         let slot = if estimated { &mut update } else { &mut quiet };
         *slot = cost.max(*slot);
@@ -165,7 +165,7 @@ fn pushes<P: Propagation<f32>, const INTERVALS: usize>(
     let mut stack = 0;
     for _ in 0..8 {
         let mut push = || {
-            black_box(estimator.push(dynamics, posture, &seen).is_some());
+            black_box(estimator.push(posture, &seen).is_some());
         };
         stack = stack.max(stack_of(&mut push));
     }
@@ -197,7 +197,7 @@ fn spread(counter: &mut Counter, dynamics: &Dynamics<f32>) -> Option<u32> {
         });
         let mut estimated = false;
         let cost = counter.instructions(|| {
-            estimated = estimator.push(dynamics, &posture, &seen).is_some();
+            estimated = estimator.push(&posture, &seen).is_some();
         });
         if estimated {
             least = least.min(cost);

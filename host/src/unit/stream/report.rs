@@ -178,7 +178,7 @@ pub struct Report {
     /// End of `file:line` where the unit's last fault since its power-on was a panic.
     pub unit_panic: Option<String>,
     /// Filter preset.
-    pub preset: &'static str,
+    pub preset: String,
     /// Samples sent.
     pub sent: u32,
     /// Length of the flight (s).
@@ -219,7 +219,7 @@ impl Report {
         Self {
             unit_build: text.trim_end_matches('\0').to_owned(),
             unit_panic: session.status.as_ref().and_then(place_of_panic),
-            preset: settings.preset.name,
+            preset: settings.preset.clone(),
             sent: session.sent(),
             flight_s,
             wall_s,

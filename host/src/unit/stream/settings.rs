@@ -1,6 +1,5 @@
 //! What to stream, and how.
 
-use bodyflight_core::estimator::preset::Preset;
 use bodyflight_core::link::fault::Faults;
 
 use super::connection::Target;
@@ -22,7 +21,7 @@ pub struct Settings {
     /// Where the unit is.
     pub target: Target,
     /// Filter preset.
-    pub preset: &'static Preset,
+    pub preset: String,
     /// How fast.
     pub pace: Pace,
     /// Faults of the line, on purpose.

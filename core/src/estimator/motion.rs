@@ -1,0 +1,569 @@
+//! The motion filter: a Kalman filter of the whole motion and of what acts on it.
+//!
+//! The paper's filter ([`Estimator`](super::Estimator)) estimates six coefficients and lets the motion run open
+//! loop, so whatever the model has wrong ends in the coefficients. This one has the motion in its state, and
+//! beside muscle input and damping a residual load: what joints that are recorded a little off put on the
+//! body. Its size follows from the model ([`posture_error`]) and from the joints' error, which is data.
+//! Inputs fall back to their mean with their own spread, so what no measurement sees stays there; nothing is
+//! bounded where the truth may lie. An axis on which the angular velocity runs away from its prediction is
+//! awake ([`activity`]): its inputs may then change quickly.
+//!
+//! Errors are 21 small numbers ([`state`]) that cross an interval by derivatives flown with the model
+//! ([`transition`]), and meet measurements channel by channel ([`measurement`], [`update`]), each behind a
+//! gate. [`watch`] compares the innovations with their error bars and says when they cannot be trusted.
+
+pub mod activity;
+pub mod estimate;
+pub mod measurement;
+pub mod posture_error;
+pub mod settings;
+pub mod state;
+pub mod transition;
+pub mod update;
+pub mod watch;
+
+use nalgebra::{SMatrix, Vector3};
+
+use super::factor::Cholesky;
+use super::full::Full;
+use super::propagation::Propagation;
+use super::reduced::Reduced;
+use super::status::Faults;
+use super::unscented::SettingsError;
+use crate::body::posture::Posture;
+use crate::dynamics::{Dynamics, Motion, PostureSample, State};
+use crate::frame::Vector;
+use crate::math::Real;
+use activity::Activity;
+use estimate::{ChannelEstimate, MotionEstimate, Recorder};
+use measurement::{CHANNELS, MotionMeasurement, Noise, Prediction};
+use posture_error::PostureError;
+use settings::{MotionPreset, Process};
+use state::{
+    Covariance, DAMPING, Difference, FlightState, MOTION_STATES, RESIDUAL_FORCE, SPIN, STATES,
+    input_vector,
+};
+use transition::MotionSlope;
+use watch::Watch;
+
+/// The motion filter with the whole model, a step for each sample.
+pub type FullMotionFilter<T> = MotionFilter<T, Full>;
+
+/// The motion filter for the unit, a step for two samples.
+pub type ReducedMotionFilter<T> = MotionFilter<T, Reduced>;
+
+/// Innovations in a row beyond the gate after which a channel is believed again: the filter, not the sensor, is
+/// then the one that is wrong.
+const LONGEST_REJECTION: u16 = 60;
+
+/// A filter of the motion, fed with one posture and one measurement at a time.
+#[derive(Debug, Clone)]
+pub struct MotionFilter<T: Real, P: Propagation<T>> {
+    dynamics: Dynamics<T>,
+    process: Process<T>,
+    noise: Noise<T>,
+    /// Square of the deviations beyond which a channel is rejected.
+    gate: T,
+    activity: Activity<T>,
+    /// Activity by somebody who knows better.
+    prescribed: Option<[T; 3]>,
+    duration: T,
+    /// Intervals from one estimate to the next.
+    intervals: usize,
+    state: FlightState<T>,
+    covariance: Covariance<T>,
+    slope: MotionSlope<T>,
+    posture_error: PostureError<T>,
+    interval: Option<P::Interval>,
+    /// A motion to start from, until an interval says how the joints move.
+    start: Option<Motion<T>>,
+    /// The last interval in full: kept here for its size, not on the stack of an update.
+    sample: PostureSample<T>,
+    posture: Posture<T>,
+    /// Samples since the last interval ended.
+    waiting: usize,
+    /// Intervals since the last estimate.
+    since: usize,
+    samples: u32,
+    watch: Watch<T>,
+    /// Sum of normalised innovations squared since the last estimate, and their number.
+    squares: [T; 2],
+    faults: Faults,
+}
+
+impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
+    /// Starts with the motion and posture of sample 0, whose errors are those of the sensors.
+    ///
+    /// # Errors
+    /// Returns an error for settings that cannot be run, and for a start that is not finite.
+    pub fn new(
+        preset: &MotionPreset,
+        dynamics: &Dynamics<T>,
+        motion: &Motion<T>,
+        posture: &Posture<T>,
+    ) -> Result<Self, SettingsError> {
+        let duration = preset.duration(P::STRIDE);
+        if !(duration > T::zero() && duration <= T::of(0.05)) {
+            return Err(SettingsError::TimeStep);
+        }
+        if preset.solution_window < P::STRIDE || !preset.solution_window.is_multiple_of(P::STRIDE) {
+            return Err(SettingsError::SolutionWindow);
+        }
+        let process = Process::new(preset, duration)?;
+        let mut filter = Self {
+            dynamics: *dynamics,
+            process,
+            noise: preset.noise.of(),
+            gate: T::single(preset.gate * preset.gate),
+            activity: Activity::new(preset, duration),
+            prescribed: None,
+            duration,
+            intervals: preset.solution_window / P::STRIDE,
+            state: FlightState {
+                motion: State::from_motion(motion, &dynamics.hold(posture)),
+                inputs: state::inputs_of(&process.centre()),
+            },
+            covariance: SMatrix::zeros(),
+            slope: SMatrix::zeros(),
+            posture_error: PostureError::none(),
+            interval: None,
+            start: None,
+            sample: PostureSample::blank(),
+            posture: *posture,
+            waiting: 0,
+            since: 0,
+            samples: 0,
+            watch: Watch::new(),
+            squares: [T::zero(); 2],
+            faults: Faults::default(),
+        };
+        filter.start(motion, posture)?;
+        filter.covariance = filter.process.start(&filter.noise);
+        Ok(filter)
+    }
+
+    /// Starts over from another motion after a gap in the recording, keeping what is known of the inputs. The
+    /// motion and posture are those of the sample pushed last.
+    ///
+    /// # Errors
+    /// Returns an error for a motion or posture that is not finite; the filter is left as it was.
+    pub fn restart(
+        &mut self,
+        motion: &Motion<T>,
+        posture: &Posture<T>,
+    ) -> Result<(), SettingsError> {
+        self.start(motion, posture)?;
+        let start = self.process.start(&self.noise);
+        for column in 0..STATES {
+            for row in 0..STATES {
+                if row < MOTION_STATES || column < MOTION_STATES {
+                    self.covariance[(row, column)] = start[(row, column)];
+                }
+            }
+        }
+        self.watch = Watch::new();
+        self.waiting = 0;
+        Ok(())
+    }
+
+    fn start(&mut self, motion: &Motion<T>, posture: &Posture<T>) -> Result<(), SettingsError> {
+        let state = State::from_motion(motion, &self.dynamics.hold(posture));
+        if !posture.is_valid() || !state.is_finite() {
+            return Err(SettingsError::Start);
+        }
+        self.state.motion = state;
+        self.start = Some(*motion);
+        self.posture = *posture;
+        self.interval = None;
+        self.activity.start(&motion.angular_velocity.components);
+        let velocity = self.velocity_through_air(motion);
+        self.posture_error
+            .renew(&self.dynamics, posture, &velocity, &mut self.sample);
+        self.process
+            .set_sensitivity(self.posture_error.covariance());
+        Ok(())
+    }
+
+    /// The model.
+    pub fn dynamics(&self) -> &Dynamics<T> {
+        &self.dynamics
+    }
+
+    /// The model, for limbs that change on the way.
+    pub fn dynamics_mut(&mut self) -> &mut Dynamics<T> {
+        &mut self.dynamics
+    }
+
+    /// Motion and inputs after the last interval.
+    pub fn state(&self) -> &FlightState<T> {
+        &self.state
+    }
+
+    /// Covariance of their errors.
+    pub fn covariance(&self) -> &Covariance<T> {
+        &self.covariance
+    }
+
+    /// The last interval.
+    pub fn interval(&self) -> Option<&P::Interval> {
+        self.interval.as_ref()
+    }
+
+    /// How much each axis is moved on purpose, 0 to 1: pitch, yaw, roll.
+    pub fn activity(&self) -> [T; 3] {
+        self.activity.level()
+    }
+
+    /// Says how much each axis is moved on purpose, for who has seen the flight before.
+    pub fn prescribe_activity(&mut self, activity: [T; 3]) {
+        self.prescribed = Some(activity);
+    }
+
+    /// Takes the next sample: the posture, and what was measured at the same instant. An estimate for that
+    /// instant comes once for each solution window.
+    ///
+    /// A posture that is not usable is replaced by the last good one, channels that were not measured or lie
+    /// beyond the gate are left out, and [`MotionEstimate::faults`] and the channels tell.
+    pub fn push(
+        &mut self,
+        posture: &Posture<T>,
+        measured: &MotionMeasurement<T>,
+    ) -> Option<MotionEstimate<T>> {
+        self.push_recorded(posture, measured, &mut ())
+    }
+
+    /// [`MotionFilter::push`] under the eyes of a recorder.
+    pub fn push_recorded(
+        &mut self,
+        posture: &Posture<T>,
+        measured: &MotionMeasurement<T>,
+        recorder: &mut impl Recorder<T>,
+    ) -> Option<MotionEstimate<T>> {
+        self.samples = self.samples.wrapping_add(1);
+        self.waiting += 1;
+        if self.waiting < P::STRIDE {
+            return None;
+        }
+        self.waiting = 0;
+        self.cross(posture);
+        recorder.crossed(&self.slope, &self.process);
+        let channels = self.take(measured, recorder);
+        recorder.settled(&self.state, &self.covariance);
+        self.since += 1;
+        if self.since < self.intervals {
+            return None;
+        }
+        self.since = 0;
+        Some(self.publish(channels))
+    }
+
+    /// Goes on to the next posture.
+    #[inline(never)]
+    fn cross(&mut self, posture: &Posture<T>) {
+        let good = posture.is_valid();
+        self.faults.posture |= !good;
+        let next = if good { *posture } else { self.posture };
+        let motion = self.motion();
+        let velocity = self.velocity_through_air(&motion);
+        self.follow_posture(&next, &motion, &velocity);
+        self.dynamics
+            .between_into(&self.posture, &next, self.duration, &mut self.sample);
+        self.posture = next;
+        let interval = P::keep(
+            &self.dynamics,
+            &self.sample,
+            &Vector::from_components(velocity),
+        );
+        if let Some(start) = self.start.take() {
+            self.state.motion = State::from_motion(&start, &interval);
+        }
+        let end = transition::fly(
+            &self.dynamics,
+            &interval,
+            &self.process,
+            &self.state,
+            self.duration,
+            &mut self.slope,
+        );
+        let spin = &motion.angular_velocity.components;
+        let variance = Vector3::from_fn(|axis, _| self.covariance[(SPIN + axis, SPIN + axis)]);
+        let trust = self.activity.damping_trust(spin, &variance);
+        for axis in 0..3 {
+            for row in 0..MOTION_STATES {
+                self.slope[(row, DAMPING + axis)] *= trust[axis];
+            }
+        }
+        if end.is_finite() && self.slope.iter().all(|v| v.is_finite()) {
+            self.state = end;
+            transition::spread(&mut self.covariance, &self.slope, &self.process);
+        } else {
+            self.faults.motion = true;
+        }
+        self.interval = Some(interval);
+    }
+
+    /// Brings what is known of the joints' errors up to the next posture.
+    fn follow_posture(&mut self, next: &Posture<T>, motion: &Motion<T>, velocity: &Vector3<T>) {
+        let length = |vector: Vector3<T>| vector.norm_squared().root();
+        let across = length(motion.angular_velocity.components.cross(velocity));
+        let turn = across * self.duration / length(*velocity);
+        self.process
+            .set_turn(if turn.is_finite() { turn } else { T::zero() });
+        // On the unit once for each estimate: every update then costs the same.
+        if self.since == 0 || P::STRIDE == 1 {
+            self.posture_error
+                .renew_next(&self.dynamics, next, velocity, &mut self.sample);
+            self.process
+                .set_sensitivity(self.posture_error.covariance());
+        }
+    }
+
+    /// Takes in what was measured.
+    #[inline(never)]
+    fn take(
+        &mut self,
+        measured: &MotionMeasurement<T>,
+        recorder: &mut impl Recorder<T>,
+    ) -> [ChannelEstimate<T>; CHANNELS] {
+        let nothing = ChannelEstimate {
+            innovation: T::zero(),
+            variance: T::zero(),
+            fused: false,
+            rejected: false,
+        };
+        let mut channels = [nothing; CHANNELS];
+        let Some(interval) = &self.interval else {
+            return channels;
+        };
+        let prediction = Prediction::of(&self.state, interval);
+        let mut moved = Difference::zeros();
+        for (k, channel) in channels.iter_mut().enumerate() {
+            let Some(row) = prediction.row(k, measured) else {
+                continue;
+            };
+            let noise = self.noise.variance(k);
+            let (innovation, spread) = update::innovation(&self.covariance, &moved, &row, noise);
+            let normalised = innovation.value / innovation.variance.root();
+            let square = normalised * normalised;
+            let within = square <= self.gate;
+            // Not a number is not within, and nothing more.
+            let rejected = !within;
+            self.watch.take(k, normalised, rejected, self.duration);
+            self.activity.take(k, normalised);
+            self.squares[0] += if within { square } else { self.gate };
+            self.squares[1] += T::one();
+            let lost = self.watch.channels[k].streak >= LONGEST_REJECTION && square.is_finite();
+            *channel = ChannelEstimate {
+                innovation: innovation.value,
+                variance: innovation.variance,
+                fused: within || lost,
+                rejected,
+            };
+            if channel.fused {
+                recorder.taken(&row, &innovation, &spread);
+                update::take(&mut self.covariance, &mut moved, &innovation, &spread);
+            }
+        }
+        self.faults.covariance |= update::keep_positive(&mut self.covariance);
+        let mut next = self.state.moved(&moved, interval);
+        next.limit_inputs();
+        if next.is_finite() {
+            self.state = next;
+        } else {
+            self.faults.update = true;
+        }
+        let activity = self.prescribed.unwrap_or_else(|| self.activity.level());
+        self.process.set_activity(activity);
+        self.watch_residual();
+        channels
+    }
+
+    /// Compares the residual load with what joints can do.
+    fn watch_residual(&mut self) {
+        let inputs = input_vector(&self.state.inputs);
+        let residual = inputs.fixed_rows::<6>(RESIDUAL_FORCE - MOTION_STATES);
+        let factor = Cholesky::new(&self.process.residual_covariance());
+        let whitened = factor.solve_transposed(&residual.transpose());
+        let mean = whitened.norm_squared() / T::of(6.0);
+        self.watch.take_residual(mean, self.duration);
+    }
+
+    fn motion(&self) -> Motion<T> {
+        match (&self.start, &self.interval) {
+            (Some(start), _) => *start,
+            (None, Some(interval)) => self.state.motion.motion(interval),
+            (None, None) => self.state.motion.motion(&self.sample),
+        }
+    }
+
+    fn velocity_through_air(&self, motion: &Motion<T>) -> Vector3<T> {
+        let air = self.dynamics.air.velocity_at(&motion.position);
+        (motion.velocity - motion.inertial_from_body.inverse() * air).components
+    }
+
+    fn publish(&mut self, channels: [ChannelEstimate<T>; CHANNELS]) -> MotionEstimate<T> {
+        let [sum, number] = core::mem::replace(&mut self.squares, [T::zero(); 2]);
+        self.faults.measurement |= channels.iter().any(|channel| channel.rejected);
+        MotionEstimate {
+            sample: self.samples,
+            inputs: self.state.inputs,
+            deviation: self.covariance.diagonal().map(Real::root),
+            motion: self.motion(),
+            channels,
+            normalised_innovation: if number > T::zero() {
+                sum / number
+            } else {
+                T::one()
+            },
+            watch: self.watch,
+            consistency: self.watch.consistency(),
+            faults: core::mem::take(&mut self.faults),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::body::pattern;
+    use crate::dynamics::Inputs;
+    use crate::dynamics::muscle_input::{BACK_TRACKING, MuscleForces};
+    use crate::dynamics::step::TIME_STEP;
+    use crate::frame::Rotation;
+    use crate::test_body::reference_body;
+    use nalgebra::UnitQuaternion;
+    use settings::MOTION;
+    use watch::Consistency;
+
+    fn dynamics() -> Dynamics<f64> {
+        Dynamics {
+            muscles: BACK_TRACKING.with_forces(MuscleForces::Moment),
+            ..Dynamics::paper(reference_body(), 1.0)
+        }
+    }
+
+    fn falling() -> Motion<f64> {
+        let belly = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), 1.5);
+        Motion {
+            inertial_from_body: Rotation::from_quaternion(belly),
+            position: Vector::zero(),
+            velocity: Vector::new(0.0, -46.0, 3.0),
+            angular_velocity: Vector::zero(),
+        }
+    }
+
+    /// Flies `seconds` with an input in pitch from one second on, and filters what is measured of it without noise.
+    fn filtered(
+        seconds: u32,
+        pitch: f64,
+        change: impl Fn(u32, &mut MotionMeasurement<f64>, &mut Posture<f64>),
+    ) -> (MotionFilter<f64, Full>, Option<MotionEstimate<f64>>) {
+        let dynamics = dynamics();
+        let posture = pattern::neutral();
+        let interval = dynamics.hold(&posture);
+        let mut flown = State::from_motion(&falling(), &interval);
+        let mut filter =
+            MotionFilter::<f64, Full>::new(&MOTION, &dynamics, &falling(), &posture).unwrap();
+        let mut last = None;
+        for k in 0..240 * seconds {
+            let mut inputs = Inputs::belly_turn();
+            inputs.muscle.pitch = if k > 240 { pitch } else { 0.0 };
+            flown = dynamics.step(&flown, &interval, &inputs, TIME_STEP);
+            let mut seen = MotionMeasurement::of(&flown.motion(&interval));
+            let mut recorded = posture;
+            change(k, &mut seen, &mut recorded);
+            last = filter.push(&recorded, &seen).or(last);
+        }
+        (filter, last)
+    }
+
+    #[test]
+    fn what_the_model_explains_leaves_inputs_at_zero() {
+        let (_, estimate) = filtered(5, 0.0, |_, _, _| ());
+        let estimate = estimate.unwrap();
+        assert!(estimate.inputs.muscle.to_vector().norm() < 1e-6);
+        assert_eq!(estimate.consistency, Consistency::Consistent);
+        // Nothing moves in roll and nothing sees its damping: it stays at its mean, with its own width.
+        let damping = estimate.inputs.damping.roll - f64::from(MOTION.damping[2]);
+        assert!(damping.abs() < 1e-3, "{damping}");
+        assert!(estimate.deviation[DAMPING + 2] > 0.9 * f64::from(MOTION.damping_deviation[2]));
+    }
+
+    #[test]
+    fn an_input_is_found_within_its_error_bar() {
+        for pitch in [1.5, -0.8] {
+            let (_, estimate) = filtered(4, pitch, |_, _, _| ());
+            let estimate = estimate.unwrap();
+            let found = estimate.inputs.muscle.pitch;
+            let deviation = estimate.deviation[state::MUSCLE];
+            assert!(
+                (found - pitch).abs() < 2.0 * deviation,
+                "{found} {deviation}"
+            );
+            assert!(deviation < 0.5 && found * pitch > 0.0);
+        }
+    }
+
+    #[test]
+    fn a_sensor_that_lies_is_gated_and_told() {
+        let (filter, estimate) = filtered(4, 0.0, |k, seen, _| {
+            if k > 480 && k % 8 == 0 {
+                seen.velocity = seen.velocity.map(|v| v + Vector::new(30.0, 0.0, 0.0));
+            }
+        });
+        let estimate = estimate.unwrap();
+        assert!(filter.state().motion.is_finite());
+        assert!(estimate.inputs.muscle.to_vector().norm() < 0.05);
+        assert!(estimate.watch.channels[6].rejected > 0.05);
+        assert_ne!(estimate.consistency, Consistency::Consistent);
+    }
+
+    #[test]
+    fn nothing_usable_leaves_a_finite_state() {
+        let nowhere = Vector::new(f64::NAN, f64::INFINITY, 1e300);
+        let (filter, estimate) = filtered(3, 0.0, |k, seen, posture| {
+            if k > 240 && k % 3 == 0 {
+                seen.velocity = Some(nowhere);
+                seen.angular_velocity = Some(Vector::new(f64::NAN, 0.0, 1e30));
+            }
+            if k > 240 && k % 5 == 0 {
+                *posture = posture.with(
+                    crate::body::Segment::Head,
+                    UnitQuaternion::new_unchecked(nalgebra::Quaternion::new(
+                        f64::NAN,
+                        0.0,
+                        0.0,
+                        1.0,
+                    )),
+                );
+            }
+        });
+        assert!(filter.state().is_finite());
+        assert!(filter.covariance().iter().all(|v| v.is_finite()));
+        assert!(estimate.unwrap().inputs.muscle.to_vector().norm() < 1.0);
+    }
+
+    #[test]
+    fn settings_that_cannot_be_run_are_refused() {
+        let posture = pattern::neutral();
+        let refused = |preset: MotionPreset| {
+            MotionFilter::<f64, Full>::new(&preset, &dynamics(), &falling(), &posture).err()
+        };
+        let rate = MotionPreset {
+            sample_rate: 0.0,
+            ..MOTION
+        };
+        assert_eq!(refused(rate), Some(SettingsError::TimeStep));
+        let window = MotionPreset {
+            solution_window: 0,
+            ..MOTION
+        };
+        assert_eq!(refused(window), Some(SettingsError::SolutionWindow));
+        let joints = MotionPreset {
+            joint_error: f32::NAN,
+            ..MOTION
+        };
+        assert_eq!(refused(joints), Some(SettingsError::Variance));
+        assert_eq!(refused(MOTION), None);
+    }
+}

@@ -1,0 +1,62 @@
+//! What the motion filter publishes, and what it shows to who goes back over it.
+
+use nalgebra::SVector;
+
+use super::measurement::{CHANNELS, Row};
+use super::settings::Process;
+use super::state::{Covariance, Difference, FlightState, STATES};
+use super::transition::MotionSlope;
+use super::update::Innovation;
+use super::watch::{Consistency, Watch};
+use crate::dynamics::{Inputs, Motion};
+use crate::estimator::status::Faults;
+use crate::math::Real;
+
+/// One channel at the last interval.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ChannelEstimate<T> {
+    /// Measured less predicted; zero where nothing was measured.
+    pub innovation: T,
+    /// Its variance; zero where nothing was measured.
+    pub variance: T,
+    /// Whether it was taken in.
+    pub fused: bool,
+    /// Whether it was beyond the gate.
+    pub rejected: bool,
+}
+
+/// What the filter says after a sample.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MotionEstimate<T: Real> {
+    /// The sample it stands for, the one just taken in; sample 0 is the start.
+    pub sample: u32,
+    /// Inputs at that sample.
+    pub inputs: Inputs<T>,
+    /// Standard deviations of all error coordinates, in the order of [`state`](super::state).
+    pub deviation: SVector<T, STATES>,
+    /// Motion at that sample.
+    pub motion: Motion<T>,
+    /// Channels at that sample.
+    pub channels: [ChannelEstimate<T>; CHANNELS],
+    /// Normalised innovation squared, the mean of a channel since the last estimate; one where model and noise
+    /// match reality.
+    pub normalised_innovation: T,
+    /// What the channels say of the filter.
+    pub watch: Watch<T>,
+    /// The worst of it.
+    pub consistency: Consistency,
+    /// What went wrong since the last estimate.
+    pub faults: Faults,
+}
+
+/// What goes on inside a filter, for who wants to go back over it. A filter without one costs no more.
+pub trait Recorder<T: Real> {
+    /// An interval was crossed, with these derivatives.
+    fn crossed(&mut self, _slope: &MotionSlope<T>, _process: &Process<T>) {}
+    /// A channel was taken in; `spread` is the covariance of the errors with the channel.
+    fn taken(&mut self, _row: &Row<T>, _innovation: &Innovation<T>, _spread: &Difference<T>) {}
+    /// The interval is done.
+    fn settled(&mut self, _state: &FlightState<T>, _covariance: &Covariance<T>) {}
+}
+
+impl<T: Real> Recorder<T> for () {}

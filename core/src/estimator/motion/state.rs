@@ -1,0 +1,224 @@
+//! What the filter knows: the motion and what acts on it, and how far two of them are apart.
+
+use nalgebra::{SMatrix, SVector, Vector3};
+
+use crate::dynamics::interval::Interval;
+use crate::dynamics::residual::ResidualLoad;
+use crate::dynamics::{Inputs, State};
+use crate::frame::{Rotation, Vector};
+use crate::math::{Real, clamp, normalized, small_rotation};
+
+/// Number of error coordinates.
+pub const STATES: usize = 21;
+/// Those of the motion come first.
+pub const MOTION_STATES: usize = 9;
+/// The others change by themselves alone.
+pub const INPUT_STATES: usize = STATES - MOTION_STATES;
+
+/// Where the turn of the attitude begins (rad, body axes).
+pub const ATTITUDE: usize = 0;
+/// Where the velocity of the centre of gravity begins (m/s, inertial axes).
+pub const VELOCITY: usize = 3;
+/// Where the angular velocity begins (rad/s, body axes).
+pub const SPIN: usize = 6;
+/// Where muscle input begins: pitch, yaw, roll.
+pub const MUSCLE: usize = 9;
+/// Where damping begins: pitch, yaw, roll.
+pub const DAMPING: usize = 12;
+/// Where the residual force begins (m2, body axes).
+pub const RESIDUAL_FORCE: usize = 15;
+/// Where the residual moment begins (m3, body axes).
+pub const RESIDUAL_MOMENT: usize = 18;
+
+/// A small difference of two states, in the order of the constants of this module.
+pub type Difference<T> = SVector<T, STATES>;
+
+/// Covariance of the error coordinates.
+pub type Covariance<T> = SMatrix<T, STATES, STATES>;
+
+/// Limits of muscle input and damping: so far from where they are ever found that they bias nothing.
+const INPUT_LIMITS: [[f64; 2]; 2] = [[-12.0, 12.0], [-1.0, 30.0]];
+
+/// Motion and inputs at one instant.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FlightState<T: Real> {
+    /// Motion of the body.
+    pub motion: State<T>,
+    /// Muscle input, damping, and the load that nothing else accounts for.
+    pub inputs: Inputs<T>,
+}
+
+/// The inputs in the order of the error coordinates.
+pub fn input_vector<T: Real>(inputs: &Inputs<T>) -> SVector<T, INPUT_STATES> {
+    let Inputs {
+        muscle,
+        damping,
+        residual,
+    } = inputs;
+    let mut vector = SVector::<T, INPUT_STATES>::zeros();
+    let parts = [
+        muscle.to_vector(),
+        damping.to_vector(),
+        residual.force.components,
+        residual.moment.components,
+    ];
+    for (k, part) in parts.iter().enumerate() {
+        vector.fixed_rows_mut::<3>(3 * k).copy_from(part);
+    }
+    vector
+}
+
+/// The inputs that [`input_vector`] made a vector of.
+pub fn inputs_of<T: Real>(vector: &SVector<T, INPUT_STATES>) -> Inputs<T> {
+    let part = |k: usize| Vector3::new(vector[3 * k], vector[3 * k + 1], vector[3 * k + 2]);
+    let axes = |k: usize| [vector[3 * k], vector[3 * k + 1], vector[3 * k + 2]].into();
+    Inputs {
+        muscle: axes(0),
+        damping: axes(1),
+        residual: ResidualLoad {
+            force: Vector::from_components(part(2)),
+            moment: Vector::from_components(part(3)),
+        },
+    }
+}
+
+impl<T: Real> FlightState<T> {
+    /// The state that differs from this one by `difference`, in the posture of `interval`.
+    pub fn moved(&self, difference: &Difference<T>, interval: &impl Interval<T>) -> Self {
+        let motion = difference.fixed_rows::<MOTION_STATES>(0).into_owned();
+        let inputs = difference.fixed_rows::<INPUT_STATES>(MUSCLE).into_owned();
+        Self {
+            motion: moved_motion(&self.motion, &motion, interval),
+            inputs: inputs_of(&(input_vector(&self.inputs) + inputs)),
+        }
+    }
+
+    /// The difference by which `other` is [moved](FlightState::moved) from this state.
+    pub fn difference(&self, other: &Self, interval: &impl Interval<T>) -> Difference<T> {
+        let mut difference = Difference::<T>::zeros();
+        difference
+            .fixed_rows_mut::<MOTION_STATES>(0)
+            .copy_from(&motion_difference(&self.motion, &other.motion, interval));
+        difference
+            .fixed_rows_mut::<INPUT_STATES>(MUSCLE)
+            .copy_from(&(input_vector(&other.inputs) - input_vector(&self.inputs)));
+        difference
+    }
+
+    /// Keeps muscle input and damping within their limits.
+    pub(super) fn limit_inputs(&mut self) {
+        let within =
+            |limits: [f64; 2]| move |value: T| clamp(value, T::of(limits[0]), T::of(limits[1]));
+        let [muscle, damping] = INPUT_LIMITS.map(within);
+        self.inputs.muscle = self.inputs.muscle.map(muscle);
+        self.inputs.damping = self.inputs.damping.map(damping);
+    }
+
+    /// The same state in another precision.
+    pub fn cast<U: Real>(&self) -> FlightState<U> {
+        FlightState {
+            motion: self.motion.cast(),
+            inputs: self.inputs.cast(),
+        }
+    }
+
+    /// Whether every number is finite.
+    pub fn is_finite(&self) -> bool {
+        self.motion.is_finite() && input_vector(&self.inputs).iter().all(|v| v.is_finite())
+    }
+}
+
+/// The motion that differs by `change`: the body is turned, with its angular velocity, and pushed.
+pub(super) fn moved_motion<T: Real>(
+    state: &State<T>,
+    change: &SVector<T, MOTION_STATES>,
+    interval: &impl Interval<T>,
+) -> State<T> {
+    let part = |k: usize| Vector3::new(change[k], change[k + 1], change[k + 2]);
+    let momentum = state.inertial_from_body.inverse() * state.angular_momentum;
+    let turned = **state.inertial_from_body.quaternion() * *small_rotation(&part(ATTITUDE));
+    let inertial_from_body = Rotation::from_quaternion(normalized(turned));
+    let momentum = momentum + interval.inertia() * Vector::from_components(part(SPIN));
+    State {
+        inertial_from_body,
+        cg_position: state.cg_position,
+        linear_momentum: state.linear_momentum
+            + Vector::from_components(part(VELOCITY)) * interval.mass(),
+        angular_momentum: inertial_from_body * momentum,
+    }
+}
+
+/// The change by which `to` is moved from `from`.
+pub(super) fn motion_difference<T: Real>(
+    from: &State<T>,
+    to: &State<T>,
+    interval: &impl Interval<T>,
+) -> SVector<T, MOTION_STATES> {
+    let turn = turn_between(&from.inertial_from_body, &to.inertial_from_body);
+    let momentum = |state: &State<T>| state.inertial_from_body.inverse() * state.angular_momentum;
+    let spin = interval.inverse_inertia() * (momentum(to) - momentum(from));
+    let push = (to.linear_momentum - from.linear_momentum) / interval.mass();
+    let mut change = SVector::<T, MOTION_STATES>::zeros();
+    for (k, part) in [
+        (ATTITUDE, turn),
+        (VELOCITY, push.components),
+        (SPIN, spin.components),
+    ] {
+        change.fixed_rows_mut::<3>(k).copy_from(&part);
+    }
+    change
+}
+
+/// The small turn (rad, body axes) that takes one attitude to another: exact to third order, and on the short
+/// way however far they are apart.
+pub(super) fn turn_between<T: Real, A, B>(
+    from: &Rotation<T, A, B>,
+    to: &Rotation<T, A, B>,
+) -> Vector3<T> {
+    let turn = *(from.quaternion().inverse() * to.quaternion());
+    let imaginary = turn.imag();
+    let square = imaginary.norm_squared();
+    // 2 asin(s) / s to fourth order.
+    let factor = T::of(2.0) + square * (T::of(1.0 / 3.0) + square * T::of(3.0 / 20.0));
+    if turn.w < T::zero() {
+        -imaginary * factor
+    } else {
+        imaginary * factor
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::body::pattern;
+    use crate::dynamics::{Dynamics, Motion};
+    use crate::test_body::reference_body;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn a_state_is_moved_by_its_difference(
+            q in prop::array::uniform4(-1.0f64..1.0),
+            error in prop::collection::vec(-0.1f64..0.1, STATES),
+        ) {
+            let Some(inertial_from_body) = Rotation::from_wxyz(q) else {
+                return Ok(());
+            };
+            let dynamics = Dynamics::paper(reference_body(), 1.0);
+            let interval = dynamics.hold(&pattern::neutral());
+            let motion = Motion {
+                inertial_from_body,
+                position: Vector::zero(),
+                velocity: Vector::new(1.0, -45.0, 3.0),
+                angular_velocity: Vector::new(0.4, -2.0, 0.7),
+            };
+            let state = FlightState {
+                motion: State::from_motion(&motion, &interval),
+                inputs: Inputs::belly_turn(),
+            };
+            let error = Difference::from_column_slice(&error);
+            let back = state.difference(&state.moved(&error, &interval), &interval);
+            prop_assert!((back - error).abs().max() < 1e-6);
+        }
+    }
+}

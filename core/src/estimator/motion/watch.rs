@@ -1,0 +1,244 @@
+//! Whether the filter is right about its own errors: innovations channel by channel, over about a second.
+//!
+//! Where model and noise match reality, normalised innovations have a mean square of one and know nothing of
+//! the one before. A mean square above one says that an error bar is too small; a correlation says that
+//! something pulls which the filter does not have. Both are watched by exponential means.
+
+use super::measurement::CHANNELS;
+use crate::math::Real;
+
+/// Time over which means are taken (s).
+pub const WINDOW: f64 = 1.0;
+
+/// How far what the filter says of itself agrees with what is measured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
+pub enum Consistency {
+    /// Estimates lie within their error bars as far as measurements can tell.
+    #[default]
+    Consistent,
+    /// Error bars are too small, or something acts that the filter does not have: use with care.
+    Doubtful,
+    /// Predictions do not follow the measurements: do not use.
+    Lost,
+}
+
+impl Consistency {
+    /// Name in files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Consistent => "consistent",
+            Self::Doubtful => "doubtful",
+            Self::Lost => "lost",
+        }
+    }
+}
+
+/// Mean normalised innovation squared above which a channel is doubtful and lost.
+const MEAN_SQUARE: [f64; 2] = [2.0, 6.0];
+/// Correlation of an innovation with the one before, above which a channel is doubtful and lost.
+const CORRELATION: [f64; 2] = [0.4, 0.8];
+/// Share of rejected innovations, likewise.
+const REJECTED: [f64; 2] = [0.05, 0.3];
+
+/// What is known of one channel.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ChannelWatch<T> {
+    /// Mean normalised innovation squared; one is right.
+    pub mean_square: T,
+    /// Mean product of neighbours over the mean square: zero is right.
+    pub correlation: T,
+    /// Share of innovations beyond the gate.
+    pub rejected: T,
+    product: T,
+    last: T,
+    /// Innovations in a row beyond the gate.
+    pub streak: u16,
+    /// Whether anything was measured yet.
+    pub seen: bool,
+}
+
+impl<T: Real> ChannelWatch<T> {
+    fn new() -> Self {
+        Self {
+            mean_square: T::one(),
+            correlation: T::zero(),
+            rejected: T::zero(),
+            product: T::zero(),
+            last: T::zero(),
+            streak: 0,
+            seen: false,
+        }
+    }
+
+    /// Takes in an innovation over its deviation; `share` is the weight of one in the means.
+    fn take(&mut self, normalised: T, rejected: bool, share: T) {
+        self.seen = true;
+        let one = T::one();
+        // A wild value says no more than a rejected one.
+        let limit = T::of(10.0);
+        let value = crate::math::clamp(normalised, -limit, limit);
+        self.mean_square += (value * value - self.mean_square) * share;
+        self.product += (value * self.last - self.product) * share;
+        let floor = if self.mean_square > one {
+            self.mean_square
+        } else {
+            one
+        };
+        self.correlation = self.product / floor;
+        self.last = value;
+        self.rejected += (if rejected { one } else { T::zero() } - self.rejected) * share;
+        self.streak = if rejected {
+            self.streak.saturating_add(1)
+        } else {
+            0
+        };
+    }
+
+    /// What the channel says.
+    pub fn consistency(&self) -> Consistency {
+        let above = |value: T, limits: [f64; 2]| {
+            if value > T::of(limits[1]) {
+                Consistency::Lost
+            } else if value > T::of(limits[0]) {
+                Consistency::Doubtful
+            } else {
+                Consistency::Consistent
+            }
+        };
+        above(self.mean_square, MEAN_SQUARE)
+            .max(above(self.correlation, CORRELATION))
+            .max(above(self.rejected, REJECTED))
+    }
+}
+
+/// All channels, and the residual load.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Watch<T> {
+    /// By channel.
+    pub channels: [ChannelWatch<T>; CHANNELS],
+    /// Square of the residual load over its expected covariance, by number: six are expected.
+    pub residual: T,
+}
+
+/// Mean square of the residual load, by component, above which the model lacks something.
+const RESIDUAL: [f64; 2] = [4.0, 16.0];
+
+impl<T: Real> Watch<T> {
+    /// Nothing seen.
+    pub fn new() -> Self {
+        Self {
+            channels: [ChannelWatch::new(); CHANNELS],
+            residual: T::zero(),
+        }
+    }
+
+    /// The same in another precision.
+    pub fn cast<U: Real>(&self) -> Watch<U> {
+        let scalar = |value: T| U::of(value.to_f64());
+        Watch {
+            channels: self.channels.map(|channel| ChannelWatch {
+                mean_square: scalar(channel.mean_square),
+                correlation: scalar(channel.correlation),
+                rejected: scalar(channel.rejected),
+                product: scalar(channel.product),
+                last: scalar(channel.last),
+                streak: channel.streak,
+                seen: channel.seen,
+            }),
+            residual: scalar(self.residual),
+        }
+    }
+
+    /// Takes in an innovation over its deviation, `duration` (s) after the last.
+    pub fn take(&mut self, channel: usize, normalised: T, rejected: bool, duration: T) {
+        let share = duration / T::of(WINDOW);
+        self.channels[channel].take(normalised, rejected, share);
+    }
+
+    /// Takes in the mean square of the residual load by component.
+    pub fn take_residual(&mut self, mean_square: T, duration: T) {
+        self.residual += (mean_square - self.residual) * (duration / T::of(WINDOW));
+    }
+
+    /// What the residual load says.
+    pub fn residual_consistency(&self) -> Consistency {
+        if self.residual > T::of(RESIDUAL[1]) {
+            Consistency::Lost
+        } else if self.residual > T::of(RESIDUAL[0]) {
+            Consistency::Doubtful
+        } else {
+            Consistency::Consistent
+        }
+    }
+
+    /// What the worst of them says.
+    pub fn consistency(&self) -> Consistency {
+        self.channels
+            .iter()
+            .filter(|channel| channel.seen)
+            .map(ChannelWatch::consistency)
+            .fold(self.residual_consistency(), Ord::max)
+    }
+}
+
+impl<T: Real> Default for Watch<T> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use super::*;
+
+    /// Numbers of mean zero and variance one, the same each time.
+    fn noise() -> impl Iterator<Item = f64> {
+        let mut state = 1u64;
+        std::iter::repeat_with(move || {
+            let mut sum = 0.0;
+            for _ in 0..12 {
+                state = state
+                    .wrapping_mul(6364136223846793005)
+                    .wrapping_add(1442695040888963407);
+                sum += f64::from((state >> 33) as u32) / f64::from(1u32 << 31);
+            }
+            sum - 6.0
+        })
+    }
+
+    fn watched(change: impl Fn(f64) -> f64) -> Consistency {
+        let mut watch = Watch::<f64>::new();
+        for value in noise().take(1000) {
+            let value = change(value);
+            watch.take(3, value, value.abs() > 5.0, 1.0 / 240.0);
+        }
+        watch.consistency()
+    }
+
+    #[test]
+    fn honest_innovations_are_consistent_and_others_are_told() {
+        assert_eq!(watched(|value| value), Consistency::Consistent);
+        assert_eq!(watched(|value| 0.1 * value), Consistency::Consistent);
+        assert_eq!(watched(|value| 1.7 * value), Consistency::Doubtful);
+        assert_eq!(watched(|value| 4.0 * value), Consistency::Lost);
+        // Something pulls: the mean square is hardly larger, and neighbours know of each other.
+        assert_eq!(watched(|value| value + 0.95), Consistency::Doubtful);
+    }
+
+    #[test]
+    fn a_residual_load_beyond_what_joints_do_is_told() {
+        let mut watch = Watch::<f64>::new();
+        for (load, expected) in [
+            (1.0, Consistency::Consistent),
+            (9.0, Consistency::Doubtful),
+            (40.0, Consistency::Lost),
+        ] {
+            for _ in 0..2000 {
+                watch.take_residual(load, 1.0 / 240.0);
+            }
+            assert_eq!(watch.consistency(), expected, "{load}");
+        }
+    }
+}

@@ -1,0 +1,112 @@
+//! The presets that a unit knows, by the numbers that the link gives them.
+
+use super::motion::settings::{MOTION, MotionPreset};
+use super::preset::{PRESETS, Preset};
+use crate::dynamics::muscle_input::{MODELS, MuscleForces, MuscleModel};
+
+/// What a unit can be asked to run.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum UnitPreset {
+    /// The paper's filter, reduced.
+    Windows(Preset),
+    /// The motion filter, reduced, with the limbs that act.
+    Motion(MotionPreset, MuscleModel),
+}
+
+/// Name of the motion filter's presets.
+pub const MOTION_NAME: &str = "auto";
+
+impl UnitPreset {
+    /// The preset of a number: those of [`PRESETS`] first, then the motion filter with each of the limb groups of
+    /// [`MODELS`]. New ones go to the end.
+    pub fn of(number: usize) -> Option<Self> {
+        if let Some(preset) = PRESETS.get(number) {
+            return Some(Self::Windows(*preset));
+        }
+        let (_, muscles) = MODELS.get(number.checked_sub(PRESETS.len())?)?;
+        Some(Self::Motion(
+            MOTION,
+            muscles.with_forces(MuscleForces::Moment),
+        ))
+    }
+
+    /// The number of a preset by name; `auto` is that of the motion filter with `muscles`.
+    pub fn number(name: &str, muscles: &MuscleModel) -> Option<usize> {
+        if name == MOTION_NAME {
+            let mut models = MODELS.iter();
+            let place = models.position(|(known, _)| *known == muscles.name())?;
+            return Some(PRESETS.len() + place);
+        }
+        PRESETS.iter().position(|preset| preset.name == name)
+    }
+
+    /// Name in commands.
+    pub const fn name(&self) -> &'static str {
+        match self {
+            Self::Windows(preset) => preset.name,
+            Self::Motion(..) => MOTION_NAME,
+        }
+    }
+
+    /// Limbs that act on the muscle input.
+    pub const fn muscles(&self) -> &MuscleModel {
+        match self {
+            Self::Windows(preset) => &preset.muscles,
+            Self::Motion(_, muscles) => muscles,
+        }
+    }
+
+    /// Most samples from one update to the next.
+    pub const fn longest_solution_window(&self) -> usize {
+        match self {
+            Self::Windows(preset) => preset.prediction_window,
+            Self::Motion(..) => LONGEST_SOLUTION_WINDOW,
+        }
+    }
+
+    /// Samples from one update to the next, as a rule.
+    pub const fn solution_window(&self) -> usize {
+        match self {
+            Self::Windows(preset) => preset.solution_window,
+            Self::Motion(preset, _) => preset.solution_window,
+        }
+    }
+
+    /// The same at another rate (Hz) and solution window (samples).
+    #[must_use]
+    pub const fn at_rates(mut self, sample_rate: f32, solution_window: usize) -> Self {
+        match &mut self {
+            Self::Windows(preset) => {
+                preset.sample_rate = sample_rate;
+                preset.solution_window = solution_window;
+            }
+            Self::Motion(preset, _) => {
+                preset.sample_rate = sample_rate;
+                preset.solution_window = solution_window;
+            }
+        }
+        self
+    }
+}
+
+/// Of the motion filter: a quarter of a second at 240 Hz.
+const LONGEST_SOLUTION_WINDOW: usize = 60;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_and_names_belong_together() {
+        let mut number = 0;
+        while let Some(preset) = UnitPreset::of(number) {
+            assert_eq!(
+                UnitPreset::number(preset.name(), preset.muscles()),
+                Some(number)
+            );
+            number += 1;
+        }
+        assert_eq!(number, PRESETS.len() + MODELS.len());
+        assert_eq!(UnitPreset::number("none", &MODELS[0].1), None);
+    }
+}

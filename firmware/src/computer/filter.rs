@@ -1,0 +1,200 @@
+//! The two filters that a unit has, behind one interface: what they take of a sample, and what they answer.
+
+use bodyflight_core::Posture;
+use bodyflight_core::dynamics::{Dynamics, Motion};
+use bodyflight_core::estimator::measurement::Measurement;
+use bodyflight_core::estimator::motion::ReducedMotionFilter;
+use bodyflight_core::estimator::motion::estimate::MotionEstimate;
+use bodyflight_core::estimator::motion::measurement::MotionMeasurement;
+use bodyflight_core::estimator::motion::state::MUSCLE;
+use bodyflight_core::estimator::motion::watch::Consistency;
+use bodyflight_core::estimator::status::{Estimate, Health};
+use bodyflight_core::estimator::unit_preset::UnitPreset;
+use bodyflight_core::estimator::unscented::SettingsError;
+use bodyflight_core::estimator::{ReducedFilter, input_coefficients};
+use bodyflight_core::link::{self, EstimateFlags, Sample, Validity};
+
+/// One of the two filters.
+#[derive(Debug)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "there is one, in static memory, as large as the larger"
+)]
+pub(super) enum Filter {
+    Windows(ReducedFilter<f32>),
+    Motion(ReducedMotionFilter<f32>),
+}
+
+/// What one of them says.
+#[expect(
+    clippy::large_enum_variant,
+    reason = "lives for one sample, on the stack"
+)]
+pub(super) enum Answer {
+    Windows(Estimate<f32>),
+    Motion(MotionEstimate<f32>),
+}
+
+impl Filter {
+    pub(super) fn new(
+        preset: &UnitPreset,
+        dynamics: &Dynamics<f32>,
+        motion: &Motion<f32>,
+        posture: &Posture<f32>,
+    ) -> Result<Self, SettingsError> {
+        match preset {
+            UnitPreset::Windows(preset) => {
+                ReducedFilter::new(preset, dynamics, motion, posture).map(Self::Windows)
+            }
+            UnitPreset::Motion(preset, _) => {
+                ReducedMotionFilter::new(preset, dynamics, motion, posture).map(Self::Motion)
+            }
+        }
+    }
+
+    pub(super) fn restart(
+        &mut self,
+        motion: &Motion<f32>,
+        posture: &Posture<f32>,
+    ) -> Result<(), SettingsError> {
+        match self {
+            Self::Windows(filter) => filter.restart(motion, posture),
+            Self::Motion(filter) => filter.restart(motion, posture),
+        }
+    }
+
+    /// Takes a posture, and the sample that it is from with its motion; none where it is bridged.
+    pub(super) fn push(
+        &mut self,
+        posture: &Posture<f32>,
+        seen: Option<(&Sample, &Motion<f32>)>,
+    ) -> Option<Answer> {
+        match self {
+            Self::Windows(filter) => {
+                let seen = seen.map_or_else(Measurement::none, |(sample, motion)| {
+                    measurement_of(sample, motion)
+                });
+                filter.push(posture, &seen).map(Answer::Windows)
+            }
+            Self::Motion(filter) => {
+                let seen = seen.map_or_else(MotionMeasurement::none, |(sample, _)| {
+                    motion_measurement_of(sample)
+                });
+                filter.push(posture, &seen).map(Answer::Motion)
+            }
+        }
+    }
+}
+
+impl Answer {
+    /// Whether predictions and measurements have parted.
+    pub(super) fn is_lost(&self) -> bool {
+        match self {
+            Self::Windows(estimate) => estimate.health == Health::Inconsistent,
+            Self::Motion(estimate) => estimate.consistency == Consistency::Lost,
+        }
+    }
+
+    /// What goes over the link.
+    pub(super) fn over_the_link(&self, sequence: u32, pending: EstimateFlags) -> link::Estimate {
+        match self {
+            Self::Windows(estimate) => answer(estimate, sequence, pending),
+            Self::Motion(estimate) => motion_answer(estimate, sequence, pending),
+        }
+    }
+}
+
+/// What the sample measured; not a number where it did not.
+fn measurement_of(sample: &Sample, motion: &Motion<f32>) -> Measurement<f32> {
+    let all = Measurement::of(motion);
+    let mut seen = Measurement::none();
+    let has = |part| sample.valid.contains(part);
+    if has(Validity::ATTITUDE) {
+        seen.heading = all.heading;
+        seen.pitch = all.pitch;
+        seen.roll = all.roll;
+        seen.vertical = all.vertical;
+        if has(Validity::ANGULAR_VELOCITY) {
+            seen.yaw_rate = all.yaw_rate;
+        }
+    }
+    if has(Validity::VELOCITY) {
+        seen.vertical_velocity = all.vertical_velocity;
+        seen.horizontal_speed = all.horizontal_speed;
+    }
+    // Satellites measure speed, inertial sensors integrate it.
+    if let Some(speed) = sample.motion().horizontal_speed {
+        seen.horizontal_speed = speed;
+    }
+    seen
+}
+
+/// The same for the motion filter.
+fn motion_measurement_of(sample: &Sample) -> MotionMeasurement<f32> {
+    let measured = sample.motion();
+    MotionMeasurement {
+        inertial_from_body: sample
+            .valid
+            .contains(Validity::ATTITUDE)
+            .then(|| sample.inertial_from_body()),
+        angular_velocity: measured.angular_velocity,
+        velocity: measured.velocity,
+        horizontal_speed: measured.horizontal_speed,
+    }
+}
+
+/// What goes over the link of the motion filter: as measurement the speed over ground, heading, pitch and roll of its
+/// motion.
+fn motion_answer(
+    estimate: &MotionEstimate<f32>,
+    sequence: u32,
+    pending: EstimateFlags,
+) -> link::Estimate {
+    let taken_in = estimate.channels.iter().any(|channel| channel.fused);
+    let consistency = estimate.consistency;
+    let mut flags = pending;
+    flags.set(
+        EstimateFlags::VALID,
+        taken_in && consistency != Consistency::Lost,
+    );
+    flags.set(EstimateFlags::NOT_TAKEN_IN, !taken_in);
+    flags.set(
+        EstimateFlags::DOUBTFUL,
+        consistency == Consistency::Doubtful,
+    );
+    flags.set(EstimateFlags::LOST, consistency == Consistency::Lost);
+    flags.set(EstimateFlags::FAULT, !estimate.faults.none());
+    let seen = Measurement::of(&estimate.motion);
+    let variance = |k: usize| estimate.deviation[MUSCLE + k] * estimate.deviation[MUSCLE + k];
+    link::Estimate {
+        sample_sequence: sequence,
+        flags,
+        state: input_coefficients(&estimate.inputs),
+        variance: core::array::from_fn(variance),
+        measurement: [seen.horizontal_speed, seen.heading, seen.pitch, seen.roll],
+        nis: estimate.normalised_innovation,
+        cycles: 0,
+    }
+}
+
+/// What goes over the link. The processor's cycles are for the caller to fill in.
+fn answer(estimate: &Estimate<f32>, sequence: u32, pending: EstimateFlags) -> link::Estimate {
+    let taken_in = estimate.channels.iter().any(|channel| channel.fused);
+    let health = estimate.health;
+    let follows = matches!(health, Health::Good | Health::Settling);
+    let mut flags = pending;
+    flags.set(EstimateFlags::VALID, taken_in && follows);
+    flags.set(EstimateFlags::NOT_TAKEN_IN, !taken_in);
+    flags.set(EstimateFlags::INCONSISTENT, health == Health::Inconsistent);
+    flags.set(EstimateFlags::SETTLING, health == Health::Settling);
+    flags.set(EstimateFlags::FAULT, !estimate.faults.none());
+    link::Estimate {
+        sample_sequence: sequence,
+        flags,
+        state: estimate.state.into(),
+        variance: estimate.deviation.map(|d| d * d).into(),
+        measurement: estimate.channels.map(|channel| channel.predicted),
+        nis: estimate.normalised_innovation,
+        cycles: 0,
+    }
+}

@@ -1,0 +1,349 @@
+//! Estimation by the motion filter, and by the smoother that goes back over it.
+
+use std::time::Instant;
+
+use bodyflight_core::Real;
+use bodyflight_core::dynamics::muscle_input::MuscleModel;
+use bodyflight_core::dynamics::{Dynamics, Inputs, Motion};
+use bodyflight_core::estimator::full::Full;
+use bodyflight_core::estimator::motion::MotionFilter;
+use bodyflight_core::estimator::motion::estimate::{MotionEstimate, Recorder};
+use bodyflight_core::estimator::motion::measurement::{MotionMeasurement, Row as ChannelRow};
+use bodyflight_core::estimator::motion::settings::MotionPreset;
+use bodyflight_core::estimator::motion::state::{Difference, MUSCLE, inputs_of};
+use bodyflight_core::estimator::motion::update::Innovation;
+use bodyflight_core::estimator::motion::watch::Consistency;
+use bodyflight_core::estimator::propagation::Propagation;
+use bodyflight_core::estimator::reduced::Reduced;
+
+use super::recorded::Recorded;
+use super::replayed::Replayed;
+use super::report::{Flags, Point};
+use super::smoother::Track;
+use super::verdict::Collector;
+use super::{Estimation, Filter};
+use crate::diagnostic::{Problem, Result};
+use crate::formats::flight::Flight;
+use crate::formats::input_history::Row;
+use crate::formats::recording::Options;
+use crate::interrupt;
+
+/// How a flight is estimated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Method {
+    /// Forward, as the unit does.
+    Filter,
+    /// The whole flight at once.
+    Smooth,
+}
+
+/// What tunes an estimation by the motion filter.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Settings {
+    /// The preset; its rate and its sensors' noise come from the recording.
+    pub preset: MotionPreset,
+    /// Whether the noise of the preset is kept where the recording shows another.
+    pub keep_noise: bool,
+    /// Whether the joints' error is found from the innovations.
+    pub find_joint_error: bool,
+    /// The whole model or the reduced one.
+    pub filter: Filter,
+    /// Forward or the whole flight.
+    pub method: Method,
+}
+
+/// Joint errors that are tried (deg). The last is more than recordings have: what needs it is not the joints' error.
+const JOINT_ERRORS: [f32; 5] = [0.25, 0.5, 1.0, 2.0, IMPLAUSIBLE];
+const IMPLAUSIBLE: f32 = 4.0;
+
+/// Time before an axis is found awake at which it may have begun to move (s).
+const AWAKE_BEFORE: f64 = 0.15;
+
+/// Runs the filter over a recording and, beside it, the model with constant coefficients.
+///
+/// # Errors
+/// Returns an error where a file is not usable or the preset is refused.
+pub fn estimate<T: Real>(
+    flight: &Flight,
+    settings: &Settings,
+    options: Options,
+    mut progress: impl FnMut(f64),
+) -> Result<Estimation> {
+    let mut recorded = Recorded::read(flight, options)?;
+    let height = recorded
+        .instants
+        .first()
+        .map_or(0.0, |first| first.motion.position.up());
+    let model = flight.effects.applied(flight.dynamics(height), height)?;
+    recorded.correct(&model.sensors);
+    if settings.filter == Filter::Reduced {
+        model_is_plain(&model.dynamics)?;
+    }
+    let mut preset = settings.preset;
+    if !settings.keep_noise {
+        preset.noise = recorded.noise(&preset.noise);
+    }
+    set_rate(&mut preset, recorded.rate);
+    let begin = Instant::now();
+    let run = Run {
+        flight,
+        recorded: &recorded,
+        dynamics: model.dynamics,
+    };
+    if settings.find_joint_error {
+        preset.joint_error = run.joint_error(&preset)?;
+    }
+    let implausible = settings.find_joint_error && preset.joint_error >= IMPLAUSIBLE.to_radians();
+    progress(0.0);
+    let least = if implausible {
+        Consistency::Doubtful
+    } else {
+        Consistency::Consistent
+    };
+    let (points, collector, flags) = match settings.filter {
+        Filter::Paper => run.points::<T, Full>(&preset, settings.method, least)?,
+        Filter::Reduced => run.points::<T, Reduced>(&preset, settings.method, least)?,
+    };
+    let seconds = begin.elapsed().as_secs_f64();
+    let replayed = Replayed {
+        flight,
+        recorded: &recorded,
+    };
+    let mut estimation = replayed.report(points, &collector, flags, &preset, seconds)?;
+    if implausible {
+        let sentence =
+            format!("what was measured asks for joints that are {IMPLAUSIBLE} degrees off or more");
+        estimation.report.doubt.get_or_insert(sentence);
+    }
+    Ok(estimation)
+}
+
+/// The rate of the recording, and about sixty estimates a second.
+fn set_rate(preset: &mut MotionPreset, rate: f64) {
+    let per_estimate = rate * preset.solution_window as f64 / f64::from(preset.sample_rate);
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a rate of a recording"
+    )]
+    {
+        preset.sample_rate = rate as f32;
+        preset.solution_window = (per_estimate / 2.0).round().max(1.0) as usize * 2;
+    }
+}
+
+/// The reduced model has no streams at single segments, and takes the air to be the same everywhere.
+fn model_is_plain(dynamics: &Dynamics<f64>) -> Result<()> {
+    if dynamics.stream.is_uniform() && dynamics.air.profile == 0.0 {
+        return Ok(());
+    }
+    Err(
+        Problem::bad_input("an effect of the model acts on the stream at single segments, which the reduced filter does not have")
+            .help("use --filter paper, which flies the whole model"),
+    )
+}
+
+struct Run<'a> {
+    flight: &'a Flight,
+    recorded: &'a Recorded,
+    dynamics: Dynamics<f64>,
+}
+
+/// Sums the likelihood of what was measured.
+#[derive(Default)]
+struct Likelihood(f64);
+
+impl<T: Real> Recorder<T> for Likelihood {
+    fn taken(&mut self, _: &ChannelRow<T>, innovation: &Innovation<T>, _: &Difference<T>) {
+        let (value, variance) = (innovation.value.to_f64(), innovation.variance.to_f64());
+        self.0 -= 0.5 * (variance.ln() + value * value / variance);
+    }
+}
+
+impl Run<'_> {
+    fn muscles_at(&self, time: f64) -> MuscleModel {
+        let flight = &self.flight.muscles;
+        let history = self.flight.inputs.as_ref();
+        history.map_or(*flight, |history| history.muscles_at(time, flight))
+    }
+
+    /// Flies the filter over the recording; `each` sees every instant before it is pushed, and every estimate.
+    fn fly<T: Real, P: Propagation<T>>(
+        &self,
+        preset: &MotionPreset,
+        recorder: &mut impl Recorder<T>,
+        mut before: impl FnMut(usize, &mut MotionFilter<T, P>),
+        mut each: impl FnMut(usize, &MotionFilter<T, P>, Option<MotionEstimate<T>>),
+    ) -> Result<()> {
+        let mut instants = self.recorded.instants.iter();
+        let Some(first) = instants.next() else {
+            return Ok(());
+        };
+        let motion: Motion<T> = first.motion.cast();
+        let mut filter = Box::new(
+            MotionFilter::<T, P>::new(
+                preset,
+                &self.dynamics.cast(),
+                &motion,
+                &first.posture.cast(),
+            )
+            .map_err(|error| Problem::bad_input(format!("the preset: {error}")))?,
+        );
+        for (index, instant) in instants.enumerate() {
+            filter.dynamics_mut().muscles = self.muscles_at(instant.time);
+            before(index, &mut filter);
+            let measured = MotionMeasurement::of(&instant.motion).cast();
+            let estimate = filter.push_recorded(&instant.posture.cast(), &measured, recorder);
+            each(index, &filter, estimate);
+            if index.is_multiple_of(1024) {
+                interrupt::check()?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The error of the joints under which what was measured is most likely.
+    fn joint_error(&self, preset: &MotionPreset) -> Result<f32> {
+        let mut best = (f64::NEG_INFINITY, preset.joint_error);
+        for degrees in JOINT_ERRORS {
+            let tried = MotionPreset {
+                joint_error: degrees.to_radians(),
+                ..*preset
+            };
+            let mut likelihood = Likelihood::default();
+            self.fly::<f64, Reduced>(&tried, &mut likelihood, |_, _| (), |_, _, _| ())?;
+            if likelihood.0 > best.0 {
+                best = (likelihood.0, tried.joint_error);
+            }
+        }
+        Ok(best.1)
+    }
+
+    fn points<T: Real, P: Propagation<T>>(
+        &self,
+        preset: &MotionPreset,
+        method: Method,
+        least: Consistency,
+    ) -> Result<(Vec<Point>, Collector, Flags)>
+    where
+        P::Interval: Clone,
+    {
+        let mut points = Vec::new();
+        let mut collector = Collector::default();
+        let mut flags = Flags::default();
+        let mut activity = Vec::new();
+        let mut last = self
+            .recorded
+            .instants
+            .first()
+            .map_or(0.0, |first| first.time);
+        self.fly::<T, P>(
+            preset,
+            &mut (),
+            |_, _| (),
+            |index, filter, estimate| {
+                activity.push(filter.activity().map(Real::to_f64));
+                let (Some(estimate), Some(instant)) =
+                    (estimate, self.recorded.instants.get(index + 1))
+                else {
+                    return;
+                };
+                let watch = estimate.watch.cast();
+                let consistency = estimate.consistency.max(least);
+                collector.take(&watch, consistency, instant.time, instant.time - last);
+                last = instant.time;
+                flags.count_faults(estimate.faults);
+                let deviation = estimate.deviation.map(Real::to_f64);
+                points.push(Point {
+                    normalised_innovation: estimate.normalised_innovation.to_f64(),
+                    consistency: Some(consistency),
+                    ..self.point(
+                        instant.time,
+                        &estimate.inputs.cast(),
+                        &deviation,
+                        &estimate.motion.cast(),
+                    )
+                });
+            },
+        )?;
+        if method == Method::Smooth {
+            let smoothed = self.smooth::<T, P>(preset, &activity)?;
+            for (point, smoothed) in points.iter_mut().zip(smoothed) {
+                *point = Point {
+                    normalised_innovation: point.normalised_innovation,
+                    consistency: point.consistency,
+                    ..smoothed
+                };
+            }
+        }
+        Ok((points, collector, flags))
+    }
+
+    fn point(
+        &self,
+        time: f64,
+        inputs: &Inputs<f64>,
+        deviation: &Difference<f64>,
+        motion: &Motion<f64>,
+    ) -> Point {
+        let deviation = deviation.fixed_rows::<12>(MUSCLE).into_owned();
+        Point {
+            time,
+            inputs: Row::of(time, inputs).with_muscles(&self.muscles_at(time)),
+            deviation: Row::of(time, &inputs_of(&deviation)),
+            normalised_innovation: 1.0,
+            consistency: None,
+            motion: Some(*motion),
+        }
+    }
+
+    /// The points that know of the whole flight.
+    fn smooth<T: Real, P: Propagation<T>>(
+        &self,
+        preset: &MotionPreset,
+        activity: &[[f64; 3]],
+    ) -> Result<Vec<Point>>
+    where
+        P::Interval: Clone,
+    {
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "some samples"
+        )]
+        let before = (AWAKE_BEFORE * self.recorded.rate).round() as usize;
+        let awake = |index: usize| {
+            let end = (index + before).min(activity.len());
+            let ahead = activity.get(index..end).unwrap_or_default();
+            let most = |axis: usize| ahead.iter().map(|level| level[axis]).fold(0.0, f64::max);
+            [0, 1, 2].map(most)
+        };
+        let mut track = Track::default();
+        let mut intervals = Vec::new();
+        self.fly::<T, P>(
+            preset,
+            &mut track,
+            |index, filter| filter.prescribe_activity(awake(index).map(T::of)),
+            |index, filter, estimate| {
+                if let (Some(_), Some(instant), Some(interval)) = (
+                    estimate,
+                    self.recorded.instants.get(index + 1),
+                    filter.interval(),
+                ) {
+                    intervals.push((index / P::STRIDE, instant.time, interval.clone()));
+                }
+            },
+        )?;
+        let wanted: Vec<usize> = intervals.iter().map(|(step, _, _)| *step).collect();
+        let smoothed = track.smoothed(|step| wanted.binary_search(&step).is_ok());
+        let points = smoothed.into_iter().zip(&intervals);
+        Ok(points
+            .map(|((_, smoothed), (_, time, interval))| {
+                let filtered = smoothed.filtered.cast::<T>();
+                let state = filtered.moved(&smoothed.correction.map(T::of), interval);
+                let motion = state.motion.motion(interval).cast();
+                self.point(*time, &state.inputs.cast(), &smoothed.deviation, &motion)
+            })
+            .collect())
+    }
+}

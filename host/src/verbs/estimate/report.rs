@@ -1,0 +1,95 @@
+//! The numbers of an estimation.
+
+use bodyflight_core::dynamics::Motion;
+use bodyflight_core::estimator::motion::watch::Consistency;
+use bodyflight_core::estimator::status::{Faults, Health};
+use serde::Serialize;
+
+use super::verdict::Consistencies;
+use crate::formats::input_history::Row;
+use crate::replay::comparison::PerChannel;
+
+/// How often each fault was met, in updates.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+pub struct Flags {
+    /// A posture was not usable.
+    pub posture: u64,
+    /// A measured channel was not usable.
+    pub measurement: u64,
+    /// An update was not taken in.
+    pub update: u64,
+    /// The covariance was kept from degenerating.
+    pub covariance: u64,
+    /// The reconstructed motion was limited.
+    pub motion: u64,
+    /// Updates in which predictions missed measurements by far.
+    pub inconsistent: u64,
+}
+
+impl Flags {
+    pub(super) fn count(&mut self, faults: Faults, health: Health) {
+        self.count_faults(faults);
+        self.inconsistent += u64::from(health == Health::Inconsistent);
+    }
+
+    pub(super) fn count_faults(&mut self, faults: Faults) {
+        for (count, set) in [
+            (&mut self.posture, faults.posture),
+            (&mut self.measurement, faults.measurement),
+            (&mut self.update, faults.update),
+            (&mut self.covariance, faults.covariance),
+            (&mut self.motion, faults.motion),
+        ] {
+            *count += u64::from(set);
+        }
+    }
+}
+
+/// The result of an estimation.
+#[derive(Debug, Clone, Serialize)]
+pub struct Report {
+    /// Gap of the reconstruction with estimated inputs.
+    pub rms: PerChannel,
+    /// Gap of a free run with constant coefficients.
+    pub rms_constant: PerChannel,
+    /// Gap of a free run from the first frame with the estimated inputs; by the motion filter only.
+    pub rms_free_run: Option<PerChannel>,
+    /// Largest size of the measured channel.
+    pub amplitude: PerChannel,
+    /// Updates made.
+    pub updates: u64,
+    /// Mean normalised innovation squared of an update, all channels.
+    pub nis_mean: f64,
+    /// Faults by kind.
+    pub flags: Flags,
+    /// Time that the filter itself took (s).
+    pub seconds: f64,
+    /// Length of the flight (s).
+    pub duration_s: f64,
+    /// Time from a sample to the estimate for it (s): the prediction window.
+    pub delay_s: f64,
+    /// Error of the recorded joints, each axis (deg), as the motion filter took it.
+    pub joint_error_deg: Option<f64>,
+    /// How consistent the motion filter was.
+    pub consistency: Option<Consistencies>,
+    /// Why the estimate is not to be trusted.
+    pub doubt: Option<String>,
+}
+
+/// Coefficients at one time.
+#[derive(Debug, Clone, Copy)]
+pub struct Point {
+    /// Time from which on they act (s).
+    pub time: f64,
+    /// Coefficients.
+    pub inputs: Row,
+    /// Their standard deviations.
+    pub deviation: Row,
+    /// Normalised innovation squared of the update: of all channels by the paper's filter, the mean of a channel by
+    /// the motion filter.
+    pub normalised_innovation: f64,
+    /// What the motion filter says of itself.
+    pub consistency: Option<Consistency>,
+    /// Motion at that time, by the motion filter.
+    pub motion: Option<Motion<f64>>,
+}
