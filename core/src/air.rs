@@ -60,6 +60,18 @@ pub fn standard_density<T: Real>(altitude: T) -> T {
     T::of(1.225) * temperature_ratio.power(T::of(4.255_88))
 }
 
+/// Density (kg/m3) at a height above ground (m) where pressure (Pa) and temperature (K) of the ground are known: dry air
+/// that cools by 6.5 K for each kilometre, as the troposphere of the U.S. Standard Atmosphere 1976 does.
+pub fn density_above_ground<T: Real>(pressure: T, temperature: T, height: T) -> T {
+    const GAS_CONSTANT: f64 = 287.053;
+    let cooled = clamp(
+        T::one() - height * T::of(0.0065) / temperature,
+        T::of(0.5),
+        T::of(1.5),
+    );
+    pressure / (T::of(GAS_CONSTANT) * temperature) * cooled.power(T::of(4.255_88))
+}
+
 /// Density and motion of the air around the body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Air<T: Real> {

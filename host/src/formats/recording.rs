@@ -11,14 +11,14 @@ pub use bridge::{BRIDGE_LIMIT, BadFrames, Quality};
 pub use frame::{FlightFrame, PelvisMotion};
 
 use std::collections::VecDeque;
-use std::fs::File;
-use std::io::{BufRead, BufReader};
+use std::io::BufRead;
 use std::path::Path;
 
 use bodyflight_core::SegmentArray;
 use nalgebra::{Quaternion, UnitQuaternion};
 
 use crate::diagnostic::{Problem, Result};
+use crate::formats::input::Input;
 use crate::formats::mvnx::closure::Skeleton;
 use crate::formats::mvnx::{
     ArmFrame, Fault, Field, Fields, Frame, FrameKind, Header, ReadOptions, Reader,
@@ -57,7 +57,7 @@ pub struct Recording<R: BufRead> {
 /// Where the segments of the model are in the numbers of a frame.
 type Places = SegmentArray<usize>;
 
-impl Recording<BufReader<File>> {
+impl Recording<Input> {
     /// Opens a flight.
     ///
     /// # Errors

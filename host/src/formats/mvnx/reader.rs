@@ -1,7 +1,6 @@
 //! The streaming reader: header and calibration at once, then frame by frame.
 
-use std::fs::File;
-use std::io::{BufRead, BufReader};
+use std::io::BufRead;
 use std::path::{Path, PathBuf};
 
 use super::field::{Field, Fields};
@@ -11,6 +10,7 @@ use super::number;
 use super::scanner::{Scanner, Token, shortened};
 use super::source::{self, Sniffed};
 use crate::diagnostic::{Problem, Result};
+use crate::formats::input::{self, Input};
 
 /// Most calibration frames kept; MVN writes two or three.
 const CALIBRATION_LIMIT: usize = 16;
@@ -72,14 +72,13 @@ enum FrameEnd {
     Cut,
 }
 
-impl Reader<BufReader<File>> {
-    /// Opens a recording and reads its header and calibration.
+impl Reader<Input> {
+    /// Opens a recording, also one that gzip or xz has packed, and reads its header and calibration.
     ///
     /// # Errors
     /// Where the file cannot be read or is no recording of version 3 or 4.
     pub fn open(path: &Path, options: ReadOptions) -> Result<Self> {
-        let file = File::open(path).map_err(|error| Problem::system("open", path, error))?;
-        Self::new(BufReader::with_capacity(1 << 16, file), path, options)
+        Self::new(input::open(path)?, path, options)
     }
 }
 

@@ -1,0 +1,95 @@
+//! Rows of a receiver that cannot be: heights far from where the velocities lead, jumps of the velocity.
+//!
+//! Receivers that were switched on late, or lie against metal, give heights of 10 km for some seconds around the exit
+//! and are right before and after. A single limit cannot tell that: rows are judged by their neighbours.
+
+use crate::{Sample, median};
+
+/// Time on either side in which neighbours are asked (s).
+const NEIGHBOURS: f64 = 10.0;
+
+/// Farthest that a height may be from where its neighbours and their velocities say (m).
+const HEIGHT: f64 = 80.0;
+
+/// Farthest that a velocity may be from the middle of its next neighbours (m/s).
+const VELOCITY: f64 = 15.0;
+
+/// Time on either side of a row in which velocities are compared (s): shorter than any opening.
+const VELOCITY_NEIGHBOURS: f64 = 0.5;
+
+/// Rows that were taken out.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct TakenOut {
+    /// How many.
+    pub count: usize,
+    /// Time of the first (s).
+    pub first_time: Option<f64>,
+}
+
+/// The rows that agree with their neighbours.
+pub fn cleaned(samples: &[Sample]) -> (Vec<Sample>, TakenOut) {
+    // What is left of the height after the way that was fallen: nearly constant.
+    let mut way = 0.0;
+    let mut left: Vec<f64> = Vec::with_capacity(samples.len());
+    for (index, sample) in samples.iter().enumerate() {
+        if let Some(before) = index.checked_sub(1).map(|before| &samples[before]) {
+            let step = (sample.time - before.time).min(NEIGHBOURS);
+            way += 0.5 * (sample.velocity.z + before.velocity.z) * step;
+        }
+        left.push(sample.height() - way);
+    }
+    let mut kept = Vec::with_capacity(samples.len());
+    let mut out = TakenOut::default();
+    for (index, sample) in samples.iter().enumerate() {
+        let around = neighbours(samples, index, NEIGHBOURS);
+        let height_off = median(around.map(|other| left[other]))
+            .map_or(0.0, |middle| (left[index] - middle).abs());
+        let near = || neighbours(samples, index, VELOCITY_NEIGHBOURS);
+        let velocity_off = (0..3)
+            .filter_map(|axis| {
+                let middle = median(near().map(|other| samples[other].velocity[axis]))?;
+                Some((sample.velocity[axis] - middle).abs())
+            })
+            .fold(0.0, f64::max);
+        if height_off > HEIGHT || velocity_off > VELOCITY {
+            out.count += 1;
+            out.first_time.get_or_insert(sample.time);
+        } else {
+            kept.push(*sample);
+        }
+    }
+    (kept, out)
+}
+
+/// Indices of the samples within `reach` (s) of one, itself among them.
+fn neighbours(samples: &[Sample], index: usize, reach: f64) -> core::ops::Range<usize> {
+    let time = samples[index].time;
+    let first = samples[..index].partition_point(|sample| sample.time < time - reach);
+    let last = index + samples[index..].partition_point(|sample| sample.time <= time + reach);
+    first..last
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::synthetic::{Jump, jump};
+
+    #[test]
+    fn heights_that_jump_around_the_exit_are_taken_out_and_counted() {
+        let mut samples = jump(&Jump::default());
+        let exit = samples.partition_point(|sample| sample.time < 60.0);
+        for sample in &mut samples[exit..exit + 15] {
+            sample.position.z = 11_600.0;
+        }
+        samples[exit + 100].velocity.x += 60.0;
+        let (kept, out) = cleaned(&samples);
+        assert_eq!(out.count, 16);
+        assert_eq!(kept.len(), samples.len() - 16);
+        assert_eq!(out.first_time, Some(samples[exit].time));
+    }
+
+    #[test]
+    fn a_good_jump_is_left_alone() {
+        assert_eq!(cleaned(&jump(&Jump::default())).1, TakenOut::default());
+    }
+}

@@ -1,0 +1,477 @@
+//! A jump as a whole: its numbers as a skydiver reads them, and whether they are to be believed.
+
+use bodyflight_core::air::GRAVITY;
+use nalgebra::Vector3;
+use serde::Serialize;
+
+use crate::atmosphere::Atmosphere;
+use crate::canopy::{Circle, circles};
+use crate::cleaning::{TakenOut, cleaned};
+use crate::drag::{Block, Piece, blocks, glides, pieces, velocity_noise};
+use crate::phases::{Stretch, Times, divided, times};
+use crate::prediction::Flown;
+use crate::wind::{Profile, Wind, wind};
+use crate::{Sample, median, slopes};
+
+/// Shortest fall that is judged (s).
+pub const LEAST: f64 = 8.0;
+
+/// Fewest seconds of a fall in which drag was told.
+const LEAST_BLOCKS: usize = 6;
+
+/// Largest gap between the fall and the fall flown again, root mean square of the vertical velocity: share of the speed.
+const LARGEST_GAP: f64 = 0.06;
+
+/// Drag factors that a body or a wingsuit can have (m2/kg): a diver of speed to a wide suit on a light person.
+const PLAUSIBLE: [f64; 2] = [0.000_9, 0.016];
+
+/// Rounds of wind from drag and drag from wind.
+const ROUNDS: usize = 4;
+
+/// Time after the exit in which the fall still gathers speed (s).
+const GATHERS: f64 = 10.0;
+
+/// Vertical acceleration below which a fall is steady (m/s2).
+const STEADY: f64 = 1.5;
+
+/// What is known besides the track.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Settings {
+    /// Density over the height.
+    pub atmosphere: Atmosphere,
+    /// Height in the standard atmosphere to which fall rates are normalised (m).
+    pub reference_height: f64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            atmosphere: Atmosphere::Standard,
+            reference_height: 2000.0,
+        }
+    }
+}
+
+/// Whether the fall is explained.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Verdict {
+    /// Drag, lift and wind that a body can have fly the fall again.
+    Explained,
+    /// Too short to be judged.
+    Thin,
+    /// Nothing that a body can have flies it.
+    Unexplained,
+}
+
+/// The last third of the fall, predicted from what the first two tell.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Prediction {
+    /// Mean speed downwards of the last third, predicted (m/s).
+    pub predicted_mps: f64,
+    /// Standard deviation of it, as far as postures changed before (m/s).
+    pub deviation_mps: f64,
+    /// As it was (m/s).
+    pub measured_mps: f64,
+}
+
+/// The fall and the canopy in numbers.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Jump {
+    /// Verdict, and why.
+    pub verdict: Verdict,
+    /// Why, in a sentence.
+    pub reason: String,
+    /// Phases of the whole track.
+    pub stretches: Vec<Stretch>,
+    /// Times of the fall (s, as in the samples).
+    pub times: Times,
+    /// Rows that were not used.
+    pub taken_out: TakenOut,
+    /// The samples that were.
+    pub samples: Vec<Sample>,
+    /// Acceleration at each (m/s2).
+    pub accelerations: Vec<Vector3<f64>>,
+    /// First sample of the fall, and the one after its last.
+    pub fall: [usize; 2],
+    /// Standard deviation of one component of a velocity (m/s).
+    pub noise: f64,
+    /// Seconds of the fall.
+    pub blocks: Vec<Block>,
+    /// Pieces of one posture.
+    pub pieces: Vec<Piece>,
+    /// Wind through the fall.
+    pub wind: Profile,
+    /// Wind under canopy.
+    pub circles: Vec<Circle>,
+    /// The fall flown again: velocity at each of its samples (m/s).
+    pub flown: Vec<Vector3<f64>>,
+    /// Root mean square of the gap between both, vertical (m/s).
+    pub gap: f64,
+    /// Mean drag factor of the steady part (m2/kg).
+    pub drag: f64,
+    /// Standard deviation of the drag between the seconds of the steady part (m2/kg).
+    pub drag_spread: f64,
+    /// Fall rate at the reference height (m/s), and the fastest as flown.
+    pub normalised_rate: f64,
+    /// Largest speed downwards (m/s).
+    pub fastest: f64,
+    /// Across over down through the air: fall, canopy.
+    pub glide: [Option<f64>; 2],
+    /// Prediction of the last third; `None` where the fall is thin.
+    pub prediction: Option<Prediction>,
+}
+
+/// The opening.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Opening {
+    /// Height at which it begins (m above mean sea level).
+    pub height_m: f64,
+    /// Until the canopy carries (s).
+    pub duration_s: f64,
+    /// Height that is lost (m).
+    pub lost_m: f64,
+    /// Largest specific force along the way (multiples of gravity), as far as the receiver resolves it.
+    pub largest_g: f64,
+}
+
+/// Analyses a track. `None` where no fall is on it.
+pub fn analysed(samples: &[Sample], settings: &Settings) -> Option<Jump> {
+    let (samples, taken_out) = cleaned(samples);
+    let stretches = divided(&samples);
+    let times = times(&samples, &stretches)?;
+    let place = |time: f64| samples.partition_point(|sample| sample.time < time - 1e-6);
+    let fall = [place(times.fall[0]), place(times.fall[1])];
+    let falling = samples
+        .get(fall[0]..fall[1])
+        .filter(|part| part.len() > 1)?;
+    let noise = velocity_noise(falling);
+    let told = told(falling, times.exit.is_some(), &settings.atmosphere, noise);
+    let accelerations = slopes(&samples, 0.5);
+    let steady: Vec<&Block> = told
+        .blocks
+        .iter()
+        .filter(|block| block.time > times.fall[0] + GATHERS || times.exit.is_none())
+        .collect();
+    let drags = || steady.iter().map(|block| block.drag);
+    let drag =
+        median(drags()).unwrap_or_else(|| told.pieces.last().map_or(0.0, |piece| piece.drag));
+    // Of a normal distribution, the median distance from the middle is 0.6745 deviations.
+    let drag_spread = median(drags().map(|value| (value - drag).abs())).unwrap_or(0.0) / 0.6745;
+    let flown = flown(falling, &told, &settings.atmosphere);
+    let gap = root_mean_square(falling, &flown);
+    let canopy_part = canopy_part(&samples, &times);
+    let mut jump = Jump {
+        verdict: Verdict::Explained,
+        reason: String::new(),
+        circles: circles(canopy_part),
+        glide: [glide(&told.blocks), canopy_glide(canopy_part)],
+        normalised_rate: normalised_rate(
+            &samples[fall[0]..fall[1]],
+            &accelerations[fall[0]..fall[1]],
+            settings,
+            if times.exit.is_some() { GATHERS } else { 0.0 },
+        ),
+        fastest: falling
+            .iter()
+            .map(|sample| -sample.velocity.z)
+            .fold(0.0, f64::max),
+        prediction: predicted(falling, times.exit.is_some(), settings, noise),
+        stretches,
+        times,
+        taken_out,
+        accelerations,
+        fall,
+        noise,
+        blocks: told.blocks,
+        pieces: told.pieces,
+        wind: told.wind,
+        flown,
+        gap,
+        drag,
+        drag_spread,
+        samples,
+    };
+    (jump.verdict, jump.reason) = judged(&jump);
+    Some(jump)
+}
+
+/// What the first part of a fall, or all of it, tells.
+struct Told {
+    blocks: Vec<Block>,
+    pieces: Vec<Piece>,
+    wind: Profile,
+}
+
+/// Drag from wind and wind from drag, in turns.
+///
+/// A fall that glides goes where it is steered: it says nothing of the wind, and its drag is told in still air. While the
+/// fall gathers speed, the aircraft's speed is in it, and the lift of whatever attitude it was left in.
+fn told(falling: &[Sample], has_exit: bool, atmosphere: &Atmosphere, noise: f64) -> Told {
+    let mut profile = Profile::still(falling);
+    let mut seconds = blocks(falling, &profile, atmosphere, noise);
+    let begin =
+        falling.first().map_or(0.0, |first| first.time) + if has_exit { GATHERS } else { 0.0 };
+    let steady = falling.partition_point(|sample| sample.time < begin);
+    let late = seconds.get(seconds.len() / 2..).unwrap_or(&[]);
+    if !glides(late) && falling.len() > steady + 5 {
+        for _ in 0..ROUNDS {
+            let pieces = pieces(&seconds);
+            let pull = |sample: &Sample| {
+                let later = pieces.partition_point(|piece| piece.time[1] < sample.time);
+                let piece = pieces.get(later).or(pieces.last());
+                let drag = piece.map_or(0.0, |piece| piece.drag);
+                let speed = sample.velocity.norm();
+                let drag = drag.clamp(PLAUSIBLE[0], PLAUSIBLE[1]);
+                0.5 * atmosphere.density(sample.height()) * speed * drag
+            };
+            let pulls: Vec<f64> = falling[steady..].iter().map(pull).collect();
+            profile = wind(&falling[steady..], &pulls, noise).from_above(&falling[..steady]);
+            seconds = blocks(falling, &profile, atmosphere, noise);
+        }
+    }
+    Told {
+        pieces: pieces(&seconds),
+        blocks: seconds,
+        wind: profile,
+    }
+}
+
+/// The velocity that the first second of a part begins with (m/s): of a line through it.
+fn first_velocity(part: &[Sample]) -> Vector3<f64> {
+    let slope = slopes(part, 0.5)
+        .first()
+        .copied()
+        .unwrap_or_else(Vector3::zeros);
+    let time = part[0].time;
+    let first = part.iter().take_while(|sample| sample.time <= time + 0.5);
+    let (mut sum, mut count) = (Vector3::zeros(), 0.0);
+    for sample in first {
+        sum += sample.velocity - slope * (sample.time - time);
+        count += 1.0;
+    }
+    sum / count
+}
+
+fn flown(falling: &[Sample], told: &Told, atmosphere: &Atmosphere) -> Vec<Vector3<f64>> {
+    let flown = Flown {
+        pieces: &told.pieces,
+        wind: &told.wind,
+        atmosphere,
+    };
+    flown.velocities(falling, first_velocity(falling))
+}
+
+fn root_mean_square(falling: &[Sample], flown: &[Vector3<f64>]) -> f64 {
+    let squares: f64 = falling
+        .iter()
+        .zip(flown)
+        .map(|(sample, flown)| (sample.velocity.z - flown.z).powi(2))
+        .sum();
+    (squares / falling.len().max(1) as f64).sqrt()
+}
+
+/// Predicts the last third of the fall.
+fn predicted(
+    falling: &[Sample],
+    has_exit: bool,
+    settings: &Settings,
+    noise: f64,
+) -> Option<Prediction> {
+    let (first, last) = (falling.first()?.time, falling.last()?.time);
+    if last - first < LEAST {
+        return None;
+    }
+    let cut = falling.partition_point(|sample| sample.time < first + (last - first) * 2.0 / 3.0);
+    let (before, after) = falling.split_at(cut);
+    let told = told(before, has_exit, &settings.atmosphere, noise);
+    let flown = Flown {
+        pieces: &told.pieces,
+        wind: &told.wind,
+        atmosphere: &settings.atmosphere,
+    };
+    let velocities = flown.velocities(after, first_velocity(after));
+    let count = after.len() as f64;
+    let mean = |down: f64| down / count;
+    let predicted = mean(velocities.iter().map(|velocity| -velocity.z).sum());
+    let measured = mean(after.iter().map(|sample| -sample.velocity.z).sum());
+    // What postures did before, they may do again; a fall rate goes with the root of the drag.
+    let last_drag = told.pieces.last()?.drag;
+    let steady = told
+        .blocks
+        .iter()
+        .filter(|block| !has_exit || block.time > first + GATHERS);
+    let (squares, seconds) = steady.fold((0.0, 0.0), |(squares, seconds), block| {
+        (
+            squares + (block.drag / last_drag - 1.0).powi(2),
+            seconds + 1.0,
+        )
+    });
+    let spread = (squares / f64::max(seconds, 1.0)).sqrt().min(1.0);
+    Some(Prediction {
+        predicted_mps: predicted,
+        deviation_mps: predicted * 0.5 * spread,
+        measured_mps: measured,
+    })
+}
+
+/// Speed downwards at the reference height (m/s): that of the steady part, by the root of the density.
+fn normalised_rate(
+    falling: &[Sample],
+    accelerations: &[Vector3<f64>],
+    settings: &Settings,
+    gathers: f64,
+) -> f64 {
+    let begin = falling.first().map_or(0.0, |sample| sample.time) + gathers;
+    let reference = Atmosphere::Standard.density(settings.reference_height);
+    let rate = |sample: &Sample| {
+        let density = settings.atmosphere.density(sample.height());
+        -sample.velocity.z * (density / reference).sqrt()
+    };
+    let steady = falling
+        .iter()
+        .zip(accelerations)
+        .filter(|(sample, acceleration)| sample.time >= begin && acceleration.z.abs() < STEADY);
+    median(steady.map(|(sample, _)| rate(sample)))
+        .or_else(|| median(falling.iter().map(rate)))
+        .unwrap_or(0.0)
+}
+
+/// From the open canopy to the landing, or to the end.
+fn canopy_part<'a>(samples: &'a [Sample], times: &Times) -> &'a [Sample] {
+    let Some(open) = times.canopy else {
+        return &[];
+    };
+    let landing = times.landing.unwrap_or(f64::INFINITY);
+    let first = samples.partition_point(|sample| sample.time < open);
+    let end = samples.partition_point(|sample| sample.time < landing);
+    samples.get(first..end.max(first)).unwrap_or(&[])
+}
+
+/// Across over down through the air, in the second half of a fall.
+fn glide(blocks: &[Block]) -> Option<f64> {
+    let late = blocks.get(blocks.len() / 2..)?;
+    let down: f64 = late.iter().map(|block| block.down).sum();
+    let across: f64 = late.iter().map(|block| block.across).sum();
+    (down > 0.0).then(|| across / down)
+}
+
+/// Over ground, of all of the flight under canopy: the wind is in it.
+fn canopy_glide(part: &[Sample]) -> Option<f64> {
+    let across = median(part.iter().map(Sample::across))?;
+    let down = median(part.iter().map(|sample| -sample.velocity.z))?;
+    (down > 0.5).then(|| across / down)
+}
+
+impl Jump {
+    /// From the exit to the opening (s).
+    pub fn duration(&self) -> f64 {
+        self.times.fall[1] - self.times.fall[0]
+    }
+
+    /// The sample at a time (s).
+    pub fn sample_at(&self, time: f64) -> Option<&Sample> {
+        let place = self
+            .samples
+            .partition_point(|sample| sample.time < time - 1e-6);
+        self.samples.get(place).or(self.samples.last())
+    }
+
+    /// The opening, where it is on the track.
+    pub fn opening(&self) -> Option<Opening> {
+        let (begin, end) = (self.times.opening?, self.times.canopy?);
+        let [from, to] = [begin, end].map(|time| self.sample_at(time).map(Sample::height));
+        let during = self
+            .samples
+            .iter()
+            .zip(&self.accelerations)
+            .filter(|(sample, _)| (begin..=end).contains(&sample.time));
+        let force = |acceleration: &Vector3<f64>| (acceleration + Vector3::z() * GRAVITY).norm();
+        Some(Opening {
+            height_m: from?,
+            duration_s: end - begin,
+            lost_m: from? - to?,
+            largest_g: during.map(|(_, a)| force(a)).fold(0.0, f64::max) / GRAVITY,
+        })
+    }
+
+    /// How far the wind of the highest circle is from that at the end of the fall, in deviations of both and of what a
+    /// wind may change over the height between.
+    pub fn winds_apart(&self) -> Option<f64> {
+        let circle: &Wind = &self.circles.first()?.wind;
+        let fall = self.wind.values.last()?;
+        let layers = (fall.height - circle.height).abs() / 500.0;
+        let squares: f64 = (0..2)
+            .map(|axis| {
+                let variance =
+                    fall.deviation[axis].powi(2) + circle.deviation[axis].powi(2) + 4.0 * layers;
+                (fall.velocity[axis] - circle.velocity[axis]).powi(2) / variance
+            })
+            .sum();
+        Some((0.5 * squares).sqrt())
+    }
+}
+
+/// The verdict, and why.
+fn judged(jump: &Jump) -> (Verdict, String) {
+    let duration = jump.duration();
+    if duration < LEAST || jump.blocks.len() < LEAST_BLOCKS {
+        return (
+            Verdict::Thin,
+            format!(
+                "{duration:.1} s of fall with {} usable seconds; {LEAST} s and {LEAST_BLOCKS} are needed",
+                jump.blocks.len()
+            ),
+        );
+    }
+    let odd = jump.pieces.iter().find(|piece| {
+        piece.drag + 2.0 * piece.deviation < PLAUSIBLE[0]
+            || piece.drag - 2.0 * piece.deviation > PLAUSIBLE[1]
+    });
+    if let Some(piece) = odd {
+        return (
+            Verdict::Unexplained,
+            format!(
+                "from {:.1} to {:.1} s after the start of the fall, area times drag coefficient over mass is {:.5} m2/kg, \
+                 which no body has ({:.4} to {:.4})",
+                piece.time[0] - jump.times.fall[0],
+                piece.time[1] - jump.times.fall[0],
+                piece.drag,
+                PLAUSIBLE[0],
+                PLAUSIBLE[1]
+            ),
+        );
+    }
+    let speeds = jump.samples[jump.fall[0]..jump.fall[1]]
+        .iter()
+        .map(|sample| sample.velocity.norm());
+    let mean = speeds.clone().sum::<f64>() / speeds.count().max(1) as f64;
+    let share = jump.gap / mean.max(1.0);
+    if share > LARGEST_GAP {
+        return (
+            Verdict::Unexplained,
+            format!(
+                "flown again with the drag, lift and wind found, the vertical velocity is {:.1} m/s off, {:.0} % of the speed",
+                jump.gap,
+                100.0 * share
+            ),
+        );
+    }
+    (
+        Verdict::Explained,
+        format!(
+            "flown again with {} drag {} and the wind found, the vertical velocity is {:.1} m/s off, {:.1} % of the speed",
+            jump.pieces.len(),
+            if jump.pieces.len() == 1 {
+                "area"
+            } else {
+                "areas"
+            },
+            jump.gap,
+            100.0 * share
+        ),
+    )
+}
+
+#[cfg(test)]
+mod tests;

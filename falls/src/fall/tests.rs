@@ -1,0 +1,83 @@
+//! Jumps that were flown in tests, found again.
+
+use super::*;
+use crate::synthetic::{EXIT, Jump as Flying, jump, wind_at};
+
+#[test]
+fn drag_wind_and_opening_of_a_jump_are_found() {
+    let flying = Flying::default();
+    let found = analysed(&jump(&flying), &Settings::default()).unwrap();
+    assert_eq!(found.verdict, Verdict::Explained, "{}", found.reason);
+    assert_eq!(found.pieces.len(), 1, "{:?}", found.pieces);
+    assert!((found.drag * 153.0 - 1.0).abs() < 0.02, "{}", found.drag);
+    assert!((found.times.exit.unwrap() - EXIT).abs() < 0.5);
+    for wind in found.wind.layers(500.0) {
+        let flown = wind_at(&flying, wind.height).xy();
+        for axis in 0..2 {
+            let off = (wind.velocity[axis] - flown[axis]).abs();
+            assert!(
+                off < 3.0 * wind.deviation[axis] + 0.3,
+                "{wind:?}, flown {flown}"
+            );
+        }
+    }
+    let low = found.wind.values.last().unwrap();
+    assert!(low.deviation.max() < 3.0, "{low:?}");
+    assert!(found.winds_apart().unwrap() < 2.0);
+    let opening = found.opening().unwrap();
+    assert!((1.0..6.0).contains(&opening.duration_s), "{opening:?}");
+    let prediction = found.prediction.unwrap();
+    let off = prediction.predicted_mps / prediction.measured_mps - 1.0;
+    assert!(off.abs() < 0.02, "{prediction:?}");
+}
+
+#[test]
+fn postures_that_change_are_pieces() {
+    let flying = Flying {
+        drag: vec![(0.0, 1.0 / 153.0), (15.0, 1.0 / 290.0), (35.0, 1.0 / 150.0)],
+        ..Flying::default()
+    };
+    let found = analysed(&jump(&flying), &Settings::default()).unwrap();
+    assert_eq!(found.verdict, Verdict::Explained, "{}", found.reason);
+    assert_eq!(found.pieces.len(), 3, "{:?}", found.pieces);
+    for (piece, (from, factor)) in found.pieces.iter().zip(&flying.drag) {
+        assert!((piece.time[0] - EXIT - from).abs() < 2.0, "{piece:?}");
+        assert!(
+            (piece.drag / factor - 1.0).abs() < 0.06,
+            "{piece:?}, {factor}"
+        );
+    }
+}
+
+#[test]
+fn a_short_fall_is_thin_and_a_stone_is_not_explained() {
+    let hop = Flying {
+        opening: 5.0,
+        ..Flying::default()
+    };
+    assert_eq!(
+        analysed(&jump(&hop), &Settings::default()).unwrap().verdict,
+        Verdict::Thin
+    );
+    let anvil = Flying {
+        drag: vec![(0.0, 0.000_2)],
+        opening: 15.0,
+        ..Flying::default()
+    };
+    let found = analysed(&jump(&anvil), &Settings::default()).unwrap();
+    assert_eq!(found.verdict, Verdict::Unexplained, "{}", found.reason);
+}
+
+#[test]
+fn thin_air_makes_a_fall_of_the_same_drag_faster_but_not_its_normalised_rate() {
+    let flown = jump(&Flying::default());
+    let settings = Settings::default();
+    let found = analysed(&flown, &settings).unwrap();
+    let density = Atmosphere::Standard.density(2000.0);
+    let terminal = (2.0 * GRAVITY * 153.0 / density).sqrt();
+    assert!(
+        (found.normalised_rate / terminal - 1.0).abs() < 0.02,
+        "{}",
+        found.normalised_rate
+    );
+}

@@ -1,0 +1,98 @@
+//! What the track of a logger says of a jump: a receiver of satellites sees where a skydiver is and how fast, not the
+//! posture.
+//!
+//! The steps, one file each: rows that cannot be are taken out ([`cleaning`]), the track is divided into phases
+//! ([`phases`]), the wind is told from the way the fall drifts ([`wind`]), drag and lift over time are divided into
+//! pieces of one posture ([`drag`]), circles under the canopy give the wind again ([`canopy`]), and the last third of
+//! the fall is predicted from the first two ([`prediction`]). [`fall`] puts them together and judges the whole.
+#![forbid(unsafe_code)]
+
+pub mod atmosphere;
+pub mod canopy;
+pub mod cleaning;
+pub mod drag;
+pub mod fall;
+pub mod phases;
+pub mod prediction;
+#[cfg(test)]
+mod synthetic;
+pub mod wind;
+
+use nalgebra::Vector3;
+
+/// What a receiver says of one moment.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sample {
+    /// Time (s), from any moment on.
+    pub time: f64,
+    /// North and west of any place, height above mean sea level (m).
+    pub position: Vector3<f64>,
+    /// Velocity over ground, north, west, up (m/s).
+    pub velocity: Vector3<f64>,
+}
+
+impl Sample {
+    /// Height above mean sea level (m).
+    pub fn height(&self) -> f64 {
+        self.position.z
+    }
+
+    /// Speed over ground, without the vertical (m/s).
+    pub fn across(&self) -> f64 {
+        self.velocity.xy().norm()
+    }
+}
+
+/// The middle of values; `None` where there are none.
+pub fn median(values: impl IntoIterator<Item = f64>) -> Option<f64> {
+    let mut values: Vec<f64> = values.into_iter().collect();
+    values.sort_by(f64::total_cmp);
+    let middle = values.len() / 2;
+    let upper = *values.get(middle)?;
+    Some(if values.len().is_multiple_of(2) {
+        0.5 * (upper + values[middle - 1])
+    } else {
+        upper
+    })
+}
+
+/// Slopes of values over time by least squares within `reach` (s) of each sample: the acceleration of a velocity.
+pub fn slopes(samples: &[Sample], reach: f64) -> Vec<Vector3<f64>> {
+    let mut slopes = Vec::with_capacity(samples.len());
+    let (mut first, mut last) = (0, 0);
+    for (index, sample) in samples.iter().enumerate() {
+        while samples[first].time < sample.time - reach {
+            first += 1;
+        }
+        while last < samples.len() && samples[last].time <= sample.time + reach {
+            last += 1;
+        }
+        // One neighbour on each side at least, where there is one.
+        let from = first.min(index.saturating_sub(1));
+        let to = last.max((index + 2).min(samples.len()));
+        slopes.push(slope(&samples[from..to]));
+    }
+    slopes
+}
+
+fn slope(part: &[Sample]) -> Vector3<f64> {
+    let count = part.len() as f64;
+    let time = part.iter().map(|sample| sample.time).sum::<f64>() / count;
+    let mean = part
+        .iter()
+        .map(|sample| sample.velocity)
+        .sum::<Vector3<f64>>()
+        / count;
+    let mut square = 0.0;
+    let mut product = Vector3::zeros();
+    for sample in part {
+        let since = sample.time - time;
+        square += since * since;
+        product += (sample.velocity - mean) * since;
+    }
+    if square > 0.0 {
+        product / square
+    } else {
+        Vector3::zeros()
+    }
+}
