@@ -65,7 +65,7 @@ fn real_files_agree_with_their_own_skeleton() {
     ] {
         let Some(folder) = data_folder() else { return };
         let path = folder.join(name);
-        let report = inspect(&path).expect("surveyed");
+        let report = inspect(&path, None).expect("surveyed");
         assert_eq!(
             (report.version, report.segments, report.bad_frames),
             (version, 23, 0)
@@ -94,7 +94,7 @@ fn real_files_agree_with_their_own_skeleton() {
     }
     let Some(folder) = data_folder() else { return };
     let odd = folder.join("mvnx/x-biosignal-PhysioDevices/xsens_sample.mvnx");
-    let report = inspect(&odd).expect("surveyed");
+    let report = inspect(&odd, None).expect("surveyed");
     assert_eq!(
         (report.frames, report.segments, report.arm_frame),
         (2, 2, None)

@@ -210,7 +210,7 @@ fn a_container_is_refused_with_the_way_out() {
     let Some(path) = real("mvn-container/Puppet.mvn") else {
         return;
     };
-    let problem = inspect(&path).expect_err("not readable");
+    let problem = inspect(&path, None).expect_err("not readable");
     assert!(problem.message.contains(".mvn"), "{problem}");
     assert!(problem.help.expect("a way out").contains(".mvnx"));
 }

@@ -8,9 +8,9 @@ use std::process::{Command, Output};
 /// The program.
 const BODYFLIGHT: &str = env!("CARGO_BIN_EXE_bodyflight");
 
-/// Verbs whose examples need a person, a browser, hardware or minutes.
-const NOT_RUN: [&str; 9] = [
-    "discover", "fly", "help", "monitor", "mvn", "stream", "tune", "unit", "view",
+/// Verbs whose examples need a person, a browser, hardware, a track or minutes.
+const NOT_RUN: [&str; 10] = [
+    "discover", "fall", "fly", "help", "monitor", "mvn", "stream", "tune", "unit", "view",
 ];
 
 fn bodyflight(folder: &Path, arguments: &[&str]) -> Output {

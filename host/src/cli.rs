@@ -3,6 +3,7 @@
 mod demo;
 mod discover;
 mod estimate;
+mod fall;
 mod figures;
 mod fly;
 mod hide;
@@ -17,6 +18,7 @@ mod terminal;
 mod trim;
 mod tune;
 mod unit;
+mod validate;
 mod view;
 
 use std::process::ExitCode;
@@ -53,10 +55,12 @@ enum Verb {
     Discover(discover::Args),
     Hide(hide::Args),
     View(view::Args),
+    Fall(fall::Args),
     Fly(fly::Args),
     Figures(figures::Args),
     Stream(stream::Args),
     Unit(unit::Args),
+    Validate(validate::Args),
     Ports(ports::Args),
     Monitor(monitor::Args),
     Mvn(mvn::Args),
@@ -88,9 +92,11 @@ fn run(cli: &Cli) -> Result<()> {
         Verb::Discover(args) => discover::run(args, cli.json),
         Verb::Hide(args) => hide::run(args, cli.json),
         Verb::View(args) => view::run(args, cli.json),
+        Verb::Fall(args) => fall::run(args, cli.json),
         Verb::Fly(args) => fly::run(args, cli.json),
         Verb::Figures(args) => figures::run(args, cli.json),
         Verb::Stream(args) => stream::run(args, cli.json),
+        Verb::Validate(args) => validate::run(args, cli.json),
         Verb::Unit(args) => unit::run(args),
         Verb::Ports(args) => ports::run(args, cli.json),
         Verb::Monitor(args) => monitor::run(args, cli.json),

@@ -10,4 +10,5 @@ pub mod mvnx;
 pub mod preset_file;
 pub mod recording;
 pub mod subject;
+pub mod track;
 pub mod xsens;

@@ -2,10 +2,12 @@
 
 pub mod discover;
 pub mod estimate;
+pub mod fall;
 pub mod figures;
 pub mod hide;
 pub mod inspect;
 pub mod simulate;
 pub mod synthesize;
 pub mod tune;
+pub mod validate;
 pub mod view;

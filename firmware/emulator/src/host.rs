@@ -4,7 +4,7 @@ use bodyflight::formats::flight as file;
 use bodyflight::formats::subject::Subject;
 use bodyflight::unit::stream::twin::{Agreement, Twin};
 use bodyflight::unit::stream::{configuration, sample_of};
-use bodyflight::verbs::synthesize::{DEFAULT_SWAY, Request, fly};
+use bodyflight::verbs::synthesize::{DEFAULT_SWAY, JointError, Request, fly};
 use bodyflight_core::estimator::preset::PRESETS;
 use bodyflight_core::link::{
     Configure, Decoder, Estimate, Event as LinkEvent, Header, Hello, HelloAcknowledge,
@@ -47,6 +47,7 @@ impl Flight {
             seed: 1,
             noise: SensorNoise::PAPER,
             sway: DEFAULT_SWAY,
+            joint_error: JointError::default(),
         };
         let mut frames = Vec::new();
         let keep = |frame| {
@@ -57,7 +58,7 @@ impl Flight {
         fly(&request, &flight.dynamics(4000.0), keep, |_| ()).map_err(failed)?;
         let first = frames.first().ok_or("the maneuver has no frames")?;
         let (configure, table) =
-            configuration(&flight, first, &PRESETS[0], 240.0).map_err(failed)?;
+            configuration(&flight, first, PRESETS[0].name, 240.0).map_err(failed)?;
         Ok(Self {
             configure,
             table,

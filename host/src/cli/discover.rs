@@ -10,7 +10,7 @@ use bodyflight::diagnostic::{Problem, Result};
 use bodyflight::formats::flight::Flight;
 use bodyflight::formats::flysight;
 use bodyflight::interrupt;
-use bodyflight::verbs::discover::{figure, model_toml, problem, read_track};
+use bodyflight::verbs::discover::{figure, model_toml, problem, read_track, refuse_same};
 use bodyflight_discovery::check::Finding;
 use bodyflight_discovery::progress::Progress;
 use bodyflight_discovery::report::{CHANNEL_NAMES, Report};
@@ -22,9 +22,14 @@ pub(super) use args::Args;
 use output::{print_gap, print_held_out, print_names, write_all};
 
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
-    if flysight::is_flysight(&Flight::read(&args.flight)?.recording) {
+    let fitted = Flight::read(&args.flight)?;
+    for held_out in &args.hold_out {
+        refuse_same(&fitted.recording, &Flight::read(held_out)?.recording)?;
+    }
+    if flysight::is_flysight(&fitted.recording) {
         return point::run(args, json);
     }
+    terminal::note_assumed_subject(&fitted);
     let read = |path: &PathBuf| {
         let flight = Flight::read(path)?;
         if flysight::is_flysight(&flight.recording) {

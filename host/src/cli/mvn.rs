@@ -8,7 +8,7 @@ use bodyflight::formats::flight::Flight;
 use bodyflight::formats::mvn_network::{
     AngularUnit, Options, Receiver, Sink, Source, Speed, replay,
 };
-use bodyflight::formats::recording::{self, Recording};
+use bodyflight::formats::recording;
 use bodyflight::interrupt;
 use clap::Subcommand;
 use serde_json::json;
@@ -80,7 +80,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
 
 fn send(args: &Send, json: bool) -> Result<()> {
     let flight = Flight::read(&args.flight)?;
-    let recording = Recording::open(&flight.recording, recording::Options::default())?;
+    let recording = flight.open(recording::Options::default())?;
     let label = recording.header().subject_label.clone();
     let sink = Sink::connect(
         &args.to,

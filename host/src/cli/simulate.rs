@@ -3,8 +3,9 @@
 use std::path::PathBuf;
 
 use bodyflight::diagnostic::{Problem, Result};
-use bodyflight::formats::flight::Flight;
+use bodyflight::formats::flight::{Flight, Start};
 use bodyflight::formats::model_file::Effects;
+use bodyflight::formats::mvnx::ArmFrame;
 use bodyflight::formats::recording::{BadFrames, Options};
 use bodyflight::output::files::write_file;
 use bodyflight::output::plot::comparison_svg;
@@ -31,6 +32,9 @@ pub(super) struct Args {
     /// Equations of motion, in place of the flight's own.
     #[arg(long, value_enum)]
     equations: Option<EquationsName>,
+    /// Where the run takes its first motion from: a fit to the first tenth of a second, or the first frame alone.
+    #[arg(long, value_enum, default_value = "smoothed")]
+    start: StartName,
     /// Precision of the model; the recording is always read in double.
     #[arg(long, value_enum, default_value = "double")]
     precision: Precision,
@@ -47,6 +51,17 @@ pub(super) struct Reading {
     /// Take a file that ends too early up to its last whole frame.
     #[arg(long)]
     allow_truncated: bool,
+    /// Convention of the arms, for files without the points to tell it by.
+    #[arg(long, value_enum)]
+    arm_frame: Option<ArmFrameName>,
+}
+
+#[derive(clap::ValueEnum, Clone, Copy)]
+enum ArmFrameName {
+    /// All orientations are the identity in the T-pose.
+    TPose,
+    /// The arms have the axes of the International Society of Biomechanics.
+    Isb,
 }
 
 impl Reading {
@@ -59,8 +74,20 @@ impl Reading {
                 BadFrames::Bridge
             },
             allow_truncated: self.allow_truncated,
+            arm_frame: self.arm_frame.map(|arms| match arms {
+                ArmFrameName::TPose => ArmFrame::TPose,
+                ArmFrameName::Isb => ArmFrame::Isb,
+            }),
         }
     }
+}
+
+#[derive(clap::ValueEnum, Clone, Copy)]
+enum StartName {
+    /// The first frame alone.
+    First,
+    /// A fit to the first tenth of a second.
+    Smoothed,
 }
 
 #[derive(clap::ValueEnum, Clone, Copy)]
@@ -86,6 +113,10 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         Some(EquationsName::AsPublished) => flight.equations = Equations::AsPublished,
         None => {}
     }
+    flight.start = match args.start {
+        StartName::First => Start::First,
+        StartName::Smoothed => Start::Smoothed,
+    };
     let mut inputs = vec![&args.flight, &flight.recording];
     if let Some(model) = &args.model {
         inputs.push(model);
@@ -95,6 +126,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         flight.effects = Effects::read(model)?;
     }
     let simulation = run_flight(&flight, args)?;
+    terminal::note_assumed_subject(&flight);
     if let Some(path) = &args.plot {
         let title = format!("{}: free run against measurement", args.flight.display());
         write_file(
@@ -158,6 +190,17 @@ pub(super) fn print_report(simulation: &Simulation) {
         "{} frames, {:.1} s of flight; {:.0} frames a second, file to table",
         report.frames, report.duration_s, report.steps_per_second
     ));
+    if let Some(gnss) = &report.gnss {
+        terminal::print(&format!(
+            "the track's clock is {:.3} +- {:.3} s ahead of the recording's, its north turned by {:.1} degrees",
+            gnss.shift_s,
+            gnss.deviation_s,
+            gnss.heading_rad.to_degrees()
+        ));
+    }
+    for warning in &report.warnings {
+        terminal::note(&format!("warning: {warning}"));
+    }
     if let Some(fault) = &simulation.quality.first_fault {
         terminal::print(&format!(
             "{} bad frames were bridged; the first: line {}, frame {}, {}: {}",

@@ -7,7 +7,7 @@ use bodyflight::diagnostic::{Problem, Result};
 use bodyflight::formats::flight::Flight;
 use bodyflight::formats::model_file::Effects;
 use bodyflight::formats::mvn_network::Source;
-use bodyflight::formats::recording::{FlightFrame, Recording};
+use bodyflight::formats::recording::FlightFrame;
 use bodyflight::unit::monitor::Defmt;
 use bodyflight::unit::stream::connection::{DEFAULT_BAUD, Target};
 use bodyflight::unit::stream::report::Report;
@@ -173,7 +173,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         });
         return run_frames(args, json, &flight, args.rate, frames, &settings);
     }
-    let recording = Recording::open(&flight.recording, args.reading.options())?;
+    let recording = flight.open(args.reading.options())?;
     let frame_rate = recording.header().frame_rate;
     let seconds = args.seconds.unwrap_or(f64::INFINITY);
     let mut start = None;

@@ -4,6 +4,7 @@ use std::io::{IsTerminal, Write};
 use std::time::Duration;
 
 use bodyflight::diagnostic::{Problem, Result};
+use bodyflight::formats::flight::Flight;
 use bodyflight::replay::comparison::{Channel, PerChannel};
 use comfy_table::{CellAlignment, Table};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -46,6 +47,16 @@ pub(super) fn json_line(value: &impl Serialize) -> Result<bool> {
 pub(super) fn note(text: &str) {
     let mut err = std::io::stderr().lock();
     let _ = writeln!(err, "{text}");
+}
+
+/// Says that a default person is flown, where a flight names none.
+pub(super) fn note_assumed_subject(flight: &Flight) {
+    if !flight.has_subject {
+        note(&format!(
+            "warning: no subject is given: a person of {:.0} kg with equipment is assumed; name one in a flight.toml",
+            flight.subject.body().mass()
+        ));
+    }
 }
 
 /// Writes a problem to standard error, with its help.

@@ -8,12 +8,15 @@ use bodyflight_core::dynamics::free_run::Equations;
 use bodyflight_core::dynamics::muscle_input::{self, MuscleForces, MuscleModel};
 use bodyflight_core::dynamics::{Dynamics, Inputs};
 use bodyflight_core::frame::Vector;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use crate::diagnostic::{Problem, Result};
+use crate::formats::input::Input;
 use crate::formats::input_history::InputHistory;
 use crate::formats::model_file::Effects;
+use crate::formats::recording::{Options, Recording, gnss};
 use crate::formats::subject::Subject;
+use crate::formats::track;
 
 /// Density where a flight says nothing about it (kg/m3): about 2000 m.
 pub const DEFAULT_DENSITY: f64 = 1.0;
@@ -37,6 +40,23 @@ pub struct Flight {
     pub inputs: Option<InputHistory>,
     /// What the free run of the model is extended by.
     pub effects: Effects,
+    /// A satellite receiver's track, whose velocities stand in for the suit's.
+    pub gnss: Option<PathBuf>,
+    /// Where a free run takes its first motion from.
+    pub start: Start,
+    /// Whether the person is known; otherwise a default is flown.
+    pub has_subject: bool,
+}
+
+/// Where a free run takes its first motion from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Start {
+    /// The first frame alone.
+    First,
+    /// A fit to the first tenth of a second.
+    #[default]
+    Smoothed,
 }
 
 /// How a flight gives the density.
@@ -62,6 +82,7 @@ struct FlightFile {
     recording: PathBuf,
     subject: Option<PathBuf>,
     inputs: Option<PathBuf>,
+    gnss: Option<PathBuf>,
     muscles: Option<String>,
     muscle_forces: Option<MuscleForcesName>,
     equations: Option<EquationsName>,
@@ -86,11 +107,22 @@ enum EquationsName {
 }
 
 impl Flight {
-    /// Reads a `flight.toml`, or takes a bare MVNX file with defaults for everything else.
+    /// Reads a `flight.toml`, or that of a folder, or takes a bare MVNX file with defaults for everything else.
     ///
     /// # Errors
     /// Where a file is missing or a value is not usable: file, line and field.
     pub fn read(path: &Path) -> Result<Self> {
+        let inside = path.join("flight.toml");
+        let path = if path.is_dir() {
+            if !inside.is_file() {
+                return Err(Problem::bad_input("this folder has no flight.toml")
+                    .in_file(path)
+                    .help("give the flight.toml or the recording itself"));
+            }
+            &inside
+        } else {
+            path
+        };
         let is_toml = path
             .extension()
             .is_some_and(|extension| extension == "toml");
@@ -100,6 +132,22 @@ impl Flight {
         let text =
             std::fs::read_to_string(path).map_err(|error| Problem::system("read", path, error))?;
         Self::parse(&text, path)
+    }
+
+    /// Opens the recording; where the flight has a receiver's track, that is brought to the recording's clock first.
+    ///
+    /// # Errors
+    /// Returns an error if a file is not usable, or the clocks cannot be brought together.
+    pub fn open(&self, options: Options) -> Result<Recording<Input>> {
+        let recording = Recording::open(&self.recording, options)?;
+        let Some(path) = &self.gnss else {
+            return Ok(recording);
+        };
+        let track = track::read(path)?;
+        let frames = recording.collect::<Result<Vec<_>>>()?;
+        let aligned =
+            gnss::aligned(&frames, &track.samples).map_err(|problem| problem.in_file(path))?;
+        Ok(Recording::open(&self.recording, options)?.with_track(aligned))
     }
 
     /// A recording alone: default subject, still air of [`DEFAULT_DENSITY`].
@@ -113,6 +161,9 @@ impl Flight {
             muscles: muscle_input::BACK_TRACKING.with_forces(MuscleForces::Moment),
             inputs: None,
             effects: Effects::default(),
+            gnss: None,
+            start: Start::default(),
+            has_subject: false,
         }
     }
 
@@ -168,6 +219,9 @@ impl Flight {
                 None => None,
             },
             effects: Effects::default(),
+            gnss: file.gnss.map(|gnss| folder.join(gnss)),
+            start: Start::default(),
+            has_subject: file.subject.is_some(),
         })
     }
 

@@ -54,6 +54,15 @@ pub struct InertialSample {
     pub angular_velocity: Vector3<f64>,
 }
 
+/// What the barometer says of one moment.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PressureSample {
+    /// Time in the week (s).
+    pub time_of_week: f64,
+    /// Pressure (Pa).
+    pub pressure: f64,
+}
+
 /// A recording.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Track {
@@ -61,6 +70,8 @@ pub struct Track {
     pub fixes: Vec<Fix>,
     /// Of the inertial sensor, in the order of time; empty where there is no `SENSOR.CSV`.
     pub inertial: Vec<InertialSample>,
+    /// Of the barometer, likewise.
+    pub pressure: Vec<PressureSample>,
     /// Of both files.
     pub skipped: Skipped,
 }
@@ -77,7 +88,16 @@ impl Track {
     /// # Errors
     /// Where the file is not of a FlySight, has no row that is usable, or more rows that are not than that are.
     pub fn read(path: &Path) -> Result<Self> {
-        let tables = Tables::read(path)?;
+        let bytes = std::fs::read(path).map_err(|error| Problem::system("read", path, &error))?;
+        Self::parse(&bytes, path)
+    }
+
+    /// As [`Track::read`], of bytes that were read from `path`.
+    ///
+    /// # Errors
+    /// As of [`Track::read`].
+    pub fn parse(bytes: &[u8], path: &Path) -> Result<Self> {
+        let tables = Tables::parse(bytes);
         let mut skipped = tables.skipped.clone();
         let mut fixes: Vec<Fix> = Vec::new();
         let mut origin = None;
@@ -103,14 +123,16 @@ impl Track {
             });
         }
         let beside = path.with_file_name("SENSOR.CSV");
-        let inertial = if tables.is_second_generation && beside.is_file() {
-            inertial(&Tables::read(&beside)?, &mut skipped)
-        } else {
-            Vec::new()
-        };
+        let (mut inertial, mut pressure) = (Vec::new(), Vec::new());
+        if tables.is_second_generation && beside.is_file() {
+            let sensors = Tables::read(&beside)?;
+            inertial = inertial_samples(&sensors, &mut skipped);
+            pressure = pressure_samples(&sensors, &mut skipped);
+        }
         Ok(Self {
             fixes,
             inertial,
+            pressure,
             skipped,
         })
     }
@@ -160,13 +182,37 @@ fn fix(row: &Row<'_>, origin: &mut Option<[f64; 2]>) -> core::result::Result<Fix
     })
 }
 
-/// Rows of the inertial sensor on the clock of the satellites.
-fn inertial(tables: &Tables, skipped: &mut Skipped) -> Vec<InertialSample> {
-    // Its clock counts from when it likes; `$TIME` rows say what that is in the week.
-    let offset = tables
+/// What to add to the sensors' clock (s) for the time in the week: it counts from when it likes, and `$TIME` rows say
+/// what that is.
+fn clock_offset(tables: &Tables) -> f64 {
+    tables
         .rows("TIME")
         .find_map(|row| Some(row.number("tow").ok()? - row.number("time").ok()?))
-        .unwrap_or(0.0);
+        .unwrap_or(0.0)
+}
+
+/// Rows of the barometer on the clock of the satellites.
+fn pressure_samples(tables: &Tables, skipped: &mut Skipped) -> Vec<PressureSample> {
+    let offset = clock_offset(tables);
+    let mut samples = Vec::new();
+    for row in tables.rows("BARO") {
+        let sample = || {
+            Ok::<_, String>(PressureSample {
+                time_of_week: row.number("time")? + offset,
+                pressure: row.within("pressure", 120_000.0)?,
+            })
+        };
+        match sample() {
+            Ok(sample) => samples.push(sample),
+            Err(why) => skipped.add(row.line, &why),
+        }
+    }
+    samples
+}
+
+/// Rows of the inertial sensor on the clock of the satellites.
+fn inertial_samples(tables: &Tables, skipped: &mut Skipped) -> Vec<InertialSample> {
+    let offset = clock_offset(tables);
     let vector = |row: &Row<'_>, names: [&str; 3], unit: f64| {
         let [x, y, z] = names.map(|name| row.within(name, 10_000.0));
         Ok::<_, String>(Vector3::new(x?, y?, z?) * unit)

@@ -6,6 +6,8 @@
 
 mod bridge;
 mod frame;
+pub mod gnss;
+mod watch;
 
 pub use bridge::{BRIDGE_LIMIT, BadFrames, Quality};
 pub use frame::{FlightFrame, PelvisMotion};
@@ -24,6 +26,7 @@ use crate::formats::mvnx::{
     ArmFrame, Fault, Field, Fields, Frame, FrameKind, Header, ReadOptions, Reader,
 };
 use crate::formats::xsens::{self, MvnSegment};
+pub use watch::Warning;
 
 /// Largest closure error of a usable recording (m): four times that of a good file with a moving shoulder
 /// girdle is 0.01, a wrong convention gives 0.2 and more.
@@ -38,6 +41,8 @@ pub struct Options {
     pub bad_frames: BadFrames,
     /// Takes a file that ends too early up to its last whole frame.
     pub allow_truncated: bool,
+    /// Convention of the arms, where it is known; otherwise it is told by how the joints close.
+    pub arm_frame: Option<ArmFrame>,
 }
 
 /// A flight read frame by frame; memory does not grow with its length.
@@ -51,6 +56,9 @@ pub struct Recording<R: BufRead> {
     arm_frame: ArmFrame,
     closure_error: f64,
     bridge: bridge::Bridge,
+    watch: watch::Watch,
+    /// A receiver's track whose velocities stand in for the suit's.
+    gnss: Option<gnss::Aligned>,
     finished: bool,
 }
 
@@ -90,14 +98,21 @@ impl<R: BufRead> Recording<R> {
         let path = reader.path().to_path_buf();
         let named = |problem: Problem| problem.in_file(&path);
         let places = places(reader.header()).map_err(named)?;
-        let skeleton = Skeleton::of(reader.header()).ok_or_else(|| {
-            named(
-                Problem::bad_input(
-                    "no joints with points, so the convention of its arms cannot be told",
-                )
-                .help("export the recording again, with segments, points and joints"),
-            )
-        })?;
+        let skeleton = match (Skeleton::of(reader.header()), options.arm_frame) {
+            (Some(skeleton), _) => skeleton,
+            (None, Some(_)) => Skeleton::without_joints(reader.header()),
+            (None, None) => {
+                return Err(named(
+                    Problem::bad_input(
+                        "no joints with points, so the convention of its arms cannot be told",
+                    )
+                    .help(
+                        "export the recording again, with segments, points and joints, or say the \
+                         convention with --arm-frame t-pose or isb",
+                    ),
+                ));
+            }
+        };
         let mut ahead = VecDeque::with_capacity(FRAMES_FOR_ARMS);
         let mut frame = Frame::default();
         while ahead.len() < FRAMES_FOR_ARMS && reader.next_frame(&mut frame)? {
@@ -110,18 +125,14 @@ impl<R: BufRead> Recording<R> {
             ));
         };
         check_fields(first, &ahead).map_err(named)?;
-        let (arm_frame, closure_error) = arm_frame(&skeleton, reader.calibration(), ahead.iter())
+        let (told, closure_error) = arm_frame(&skeleton, reader.calibration(), ahead.iter())
             .unwrap_or((ArmFrame::TPose, 0.0));
         if closure_error > CLOSURE_LIMIT {
-            return Err(named(
-                Problem::bad_input(format!(
-                    "the segments do not meet at their joints: {closure_error:.3} m apart, \
-                     expected below {CLOSURE_LIMIT} m"
-                ))
-                .help("orientations must be quaternions w x y z of the same subject as the points"),
-            ));
+            return Err(named(open_joints(&skeleton, &ahead, closure_error)));
         }
-        let bridge = bridge::Bridge::new(reader.header().frame_rate, options.bad_frames);
+        let arm_frame = options.arm_frame.unwrap_or(told);
+        let frame_rate = reader.header().frame_rate;
+        let bridge = bridge::Bridge::new(frame_rate, options.bad_frames);
         Ok(Self {
             reader,
             ahead,
@@ -131,6 +142,8 @@ impl<R: BufRead> Recording<R> {
             arm_frame,
             closure_error,
             bridge,
+            watch: watch::Watch::new(frame_rate),
+            gnss: None,
             finished: false,
         })
     }
@@ -149,6 +162,23 @@ impl<R: BufRead> Recording<R> {
     /// What reading has met so far.
     pub fn quality(&self) -> &Quality {
         &self.bridge.quality
+    }
+
+    /// Takes the velocities of a receiver's track from now on.
+    #[must_use]
+    pub fn with_track(mut self, track: gnss::Aligned) -> Self {
+        self.gnss = Some(track);
+        self
+    }
+
+    /// How the track was brought to the recording's clock, where there is one.
+    pub fn alignment(&self) -> Option<gnss::Alignment> {
+        self.gnss.as_ref().map(|track| track.alignment)
+    }
+
+    /// What is not as a flight is, in what was read so far.
+    pub fn warnings(&self) -> Vec<Warning> {
+        self.watch.warnings()
     }
 
     /// The first calibration frame of a kind, as posture and motion; `None` where there is none or it is bad.
@@ -191,14 +221,18 @@ impl<R: BufRead> Recording<R> {
         let (inertial_from_body, posture) = xsens::attitude_and_posture(&leading);
         let pelvis = self.places[bodyflight_core::Segment::Pelvis];
         let vector = |field, place| frame.vector(field, place).map(xsens::inertial_vector);
+        let time = self.bridge.time(frame.index);
         Some(FlightFrame {
             index: frame.index,
-            time: self.bridge.time(frame.index),
+            time,
             posture,
             pelvis: PelvisMotion {
                 inertial_from_body,
                 position: vector(Field::Position, pelvis)?,
-                velocity: vector(Field::Velocity, pelvis),
+                velocity: match &self.gnss {
+                    Some(track) => track.velocity_at(time),
+                    None => vector(Field::Velocity, pelvis),
+                },
                 angular_velocity: vector(Field::AngularVelocity, pelvis),
             },
             centre_of_mass: vector(Field::CenterOfMass, 0),
@@ -230,6 +264,7 @@ impl<R: BufRead> Recording<R> {
             } else if let Some(fault) = frame.fault.take() {
                 self.bridge.bad(fault)?;
             } else if let Some(flight) = self.flight_frame(&mut frame) {
+                self.watch.see(&flight, frame.written_time);
                 self.bridge.good(flight)?;
             } else {
                 // Not met: a frame without these elements carries a fault.
@@ -290,6 +325,32 @@ pub fn arm_frame<'a>(
     } else {
         (ArmFrame::TPose, t_pose)
     })
+}
+
+/// What is said where the segments do not meet: another order of the quaternions, where they meet with it.
+fn open_joints(skeleton: &Skeleton, frames: &VecDeque<Frame>, closure_error: f64) -> Problem {
+    let reordered = frames.iter().filter_map(|frame| {
+        let orientation = frame.numbers(Field::Orientation)?;
+        let position = frame.numbers(Field::Position)?;
+        let from_xyzw: Vec<f64> = orientation
+            .chunks_exact(4)
+            .flat_map(|q| [q[3], q[0], q[1], q[2]])
+            .collect();
+        let closes = |arms| skeleton.closure_error(&from_xyzw, position, arms);
+        Some(closes(ArmFrame::TPose).min(closes(ArmFrame::Isb)))
+    });
+    let reordered = reordered.fold(f64::NEG_INFINITY, f64::max);
+    let first = frames.front().map_or(0, |frame| frame.index);
+    let problem = Problem::bad_input(format!(
+        "the segments do not meet at their joints: {closure_error:.3} m apart, expected below {CLOSURE_LIMIT} m"
+    ))
+    .at(format!("frame {first} and after"));
+    if (0.0..CLOSURE_LIMIT).contains(&reordered) {
+        return problem.help(format!(
+            "read as x y z w the quaternions close the joints to {reordered:.4} m: write them as w x y z"
+        ));
+    }
+    problem.help("orientations must be quaternions w x y z of the same subject as the points")
 }
 
 /// Finds the segments of the model in a file.

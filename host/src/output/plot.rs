@@ -83,6 +83,48 @@ pub const AXES: [Line; 3] = [
     },
 ];
 
+/// A fall flown again with what was told from it.
+pub const FLOWN: Line = Line {
+    label: "flown again",
+    colour: RGBColor(0x9c, 0x2f, 0x00),
+    width: 1,
+};
+/// Pieces with one value each.
+pub const ESTIMATED_PIECES: Line = Line {
+    label: "pieces",
+    colour: RGBColor(0x9c, 0x2f, 0x00),
+    width: 2,
+};
+/// Where one phase ends and another begins.
+pub const BORDER: Line = Line {
+    label: "exit, opening, canopy",
+    colour: RGBColor(0x1b, 0x6e, 0x53),
+    width: 1,
+};
+/// Lines of the models that validation compares, in its order.
+pub const MODEL_PARTS: [Line; 4] = [
+    Line {
+        label: "exact equations",
+        colour: RGBColor(0x1b, 0x6e, 0x53),
+        width: 3,
+    },
+    Line {
+        label: "as published",
+        colour: RGBColor(0x9c, 0x2f, 0x00),
+        width: 2,
+    },
+    Line {
+        label: "limbs without momentum",
+        colour: RGBColor(0x5b, 0x4b, 0xa8),
+        width: 1,
+    },
+    Line {
+        label: "posture frozen",
+        colour: RGBColor(0x8a, 0x8a, 0x8a),
+        width: 1,
+    },
+];
+
 /// Values over time, in the order of time.
 #[derive(Debug, Clone)]
 pub struct Curve {
@@ -228,6 +270,7 @@ fn draw_panel(area: &Area<'_>, panel: &Panel) -> DrawResult {
     };
     let ((start, end), (low, high)) = (bounds(&|point| point.0), bounds(&|point| point.1));
     let margin = (0.06 * (high - low)).max(0.02);
+    let decimals = usize::from(end - start < 8.0);
     let mut chart = ChartBuilder::on(area)
         .margin(4)
         .margin_right(16)
@@ -242,7 +285,7 @@ fn draw_panel(area: &Area<'_>, panel: &Panel) -> DrawResult {
         .light_line_style(TRANSPARENT)
         .bold_line_style(BLACK.mix(0.12))
         .label_style(("sans-serif", 11))
-        .x_label_formatter(&|time| format!("{time:.0} s"))
+        .x_label_formatter(&|time| format!("{time:.decimals$} s"))
         .draw()?;
     for Curve { line, points } in &panel.curves {
         for part in unwrapped_parts(panel.wraps, points) {

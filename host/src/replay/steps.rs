@@ -1,7 +1,6 @@
 //! A recording and the model side by side, step by step: a free run from the first frame, fed by the recorded postures.
 
-use std::fs::File;
-use std::io::BufReader;
+use std::collections::VecDeque;
 use std::path::Path;
 
 use bodyflight_core::body::mass_properties::PostureRate;
@@ -14,8 +13,11 @@ use bodyflight_core::{Posture, Real};
 use bodyflight_discovery::motion_history::MotionHistory;
 
 use super::comparison::Pair;
+use super::recorded::Recorded;
+use super::start::{SMOOTHED_OVER, first_motion};
 use crate::diagnostic::{Problem, Result};
-use crate::formats::flight::Flight;
+use crate::formats::flight::{Flight, Start};
+use crate::formats::input::Input;
 use crate::formats::recording::{FlightFrame, Options, Recording};
 
 /// Longest delay of a sensor that is kept (s).
@@ -58,6 +60,8 @@ pub struct Replay<'a, T: Real, F> {
     flight: &'a Flight,
     frames: F,
     divergence: Divergence,
+    /// Frames that the start was smoothed over, not yet replayed.
+    read: VecDeque<FlightFrame>,
     ahead: Option<FlightFrame>,
     start: Step,
     last: Step,
@@ -67,14 +71,14 @@ pub struct Replay<'a, T: Real, F> {
     history: MotionHistory,
 }
 
-impl<'a, T: Real> Replay<'a, T, Recording<BufReader<File>>> {
+impl<'a, T: Real> Replay<'a, T, Recording<Input>> {
     /// Opens the recording of a flight.
     ///
     /// # Errors
     /// Returns an error if a file is not usable, fewer than two frames are there, or the first has no velocity or
     /// angular velocity.
     pub fn open(flight: &'a Flight, options: Options) -> Result<Self> {
-        Self::new(flight, Recording::open(&flight.recording, options)?)
+        Self::new(flight, flight.open(options)?)
     }
 }
 
@@ -105,28 +109,43 @@ impl<'a, T: Real, F: Iterator<Item = Result<FlightFrame>>> Replay<'a, T, F> {
         let height = first.pelvis.position.up();
         let model = flight.effects.applied(dynamics(height), height)?;
         let measured = motion_of(flight, &first)?;
+        let mut read = VecDeque::from([first, second]);
+        if flight.start == Start::Smoothed {
+            let is_enough = |last: &FlightFrame| last.time - first.time >= SMOOTHED_OVER - 1e-6;
+            while !read.back().is_some_and(is_enough) {
+                let Some(frame) = frames.next().transpose()? else {
+                    break;
+                };
+                read.push_back(frame);
+            }
+        }
+        let inputs = model.inputs(&inputs_at(flight, first.time));
+        let recorded = Recorded::new(read.make_contiguous(), model.dynamics, inputs)
+            .map_err(|problem| problem.in_file(&flight.recording))?;
+        let simulated = first_motion(flight.start, &recorded, 0, flight.equations);
+        read.drain(..2);
         let seen = Observation::of(&measured);
         let start = Step {
             time: first.time,
             posture: first.posture,
             measured,
-            simulated: measured,
-            inputs: model.inputs(&inputs_at(flight, first.time)),
+            simulated,
+            inputs,
             pair: Pair {
                 time: first.time,
                 measured: seen,
-                simulated: seen,
+                simulated: Observation::of(&simulated),
             },
         };
         let mut history = MotionHistory::default();
-        history.push(first.time, Moving::of(&measured));
+        history.push(first.time, Moving::of(&simulated));
         let dynamics = model.dynamics.cast::<T>();
         let rate = rate(&first.posture, &second.posture, second.time - first.time);
         let posture = first.posture.cast();
         let run = FreeRun::new(
             &dynamics,
             flight.equations,
-            &measured.cast(),
+            &simulated.cast(),
             &posture,
             &rate,
         );
@@ -134,6 +153,7 @@ impl<'a, T: Real, F: Iterator<Item = Result<FlightFrame>>> Replay<'a, T, F> {
             flight,
             frames,
             divergence: Divergence::default(),
+            read,
             ahead: Some(second),
             start,
             last: start,
@@ -150,7 +170,7 @@ impl<'a, T: Real, F: Iterator<Item = Result<FlightFrame>>> Replay<'a, T, F> {
         Self { divergence, ..self }
     }
 
-    /// The first frame, where the model starts as measured.
+    /// The first frame, and the motion that the model starts with.
     pub const fn start(&self) -> &Step {
         &self.start
     }
@@ -225,7 +245,11 @@ impl<T: Real, F: Iterator<Item = Result<FlightFrame>>> Iterator for Replay<'_, T
 
     fn next(&mut self) -> Option<Self::Item> {
         let frame = self.ahead.take()?;
-        let step = self.frames.next().transpose().and_then(|ahead| {
+        let ahead = match self.read.pop_front() {
+            Some(ahead) => Ok(Some(ahead)),
+            None => self.frames.next().transpose(),
+        };
+        let step = ahead.and_then(|ahead| {
             self.ahead = ahead;
             self.advance(&frame)
         });

@@ -8,19 +8,21 @@ use bodyflight_discovery::error::Error;
 use bodyflight_discovery::point::track as point;
 use bodyflight_discovery::report::ByName;
 use bodyflight_discovery::track::{Frame, Track};
+use bodyflight_falls::Sample;
+use bodyflight_falls::phases::{divided, times};
 
 use crate::diagnostic::{Problem, Result};
 use crate::formats::flight::Flight;
 use crate::formats::flysight;
 use crate::formats::model_file;
-use crate::formats::recording::{FlightFrame, Options, Recording};
+use crate::formats::recording::{FlightFrame, Options};
 
 /// Reads a flight with the model that is meant to fly it.
 ///
 /// # Errors
 /// Returns an error if a file is not usable or has no velocities.
 pub fn read_track(flight: &Flight, options: Options) -> Result<Track> {
-    let recording = Recording::open(&flight.recording, options)?;
+    let recording = flight.open(options)?;
     let frames = recording.collect::<Result<Vec<_>>>()?;
     let first = frames.first().ok_or_else(|| {
         Problem::bad_input("expected frames of type \"normal\"").in_file(&flight.recording)
@@ -37,12 +39,49 @@ pub fn read_track(flight: &Flight, options: Options) -> Result<Track> {
     Ok(Track::new(&frames, dynamics, flight.constant_inputs()))
 }
 
-/// Reads the recording of a point.
+/// Refuses a flight that is held out from itself: it would vote for whatever was fitted to it.
+///
+/// # Errors
+/// Returns an error if two recordings are the same file, or files of the same content.
+pub fn refuse_same(recording: &Path, held_out: &Path) -> Result<()> {
+    let read =
+        |path: &Path| std::fs::read(path).map_err(|error| Problem::system("read", path, &error));
+    let length = |path: &Path| std::fs::metadata(path).map(|about| about.len()).ok();
+    if length(recording) != length(held_out) || read(recording)? != read(held_out)? {
+        return Ok(());
+    }
+    Err(Problem::bad_input(format!(
+        "this flight is held out, but it is the one that effects are fitted to ({})",
+        recording.display()
+    ))
+    .in_file(held_out)
+    .help("hold out another flight of the same person"))
+}
+
+/// Cuts a track to its fall: exit and opening are no fall of one posture.
+fn keep_fall(track: &mut flysight::Track) {
+    let samples: Vec<Sample> = track
+        .fixes
+        .iter()
+        .map(|fix| Sample {
+            time: fix.time,
+            position: fix.position.components,
+            velocity: fix.velocity.components,
+        })
+        .collect();
+    if let Some(times) = times(&samples, &divided(&samples)) {
+        let [from, until] = times.fall;
+        track.fixes.retain(|fix| (from..=until).contains(&fix.time));
+    }
+}
+
+/// Reads the recording of a point, from the exit to the opening.
 ///
 /// # Errors
 /// Returns an error if the file is not of a FlySight or has too few rows that are usable.
 pub fn read_point_track(path: &Path) -> Result<point::Track> {
-    let track = flysight::Track::read(path)?;
+    let mut track = flysight::Track::read(path)?;
+    keep_fall(&mut track);
     let first = track.fixes.first();
     // Both sensors on one clock.
     let offset = first.map_or(0.0, |fix| fix.time - fix.time_of_week());

@@ -28,7 +28,7 @@ use bodyflight_core::observation::Observation;
 use crate::diagnostic::{Problem, Result};
 use crate::formats::flight::Flight;
 use crate::formats::input_history::Row;
-use crate::formats::recording::{Options, Recording};
+use crate::formats::recording::Options;
 use crate::interrupt;
 use crate::output::files::{CsvFile, number};
 use crate::output::plot::{
@@ -83,7 +83,7 @@ fn run<T: Real, P: Propagation<T>, const INTERVALS: usize>(
     options: Options,
     mut progress: impl FnMut(f64),
 ) -> Result<Estimation> {
-    let recording = Recording::open(&flight.recording, options)?;
+    let recording = flight.open(options)?;
     let rate = recording.header().frame_rate;
     if (rate * preset.time_step::<f64>() - 1.0).abs() > 1e-3 {
         return Err(

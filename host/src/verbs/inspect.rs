@@ -1,15 +1,21 @@
 //! What a recording holds, without simulating it.
 
+pub mod flight;
+pub mod picture;
+
 use std::fmt;
 use std::io::BufRead;
 use std::path::Path;
 
+use bodyflight_core::Body;
 use serde::Serialize;
 
 use crate::diagnostic::Result;
+use crate::formats::input::STANDARD_INPUT;
 use crate::formats::mvnx::closure::Skeleton;
 use crate::formats::mvnx::{ArmFrame, Fault, Field, Fields, Frame, ReadOptions, Reader};
 use crate::formats::recording;
+use flight::FlightReport;
 
 /// Most bad frames and markers listed one by one.
 const LIST_LIMIT: usize = 100;
@@ -61,6 +67,8 @@ pub struct Report {
     pub markers: Vec<Marker>,
     /// Whether the file ends too early.
     pub truncated: bool,
+    /// The flight in it, where it is one.
+    pub flight: Option<FlightReport>,
 }
 
 /// A frame whose numbers are not usable.
@@ -96,12 +104,18 @@ pub struct Marker {
     pub name: String,
 }
 
-/// Reads a recording as a whole and says what is in it. A file cut at its end is reported, not refused.
+/// Reads a recording as a whole and says what is in it; with a person, also where MVN's centre of mass is in the model's
+/// body. A file cut at its end is reported, not refused.
 ///
 /// # Errors
 /// Where the file cannot be read or is no recording.
-pub fn inspect(path: &Path) -> Result<Report> {
-    inspect_reader(Reader::open(path, options())?)
+pub fn inspect(path: &Path, person: Option<&Body<f64>>) -> Result<Report> {
+    let mut report = inspect_reader(Reader::open(path, options())?)?;
+    // Standard input is gone once it is read, and not every recording is a flight.
+    if path != Path::new(STANDARD_INPUT) {
+        report.flight = flight::inspected(path, person).ok();
+    }
+    Ok(report)
 }
 
 /// As [`inspect`], from any input.
@@ -156,6 +170,7 @@ fn inspect_reader<R: BufRead>(mut reader: Reader<R>) -> Result<Report> {
         bad_frame_list: survey.bad_frame_list,
         markers: survey.markers,
         truncated: reader.is_truncated(),
+        flight: None,
     })
 }
 
@@ -279,6 +294,9 @@ impl fmt::Display for Report {
         }
         for marker in &self.markers {
             writeln!(f, "marker          {:.3} s {}", marker.time_s, marker.name)?;
+        }
+        if let Some(flight) = &self.flight {
+            write!(f, "{flight}")?;
         }
         if self.truncated {
             writeln!(f, "the file ends too early: the last frame is not whole")?;

@@ -8,8 +8,9 @@ use bodyflight_core::Real;
 use serde::Serialize;
 
 use crate::diagnostic::Result;
-use crate::formats::flight::Flight;
-use crate::formats::recording::{Options, Quality};
+use crate::formats::flight::{Flight, Start};
+use crate::formats::recording::gnss::Alignment;
+use crate::formats::recording::{Options, Quality, Warning};
 use crate::interrupt;
 use crate::output::files::CsvFile;
 use crate::replay::comparison::{Channel, Comparison, PerChannel};
@@ -30,6 +31,12 @@ pub struct Report {
     pub steps_per_second: f64,
     /// Bad frames of the recording that were bridged.
     pub bridged_frames: u64,
+    /// Where the run took its first motion from.
+    pub start: Start,
+    /// How the track of a receiver was brought to the recording's clock, where the flight has one.
+    pub gnss: Option<Alignment>,
+    /// What is not as a flight is.
+    pub warnings: Vec<Warning>,
 }
 
 /// A simulation with what plots need.
@@ -81,6 +88,9 @@ pub fn simulate<T: Real>(
             amplitude: comparison.amplitude(),
             steps_per_second,
             bridged_frames: quality.bridged_frames,
+            start: flight.start,
+            gnss: replay.frames().alignment(),
+            warnings: replay.frames().warnings(),
         },
         comparison,
         quality,

@@ -14,7 +14,7 @@ use serde::Serialize;
 
 use crate::diagnostic::{Problem, Result};
 use crate::formats::flight::Flight;
-use crate::formats::recording::{FlightFrame, Options, Recording};
+use crate::formats::recording::{FlightFrame, Options};
 use crate::formats::subject::CommonCoefficients;
 use crate::interrupt;
 use crate::replay::comparison::{Channel, Comparison, PerChannel};
@@ -79,8 +79,7 @@ struct Loaded<'a> {
 
 impl<'a> Loaded<'a> {
     fn read(flight: &'a Flight, options: Options) -> Result<Self> {
-        let frames: Vec<FlightFrame> =
-            Recording::open(&flight.recording, options)?.collect::<Result<_>>()?;
+        let frames: Vec<FlightFrame> = flight.open(options)?.collect::<Result<_>>()?;
         let [first, _, ..] = frames.as_slice() else {
             return Err(too_short(&flight.recording));
         };

@@ -81,12 +81,19 @@ impl Skeleton {
         }
         (!joints.is_empty()).then(|| Self {
             joints,
-            isb_from_t_pose: header
-                .segments
-                .iter()
-                .map(|segment| t_pose_from_isb(&segment.label).inverse())
-                .collect(),
+            ..Self::without_joints(header)
         })
+    }
+
+    /// Of a file without points, of which no joint can be compared.
+    pub fn without_joints(header: &Header) -> Self {
+        let labels = header.segments.iter().map(|segment| &segment.label);
+        Self {
+            joints: Vec::new(),
+            isb_from_t_pose: labels
+                .map(|label| t_pose_from_isb(label).inverse())
+                .collect(),
+        }
     }
 
     /// Largest distance (m) between the two points of a joint, with orientations w x y z and positions as in

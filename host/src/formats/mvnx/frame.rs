@@ -56,6 +56,8 @@ pub struct Frame {
     pub kind: FrameKind,
     /// Line in the file, from 1.
     pub line: u64,
+    /// Time as written: milliseconds, in some files seconds.
+    pub written_time: Option<f64>,
     /// Name of the event marked at this frame.
     pub marker: Option<String>,
     /// Why the frame must not be used, `None` for a good one.
@@ -96,6 +98,7 @@ impl Frame {
     }
 
     pub(super) fn clear(&mut self) {
+        self.written_time = None;
         self.marker = None;
         self.fault = None;
         self.present = Fields::NONE;

@@ -190,6 +190,7 @@ impl<R: BufRead> Reader<R> {
                     element.attributes(|name, value| {
                         match name {
                             "index" => index = Some(value.trim().to_owned()),
+                            "time" => frame.written_time = value.trim().parse().ok(),
                             "type" => kind = Some(FrameKind::from_name(value)),
                             _ => {}
                         }

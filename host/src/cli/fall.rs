@@ -1,0 +1,196 @@
+//! `bodyflight fall`.
+
+use std::path::PathBuf;
+
+use bodyflight::diagnostic::{Problem, Result};
+use bodyflight::formats::track;
+use bodyflight::output::files::write_file;
+use bodyflight::verbs::fall::{Conditions, DEFAULT_MASS, Moment, Report, WindRow, fall, figure};
+use bodyflight_falls::fall::Verdict;
+
+use super::terminal;
+
+/// Say what a logger's track holds: exit, fall rate, drag area, wind, opening, canopy.
+#[derive(clap::Args)]
+#[command(
+    after_help = "Tracks: FlySight 1 and 2 (SENSOR.CSV beside TRACK.CSV is used), GPX, or CSV with a line of names, \
+                  docs/falls.md. Exit code 4 where a fall is not explained.\n\n\
+                  Example: bodyflight fall TRACK.CSV --mass 85 --plot fall.svg"
+)]
+pub(super) struct Args {
+    /// A logger's track; - is standard input.
+    track: PathBuf,
+    /// Mass of skydiver and equipment (kg).
+    #[arg(long, value_name = "KG", default_value_t = DEFAULT_MASS)]
+    mass: f64,
+    /// Pressure on the ground (hPa), not reduced to sea level; otherwise the logger's barometer or the standard atmosphere.
+    #[arg(long, value_name = "HPA")]
+    ground_pressure: Option<f64>,
+    /// Temperature on the ground (degrees Celsius); otherwise that of the standard atmosphere.
+    #[arg(long, value_name = "C", allow_negative_numbers = true)]
+    ground_temperature: Option<f64>,
+    /// Height in the standard atmosphere that fall rates are normalised to (m).
+    #[arg(long, value_name = "M", default_value_t = 2000.0)]
+    reference_height: f64,
+    /// Write phases, speeds and drag area over time as SVG.
+    #[arg(long, value_name = "SVG")]
+    plot: Option<PathBuf>,
+}
+
+pub(super) fn run(args: &Args, json: bool) -> Result<()> {
+    let conditions = conditions(args)?;
+    let spinner = terminal::spinner("reading");
+    let track = track::read(&args.track)?;
+    let (report, jump) = fall(&track, &conditions, &args.track)?;
+    spinner.finish_and_clear();
+    if let Some(path) = &args.plot {
+        let title = args.track.display().to_string();
+        write_file(
+            path,
+            figure::svg(&title, &jump, conditions.mass)?.as_bytes(),
+        )?;
+    }
+    if json {
+        terminal::print_json(&report)?;
+    } else {
+        print(&report);
+    }
+    if report.verdict == Verdict::Unexplained {
+        return Err(Problem::disagreement(report.reason).in_file(&args.track));
+    }
+    Ok(())
+}
+
+fn conditions(args: &Args) -> Result<Conditions> {
+    let within = |name: &str, value: f64, [low, high]: [f64; 2]| {
+        if (low..=high).contains(&value) {
+            return Ok(value);
+        }
+        Err(Problem::bad_input(format!(
+            "--{name}: expected {low} to {high}, found {value}"
+        )))
+    };
+    let optional = |name: &str, value: Option<f64>, range: [f64; 2]| {
+        value.map(|value| within(name, value, range)).transpose()
+    };
+    let pressure = optional("ground-pressure", args.ground_pressure, [500.0, 1100.0])?;
+    let temperature = optional("ground-temperature", args.ground_temperature, [-60.0, 60.0])?;
+    Ok(Conditions {
+        mass: within("mass", args.mass, [30.0, 300.0])?,
+        ground_pressure: pressure.map(|pressure| 100.0 * pressure),
+        ground_temperature: temperature.map(|temperature| temperature + 273.15),
+        reference_height: within(
+            "reference-height",
+            args.reference_height,
+            [-500.0, 11_000.0],
+        )?,
+    })
+}
+
+fn moment(name: &str, moment: Option<&Moment>) {
+    let Some(moment) = moment else {
+        terminal::print(&format!("{name:<10}not on the track"));
+        return;
+    };
+    terminal::print(&format!(
+        "{name:<10}{:.1} s, {:.0} m",
+        moment.time_s, moment.height_m
+    ));
+}
+
+fn print(report: &Report) {
+    moment("exit", report.exit.as_ref());
+    moment("opening", report.opening.as_ref());
+    moment("canopy", report.canopy.as_ref());
+    moment("landing", report.landing.as_ref());
+    terminal::print(&format!(
+        "fall      {:.1} s, {:.1} m/s at most, {:.1} m/s at {:.0} m of the standard atmosphere",
+        report.fall_s, report.fastest_mps, report.normalised_rate_mps, report.reference_height_m
+    ));
+    terminal::print(&format!(
+        "drag area {:.3} m2 at {:.0} kg, +- {:.3} from second to second; {:.0} kg/m2",
+        report.drag_area_m2, report.mass_kg, report.drag_area_spread_m2, report.ballistic_kgpm2
+    ));
+    let glide =
+        |glide: Option<f64>| glide.map_or("unknown".to_owned(), |glide| format!("{glide:.2}"));
+    terminal::print(&format!(
+        "glide     {} in the fall, {} under canopy over ground",
+        glide(report.glide),
+        glide(report.canopy_glide)
+    ));
+    if let Some(opening) = &report.opening_details {
+        let sensed = report.sensors.largest_g.map_or(String::new(), |g| {
+            format!(", {g:.1} g by the accelerometer")
+        });
+        terminal::print(&format!(
+            "opened    in {:.1} s and {:.0} m, {:.1} g by the receiver{sensed}",
+            opening.duration_s, opening.lost_m, opening.largest_g
+        ));
+    }
+    let mut table = terminal::table(&["piece", "drag area m2", "lift area m2", "glide"]);
+    for piece in &report.pieces {
+        table.add_row([
+            format!("{:.1} to {:.1} s", piece.from_s, piece.until_s),
+            format!("{:.3} +- {:.3}", piece.drag_area_m2, piece.deviation_m2),
+            format!("{:.3}", piece.lift_area_m2),
+            format!("{:.2}", piece.glide),
+        ]);
+    }
+    terminal::print(&table.to_string());
+    print_winds(report);
+    if let Some(prediction) = &report.prediction {
+        terminal::print(&format!(
+            "last third predicted from the first two: {:.1} +- {:.1} m/s downwards, measured {:.1} ({:+.1} %)",
+            prediction.predicted_mps,
+            prediction.deviation_mps,
+            prediction.measured_mps,
+            100.0 * (prediction.predicted_mps / prediction.measured_mps - 1.0)
+        ));
+    }
+    if report.rows_taken_out + report.rows_skipped > 0 {
+        terminal::print(&format!(
+            "{} rows are far from their neighbours, {} could not be read; none of them was used",
+            report.rows_taken_out, report.rows_skipped
+        ));
+    }
+    if !report.has_velocities {
+        terminal::print(
+            "the track has no velocities: they are slopes of its positions, and rougher",
+        );
+    }
+    let verdict = match report.verdict {
+        Verdict::Explained => "explained",
+        Verdict::Thin => "thin: too short to be judged",
+        Verdict::Unexplained => "unexplained",
+    };
+    terminal::print(&format!("verdict: {verdict} ({})", report.reason));
+}
+
+fn print_winds(report: &Report) {
+    if report.wind.is_empty() {
+        terminal::print("the fall glides, or is short: it says nothing of the wind");
+    }
+    if !report.wind.is_empty() || !report.canopy_wind.is_empty() {
+        let mut table = terminal::table(&["wind at", "from", "m/s", "+- m/s", "told by"]);
+        let mut add = |row: &WindRow, by: &str| {
+            table.add_row([
+                format!("{:.0} m", row.height_m),
+                format!("{:.0} deg", row.from_rad.to_degrees()),
+                format!("{:.1}", row.speed_mps),
+                format!("{:.1}", row.deviation_mps),
+                by.to_owned(),
+            ]);
+        };
+        report.wind.iter().for_each(|row| add(row, "the fall"));
+        report
+            .canopy_wind
+            .iter()
+            .for_each(|row| add(row, "circles under canopy"));
+        terminal::print(&table.to_string());
+    }
+    if let Some(apart) = report.winds_apart {
+        terminal::print(&format!(
+            "winds of fall and canopy are {apart:.1} deviations apart"
+        ));
+    }
+}

@@ -1,0 +1,109 @@
+//! `bodyflight validate`.
+
+use std::path::PathBuf;
+
+use bodyflight::diagnostic::{Problem, Result};
+use bodyflight::output::files::write_file;
+use bodyflight::replay::recorded::Recorded;
+use bodyflight::verbs::validate::windows::{MODELS, Spread};
+use bodyflight::verbs::validate::{Report, bundled, figure, read, validate};
+
+use super::terminal;
+
+/// Compare the model with real flights: parts of twisting somersaults predicted from their first frame.
+#[derive(clap::Args)]
+#[command(
+    after_help = "Exit code 4 where the exact equations do worse than 5 degrees in 0.25 s or 12 in 0.5 s, or the published \
+                  ones less than five times worse.\n\nExample: bodyflight validate --plot validation.svg"
+)]
+pub(super) struct Args {
+    /// Flights of your own in the air without a canopy, in place of the two that come with the program.
+    flights: Vec<PathBuf>,
+    /// Write how far each model is off over whole flights, as SVG.
+    #[arg(long, value_name = "SVG")]
+    plot: Option<PathBuf>,
+}
+
+pub(super) fn run(args: &Args, json: bool) -> Result<()> {
+    let spinner = terminal::spinner("reading");
+    let folder = bundled::temporary()?;
+    let is_bundled = args.flights.is_empty();
+    let paths = if is_bundled {
+        bundled::write(folder.path())?
+    } else {
+        args.flights.clone()
+    };
+    let flights = paths
+        .iter()
+        .map(|path| {
+            let name = path.file_stem().unwrap_or_default().to_string_lossy();
+            Ok((name.into_owned(), read(path)?))
+        })
+        .collect::<Result<Vec<(String, Recorded)>>>()?;
+    let report = validate(&flights, |what| spinner.set_message(what.to_owned()));
+    let plot = args
+        .plot
+        .as_ref()
+        .map(|path| Ok((path, figure::svg(&flights)?)));
+    spinner.finish_and_clear();
+    if let Some((path, svg)) = plot.transpose()? {
+        write_file(path, svg.as_bytes())?;
+    }
+    if json {
+        terminal::print_json(&report)?;
+    } else {
+        print(&report);
+    }
+    if report.failures.is_empty() {
+        return Ok(());
+    }
+    Err(Problem::disagreement(report.failures.join("; ")))
+}
+
+fn degrees(spread: &Spread) -> String {
+    format!(
+        "{:.1} ({:.1})",
+        spread.median_rad.to_degrees(),
+        spread.nine_tenths_rad.to_degrees()
+    )
+}
+
+fn print(report: &Report) {
+    terminal::print(&format!(
+        "Error angle at the end of a window, degrees: median (nine tenths). Flights: {}.",
+        report.flights.join(", ")
+    ));
+    let name = |key: &str| {
+        let model = MODELS.iter().find(|model| model.key == key);
+        model.map_or(String::new(), |model| model.name.to_owned())
+    };
+    let mut table = terminal::table(&[
+        "model",
+        "window",
+        "turned",
+        "from the first frame",
+        "start smoothed over 0.1 s",
+        "start fitted to the window",
+    ]);
+    for row in &report.windows {
+        table.add_row([
+            name(row.model),
+            format!("{} s, {} of them", row.length_s, row.windows),
+            format!("{:.0}", row.turned_rad.to_degrees()),
+            degrees(&row.first_frame),
+            degrees(&row.smoothed),
+            degrees(&row.fitted),
+        ]);
+    }
+    terminal::print(&table.to_string());
+    let mut table = terminal::table(&["model", "whole flight, start fitted: rms, degrees"]);
+    for row in &report.whole {
+        let each: Vec<String> = row
+            .rms_rad
+            .iter()
+            .map(|rms| format!("{:.1}", rms.to_degrees()))
+            .collect();
+        table.add_row([name(row.model), each.join(", ")]);
+    }
+    terminal::print(&table.to_string());
+}

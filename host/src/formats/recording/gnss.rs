@@ -1,0 +1,346 @@
+//! A satellite receiver's track beside the recording of a suit: brought to one clock, and its velocities put in place of
+//! the suit's, which a suit without ground under its feet can only guess.
+//!
+//! Both see the same vertical speed and the same turns of the way over ground. Of all shifts of the clock the one with
+//! the least squares is taken: vertical speeds up to a constant, horizontal velocities up to a constant and one turn of
+//! the heading, which a magnetic north and a true one differ by.
+
+use bodyflight_core::frame::{Inertial, Vector};
+use bodyflight_falls::Sample;
+use nalgebra::{Rotation2, Vector2, Vector3};
+use serde::Serialize;
+
+use super::frame::FlightFrame;
+use crate::diagnostic::{Problem, Result};
+
+/// Time from one compared moment to the next (s).
+const EVERY: f64 = 0.1;
+
+/// Steps of the shift: first over all that is possible, then around the best (s).
+const COARSE: f64 = 0.1;
+const FINE: f64 = 0.005;
+
+/// Least time that recording and track must share (s).
+const SHARED: f64 = 8.0;
+
+/// How much better the best shift must be than any that is further away than [`OTHER`] (s).
+const BETTER: f64 = 1.3;
+const OTHER: f64 = 1.0;
+
+/// Longest time between two rows of the track that is bridged (s).
+const GAP: f64 = 1.5;
+
+/// The track on the clock of the recording.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Aligned {
+    samples: Vec<Sample>,
+    /// How it was brought there.
+    pub alignment: Alignment,
+}
+
+/// How a track was brought to the clock of a recording.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Alignment {
+    /// Time of the track minus time of the recording (s).
+    pub shift_s: f64,
+    /// Standard deviation of it (s).
+    pub deviation_s: f64,
+    /// Turn from the track's true north to the recording's (rad, towards west).
+    pub heading_rad: f64,
+    /// Root mean square of what is left between the vertical speeds (m/s).
+    pub gap_mps: f64,
+}
+
+/// Velocity of a track at a time (m/s), on a smooth curve through its rows; `None` beyond its ends and in gaps.
+fn velocity_at(samples: &[Sample], time: f64) -> Option<Vector3<f64>> {
+    let after = samples.partition_point(|sample| sample.time <= time);
+    let (from, to) = (samples.get(after.checked_sub(1)?)?, samples.get(after)?);
+    let duration = to.time - from.time;
+    if duration > GAP {
+        return None;
+    }
+    let share = (time - from.time) / duration;
+    // Slopes of Catmull and Rom, where there are rows on both sides.
+    let slope = |before: Option<&Sample>, here: &Sample, next: Option<&Sample>| {
+        let (before, next) = (before.unwrap_or(here), next.unwrap_or(here));
+        (next.velocity - before.velocity) / (next.time - before.time).max(1e-9)
+    };
+    let first = slope(
+        after.checked_sub(2).and_then(|at| samples.get(at)),
+        from,
+        Some(to),
+    ) * duration;
+    let second = slope(Some(from), to, samples.get(after + 1)) * duration;
+    let (square, cube) = (share * share, share * share * share);
+    Some(
+        from.velocity * (2.0 * cube - 3.0 * square + 1.0)
+            + first * (cube - 2.0 * square + share)
+            + to.velocity * (3.0 * square - 2.0 * cube)
+            + second * (cube - square),
+    )
+}
+
+/// What is left of the differences at one shift.
+struct Left {
+    vertical: f64,
+    horizontal: f64,
+    heading: f64,
+    count: f64,
+}
+
+/// Compares the recording's velocities with those of the track, `shift` (s) later on its clock.
+fn left(recorded: &[(f64, Vector3<f64>)], samples: &[Sample], shift: f64) -> Option<Left> {
+    let pairs: Vec<(Vector3<f64>, Vector3<f64>)> = recorded
+        .iter()
+        .filter_map(|(time, velocity)| Some((*velocity, velocity_at(samples, time + shift)?)))
+        .collect();
+    let count = pairs.len() as f64;
+    if count * EVERY < SHARED.min(0.8 * recorded.len() as f64 * EVERY) || pairs.len() < 10 {
+        return None;
+    }
+    let mean = pairs
+        .iter()
+        .fold((Vector3::zeros(), Vector3::zeros()), |sum, pair| {
+            (sum.0 + pair.0, sum.1 + pair.1)
+        });
+    let (suit, track) = (mean.0 / count, mean.1 / count);
+    let (mut vertical, mut both, mut squares) = (0.0, Vector2::zeros(), 0.0);
+    for (of_suit, of_track) in &pairs {
+        let (of_suit, of_track) = (of_suit - suit, of_track - track);
+        vertical += (of_suit.z - of_track.z).powi(2);
+        let (of_suit, of_track) = (of_suit.xy(), of_track.xy());
+        both += Vector2::new(of_suit.dot(&of_track), of_track.perp(&of_suit));
+        squares += of_suit.norm_squared() + of_track.norm_squared();
+    }
+    Some(Left {
+        vertical,
+        // With the turn that fits best, and no change of size.
+        horizontal: (squares - 2.0 * both.norm()).max(0.0),
+        heading: both.y.atan2(both.x),
+        count,
+    })
+}
+
+impl Left {
+    fn mean(&self) -> f64 {
+        (self.vertical + self.horizontal) / self.count
+    }
+}
+
+/// Brings a track to the clock of a recording.
+///
+/// # Errors
+/// Returns an error if the recording has no velocities, or if no shift is better than all others.
+pub fn aligned(frames: &[FlightFrame], track: &[Sample]) -> Result<Aligned> {
+    let recorded = thinned(frames)?;
+    let refused = |what: String| {
+        Problem::bad_input(what)
+            .at("field gnss")
+            .help("the track must be of the same flight, and the flight must change its fall rate or turn")
+    };
+    let (Some((first, _)), Some((last, _))) = (recorded.first(), recorded.last()) else {
+        return Err(refused(
+            "the recording is too short to be brought to the clock of a track".into(),
+        ));
+    };
+    let (Some(begin), Some(end)) = (track.first(), track.last()) else {
+        return Err(refused("the track is empty".into()));
+    };
+    let mut tried: Vec<(f64, f64)> = Vec::new();
+    let mut shift = begin.time - last;
+    while shift <= end.time - first {
+        tried.extend(left(&recorded, track, shift).map(|left| (shift, left.mean())));
+        shift += COARSE;
+    }
+    let least = |tried: &[(f64, f64)]| tried.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1));
+    let (coarse, _) = least(&tried).ok_or_else(|| {
+        refused(format!(
+            "track and recording share less than {SHARED} s wherever they are put"
+        ))
+    })?;
+    let near: Vec<(f64, f64)> = (-40..=40)
+        .filter_map(|step| {
+            let shift = coarse + f64::from(step) * FINE;
+            Some((shift, left(&recorded, track, shift)?.mean()))
+        })
+        .collect();
+    let (best, squares) = least(&near).unwrap_or((coarse, f64::INFINITY));
+    let others: Vec<(f64, f64)> = tried
+        .iter()
+        .copied()
+        .filter(|(shift, _)| (shift - best).abs() > OTHER)
+        .collect();
+    if least(&others).is_some_and(|(_, other)| other < BETTER * squares) {
+        return Err(refused(
+            "the track fits the recording at several times alike, so their clocks cannot be told from one another".into(),
+        ));
+    }
+    // A parabola through the best and shifts on either side: wide enough to be smooth.
+    let reach = 8.0 * FINE;
+    let at = |shift: f64| left(&recorded, track, shift).map(|left| left.mean());
+    let (before, after) = (at(best - reach), at(best + reach));
+    let (shift, curvature) = match (before, after) {
+        (Some(before), Some(after)) => {
+            let curvature = (before + after - 2.0 * squares) / (reach * reach);
+            let off = (before - after) / (2.0 * reach * curvature);
+            (best + off.clamp(-reach, reach), curvature)
+        }
+        _ => (best, f64::NAN),
+    };
+    let here =
+        left(&recorded, track, shift).ok_or_else(|| refused("the track ends too early".into()))?;
+    let rows = track
+        .iter()
+        .filter(|sample| (first + shift..=last + shift).contains(&sample.time))
+        .count();
+    let reaches = |frame: Option<&FlightFrame>| {
+        frame.is_some_and(|frame| velocity_at(track, frame.time + shift).is_some())
+    };
+    if !(reaches(frames.first()) && reaches(frames.last())) {
+        return Err(refused(format!(
+            "the track does not cover the recording: it begins at {:.2} s of it and ends at {:.2} s",
+            begin.time - shift,
+            end.time - shift
+        )));
+    }
+    let alignment = Alignment {
+        shift_s: shift,
+        // Each row of the track has errors of its own; the moments in between repeat them.
+        deviation_s: (here.mean() * 2.0 / curvature / rows.max(1) as f64).sqrt(),
+        heading_rad: here.heading,
+        gap_mps: (here.vertical / here.count).sqrt(),
+    };
+    let samples = track.iter().map(|sample| Sample {
+        time: sample.time - shift,
+        ..*sample
+    });
+    Ok(Aligned {
+        samples: samples.collect(),
+        alignment,
+    })
+}
+
+/// The recording's velocities, means over [`EVERY`].
+fn thinned(frames: &[FlightFrame]) -> Result<Vec<(f64, Vector3<f64>)>> {
+    let mut thinned = Vec::new();
+    let mut from = 0;
+    for index in 0..frames.len() {
+        if frames[index].time - frames[from].time < EVERY {
+            continue;
+        }
+        let (mut time, mut velocity) = (0.0, Vector3::zeros());
+        for frame in &frames[from..index] {
+            time += frame.time;
+            velocity += frame.rates()?.0.components;
+        }
+        let count = (index - from) as f64;
+        thinned.push((time / count, velocity / count));
+        from = index;
+    }
+    Ok(thinned)
+}
+
+impl Aligned {
+    /// Velocity over ground at a time of the recording (m/s), in its axes; `None` where the track does not reach.
+    pub fn velocity_at(&self, time: f64) -> Option<Vector<f64, Inertial>> {
+        let velocity = velocity_at(&self.samples, time)?;
+        let turned = Rotation2::new(self.alignment.heading_rad) * velocity.xy();
+        Some(Vector::new(turned.x, turned.y, velocity.z))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bodyflight_core::Posture;
+    use bodyflight_core::frame::Rotation;
+
+    use super::super::frame::PelvisMotion;
+    use super::*;
+
+    fn flown(time: f64) -> Vector3<f64> {
+        Vector3::new(
+            6.0 * (0.4 * time).sin() + 0.05 * time,
+            4.0 * (0.23 * time).cos(),
+            -50.0 + 3.0 * (0.5 * time + 0.002 * time * time).sin(),
+        )
+    }
+
+    fn frames(duration: f64) -> Vec<FlightFrame> {
+        (0u32..)
+            .map(|index| (u64::from(index), f64::from(index) / 120.0))
+            .take_while(|(_, time)| *time <= duration)
+            .map(|(index, time)| {
+                let velocity = flown(time);
+                // Magnetic north is 0.1 rad west of true north.
+                let seen = Rotation2::new(-0.1) * velocity.xy();
+                FlightFrame {
+                    index,
+                    time,
+                    posture: Posture::h_pose(),
+                    pelvis: PelvisMotion {
+                        inertial_from_body: Rotation::identity(),
+                        position: Vector::zero(),
+                        // A suit's own velocity has drifted.
+                        velocity: Some(Vector::new(seen.x + 2.0, seen.y - 1.0, velocity.z + 4.0)),
+                        angular_velocity: Some(Vector::zero()),
+                    },
+                    centre_of_mass: None,
+                    bridged: false,
+                }
+            })
+            .collect()
+    }
+
+    fn track(shift: f64, from: f64, until: f64) -> Vec<Sample> {
+        (0u32..)
+            .map(|row| from + f64::from(row) * 0.2)
+            .take_while(|time| *time <= until)
+            .map(|time| {
+                let wobble = 0.07 * (97.0 * time).sin();
+                Sample {
+                    time,
+                    position: Vector3::zeros(),
+                    velocity: flown(time - shift) + Vector3::repeat(wobble),
+                }
+            })
+            .collect()
+    }
+
+    #[test]
+    fn the_clocks_of_a_suit_and_a_receiver_are_told_to_ten_milliseconds() {
+        for shift in [41.237, 12.0, 77.719] {
+            let aligned = aligned(&frames(40.0), &track(shift, 0.0, 150.0)).unwrap();
+            let found = aligned.alignment;
+            assert!((found.shift_s - shift).abs() < 0.01, "{shift}: {found:?}");
+            assert!(
+                (found.shift_s - shift).abs() < 4.0 * found.deviation_s,
+                "{found:?}"
+            );
+            assert!((found.heading_rad + 0.1).abs() < 0.01, "{found:?}");
+            let velocity = aligned.velocity_at(20.0).unwrap().components;
+            let expected = flown(20.0);
+            assert!((velocity.z - expected.z).abs() < 0.15);
+            assert!((velocity.xy().norm() - expected.xy().norm()).abs() < 0.15);
+            assert!(aligned.velocity_at(1e4).is_none());
+        }
+    }
+
+    #[test]
+    fn a_track_of_another_flight_or_a_fall_without_events_is_refused() {
+        let short = aligned(&frames(40.0), &track(1000.0, 0.0, 4.0)).unwrap_err();
+        assert!(short.to_string().contains("share less than"), "{short}");
+        let mut still = frames(40.0);
+        for frame in &mut still {
+            frame.pelvis.velocity = Some(Vector::new(0.0, 0.0, -50.0));
+        }
+        let steady: Vec<Sample> = track(0.0, 0.0, 100.0)
+            .into_iter()
+            .map(|sample| Sample {
+                velocity: Vector3::new(0.0, 0.0, -50.0 + 0.02 * (31.0 * sample.time).sin()),
+                ..sample
+            })
+            .collect();
+        let alike = aligned(&still, &steady).unwrap_err();
+        assert!(alike.to_string().contains("several times alike"), "{alike}");
+    }
+}

@@ -1,0 +1,447 @@
+//! What a recording of a flight cannot be: watched while it is read, frame by frame, in constant memory.
+//!
+//! Attitudes, angular velocities, positions and velocities say the same thing twice; where they do not, a unit, an order
+//! or an axis is not what the format says, and a simulation would be wrong without a word.
+
+use bodyflight_core::frame::{Inertial, Vector};
+use nalgebra::{UnitQuaternion, Vector3};
+use serde::Serialize;
+
+use super::bridge::BRIDGE_LIMIT;
+use super::frame::FlightFrame;
+
+/// Shortest flight that says much (s).
+const SHORTEST: f64 = 2.0;
+
+/// Frames from which on rates are compared.
+const LEAST_FRAMES: u64 = 10;
+
+/// Largest share that the frame times may be off the frame rate: they are written in whole milliseconds.
+const RATE_TOLERANCE: f64 = 0.03;
+
+/// Time over which turns are compared (s): the noise of single attitudes is small beside that of a turn.
+const TURN: f64 = 0.2;
+const LEAST_TURNS: u64 = 4;
+
+/// Least angular velocity (rad/s, root mean square) that attitudes tell much of.
+const TURNS: f64 = 0.2;
+
+/// Least correlation of two angular velocities that are the same but for their unit.
+const SAME: f64 = 0.7;
+
+/// Ratios that degrees in place of radians make, with room for noise.
+const DEGREES: core::ops::Range<f64> = 40.0..75.0;
+
+/// Speed upwards that no fall has (m/s).
+const RISES: f64 = 10.0;
+
+/// Way over which positions and velocities are compared (m), and how far apart they may be (share).
+const MOVES: f64 = 1.0;
+const WAYS_APART: f64 = 0.3;
+
+/// Something that is not as a flight is.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Warning {
+    /// The frame where it shows.
+    pub frame: u64,
+    /// What was found and what was expected.
+    pub message: String,
+}
+
+impl core::fmt::Display for Warning {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(f, "frame {}: {}", self.frame, self.message)
+    }
+}
+
+/// The same vector told in two ways, summed up.
+#[derive(Debug, Clone, Copy, Default)]
+struct Agreement {
+    expected: f64,
+    found: f64,
+    both: f64,
+}
+
+impl Agreement {
+    fn add(&mut self, expected: &Vector3<f64>, found: &Vector3<f64>) {
+        self.expected += expected.norm_squared();
+        self.found += found.norm_squared();
+        self.both += expected.dot(found);
+    }
+
+    fn correlation(&self) -> f64 {
+        self.both / (self.expected * self.found).sqrt().max(f64::MIN_POSITIVE)
+    }
+
+    /// How many times as large as expected.
+    fn scale(&self) -> f64 {
+        self.both / self.expected.max(f64::MIN_POSITIVE)
+    }
+}
+
+/// A turn by the angular velocities (rad), since a frame.
+#[derive(Debug, Clone, Copy)]
+struct Turn {
+    begin: f64,
+    from: UnitQuaternion<f64>,
+    global: Vector3<f64>,
+    of_segment: Vector3<f64>,
+}
+
+/// What has been seen so far.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Watch {
+    first: Option<FlightFrame>,
+    last: Option<FlightFrame>,
+    frames: u64,
+    /// Time as written (ms or s) of the first and the last frame that have one, with their indices.
+    written: Option<[(u64, f64); 2]>,
+    frame_rate: f64,
+    gaps: u64,
+    largest_gap: Option<(u64, f64)>,
+    /// Angular velocity in global axes, and taken as if it were in those of the segment.
+    global: Agreement,
+    of_segment: Agreement,
+    turn: Option<Turn>,
+    turns: u64,
+    fastest: Option<(u64, f64)>,
+    ways: Agreement,
+    /// Way by the positions, and by the velocities (m).
+    lengths: [f64; 2],
+    up: f64,
+}
+
+impl Watch {
+    pub(super) fn new(frame_rate: f64) -> Self {
+        Self {
+            frame_rate,
+            ..Self::default()
+        }
+    }
+
+    /// Takes a good frame, and its time as written.
+    pub(super) fn see(&mut self, frame: &FlightFrame, written: Option<f64>) {
+        if let Some(time) = written {
+            let here = (frame.index, time);
+            self.written = Some([self.written.map_or(here, |[first, _]| first), here]);
+        }
+        if let Some(last) = self.last {
+            self.compare(&last, frame);
+        }
+        self.first.get_or_insert(*frame);
+        self.last = Some(*frame);
+        self.frames += 1;
+    }
+
+    fn compare(&mut self, last: &FlightFrame, frame: &FlightFrame) {
+        let duration = frame.time - last.time;
+        if duration <= 0.0 {
+            return;
+        }
+        if duration > BRIDGE_LIMIT {
+            self.gaps += 1;
+            if self
+                .largest_gap
+                .is_none_or(|(_, largest)| duration > largest)
+            {
+                self.largest_gap = Some((frame.index, duration));
+            }
+            self.turn = None;
+            return;
+        }
+        let mean = |a: Option<Vector<f64, Inertial>>, b: Option<Vector<f64, Inertial>>| {
+            Some((a?.components + b?.components) * 0.5)
+        };
+        let (before, now) = (&last.pelvis, &frame.pelvis);
+        if let Some(recorded) = mean(before.angular_velocity, now.angular_velocity) {
+            if self
+                .fastest
+                .is_none_or(|(_, fastest)| recorded.norm() > fastest)
+            {
+                self.fastest = Some((frame.index, recorded.norm()));
+            }
+            let from = *before.inertial_from_body.quaternion();
+            let turn = self.turn.get_or_insert_with(|| Turn {
+                begin: last.time,
+                from,
+                global: Vector3::zeros(),
+                of_segment: Vector3::zeros(),
+            });
+            turn.global += recorded * duration;
+            turn.of_segment += from * recorded * duration;
+            let time = frame.time - turn.begin;
+            if time >= TURN {
+                let to = now.inertial_from_body.quaternion();
+                let turned: UnitQuaternion<f64> = to * turn.from.inverse();
+                let expected = turned.scaled_axis() / time;
+                self.global.add(&expected, &(turn.global / time));
+                self.of_segment.add(&expected, &(turn.of_segment / time));
+                self.turns += 1;
+                self.turn = None;
+            }
+        }
+        if let Some(velocity) = mean(before.velocity, now.velocity) {
+            let moved = now.position.components - before.position.components;
+            self.ways.add(&moved, &(velocity * duration));
+            self.lengths[0] += moved.norm();
+            self.lengths[1] += velocity.norm() * duration;
+            self.up += velocity.z * duration;
+        }
+    }
+
+    /// What is not as a flight is, so far.
+    pub(super) fn warnings(&self) -> Vec<Warning> {
+        let (Some(first), Some(last)) = (&self.first, &self.last) else {
+            return Vec::new();
+        };
+        let mut warnings = Vec::new();
+        let mut warn = |frame: u64, message: String| warnings.push(Warning { frame, message });
+        let duration = last.time - first.time;
+        if duration < SHORTEST {
+            warn(
+                last.index,
+                format!("the flight ends after {duration:.2} s; below {SHORTEST} s it says little"),
+            );
+        }
+        if let Some((frame, length)) = self.largest_gap {
+            warn(
+                frame,
+                format!(
+                    "{length:.2} s without frames before it, {} gaps over {BRIDGE_LIMIT} s in all; limbs are taken to move \
+                     evenly across them",
+                    self.gaps
+                ),
+            );
+        }
+        if let Some((frame, rate)) = self.rate_written() {
+            warn(
+                frame,
+                format!(
+                    "the frame times say {rate:.1} frames a second, the header {:.1}; the header is used",
+                    self.frame_rate
+                ),
+            );
+        }
+        if let Some((frame, message)) = self.rates().or_else(|| self.directions()) {
+            warn(frame, message);
+        }
+        if duration > 0.0 && self.up / duration > RISES {
+            warn(
+                last.index,
+                format!(
+                    "the body rises by {:.1} m/s on average; expected a fall, with velocities positive upwards",
+                    self.up / duration
+                ),
+            );
+        }
+        if let Some(message) = self.paths() {
+            warn(last.index, message);
+        }
+        warnings
+    }
+
+    /// Frames a second by the frame times where they are not those of the header, and the frame that shows it.
+    fn rate_written(&self) -> Option<(u64, f64)> {
+        let [(first, from), (last, to)] = self.written?;
+        if last < first + LEAST_FRAMES || to <= from {
+            return None;
+        }
+        #[expect(clippy::cast_precision_loss, reason = "counts of frames")]
+        let frames = (last - first) as f64;
+        // Milliseconds, as MVN writes; some programs write seconds.
+        let rates = [1000.0, 1.0].map(|unit| frames * unit / (to - from));
+        let near = |rate: &f64| (rate / self.frame_rate - 1.0).abs() < RATE_TOLERANCE;
+        (!rates.iter().any(near)).then_some((last, rates[0]))
+    }
+
+    fn is_turning(&self) -> bool {
+        #[expect(clippy::cast_precision_loss, reason = "counts of turns")]
+        let count = self.turns.max(1) as f64;
+        self.turns >= LEAST_TURNS && (self.global.expected / count).sqrt() > TURNS
+    }
+
+    /// Angular velocities of the wrong unit.
+    fn rates(&self) -> Option<(u64, String)> {
+        let (frame, fastest) = self.fastest.filter(|_| self.is_turning())?;
+        let (scale, correlation) = (self.global.scale(), self.global.correlation());
+        if correlation < SAME || (0.5..2.0).contains(&scale) {
+            return None;
+        }
+        let what = if DEGREES.contains(&scale) {
+            "they seem to be degrees a second; expected rad/s"
+        } else {
+            "expected rad/s at the frame rate of the header"
+        };
+        Some((
+            frame,
+            format!(
+                "angular velocity {fastest:.1}, and {scale:.1} times what the attitudes turn by in all: {what}"
+            ),
+        ))
+    }
+
+    /// Angular velocities about other axes than the attitudes turn about.
+    fn directions(&self) -> Option<(u64, String)> {
+        let (frame, _) = self.fastest.filter(|_| self.is_turning())?;
+        let correlation = self.global.correlation();
+        if correlation > 0.5 {
+            return None;
+        }
+        let what = if correlation < -SAME {
+            "they turn the other way: the quaternions may be those from global to segment axes"
+        } else if self.of_segment.correlation() > SAME {
+            "they fit in the axes of the segment; expected global axes"
+        } else {
+            "expected quaternions w x y z and rates in global axes"
+        };
+        Some((
+            frame,
+            format!(
+                "the angular velocities are not those of the attitudes (correlation {correlation:.2}): {what}"
+            ),
+        ))
+    }
+
+    /// Positions and velocities that do not go together.
+    fn paths(&self) -> Option<String> {
+        let [by_positions, by_velocities] = self.lengths;
+        if by_positions.max(by_velocities) < MOVES || self.frames < LEAST_FRAMES {
+            return None;
+        }
+        let correlation = self.ways.correlation();
+        if correlation < -0.5 {
+            return Some(
+                "positions and velocities go opposite ways: one of them has its axes turned over"
+                    .to_owned(),
+            );
+        }
+        let apart = by_velocities / by_positions.max(f64::MIN_POSITIVE);
+        ((apart - 1.0).abs() > WAYS_APART && correlation > 0.5).then(|| {
+            format!(
+                "positions move {by_positions:.1} m in all, velocities {by_velocities:.1} m: units or frame rate are wrong"
+            )
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bodyflight_core::Posture;
+    use bodyflight_core::frame::Rotation;
+
+    use super::super::frame::PelvisMotion;
+    use super::*;
+
+    const RATE: f64 = 100.0;
+
+    /// A falling body that turns about two axes in turn, changed by `change`.
+    fn watched(frames: u64, change: impl Fn(&mut FlightFrame)) -> Vec<Warning> {
+        let mut watch = Watch::new(RATE);
+        let mut attitude = UnitQuaternion::identity();
+        for index in 0..frames {
+            let time = index as f64 / RATE;
+            let spin = Vector3::new(1.5 * (2.0 * time).sin(), 0.3, 2.0 * (1.3 * time).cos());
+            let mut frame = FlightFrame {
+                index,
+                time,
+                posture: Posture::h_pose(),
+                pelvis: PelvisMotion {
+                    inertial_from_body: Rotation::from_quaternion(attitude),
+                    position: Vector::new(3.0 * time, 0.0, 3000.0 - 50.0 * time),
+                    velocity: Some(Vector::new(3.0, 0.0, -50.0)),
+                    angular_velocity: Some(Vector::from_components(spin)),
+                },
+                centre_of_mass: None,
+                bridged: false,
+            };
+            attitude = UnitQuaternion::from_scaled_axis(spin / RATE) * attitude;
+            change(&mut frame);
+            let written = (frame.index as f64 * 1000.0 / RATE).round();
+            watch.see(&frame, Some(written));
+        }
+        watch.warnings()
+    }
+
+    fn says(warnings: &[Warning], what: &str) -> bool {
+        warnings
+            .iter()
+            .any(|warning| warning.to_string().contains(what))
+    }
+
+    #[test]
+    fn a_good_flight_has_no_warnings() {
+        assert_eq!(watched(300, |_| {}), []);
+    }
+
+    #[test]
+    fn each_thing_that_cannot_be_is_said() {
+        let degrees = watched(300, |frame| {
+            let spin = &mut frame.pelvis.angular_velocity.as_mut().unwrap().components;
+            *spin *= 57.295_779_5;
+        });
+        assert!(says(&degrees, "degrees"), "{degrees:?}");
+
+        let in_segment = watched(300, |frame| {
+            let to_segment = frame.pelvis.inertial_from_body.quaternion().inverse();
+            let spin = frame.pelvis.angular_velocity.as_mut().unwrap();
+            spin.components = to_segment * spin.components;
+        });
+        assert!(says(&in_segment, "axes"), "{in_segment:?}");
+
+        let swapped = watched(300, |frame| {
+            let [w, x, y, z] = frame.pelvis.inertial_from_body.wxyz();
+            frame.pelvis.inertial_from_body = Rotation::from_wxyz([x, y, z, w]).unwrap();
+        });
+        assert!(says(&swapped, "w x y z"), "{swapped:?}");
+
+        let upside_down = watched(300, |frame| {
+            frame.pelvis.velocity.as_mut().unwrap().components.z = 50.0;
+            frame.pelvis.position.components.z *= -1.0;
+        });
+        assert!(says(&upside_down, "rises by 50.0 m/s"), "{upside_down:?}");
+
+        let against = watched(300, |frame| {
+            frame.pelvis.velocity.as_mut().unwrap().components *= -1.0;
+        });
+        assert!(says(&against, "opposite ways"), "{against:?}");
+
+        let lost = watched(300, |frame| {
+            if frame.index >= 150 {
+                frame.index += 37;
+                frame.time += 0.37;
+            }
+        });
+        assert!(says(&lost, "frame 187: 0.38 s without frames"), "{lost:?}");
+
+        assert!(says(&watched(120, |_| {}), "ends after 1.19 s"));
+    }
+
+    #[test]
+    fn frame_times_of_another_rate_are_said_and_those_in_seconds_are_not() {
+        let mut watch = Watch::new(RATE);
+        let mut seconds = Watch::new(RATE);
+        for index in 0..300 {
+            let frame = FlightFrame {
+                index,
+                time: index as f64 / RATE,
+                posture: Posture::h_pose(),
+                pelvis: PelvisMotion {
+                    inertial_from_body: Rotation::identity(),
+                    position: Vector::zero(),
+                    velocity: None,
+                    angular_velocity: None,
+                },
+                centre_of_mass: None,
+                bridged: false,
+            };
+            watch.see(&frame, Some((index as f64 * 1000.0 / 240.0).round()));
+            seconds.see(&frame, Some(index as f64 / RATE));
+        }
+        let warnings = watch.warnings();
+        assert!(
+            says(&warnings, "240.0 frames a second, the header 100.0"),
+            "{warnings:?}"
+        );
+        assert_eq!(seconds.warnings(), []);
+    }
+}

@@ -1,0 +1,150 @@
+//! A recorded flight in memory, and the model run over parts of it.
+//!
+//! Validation starts the model at many frames of one flight, and the smoothed start runs it over the first tenth of a
+//! second several times: both need the frames at hand, which a long flight read frame by frame does not give.
+
+use bodyflight_core::Posture;
+use bodyflight_core::body::mass_properties::{MassMotion, PostureRate};
+use bodyflight_core::dynamics::free_run::{Equations, FreeRun};
+use bodyflight_core::dynamics::{Dynamics, Inputs, Motion, State};
+use nalgebra::Vector3;
+
+use crate::diagnostic::Result;
+use crate::formats::recording::FlightFrame;
+
+/// What a run keeps of the model, for comparison with the whole of it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Variant {
+    /// The equations as they are, of one form or the other.
+    Whole(Equations),
+    /// Exact, but limbs that move carry no momentum of their own.
+    WithoutLimbMomentum,
+    /// Exact, but the posture of the first frame is kept.
+    FrozenPosture,
+}
+
+/// Frames of a flight with the model that flies it.
+#[derive(Debug, Clone)]
+pub struct Recorded {
+    /// Time of each frame (s).
+    pub times: Vec<f64>,
+    /// Recorded postures.
+    pub postures: Vec<Posture<f64>>,
+    /// Recorded motion of the pelvis.
+    pub measured: Vec<Motion<f64>>,
+    /// The model.
+    pub dynamics: Dynamics<f64>,
+    /// Conscious inputs, constant.
+    pub inputs: Inputs<f64>,
+}
+
+impl Recorded {
+    /// From frames.
+    ///
+    /// # Errors
+    /// Returns an error if a frame has no velocity or angular velocity.
+    pub fn new(
+        frames: &[FlightFrame],
+        dynamics: Dynamics<f64>,
+        inputs: Inputs<f64>,
+    ) -> Result<Self> {
+        Ok(Self {
+            times: frames.iter().map(|frame| frame.time).collect(),
+            postures: frames.iter().map(|frame| frame.posture).collect(),
+            measured: frames
+                .iter()
+                .map(FlightFrame::motion)
+                .collect::<Result<_>>()?,
+            dynamics,
+            inputs,
+        })
+    }
+
+    /// Joint rates at a frame: central where there is a frame on both sides.
+    fn rate(&self, frame: usize) -> PostureRate<f64> {
+        let before = frame.saturating_sub(1);
+        let after = (frame + 1).min(self.times.len() - 1);
+        PostureRate::between(
+            &self.postures[before],
+            &self.postures[after],
+            self.times[after] - self.times[before],
+        )
+    }
+
+    /// Motion at each frame from `first` to `last`, of a run that starts with `start` at `first`.
+    pub fn run(
+        &self,
+        first: usize,
+        last: usize,
+        start: &Motion<f64>,
+        variant: Variant,
+    ) -> Vec<Motion<f64>> {
+        match variant {
+            Variant::Whole(equations) => self.free_run(first, last, start, equations, false),
+            Variant::FrozenPosture => self.free_run(first, last, start, Equations::Exact, true),
+            Variant::WithoutLimbMomentum => self.run_without_limb_momentum(first, last, start),
+        }
+    }
+
+    fn free_run(
+        &self,
+        first: usize,
+        last: usize,
+        start: &Motion<f64>,
+        equations: Equations,
+        frozen: bool,
+    ) -> Vec<Motion<f64>> {
+        let posture = |frame: usize| &self.postures[if frozen { first } else { frame }];
+        let rate = |frame: usize| {
+            if frozen {
+                PostureRate::zero()
+            } else {
+                self.rate(frame)
+            }
+        };
+        let mut run = FreeRun::new(
+            &self.dynamics,
+            equations,
+            start,
+            posture(first),
+            &rate(first),
+        );
+        let mut motions = vec![*start];
+        for frame in first + 1..=last {
+            let duration = self.times[frame] - self.times[frame - 1];
+            run.advance(&self.dynamics, &self.inputs, posture(frame), duration);
+            motions.push(run.motion(&self.dynamics, &rate(frame)));
+        }
+        motions
+    }
+
+    /// The posture changes, and with it the inertia, but nothing is carried by the limbs' own motion.
+    fn run_without_limb_momentum(
+        &self,
+        first: usize,
+        last: usize,
+        start: &Motion<f64>,
+    ) -> Vec<Motion<f64>> {
+        let mut state = State::from_motion(start, &self.dynamics.hold(&self.postures[first]));
+        let mut motions = vec![*start];
+        for frame in first + 1..=last {
+            let duration = self.times[frame] - self.times[frame - 1];
+            let (from, to) = (&self.postures[frame - 1], &self.postures[frame]);
+            let mut sample = self.dynamics.between(from, to, duration);
+            sample.motion = MassMotion::zero();
+            sample.relative_angular_momentum = Vector3::zeros();
+            state = self.dynamics.step(&state, &sample, &self.inputs, duration);
+            motions.push(state.motion(&self.dynamics.hold(to)));
+        }
+        motions
+    }
+
+    /// The last frame not later than `time` (s) after the first.
+    pub fn frame_at(&self, first: usize, time: f64) -> usize {
+        let end = self.times[first] + time + 1e-6;
+        self.times
+            .partition_point(|moment| *moment <= end)
+            .saturating_sub(1)
+            .max(first)
+    }
+}

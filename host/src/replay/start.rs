@@ -1,0 +1,149 @@
+//! The first motion of a free run: from one frame, or from the first tenth of a second.
+//!
+//! A free run forgets nothing: what its first rate is off, its attitude is off all along, times the time flown. One
+//! frame's rate carries all of that frame's noise, of the pelvis and of the joints, whose rates enter the angular
+//! momentum. So the motion is fitted by least squares: the one whose run over the recorded postures comes nearest to
+//! the attitudes, angular velocities and velocities recorded in the first tenth of a second.
+
+use bodyflight_core::dynamics::Motion;
+use bodyflight_core::dynamics::free_run::Equations;
+use bodyflight_core::frame::Rotation;
+use nalgebra::{DMatrix, DVector, UnitQuaternion, Vector3};
+
+use super::recorded::{Recorded, Variant};
+use crate::formats::flight::Start;
+
+/// Time over which a start is smoothed (s).
+pub const SMOOTHED_OVER: f64 = 0.1;
+
+/// Deviations that recorded values are taken to have, one by one, besides what they have in common: attitude (rad),
+/// angular velocity (rad/s), velocity (m/s).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Noise {
+    /// Of the attitude (rad).
+    pub attitude: f64,
+    /// Of the angular velocity (rad/s).
+    pub angular_velocity: f64,
+    /// Of the velocity (m/s).
+    pub velocity: f64,
+}
+
+impl Default for Noise {
+    fn default() -> Self {
+        Self {
+            attitude: 0.01,
+            angular_velocity: 0.1,
+            velocity: 0.1,
+        }
+    }
+}
+
+/// Numbers of a start: turn, angular velocity, velocity.
+const NUMBERS: usize = 9;
+
+/// Steps of Gauss and Newton; three are enough from a measured start.
+const STEPS: usize = 6;
+
+/// Differences by which the slopes are taken (rad, rad/s, m/s).
+const DIFFERENCE: f64 = 1e-5;
+
+/// A motion changed by small numbers: turned, turning and moving a little otherwise (body axes).
+fn changed(motion: &Motion<f64>, numbers: &[f64]) -> Motion<f64> {
+    let part = |from: usize| Vector3::new(numbers[from], numbers[from + 1], numbers[from + 2]);
+    let turn = UnitQuaternion::from_scaled_axis(part(0));
+    let mut motion = *motion;
+    motion.inertial_from_body =
+        Rotation::from_quaternion(motion.inertial_from_body.quaternion() * turn);
+    motion.angular_velocity.components += part(3);
+    motion.velocity.components += part(6);
+    motion
+}
+
+/// Recorded minus simulated, in deviations.
+fn residuals(
+    recorded: &Recorded,
+    [first, last]: [usize; 2],
+    start: &Motion<f64>,
+    variant: Variant,
+    noise: Noise,
+) -> DVector<f64> {
+    let simulated = recorded.run(first, last, start, variant);
+    let rows = simulated
+        .iter()
+        .zip(&recorded.measured[first..=last])
+        .flat_map(|(simulated, measured)| {
+            let turn = simulated.inertial_from_body.quaternion().inverse()
+                * measured.inertial_from_body.quaternion();
+            let spin = measured.angular_velocity.components - simulated.angular_velocity.components;
+            let velocity =
+                measured.velocity_inertial().components - simulated.velocity_inertial().components;
+            let [turn, spin, velocity] = [
+                turn.scaled_axis() / noise.attitude,
+                spin / noise.angular_velocity,
+                velocity / noise.velocity,
+            ];
+            [
+                turn.x, turn.y, turn.z, spin.x, spin.y, spin.z, velocity.x, velocity.y, velocity.z,
+            ]
+        });
+    DVector::from_iterator(simulated.len() * NUMBERS, rows)
+}
+
+/// The motion at frame `first` whose run comes nearest to the frames up to `last`.
+pub fn fitted(
+    recorded: &Recorded,
+    [first, last]: [usize; 2],
+    variant: Variant,
+    noise: Noise,
+) -> Motion<f64> {
+    let mut start = recorded.measured[first];
+    let off = |start: &Motion<f64>| residuals(recorded, [first, last], start, variant, noise);
+    let mut here = off(&start);
+    for _ in 0..STEPS {
+        let columns: Vec<DVector<f64>> = (0..NUMBERS)
+            .map(|number| {
+                let mut numbers = [0.0; NUMBERS];
+                numbers[number] = DIFFERENCE;
+                (&here - off(&changed(&start, &numbers))) / DIFFERENCE
+            })
+            .collect();
+        let slopes = DMatrix::from_columns(&columns);
+        let Some(normal) = (slopes.transpose() * &slopes).cholesky() else {
+            break;
+        };
+        let step = normal.solve(&(slopes.transpose() * &here));
+        let there = changed(&start, step.as_slice());
+        let again = off(&there);
+        // Also false for what is not a number.
+        if !(again.norm_squared() < here.norm_squared()) {
+            break;
+        }
+        let gained = here.norm_squared() - again.norm_squared();
+        (start, here) = (there, again);
+        if gained < 1e-6 * here.norm_squared() {
+            break;
+        }
+    }
+    start
+}
+
+/// The motion at frame `first` from which a run of these equations starts.
+pub fn first_motion(
+    start: Start,
+    recorded: &Recorded,
+    first: usize,
+    equations: Equations,
+) -> Motion<f64> {
+    match start {
+        Start::First => recorded.measured[first],
+        Start::Smoothed => {
+            let last = recorded.frame_at(first, SMOOTHED_OVER);
+            fitted(
+                recorded,
+                [first, last],
+                Variant::Whole(equations),
+                Noise::default(),
+            )
+        }
+    }
+}

@@ -1,0 +1,316 @@
+//! `bodyflight fall`: what the track of a logger says of a jump, as a skydiver reads it.
+
+pub mod figure;
+
+use std::path::Path;
+
+use bodyflight_core::air::GRAVITY;
+use bodyflight_falls::atmosphere::Atmosphere;
+use bodyflight_falls::fall::{Jump, Opening, Prediction, Settings, Verdict, analysed};
+use bodyflight_falls::wind::Wind;
+use bodyflight_falls::{Sample, median};
+use serde::Serialize;
+
+use crate::diagnostic::{Problem, Result};
+use crate::formats::track::Track;
+
+/// Mass of skydiver and equipment where nothing is said of it (kg).
+pub const DEFAULT_MASS: f64 = 80.0;
+
+/// Thickness of the layers in which the wind is given (m).
+const LAYER: f64 = 500.0;
+
+/// What is known of jumper and day.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Conditions {
+    /// Mass of skydiver and equipment (kg).
+    pub mass: f64,
+    /// Pressure on the ground (Pa); otherwise the barometer's, or that of the standard atmosphere.
+    pub ground_pressure: Option<f64>,
+    /// Temperature on the ground (K); otherwise that of the standard atmosphere.
+    pub ground_temperature: Option<f64>,
+    /// Height in the standard atmosphere to which fall rates are normalised (m).
+    pub reference_height: f64,
+}
+
+impl Default for Conditions {
+    fn default() -> Self {
+        Self {
+            mass: DEFAULT_MASS,
+            ground_pressure: None,
+            ground_temperature: None,
+            reference_height: Settings::default().reference_height,
+        }
+    }
+}
+
+/// A moment of the jump.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Moment {
+    /// Time from the start of the track (s).
+    pub time_s: f64,
+    /// Time since 1970 (s, UTC), where the file has a date.
+    pub unix_s: Option<f64>,
+    /// Height above mean sea level (m).
+    pub height_m: f64,
+}
+
+/// A piece of the fall with one posture.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct PieceRow {
+    /// From the start of the fall (s).
+    pub from_s: f64,
+    /// Likewise, until.
+    pub until_s: f64,
+    /// Area times drag coefficient (m2).
+    pub drag_area_m2: f64,
+    /// Standard deviation (m2).
+    pub deviation_m2: f64,
+    /// Area times lift coefficient (m2); 0 where the fall does not glide.
+    pub lift_area_m2: f64,
+    /// Across over down, through the air.
+    pub glide: f64,
+}
+
+/// The wind at a height.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct WindRow {
+    /// Height above mean sea level (m).
+    pub height_m: f64,
+    /// Speed (m/s).
+    pub speed_mps: f64,
+    /// From where it blows (rad, from north towards east).
+    pub from_rad: f64,
+    /// Standard deviation of each component (m/s).
+    pub deviation_mps: f64,
+}
+
+impl WindRow {
+    fn of(wind: &Wind) -> Self {
+        let [north, west] = [wind.velocity.x, wind.velocity.y];
+        Self {
+            height_m: wind.height,
+            speed_mps: wind.velocity.norm(),
+            from_rad: west.atan2(-north).rem_euclid(core::f64::consts::TAU),
+            deviation_mps: (0.5 * wind.deviation.norm_squared()).sqrt(),
+        }
+    }
+}
+
+/// What the logger's other sensors say.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Sensors {
+    /// Largest specific force during the opening (multiples of gravity).
+    pub largest_g: Option<f64>,
+    /// Median of the specific force in the fall (multiples of gravity): 1 in a steady one.
+    pub fall_g: Option<f64>,
+    /// Pressure on the ground after landing (Pa).
+    pub ground_pressure_pa: Option<f64>,
+}
+
+/// A jump in numbers.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Report {
+    /// Whether the fall is explained.
+    pub verdict: Verdict,
+    /// Why, in a sentence.
+    pub reason: String,
+    /// Rows that are far from their neighbours, and were not used.
+    pub rows_taken_out: usize,
+    /// Rows that could not be read.
+    pub rows_skipped: usize,
+    /// Whether the velocities were measured, not taken from positions.
+    pub has_velocities: bool,
+    /// Where the aircraft was left.
+    pub exit: Option<Moment>,
+    /// Where the opening begins.
+    pub opening: Option<Moment>,
+    /// Where the canopy carries.
+    pub canopy: Option<Moment>,
+    /// Where the canopy has landed.
+    pub landing: Option<Moment>,
+    /// From exit to opening (s).
+    pub fall_s: f64,
+    /// Largest speed downwards (m/s).
+    pub fastest_mps: f64,
+    /// Speed downwards in the steady part, at the reference height of the standard atmosphere (m/s).
+    pub normalised_rate_mps: f64,
+    /// That height (m).
+    pub reference_height_m: f64,
+    /// Mass that the areas are for (kg).
+    pub mass_kg: f64,
+    /// Area times drag coefficient in the steady part (m2), and its standard deviation from second to second.
+    pub drag_area_m2: f64,
+    /// See there (m2).
+    pub drag_area_spread_m2: f64,
+    /// Mass over area times drag coefficient (kg/m2): needs no mass to be known.
+    pub ballistic_kgpm2: f64,
+    /// Across over down through the air in the second half of the fall.
+    pub glide: Option<f64>,
+    /// Across over down over ground under canopy.
+    pub canopy_glide: Option<f64>,
+    /// Pieces of one posture.
+    pub pieces: Vec<PieceRow>,
+    /// Wind through the fall; empty where it glides, and so goes where it is steered.
+    pub wind: Vec<WindRow>,
+    /// Wind from circles under canopy.
+    pub canopy_wind: Vec<WindRow>,
+    /// How far the wind of the highest circle is from that at the end of the fall (deviations).
+    pub winds_apart: Option<f64>,
+    /// How it opened.
+    pub opening_details: Option<Opening>,
+    /// What other sensors say.
+    pub sensors: Sensors,
+    /// The last third, predicted from the first two.
+    pub prediction: Option<Prediction>,
+}
+
+/// Analyses the jump of a track.
+///
+/// # Errors
+/// Returns an error if no fall is on the track.
+pub fn fall(track: &Track, conditions: &Conditions, path: &Path) -> Result<(Report, Jump)> {
+    let settings = Settings {
+        atmosphere: atmosphere(track, conditions),
+        reference_height: conditions.reference_height,
+    };
+    let jump = analysed(&track.samples, &settings).ok_or_else(|| {
+        let down = track.samples.iter().map(|sample| -sample.velocity.z);
+        let fastest = down.fold(f64::NEG_INFINITY, f64::max);
+        Problem::bad_input(format!(
+            "no free fall on this track: {} rows, {:.0} m/s downwards at most",
+            track.samples.len(),
+            fastest
+        ))
+        .in_file(path)
+        .help("give the track of a jump; one on the ground, in an aircraft or under canopy has no fall")
+    })?;
+    Ok((report(track, conditions, &jump), jump))
+}
+
+/// Density by what is known of the ground.
+fn atmosphere(track: &Track, conditions: &Conditions) -> Atmosphere {
+    let pressure = conditions
+        .ground_pressure
+        .or_else(|| ground_pressure(track));
+    let Some(last) = track.samples.last() else {
+        return Atmosphere::Standard;
+    };
+    let height = last.height();
+    let standard_temperature = 288.15 - 0.0065 * height;
+    let temperature = conditions
+        .ground_temperature
+        .unwrap_or(standard_temperature);
+    match pressure {
+        Some(pressure) => Atmosphere::Ground {
+            pressure,
+            temperature,
+            height,
+        },
+        None if conditions.ground_temperature.is_some() => {
+            // Of the standard atmosphere's density and temperature, by the gas law.
+            let pressure = 287.053 * standard_temperature * Atmosphere::Standard.density(height);
+            Atmosphere::Ground {
+                pressure,
+                temperature,
+                height,
+            }
+        }
+        None => Atmosphere::Standard,
+    }
+}
+
+/// Time at the end of a track in which it lies on the ground (s), and speeds that it then has (m/s).
+const AT_REST: f64 = 10.0;
+const STILL: f64 = 2.0;
+
+/// The barometer at the end of a track that ends on the ground (Pa).
+fn ground_pressure(track: &Track) -> Option<f64> {
+    let last = track.samples.last()?.time;
+    let end = |time: f64| time >= last - AT_REST && time <= last;
+    let mut moving = track.samples.iter().filter(|sample| end(sample.time));
+    if moving.any(|sample| sample.velocity.norm() > STILL) {
+        return None;
+    }
+    median(
+        track
+            .pressure
+            .iter()
+            .filter(|(time, _)| end(*time))
+            .map(|(_, pressure)| *pressure),
+    )
+    .filter(|pressure| (50_000.0..110_000.0).contains(pressure))
+}
+
+fn report(track: &Track, conditions: &Conditions, jump: &Jump) -> Report {
+    let moment = |time: f64| Moment {
+        time_s: time - track.samples.first().map_or(0.0, |first| first.time),
+        unix_s: track.start.map(|start| start + time),
+        height_m: jump.sample_at(time).map_or(f64::NAN, Sample::height),
+    };
+    let mass = conditions.mass;
+    let begin = jump.times.fall[0];
+    let piece = |piece: &bodyflight_falls::drag::Piece| PieceRow {
+        from_s: piece.time[0] - begin,
+        until_s: piece.time[1] - begin,
+        drag_area_m2: mass * piece.drag,
+        deviation_m2: mass * piece.deviation,
+        lift_area_m2: mass * piece.lift,
+        glide: piece.glide,
+    };
+    let told = jump.wind.drive > 0.0;
+    Report {
+        verdict: jump.verdict,
+        reason: jump.reason.clone(),
+        rows_taken_out: jump.taken_out.count,
+        rows_skipped: track.skipped,
+        has_velocities: track.has_velocities,
+        exit: jump.times.exit.map(moment),
+        opening: jump.times.opening.map(moment),
+        canopy: jump.times.canopy.map(moment),
+        landing: jump.times.landing.map(moment),
+        fall_s: jump.duration(),
+        fastest_mps: jump.fastest,
+        normalised_rate_mps: jump.normalised_rate,
+        reference_height_m: conditions.reference_height,
+        mass_kg: mass,
+        drag_area_m2: mass * jump.drag,
+        drag_area_spread_m2: mass * jump.drag_spread,
+        ballistic_kgpm2: 1.0 / jump.drag,
+        glide: jump.glide[0],
+        canopy_glide: jump.glide[1],
+        pieces: jump.pieces.iter().map(piece).collect(),
+        wind: if told {
+            jump.wind.layers(LAYER).iter().map(WindRow::of).collect()
+        } else {
+            Vec::new()
+        },
+        canopy_wind: jump
+            .circles
+            .iter()
+            .map(|circle| WindRow::of(&circle.wind))
+            .collect(),
+        winds_apart: jump.winds_apart().filter(|_| told),
+        opening_details: jump.opening(),
+        sensors: sensors(track, jump),
+        prediction: jump.prediction,
+    }
+}
+
+/// What inertial sensor and barometer say.
+fn sensors(track: &Track, jump: &Jump) -> Sensors {
+    let force = |from: f64, to: f64| {
+        let within = track
+            .inertial
+            .iter()
+            .filter(move |(time, _)| (from..=to).contains(time));
+        within.map(|(_, sample)| sample.specific_force.norm() / GRAVITY)
+    };
+    let opening = jump.times.opening.zip(jump.times.canopy);
+    Sensors {
+        largest_g: opening
+            .and_then(|(from, to)| force(from - 0.5, to + 1.0).max_by(f64::total_cmp)),
+        fall_g: median(force(jump.times.fall[0], jump.times.fall[1])),
+        ground_pressure_pa: ground_pressure(track),
+    }
+}

@@ -1,0 +1,132 @@
+//! A recording as a flight: what it cannot be, and MVN's centre of mass beside that of the model's body.
+
+use core::fmt;
+use std::path::Path;
+
+use bodyflight_core::Body;
+use bodyflight_core::body::mass_properties::MassProperties;
+use bodyflight_core::body::posture::pose;
+use nalgebra::Vector3;
+use serde::Serialize;
+
+use crate::diagnostic::{Problem, Result};
+use crate::formats::recording::{FlightFrame, Options, Recording, Warning};
+use crate::formats::subject::Subject;
+
+/// MVN's centre of mass from the model's, in body axes: left, dorsal, cranial.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct CentreOfMass {
+    /// Frames compared.
+    pub frames: u64,
+    /// Mean (m).
+    pub mean_m: [f64; 3],
+    /// Root mean square of the distance (m).
+    pub rms_m: f64,
+    /// Root mean square around the mean (m): what another segment table cannot take away.
+    pub spread_m: f64,
+    /// Whether the body is the person's, not the default one.
+    pub of_person: bool,
+}
+
+/// What is worth knowing of a flight before it is simulated.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct FlightReport {
+    /// What is not as a flight is.
+    pub warnings: Vec<Warning>,
+    /// Centres of mass; null where the file has none.
+    pub centre_of_mass: Option<CentreOfMass>,
+    /// The first frame, in letters: from the front and from the left.
+    #[serde(skip)]
+    pub picture: String,
+}
+
+/// Reads a recording as a flight.
+///
+/// # Errors
+/// Returns an error if it is none.
+pub(super) fn inspected(path: &Path, person: Option<&Body<f64>>) -> Result<FlightReport> {
+    let options = Options {
+        allow_truncated: true,
+        ..Options::default()
+    };
+    let body = person.copied().unwrap_or_else(|| Subject::default().body());
+    let mut recording = Recording::open(path, options)?;
+    let mut picture = None;
+    let mut centres = Centres::default();
+    for frame in recording.by_ref() {
+        let frame = frame?;
+        picture.get_or_insert_with(|| super::picture::first_frame(&body, &frame));
+        centres.add(&body, &frame);
+    }
+    Ok(FlightReport {
+        warnings: recording.warnings(),
+        centre_of_mass: centres.compared(person.is_some()),
+        picture: picture.ok_or_else(|| Problem::bad_input("no frames").in_file(path))?,
+    })
+}
+
+/// Distances summed up.
+#[derive(Default)]
+struct Centres {
+    count: u64,
+    sum: Vector3<f64>,
+    squares: f64,
+}
+
+impl Centres {
+    fn add(&mut self, body: &Body<f64>, frame: &FlightFrame) {
+        let Some(recorded) = frame.centre_of_mass.filter(|_| !frame.bridged) else {
+            return;
+        };
+        let model = MassProperties::of(body, &pose(body, &frame.posture)).cg;
+        let from_pelvis = recorded.components - frame.pelvis.position.components;
+        let to_body = frame.pelvis.inertial_from_body.quaternion().inverse();
+        let apart = to_body * from_pelvis - model;
+        self.count += 1;
+        self.sum += apart;
+        self.squares += apart.norm_squared();
+    }
+
+    #[expect(clippy::cast_precision_loss, reason = "counts of frames")]
+    fn compared(&self, of_person: bool) -> Option<CentreOfMass> {
+        let count = self.count as f64;
+        let mean = self.sum / count;
+        let square = self.squares / count;
+        (self.count > 0).then(|| CentreOfMass {
+            frames: self.count,
+            mean_m: mean.into(),
+            rms_m: square.sqrt(),
+            spread_m: (square - mean.norm_squared()).max(0.0).sqrt(),
+            of_person,
+        })
+    }
+}
+
+impl fmt::Display for FlightReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(centre) = &self.centre_of_mass {
+            let [left, dorsal, cranial] = centre.mean_m.map(|part| 100.0 * part);
+            writeln!(
+                f,
+                "centre of mass  {:.1} cm from that of {} (rms over {} frames); on average {left:+.1} cm left, \
+                 {dorsal:+.1} dorsal, {cranial:+.1} cranial; {:.1} cm around that",
+                100.0 * centre.rms_m,
+                if centre.of_person {
+                    "the subject's body"
+                } else {
+                    "a default body; --subject names another"
+                },
+                centre.frames,
+                100.0 * centre.spread_m
+            )?;
+        }
+        for warning in &self.warnings {
+            writeln!(f, "warning         {warning}")?;
+        }
+        writeln!(
+            f,
+            "first frame     from the front, and from the left; R is the right hand\n{}",
+            self.picture
+        )
+    }
+}

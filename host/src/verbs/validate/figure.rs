@@ -1,0 +1,39 @@
+//! How far each model is from the measured attitude over a whole flight, its start fitted.
+
+use super::windows::{MODELS, angle, whole_run};
+use crate::diagnostic::Result;
+use crate::output::plot::{Curve, MODEL_PARTS, Panel, figure_svg};
+use crate::replay::recorded::Recorded;
+
+/// One panel a flight, one line a model.
+///
+/// # Errors
+/// Returns an error if the figure cannot be drawn.
+pub fn svg(flights: &[(String, Recorded)]) -> Result<String> {
+    let panels: Vec<Panel> = flights
+        .iter()
+        .map(|(name, flight)| Panel {
+            caption: format!("{name}: angle between measured and simulated attitude (degrees)"),
+            curves: MODELS
+                .iter()
+                .zip(MODEL_PARTS)
+                .map(|(model, line)| Curve {
+                    line,
+                    points: whole_run(flight, *model)
+                        .iter()
+                        .zip(&flight.measured)
+                        .zip(&flight.times)
+                        .map(|((simulated, measured), time)| {
+                            (
+                                time - flight.times[0],
+                                angle(simulated, measured).to_degrees(),
+                            )
+                        })
+                        .collect(),
+                })
+                .collect(),
+            wraps: false,
+        })
+        .collect();
+    figure_svg("Whole flights, start fitted", &panels)
+}
