@@ -88,7 +88,7 @@ impl Track {
     /// # Errors
     /// Where the file is not of a FlySight, has no row that is usable, or more rows that are not than that are.
     pub fn read(path: &Path) -> Result<Self> {
-        let bytes = std::fs::read(path).map_err(|error| Problem::system("read", path, &error))?;
+        let bytes = std::fs::read(path).map_err(|error| Problem::system("read", path, error))?;
         Self::parse(&bytes, path)
     }
 

@@ -30,9 +30,9 @@ pub fn open(path: &Path) -> Result<Input> {
     let plain: Box<dyn Read + Send> = if path == Path::new(STANDARD_INPUT) {
         Box::new(io::stdin())
     } else {
-        Box::new(File::open(path).map_err(|error| Problem::system("open", path, &error))?)
+        Box::new(File::open(path).map_err(|error| Problem::system("open", path, error))?)
     };
-    unpacked(plain).map_err(|error| Problem::system("read", path, &error))
+    unpacked(plain).map_err(|error| Problem::system("read", path, error))
 }
 
 fn unpacked(plain: Box<dyn Read + Send>) -> io::Result<Input> {

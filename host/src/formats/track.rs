@@ -41,7 +41,7 @@ pub fn read(path: &Path) -> Result<Track> {
     let mut bytes = Vec::new();
     let mut file = input::open(path)?;
     std::io::Read::read_to_end(&mut file, &mut bytes)
-        .map_err(|error| Problem::system("read", path, &error))?;
+        .map_err(|error| Problem::system("read", path, error))?;
     let start = bytes.iter().position(|byte| !byte.is_ascii_whitespace());
     let text = start.map_or(&[][..], |start| &bytes[start..]);
     let text = text.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(text);

@@ -45,7 +45,7 @@ pub fn read_track(flight: &Flight, options: Options) -> Result<Track> {
 /// Returns an error if two recordings are the same file, or files of the same content.
 pub fn refuse_same(recording: &Path, held_out: &Path) -> Result<()> {
     let read =
-        |path: &Path| std::fs::read(path).map_err(|error| Problem::system("read", path, &error));
+        |path: &Path| std::fs::read(path).map_err(|error| Problem::system("read", path, error));
     let length = |path: &Path| std::fs::metadata(path).map(|about| about.len()).ok();
     if length(recording) != length(held_out) || read(recording)? != read(held_out)? {
         return Ok(());

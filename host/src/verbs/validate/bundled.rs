@@ -39,5 +39,5 @@ pub fn write(folder: &Path) -> Result<Vec<PathBuf>> {
 /// # Errors
 /// Returns an error if the system refuses one.
 pub fn temporary() -> Result<tempfile::TempDir> {
-    tempfile::tempdir().map_err(|error| Problem::system("create", &std::env::temp_dir(), &error))
+    tempfile::tempdir().map_err(|error| Problem::system("create", &std::env::temp_dir(), error))
 }
