@@ -232,7 +232,7 @@ impl Host {
             let greetings = self.greeted.1;
             self.ask("a greeting", hello, |host| host.greeted.1 > greetings)?;
         }
-        let (configure, table) = (self.flight.configure, self.flight.table.clone());
+        let (configure, table) = (self.flight.configure, self.flight.table);
         self.ask("the configuration", configure, |host| {
             host.configured.is_some()
         })?;

@@ -97,6 +97,9 @@ pub fn stream(
 }
 
 /// What the unit is told of flight and filter.
+///
+/// # Errors
+/// Returns an error if an effect of the model changes the density over the height, or the preset is none of the unit's.
 pub fn configuration(
     flight: &Flight,
     first: &FlightFrame,
