@@ -10,20 +10,9 @@ use crate::cleaning::{TakenOut, cleaned};
 use crate::drag::{Block, Piece, blocks, glides, pieces, velocity_noise};
 use crate::phases::{Stretch, Times, divided, times};
 use crate::prediction::Flown;
+use crate::verdict::{Evidence, LEAST, PLAUSIBLE, Verdict, judged};
 use crate::wind::{Profile, Wind, wind};
 use crate::{Sample, median, slopes};
-
-/// Shortest fall that is judged (s).
-pub const LEAST: f64 = 8.0;
-
-/// Fewest seconds of a fall in which drag was told.
-const LEAST_BLOCKS: usize = 6;
-
-/// Largest gap between the fall and the fall flown again, root mean square of the vertical velocity: share of the speed.
-const LARGEST_GAP: f64 = 0.06;
-
-/// Drag factors that a body or a wingsuit can have (m2/kg): a diver of speed to a wide suit on a light person.
-const PLAUSIBLE: [f64; 2] = [0.000_9, 0.016];
 
 /// Rounds of wind from drag and drag from wind.
 const ROUNDS: usize = 4;
@@ -50,18 +39,6 @@ impl Default for Settings {
             reference_height: 2000.0,
         }
     }
-}
-
-/// Whether the fall is explained.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Verdict {
-    /// Drag, lift and wind that a body can have fly the fall again.
-    Explained,
-    /// Too short to be judged.
-    Thin,
-    /// Nothing that a body can have flies it.
-    Unexplained,
 }
 
 /// The last third of the fall, predicted from what the first two tell.
@@ -192,7 +169,14 @@ pub fn analysed(samples: &[Sample], settings: &Settings) -> Option<Jump> {
         drag_spread,
         samples,
     };
-    (jump.verdict, jump.reason) = judged(&jump);
+    (jump.verdict, jump.reason) = judged(&Evidence {
+        duration: jump.duration(),
+        begin: jump.times.fall[0],
+        seconds: jump.blocks.len(),
+        pieces: &jump.pieces,
+        gap: jump.gap,
+        speed: mean_speed(&jump.samples[fall[0]..fall[1]]),
+    });
     Some(jump)
 }
 
@@ -260,6 +244,11 @@ fn flown(falling: &[Sample], told: &Told, atmosphere: &Atmosphere) -> Vec<Vector
         atmosphere,
     };
     flown.velocities(falling, first_velocity(falling))
+}
+
+fn mean_speed(falling: &[Sample]) -> f64 {
+    let speeds = falling.iter().map(|sample| sample.velocity.norm());
+    speeds.sum::<f64>() / falling.len().max(1) as f64
 }
 
 fn root_mean_square(falling: &[Sample], flown: &[Vector3<f64>]) -> f64 {
@@ -410,67 +399,6 @@ impl Jump {
             .sum();
         Some((0.5 * squares).sqrt())
     }
-}
-
-/// The verdict, and why.
-fn judged(jump: &Jump) -> (Verdict, String) {
-    let duration = jump.duration();
-    if duration < LEAST || jump.blocks.len() < LEAST_BLOCKS {
-        return (
-            Verdict::Thin,
-            format!(
-                "{duration:.1} s of fall with {} usable seconds; {LEAST} s and {LEAST_BLOCKS} are needed",
-                jump.blocks.len()
-            ),
-        );
-    }
-    let odd = jump.pieces.iter().find(|piece| {
-        piece.drag + 2.0 * piece.deviation < PLAUSIBLE[0]
-            || piece.drag - 2.0 * piece.deviation > PLAUSIBLE[1]
-    });
-    if let Some(piece) = odd {
-        return (
-            Verdict::Unexplained,
-            format!(
-                "from {:.1} to {:.1} s after the start of the fall, area times drag coefficient over mass is {:.5} m2/kg, \
-                 which no body has ({:.4} to {:.4})",
-                piece.time[0] - jump.times.fall[0],
-                piece.time[1] - jump.times.fall[0],
-                piece.drag,
-                PLAUSIBLE[0],
-                PLAUSIBLE[1]
-            ),
-        );
-    }
-    let speeds = jump.samples[jump.fall[0]..jump.fall[1]]
-        .iter()
-        .map(|sample| sample.velocity.norm());
-    let mean = speeds.clone().sum::<f64>() / speeds.count().max(1) as f64;
-    let share = jump.gap / mean.max(1.0);
-    if share > LARGEST_GAP {
-        return (
-            Verdict::Unexplained,
-            format!(
-                "flown again with the drag, lift and wind found, the vertical velocity is {:.1} m/s off, {:.0} % of the speed",
-                jump.gap,
-                100.0 * share
-            ),
-        );
-    }
-    (
-        Verdict::Explained,
-        format!(
-            "flown again with {} drag {} and the wind found, the vertical velocity is {:.1} m/s off, {:.1} % of the speed",
-            jump.pieces.len(),
-            if jump.pieces.len() == 1 {
-                "area"
-            } else {
-                "areas"
-            },
-            jump.gap,
-            100.0 * share
-        ),
-    )
 }
 
 #[cfg(test)]

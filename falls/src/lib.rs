@@ -4,7 +4,7 @@
 //! The steps, one file each: rows that cannot be are taken out ([`cleaning`]), the track is divided into phases
 //! ([`phases`]), the wind is told from the way the fall drifts ([`wind`]), drag and lift over time are divided into
 //! pieces of one posture ([`drag`]), circles under the canopy give the wind again ([`canopy`]), and the last third of
-//! the fall is predicted from the first two ([`prediction`]). [`fall`] puts them together and judges the whole.
+//! the fall is predicted from the first two ([`prediction`]). [`fall`] puts them together, and [`verdict`] judges the whole.
 #![forbid(unsafe_code)]
 
 pub mod atmosphere;
@@ -16,6 +16,7 @@ pub mod phases;
 pub mod prediction;
 #[cfg(test)]
 mod synthetic;
+pub mod verdict;
 pub mod wind;
 
 use nalgebra::Vector3;

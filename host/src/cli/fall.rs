@@ -6,7 +6,7 @@ use bodyflight::diagnostic::{Problem, Result};
 use bodyflight::formats::track;
 use bodyflight::output::files::write_file;
 use bodyflight::verbs::fall::{Conditions, DEFAULT_MASS, Moment, Report, WindRow, fall, figure};
-use bodyflight_falls::fall::Verdict;
+use bodyflight_falls::verdict::Verdict;
 
 use super::terminal;
 

@@ -6,7 +6,8 @@ use std::path::Path;
 
 use bodyflight_core::air::GRAVITY;
 use bodyflight_falls::atmosphere::Atmosphere;
-use bodyflight_falls::fall::{Jump, Opening, Prediction, Settings, Verdict, analysed};
+use bodyflight_falls::fall::{Jump, Opening, Prediction, Settings, analysed};
+use bodyflight_falls::verdict::Verdict;
 use bodyflight_falls::wind::Wind;
 use bodyflight_falls::{Sample, median};
 use serde::Serialize;

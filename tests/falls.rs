@@ -1,0 +1,231 @@
+//! Falls of a logger, through the real binary.
+#![expect(clippy::expect_used, reason = "tests may panic: that is how they fail")]
+
+use std::fmt::Write;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+use serde_json::Value;
+
+fn bodyflight(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_bodyflight"))
+        .args(arguments)
+        .output()
+        .expect("the binary starts")
+}
+
+/// Standard output as JSON, and the exit code.
+fn json(arguments: &[&str]) -> (Value, Option<i32>) {
+    let output = bodyflight(&[arguments, &["--json"]].concat());
+    let value = serde_json::from_slice(&output.stdout);
+    (
+        value.unwrap_or_else(|_| panic!("{}", String::from_utf8_lossy(&output.stderr))),
+        output.status.code(),
+    )
+}
+
+/// What is said where it fails, with the exit code; lines of a terminal may break anywhere.
+fn fails(arguments: &[&str]) -> (String, Option<i32>) {
+    let output = bodyflight(arguments);
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    let words = message.split_whitespace().filter(|word| *word != "│");
+    (words.collect::<Vec<_>>().join(" "), output.status.code())
+}
+
+fn number(value: &Value) -> f64 {
+    value
+        .as_f64()
+        .unwrap_or_else(|| panic!("a number: {value}"))
+}
+
+/// Rows of a FlySight 1: an aircraft, a fall of 55 s belly to earth, an opening, a canopy that circles, the ground.
+fn jump(seed: u64) -> String {
+    let mut text = "time,lat,lon,hMSL,velN,velE,velD,hAcc,vAcc,sAcc,gpsFix,numSV\n\
+                    ,(deg),(deg),(m),(m/s),(m/s),(m/s),(m),(m),(m/s),,\n"
+        .to_owned();
+    let (mut height, mut velocity) = (4000.0_f64, [0.0, -45.0, 0.0_f64]);
+    let mut random = seed;
+    let mut noise = || {
+        random = random
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1);
+        (random >> 40) as f64 / (1u64 << 24) as f64 - 0.5
+    };
+    const STEP: f64 = 0.02;
+    let mut rest = 0.0;
+    let mut step = 0_u32;
+    while rest < 15.0 {
+        let time = f64::from(step) * STEP;
+        if step.is_multiple_of(10) {
+            let second = time % 60.0;
+            let minute = 10 + (time / 60.0) as u32;
+            let [north, west, up] = velocity;
+            let _ = writeln!(
+                text,
+                "2024-06-01T12:{minute:02}:{second:05.2}Z,46.0,8.0,{height:.2},{:.2},{:.2},{:.2},3.0,4.0,0.4,3,12",
+                north + 0.3 * noise(),
+                -west + 0.3 * noise(),
+                -up + 0.3 * noise()
+            );
+        }
+        step += 1;
+        let since = time - 30.0;
+        let density = 1.225 * (1.0 - 2.2558e-5 * height).powf(4.2559);
+        let wind = [6.0 * height / 4000.0, 3.0, 0.0];
+        let air = [0, 1, 2].map(|axis| velocity[axis] - wind[axis]);
+        let speed = air.iter().map(|part| part * part).sum::<f64>().sqrt();
+        if height <= 400.0 {
+            velocity = [0.0; 3];
+            rest += STEP;
+        } else if (0.0..59.0).contains(&since) {
+            let opened = ((since - 55.0) / 3.0).clamp(0.0, 1.0);
+            let pull = 0.5 * density * speed * (1.0 / 153.0 + 0.25 * opened * opened);
+            for axis in 0..3 {
+                velocity[axis] -= air[axis] * pull * STEP;
+            }
+            velocity[2] -= 9.81 * STEP;
+        } else if since >= 59.0 {
+            let heading = 0.4 * since;
+            let wanted = [
+                wind[0] + 12.0 * heading.cos(),
+                wind[1] + 12.0 * heading.sin(),
+                -5.5,
+            ];
+            for axis in 0..3 {
+                velocity[axis] += (wanted[axis] - velocity[axis]) * STEP;
+            }
+        }
+        height += velocity[2] * STEP;
+    }
+    text
+}
+
+fn written(folder: &Path, name: &str, text: &str) -> String {
+    let path = folder.join(name);
+    std::fs::write(&path, text).expect("written");
+    path.to_str().expect("plain").to_owned()
+}
+
+#[test]
+fn a_fall_is_told_as_it_was_flown() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let track = written(folder.path(), "12-10-00.CSV", &jump(1));
+    let plot = folder.path().join("fall.svg");
+    let arguments = [
+        "fall",
+        &track,
+        "--mass",
+        "80",
+        "--plot",
+        plot.to_str().expect("plain"),
+    ];
+    let (report, code) = json(&arguments);
+    assert_eq!(
+        (code, &report["verdict"]),
+        (Some(0), &Value::from("explained")),
+        "{report}"
+    );
+    let near = |name: &str, value: &Value, expected: f64, most: f64| {
+        let off = (number(value) - expected).abs();
+        assert!(off < most, "{name}: {value}, expected {expected}");
+    };
+    near("exit", &report["exit"]["time_s"], 30.0, 0.5);
+    near("opening", &report["opening"]["time_s"], 85.0, 1.0);
+    near("drag area", &report["drag_area_m2"], 80.0 / 153.0, 0.015);
+    near("ballistic", &report["ballistic_kgpm2"], 153.0, 4.0);
+    assert_eq!(
+        report["pieces"].as_array().map(Vec::len),
+        Some(1),
+        "{report}"
+    );
+    for wind in report["wind"].as_array().expect("layers") {
+        let blows = [6.0 * number(&wind["height_m"]) / 4000.0, 3.0_f64];
+        let from = number(&wind["from_rad"]);
+        let speed = number(&wind["speed_mps"]);
+        // North and west of where it blows to.
+        let found = [-speed * from.cos(), speed * from.sin()];
+        let apart = (found[0] - blows[0]).hypot(found[1] - blows[1]);
+        assert!(apart < 3.5 * number(&wind["deviation_mps"]) + 0.3, "{wind}");
+    }
+    assert!(number(&report["winds_apart"]) < 2.5, "{report}");
+    let prediction = &report["prediction"];
+    let ratio = number(&prediction["predicted_mps"]) / number(&prediction["measured_mps"]);
+    assert!((ratio - 1.0).abs() < 0.03, "{prediction}");
+    assert!(
+        std::fs::read_to_string(plot)
+            .expect("the plot")
+            .starts_with("<svg")
+    );
+}
+
+#[test]
+fn a_track_may_come_from_standard_input_and_one_without_a_fall_is_refused() {
+    let text = jump(2);
+    let mut child = Command::new(env!("CARGO_BIN_EXE_bodyflight"))
+        .args(["fall", "-", "--json"])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .expect("the binary starts");
+    let mut input = child.stdin.take().expect("a pipe");
+    input.write_all(text.as_bytes()).expect("written");
+    drop(input);
+    let output = child.wait_with_output().expect("it ends");
+    let report: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert_eq!(report["verdict"], "explained", "{report}");
+
+    let folder = tempfile::tempdir().expect("a folder");
+    let aircraft: String = text
+        .lines()
+        .take(140)
+        .map(|line| format!("{line}\n"))
+        .collect();
+    let (message, code) = fails(&["fall", &written(folder.path(), "up.csv", &aircraft)]);
+    assert_eq!(code, Some(2), "{message}");
+    assert!(message.contains("no free fall on this track"), "{message}");
+    let track = written(folder.path(), "fall.csv", &text);
+    let (message, code) = fails(&["fall", &track, "--mass", "3"]);
+    assert_eq!(code, Some(2));
+    assert!(
+        message.contains("--mass: expected 30 to 300, found 3"),
+        "{message}"
+    );
+}
+
+fn public_tracks() -> Option<PathBuf> {
+    let folder =
+        PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/flysight/skyderby");
+    if folder.is_dir() {
+        return Some(folder);
+    }
+    eprintln!("skipped: {} is absent", folder.display());
+    None
+}
+
+/// Exit and opening as read off the plots in docs/falls.md: when the vertical velocity leaves that of the aircraft, and
+/// when the deployment begins to slow the fall down (s).
+const MARKED: [(&str, f64, f64); 3] = [
+    ("_703_14-41-39.CSV", 515.6, 619.6),
+    ("fs2-track.csv", 338.4, 461.2),
+    ("speed_skydiving_411.csv", 30.6, 69.4),
+];
+
+#[test]
+fn public_falls_are_divided_as_a_person_does_and_explained() {
+    let Some(folder) = public_tracks() else {
+        return;
+    };
+    for (name, exit, opening) in MARKED {
+        let path = folder.join(name);
+        let (report, code) = json(&["fall", path.to_str().expect("plain")]);
+        assert_eq!(code, Some(0), "{name}: {report}");
+        assert_eq!(report["verdict"], "explained", "{name}: {report}");
+        for (moment, marked) in [("exit", exit), ("opening", opening)] {
+            let off = (number(&report[moment]["time_s"]) - marked).abs();
+            assert!(off < 1.0, "{name}, {moment}: {}", report[moment]);
+        }
+        let area = number(&report["drag_area_m2"]);
+        assert!((0.08..0.9).contains(&area), "{name}: {area} m2");
+    }
+}
