@@ -9,6 +9,7 @@
 
 mod added_mass;
 mod arch;
+mod arm_shape;
 mod belt;
 mod booties;
 mod cg_offset;
@@ -17,10 +18,13 @@ mod density;
 mod description;
 mod drag;
 mod exit_speed;
+mod foot_drag;
 mod force_lag;
+mod forearm_drag;
 mod gnss_latency;
 mod gyro_bias;
 mod heading_drift;
+mod leg_shape;
 mod lift;
 mod mass;
 mod model;
@@ -31,17 +35,23 @@ mod posture_delay;
 mod rate_lag;
 mod reynolds;
 mod rig;
+mod rig_size;
 mod rotation;
 pub mod sensors;
+mod shank_drag;
 mod shelter;
+mod thigh_drag;
+mod trunk_shape;
 mod tunnel;
+mod updraft;
+mod upper_arm_drag;
 mod wind;
 
 use core::fmt;
 
 use crate::math::Real;
 use description::parameter;
-use model::{is_trunk, scale_group};
+use model::{Group, is_trunk, scale_areas, scale_group, scale_sides};
 
 pub use description::{Description, Kind, PARAMETER_COUNT, Parameter};
 pub use model::Model;
@@ -73,6 +83,8 @@ macro_rules! effects {
 effects! {
     /// Horizontal wind.
     Wind = wind,
+    /// Vertical wind.
+    Updraft = updraft,
     /// Density that changes with the altitude.
     DensityGradient = density,
     /// Velocity profile of a wind tunnel.
@@ -89,6 +101,24 @@ effects! {
     Booties = booties,
     /// Drag coefficients of segment groups.
     Drag = drag,
+    /// Drag of the upper arms by side.
+    UpperArmDrag = upper_arm_drag,
+    /// Drag of forearms and hands by side.
+    ForearmDrag = forearm_drag,
+    /// Drag of the thighs by side.
+    ThighDrag = thigh_drag,
+    /// Drag of the shanks by side.
+    ShankDrag = shank_drag,
+    /// Drag of the feet by side.
+    FootDrag = foot_drag,
+    /// Size of the rig.
+    RigSize = rig_size,
+    /// Areas of trunk and head by axis.
+    TrunkShape = trunk_shape,
+    /// Areas of the arms by axis.
+    ArmShape = arm_shape,
+    /// Areas of the legs by axis.
+    LegShape = leg_shape,
     /// Lift coefficients of segment groups.
     Lift = lift,
     /// Moment coefficients of segment groups.

@@ -1,5 +1,7 @@
 //! The model that effects change.
 
+use nalgebra::Vector3;
+
 use super::description::PARAMETER_COUNT;
 use super::sensors::Sensors;
 use crate::aerodynamics::Coefficients;
@@ -47,6 +49,31 @@ impl<T: Real> Model<T> {
     }
 }
 
+/// Segments that share a factor.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Group {
+    Trunk,
+    Arms,
+    Legs,
+}
+
+impl Group {
+    /// Trunk and head, arms, legs.
+    const fn of(segment: Segment) -> Self {
+        match segment {
+            Segment::Head => Self::Trunk,
+            _ if is_trunk(segment) => Self::Trunk,
+            Segment::LeftUpperArm
+            | Segment::LeftForearm
+            | Segment::LeftHand
+            | Segment::RightUpperArm
+            | Segment::RightForearm
+            | Segment::RightHand => Self::Arms,
+            _ => Self::Legs,
+        }
+    }
+}
+
 /// Multiplies a coefficient of each segment by the factor of its group: trunk and head, arms, legs.
 pub(super) fn scale_group<T: Real>(
     values: &[T; PARAMETER_COUNT],
@@ -55,18 +82,39 @@ pub(super) fn scale_group<T: Real>(
 ) {
     let [trunk, arms, legs] = *values;
     for (segment, coefficients) in model.dynamics.aerodynamics.coefficients.iter_mut() {
-        let factor = match segment {
-            Segment::Head => trunk,
-            _ if is_trunk(segment) => trunk,
-            Segment::LeftUpperArm
-            | Segment::LeftForearm
-            | Segment::LeftHand
-            | Segment::RightUpperArm
-            | Segment::RightForearm
-            | Segment::RightHand => arms,
-            _ => legs,
+        let factor = match Group::of(segment) {
+            Group::Trunk => trunk,
+            Group::Arms => arms,
+            Group::Legs => legs,
         };
         *coefficient(coefficients) *= factor;
+    }
+}
+
+/// Multiplies the drag coefficients of segments on the left and on the right.
+pub(super) fn scale_sides<T: Real>(
+    values: &[T; PARAMETER_COUNT],
+    model: &mut Model<T>,
+    sides: [&[Segment]; 2],
+) {
+    for (segments, factor) in sides.into_iter().zip(*values) {
+        for &segment in segments {
+            model.dynamics.aerodynamics.coefficients[segment].drag *= factor;
+        }
+    }
+}
+
+/// Multiplies the areas of a group's segments, seen along each of their axes.
+pub(super) fn scale_areas<T: Real>(
+    values: &[T; PARAMETER_COUNT],
+    model: &mut Model<T>,
+    group: Group,
+) {
+    let factors = Vector3::from(*values);
+    for (segment, parameters) in model.dynamics.body.segments.iter_mut() {
+        if Group::of(segment) == group {
+            parameters.area.component_mul_assign(&factors);
+        }
     }
 }
 

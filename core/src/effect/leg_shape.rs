@@ -1,0 +1,23 @@
+//! Shape of the legs: areas that differ by axis from those of the solids.
+
+use super::{Description, Group, Kind, Model, PARAMETER_COUNT, parameter};
+use crate::math::Real;
+
+pub(super) const EFFECT: Description = Description {
+    name: "leg-shape",
+    kind: Kind::Physics,
+    form: "factor on the areas of the legs seen along each of their axes",
+    parameters: &[
+        parameter("x_factor", 1.0, 0.3, 3.0),
+        parameter("y_factor", 1.0, 0.3, 3.0),
+        parameter("z_factor", 1.0, 0.3, 3.0),
+    ],
+    source: "paper eq. (limbf): areas of the solids; cloth and equipment differ by side",
+    signature: "loads of the legs that change with their turn about their own axis",
+    confused_with: &["drag", "booties", "shank-drag"],
+    separated_by: "legs turned in and out, feet pointed",
+};
+
+pub(super) fn apply<T: Real>(values: &[T; PARAMETER_COUNT], model: &mut Model<T>) {
+    super::scale_areas(values, model, Group::Legs);
+}

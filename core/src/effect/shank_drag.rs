@@ -1,0 +1,28 @@
+//! Drag of the shanks, each side for itself.
+
+use super::scale_sides;
+use super::{Description, Kind, Model, PARAMETER_COUNT, parameter};
+use crate::body::Segment;
+use crate::math::Real;
+
+pub(super) const EFFECT: Description = Description {
+    name: "shank-drag",
+    kind: Kind::Physics,
+    form: "factor on the drag coefficients of the shanks",
+    parameters: &[
+        parameter("left_factor", 1.0, 0.3, 3.0),
+        parameter("right_factor", 1.0, 0.3, 3.0),
+    ],
+    source: "paper eq. (limbf); legs of suits",
+    signature: "moment that lifts the legs, with the knees; a turn where the sides differ",
+    confused_with: &["drag", "booties", "foot-drag"],
+    separated_by: "knees bent and stretched, one side after the other",
+};
+
+pub(super) fn apply<T: Real>(values: &[T; PARAMETER_COUNT], model: &mut Model<T>) {
+    scale_sides(
+        values,
+        model,
+        [&[Segment::LeftShank], &[Segment::RightShank]],
+    );
+}
