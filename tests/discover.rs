@@ -64,9 +64,8 @@ fn a_hidden_effect_is_named_and_closes_the_gap_of_another_flight() {
             "{name}: hidden {hidden}, found {found}"
         );
     }
-    let held_out = &report["held_out"][0];
-    let misfit = |key: &str| held_out[key].as_f64().expect("a number");
-    assert!(misfit("misfit_after") < 0.05 * misfit("misfit_before"));
+    let closed = report["held_out"][0]["gap"]["closed_share"].as_f64();
+    assert!(closed.expect("a number") > 0.9, "{report}");
 
     // The free run takes the model that was written.
     let model = folder.path().join("found/model.toml");
@@ -124,7 +123,8 @@ fn nothing_is_named_where_nothing_is_hidden_or_the_flight_is_short() {
     let folder = tempfile::tempdir().expect("a folder");
     let [flight, other] = hide("clean", "15", &folder.path().join("clean"));
     let report = json(&["discover", &flight, "--hold-out", &other]);
-    assert_eq!(report["verdict"], "none", "{report}");
+    // Joints and subject are off by what suits and scales leave open, and nothing is missing.
+    assert_eq!(report["verdict"], "calibrated", "{report}");
     assert_eq!(report["model"].as_array().map(Vec::len), Some(0));
 
     let [short, _] = hide("wind", "5", &folder.path().join("short"));

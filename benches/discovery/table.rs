@@ -4,10 +4,10 @@ use std::fmt::Write as _;
 
 use serde_json::Value;
 
-/// One line for each thing that was hidden and each noise, and one for each group.
+/// One line for each thing that was hidden and each family of joints, and one for each group.
 pub(super) fn table(rows: &[Value]) -> String {
     let mut table = String::from(
-        "| hidden | noise | flights | right | by exact name | parameters within 3 standard errors | held-out misfit closed: mean, least, at least 0.9 | otherwise |\n|---|---|---|---|---|---|---|---|\n",
+        "| hidden | joints | flights | right | by exact name | parameters within 3 standard errors | held-out misfit closed: mean, least, at least 0.9 | otherwise |\n|---|---|---|---|---|---|---|---|\n",
     );
     let mut keys: Vec<(String, String)> = Vec::new();
     let label = |row: &Value| {
@@ -18,14 +18,14 @@ pub(super) fn table(rows: &[Value]) -> String {
         } else {
             hidden.join(" + ")
         };
-        (name, row["noise"].to_string())
+        (name, row["family"].as_str().unwrap_or_default().to_owned())
     };
     for row in rows {
         if !keys.contains(&label(row)) {
             keys.push(label(row));
         }
     }
-    for group in ["single", "clean", "outside", "pair", "noise"] {
+    for group in ["single", "clean", "outside", "pair"] {
         let own: Vec<&Value> = rows.iter().filter(|row| row["group"] == group).collect();
         if own.is_empty() {
             continue;
@@ -46,7 +46,7 @@ pub(super) fn table(rows: &[Value]) -> String {
     table
 }
 
-fn line(table: &mut String, name: &str, noise: &str, rows: &[&Value]) {
+fn line(table: &mut String, name: &str, family: &str, rows: &[&Value]) {
     let right = rows.iter().filter(|row| row["right"] == true).count();
     let exact = rows.iter().filter(|row| row["exact"] == true).count();
     let sum = |key: &str| rows.iter().filter_map(|row| row[key].as_u64()).sum::<u64>();
@@ -103,7 +103,7 @@ fn line(table: &mut String, name: &str, noise: &str, rows: &[&Value]) {
     };
     let _ = writeln!(
         table,
-        "| {name} | {noise} | {} | {right} | {exact} | {within} | {closed} | {otherwise} |",
+        "| {name} | {family} | {} | {right} | {exact} | {within} | {closed} | {otherwise} |",
         rows.len()
     );
 }

@@ -7,28 +7,26 @@ use bodyflight_core::body::mass_properties::PostureRate;
 use bodyflight_core::dynamics::{Motion, PostureSample, State};
 use bodyflight_core::effect::Model;
 use bodyflight_core::effect::sensors::Moving;
-use nalgebra::{DVector, SVector};
+use bodyflight_core::frame::Vector;
+use nalgebra::{DVector, Vector3};
 
 use super::motion_history::MotionHistory;
-use super::nuisance::Nuisance;
-use super::stretch::{
-    CHANNELS, Channels, FRAMES, NUMBERS, SIDE, Stretch, WINDOW, difference, moved, moving, six,
-};
+use super::nuisance::JointErrors;
+use super::stretch::{CHANNELS, Channels, NUMBERS, Stretch, difference, moved};
 use super::track::Track;
 
 /// Steps to the true motion behind a measured one, at most, and the difference in all channels that is close enough.
 const BEHIND_STEPS: usize = 12;
 const BEHIND_CLOSE: f64 = 1e-9;
 
-/// Postures of a stretch as the model flies them.
-fn posture(track: &Track, frame: usize, delay: f64) -> Posture<f64> {
+/// Longest delay of a sensor (s).
+const LONGEST_DELAY: f64 = 0.33;
+
+/// The recorded posture at a place between frames, recorded `delay` (s) too late.
+fn posture(track: &Track, place: f64, delay: f64) -> Posture<f64> {
     let last = track.postures.len() - 1;
-    if delay == 0.0 {
-        return track.postures[frame.min(last)];
-    }
-    // Recorded too late: what is meant now stands further on.
     let interval = track.duration() / last as f64;
-    let place = (frame as f64 + delay / interval).clamp(0.0, last as f64);
+    let place = (place + delay / interval).clamp(0.0, last as f64);
     let before = place.floor();
     #[expect(
         clippy::cast_possible_truncation,
@@ -36,11 +34,31 @@ fn posture(track: &Track, frame: usize, delay: f64) -> Posture<f64> {
         reason = "clamped to the frames"
     )]
     let index = before as usize;
+    if place <= before {
+        return track.postures[index];
+    }
     track.postures[index].interpolated(&track.postures[(index + 1).min(last)], place - before)
 }
 
-/// Frames of an interval where only what changes between two flights counts: errors of the longer steps cancel.
-pub const COARSE: usize = 6;
+/// How long the steps are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Steps {
+    /// For comparison with the measurement.
+    Short,
+    /// Where only what changes between two flights counts: errors of the longer steps cancel.
+    Long,
+}
+
+/// A force and a moment that act in one window of a stretch (body axes).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Push {
+    /// Which window.
+    pub window: usize,
+    /// Force (N).
+    pub force: Vector3<f64>,
+    /// Moment (N m).
+    pub moment: Vector3<f64>,
+}
 
 /// A posture in the middle of an interval, and how it changes.
 type Posed = (Posture<f64>, PostureRate<f64>);
@@ -49,33 +67,39 @@ type Posed = (Posture<f64>, PostureRate<f64>);
 pub struct Prepared<'a> {
     track: &'a Track,
     stretch: &'a Stretch,
-    /// With the subject as it is.
     model: Model<f64>,
-    nuisance: Nuisance,
-    /// Frames of an interval.
-    stride: usize,
+    joints: JointErrors,
+    steps: Steps,
     postures: Rc<[Posed]>,
     samples: Rc<[PostureSample<f64>]>,
 }
 
 impl<'a> Prepared<'a> {
-    /// Computes the intervals, each of `stride` frames, in a model with what joints and subject have wrong.
+    /// Computes the intervals in a model with what joints have wrong.
     pub fn new(
         track: &'a Track,
         stretch: &'a Stretch,
         model: &Model<f64>,
-        nuisance: &Nuisance,
-        stride: usize,
+        joints: &JointErrors,
+        steps: Steps,
     ) -> Self {
-        let model = nuisance.of(model);
-        let joints = nuisance.joints();
-        let at = |frame: usize| joints(&posture(track, frame, model.sensors.posture_delay));
-        let mut from = at(stretch.first);
-        let postures: Rc<[Posed]> = (stretch.first..stretch.first + FRAMES)
-            .step_by(stride)
-            .map(|frame| {
-                let to = at(frame + stride);
-                let duration = track.times[frame + stride] - track.times[frame];
+        let grid = stretch.grid;
+        let frames = grid.frames();
+        let count = match steps {
+            Steps::Short => frames * grid.parts,
+            Steps::Long => frames / grid.stride,
+        };
+        let place = |k: usize| stretch.first as f64 + (k * frames) as f64 / count as f64;
+        let at = |k: usize| {
+            let recorded = posture(track, place(k), model.sensors.posture_delay);
+            joints.correct(&recorded, 2.0 * k as f64 / count as f64 - 1.0)
+        };
+        let duration =
+            (track.times[stretch.first + frames] - track.times[stretch.first]) / count as f64;
+        let mut from = at(0);
+        let postures: Rc<[Posed]> = (0..count)
+            .map(|k| {
+                let to = at(k + 1);
                 let posed = (
                     from.interpolated(&to, 0.5),
                     PostureRate::between(&from, &to, duration),
@@ -87,20 +111,19 @@ impl<'a> Prepared<'a> {
         Self {
             track,
             stretch,
-            samples: sampled(&model, &postures),
-            model,
-            nuisance: nuisance.clone(),
-            stride,
+            samples: sampled(model, &postures),
+            model: *model,
+            joints: joints.clone(),
+            steps,
             postures,
         }
     }
 
     /// The same intervals in another model: what that does not change is kept.
-    pub fn changed_to(&self, model: &Model<f64>, nuisance: &Nuisance) -> Self {
-        if !self.nuisance.has_joints_of(nuisance) || self.model.sensors != model.sensors {
-            return Self::new(self.track, self.stretch, model, nuisance, self.stride);
+    pub fn changed_to(&self, model: &Model<f64>) -> Self {
+        if self.model.sensors != model.sensors {
+            return Self::new(self.track, self.stretch, model, &self.joints, self.steps);
         }
-        let model = nuisance.of(model);
         let [now, then] = [&self.model.dynamics, &model.dynamics];
         let same = now.body == then.body
             && now.aerodynamics == then.aerodynamics
@@ -109,79 +132,157 @@ impl<'a> Prepared<'a> {
             samples: if same {
                 self.samples.clone()
             } else {
-                sampled(&model, &self.postures)
+                sampled(model, &self.postures)
             },
-            model,
-            nuisance: nuisance.clone(),
+            model: *model,
+            joints: self.joints.clone(),
             postures: self.postures.clone(),
             ..*self
         }
     }
 
-    /// Flies from the smoothed start changed by `start`.
-    pub fn fly(&self, start: &Channels) -> Flown {
-        let mut seen = Vec::with_capacity(self.samples.len() + 1);
-        self.each(start, |motion| seen.push(motion));
-        Flown {
-            seen,
-            stride: self.stride,
-        }
+    /// The same model with other errors of the joints.
+    pub fn with_joints(&self, joints: &JointErrors) -> Self {
+        Self::new(self.track, self.stretch, &self.model, joints, self.steps)
     }
 
-    fn each(&self, start: &Channels, mut each: impl FnMut(Motion<f64>)) {
-        let Some(first) = self.samples.first() else {
-            return;
-        };
-        let measured = moved(&self.stretch.start, start);
-        let begin = self.true_start(&measured);
-        let inputs = self.model.inputs(&self.track.inputs);
+    /// Flies from the smoothed start changed by `start`, pushed in one window.
+    pub fn fly(&self, start: &Channels, push: Option<Push>) -> Flown {
+        let grid = self.stretch.grid;
+        let count = self.samples.len();
+        let first = self.stretch.first;
         let times = &self.track.times;
-        let time = |k: usize| times[self.stretch.first + k * self.stride] - times[0];
+        let begin_time = times[first] - times[0];
+        let duration = (times[first + grid.frames()] - times[first]) / count as f64;
+        let time = |k: usize| begin_time + duration * k as f64;
+        let (kept, stride) = match self.steps {
+            Steps::Short => (grid.parts, 1),
+            Steps::Long => (1, grid.stride),
+        };
+        let mut seen = Vec::with_capacity(count / kept + 1);
+        let measured = moved(&self.stretch.start, start);
+        seen.push(measured);
+        let Some(sample) = self.samples.first() else {
+            return Flown { seen, stride };
+        };
+        let sensors = &self.model.sensors;
+        let late = sensors.velocity_latency != 0.0 || sensors.rate_lag != 0.0;
+        let past = if late {
+            self.past(&measured)
+        } else {
+            Vec::new()
+        };
+        let begin = self.true_start(&measured, &past);
         let mut history = MotionHistory::default();
-        let (reach, moments) = (SIDE as f64 * self.stretch.course.apart, 4 * SIDE);
-        for k in 0..=moments {
-            let later = (k as f64 / moments as f64 - 1.0) * reach;
-            history.push(time(0) + later, self.around(&begin, later));
+        for (earlier, change) in past.iter().rev() {
+            history.push(begin_time - earlier, shifted(&Moving::of(&begin), change));
         }
-        let mut state = State::from_motion(&begin, first);
-        let mut motions = Vec::with_capacity(self.samples.len());
+        let mut state = State::from_motion(&begin, sample);
+        let mut motions = Vec::with_capacity(count);
         for (k, sample) in self.samples.iter().enumerate() {
-            let duration = time(k + 1) - time(k);
+            let frame = first + (2 * k + 1) * grid.frames() / (2 * count);
+            let inputs = self.model.inputs(&self.track.inputs[frame]);
             state = self.model.dynamics.step(&state, sample, &inputs, duration);
+            if let Some(push) = push
+                && push.window == k * super::stretch::ROWS / count
+            {
+                let inertial = |body: Vector3<f64>| {
+                    (state.inertial_from_body * Vector::from_components(body * duration)).components
+                };
+                let (force, moment) = (inertial(push.force), inertial(push.moment));
+                state.linear_momentum.components += force;
+                state.angular_momentum.components += moment;
+                state.cg_position.components += force * (0.5 * duration / sample.mass.mass);
+            }
             let motion = state.motion(sample);
-            history.push(time(k + 1), Moving::of(&motion));
+            if late {
+                history.push(time(k + 1), Moving::of(&motion));
+            }
             motions.push(motion);
         }
-        each(measured);
         for (k, motion) in motions.iter().enumerate() {
+            if (k + 1) % kept != 0 {
+                continue;
+            }
             let now = time(k + 1);
             let past = |delay: f64| {
                 history
                     .at(now - delay)
                     .unwrap_or_else(|| Moving::of(motion))
             };
-            each(self.model.sensors.observe(motion, past, now));
+            seen.push(sensors.observe(motion, past, now));
         }
+        Flown { seen, stride }
     }
 
-    fn true_start(&self, measured: &Motion<f64>) -> Motion<f64> {
+    /// How the motion came to be what it is at a start: how much earlier (s), and what was different then.
+    ///
+    /// The model flies backwards. What was measured then would do as well but for its noise, which is in the first
+    /// comparisons too: a sensor would seem late because that follows the noise.
+    fn past(&self, start: &Motion<f64>) -> Vec<(f64, [Vector3<f64>; 2])> {
+        let grid = self.stretch.grid;
+        let first = self.stretch.first;
+        let times = &self.track.times;
+        let delay = self.model.sensors.posture_delay;
+        let length = grid.frames() as f64;
+        let at = |frame: usize| {
+            let place = 2.0 * (frame as f64 - first as f64) / length - 1.0;
+            self.joints
+                .correct(&posture(self.track, frame as f64, delay), place)
+        };
+        let now = Moving::of(start);
+        let mut past = vec![(0.0, [Vector3::zeros(); 2])];
+        let mut state: Option<State<f64>> = None;
+        let mut frame = first;
+        while times[first] - times[frame] < LONGEST_DELAY && frame >= grid.stride {
+            let before = frame - grid.stride;
+            let duration = times[frame] - times[before];
+            let sample = self
+                .model
+                .dynamics
+                .between(&at(before), &at(frame), duration);
+            let inputs = self.model.inputs(&self.track.inputs[before]);
+            let from = state.unwrap_or_else(|| State::from_motion(start, &sample));
+            let then = self.model.dynamics.step(&from, &sample, &inputs, -duration);
+            let moving = Moving::of(&then.motion(&sample));
+            let change = [
+                moving.velocity.components - now.velocity.components,
+                moving.angular_velocity.components - now.angular_velocity.components,
+            ];
+            past.push((times[first] - times[before], change));
+            (state, frame) = (Some(then), before);
+        }
+        past
+    }
+
+    fn true_start(&self, measured: &Motion<f64>, past: &[(f64, [Vector3<f64>; 2])]) -> Motion<f64> {
         let time = self.track.times[self.stretch.first] - self.track.times[0];
         behind(measured, |start| {
-            let past = |delay: f64| self.around(start, -delay);
-            self.model.sensors.observe(start, past, time)
+            let now = Moving::of(start);
+            let at = |delay: f64| {
+                let after = past.partition_point(|(earlier, _)| *earlier < delay);
+                let (Some((late, from)), Some((early, to))) =
+                    (past.get(after), past.get(after.saturating_sub(1)))
+                else {
+                    return past.last().map_or(now, |(_, change)| shifted(&now, change));
+                };
+                let share = if late > early {
+                    (delay - early) / (late - early)
+                } else {
+                    0.0
+                };
+                shifted(&now, &[0, 1].map(|k| to[k] + (from[k] - to[k]) * share))
+            };
+            self.model.sensors.observe(start, at, time)
         })
     }
+}
 
-    /// The moving `later` (s) than at a start, as it goes on around the start. What was measured there is late itself.
-    fn around(&self, start: &Motion<f64>, later: f64) -> Moving<f64> {
-        let course = &self.stretch.course;
-        let sensors = &self.model.sensors;
-        let change = |late: f64| course.change(later + late) - course.change(late);
-        let (velocity, spin) = (change(sensors.velocity_latency), change(sensors.rate_lag));
-        let now = six(&Moving::of(start));
-        moving(&SVector::from_fn(|row, _| {
-            now[row] + if row < 3 { velocity[row] } else { spin[row] }
-        }))
+/// A moving that is otherwise by a velocity and an angular velocity.
+fn shifted(moving: &Moving<f64>, change: &[Vector3<f64>; 2]) -> Moving<f64> {
+    Moving {
+        velocity: Vector::from_components(moving.velocity.components + change[0]),
+        angular_velocity: Vector::from_components(moving.angular_velocity.components + change[1]),
     }
 }
 
@@ -220,24 +321,30 @@ impl Flown {
     /// What was measured less what is seen here, averaged.
     pub fn missing(&self, track: &Track, stretch: &Stretch) -> DVector<f64> {
         let measured = |k: usize| &track.measured[stretch.first + k * self.stride];
-        self.averaged(|k, seen| difference(measured(k), seen))
+        self.averaged(stretch.grid.window, |k, seen| difference(measured(k), seen))
     }
 
     /// What is seen here less what is seen in `other`, of the same stride, averaged.
-    pub fn less(&self, other: &Self) -> DVector<f64> {
-        self.averaged(|k, seen| difference(seen, &other.seen[k]))
+    pub fn less(&self, other: &Self, stretch: &Stretch) -> DVector<f64> {
+        self.averaged(stretch.grid.window, |k, seen| {
+            difference(seen, &other.seen[k])
+        })
     }
 
     /// The mean of the frames after the start of each window, linear between those that were flown.
-    fn averaged(&self, difference: impl Fn(usize, &Motion<f64>) -> Channels) -> DVector<f64> {
+    fn averaged(
+        &self,
+        window: usize,
+        difference: impl Fn(usize, &Motion<f64>) -> Channels,
+    ) -> DVector<f64> {
         let mut averages = DVector::zeros(NUMBERS);
         let stride = self.stride as f64;
-        let [early, late] = [stride - 1.0, stride + 1.0].map(|share| share / (2 * WINDOW) as f64);
+        let [early, late] = [stride - 1.0, stride + 1.0].map(|share| share / (2 * window) as f64);
         let mut before = Channels::zeros();
         for (k, seen) in self.seen.iter().enumerate() {
             let now = difference(k, seen);
             if let Some(interval) = k.checked_sub(1) {
-                let row = interval * self.stride / WINDOW;
+                let row = interval * self.stride / window;
                 let mut mean = averages.rows_mut(row * CHANNELS, CHANNELS);
                 mean += before * early + now * late;
             }

@@ -1,111 +1,36 @@
 //! How far simulation and measurement are apart: by channel, before and after, here and in flights held out, and where.
 
-use bodyflight_core::effect::Model;
+use bodyflight_core::dynamics::Motion;
 use nalgebra::DVector;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::effect_set::{EffectSet, extended};
-use super::fit::Data;
-use super::flown::Prepared;
-use super::linearization::Part;
-use super::nuisance::Nuisance;
-use super::stretch::{CHANNELS, Channels, Stretch};
-use super::track::Track;
+use super::effect_set::EffectSet;
+use super::linearization::{Belief, missing};
+use super::problem::{Fitted, Problem};
+use super::stretch::{CHANNELS, Channels};
 
 /// Root mean squares of the residuals by channel.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Gap {
-    /// Of the plain model.
+    /// Of the model as in the files.
     pub before: [f64; CHANNELS],
-    /// With the effects named.
+    /// With the effects named and with joints and subject adjusted.
     pub after: [f64; CHANNELS],
-    /// Where nothing is missing: noise, and what subject and joints have wrong.
+    /// What noise of the sensors and wander of the joints make.
     pub floor: [f64; CHANNELS],
     /// Share of the gap above the floor that was closed, all channels in units of their floor.
     pub closed_share: f64,
 }
 
-/// What the model misses in a stretch, joints and subject as in the files.
-pub(super) fn missing(track: &Track, stretch: &Stretch, model: &Model<f64>) -> DVector<f64> {
-    let flight = Prepared::new(track, stretch, model, &Nuisance::none(), 1);
-    flight.fly(&Channels::zeros()).missing(track, stretch)
-}
-
-/// Mean square of each channel.
-pub(super) fn mean_square(residuals: &[&DVector<f64>]) -> Channels {
-    let mut squares = Channels::zeros();
-    let mut count = 0.0;
-    for residual in residuals {
-        for row in residual.as_slice().chunks_exact(CHANNELS) {
-            squares += Channels::from_column_slice(row).map(|value| value * value);
-            count += 1.0;
-        }
-    }
-    if count > 0.0 {
-        squares / count
-    } else {
-        squares
-    }
-}
-
-impl Gap {
-    pub(super) fn of(data: &Data<'_>, effects: &EffectSet, floor: &Channels) -> Self {
-        let of = |model: &Model<f64>| {
-            let residuals: Vec<_> = data
-                .linearization
-                .parts
-                .par_iter()
-                .map(|(stretch, _)| missing(data.track, stretch, model))
-                .collect();
-            mean_square(&residuals.iter().collect::<Vec<_>>())
-        };
-        let (before, after) = (of(data.model), of(&extended(data.model, effects)));
-        let (mut open, mut left) = (0.0, 0.0);
-        for channel in 0..CHANNELS {
-            let least = floor[channel] * floor[channel];
-            open += (before[channel] / least - 1.0).max(0.0);
-            left += (after[channel] / least - 1.0).max(0.0);
-        }
-        let roots = |squares: &Channels| squares.map(f64::sqrt).into();
-        Self {
-            before: roots(&before),
-            after: roots(&after),
-            floor: (*floor).into(),
-            closed_share: if open > 0.0 { 1.0 - left / open } else { 0.0 },
-        }
-    }
-}
-
-/// What effects do in a flight that they were not fitted to.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct HeldOutGap {
-    /// Misfit of the plain model: sum of squares in deviations.
-    pub misfit_before: f64,
-    /// With the effects named.
-    pub misfit_after: f64,
-    /// What the misfit is where nothing is missing.
-    pub misfit_expected: f64,
-    /// By channel.
-    pub gap: Gap,
-}
-
-impl HeldOutGap {
-    /// Share of the misfit above that of noise which the effects take away, at most one.
-    pub fn closed_share(&self) -> f64 {
-        let above = (self.misfit_before - self.misfit_expected).max(1.0);
-        ((self.misfit_before - self.misfit_after) / above).min(1.0)
-    }
-}
-
-/// Where the plain model disagrees: one stretch.
+/// Where the model disagrees: one stretch.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Spot {
     /// Begin of the stretch (s).
     pub time_s: f64,
-    /// Root mean square of each channel over its floor, of the plain model.
+    /// Root mean square of each channel over its floor, of the model as in the files.
     pub over_floor: [f64; CHANNELS],
-    /// The same with the effects named.
+    /// The same with effects, joints and subject.
     pub over_floor_after: [f64; CHANNELS],
     /// Mean speed (m/s).
     pub speed_m_s: f64,
@@ -115,26 +40,86 @@ pub struct Spot {
     pub height_m: f64,
 }
 
-pub(super) fn map(data: &Data<'_>, effects: &EffectSet, floor: &Channels) -> Vec<Spot> {
-    let extended = extended(data.model, effects);
-    let spot = |(stretch, _): &Part| {
-        let track = data.track;
-        let over_floor = |model: &Model<f64>| -> [f64; CHANNELS] {
-            let squares = mean_square(&[&missing(track, stretch, model)]);
-            squares.map(f64::sqrt).component_div(floor).into()
+/// Mean square of each channel.
+fn mean_square(residuals: &[DVector<f64>]) -> Channels {
+    let mut squares = Channels::zeros();
+    let mut count = 0.0;
+    for residual in residuals {
+        for row in residual.as_slice().chunks_exact(CHANNELS) {
+            squares += Channels::from_column_slice(row).map(|value| value * value);
+            count += 1.0;
+        }
+    }
+    squares / f64::max(count, 1.0)
+}
+
+/// What a belief misses in all stretches.
+fn all_missing(problem: &Problem<'_>, belief: &Belief) -> Vec<DVector<f64>> {
+    let of = |stretch| missing(problem.track, stretch, &problem.plain, belief);
+    problem.stretches.par_iter().map(of).collect()
+}
+
+/// Mean variance of each channel that the errors make, without those of joints and subject that stay the same.
+fn floor(fitted: &Fitted) -> Channels {
+    let each: Vec<DVector<f64>> = fitted
+        .parts
+        .par_iter()
+        .filter_map(|part| {
+            let lower = part.covariance(&fitted.errors.sizes)?.l();
+            Some(DVector::from_iterator(
+                lower.nrows(),
+                lower.row_iter().map(|row| row.norm()),
+            ))
+        })
+        .collect();
+    mean_square(&each).map(f64::sqrt)
+}
+
+/// Gap of a flight with what was found, and where it is.
+pub fn gap(problem: &Problem<'_>, fitted: &Fitted, effects: &EffectSet) -> (Gap, Vec<Spot>) {
+    let belief = Belief {
+        effects: effects.clone(),
+        ..fitted.errors.belief(&fitted.belief)
+    };
+    let [before, after] = [&Belief::files(), &belief].map(|belief| all_missing(problem, belief));
+    let floor = floor(fitted);
+    let [squares_before, squares_after] = [&before, &after].map(|residuals| mean_square(residuals));
+    let (mut open, mut left) = (0.0, 0.0);
+    for channel in 0..CHANNELS {
+        let least = floor[channel].powi(2).max(1e-18);
+        open += (squares_before[channel] / least - 1.0).max(0.0);
+        left += (squares_after[channel] / least - 1.0).max(0.0);
+    }
+    let gap = Gap {
+        before: squares_before.map(f64::sqrt).into(),
+        after: squares_after.map(f64::sqrt).into(),
+        floor: floor.into(),
+        closed_share: if open > 0.0 {
+            (1.0 - left / open).max(0.0)
+        } else {
+            0.0
+        },
+    };
+    let track = problem.track;
+    let spots = problem.stretches.iter().zip(before.iter().zip(&after));
+    let spots = spots.map(|(stretch, (before, after))| {
+        let over = |residual: &DVector<f64>| -> [f64; CHANNELS] {
+            let squares = mean_square(core::slice::from_ref(residual));
+            squares.map(f64::sqrt).component_div(&floor).into()
         };
-        let motions = &track.measured[stretch.first..stretch.first + super::stretch::FRAMES];
-        let mean = |value: &dyn Fn(&bodyflight_core::dynamics::Motion<f64>) -> f64| {
+        let motions = &track.measured[stretch.first..stretch.first + stretch.grid.frames()];
+        let mean = |value: &dyn Fn(&Motion<f64>) -> f64| {
             motions.iter().map(value).sum::<f64>() / motions.len() as f64
         };
         Spot {
             time_s: track.times[stretch.first],
-            over_floor: over_floor(data.model),
-            over_floor_after: over_floor(&extended),
+            over_floor: over(before),
+            over_floor_after: over(after),
             speed_m_s: mean(&|motion| motion.velocity.components.norm()),
             turn_rad_s: mean(&|motion| motion.angular_velocity.components.norm()),
             height_m: mean(&|motion| motion.position.components.z),
         }
-    };
-    data.linearization.parts.iter().map(spot).collect()
+    });
+    let spots = spots.collect();
+    (gap, spots)
 }

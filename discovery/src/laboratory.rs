@@ -5,6 +5,7 @@
 //! times finer steps. So the model is never exactly right, and an effect has to be found beside all that.
 
 pub mod outside;
+mod suit;
 
 use bodyflight_core::body::mass_properties::PostureRate;
 use bodyflight_core::body::pattern::{self, JointAngles};
@@ -12,8 +13,6 @@ use bodyflight_core::dynamics::{Dynamics, Inputs, Motion, State};
 use bodyflight_core::effect::sensors::Moving;
 use bodyflight_core::effect::{Effect, Model, PARAMETER_COUNT};
 use bodyflight_core::frame::{Rotation, Vector};
-use bodyflight_core::math::small_rotation;
-use bodyflight_core::sensor_noise::SensorNoise;
 use bodyflight_core::{Posture, Segment};
 use nalgebra::{UnitQuaternion, Vector3};
 use rand::rngs::ChaCha8Rng;
@@ -23,12 +22,14 @@ use rand_distr::StandardNormal;
 use super::motion_history::MotionHistory;
 use super::track::Frame;
 use outside::Outside;
+pub use suit::JointErrors;
+use suit::{Scale, Suit};
 
 /// Frames a second.
 pub const FRAME_RATE: f64 = 240.0;
 
-/// Steps of the truth between two frames.
-const FINER: usize = 4;
+/// Steps of the truth between two frames at the usual rate.
+const FINER: f64 = 4.0;
 
 /// Height at the start (m, inertial).
 const START_HEIGHT: f64 = 4000.0;
@@ -51,6 +52,12 @@ pub struct Settings {
     pub duration: f64,
     /// Sensor noise and errors of subject and joints, as a share of the usual.
     pub noise: f64,
+    /// Sensor noise as a share of what `noise` makes of it.
+    pub sensor_noise: f64,
+    /// What the suit has wrong with the joints, before `noise` scales it.
+    pub joints: JointErrors,
+    /// Frames a second.
+    pub rate: f64,
 }
 
 impl Default for Settings {
@@ -59,15 +66,15 @@ impl Default for Settings {
             seed: 0,
             duration: 40.0,
             noise: 1.0,
+            sensor_noise: 1.0,
+            joints: JointErrors::default(),
+            rate: FRAME_RATE,
         }
     }
 }
 
 /// Deviation of mass, inertia and each area of the body flown from the body in the files (share).
 pub const SUBJECT_DEVIATION: f64 = 0.03;
-
-/// Calibration error of each joint about each axis (rad): 2 degrees in all.
-pub const JOINT_DEVIATION: f64 = 0.02;
 
 /// A strength of an effect that can be hidden: a share of its plausible range, between 40 and 80 % by the seed where
 /// none is given; either way where it has two.
@@ -184,8 +191,15 @@ pub fn fly(
             let _ = effect.apply(values, &mut model);
         }
     }
-    let mut suit = Suit::new(random, settings.noise);
-    let (flown, history) = truth(&model, &script, inputs, hidden, settings.duration);
+    let mut suit = Suit::new(
+        random,
+        &settings.joints,
+        Scale {
+            errors: settings.noise,
+            sensors: settings.noise * settings.sensor_noise,
+        },
+    );
+    let (flown, history) = truth(&model, &script, inputs, hidden, settings);
     // Sensors may be late by any time, so they see the flight when it is over.
     let frames = flown.iter().map(|(time, motion)| {
         let past = |delay: f64| {
@@ -206,15 +220,16 @@ fn truth(
     script: &Script,
     inputs: &Inputs<f64>,
     hidden: &[Hidden],
-    duration: f64,
+    settings: &Settings,
 ) -> (Vec<(f64, Motion<f64>)>, MotionHistory) {
-    let step = 1.0 / (FRAME_RATE * FINER as f64);
+    let finer = (FINER * FRAME_RATE / settings.rate).round().max(1.0);
+    let step = 1.0 / (settings.rate * finer);
     let inputs = model.inputs(inputs);
     let mut state = State::from_motion(&start(), &model.dynamics.hold(&script.posture(0.0)));
     let mut flown = Vec::new();
     let mut history = MotionHistory::default();
     let mut time = 0.0;
-    while time <= duration {
+    while time <= settings.duration {
         let rate = PostureRate::between(
             &script.posture(time - step),
             &script.posture(time + step),
@@ -224,8 +239,10 @@ fn truth(
         let motion = state.motion(&sample);
         history.push(time, Moving::of(&motion));
         flown.push((time, motion));
-        for k in 0..FINER {
-            let now = time + step * k as f64;
+        let mut part = 0.0;
+        while part < finer {
+            let now = time + step * part;
+            part += 1.0;
             let interval =
                 model
                     .dynamics
@@ -237,7 +254,7 @@ fn truth(
                 }
             }
         }
-        time = flown.len() as f64 / FRAME_RATE;
+        time = flown.len() as f64 / settings.rate;
     }
     (flown, history)
 }
@@ -262,60 +279,5 @@ fn perturb(dynamics: &mut Dynamics<f64>, random: &mut ChaCha8Rng, noise: f64) {
         segment.mass *= mass;
         segment.inertia *= mass * inertia;
         segment.area *= factor();
-    }
-}
-
-/// The suit with its errors.
-struct Suit {
-    random: ChaCha8Rng,
-    /// Of each segment's joint: constant.
-    joint_errors: Vec<UnitQuaternion<f64>>,
-    noise: SensorNoise,
-}
-
-impl Suit {
-    /// A suit with errors and noise as a share of the usual.
-    fn new(random: ChaCha8Rng, share: f64) -> Self {
-        let mut suit = Self {
-            random,
-            joint_errors: Vec::new(),
-            noise: SensorNoise::PAPER.scaled(share),
-        };
-        suit.joint_errors = Segment::ALL
-            .iter()
-            .map(|_| small_rotation(&suit.vector([JOINT_DEVIATION * share; 3])))
-            .collect();
-        suit
-    }
-
-    /// Random numbers of these standard deviations.
-    fn vector(&mut self, deviations: [f64; 3]) -> Vector3<f64> {
-        Vector3::from(deviations.map(|d| self.random.sample::<f64, _>(StandardNormal) * d))
-    }
-
-    /// What is recorded of a posture and a motion.
-    fn recorded(&mut self, time: f64, posture: &Posture<f64>, motion: &Motion<f64>) -> Frame {
-        let mut recorded = *posture;
-        for (&segment, error) in Segment::ALL.iter().zip(&self.joint_errors) {
-            recorded.set(segment, posture.parent_from_segment(segment) * error);
-        }
-        let noise = self.noise;
-        let turn = small_rotation(&self.vector([noise.attitude; 3]));
-        let inertial_from_body =
-            Rotation::from_quaternion(motion.inertial_from_body.quaternion() * turn);
-        let spin = motion.angular_velocity.components + self.vector([noise.angular_velocity; 3]);
-        let horizontal = noise.horizontal_velocity;
-        let velocity = motion.velocity_inertial().components
-            + self.vector([horizontal, horizontal, noise.vertical_velocity]);
-        Frame {
-            time,
-            posture: recorded,
-            motion: Motion {
-                inertial_from_body,
-                position: motion.position,
-                velocity: inertial_from_body.inverse() * Vector::from_components(velocity),
-                angular_velocity: Vector::from_components(spin),
-            },
-        }
     }
 }

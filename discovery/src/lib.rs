@@ -2,36 +2,34 @@
 //! missing, and how much of the gap it closes.
 //!
 //! Flights come in memory and reports go out; files, figures and commands are the host's. The steps, one file each:
-//! the flight ([`track`]), whether its sensors agree with one another ([`check`]), short free runs and their residuals
-//! ([`stretch`]), what each effect would change in them and what may be wrong without being one ([`linearization`],
-//! [`nuisance`]), effects fitted to them ([`fit`]), flights in which nothing is missing (`null_distribution`), the
-//! choice of an effect (`choice`), and the [`search`] that strings them together. [`point`] does without postures, and
-//! [`laboratory`] flies what is to be found.
+//! the flight ([`track`]) and how noisy its sensors are ([`recorded_noise`]), short free runs and their residuals
+//! ([`stretch`], [`flown`]), what everything that may be wrong changes in them ([`linearization`], [`nuisance`]), how
+//! large the errors are that are wrong in this flight ([`error_model`], [`problem`]), which effect makes the flights
+//! likelier ([`contest`]), what is left ([`remainder`]) and what files have wrong ([`adjustment`]). The [`search`]
+//! strings them together. [`point`] does without postures, and [`laboratory`] flies what is to be found.
 #![forbid(unsafe_code)]
 
-pub mod check;
-mod choice;
+pub mod adjustment;
+pub mod contest;
 mod criteria;
 pub mod effect_set;
 pub mod error;
-pub mod fit;
+pub mod error_model;
+pub mod error_prior;
 pub mod flown;
 pub mod gap;
-mod held_out;
 pub mod laboratory;
 pub mod linearization;
-pub mod momentum;
 pub mod motion_history;
 pub mod normal_equations;
 pub mod nuisance;
-mod null_distribution;
 pub mod point;
+pub mod problem;
 pub mod progress;
-mod race;
-pub mod regime;
+pub mod recorded_noise;
+pub mod remainder;
 pub mod report;
 pub mod search;
-pub mod stability;
 pub mod statistics;
 pub mod stretch;
 #[cfg(test)]
@@ -39,3 +37,4 @@ mod test_subject;
 #[cfg(test)]
 mod tests;
 pub mod track;
+mod verdict;

@@ -1,202 +1,253 @@
-//! The search linearized about effects and nuisances: residuals of all stretches, and what each parameter of an effect
-//! and each nuisance would change in them.
+//! The linear problem of a stretch: what it misses, and what everything that may be wrong would change in it.
 //!
-//! Every column is a difference of two flights of the model, so an effect needs no code here. Columns and
-//! residuals are whitened by the noise of sensors and starts.
+//! Every column is a difference of two flights of the model, so an effect needs no code here.
 
 use bodyflight_core::effect::Model;
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
-use rayon::prelude::*;
+use nalgebra::{DMatrix, DVector, Vector3};
 
 use super::effect_set::{EffectSet, ParameterId, changed, extended};
-use super::flown::{COARSE, Flown, Prepared};
-use super::normal_equations::NuisanceColumns;
-use super::nuisance::{COUNT, Nuisance};
-use super::stretch::{Channels, NUMBERS, Stretch, start_deviation, variance};
+use super::flown::{Flown, Prepared, Push, Steps};
+use super::nuisance::{Angles, GYRO, JOINTS, JointErrors, SUBJECT, Subject, bend, legendre};
+use super::stretch::{CHANNELS, Channels, NUMBERS, ROWS, Stretch};
 use super::track::Track;
 
-/// Whitened numbers of one stretch.
-#[derive(Clone)]
-pub struct Block {
-    /// What each parameter asked for changes.
+/// What is believed of everything that may be wrong: where the problem is linear around.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Belief {
+    /// Effects.
+    pub effects: EffectSet,
+    /// Subject and sensors.
+    pub subject: Subject,
+    /// Calibration of the joints, and their error with the bend.
+    pub joints: JointErrors,
+}
+
+impl Belief {
+    /// All is as in the files.
+    pub fn files() -> Self {
+        Self {
+            effects: EffectSet::new(),
+            subject: Subject::as_in_file(),
+            joints: JointErrors::none(),
+        }
+    }
+
+    /// The model.
+    pub fn model(&self, plain: &Model<f64>) -> Model<f64> {
+        self.subject.of(&extended(plain, &self.effects))
+    }
+}
+
+/// Everything linear of a stretch.
+#[derive(Debug, Clone)]
+pub struct Columns {
+    /// Measured less flown.
+    pub missing: DVector<f64>,
+    /// Of the start, by channel.
+    pub start: DMatrix<f64>,
+    /// Of the joints, by degree of their course over the stretch.
+    pub joints: [DMatrix<f64>; 3],
+    /// Of a share of the bend of the joints.
+    pub bend: DMatrix<f64>,
+    /// Of scale and misalignment of the gyroscope.
+    pub gyro: DMatrix<f64>,
+    /// Of subject and sensors.
+    pub subject: DMatrix<f64>,
+    /// Of a force in each window, three axes each.
+    pub force: DMatrix<f64>,
+    /// Of a moment in each window.
+    pub moment: DMatrix<f64>,
+    /// Of effects.
     pub effects: DMatrix<f64>,
-    /// What each nuisance changes.
-    pub nuisances: NuisanceColumns,
-    /// The whitening.
-    whitening: Cholesky<f64, Dyn>,
-    /// Measured less flown in all frames.
-    missing: DVector<f64>,
-    /// Flown in long steps.
-    flown: Flown,
 }
 
-/// A stretch with its numbers.
-pub type Part = (Stretch, Block);
+/// Steps of the differences.
+const START_STEP: [f64; CHANNELS] = [0.003, 0.003, 0.003, 0.01, 0.01, 0.01, 0.1, 0.1, 0.1];
+const JOINT_STEP: f64 = 0.02;
+const SUBJECT_STEP: f64 = 0.01;
+const FORCE_STEP: f64 = 10.0;
+const MOMENT_STEP: f64 = 3.0;
 
-/// The problem linearized about a model with effects, and about what joints and subject have wrong.
-#[derive(Clone)]
-pub struct Linearization {
-    /// All stretches but those whose noise has no covariance.
-    pub parts: Vec<Part>,
-    /// What joints and subject have wrong there.
-    pub nuisance: Nuisance,
+fn collected(count: usize, column: impl Fn(usize) -> DVector<f64>) -> DMatrix<f64> {
+    let mut matrix = DMatrix::zeros(NUMBERS, count);
+    for k in 0..count {
+        matrix.set_column(k, &column(k));
+    }
+    matrix
 }
 
-impl Linearization {
-    /// About `effects` and `nuisance`, with columns for some parameters.
+impl Columns {
+    /// All of them; none where a flight has no numbers.
     pub fn new(
-        track: &Track,
-        plain: &Model<f64>,
-        stretches: Vec<Stretch>,
-        (effects, nuisance): (&EffectSet, &Nuisance),
-        parameters: &[ParameterId],
-    ) -> Self {
-        let parts = stretches.into_par_iter().filter_map(|stretch| {
-            let block = Block::new(track, &stretch, plain, (effects, nuisance), parameters)?;
-            Some((stretch, block))
-        });
-        Self {
-            parts: parts.collect(),
-            nuisance: nuisance.clone(),
-        }
-    }
-
-    /// The same problem, where another flight was measured that is `beyond` what was flown here, by stretch; without
-    /// columns of effects, and with nothing wrong.
-    pub fn measuring(&self, beyond: &[DVector<f64>]) -> Self {
-        let part = |((stretch, block), missing): (&Part, &DVector<f64>)| {
-            let block = Block {
-                effects: DMatrix::zeros(NUMBERS, 0),
-                nuisances: block.nuisances.clone(),
-                whitening: block.whitening.clone(),
-                missing: missing.clone(),
-                flown: block.flown.clone(),
-            };
-            (stretch.clone(), block)
-        };
-        Self {
-            parts: self.parts.iter().zip(beyond).map(part).collect(),
-            nuisance: Nuisance::none(),
-        }
-    }
-}
-
-impl Block {
-    fn new(
         track: &Track,
         stretch: &Stretch,
         plain: &Model<f64>,
-        (effects, nuisance): (&EffectSet, &Nuisance),
+        belief: &Belief,
         parameters: &[ParameterId],
     ) -> Option<Self> {
-        let none = Channels::zeros();
-        let model = extended(plain, effects);
-        let base = Prepared::new(track, stretch, &model, nuisance, COARSE);
-        // The start is free within what smoothing leaves: it adds to the noise.
-        let flown = base.fly(&none);
-        let mut covariance = DMatrix::from_diagonal(&variance());
-        for (channel, deviation) in start_deviation().iter().enumerate() {
-            let mut start = none;
-            start[channel] = *deviation;
-            let column = base.fly(&start).less(&flown);
-            covariance += &column * column.transpose();
-        }
-        let whitening = covariance.cholesky()?;
-        let mut nuisances = DMatrix::zeros(NUMBERS, COUNT);
-        for k in 0..COUNT {
-            let other = base.changed_to(&model, &nuisance.with(k)).fly(&none);
-            nuisances.set_column(k, &white(&whitening, other.less(&flown)));
-        }
-        let fine = Prepared::new(track, stretch, &model, nuisance, 1).fly(&none);
-        let mut block = Self {
-            effects: DMatrix::zeros(NUMBERS, 0),
-            nuisances: nuisances.into(),
-            whitening,
-            missing: fine.missing(track, stretch),
-            flown,
-        };
-        block.effects = block.columns(
-            (&base, &block.flown),
-            plain,
-            (effects, nuisance),
-            parameters,
+        let still = Channels::zeros();
+        let base = Prepared::new(
+            track,
+            stretch,
+            &belief.model(plain),
+            &belief.joints,
+            Steps::Long,
         );
-        Some(block)
-    }
-
-    /// Residual of a stretch in another model, whitened: that of here, flown in all frames, less what changes.
-    pub fn residual(&self, flown: &Flown) -> DVector<f64> {
-        self.white(&self.missing - flown.less(&self.flown))
-    }
-
-    /// What single parameters change in a flight with `effects` and `nuisance`, which was flown, whitened.
-    pub fn columns(
-        &self,
-        (flight, flown): (&Prepared<'_>, &Flown),
-        plain: &Model<f64>,
-        (effects, nuisance): (&EffectSet, &Nuisance),
-        parameters: &[ParameterId],
-    ) -> DMatrix<f64> {
-        let mut columns = DMatrix::zeros(NUMBERS, parameters.len());
-        let none = Channels::zeros();
-        for (k, id) in parameters.iter().enumerate() {
-            let (other, size) = changed(plain, effects, *id);
-            let column = flight.changed_to(&other, nuisance).fly(&none).less(flown) / size;
-            columns.set_column(k, &self.white(column));
-        }
-        columns
-    }
-
-    /// A residual in deviations.
-    fn white(&self, residual: DVector<f64>) -> DVector<f64> {
-        white(&self.whitening, residual)
-    }
-
-    /// Noise of sensors and start with the given deviations.
-    pub fn noise(&self, deviations: &DVector<f64>) -> DVector<f64> {
-        self.whitening.l() * deviations
-    }
-}
-
-fn white(whitening: &Cholesky<f64, Dyn>, mut residual: DVector<f64>) -> DVector<f64> {
-    whitening
-        .l_dirty()
-        .solve_lower_triangular_mut(&mut residual);
-    residual
-}
-
-/// A flight in which joints and subject are wrong, by stretch.
-pub struct PerturbedFlight {
-    /// Less the flight of the body in the files.
-    pub beyond_files: Vec<DVector<f64>>,
-    /// Less the flight about which the problem is linearized.
-    pub beyond_linearization: Vec<DVector<f64>>,
-}
-
-/// Flights in a model in which joints and subject have each of `nuisances` wrong.
-pub fn flown_with(
-    track: &Track,
-    linearization: &Linearization,
-    model: &Model<f64>,
-    nuisances: &[Nuisance],
-) -> Vec<PerturbedFlight> {
-    let fly = |nuisance: &Nuisance| -> Vec<Flown> {
-        let of_stretch = |(stretch, _): &Part| {
-            Prepared::new(track, stretch, model, nuisance, COARSE).fly(&Channels::zeros())
+        let flown = base.fly(&still, None);
+        let change = |other: &Flown, size: f64| other.less(&flown, stretch) / size;
+        let start = collected(CHANNELS, |k| {
+            let mut by = still;
+            by[k] = START_STEP[k];
+            change(&base.fly(&by, None), START_STEP[k])
+        });
+        let joints = [0, 1, 2].map(|degree| {
+            collected(JOINTS, |k| {
+                let mut joints = belief.joints.clone();
+                joints.course[degree][k] += JOINT_STEP;
+                change(&base.with_joints(&joints).fly(&still, None), JOINT_STEP)
+            })
+        });
+        let bends = bends(track, stretch);
+        let bend = collected(JOINTS, |k| {
+            let parts = joints.iter().zip(&bends);
+            parts.map(|(matrix, bend)| matrix.column(k) * bend[k]).sum()
+        });
+        let effects = extended(plain, &belief.effects);
+        let subject = collected(SUBJECT, |k| {
+            let mut subject = belief.subject.clone();
+            subject.0[k] += SUBJECT_STEP;
+            let subject = subject.possible();
+            let step = subject.0[k] - belief.subject.0[k];
+            if step == 0.0 {
+                return DVector::zeros(NUMBERS);
+            }
+            change(
+                &base.changed_to(&subject.of(&effects)).fly(&still, None),
+                step,
+            )
+        });
+        let pushed = |force: f64, moment: f64| {
+            collected(3 * ROWS, |k| {
+                let mut axis = Vector3::zeros();
+                axis[k % 3] = 1.0;
+                let push = Push {
+                    window: k / 3,
+                    force: axis * force,
+                    moment: axis * moment,
+                };
+                change(&base.fly(&still, Some(push)), force + moment)
+            })
         };
-        linearization.parts.iter().map(of_stretch).collect()
-    };
-    let files = fly(&Nuisance::none());
-    let flown = nuisances.par_iter().map(|nuisance| {
-        let flown = fly(nuisance);
-        let beyond = flown.iter().zip(&files).zip(&linearization.parts);
-        let (beyond_files, beyond_linearization) = beyond
-            .map(|((flown, files), (_, block))| (flown.less(files), flown.less(&block.flown)))
-            .unzip();
-        PerturbedFlight {
-            beyond_files,
-            beyond_linearization,
+        let columns = Self {
+            missing: missing(track, stretch, plain, belief),
+            gyro: gyro(track, stretch, &start),
+            start,
+            joints,
+            bend,
+            subject,
+            force: pushed(FORCE_STEP, 0.0),
+            moment: pushed(0.0, MOMENT_STEP),
+            effects: effect_columns(stretch, plain, belief, parameters, (&base, &flown)),
+        };
+        columns.is_finite().then_some(columns)
+    }
+
+    fn is_finite(&self) -> bool {
+        let finite = |matrix: &DMatrix<f64>| matrix.iter().all(|value| value.is_finite());
+        let others = [
+            &self.start,
+            &self.bend,
+            &self.subject,
+            &self.force,
+            &self.moment,
+            &self.effects,
+        ];
+        self.missing.iter().all(|value| value.is_finite())
+            && others.into_iter().chain(&self.joints).all(finite)
+    }
+}
+
+/// What the model misses in a stretch.
+pub fn missing(
+    track: &Track,
+    stretch: &Stretch,
+    plain: &Model<f64>,
+    belief: &Belief,
+) -> DVector<f64> {
+    let model = belief.model(plain);
+    let flight = Prepared::new(track, stretch, &model, &belief.joints, Steps::Short);
+    flight.fly(&Channels::zeros(), None).missing(track, stretch)
+}
+
+/// What is missing and what some parameters change, the last column what is missing.
+pub fn effects_and_missing(
+    track: &Track,
+    stretch: &Stretch,
+    plain: &Model<f64>,
+    belief: &Belief,
+    parameters: &[ParameterId],
+) -> DMatrix<f64> {
+    let base = Prepared::new(
+        track,
+        stretch,
+        &belief.model(plain),
+        &belief.joints,
+        Steps::Long,
+    );
+    let flown = base.fly(&Channels::zeros(), None);
+    let columns = effect_columns(stretch, plain, belief, parameters, (&base, &flown));
+    let mut columns = columns.insert_column(parameters.len(), 0.0);
+    columns.set_column(parameters.len(), &missing(track, stretch, plain, belief));
+    columns
+}
+
+fn effect_columns(
+    stretch: &Stretch,
+    plain: &Model<f64>,
+    belief: &Belief,
+    parameters: &[ParameterId],
+    (base, flown): (&Prepared<'_>, &Flown),
+) -> DMatrix<f64> {
+    collected(parameters.len(), |k| {
+        let (other, size) = changed(plain, &belief.effects, parameters[k]);
+        let flight = base.changed_to(&belief.subject.of(&other));
+        flight.fly(&Channels::zeros(), None).less(flown, stretch) / size
+    })
+}
+
+/// What a gyroscope measures too much, by the element of its matrix; also at the start.
+fn gyro(track: &Track, stretch: &Stretch, start: &DMatrix<f64>) -> DMatrix<f64> {
+    let window = stretch.grid.window;
+    let spin = |frame: usize| track.measured[frame].angular_velocity.components;
+    collected(GYRO, |k| {
+        let (to, from) = (k / 3, k % 3);
+        let first = stretch.start.angular_velocity.components[from];
+        let mut column = start.column(3 + to) * -first;
+        for row in 0..ROWS {
+            let begin = stretch.first + row * window + 1;
+            let mean = (begin..begin + window)
+                .map(|frame| spin(frame)[from])
+                .sum::<f64>();
+            column[row * CHANNELS + 3 + to] += mean / window as f64;
         }
-    });
-    flown.collect()
+        column
+    })
+}
+
+/// How far the joints are bent over a stretch, by degree.
+fn bends(track: &Track, stretch: &Stretch) -> [Angles; 3] {
+    let mut bends = [Angles::zeros(); 3];
+    let mut norms = [0.0; 3];
+    for k in 0..=ROWS {
+        let bend = bend(&track.postures[stretch.first + k * stretch.grid.window]);
+        let polynomials = legendre(2.0 * k as f64 / ROWS as f64 - 1.0);
+        for ((sum, norm), value) in bends.iter_mut().zip(&mut norms).zip(polynomials) {
+            *sum += bend * value;
+            *norm += value * value;
+        }
+    }
+    for (sum, norm) in bends.iter_mut().zip(norms) {
+        *sum /= norm;
+    }
+    bends
 }

@@ -3,12 +3,12 @@
 use bodyflight_core::effect::{Effect, PARAMETER_COUNT};
 use serde::{Serialize, Serializer};
 
-use super::check::{Check, Finding};
+use super::adjustment::{Adjustment, JointCalibration};
 use super::effect_set::EffectSet;
-use super::gap::{Gap, HeldOutGap, Spot};
-use super::momentum::Missing;
-use super::regime::{Companion, Regime};
-use super::stability::Whiteness;
+use super::error_model::PUSH;
+use super::gap::{Gap, Spot};
+use super::problem::{Fitted, Problem};
+use super::remainder::Remainder;
 use super::stretch::CHANNELS;
 
 /// Names of the channels, with units.
@@ -30,8 +30,12 @@ pub const CHANNEL_NAMES: [&str; CHANNELS] = [
 pub enum Outcome {
     /// Effects were found that explain the disagreement.
     Named,
-    /// Model and data agree to the noise.
+    /// Model and data agree to the noise, as the files are.
     None,
+    /// Model and data agree once joints, subject and coefficients are adjusted within their tolerances.
+    Calibrated,
+    /// A load that is not in the library explains the disagreement.
+    Described,
     /// There is a disagreement, and nothing in the library explains it.
     Unexplained,
     /// Not enough excitation to tell effects apart.
@@ -145,18 +149,6 @@ impl Named {
         }
     }
 
-    /// An error of a sensor that the data alone show.
-    pub(super) fn by_check(check: &Check) -> Self {
-        // Of sensors against one another, with no physics between them.
-        let evidence = Evidence {
-            deviations: check.deviations,
-            chance: None,
-            stability: None,
-            explains: 0.0,
-        };
-        Self::new(check.effect, evidence, Vec::new()).with_parameters(&check.values, &check.errors)
-    }
-
     /// With its parameters and their standard errors.
     pub(super) fn with_parameters(
         self,
@@ -175,37 +167,51 @@ impl Named {
             ..self
         }
     }
-
-    pub(super) const fn effect(&self) -> Effect {
-        self.effect
-    }
 }
 
-/// An error of a sensor that the data alone show, rule out, or do not decide.
+/// How large the errors of a flight were found to be.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Checked {
-    /// Name of the effect.
-    pub name: &'static str,
-    /// What came of it.
-    pub finding: Finding,
-    /// Parameters by name.
-    #[serde(serialize_with = "as_map")]
-    pub parameters: Vec<(&'static str, f64)>,
-    /// Their standard errors.
-    #[serde(serialize_with = "as_map")]
-    pub standard_errors: Vec<(&'static str, f64)>,
+pub struct ErrorSizes {
+    /// Noise of single frames: attitude (rad), angular velocity (rad/s), horizontal and vertical velocity (m/s).
+    pub sensors: [f64; 4],
+    /// The same as neighbouring frames of the recording show it.
+    pub sensors_recorded: [f64; 4],
+    /// Calibration of a joint about an axis (degrees).
+    pub joint_calibration_deg: f64,
+    /// Wander of a joint about an axis, root mean square (degrees).
+    pub joint_wander_deg: f64,
+    /// Error of a joint with its bend (share).
+    pub joint_bend: f64,
+    /// Moment and force that push, each tenth of a second for itself (N m, N).
+    pub pushes: [f64; 2],
+    /// Misfit with these errors, by the number of what is compared: one where they are right.
+    pub misfit: f64,
 }
 
-impl Checked {
-    fn of(check: &Check) -> Self {
-        let named = Named::by_check(check);
+impl ErrorSizes {
+    pub(super) fn new(problem: &Problem<'_>, fitted: &Fitted) -> Self {
+        let errors = &fitted.errors;
         Self {
-            name: named.name,
-            finding: check.finding,
-            parameters: named.parameters,
-            standard_errors: named.standard_errors,
+            sensors: core::array::from_fn(|k| errors.sizes[k].sqrt()),
+            sensors_recorded: problem.noise,
+            joint_calibration_deg: errors.spread.calibration.to_degrees(),
+            joint_wander_deg: errors.wander().to_degrees(),
+            joint_bend: errors.spread.bend,
+            pushes: PUSH.map(|k| errors.sizes[k].sqrt()),
+            misfit: errors.misfit(),
         }
     }
+}
+
+/// A flight that effects were not fitted to.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct HeldOut {
+    /// By how much the effects named raise the logarithm of its likelihood.
+    pub gain: f64,
+    /// By channel.
+    pub gap: Gap,
+    /// What is left in it.
+    pub remainder: Remainder,
 }
 
 /// What discovery found.
@@ -217,70 +223,30 @@ pub struct Report {
     pub effects: Vec<Named>,
     /// What came nearest where the verdict is not `named`; not in the model.
     pub nearest: Vec<Named>,
-    /// Share of what there was to explain that effects or nearest explain.
+    /// Share of what can be explained at all that the effects explain.
     pub explained: f64,
-    /// Deviations by which the misfit of the plain model is beyond that of flights in which nothing is missing.
-    pub disagreement: f64,
-    /// Gap of the flight.
+    /// Misfit of the model as in the files with the noise of the sensors alone, by the number of what is compared.
+    pub misfit_unadjusted: f64,
+    /// Errors of the flights, each.
+    pub errors: Vec<ErrorSizes>,
+    /// What subject, coefficients and sensors have wrong, what is worth most first.
+    pub adjustments: Vec<Adjustment>,
+    /// Joints whose calibration is off, the surest first.
+    pub joints: Vec<JointCalibration>,
+    /// Gap of the (first) flight.
     pub gap: Gap,
-    /// Gaps of the flights held out.
-    pub held_out: Vec<HeldOutGap>,
-    /// Where the plain model disagrees.
+    /// Flights held out.
+    pub held_out: Vec<HeldOut>,
+    /// Where the model disagrees.
     pub residual_map: Vec<Spot>,
-    /// In which regime.
-    pub regimes: Vec<Regime>,
-    /// Force and moment that the plain model misses, by the balance of momentum.
-    pub momentum: Vec<Missing>,
-    /// The same with the effects.
-    pub momentum_after: Vec<Missing>,
-    /// What goes with what is still missing: the signature of something that the library does not have.
-    pub signature: Vec<Companion>,
-    /// Whether what is left is noise.
-    pub whiteness: Whiteness,
-    /// What sensors say of one another.
-    pub checks: Vec<Checked>,
+    /// What is left of the flights, each.
+    pub remainders: Vec<Remainder>,
+    /// What to fly next, in words.
+    pub fly_next: String,
     /// The effects as in `model.toml`.
     pub model: Vec<ByName>,
-}
-
-pub(super) struct Parts {
-    pub(super) outcome: Outcome,
-    pub(super) named: Vec<Named>,
-    pub(super) explained: f64,
-    pub(super) disagreement: f64,
-    pub(super) gap: Gap,
-    pub(super) held_out: Vec<HeldOutGap>,
-    pub(super) map: Vec<Spot>,
-    pub(super) regimes: Vec<Regime>,
-    pub(super) momentum: [Vec<Missing>; 2],
-    pub(super) signature: Vec<Companion>,
-    pub(super) whiteness: Whiteness,
-    pub(super) effects: EffectSet,
-    pub(super) checks: Vec<Check>,
-}
-
-impl Report {
-    pub(super) fn new(parts: Parts) -> Self {
-        let [momentum, momentum_after] = parts.momentum;
-        let (effects, nearest) = parts.outcome.split(parts.named);
-        Self {
-            verdict: parts.outcome,
-            effects,
-            nearest,
-            explained: parts.explained,
-            disagreement: parts.disagreement,
-            gap: parts.gap,
-            held_out: parts.held_out,
-            residual_map: parts.map,
-            regimes: parts.regimes,
-            momentum,
-            momentum_after,
-            signature: parts.signature,
-            whiteness: parts.whiteness,
-            checks: parts.checks.iter().map(Checked::of).collect(),
-            model: model_of(&parts.effects),
-        }
-    }
+    /// What tolerance and flights together say of mass and coefficients, as effects of a `model.toml`.
+    pub corrections: Vec<ByName>,
 }
 
 /// An effect with its parameters, by their names in files.

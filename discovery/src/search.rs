@@ -1,34 +1,31 @@
-//! The search: an effect gets a name where it is significant over flights drawn from the plain model, helps in
-//! stretches that it was not fitted to, and explains most of what there is to explain.
+//! The search: errors are estimated, and an effect gets a name where the flights are much more likely with it than
+//! without, those held out too.
 
-use bodyflight_core::effect::{Effect, Model, PARAMETER_COUNT};
+use bodyflight_core::effect::Effect;
 
-use super::check::{self, Check, Finding};
-use super::choice::{Choice, Contest, next, pruned};
-use super::criteria::{DISAGREES, EXPLAINS};
-use super::effect_set::{EffectSet, all_parameters, extended};
+use super::contest::{Candidate, Scene};
+use super::effect_set::EffectSet;
 use super::error::{Error, Result};
-use super::fit::{Data, Fit};
-use super::gap::{self, Gap, HeldOutGap};
-use super::held_out::HeldOut;
-use super::linearization::Linearization;
-use super::momentum::balance;
-use super::nuisance::Nuisance;
-use super::null_distribution::NullDistribution;
+use super::error_model::{Components, Errors};
+use super::linearization::Belief;
+use super::nuisance::Tolerances;
+use super::problem::{Fitted, Problem};
 use super::progress::{Progress, begin};
-use super::regime;
-use super::report::{self, Named, Outcome, Report, share_explained};
-use super::stability::{Parts, Whiteness};
-use super::stretch::stretches;
+use super::remainder::without_push;
+use super::report::{Report, Rival};
+use super::statistics::quantile_of_sorted;
+use super::stretch::NUMBERS;
 use super::track::Track;
 
 /// How to look.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settings {
     /// Most effects that are named.
     pub max_effects: usize,
-    /// Seed of the flights that are drawn.
+    /// Seed of what is drawn.
     pub seed: u64,
+    /// What suit, subject and sensors may have wrong.
+    pub tolerances: Tolerances,
 }
 
 impl Default for Settings {
@@ -36,273 +33,374 @@ impl Default for Settings {
         Self {
             max_effects: 3,
             seed: 1,
+            tolerances: Tolerances::default(),
         }
     }
 }
 
-/// Share of what a flight held out leaves beyond noise that the effects named must close there: what only fits one
-/// flight is not it.
-const CLOSES: f64 = 0.5;
+/// Shortest flight that is judged (stretches, s).
+const SHORTEST: usize = 2;
+const LEAST_S: f64 = 4.0;
 
-/// Shortest flight that is judged (stretches).
-const LEAST_STRETCHES: usize = 20;
+/// Deviations beyond those of the best effect in a hundred draws of chance that a name needs, and at least so many.
+const BEYOND_CHANCE: f64 = 1.0;
+const LEAST: f64 = 4.5;
+/// Without a flight held out.
+const LEAST_ALONE: f64 = 7.0;
 
-/// Looks for what the model misses in a flight.
+/// Gain that a flight held out must have, and all flights together after what parameters cost.
+const VOTE: f64 = 2.0;
+const ALL_TOGETHER: f64 = 12.0;
+
+/// Effects that are given up before the search is.
+const TRIED: usize = 3;
+
+/// Fits of errors beside an effect, and how far the effect moves at last (standard errors).
+const ROUNDS: usize = 5;
+const SETTLED: f64 = 0.4;
+
+/// How strong an effect is at first, by the strength that it has to first order.
+const STARTS: [f64; 2] = [1.0, 2.2];
+
+/// Share of half the plausible range from which on an effect matters.
+const MATERIAL: f64 = 0.02;
+
+/// Looks for what the model misses in some flights of one subject; `held_out` are not fitted, but have a vote.
 ///
 /// # Errors
-/// Returns an error if the flight is too short to be judged, or if the search was cancelled.
+/// Returns an error if a flight is too short to be judged, or if the search was cancelled.
 pub fn discover(
-    track: &Track,
+    flights: &[Track],
     held_out: &[Track],
     settings: &Settings,
     progress: &dyn Progress,
 ) -> Result<Report> {
-    let stretches = stretches(track);
-    if stretches.len() < 2 {
+    begin(progress, "noise of the sensors")?;
+    let problem = |track: &Track| -> Result<()> {
+        let found_s = track.duration();
+        let least_s = LEAST_S;
+        if super::stretch::stretches(track).len() < SHORTEST {
+            return Err(Error::TooShort { least_s, found_s });
+        }
+        Ok(())
+    };
+    flights.iter().chain(held_out).try_for_each(problem)?;
+    if flights.is_empty() {
         return Err(Error::TooShort {
-            least_s: 4.0,
-            found_s: track.duration(),
+            least_s: LEAST_S,
+            found_s: 0.0,
         });
     }
-    begin(progress, "whether the sensors agree with one another")?;
-    let search = Search::new(track, held_out, settings, progress);
-    begin(progress, "what each effect would change")?;
-    let as_in_files = (&EffectSet::new(), &Nuisance::none());
-    let from_files = Linearization::new(
-        track,
-        &search.model,
-        stretches,
-        as_in_files,
-        &all_parameters(),
-    );
-    begin(progress, "flights in which nothing is missing")?;
-    let (plain, found) = search.without_effects(&from_files);
-    let found = search.with_effects(from_files, found)?;
-    begin(progress, "what is left of the gap")?;
-    Ok(search.report(&plain, found))
+    let mut problems: Vec<Problem<'_>> = flights
+        .iter()
+        .chain(held_out)
+        .map(|track| Problem::new(track, &settings.tolerances))
+        .collect();
+    begin(progress, "errors of suit, subject and sensors")?;
+    let mut alone = Vec::new();
+    for problem in &mut problems {
+        alone.push(Alone::new(problem, progress)?);
+    }
+    let search = Search {
+        problems: &problems,
+        count: flights.len(),
+        settings,
+        progress,
+    };
+    search.run(alone)
 }
 
-/// A search in a flight whose sensors are judged.
-struct Search<'a> {
-    track: &'a Track,
-    settings: &'a Settings,
-    progress: &'a dyn Progress,
-    checks: Vec<Check>,
-    /// Errors of the sensors that the data alone show.
-    faults: EffectSet,
-    /// Without anything found.
-    bare: Model<f64>,
-    /// With the faults: no physics is taken for them.
-    model: Model<f64>,
-    others: Vec<HeldOut<'a>>,
+/// A flight as if nothing were missing.
+struct Alone {
+    /// Around the files: constants do not hide what is missing.
+    around_files: Fitted,
+    /// Around the constants that the flight itself has.
+    settled: Fitted,
 }
 
-/// How far the plain model is from the flight.
-struct Plain {
-    misfit: f64,
-    /// Deviations of the misfit beyond that of drawn flights.
-    disagreement: f64,
-    left: Parts,
-}
-
-/// What was found so far.
-struct Found {
-    named: Vec<Named>,
-    chosen: Fit,
-    /// About the fit chosen.
-    linearization: Linearization,
-    /// Flights in which nothing is missing but what was found.
-    null: NullDistribution,
-}
-
-impl<'a> Search<'a> {
-    fn new(
-        track: &'a Track,
-        held_out: &'a [Track],
-        settings: &'a Settings,
-        progress: &'a dyn Progress,
-    ) -> Self {
-        let checks = check::checks(track);
-        let faults: EffectSet = checks
-            .iter()
-            .filter(|check| check.finding == Finding::Found)
-            .map(|check| (check.effect, check.values))
-            .collect();
-        let bare = Model::new(track.dynamics, track.start_height());
-        Self {
-            track,
-            settings,
-            progress,
-            model: extended(&bare, &faults),
-            bare,
-            others: held_out
-                .iter()
-                .map(|track| HeldOut::new(track, &faults))
-                .collect(),
-            faults,
-            checks,
+impl Alone {
+    fn new(problem: &mut Problem<'_>, progress: &dyn Progress) -> Result<Self> {
+        let too_short = Error::TooShort {
+            least_s: LEAST_S,
+            found_s: problem.track.duration(),
+        };
+        let files = Belief::files();
+        problem.without_stretches_beyond_numbers(&files);
+        let mut around_files = problem.fit(&files, None, 1, progress)?.ok_or(too_short)?;
+        if problem.weigh(&around_files) {
+            let errors = around_files.errors.clone();
+            around_files = problem
+                .fit(&files, Some(&errors), 1, progress)?
+                .ok_or(too_short)?;
         }
-    }
-
-    fn data<'b>(&'b self, linearization: &'b Linearization) -> Data<'b> {
-        Data::new(self.track, &self.model, linearization)
-    }
-
-    fn null(&self, linearization: &Linearization, effects: &EffectSet) -> NullDistribution {
-        let seed = self.settings.seed;
-        NullDistribution::draw(self.track, linearization, &self.model, effects, seed)
-    }
-
-    /// The flight without effects, joints and subject fitted to it.
-    fn without_effects(&self, from_files: &Linearization) -> (Plain, Found) {
-        let none = EffectSet::new();
-        let null = self.null(from_files, &none);
-        let here = self.data(from_files);
-        let (chosen, linearization) = here.profiled_relinearized(&none);
-        let misfit = if self.faults.is_empty() {
-            chosen.misfit
-        } else {
-            let bare = Data::new(self.track, &self.bare, from_files);
-            bare.profiled_relinearized(&none).0.misfit
+        let belief = around_files.belief_with(&EffectSet::new());
+        // Where the constants lead out of what can be flown, those of the files are kept.
+        let settled = match problem.fit(&belief, Some(&around_files.errors), 1, progress)? {
+            Some(settled) => settled,
+            None => problem
+                .fit(&files, Some(&around_files.errors), 1, progress)?
+                .ok_or(too_short)?,
         };
-        let [expected, deviation] = null.misfit;
-        let plain = Plain {
-            misfit,
-            disagreement: (misfit - expected) / deviation,
-            left: Parts::of(&here.with(&linearization), &chosen),
-        };
-        let found = Found {
-            named: Vec::new(),
-            chosen,
-            linearization,
-            null,
-        };
-        (plain, found)
-    }
-
-    /// Names effects one after another, as long as one deserves it.
-    fn with_effects(&self, from_files: Linearization, mut found: Found) -> Result<Found> {
-        let decided = |check: &&Check| check.finding != Finding::Undecided;
-        let mut out_of_question: Vec<Effect> = self
-            .checks
-            .iter()
-            .filter(decided)
-            .map(|check| check.effect)
-            .collect();
-        let mut from_files = Some(from_files);
-        while found.named.len() + self.faults.len() < self.settings.max_effects {
-            begin(self.progress, "which effect explains most")?;
-            let here = self.data(&found.linearization);
-            let problems = match &from_files {
-                // Joints may hide what is missing once they are fitted, and look like something else before.
-                Some(from_files) => vec![here.with(from_files), here],
-                None => vec![here],
-            };
-            let choice = next(&Contest {
-                problems: &problems,
-                others: &self.others,
-                null: &found.null,
-                chosen: &found.chosen,
-                out_of_question: &out_of_question,
-                progress: self.progress,
-            })?;
-            let Some(choice) = choice else {
-                break;
-            };
-            from_files = None;
-            let dropped;
-            (found, dropped) = self.taken(choice, found)?;
-            // What a later name made needless is not asked again, or two could drop one another for ever.
-            out_of_question.extend(dropped);
-        }
-        Ok(found)
-    }
-
-    /// With one more name, and without those that it made needless.
-    fn taken(&self, choice: Choice, before: Found) -> Result<(Found, Vec<Effect>)> {
-        let here = self.data(&before.linearization);
-        let fit = here.relinearized_to_the_end(choice.fit);
-        let linearization = here.linearized_at(&fit.effects, &fit.nuisance, &all_parameters());
-        let (chosen, dropped) = pruned(&self.data(&linearization), &before.null, fit);
-        let mut named = before.named;
-        named.push(choice.named);
-        named.retain(|named| !dropped.contains(&named.effect()));
-        begin(self.progress, "flights in which nothing more is missing")?;
-        let found = Found {
-            null: self.null(&linearization, &chosen.effects),
-            named,
-            chosen,
-            linearization,
-        };
-        Ok((found, dropped))
-    }
-
-    /// What effects do in the flights held out.
-    fn held_out_gaps(&self, effects: &EffectSet) -> Vec<HeldOutGap> {
-        let gap = |other: &HeldOut<'_>| other.gap(effects, self.settings.seed);
-        self.others.iter().map(gap).collect()
-    }
-
-    fn report(&self, plain: &Plain, found: Found) -> Report {
-        let (track, floor) = (self.track, &found.null.floor);
-        let explained = share_explained(plain.misfit, found.chosen.misfit, found.null.misfit[0]);
-        let thin = found.linearization.parts.len() < LEAST_STRETCHES || track.is_still();
-        let agrees = plain.disagreement < DISAGREES;
-        let mut effects = [self.faults.clone(), found.chosen.effects.clone()].concat();
-        let mut held_out = self.held_out_gaps(&effects);
-        let closes = |gap: &HeldOutGap| gap.closed_share() >= CLOSES;
-        let holds = found.chosen.effects.is_empty() || held_out.iter().all(closes);
-        let enough = holds && (agrees || explained >= EXPLAINS);
-        let by_check = self.checks.iter().filter(|c| c.finding == Finding::Found);
-        let named: Vec<Named> = by_check
-            .map(Named::by_check)
-            .chain(settled(&found))
-            .collect();
-        let outcome = Outcome::of(thin, agrees, &named, enough);
-        if outcome != Outcome::Named && !effects.is_empty() {
-            effects.clear();
-            held_out = self.held_out_gaps(&effects);
-        }
-        let left = Parts::of(&self.data(&found.linearization), &found.chosen);
-        let data = Data::new(track, &self.bare, &found.linearization);
-        let momentum =
-            [&self.bare, &extended(&self.bare, &effects)].map(|model| balance(track, model));
-        let map = gap::map(&data, &effects, floor);
-        Report::new(report::Parts {
-            outcome,
-            explained,
-            disagreement: plain.disagreement,
-            gap: Gap::of(&data, &effects, floor),
-            held_out,
-            regimes: regime::regimes(track, &map),
-            signature: regime::companions(track, &momentum[1]),
-            whiteness: Whiteness::of(&plain.left, &left),
-            momentum,
-            map,
-            named,
-            effects,
-            checks: self.checks.clone(),
+        Ok(Self {
+            around_files,
+            settled,
         })
     }
 }
 
-/// The names with the parameters of the last, joint fit.
-///
-/// Their errors are how far fits to flights drawn from the model found are off, widened by the misfit that is left.
-fn settled(found: &Found) -> Vec<Named> {
-    let (fit, null) = (&found.chosen, &found.null);
-    let left = (fit.misfit / null.misfit[0].max(1.0)).max(1.0).sqrt();
-    let mut errors = fit.errors.iter().zip(&null.errors);
-    let mut named = found.named.clone();
-    for (effect, values) in &fit.effects {
-        let mut own = [0.0; PARAMETER_COUNT];
-        let count = effect.description().parameters.len();
-        for (own, (fitted, drawn)) in own.iter_mut().zip(errors.by_ref().take(count)) {
-            *own = fitted.max(*drawn) * left;
-        }
-        for named in named.iter_mut().filter(|named| named.effect() == *effect) {
-            *named = named.clone().with_parameters(values, &own);
+/// A search in flights whose errors are known as far as nothing is missing.
+pub(super) struct Search<'a> {
+    problems: &'a [Problem<'a>],
+    /// Flights that are fitted; the others are held out.
+    count: usize,
+    settings: &'a Settings,
+    progress: &'a dyn Progress,
+}
+
+/// What was named.
+pub(super) struct Name {
+    pub(super) candidate: Candidate,
+    /// Share of draws of chance in which an effect gains as much.
+    pub(super) chance: f64,
+    pub(super) rivals: Vec<Rival>,
+}
+
+impl<'a> Search<'a> {
+    fn scene(&self, mut fitted: Vec<Fitted>, effects: EffectSet) -> Scene<'a> {
+        let held_out = fitted.split_off(self.count);
+        let (here, there) = self.problems.split_at(self.count);
+        Scene {
+            fitted: here.iter().zip(fitted).collect(),
+            held_out: there.iter().zip(held_out).collect(),
+            effects,
+            tolerances: self.settings.tolerances,
         }
     }
-    named
+
+    fn run(&self, alone: Vec<Alone>) -> Result<Report> {
+        let none = EffectSet::new();
+        let (files, settled): (Vec<Fitted>, Vec<Fitted>) = alone
+            .into_iter()
+            .map(|alone| (alone.around_files, alone.settled))
+            .unzip();
+        let unadjusted = self.unadjusted(&files);
+        let files = self.scene(files, none.clone());
+        let mut scene = self.scene(settled, none);
+        let mut plain: Option<Vec<Errors>> = None;
+        let mut names: Vec<Name> = Vec::new();
+        let mut nearest: Option<Name> = None;
+        let mut out_of_question: Vec<Effect> = Vec::new();
+        while names.len() < self.settings.max_effects && out_of_question.len() < TRIED {
+            begin(self.progress, "which effect explains most")?;
+            // Constants may do most of what is missing once they are fitted: the first name is sought around the files.
+            let from = if names.is_empty() { &files } else { &scene };
+            let candidates = from.candidates(&out_of_question, self.progress)?;
+            let chance = from.chance(self.settings.seed);
+            let Some(mut name) = self.best(&candidates, &chance) else {
+                break;
+            };
+            if !self.deserves(&name.candidate, &chance) {
+                nearest = Some(name);
+                break;
+            }
+            let what = name.candidate.effect.description().name;
+            begin(self.progress, &format!("errors beside {what}"))?;
+            let next = self.with(&scene, from, &name.candidate)?;
+            if let Some(next) = next {
+                name.candidate = self.compared(&scene, &next, &name.candidate);
+                if self.deserves(&name.candidate, &chance) {
+                    if plain.is_none() {
+                        plain = self.quiet(&scene)?;
+                    }
+                    scene = next;
+                    names.push(name);
+                    continue;
+                }
+            }
+            out_of_question.push(name.candidate.effect);
+            nearest.get_or_insert(name);
+        }
+        begin(self.progress, "what is left")?;
+        self.report(scene, plain, unadjusted, names, nearest)
+    }
+
+    /// Everything fitted anew beside a candidate. `from` is the scene in which it was found.
+    ///
+    /// Constants may do most of the work of an effect: from a weak one the way may end in their valley, so it is begun
+    /// from a stronger one too.
+    fn with(
+        &self,
+        scene: &Scene<'a>,
+        from: &Scene<'a>,
+        candidate: &Candidate,
+    ) -> Result<Option<Scene<'a>>> {
+        let mut best: Option<(f64, Vec<Fitted>, EffectSet)> = None;
+        for share in STARTS {
+            let start = candidate.stretched(share);
+            if let Some((fitted, effects)) = self.settled(scene, from, start, candidate.effect)? {
+                let likelihood: f64 = fitted.iter().map(|fitted| fitted.errors.likelihood).sum();
+                if best.as_ref().is_none_or(|(least, ..)| likelihood > *least) {
+                    best = Some((likelihood, fitted, effects));
+                }
+            }
+        }
+        let Some((_, mut fitted, effects)) = best else {
+            return Ok(None);
+        };
+        let held_out = self.problems.iter().skip(self.count);
+        for (problem, (_, alone)) in held_out.zip(&scene.held_out) {
+            let belief = Belief {
+                effects: effects.clone(),
+                ..Belief::files()
+            };
+            match problem.fit(&belief, Some(&alone.errors), 2, self.progress)? {
+                Some(fit) => fitted.push(fit),
+                None => return Ok(None),
+            }
+        }
+        Ok(Some(self.scene(fitted, effects)))
+    }
+
+    /// Errors and effects fitted in turn until neither moves, in the flights that are fitted.
+    fn settled(
+        &self,
+        scene: &Scene<'a>,
+        from: &Scene<'a>,
+        mut effects: EffectSet,
+        effect: Effect,
+    ) -> Result<Option<(Vec<Fitted>, EffectSet)>> {
+        let mut beliefs: Vec<Belief> = from
+            .fitted
+            .iter()
+            .map(|(_, fitted)| Belief {
+                effects: effects.clone(),
+                ..fitted.belief.clone()
+            })
+            .collect();
+        let mut errors: Vec<Errors> = scene
+            .fitted
+            .iter()
+            .map(|(_, fitted)| fitted.errors.clone())
+            .collect();
+        let mut best = None;
+        for round in 0..ROUNDS {
+            let mut fitted = Vec::new();
+            for ((problem, belief), errors) in self.problems.iter().zip(&beliefs).zip(&errors) {
+                match problem.fit(belief, Some(errors), 1, self.progress)? {
+                    Some(fit) => fitted.push(fit),
+                    None => return Ok(best),
+                }
+            }
+            let here = Scene {
+                fitted: self.problems.iter().zip(fitted).collect(),
+                held_out: Vec::new(),
+                effects: effects.clone(),
+                tolerances: self.settings.tolerances,
+            };
+            let next = here.followed(&effects, effect);
+            let fitted: Vec<Fitted> = here.fitted.into_iter().map(|(_, fitted)| fitted).collect();
+            errors = fitted.iter().map(|fitted| fitted.errors.clone()).collect();
+            let Some(next) = next else {
+                return Ok(Some((fitted, effects)));
+            };
+            let moved = next.moved_from(&effects);
+            let here = effects.clone();
+            effects = next.effects;
+            for (belief, fitted) in beliefs.iter_mut().zip(&fitted) {
+                *belief = fitted.belief_with(&effects);
+            }
+            best = Some((fitted, here));
+            if moved < SETTLED && round > 0 {
+                break;
+            }
+        }
+        Ok(best)
+    }
+
+    /// The candidate with what it gains once everything is fitted with and without it.
+    fn compared(&self, without: &Scene<'_>, with: &Scene<'_>, candidate: &Candidate) -> Candidate {
+        let gains =
+            |before: &[(&Problem<'_>, Fitted)], after: &[(&Problem<'_>, Fitted)]| -> Vec<f64> {
+                let likelihoods = before.iter().zip(after);
+                likelihoods
+                    .map(|((_, a), (_, b))| b.errors.likelihood - a.errors.likelihood)
+                    .collect()
+            };
+        Candidate {
+            effects: with.effects.clone(),
+            gain: gains(&without.fitted, &with.fitted).iter().sum(),
+            gains_held_out: gains(&without.held_out, &with.held_out),
+            ..candidate.clone()
+        }
+    }
+
+    /// The best that matters, with what is as good.
+    fn best(&self, candidates: &[Candidate], chance: &[f64]) -> Option<Name> {
+        let material = |candidate: &&Candidate| {
+            let values = candidate.values();
+            let parameters = candidate.effect.description().parameters;
+            parameters.iter().zip(values).any(|(parameter, value)| {
+                let half = 0.5 * (parameter.high - parameter.low);
+                (value - parameter.neutral).abs() > MATERIAL * half
+            })
+        };
+        let best = candidates.iter().find(material)?;
+        let rivals = candidates
+            .iter()
+            .filter(|other| other.effect != best.effect && other.is_rival_of(best))
+            .map(|other| Rival {
+                name: other.effect.description().name,
+                share: other.total() / best.total(),
+            });
+        let above = chance
+            .iter()
+            .filter(|draw| **draw >= best.deviations())
+            .count();
+        Some(Name {
+            rivals: rivals.collect(),
+            chance: (above + 1) as f64 / (chance.len() + 1) as f64,
+            candidate: best.clone(),
+        })
+    }
+
+    fn deserves(&self, candidate: &Candidate, chance: &[f64]) -> bool {
+        let votes = candidate.gains_held_out.iter().all(|gain| *gain > VOTE);
+        let least = if candidate.gains_held_out.is_empty() {
+            LEAST_ALONE
+        } else {
+            LEAST.max(quantile_of_sorted(chance, 0.99) + BEYOND_CHANCE)
+        };
+        votes && candidate.deviations() > least && candidate.total() > ALL_TOGETHER
+    }
+
+    /// Errors of the flights that are fitted where nothing pushes.
+    ///
+    /// # Errors
+    /// Returns an error if the search was cancelled.
+    pub(super) fn quiet(&self, scene: &Scene<'_>) -> Result<Option<Vec<Errors>>> {
+        let each = scene.fitted.iter();
+        each.map(|(problem, fitted)| without_push(problem, fitted, self.progress))
+            .collect()
+    }
+
+    /// Misfit of the model as in the files with the noise of the sensors alone.
+    fn unadjusted(&self, fitted: &[Fitted]) -> f64 {
+        let (mut sum, mut count) = (0.0, 0.0);
+        for fitted in fitted.iter().take(self.count) {
+            let sensors = Components::from_fn(|k, _| {
+                if k < 4 {
+                    fitted.errors.sizes[k]
+                } else {
+                    1e-3 * fitted.errors.sizes[k].min(1e-6)
+                }
+            });
+            for part in &fitted.parts {
+                if let Some(factor) = part.covariance(&sensors) {
+                    sum += part.missing.dot(&factor.solve(&part.missing));
+                    count += NUMBERS as f64;
+                }
+            }
+        }
+        sum / f64::max(count, 1.0)
+    }
 }

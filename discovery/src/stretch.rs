@@ -1,136 +1,181 @@
 //! Short free runs over the recorded postures, and how far the measurement is from them.
 //!
 //! The flight is cut into stretches. In each, the model flies alone from the smoothed measurement at its start, so
-//! what it feels does not depend on the noise of the sensors; the error of the start is left free within what
-//! smoothing leaves. Nothing is differentiated. Averages over a tenth of a second are compared: attitude, angular
-//! velocity and velocity, so that errors of the sensors and of the physics show in different rows.
+//! what it feels does not depend on the noise of the sensors; the error of the start is part of the errors. Nothing is
+//! differentiated. Averages over a tenth of a second are compared: attitude, angular velocity and velocity, so that
+//! errors of the sensors and of the physics show in different rows.
 
 use bodyflight_core::dynamics::Motion;
-use bodyflight_core::effect::sensors::Moving;
 use bodyflight_core::frame::{Rotation, Vector};
 use bodyflight_core::math::small_rotation;
-use bodyflight_core::sensor_noise::SensorNoise;
-use nalgebra::{DVector, SVector, Vector3};
+use nalgebra::{Matrix3, SVector, UnitQuaternion, Vector3};
 
 use super::track::Track;
 
-/// Frames of a stretch: 0.6 s at 240 Hz, short enough for what joints have wrong to act in proportion.
-pub const FRAMES: usize = 144;
-/// Frames that are averaged into a row of comparisons.
-pub const WINDOW: usize = 24;
 /// Channels of a comparison: attitude (body axes), angular velocity (body), velocity (north, west, up).
 pub const CHANNELS: usize = 9;
-/// Comparisons of a stretch.
-const ROWS: usize = FRAMES / WINDOW;
+/// Comparisons of a stretch, a tenth of a second each.
+pub const ROWS: usize = 6;
 /// Numbers of a stretch.
 pub const NUMBERS: usize = ROWS * CHANNELS;
-/// Frames on both sides of the start that are smoothed.
-const HALF_SMOOTHING: usize = 12;
-/// Frames between the moments around the start at which the motion is kept, for sensors that are late.
-const APART: usize = 24;
-/// Moments on either side of the start: as far as a plausible delay reaches.
-pub(super) const SIDE: usize = 3;
-/// Standard deviations of single frames: attitude (rad), angular velocity (rad/s), velocity (m/s), the paper's.
-pub const SENSOR_NOISE: [f64; CHANNELS] = {
-    let SensorNoise {
-        attitude,
-        angular_velocity: spin,
-        horizontal_velocity: horizontal,
-        vertical_velocity: vertical,
-        ..
-    } = SensorNoise::PAPER;
-    [
-        attitude, attitude, attitude, spin, spin, spin, horizontal, horizontal, vertical,
-    ]
-};
-
-/// What the model misses in a tenth of a second whatever it knows: jitter of joints, slow errors of the suit.
-const MODEL_NOISE: [f64; CHANNELS] = [
-    0.0005, 0.0005, 0.0005, 0.0025, 0.0025, 0.0025, 0.006, 0.006, 0.01,
-];
+/// Length of a comparison (s).
+const WINDOW: f64 = 0.1;
+/// Longest interval of a flight of which only what changes counts (s).
+const LONG_STEP: f64 = 0.03;
+/// Longest step of a flight that is compared with the measurement (s).
+const SHORT_STEP: f64 = 1.0 / 239.0;
+/// Comparisons before the first stretch: as far as a plausible delay reaches.
+const BEFORE: usize = 4;
+/// Longest time on both sides of the start that is smoothed (s), and the turn (rad) up to which a parabola follows.
+const SMOOTHED: f64 = 0.1;
+const SMOOTHED_TURN: f64 = 0.7;
 
 /// A difference in all channels.
 pub type Channels = SVector<f64, CHANNELS>;
+
+/// How a recording is cut into frames.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Grid {
+    /// Frames of a comparison.
+    pub window: usize,
+    /// Frames of a long step.
+    pub stride: usize,
+    /// Short steps of a frame.
+    pub parts: usize,
+}
+
+impl Grid {
+    /// For a recording of so many frames a second.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "rates are positive and small"
+    )]
+    pub fn new(rate: f64) -> Self {
+        let window = (rate * WINDOW).round().max(1.0) as usize;
+        let longest = ((rate * LONG_STEP) as usize).max(1);
+        let stride = (1..=longest.min(window))
+            .rev()
+            .find(|stride| window.is_multiple_of(*stride));
+        Self {
+            window,
+            stride: stride.unwrap_or(1),
+            parts: (1.0 / (rate * SHORT_STEP)).ceil().max(1.0) as usize,
+        }
+    }
+
+    /// Frames of a stretch.
+    pub fn frames(&self) -> usize {
+        ROWS * self.window
+    }
+}
 
 /// A stretch of a flight.
 #[derive(Debug, Clone)]
 pub struct Stretch {
     /// Its first frame.
     pub first: usize,
+    /// How it is cut.
+    pub grid: Grid,
     /// The smoothed motion there.
     pub start: Motion<f64>,
-    /// How the motion goes on around the start.
-    pub(super) course: Course,
-}
-
-/// Velocity and angular velocity measured around a moment, every [`APART`] frames.
-#[derive(Debug, Clone)]
-pub(super) struct Course {
-    moments: [SVector<f64, 6>; 2 * SIDE + 1],
-    /// Time between two moments (s).
-    pub(super) apart: f64,
-}
-
-impl Course {
-    /// What changes until `later` (s) than the moment, by a cubic through the moments.
-    pub(super) fn change(&self, later: f64) -> SVector<f64, 6> {
-        let last = 2 * SIDE;
-        let place = (later / self.apart + SIDE as f64).clamp(0.0, last as f64);
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "a few moments"
-        )]
-        let from = (place as usize).min(last - 1);
-        let share = place - from as f64;
-        let at = |k: usize| self.moments[k.min(last)];
-        let (left, right) = (at(from), at(from + 1));
-        let slope_left = (right - at(from.saturating_sub(1))) * 0.5;
-        let slope_right = (at(from + 2) - left) * 0.5;
-        let (square, cube) = (share * share, share.powi(3));
-        let curve = (right - left) * (3.0 * square - 2.0 * cube)
-            + slope_left * (cube - 2.0 * square + share)
-            + slope_right * (cube - square);
-        left + curve - self.moments[SIDE]
-    }
+    /// Variance of the start for a unit of variance of a frame.
+    pub start_variance: f64,
+    /// Covariance of the start with the first comparison for a unit of variance of a frame.
+    pub start_covariance: f64,
 }
 
 /// Where stretches begin, and from which motion.
 pub fn stretches(track: &Track) -> Vec<Stretch> {
+    let grid = Grid::new(track.rate());
     let count = track.measured.len();
-    let reach = SIDE * APART + HALF_SMOOTHING;
-    let mut first = reach;
+    let mut first = BEFORE * grid.window;
     let mut stretches = Vec::new();
-    while first + FRAMES.max(reach) < count {
-        let moments = core::array::from_fn(|k| {
-            six(&Moving::of(&smoothed(
-                track,
-                first + k * APART - SIDE * APART,
-            )))
-        });
+    while first + grid.frames() + grid.window < count {
+        let smooth = Smooth::new(track, grid, first);
         stretches.push(Stretch {
             first,
-            start: smoothed(track, first),
-            course: Course {
-                moments,
-                apart: (track.times[first + APART] - track.times[first - APART]) * 0.5,
-            },
+            grid,
+            start: smooth.motion,
+            start_variance: smooth.variance,
+            start_covariance: smooth.after / grid.window as f64,
         });
-        first += FRAMES;
+        first += grid.frames();
     }
     stretches
 }
 
-/// Mean of the motions around a frame, which keeps what changes linearly.
-fn smoothed(track: &Track, frame: usize) -> Motion<f64> {
-    let around = frame - HALF_SMOOTHING..=frame + HALF_SMOOTHING;
-    let centre = track.measured[frame];
-    let share = 1.0 / (2 * HALF_SMOOTHING + 1) as f64;
-    let mut mean = Channels::zeros();
-    for motion in &track.measured[around] {
-        mean += difference(motion, &centre) * share;
+/// A smoothed motion.
+struct Smooth {
+    motion: Motion<f64>,
+    /// Sum of the squares of the weights.
+    variance: f64,
+    /// Sum of the weights after the frame.
+    after: f64,
+}
+
+impl Smooth {
+    /// A parabola through the frames around one, over a time in which the body turns little.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a few frames"
+    )]
+    fn new(track: &Track, grid: Grid, frame: usize) -> Self {
+        let turn = track.measured[frame].angular_velocity.components.norm();
+        let side = SMOOTHED.min(SMOOTHED_TURN / turn.max(1e-6));
+        let frames = (side * track.rate()).round() as usize;
+        let half = frames.clamp(2, grid.window.max(2));
+        let (from, to) = (
+            frame.saturating_sub(half),
+            (frame + half).min(track.measured.len() - 1),
+        );
+        // Savitzky and Golay: value at zero of the parabola.
+        let offset = |k: usize| k as f64 - frame as f64;
+        let power = |n: i32| (from..=to).map(|k| offset(k).powi(n)).sum::<f64>();
+        let [p0, p1, p2, p3, p4] = [0, 1, 2, 3, 4].map(power);
+        let moments = Matrix3::new(p0, p1, p2, p1, p2, p3, p2, p3, p4);
+        let row = moments
+            .try_inverse()
+            .map_or(Vector3::new(1.0 / p0, 0.0, 0.0), |inverse| {
+                inverse.column(0).into()
+            });
+        let weight = |k: usize| row[0] + row[1] * offset(k) + row[2] * offset(k).powi(2);
+        let centre = track.measured[frame];
+        let mut mean = Channels::zeros();
+        let mut carried = UnitQuaternion::identity();
+        let add = |mean: &mut Channels, k: usize, carried: &UnitQuaternion<f64>| {
+            // What the body turned in between is taken back by its angular velocity.
+            let mut motion = track.measured[k];
+            let velocity = motion.velocity_inertial();
+            motion.inertial_from_body =
+                Rotation::from_quaternion(motion.inertial_from_body.quaternion() * carried);
+            motion.velocity = motion.inertial_from_body.inverse() * velocity;
+            *mean += difference(&motion, &centre) * weight(k);
+        };
+        add(&mut mean, frame, &carried);
+        for k in frame + 1..=to {
+            carried = turned(track, k - 1, k).inverse() * carried;
+            add(&mut mean, k, &carried);
+        }
+        carried = UnitQuaternion::identity();
+        for k in (from..frame).rev() {
+            carried = turned(track, k, k + 1) * carried;
+            add(&mut mean, k, &carried);
+        }
+        Self {
+            motion: moved(&centre, &mean),
+            variance: (from..=to).map(|k| weight(k).powi(2)).sum(),
+            after: (frame + 1..=to).map(weight).sum(),
+        }
     }
-    moved(&centre, &mean)
+}
+
+/// The turn from a frame to the next one by the angular velocity.
+fn turned(track: &Track, from: usize, to: usize) -> UnitQuaternion<f64> {
+    let spin = |k: usize| track.measured[k].angular_velocity.components;
+    let duration = track.times[to] - track.times[from];
+    UnitQuaternion::from_scaled_axis((spin(from) + spin(to)) * (0.5 * duration))
 }
 
 /// `motion` changed by a difference in all channels.
@@ -157,34 +202,4 @@ pub(super) fn difference(measured: &Motion<f64>, predicted: &Motion<f64>) -> Cha
     let velocity =
         measured.velocity_inertial().components - predicted.velocity_inertial().components;
     Channels::from_iterator(attitude.iter().chain(&spin).chain(&velocity).copied())
-}
-
-/// Covariance of the start, by its standard deviations.
-pub fn start_deviation() -> Channels {
-    let smoothing = 1.0 / (2.0 * HALF_SMOOTHING as f64 + 1.0).sqrt();
-    Channels::from_fn(|channel, _| SENSOR_NOISE[channel] * smoothing * 1.2)
-}
-
-/// Variance of the numbers of a stretch.
-pub fn variance() -> DVector<f64> {
-    let averaged = WINDOW as f64;
-    DVector::from_fn(NUMBERS, |row, _| {
-        let channel = row % CHANNELS;
-        SENSOR_NOISE[channel].powi(2) / averaged + MODEL_NOISE[channel].powi(2)
-    })
-}
-
-pub(super) fn six(moving: &Moving<f64>) -> SVector<f64, 6> {
-    let (velocity, spin) = (
-        &moving.velocity.components,
-        &moving.angular_velocity.components,
-    );
-    SVector::from_iterator(velocity.iter().chain(spin).copied())
-}
-
-pub(super) fn moving(six: &SVector<f64, 6>) -> Moving<f64> {
-    Moving {
-        velocity: Vector::new(six[0], six[1], six[2]),
-        angular_velocity: Vector::new(six[3], six[4], six[5]),
-    }
 }

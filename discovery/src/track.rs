@@ -19,8 +19,8 @@ pub struct Track {
     pub measured: Vec<Motion<f64>>,
     /// The model as it is believed to be.
     pub dynamics: Dynamics<f64>,
-    /// The skydiver's inputs as they are believed to be.
-    pub inputs: Inputs<f64>,
+    /// The skydiver's inputs as they are believed to be, at each frame.
+    pub inputs: Vec<Inputs<f64>>,
 }
 
 /// One instant of a flight.
@@ -35,15 +35,24 @@ pub struct Frame {
 }
 
 impl Track {
-    /// A flight of some frames.
-    pub fn new(frames: &[Frame], dynamics: Dynamics<f64>, inputs: Inputs<f64>) -> Self {
+    /// A flight of some frames, with the inputs at each time.
+    pub fn new(
+        frames: &[Frame],
+        dynamics: Dynamics<f64>,
+        inputs: impl Fn(f64) -> Inputs<f64>,
+    ) -> Self {
         Self {
             times: frames.iter().map(|frame| frame.time).collect(),
             postures: frames.iter().map(|frame| frame.posture).collect(),
             measured: frames.iter().map(|frame| frame.motion).collect(),
+            inputs: frames.iter().map(|frame| inputs(frame.time)).collect(),
             dynamics,
-            inputs,
         }
+    }
+
+    /// Frames a second.
+    pub fn rate(&self) -> f64 {
+        (self.times.len().max(2) - 1) as f64 / self.duration().max(1e-6)
     }
 
     /// Length (s).

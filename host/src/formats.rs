@@ -10,5 +10,6 @@ pub mod mvnx;
 pub mod preset_file;
 pub mod recording;
 pub mod subject;
+mod tolerances;
 pub mod track;
 pub mod xsens;

@@ -10,10 +10,12 @@ use bodyflight::diagnostic::{Problem, Result};
 use bodyflight::formats::flight::Flight;
 use bodyflight::formats::flysight;
 use bodyflight::interrupt;
-use bodyflight::verbs::discover::{figure, model_toml, problem, read_track, refuse_same};
-use bodyflight_discovery::check::Finding;
+use bodyflight::output::files::write_file;
+use bodyflight::verbs::discover::{
+    calibration_toml, figure, model_toml, problem, read_track, refuse_same,
+};
 use bodyflight_discovery::progress::Progress;
-use bodyflight_discovery::report::{CHANNEL_NAMES, Report};
+use bodyflight_discovery::report::{CHANNEL_NAMES, Outcome, Report};
 use bodyflight_discovery::search::{Settings, discover};
 use indicatif::ProgressBar;
 
@@ -22,11 +24,21 @@ pub(super) use args::Args;
 use output::{print_gap, print_held_out, print_names, write_all};
 
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
-    let fitted = Flight::read(&args.flight)?;
+    let fitted = Flight::read(args.flight())?;
     for held_out in &args.hold_out {
-        refuse_same(&fitted.recording, &Flight::read(held_out)?.recording)?;
+        let held_out = Flight::read(held_out)?.recording;
+        for flight in &args.flights {
+            refuse_same(&Flight::read(flight)?.recording, &held_out)?;
+        }
     }
     if flysight::is_flysight(&fitted.recording) {
+        if let Some(second) = args.flights.get(1) {
+            return Err(
+                Problem::bad_input("expected one recording of a point to be fitted")
+                    .in_file(second)
+                    .help("give the others after --hold-out"),
+            );
+        }
         return point::run(args, json);
     }
     terminal::note_assumed_subject(&fitted);
@@ -41,23 +53,24 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         }
         read_track(&flight, args.reading.options())
     };
-    let track = read(&args.flight)?;
+    let flights = args.flights.iter().map(read).collect::<Result<Vec<_>>>()?;
     let held_out = args.hold_out.iter().map(read).collect::<Result<Vec<_>>>()?;
     let settings = Settings {
         max_effects: args.max_effects,
         seed: args.seed,
+        tolerances: fitted.tolerances,
     };
     let spinner = terminal::spinner("discovering");
-    let report = discover(&track, &held_out, &settings, &Spinner(&spinner));
+    let report = discover(&flights, &held_out, &settings, &Spinner(&spinner));
     spinner.finish_and_clear();
     let report = report.map_err(problem)?;
     if let Some(folder) = &args.out {
-        write(&report, folder, &args.flight)?;
+        write(&report, folder, args.flight())?;
     }
     if json {
         return terminal::print_json(&report);
     }
-    print_report(&report);
+    print_report(&report, args.explain);
     if let Some(folder) = &args.out {
         terminal::print(&format!("written: {}", folder.display()));
     }
@@ -80,42 +93,96 @@ impl Progress for Spinner<'_> {
 fn write(report: &Report, folder: &Path, flight: &Path) -> Result<()> {
     let title = format!("{}: what the model misses", flight.display());
     let figure = figure::svg(&title, report)?;
-    write_all(folder, report, &figure, &model_toml(&report.model))
+    write_all(folder, report, &figure, &model_toml(&report.model))?;
+    if report.verdict == Outcome::Calibrated {
+        let text = calibration_toml(&report.corrections);
+        write_file(&folder.join("calibration.toml"), text.as_bytes())?;
+    }
+    Ok(())
 }
 
-fn print_report(report: &Report) {
-    print_names(
-        report.verdict,
-        report.disagreement,
-        &report.effects,
-        &report.nearest,
-    );
-    for check in &report.checks {
-        let what = match check.finding {
-            Finding::Found => "found",
-            Finding::Absent => "none",
-            Finding::Undecided => "not to be told here",
-        };
-        let numbers: Vec<String> = check
-            .parameters
-            .iter()
-            .zip(&check.standard_errors)
-            .map(|((name, value), (_, error))| format!("{name} {value:.4} +- {error:.4}"))
-            .collect();
-        terminal::print(&format!(
-            "sensors alone, {}: {what} ({})",
-            check.name,
-            numbers.join(", ")
-        ));
+fn print_report(report: &Report, explain: bool) {
+    print_names(report.verdict, &report.effects, &report.nearest);
+    for (index, left) in report.remainders.iter().enumerate() {
+        if left.is_unexplained {
+            let times: Vec<String> = left.times_s.iter().map(|t| format!("{t:.1}")).collect();
+            terminal::print(&format!(
+                "left in flight {}: {}; most of it at {} s",
+                index + 1,
+                left.in_words,
+                times.join(", ")
+            ));
+        }
+    }
+    if matches!(report.verdict, Outcome::Calibrated) || explain {
+        print_adjustments(report);
     }
     let gap = &report.gap;
     print_gap(
-        ["channel", "where nothing is missing"],
+        ["channel", "noise and wander"],
         &CHANNEL_NAMES,
         [&gap.before, &gap.after, &gap.floor],
     );
-    for (index, gap) in report.held_out.iter().enumerate() {
-        let misfits = [gap.misfit_before, gap.misfit_after, gap.misfit_expected];
-        print_held_out("flight", index, misfits, gap.closed_share());
+    for (index, flight) in report.held_out.iter().enumerate() {
+        terminal::print(&format!(
+            "held-out flight {}: {:.0} % of the gap closed",
+            index + 1,
+            100.0 * flight.gap.closed_share
+        ));
+    }
+    if explain {
+        print_errors(report);
+        terminal::print(&format!("fly next: {}", report.fly_next));
+    }
+}
+
+/// What subject, coefficients and joints have wrong.
+fn print_adjustments(report: &Report) {
+    for adjustment in &report.adjustments {
+        let alike = if adjustment.not_told_from.is_empty() {
+            String::new()
+        } else {
+            format!(
+                "; not to be told from {} here",
+                adjustment.not_told_from.join(", ")
+            )
+        };
+        terminal::print(&format!(
+            "  {}: {:.3} +- {:.3}, file {:.3}, together {:.3}{alike}",
+            adjustment.what,
+            adjustment.value,
+            adjustment.standard_error,
+            adjustment.in_files,
+            adjustment.corrected
+        ));
+    }
+    for joint in &report.joints {
+        let turns: Vec<String> = joint
+            .turn_deg
+            .iter()
+            .zip(joint.standard_errors_deg)
+            .map(|(turn, error)| format!("{turn:.1} +- {error:.1}"))
+            .collect();
+        terminal::print(&format!(
+            "  joint of {}: off by {} degrees about x, y, z",
+            joint.segment,
+            turns.join(", ")
+        ));
+    }
+}
+
+/// How large the errors were found to be.
+fn print_errors(report: &Report) {
+    for (index, errors) in report.errors.iter().enumerate() {
+        let [attitude, spin, horizontal, vertical] = errors.sensors;
+        terminal::print(&format!(
+            "flight {}: sensors {attitude:.4} rad, {spin:.3} rad/s, {horizontal:.2} and {vertical:.2} m/s; joints off by \
+             {:.1} degrees, wandering by {:.1}, {:.0} % of the bend; misfit {:.2} of what these make",
+            index + 1,
+            errors.joint_calibration_deg,
+            errors.joint_wander_deg,
+            100.0 * errors.joint_bend,
+            errors.misfit
+        ));
     }
 }

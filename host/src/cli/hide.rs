@@ -9,7 +9,7 @@ use bodyflight::output::files::write_file;
 use bodyflight::verbs::hide::{truth_toml, write};
 use bodyflight_core::effect::Effect;
 use bodyflight_discovery::laboratory::outside::Outside;
-use bodyflight_discovery::laboratory::{Hidden, Settings, fly, strength};
+use bodyflight_discovery::laboratory::{FRAME_RATE, Hidden, JointErrors, Settings, fly, strength};
 use serde::Serialize;
 
 use super::terminal;
@@ -41,6 +41,15 @@ pub(super) struct Args {
     /// Noise and errors as a share of the usual; 0 for none.
     #[arg(long, default_value_t = 1.0)]
     noise: f64,
+    /// Noise of the sensors alone, as a share of the usual.
+    #[arg(long, default_value_t = 1.0)]
+    sensor_noise: f64,
+    /// What the suit has wrong with the joints: degrees, degrees at Hz, share of the bend.
+    #[arg(long, value_name = "constant:2,wander:1.5@0.3,gain:0.05", value_parser = JointErrors::parse)]
+    joints: Option<JointErrors>,
+    /// Frames a second.
+    #[arg(long, default_value_t = FRAME_RATE)]
+    rate: f64,
 }
 
 fn known() -> String {
@@ -66,6 +75,8 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     for (name, value, low, high) in [
         ("duration", args.duration, 2.0, 300.0),
         ("noise", args.noise, 0.0, 20.0),
+        ("sensor-noise", args.sensor_noise, 0.0, 20.0),
+        ("rate", args.rate, 30.0, 240.0),
         ("strength", args.strength.unwrap_or(0.5), 0.0, 1.0),
     ] {
         if !(low..=high).contains(&value) {
@@ -95,11 +106,15 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
             seed: args.seed.wrapping_mul(1000) + index,
             duration: args.duration,
             noise: args.noise,
+            sensor_noise: args.sensor_noise,
+            joints: args.joints.unwrap_or_default(),
+            rate: args.rate,
         };
         let flown = fly(&dynamics, &inputs, &hidden, &settings);
         flights.push(write(
             &flown,
             &subject,
+            args.rate,
             &args.out.join(format!("flight-{index}")),
         )?);
         bar.inc(1);

@@ -8,6 +8,7 @@ use bodyflight_core::dynamics::free_run::Equations;
 use bodyflight_core::dynamics::muscle_input::{self, MuscleForces, MuscleModel};
 use bodyflight_core::dynamics::{Dynamics, Inputs};
 use bodyflight_core::frame::Vector;
+use bodyflight_discovery::nuisance::Tolerances;
 use serde::{Deserialize, Serialize};
 
 use crate::diagnostic::{Problem, Result};
@@ -16,6 +17,7 @@ use crate::formats::input_history::InputHistory;
 use crate::formats::model_file::Effects;
 use crate::formats::recording::{Options, Recording, gnss};
 use crate::formats::subject::Subject;
+use crate::formats::tolerances::{SuitTable, ToleranceTable, tolerances};
 use crate::formats::track;
 
 /// Density where a flight says nothing about it (kg/m3): about 2000 m.
@@ -46,6 +48,8 @@ pub struct Flight {
     pub start: Start,
     /// Whether the person is known; otherwise a default is flown.
     pub has_subject: bool,
+    /// What suit and subject may have wrong.
+    pub tolerances: Tolerances,
 }
 
 /// Where a free run takes its first motion from.
@@ -88,6 +92,10 @@ struct FlightFile {
     equations: Option<EquationsName>,
     #[serde(default)]
     air: AirTable,
+    #[serde(default)]
+    suit: SuitTable,
+    #[serde(default)]
+    tolerance: ToleranceTable,
 }
 
 #[derive(Deserialize, Default)]
@@ -164,6 +172,7 @@ impl Flight {
             gnss: None,
             start: Start::default(),
             has_subject: false,
+            tolerances: Tolerances::default(),
         }
     }
 
@@ -222,7 +231,17 @@ impl Flight {
             gnss: file.gnss.map(|gnss| folder.join(gnss)),
             start: Start::default(),
             has_subject: file.subject.is_some(),
+            tolerances: tolerances(&file.suit, &file.tolerance)
+                .map_err(|(field, message)| at(field, message))?,
         })
+    }
+
+    /// The conscious inputs at a time (s): known ones, or the subject's damping.
+    pub fn inputs_at(&self, time: f64) -> Inputs<f64> {
+        match &self.inputs {
+            Some(history) => history.at(time),
+            None => self.constant_inputs(),
+        }
     }
 
     /// The subject's damping without muscle input.
@@ -302,6 +321,19 @@ mod tests {
     }
 
     #[test]
+    fn tolerances_are_those_of_the_file() {
+        let flight =
+            parse("recording = \"a.mvnx\"\n[suit]\njoint_deg = 3\n[tolerance]\nmass = 0.1")
+                .unwrap();
+        let expected = Tolerances {
+            joint_deg: 3.0,
+            mass: 0.1,
+            ..Tolerances::default()
+        };
+        assert_eq!(flight.tolerances, expected);
+    }
+
+    #[test]
     fn altitude_is_that_of_the_first_frame() {
         let flight = parse("recording = \"a.mvnx\"\n[air]\naltitude_m = 3800").unwrap();
         let dynamics = flight.dynamics(100.0);
@@ -327,6 +359,14 @@ mod tests {
             (
                 "recording = \"a\"\n[air]\nvelocity = [0, 0, 999]",
                 ["air.velocity", "999"],
+            ),
+            (
+                "recording = \"a\"\n[suit]\njoint_deg = 99",
+                ["suit.joint_deg", "99"],
+            ),
+            (
+                "recording = \"a\"\n[tolerance]\nmass = 0",
+                ["tolerance.mass", "0"],
             ),
             ("recording = \"a\"\nmuscles = \"tail\"", ["muscles", "tail"]),
             (

@@ -119,7 +119,7 @@ impl<'a, T: Real, F: Iterator<Item = Result<FlightFrame>>> Replay<'a, T, F> {
                 read.push_back(frame);
             }
         }
-        let inputs = model.inputs(&inputs_at(flight, first.time));
+        let inputs = model.inputs(&flight.inputs_at(first.time));
         let recorded = Recorded::new(read.make_contiguous(), model.dynamics, inputs)
             .map_err(|problem| problem.in_file(&flight.recording))?;
         let simulated = first_motion(flight.start, &recorded, 0, flight.equations);
@@ -188,7 +188,7 @@ impl<'a, T: Real, F: Iterator<Item = Result<FlightFrame>>> Replay<'a, T, F> {
     /// Goes on to `frame`; the one after it, where there is one, gives the joint rates at `frame`.
     fn advance(&mut self, frame: &FlightFrame) -> Result<Step> {
         let (before, duration) = (self.last.time, frame.time - self.last.time);
-        let inputs = inputs_at(self.flight, before + 0.5 * duration);
+        let inputs = self.flight.inputs_at(before + 0.5 * duration);
         let inputs = self.model.inputs(&inputs);
         if let Some(history) = &self.flight.inputs {
             self.dynamics.muscles = history.muscles_at(before, &self.flight.muscles);
@@ -270,14 +270,6 @@ fn motion_of(flight: &Flight, frame: &FlightFrame) -> Result<Motion<f64>> {
     frame
         .motion()
         .map_err(|problem| problem.in_file(&flight.recording))
-}
-
-/// The conscious inputs of a flight: known ones, or the subject's damping.
-fn inputs_at(flight: &Flight, time: f64) -> Inputs<f64> {
-    match &flight.inputs {
-        Some(history) => history.at(time),
-        None => flight.constant_inputs(),
-    }
 }
 
 /// Joint rates from one posture to another, `duration` (s) later.

@@ -36,7 +36,7 @@ pub fn read_track(flight: &Flight, options: Options) -> Result<Track> {
         })
     };
     let frames = frames.iter().map(frame).collect::<Result<Vec<_>>>()?;
-    Ok(Track::new(&frames, dynamics, flight.constant_inputs()))
+    Ok(Track::new(&frames, dynamics, |time| flight.inputs_at(time)))
 }
 
 /// Refuses a flight that is held out from itself: it would vote for whatever was fitted to it.
@@ -115,4 +115,13 @@ pub fn problem(error: Error) -> Problem {
 /// The effects found as a `model.toml`.
 pub fn model_toml(model: &[ByName]) -> String {
     model_file::model_toml("# Effects found by bodyflight discover.\n", model)
+}
+
+/// Adjustments within the tolerances as a `model.toml`.
+pub fn calibration_toml(corrections: &[ByName]) -> String {
+    model_file::model_toml(
+        "# Subject and coefficients as bodyflight discover found them, within their tolerances: simulate --model flies with\n\
+         # them.\n",
+        corrections,
+    )
 }

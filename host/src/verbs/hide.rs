@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use bodyflight_discovery::laboratory::{FRAME_RATE, Hidden};
+use bodyflight_discovery::laboratory::Hidden;
 use bodyflight_discovery::report::by_name;
 use bodyflight_discovery::track::Frame;
 
@@ -14,15 +14,16 @@ use crate::formats::recording::FlightFrame;
 use crate::formats::subject::Subject;
 use crate::output::files::write_file;
 
-/// Writes a flight as `flight.toml`, `subject.toml` and `flight.mvnx` into `folder`, as if nothing were hidden.
+/// Writes a flight of `rate` frames a second as `flight.toml`, `subject.toml` and `flight.mvnx` into `folder`, as if
+/// nothing were hidden.
 ///
 /// # Errors
 /// Where the folder cannot be written to.
-pub fn write(frames: &[Frame], subject: &Subject, folder: &Path) -> Result<PathBuf> {
+pub fn write(frames: &[Frame], subject: &Subject, rate: f64, folder: &Path) -> Result<PathBuf> {
     std::fs::create_dir_all(folder).map_err(|error| Problem::system("create", folder, error))?;
     let description = Description {
         subject_label: "Laboratory".to_owned(),
-        frame_rate: FRAME_RATE,
+        frame_rate: rate,
         start_unix_ms: 0,
         comment: "bodyflight hide".to_owned(),
     };

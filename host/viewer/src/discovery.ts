@@ -19,13 +19,14 @@ interface Gap {
   closed_share: number;
 }
 export interface Discovery {
-  verdict: "named" | "none" | "unexplained" | "thin";
+  verdict: "named" | "calibrated" | "described" | "none" | "unexplained" | "thin";
   effects: Named[];
   nearest?: Named[];
   explained: number;
-  disagreement: number;
   gap: Gap;
-  held_out: { misfit_before: number; misfit_after: number; numbers: number; gap: Gap }[];
+  held_out: { gap: Gap }[];
+  remainders?: { is_unexplained: boolean; in_words: string }[];
+  fly_next?: string;
   residual_map: { time_s: number; over_floor: number[]; over_floor_after: number[] }[];
 }
 
@@ -42,7 +43,9 @@ const CHANNELS = [
 ];
 const VERDICTS = {
   named: "An effect that the model misses was found.",
-  none: "Model and data agree to the noise.",
+  calibrated: "Model and data agree once joints, subject and coefficients are adjusted within their tolerances.",
+  described: "A load that is not in the library was found.",
+  none: "Model and data agree to the noise, as the files are.",
   unexplained: "There is a disagreement, and nothing in the library explains it.",
   thin: "Too little flight to tell effects apart.",
 };
@@ -54,13 +57,10 @@ export function discoveryPanel(report: Discovery, seek: (time: number) => void):
     element("h2", {}, `Discrepancy: ${report.verdict}`),
     element("p", {}, VERDICTS[report.verdict] ?? ""),
   );
-  panel.append(
-    element(
-      "p",
-      { class: "faint" },
-      `The plain model is ${report.disagreement?.toFixed(1)} deviations beyond flights in which nothing is missing; ${((report.explained ?? 0) * 100).toFixed(0)} % of that is explained.`,
-    ),
-  );
+  for (const left of report.remainders ?? []) {
+    if (left.is_unexplained) panel.append(element("p", {}, `Left: ${left.in_words}.`));
+  }
+  if (report.fly_next) panel.append(element("p", { class: "faint" }, `Fly next: ${report.fly_next}.`));
   for (const named of report.effects ?? []) panel.append(effect(named));
   for (const named of report.nearest ?? []) panel.append(element("p", {}, "came nearest, not used:"), effect(named));
   const table = element(
@@ -74,14 +74,9 @@ export function discoveryPanel(report: Discovery, seek: (time: number) => void):
     table.append(element("tr", {}, element("td", {}, name), ...cells));
   });
   panel.append(table);
-  for (const [k, gap] of (report.held_out ?? []).entries()) {
-    panel.append(
-      element(
-        "p",
-        {},
-        `Held-out flight ${k + 1}: misfit ${gap.misfit_before.toFixed(0)} before, ${gap.misfit_after.toFixed(0)} after, ${gap.numbers} where nothing is missing.`,
-      ),
-    );
+  for (const [k, flight] of (report.held_out ?? []).entries()) {
+    const closed = (flight.gap.closed_share * 100).toFixed(0);
+    panel.append(element("p", {}, `Held-out flight ${k + 1}: ${closed} % of the gap closed.`));
   }
   if (report.residual_map?.length) {
     panel.append(

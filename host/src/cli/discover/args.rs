@@ -1,20 +1,24 @@
 //! Arguments of `bodyflight discover`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use crate::cli::simulate::Reading;
 
 /// Find where simulation and measurement disagree, name the effect that is missing, and show how the gap shrinks.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Verdicts: named, none (model and data agree to the noise), unexplained (a disagreement like nothing in \
-                  the library), thin (too short to tell). docs/discovery.md says how often each is right.\n\n\
+    after_help = "Verdicts: none (model and data agree as the files are), calibrated (they agree once joints, subject and \
+                  coefficients are adjusted within their tolerances), named (an effect is missing), unexplained (nothing \
+                  in the library explains it), thin (too short to tell). docs/discovery.md says how often each is \
+                  right.\n\n\
                   Example: bodyflight hide wind --out lab && bodyflight discover lab/flight-0/flight.toml \
                   --hold-out lab/flight-1/flight.toml --out found"
 )]
 pub(in crate::cli) struct Args {
     /// A flight.toml, an MVNX file alone, or a FlySight's CSV file, of which density, wind and drag area are judged.
-    pub(super) flight: PathBuf,
+    /// Several of one person are fitted together.
+    #[arg(required = true)]
+    pub(super) flights: Vec<PathBuf>,
     /// Other flights, which effects are not fitted to but have to help in.
     #[arg(long, value_name = "FLIGHT", num_args = 1..)]
     pub(super) hold_out: Vec<PathBuf>,
@@ -27,6 +31,16 @@ pub(in crate::cli) struct Args {
     /// Folder for report.json, report.svg and model.toml; made where absent.
     #[arg(long)]
     pub(super) out: Option<PathBuf>,
+    /// End with the errors that were found, what they adjust, and what to fly next.
+    #[arg(long)]
+    pub(super) explain: bool,
     #[command(flatten)]
     pub(super) reading: Reading,
+}
+
+impl Args {
+    /// The first flight.
+    pub(super) fn flight(&self) -> &Path {
+        self.flights.first().map_or(Path::new(""), PathBuf::as_path)
+    }
 }

@@ -25,21 +25,18 @@ pub(super) fn write_all(
 }
 
 /// Verdict and names, which recordings of all kinds have.
-pub(super) fn print_names(
-    outcome: Outcome,
-    disagreement: f64,
-    effects: &[Named],
-    nearest: &[Named],
-) {
+pub(super) fn print_names(outcome: Outcome, effects: &[Named], nearest: &[Named]) {
     let verdict = match outcome {
-        Outcome::Named => "named",
-        Outcome::None => "none: model and data agree to the noise",
+        Outcome::Named => "named: an effect is missing in the model",
+        Outcome::None => "none: model and data agree to the noise, as the files are",
+        Outcome::Calibrated => {
+            "calibrated: model and data agree once joints, subject and coefficients are adjusted within their tolerances"
+        }
+        Outcome::Described => "described: a load that is not in the library",
         Outcome::Unexplained => "unexplained: a disagreement like nothing in the library",
         Outcome::Thin => "thin: not enough excitation to tell effects apart",
     };
-    terminal::print(&format!(
-        "verdict: {verdict} (misfit {disagreement:+.1} deviations from that of flights in which nothing is missing)"
-    ));
+    terminal::print(&format!("verdict: {verdict}"));
     if !nearest.is_empty() {
         terminal::print("came nearest, not used:");
     }

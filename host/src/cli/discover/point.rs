@@ -14,7 +14,7 @@ use super::output::{print_gap, print_held_out, print_names, write_all};
 use crate::cli::terminal;
 
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
-    let flight = Flight::read(&args.flight)?;
+    let flight = Flight::read(args.flight())?;
     let track = read_point_track(&flight.recording)?;
     let other =
         |path: &PathBuf| {
@@ -40,7 +40,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     )
     .map_err(|error| problem(error).in_file(&flight.recording))?;
     if let Some(folder) = &args.out {
-        let title = format!("{}: what the model misses", args.flight.display());
+        let title = format!("{}: what the model misses", args.flight().display());
         let figure = figure::point_svg(&title, &report)?;
         write_all(folder, &report, &figure, &model_toml(&report.model))?;
     }
@@ -55,12 +55,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
 }
 
 fn print(report: &Report) {
-    print_names(
-        report.verdict,
-        report.disagreement,
-        &report.effects,
-        &report.nearest,
-    );
+    print_names(report.verdict, &report.effects, &report.nearest);
     terminal::print(&format!(
         "free fall of {:.1} s, noise of a velocity {:.2} m/s, {} rows skipped",
         report.free_fall_s, report.noise_m_s, report.rows_skipped

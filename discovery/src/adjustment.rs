@@ -1,0 +1,157 @@
+//! What subject, suit and sensors have wrong, told to people: each with its standard error, and what cannot be told apart.
+
+use bodyflight_core::Segment;
+use bodyflight_core::effect::Effect;
+use serde::Serialize;
+
+use super::effect_set::EffectSet;
+use super::error_model::OWN;
+use super::nuisance::{JOINTS, SUBJECT, described, twins};
+use super::problem::{Fitted, Problem};
+
+/// Deviations from which on an adjustment is told, and how many are.
+const TOLD: f64 = 1.5;
+const MOST: usize = 8;
+
+/// Correlation of two estimates from which on they are not told apart.
+const CORRELATED: f64 = 0.7;
+
+/// Something in the files that a flight says is otherwise.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Adjustment {
+    /// What.
+    pub what: String,
+    /// What the flights alone say.
+    pub value: f64,
+    /// Standard error of that.
+    pub standard_error: f64,
+    /// Value in the files.
+    pub in_files: f64,
+    /// What the tolerance and the flights together say; this is what a corrected file has.
+    pub corrected: f64,
+    /// What it is worth: half the square of its deviations.
+    pub gain: f64,
+    /// Others that do nearly the same here.
+    pub not_told_from: Vec<String>,
+}
+
+/// Adjustments of subject and coefficients, the surest first.
+pub fn adjustments(flights: &[(&Problem<'_>, Fitted)]) -> Vec<Adjustment> {
+    let Some((problem, first)) = flights.first() else {
+        return Vec::new();
+    };
+    let tolerances = problem.prior.tolerances.of_subject();
+    let held = problem.prior_with(&first.belief.effects).held;
+    let mut found = Vec::new();
+    for k in (0..SUBJECT).filter(|k| !held.contains(k)) {
+        let Some((what, in_files)) = described(k) else {
+            continue;
+        };
+        let before = tolerances[k].powi(-2);
+        let (mut information, mut slope) = (0.0, 0.0);
+        for (_, fitted) in flights {
+            let errors = &fitted.errors;
+            let after = 1.0 / errors.covariance[(OWN + k, OWN + k)];
+            information += (after - before).max(0.0);
+            slope += errors.constants[OWN + k] * after;
+        }
+        if information <= 1e-9 * before {
+            continue;
+        }
+        let (value, standard_error) = (slope / information, information.powf(-0.5));
+        found.push((
+            k,
+            Adjustment {
+                what,
+                value: in_files + value,
+                standard_error,
+                in_files,
+                corrected: in_files + slope / (information + before),
+                gain: 0.5 * slope * slope / (information + before),
+                not_told_from: Vec::new(),
+            },
+        ));
+    }
+    found.sort_by(|(_, a), (_, b)| b.gain.total_cmp(&a.gain));
+    found.retain(|(_, a)| (a.value - a.in_files).abs() > TOLD * a.standard_error);
+    found.truncate(MOST);
+    let correlation = |j: usize, k: usize| {
+        let covariance = |j: usize, k: usize| first.errors.covariance[(OWN + j, OWN + k)];
+        // Of what the flight alone says: the prior is taken off.
+        covariance(j, k) / (covariance(j, j) * covariance(k, k)).sqrt()
+    };
+    let names: Vec<(usize, String)> = found.iter().map(|(k, a)| (*k, a.what.clone())).collect();
+    for (k, adjustment) in &mut found {
+        let alike = names.iter().filter(|(other, _)| other != k);
+        adjustment.not_told_from = alike
+            .filter(|(other, _)| correlation(*k, *other).abs() > CORRELATED)
+            .map(|(_, name)| name.clone())
+            .collect();
+    }
+    found
+        .into_iter()
+        .map(|(_, adjustment)| adjustment)
+        .collect()
+}
+
+/// Mass and coefficients as tolerance and flights together say, as effects; those of the sensors are not of the person.
+pub fn corrections(fitted: &Fitted) -> EffectSet {
+    let effects = [
+        Effect::CgOffset,
+        Effect::Mass,
+        Effect::Drag,
+        Effect::Lift,
+        Effect::Moment,
+        Effect::Damping,
+    ];
+    let of_effect = |effect: Effect| {
+        let mut values = effect.neutral();
+        for (value, twin) in values.iter_mut().zip(twins(effect)) {
+            *value += fitted.errors.constants[OWN + twin];
+        }
+        for (value, parameter) in values.iter_mut().zip(effect.description().parameters) {
+            *value = value.clamp(parameter.low, parameter.high);
+        }
+        (effect, values)
+    };
+    effects.into_iter().map(of_effect).collect()
+}
+
+/// The joint whose calibration is off most surely.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct JointCalibration {
+    /// Segment behind the joint.
+    pub segment: &'static str,
+    /// Turn about x, y, z (degrees).
+    pub turn_deg: [f64; 3],
+    /// Standard errors (degrees).
+    pub standard_errors_deg: [f64; 3],
+}
+
+/// Joints whose calibration is off, the surest first.
+pub fn joint_calibrations(fitted: &Fitted) -> Vec<JointCalibration> {
+    let errors = &fitted.errors;
+    let mut joints: Vec<(f64, JointCalibration)> = (0..JOINTS / 3)
+        .map(|joint| {
+            let number = |axis: usize| errors.constants[3 * joint + axis];
+            let error =
+                |axis: usize| errors.covariance[(3 * joint + axis, 3 * joint + axis)].sqrt();
+            let sure = (0..3)
+                .map(|axis| (number(axis) / error(axis)).abs())
+                .fold(0.0, f64::max);
+            let calibration = JointCalibration {
+                segment: Segment::ALL[joint + 1].name(),
+                turn_deg: [0, 1, 2].map(|axis| number(axis).to_degrees()),
+                standard_errors_deg: [0, 1, 2].map(|axis| error(axis).to_degrees()),
+            };
+            (sure, calibration)
+        })
+        .collect();
+    joints.sort_by(|(a, _), (b, _)| b.total_cmp(a));
+    joints
+        .into_iter()
+        .filter(|(sure, _)| *sure > 3.0)
+        .take(3)
+        .map(|(_, joint)| joint)
+        .collect()
+}

@@ -1,0 +1,382 @@
+//! Which effect explains most: every effect of the library beside those named so far, in the flights that are fitted
+//! and in those held out.
+
+use bodyflight_core::effect::{Effect, PARAMETER_COUNT};
+use nalgebra::{DMatrix, DVector};
+use rand::rngs::ChaCha8Rng;
+use rand::{RngExt, SeedableRng};
+
+use rand_distr::StandardNormal;
+
+use super::effect_set::{EffectSet, ParameterId, all_parameters, freedom, parameters_of};
+use super::error::Result;
+use super::error_prior::subject_precision;
+use super::nuisance::{Tolerances, twins};
+use super::problem::{Fitted, Problem, Quadratic};
+use super::progress::{Progress, check};
+use super::statistics::deviations;
+
+/// What a parameter must gain in all flights to be worth it (Schwarz, of some hundred independent numbers).
+pub const COST: f64 = 3.0;
+
+/// Effects that are followed to where they lead.
+const FOLLOWED: usize = 6;
+
+/// Steps of Gauss and Newton in an effect, and the gain of one that is not worth another.
+const STEPS: usize = 5;
+const SETTLED: f64 = 0.2;
+
+/// Draws of what chance gains.
+const DRAWS: usize = 999;
+
+/// Gain in the likelihood within which an effect is a rival of the best, and share of it.
+const RIVAL: f64 = 5.0;
+const RIVAL_SHARE: f64 = 0.02;
+
+/// Flights with their errors fitted around the effects named so far.
+pub struct Scene<'a> {
+    /// Flights that effects are fitted to.
+    pub fitted: Vec<(&'a Problem<'a>, Fitted)>,
+    /// Flights held out.
+    pub held_out: Vec<(&'a Problem<'a>, Fitted)>,
+    /// The effects named so far.
+    pub effects: EffectSet,
+    /// Of subject and suit.
+    pub tolerances: Tolerances,
+}
+
+/// An effect beside those named, fitted.
+#[derive(Debug, Clone)]
+pub struct Candidate {
+    /// The effect.
+    pub effect: Effect,
+    /// All effects with it.
+    pub effects: EffectSet,
+    /// Covariance of all their parameters.
+    pub covariance: DMatrix<f64>,
+    /// What the likelihood gains in the flights that it was fitted to.
+    pub gain: f64,
+    /// In each of those held out.
+    pub gains_held_out: Vec<f64>,
+}
+
+impl Candidate {
+    /// What it gains in all flights, less what its parameters cost.
+    pub fn total(&self) -> f64 {
+        self.gain + self.gains_held_out.iter().sum::<f64>() - COST * freedom(self.effect)
+    }
+
+    /// Deviations of its gain from chance.
+    pub fn deviations(&self) -> f64 {
+        deviations(2.0 * self.gain.max(0.0), freedom(self.effect))
+    }
+
+    /// Its own parameters.
+    pub fn values(&self) -> [f64; PARAMETER_COUNT] {
+        let own = self
+            .effects
+            .iter()
+            .find(|(effect, _)| *effect == self.effect);
+        own.map_or_else(|| self.effect.neutral(), |(_, values)| *values)
+    }
+
+    /// All effects, its own so many times as far from nothing as it is.
+    pub fn stretched(&self, share: f64) -> EffectSet {
+        let mut effects = self.effects.clone();
+        for (effect, values) in &mut effects {
+            if *effect == self.effect {
+                for (value, parameter) in values.iter_mut().zip(effect.description().parameters) {
+                    let far = parameter.neutral + share * (*value - parameter.neutral);
+                    *value = far.clamp(parameter.low, parameter.high);
+                }
+            }
+        }
+        effects
+    }
+
+    /// The largest move of a parameter from where it was, in its standard errors.
+    pub fn moved_from(&self, before: &EffectSet) -> f64 {
+        let moves = numbers(&self.effects) - numbers(before);
+        let each = moves.iter().enumerate();
+        each.map(|(k, moved)| moved.abs() / self.covariance[(k, k)].sqrt())
+            .fold(0.0, f64::max)
+    }
+
+    /// Whether it is as good as the best.
+    pub fn is_rival_of(&self, best: &Self) -> bool {
+        self.total() > best.total() - RIVAL.max(RIVAL_SHARE * best.total())
+    }
+}
+
+/// The parameters of effects as numbers.
+fn numbers(effects: &EffectSet) -> DVector<f64> {
+    let each = effects.iter().flat_map(|(effect, values)| {
+        let count = effect.description().parameters.len();
+        values[..count].to_vec()
+    });
+    DVector::from_vec(each.collect())
+}
+
+/// Effects with their parameters moved, kept in their plausible ranges.
+fn moved(effects: &EffectSet, step: &DVector<f64>) -> EffectSet {
+    let mut steps = step.iter();
+    let mut moved = effects.clone();
+    for (effect, values) in &mut moved {
+        for (value, parameter) in values.iter_mut().zip(effect.description().parameters) {
+            *value += steps.next().copied().unwrap_or(0.0);
+            *value = value.clamp(parameter.low, parameter.high);
+        }
+    }
+    moved
+}
+
+impl Scene<'_> {
+    fn precision(&self, effects: &EffectSet) -> DVector<f64> {
+        let held: Vec<usize> = effects
+            .iter()
+            .flat_map(|(effect, _)| twins(*effect))
+            .collect();
+        subject_precision(&self.tolerances, &held)
+    }
+
+    /// Deviations of the prior of parameters: as far as is plausible, wide for those named already.
+    fn prior(effects: &EffectSet) -> Vec<f64> {
+        let parameters = parameters_of(effects.iter().map(|(effect, _)| *effect));
+        parameters.iter().map(|id| id.prior_deviation()).collect()
+    }
+
+    fn from_neutral(effects: &EffectSet) -> DVector<f64> {
+        let neutral: EffectSet = effects.iter().map(|(e, _)| (*e, e.neutral())).collect();
+        numbers(effects) - numbers(&neutral)
+    }
+
+    /// The best of the effects that are not out of question, with the others that were followed, the best first.
+    ///
+    /// # Errors
+    /// Returns an error if the search was cancelled.
+    pub fn candidates(
+        &self,
+        out_of_question: &[Effect],
+        progress: &dyn Progress,
+    ) -> Result<Vec<Candidate>> {
+        let of_flights = |flights: &[(&Problem<'_>, Fitted)]| -> Vec<DMatrix<f64>> {
+            flights
+                .iter()
+                .map(|(_, fitted)| fitted.all_effects())
+                .collect()
+        };
+        let (here, there) = (of_flights(&self.fitted), of_flights(&self.held_out));
+        let mut candidates: Vec<Candidate> = Effect::ALL
+            .iter()
+            .filter(|effect| !out_of_question.contains(effect))
+            .filter(|effect| !self.effects.iter().any(|(named, _)| named == *effect))
+            .filter_map(|effect| self.sketched(*effect, &here, &there))
+            .collect();
+        candidates.sort_by(|a, b| b.total().total_cmp(&a.total()));
+        let mut followed = Vec::new();
+        for candidate in candidates.into_iter().take(FOLLOWED) {
+            check(progress)?;
+            followed.push(
+                self.followed(&candidate.effects, candidate.effect)
+                    .unwrap_or(candidate),
+            );
+        }
+        followed.sort_by(|a, b| b.total().total_cmp(&a.total()));
+        Ok(followed)
+    }
+
+    /// An effect to first order.
+    fn sketched(
+        &self,
+        effect: Effect,
+        here: &[DMatrix<f64>],
+        there: &[DMatrix<f64>],
+    ) -> Option<Candidate> {
+        let all = all_parameters();
+        let mut effects = self.effects.clone();
+        effects.push((effect, effect.neutral()));
+        let columns_of = |effects: &EffectSet| -> Vec<usize> {
+            let wanted = parameters_of(effects.iter().map(|(effect, _)| *effect));
+            let place = |id: &ParameterId| all.iter().position(|other| other == id);
+            wanted.iter().filter_map(place).collect()
+        };
+        let (known, columns) = (columns_of(&self.effects), columns_of(&effects));
+        let before = self.precision(&self.effects);
+        let precision = self.precision(&effects);
+        let zero = DVector::zeros(known.len());
+        let plain = Quadratic::joint(here, &known, &before)?;
+        let problem = Quadratic::joint(here, &columns, &precision)?;
+        let (step, covariance) =
+            problem.solved(&Self::prior(&effects), &Self::from_neutral(&effects))?;
+        let effects = moved(&effects, &step);
+        let mut start = self.effects.clone();
+        start.push((effect, effect.neutral()));
+        let step = numbers(&effects) - numbers(&start);
+        let known_step = step.rows(0, known.len()).into_owned();
+        let plain_left = if known.is_empty() {
+            plain.left(&zero)
+        } else {
+            plain.left(&known_step).min(plain.left(&zero))
+        };
+        let held_out = there.iter().map(|flight| {
+            let flight = core::slice::from_ref(flight);
+            let (plain, problem) = (
+                Quadratic::joint(flight, &known, &before)?,
+                Quadratic::joint(flight, &columns, &precision)?,
+            );
+            Some(plain.left(&zero) - problem.left(&step))
+        });
+        Some(Candidate {
+            effect,
+            gain: plain_left - problem.left(&step),
+            gains_held_out: held_out.collect::<Option<Vec<_>>>()?,
+            effects,
+            covariance,
+        })
+    }
+
+    /// What is left around some effects in flights with one subject, with the parameters that are asked for.
+    fn around(
+        &self,
+        flights: &[&(&Problem<'_>, Fitted)],
+        effects: &EffectSet,
+        parameters: &[ParameterId],
+    ) -> Option<Quadratic> {
+        let reduced: Option<Vec<DMatrix<f64>>> = flights
+            .iter()
+            .map(|(problem, fitted)| problem.around(fitted, effects, parameters))
+            .collect();
+        let columns: Vec<usize> = (0..parameters.len()).collect();
+        Quadratic::joint(&reduced?, &columns, &self.precision(effects))
+    }
+
+    /// Effects followed by Gauss and Newton from where a sketch leads. None where the model has no numbers on the way.
+    pub fn followed(&self, sketch: &EffectSet, effect: Effect) -> Option<Candidate> {
+        let here: Vec<_> = self.fitted.iter().collect();
+        let parameters = parameters_of(sketch.iter().map(|(effect, _)| *effect));
+        let prior = Self::prior(sketch);
+        let penalty = |effects: &EffectSet| -> f64 {
+            let away = Self::from_neutral(effects);
+            away.iter()
+                .zip(&prior)
+                .map(|(away, deviation)| 0.5 * (away / deviation).powi(2))
+                .sum()
+        };
+        let left =
+            |quadratic: &Quadratic, effects: &EffectSet| 0.5 * quadratic.square + penalty(effects);
+        // From nothing, so that a sketch that leads too far is held back.
+        let mut effects: EffectSet = self.effects.clone();
+        if !effects.iter().any(|(known, _)| *known == effect) {
+            effects.push((effect, effect.neutral()));
+        }
+        // Without it, those named may move too.
+        let plain = self.around(
+            &here,
+            &self.effects,
+            &parameters_of(self.effects.iter().map(|(e, _)| *e)),
+        )?;
+        let settled = plain.solved(
+            &Self::prior(&self.effects),
+            &Self::from_neutral(&self.effects),
+        );
+        let plain_left = match settled {
+            Some((step, _)) if !step.is_empty() => plain.left(&step).min(0.5 * plain.square),
+            _ => 0.5 * plain.square,
+        };
+        let mut best = self.around(&here, &effects, &parameters)?;
+        let mut step = numbers(sketch) - numbers(&effects);
+        if step.norm() <= 0.0 {
+            step = best.solved(&prior, &Self::from_neutral(&effects))?.0;
+        }
+        for _ in 0..STEPS {
+            let before = left(&best, &effects);
+            let mut gained = None;
+            for _ in 0..4 {
+                let next = moved(&effects, &step);
+                if let Some(found) = self.around(&here, &next, &parameters)
+                    && left(&found, &next) < before
+                {
+                    gained = Some(before - left(&found, &next));
+                    (effects, best) = (next, found);
+                    break;
+                }
+                step *= 0.5;
+            }
+            if gained.is_none_or(|gained| gained < SETTLED) {
+                break;
+            }
+            step = best.solved(&prior, &Self::from_neutral(&effects))?.0;
+        }
+        let (_, covariance) = best.solved(&prior, &Self::from_neutral(&effects))?;
+        let held_out = self.held_out.iter().map(|flight| {
+            let plain = self.around(&[flight], &self.effects, &[])?;
+            let found = self.around(&[flight], &effects, &[])?;
+            Some(0.5 * (plain.square - found.square))
+        });
+        Some(Candidate {
+            effect,
+            gain: plain_left - 0.5 * best.square,
+            gains_held_out: held_out.collect::<Option<Vec<_>>>()?,
+            effects,
+            covariance,
+        })
+    }
+
+    /// Of draws of the errors as they were fitted: the deviations of the effect that gains most, rising.
+    pub fn chance(&self, seed: u64) -> Vec<f64> {
+        let here: Vec<DMatrix<f64>> = self.fitted.iter().map(|(_, f)| f.all_effects()).collect();
+        let all = all_parameters();
+        let columns: Vec<usize> = (0..all.len()).collect();
+        let Some(problem) = Quadratic::joint(&here, &columns, &self.precision(&self.effects))
+        else {
+            return Vec::new();
+        };
+        // Slopes of errors alone have the information as their covariance.
+        let mut information = problem.information.clone();
+        for k in 0..all.len() {
+            information[(k, k)] *= 1.0 + 1e-9;
+            information[(k, k)] += 1e-12;
+        }
+        let Some(factor) = information.cholesky() else {
+            return Vec::new();
+        };
+        let lower = factor.l();
+        let solvers: Vec<_> = Effect::ALL
+            .iter()
+            .filter_map(|effect| {
+                let own: Vec<usize> = (0..all.len())
+                    .filter(|k| all[*k].effect == *effect)
+                    .collect();
+                let mut block = DMatrix::from_fn(own.len(), own.len(), |j, k| {
+                    problem.information[(own[j], own[k])]
+                });
+                for (j, k) in own.iter().enumerate() {
+                    block[(j, j)] += all[*k].prior_deviation().powi(-2);
+                }
+                Some((freedom(*effect), own, block.cholesky()?))
+            })
+            .collect();
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let mut best: Vec<f64> = (0..DRAWS)
+            .map(|_| {
+                let noise =
+                    DVector::from_fn(all.len(), |_, _| random.sample::<f64, _>(StandardNormal));
+                let slope = &lower * noise;
+                let of_effect = |(freedom, own, factor): &(
+                    f64,
+                    Vec<usize>,
+                    nalgebra::Cholesky<f64, nalgebra::Dyn>,
+                )| {
+                    let slope = DVector::from_fn(own.len(), |k, _| slope[own[k]]);
+                    deviations(slope.dot(&factor.solve(&slope)), *freedom)
+                };
+                solvers
+                    .iter()
+                    .map(of_effect)
+                    .fold(f64::NEG_INFINITY, f64::max)
+            })
+            .collect();
+        best.sort_by(f64::total_cmp);
+        best
+    }
+}

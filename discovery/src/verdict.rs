@@ -1,0 +1,216 @@
+//! What a search comes to: the verdict, and the report with what is left, what is adjusted and what to fly next.
+
+use bodyflight_core::effect::{Effect, PARAMETER_COUNT};
+
+use super::adjustment::{adjustments, corrections, joint_calibrations};
+use super::contest::{COST, Scene};
+use super::effect_set::{EffectSet, parameters_of};
+use super::error::{Error, Result};
+use super::error_model::Errors;
+use super::gap::gap;
+use super::remainder::Remainder;
+use super::report::{ErrorSizes, Evidence, HeldOut, Named, Outcome, Report, model_of};
+use super::search::{Name, Search};
+
+/// Shortest flight in which effects are told apart (stretches).
+const LEAST_STRETCHES: usize = 20;
+
+/// Share of what something that pushes could explain that names must explain.
+const EXPLAINS: f64 = 0.6;
+
+/// Misfit of the model as in the files, by the number of what is compared, up to which it is right as it is.
+const AGREES: f64 = 1.15;
+
+impl<'a> Search<'a> {
+    /// The report.
+    ///
+    /// # Errors
+    /// Returns an error if the search was cancelled.
+    pub(super) fn report(
+        &self,
+        scene: Scene<'a>,
+        plain: Option<Vec<Errors>>,
+        unadjusted: f64,
+        names: Vec<Name>,
+        nearest: Option<Name>,
+    ) -> Result<Report> {
+        let quiet = self.quiet(&scene)?;
+        let remainders: Vec<Remainder> = scene
+            .fitted
+            .iter()
+            .enumerate()
+            .map(|(k, (problem, fitted))| {
+                let quiet = quiet.as_ref().and_then(|quiet| quiet.get(k));
+                Remainder::new(problem, fitted, quiet)
+            })
+            .collect();
+        let likelihood = |errors: &[Errors]| errors.iter().map(|e| e.likelihood).sum::<f64>();
+        let with_push: f64 = scene.fitted.iter().map(|(_, f)| f.errors.likelihood).sum();
+        let explained = match (&plain, &quiet) {
+            (Some(plain), Some(quiet)) => {
+                let gained = likelihood(quiet) - likelihood(plain);
+                gained / (with_push - likelihood(plain)).max(gained).max(1e-9)
+            }
+            _ => 0.0,
+        };
+        let thin = scene.fitted.iter().all(|(problem, _)| {
+            problem.stretches.len() < LEAST_STRETCHES || problem.track.is_still()
+        });
+        let unexplained = remainders.iter().any(|left| left.is_unexplained);
+        let outcome = if thin {
+            Outcome::Thin
+        } else if !names.is_empty() && (!unexplained || explained >= EXPLAINS) {
+            Outcome::Named
+        } else if unexplained {
+            Outcome::Unexplained
+        } else if unadjusted < AGREES {
+            Outcome::None
+        } else {
+            Outcome::Calibrated
+        };
+        let errors = self.standard_errors(&scene);
+        let told = |name: &Name| {
+            let own = scene
+                .effects
+                .iter()
+                .find(|(effect, _)| *effect == name.candidate.effect);
+            let values = own.map_or_else(|| name.candidate.values(), |(_, values)| *values);
+            let error = errors
+                .iter()
+                .find(|(effect, _)| *effect == name.candidate.effect);
+            let evidence = Evidence {
+                deviations: name.candidate.deviations(),
+                chance: Some(name.chance),
+                stability: None,
+                explains: explained,
+            };
+            Named::new(name.candidate.effect, evidence, name.rivals.clone()).with_parameters(
+                &values,
+                &error.map_or([0.0; PARAMETER_COUNT], |(_, error)| *error),
+            )
+        };
+        let told_names: Vec<Named> = names.iter().map(told).collect();
+        let effects = if outcome == Outcome::Named {
+            scene.effects.clone()
+        } else {
+            EffectSet::new()
+        };
+        let (named, mut near) = outcome.split(told_names);
+        near.extend(
+            nearest
+                .iter()
+                .filter(|near| near.candidate.total() > COST)
+                .map(told),
+        );
+        let mut gaps = scene
+            .fitted
+            .iter()
+            .map(|(problem, fitted)| gap(problem, fitted, &scene.effects));
+        let (gap_here, residual_map) = gaps.next().ok_or(Error::Cancelled)?;
+        let held_out = scene
+            .held_out
+            .iter()
+            .enumerate()
+            .map(|(k, (problem, fitted))| {
+                let gains = names
+                    .iter()
+                    .filter_map(|name| name.candidate.gains_held_out.get(k));
+                HeldOut {
+                    gain: gains.sum(),
+                    gap: gap(problem, fitted, &scene.effects).0,
+                    remainder: Remainder::new(problem, fitted, None),
+                }
+            });
+        let explain = explain(outcome, &named, &remainders);
+        Ok(Report {
+            verdict: outcome,
+            effects: named,
+            nearest: near,
+            explained,
+            misfit_unadjusted: unadjusted,
+            errors: scene
+                .fitted
+                .iter()
+                .map(|(problem, fitted)| ErrorSizes::new(problem, fitted))
+                .collect(),
+            adjustments: adjustments(&scene.fitted),
+            joints: scene
+                .fitted
+                .iter()
+                .flat_map(|(_, fitted)| joint_calibrations(fitted))
+                .collect(),
+            gap: gap_here,
+            held_out: held_out.collect(),
+            residual_map,
+            remainders,
+            fly_next: explain,
+            model: model_of(&effects),
+            corrections: scene
+                .fitted
+                .first()
+                .map_or_else(Vec::new, |(_, f)| model_of(&corrections(f))),
+        })
+    }
+
+    /// Standard errors of the effects named, by effect.
+    fn standard_errors(&self, scene: &Scene<'_>) -> EffectSet {
+        let Some((last, _)) = scene.effects.last() else {
+            return EffectSet::new();
+        };
+        let Some(found) = scene.followed(&scene.effects, *last) else {
+            return EffectSet::new();
+        };
+        let parameters = parameters_of(scene.effects.iter().map(|(effect, _)| *effect));
+        let of = |effect: Effect| {
+            let mut errors = [0.0; PARAMETER_COUNT];
+            let own = parameters
+                .iter()
+                .enumerate()
+                .filter(|(_, id)| id.effect == effect);
+            for (k, id) in own {
+                errors[id.index] = found.covariance[(k, k)].sqrt();
+            }
+            errors
+        };
+        scene
+            .effects
+            .iter()
+            .map(|(effect, _)| (*effect, of(*effect)))
+            .collect()
+    }
+}
+
+/// What to fly next, in words.
+fn explain(outcome: Outcome, named: &[Named], remainders: &[Remainder]) -> String {
+    match outcome {
+        Outcome::Named => {
+            let rivals = named.iter().find(|named| !named.rivals.is_empty());
+            rivals.map_or_else(
+                || "nothing has to be flown to tell these effects from others".to_owned(),
+                |named| {
+                    format!(
+                        "to tell {} from its rivals, fly {}",
+                        named.name, named.separated_by
+                    )
+                },
+            )
+        }
+        Outcome::None => "nothing: model and data agree".to_owned(),
+        Outcome::Calibrated => {
+            "the same postures at another speed, belly, back and head-down: mass, area and drag \
+            then do different things"
+                .to_owned()
+        }
+        Outcome::Unexplained => {
+            let words = remainders.iter().find(|left| left.is_unexplained);
+            words.map_or_else(String::new, |left| {
+                format!(
+                    "the same again with more variety; look for {}",
+                    left.in_words
+                )
+            })
+        }
+        Outcome::Described => "the same load in another posture and at another speed".to_owned(),
+        Outcome::Thin => "at least 20 s with changes of posture, attitude and speed".to_owned(),
+    }
+}
