@@ -9,9 +9,8 @@ use bodyflight_core::dynamics::residual::ResidualLoad;
 use bodyflight_core::dynamics::step::TIME_STEP;
 use bodyflight_core::dynamics::{Dynamics, Inputs, Motion, State};
 use bodyflight_core::estimator::measurement::Measurement;
-use bodyflight_core::frame::{Rotation, Vector};
+use bodyflight_core::frame::{Vector, facing_north};
 use bodyflight_core::{Body, Posture, Segment};
-use nalgebra::{UnitQuaternion, Vector3};
 
 /// Phases of the slow wandering of muscle input and damping, which also set its speeds (rad).
 const WANDER_PHASES: [f64; 6] = [1.0, 0.0, 2.0, 3.0, 4.0, 5.0];
@@ -295,12 +294,11 @@ impl Flight {
             muscles,
             ..Dynamics::paper(*body, 1.0)
         };
-        let attitude = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), self.start_pitch);
-        let attitude = Rotation::from_quaternion(attitude);
+        let attitude = facing_north(self.start_pitch);
         let start = Motion {
             inertial_from_body: attitude,
             position: Vector::zero(),
-            velocity: attitude.inverse() * Vector::new(0.0, -3.0, -42.0),
+            velocity: attitude.inverse() * Vector::new(3.0, 0.0, -42.0),
             angular_velocity: Vector::zero(),
         };
         let mut course = Course {

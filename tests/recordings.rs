@@ -88,11 +88,6 @@ fn raw_frames(path: &Path) -> (Vec<Raw>, Reader<BufReader<std::fs::File>>) {
     (raws, reader)
 }
 
-/// Axes of the model in those of Xsens for the same direction: x = -y, y = x.
-fn to_xsens(v: Vector3<f64>) -> Vector3<f64> {
-    Vector3::new(-v.y, v.x, v.z)
-}
-
 #[test]
 fn postures_reproduce_recorded_orientations() {
     // The long axis and the front of legs, trunk and head, and the long axis of arms, as the file has them
@@ -115,12 +110,9 @@ fn postures_reproduce_recorded_orientations() {
                 let posed = attitude * body_from[segment];
                 let (expected, found) = if is_arm {
                     let side = if label.starts_with("Left") { 1.0 } else { -1.0 };
-                    (
-                        recorded * Vector3::y() * side,
-                        to_xsens(posed * -Vector3::z()),
-                    )
+                    (recorded * Vector3::y() * side, posed * -Vector3::z())
                 } else {
-                    (recorded * Vector3::x(), to_xsens(posed * -Vector3::y()))
+                    (recorded * Vector3::x(), posed * -Vector3::y())
                 };
                 assert!(
                     (expected - found).norm() < 1e-6,
@@ -128,7 +120,7 @@ fn postures_reproduce_recorded_orientations() {
                     frame.index
                 );
                 if !is_arm {
-                    let up = (recorded * Vector3::z(), to_xsens(posed * Vector3::z()));
+                    let up = (recorded * Vector3::z(), posed * Vector3::z());
                     assert!(
                         (up.0 - up.1).norm() < 1e-6,
                         "{name} frame {} {label}",
@@ -182,7 +174,7 @@ fn forward_kinematics_reproduce_recorded_joints() {
             Segment::RightShank,
             Segment::RightFoot,
         ] {
-            let found = pelvis + to_xsens(attitude * posed[segment].joint);
+            let found = pelvis + attitude * posed[segment].joint;
             let expected = raw.position[MvnSegment::leading(segment).label()];
             worst = worst.max((found - expected).norm());
         }
@@ -193,7 +185,7 @@ fn forward_kinematics_reproduce_recorded_joints() {
             [Segment::RightUpperArm, Segment::RightForearm],
             [Segment::RightForearm, Segment::RightHand],
         ] {
-            let found = to_xsens(attitude * (posed[lower].joint - posed[upper].joint));
+            let found = attitude * (posed[lower].joint - posed[upper].joint);
             let [a, b] = [upper, lower].map(|s| raw.position[MvnSegment::leading(s).label()]);
             worst = worst.max((found - (b - a)).norm());
         }
@@ -230,7 +222,7 @@ fn script(count: u64) -> impl Iterator<Item = FlightFrame> {
             pelvis: PelvisMotion {
                 inertial_from_body: Rotation::from_quaternion(turn),
                 position: Vector::new(0.1 * time, 0.0, 4000.0 + fall),
-                velocity: Some(Vector::new(0.1, 0.0, -50.0)),
+                velocity: Some(Vector::new(0.1, 0.2, -50.0)),
                 angular_velocity: Some(Vector::new(0.0, 0.0, -0.3)),
             },
             centre_of_mass: None,
@@ -285,6 +277,30 @@ fn what_is_written_is_read_again() {
         assert!(turned.angle_to(pelvis.1.inertial_from_body.quaternion()) < 1e-5);
         let spin = found.pelvis.angular_velocity.expect("written").components;
         assert!((spin - Vector3::new(0.0, 0.0, -0.3)).norm() < 2e-6);
+    }
+}
+
+/// The global frame of MVN, X north, Y west, Z up, is the inertial frame: no number of it is turned.
+#[test]
+fn north_west_and_up_are_the_axes_of_the_file() {
+    let bytes = written(2);
+    let options = ReadOptions::default();
+    let mut reader = Reader::new(&bytes[..], Path::new("synthetic.mvnx"), options).expect("good");
+    let mut raw = Frame::default();
+    assert!(reader.next_frame(&mut raw).expect("a frame"));
+    let pelvis = read(&bytes).expect("good")[0].pelvis;
+    for (field, found) in [
+        (Field::Position, Some(pelvis.position)),
+        (Field::Velocity, pelvis.velocity),
+        (Field::AngularVelocity, pelvis.angular_velocity),
+    ] {
+        let (raw, found) = (raw.vector(field, 0).expect("written"), found.expect("read"));
+        assert_eq!(raw, found.components, "{field:?}");
+    }
+    let velocity = pelvis.velocity.expect("read");
+    let seen = [velocity.north(), velocity.west(), velocity.up()];
+    for (seen, expected) in seen.iter().zip([0.1, 0.2, -50.0]) {
+        assert!((seen - expected).abs() < 1e-6, "{velocity:?}");
     }
 }
 

@@ -18,6 +18,8 @@ mod axes;
 mod rotation;
 mod vector;
 
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+
 use crate::math::{self, Real};
 pub use axes::{Body, Inertial, SegmentFrame, XsensSegment};
 pub use rotation::{Rotation, RotationMatrix};
@@ -29,7 +31,7 @@ pub use vector::Vector;
 /// axis and stays continuous up to the back-to-earth pose. All rad.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AttitudeAngles<T> {
-    /// Direction of the cranial axis over ground, from the Xsens X axis towards its Y axis (rad).
+    /// Direction of the cranial axis over ground, from north towards west (rad).
     pub heading: T,
     /// Elevation of the cranial axis above the horizon (rad).
     pub pitch: T,
@@ -43,7 +45,7 @@ impl<T: Real> AttitudeAngles<T> {
     pub fn of(inertial_from_body: &Rotation<T, Inertial, Body>) -> Self {
         let matrix = inertial_from_body.quaternion().to_rotation_matrix();
         let axes = matrix.matrix();
-        // paper (xyz): a vector (x, y, z) in north, west, up is (-y, x, z) in the Xsens axes.
+        // The turn q_z of paper eq. (xyz) undoes that of the paper's inertial frame: none is needed here.
         let level = |column: usize| (axes[(0, column)], axes[(1, column)], axes[(2, column)]);
         let (left_x, left_y, left_up) = level(0);
         let back_up = axes[(2, 1)];
@@ -56,11 +58,19 @@ impl<T: Real> AttitudeAngles<T> {
             tilt
         };
         Self {
-            heading: head_x.arctangent2(-head_y),
+            heading: head_y.arctangent2(head_x),
             pitch: head_up.arctangent2(horizontal(head_x, head_y)),
             roll,
         }
     }
+}
+
+/// Attitude of a body that faces north, turned forwards about its left axis by `pitch` (rad): 0 upright, pi/2 belly to
+/// earth with the head to the north.
+pub fn facing_north<T: Real>(pitch: T) -> Rotation<T, Inertial, Body> {
+    let half = T::of(core::f64::consts::FRAC_1_SQRT_2);
+    let to_north = UnitQuaternion::new_unchecked(Quaternion::new(half, T::zero(), T::zero(), half));
+    Rotation::from_quaternion(to_north * UnitQuaternion::from_axis_angle(&Vector3::x_axis(), pitch))
 }
 
 /// Euler angles yaw, pitch, roll of an attitude (rad), paper eq. (euler), with `atan2` for the quadrants.
@@ -80,7 +90,6 @@ pub fn euler_angles<T: Real>(inertial_from_body: &Rotation<T, Inertial, Body>) -
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::{UnitQuaternion, Vector3};
     use proptest::prelude::*;
 
     proptest! {
@@ -118,6 +127,25 @@ mod tests {
             [f32::INFINITY, 0.0, 0.0, 1.0],
         ] {
             assert!(Rotation::<f32, Inertial, Body>::from_wxyz(wxyz).is_none());
+        }
+    }
+
+    /// A quarter turn more than once went unseen: north, west and up are told apart here.
+    #[test]
+    fn headings_run_from_north_towards_west() {
+        let belly = facing_north(core::f64::consts::FRAC_PI_2);
+        let head = belly * Vector::new(0.0, 0.0, 1.0);
+        assert!((head - Vector::new(1.0, 0.0, 0.0)).norm() < 1e-12, "north");
+        let left = belly * Vector::new(1.0, 0.0, 0.0);
+        assert!((left - Vector::new(0.0, 1.0, 0.0)).norm() < 1e-12, "west");
+        assert!(AttitudeAngles::of(&belly).heading.abs() < 1e-12);
+        let upright = facing_north(0.0) * Vector::<f64, Body>::new(0.0, -1.0, 0.0);
+        assert!((upright - Vector::new(1.0, 0.0, 0.0)).norm() < 1e-12);
+        for turn in [-2.0, -0.5, 0.4, 3.0] {
+            let turned = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), turn);
+            let turned = Rotation::<f64, Inertial, Inertial>::from_quaternion(turned);
+            let heading = AttitudeAngles::of(&(turned * belly)).heading;
+            assert!((heading - turn).abs() < 1e-12, "{turn}: {heading}");
         }
     }
 

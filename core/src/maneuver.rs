@@ -6,15 +6,13 @@
 
 pub mod scripts;
 
-use nalgebra::{UnitQuaternion, Vector3};
-
 use crate::axis::AxisCoefficients;
 use crate::body::pattern::{self, JointAngles};
 use crate::body::posture::Posture;
 use crate::dynamics::Inputs;
 use crate::dynamics::muscle_input::MuscleModel;
 use crate::dynamics::residual::ResidualLoad;
-use crate::frame::{Body, Inertial, Rotation};
+use crate::frame::{Body, Inertial, Rotation, facing_north};
 use crate::math::{Real, clamp};
 
 /// A value over time: (time in s, value), rising in time; constant before the first and after the last knot.
@@ -79,10 +77,9 @@ impl Maneuver {
         }
     }
 
-    /// Attitude at the start, heading along the inertial Y axis' opposite (east).
+    /// Attitude at the start, facing north.
     pub fn start_attitude<T: Real>(&self) -> Rotation<T, Inertial, Body> {
-        let pitch = T::of(self.start_pitch);
-        Rotation::from_quaternion(UnitQuaternion::from_axis_angle(&Vector3::x_axis(), pitch))
+        facing_north(T::of(self.start_pitch))
     }
 }
 

@@ -44,16 +44,15 @@ pub fn horizontal_speed<T: Real>(velocity: &Vector<T, Inertial>) -> T {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frame::Rotation;
+    use crate::frame::{Rotation, facing_north};
     use nalgebra::{UnitQuaternion, Vector3};
 
     #[test]
     fn a_tilted_glide_is_seen_as_such() {
-        // Belly to earth, heading east, turned by 0.3 rad to the left, gliding north.
-        let belly =
-            UnitQuaternion::from_axis_angle(&Vector3::x_axis(), core::f64::consts::FRAC_PI_2);
+        // Belly to earth, heading north, turned by 0.3 rad to the left, gliding north-west.
         let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), 0.3);
-        let attitude = Rotation::from_quaternion(turn * belly);
+        let attitude = Rotation::<_, Inertial, Inertial>::from_quaternion(turn)
+            * facing_north(core::f64::consts::FRAC_PI_2);
         let motion = Motion {
             inertial_from_body: attitude,
             position: Vector::zero(),

@@ -12,7 +12,7 @@ use bodyflight_core::body::pattern::{self, JointAngles};
 use bodyflight_core::dynamics::{Dynamics, Inputs, Motion, State};
 use bodyflight_core::effect::sensors::Moving;
 use bodyflight_core::effect::{Effect, Model, PARAMETER_COUNT};
-use bodyflight_core::frame::{Rotation, Vector};
+use bodyflight_core::frame::{Rotation, Vector, facing_north};
 use bodyflight_core::{Posture, Segment};
 use nalgebra::{UnitQuaternion, Vector3};
 use rand::rngs::ChaCha8Rng;
@@ -261,12 +261,11 @@ fn truth(
 
 /// Belly to earth at terminal speed.
 fn start() -> Motion<f64> {
-    let belly = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), core::f64::consts::FRAC_PI_2);
-    let inertial_from_body = Rotation::from_quaternion(belly);
+    let inertial_from_body = facing_north(core::f64::consts::FRAC_PI_2);
     Motion {
         inertial_from_body,
         position: Vector::new(0.0, 0.0, START_HEIGHT),
-        velocity: inertial_from_body.inverse() * Vector::new(1.0, -2.0, -52.0),
+        velocity: inertial_from_body.inverse() * Vector::new(2.0, 1.0, -52.0),
         angular_velocity: Vector::zero(),
     }
 }

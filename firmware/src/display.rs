@@ -48,24 +48,21 @@ fn degrees(angle: f32) -> i16 {
 mod tests {
     use super::*;
     use bodyflight_core::Posture;
-    use bodyflight_core::frame::{Rotation, Vector};
+    use bodyflight_core::frame::{Inertial, Rotation, Vector, facing_north};
     use bodyflight_core::link::Motion;
     use nalgebra::{UnitQuaternion, Vector3};
 
     #[test]
     fn a_turn_on_the_belly_is_read_off() {
-        // On the belly the head points to the east, where headings begin; then a turn to the left.
-        let attitude = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), 0.524)
-            * UnitQuaternion::from_axis_angle(&Vector3::x_axis(), core::f32::consts::FRAC_PI_2);
+        // On the belly with the head to the north, where headings begin; then a turn to the left.
+        let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), 0.524);
+        let attitude = Rotation::<_, Inertial, Inertial>::from_quaternion(turn)
+            * facing_north(core::f32::consts::FRAC_PI_2);
         let motion = Motion {
             angular_velocity: Some(Vector::new(0.0, 3.0, 0.0)),
             ..Motion::default()
         };
-        let sample = Sample::new(
-            &Posture::h_pose(),
-            &Rotation::from_quaternion(attitude),
-            &motion,
-        );
+        let sample = Sample::new(&Posture::h_pose(), &attitude, &motion);
         let glance = Glance::of(&sample);
         assert!((162..=182).contains(&glance.turn), "{glance:?}");
         assert_eq!((glance.heading, glance.pitch, glance.roll), (30, 0, 0));

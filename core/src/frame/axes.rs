@@ -1,6 +1,7 @@
 //! The frames, as types without values.
 
-/// North, west, up (paper "Inertial Frame").
+/// X north, Y west, Z up (paper "Inertial Frame"): the global frame of Xsens MVN, with no turn between them. North is
+/// magnetic in recordings of MVN and true in tracks of satellites.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Inertial;
 

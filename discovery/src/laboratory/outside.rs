@@ -49,9 +49,9 @@ impl Outside {
         };
         let (force, moment) = match self {
             Self::Gusts => {
-                let east = (time * 1.7).sin() + (time * 2.9 + 1.0).sin();
+                let west = (time * 1.7).sin() + (time * 2.9 + 1.0).sin();
                 let north = (time * 2.3 + 2.0).sin();
-                (Vector::new(north, east, 0.0) * 120.0, Vector::zero())
+                (Vector::new(north, west, 0.0) * 120.0, Vector::zero())
             }
             Self::Flapping => {
                 let beat = (time * 8.0 * core::f64::consts::PI).sin();

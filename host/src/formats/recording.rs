@@ -17,6 +17,7 @@ use std::io::BufRead;
 use std::path::Path;
 
 use bodyflight_core::SegmentArray;
+use bodyflight_core::frame::Vector;
 use nalgebra::{Quaternion, UnitQuaternion};
 
 use crate::diagnostic::{Problem, Result};
@@ -220,7 +221,7 @@ impl<R: BufRead> Recording<R> {
         }
         let (inertial_from_body, posture) = xsens::attitude_and_posture(&leading);
         let pelvis = self.places[bodyflight_core::Segment::Pelvis];
-        let vector = |field, place| frame.vector(field, place).map(xsens::inertial_vector);
+        let vector = |field, place| frame.vector(field, place).map(Vector::from_components);
         let time = self.bridge.time(frame.index);
         Some(FlightFrame {
             index: frame.index,

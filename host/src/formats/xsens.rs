@@ -1,7 +1,8 @@
 //! From the 23 segments of Xsens MVN to the 16 of the model, and back.
 //!
-//! MVN gives the orientation of each segment from the T-pose in its own axes (X forward, Y left, Z up), the
-//! model each joint from the H-pose in the axes of the body frame. Three constant rotations join them, see
+//! The global frame of MVN (X magnetic north, Y west, Z up) is the inertial frame: positions and velocities are taken
+//! as they are. Only the axes of segments differ. MVN gives the orientation of each segment from the T-pose in its own
+//! axes (X forward, Y left, Z up), the model each joint from the H-pose in the axes of the body frame. Three constant rotations join them, see
 //! [`xsens_from_segment`]: the change of axes, the arms brought from the T-pose down to the H-pose, and the
 //! hands turned from palm inwards to palm forwards. Paper section "Interpreting Xsens measurements" and
 //! model.md "Frames and rotations"; the paper's eqs. (qXsens2SM) to (qXsens2SM4) are these for one joint.
@@ -11,16 +12,12 @@ pub mod y_up;
 
 use core::f64::consts::FRAC_1_SQRT_2;
 
-use bodyflight_core::frame::{Body, Inertial, Rotation, SegmentFrame, Vector, XsensSegment};
+use bodyflight_core::frame::{Body, Inertial, Rotation, SegmentFrame, XsensSegment};
 use bodyflight_core::{Posture, Segment, SegmentArray};
-use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use nalgebra::{Quaternion, UnitQuaternion};
 
 /// Number of segments in MVN.
 pub const MVN_SEGMENT_COUNT: usize = 23;
-
-/// The global frame of MVN: X forward (or magnetic north), Y left, Z up.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct XsensGlobal;
 
 /// Row of the table of MVN segments.
 struct Row {
@@ -125,21 +122,6 @@ fn xsens_axes_from_model_axes() -> UnitQuaternion<f64> {
     UnitQuaternion::new_unchecked(Quaternion::new(FRAC_1_SQRT_2, 0.0, 0.0, FRAC_1_SQRT_2))
 }
 
-/// The inertial frame of the model seen from the global frame of MVN: the same turn as for the segments.
-pub fn inertial_from_xsens() -> Rotation<f64, Inertial, XsensGlobal> {
-    Rotation::from_quaternion(xsens_axes_from_model_axes().inverse())
-}
-
-/// A vector of the global frame of MVN in the inertial frame.
-pub fn inertial_vector(xsens: Vector3<f64>) -> Vector<f64, Inertial> {
-    inertial_from_xsens() * Vector::from_components(xsens)
-}
-
-/// A vector of the inertial frame in the global frame of MVN.
-pub fn xsens_vector(inertial: Vector<f64, Inertial>) -> Vector3<f64> {
-    (inertial_from_xsens().inverse() * inertial).components
-}
-
 /// Axes of a segment as the model has them (those of the body in the H-pose) in the axes MVN gives it (those
 /// of the global frame in the T-pose).
 ///
@@ -167,8 +149,8 @@ pub fn attitude_and_posture(
     xsens_from_mvn_segment: &SegmentArray<UnitQuaternion<f64>>,
 ) -> (Rotation<f64, Inertial, Body>, Posture<f64>) {
     let inertial_from_segment = xsens_from_mvn_segment.map(|segment, orientation| {
-        let orientation = Rotation::<f64, XsensGlobal, XsensSegment>::from_quaternion(*orientation);
-        *(inertial_from_xsens() * orientation * xsens_from_segment(segment)).quaternion()
+        let orientation = Rotation::<f64, Inertial, XsensSegment>::from_quaternion(*orientation);
+        *(orientation * xsens_from_segment(segment)).quaternion()
     });
     // The joints are relative, so rotations in any common frame give the posture.
     let posture = Posture::from_body_rotations(&inertial_from_segment);
@@ -180,13 +162,10 @@ pub fn attitude_and_posture(
 pub fn mvn_orientations(
     inertial_from_body: Rotation<f64, Inertial, Body>,
     posture: &Posture<f64>,
-) -> SegmentArray<Rotation<f64, XsensGlobal, XsensSegment>> {
+) -> SegmentArray<Rotation<f64, Inertial, XsensSegment>> {
     posture.body_from_segments().map(|segment, rotation| {
         let body_from_segment = Rotation::<f64, Body, SegmentFrame>::from_quaternion(*rotation);
-        inertial_from_xsens().inverse()
-            * inertial_from_body
-            * body_from_segment
-            * xsens_from_segment(segment).inverse()
+        inertial_from_body * body_from_segment * xsens_from_segment(segment).inverse()
     })
 }
 
@@ -195,7 +174,7 @@ pub fn t_pose() -> Posture<f64> {
     attitude_and_posture(&SegmentArray::from_fn(|_| UnitQuaternion::identity())).1
 }
 
-/// The attitude in which MVN gives the pelvis the identity: upright, facing along its global X axis.
+/// The attitude in which MVN gives the pelvis the identity: upright, facing along the X axis of the global frame, north.
 pub fn facing_forward() -> Rotation<f64, Inertial, Body> {
     attitude_and_posture(&SegmentArray::from_fn(|_| UnitQuaternion::identity())).0
 }
@@ -203,6 +182,8 @@ pub fn facing_forward() -> Rotation<f64, Inertial, Body> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use bodyflight_core::frame::{Vector, facing_north};
+    use nalgebra::Vector3;
     use proptest::prelude::*;
 
     fn close(a: Vector3<f64>, b: Vector3<f64>) -> bool {
@@ -244,20 +225,24 @@ mod tests {
         ] {
             assert!(posture.parent_from_segment(segment).angle() < 1e-12);
         }
-        // Facing along the Xsens X axis: forward (-Y of the body) is there.
+        // Facing north: forward (-Y of the body) is there.
         let forward = attitude * Vector::new(0.0, -1.0, 0.0);
-        assert!(close(xsens_vector(forward), Vector3::x()));
+        assert!(close(forward.components, Vector3::x()));
+        assert!(
+            facing_north(0.0)
+                .quaternion()
+                .angle_to(attitude.quaternion())
+                < 1e-12
+        );
     }
 
     #[test]
     fn hanging_arms_are_the_h_pose() {
-        let orientations = mvn_orientations(Rotation::identity(), &Posture::h_pose());
+        let orientations = mvn_orientations(facing_forward(), &Posture::h_pose());
         let right_arm = orientations[Segment::RightUpperArm];
         // From the T-pose to hanging the right arm turns by +90 deg about forward.
         let hanging = UnitQuaternion::from_euler_angles(core::f64::consts::FRAC_PI_2, 0.0, 0.0);
-        let ahead =
-            inertial_from_xsens().inverse().quaternion() * xsens_axes_from_model_axes().inverse();
-        assert!((ahead * hanging).angle_to(right_arm.quaternion()) < 1e-7);
+        assert!(hanging.angle_to(right_arm.quaternion()) < 1e-7);
     }
 
     #[test]

@@ -17,7 +17,7 @@ const FOLLOWS: { follow: Follow; key: string; label: string; view: Partial<View>
 ];
 
 export class Stage {
-  readonly view: View = { azimuth: -0.9, elevation: 0.35, distance: 3.8 };
+  readonly view: View = { azimuth: 0.67, elevation: 0.35, distance: 3.8 };
   readonly place: HTMLElement;
   readonly drawer: World | Sticks;
   readonly tools = element("div", { class: "over tools" });

@@ -6,7 +6,6 @@ use bodyflight_core::frame::{Body, Inertial, Rotation, Vector};
 use nalgebra::Vector3;
 
 use crate::formats::mvnx::rotation_rate;
-use crate::formats::xsens;
 
 /// Time over which differences are taken (s), up to the sample itself: their middle is half of it late.
 pub const DIFFERENCE_WINDOW: f64 = 0.02;
@@ -90,11 +89,11 @@ impl Rates {
         };
         let differences = self.differences(&now);
         self.history.push_back(now);
-        let sent_rotation = sent_angular_velocity.map(xsens::inertial_vector);
+        let sent_rotation = sent_angular_velocity.map(Vector::<f64, Inertial>::from_components);
         if let (None, Some(sent), Some((_, measured))) = (self.unit, sent_rotation, &differences) {
             self.learn(&sent.components, &measured.components);
         }
-        let velocity = sent_velocity.map(xsens::inertial_vector);
+        let velocity = sent_velocity.map(Vector::from_components);
         let angular_velocity = self
             .unit
             .zip(sent_rotation)

@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 
+use bodyflight_core::frame::Vector;
 use bodyflight_core::{Segment, SegmentArray};
 use nalgebra::{Quaternion, UnitQuaternion};
 
@@ -241,7 +242,7 @@ impl Receiver {
         }
         let unit = |_, orientation: &Quaternion<f64>| UnitQuaternion::new_normalize(*orientation);
         let (inertial_from_body, posture) = xsens::attitude_and_posture(&orientations.map(unit));
-        let position = xsens::inertial_vector(position);
+        let position = Vector::from_components(position);
         let time = self
             .clock
             .time(sample.counter, sample.time_ms, self.options.rate.is_some());
@@ -265,7 +266,7 @@ impl Receiver {
                 velocity: rates.velocity,
                 angular_velocity: rates.angular_velocity,
             },
-            centre_of_mass: sample.centre_of_mass.map(xsens::inertial_vector),
+            centre_of_mass: sample.centre_of_mass.map(Vector::from_components),
             bridged: false,
         })
     }

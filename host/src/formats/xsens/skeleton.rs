@@ -7,7 +7,7 @@ use bodyflight_core::body::posture::pose;
 use bodyflight_core::{Body, Posture, Segment, SegmentArray};
 use nalgebra::{UnitQuaternion, Vector3};
 
-use super::{MVN_SEGMENT_COUNT, MvnSegment, XsensGlobal, mvn_orientations, xsens_from_segment};
+use super::{MVN_SEGMENT_COUNT, MvnSegment, mvn_orientations, xsens_from_segment};
 use bodyflight_core::frame::{self, Inertial, Rotation, XsensSegment};
 
 /// Where on its segment of the model a dropped MVN joint is: L3 on the abdomen, T8 on the thorax, the skull
@@ -149,7 +149,7 @@ impl Layout {
         posture: &Posture<f64>,
     ) -> [Placed; MVN_SEGMENT_COUNT] {
         let posed = pose(&self.body, posture);
-        let orientations: SegmentArray<Rotation<f64, XsensGlobal, XsensSegment>> =
+        let orientations: SegmentArray<Rotation<f64, Inertial, XsensSegment>> =
             mvn_orientations(inertial_from_body, posture);
         MvnSegment::ALL.map(|mvn| {
             let segment = mvn.part_of();
@@ -160,7 +160,7 @@ impl Layout {
             let inertial = position + inertial_from_body * frame::Vector::from_components(in_body);
             Placed {
                 orientation: *orientation.quaternion(),
-                position: super::xsens_vector(inertial),
+                position: inertial.components,
             }
         })
     }

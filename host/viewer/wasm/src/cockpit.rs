@@ -6,9 +6,8 @@ use bodyflight_core::body::posture::joint_rotation;
 use bodyflight_core::dynamics::free_run::{Equations, FreeRun};
 use bodyflight_core::dynamics::step::TIME_STEP;
 use bodyflight_core::dynamics::{Dynamics, Inputs, Motion};
-use bodyflight_core::frame::{Rotation, Vector};
+use bodyflight_core::frame::{Vector, facing_north};
 use bodyflight_core::{AxisCoefficients, Posture, Segment};
-use nalgebra::{UnitQuaternion, Vector3};
 
 use crate::frame::{Frame, frame};
 use crate::setup::Setup;
@@ -139,8 +138,7 @@ impl Cockpit {
     pub fn new(setup: &Setup, start: usize) -> Self {
         let start = STARTS.get(start).unwrap_or(&BELLY);
         let base = pattern::posture(start.posture);
-        let attitude = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), start.pitch);
-        let inertial_from_body = Rotation::from_quaternion(attitude);
+        let inertial_from_body = facing_north(start.pitch);
         let motion = Motion {
             inertial_from_body,
             position: Vector::new(0.0, 0.0, START_HEIGHT),
@@ -300,7 +298,7 @@ pub(crate) mod tests {
         assert!(flown(0, 0, 0.0, 4).yaw_rate.abs() < 1e-3);
     }
 
-    /// The head points east at the start: forward is against the west axis, and north is to the left.
+    /// The head points north at the start: forward is north, and west is to the left.
     #[test]
     fn slides_and_legs_move_the_way_that_the_page_says() {
         let velocity = |control: usize, share: f32| {
@@ -309,8 +307,8 @@ pub(crate) mod tests {
             (0..240 * 4).for_each(|_| cockpit.step());
             cockpit.motion().velocity_inertial()
         };
-        let (forward, backward) = (-velocity(3, 1.0).west(), -velocity(3, -1.0).west());
-        let (left, right) = (velocity(2, 1.0).north(), velocity(2, -1.0).north());
+        let (forward, backward) = (velocity(3, 1.0).north(), velocity(3, -1.0).north());
+        let (left, right) = (velocity(2, 1.0).west(), velocity(2, -1.0).west());
         assert!(forward > 1.0 && backward < -0.3, "{forward} {backward}");
         assert!(left > 1.0 && right < -1.0, "{left} {right}");
     }

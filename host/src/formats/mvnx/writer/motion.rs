@@ -4,8 +4,8 @@ use bodyflight_core::body::posture::near;
 use nalgebra::{UnitQuaternion, Vector3};
 
 use crate::formats::recording::FlightFrame;
+use crate::formats::xsens::MVN_SEGMENT_COUNT;
 use crate::formats::xsens::skeleton::Placed;
-use crate::formats::xsens::{MVN_SEGMENT_COUNT, xsens_vector};
 
 type PerSegment<V> = [V; MVN_SEGMENT_COUNT];
 
@@ -58,8 +58,9 @@ impl Differences {
             index: frame.index,
             time,
             placed,
-            pelvis: [pelvis.velocity, pelvis.angular_velocity].map(|rate| rate.map(xsens_vector)),
-            centre_of_mass: frame.centre_of_mass.map(xsens_vector),
+            pelvis: [pelvis.velocity, pelvis.angular_velocity]
+                .map(|rate| rate.map(|rate| rate.components)),
+            centre_of_mass: frame.centre_of_mass.map(|place| place.components),
         };
         let moving = self
             .here
