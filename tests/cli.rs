@@ -186,7 +186,7 @@ fn estimated_inputs_reconstruct_what_constant_ones_cannot() {
         "updates",
         "nis_mean",
         "flags",
-        "seconds",
+        "filter_s",
     ] {
         assert!(!report[field].is_null(), "{field}: {report}");
     }

@@ -44,7 +44,7 @@ fn a_hidden_effect_is_named_and_closes_the_gap_of_another_flight() {
     assert_eq!(report["effects"][0]["name"], "gyro-bias");
     assert_eq!(report["effects"].as_array().map(Vec::len), Some(1));
     let truth = std::fs::read_to_string(folder.path().join("lab/truth.toml")).expect("the truth");
-    for name in &["x_rad_s", "y_rad_s", "z_rad_s"] {
+    for name in &["x_radps", "y_radps", "z_radps"] {
         let line = truth
             .lines()
             .find(|line| line.starts_with(name))

@@ -77,6 +77,39 @@ fn every_source_file_is_short_and_begins_with_its_purpose() {
     assert!(faults.is_empty(), "{}", faults.join("\n"));
 }
 
+/// A unit has one spelling in names of columns, keys and code: `_mps`, `_radps`, `_mps2`.
+#[test]
+fn units_have_one_spelling() {
+    let other = [
+        "m_s",
+        "m_s2",
+        "mm_s",
+        "rad_s",
+        "deg_s",
+        "m_per_s",
+        "rad_per_s",
+    ];
+    let mut faults = Vec::new();
+    for extension in [".rs", ".ts", ".mjs", ".toml", ".md", ".json", ".svg"] {
+        let mut paths = Vec::new();
+        files_below(&root(), extension, &mut paths);
+        for path in paths.iter().filter(|path| !path.ends_with("CHANGELOG.md")) {
+            let text = fs::read_to_string(path).expect("readable");
+            let words = text.split(|c: char| !c.is_ascii_alphanumeric() && c != '_');
+            for word in words.filter(|word| word.contains('_')) {
+                let spelled = |unit: &&str| {
+                    word.strip_suffix(**unit)
+                        .is_some_and(|name| name.len() > 1 && name.ends_with('_'))
+                };
+                if other.iter().any(|unit| spelled(&unit)) {
+                    faults.push(format!("{}: {word}", path.display()));
+                }
+            }
+        }
+    }
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
+}
+
 /// Words in back quotes that look like a path of the project.
 fn quoted_paths(text: &str) -> Vec<&str> {
     let quoted = text.split('`').skip(1).step_by(2);

@@ -33,9 +33,9 @@ pub struct Spot {
     /// The same with effects, joints and subject.
     pub over_floor_after: [f64; CHANNELS],
     /// Mean speed (m/s).
-    pub speed_m_s: f64,
+    pub speed_mps: f64,
     /// Mean size of the angular velocity (rad/s).
-    pub turn_rad_s: f64,
+    pub turn_radps: f64,
     /// Mean height (m).
     pub height_m: f64,
 }
@@ -115,8 +115,8 @@ pub fn gap(problem: &Problem<'_>, fitted: &Fitted, effects: &EffectSet) -> (Gap,
             time_s: track.times[stretch.first],
             over_floor: over(before),
             over_floor_after: over(after),
-            speed_m_s: mean(&|motion| motion.velocity.components.norm()),
-            turn_rad_s: mean(&|motion| motion.angular_velocity.components.norm()),
+            speed_mps: mean(&|motion| motion.velocity.components.norm()),
+            turn_radps: mean(&|motion| motion.angular_velocity.components.norm()),
             height_m: mean(&|motion| motion.position.components.z),
         }
     });

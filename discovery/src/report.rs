@@ -16,12 +16,12 @@ pub const CHANNEL_NAMES: [&str; CHANNELS] = [
     "attitude_x_rad",
     "attitude_y_rad",
     "attitude_z_rad",
-    "angular_velocity_x_rad_s",
-    "angular_velocity_y_rad_s",
-    "angular_velocity_z_rad_s",
-    "velocity_north_m_s",
-    "velocity_west_m_s",
-    "velocity_up_m_s",
+    "angular_velocity_x_radps",
+    "angular_velocity_y_radps",
+    "angular_velocity_z_radps",
+    "velocity_north_mps",
+    "velocity_west_mps",
+    "velocity_up_mps",
 ];
 
 /// How a search ended.

@@ -40,11 +40,11 @@ fn pvt_fields(pvt: &GnssPvt) -> Vec<i64> {
         pvt.horizontal_accuracy_mm.into(),
         pvt.vertical_accuracy_mm.into(),
     ];
-    fields.extend(pvt.velocity_ned_mm_s.map(i64::from));
+    fields.extend(pvt.velocity_ned_mmps.map(i64::from));
     fields.extend([
-        i64::from(pvt.ground_speed_mm_s),
+        i64::from(pvt.ground_speed_mmps),
         pvt.heading_motion_e5.into(),
-        pvt.speed_accuracy_mm_s.into(),
+        pvt.speed_accuracy_mmps.into(),
         pvt.heading_accuracy_e5.into(),
         pvt.heading_vehicle_e5.into(),
     ]);

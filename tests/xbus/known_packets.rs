@@ -90,7 +90,7 @@ fn assert_vector(item: &Item<'_>, text: &str) {
 }
 
 fn pvt_text(pvt: &GnssPvt) -> String {
-    let [north, east, down] = pvt.velocity_ned_mm_s;
+    let [north, east, down] = pvt.velocity_ned_mmps;
     format!(
         "itow={} {:04}-{:02}-{:02} {:02}:{:02}:{:02} valid={:02x} fix={} flags={:02x} nSV={} \
          lon={:.7} lat={:.7} h={}mm hMSL={}mm hAcc={} vAcc={} velNED=({north}, {east}, {down}) \
@@ -112,7 +112,7 @@ fn pvt_text(pvt: &GnssPvt) -> String {
         pvt.height_msl_mm,
         pvt.horizontal_accuracy_mm,
         pvt.vertical_accuracy_mm,
-        pvt.ground_speed_mm_s,
+        pvt.ground_speed_mmps,
         f64::from(pvt.heading_motion_e5) * 1e-5,
     )
 }

@@ -8,9 +8,9 @@ pub(super) const EFFECT: Description = Description {
     kind: Kind::Measurement,
     form: "angular velocity added to what is measured, body axes",
     parameters: &[
-        parameter("x_rad_s", 0.0, -0.5, 0.5),
-        parameter("y_rad_s", 0.0, -0.5, 0.5),
-        parameter("z_rad_s", 0.0, -0.5, 0.5),
+        parameter("x_radps", 0.0, -0.5, 0.5),
+        parameter("y_radps", 0.0, -0.5, 0.5),
+        parameter("z_radps", 0.0, -0.5, 0.5),
     ],
     source: "MEMS gyroscopes: 0.2 to 3 deg/s before calibration",
     signature: "angular velocity that the attitude does not follow",

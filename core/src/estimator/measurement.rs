@@ -40,12 +40,12 @@ impl Quantity {
     /// Name in tables and files, with the unit.
     pub const fn name(self) -> &'static str {
         match self {
-            Self::HorizontalSpeed => "v_hor_m_s",
+            Self::HorizontalSpeed => "v_hor_mps",
             Self::Heading => "heading_rad",
             Self::Pitch => "pitch_rad",
             Self::Roll => "roll_rad",
-            Self::YawRate => "yaw_rate_rad_s",
-            Self::VerticalVelocity => "v_vert_m_s",
+            Self::YawRate => "yaw_rate_radps",
+            Self::VerticalVelocity => "v_vert_mps",
             Self::VerticalLeft => "vertical_left",
             Self::VerticalDorsal => "vertical_dorsal",
             Self::VerticalCranial => "vertical_cranial",

@@ -45,13 +45,13 @@ pub struct GnssPvt {
     /// Vertical accuracy (mm).
     pub vertical_accuracy_mm: u32,
     /// Velocity north, east, down (mm/s).
-    pub velocity_ned_mm_s: [i32; 3],
+    pub velocity_ned_mmps: [i32; 3],
     /// Speed over ground (mm/s).
-    pub ground_speed_mm_s: i32,
+    pub ground_speed_mmps: i32,
     /// Heading of motion (1e-5 deg).
     pub heading_motion_e5: i32,
     /// Speed accuracy (mm/s).
-    pub speed_accuracy_mm_s: u32,
+    pub speed_accuracy_mmps: u32,
     /// Heading accuracy (1e-5 deg).
     pub heading_accuracy_e5: u32,
     /// Heading of vehicle (1e-5 deg).
@@ -89,10 +89,10 @@ impl GnssPvt {
             height_msl_mm: i32::from_be_bytes(fields.take()),
             horizontal_accuracy_mm: u32::from_be_bytes(fields.take()),
             vertical_accuracy_mm: u32::from_be_bytes(fields.take()),
-            velocity_ned_mm_s: core::array::from_fn(|_| i32::from_be_bytes(fields.take())),
-            ground_speed_mm_s: i32::from_be_bytes(fields.take()),
+            velocity_ned_mmps: core::array::from_fn(|_| i32::from_be_bytes(fields.take())),
+            ground_speed_mmps: i32::from_be_bytes(fields.take()),
             heading_motion_e5: i32::from_be_bytes(fields.take()),
-            speed_accuracy_mm_s: u32::from_be_bytes(fields.take()),
+            speed_accuracy_mmps: u32::from_be_bytes(fields.take()),
             heading_accuracy_e5: u32::from_be_bytes(fields.take()),
             heading_vehicle_e5: i32::from_be_bytes(fields.take()),
             dilution_e2: core::array::from_fn(|_| u16::from_be_bytes(fields.take())),
@@ -108,7 +108,7 @@ impl GnssPvt {
     #[expect(clippy::cast_precision_loss, reason = "exact up to 16 km/s")]
     pub fn horizontal_speed(&self) -> Option<f32> {
         self.has_fix()
-            .then_some(self.ground_speed_mm_s as f32 / 1000.0)
+            .then_some(self.ground_speed_mmps as f32 / 1000.0)
     }
 }
 

@@ -16,7 +16,7 @@ const ENOUGH: f64 = 20.0;
 
 /// Names of the components, with units.
 pub const COMPONENT_NAMES: [&str; 3] =
-    ["velocity_north_m_s", "velocity_west_m_s", "velocity_up_m_s"];
+    ["velocity_north_mps", "velocity_west_mps", "velocity_up_mps"];
 
 /// One window of the free fall.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -26,7 +26,7 @@ pub struct Spot {
     /// Height above mean sea level (m).
     pub height_m: f64,
     /// Speed over ground (m/s).
-    pub speed_m_s: f64,
+    pub speed_mps: f64,
     /// Change of velocity that the plain model misses (m/s).
     pub missing: [f64; 3],
     /// The same with the effects named.
@@ -65,9 +65,9 @@ pub struct Latency {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct SpecificForce {
     /// Of the inertial sensor.
-    pub inertial_m_s2: f64,
+    pub inertial_mps2: f64,
     /// Of the changes of velocity over windows.
-    pub satellites_m_s2: f64,
+    pub satellites_mps2: f64,
 }
 
 /// What discovery found.
@@ -86,7 +86,7 @@ pub struct Report {
     /// Length of the free fall (s).
     pub free_fall_s: f64,
     /// Noise of one component of the velocity (m/s).
-    pub noise_m_s: f64,
+    pub noise_mps: f64,
     /// Rows of the files that were not usable.
     pub rows_skipped: usize,
     /// Whether way and velocity fit together.
@@ -149,7 +149,7 @@ impl Report {
             explained,
             disagreement,
             free_fall_s: fall.duration(),
-            noise_m_s: fall.noise,
+            noise_mps: fall.noise,
             rows_skipped: track.rows_skipped,
             latency: latency(fall),
             specific_force: specific_force(fall, track),
@@ -219,7 +219,7 @@ fn map(fall: &Fall<'_>, effects: &EffectSet) -> Vec<Spot> {
             Spot {
                 time_s: fall.time(k),
                 height_m: fix.position.components.z,
-                speed_m_s: fix.velocity.components.norm(),
+                speed_mps: fix.velocity.components.norm(),
                 missing: (*before).into(),
                 missing_after: (*after).into(),
             }
@@ -278,7 +278,7 @@ fn specific_force(fall: &Fall<'_>, track: &Track) -> Option<SpecificForce> {
     };
     let windows = fall.windows.iter().map(of_window);
     Some(SpecificForce {
-        inertial_m_s2: sizes.iter().sum::<f64>() / sizes.len() as f64,
-        satellites_m_s2: windows.sum::<f64>() / fall.windows.len().max(1) as f64,
+        inertial_mps2: sizes.iter().sum::<f64>() / sizes.len() as f64,
+        satellites_mps2: windows.sum::<f64>() / fall.windows.len().max(1) as f64,
     })
 }

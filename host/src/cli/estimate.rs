@@ -343,7 +343,7 @@ fn print_report(estimation: &Estimation) {
     terminal::print(&terminal::gap_table(&columns).to_string());
     terminal::print(&format!(
         "{} updates, mean NIS {:.2}; {:.1} s of flight in {:.3} s of filtering; estimates come {:.2} s late",
-        report.updates, report.nis_mean, report.duration_s, report.seconds, report.delay_s
+        report.updates, report.nis_mean, report.duration_s, report.filter_s, report.delay_s
     ));
     if let Some(found) = &report.consistency {
         terminal::print(&format!(

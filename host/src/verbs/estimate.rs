@@ -214,7 +214,7 @@ impl Collected {
                 updates: self.updates,
                 nis_mean,
                 flags: self.flags,
-                seconds: self.seconds,
+                filter_s: self.seconds,
                 duration_s,
                 delay_s,
             },

@@ -58,7 +58,7 @@ fn print(report: &Report) {
     print_names(report.verdict, &report.effects, &report.nearest);
     terminal::print(&format!(
         "free fall of {:.1} s, noise of a velocity {:.2} m/s, {} rows skipped",
-        report.free_fall_s, report.noise_m_s, report.rows_skipped
+        report.free_fall_s, report.noise_mps, report.rows_skipped
     ));
     if let Some(latency) = report.latency {
         terminal::print(&format!(
@@ -69,7 +69,7 @@ fn print(report: &Report) {
     if let Some(force) = report.specific_force {
         terminal::print(&format!(
             "mean specific force {:.2} m/s2 by the inertial sensor, {:.2} by the satellites",
-            force.inertial_m_s2, force.satellites_m_s2
+            force.inertial_mps2, force.satellites_mps2
         ));
     }
     let gap = &report.gap;

@@ -102,7 +102,7 @@ fn gnss(pvt: &GnssPvt) -> Value {
         "height_msl_m": metres(pvt.height_msl_mm),
         "horizontal_accuracy_m": f64::from(pvt.horizontal_accuracy_mm) / 1e3,
         "vertical_accuracy_m": f64::from(pvt.vertical_accuracy_mm) / 1e3,
-        "velocity_ned_mps": pvt.velocity_ned_mm_s.map(metres),
-        "speed_accuracy_mps": f64::from(pvt.speed_accuracy_mm_s) / 1e3,
+        "velocity_ned_mps": pvt.velocity_ned_mmps.map(metres),
+        "speed_accuracy_mps": f64::from(pvt.speed_accuracy_mmps) / 1e3,
     })
 }

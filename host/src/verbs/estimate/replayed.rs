@@ -85,7 +85,7 @@ impl Replayed<'_> {
                 updates: points.len() as u64,
                 nis_mean,
                 flags,
-                seconds,
+                filter_s: seconds,
                 duration_s,
                 delay_s: 0.0,
                 joint_error_deg: Some(f64::from(preset.joint_error.to_degrees())),

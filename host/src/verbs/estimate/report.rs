@@ -63,7 +63,7 @@ pub struct Report {
     /// Faults by kind.
     pub flags: Flags,
     /// Time that the filter itself took (s).
-    pub seconds: f64,
+    pub filter_s: f64,
     /// Length of the flight (s).
     pub duration_s: f64,
     /// Time from a sample to the estimate for it (s): the prediction window.
