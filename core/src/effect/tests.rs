@@ -206,7 +206,7 @@ fn page() -> std::string::String {
          `bodyflight hide` hides them, and a `model.toml` adds them:\n\n\
          ```toml\n[[effect]]\nname = \"wind\"\nnorth_mps = 3.5\n```\n\n\
          Parameters that are not given keep the value at which they do nothing. The page is made from the code:\n\n\
-         ```\nBODYFLIGHT_WRITE_DOCS=1 cargo test -p bodyflight-core effect\n```\n",
+         ```sh\nBODYFLIGHT_WRITE_DOCS=1 cargo test -p bodyflight-core effect\n```\n",
     );
     for (kind, title) in [
         (Kind::Physics, "Effects on the motion"),
