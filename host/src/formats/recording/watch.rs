@@ -3,12 +3,14 @@
 //! Attitudes, angular velocities, positions and velocities say the same thing twice; where they do not, a unit, an order
 //! or an axis is not what the format says, and a simulation would be wrong without a word.
 
+use bodyflight_core::Segment;
 use bodyflight_core::frame::{Inertial, Vector};
 use nalgebra::{UnitQuaternion, Vector3};
 use serde::Serialize;
 
 use super::bridge::BRIDGE_LIMIT;
 use super::frame::FlightFrame;
+use crate::formats::xsens;
 
 /// Shortest flight that says much (s).
 const SHORTEST: f64 = 2.0;
@@ -28,6 +30,9 @@ const TURNS: f64 = 0.2;
 
 /// Least correlation of two angular velocities that are the same but for their unit.
 const SAME: f64 = 0.7;
+
+/// Correlation of two that are the same to the noise.
+const ALIKE: f64 = 0.95;
 
 /// Ratios that degrees in place of radians make, with room for noise.
 const DEGREES: core::ops::Range<f64> = 40.0..75.0;
@@ -86,6 +91,13 @@ struct Turn {
     from: UnitQuaternion<f64>,
     global: Vector3<f64>,
     of_segment: Vector3<f64>,
+}
+
+/// A recorded vector in body axes, if it was written in those of MVN's pelvis and not in global ones.
+fn as_of_pelvis(recorded: &Vector3<f64>) -> Vector3<f64> {
+    let written = xsens::xsens_vector(Vector::from_components(*recorded));
+    let xsens_from_pelvis = xsens::xsens_from_segment(Segment::Pelvis);
+    xsens_from_pelvis.quaternion().inverse() * written
 }
 
 /// What has been seen so far.
@@ -168,7 +180,7 @@ impl Watch {
                 of_segment: Vector3::zeros(),
             });
             turn.global += recorded * duration;
-            turn.of_segment += from * recorded * duration;
+            turn.of_segment += from * as_of_pelvis(&recorded) * duration;
             let time = frame.time - turn.begin;
             if time >= TURN {
                 let to = now.inertial_from_body.quaternion();
@@ -284,13 +296,15 @@ impl Watch {
     fn directions(&self) -> Option<(u64, String)> {
         let (frame, _) = self.fastest.filter(|_| self.is_turning())?;
         let correlation = self.global.correlation();
-        if correlation > 0.5 {
+        let of_segment = self.of_segment.correlation();
+        let fits_segment = of_segment > ALIKE && of_segment > correlation + 0.1;
+        if correlation > 0.5 && !fits_segment {
             return None;
         }
-        let what = if correlation < -SAME {
-            "they turn the other way: the quaternions may be those from global to segment axes"
-        } else if self.of_segment.correlation() > SAME {
+        let what = if fits_segment {
             "they fit in the axes of the segment; expected global axes"
+        } else if correlation < -SAME {
+            "they turn the other way: expected quaternions w x y z from segment to global axes"
         } else {
             "expected quaternions w x y z and rates in global axes"
         };
@@ -382,9 +396,11 @@ mod tests {
         assert!(says(&degrees, "degrees"), "{degrees:?}");
 
         let in_segment = watched(300, |frame| {
-            let to_segment = frame.pelvis.inertial_from_body.quaternion().inverse();
+            let to_body = frame.pelvis.inertial_from_body.quaternion().inverse();
+            let to_pelvis = xsens::xsens_from_segment(Segment::Pelvis);
             let spin = frame.pelvis.angular_velocity.as_mut().unwrap();
-            spin.components = to_segment * spin.components;
+            let of_pelvis = to_pelvis.quaternion() * (to_body * spin.components);
+            *spin = xsens::inertial_vector(of_pelvis);
         });
         assert!(says(&in_segment, "axes"), "{in_segment:?}");
 
