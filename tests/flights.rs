@@ -2,7 +2,11 @@
 //!
 //! The flights are not part of the repository: they are expected in `shared/flights` beside it, packed with xz. Where
 //! they or the `xz` program are absent the test says so and ends.
-#![expect(clippy::expect_used, reason = "tests may panic: that is how they fail")]
+#![expect(
+    clippy::expect_used,
+    clippy::panic,
+    reason = "tests may panic: that is how they fail"
+)]
 
 use std::path::{Path, PathBuf};
 use std::process::Command;

@@ -21,7 +21,7 @@ use indicatif::ProgressBar;
 
 use super::terminal;
 pub(super) use args::Args;
-use output::{print_gap, print_held_out, print_names, write_all};
+use output::{print_gap, print_names, write_all};
 
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     let fitted = Flight::read(args.flight())?;
