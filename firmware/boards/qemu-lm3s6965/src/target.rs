@@ -9,6 +9,9 @@ use bodyflight_core::dynamics::step::TIME_STEP;
 use bodyflight_core::dynamics::{Dynamics, Inputs, Motion, PostureSample, State};
 use bodyflight_core::estimator::full::Full;
 use bodyflight_core::estimator::measurement::Measurement;
+use bodyflight_core::estimator::motion::ReducedMotionFilter;
+use bodyflight_core::estimator::motion::measurement::MotionMeasurement;
+use bodyflight_core::estimator::motion::settings::MOTION;
 use bodyflight_core::estimator::preset::{Preset, TRACKING_ON_BACK};
 use bodyflight_core::estimator::propagation::Propagation;
 use bodyflight_core::estimator::reduced::Reduced;
@@ -172,6 +175,35 @@ fn pushes<P: Propagation<f32>, const INTERVALS: usize>(
     Some([quiet, update, stack])
 }
 
+/// Instructions of the motion filter from one estimate to the next, postures included, and the most stack of a push.
+#[inline(never)]
+fn motion_pushes(
+    counter: &mut Counter,
+    dynamics: &Dynamics<f32>,
+    posture: &Posture<f32>,
+) -> Option<[u32; 2]> {
+    let motion = falling();
+    let mut filter = ReducedMotionFilter::new(&MOTION, dynamics, &motion, posture).ok()?;
+    let seen = MotionMeasurement::of(&motion);
+    let mut most = 0;
+    for _ in 0..12 {
+        let cost = counter.instructions(|| {
+            for _ in 0..MOTION.solution_window {
+                black_box(filter.push(posture, &seen).is_some());
+            }
+        });
+        most = cost.max(most);
+    }
+    let mut stack = 0;
+    for _ in 0..8 {
+        let mut push = || {
+            black_box(filter.push(posture, &seen).is_some());
+        };
+        stack = stack.max(stack_of(&mut push));
+    }
+    Some([most, stack])
+}
+
 /// By how many thousandths the dearest update is dearer than the cheapest, over postures, rates and innovations that
 /// differ from one to the next.
 #[inline(never)]
@@ -258,6 +290,9 @@ fn run(timer: SYST) -> Option<()> {
         "spread_of_reduced_update {}",
         spread(&mut counter, &dynamics)?
     );
+    let [estimate, stack] = motion_pushes(&mut counter, &dynamics, &posture)?;
+    println!("motion_estimate {estimate}");
+    println!("stack_of_motion_estimate {stack}");
     // The paper's window of 60 samples does not fit this board: its cost follows from two shorter ones, since
     // every sample of the window takes the same.
     let [_, of_8, _] = paper_pushes::<8>(&mut counter, &dynamics, &posture)?;

@@ -340,7 +340,8 @@ impl Run<'_> {
         Ok(points
             .map(|((_, smoothed), (_, time, interval))| {
                 let filtered = smoothed.filtered.cast::<T>();
-                let state = filtered.moved(&smoothed.correction.map(T::of), interval);
+                let mut state = filtered.moved(&smoothed.correction.map(T::of), interval);
+                state.limit_inputs();
                 let motion = state.motion.motion(interval).cast();
                 self.point(*time, &state.inputs.cast(), &smoothed.deviation, &motion)
             })

@@ -1,0 +1,126 @@
+//! Estimation by the real binary: what it says of flights whose inputs are known, and of itself.
+#![expect(clippy::expect_used, reason = "tests may panic: that is how they fail")]
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+use serde_json::Value;
+
+fn bodyflight(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_bodyflight"))
+        .args(arguments)
+        .output()
+        .expect("the binary starts")
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+fn json(arguments: &[&str]) -> Value {
+    let output = bodyflight(&[arguments, &["--json"]].concat());
+    assert!(
+        output.status.success(),
+        "{arguments:?}: {}",
+        text(&output.stderr)
+    );
+    serde_json::from_slice(&output.stdout).expect("standard output is JSON")
+}
+
+fn fails(arguments: &[&str], code: i32) -> String {
+    let output = bodyflight(arguments);
+    let message = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {message}");
+    assert!(!message.contains("panicked"), "{message}");
+    // Lines of a terminal may break anywhere: compare without breaks.
+    message
+        .split_whitespace()
+        .filter(|word| *word != "│")
+        .collect::<Vec<_>>()
+        .join(" ")
+}
+
+fn synth(maneuver: &str, folder: &Path, extra: &[&str]) -> String {
+    let out = folder.to_str().expect("a plain path");
+    let report = json(&[&["synth", maneuver, "--out", out], extra].concat());
+    report["flight"].as_str().expect("a path").to_owned()
+}
+
+#[test]
+fn an_estimate_that_is_worse_than_constant_coefficients_says_so() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let flight = synth("neutral-fall", folder.path(), &["--noise", "0"]);
+    let said = fails(&["estimate", &flight, "--preset", "turning"], 5);
+    assert!(
+        said.contains("worse than") && said.contains("--preset auto"),
+        "{said}"
+    );
+    // What does better: nothing is put in, and nothing is found.
+    let csv = folder.path().join("found.csv");
+    let csv = csv.to_str().expect("plain");
+    let report = json(&["estimate", &flight, "--out", csv]);
+    let vertical = report["rms"]["vertical_velocity_mps"]
+        .as_f64()
+        .expect("a number");
+    assert!(vertical < 0.01, "{vertical}");
+    for line in std::fs::read_to_string(csv)
+        .expect("the table")
+        .lines()
+        .skip(1)
+    {
+        let inputs = line.split(',').skip(1).take(3);
+        for input in inputs.map(|field| field.parse::<f64>().expect("a number")) {
+            assert!(input.abs() < 0.01, "{line}");
+        }
+    }
+}
+
+#[test]
+fn a_smoothed_estimate_flies_the_flight_again() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let flight = synth(
+        "tracking",
+        folder.path(),
+        &["--seed", "3", "--joint-error-deg", "2"],
+    );
+    let csv = folder.path().join("found.csv");
+    let common = ["estimate", &flight, "--out", csv.to_str().expect("plain")];
+    let (forward, whole) = (
+        json(&common),
+        json(&[&common[..], &["--method", "smooth"]].concat()),
+    );
+    for report in [&forward, &whole] {
+        assert!(report["doubt"].is_null(), "{report}");
+        let nis = report["nis_mean"].as_f64().expect("a number");
+        assert!((0.75..1.5).contains(&nis), "{nis}");
+    }
+    let text = std::fs::read_to_string(&flight).expect("the flight");
+    let again = text.replace("inputs.csv", "found.csv");
+    let again = again.lines().filter(|line| !line.starts_with("muscles"));
+    std::fs::write(&flight, again.collect::<Vec<&str>>().join("\n")).expect("written");
+    let again = json(&["simulate", &flight]);
+    for (channel, most) in [
+        ("roll_rad", 0.15),
+        ("pitch_rad", 0.15),
+        ("vertical_velocity_mps", 1.5),
+    ] {
+        let gap = again["rms"][channel].as_f64().expect("a number");
+        assert!(gap < most, "{channel}: {gap}");
+    }
+}
+
+#[test]
+fn presets_are_listed_and_read_from_files() {
+    let listed = json(&["estimate", "--presets"]);
+    assert_eq!(listed[0]["name"], "auto");
+    assert_eq!(listed[1]["name"], "tracking");
+    let folder = tempfile::tempdir().expect("a folder");
+    let flight = synth("layouts", folder.path(), &[]);
+    let preset = folder.path().join("preset.toml");
+    std::fs::write(&preset, "joint_error_deg = 0.5\n").expect("written");
+    let preset = preset.to_str().expect("plain");
+    let report = json(&["estimate", &flight, "--preset", preset]);
+    assert_eq!(report["joint_error_deg"], 0.5);
+    std::fs::write(preset, "joint_eror_deg = 0.5\n").expect("written");
+    fails(&["estimate", &flight, "--preset", preset], 2);
+}
