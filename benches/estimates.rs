@@ -68,7 +68,7 @@ impl Score {
             self.points += 1.0;
         }
         self.nis += estimation.report.nis_mean;
-        self.seconds += estimation.report.seconds;
+        self.seconds += estimation.report.filter_s;
         self.doubts += f64::from(u8::from(estimation.report.doubt.is_some()));
     }
 

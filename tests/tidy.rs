@@ -98,7 +98,7 @@ fn units_have_one_spelling() {
             let words = text.split(|c: char| !c.is_ascii_alphanumeric() && c != '_');
             for word in words.filter(|word| word.contains('_')) {
                 let spelled = |unit: &&str| {
-                    word.strip_suffix(**unit)
+                    word.strip_suffix(*unit)
                         .is_some_and(|name| name.len() > 1 && name.ends_with('_'))
                 };
                 if other.iter().any(|unit| spelled(&unit)) {

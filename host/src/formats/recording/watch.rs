@@ -95,9 +95,8 @@ struct Turn {
 
 /// A recorded vector in body axes, if it was written in those of MVN's pelvis and not in global ones.
 fn as_of_pelvis(recorded: &Vector3<f64>) -> Vector3<f64> {
-    let written = xsens::xsens_vector(Vector::from_components(*recorded));
     let xsens_from_pelvis = xsens::xsens_from_segment(Segment::Pelvis);
-    xsens_from_pelvis.quaternion().inverse() * written
+    xsens_from_pelvis.quaternion().inverse() * recorded
 }
 
 /// What has been seen so far.
@@ -400,7 +399,7 @@ mod tests {
             let to_pelvis = xsens::xsens_from_segment(Segment::Pelvis);
             let spin = frame.pelvis.angular_velocity.as_mut().unwrap();
             let of_pelvis = to_pelvis.quaternion() * (to_body * spin.components);
-            *spin = xsens::inertial_vector(of_pelvis);
+            *spin = Vector::from_components(of_pelvis);
         });
         assert!(says(&in_segment, "axes"), "{in_segment:?}");
 
