@@ -121,9 +121,24 @@ fn left(recorded: &[(f64, Vector3<f64>)], samples: &[Sample], shift: f64) -> Opt
     })
 }
 
+/// Least variance of a velocity that is believed (m2/s2).
+const LEAST_VARIANCE: f64 = 1e-4;
+
 impl Left {
+    /// Of all components together (m2/s2).
     fn mean(&self) -> f64 {
         (self.vertical + self.horizontal) / self.count
+    }
+
+    /// Variance of the vertical and of each horizontal component (m2/s2).
+    fn noise(&self) -> [f64; 2] {
+        [self.vertical, 0.5 * self.horizontal]
+            .map(|squares| (squares / self.count).max(LEAST_VARIANCE))
+    }
+
+    /// In variances of the noise.
+    fn misfit(&self, [vertical, horizontal]: [f64; 2]) -> f64 {
+        (self.vertical / vertical + self.horizontal / horizontal) / self.count
     }
 }
 
@@ -158,13 +173,22 @@ pub fn aligned(frames: &[FlightFrame], track: &[Sample]) -> Result<Aligned> {
             "track and recording share less than {SHARED} s wherever they are put"
         ))
     })?;
-    let near: Vec<(f64, f64)> = (-40..=40)
-        .filter_map(|step| {
-            let shift = coarse + f64::from(step) * FINE;
-            Some((shift, left(&recorded, track, shift)?.mean()))
-        })
-        .collect();
-    let (best, squares) = least(&near).unwrap_or((coarse, f64::INFINITY));
+    // Vertical and horizontal speeds count by how well they agree; that shows at the best shift, and is asked twice.
+    let at = |shift: f64| left(&recorded, track, shift);
+    let ended = || refused("the track ends too early".into());
+    let mut best = coarse;
+    let mut noise = at(best).ok_or_else(ended)?.noise();
+    for _ in 0..2 {
+        let near: Vec<(f64, f64)> = (-40..=40)
+            .filter_map(|step| {
+                let shift = best + f64::from(step) * FINE;
+                Some((shift, at(shift)?.misfit(noise)))
+            })
+            .collect();
+        best = least(&near).map_or(best, |(shift, _)| shift);
+        noise = at(best).ok_or_else(ended)?.noise();
+    }
+    let squares = at(best).ok_or_else(ended)?.mean();
     let others: Vec<(f64, f64)> = tried
         .iter()
         .copied()
@@ -177,18 +201,16 @@ pub fn aligned(frames: &[FlightFrame], track: &[Sample]) -> Result<Aligned> {
     }
     // A parabola through the best and shifts on either side: wide enough to be smooth.
     let reach = 8.0 * FINE;
-    let at = |shift: f64| left(&recorded, track, shift).map(|left| left.mean());
-    let (before, after) = (at(best - reach), at(best + reach));
-    let (shift, curvature) = match (before, after) {
-        (Some(before), Some(after)) => {
-            let curvature = (before + after - 2.0 * squares) / (reach * reach);
+    let misfit = |shift: f64| at(shift).map(|left| left.misfit(noise));
+    let (shift, curvature) = match (misfit(best - reach), misfit(best), misfit(best + reach)) {
+        (Some(before), Some(here), Some(after)) => {
+            let curvature = (before + after - 2.0 * here) / (reach * reach);
             let off = (before - after) / (2.0 * reach * curvature);
             (best + off.clamp(-reach, reach), curvature)
         }
         _ => (best, f64::NAN),
     };
-    let here =
-        left(&recorded, track, shift).ok_or_else(|| refused("the track ends too early".into()))?;
+    let here = at(shift).ok_or_else(ended)?;
     let rows = track
         .iter()
         .filter(|sample| (first + shift..=last + shift).contains(&sample.time))
@@ -206,7 +228,7 @@ pub fn aligned(frames: &[FlightFrame], track: &[Sample]) -> Result<Aligned> {
     let alignment = Alignment {
         shift_s: shift,
         // Each row of the track has errors of its own; the moments in between repeat them.
-        deviation_s: (here.mean() * 2.0 / curvature / rows.max(1) as f64).sqrt(),
+        deviation_s: (2.0 / curvature / rows.max(1) as f64).sqrt(),
         heading_rad: here.heading,
         gap_mps: (here.vertical / here.count).sqrt(),
     };
