@@ -17,6 +17,7 @@
 //! No call allocates, panics, or takes longer for some data than for others.
 
 pub mod check;
+pub mod coefficients;
 pub mod factor;
 pub mod full;
 mod limits;
@@ -30,59 +31,33 @@ pub mod status;
 pub mod trace;
 pub mod unit_preset;
 pub mod unscented;
+pub mod window;
 
 use heapless::Deque;
 use nalgebra::SVector;
 
-use crate::axis::AxisCoefficients;
 use crate::body::posture::Posture;
-use crate::dynamics::residual::ResidualLoad;
-use crate::dynamics::{Dynamics, Inputs, Motion, PostureSample, State};
+use crate::dynamics::{Dynamics, Motion, PostureSample, State};
 use crate::frame::Vector;
 use crate::math::Real;
 use check::Check;
+pub use coefficients::{STATES, StateVector, input_coefficients, inputs_of};
 use full::Full;
 pub use limits::MOTION_LIMITS;
 use limits::limit;
 use measurement::{CHANNELS, Measurement, MeasurementModel};
 use preset::Preset;
-use propagation::{Propagation, Window};
+use propagation::Propagation;
 use reduced::Reduced;
-use status::{Channel, Estimate, Faults, Health, TEST_RATIO_GATE};
+use status::{Channel, Estimate, Faults, Health, INCONSISTENT, TEST_RATIO_GATE};
 use unscented::{Innovation, SettingsError, Unscented};
-
-/// Number of coefficients, n.
-pub const STATES: usize = 6;
-
-/// Coefficients: muscle input in pitch, yaw, roll, then damping in pitch, yaw, roll, each in the order of
-/// [`AxisCoefficients`].
-///
-/// Paper eq. (ukf_state) has yaw before pitch in both halves: its first and second coefficient, and its fourth and fifth,
-/// change places here.
-pub type StateVector<T> = SVector<T, STATES>;
+use window::Window;
 
 /// The paper's filter, with room for the paper's window of 60 samples, 0.25 s at 240 Hz.
 pub type PaperFilter<T, const INTERVALS: usize = 60> = Estimator<T, Full, INTERVALS>;
 
 /// The filter for the unit; 30 intervals of two samples are the same 0.25 s.
 pub type ReducedFilter<T, const INTERVALS: usize = 30> = Estimator<T, Reduced, INTERVALS>;
-
-/// The inputs that a state vector stands for.
-#[inline]
-pub fn inputs_of<T: Real>(state: &StateVector<T>) -> Inputs<T> {
-    let [pitch, yaw, roll, pitch_damping, yaw_damping, roll_damping] = (*state).into();
-    Inputs {
-        muscle: AxisCoefficients::new(pitch, yaw, roll),
-        damping: AxisCoefficients::new(pitch_damping, yaw_damping, roll_damping),
-        residual: ResidualLoad::none(),
-    }
-}
-
-/// Muscle input and damping in the order of [`StateVector`].
-pub fn input_coefficients<T: Real>(inputs: &Inputs<T>) -> [T; STATES] {
-    let [[a, b, c], [d, e, f]] = [inputs.muscle, inputs.damping].map(AxisCoefficients::to_array);
-    [a, b, c, d, e, f]
-}
 
 /// A filter fed with one posture and one measurement at a time.
 ///
@@ -116,9 +91,6 @@ pub struct Estimator<T: Real, P: Propagation<T>, const INTERVALS: usize> {
     mean_normalised_innovation: T,
     faults: Faults,
 }
-
-/// Mean normalised innovation per channel above which predictions and measurements do not belong together.
-const INCONSISTENT: f64 = 100.0;
 
 impl<T: Real, P: Propagation<T>, const INTERVALS: usize> Estimator<T, P, INTERVALS> {
     /// Starts with the motion and posture of sample 0.

@@ -10,10 +10,11 @@
 
 use nalgebra::SVector;
 
+use super::coefficients::{STATES, StateVector, inputs_of};
 use super::measurement::{CHANNELS, MeasurementModel};
-use super::propagation::Window;
+use super::status::INCONSISTENT;
 use super::unscented::{Innovation, Unscented};
-use super::{INCONSISTENT, STATES, StateVector, inputs_of};
+use super::window::Window;
 use crate::dynamics::State;
 use crate::dynamics::interval::Interval;
 use crate::math::{Real, clamp};

@@ -1,8 +1,9 @@
 //! The paper's prediction: every sigma point flies the whole model over the whole window.
 
-use super::propagation::{Propagation, Window};
+use super::coefficients::{STATES, inputs_of};
+use super::propagation::Propagation;
 use super::unscented::{Moments, Root, SigmaPoints, Unscented};
-use super::{STATES, inputs_of};
+use super::window::Window;
 use crate::dynamics::{Dynamics, PostureSample, State};
 use crate::estimator::measurement::{CHANNELS, MeasurementModel};
 use crate::frame::{Body, Vector};

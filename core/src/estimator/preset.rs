@@ -2,11 +2,11 @@
 
 use nalgebra::SVector;
 
+use super::coefficients::{STATES, StateVector};
 use super::measurement::{
     MeasurementModel, TRACKING, TRANSITIONS, TRANSITIONS_WITH_GNSS, TURNING, VERTICAL,
 };
 use super::unscented::{Root, Settings, SettingsError};
-use super::{STATES, StateVector};
 use crate::dynamics::muscle_input::{
     BACK_TRACKING, BELLY_TRACKING, EXPERIENCED_BELLY_TURNS, LAYOUTS, MuscleModel, RW_SUIT_TURNS,
 };

@@ -10,10 +10,11 @@
 use nalgebra::{SMatrix, SVector, Vector3};
 
 use super::check::Check;
+use super::coefficients::{STATES, StateVector, inputs_of};
 use super::measurement::{CHANNELS, MeasurementModel};
-use super::propagation::{Propagation, Window};
+use super::propagation::Propagation;
 use super::unscented::{Moments, Root, SigmaPoints, Unscented};
-use super::{STATES, StateVector, inputs_of};
+use super::window::Window;
 use crate::aerodynamics::compiled::FrozenAerodynamics;
 use crate::aerodynamics::{Flow, Loads, damping_rate};
 use crate::axis::AxisCoefficients;

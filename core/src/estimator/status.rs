@@ -2,10 +2,13 @@
 
 use nalgebra::SMatrix;
 
-use super::StateVector;
+use super::coefficients::StateVector;
 use super::measurement::{CHANNELS, Measurement, Quantity};
 use crate::dynamics::{Inputs, Motion};
 use crate::math::Real;
+
+/// Mean normalised innovation per channel above which predictions and measurements do not belong together.
+pub(super) const INCONSISTENT: f64 = 100.0;
 
 /// Deviations from the prediction at which the test ratio is one.
 pub const TEST_RATIO_GATE: f64 = 5.0;
