@@ -1,5 +1,11 @@
 //! The rules of the house, kept by a machine: sizes, module pages, the architecture map and the equation map.
 
+mod tidy {
+    pub(crate) mod circles;
+    pub(crate) mod lengths;
+    pub(crate) mod modules;
+}
+
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -53,42 +53,9 @@ impl<'a> Search<'a> {
             }
             _ => 0.0,
         };
-        let thin = scene.fitted.iter().all(|(problem, _)| {
-            problem.stretches.len() < LEAST_STRETCHES || problem.track.is_still()
-        });
-        let unexplained = remainders.iter().any(|left| left.is_unexplained);
-        let outcome = if thin {
-            Outcome::Thin
-        } else if !names.is_empty() && (!unexplained || explained >= EXPLAINS) {
-            Outcome::Named
-        } else if unexplained {
-            Outcome::Unexplained
-        } else if unadjusted < AGREES {
-            Outcome::None
-        } else {
-            Outcome::Calibrated
-        };
+        let outcome = outcome(&scene, unadjusted, &names, explained, &remainders);
         let errors = self.standard_errors(&scene);
-        let told = |name: &Name| {
-            let own = scene
-                .effects
-                .iter()
-                .find(|(effect, _)| *effect == name.candidate.effect);
-            let values = own.map_or_else(|| name.candidate.values(), |(_, values)| *values);
-            let error = errors
-                .iter()
-                .find(|(effect, _)| *effect == name.candidate.effect);
-            let evidence = Evidence {
-                deviations: name.candidate.deviations(),
-                chance: Some(name.chance),
-                stability: None,
-                explains: explained,
-            };
-            Named::new(name.candidate.effect, evidence, name.rivals.clone()).with_parameters(
-                &values,
-                &error.map_or([0.0; PARAMETER_COUNT], |(_, error)| *error),
-            )
-        };
+        let told = |name: &Name| told(name, &scene.effects, &errors, explained);
         let told_names: Vec<Named> = names.iter().map(told).collect();
         let effects = if outcome == Outcome::Named {
             scene.effects.clone()
@@ -107,21 +74,7 @@ impl<'a> Search<'a> {
             .iter()
             .map(|(problem, fitted)| gap(problem, fitted, &scene.effects));
         let (gap_here, residual_map) = gaps.next().ok_or(Error::Cancelled)?;
-        let held_out = scene
-            .held_out
-            .iter()
-            .enumerate()
-            .map(|(k, (problem, fitted))| {
-                let gains = names
-                    .iter()
-                    .filter_map(|name| name.candidate.gains_held_out.get(k));
-                HeldOut {
-                    gain: gains.sum(),
-                    gap: gap(problem, fitted, &scene.effects).0,
-                    remainder: Remainder::new(problem, fitted, None),
-                }
-            });
-        let explain = explain(outcome, &named, &remainders);
+        let fly_next = explain(outcome, &named, &remainders);
         Ok(Report {
             verdict: outcome,
             effects: named,
@@ -140,10 +93,10 @@ impl<'a> Search<'a> {
                 .flat_map(|(_, fitted)| joint_calibrations(fitted))
                 .collect(),
             gap: gap_here,
-            held_out: held_out.collect(),
+            held_out: held_out(&scene, &names),
             residual_map,
             remainders,
-            fly_next: explain,
+            fly_next,
             model: model_of(&effects),
             corrections: scene
                 .fitted
@@ -178,6 +131,66 @@ impl<'a> Search<'a> {
             .map(|(effect, _)| (*effect, of(*effect)))
             .collect()
     }
+}
+
+fn outcome(
+    scene: &Scene<'_>,
+    unadjusted: f64,
+    names: &[Name],
+    explained: f64,
+    remainders: &[Remainder],
+) -> Outcome {
+    let thin = scene
+        .fitted
+        .iter()
+        .all(|(problem, _)| problem.stretches.len() < LEAST_STRETCHES || problem.track.is_still());
+    let unexplained = remainders.iter().any(|left| left.is_unexplained);
+    if thin {
+        Outcome::Thin
+    } else if !names.is_empty() && (!unexplained || explained >= EXPLAINS) {
+        Outcome::Named
+    } else if unexplained {
+        Outcome::Unexplained
+    } else if unadjusted < AGREES {
+        Outcome::None
+    } else {
+        Outcome::Calibrated
+    }
+}
+
+/// A name with its values among the effects that are fitted, and their standard errors.
+fn told(name: &Name, effects: &EffectSet, errors: &EffectSet, explained: f64) -> Named {
+    let of = |set: &EffectSet| {
+        let mut own = set.iter();
+        own.find(|(effect, _)| *effect == name.candidate.effect)
+            .map(|(_, values)| *values)
+    };
+    let values = of(effects).unwrap_or_else(|| name.candidate.values());
+    let evidence = Evidence {
+        deviations: name.candidate.deviations(),
+        chance: Some(name.chance),
+        stability: None,
+        explains: explained,
+    };
+    Named::new(name.candidate.effect, evidence, name.rivals.clone())
+        .with_parameters(&values, &of(errors).unwrap_or([0.0; PARAMETER_COUNT]))
+}
+
+/// What the names gain in each flight held out, and what they leave there.
+fn held_out(scene: &Scene<'_>, names: &[Name]) -> Vec<HeldOut> {
+    let flights = scene.held_out.iter().enumerate();
+    flights
+        .map(|(k, (problem, fitted))| {
+            let gains = names
+                .iter()
+                .filter_map(|name| name.candidate.gains_held_out.get(k));
+            HeldOut {
+                gain: gains.sum(),
+                gap: gap(problem, fitted, &scene.effects).0,
+                remainder: Remainder::new(problem, fitted, None),
+            }
+        })
+        .collect()
 }
 
 /// What to fly next, in words.

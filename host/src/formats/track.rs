@@ -170,6 +170,42 @@ const PLACE: [&str; 3] = ["north_m", "east_m", "height_m"];
 const GEOGRAPHIC: [&str; 3] = ["latitude_deg", "longitude_deg", "height_m"];
 const VELOCITY: [&str; 3] = ["north_mps", "east_mps", "up_mps"];
 
+/// Where a plain CSV has what.
+struct Columns {
+    time: usize,
+    places: [usize; 3],
+    /// Whether places are latitude, longitude and height.
+    is_geographic: bool,
+    velocities: Option<[usize; 3]>,
+}
+
+impl Columns {
+    fn of(header: &csv::StringRecord) -> Result<Self> {
+        let column = |name: &str| header.iter().position(|column| column == name);
+        let three = |names: [&str; 3]| {
+            let [a, b, c] = names.map(column);
+            Some([a?, b?, c?])
+        };
+        let place = three(PLACE);
+        let Some((time, places)) = column("time_s").zip(place.or_else(|| three(GEOGRAPHIC))) else {
+            return Err(Problem::bad_input(format!(
+                "expected the columns time_s and {} or {}, found: {}",
+                PLACE.join(", "),
+                GEOGRAPHIC.join(", "),
+                header.iter().collect::<Vec<_>>().join(", ")
+            ))
+            .at_line(1)
+            .help("a track is a FlySight's CSV, a GPX file, or a CSV with a line of these names; docs/falls.md"));
+        };
+        Ok(Self {
+            time,
+            places,
+            is_geographic: place.is_none(),
+            velocities: three(VELOCITY),
+        })
+    }
+}
+
 fn read_csv(text: &[u8], path: &Path) -> Result<Track> {
     let mut reader = csv::ReaderBuilder::new()
         .trim(csv::Trim::All)
@@ -179,24 +215,12 @@ fn read_csv(text: &[u8], path: &Path) -> Result<Track> {
         .headers()
         .map_err(|error| Problem::bad_input(format!("no line of names: {error}")).in_file(path))?
         .clone();
-    let column = |name: &str| header.iter().position(|column| column == name);
-    let three = |names: [&str; 3]| {
-        let [a, b, c] = names.map(column);
-        Some([a?, b?, c?])
-    };
-    let place = three(PLACE);
-    let Some((time, places)) = column("time_s").zip(place.or_else(|| three(GEOGRAPHIC))) else {
-        return Err(Problem::bad_input(format!(
-            "expected the columns time_s and {} or {}, found: {}",
-            PLACE.join(", "),
-            GEOGRAPHIC.join(", "),
-            header.iter().collect::<Vec<_>>().join(", ")
-        ))
-        .in_file(path)
-        .at_line(1)
-        .help("a track is a FlySight's CSV, a GPX file, or a CSV with a line of these names; docs/falls.md"));
-    };
-    let velocities = three(VELOCITY);
+    let Columns {
+        time,
+        places,
+        is_geographic,
+        velocities,
+    } = Columns::of(&header).map_err(|problem| problem.in_file(path))?;
     let mut flat = Flat { origin: None };
     let (mut samples, mut skipped) = (Vec::<Sample>::new(), 0);
     for record in reader.records() {
@@ -226,10 +250,10 @@ fn read_csv(text: &[u8], path: &Path) -> Result<Track> {
         }
         samples.push(Sample {
             time,
-            position: if place.is_some() {
-                Vector3::new(at.x, -at.y, at.z)
-            } else {
+            position: if is_geographic {
                 flat.position(at.x, at.y, at.z)
+            } else {
+                Vector3::new(at.x, -at.y, at.z)
             },
             velocity: Vector3::new(velocity.x, -velocity.y, velocity.z),
         });

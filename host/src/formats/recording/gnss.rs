@@ -142,17 +142,56 @@ impl Left {
     }
 }
 
+fn refused(what: String) -> Problem {
+    Problem::bad_input(what).at("field gnss").help(
+        "the track must be of the same flight, and the flight must change its fall rate or turn",
+    )
+}
+
+/// The shift with the least misfit.
+fn least(tried: &[(f64, f64)]) -> Option<(f64, f64)> {
+    tried.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1))
+}
+
+/// The best shift around a coarse one, and the noise there.
+///
+/// Vertical and horizontal speeds count by how well they agree; that shows at the best shift, and is asked twice.
+fn refined(at: impl Fn(f64) -> Option<Left>, coarse: f64) -> Option<(f64, [f64; 2])> {
+    let mut best = coarse;
+    let mut noise = at(best)?.noise();
+    for _ in 0..2 {
+        let near: Vec<(f64, f64)> = (-40..=40)
+            .filter_map(|step| {
+                let shift = best + f64::from(step) * FINE;
+                Some((shift, at(shift)?.misfit(noise)))
+            })
+            .collect();
+        best = least(&near).map_or(best, |(shift, _)| shift);
+        noise = at(best)?.noise();
+    }
+    Some((best, noise))
+}
+
+/// The lowest place of a parabola through the best shift and one on either side, wide enough to be smooth, and its
+/// curvature.
+fn lowest(misfit: impl Fn(f64) -> Option<f64>, best: f64) -> (f64, f64) {
+    let reach = 8.0 * FINE;
+    match (misfit(best - reach), misfit(best), misfit(best + reach)) {
+        (Some(before), Some(here), Some(after)) => {
+            let curvature = (before + after - 2.0 * here) / (reach * reach);
+            let off = (before - after) / (2.0 * reach * curvature);
+            (best + off.clamp(-reach, reach), curvature)
+        }
+        _ => (best, f64::NAN),
+    }
+}
+
 /// Brings a track to the clock of a recording.
 ///
 /// # Errors
 /// Returns an error if the recording has no velocities, or if no shift is better than all others.
 pub fn aligned(frames: &[FlightFrame], track: &[Sample]) -> Result<Aligned> {
     let recorded = thinned(frames)?;
-    let refused = |what: String| {
-        Problem::bad_input(what)
-            .at("field gnss")
-            .help("the track must be of the same flight, and the flight must change its fall rate or turn")
-    };
     let (Some((first, _)), Some((last, _))) = (recorded.first(), recorded.last()) else {
         return Err(refused(
             "the recording is too short to be brought to the clock of a track".into(),
@@ -167,27 +206,14 @@ pub fn aligned(frames: &[FlightFrame], track: &[Sample]) -> Result<Aligned> {
         tried.extend(left(&recorded, track, shift).map(|left| (shift, left.mean())));
         shift += COARSE;
     }
-    let least = |tried: &[(f64, f64)]| tried.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1));
     let (coarse, _) = least(&tried).ok_or_else(|| {
         refused(format!(
             "track and recording share less than {SHARED} s wherever they are put"
         ))
     })?;
-    // Vertical and horizontal speeds count by how well they agree; that shows at the best shift, and is asked twice.
     let at = |shift: f64| left(&recorded, track, shift);
     let ended = || refused("the track ends too early".into());
-    let mut best = coarse;
-    let mut noise = at(best).ok_or_else(ended)?.noise();
-    for _ in 0..2 {
-        let near: Vec<(f64, f64)> = (-40..=40)
-            .filter_map(|step| {
-                let shift = best + f64::from(step) * FINE;
-                Some((shift, at(shift)?.misfit(noise)))
-            })
-            .collect();
-        best = least(&near).map_or(best, |(shift, _)| shift);
-        noise = at(best).ok_or_else(ended)?.noise();
-    }
+    let (best, noise) = refined(at, coarse).ok_or_else(ended)?;
     let squares = at(best).ok_or_else(ended)?.mean();
     let others: Vec<(f64, f64)> = tried
         .iter()
@@ -199,17 +225,7 @@ pub fn aligned(frames: &[FlightFrame], track: &[Sample]) -> Result<Aligned> {
             "the track fits the recording at several times alike, so their clocks cannot be told from one another".into(),
         ));
     }
-    // A parabola through the best and shifts on either side: wide enough to be smooth.
-    let reach = 8.0 * FINE;
-    let misfit = |shift: f64| at(shift).map(|left| left.misfit(noise));
-    let (shift, curvature) = match (misfit(best - reach), misfit(best), misfit(best + reach)) {
-        (Some(before), Some(here), Some(after)) => {
-            let curvature = (before + after - 2.0 * here) / (reach * reach);
-            let off = (before - after) / (2.0 * reach * curvature);
-            (best + off.clamp(-reach, reach), curvature)
-        }
-        _ => (best, f64::NAN),
-    };
+    let (shift, curvature) = lowest(|shift| at(shift).map(|left| left.misfit(noise)), best);
     let here = at(shift).ok_or_else(ended)?;
     let rows = track
         .iter()

@@ -4,7 +4,9 @@ use bodyflight_falls::Sample;
 use bodyflight_falls::fall::Jump;
 
 use crate::diagnostic::Result;
-use crate::output::plot::{BORDER, Curve, ESTIMATED_PIECES, FLOWN, MEASURED, Panel, figure_svg};
+use crate::output::plot::{
+    BORDER, Curve, ESTIMATED_PIECES, FLOWN, Line, MEASURED, Panel, figure_svg,
+};
 
 /// Time shown before and after the fall (s).
 const BEFORE: f64 = 15.0;
@@ -79,30 +81,30 @@ pub fn svg(title: &str, jump: &Jump, mass: f64) -> Result<String> {
         .iter()
         .filter_map(|(name, time)| Some(format!("{name} {:.1} s", (*time)? - begin)))
         .collect();
-    let panels: Vec<Panel> = panels
-        .into_iter()
-        .map(|(caption, lines)| {
-            let values = || {
-                lines
-                    .iter()
-                    .flat_map(|(_, points)| points)
-                    .map(|point| point.1)
-            };
-            let low = values().fold(f64::INFINITY, f64::min);
-            let high = values().fold(f64::NEG_INFINITY, f64::max);
-            let upright = borders.iter().filter_map(|(_, time)| {
-                let time = (*time)? - begin;
-                Some((BORDER, vec![(time, low), (time, high)]))
-            });
-            let curves = upright.chain(lines.iter().cloned());
-            Panel {
-                caption: caption.to_owned(),
-                curves: curves
-                    .map(|(line, points)| Curve { line, points })
-                    .collect(),
-                wraps: false,
-            }
-        })
-        .collect();
+    let borders = borders.map(|(_, time)| time.map(|time| time - begin));
+    let panels = panels.map(|(caption, lines)| panel(caption, &lines, &borders));
     figure_svg(&format!("{title}: {}", said.join(", ")), &panels)
+}
+
+/// A panel of lines over time, with an upright line at each border.
+fn panel(caption: &str, lines: &[(Line, Vec<(f64, f64)>)], borders: &[Option<f64>]) -> Panel {
+    let values = || {
+        lines
+            .iter()
+            .flat_map(|(_, points)| points.iter().map(|point| point.1))
+    };
+    let low = values().fold(f64::INFINITY, f64::min);
+    let high = values().fold(f64::NEG_INFINITY, f64::max);
+    let upright = borders
+        .iter()
+        .flatten()
+        .map(|&time| (BORDER, vec![(time, low), (time, high)]));
+    let curves = upright.chain(lines.iter().cloned());
+    Panel {
+        caption: caption.to_owned(),
+        curves: curves
+            .map(|(line, points)| Curve { line, points })
+            .collect(),
+        wraps: false,
+    }
 }

@@ -1,0 +1,402 @@
+//! The files of every crate as modules, and which of them names which: the imports of a file as the compiler sees them.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use proc_macro2::{Span, TokenStream, TokenTree};
+use syn::visit::{self, Visit};
+
+/// Longest chain of re-exports that is followed.
+const LONGEST_CHAIN: usize = 16;
+
+/// A place where one file names another.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct Import {
+    /// The file that names.
+    pub(crate) from: PathBuf,
+    /// The file that defines what is named.
+    pub(crate) to: PathBuf,
+    /// Line in `from`, from 1.
+    pub(crate) line: usize,
+    /// The path as written.
+    pub(crate) path: String,
+}
+
+/// A module, in a file of its own or in braces.
+#[derive(Default)]
+struct Module {
+    file: PathBuf,
+    parent: usize,
+    children: BTreeMap<String, usize>,
+    items: BTreeSet<String>,
+    aliases: BTreeMap<String, Vec<String>>,
+    globs: Vec<Vec<String>>,
+    /// What the module names.
+    named: Vec<Named>,
+}
+
+/// A path that a module names.
+struct Named {
+    path: Vec<String>,
+    line: usize,
+    /// Whether a path of one word may be a module; a variable of the same name is more likely in an expression.
+    may_be_module: bool,
+}
+
+/// The modules of one crate.
+pub(crate) struct Crate {
+    modules: Vec<Module>,
+}
+
+/// What a name stands for: a module, or an item that a module defines.
+enum Meaning {
+    Module(usize),
+    Item(usize),
+}
+
+impl Crate {
+    /// Reads a crate from its first file.
+    pub(crate) fn read(first: &Path) -> Self {
+        let mut found = Self {
+            modules: Vec::new(),
+        };
+        let folder = first.parent().expect("a folder").to_owned();
+        found.add_file(first.to_owned(), folder, 0);
+        found
+    }
+
+    /// The files of the crate.
+    pub(crate) fn files(&self) -> BTreeSet<&Path> {
+        let files = self.modules.iter().map(|module| module.file.as_path());
+        files.collect()
+    }
+
+    /// Every place where one file of the crate names what another one defines.
+    pub(crate) fn imports(&self) -> Vec<Import> {
+        let mut imports = Vec::new();
+        for (module, content) in self.modules.iter().enumerate() {
+            for named in &content.named {
+                let target = match self.meaning(module, &named.path, LONGEST_CHAIN) {
+                    Some(Meaning::Module(target)) if named.may_be_module => target,
+                    Some(Meaning::Item(target)) => target,
+                    _ => continue,
+                };
+                let to = &self.modules[target].file;
+                if *to != content.file {
+                    imports.push(Import {
+                        from: content.file.clone(),
+                        to: to.clone(),
+                        line: named.line,
+                        path: named.path.join("::"),
+                    });
+                }
+            }
+        }
+        imports.sort();
+        imports.dedup();
+        imports
+    }
+
+    fn add_file(&mut self, file: PathBuf, folder: PathBuf, parent: usize) -> usize {
+        let text =
+            fs::read_to_string(&file).unwrap_or_else(|error| panic!("{}: {error}", file.display()));
+        let syntax =
+            syn::parse_file(&text).unwrap_or_else(|error| panic!("{}: {error}", file.display()));
+        let module = self.add_module(file, parent);
+        self.fill(module, &folder, &syntax.items);
+        module
+    }
+
+    fn add_module(&mut self, file: PathBuf, parent: usize) -> usize {
+        self.modules.push(Module {
+            file,
+            parent,
+            ..Module::default()
+        });
+        self.modules.len() - 1
+    }
+
+    /// Takes the items of a module; files of its children lie in `folder`.
+    fn fill(&mut self, module: usize, folder: &Path, items: &[syn::Item]) {
+        for item in items {
+            if let syn::Item::Mod(child) = item {
+                self.add_child(module, folder, child);
+            } else if !is_for_tests(item) {
+                let content = &mut self.modules[module];
+                if let Some(name) = item_name(item) {
+                    content.items.insert(name);
+                }
+                Names { module: content }.visit_item(item);
+            }
+        }
+    }
+
+    fn add_child(&mut self, parent: usize, folder: &Path, item: &syn::ItemMod) {
+        let name = item.ident.to_string();
+        let child = if let Some((_, items)) = &item.content {
+            // Tests in a file import for the tests only. Tests in files of their own are files as all others.
+            if is_cfg_test(&item.attrs) {
+                return;
+            }
+            let child = self.add_module(self.modules[parent].file.clone(), parent);
+            self.fill(child, &folder.join(&name), items);
+            child
+        } else if let Some(path) = path_attribute(&item.attrs) {
+            let file = self.modules[parent].file.with_file_name(path);
+            let below = file.parent().expect("a folder").to_owned();
+            self.add_file(file, below, parent)
+        } else {
+            let below = folder.join(&name);
+            let flat = below.with_extension("rs");
+            let file = if flat.exists() {
+                flat
+            } else {
+                below.join("mod.rs")
+            };
+            self.add_file(file, below, parent)
+        };
+        self.modules[parent].children.insert(name, child);
+    }
+
+    /// What a path stands for that `module` names.
+    fn meaning(&self, module: usize, path: &[String], chain: usize) -> Option<Meaning> {
+        let (first, mut rest) = path.split_first()?;
+        let mut place = match first.as_str() {
+            "crate" => 0,
+            "self" => module,
+            "super" => self.modules[module].parent,
+            name => match self.lookup(module, name, rest.is_empty(), chain)? {
+                Meaning::Module(place) => place,
+                item @ Meaning::Item(_) => return Some(item),
+            },
+        };
+        while let Some((name, after)) = rest.split_first() {
+            place = match name.as_str() {
+                "super" => self.modules[place].parent,
+                name => match self.lookup(place, name, after.is_empty(), chain) {
+                    Some(Meaning::Module(place)) => place,
+                    Some(item) => return Some(item),
+                    // From a macro or an extern crate: whoever has it is not known, the module at hand is named.
+                    None => return Some(Meaning::Item(place)),
+                },
+            };
+            rest = after;
+        }
+        Some(Meaning::Module(place))
+    }
+
+    /// What a name stands for in a module; `last` where nothing follows it in its path.
+    fn lookup(&self, module: usize, name: &str, last: bool, chain: usize) -> Option<Meaning> {
+        let chain = chain.checked_sub(1)?;
+        let content = &self.modules[module];
+        let item = || {
+            content
+                .items
+                .contains(name)
+                .then_some(Meaning::Item(module))
+        };
+        let child = || content.children.get(name).map(|id| Meaning::Module(*id));
+        let own = if last {
+            item().or_else(child)
+        } else {
+            child().or_else(item)
+        };
+        own.or_else(|| self.meaning(module, content.aliases.get(name)?, chain))
+            .or_else(|| {
+                content
+                    .globs
+                    .iter()
+                    .find_map(|glob| match self.meaning(module, glob, chain)? {
+                        Meaning::Module(other) if other != module => {
+                            self.lookup(other, name, last, chain)
+                        }
+                        _ => None,
+                    })
+            })
+    }
+}
+
+/// Collects what the items of a module name.
+struct Names<'a> {
+    module: &'a mut Module,
+}
+
+impl Names<'_> {
+    fn name(&mut self, path: Vec<String>, at: Span, may_be_module: bool) {
+        self.module.named.push(Named {
+            may_be_module: may_be_module || path.len() > 1,
+            path,
+            line: at.start().line,
+        });
+    }
+
+    fn import(&mut self, before: &[String], tree: &syn::UseTree) {
+        let with = |name: &syn::Ident| [before, &[name.to_string()]].concat();
+        match tree {
+            syn::UseTree::Path(path) => self.import(&with(&path.ident), &path.tree),
+            syn::UseTree::Name(name) if name.ident == "self" => self.alias(
+                before.last().cloned().unwrap_or_default(),
+                before.to_vec(),
+                name.ident.span(),
+            ),
+            syn::UseTree::Name(name) => {
+                self.alias(name.ident.to_string(), with(&name.ident), name.ident.span());
+            }
+            syn::UseTree::Rename(rename) => self.alias(
+                rename.rename.to_string(),
+                with(&rename.ident),
+                rename.ident.span(),
+            ),
+            syn::UseTree::Glob(glob) => {
+                self.module.globs.push(before.to_vec());
+                self.name(before.to_vec(), glob.star_token.spans[0], true);
+            }
+            syn::UseTree::Group(group) => {
+                for tree in &group.items {
+                    self.import(before, tree);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    fn alias(&mut self, name: String, path: Vec<String>, at: Span) {
+        // `use name;` of an extern crate would stand for itself.
+        if path.as_slice() != [name.clone()] {
+            self.module.aliases.insert(name, path.clone());
+        }
+        self.name(path, at, true);
+    }
+
+    /// Paths in the tokens of a macro, which the parser leaves alone.
+    fn tokens(&mut self, tokens: TokenStream, of_item: bool) {
+        let mut path: Vec<String> = Vec::new();
+        let mut begin = None;
+        let mut colons = 0;
+        for token in tokens {
+            match token {
+                TokenTree::Ident(ident) => {
+                    if colons != 2 {
+                        self.end_of(&mut path, begin, of_item);
+                    }
+                    if path.is_empty() {
+                        begin = Some(ident.span());
+                    }
+                    path.push(ident.to_string());
+                    colons = 0;
+                }
+                TokenTree::Punct(mark) if mark.as_char() == ':' => colons += 1,
+                other => {
+                    self.end_of(&mut path, begin, of_item);
+                    colons = 0;
+                    if let TokenTree::Group(group) = other {
+                        self.tokens(group.stream(), of_item);
+                    }
+                }
+            }
+        }
+        self.end_of(&mut path, begin, of_item);
+    }
+
+    fn end_of(&mut self, path: &mut Vec<String>, begin: Option<Span>, of_item: bool) {
+        let path = core::mem::take(path);
+        // Such a word alone says who sees an item.
+        let of_visibility = matches!(path.as_slice(), [word] if word == "super" || word == "crate");
+        if let (Some(span), false, false) = (begin, path.is_empty(), of_visibility) {
+            self.name(path, span, of_item);
+        }
+    }
+}
+
+impl<'a> Visit<'a> for Names<'_> {
+    fn visit_item_use(&mut self, item: &'a syn::ItemUse) {
+        if item.leading_colon.is_none() {
+            self.import(&[], &item.tree);
+        }
+    }
+
+    fn visit_path(&mut self, path: &'a syn::Path) {
+        if let (None, Some(first)) = (path.leading_colon, path.segments.first()) {
+            let names = path.segments.iter().map(|part| part.ident.to_string());
+            self.name(names.collect(), first.ident.span(), false);
+        }
+        visit::visit_path(self, path);
+    }
+
+    fn visit_macro(&mut self, item: &'a syn::Macro) {
+        visit::visit_macro(self, item);
+        self.tokens(item.tokens.clone(), false);
+    }
+
+    fn visit_item_macro(&mut self, item: &'a syn::ItemMacro) {
+        visit::visit_item_macro(self, item);
+        self.tokens(item.mac.tokens.clone(), true);
+    }
+
+    // `pub(in path)` and attributes name nothing that is used.
+    fn visit_visibility(&mut self, _: &'a syn::Visibility) {}
+    fn visit_attribute(&mut self, _: &'a syn::Attribute) {}
+}
+
+fn is_for_tests(item: &syn::Item) -> bool {
+    attributes(item).is_some_and(is_cfg_test)
+}
+
+/// Whether an item is compiled for tests only.
+pub(crate) fn is_cfg_test(attributes: &[syn::Attribute]) -> bool {
+    attributes.iter().any(|attribute| {
+        attribute.path().is_ident("cfg")
+            && matches!(&attribute.meta, syn::Meta::List(list) if list.tokens.to_string() == "test")
+    })
+}
+
+/// The file that `#[path = "…"]` names.
+fn path_attribute(attributes: &[syn::Attribute]) -> Option<String> {
+    attributes.iter().find_map(|attribute| {
+        let syn::Meta::NameValue(pair) = &attribute.meta else {
+            return None;
+        };
+        let syn::Expr::Lit(syn::ExprLit {
+            lit: syn::Lit::Str(text),
+            ..
+        }) = &pair.value
+        else {
+            return None;
+        };
+        pair.path.is_ident("path").then(|| text.value())
+    })
+}
+
+fn attributes(item: &syn::Item) -> Option<&[syn::Attribute]> {
+    Some(match item {
+        syn::Item::Const(item) => &item.attrs,
+        syn::Item::Enum(item) => &item.attrs,
+        syn::Item::Fn(item) => &item.attrs,
+        syn::Item::Impl(item) => &item.attrs,
+        syn::Item::Macro(item) => &item.attrs,
+        syn::Item::Mod(item) => &item.attrs,
+        syn::Item::Static(item) => &item.attrs,
+        syn::Item::Struct(item) => &item.attrs,
+        syn::Item::Trait(item) => &item.attrs,
+        syn::Item::Type(item) => &item.attrs,
+        syn::Item::Use(item) => &item.attrs,
+        _ => return None,
+    })
+}
+
+fn item_name(item: &syn::Item) -> Option<String> {
+    let ident = match item {
+        syn::Item::Const(item) => &item.ident,
+        syn::Item::Enum(item) => &item.ident,
+        syn::Item::Fn(item) => &item.sig.ident,
+        syn::Item::Macro(item) => item.ident.as_ref()?,
+        syn::Item::Static(item) => &item.ident,
+        syn::Item::Struct(item) => &item.ident,
+        syn::Item::Trait(item) => &item.ident,
+        syn::Item::Type(item) => &item.ident,
+        syn::Item::Union(item) => &item.ident,
+        _ => return None,
+    };
+    Some(ident.to_string())
+}
