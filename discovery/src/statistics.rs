@@ -21,6 +21,20 @@ pub fn quantile_of_sorted(values: &[f64], share: f64) -> f64 {
         .unwrap_or(0.0)
 }
 
+/// A quantile of values that rise, on the line between its neighbours; `None` where there are no values.
+pub fn interpolated_quantile(values: &[f64], share: f64) -> Option<f64> {
+    let last = values.len().checked_sub(1)?;
+    let place = share * last as f64;
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a place in a list"
+    )]
+    let below = (place as usize).min(last);
+    let (from, to) = (values[below], values[(below + 1).min(last)]);
+    Some(from + (to - from) * (place - below as f64))
+}
+
 /// Deviations of a chi-squared number of `freedom` degrees from its mean, as of a normal one (Wilson and Hilferty).
 pub fn deviations(chi_squared: f64, freedom: f64) -> f64 {
     let share = 2.0 / (9.0 * freedom);
@@ -57,6 +71,15 @@ mod tests {
             assert!((quantile(values.clone(), share) - expected).abs() < 1e-12);
         }
         assert!(quantile(Vec::new(), 0.5).abs() < 1e-12);
+    }
+
+    #[test]
+    fn interpolated_quantiles_lie_between_elements() {
+        let values = [1.0, 2.0, 4.0];
+        assert_eq!(interpolated_quantile(&[], 0.5), None);
+        assert_eq!(interpolated_quantile(&values, 0.5), Some(2.0));
+        assert_eq!(interpolated_quantile(&values, 0.75), Some(3.0));
+        assert_eq!(interpolated_quantile(&values, 1.0), Some(4.0));
     }
 
     #[test]

@@ -56,9 +56,9 @@ pub struct Problem {
     /// Line in the file, from 1.
     pub line: Option<u64>,
     /// Place by meaning: a frame, an element, a field.
-    pub place: Option<String>,
+    pub place: Option<Box<str>>,
     /// What the user can do next.
-    pub help: Option<String>,
+    pub help: Option<Box<str>>,
     /// What brought it about, where another error did.
     #[source]
     pub cause: Option<Arc<dyn Error + Send + Sync>>,
@@ -154,14 +154,14 @@ impl Problem {
 
     /// Names the place by meaning.
     #[must_use]
-    pub fn at(mut self, place: impl Into<String>) -> Self {
+    pub fn at(mut self, place: impl Into<Box<str>>) -> Self {
         self.place = Some(place.into());
         self
     }
 
     /// Says what to do next.
     #[must_use]
-    pub fn help(mut self, help: impl Into<String>) -> Self {
+    pub fn help(mut self, help: impl Into<Box<str>>) -> Self {
         self.help = Some(help.into());
         self
     }

@@ -518,7 +518,7 @@ mod tests {
                 ["nowhere.json", "read", "No such file"],
             ),
         ] {
-            let problem = parse(text).unwrap_err().to_string();
+            let problem = parse(text).unwrap_err().with_causes();
             for part in parts {
                 assert!(problem.contains(part), "{text}\n-> {problem}\nlacks {part}");
             }

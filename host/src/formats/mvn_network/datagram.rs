@@ -1,7 +1,5 @@
 //! One datagram: its header of 24 bytes and its payload, whole numbers big-endian.
 
-use std::fmt;
-
 /// Bytes of a header.
 pub const HEADER_LENGTH: usize = 24;
 /// First bytes of every datagram; two digits follow.
@@ -103,11 +101,13 @@ pub struct Datagram<'a> {
 }
 
 /// Bytes that are no datagram of MVN.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum BadDatagram {
     /// It does not begin with "MXTP" and two digits.
+    #[error("expected \"MXTP\" and two digits at the beginning")]
     NotMvn,
     /// It ends too early.
+    #[error("expected at least {expected} bytes, found {found}")]
     Short {
         /// Bytes there are.
         found: usize,
@@ -115,19 +115,6 @@ pub enum BadDatagram {
         expected: usize,
     },
 }
-
-impl fmt::Display for BadDatagram {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::NotMvn => write!(f, "expected \"MXTP\" and two digits at the beginning"),
-            Self::Short { found, expected } => {
-                write!(f, "expected at least {expected} bytes, found {found}")
-            }
-        }
-    }
-}
-
-impl std::error::Error for BadDatagram {}
 
 impl<'a> Datagram<'a> {
     /// Reads what one UDP packet brought. Senders before 2018 leave the length of the payload at 0: then it

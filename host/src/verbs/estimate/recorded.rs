@@ -5,6 +5,7 @@ use bodyflight_core::Posture;
 use bodyflight_core::dynamics::Motion;
 use bodyflight_core::effect::sensors::{Moving, Sensors};
 use bodyflight_core::estimator::motion::measurement::Noise;
+use bodyflight_discovery::statistics::quantile;
 use nalgebra::Vector3;
 
 use crate::diagnostic::{Problem, Result};
@@ -180,7 +181,5 @@ fn second_difference(values: impl Iterator<Item = f64>) -> f64 {
 
 /// Deviation of normal numbers by their median size, which a few jumps do not change.
 fn median_size(values: impl Iterator<Item = f64>) -> f64 {
-    let mut sizes: Vec<f64> = values.map(f64::abs).collect();
-    sizes.sort_by(f64::total_cmp);
-    sizes.get(sizes.len() / 2).map_or(0.0, |size| 1.4826 * size)
+    1.4826 * quantile(values.map(f64::abs).collect(), 0.5)
 }

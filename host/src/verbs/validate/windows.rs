@@ -2,6 +2,7 @@
 
 use bodyflight_core::dynamics::Motion;
 use bodyflight_core::dynamics::free_run::Equations;
+use bodyflight_discovery::statistics::interpolated_quantile;
 use serde::Serialize;
 
 use crate::replay::recorded::{Recorded, Variant};
@@ -58,24 +59,10 @@ impl Spread {
     fn of(mut values: Vec<f64>) -> Option<Self> {
         values.sort_by(f64::total_cmp);
         Some(Self {
-            median_rad: quantile(&values, 0.5)?,
-            nine_tenths_rad: quantile(&values, 0.9)?,
+            median_rad: interpolated_quantile(&values, 0.5)?,
+            nine_tenths_rad: interpolated_quantile(&values, 0.9)?,
         })
     }
-}
-
-/// A quantile of sorted values, on the line between its neighbours.
-fn quantile(sorted: &[f64], share: f64) -> Option<f64> {
-    let last = sorted.len().checked_sub(1)?;
-    let place = share * last as f64;
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "a place in a list"
-    )]
-    let below = place as usize;
-    let (from, to) = (sorted[below], sorted[(below + 1).min(last)]);
-    Some(from + (to - from) * (place - below as f64))
 }
 
 /// Windows of one length, predicted by one model: angle between the measured and the predicted attitude at the end.
@@ -185,19 +172,5 @@ pub fn whole(flights: &[&Recorded], model: Model) -> Whole {
     Whole {
         model: model.key,
         rms_rad: flights.iter().map(rms).collect(),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn quantiles_lie_between_values() {
-        let values = [1.0, 2.0, 4.0];
-        assert_eq!(quantile(&[], 0.5), None);
-        assert_eq!(quantile(&values, 0.5), Some(2.0));
-        assert_eq!(quantile(&values, 0.75), Some(3.0));
-        assert_eq!(quantile(&values, 1.0), Some(4.0));
     }
 }
