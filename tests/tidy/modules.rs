@@ -257,7 +257,6 @@ impl Names<'_> {
                     self.import(before, tree);
                 }
             }
-            _ => {}
         }
     }
 

@@ -220,6 +220,8 @@ pub fn aligned(frames: &[FlightFrame], track: &[Sample]) -> Result<Aligned> {
         .copied()
         .filter(|(shift, _)| (shift - best).abs() > OTHER)
         .collect();
+    // Differences below what is believed of a velocity tell no shift from another.
+    let squares = squares.max(LEAST_VARIANCE);
     if least(&others).is_some_and(|(_, other)| other < BETTER * squares) {
         return Err(refused(
             "the track fits the recording at several times alike, so their clocks cannot be told from one another".into(),
