@@ -1,5 +1,9 @@
 //! Real flights, and what recordings and tracks beside them may be, through the real binary.
-#![expect(clippy::expect_used, reason = "tests may panic: that is how they fail")]
+#![expect(
+    clippy::expect_used,
+    clippy::panic,
+    reason = "tests may panic: that is how they fail"
+)]
 
 use std::fmt::Write;
 

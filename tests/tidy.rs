@@ -107,7 +107,7 @@ fn units_have_one_spelling() {
                     word.strip_suffix(*unit)
                         .is_some_and(|name| name.len() > 1 && name.ends_with('_'))
                 };
-                if other.iter().any(|unit| spelled(&unit)) {
+                if other.iter().any(spelled) {
                     faults.push(format!("{}: {word}", path.display()));
                 }
             }

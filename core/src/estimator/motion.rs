@@ -288,9 +288,9 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         let spin = &motion.angular_velocity.components;
         let variance = Vector3::from_fn(|axis, _| self.covariance[(SPIN + axis, SPIN + axis)]);
         let trust = self.activity.damping_trust(spin, &variance);
-        for axis in 0..3 {
+        for (axis, trust) in trust.into_iter().enumerate() {
             for row in 0..MOTION_STATES {
-                self.slope[(row, DAMPING + axis)] *= trust[axis];
+                self.slope[(row, DAMPING + axis)] *= trust;
             }
         }
         if end.is_finite() && self.slope.iter().all(|v| v.is_finite()) {

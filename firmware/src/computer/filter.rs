@@ -26,10 +26,6 @@ pub(super) enum Filter {
 }
 
 /// What one of them says.
-#[expect(
-    clippy::large_enum_variant,
-    reason = "lives for one sample, on the stack"
-)]
 pub(super) enum Answer {
     Windows(Estimate<f32>),
     Motion(MotionEstimate<f32>),

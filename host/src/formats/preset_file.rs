@@ -271,7 +271,7 @@ mod tests {
             panic!("not of the motion filter");
         };
         assert!((preset.joint_error - 1.0f32.to_radians()).abs() < 1e-9);
-        assert_eq!(preset.muscle, [1.0, 2.0, 3.0]);
+        assert!(preset.muscle.iter().eq(&[1.0, 2.0, 3.0]));
         assert_eq!((preset.noise.attitude, preset.gate), (0.02, MOTION.gate));
         let Ok(Tuning::Windows(preset)) =
             parse("base = \"turning\"\nprediction_window = 30\nmeasurement_deviation = [0.02]")

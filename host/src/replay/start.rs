@@ -114,11 +114,10 @@ pub fn fitted(
         let step = normal.solve(&(slopes.transpose() * &here));
         let there = changed(&start, step.as_slice());
         let again = off(&there);
-        // Also false for what is not a number.
-        if !(again.norm_squared() < here.norm_squared()) {
+        let gained = here.norm_squared() - again.norm_squared();
+        if gained.is_nan() || gained <= 0.0 {
             break;
         }
-        let gained = here.norm_squared() - again.norm_squared();
         (start, here) = (there, again);
         if gained < 1e-6 * here.norm_squared() {
             break;

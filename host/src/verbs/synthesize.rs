@@ -272,7 +272,7 @@ impl JointErrors {
                     .sum();
                 error.constant + wander
             });
-            if turn == [0.0; 3] {
+            if turn.iter().all(|angle| angle.abs() == 0.0) {
                 return seen;
             }
             let error = small_rotation(&Vector3::from(turn));

@@ -269,10 +269,10 @@ mod tests {
             let speed = crate::observation::horizontal_speed(&measured.velocity.unwrap());
             prop_assume!(speed > 1.0);
             let prediction = Prediction::of(&state, &interval);
-            for channel in 0..CHANNELS - 1 {
+            for (channel, name) in NAMES.iter().enumerate().take(CHANNELS - 1) {
                 let row = prediction.row(channel, &measured).unwrap();
                 let gap = (row.innovation - row.along(&difference)).abs();
-                prop_assert!(gap < 2e-6, "{}: {gap}", NAMES[channel]);
+                prop_assert!(gap < 2e-6, "{name}: {gap}");
             }
             let with_speed = MotionMeasurement { horizontal_speed: Some(speed), ..measured };
             let row = prediction.row(CHANNELS - 1, &with_speed).unwrap();
