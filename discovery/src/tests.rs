@@ -88,6 +88,9 @@ fn without_noise_the_model_flies_as_recorded_and_effects_are_felt() {
     }
 }
 
+/// Effects whose slope has kinks: drag takes the area of the face that shows most.
+const SHAPES: [Effect; 3] = [Effect::TrunkShape, Effect::ArmShape, Effect::LegShape];
+
 #[test]
 fn every_parameter_has_a_column_and_every_stretch_its_numbers() {
     let track = track(&[], 1.0);
@@ -110,12 +113,7 @@ fn every_parameter_has_a_column_and_every_stretch_its_numbers() {
         }
     }
     // All but the profile of a tunnel are felt in a fall through still air; of a shape the face that shows most.
-    let unfelt = [
-        Effect::TunnelProfile,
-        Effect::TrunkShape,
-        Effect::ArmShape,
-        Effect::LegShape,
-    ];
+    let unfelt = [&[Effect::TunnelProfile], &SHAPES[..]].concat();
     for (id, felt) in all.iter().zip(felt) {
         let name = id.effect.description().name;
         assert!(
@@ -136,7 +134,10 @@ fn columns_are_slopes_wherever_an_effect_stands() {
     let track = track(&[], 0.0);
     let plain = plain(&track);
     let stretch = &stretches(&track)[2];
-    for id in all_parameters() {
+    let smooth = all_parameters()
+        .into_iter()
+        .filter(|id| !SHAPES.contains(&id.effect));
+    for id in smooth {
         let parameter = &id.effect.description().parameters[id.index];
         let mut values = id.effect.neutral();
         values[id.index] += 0.5 * (parameter.high - parameter.neutral);
