@@ -110,9 +110,13 @@ fn estimate<T: Real, P: Propagation<T>, const N: usize>(
 }
 
 /// The same over several seeds.
-fn over_seeds<P: Propagation<f32>, const N: usize>(record: &Record, preset: &Preset) -> Misfit {
+fn over_seeds<P: Propagation<f32>, const N: usize>(
+    record: &Record,
+    preset: &Preset,
+    seeds: u64,
+) -> Misfit {
     let mut all = Misfit::default();
-    for seed in 1..=seeds() {
+    for seed in 1..=seeds {
         all.merge(&estimate::<f32, P, N>(record, preset, seed, |_| ()));
     }
     all
@@ -172,18 +176,23 @@ fn compare(flight: &Flight, preset: &Preset) -> Option<Comparison> {
 
 /// The means over several flights.
 fn compare_all(flights: &[Flight], preset: &Preset) -> Option<Comparison> {
+    compare_over(flights, preset, seeds())
+}
+
+/// The same over so many seeds.
+fn compare_over(flights: &[Flight], preset: &Preset, seeds: u64) -> Option<Comparison> {
     let body = body()?;
     let fly = |flight: &Flight| flight.fly(&body, BACK_TRACKING);
     let records: Vec<Record> = flights.iter().map(fly).collect();
-    let mean = |misfit: fn(&Record, &Preset) -> Misfit| {
+    let mean = |misfit: fn(&Record, &Preset, u64) -> Misfit| {
         let mut all = Misfit::default();
         for record in &records {
-            all.merge(&misfit(record, preset));
+            all.merge(&misfit(record, preset, seeds));
         }
         all.rms()
     };
     let found = Comparison {
-        constant: mean(|record, _| constant(record)),
+        constant: mean(|record, _, _| constant(record)),
         paper: mean(over_seeds::<Full, 60>),
         reduced: mean(over_seeds::<Reduced, 30>),
     };
@@ -192,7 +201,7 @@ fn compare_all(flights: &[Flight], preset: &Preset) -> Option<Comparison> {
         flights.first()?.name,
         flights.len(),
         preset.name,
-        seeds()
+        seeds
     );
     found.constant.print("  constant coefficients");
     found.paper.print("  paper's filter");
@@ -263,7 +272,9 @@ fn every_transition_changes_sides_once() {
 
 #[test]
 fn flips_and_rolls_with_satellites_are_reconstructed_with_their_speed() {
-    let Some(found) = compare(&FLIPS_AND_ROLLS, &preset("transitions-gnss")) else {
+    // Which branch an unstable motion takes hangs on last bits: three seeds would be one draw.
+    let flights = core::slice::from_ref(&FLIPS_AND_ROLLS);
+    let Some(found) = compare_over(flights, &preset("transitions-gnss"), seeds().max(12)) else {
         return;
     };
     for estimated in [found.paper, found.reduced] {
