@@ -37,7 +37,7 @@ pub type Difference<T> = SVector<T, STATES>;
 pub type Covariance<T> = SMatrix<T, STATES, STATES>;
 
 /// Limits of muscle input and damping: so far from where they are ever found that they bias nothing.
-const INPUT_LIMITS: [[f64; 2]; 2] = [[-12.0, 12.0], [-0.5, 30.0]];
+const INPUT_LIMITS: [[f32; 2]; 2] = [[-12.0, 12.0], [-0.5, 30.0]];
 
 /// Motion and inputs at one instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -108,7 +108,7 @@ impl<T: Real> FlightState<T> {
     /// Keeps muscle input and damping within their limits.
     pub fn limit_inputs(&mut self) {
         let within =
-            |limits: [f64; 2]| move |value: T| clamp(value, T::of(limits[0]), T::of(limits[1]));
+            |[low, high]: [f32; 2]| move |value: T| clamp(value, T::single(low), T::single(high));
         let [muscle, damping] = INPUT_LIMITS.map(within);
         self.inputs.muscle = self.inputs.muscle.map(muscle);
         self.inputs.damping = self.inputs.damping.map(damping);

@@ -19,7 +19,7 @@ pub type MotionSlope<T> = SMatrix<T, MOTION_STATES, STATES>;
 
 /// Size of the error by which each coordinate is flown: turn (rad), velocity (m/s), angular velocity (rad/s),
 /// muscle input, damping.
-const ERRORS: [f64; 5] = [0.01, 0.5, 0.05, 0.25, 0.5];
+const ERRORS: [f32; 5] = [0.01, 0.5, 0.05, 0.25, 0.5];
 
 /// Flies `start` over an interval of `duration` (s): the state at its end, and the slope there.
 #[inline(never)]
@@ -37,7 +37,7 @@ pub fn fly<T: Real>(
     };
     let end = step(&start.motion, &start.inputs);
     for column in 0..RESIDUAL_FORCE {
-        let error = T::of(ERRORS[column / 3]);
+        let error = T::single(ERRORS[column / 3]);
         let side = if column < MUSCLE {
             let mut change = SVector::zeros();
             change[column] = error;

@@ -34,11 +34,11 @@ impl Consistency {
 }
 
 /// Mean normalised innovation squared above which a channel is doubtful and lost.
-const MEAN_SQUARE: [f64; 2] = [2.0, 6.0];
+const MEAN_SQUARE: [f32; 2] = [2.0, 6.0];
 /// Correlation of an innovation with the one before, above which a channel is doubtful and lost.
-const CORRELATION: [f64; 2] = [0.4, 0.8];
+const CORRELATION: [f32; 2] = [0.4, 0.8];
 /// Share of rejected innovations, likewise.
-const REJECTED: [f64; 2] = [0.05, 0.3];
+const REJECTED: [f32; 2] = [0.05, 0.3];
 
 /// What is known of one channel.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -96,10 +96,10 @@ impl<T: Real> ChannelWatch<T> {
 
     /// What the channel says.
     pub fn consistency(&self) -> Consistency {
-        let above = |value: T, limits: [f64; 2]| {
-            if value > T::of(limits[1]) {
+        let above = |value: T, limits: [f32; 2]| {
+            if value > T::single(limits[1]) {
                 Consistency::Lost
-            } else if value > T::of(limits[0]) {
+            } else if value > T::single(limits[0]) {
                 Consistency::Doubtful
             } else {
                 Consistency::Consistent
