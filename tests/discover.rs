@@ -79,11 +79,16 @@ fn a_hidden_effect_is_named_and_closes_the_gap_of_another_flight() {
     let after = gap(&["simulate", &other, "--model", model]);
     assert!(after < before, "{before} to {after}");
 
-    // The filter takes it too, and so it takes a wind.
+    // The filter takes it too; with another model it says that it is not to be trusted.
     json(&["estimate", &other, "--model", model]);
     let wind = folder.path().join("wind.toml");
     std::fs::write(&wind, "[[effect]]\nname = \"wind\"\nnorth_mps = 3.0\n").expect("a file");
-    json(&["estimate", &other, "--model", wind.to_str().expect("plain")]);
+    let doubted = Command::new(env!("CARGO_BIN_EXE_bodyflight"))
+        .args(["estimate", &other, "--model", wind.to_str().expect("plain")])
+        .output()
+        .expect("the binary starts");
+    assert_eq!(doubted.status.code(), Some(5));
+    assert!(String::from_utf8_lossy(&doubted.stderr).contains("the model misses something"));
     let figure = std::fs::read_to_string(folder.path().join("found/report.svg")).expect("a figure");
     assert!(figure.contains("with the effects found"));
 }
