@@ -223,10 +223,9 @@ impl Computer {
         let Configuration {
             preset, dynamics, ..
         } = configuration;
-        let Ok(filter) = Filter::new(preset, dynamics, &motion, &posture) else {
+        if Filter::start_in(&mut self.filter, preset, dynamics, &motion, &posture).is_err() {
             return Outcome::Rejected;
-        };
-        self.filter = Some(filter);
+        }
         self.last = Some(Last {
             time,
             posture,

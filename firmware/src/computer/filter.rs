@@ -6,8 +6,10 @@ use bodyflight_core::estimator::measurement::Measurement;
 use bodyflight_core::estimator::motion::ReducedMotionFilter;
 use bodyflight_core::estimator::motion::estimate::MotionEstimate;
 use bodyflight_core::estimator::motion::measurement::MotionMeasurement;
+use bodyflight_core::estimator::motion::settings::MotionPreset;
 use bodyflight_core::estimator::motion::state::MUSCLE;
 use bodyflight_core::estimator::motion::watch::Consistency;
+use bodyflight_core::estimator::preset::Preset;
 use bodyflight_core::estimator::status::{Estimate, Health};
 use bodyflight_core::estimator::unit_preset::UnitPreset;
 use bodyflight_core::estimator::unscented::SettingsError;
@@ -32,19 +34,19 @@ pub(super) enum Answer {
 }
 
 impl Filter {
-    pub(super) fn new(
+    /// Starts the filter of a preset in `slot`, which is left as it was if the preset is refused.
+    ///
+    /// Each kind is made apart and moved once: a filter is too large for a unit's stack to hold several.
+    pub(super) fn start_in(
+        slot: &mut Option<Self>,
         preset: &UnitPreset,
         dynamics: &Dynamics<f32>,
         motion: &Motion<f32>,
         posture: &Posture<f32>,
-    ) -> Result<Self, SettingsError> {
+    ) -> Result<(), SettingsError> {
         match preset {
-            UnitPreset::Windows(preset) => {
-                ReducedFilter::new(preset, dynamics, motion, posture).map(Self::Windows)
-            }
-            UnitPreset::Motion(preset, _) => {
-                ReducedMotionFilter::new(preset, dynamics, motion, posture).map(Self::Motion)
-            }
+            UnitPreset::Windows(preset) => windows_in(slot, preset, dynamics, motion, posture),
+            UnitPreset::Motion(preset, _) => motion_in(slot, preset, dynamics, motion, posture),
         }
     }
 
@@ -80,6 +82,32 @@ impl Filter {
             }
         }
     }
+}
+
+#[inline(never)]
+fn windows_in(
+    slot: &mut Option<Filter>,
+    preset: &Preset,
+    dynamics: &Dynamics<f32>,
+    motion: &Motion<f32>,
+    posture: &Posture<f32>,
+) -> Result<(), SettingsError> {
+    let filter = ReducedFilter::new(preset, dynamics, motion, posture)?;
+    *slot = Some(Filter::Windows(filter));
+    Ok(())
+}
+
+#[inline(never)]
+fn motion_in(
+    slot: &mut Option<Filter>,
+    preset: &MotionPreset,
+    dynamics: &Dynamics<f32>,
+    motion: &Motion<f32>,
+    posture: &Posture<f32>,
+) -> Result<(), SettingsError> {
+    let filter = ReducedMotionFilter::new(preset, dynamics, motion, posture)?;
+    *slot = Some(Filter::Motion(filter));
+    Ok(())
 }
 
 impl Answer {
