@@ -140,7 +140,7 @@ test("two runs are shown over one another, with what discovery found", async () 
       explained: 1,
       disagreement: 40,
       gap,
-      held_out: [{ misfit_before: 9000, misfit_after: 3000, numbers: 3000, gap }],
+      held_out: [{ gain: 300, gap }],
       residual_map: [0, 1, 2, 3].map((time_s) => ({ time_s, over_floor: nine(5), over_floor_after: nine(1) })),
     }),
   );
@@ -152,7 +152,7 @@ test("two runs are shown over one another, with what discovery found", async () 
   const text = await page.textContent("#discovery");
   assert.match(
     text,
-    /named.*wind.*north_mps4\.01 ± 0\.020.*exit-speed here; fly: a long fall.*0\.500.*9000 before, 3000 after/s,
+    /named.*wind.*north_mps4\.01 ± 0\.020.*exit-speed here; fly: a long fall.*0\.500.*Held-out flight 1: 100 % of the gap closed/s,
   );
   assert.ok((await colours(page, ".map")) > 2);
   await page.click(".map", { position: { x: 200, y: 50 } });
