@@ -42,6 +42,7 @@ use crate::frame::Vector;
 use crate::math::Real;
 use check::Check;
 pub use coefficients::{STATES, StateVector, input_coefficients, inputs_of};
+use coefficients::{in_other_order, inputs_of_filter};
 use full::Full;
 pub use limits::MOTION_LIMITS;
 use limits::limit;
@@ -177,7 +178,7 @@ impl<T: Real, P: Propagation<T>, const INTERVALS: usize> Estimator<T, P, INTERVA
         self.prediction_intervals * P::STRIDE
     }
 
-    /// The coefficients and their covariance.
+    /// The coefficients and their covariance, in the order of paper eq. (ukf_state).
     pub fn filter(&self) -> &Unscented<T, STATES> {
         &self.filter
     }
@@ -219,7 +220,7 @@ impl<T: Real, P: Propagation<T>, const INTERVALS: usize> Estimator<T, P, INTERVA
         let through_air = velocity - dynamics.air.velocity;
         let velocity = self.front.inertial_from_body.inverse() * through_air;
         let interval = P::keep(dynamics, sample, &velocity);
-        let inputs = inputs_of(self.filter.state());
+        let inputs = inputs_of_filter(self.filter.state());
         self.front = dynamics.step(&self.front, sample, &inputs, self.duration);
         // There is room: every update shortens the window.
         let _ = self.window.push_back(interval);
@@ -256,7 +257,7 @@ impl<T: Real, P: Propagation<T>, const INTERVALS: usize> Estimator<T, P, INTERVA
         };
         let front = P::settle(&check, &mut self.filter, &self.skydiver, &window, front);
 
-        let inputs = inputs_of(self.filter.state());
+        let inputs = inputs_of_filter(self.filter.state());
         let mut skydiver = self.skydiver;
         let mut motion = None;
         for interval in self.window.iter().take(self.solution_intervals) {
@@ -346,12 +347,12 @@ impl<T: Real, P: Propagation<T>, const INTERVALS: usize> Estimator<T, P, INTERVA
         };
         let window = count(self.prediction_window());
         let sample = self.samples.wrapping_sub(window);
-        let state = *self.filter.state();
+        let state = in_other_order(self.filter.state());
         Estimate {
             sample,
             inputs: inputs_of(&state),
             state,
-            deviation: self.filter.covariance().diagonal().map(Real::root),
+            deviation: in_other_order(&self.filter.covariance().diagonal()).map(Real::root),
             solved_sample: sample.wrapping_add(count(self.solution_intervals * P::STRIDE)),
             motion,
             reconstructed: Measurement::of(&motion),

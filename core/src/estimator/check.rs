@@ -10,7 +10,7 @@
 
 use nalgebra::SVector;
 
-use super::coefficients::{STATES, StateVector, inputs_of};
+use super::coefficients::{STATES, StateVector, inputs_of_filter};
 use super::measurement::{CHANNELS, MeasurementModel};
 use super::status::INCONSISTENT;
 use super::unscented::{Innovation, Unscented};
@@ -51,7 +51,7 @@ impl<T: Real> Check<'_, T> {
         start: &State<T>,
         window: &Window<'_, T, I, N>,
     ) -> State<T> {
-        let [end] = window.run(start, &[inputs_of(filter.state())]);
+        let [end] = window.run(start, &[inputs_of_filter(filter.state())]);
         let seen = window.observe(&end, self.model);
         let missed = self.misfit(&self.model.difference(self.observation, &seen));
         // Not a number is not better.

@@ -13,8 +13,8 @@ pub const STATES: usize = 6;
 /// Coefficients: muscle input in pitch, yaw, roll, then damping in pitch, yaw, roll, each in the order of
 /// [`AxisCoefficients`].
 ///
-/// Paper eq. (ukf_state) has yaw before pitch in both halves: its first and second coefficient, and its fourth and fifth,
-/// change places here.
+/// Paper eq. (ukf_state) has yaw before pitch in both halves; the filter computes in that order, which `in_other_order`
+/// takes to this one where a state comes out.
 pub type StateVector<T> = SVector<T, STATES>;
 
 /// The inputs that a state vector stands for.
@@ -26,6 +26,23 @@ pub fn inputs_of<T: Real>(state: &StateVector<T>) -> Inputs<T> {
         damping: AxisCoefficients::new(pitch_damping, yaw_damping, roll_damping),
         residual: ResidualLoad::none(),
     }
+}
+
+/// A state in the order of paper eq. (ukf_state), from that of [`StateVector`], or the way back: pitch and yaw change places
+/// in both halves.
+///
+/// The filter keeps the paper's order because another one is another filter: a Cholesky root spreads its sigma points by
+/// the order of the states.
+#[inline]
+pub(super) fn in_other_order<T: Real>(state: &StateVector<T>) -> StateVector<T> {
+    let [a, b, roll, c, d, roll_damping] = (*state).into();
+    [b, a, roll, d, c, roll_damping].into()
+}
+
+/// The inputs that a state stands for that is in the filter's own order.
+#[inline]
+pub(super) fn inputs_of_filter<T: Real>(state: &StateVector<T>) -> Inputs<T> {
+    inputs_of(&in_other_order(state))
 }
 
 /// Muscle input and damping in the order of [`StateVector`].

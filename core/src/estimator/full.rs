@@ -1,6 +1,6 @@
 //! The paper's prediction: every sigma point flies the whole model over the whole window.
 
-use super::coefficients::{STATES, inputs_of};
+use super::coefficients::{STATES, inputs_of_filter};
 use super::propagation::Propagation;
 use super::unscented::{Moments, Root, SigmaPoints, Unscented};
 use super::window::Window;
@@ -38,7 +38,7 @@ impl<T: Real> Propagation<T> for Full {
         for (slot, point) in coefficients.iter_mut().skip(1).zip(plus.chain(minus)) {
             *slot = *point;
         }
-        let runs = window.run(start, &coefficients.map(|x| inputs_of(&x)));
+        let runs = window.run(start, &coefficients.map(|x| inputs_of_filter(&x)));
         let seen = runs.map(|state| window.observe(&state, model));
         let differences = seen.map(|z| model.difference(&z, &seen[0]));
         let [_, p0, p1, p2, p3, p4, p5, m0, m1, m2, m3, m4, m5] = differences;

@@ -2,7 +2,7 @@
 
 use nalgebra::SVector;
 
-use super::coefficients::{STATES, StateVector};
+use super::coefficients::{STATES, in_other_order};
 use super::measurement::{
     MeasurementModel, TRACKING, TRANSITIONS, TRANSITIONS_WITH_GNSS, TURNING, VERTICAL,
 };
@@ -173,12 +173,13 @@ impl Preset {
         T::one() / T::single(self.sample_rate)
     }
 
-    /// Settings of the unscented filter, with the square root that a propagation wants.
+    /// Settings of the unscented filter in the order of paper eq. (ukf_state), with the square root that a propagation
+    /// wants.
     ///
     /// # Errors
     /// Settings that could not be run safely.
     pub fn settings<T: Real>(&self, root: Root) -> Result<Settings<T, STATES>, SettingsError> {
-        let vector = |values: [f32; STATES]| StateVector::<T>::from(values.map(T::single));
+        let vector = |values: [f32; STATES]| in_other_order(&values.map(T::single).into());
         let settings = Settings {
             state: vector(self.state),
             variance: vector(self.deviation.map(|d| d * d)),

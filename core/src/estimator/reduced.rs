@@ -10,7 +10,7 @@
 use nalgebra::{SMatrix, SVector, Vector3};
 
 use super::check::Check;
-use super::coefficients::{STATES, StateVector, inputs_of};
+use super::coefficients::{STATES, StateVector, inputs_of_filter};
 use super::measurement::{CHANNELS, MeasurementModel};
 use super::propagation::Propagation;
 use super::unscented::{Moments, Root, SigmaPoints, Unscented};
@@ -193,7 +193,7 @@ impl<T: Real> Propagation<T> for Reduced {
         for (k, point) in coefficients.iter_mut().skip(1).enumerate() {
             point[k] += offsets[k];
         }
-        let runs = window.run(start, &coefficients.map(|x| inputs_of(&x)));
+        let runs = window.run(start, &coefficients.map(|x| inputs_of_filter(&x)));
         let seen = runs.map(|state| window.observe(&state, model));
         let mut slope = SMatrix::<T, CHANNELS, STATES>::zeros();
         for (k, side) in seen.iter().skip(1).enumerate() {
