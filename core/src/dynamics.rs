@@ -274,6 +274,16 @@ impl<T: Real> Motion<T> {
 }
 
 impl<T: Real> State<T> {
+    /// At rest at the origin, body axes along the inertial ones.
+    pub fn at_rest() -> Self {
+        Self {
+            inertial_from_body: Rotation::identity(),
+            cg_position: Vector::zero(),
+            linear_momentum: Vector::zero(),
+            angular_momentum: Vector::zero(),
+        }
+    }
+
     /// Whether every number is finite.
     pub fn is_finite(&self) -> bool {
         self.inertial_from_body

@@ -30,6 +30,7 @@ use super::propagation::Propagation;
 use super::reduced::Reduced;
 use super::status::Faults;
 use super::unscented::SettingsError;
+use crate::body::mass_properties::PostureRate;
 use crate::body::posture::Posture;
 use crate::dynamics::{Dynamics, Motion, PostureSample, State};
 use crate::frame::Vector;
@@ -102,6 +103,17 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         motion: &Motion<T>,
         posture: &Posture<T>,
     ) -> Result<Self, SettingsError> {
+        let mut filter = Self::unstarted(preset, dynamics)?;
+        filter.restart(motion, posture)?;
+        Ok(filter)
+    }
+
+    /// A filter that takes nothing in until [`MotionFilter::restart`] gives it a motion. A filter is too large for a
+    /// unit's stack to hold it twice: the unit puts it in its place first and starts it there.
+    ///
+    /// # Errors
+    /// Returns an error for settings that cannot be run.
+    pub fn unstarted(preset: &MotionPreset, dynamics: &Dynamics<T>) -> Result<Self, SettingsError> {
         let duration = preset.duration(P::STRIDE);
         if !(duration > T::zero() && duration <= T::of(0.05)) {
             return Err(SettingsError::TimeStep);
@@ -110,7 +122,7 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
             return Err(SettingsError::SolutionWindow);
         }
         let process = Process::new(preset, duration)?;
-        let mut filter = Self {
+        Ok(Self {
             dynamics: *dynamics,
             process,
             noise: preset.noise.of(),
@@ -120,7 +132,7 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
             duration,
             intervals: preset.solution_window / P::STRIDE,
             state: FlightState {
-                motion: State::from_motion(motion, &dynamics.hold(posture)),
+                motion: State::at_rest(),
                 inputs: state::inputs_of(&process.centre()),
             },
             covariance: SMatrix::zeros(),
@@ -129,21 +141,18 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
             interval: None,
             start: None,
             sample: PostureSample::blank(),
-            posture: *posture,
+            posture: Posture::default(),
             waiting: 0,
             since: 0,
             samples: 0,
             watch: Watch::new(),
             squares: [T::zero(); 2],
             faults: Faults::default(),
-        };
-        filter.start(motion, posture)?;
-        filter.covariance = filter.process.start(&filter.noise);
-        Ok(filter)
+        })
     }
 
-    /// Starts over from another motion after a gap in the recording, keeping what is known of the inputs. The
-    /// motion and posture are those of the sample pushed last.
+    /// Starts from a motion: for the first time, or over again after a gap in the recording, keeping what is known of the
+    /// inputs. The motion and posture are those of the sample pushed last.
     ///
     /// # Errors
     /// Returns an error for a motion or posture that is not finite; the filter is left as it was.
@@ -152,11 +161,16 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         motion: &Motion<T>,
         posture: &Posture<T>,
     ) -> Result<(), SettingsError> {
+        let renewed = if self.is_started() {
+            MOTION_STATES
+        } else {
+            STATES
+        };
         self.start(motion, posture)?;
         let start = self.process.start(&self.noise);
         for column in 0..STATES {
             for row in 0..STATES {
-                if row < MOTION_STATES || column < MOTION_STATES {
+                if row < renewed || column < renewed {
                     self.covariance[(row, column)] = start[(row, column)];
                 }
             }
@@ -166,8 +180,14 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         Ok(())
     }
 
+    fn is_started(&self) -> bool {
+        self.start.is_some() || self.interval.is_some()
+    }
+
     fn start(&mut self, motion: &Motion<T>, posture: &Posture<T>) -> Result<(), SettingsError> {
-        let state = State::from_motion(motion, &self.dynamics.hold(posture));
+        self.dynamics
+            .sample_into(posture, &PostureRate::zero(), &mut self.sample);
+        let state = State::from_motion(motion, &self.sample);
         if !posture.is_valid() || !state.is_finite() {
             return Err(SettingsError::Start);
         }
@@ -239,6 +259,9 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         measured: &MotionMeasurement<T>,
         recorder: &mut impl Recorder<T>,
     ) -> Option<MotionEstimate<T>> {
+        if !self.is_started() {
+            return None;
+        }
         self.samples = self.samples.wrapping_add(1);
         self.waiting += 1;
         if self.waiting < P::STRIDE {

@@ -5,7 +5,6 @@ use bodyflight::formats::subject::Subject;
 use bodyflight::unit::stream::twin::{Agreement, Twin};
 use bodyflight::unit::stream::{configuration, sample_of};
 use bodyflight::verbs::synthesize::{DEFAULT_SWAY, JointError, Request, fly};
-use bodyflight_core::estimator::preset::PRESETS;
 use bodyflight_core::link::{
     Configure, Decoder, Estimate, Event as LinkEvent, Header, Hello, HelloAcknowledge,
     MAX_FRAME_LENGTH, Message, SCHEMA_HASH, Sample, SegmentTable, Start, Status, Stop, StreamMode,
@@ -29,11 +28,11 @@ pub struct Flight {
 }
 
 impl Flight {
-    /// The bundled maneuver of that name, flown with the paper's sensor noise.
+    /// The bundled maneuver of that name, flown with the paper's sensor noise, for a unit that runs `preset`.
     ///
     /// # Errors
-    /// Returns an error if there is no such maneuver.
-    pub fn of(maneuver: &str) -> Result<Self> {
+    /// Returns an error if there is no such maneuver or preset.
+    pub fn of(maneuver: &str, preset: &str) -> Result<Self> {
         let maneuver =
             Maneuver::from_name(maneuver).ok_or_else(|| format!("no maneuver {maneuver}"))?;
         let subject = Subject::default();
@@ -57,8 +56,7 @@ impl Flight {
         let failed = |problem| format!("{problem:?}");
         fly(&request, &flight.dynamics(4000.0), keep, |_| ()).map_err(failed)?;
         let first = frames.first().ok_or("the maneuver has no frames")?;
-        let (configure, table) =
-            configuration(&flight, first, PRESETS[0].name, 240.0).map_err(failed)?;
+        let (configure, table) = configuration(&flight, first, preset, 240.0).map_err(failed)?;
         Ok(Self {
             configure,
             table,

@@ -12,7 +12,7 @@ const TRANSMITTER: &str = "14";
 const CLOCK: &str = "28";
 
 fn flying(options: &Options, samples: u32) -> Host {
-    let flight = Flight::of("tracking").unwrap();
+    let flight = Flight::of("tracking", "auto").unwrap();
     let mut host = Host::power(options, &flight).unwrap();
     host.connect(StreamMode::Paced).unwrap();
     host.fly(samples).unwrap();

@@ -142,7 +142,7 @@ struct Row {
 #[test]
 #[ignore = "needs the image: cargo xtask f405"]
 fn the_unit_is_back_within_two_seconds_and_tells_what_it_was() {
-    let flight = Flight::of("tracking").unwrap();
+    let flight = Flight::of("tracking", "auto").unwrap();
     let cases: Vec<&Case> = CASES.iter().chain([&REPLUG]).collect();
     let left = Mutex::new((0..cases.len()).collect::<Vec<_>>());
     let rows = Mutex::new(Vec::new());

@@ -7,7 +7,13 @@ use bodyflight_emulator::{Flight, Host, Options, RATE};
 #[ignore = "needs the image: cargo xtask f405"]
 fn a_paced_flight_loses_nothing_and_every_estimate_is_the_desktops() {
     let seconds: u64 = std::env::var("BODYFLIGHT_F405_SECONDS").map_or(3, |s| s.parse().unwrap());
-    let flight = Flight::of("tracking").unwrap();
+    for preset in ["auto", "tracking"] {
+        paced(preset, seconds);
+    }
+}
+
+fn paced(preset: &str, seconds: u64) {
+    let flight = Flight::of("tracking", preset).unwrap();
     let mut host = Host::power(&Options::new(), &flight).unwrap();
     host.connect(StreamMode::Paced).unwrap();
     let before = host.chip.look().unwrap();
@@ -17,7 +23,7 @@ fn a_paced_flight_loses_nothing_and_every_estimate_is_the_desktops() {
     let agreement = host.agreement();
     let load = (after.busy - before.busy) as f64 / 168.0 / (after.now - before.now) as f64;
     eprintln!(
-        "stm32f405: {seconds} s of flight; {} samples, {} missing, {} dropped; {} of {} estimates equal, \
+        "stm32f405, {preset}: {seconds} s of flight; {} samples, {} missing, {} dropped; {} of {} estimates equal, \
          {} deadline misses; {:.2} M instructions a second, load {:.1} %; stack free {} B",
         host.sent(),
         status.missing,

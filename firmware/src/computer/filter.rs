@@ -34,9 +34,10 @@ pub(super) enum Answer {
 }
 
 impl Filter {
-    /// Starts the filter of a preset in `slot`, which is left as it was if the preset is refused.
+    /// Starts the filter of a preset in `slot`, which is left empty if the preset or the start is refused.
     ///
-    /// Each kind is made apart and moved once: a filter is too large for a unit's stack to hold several.
+    /// Each kind is moved into its place once, and the motion filter started there: a filter is too large for a unit's
+    /// stack to hold several.
     pub(super) fn start_in(
         slot: &mut Option<Self>,
         preset: &UnitPreset,
@@ -46,7 +47,16 @@ impl Filter {
     ) -> Result<(), SettingsError> {
         match preset {
             UnitPreset::Windows(preset) => windows_in(slot, preset, dynamics, motion, posture),
-            UnitPreset::Motion(preset, _) => motion_in(slot, preset, dynamics, motion, posture),
+            UnitPreset::Motion(preset, _) => {
+                motion_in(slot, preset, dynamics)?;
+                let started = slot
+                    .as_mut()
+                    .map_or(Ok(()), |filter| filter.restart(motion, posture));
+                if started.is_err() {
+                    *slot = None;
+                }
+                started
+            }
         }
     }
 
@@ -102,12 +112,9 @@ fn motion_in(
     slot: &mut Option<Filter>,
     preset: &MotionPreset,
     dynamics: &Dynamics<f32>,
-    motion: &Motion<f32>,
-    posture: &Posture<f32>,
 ) -> Result<(), SettingsError> {
-    let filter = ReducedMotionFilter::new(preset, dynamics, motion, posture)?;
-    *slot = Some(Filter::Motion(filter));
-    Ok(())
+    ReducedMotionFilter::unstarted(preset, dynamics)
+        .map(|filter| *slot = Some(Filter::Motion(filter)))
 }
 
 impl Answer {
