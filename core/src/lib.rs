@@ -1,4 +1,50 @@
-//! Dynamics of a 16-segment skydiver.
+//! Dynamics of a 16-segment skydiver, for a desktop and a microcontroller alike.
+//!
+//! The crate needs neither `std` nor a heap, never panics, and gives the same bits on every machine. It follows
+//! Clarke and Gutman's model of human body flight, with exact equations of motion.
+//!
+//! # A fall
+//!
+//! A [`Body`] is a table of 16 segments. It comes from a person's measures ([`body::anthropometry`]) or from your own
+//! numbers. [`Dynamics`](dynamics::Dynamics) adds the air, and [`trim`](dynamics::trim) finds the steady fall:
+//!
+//! ```
+//! use bodyflight_core::body::anthropometry::{Person, Sex};
+//! use bodyflight_core::body::pattern;
+//! use bodyflight_core::dynamics::{Dynamics, trim::trim};
+//!
+//! let body = Person::new(1.75, 75.0, Sex::Male).body().unwrap();
+//! let dynamics = Dynamics::<f32>::paper(body.cast(), 1.0);
+//! let fall = trim(&dynamics, &pattern::neutral(), 0.0).unwrap();
+//! assert!((45.0..55.0).contains(&fall.terminal_speed));
+//! ```
+//!
+//! # A flight
+//!
+//! Postures go in, motion comes out. A [`FreeRun`](dynamics::free_run::FreeRun) follows recorded postures from a first
+//! measured motion; [`Dynamics::step`](dynamics::Dynamics::step) is the single step underneath, for loops of your own.
+//! [`maneuver`] has postures and inputs over time as data, and [`effect`] what the model may lack: wind, a rig, a
+//! sensor's bias.
+//!
+//! # An estimate
+//!
+//! The [motion filter](estimator::motion) takes a posture and a measurement at a time and gives the skydiver's inputs
+//! with error bars, and says when they cannot be trusted. [`PaperFilter`](estimator::PaperFilter) and
+//! [`ReducedFilter`](estimator::ReducedFilter) are the paper's.
+//!
+//! # A line
+//!
+//! [`link`] speaks with the unit and counts every loss; [`xbus`] reads Xsens MTi sensors. Both take bytes from wherever
+//! they come.
+//!
+//! # Conventions
+//!
+//! SI units throughout. The inertial frame is X north, Y west, Z up; the body frame X left, Y back, Z head ([`frame`]).
+//! Names read from right to left: `inertial_from_body * vector_in_body`. Coefficients of the body's axes stand in the
+//! order pitch, yaw, roll ([`AxisCoefficients`]). Models are generic over [`Real`]: `f32` on the unit, `f64` for
+//! reference runs.
+//!
+//! The crate's `examples` folder has four programs: `fall`, `turn`, `estimate` and `decode`.
 #![no_std]
 #![forbid(unsafe_code)]
 

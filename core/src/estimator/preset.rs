@@ -15,7 +15,7 @@ use crate::math::Real;
 /// Samples a second of an Xsens recording (Hz).
 pub const SAMPLE_RATE: f32 = 240.0;
 
-/// Everything that tunes an estimator. Vectors are in the order of [`StateVector`]: muscle input in pitch, yaw, roll,
+/// Everything that tunes an estimator. Vectors are in the order of [`StateVector`](super::StateVector): muscle input in pitch, yaw, roll,
 /// then damping in pitch, yaw, roll.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Preset {
