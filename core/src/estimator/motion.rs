@@ -17,6 +17,7 @@ pub mod estimate;
 pub mod measurement;
 pub mod posture_error;
 pub mod settings;
+mod start;
 pub mod state;
 pub mod transition;
 pub mod update;
@@ -30,7 +31,6 @@ use super::propagation::Propagation;
 use super::reduced::Reduced;
 use super::status::Faults;
 use super::unscented::SettingsError;
-use crate::body::mass_properties::PostureRate;
 use crate::body::posture::Posture;
 use crate::dynamics::{Dynamics, Motion, PostureSample, State};
 use crate::frame::Vector;
@@ -41,8 +41,7 @@ use measurement::{CHANNELS, MotionMeasurement, Noise, Prediction};
 use posture_error::PostureError;
 use settings::{MotionPreset, Process};
 use state::{
-    Covariance, DAMPING, Difference, FlightState, MOTION_STATES, RESIDUAL_FORCE, SPIN, STATES,
-    input_vector,
+    Covariance, DAMPING, Difference, FlightState, MOTION_STATES, RESIDUAL_FORCE, SPIN, input_vector,
 };
 use transition::MotionSlope;
 use watch::Watch;
@@ -149,59 +148,6 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
             squares: [T::zero(); 2],
             faults: Faults::default(),
         })
-    }
-
-    /// Starts from a motion: for the first time, or over again after a gap in the recording, keeping what is known of the
-    /// inputs. The motion and posture are those of the sample pushed last.
-    ///
-    /// # Errors
-    /// Returns an error for a motion or posture that is not finite; the filter is left as it was.
-    pub fn restart(
-        &mut self,
-        motion: &Motion<T>,
-        posture: &Posture<T>,
-    ) -> Result<(), SettingsError> {
-        let renewed = if self.is_started() {
-            MOTION_STATES
-        } else {
-            STATES
-        };
-        self.start(motion, posture)?;
-        let start = self.process.start(&self.noise);
-        for column in 0..STATES {
-            for row in 0..STATES {
-                if row < renewed || column < renewed {
-                    self.covariance[(row, column)] = start[(row, column)];
-                }
-            }
-        }
-        self.watch = Watch::new();
-        self.waiting = 0;
-        Ok(())
-    }
-
-    fn is_started(&self) -> bool {
-        self.start.is_some() || self.interval.is_some()
-    }
-
-    fn start(&mut self, motion: &Motion<T>, posture: &Posture<T>) -> Result<(), SettingsError> {
-        self.dynamics
-            .sample_into(posture, &PostureRate::zero(), &mut self.sample);
-        let state = State::from_motion(motion, &self.sample);
-        if !posture.is_valid() || !state.is_finite() {
-            return Err(SettingsError::Start);
-        }
-        self.state.motion = state;
-        self.start = Some(*motion);
-        self.posture = *posture;
-        self.interval = None;
-        self.activity.start(&motion.angular_velocity.components);
-        let velocity = self.velocity_through_air(motion);
-        self.posture_error
-            .renew(&self.dynamics, posture, &velocity, &mut self.sample);
-        self.process
-            .set_sensitivity(self.posture_error.covariance());
-        Ok(())
     }
 
     /// The model.
