@@ -16,6 +16,7 @@ pub mod activity;
 pub mod estimate;
 pub mod measurement;
 pub mod posture_error;
+pub mod repeats;
 pub mod settings;
 mod start;
 pub mod state;
@@ -39,6 +40,7 @@ use activity::Activity;
 use estimate::{ChannelEstimate, MotionEstimate, Recorder};
 use measurement::{CHANNELS, MotionMeasurement, Noise, Prediction};
 use posture_error::PostureError;
+use repeats::{BELIEVED, Repeats};
 use settings::{MotionPreset, Process};
 use state::{
     Covariance, DAMPING, Difference, FlightState, MOTION_STATES, RESIDUAL_FORCE, SPIN, input_vector,
@@ -86,6 +88,7 @@ pub struct MotionFilter<T: Real, P: Propagation<T>> {
     since: usize,
     samples: u32,
     watch: Watch<T>,
+    repeats: Repeats<T>,
     /// Sum of normalised innovations squared since the last estimate, and their number.
     squares: [T; 2],
     faults: Faults,
@@ -145,6 +148,7 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
             since: 0,
             samples: 0,
             watch: Watch::new(),
+            repeats: Repeats::new(),
             squares: [T::zero(); 2],
             faults: Faults::default(),
         })
@@ -304,10 +308,14 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         let Some(interval) = &self.interval else {
             return channels;
         };
+        self.repeats.take(measured, self.duration);
         let prediction = Prediction::of(&self.state, interval);
         let mut moved = Difference::zeros();
         for (k, channel) in channels.iter_mut().enumerate() {
-            let Some(row) = prediction.row(k, measured) else {
+            let repeated = self.repeats.time(k);
+            self.watch.channels[k].repeated = repeated;
+            let row = prediction.row(k, measured);
+            let Some(row) = row.filter(|_| repeated <= T::single(BELIEVED)) else {
                 continue;
             };
             let noise = self.noise.variance(k);
@@ -425,7 +433,7 @@ mod tests {
     fn filtered(
         seconds: u32,
         pitch: f64,
-        change: impl Fn(u32, &mut MotionMeasurement<f64>, &mut Posture<f64>),
+        mut change: impl FnMut(u32, &mut MotionMeasurement<f64>, &mut Posture<f64>),
     ) -> (MotionFilter<f64, Full>, Option<MotionEstimate<f64>>) {
         let dynamics = dynamics();
         let posture = pattern::neutral();
@@ -485,6 +493,25 @@ mod tests {
         assert!(estimate.inputs.muscle.to_vector().norm() < 0.05);
         assert!(estimate.watch.channels[6].rejected > 0.05);
         assert_ne!(estimate.consistency, Consistency::Consistent);
+    }
+
+    #[test]
+    fn a_sensor_that_repeats_itself_is_told_and_not_believed() {
+        let mut held = None;
+        let (filter, estimate) = filtered(6, 0.3, |k, seen, _| {
+            // Noise of a sensor: the last bits.
+            let jitter = 1e-9 * f64::from(k % 7);
+            seen.velocity = seen.velocity.map(|v| v + Vector::new(jitter, 0.0, 0.0));
+            if k > 480 {
+                seen.angular_velocity = *held.get_or_insert(seen.angular_velocity);
+            }
+        });
+        let estimate = estimate.unwrap();
+        assert_eq!(estimate.consistency, Consistency::Lost);
+        assert!(estimate.watch.channels[3].repeated > 3.0);
+        assert!(!estimate.channels[3].fused && estimate.channels[0].fused);
+        assert!(estimate.watch.channels[0].repeated < 0.1);
+        assert!(filter.state().motion.is_finite());
     }
 
     #[test]

@@ -36,6 +36,12 @@ impl<T: Real> PostureError<T> {
         }
     }
 
+    /// Force and moment over the dynamic pressure for each joint axis that is off by 1 rad: those of a segment in a
+    /// row, in the order of [`Segment::ALL`] without the pelvis.
+    pub fn columns(&self) -> &[SVector<T, 6>; JOINT_AXES] {
+        &self.columns
+    }
+
     /// Covariance of the residual load where every joint axis has a deviation of 1 rad.
     pub fn covariance(&self) -> &SMatrix<T, 6, 6> {
         &self.covariance

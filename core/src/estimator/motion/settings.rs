@@ -221,6 +221,11 @@ impl<T: Real> Process<T> {
         self.activity = activity;
     }
 
+    /// How much each axis is moved on purpose in this interval, 0 to 1: pitch, yaw, roll.
+    pub fn activity(&self) -> [T; 3] {
+        self.activity
+    }
+
     /// Covariance of the residual load in the long run.
     pub fn residual_covariance(&self) -> SMatrix<T, 6, 6> {
         self.sensitivity * self.joint_variance

@@ -2,9 +2,11 @@
 //!
 //! Where model and noise match reality, normalised innovations have a mean square of one and know nothing of
 //! the one before. A mean square above one says that an error bar is too small; a correlation says that
-//! something pulls which the filter does not have. Both are watched by exponential means.
+//! something pulls which the filter does not have. Both are watched by exponential means. A sensor that says the same
+//! again and again ([`repeats`](super::repeats)) measures nothing.
 
 use super::measurement::CHANNELS;
+use super::repeats::BELIEVED;
 use crate::math::Real;
 
 /// Time over which means are taken (s).
@@ -31,14 +33,21 @@ impl Consistency {
             Self::Lost => "lost",
         }
     }
+
+    /// What a mean normalised innovation squared says, by channel: of any filter.
+    pub fn of_mean_square<T: Real>(mean_square: T) -> Self {
+        above(mean_square, MEAN_SQUARE)
+    }
 }
 
 /// Mean normalised innovation squared above which a channel is doubtful and lost.
-const MEAN_SQUARE: [f32; 2] = [2.0, 6.0];
+pub const MEAN_SQUARE: [f32; 2] = [2.0, 6.0];
 /// Correlation of an innovation with the one before, above which a channel is doubtful and lost.
 const CORRELATION: [f32; 2] = [0.4, 0.8];
 /// Share of rejected innovations, likewise.
 const REJECTED: [f32; 2] = [0.05, 0.3];
+/// Time for which the sensor has said the same (s), likewise.
+const REPEATED: [f32; 2] = [BELIEVED, 1.0];
 
 /// What is known of one channel.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -51,6 +60,8 @@ pub struct ChannelWatch<T> {
     pub rejected: T,
     product: T,
     last: T,
+    /// Time for which the sensor has said the same (s).
+    pub repeated: T,
     /// Innovations in a row beyond the gate.
     pub streak: u16,
     /// Whether anything was measured yet.
@@ -63,6 +74,7 @@ impl<T: Real> ChannelWatch<T> {
             mean_square: T::one(),
             correlation: T::zero(),
             rejected: T::zero(),
+            repeated: T::zero(),
             product: T::zero(),
             last: T::zero(),
             streak: 0,
@@ -96,18 +108,10 @@ impl<T: Real> ChannelWatch<T> {
 
     /// What the channel says.
     pub fn consistency(&self) -> Consistency {
-        let above = |value: T, limits: [f32; 2]| {
-            if value > T::single(limits[1]) {
-                Consistency::Lost
-            } else if value > T::single(limits[0]) {
-                Consistency::Doubtful
-            } else {
-                Consistency::Consistent
-            }
-        };
-        above(self.mean_square, MEAN_SQUARE)
+        Consistency::of_mean_square(self.mean_square)
             .max(above(self.correlation, CORRELATION))
             .max(above(self.rejected, REJECTED))
+            .max(above(self.repeated, REPEATED))
     }
 }
 
@@ -121,7 +125,18 @@ pub struct Watch<T> {
 }
 
 /// Mean square of the residual load, by component, above which the model lacks something.
-const RESIDUAL: [f64; 2] = [4.0, 16.0];
+const RESIDUAL: [f32; 2] = [4.0, 16.0];
+
+/// What a number says that should not be above these limits; not a number is above both.
+fn above<T: Real>(value: T, [doubtful, lost]: [f32; 2]) -> Consistency {
+    if value <= T::single(doubtful) {
+        Consistency::Consistent
+    } else if value <= T::single(lost) {
+        Consistency::Doubtful
+    } else {
+        Consistency::Lost
+    }
+}
 
 impl<T: Real> Watch<T> {
     /// Nothing seen.
@@ -140,6 +155,7 @@ impl<T: Real> Watch<T> {
                 mean_square: scalar(channel.mean_square),
                 correlation: scalar(channel.correlation),
                 rejected: scalar(channel.rejected),
+                repeated: scalar(channel.repeated),
                 product: scalar(channel.product),
                 last: scalar(channel.last),
                 streak: channel.streak,
@@ -157,18 +173,14 @@ impl<T: Real> Watch<T> {
 
     /// Takes in the mean square of the residual load by component.
     pub fn take_residual(&mut self, mean_square: T, duration: T) {
-        self.residual += (mean_square - self.residual) * (duration / T::of(WINDOW));
+        if mean_square.is_finite() {
+            self.residual += (mean_square - self.residual) * (duration / T::of(WINDOW));
+        }
     }
 
     /// What the residual load says.
     pub fn residual_consistency(&self) -> Consistency {
-        if self.residual > T::of(RESIDUAL[1]) {
-            Consistency::Lost
-        } else if self.residual > T::of(RESIDUAL[0]) {
-            Consistency::Doubtful
-        } else {
-            Consistency::Consistent
-        }
+        above(self.residual, RESIDUAL)
     }
 
     /// What the worst of them says.
