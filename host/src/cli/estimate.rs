@@ -347,21 +347,26 @@ fn print_report(estimation: &Estimation) {
     ));
     if let Some(found) = &report.consistency {
         terminal::print(&format!(
-            "consistent {:.0} %, doubtful {:.0} %, lost {:.0} % of the time; joints {:.2} deg off",
+            "consistent {:.0} %, doubtful {:.0} %, lost {:.0} % of the time{}",
             100.0 * found.consistent,
             100.0 * found.doubtful,
             100.0 * found.lost,
-            report.joint_error_deg.unwrap_or_default()
+            report
+                .joint_error_deg
+                .map_or_else(String::new, |joints| format!(
+                    "; joints {joints:.2} deg off"
+                ))
         ));
     }
     let flags = report.flags;
     terminal::print(&format!(
-        "updates with faults: posture {}, measurement {}, update {}, covariance {}, motion {}; inconsistent {}",
+        "updates with faults: posture {}, measurement {}, update {}, covariance {}, motion {}; inconsistent {}, restarted {}",
         flags.posture,
         flags.measurement,
         flags.update,
         flags.covariance,
         flags.motion,
-        flags.inconsistent
+        flags.inconsistent,
+        flags.restarted
     ));
 }

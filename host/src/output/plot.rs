@@ -83,6 +83,47 @@ pub const AXES: [Line; 3] = [
     },
 ];
 
+/// What a filter watches of itself: attitude, angular velocity, velocity, residual load, all channels as one.
+pub const WATCHED: [Line; 5] = [
+    Line {
+        label: "attitude",
+        colour: RGBColor(0xc4, 0x6a, 0x00),
+        width: 1,
+    },
+    Line {
+        label: "angular velocity",
+        colour: RGBColor(0x1b, 0x6e, 0x53),
+        width: 1,
+    },
+    Line {
+        label: "velocity",
+        colour: RGBColor(0x5b, 0x4b, 0xa8),
+        width: 1,
+    },
+    Line {
+        label: "residual load",
+        colour: RGBColor(0x8f, 0xb8, 0xde),
+        width: 2,
+    },
+    Line {
+        label: "all channels",
+        colour: RGBColor(0x1b, 0x6e, 0x53),
+        width: 2,
+    },
+];
+/// Above these it doubts itself, and is lost.
+pub const LIMITS: [Line; 2] = [
+    Line {
+        label: "doubtful above",
+        colour: RGBColor(0x8a, 0x8a, 0x8a),
+        width: 1,
+    },
+    Line {
+        label: "lost above",
+        colour: RGBColor(0x9c, 0x2f, 0x00),
+        width: 1,
+    },
+];
 /// A fall flown again with what was told from it.
 pub const FLOWN: Line = Line {
     label: "flown again",
@@ -147,7 +188,8 @@ pub struct Panel {
 
 const WIDTH: u32 = 1000;
 const PANEL_HEIGHT: u32 = 170;
-const HEAD_HEIGHT: u32 = 46;
+const TITLE_HEIGHT: u32 = 26;
+const LEGEND_HEIGHT: u32 = 20;
 
 /// A figure as an SVG document. The legend lists every line of the panels once.
 ///
@@ -172,10 +214,19 @@ fn laid_out_svg(
     height: u32,
     layout: (usize, usize),
 ) -> Result<String> {
+    let legend = legend(panels);
+    let rows = legend.last().map_or(1, |entry| entry.row + 1);
+    let head = TITLE_HEIGHT + LEGEND_HEIGHT * rows;
     let mut svg = String::new();
     {
-        let root = SVGBackend::with_string(&mut svg, (WIDTH, HEAD_HEIGHT + height));
-        draw(&root.into_drawing_area(), title, panels, layout)
+        let root = SVGBackend::with_string(&mut svg, (WIDTH, head + height)).into_drawing_area();
+        draw(&root, title, head, &legend)
+            .and_then(|body| {
+                for (panel, area) in panels.iter().zip(&body.split_evenly(layout)) {
+                    draw_panel(area, panel)?;
+                }
+                Ok(root.present()?)
+            })
             .map_err(|error| Problem::internal(format!("cannot draw the plot: {error}")))?;
     }
     Ok(svg)
@@ -226,35 +277,61 @@ pub fn simulated_curve(channel: Channel, series: &[Pair], line: Line) -> Curve {
 type DrawResult = core::result::Result<(), Box<dyn std::error::Error>>;
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
-fn draw(root: &Area<'_>, title: &str, panels: &[Panel], layout: (usize, usize)) -> DrawResult {
+/// A line of the legend and its place.
+struct Entry {
+    line: Line,
+    left: u32,
+    row: u32,
+}
+
+/// Every line of the panels once, in as many rows as they need.
+fn legend(panels: &[Panel]) -> Vec<Entry> {
+    let mut entries: Vec<Entry> = Vec::new();
+    let (mut left, mut row) = (60, 0);
+    for curve in panels.iter().flat_map(|panel| &panel.curves) {
+        let line = curve.line;
+        if entries.iter().any(|entry| entry.line.label == line.label) {
+            continue;
+        }
+        let width = 56 + 7 * u32::try_from(line.label.len()).unwrap_or(WIDTH);
+        if left > 60 && left + width > WIDTH {
+            (left, row) = (60, row + 1);
+        }
+        entries.push(Entry { line, left, row });
+        left += width;
+    }
+    entries
+}
+
+/// Draws title and legend; what is left below them.
+fn draw<'a>(
+    root: &Area<'a>,
+    title: &str,
+    height: u32,
+    legend: &[Entry],
+) -> core::result::Result<Area<'a>, Box<dyn std::error::Error>> {
     root.fill(&WHITE)?;
-    let (head, body) = root.split_vertically(HEAD_HEIGHT);
+    let (head, body) = root.split_vertically(height);
     head.draw_text(
         title,
         &("sans-serif", 18).into_font().color(&BLACK),
         (60, 8),
     )?;
-    let mut lines: Vec<Line> = Vec::new();
-    for curve in panels.iter().flat_map(|panel| &panel.curves) {
-        if lines.iter().all(|line| line.label != curve.line.label) {
-            lines.push(curve.line);
-        }
-    }
-    let mut x = 60;
-    for line in lines {
-        head.draw(&PathElement::new(vec![(x, 38), (x + 24, 38)], line.style()))?;
+    for entry in legend {
+        let x = i32::try_from(entry.left)?;
+        let y = i32::try_from(TITLE_HEIGHT + LEGEND_HEIGHT * entry.row)?;
+        let style = entry.line.style();
+        head.draw(&PathElement::new(
+            vec![(x, y + 12), (x + 24, y + 12)],
+            style,
+        ))?;
         head.draw_text(
-            line.label,
+            entry.line.label,
             &("sans-serif", 13).into_font().color(&BLACK),
-            (x + 30, 30),
+            (x + 30, y + 4),
         )?;
-        x += 56 + 7 * i32::try_from(line.label.len())?;
     }
-    for (panel, area) in panels.iter().zip(&body.split_evenly(layout)) {
-        draw_panel(area, panel)?;
-    }
-    root.present()?;
-    Ok(())
+    Ok(body)
 }
 
 fn draw_panel(area: &Area<'_>, panel: &Panel) -> DrawResult {

@@ -1,6 +1,7 @@
 //! `bodyflight estimate`: conscious inputs over time from a recording, and how much better the flight is
 //! reconstructed with them than with constant coefficients, the paper's own comparison.
 
+mod figure;
 pub mod motion;
 pub mod recorded;
 mod replayed;
@@ -21,7 +22,7 @@ use bodyflight_core::estimator::motion::watch::Consistency;
 use bodyflight_core::estimator::preset::Preset;
 use bodyflight_core::estimator::propagation::Propagation;
 use bodyflight_core::estimator::reduced::Reduced;
-use bodyflight_core::estimator::status::Estimate;
+use bodyflight_core::estimator::status::{Estimate, Health};
 use bodyflight_core::estimator::{Estimator, inputs_of};
 use bodyflight_core::observation::Observation;
 
@@ -31,12 +32,10 @@ use crate::formats::input_history::Row;
 use crate::formats::recording::Options;
 use crate::interrupt;
 use crate::output::files::{CsvFile, number};
-use crate::output::plot::{
-    AXES, CONSTANT, Curve, ESTIMATED, Panel, figure_svg, measured_curve, simulated_curve,
-};
 use crate::replay::comparison::{Channel, Comparison, Pair};
 use crate::replay::steps::{Divergence, Replay};
-use report::{Flags, Point, Report};
+use report::{Flags, Point, Report, Watched};
+use verdict::{Collector, LONGEST_LOSS};
 
 /// Which of the two filters runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -121,10 +120,14 @@ fn run<T: Real, P: Propagation<T>, const INTERVALS: usize>(
         collected.waiting.push_back(step.pair);
         let measurement = Measurement::of(&step.measured).cast();
         let begin = Instant::now();
-        let estimate = filter.push(&step.posture.cast(), &measurement);
+        let posture = step.posture.cast();
+        let estimate = filter.push(&posture, &measurement);
         collected.seconds += begin.elapsed().as_secs_f64();
         if let Some(estimate) = estimate {
-            collected.take(&estimate);
+            if collected.take(&estimate) {
+                // The motion as measured, as a unit does.
+                let _ = filter.restart(&step.measured.cast(), &posture);
+            }
             progress(step.time);
             interrupt::check()?;
         }
@@ -144,6 +147,9 @@ struct Collected {
     constant: Comparison,
     points: Vec<Point>,
     flags: Flags,
+    collector: Collector,
+    /// Since when the reconstructed motion is lost (s).
+    lost_since: Option<f64>,
     innovations: f64,
     updates: u64,
     seconds: f64,
@@ -161,23 +167,35 @@ impl Collected {
             constant: Comparison::default(),
             points: Vec::new(),
             flags: Flags::default(),
+            collector: Collector::default(),
+            lost_since: None,
             innovations: 0.0,
             updates: 0,
             seconds: 0.0,
         }
     }
 
-    fn take<T: Real>(&mut self, estimate: &Estimate<T>) {
+    /// Takes in an update; whether the filter has been lost for so long that it has to start over.
+    fn take<T: Real>(&mut self, estimate: &Estimate<T>) -> bool {
         self.updates += 1;
         self.innovations += estimate.normalised_innovation.to_f64();
         self.flags.count(estimate.faults, estimate.health);
         let time = self.start + f64::from(estimate.sample) / self.rate;
+        let mean_square = estimate.mean_normalised_innovation.to_f64();
+        let consistency = match estimate.health {
+            Health::Settling => Consistency::Consistent,
+            Health::Failing => Consistency::Lost,
+            Health::Good | Health::Inconsistent => Consistency::of_mean_square(mean_square),
+        };
+        let last = self.points.last().map_or(self.start, |point| point.time);
+        self.collector.take_state(consistency, time, time - last);
         self.points.push(Point {
             time,
             inputs: Row::of(time, &estimate.inputs.cast()).with_muscles(&self.muscles),
             deviation: Row::of(time, &inputs_of(&estimate.deviation.map(Real::to_f64))),
             normalised_innovation: estimate.normalised_innovation.to_f64(),
-            consistency: None,
+            consistency: Some(consistency),
+            watched: Watched::of_all(mean_square),
             motion: None,
         });
         while self.first_waiting < estimate.solved_sample && self.waiting.len() > 1 {
@@ -191,6 +209,16 @@ impl Collected {
             });
             self.constant.push(*constant);
         }
+        if estimate.health != Health::Inconsistent {
+            self.lost_since = None;
+            return false;
+        }
+        let due = time - *self.lost_since.get_or_insert(time) >= LONGEST_LOSS;
+        if due {
+            self.flags.restarted += 1;
+            self.lost_since = None;
+        }
+        due
     }
 
     fn finish(self, duration_s: f64, delay_s: f64) -> Estimation {
@@ -202,14 +230,15 @@ impl Collected {
                 .into_iter()
                 .map(|channel| (channel, rms.get(channel), rms_constant.get(channel)))
                 .collect();
+        let consistency = self.collector.finish();
         Estimation {
             report: Report {
-                doubt: verdict::sentence(&worse, None),
+                doubt: verdict::sentence(&worse, &consistency),
                 rms,
                 rms_constant,
                 rms_free_run: None,
                 joint_error_deg: None,
-                consistency: None,
+                consistency: Some(consistency),
                 amplitude: self.estimated.amplitude(),
                 updates: self.updates,
                 nis_mean,
@@ -249,67 +278,6 @@ impl Estimation {
             file.write_fields(fields.chain([consistency.to_owned()]))?;
         }
         file.finish()
-    }
-
-    /// Muscle input and damping over time.
-    pub fn input_panels(&self) -> [Panel; 2] {
-        let axes = |caption: &str, value: fn(&Row) -> [f64; 3]| Panel {
-            caption: caption.to_owned(),
-            curves: AXES
-                .iter()
-                .enumerate()
-                .map(|(axis, line)| Curve {
-                    line: *line,
-                    points: self
-                        .points
-                        .iter()
-                        .map(|p| (p.time, value(&p.inputs)[axis]))
-                        .collect(),
-                })
-                .collect(),
-            wraps: false,
-        };
-        [
-            axes("muscle input coefficients", |row| {
-                [row.pitch, row.yaw, row.roll]
-            }),
-            axes("damping coefficients", |row| {
-                [row.damp_pitch, row.damp_yaw, row.damp_roll]
-            }),
-        ]
-    }
-
-    /// Coefficients over time above, reconstructed and measured channels below, as SVG.
-    ///
-    /// # Errors
-    /// Where the figure cannot be drawn.
-    pub fn svg(&self, title: &str) -> Result<String> {
-        let channels = [
-            Channel::Roll,
-            Channel::Pitch,
-            Channel::HorizontalVelocity,
-            Channel::YawRate,
-        ];
-        let reconstructed = channels.map(|channel| {
-            let (label, unit) = channel.label();
-            let (rms, constant) = (&self.report.rms, &self.report.rms_constant);
-            Panel {
-                caption: format!(
-                    "{label} ({unit}): RMS gap {:.3} with estimation, {:.3} without",
-                    rms.get(channel),
-                    constant.get(channel)
-                ),
-                curves: vec![
-                    measured_curve(channel, self.estimated.series()),
-                    simulated_curve(channel, self.constant.series(), CONSTANT),
-                    simulated_curve(channel, self.estimated.series(), ESTIMATED),
-                ],
-                wraps: channel.is_angle(),
-            }
-        });
-        let mut panels = self.input_panels().to_vec();
-        panels.extend(reconstructed);
-        figure_svg(title, &panels)
     }
 }
 

@@ -18,7 +18,7 @@ use bodyflight_core::estimator::reduced::Reduced;
 
 use super::recorded::Recorded;
 use super::replayed::Replayed;
-use super::report::{Flags, Point};
+use super::report::{Flags, Point, Watched};
 use super::smoother::Track;
 use super::verdict::Collector;
 use super::{Estimation, Filter};
@@ -257,6 +257,7 @@ impl Run<'_> {
                 points.push(Point {
                     normalised_innovation: estimate.normalised_innovation.to_f64(),
                     consistency: Some(consistency),
+                    watched: Watched::of(&watch),
                     ..self.point(
                         instant.time,
                         &estimate.inputs.cast(),
@@ -272,6 +273,7 @@ impl Run<'_> {
                 *point = Point {
                     normalised_innovation: point.normalised_innovation,
                     consistency: point.consistency,
+                    watched: point.watched,
                     ..smoothed
                 };
             }
@@ -293,6 +295,7 @@ impl Run<'_> {
             deviation: Row::of(time, &inputs_of(&deviation)),
             normalised_innovation: 1.0,
             consistency: None,
+            watched: Watched::of_all(f64::NAN),
             motion: Some(*motion),
         }
     }

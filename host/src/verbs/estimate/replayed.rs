@@ -89,7 +89,7 @@ impl Replayed<'_> {
                 duration_s,
                 delay_s: 0.0,
                 joint_error_deg: Some(f64::from(preset.joint_error.to_degrees())),
-                doubt: verdict::sentence(&worse, Some(&consistency)),
+                doubt: verdict::sentence(&worse, &consistency),
                 consistency: Some(consistency),
             },
             points,

@@ -1,7 +1,7 @@
 //! The numbers of an estimation.
 
 use bodyflight_core::dynamics::Motion;
-use bodyflight_core::estimator::motion::watch::Consistency;
+use bodyflight_core::estimator::motion::watch::{Consistency, Watch};
 use bodyflight_core::estimator::status::{Faults, Health};
 use serde::Serialize;
 
@@ -24,6 +24,8 @@ pub struct Flags {
     pub motion: u64,
     /// Updates in which predictions missed measurements by far.
     pub inconsistent: u64,
+    /// Times at which the motion began anew, since it had been lost for a second.
+    pub restarted: u64,
 }
 
 impl Flags {
@@ -90,6 +92,53 @@ pub struct Point {
     pub normalised_innovation: f64,
     /// What the motion filter says of itself.
     pub consistency: Option<Consistency>,
+    /// What the filter watches.
+    pub watched: Watched,
     /// Motion at that time, by the motion filter.
     pub motion: Option<Motion<f64>>,
+}
+
+/// Mean squares over about a second of what should have a mean square of one; not a number where a filter does not
+/// watch it.
+#[derive(Debug, Clone, Copy)]
+pub struct Watched {
+    /// Normalised innovations of attitude, angular velocity and velocity, of each the worst channel.
+    pub sensors: [f64; 3],
+    /// The residual load, by component.
+    pub residual: f64,
+    /// Normalised innovations of all channels.
+    pub all: f64,
+}
+
+impl Watched {
+    /// In the order of the fields.
+    pub fn values(&self) -> [f64; 5] {
+        let [attitude, spin, velocity] = self.sensors;
+        [attitude, spin, velocity, self.residual, self.all]
+    }
+
+    /// Of a filter that watches all channels as one.
+    pub fn of_all(mean_square: f64) -> Self {
+        Self {
+            sensors: [f64::NAN; 3],
+            residual: f64::NAN,
+            all: mean_square,
+        }
+    }
+
+    /// Of the motion filter.
+    pub fn of(watch: &Watch<f64>) -> Self {
+        // The speed of satellites is a velocity.
+        let worst = |sensor: usize| {
+            let channels = watch.channels.iter().enumerate();
+            let seen = channels.filter(|(k, channel)| channel.seen && (k / 3).min(2) == sensor);
+            seen.map(|(_, channel)| channel.mean_square)
+                .fold(f64::NAN, f64::max)
+        };
+        Self {
+            sensors: [0, 1, 2].map(worst),
+            residual: watch.residual,
+            all: f64::NAN,
+        }
+    }
 }

@@ -59,9 +59,6 @@ pub struct Collector {
 impl Collector {
     /// Takes in what the filter said of itself at `time` (s), `duration` (s) after the last.
     pub fn take(&mut self, watch: &Watch<f64>, consistency: Consistency, time: f64, duration: f64) {
-        if let Some(sum) = self.times.get_mut(consistency as usize) {
-            *sum += duration;
-        }
         for ((channel, sums), count) in watch
             .channels
             .iter()
@@ -76,15 +73,26 @@ impl Collector {
                 *count += 1.0;
             }
         }
-        if consistency != Consistency::Lost {
-            self.since = None;
-            return;
-        }
-        let begin = *self.since.get_or_insert(time - duration);
-        if time - begin > self.longest[0] {
-            self.longest = [time - begin, begin];
+        if self.take_state(consistency, time, duration) {
             self.worst = Some(worst(watch));
         }
+    }
+
+    /// The same of a filter that watches all channels as one; whether this is the longest loss so far.
+    pub fn take_state(&mut self, consistency: Consistency, time: f64, duration: f64) -> bool {
+        if let Some(sum) = self.times.get_mut(consistency as usize) {
+            *sum += duration;
+        }
+        if consistency != Consistency::Lost {
+            self.since = None;
+            return false;
+        }
+        let begin = *self.since.get_or_insert(time - duration);
+        let longest = time - begin > self.longest[0];
+        if longest {
+            self.longest = [time - begin, begin];
+        }
+        longest
     }
 
     /// All of it.
@@ -145,17 +153,16 @@ pub fn worse_channels(rms: &PerChannel, constant: &PerChannel, noise: &Noise<f32
 }
 
 /// Why an estimate is not to be trusted, in a sentence; `None` where it is.
-pub fn sentence(
-    worse: &[(Channel, f64, f64)],
-    consistencies: Option<&Consistencies>,
-) -> Option<String> {
+pub fn sentence(worse: &[(Channel, f64, f64)], found: &Consistencies) -> Option<String> {
     if let Some((channel, estimated, constant)) = worse.first() {
         let (label, unit) = channel.label();
         return Some(format!(
             "{label} is reconstructed to {estimated:.3} {unit}, worse than the {constant:.3} {unit} of constant coefficients"
         ));
     }
-    let found = consistencies.filter(|found| found.longest_loss_s > LONGEST_LOSS)?;
+    if found.longest_loss_s <= LONGEST_LOSS {
+        return None;
+    }
     Some(format!(
         "consistency is lost for {:.1} s from {:.1} s on, worst in {}",
         found.longest_loss_s,

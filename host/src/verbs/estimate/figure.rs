@@ -1,0 +1,119 @@
+//! An estimation as a figure.
+
+use bodyflight_core::estimator::motion::watch::MEAN_SQUARE;
+
+use super::Estimation;
+use super::report::Point;
+use crate::diagnostic::Result;
+use crate::formats::input_history::Row;
+use crate::output::plot::{
+    AXES, CONSTANT, Curve, ESTIMATED, LIMITS, Panel, WATCHED, figure_svg, measured_curve,
+    simulated_curve,
+};
+use crate::replay::comparison::Channel;
+
+/// Above this a mean square is drawn at the edge (of the panel of consistency).
+const HIGHEST: f64 = 10.0;
+
+impl Estimation {
+    /// Muscle input and damping over time.
+    pub fn input_panels(&self) -> [Panel; 2] {
+        let axes = |caption: &str, value: fn(&Row) -> [f64; 3]| Panel {
+            caption: caption.to_owned(),
+            curves: AXES
+                .iter()
+                .enumerate()
+                .map(|(axis, line)| Curve {
+                    line: *line,
+                    points: self
+                        .points
+                        .iter()
+                        .map(|p| (p.time, value(&p.inputs)[axis]))
+                        .collect(),
+                })
+                .collect(),
+            wraps: false,
+        };
+        [
+            axes("muscle input coefficients", |row| {
+                [row.pitch, row.yaw, row.roll]
+            }),
+            axes("damping coefficients", |row| {
+                [row.damp_pitch, row.damp_yaw, row.damp_roll]
+            }),
+        ]
+    }
+
+    /// Coefficients over time above, reconstructed and measured channels below, as SVG.
+    ///
+    /// # Errors
+    /// Where the figure cannot be drawn.
+    pub fn svg(&self, title: &str) -> Result<String> {
+        let channels = [
+            Channel::Roll,
+            Channel::Pitch,
+            Channel::HorizontalVelocity,
+            Channel::YawRate,
+        ];
+        let reconstructed = channels.map(|channel| {
+            let (label, unit) = channel.label();
+            let (rms, constant) = (&self.report.rms, &self.report.rms_constant);
+            Panel {
+                caption: format!(
+                    "{label} ({unit}): RMS gap {:.3} with estimation, {:.3} without",
+                    rms.get(channel),
+                    constant.get(channel)
+                ),
+                curves: vec![
+                    measured_curve(channel, self.estimated.series()),
+                    simulated_curve(channel, self.constant.series(), CONSTANT),
+                    simulated_curve(channel, self.estimated.series(), ESTIMATED),
+                ],
+                wraps: channel.is_angle(),
+            }
+        });
+        let mut panels = self.input_panels().to_vec();
+        panels.extend(reconstructed);
+        panels.push(self.consistency_panel());
+        figure_svg(title, &panels)
+    }
+
+    /// What the filter watches over time, one being right, with the limits above which it doubts itself and is lost.
+    fn consistency_panel(&self) -> Panel {
+        let curve = |line, value: &dyn Fn(&Point) -> f64| Curve {
+            line,
+            points: self
+                .points
+                .iter()
+                .map(|point| (point.time, value(point).min(HIGHEST)))
+                .filter(|(_, value)| value.is_finite())
+                .collect(),
+        };
+        let of = |k: usize| move |point: &Point| point.watched.values()[k];
+        let mut curves: Vec<Curve> = WATCHED
+            .into_iter()
+            .enumerate()
+            .map(|(k, line)| curve(line, &of(k)))
+            .filter(|curve| !curve.points.is_empty())
+            .collect();
+        for (line, limit) in LIMITS.into_iter().zip(MEAN_SQUARE) {
+            curves.push(curve(line, &|_| f64::from(limit)));
+        }
+        let caption = self.report.consistency.as_ref().map(|found| {
+            format!(
+                ": consistent {:.0} %, doubtful {:.0} %, lost {:.0} % of the time",
+                100.0 * found.consistent,
+                100.0 * found.doubtful,
+                100.0 * found.lost
+            )
+        });
+        Panel {
+            caption: format!(
+                "mean square of normalised innovations (1 is right){}",
+                caption.unwrap_or_default()
+            ),
+            curves,
+            wraps: false,
+        }
+    }
+}
