@@ -28,6 +28,10 @@ pub(super) enum Filter {
 }
 
 /// What one of them says.
+#[expect(
+    clippy::large_enum_variant,
+    reason = "there is one at a time, and nowhere to box it"
+)]
 pub(super) enum Answer {
     Windows(Estimate<f32>),
     Motion(MotionEstimate<f32>),
