@@ -11,10 +11,12 @@
 //! which are model.md's sums over the x and z axes, since `x x^T + z z^T = 1 - y y^T`.
 //!
 //! This module is the plain form, segment by segment. [`compiled`] collects what depends on the posture
-//! alone; [`arch`] is the arch factor on the drag.
+//! alone; [`arch`] is the arch factor on the drag; [`free_fly`] what the direction of the stream changes beyond belly flight.
 
 pub mod arch;
 pub mod compiled;
+pub mod free_fly;
+pub mod load_model;
 pub mod stream;
 
 use nalgebra::Vector3;
@@ -23,6 +25,7 @@ use crate::axis::AxisCoefficients;
 use crate::body::posture::PosedSegment;
 use crate::body::{Body, SEGMENT_COUNT, Segment, SegmentArray};
 use crate::math::Real;
+use load_model::{LoadModel, end_drag};
 
 /// Maximum coefficients of a segment (dimensionless), paper eq. (params).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -53,6 +56,8 @@ pub struct Aerodynamics<T> {
     pub coefficients: SegmentArray<Coefficients<T>>,
     /// Factor on the drag.
     pub arch: ArchFactor<T>,
+    /// How loads depend on the direction of the stream.
+    pub model: LoadModel,
 }
 
 /// Damping moment coefficients Cm_damp of belly turns, paper eq. (params).
@@ -71,6 +76,7 @@ impl<T: Real> Aerodynamics<T> {
         Self {
             coefficients: SegmentArray::from_fn(|_| coefficients),
             arch,
+            model: LoadModel::Paper,
         }
     }
 
@@ -99,6 +105,7 @@ impl<T: Real> Aerodynamics<T> {
                 ArchFactor::FromPosture => ArchFactor::FromPosture,
                 ArchFactor::Scaled(scale) => ArchFactor::Scaled(scalar(scale)),
             },
+            model: self.model,
         }
     }
 }
@@ -151,7 +158,7 @@ pub struct ExposedSegment<T: Real> {
     pub dorsal: Vector3<T>,
     /// Where the force acts: the segment's centre of gravity, from the origin (m).
     pub centre: Vector3<T>,
-    /// Drag coefficient with the arch factor, `f_arch Cd`.
+    /// Drag coefficient with the arch factor, `f_arch Cd`; without it in [`free_fly`], where the stream decides.
     pub drag: T,
     /// `2 A_xz Cl` (m2).
     pub lift_area: T,
@@ -211,18 +218,24 @@ impl<T: Real> ExposedSegment<T> {
     /// (coeffCl), (cm), in the form of model.md.
     #[inline]
     pub fn load(&self, direction: &Vector3<T>) -> SegmentLoad<T> {
-        self.load_on_area(direction, self.exposed_area(direction))
+        self.load_on_area(direction, self.exposed_area(direction), T::one())
     }
 
-    /// [`ExposedSegment::load`] with the exposed area (m2) known for this direction.
+    /// [`ExposedSegment::load`] with the exposed area (m2) known for this direction, and a factor on all but the drag.
     #[inline]
-    pub fn load_on_area(&self, direction: &Vector3<T>, exposed_area: T) -> SegmentLoad<T> {
+    pub fn load_on_area(
+        &self,
+        direction: &Vector3<T>,
+        exposed_area: T,
+        across: T,
+    ) -> SegmentLoad<T> {
         // The component along y of paper eq. (unityVloclimb).
         let normal = self.dorsal.dot(direction);
-        let across = self.lift_area * normal;
+        let felt = normal * across;
+        let across = self.lift_area * felt;
         let along = self.drag * exposed_area - across * normal;
         let force = -(direction * along + self.dorsal * across);
-        let couple = direction.cross(&self.dorsal) * -(self.moment_volume * normal);
+        let couple = direction.cross(&self.dorsal) * -(self.moment_volume * felt);
         SegmentLoad {
             exposed_area,
             force,
@@ -242,7 +255,7 @@ pub struct Loads<T: Real> {
     pub moment: Vector3<T>,
 }
 
-/// All segments as the air sees them.
+/// All segments as the air sees them; for [`LoadModel::FreeFly`] a stream then leaves some of it, see [`free_fly::Felt`].
 pub fn expose<T: Real>(
     body: &Body<T>,
     posed: &SegmentArray<PosedSegment<T>>,
@@ -260,7 +273,9 @@ pub(crate) fn expose_into<T: Real>(
     aerodynamics: &Aerodynamics<T>,
     exposed: &mut SegmentArray<ExposedSegment<T>>,
 ) {
+    let free = aerodynamics.model == LoadModel::FreeFly;
     let arch_factor = match aerodynamics.arch {
+        _ if free => T::one(),
         ArchFactor::Fixed(factor) => factor,
         ArchFactor::FromPosture => arch::arch_factor(arch::arch_area(body, posed)),
         ArchFactor::Scaled(scale) => {
@@ -274,11 +289,15 @@ pub(crate) fn expose_into<T: Real>(
         let axes = &placed.body_from_segment;
         let axis = |k: usize| axes.column(k).into_owned();
         let double_area = T::of(2.0) * parameters.area.y;
+        let mut end = axis(2) * parameters.area.z;
+        if free {
+            end *= T::of(end_drag(segment));
+        }
         *place = ExposedSegment {
             silhouette: [
                 axis(0) * parameters.area.x,
                 axis(1) * parameters.area.y,
-                axis(2) * parameters.area.z,
+                end,
             ],
             dorsal: axis(1),
             centre: placed.cg,

@@ -3,7 +3,8 @@
 //! [`Dynamics`] is everything that stays the same during a flight; a [`PostureSample`] is everything that
 //! depends on the posture alone, made once for each interval between two recorded postures; a [`State`] is
 //! the rest. [`step`] holds the integrator, [`equations_of_motion`] the rates in the exact and in the
-//! published form, [`muscle_input`] the skydiver's conscious inputs, [`residual`] loads that nothing accounts for, [`trim`] the steady fall, [`point_mass`] a fall
+//! published form, [`muscle_input`] the skydiver's conscious inputs, [`residual`] loads that nothing accounts for, [`trim`] the steady belly fall, [`steady`] those in other
+//! attitudes, [`point_mass`] a fall
 //! of which the posture is not known.
 
 pub mod equations_of_motion;
@@ -12,14 +13,16 @@ pub mod interval;
 pub mod muscle_input;
 pub mod point_mass;
 pub mod residual;
+pub mod steady;
 pub mod step;
 pub mod trim;
 
 use nalgebra::{Matrix3, Vector3};
 
 use crate::aerodynamics::compiled::CompiledAerodynamics;
+use crate::aerodynamics::free_fly::FreeFly;
 use crate::aerodynamics::stream::Stream;
-use crate::aerodynamics::{Aerodynamics, BELLY_TURN_DAMPING, Loads, expose};
+use crate::aerodynamics::{Aerodynamics, BELLY_TURN_DAMPING, Flow, Loads, expose};
 use crate::air::{Air, GRAVITY};
 use crate::axis::AxisCoefficients;
 use crate::body::mass_properties::{MassMotion, MassProperties, PostureRate};
@@ -79,11 +82,17 @@ impl<T: Real> Dynamics<T> {
         posture: &Posture<T>,
         motion: &Motion<T>,
     ) -> SegmentArray<Loads<T>> {
-        let exposed = expose(&self.body, &pose(&self.body, posture), &self.aerodynamics);
+        let posed = pose(&self.body, posture);
+        let mut exposed = expose(&self.body, &posed, &self.aerodynamics);
         let air = self.air.velocity_at(&motion.position);
         let through_air = motion.velocity - motion.inertial_from_body.inverse() * air;
         let density = self.air.density.at(motion.position.up());
         let spin = &motion.angular_velocity.components;
+        if let Some(free_fly) = FreeFly::of(&self.body, &posed, &self.aerodynamics) {
+            let direction = Flow::new(&through_air.components, density).direction;
+            let felt = free_fly.felt(&exposed, &direction);
+            exposed = exposed.map(|segment, exposed| felt.by(segment, exposed));
+        }
         self.stream
             .segment_loads(&exposed, &through_air.components, spin, density)
     }

@@ -66,6 +66,7 @@ impl Configuration {
                 aerodynamics: Aerodynamics {
                     coefficients: table.coefficients(),
                     arch: asked.arch_factor(),
+                    ..Aerodynamics::paper()
                 },
                 air: Air {
                     velocity: Vector::from_components(asked.air_velocity.into()),

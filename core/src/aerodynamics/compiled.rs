@@ -6,6 +6,8 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::free_fly::{Felt, FreeFly};
+use super::stream::Stream;
 use super::{Aerodynamics, ExposedSegment, Flow, Loads, expose_into};
 use crate::body::posture::PosedSegment;
 use crate::body::{Body, SEGMENT_COUNT, SegmentArray};
@@ -17,6 +19,26 @@ pub struct CompiledAerodynamics<T: Real> {
     /// The segments, for the drag's loop and for muscle inputs.
     pub segments: SegmentArray<ExposedSegment<T>>,
     forms: Forms<T>,
+    free_fly: Option<FreeFly<T>>,
+}
+
+/// Which areas of a posture meet one stream.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Seen<T: Real> {
+    /// Exposed area of each segment (m2), with what shelter and arch make of its drag.
+    pub areas: SegmentArray<T>,
+    /// Factor on forces across the stream and couples.
+    pub across: T,
+}
+
+impl<T: Real> Seen<T> {
+    /// Of segments in the paper's model.
+    pub fn of(segments: &SegmentArray<ExposedSegment<T>>, direction: &Vector3<T>) -> Self {
+        Self {
+            areas: segments.map(|_, segment| segment.exposed_area(direction)),
+            across: T::one(),
+        }
+    }
 }
 
 /// Everything but the drag.
@@ -39,6 +61,22 @@ struct Drag<T: Real> {
     area: T,
     /// The same times the centres (m3).
     centre: Vector3<T>,
+}
+
+impl<T: Real> Drag<T> {
+    fn none() -> Self {
+        Self {
+            exposed_area: T::zero(),
+            area: T::zero(),
+            centre: Vector3::zeros(),
+        }
+    }
+
+    #[inline]
+    fn add(&mut self, segment: &ExposedSegment<T>, drag_area: T) {
+        self.area += drag_area;
+        self.centre += segment.centre * drag_area;
+    }
 }
 
 impl<T: Real> Forms<T> {
@@ -67,6 +105,14 @@ impl<T: Real> Forms<T> {
         forms
     }
 
+    fn scaled(mut self, factor: T) -> Self {
+        self.lift *= factor;
+        self.couple *= factor;
+        self.lift_moment *= factor;
+        self.lift_centre = self.lift_centre.map(|form| form * factor);
+        self
+    }
+
     #[inline]
     fn load(&self, flow: &Flow<T>, drag: &Drag<T>) -> Loads<T> {
         let u = &flow.direction;
@@ -87,7 +133,11 @@ impl<T: Real> CompiledAerodynamics<T> {
     /// Collects the sums.
     pub fn new(segments: SegmentArray<ExposedSegment<T>>) -> Self {
         let forms = Forms::of(&segments);
-        Self { segments, forms }
+        Self {
+            segments,
+            forms,
+            free_fly: None,
+        }
     }
 
     /// Nothing that the air could see.
@@ -95,6 +145,7 @@ impl<T: Real> CompiledAerodynamics<T> {
         Self {
             segments: SegmentArray::new([ExposedSegment::hidden(); SEGMENT_COUNT]),
             forms: Forms::none(),
+            free_fly: None,
         }
     }
 
@@ -107,6 +158,48 @@ impl<T: Real> CompiledAerodynamics<T> {
     ) {
         expose_into(body, posed, aerodynamics, &mut self.segments);
         self.forms = Forms::of(&self.segments);
+        self.free_fly = FreeFly::of(body, posed, aerodynamics);
+    }
+
+    /// What a stream from `direction` (unit vector, body axes) leaves of the loads; `None` where that is all.
+    #[inline]
+    pub fn felt(&self, direction: &Vector3<T>) -> Option<Felt<T>> {
+        let free_fly = self.free_fly.as_ref()?;
+        Some(free_fly.felt(&self.segments, direction))
+    }
+
+    /// What meets a stream from `direction` (unit vector, body axes).
+    pub fn seen(&self, direction: &Vector3<T>) -> Seen<T> {
+        let mut seen = Seen::of(&self.segments, direction);
+        if let Some(felt) = self.felt(direction) {
+            seen.across = felt.across;
+            for ((_, area), share) in seen.areas.iter_mut().zip(felt.drag.values()) {
+                *area *= *share;
+            }
+        }
+        seen
+    }
+
+    /// Force and moment where segments feel streams of their own, see [`Stream::total_load`].
+    #[cold]
+    #[inline(never)]
+    pub fn total_load_in(
+        &self,
+        stream: &Stream<T>,
+        velocity: &Vector3<T>,
+        spin: &Vector3<T>,
+        density: T,
+    ) -> Loads<T> {
+        let direction = Flow::new(velocity, density).direction;
+        match self.felt(&direction) {
+            None => stream.total_load(&self.segments, velocity, spin, density),
+            Some(felt) => {
+                let segments = self
+                    .segments
+                    .map(|segment, exposed| felt.by(segment, exposed));
+                stream.total_load(&segments, velocity, spin, density)
+            }
+        }
     }
 
     /// Force and moment on the body, as [`super::total_load`].
@@ -115,39 +208,66 @@ impl<T: Real> CompiledAerodynamics<T> {
         self.total_load_and_areas(flow).0
     }
 
-    /// [`CompiledAerodynamics::total_load`], and the exposed area of each segment (m2) for who needs it again.
+    /// [`CompiledAerodynamics::total_load`], and what met the stream for who needs it again.
     #[inline]
-    pub fn total_load_and_areas(&self, flow: &Flow<T>) -> (Loads<T>, SegmentArray<T>) {
-        let mut drag = Drag {
-            exposed_area: T::zero(),
-            area: T::zero(),
-            centre: Vector3::zeros(),
-        };
+    pub fn total_load_and_areas(&self, flow: &Flow<T>) -> (Loads<T>, Seen<T>) {
+        if self.free_fly.is_some() {
+            return self.felt_load_and_areas(flow);
+        }
+        let mut drag = Drag::none();
         let mut areas = SegmentArray::from_fn(|_| T::zero());
         for (segment, (_, place)) in self.segments.values().zip(areas.iter_mut()) {
             let area = segment.exposed_area(&flow.direction);
             *place = area;
             drag.exposed_area += area;
-            let drag_area = segment.drag * area;
-            drag.area += drag_area;
-            drag.centre += segment.centre * drag_area;
+            drag.add(segment, segment.drag * area);
         }
-        (self.forms.load(flow, &drag), areas)
+        let across = T::one();
+        (self.forms.load(flow, &drag), Seen { areas, across })
+    }
+
+    /// The same where the direction of the stream decides. Apart, so that who flies the paper's model does not pay for it.
+    #[cold]
+    #[inline(never)]
+    fn felt_load_and_areas(&self, flow: &Flow<T>) -> (Loads<T>, Seen<T>) {
+        let felt = self.felt(&flow.direction).unwrap_or_else(Felt::whole);
+        let mut drag = Drag::none();
+        let mut areas = felt.drag;
+        for (segment, (_, place)) in self.segments.values().zip(areas.iter_mut()) {
+            let area = segment.exposed_area(&flow.direction);
+            *place *= area;
+            drag.exposed_area += area;
+            drag.add(segment, segment.drag * *place);
+        }
+        let across = felt.across;
+        let Loads { force, moment, .. } = self.forms.load(flow, &Drag::none());
+        let pressed = flow.direction * flow.dynamic_pressure;
+        let loads = Loads {
+            exposed_area: drag.exposed_area,
+            force: force * across - pressed * drag.area,
+            moment: moment * across - drag.centre.cross(&pressed),
+        };
+        (loads, Seen { areas, across })
     }
 
     /// The form for streams from about `direction` (unit vector, body axes).
     pub fn about(&self, direction: &Vector3<T>) -> FrozenAerodynamics<T> {
+        let felt = self.felt(direction);
         let mut frozen = FrozenAerodynamics {
-            forms: self.forms,
+            forms: match &felt {
+                None => self.forms,
+                Some(felt) => self.forms.scaled(felt.across),
+            },
             silhouette: Vector3::zeros(),
             drag_silhouette: Vector3::zeros(),
             drag_centre: Matrix3::zeros(),
             least: [T::zero(); 2],
         };
-        for segment in self.segments.values() {
+        for (which, segment) in self.segments.iter() {
             let face = segment.facing(direction);
             frozen.silhouette += face;
-            let drag = face * segment.drag;
+            let share = felt.as_ref().map_or(T::one(), |felt| felt.drag[which]);
+            let drag = face * (segment.drag * share);
             frozen.drag_silhouette += drag;
             frozen.drag_centre += segment.centre * drag.transpose();
         }

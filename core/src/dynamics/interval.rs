@@ -92,17 +92,17 @@ impl<T: Real> Interval<T> for PostureSample<T> {
     ) -> (Loads<T>, Vector3<T>) {
         let velocity_through_air = &velocity_through_air.components;
         let flow = Flow::new(velocity_through_air, density);
-        let (mut loads, areas) = self.aerodynamics.total_load_and_areas(&flow);
+        let (mut loads, seen) = self.aerodynamics.total_load_and_areas(&flow);
         if !dynamics.stream.is_uniform() {
-            let segments = &self.aerodynamics.segments;
-            let stream = &dynamics.stream;
-            loads = stream.total_load(segments, velocity_through_air, &spin.components, density);
+            let (aerodynamics, stream) = (&self.aerodynamics, &dynamics.stream);
+            let spin = &spin.components;
+            loads = aerodynamics.total_load_in(stream, velocity_through_air, spin, density);
         }
         let muscle = muscle_load(
             &dynamics.muscles,
             &inputs.muscle,
             &self.aerodynamics.segments,
-            &areas,
+            &seen,
             &flow,
             dynamics.body.height,
         );

@@ -6,6 +6,7 @@
 
 use nalgebra::Vector3;
 
+use crate::aerodynamics::compiled::Seen;
 use crate::aerodynamics::{ExposedSegment, Flow};
 use crate::axis::AxisCoefficients;
 use crate::body::{Segment, SegmentArray};
@@ -186,23 +187,23 @@ pub struct GroupMoments<T>(
 impl<T: Real> GroupMoments<T> {
     /// Sums the limbs. `M_atot` of a limb is its `r x F + M` (no sum, see model.md's list of misprints).
     ///
-    /// `areas` are the exposed areas (m2) in this flow. Groups whose input is zero are left at zero.
+    /// `seen` is what meets this flow. Groups whose input is zero are left at zero.
     #[inline]
     pub fn of(
         model: &MuscleModel,
         input: &AxisCoefficients<T>,
         segments: &SegmentArray<ExposedSegment<T>>,
-        areas: &SegmentArray<T>,
+        seen: &Seen<T>,
         flow: &Flow<T>,
     ) -> Self {
         let mut moments = [T::zero(); GROUPS];
         let groups = model.groups();
         let acting = model.acting(input);
-        for ((segment, exposed), &area) in segments.iter().zip(areas.values()) {
+        for ((segment, exposed), &area) in segments.iter().zip(seen.areas.values()) {
             if !acting.contains(segment) {
                 continue;
             }
-            let load = exposed.load_on_area(&flow.direction, area);
+            let load = exposed.load_on_area(&flow.direction, area, seen.across);
             let moment = load.moment * flow.dynamic_pressure;
             for (sum, (limbs, axis)) in moments.iter_mut().zip(groups) {
                 if limbs.contains(segment) {
@@ -233,14 +234,14 @@ impl<T: Real> GroupMoments<T> {
     }
 }
 
-/// Muscle moment and force, paper eqs. (eq1) and (eq1_1), body axes; `areas` are the exposed areas (m2) in this
-/// flow, `height` is the stature (m).
+/// Muscle moment and force, paper eqs. (eq1) and (eq1_1), body axes; `seen` is what meets this flow,
+/// `height` is the stature (m).
 #[inline]
 pub fn muscle_load<T: Real>(
     model: &MuscleModel,
     input: &AxisCoefficients<T>,
     segments: &SegmentArray<ExposedSegment<T>>,
-    areas: &SegmentArray<T>,
+    seen: &Seen<T>,
     flow: &Flow<T>,
     height: T,
 ) -> MuscleLoad<T> {
@@ -250,7 +251,7 @@ pub fn muscle_load<T: Real>(
             moment: Vector3::zeros(),
         };
     }
-    GroupMoments::of(model, input, segments, areas, flow).load(input, &model.levers(height))
+    GroupMoments::of(model, input, segments, seen, flow).load(input, &model.levers(height))
 }
 
 impl MuscleModel {
@@ -348,11 +349,11 @@ mod tests {
         ) {
             let segments = exposed(&posture);
             let flow = Flow::new(&Vector3::from(velocity), 1.0);
-            let areas = segments.map(|_, segment| segment.exposed_area(&flow.direction));
+            let seen = Seen::of(&segments, &flow.direction);
             for (_, model) in MODELS {
                 let load = |pitch, yaw, roll| {
                     let input = AxisCoefficients { pitch, yaw, roll };
-                    muscle_load(&model, &input, &segments, &areas, &flow, 1.75)
+                    muscle_load(&model, &input, &segments, &seen, &flow, 1.75)
                 };
                 let whole = load(a[0], a[1], a[2]);
                 let parts = [load(a[0], 0.0, 0.0), load(0.0, a[1], 0.0), load(0.0, 0.0, a[2])];
@@ -372,8 +373,8 @@ mod tests {
             pitch: 1.0,
             ..AxisCoefficients::zero()
         };
-        let areas = segments.map(|_, segment| segment.exposed_area(&flow.direction));
-        let load = muscle_load(&LAYOUTS, &input, &segments, &areas, &flow, 1.75);
+        let seen = Seen::of(&segments, &flow.direction);
+        let load = muscle_load(&LAYOUTS, &input, &segments, &seen, &flow, 1.75);
         let felt: f64 = [
             Segment::LeftThigh,
             Segment::RightThigh,

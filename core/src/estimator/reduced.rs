@@ -64,8 +64,8 @@ impl<T: Real> LinearGroups<T> {
         let at = |velocity: &Vector3<T>| {
             let flow = Flow::new(velocity, one);
             let segments = &sample.aerodynamics.segments;
-            let areas = segments.map(|_, segment| segment.exposed_area(&flow.direction));
-            GroupMoments::of(&dynamics.muscles, &unit, segments, &areas, &flow).0
+            let seen = sample.aerodynamics.seen(&flow.direction);
+            GroupMoments::of(&dynamics.muscles, &unit, segments, &seen, &flow).0
         };
         let square = velocity.norm_squared();
         let speed = square.root();

@@ -226,6 +226,7 @@ mod tests {
         let aerodynamics = Aerodynamics {
             coefficients: table.coefficients(),
             arch: ArchFactor::FromPosture,
+            ..Aerodynamics::paper()
         };
         let again = SegmentTable::of(&body, &aerodynamics);
         assert_eq!(again, table);

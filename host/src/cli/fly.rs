@@ -12,6 +12,7 @@ use bodyflight::verbs::view::flown::{frames, write};
 use bodyflight::verbs::view::page::{FlyData, Mode, PageData, Provenance, html, setup};
 use bodyflight::verbs::view::run::shapes;
 use bodyflight::verbs::view::server::Server;
+use bodyflight_core::aerodynamics::load_model::LoadModel;
 use serde::Serialize;
 
 use super::terminal;
@@ -25,7 +26,7 @@ use super::view::{command, open};
                   Runs until Ctrl-C."
 )]
 pub(super) struct Args {
-    /// A subject.toml; the default subject where absent.
+    /// A subject.toml; the default subject with free-fly aerodynamics where absent.
     subject: Option<PathBuf>,
     /// Folder for saved flights: flown-0, flown-1 and so on.
     #[arg(long, value_name = "FOLDER", default_value = ".")]
@@ -55,7 +56,11 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     }
     let subject = match &args.subject {
         Some(path) => Subject::read(path)?,
-        None => Subject::default(),
+        None => {
+            let mut subject = Subject::default();
+            subject.set_load_model(LoadModel::FreeFly);
+            subject
+        }
     };
     let files: Vec<&Path> = args.subject.iter().map(PathBuf::as_path).collect();
     let provenance = Provenance::of(command(), &files)?;

@@ -1,19 +1,23 @@
 //! `subject.toml`: measures, equipment and coefficients of a person. `docs/subject.md` lists the fields.
 
+mod file;
 mod segment_table;
 
 use std::path::{Path, PathBuf};
 
-use bodyflight_core::aerodynamics::{
-    Aerodynamics, ArchFactor, BELLY_TURN_DAMPING, Coefficients, PAPER_COEFFICIENTS,
-};
+use bodyflight_core::aerodynamics::load_model::LoadModel;
+use bodyflight_core::aerodynamics::{Aerodynamics, ArchFactor, Coefficients};
 use bodyflight_core::body::anthropometry::{Girth, Measure, MomentArm, Person, Sex};
 use bodyflight_core::body::gear::{Gear, Shoes, Suit};
 use bodyflight_core::{AxisCoefficients, Body, Segment, SegmentArray};
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use std::collections::BTreeMap;
 
 use crate::diagnostic::{Problem, Result};
+use file::{
+    ArchChoice, ArchName, CoefficientTable, GearTable, LoadModelName, MomentArmChoice,
+    MomentArmName, SexName, SubjectFile, SuitName,
+};
 use segment_table::SegmentTable;
 
 /// A person as flights use them: checked when read.
@@ -22,130 +26,6 @@ pub struct Subject {
     file: SubjectFile,
     table: Option<SegmentTable>,
     body: Body<f64>,
-}
-
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct SubjectFile {
-    height_m: f64,
-    mass_kg: f64,
-    sex: SexName,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    moment_arm: Option<MomentArmChoice>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    segments: Option<PathBuf>,
-    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
-    girths: BTreeMap<String, f64>,
-    #[serde(default)]
-    gear: GearTable,
-    #[serde(default)]
-    coefficients: CoefficientTable,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum SexName {
-    Male,
-    Female,
-}
-
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(untagged)]
-enum MomentArmChoice {
-    Named(MomentArmName),
-    /// Share of the segment's length.
-    Share(f64),
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum MomentArmName {
-    Width,
-    Length,
-}
-
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-struct GearTable {
-    helmet: bool,
-    shoes: bool,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    shoe_size_eu: Option<f64>,
-    rig_kg: f64,
-    weight_belt_kg: f64,
-    suit: SuitName,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum SuitName {
-    Tight,
-    Standard,
-    Rw,
-}
-
-impl Default for GearTable {
-    fn default() -> Self {
-        Self {
-            helmet: true,
-            shoes: true,
-            shoe_size_eu: None,
-            rig_kg: 0.0,
-            weight_belt_kg: 0.0,
-            suit: SuitName::Standard,
-        }
-    }
-}
-
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-struct CoefficientTable {
-    cl: f64,
-    cd: f64,
-    cm: f64,
-    /// In the order of [`AxisCoefficients`]: pitch, yaw, roll.
-    damp: [f64; 3],
-    f_arch: ArchChoice,
-    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
-    segment: BTreeMap<String, SegmentCoefficients>,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(untagged)]
-enum ArchChoice {
-    Fixed(f64),
-    Named(ArchName),
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum ArchName {
-    Posture,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-struct SegmentCoefficients {
-    #[serde(skip_serializing_if = "Option::is_none")]
-    cl: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    cd: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    cm: Option<f64>,
-}
-
-impl Default for CoefficientTable {
-    fn default() -> Self {
-        let Coefficients { drag, lift, moment } = PAPER_COEFFICIENTS;
-        Self {
-            cl: lift,
-            cd: drag,
-            cm: moment,
-            damp: BELLY_TURN_DAMPING.to_array(),
-            f_arch: ArchChoice::Named(ArchName::Posture),
-            segment: BTreeMap::new(),
-        }
-    }
 }
 
 /// Name under which a subject's segment table lies beside a written `subject.toml`.
@@ -161,6 +41,7 @@ impl Default for Subject {
             mass_kg: 75.0,
             sex: SexName::Male,
             moment_arm: None,
+            aerodynamics: LoadModelName::Paper,
             segments: None,
             girths: BTreeMap::new(),
             gear: GearTable::default(),
@@ -251,7 +132,23 @@ impl Subject {
             ArchChoice::Fixed(factor) => ArchFactor::Fixed(factor),
             ArchChoice::Named(ArchName::Posture) => ArchFactor::FromPosture,
         };
-        Aerodynamics { coefficients, arch }
+        let model = match self.file.aerodynamics {
+            LoadModelName::Paper => LoadModel::Paper,
+            LoadModelName::FreeFly => LoadModel::FreeFly,
+        };
+        Aerodynamics {
+            coefficients,
+            arch,
+            model,
+        }
+    }
+
+    /// Replaces the way in which loads depend on the direction of the stream.
+    pub fn set_load_model(&mut self, model: LoadModel) {
+        self.file.aerodynamics = match model {
+            LoadModel::Paper => LoadModelName::Paper,
+            LoadModel::FreeFly => LoadModelName::FreeFly,
+        };
     }
 
     /// Constant damping coefficients.
@@ -512,6 +409,10 @@ mod tests {
             (
                 &format!("{LEAST}[coefficients.segment.tail]\ncd = 1"),
                 ["subject.toml", "coefficients.segment.tail", "l_shank"],
+            ),
+            (
+                &format!("{LEAST}aerodynamics = \"wing\""),
+                ["subject.toml:4", "wing", "free-fly"],
             ),
             (
                 &format!("{LEAST}segments = \"nowhere.json\""),

@@ -10,6 +10,7 @@ pub mod twin;
 
 use std::time::{Duration, Instant};
 
+use bodyflight_core::aerodynamics::load_model::LoadModel;
 use bodyflight_core::estimator::unit_preset::UnitPreset;
 use bodyflight_core::link::fault::Injector;
 use bodyflight_core::link::{
@@ -114,6 +115,12 @@ pub fn configuration(
             "an effect of the model changes the density over the height; the unit is told one density",
         )
         .help("take it out of the model.toml; estimate --model runs the filter here with it"));
+    }
+    if plain.aerodynamics.model != LoadModel::Paper {
+        return Err(Problem::bad_input(
+            "the subject asks for free-fly aerodynamics; the unit flies the paper's",
+        )
+        .help("take aerodynamics = \"free-fly\" out of the subject.toml, or run estimate here"));
     }
     let (body, aerodynamics) = (
         dynamics.body.cast::<f32>(),

@@ -1,6 +1,7 @@
 //! A model as a list of numbers in single precision, for the page.
 
 use bodyflight_core::AxisCoefficients;
+use bodyflight_core::aerodynamics::load_model::LoadModel;
 use bodyflight_core::aerodynamics::{Aerodynamics, ArchFactor, Coefficients};
 use bodyflight_core::body::{Body, SEGMENT_COUNT, SegmentParameters};
 use bodyflight_core::dynamics::muscle_input::MODELS;
@@ -14,8 +15,8 @@ use nalgebra::{Matrix3, Vector3};
 const SEGMENT: usize = 2 + 3 + 3 + 9 + 3 + 1 + 3;
 
 /// Numbers before the segments: height (m), density (kg/m3), arch factor (0: from the posture), index of the muscle
-/// model, velocity of the air (m/s), damping.
-const HEAD: usize = 4 + 3 + 3;
+/// model, velocity of the air (m/s), damping, load model (0: the paper's).
+const HEAD: usize = 4 + 3 + 3 + 1;
 
 /// Numbers of a model.
 pub const NUMBERS: usize = HEAD + SEGMENT_COUNT * SEGMENT;
@@ -49,7 +50,10 @@ impl Setup {
         let mut numbers = head
             .into_iter()
             .chain(air)
-            .chain(self.inputs.damping.to_array());
+            .chain(self.inputs.damping.to_array())
+            .chain([f32::from(u8::from(
+                dynamics.aerodynamics.model == LoadModel::FreeFly,
+            ))]);
         let mut all = [0.0; NUMBERS];
         let (first, rest) = all.split_at_mut(HEAD);
         first
@@ -111,7 +115,16 @@ impl Setup {
             .find(|(_, index)| f32::from(*index) >= at(3))
             .map_or(MODELS[0].1, |((_, model), _)| *model);
         let mut dynamics = Dynamics::paper(Body { segments, height }, density);
-        dynamics.aerodynamics = Aerodynamics { coefficients, arch };
+        let model = if at(10) > 0.0 {
+            LoadModel::FreeFly
+        } else {
+            LoadModel::Paper
+        };
+        dynamics.aerodynamics = Aerodynamics {
+            coefficients,
+            arch,
+            model,
+        };
         dynamics.muscles = muscles;
         dynamics.air.velocity = Vector::new(at(4), at(5), at(6));
         let mut inputs = Inputs::belly_turn();

@@ -1,0 +1,198 @@
+//! How fast people fall in each pose, by both load models, and whether they can hold it.
+
+use core::f64::consts::{FRAC_PI_2, PI};
+use std::fmt::Write as _;
+
+use bodyflight_core::aerodynamics::Flow;
+use bodyflight_core::aerodynamics::load_model::LoadModel;
+use bodyflight_core::body::anthropometry::{Person, Sex};
+use bodyflight_core::body::gear::Gear;
+use bodyflight_core::body::pattern::{self, JointAngles};
+use bodyflight_core::dynamics::steady::steady;
+use bodyflight_core::dynamics::{Dynamics, Inputs};
+use bodyflight_core::{AxisCoefficients, Body};
+use nalgebra::Vector3;
+use serde::Serialize;
+
+use super::stability::{Mode, modes};
+use crate::diagnostic::{Problem, Result};
+
+/// A pose with what is published of it.
+#[derive(Debug, Clone, Copy)]
+pub struct Pose {
+    /// Name.
+    pub name: &'static str,
+    angles: &'static JointAngles,
+    /// Turn of the body about its left axis (rad) in which it is held: pi/2 is belly to earth.
+    pub pitch: f64,
+    /// Range of published speeds (m/s).
+    pub published: [f64; 2],
+}
+
+/// The poses, slow ones first. Standing has its arms at its sides, the fastest that is flown upright.
+pub const POSES: [Pose; 5] = [
+    Pose {
+        name: "belly",
+        angles: pattern::NEUTRAL,
+        pitch: FRAC_PI_2,
+        published: [50.0, 55.0],
+    },
+    Pose {
+        name: "back",
+        angles: pattern::BACK,
+        pitch: -FRAC_PI_2,
+        published: [50.0, 55.0],
+    },
+    Pose {
+        name: "sit",
+        angles: pattern::SIT,
+        pitch: 0.0,
+        published: [65.0, 70.0],
+    },
+    Pose {
+        name: "stand",
+        angles: &[],
+        pitch: 0.0,
+        published: [65.0, 100.0],
+    },
+    Pose {
+        name: "head-down",
+        angles: pattern::HEAD_DOWN,
+        pitch: PI,
+        published: [70.0, 85.0],
+    },
+];
+
+/// Density of the air in the table (kg/m3): that of 3 km.
+pub const DENSITY: f64 = 0.9;
+
+/// Damping with which the table's modes are computed: of a body that is held firmly, [pitch, yaw, roll].
+pub const FIRM: AxisCoefficients<f64> = AxisCoefficients::new(6.0, 3.0, 12.0);
+
+/// The person of the table: 1.80 m, 80 kg and a rig of 10 kg.
+///
+/// # Errors
+/// None: the measures are constants.
+pub fn person() -> Result<Body<f64>> {
+    let not_a_person = |error: String| Problem::internal(error);
+    let person = Person::new(1.80, 80.0, Sex::Male)
+        .body()
+        .map_err(|error| not_a_person(error.to_string()))?;
+    let gear = Gear {
+        rig: 10.0,
+        ..Gear::default()
+    };
+    gear.fit(&person)
+        .map_err(|error| not_a_person(error.to_string()))
+}
+
+/// One pose by one model.
+#[derive(Debug, Clone, Serialize)]
+pub struct Fall {
+    /// Speed straight down with the pose and its attitude held (m/s).
+    pub speed_mps: f64,
+    /// Attitude in which the air holds the pose without muscle input (deg), where there is one within 69 deg.
+    pub balance_pitch_deg: Option<f64>,
+    /// Horizontal over vertical speed there.
+    pub balance_glide: Option<f64>,
+    /// Modes about that balance, the fastest growing first.
+    pub modes: Vec<Mode>,
+}
+
+/// The model that flies a pose.
+pub fn dynamics(body: Body<f64>, model: LoadModel) -> Dynamics<f64> {
+    let mut dynamics = Dynamics::paper(body, DENSITY);
+    dynamics.aerodynamics.model = model;
+    dynamics
+}
+
+/// How a pose falls.
+pub fn fall(dynamics: &Dynamics<f64>, pose: &Pose) -> Fall {
+    let posture = pattern::posture(pose.angles);
+    let sample = dynamics.hold(&posture);
+    let (sine, cosine) = pose.pitch.sin_cos();
+    let flow = Flow {
+        direction: Vector3::new(0.0, -sine, -cosine),
+        dynamic_pressure: 1.0,
+    };
+    let drag = -sample
+        .aerodynamics
+        .total_load(&flow)
+        .force
+        .dot(&flow.direction);
+    let weight = dynamics.body.mass() * dynamics.gravity;
+    let inputs = Inputs {
+        damping: FIRM,
+        ..Inputs::belly_turn()
+    };
+    let balance = steady(dynamics, &posture, &inputs, pose.pitch, DENSITY);
+    Fall {
+        speed_mps: (2.0 * weight / (DENSITY * drag)).sqrt(),
+        balance_pitch_deg: balance.map(|balance| balance.body_pitch.to_degrees()),
+        balance_glide: balance.map(|balance| balance.glide),
+        modes: balance.map_or_else(Vec::new, |balance| {
+            modes(dynamics, &sample, &inputs, &balance.motion)
+        }),
+    }
+}
+
+/// The best glide of the tracking pose over the angles between 20 and 80 deg to the stream: horizontal over vertical
+/// speed, and the vertical speed (m/s).
+pub fn best_glide(dynamics: &Dynamics<f64>) -> (f64, f64) {
+    let sample = dynamics.hold(&pattern::posture(pattern::TRACK));
+    let weight = dynamics.body.mass() * dynamics.gravity;
+    (20..=80)
+        .map(|degrees| {
+            let (sine, cosine) = f64::from(degrees).to_radians().sin_cos();
+            let flow = Flow {
+                direction: Vector3::new(0.0, -sine, cosine),
+                dynamic_pressure: 1.0,
+            };
+            let force = sample.aerodynamics.total_load(&flow).force;
+            let drag = -force.dot(&flow.direction);
+            let lift = (force + flow.direction * drag).norm();
+            let speed = (2.0 * weight / (DENSITY * force.norm())).sqrt();
+            (lift / drag, speed * drag / force.norm())
+        })
+        .max_by(|a, b| a.0.total_cmp(&b.0))
+        .unwrap_or_default()
+}
+
+/// The table of docs/poses.md.
+///
+/// # Errors
+/// As of [`person`].
+pub fn table() -> Result<String> {
+    let body = person()?;
+    let models = [LoadModel::Paper, LoadModel::FreeFly].map(|model| dynamics(body, model));
+    let mut text = String::from(
+        "| pose | published (m/s) | paper (m/s) | free-fly (m/s) | fastest growth, paper (1/s) | fastest growth, free-fly (1/s) |\n\
+         |---|---|---|---|---|---|\n",
+    );
+    for pose in &POSES {
+        let [paper, free] = [&models[0], &models[1]].map(|dynamics| fall(dynamics, pose));
+        let [low, high] = pose.published;
+        let growth = |fall: &Fall| {
+            let first = fall.modes.first();
+            first.map_or_else(
+                || "no balance".to_owned(),
+                |mode| format!("{:+.1}", mode.growth_per_s),
+            )
+        };
+        let _ = writeln!(
+            text,
+            "| {} | {low:.0} to {high:.0} | {:.1} | {:.1} | {} | {} |",
+            pose.name,
+            paper.speed_mps,
+            free.speed_mps,
+            growth(&paper),
+            growth(&free),
+        );
+    }
+    let [paper, free] = [&models[0], &models[1]].map(|dynamics| best_glide(dynamics).0);
+    let _ = writeln!(
+        text,
+        "| tracking, best glide ratio | 0.7 to 1.2 | {paper:.2} | {free:.2} | | |"
+    );
+    Ok(text)
+}

@@ -1,0 +1,84 @@
+//! Small motions about a steady fall: eigenvalues of the linearised step.
+
+use bodyflight_core::dynamics::step::TIME_STEP;
+use bodyflight_core::dynamics::{Dynamics, Inputs, Motion, PostureSample, State};
+use bodyflight_core::frame::{Rotation, Vector};
+use bodyflight_core::math::small_rotation;
+use nalgebra::{SMatrix, SVector, Vector3};
+use serde::Serialize;
+
+/// Turn (rad), velocity (m/s), angular velocity (rad/s): what a small motion is made of.
+const STATES: usize = 9;
+/// Size of a disturbance, in these units.
+const DISTURBANCE: f64 = 1e-5;
+/// Eigenvalues below this are the heading, which nothing holds (1/s).
+const NEUTRAL: f64 = 1e-3;
+
+/// How a small motion goes on: `exp(growth t)`, with `frequency`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Mode {
+    /// Rate of growth (1/s); negative: decays.
+    pub growth_per_s: f64,
+    /// Angular frequency (rad/s); 0: no oscillation.
+    pub frequency_radps: f64,
+}
+
+/// Modes about `motion`, a steady fall in the posture of `sample`, the fastest growing first.
+///
+/// The step itself is linearised, so these are the modes of what is flown.
+pub fn modes(
+    dynamics: &Dynamics<f64>,
+    sample: &PostureSample<f64>,
+    inputs: &Inputs<f64>,
+    motion: &Motion<f64>,
+) -> Vec<Mode> {
+    let after = |disturbance: &SVector<f64, STATES>| {
+        let start = State::from_motion(&disturbed(motion, disturbance), sample);
+        let next = dynamics.step(&start, sample, inputs, TIME_STEP);
+        difference(motion, &next.motion(sample))
+    };
+    let slope = SMatrix::<f64, STATES, STATES>::from_fn(|_, _| 0.0);
+    let slope = (0..STATES).fold(slope, |mut slope, column| {
+        let mut disturbance = SVector::<f64, STATES>::zeros();
+        disturbance[column] = DISTURBANCE;
+        let change = after(&disturbance) - after(&-disturbance);
+        slope.set_column(column, &(change / (2.0 * DISTURBANCE)));
+        slope
+    });
+    let mut modes: Vec<Mode> = slope
+        .complex_eigenvalues()
+        .iter()
+        .map(|value| Mode {
+            growth_per_s: value.norm_sqr().ln() / (2.0 * TIME_STEP),
+            frequency_radps: value.im.atan2(value.re) / TIME_STEP,
+        })
+        .filter(|mode| mode.growth_per_s.hypot(mode.frequency_radps) > NEUTRAL)
+        // One of each pair.
+        .filter(|mode| mode.frequency_radps >= 0.0)
+        .collect();
+    modes.sort_by(|a, b| b.growth_per_s.total_cmp(&a.growth_per_s));
+    modes
+}
+
+fn disturbed(motion: &Motion<f64>, by: &SVector<f64, STATES>) -> Motion<f64> {
+    let part = |from: usize| Vector3::new(by[from], by[from + 1], by[from + 2]);
+    let turned = motion.inertial_from_body.quaternion() * small_rotation(&part(0));
+    let attitude = Rotation::from_quaternion(turned);
+    let velocity = motion.velocity_inertial() + Vector::from_components(part(3));
+    Motion {
+        inertial_from_body: attitude,
+        velocity: attitude.inverse() * velocity,
+        angular_velocity: motion.angular_velocity + Vector::from_components(part(6)),
+        ..*motion
+    }
+}
+
+fn difference(from: &Motion<f64>, to: &Motion<f64>) -> SVector<f64, STATES> {
+    let turn = (from.inertial_from_body.quaternion().inverse()
+        * to.inertial_from_body.quaternion())
+    .scaled_axis();
+    let velocity = to.velocity_inertial() - from.velocity_inertial();
+    let spin = to.angular_velocity - from.angular_velocity;
+    let parts = [turn, velocity.components, spin.components];
+    SVector::from_iterator(parts.iter().flat_map(|part| part.iter().copied()))
+}
