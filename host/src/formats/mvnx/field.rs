@@ -102,6 +102,18 @@ impl Field {
         }
     }
 
+    /// Largest size of a number that a body can have, in the unit of the field; `None` where any finite number is read on.
+    pub(super) const fn limit(self) -> Option<f64> {
+        match self {
+            // A place on Earth in any coordinates.
+            Self::Position | Self::CenterOfMass => Some(1e7),
+            Self::Velocity => Some(1e3),
+            Self::AngularVelocity => Some(1e3),
+            Self::Acceleration | Self::AngularAcceleration => Some(1e6),
+            _ => None,
+        }
+    }
+
     /// The expected count as a phrase for messages.
     pub(super) fn expectation(self, header: &Header, first: Option<usize>) -> String {
         match (self.declared(header), first) {

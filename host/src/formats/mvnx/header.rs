@@ -14,6 +14,8 @@ const LIST_LIMIT: usize = 128;
 const TEXT_LIMIT: usize = 4096;
 /// Highest frame rate accepted (Hz); MVN records at up to 240 Hz.
 const FRAME_RATE_LIMIT: f64 = 10_000.0;
+/// Lowest frame rate (Hz): a posture every second tells nothing of a movement.
+const LOWEST_FRAME_RATE: f64 = 1.0;
 
 /// Everything before the frames.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -406,9 +408,9 @@ fn count(value: &str) -> Result<usize> {
 
 fn rate(value: &str) -> Result<f64> {
     match value.trim().parse::<f64>() {
-        Ok(rate) if rate > 0.0 && rate <= FRAME_RATE_LIMIT => Ok(rate),
+        Ok(rate) if (LOWEST_FRAME_RATE..=FRAME_RATE_LIMIT).contains(&rate) => Ok(rate),
         _ => Err(Problem::bad_input(format!(
-            "expected a frame rate above 0 and up to {FRAME_RATE_LIMIT} Hz, found `{}`",
+            "expected a frame rate of {LOWEST_FRAME_RATE} to {FRAME_RATE_LIMIT} Hz, found `{}`",
             shortened(value)
         ))
         .help("correct frameRate in <subject>; it is a number in Hz")),

@@ -22,6 +22,8 @@ const MARKER_LIMIT: usize = 256;
 const NORM_TOLERANCE: f64 = 0.01;
 /// Highest frame index: whole numbers up to it are exact in double precision.
 const INDEX_LIMIT: u64 = 1 << 53;
+/// Longest time without frames (s): what follows is no part of the same flight.
+const LONGEST_GAP: f64 = 3600.0;
 
 /// What to read, and whether a cut file will do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -261,6 +263,18 @@ impl<R: BufRead> Reader<R> {
             .at(format!("frame {}", frame.index))
             .help("export the recording again; files joined by hand need new indices"));
         }
+        #[expect(clippy::cast_precision_loss, reason = "indices are below 2^53")]
+        let missing_s = (frame.index - next) as f64 / self.header.frame_rate;
+        if self.last_index.is_some() && missing_s > LONGEST_GAP {
+            return Err(Problem::bad_input(format!(
+                "frame index {} follows {}: expected at most an hour between frames",
+                frame.index,
+                next - 1
+            ))
+            .at_line(frame.line)
+            .at(format!("frame {}", frame.index))
+            .help("export the recording again; files joined by hand need new indices"));
+        }
         Ok(())
     }
 
@@ -351,6 +365,12 @@ impl<R: BufRead> Reader<R> {
                 element,
                 format!("the quaternion of {label} has norm {norm:.3}, expected 1"),
             );
+        }
+        if let Some(limit) = field.limit()
+            && let Some(number) = numbers.iter().find(|number| number.abs() > limit)
+        {
+            let message = format!("expected numbers within {limit}, found {number:e}");
+            frame.blame(line, element, message);
         }
         if frame.present.contains(field) {
             frame.blame(line, element, "the element is there twice".into());
