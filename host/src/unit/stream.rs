@@ -1,6 +1,7 @@
 //! `bodyflight stream`: a recording to a unit, its estimates back, and the same filter here beside it.
 
 pub mod connection;
+mod latencies;
 pub mod line;
 pub mod qemu;
 pub mod report;

@@ -4,7 +4,6 @@ use std::fmt::Write as _;
 
 use bodyflight_core::link::Status;
 use bodyflight_core::link::fault::Struck;
-use bodyflight_discovery::statistics::quantile_of_sorted;
 use serde::Serialize;
 
 use super::session::{Session, accounted};
@@ -53,7 +52,7 @@ impl Live {
             time_s,
             sent: session.sent(),
             estimates: session.twin.agreement().received,
-            latency_ms: session.latencies.last().copied(),
+            latency_ms: session.latencies.last(),
             missing: status.map_or(0, |s| s.missing),
             dropped: status.map_or(0, |s| s.dropped_oldest),
             deadline_missed: status.map_or(0, |s| s.deadline_missed),
@@ -280,15 +279,13 @@ impl Report {
 }
 
 fn latency(session: &Session) -> Latency {
-    let mut sorted = session.latencies.clone();
-    sorted.sort_by(f64::total_cmp);
-    let at = |share: f64| quantile_of_sorted(&sorted, share);
+    let latencies = &session.latencies;
     #[expect(clippy::cast_precision_loss, reason = "microseconds")]
     let round_trip_ms = session.round_trip.unwrap_or(0) as f64 * 1e-3;
     Latency {
-        median_ms: at(0.5),
-        p99_ms: at(0.99),
-        max_ms: at(1.0),
+        median_ms: latencies.quantile(0.5),
+        p99_ms: latencies.quantile(0.99),
+        max_ms: latencies.longest(),
         round_trip_ms,
     }
 }

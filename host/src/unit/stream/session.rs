@@ -8,6 +8,7 @@ use bodyflight_core::link::{
     SCHEMA_HASH, Sample, SegmentTable, Start, Status, Stop, StreamMode, TimeSync, Verdict,
 };
 
+use super::latencies::Latencies;
 use super::line::{ANSWER_TIMEOUT, Line, encode};
 use super::twin::Twin;
 use crate::diagnostic::{Problem, Result};
@@ -26,12 +27,10 @@ pub(super) struct Session {
     number: u16,
     mode: StreamMode,
     granted: u32,
-    /// When each sample was sent.
-    sent_at: Vec<Instant>,
     /// Frame of the last sample, to be sent again where credit was lost.
     last_frame: Vec<u8>,
-    /// From sample to estimate (ms).
-    pub(super) latencies: Vec<f64>,
+    /// From samples to estimates.
+    pub(super) latencies: Latencies,
     pub(super) status: Option<Status>,
     /// The last one.
     pub(super) estimate: Option<Estimate>,
@@ -49,9 +48,8 @@ impl Session {
             number,
             mode,
             granted: 0,
-            sent_at: Vec::new(),
             last_frame: Vec::new(),
-            latencies: Vec::new(),
+            latencies: Latencies::default(),
             status: None,
             estimate: None,
             unit: None,
@@ -60,7 +58,7 @@ impl Session {
     }
 
     pub(super) fn sent(&self) -> u32 {
-        u32::try_from(self.sent_at.len()).unwrap_or(u32::MAX)
+        self.latencies.sent()
     }
 
     /// Sends a command to the unit and its twin.
@@ -97,11 +95,7 @@ impl Session {
     fn hear(&mut self, at: Instant, header: &Header, message: &Message) -> Result<()> {
         match message {
             Message::Estimate(estimate) if header.session == self.number => {
-                let index = usize::try_from(estimate.sample_sequence).unwrap_or(usize::MAX);
-                if let Some(sent) = self.sent_at.get(index) {
-                    let latency = at.saturating_duration_since(*sent);
-                    self.latencies.push(latency.as_secs_f64() * 1e3);
-                }
+                self.latencies.estimate_came(estimate.sample_sequence, at);
                 self.estimate = Some(*estimate);
                 self.twin.answer(estimate);
             }
@@ -151,7 +145,7 @@ impl Session {
         for _ in 0..5 {
             let begin = Instant::now();
             let question = TimeSync {
-                asked: u64::try_from(self.sent_at.len()).unwrap_or(0),
+                asked: self.sent().into(),
                 received: 0,
                 answered: 0,
             };
@@ -267,7 +261,7 @@ impl Session {
         self.injector
             .pass(&frame, |piece| pieces.extend_from_slice(piece));
         self.twin.receive(&pieces);
-        self.sent_at.push(Instant::now());
+        self.latencies.sample_sent(Instant::now());
         self.last_frame = frame;
         self.line.write(&pieces)
     }

@@ -29,6 +29,17 @@ pub struct Agreement {
     pub first_difference: Option<u32>,
 }
 
+/// Estimates that wait to be compared, on either side: those of a minute. Older ones were lost on the line.
+const WAITING: usize = 4096;
+
+/// Keeps an estimate; the oldest gives way.
+fn keep(waiting: &mut BTreeMap<u32, Estimate>, estimate: Estimate) {
+    waiting.insert(estimate.sample_sequence, estimate);
+    if waiting.len() > WAITING {
+        waiting.pop_first();
+    }
+}
+
 /// A board on which nothing takes time.
 struct NoTime;
 
@@ -77,9 +88,7 @@ impl Twin {
                 let number = estimate.sample_sequence;
                 match self.early.remove(&number) {
                     Some(found) => self.agreement.compare(&estimate, &found),
-                    None => {
-                        self.expected.insert(number, estimate);
-                    }
+                    None => keep(&mut self.expected, estimate),
                 }
             }
         }
@@ -91,9 +100,7 @@ impl Twin {
         let number = found.sample_sequence;
         match self.expected.remove(&number) {
             Some(expected) => self.agreement.compare(&expected, found),
-            None => {
-                self.early.insert(number, *found);
-            }
+            None => keep(&mut self.early, *found),
         }
     }
 
