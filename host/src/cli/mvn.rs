@@ -1,5 +1,6 @@
 //! `bodyflight mvn`.
 
+use std::net::IpAddr;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -57,9 +58,12 @@ struct Send {
                   Example: bodyflight mvn listen --bind :9763 --json"
 )]
 struct Listen {
-    /// Where to listen: HOST:PORT, or :PORT on all networks.
-    #[arg(long, default_value = ":9763", value_name = "[HOST]:PORT")]
+    /// Where to listen: HOST:PORT, or :PORT on all networks. MVN on another machine needs one of these.
+    #[arg(long, default_value = "127.0.0.1:9763", value_name = "[HOST]:PORT")]
     bind: String,
+    /// The machine to listen to; otherwise the first that sends.
+    #[arg(long, value_name = "ADDRESS")]
+    from: Option<IpAddr>,
     /// The person to follow, from 0; otherwise whoever comes first.
     #[arg(long)]
     character: Option<u8>,
@@ -122,6 +126,7 @@ fn listen(args: &Listen, json: bool) -> Result<()> {
         character: args.character,
         rate: args.rate,
         angular_unit: None,
+        sender: args.from,
     };
     let mut source = Source::with_options(&args.bind, options)?;
     let address = source.local_address()?.to_string();
@@ -206,12 +211,13 @@ fn summary(frames: u64, receiver: &Receiver) -> String {
     let name = receiver.information().name().unwrap_or("nobody named");
     format!(
         "{frames} frames of {name}, {lost} lost ({share:.2} %): {} missing, {} incomplete, {} bad; \
-         datagrams: {} repeated, {} late, {} bad",
+         datagrams: {} repeated, {} late, {} bad, {} from elsewhere",
         counters.missing_samples,
         counters.incomplete_samples,
         counters.bad_samples,
         counters.repeated_datagrams,
         counters.late_datagrams,
-        counters.bad_datagrams
+        counters.bad_datagrams,
+        counters.foreign_datagrams
     )
 }

@@ -11,6 +11,8 @@ pub struct Counters {
     pub bad_datagrams: u64,
     /// Datagrams of other persons and of kinds that a flight does not need.
     pub ignored_datagrams: u64,
+    /// Datagrams from other machines than the sender's.
+    pub foreign_datagrams: u64,
     /// Datagrams that had come before.
     pub repeated_datagrams: u64,
     /// Datagrams whose sample was given already.

@@ -5,6 +5,9 @@ use nalgebra::{Quaternion, Vector3};
 use super::datagram::Kind;
 use crate::formats::xsens::y_up;
 
+/// Bytes of a text that are kept: names and lines of metadata are shorter.
+const LONGEST_TEXT: usize = 4096;
+
 /// What the payload of one datagram says. Axes are those of MVN, Z up; lengths in m.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Message {
@@ -310,12 +313,13 @@ impl Reader<'_> {
         Some(Quaternion::new(w, i, j, k))
     }
 
-    /// Length and UTF-8; what is not UTF-8 is replaced.
+    /// Length and UTF-8; what is not UTF-8 is replaced, what is longer than any name is cut.
     fn text(&mut self) -> Option<String> {
         let mut after = Self(self.0);
         let length = usize::try_from(after.word()?).ok()?;
         let (text, rest) = after.0.split_at_checked(length)?;
         self.0 = rest;
+        let text = text.get(..LONGEST_TEXT).unwrap_or(text);
         Some(String::from_utf8_lossy(text).into_owned())
     }
 }

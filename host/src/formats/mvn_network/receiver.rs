@@ -1,6 +1,7 @@
 //! Datagrams in, flight frames out; no socket, no clock of its own.
 
 use std::collections::VecDeque;
+use std::net::IpAddr;
 
 use bodyflight_core::frame::Vector;
 use bodyflight_core::{Segment, SegmentArray};
@@ -18,6 +19,10 @@ use crate::formats::xsens::{self, MvnSegment};
 /// Largest error of the norm of a usable orientation.
 const NORM_TOLERANCE: f64 = 0.01;
 
+/// Segments and points of a body that are kept; MVN has 67 segments with fingers and props, and some hundred points.
+const MOST_SEGMENTS: usize = 128;
+const MOST_POINTS: usize = 1024;
+
 /// How to receive.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Options {
@@ -27,6 +32,8 @@ pub struct Options {
     pub rate: Option<f64>,
     /// Unit of the angular velocities; otherwise told by comparison with the orientations.
     pub angular_unit: Option<AngularUnit>,
+    /// The sender's machine; otherwise whichever sends first, see [`super::Source`].
+    pub sender: Option<IpAddr>,
 }
 
 /// What the sender says besides motion, the latest of each.
@@ -105,6 +112,11 @@ impl Receiver {
         self.convert(false);
     }
 
+    /// Counts a datagram that came from another machine than the sender's.
+    pub(super) fn count_foreign(&mut self) {
+        self.counters.foreign_datagrams += 1;
+    }
+
     /// The next frame in order.
     pub fn next_frame(&mut self) -> Option<FlightFrame> {
         self.frames.pop_front()
@@ -144,14 +156,16 @@ impl Receiver {
         match message {
             // These stand for more than one sample: their counter may be anything.
             Message::Metadata(metadata) => self.information.metadata = metadata,
-            Message::Scale(mut scale) => {
+            Message::Scale(scale) => {
                 let known = &mut self.information.scale;
                 if header.fragment == 0 {
-                    *known = scale;
-                } else if known.points.len() < 4096 {
-                    known.segments.append(&mut scale.segments);
-                    known.points.append(&mut scale.points);
+                    *known = Scale::default();
                 }
+                // Fragments may come again and again: only as many as a body has are kept.
+                let free = MOST_SEGMENTS.saturating_sub(known.segments.len());
+                known.segments.extend(scale.segments.into_iter().take(free));
+                let free = MOST_POINTS.saturating_sub(known.points.len());
+                known.points.extend(scale.points.into_iter().take(free));
             }
             Message::JointAngles(angles) => self.information.joint_angles = angles,
             Message::TimeCode(time) => self.information.time_code = Some(time),
@@ -384,6 +398,54 @@ mod tests {
             assert!((velocity + Vector3::z() * 50.0).norm() < 1e-12);
         }
         assert_eq!(receiver.counters().differenced_velocities, 0);
+    }
+
+    #[test]
+    fn the_body_grows_no_larger_than_a_body() {
+        let mut receiver = Receiver::new(Options::default());
+        let names = |count| (0..count).map(|_| ("x".repeat(20_000), Vector3::zeros()));
+        let points = (0..200).map(|_| crate::formats::mvn_network::ScalePoint {
+            segment: 1,
+            point: 1,
+            label: "y".repeat(100),
+            flags: 0,
+            position: Vector3::zeros(),
+        });
+        let points: Vec<_> = points.collect();
+        for fragment in 0..2000_u32 {
+            let message = Message::Scale(Scale {
+                segments: names(2).collect(),
+                points: points.clone(),
+            });
+            let mut payload = Vec::new();
+            let (kind, items) = message.encode(&mut payload);
+            let header = Header {
+                kind,
+                sample: 0,
+                fragment: (fragment % 127) as u8 + 1,
+                last: false,
+                items,
+                time_ms: 0,
+                character: 0,
+                body_segments: 23,
+                props: 0,
+                finger_segments: 0,
+            };
+            let mut bytes = Vec::new();
+            Datagram {
+                header,
+                payload: &payload,
+            }
+            .encode(&mut bytes)
+            .unwrap();
+            receiver.push(&bytes);
+        }
+        let scale = &receiver.information().scale;
+        assert_eq!(receiver.counters().bad_datagrams, 0);
+        assert_eq!(scale.segments.len(), MOST_SEGMENTS);
+        assert_eq!(scale.points.len(), MOST_POINTS);
+        let letters: usize = scale.segments.iter().map(|(name, _)| name.len()).sum();
+        assert!(letters < 1 << 20, "{letters} bytes of names");
     }
 
     proptest! {

@@ -1,9 +1,10 @@
 //! Frames from a UDP socket.
 
 use std::io::ErrorKind;
-use std::net::{SocketAddr, UdpSocket};
+use std::net::{IpAddr, SocketAddr, UdpSocket};
 use std::time::{Duration, Instant};
 
+use super::datagram::Datagram;
 use super::receiver::{Options, Receiver};
 use crate::diagnostic::{Problem, Result};
 use crate::formats::recording::FlightFrame;
@@ -18,11 +19,16 @@ const LARGEST: usize = 65_536;
 
 /// Frames as MVN sends them, live.
 ///
+/// It follows one machine, the first to send anything of MVN, or the one of [`Options::sender`]; what others send is
+/// counted and left.
+///
 /// As an iterator it waits for the next frame and never ends but with a problem, Ctrl-C being one.
 #[derive(Debug)]
 pub struct Source {
     socket: UdpSocket,
     receiver: Receiver,
+    /// The sender's machine, once known.
+    sender: Option<IpAddr>,
     buffer: Vec<u8>,
 }
 
@@ -50,6 +56,7 @@ impl Source {
         Ok(Self {
             socket,
             receiver: Receiver::new(options),
+            sender: options.sender,
             buffer: vec![0; LARGEST],
         })
     }
@@ -86,10 +93,8 @@ impl Source {
                 return Ok(Some(frame));
             }
             interrupt::check()?;
-            match self.socket.recv(&mut self.buffer) {
-                Ok(length) => self
-                    .receiver
-                    .push(self.buffer.get(..length).unwrap_or_default()),
+            match self.socket.recv_from(&mut self.buffer) {
+                Ok((length, from)) => self.take(length, from.ip()),
                 Err(error) => match error.kind() {
                     ErrorKind::WouldBlock | ErrorKind::TimedOut => self.receiver.flush(),
                     // Windows tells a receiver that its own answers were refused.
@@ -100,6 +105,21 @@ impl Source {
             if begin.elapsed() >= patience {
                 return Ok(self.receiver.next_frame());
             }
+        }
+    }
+}
+
+impl Source {
+    /// Takes a datagram of the one sender: whoever sent the first that is of MVN.
+    fn take(&mut self, length: usize, from: IpAddr) {
+        let bytes = self.buffer.get(..length).unwrap_or_default();
+        if self.sender.is_none() && Datagram::parse(bytes).is_ok() {
+            self.sender = Some(from);
+        }
+        if self.sender.is_some_and(|sender| sender != from) {
+            self.receiver.count_foreign();
+        } else {
+            self.receiver.push(bytes);
         }
     }
 }
