@@ -249,8 +249,9 @@ fn live_view(args: &Args, flight: &Flight) -> Result<LiveView> {
         "live at {} (the stream waits for the page)",
         view.url()
     ));
-    if args.open {
-        open(view.url());
+    let doorway = args.open.then(|| view.doorway()).transpose()?;
+    if let Some(doorway) = &doorway {
+        open(doorway.path());
     }
     view.await_page()?;
     Ok(view)

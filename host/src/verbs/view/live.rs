@@ -48,6 +48,14 @@ impl LiveView {
         self.server.url()
     }
 
+    /// The way to the page for a browser, see [`Server::doorway`].
+    ///
+    /// # Errors
+    /// Where the system refuses a file.
+    pub fn doorway(&self) -> Result<tempfile::NamedTempFile> {
+        self.server.doorway()
+    }
+
     /// Waits until somebody looks.
     ///
     /// # Errors

@@ -1,22 +1,24 @@
 //! A server for one page on this machine: the page itself, and a web socket to it.
 //!
 //! It listens on the loopback address only. A random token in the address keeps other users and other pages out,
-//! `Host` and `Origin` are checked, and nothing of a request becomes a path.
+//! `Host` and `Origin` are checked, and nothing of a request becomes a path. Whoever has no token can hold few connections,
+//! for a short time, and the newest go first.
 
-use std::io::{self, Read, Write};
+mod admission;
+
+use std::io::{self, Write};
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
+use tempfile::NamedTempFile;
 use tungstenite::handshake::derive_accept_key;
 use tungstenite::protocol::{Role, WebSocketConfig};
 use tungstenite::{Message, WebSocket};
 
 use crate::diagnostic::{Problem, Result};
-
-/// Longest head of a request (bytes).
-const LONGEST_HEAD: usize = 16 * 1024;
+use admission::WaitingRoom;
 
 /// Longest message from the page (bytes): twenty minutes of recorded flight.
 const LONGEST_MESSAGE: usize = 320 << 20;
@@ -24,9 +26,21 @@ const LONGEST_MESSAGE: usize = 320 << 20;
 /// Messages that wait for a slow page; later ones are left out.
 const WAITING: usize = 64;
 
-/// Time after which a silent connection is closed, and between two looks at what is to be sent.
+/// Time for a whole answer, for one message to a page, and between two looks at what is to be sent.
+const ANSWER_TIME: Duration = Duration::from_secs(30);
 const PATIENCE: Duration = Duration::from_secs(5);
 const TURN: Duration = Duration::from_millis(5);
+
+/// Pages that may listen at once.
+const MOST_PAGES: usize = 16;
+
+/// Wait after the system has refused a connection or a thread: it has run out of something.
+const BREATH: Duration = Duration::from_millis(50);
+
+/// What every answer says: not to be kept, shown in another page, taken for another type, or named to others.
+const HEADERS: &str = "Cache-Control: no-store\r\nContent-Security-Policy: frame-ancestors 'none'\r\n\
+    Cross-Origin-Opener-Policy: same-origin\r\nCross-Origin-Resource-Policy: same-origin\r\n\
+    Referrer-Policy: no-referrer\r\nX-Content-Type-Options: nosniff\r\nX-Frame-Options: DENY\r\nConnection: close";
 
 /// Answers a binary message of the page with a text.
 pub type Answer = dyn Fn(Vec<u8>) -> String + Send + Sync;
@@ -44,6 +58,7 @@ struct Shared {
     address: SocketAddr,
     answer: Box<Answer>,
     listeners: Arc<Mutex<Vec<SyncSender<Message>>>>,
+    waiting_room: WaitingRoom,
 }
 
 impl Server {
@@ -68,14 +83,11 @@ impl Server {
             address,
             answer,
             listeners: Arc::clone(&listeners),
+            waiting_room: WaitingRoom::default(),
         });
-        std::thread::spawn(move || {
-            for stream in listener.incoming().flatten() {
-                let shared = Arc::clone(&shared);
-                // A connection that fails concerns nobody else.
-                std::thread::spawn(move || shared.serve(stream));
-            }
-        });
+        std::thread::Builder::new()
+            .spawn(move || accept(&listener, &shared))
+            .map_err(|error| refused("start a thread").caused_by(error))?;
         Ok(Self {
             address,
             token,
@@ -86,6 +98,29 @@ impl Server {
     /// Where the page is.
     pub fn url(&self) -> String {
         format!("http://{}/{}/", self.address, self.token)
+    }
+
+    /// A file, for this user alone, that leads a browser to the page: in the arguments of a program everybody on the
+    /// machine could read the token. It is removed when it is dropped.
+    ///
+    /// # Errors
+    /// Where the system refuses a file.
+    pub fn doorway(&self) -> Result<NamedTempFile> {
+        let folder = std::env::temp_dir();
+        let refused = |error| Problem::system("create", &folder, error);
+        let mut file = tempfile::Builder::new()
+            .prefix("bodyflight-")
+            .suffix(".html")
+            .tempfile()
+            .map_err(refused)?;
+        let url = self.url();
+        write!(
+            file,
+            "<!doctype html><meta http-equiv=\"refresh\" content=\"0; url={url}\"><a href=\"{url}\">bodyflight</a>\n"
+        )
+        .and_then(|()| file.flush())
+        .map_err(refused)?;
+        Ok(file)
     }
 
     /// Pages that listen.
@@ -110,17 +145,35 @@ impl Server {
     }
 }
 
+/// Takes connections for as long as the process lives.
+fn accept(listener: &TcpListener, shared: &Arc<Shared>) {
+    loop {
+        let begun = listener.accept().and_then(|(stream, _)| {
+            let shared = Arc::clone(shared);
+            // A connection that fails concerns nobody else.
+            std::thread::Builder::new().spawn(move || shared.serve(stream))
+        });
+        if begun.is_err() {
+            std::thread::sleep(BREATH);
+        }
+    }
+}
+
 impl Shared {
     fn serve(&self, mut stream: TcpStream) -> io::Result<()> {
-        stream.set_read_timeout(Some(PATIENCE))?;
-        stream.set_write_timeout(Some(PATIENCE))?;
-        let head = read_head(&mut stream)?;
+        let head = self.waiting_room.read_head(&mut stream)?;
         match self.judge(&head) {
             Request::Page => answer(
                 &mut stream,
                 "200 OK",
                 "text/html; charset=utf-8",
                 &self.page,
+            ),
+            Request::Socket(_) if self.pages() >= MOST_PAGES => answer(
+                &mut stream,
+                "503 Service Unavailable",
+                "text/plain; charset=utf-8",
+                "too many pages listen already",
             ),
             Request::Socket(key) => {
                 let accept = derive_accept_key(key.as_bytes());
@@ -134,6 +187,11 @@ impl Shared {
                 answer(&mut stream, status, "text/plain; charset=utf-8", reason)
             }
         }
+    }
+
+    fn pages(&self) -> usize {
+        let listeners = self.listeners.lock();
+        listeners.unwrap_or_else(PoisonError::into_inner).len()
     }
 
     fn judge(&self, head: &[u8]) -> Request {
@@ -161,10 +219,18 @@ impl Shared {
         if method != "GET" {
             return Request::Refused("405 Method Not Allowed", "GET only");
         }
-        if path == format!("/{}/", self.token) {
+        let (token, rest) = path
+            .strip_prefix('/')
+            .unwrap_or(path)
+            .split_at_checked(self.token.len())
+            .unwrap_or_default();
+        if !is_same(token, &self.token) {
+            return Request::Refused("404 Not Found", "use the address that the program printed");
+        }
+        if rest == "/" {
             return Request::Page;
         }
-        if path == format!("/{}/socket", self.token) {
+        if rest == "/socket" {
             // Browsers always name the origin of a socket.
             return match (header("sec-websocket-key"), origin) {
                 (Some(key), Some(_)) => Request::Socket(key.to_owned()),
@@ -176,6 +242,7 @@ impl Shared {
 
     fn talk(&self, stream: TcpStream) -> io::Result<()> {
         stream.set_read_timeout(Some(TURN))?;
+        stream.set_write_timeout(Some(PATIENCE))?;
         let config = WebSocketConfig::default()
             .max_message_size(Some(LONGEST_MESSAGE))
             .max_frame_size(Some(LONGEST_MESSAGE));
@@ -223,29 +290,35 @@ enum Request {
     Refused(&'static str, &'static str),
 }
 
-fn read_head(stream: &mut TcpStream) -> io::Result<Vec<u8>> {
-    let mut head = Vec::new();
-    let mut byte = [0];
-    // Not a byte beyond: what follows belongs to the socket.
-    while !head.ends_with(b"\r\n\r\n") {
-        if head.len() >= LONGEST_HEAD || stream.read(&mut byte)? == 0 {
-            return Err(io::ErrorKind::InvalidData.into());
-        }
-        head.extend(byte);
-    }
-    Ok(head)
+/// Compares in a time that does not tell how much is right.
+fn is_same(one: &str, other: &str) -> bool {
+    let differences = one.bytes().zip(other.bytes()).map(|(a, b)| a ^ b);
+    one.len() == other.len() && differences.fold(0, |all, difference| all | difference) == 0
 }
 
 fn answer(stream: &mut TcpStream, status: &str, kind: &str, body: &str) -> io::Result<()> {
-    write!(
-        stream,
-        "HTTP/1.1 {status}\r\nContent-Type: {kind}\r\nContent-Length: {}\r\nCache-Control: no-store\r\nReferrer-Policy: no-referrer\r\nX-Content-Type-Options: nosniff\r\nConnection: close\r\n\r\n{body}",
+    let head = format!(
+        "HTTP/1.1 {status}\r\nContent-Type: {kind}\r\nContent-Length: {}\r\n{HEADERS}\r\n\r\n",
         body.len()
-    )
+    );
+    let end = Instant::now() + ANSWER_TIME;
+    for mut rest in [head.as_bytes(), body.as_bytes()] {
+        while !rest.is_empty() {
+            stream.set_write_timeout(Some(admission::left_until(end)?))?;
+            let written = stream.write(rest)?;
+            if written == 0 {
+                return Err(io::ErrorKind::WriteZero.into());
+            }
+            rest = rest.get(written..).unwrap_or_default();
+        }
+    }
+    Ok(())
 }
 
 #[cfg(test)]
 mod tests {
+    use std::io::Read;
+
     use super::*;
 
     fn server() -> Server {
@@ -286,6 +359,71 @@ mod tests {
                 text.starts_with(&format!("HTTP/1.1 {status}")),
                 "{head}: {text}"
             );
+        }
+    }
+
+    #[test]
+    fn the_page_is_for_no_other_page_to_show() {
+        let server = server();
+        let head = format!(
+            "GET /{}/ HTTP/1.1\r\nHost: {}",
+            server.token, server.address
+        );
+        let text = asked(&server, &head);
+        for header in [
+            "X-Frame-Options: DENY",
+            "frame-ancestors 'none'",
+            "X-Content-Type-Options: nosniff",
+            "Cross-Origin-Resource-Policy: same-origin",
+        ] {
+            assert!(text.contains(header), "{header}: {text}");
+        }
+    }
+
+    #[test]
+    fn slow_strangers_lock_nobody_out() {
+        let server = server();
+        let slow: Vec<TcpStream> = (0..400)
+            .map(|_| {
+                let mut stream = TcpStream::connect(server.address).unwrap();
+                let _ = stream.write_all(b"GET / HT");
+                stream
+            })
+            .collect();
+        let head = format!(
+            "GET /{}/ HTTP/1.1\r\nHost: {}",
+            server.token, server.address
+        );
+        assert!(asked(&server, &head).starts_with("HTTP/1.1 200"));
+        drop(slow);
+    }
+
+    #[test]
+    fn a_byte_now_and_then_keeps_no_connection() {
+        let server = server();
+        let begin = Instant::now();
+        let mut stream = TcpStream::connect(server.address).unwrap();
+        stream.set_nodelay(true).unwrap();
+        let mut head = b"GET / HTTP/1.1\r\nX: "
+            .iter()
+            .chain(std::iter::repeat(&b'a'));
+        while stream.write_all(&[*head.next().unwrap()]).is_ok() {
+            assert!(begin.elapsed() < Duration::from_secs(20), "still open");
+            std::thread::sleep(Duration::from_millis(100));
+        }
+    }
+
+    #[test]
+    fn the_way_for_a_browser_is_for_this_user_alone() {
+        let server = server();
+        let door = server.doorway().unwrap();
+        let text = std::fs::read_to_string(door.path()).unwrap();
+        assert!(text.contains(&server.url()));
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::PermissionsExt;
+            let mode = door.as_file().metadata().unwrap().permissions().mode();
+            assert_eq!(mode & 0o077, 0, "{mode:o}");
         }
     }
 
