@@ -158,7 +158,8 @@ fn a_smoothed_estimate_flies_the_flight_again() {
         &["--seed", "3", "--joint-error-deg", "2"],
     );
     let csv = folder.path().join("found.csv");
-    let common = ["estimate", &flight, "--out", csv.to_str().expect("plain")];
+    let csv = csv.to_str().expect("plain");
+    let common = ["estimate", &flight, "--force", "--out", csv];
     let (forward, whole) = (
         json(&common),
         json(&[&common[..], &["--method", "smooth"]].concat()),

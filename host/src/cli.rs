@@ -10,6 +10,7 @@ mod hide;
 mod inspect;
 mod monitor;
 mod mvn;
+mod outputs;
 mod ports;
 mod simulate;
 mod stream;
@@ -70,7 +71,7 @@ enum Verb {
 pub(crate) fn main() -> ExitCode {
     interrupt::listen();
     let cli = Cli::parse();
-    match run(&cli) {
+    match run(&cli).and_then(|()| terminal::finish()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(problem) => {
             let code = problem.kind.exit_code();

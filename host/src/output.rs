@@ -1,4 +1,5 @@
 //! Files that are whole or absent, and the plots in them.
 
+pub mod destination;
 pub mod files;
 pub mod plot;

@@ -65,7 +65,11 @@ pub(crate) fn hil(seconds: u32) -> Result<()> {
     build_program()?;
     let folder = target_folder()?.join("hil");
     let flight = folder.join("flight.toml");
-    Running::start(&["synth", "tracking", "--seed", "1", "--out"], &folder)?.output()?;
+    Running::start(
+        &["synth", "tracking", "--seed", "1", "--force", "--out"],
+        &folder,
+    )?
+    .output()?;
     f405::paced(seconds)?;
     let seconds = seconds.to_string();
     let image = image.display().to_string();

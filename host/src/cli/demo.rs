@@ -9,10 +9,11 @@ use bodyflight::formats::subject::Subject;
 use bodyflight::output::files::write_file;
 use bodyflight::output::plot::comparison_svg;
 use bodyflight::verbs::simulate::{RunFile, simulate};
-use bodyflight::verbs::synthesize::{DEFAULT_SWAY, JointError, Request};
+use bodyflight::verbs::synthesize::{DEFAULT_SWAY, FILES, JointError, Request};
 use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::sensor_noise::SensorNoise;
 
+use super::outputs::Outputs;
 use super::{simulate as simulate_verb, synth, terminal};
 
 /// Fly the bundled maneuver, write it as a recording, and reconstruct it: table, CSV and plot.
@@ -22,6 +23,8 @@ pub(super) struct Args {
     /// Folder for everything that is written; made where absent.
     #[arg(long, default_value = "bodyflight-demo")]
     out: PathBuf,
+    #[command(flatten)]
+    outputs: Outputs,
 }
 
 /// The bundled flight: a script of the core, the same bits on every machine.
@@ -41,6 +44,9 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         joint_error: JointError::default(),
         sway: DEFAULT_SWAY,
     };
+    for names in [FILES, &["run.csv", "run.svg"]] {
+        args.outputs.check_in(&args.out, names)?;
+    }
     let written = synth::write(&request, &args.out)?;
     let flight = Flight::read(&written.flight)?;
     let (csv, svg) = (args.out.join("run.csv"), args.out.join("run.svg"));

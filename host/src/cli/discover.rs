@@ -31,6 +31,9 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
             refuse_same(&Flight::read(flight)?.recording, &held_out)?;
         }
     }
+    if let Some(folder) = &args.out {
+        args.outputs.check_in(folder, output::FILES)?;
+    }
     if flysight::is_flysight(&fitted.recording) {
         if let Some(second) = args.flights.get(1) {
             return Err(

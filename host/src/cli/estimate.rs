@@ -15,7 +15,8 @@ use bodyflight_core::estimator::motion::measurement::NAMES;
 use bodyflight_core::estimator::preset::{PRESETS, Preset};
 use serde::Serialize;
 
-use super::simulate::{Precision, Reading, refuse_inputs};
+use super::outputs::Outputs;
+use super::simulate::{Precision, Reading};
 use super::terminal;
 
 /// Estimate muscle inputs and damping over time, and compare the reconstruction with and without them.
@@ -68,6 +69,8 @@ pub(super) struct Args {
     /// Precision of filter and model.
     #[arg(long, value_enum, default_value = "double")]
     precision: Precision,
+    #[command(flatten)]
+    outputs: Outputs,
     #[command(flatten)]
     reading: Reading,
 }
@@ -177,7 +180,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         flight.effects = Effects::read(model)?;
     }
     let outputs = [&args.out, &args.plot];
-    refuse_inputs(outputs, &[path, &flight.recording])?;
+    args.outputs.check(outputs)?;
     let spinner = terminal::spinner("estimating");
     let progress = |time: f64| spinner.set_message(format!("estimating, {time:.0} s"));
     let estimation = match args.precision {

@@ -8,6 +8,7 @@ use bodyflight::output::files::write_file;
 use bodyflight::verbs::fall::{Conditions, DEFAULT_MASS, Moment, Report, WindRow, fall, figure};
 use bodyflight_falls::verdict::Verdict;
 
+use super::outputs::Outputs;
 use super::terminal;
 
 /// Say what a logger's track holds: exit, fall rate, drag area, wind, opening, canopy.
@@ -35,12 +36,15 @@ pub(super) struct Args {
     /// Write phases, speeds and drag area over time as SVG.
     #[arg(long, value_name = "SVG")]
     plot: Option<PathBuf>,
+    #[command(flatten)]
+    outputs: Outputs,
 }
 
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     let conditions = conditions(args)?;
     let spinner = terminal::spinner("reading");
     let track = track::read(&args.track)?;
+    args.outputs.check([&args.plot])?;
     let (report, jump) = fall(&track, &conditions, &args.track)?;
     spinner.finish_and_clear();
     if let Some(path) = &args.plot {

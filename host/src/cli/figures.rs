@@ -4,9 +4,10 @@ use std::path::PathBuf;
 
 use bodyflight::diagnostic::{Problem, Result};
 use bodyflight::formats::flight::Flight;
-use bodyflight::verbs::figures::{Settings, write};
+use bodyflight::verbs::figures::{FILES, Settings, write};
 use serde::Serialize;
 
+use super::outputs::Outputs;
 use super::simulate::Reading;
 use super::view::name_of;
 use super::{estimate, terminal};
@@ -33,6 +34,8 @@ pub(super) struct Args {
     #[arg(long, value_name = "FOLDER", default_value = "figures")]
     out: PathBuf,
     #[command(flatten)]
+    outputs: Outputs,
+    #[command(flatten)]
     reading: Reading,
 }
 
@@ -54,6 +57,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         snapshots: args.snapshots,
     };
     let flight = Flight::read(&args.flight)?;
+    args.outputs.check_in(&args.out, FILES)?;
     let spinner = terminal::spinner("estimating");
     let progress = |time: f64| spinner.set_message(format!("drawing, {time:.0} s"));
     let title = name_of(&args.flight);

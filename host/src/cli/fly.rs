@@ -15,6 +15,7 @@ use bodyflight::verbs::view::server::Server;
 use bodyflight_core::aerodynamics::load_model::LoadModel;
 use serde::Serialize;
 
+use super::outputs::Outputs;
 use super::terminal;
 use super::view::{command, open};
 
@@ -37,6 +38,8 @@ pub(super) struct Args {
     /// Write the page and end.
     #[arg(long, value_name = "HTML", conflicts_with_all = ["save", "open"])]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    outputs: Outputs,
     /// Open the page in a browser.
     #[arg(long)]
     open: bool,
@@ -62,6 +65,8 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
             subject
         }
     };
+    args.outputs.check([&args.out])?;
+    args.outputs.check_in(&args.save, &[])?;
     let files: Vec<&Path> = args.subject.iter().map(PathBuf::as_path).collect();
     let provenance = Provenance::of(command(), &files)?;
     let fly = FlyData::new(&setup(&subject, args.density), shapes(&subject));
@@ -90,8 +95,9 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     } else {
         terminal::print(&format!("fly at {url} (Ctrl-C ends)"));
     }
-    if args.open {
-        open(&url);
+    let doorway = args.open.then(|| server.doorway()).transpose()?;
+    if let Some(doorway) = &doorway {
+        open(doorway.path());
     }
     // Ctrl-C is the way to end, not a failure.
     while interrupt::check().is_ok() {

@@ -5,13 +5,15 @@ use std::path::PathBuf;
 use bodyflight::diagnostic::{Problem, Result};
 use bodyflight::formats::flight::Flight;
 use bodyflight::formats::subject::Subject;
+use bodyflight::interrupt;
 use bodyflight::output::files::write_file;
-use bodyflight::verbs::hide::{truth_toml, write};
+use bodyflight::verbs::hide::{FILES, truth_toml, write};
 use bodyflight_core::effect::Effect;
 use bodyflight_discovery::laboratory::outside::Outside;
 use bodyflight_discovery::laboratory::{FRAME_RATE, Hidden, JointErrors, Settings, fly, strength};
 use serde::Serialize;
 
+use super::outputs::Outputs;
 use super::terminal;
 
 /// Write flights in which an effect acts and nothing in the files says so.
@@ -50,6 +52,15 @@ pub(super) struct Args {
     /// Frames a second.
     #[arg(long, default_value_t = FRAME_RATE)]
     rate: f64,
+    #[command(flatten)]
+    outputs: Outputs,
+}
+
+/// What is hidden, beside the flights.
+const TRUTH: &str = "truth.toml";
+
+fn folder(args: &Args, index: u64) -> PathBuf {
+    args.out.join(format!("flight-{index}"))
 }
 
 fn known() -> String {
@@ -93,6 +104,10 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         Some(path) => Subject::read(path)?,
         None => Subject::default(),
     };
+    args.outputs.check_in(&args.out, &[TRUTH])?;
+    for index in 0..args.flights {
+        args.outputs.check_in(&folder(args, index), FILES)?;
+    }
     let flight = Flight {
         subject: subject.clone(),
         ..Flight::bare(&args.out)
@@ -102,6 +117,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     let bar = terminal::bar(args.flights, "flying");
     let mut flights = Vec::new();
     for index in 0..args.flights {
+        interrupt::check()?;
         let settings = Settings {
             seed: args.seed.wrapping_mul(1000) + index,
             duration: args.duration,
@@ -111,16 +127,11 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
             rate: args.rate,
         };
         let flown = fly(&dynamics, &inputs, &hidden, &settings);
-        flights.push(write(
-            &flown,
-            &subject,
-            args.rate,
-            &args.out.join(format!("flight-{index}")),
-        )?);
+        flights.push(write(&flown, &subject, args.rate, &folder(args, index))?);
         bar.inc(1);
     }
     bar.finish_and_clear();
-    let truth = args.out.join("truth.toml");
+    let truth = args.out.join(TRUTH);
     write_file(&truth, truth_toml(&hidden).as_bytes())?;
     if json {
         return terminal::print_json(&Written { flights, truth });

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use bodyflight::diagnostic::{Problem, Result};
+use bodyflight::diagnostic::Result;
 use bodyflight::formats::flight::{Flight, Start};
 use bodyflight::formats::model_file::Effects;
 use bodyflight::formats::mvnx::ArmFrame;
@@ -12,6 +12,7 @@ use bodyflight::output::plot::comparison_svg;
 use bodyflight::verbs::simulate::{RunFile, Simulation, simulate};
 use bodyflight_core::dynamics::free_run::Equations;
 
+use super::outputs::Outputs;
 use super::terminal;
 
 /// Run the model over recorded postures from the first frame and compare it with the measured pelvis.
@@ -38,6 +39,8 @@ pub(super) struct Args {
     /// Precision of the model; the recording is always read in double.
     #[arg(long, value_enum, default_value = "double")]
     precision: Precision,
+    #[command(flatten)]
+    outputs: Outputs,
     #[command(flatten)]
     reading: Reading,
 }
@@ -117,14 +120,10 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         StartName::First => Start::First,
         StartName::Smoothed => Start::Smoothed,
     };
-    let mut inputs = vec![&args.flight, &flight.recording];
-    if let Some(model) = &args.model {
-        inputs.push(model);
-    }
-    refuse_inputs([&args.out, &args.plot], &inputs)?;
     if let Some(model) = &args.model {
         flight.effects = Effects::read(model)?;
     }
+    args.outputs.check([&args.out, &args.plot])?;
     let simulation = run_flight(&flight, args)?;
     terminal::note_assumed_subject(&flight);
     if let Some(path) = &args.plot {
@@ -142,25 +141,6 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         terminal::print(&format!("written: {}", path.display()));
     }
     Ok(())
-}
-
-/// Refuses outputs that are inputs.
-pub(super) fn refuse_inputs<const N: usize>(
-    outputs: [&Option<PathBuf>; N],
-    inputs: &[&PathBuf],
-) -> Result<()> {
-    match outputs
-        .into_iter()
-        .flatten()
-        .find(|output| inputs.contains(output))
-    {
-        None => Ok(()),
-        Some(output) => Err(
-            Problem::bad_input("this is an input, and would be overwritten")
-                .in_file(output)
-                .help("give another name to the output"),
-        ),
-    }
 }
 
 fn run_flight(flight: &Flight, args: &Args) -> Result<Simulation> {

@@ -5,11 +5,12 @@ use std::path::PathBuf;
 use bodyflight::diagnostic::{Problem, Result};
 use bodyflight::formats::flight::DEFAULT_DENSITY;
 use bodyflight::formats::subject::Subject;
-use bodyflight::verbs::synthesize::{DEFAULT_SWAY, JointError, Report, Request, synthesize};
+use bodyflight::verbs::synthesize::{DEFAULT_SWAY, FILES, JointError, Report, Request, synthesize};
 use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::maneuver::scripts::MANEUVERS;
 use bodyflight_core::sensor_noise::SensorNoise;
 
+use super::outputs::Outputs;
 use super::terminal;
 
 /// Fly a maneuver with the model and write it like a recording, with sensor noise.
@@ -39,6 +40,8 @@ pub(super) struct Args {
     /// The same, wandering at 0.08 to 0.5 Hz.
     #[arg(long, default_value_t = 0.0, value_name = "DEG")]
     joint_wander_deg: f64,
+    #[command(flatten)]
+    outputs: Outputs,
 }
 
 fn maneuvers_help() -> String {
@@ -71,6 +74,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
             )));
         }
     }
+    args.outputs.check_in(&args.out, FILES)?;
     let report = write(
         &Request {
             maneuver,

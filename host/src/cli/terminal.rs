@@ -1,6 +1,11 @@
 //! What people see: text, tables, progress bars, problems.
+//!
+//! Names and texts in files and from networks are written by strangers: nothing of them reaches a terminal as a command.
 
-use std::io::{IsTerminal, Write};
+mod visible;
+
+use std::io::{ErrorKind, IsTerminal, Write};
+use std::sync::OnceLock;
 use std::time::Duration;
 
 use bodyflight::diagnostic::{Problem, Result};
@@ -9,11 +14,14 @@ use bodyflight::replay::comparison::{Channel, PerChannel};
 use comfy_table::{CellAlignment, Table};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
+use visible::{json_without_controls, visible, visible_problem};
 
-/// Writes a line to standard output. A reader that has gone away is no failure.
+/// The first failure to write to standard output, other than that its reader has gone away.
+static FAILED: OnceLock<std::io::Error> = OnceLock::new();
+
+/// Writes a line to standard output. A reader that has gone away is no failure; others end the command, see [`finish`].
 pub(super) fn print(text: &str) {
-    let mut out = std::io::stdout().lock();
-    let _ = writeln!(out, "{text}");
+    line(text);
 }
 
 /// Writes a value as JSON.
@@ -21,16 +29,14 @@ pub(super) fn print(text: &str) {
 /// # Errors
 /// Where the value cannot be written as JSON.
 pub(super) fn print_json(value: &impl Serialize) -> Result<()> {
-    let text = serde_json::to_string_pretty(value)
-        .map_err(|error| Problem::internal("cannot write JSON").caused_by(error))?;
-    print(&text);
+    let text = serde_json::to_string_pretty(value).map_err(no_json)?;
+    put(&json_without_controls(&text));
     Ok(())
 }
 
 /// Writes a line of a stream that may have no end; `false` once nobody reads it.
 pub(super) fn line(text: &str) -> bool {
-    let mut out = std::io::stdout().lock();
-    writeln!(out, "{text}").is_ok()
+    put(&visible(text))
 }
 
 /// As [`line()`], a value as JSON on one line.
@@ -38,15 +44,44 @@ pub(super) fn line(text: &str) -> bool {
 /// # Errors
 /// Where the value cannot be written as JSON.
 pub(super) fn json_line(value: &impl Serialize) -> Result<bool> {
-    let text = serde_json::to_string(value)
-        .map_err(|error| Problem::internal("cannot write JSON").caused_by(error))?;
-    Ok(line(&text))
+    let text = serde_json::to_string(value).map_err(no_json)?;
+    Ok(put(&json_without_controls(&text)))
+}
+
+fn no_json(error: serde_json::Error) -> Problem {
+    Problem::internal("cannot write JSON").caused_by(error)
+}
+
+fn put(text: &str) -> bool {
+    let mut out = std::io::stdout().lock();
+    match writeln!(out, "{text}").and_then(|()| out.flush()) {
+        Ok(()) => true,
+        Err(error) => {
+            if error.kind() != ErrorKind::BrokenPipe {
+                let _ = FAILED.set(error);
+            }
+            false
+        }
+    }
+}
+
+/// To be called once all is written.
+///
+/// # Errors
+/// Where standard output took less than it was given, as on a full disk.
+pub(super) fn finish() -> Result<()> {
+    match FAILED.get() {
+        None => Ok(()),
+        Some(error) => Err(Problem::refused(format!(
+            "cannot write to standard output: {error}"
+        ))),
+    }
 }
 
 /// Writes a remark to standard error.
 pub(super) fn note(text: &str) {
     let mut err = std::io::stderr().lock();
-    let _ = writeln!(err, "{text}");
+    let _ = writeln!(err, "{}", visible(text));
 }
 
 /// Says that a default person is flown, where a flight names none.
@@ -62,7 +97,7 @@ pub(super) fn note_assumed_subject(flight: &Flight) {
 /// Writes a problem to standard error, with its help.
 pub(super) fn print_problem(problem: Problem) {
     let mut err = std::io::stderr().lock();
-    let _ = writeln!(err, "{:?}", miette::Report::new(problem));
+    let _ = writeln!(err, "{:?}", miette::Report::new(visible_problem(problem)));
 }
 
 /// A bar for work of known length, on a terminal only.

@@ -8,6 +8,7 @@ use bodyflight::formats::subject::CommonCoefficients;
 use bodyflight::output::files::write_file;
 use bodyflight::verbs::tune::{Report, Search, tune};
 
+use super::outputs::Outputs;
 use super::{simulate, terminal};
 
 /// Search for aerodynamic coefficients that reconstruct flights best, and check them on others.
@@ -35,6 +36,8 @@ pub(super) struct Args {
     #[arg(long, value_name = "TOML")]
     out: Option<PathBuf>,
     #[command(flatten)]
+    outputs: Outputs,
+    #[command(flatten)]
     reading: simulate::Reading,
 }
 
@@ -49,6 +52,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         paths.iter().map(|path| Flight::read(path)).collect()
     };
     let (flights, held_out) = (read(&args.flights)?, read(&args.hold_out)?);
+    args.outputs.check([&args.out])?;
     let bar = terminal::bar(args.draws as u64, "draws");
     let search = Search {
         draws: args.draws,

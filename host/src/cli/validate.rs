@@ -8,6 +8,7 @@ use bodyflight::replay::recorded::Recorded;
 use bodyflight::verbs::validate::windows::{MODELS, Spread};
 use bodyflight::verbs::validate::{Report, bundled, figure, read, validate};
 
+use super::outputs::Outputs;
 use super::terminal;
 
 /// Compare the model with real flights: parts of twisting somersaults predicted from their first frame.
@@ -22,6 +23,8 @@ pub(super) struct Args {
     /// Write how far each model is off over whole flights, as SVG.
     #[arg(long, value_name = "SVG")]
     plot: Option<PathBuf>,
+    #[command(flatten)]
+    outputs: Outputs,
 }
 
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
@@ -40,6 +43,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
             Ok((name.into_owned(), read(path)?))
         })
         .collect::<Result<Vec<(String, Recorded)>>>()?;
+    args.outputs.check([&args.plot])?;
     let report = validate(&flights, |what| spinner.set_message(what.to_owned()));
     let plot = args
         .plot

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use bodyflight::diagnostic::{Problem, Result};
 use bodyflight::formats::flight::Flight;
+use bodyflight::formats::input;
 use bodyflight::formats::model_file::Effects;
 use bodyflight::output::files::write_file;
 use bodyflight::verbs::view::page::{PageData, Provenance, html};
@@ -11,7 +12,8 @@ use bodyflight::verbs::view::run::fly;
 use serde::Serialize;
 use serde_json::Value;
 
-use super::simulate::{Reading, refuse_inputs};
+use super::outputs::Outputs;
+use super::simulate::Reading;
 use super::terminal;
 
 /// Write a page that replays flights: body, plots and forces, one HTML file to look at and send.
@@ -37,6 +39,8 @@ pub(super) struct Args {
     /// Open the page in a browser.
     #[arg(long)]
     open: bool,
+    #[command(flatten)]
+    outputs: Outputs,
     #[command(flatten)]
     reading: Reading,
 }
@@ -87,8 +91,14 @@ fn page(args: &Args, mut progress: impl FnMut(f64)) -> Result<PageData> {
     let mut runs = Vec::new();
     let effects = args.model.as_deref().map(Effects::read).transpose()?;
     let options = args.reading.options();
-    for path in &args.flights {
-        let mut flight = Flight::read(path)?;
+    let flights = args
+        .flights
+        .iter()
+        .map(|path| Ok((path, Flight::read(path)?)))
+        .collect::<Result<Vec<_>>>()?;
+    let discovery = args.discovery.as_deref().map(report).transpose()?;
+    args.outputs.check([&Some(args.out.clone())])?;
+    for (path, mut flight) in flights {
         files.push(path.clone());
         if flight.recording != *path {
             files.push(flight.recording.clone());
@@ -103,7 +113,6 @@ fn page(args: &Args, mut progress: impl FnMut(f64)) -> Result<PageData> {
     }
     files.extend(args.model.clone());
     files.extend(args.discovery.clone());
-    refuse_inputs([&Some(args.out.clone())], &files.iter().collect::<Vec<_>>())?;
     let files: Vec<&Path> = files.iter().map(PathBuf::as_path).collect();
     let provenance = Provenance::of(command(), &files)?;
     let title = args
@@ -111,7 +120,7 @@ fn page(args: &Args, mut progress: impl FnMut(f64)) -> Result<PageData> {
         .first()
         .map_or_else(String::new, |path| name_of(path));
     let mut page = PageData::replay(title, provenance, runs);
-    page.discovery = args.discovery.as_deref().map(report).transpose()?;
+    page.discovery = discovery;
     Ok(page)
 }
 
@@ -136,8 +145,7 @@ pub(super) fn name_of(path: &Path) -> String {
 }
 
 fn report(path: &Path) -> Result<Value> {
-    let text =
-        std::fs::read_to_string(path).map_err(|error| Problem::system("read", path, error))?;
+    let text = input::text(path)?;
     let report: Value = serde_json::from_str(&text).map_err(|error| {
         Problem::bad_input("expected JSON")
             .in_file(path)

@@ -12,7 +12,7 @@ use bodyflight_discovery::nuisance::Tolerances;
 use serde::{Deserialize, Serialize};
 
 use crate::diagnostic::{Problem, Result};
-use crate::formats::input::Input;
+use crate::formats::input::{self, Input};
 use crate::formats::input_history::InputHistory;
 use crate::formats::model_file::Effects;
 use crate::formats::recording::{Options, Recording, gnss};
@@ -134,12 +134,15 @@ impl Flight {
         let is_toml = path
             .extension()
             .is_some_and(|extension| extension == "toml");
-        if !is_toml {
-            return Ok(Self::bare(path));
-        }
-        let text =
-            std::fs::read_to_string(path).map_err(|error| Problem::system("read", path, error))?;
-        Self::parse(&text, path)
+        let flight = if is_toml {
+            Self::parse(&input::text(path)?, path)?
+        } else {
+            Self::bare(path)
+        };
+        // Not read yet: but no output may take their place meanwhile.
+        input::claim(&flight.recording);
+        flight.gnss.iter().for_each(|track| input::claim(track));
+        Ok(flight)
     }
 
     /// Opens the recording; where the flight has a receiver's track, that is brought to the recording's clock first.
@@ -176,7 +179,11 @@ impl Flight {
         }
     }
 
-    fn parse(text: &str, path: &Path) -> Result<Self> {
+    /// As read from a `flight.toml`; `path` names it in messages, and is where the files that it names are looked for.
+    ///
+    /// # Errors
+    /// As of reading.
+    pub fn parse(text: &str, path: &Path) -> Result<Self> {
         let file: FlightFile =
             toml::from_str(text).map_err(|error| Problem::toml(&error, text, path))?;
         let folder = path.parent().unwrap_or(Path::new(""));

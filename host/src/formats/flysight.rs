@@ -15,6 +15,7 @@ use chrono::NaiveDateTime;
 use nalgebra::Vector3;
 
 use crate::diagnostic::{Problem, Result};
+use crate::formats::input;
 pub use table::Skipped;
 use table::{Row, Tables};
 
@@ -88,7 +89,7 @@ impl Track {
     /// # Errors
     /// Where the file is not of a FlySight, has no row that is usable, or more rows that are not than that are.
     pub fn read(path: &Path) -> Result<Self> {
-        let bytes = std::fs::read(path).map_err(|error| Problem::system("read", path, error))?;
+        let bytes = input::bytes(path)?;
         Self::parse(&bytes, path)
     }
 

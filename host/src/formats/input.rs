@@ -1,8 +1,13 @@
 //! Files as they come: plain, packed by gzip or xz, or standard input.
+//!
+//! What is opened here is remembered, so that no output replaces it; devices and pipes with a name are refused, and whole
+//! files are read up to a limit only.
 
+use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read};
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
 use flate2::bufread::MultiGzDecoder;
 use lzma_rust2::XzReader;
@@ -15,6 +20,15 @@ pub const STANDARD_INPUT: &str = "-";
 /// Bytes read at once.
 const BUFFER: usize = 1 << 16;
 
+/// Largest file of settings (bytes).
+const LARGEST_TEXT: u64 = 16 << 20;
+
+/// Largest file that is kept in memory as a whole, unpacked (bytes).
+const LARGEST_WHOLE: u64 = 256 << 20;
+
+/// What this process reads.
+static CLAIMED: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+
 /// An open file, unpacked while it is read.
 pub type Input = BufReader<Box<dyn Read + Send>>;
 
@@ -22,17 +36,122 @@ pub type Input = BufReader<Box<dyn Read + Send>>;
 const GZIP: [u8; 2] = [0x1F, 0x8B];
 const XZ: [u8; 6] = [0xFD, b'7', b'z', b'X', b'Z', 0];
 
+/// Remembers a file that is read, or will be: no output may replace it.
+pub fn claim(path: &Path) {
+    // What cannot be found has no content to lose.
+    if let Ok(path) = path.canonicalize() {
+        let mut claimed = CLAIMED.lock().unwrap_or_else(PoisonError::into_inner);
+        claimed.insert(path);
+    }
+}
+
+/// Whether this process reads that file, by whatever name.
+pub fn is_claimed(path: &Path) -> bool {
+    path.canonicalize().is_ok_and(|path| {
+        let claimed = CLAIMED.lock().unwrap_or_else(PoisonError::into_inner);
+        claimed.contains(&path)
+    })
+}
+
 /// Opens a file for reading; `-` is standard input. What gzip or xz has packed, told by its first bytes, is unpacked.
 ///
 /// # Errors
-/// Returns an error if the file cannot be opened or its first bytes cannot be read.
+/// Returns an error if the file cannot be opened, is no file, or its first bytes cannot be read.
 pub fn open(path: &Path) -> Result<Input> {
     let plain: Box<dyn Read + Send> = if path == Path::new(STANDARD_INPUT) {
         Box::new(io::stdin())
     } else {
-        Box::new(File::open(path).map_err(|error| Problem::system("open", path, error))?)
+        Box::new(file(path)?)
     };
     unpacked(plain).map_err(|error| Problem::system("read", path, error))
+}
+
+/// Opens a file for reading, as it is.
+///
+/// # Errors
+/// Returns an error if the file cannot be opened, or is a folder, a device or a pipe with a name: those give no end, or
+/// nothing until somebody writes.
+pub fn file(path: &Path) -> Result<File> {
+    let refused = |error| Problem::system("read", path, error);
+    let kind = std::fs::metadata(path).map_err(refused)?.file_type();
+    if kind.is_dir() {
+        return Err(refused(io::ErrorKind::IsADirectory.into()));
+    }
+    // Pipes between commands have no name in the file system: a shell's <(command) is one.
+    if !kind.is_file() && path.canonicalize().is_ok() {
+        return Err(
+            Problem::bad_input("expected a file, found a device or a pipe")
+                .in_file(path)
+                .help("write the data to a file first, or give recordings and tracks on standard input as -"),
+        );
+    }
+    let file = File::open(path).map_err(refused)?;
+    claim(path);
+    Ok(file)
+}
+
+/// The text of a file of settings.
+///
+/// # Errors
+/// Returns an error if the file cannot be read, is no UTF-8, or is larger than 16 MiB.
+pub fn text(path: &Path) -> Result<String> {
+    let bytes = limited(file(path)?, path, LARGEST_TEXT)?;
+    String::from_utf8(bytes).map_err(|error| {
+        let valid = error.utf8_error().valid_up_to();
+        let before = error.as_bytes().get(..valid).unwrap_or_default();
+        let lines = before.iter().filter(|byte| **byte == b'\n').count();
+        Problem::bad_input("expected text in UTF-8")
+            .in_file(path)
+            .at_line(lines as u64 + 1)
+    })
+}
+
+/// The bytes of a file, unpacked.
+///
+/// # Errors
+/// Returns an error if the file cannot be read or is larger than 256 MiB.
+pub fn bytes(path: &Path) -> Result<Vec<u8>> {
+    limited(open(path)?, path, LARGEST_WHOLE)
+}
+
+fn limited(input: impl Read, path: &Path, limit: u64) -> Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    input
+        .take(limit + 1)
+        .read_to_end(&mut bytes)
+        .map_err(|error| Problem::system("read", path, error))?;
+    if bytes.len() as u64 > limit {
+        return Err(Problem::bad_input(format!(
+            "expected at most {} MiB, found more",
+            limit >> 20
+        ))
+        .in_file(path));
+    }
+    Ok(bytes)
+}
+
+/// Whether two files have the same bytes.
+///
+/// # Errors
+/// Returns an error if one cannot be read.
+pub fn are_alike(one: &Path, other: &Path) -> Result<bool> {
+    let (mut first, mut second) = (file(one)?, file(other)?);
+    let read = |file: &mut File, path: &Path| {
+        let mut piece = Vec::with_capacity(BUFFER);
+        file.take(BUFFER as u64)
+            .read_to_end(&mut piece)
+            .map_err(|error| Problem::system("read", path, error))?;
+        Ok(piece)
+    };
+    loop {
+        let pieces = (read(&mut first, one)?, read(&mut second, other)?);
+        if pieces.0 != pieces.1 {
+            return Ok(false);
+        }
+        if pieces.0.is_empty() {
+            return Ok(true);
+        }
+    }
 }
 
 fn unpacked(plain: Box<dyn Read + Send>) -> io::Result<Input> {
@@ -76,6 +195,45 @@ mod tests {
             lzma_rust2::XzWriter::new(Vec::new(), lzma_rust2::XzOptions::with_preset(1)).unwrap();
         xz.write_all(text.as_bytes()).unwrap();
         assert_eq!(read(xz.finish().unwrap()), text);
+    }
+
+    #[test]
+    fn what_is_larger_than_the_limit_is_refused() {
+        let path = Path::new("subject.toml");
+        assert_eq!(limited(&[7_u8; 10][..], path, 10).unwrap().len(), 10);
+        let problem = limited(io::repeat(7), path, 3 << 20).unwrap_err();
+        assert_eq!(
+            problem.to_string(),
+            "subject.toml: expected at most 3 MiB, found more"
+        );
+    }
+
+    #[test]
+    fn what_is_read_is_known_by_any_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.toml");
+        std::fs::write(&path, "mass = 80").unwrap();
+        assert!(!is_claimed(&path));
+        assert_eq!(text(&path).unwrap(), "mass = 80");
+        let inside = folder.path().join("inside");
+        std::fs::create_dir(&inside).unwrap();
+        assert!(is_claimed(&inside.join("../a.toml")));
+        assert!(!is_claimed(&folder.path().join("b.toml")));
+        std::fs::write(folder.path().join("b.toml"), "mass = 81").unwrap();
+        assert!(!are_alike(&path, &folder.path().join("b.toml")).unwrap());
+        assert!(are_alike(&path, &path).unwrap());
+    }
+
+    #[test]
+    fn text_that_is_none_is_named_by_its_line() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.toml");
+        std::fs::write(&path, b"mass = 80\n\xFF").unwrap();
+        let problem = text(&path).unwrap_err().to_string();
+        assert!(
+            problem.ends_with("a.toml:2: expected text in UTF-8"),
+            "{problem}"
+        );
     }
 
     #[test]

@@ -11,6 +11,7 @@ use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
 
 use crate::diagnostic::{Problem, Result};
+use crate::formats::input;
 
 /// Inputs at one time; the columns of the file, which a reader takes by their names.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
@@ -210,10 +211,17 @@ impl InputHistory {
     /// # Errors
     /// Where the file is missing, has no rows, a field is not a finite number, or time does not rise.
     pub fn read(path: &Path) -> Result<Self> {
+        Self::parse(&input::bytes(path)?, path)
+    }
+
+    /// As [`InputHistory::read`], of bytes that were read from `path`.
+    ///
+    /// # Errors
+    /// As of [`InputHistory::read`].
+    pub fn parse(bytes: &[u8], path: &Path) -> Result<Self> {
         let mut reader = csv::ReaderBuilder::new()
             .trim(csv::Trim::All)
-            .from_path(path)
-            .map_err(|error| csv_problem(error, path))?;
+            .from_reader(bytes);
         let mut rows: Vec<Row> = Vec::new();
         for row in reader.deserialize() {
             let row: Row = row.map_err(|error| csv_problem(error, path))?;

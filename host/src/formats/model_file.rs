@@ -18,6 +18,7 @@ use bodyflight_discovery::report::ByName;
 use serde::Deserialize;
 
 use crate::diagnostic::{Problem, Result};
+use crate::formats::input;
 
 /// The text of a `model.toml`, after a comment of whole lines.
 pub fn model_toml(comment: &str, effects: &[ByName]) -> String {
@@ -54,12 +55,15 @@ impl Effects {
     /// # Errors
     /// Where the file is missing, or an effect, a parameter or a value is not usable.
     pub fn read(path: &Path) -> Result<Self> {
-        let text =
-            std::fs::read_to_string(path).map_err(|error| Problem::system("read", path, error))?;
+        let text = input::text(path)?;
         Self::parse(&text, path)
     }
 
-    fn parse(text: &str, path: &Path) -> Result<Self> {
+    /// As read from a `model.toml`; `path` names it in messages, and is where the files that it names are looked for.
+    ///
+    /// # Errors
+    /// As of reading.
+    pub fn parse(text: &str, path: &Path) -> Result<Self> {
         let file: ModelFile =
             toml::from_str(text).map_err(|error| Problem::toml(&error, text, path))?;
         let effects = file.effect.iter().enumerate().map(|(index, table)| {

@@ -13,6 +13,7 @@ use bodyflight_core::estimator::preset::{PRESETS, Preset};
 use serde::Deserialize;
 
 use crate::diagnostic::{Problem, Result};
+use crate::formats::input;
 
 /// Name of the default preset: the motion filter, with limbs and damping of the flight.
 pub const AUTO: &str = "auto";
@@ -90,8 +91,7 @@ impl Tuning {
         if path.extension().is_none() {
             return Err(unknown(name_or_file));
         }
-        let text =
-            std::fs::read_to_string(path).map_err(|error| Problem::system("read", path, error))?;
+        let text = input::text(path)?;
         Self::parse(&text, path)
     }
 
@@ -107,7 +107,11 @@ impl Tuning {
         Preset::from_name(name).copied().map(Self::Windows)
     }
 
-    fn parse(text: &str, path: &Path) -> Result<Self> {
+    /// As read from a `preset.toml`; `path` names it in messages, and is where the files that it names are looked for.
+    ///
+    /// # Errors
+    /// As of reading.
+    pub fn parse(text: &str, path: &Path) -> Result<Self> {
         let file: File = toml::from_str(text).map_err(|error| Problem::toml(&error, text, path))?;
         let base = file.base.as_deref().unwrap_or(AUTO);
         let tuning =

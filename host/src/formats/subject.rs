@@ -14,6 +14,7 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 
 use crate::diagnostic::{Problem, Result};
+use crate::formats::input;
 use file::{
     ArchChoice, ArchName, CoefficientTable, GearTable, LoadModelName, MomentArmChoice,
     MomentArmName, SexName, SubjectFile, SuitName,
@@ -76,12 +77,15 @@ impl Subject {
     /// # Errors
     /// Where a file is missing or a value is not usable: file, line, field, what was expected.
     pub fn read(path: &Path) -> Result<Self> {
-        let text =
-            std::fs::read_to_string(path).map_err(|error| Problem::system("read", path, error))?;
+        let text = input::text(path)?;
         Self::parse(&text, path)
     }
 
-    fn parse(text: &str, path: &Path) -> Result<Self> {
+    /// As read from a `subject.toml`; `path` names it in messages, and is where the files that it names are looked for.
+    ///
+    /// # Errors
+    /// As of reading.
+    pub fn parse(text: &str, path: &Path) -> Result<Self> {
         let file: SubjectFile =
             toml::from_str(text).map_err(|error| Problem::toml(&error, text, path))?;
         let table = match &file.segments {

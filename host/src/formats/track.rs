@@ -38,17 +38,21 @@ pub struct Track {
 /// # Errors
 /// Returns an error if the file is of no known format or has fewer than two usable rows.
 pub fn read(path: &Path) -> Result<Track> {
-    let mut bytes = Vec::new();
-    let mut file = input::open(path)?;
-    std::io::Read::read_to_end(&mut file, &mut bytes)
-        .map_err(|error| Problem::system("read", path, error))?;
+    parse(&input::bytes(path)?, path)
+}
+
+/// As [`read`], of bytes that were read from `path`.
+///
+/// # Errors
+/// As of [`read`].
+pub fn parse(bytes: &[u8], path: &Path) -> Result<Track> {
     let start = bytes.iter().position(|byte| !byte.is_ascii_whitespace());
     let text = start.map_or(&[][..], |start| &bytes[start..]);
     let text = text.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(text);
     let track = if text.starts_with(b"<") {
         read_gpx(text, path)?
     } else if text.starts_with(b"$FLYS") || text.starts_with(b"time,") {
-        flysight_track(path, &bytes)?
+        flysight_track(path, bytes)?
     } else {
         read_csv(text, path)?
     };

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
 
 use crate::diagnostic::{Problem, Result};
+use crate::output::destination::{destination, folder_of};
 
 /// A file that appears under its name when it is finished.
 pub struct AtomicFile {
@@ -19,17 +20,9 @@ impl AtomicFile {
     /// Begins the file in the folder of `path`.
     ///
     /// # Errors
-    /// Where the folder does not exist or cannot be written to, or the path is a folder.
+    /// Where the folder does not exist or cannot be written to, or as [`destination`].
     pub fn create(path: &Path) -> Result<Self> {
-        if path.is_dir() {
-            let is_folder = io::ErrorKind::IsADirectory.into();
-            return Err(Problem::system("create", path, is_folder));
-        }
-        let folder = match path.parent() {
-            Some(folder) if !folder.as_os_str().is_empty() => folder,
-            _ => Path::new("."),
-        };
-        let file = NamedTempFile::new_in(folder)
+        let file = NamedTempFile::new_in(folder_of(&destination(path)?))
             .map_err(|error| Problem::system("create", path, error))?;
         Ok(Self {
             file: BufWriter::new(file),
@@ -37,11 +30,12 @@ impl AtomicFile {
         })
     }
 
-    /// Gives the file its name, in place of any file there.
+    /// Gives the file its name, in place of any file there that is not read by this process.
     ///
     /// # Errors
-    /// Where the disk refuses; then no file is left.
+    /// Where the disk refuses, or as [`destination`]; then no file is left.
     pub fn finish(self) -> Result<()> {
+        let place = destination(&self.path)?;
         let refused = |error: io::Error| Problem::system("write", &self.path, error);
         let file = self
             .file
@@ -55,8 +49,7 @@ impl AtomicFile {
             file.as_file().set_permissions(public).map_err(refused)?;
         }
         file.as_file().sync_all().map_err(refused)?;
-        file.persist(&self.path)
-            .map_err(|error| refused(error.error))?;
+        file.persist(place).map_err(|error| refused(error.error))?;
         Ok(())
     }
 }

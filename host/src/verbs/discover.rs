@@ -14,6 +14,7 @@ use bodyflight_falls::phases::{divided, times};
 use crate::diagnostic::{Problem, Result};
 use crate::formats::flight::Flight;
 use crate::formats::flysight;
+use crate::formats::input;
 use crate::formats::model_file;
 use crate::formats::recording::{FlightFrame, Options};
 
@@ -44,10 +45,8 @@ pub fn read_track(flight: &Flight, options: Options) -> Result<Track> {
 /// # Errors
 /// Returns an error if two recordings are the same file, or files of the same content.
 pub fn refuse_same(recording: &Path, held_out: &Path) -> Result<()> {
-    let read =
-        |path: &Path| std::fs::read(path).map_err(|error| Problem::system("read", path, error));
     let length = |path: &Path| std::fs::metadata(path).map(|about| about.len()).ok();
-    if length(recording) != length(held_out) || read(recording)? != read(held_out)? {
+    if length(recording) != length(held_out) || !input::are_alike(recording, held_out)? {
         return Ok(());
     }
     Err(Problem::bad_input(format!(

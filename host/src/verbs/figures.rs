@@ -17,6 +17,13 @@ use crate::output::plot::{ESTIMATED, Panel, figure_svg, measured_curve, row_svg,
 use crate::replay::comparison::Channel;
 use crate::verbs::estimate::{Estimation, Filter, estimate};
 use crate::verbs::view::run::{fly_series, shapes};
+const RECONSTRUCTION: &str = "reconstruction.svg";
+const INPUTS: &str = "inputs.svg";
+const TOP_VIEW: &str = "top-view.svg";
+const SNAPSHOTS: &str = "snapshots.svg";
+
+/// Files of the figures.
+pub const FILES: &[&str] = &[RECONSTRUCTION, INPUTS, TOP_VIEW, SNAPSHOTS];
 
 /// How to draw a flight.
 #[derive(Debug, Clone, Copy)]
@@ -55,14 +62,11 @@ pub fn write(
     };
     let (series, _) = fly_series(&flown, options, progress)?;
     let figures = [
+        (RECONSTRUCTION, reconstruction(title, preset, &estimation)?),
+        (INPUTS, row_svg(title, &estimation.input_panels())?),
+        (TOP_VIEW, top_view::svg(title, &series)?),
         (
-            "reconstruction.svg",
-            reconstruction(title, preset, &estimation)?,
-        ),
-        ("inputs.svg", row_svg(title, &estimation.input_panels())?),
-        ("top-view.svg", top_view::svg(title, &series)?),
-        (
-            "snapshots.svg",
+            SNAPSHOTS,
             snapshots::svg(title, &shapes(&flight.subject), &series, settings.snapshots),
         ),
     ];

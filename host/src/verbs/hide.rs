@@ -12,7 +12,11 @@ use crate::formats::model_file::model_toml;
 use crate::formats::mvnx::writer::{Description, Writer};
 use crate::formats::recording::FlightFrame;
 use crate::formats::subject::Subject;
+use crate::interrupt;
 use crate::output::files::write_file;
+
+/// Files of a flight.
+pub const FILES: &[&str] = &["flight.toml", "subject.toml", "flight.mvnx"];
 
 /// Writes a flight of `rate` frames a second as `flight.toml`, `subject.toml` and `flight.mvnx` into `folder`, as if
 /// nothing were hidden.
@@ -30,6 +34,7 @@ pub fn write(frames: &[Frame], subject: &Subject, rate: f64, folder: &Path) -> R
     let recording = folder.join("flight.mvnx");
     let mut writer = Writer::create(&recording, description, &subject.body())?;
     for (index, frame) in (0..).zip(frames) {
+        interrupt::check()?;
         writer.write(&FlightFrame::from_motion(
             index,
             frame.time,

@@ -75,6 +75,15 @@ const FRAME_RATE: f64 = 240.0;
 /// Height of the first frame above the inertial origin (m).
 const START_HEIGHT: f64 = 4000.0;
 
+/// Files of a synthetic flight; the segments only where the subject has a table of its own.
+pub const FILES: &[&str] = &[
+    "flight.toml",
+    "subject.toml",
+    SEGMENTS_FILE,
+    "inputs.csv",
+    "flight.mvnx",
+];
+
 /// Flies the maneuver and writes `flight.toml`, `subject.toml`, `inputs.csv` and `flight.mvnx` into `folder`.
 ///
 /// # Errors

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::cli::outputs::Outputs;
 use crate::cli::simulate::Reading;
 
 /// Find where simulation and measurement disagree, name the effect that is missing, and show how the gap shrinks.
@@ -34,6 +35,8 @@ pub(in crate::cli) struct Args {
     /// End with the errors that were found, what they adjust, and what to fly next.
     #[arg(long)]
     pub(super) explain: bool,
+    #[command(flatten)]
+    pub(super) outputs: Outputs,
     #[command(flatten)]
     pub(super) reading: Reading,
 }

@@ -9,6 +9,14 @@ use serde::Serialize;
 
 use crate::cli::terminal;
 
+/// Files of a report; the last only of some verdicts.
+pub(super) const FILES: &[&str] = &[
+    "report.json",
+    "report.svg",
+    "model.toml",
+    "calibration.toml",
+];
+
 /// Writes report.json, report.svg and model.toml.
 pub(super) fn write_all(
     folder: &Path,

@@ -3,7 +3,11 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use crate::diagnostic::{Problem, Result};
+use crate::diagnostic::Result;
+use crate::formats::input;
+
+/// Fields of a row that are looked at; receivers write fifteen at most.
+const MOST_FIELDS: usize = 64;
 
 /// Rows that were not usable.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -43,7 +47,7 @@ pub(super) struct Row<'a> {
 
 impl Tables {
     pub(super) fn read(path: &Path) -> Result<Self> {
-        let bytes = std::fs::read(path).map_err(|error| Problem::system("read", path, error))?;
+        let bytes = input::bytes(path)?;
         Ok(Self::parse(&bytes))
     }
 
@@ -78,6 +82,7 @@ impl Tables {
         let line = record.position().map_or(0, csv::Position::line);
         let fields: Vec<String> = record
             .iter()
+            .take(MOST_FIELDS)
             .map(|field| String::from_utf8_lossy(field).trim().to_owned())
             .collect();
         let Some(first) = fields.first() else {

@@ -8,6 +8,7 @@ use nalgebra::{Matrix3, Vector3};
 use serde::Deserialize;
 
 use crate::diagnostic::{Problem, Result};
+use crate::formats::input;
 
 /// A table read from a file: any segments, any of their values.
 #[derive(Debug, Clone)]
@@ -38,8 +39,7 @@ struct Row {
 
 impl SegmentTable {
     pub(super) fn read(path: &Path) -> Result<Self> {
-        let text =
-            std::fs::read_to_string(path).map_err(|error| Problem::system("read", path, error))?;
+        let text = input::text(path)?;
         Self::parse(text, path)
     }
 

@@ -8,6 +8,7 @@ use defmt_decoder::{DecodeError, Encoding, Locations, Table};
 use serde::Serialize;
 
 use crate::diagnostic::{Problem, Result};
+use crate::formats::input;
 
 /// Longest frame kept while its end is awaited; more is noise.
 const LONGEST_FRAME: usize = 1 << 16;
@@ -63,7 +64,7 @@ impl Defmt {
     /// # Errors
     /// Where the file cannot be read, is no ELF file, has no defmt strings, or another version of defmt.
     pub fn open(path: &Path) -> Result<Self> {
-        let elf = std::fs::read(path).map_err(|error| Problem::system("read", path, error))?;
+        let elf = input::bytes(path)?;
         Self::new(&elf).map_err(|problem| problem.in_file(path))
     }
 

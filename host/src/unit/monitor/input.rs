@@ -8,6 +8,7 @@ use std::thread;
 use std::time::Duration;
 
 use crate::diagnostic::{Problem, Result};
+use crate::formats::input;
 use crate::unit::ports;
 
 /// Bytes of one read.
@@ -49,6 +50,7 @@ impl Input {
         }
         if is_file(path) {
             let file = File::open(path).map_err(|error| Problem::system("read", path, error))?;
+            input::claim(path);
             return Ok(Self::new(file, path));
         }
         Ok(Self::new(ports::open(name, baud)?, path))

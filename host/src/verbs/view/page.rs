@@ -13,6 +13,7 @@ use sha2::{Digest, Sha256};
 
 use super::run::{Run, Shape};
 use crate::diagnostic::{Problem, Result};
+use crate::formats::input;
 use crate::formats::subject::Subject;
 
 /// The page, empty where it was not built.
@@ -55,7 +56,7 @@ impl Input {
     pub fn of(path: &Path) -> Result<Self> {
         let refused = |error| Problem::system("read", path, error);
         let mut hasher = Sha256::new();
-        let mut file = BufReader::new(std::fs::File::open(path).map_err(refused)?);
+        let mut file = BufReader::new(input::file(path)?);
         loop {
             let piece = file.fill_buf().map_err(refused)?;
             if piece.is_empty() {

@@ -12,13 +12,18 @@ use crate::cockpit::Cockpit;
 use crate::frame;
 use crate::setup::{self, Setup};
 
+#[cfg(target_feature = "atomics")]
+compile_error!(
+    "the statics of the page are for one thread: build it without the feature `atomics`"
+);
+
 struct Held {
     setup: UnsafeCell<[f32; setup::NUMBERS]>,
     frame: UnsafeCell<frame::Frame>,
     cockpit: UnsafeCell<Option<Cockpit>>,
 }
 
-// SAFETY: WebAssembly without threads has one.
+// SAFETY: WebAssembly without threads has one, and with threads this does not compile.
 unsafe impl Sync for Held {}
 
 static HELD: Held = Held {

@@ -1,0 +1,95 @@
+//! Text in which everything can be seen: a terminal obeys control characters, and some turn the order of the letters.
+
+use std::borrow::Cow;
+use std::fmt::Write;
+
+use bodyflight::diagnostic::Problem;
+
+/// Whether a terminal obeys the character instead of showing it.
+fn is_obeyed(c: char) -> bool {
+    let turns = matches!(c, '\u{61C}' | '\u{200E}' | '\u{200F}' | '\u{202A}'..='\u{202E}' | '\u{2066}'..='\u{2069}');
+    c.is_control() && c != '\n' && c != '\t' || turns
+}
+
+/// The text with what would be obeyed written out.
+pub(super) fn visible(text: &str) -> Cow<'_, str> {
+    replaced(text, |c, into| into.extend(c.escape_unicode()))
+}
+
+/// JSON with the same meaning and without anything that would be obeyed.
+pub(super) fn json_without_controls(text: &str) -> Cow<'_, str> {
+    replaced(text, |c, into| {
+        // All of them are in the first plane.
+        let _ = write!(into, "\\u{:04x}", u32::from(c));
+    })
+}
+
+fn replaced(text: &str, write: impl Fn(char, &mut String)) -> Cow<'_, str> {
+    if !text.contains(is_obeyed) {
+        return Cow::Borrowed(text);
+    }
+    let mut clean = String::with_capacity(text.len() + 16);
+    for c in text.chars() {
+        if is_obeyed(c) {
+            write(c, &mut clean);
+        } else {
+            clean.push(c);
+        }
+    }
+    Cow::Owned(clean)
+}
+
+/// The problem with every text visible.
+pub(super) fn visible_problem(mut problem: Problem) -> Problem {
+    let name = problem.file.as_ref().map(|file| file.display().to_string());
+    problem.file = name.map(|name| visible(&name).into_owned().into());
+    problem.message = visible(&problem.message).into_owned();
+    for text in [&mut problem.place, &mut problem.help] {
+        if let Some(text) = text {
+            *text = visible(text).into();
+        }
+    }
+    if let Some(cause) = &problem.cause {
+        let text = cause.to_string();
+        if text.contains(is_obeyed) {
+            problem = problem.caused_by(std::io::Error::other(visible(&text).into_owned()));
+        }
+    }
+    problem
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_terminal_would_obey_is_written_out() {
+        assert_eq!(visible("Zoë\tb\n"), "Zoë\tb\n");
+        assert_eq!(
+            visible("\u{1b}[2J\u{9b}x\u{202e}\r"),
+            "\\u{1b}[2J\\u{9b}x\\u{202e}\\u{d}"
+        );
+    }
+
+    #[test]
+    fn json_keeps_its_meaning() {
+        let name = "a\u{1b}\u{9b}\u{7f}\u{202e}ü";
+        let text = serde_json::to_string_pretty(&[name]).unwrap();
+        let clean = json_without_controls(&text);
+        assert!(!clean.contains(is_obeyed));
+        let back: Vec<String> = serde_json::from_str(&clean).unwrap();
+        assert_eq!(back, [name]);
+    }
+
+    #[test]
+    fn problems_are_visible_too() {
+        let problem = Problem::bad_input("\u{1b}]0;x\u{7}")
+            .in_file(std::path::Path::new("a\u{1b}.mvnx"))
+            .at("\u{1b}")
+            .help("\u{1b}")
+            .caused_by(std::io::Error::other("\u{1b}[2J"));
+        let problem = visible_problem(problem);
+        let all = format!("{}{}", problem.with_causes(), problem.help.unwrap());
+        assert!(!all.contains(is_obeyed), "{all}");
+    }
+}
