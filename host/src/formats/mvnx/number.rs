@@ -2,6 +2,9 @@
 
 use super::scanner::shortened;
 
+/// How far the norm of a segment's quaternion may be off 1; six decimals give 2e-6.
+const NORM_TOLERANCE: f64 = 0.01;
+
 /// Appends the numbers of `text` to `numbers`, at most to `capacity` of them; more are only counted.
 ///
 /// Gives how many numbers there were, or what a token was that is no finite number.
@@ -30,6 +33,15 @@ fn parse(token: &str) -> Result<f64, String> {
             shortened(token)
         )),
     }
+}
+
+/// The first segment whose quaternion is no rotation, with its norm.
+pub(super) fn off_unit(orientation: &[f64]) -> Option<(usize, f64)> {
+    orientation
+        .chunks_exact(4)
+        .map(|q| q.iter().map(|c| c * c).sum::<f64>().sqrt())
+        .enumerate()
+        .find(|(_, norm)| norm.is_nan() || (norm - 1.0).abs() > NORM_TOLERANCE)
 }
 
 #[cfg(test)]

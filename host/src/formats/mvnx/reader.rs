@@ -18,8 +18,6 @@ const CALIBRATION_LIMIT: usize = 16;
 const UNKNOWN_LIMIT: usize = 64;
 /// Longest name of a marker (bytes).
 const MARKER_LIMIT: usize = 256;
-/// How far the norm of a segment's quaternion may be off 1; six decimals give 2e-6.
-const NORM_TOLERANCE: f64 = 0.01;
 /// Highest frame index: whole numbers up to it are exact in double precision.
 const INDEX_LIMIT: u64 = 1 << 53;
 /// Longest time without frames (s): what follows is no part of the same flight.
@@ -253,29 +251,22 @@ impl<R: BufRead> Reader<R> {
                 frame.blame(frame.line, "index", message);
             }
         }
-        if frame.index < next {
-            return Err(Problem::bad_input(format!(
-                "frame index {} follows {}: frames must be in order of time",
-                frame.index,
-                next - 1
-            ))
-            .at_line(frame.line)
-            .at(format!("frame {}", frame.index))
-            .help("export the recording again; files joined by hand need new indices"));
-        }
         #[expect(clippy::cast_precision_loss, reason = "indices are below 2^53")]
-        let missing_s = (frame.index - next) as f64 / self.header.frame_rate;
-        if self.last_index.is_some() && missing_s > LONGEST_GAP {
-            return Err(Problem::bad_input(format!(
-                "frame index {} follows {}: expected at most an hour between frames",
-                frame.index,
-                next - 1
-            ))
-            .at_line(frame.line)
-            .at(format!("frame {}", frame.index))
-            .help("export the recording again; files joined by hand need new indices"));
-        }
-        Ok(())
+        let missing_s = frame.index.saturating_sub(next) as f64 / self.header.frame_rate;
+        let wrong = if frame.index < next {
+            "frames must be in order of time"
+        } else if self.last_index.is_some() && missing_s > LONGEST_GAP {
+            "expected at most an hour between frames"
+        } else {
+            return Ok(());
+        };
+        let (found, last) = (frame.index, next - 1);
+        Err(
+            Problem::bad_input(format!("frame index {found} follows {last}: {wrong}"))
+                .at_line(frame.line)
+                .at(format!("frame {found}"))
+                .help("export the recording again; files joined by hand need new indices"),
+        )
     }
 
     /// The elements of a frame up to its end.
@@ -357,7 +348,7 @@ impl<R: BufRead> Reader<R> {
             let expectation = field.expectation(&self.header, first);
             frame.blame(line, element, format!("{expectation}, found {found}"));
         } else if field == Field::Orientation
-            && let Some((place, norm)) = off_unit(&numbers)
+            && let Some((place, norm)) = number::off_unit(&numbers)
         {
             let label = shortened(&self.header.segments[place].label);
             frame.blame(
@@ -435,13 +426,4 @@ impl<R: BufRead> Reader<R> {
             ))
             .help("copy or export it again, or allow a truncated file to use the frames there are"))
     }
-}
-
-/// The first segment whose quaternion is no rotation, with its norm.
-fn off_unit(orientation: &[f64]) -> Option<(usize, f64)> {
-    orientation
-        .chunks_exact(4)
-        .map(|q| q.iter().map(|c| c * c).sum::<f64>().sqrt())
-        .enumerate()
-        .find(|(_, norm)| norm.is_nan() || (norm - 1.0).abs() > NORM_TOLERANCE)
 }
