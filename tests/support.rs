@@ -1,6 +1,7 @@
 //! Support of the end-to-end tests: where the shared data lie, and the reference numbers as core types.
 
 pub mod estimator_flights;
+pub mod fuzz_targets;
 pub mod small_recording;
 pub mod transitions;
 

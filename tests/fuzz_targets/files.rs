@@ -1,0 +1,81 @@
+//! Tables and settings.
+
+use std::path::Path;
+
+use bodyflight::formats::flight::Flight;
+use bodyflight::formats::flysight::Track;
+use bodyflight::formats::input_history::InputHistory;
+use bodyflight::formats::model_file::Effects;
+use bodyflight::formats::preset_file::Tuning;
+use bodyflight::formats::subject::Subject;
+use bodyflight::formats::track;
+use bodyflight::verbs::fall::{Conditions, fall};
+
+/// Nothing is there, so that inputs name no file of this machine.
+const NOWHERE: &str = "/nowhere/of/fuzz";
+
+/// Longest track that is judged too: that is slower than reading.
+const LONGEST_JUDGED: usize = 2000;
+
+/// A track of a FlySight.
+pub(super) fn flysight(input: &[u8]) {
+    let path = Path::new(NOWHERE).join("TRACK.CSV");
+    if let Ok(track) = Track::parse(input, &path) {
+        assert!(!track.fixes.is_empty());
+        assert!(track.fixes.is_sorted_by(|a, b| a.time < b.time));
+        for fix in &track.fixes {
+            assert!(fix.position.is_finite() && fix.velocity.is_finite());
+        }
+    }
+    judged(input, &path);
+}
+
+/// Any track as `bodyflight fall` takes it, and a history of inputs.
+pub(super) fn csv(input: &[u8]) {
+    let path = Path::new(NOWHERE).join("track.csv");
+    judged(input, &path);
+    if let Ok(history) = InputHistory::parse(input, &path) {
+        for time in [-1e9, 0.0, 0.5, 1e9] {
+            let damping = history.at(time).damping.to_array();
+            assert!(damping.iter().all(|value| value.is_finite()));
+        }
+    }
+}
+
+fn judged(input: &[u8], path: &Path) {
+    let Ok(track) = track::parse(input, path) else {
+        return;
+    };
+    assert!(track.samples.len() >= 2);
+    assert!(track.samples.is_sorted_by(|a, b| a.time < b.time));
+    if track.samples.len() <= LONGEST_JUDGED
+        && let Ok((report, _)) = fall(&track, &Conditions::default(), path)
+    {
+        assert!(report.fall_s.is_finite() && report.drag_area_m2.is_finite());
+    }
+}
+
+/// Settings of every kind.
+pub(super) fn toml(input: &[u8]) {
+    let Ok(text) = core::str::from_utf8(input) else {
+        return;
+    };
+    let path = Path::new(NOWHERE).join("a.toml");
+    if let Ok(flight) = Flight::parse(text, &path) {
+        let dynamics = flight.dynamics(1000.0);
+        assert!(dynamics.air.density.at(1000.0).is_finite());
+    }
+    if let Ok(subject) = Subject::parse(text, &path) {
+        assert!(subject.body().mass() > 0.0 && subject.body().mass().is_finite());
+    }
+    if let Ok(effects) = Effects::parse(text, &path) {
+        let flight = Flight::bare(&path);
+        let model = effects.applied(flight.dynamics(0.0), 0.0);
+        assert!(
+            model.is_ok(),
+            "a file that was read has no value out of range"
+        );
+    }
+    // Refused or taken, either will do.
+    let _ = Tuning::parse(text, &path);
+}

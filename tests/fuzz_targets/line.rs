@@ -1,0 +1,242 @@
+//! The serial line of the unit, and that of its sensor.
+
+use std::cell::Cell;
+
+use bodyflight_core::aerodynamics::Aerodynamics;
+use bodyflight_core::body::anthropometry::{Person, Sex};
+use bodyflight_core::body::pattern;
+use bodyflight_core::frame::{Rotation, Vector};
+use bodyflight_core::link::{
+    self, ArchSource, Configure, Header, Hello, MAX_FRAME_LENGTH, Message, PackedQuaternion,
+    SCHEMA_HASH, Sample, SegmentTable, Start, Stop, StreamMode, TimeSync,
+};
+use bodyflight_core::xbus::Decoder;
+use bodyflight_firmware::{Board, Identity, Unit};
+use nalgebra::{UnitQuaternion, Vector3};
+
+use super::choices::Choices;
+
+/// A board whose clock is set by the input.
+#[derive(Debug, Default)]
+struct Bench(Cell<u64>);
+
+impl Board for Bench {
+    fn now(&self) -> u64 {
+        self.0.get()
+    }
+    fn cycles(&self) -> u32 {
+        0
+    }
+    fn stack_free(&self) -> u32 {
+        0
+    }
+    fn line_errors(&self) -> [u32; 2] {
+        [0; 2]
+    }
+    fn feed_watchdog(&self) {}
+    fn note(&self, _: u32) {}
+}
+
+/// Packets of a sensor: the same whether the bytes come at once or one by one.
+pub(super) fn xbus(input: &[u8]) {
+    let mut at_once = Decoder::<512>::new();
+    let mut found = Vec::new();
+    let mut rest = input;
+    while let Some(packet) = at_once.next(&mut rest) {
+        for item in packet.items() {
+            // Refused or read, either will do.
+            let _ = item.decode();
+        }
+        found.push((packet.message_id, packet.data.to_vec()));
+    }
+    let mut one_by_one = Decoder::<512>::new();
+    let mut again = Vec::new();
+    for byte in input {
+        let mut rest = core::slice::from_ref(byte);
+        while let Some(packet) = one_by_one.next(&mut rest) {
+            again.push((packet.message_id, packet.data.to_vec()));
+        }
+    }
+    assert_eq!(found, again);
+    assert_eq!(at_once.counters(), one_by_one.counters());
+}
+
+/// Samples that the filter gets of one input: it is the slow part.
+const MOST_SAMPLES: u32 = 48;
+
+/// The unit in virtual time: commands in any order, frames and samples damaged as the input says, noise in between. Whatever
+/// comes, its frames are whole, its estimates finite and its ledger adds up.
+pub(super) fn unit(input: &[u8]) {
+    let mut choices = Choices(input);
+    let mut host = Host::new();
+    if choices.byte() & 1 == 1 {
+        host.begin();
+    }
+    while !choices.is_empty() {
+        host.act(&mut choices);
+        host.listen();
+    }
+    while host.unit.work() {}
+    host.listen();
+    let status = host.unit.status();
+    assert!(status.queue_high_water <= bodyflight_firmware::unit::SAMPLES.into());
+}
+
+/// What a host knows, good and bad.
+struct Host {
+    unit: Unit<Bench>,
+    table: SegmentTable,
+    sample: Sample,
+    header: Header,
+    worked: u32,
+}
+
+impl Host {
+    fn new() -> Self {
+        let body = Person::new(1.75, 75.0, Sex::Male).body().expect("a body");
+        let belly = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), 1.5);
+        let seen = link::Motion {
+            angular_velocity: Some(Vector::zero()),
+            velocity: Some(Vector::new(2.0, 0.0, -50.0)),
+            horizontal_speed: None,
+        };
+        Self {
+            unit: Unit::new(Bench::default(), Identity::default()),
+            table: SegmentTable::of(&body, &Aerodynamics::paper()),
+            sample: Sample::new(
+                &pattern::neutral(),
+                &Rotation::from_quaternion(belly),
+                &seen,
+            ),
+            header: Header {
+                session: 9,
+                ..Header::default()
+            },
+            worked: 0,
+        }
+    }
+
+    /// Everything up to a running session.
+    fn begin(&mut self) {
+        for message in self.greeting(0, 240.0, 60.0) {
+            self.send(message, None);
+        }
+        let mode = StreamMode::Paced;
+        self.send(Start { mode }.into(), None);
+    }
+
+    fn greeting(&self, preset: u8, sample_rate: f32, update_rate: f32) -> Vec<Message> {
+        let mut messages = vec![
+            Message::from(Hello {
+                schema_hash: SCHEMA_HASH,
+                max_frame_length: 200,
+            }),
+            Message::from(Configure {
+                preset: preset.into(),
+                sample_rate,
+                update_rate,
+                height: 1.75,
+                air_density: 1.0,
+                air_velocity: [0.0; 3],
+                arch_source: ArchSource::Posture,
+                arch: 1.0,
+                body_from_sensor: PackedQuaternion::default(),
+                table_digest: self.table.digest(),
+            }),
+        ];
+        messages.extend(self.table.rows().map(|row| Message::from(*row)));
+        messages
+    }
+
+    /// Sends a frame, with one byte changed where that is asked for.
+    fn send(&mut self, message: Message, damage: Option<(u8, u8)>) {
+        let mut bytes = [0; MAX_FRAME_LENGTH];
+        let length = message.encode(&self.header, &mut bytes).expect("it fits");
+        let frame = &mut bytes[..length];
+        if let Some((place, change)) = damage {
+            frame[usize::from(place) % length] ^= change;
+        }
+        self.unit.receive(frame);
+    }
+
+    fn act(&mut self, choices: &mut Choices<'_>) {
+        let action = choices.byte();
+        let damage = (action & 0x80 != 0).then(|| (choices.byte(), choices.byte()));
+        match action & 0x0F {
+            0 => {
+                let length = usize::from(choices.byte());
+                self.unit.receive(choices.bytes(length));
+            }
+            1 => {
+                let length = usize::from(choices.byte());
+                self.unit.receive_sensor(choices.bytes(length));
+            }
+            2 => self.begin(),
+            3 => {
+                let [preset, rate, ratio] = [(); 3].map(|()| choices.byte());
+                let rate = f32::from(rate) * 4.0;
+                let update = rate / f32::from(ratio.max(1));
+                let all = self.greeting(preset, rate, update);
+                all.into_iter()
+                    .for_each(|message| self.send(message, damage));
+            }
+            4 => {
+                let mode = match choices.byte() % 3 {
+                    0 => StreamMode::Paced,
+                    1 => StreamMode::Credit,
+                    _ => StreamMode::Sensor,
+                };
+                self.header.session = self.header.session.wrapping_add(1);
+                self.send(Start { mode }.into(), damage);
+            }
+            5 => {
+                let sent = self.header.sequence;
+                self.send(Stop { sent }.into(), damage);
+            }
+            6 => self.header.sequence = self.header.sequence.wrapping_add(choices.word().into()),
+            7 => self.header.sequence = u32::MAX - u32::from(choices.byte()),
+            8 => {
+                let step = u64::from(choices.word()) << (choices.byte() % 48);
+                let clock = &self.unit.board().0;
+                clock.set(clock.get().saturating_add(step));
+            }
+            9 => self.unit.line_error(),
+            10 => {
+                let question = TimeSync {
+                    asked: self.header.time,
+                    received: 0,
+                    answered: 0,
+                };
+                self.send(question.into(), damage);
+            }
+            11 => {
+                self.unit.feed_watchdog();
+                self.unit.report();
+            }
+            _ => {
+                self.header.time = self
+                    .header
+                    .time
+                    .wrapping_add(u64::from(choices.byte()) * 100);
+                let sample = self.sample;
+                self.send(sample.into(), damage);
+                self.header.sequence = self.header.sequence.wrapping_add(1);
+                if self.worked < MOST_SAMPLES {
+                    self.worked += u32::from(self.unit.work());
+                }
+            }
+        }
+    }
+
+    /// Every frame of the unit is whole, and what it estimates are numbers.
+    fn listen(&mut self) {
+        let mut bytes = [0; MAX_FRAME_LENGTH];
+        while let Some(length) = self.unit.transmit(&mut bytes) {
+            let (_, message) = Message::decode(&bytes[..length]).expect("a whole frame");
+            if let Message::Estimate(estimate) = message {
+                assert!(estimate.state.iter().all(|value| value.is_finite()));
+                assert!(estimate.variance.iter().all(|value| *value >= 0.0));
+            }
+        }
+    }
+}

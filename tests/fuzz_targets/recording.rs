@@ -1,0 +1,92 @@
+//! MVNX from end to end.
+
+use std::sync::OnceLock;
+
+use bodyflight::formats::mvnx::writer::{Description, Writer};
+use bodyflight::formats::recording::{BadFrames, FlightFrame, Options};
+use bodyflight::formats::subject::Subject;
+
+use super::choices::Choices;
+use crate::small_recording::{NAME, is_usable, read_as, survey, written};
+
+/// Longest input that is read (bytes): more says nothing new, and slowly.
+const LONGEST: usize = 48 << 10;
+
+/// Edits of the small recording.
+const MOST_EDITS: usize = 8;
+
+/// An input is a file where it begins with `<`; else the edits of a small recording: where, how much goes, what comes.
+/// It is inspected and read, and what was read is written and read again.
+pub(super) fn mvnx(input: &[u8]) {
+    let input = &input[..input.len().min(LONGEST)];
+    if input.starts_with(b"<") {
+        check(input);
+    } else {
+        check(&edited(input));
+    }
+}
+
+fn edited(input: &[u8]) -> Vec<u8> {
+    static SMALL: OnceLock<String> = OnceLock::new();
+    let mut text = SMALL.get_or_init(|| written(2)).as_bytes().to_vec();
+    let mut choices = Choices(input);
+    for _ in 0..MOST_EDITS {
+        if choices.is_empty() {
+            break;
+        }
+        let start = usize::from(choices.word()) % text.len();
+        let gone = usize::from(choices.byte());
+        let come = usize::from(choices.byte());
+        let end = (start + gone).min(text.len());
+        text.splice(start..end, choices.bytes(come).iter().copied());
+        if text.is_empty() {
+            break;
+        }
+    }
+    text
+}
+
+fn check(text: &[u8]) {
+    if let Ok(report) = survey(text) {
+        // What people see of it can be made.
+        assert!(!report.to_string().is_empty());
+        assert!(report.duration_s.is_finite() && report.frame_rate_hz >= 1.0);
+    }
+    let strict = Options {
+        bad_frames: BadFrames::Refuse,
+        ..Options::default()
+    };
+    let lenient = Options {
+        allow_truncated: true,
+        ..Options::default()
+    };
+    let Ok((frames, _)) = read_as(text, NAME, lenient) else {
+        assert!(read_as(text, NAME, strict).is_err());
+        return;
+    };
+    assert!(frames.iter().all(is_usable));
+    assert!(frames.is_sorted_by(|a, b| a.time < b.time));
+    if let Some(again) = rewritten(&frames) {
+        let (again, _) = read_as(&again, NAME, strict).expect("what was written is read");
+        assert_eq!(again.len(), frames.len());
+    }
+}
+
+/// The frames as a file; `None` where they cannot be written.
+fn rewritten(frames: &[FlightFrame]) -> Option<Vec<u8>> {
+    let description = Description {
+        subject_label: "fuzz".to_owned(),
+        frame_rate: 240.0,
+        start_unix_ms: 0,
+        comment: String::new(),
+    };
+    let body = Subject::default().body();
+    let mut writer = Writer::new(Vec::new(), NAME.as_ref(), description, &body).ok()?;
+    let first = frames.first()?;
+    for (index, frame) in (first.index..).zip(frames) {
+        // Gaps would be bridged, and frames come back that were not sent.
+        let frame = FlightFrame { index, ..*frame };
+        writer.write(&frame).ok()?;
+    }
+    writer.complete().ok()
+}
