@@ -4,8 +4,11 @@ mod budgets;
 mod f405;
 mod hil;
 mod image;
+mod nightly;
 mod on_target;
 mod run;
+mod soak;
+mod supply;
 mod test;
 mod unit;
 mod viewer;
@@ -13,6 +16,7 @@ mod viewer;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use nightly::Effort;
 
 /// Tasks of the project.
 #[derive(Parser)]
@@ -58,6 +62,31 @@ enum Verb {
         #[arg(long, default_value_t = 30)]
         seconds: u32,
     },
+    /// Fuzz what takes bytes of strangers, by coverage: a minute each. Installs a nightly compiler and cargo-fuzz.
+    Fuzz {
+        /// Targets; all where none is named.
+        targets: Vec<String>,
+        /// Inputs for each, in place of a minute.
+        #[arg(long)]
+        runs: Option<u64>,
+        /// Seconds for each.
+        #[arg(long, default_value_t = 60, conflicts_with = "runs")]
+        seconds: u64,
+    },
+    /// Run tests of the core in miri, little-endian and big-endian. Installs a nightly compiler.
+    Miri,
+    /// Hours of streaming in virtual time through faults and restarts; killed processes, full disks.
+    Soak {
+        /// Hours of flight.
+        #[arg(long, default_value_t = 1)]
+        hours: u32,
+    },
+    /// Check lock files, licences and sources of what the program is made of, and list it: sbom.json.
+    Supply {
+        /// Look up known holes too, which needs a network.
+        #[arg(long)]
+        advisories: bool,
+    },
 }
 
 fn main() -> ExitCode {
@@ -80,6 +109,17 @@ fn main() -> ExitCode {
             .and_then(|()| if test { viewer::test() } else { Ok(()) })
             .and_then(|()| if pictures { viewer::pictures() } else { Ok(()) }),
         Verb::Hil { seconds } => hil::hil(seconds),
+        Verb::Fuzz {
+            targets,
+            runs,
+            seconds,
+        } => {
+            let effort = runs.map_or(Effort::Seconds(seconds), Effort::Runs);
+            nightly::fuzz(&targets, effort)
+        }
+        Verb::Miri => nightly::miri(),
+        Verb::Soak { hours } => soak::soak(hours),
+        Verb::Supply { advisories } => supply::supply(advisories),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -1,0 +1,161 @@
+//! Fuzzing and miri: what needs a nightly compiler.
+
+use std::path::PathBuf;
+
+use crate::run::{Result, root, run, run_in, say, target_folder};
+
+/// Toolchain of these tasks; the project itself is built with the pinned stable one.
+const TOOLCHAIN: &str = "nightly";
+
+/// Most memory of a fuzz target (MiB), and longest time for one input (s).
+const MEMORY_MIB: u32 = 1024;
+const SLOWEST_S: u32 = 5;
+
+/// How long to fuzz a target.
+#[derive(Clone, Copy)]
+pub(crate) enum Effort {
+    Seconds(u64),
+    Runs(u64),
+}
+
+/// A sentence for whoever has no network, or no rustup.
+fn without(what: &str) -> impl FnOnce(String) -> String {
+    let help = format!("this task needs {what}; installing it needs rustup and a network");
+    move |error| format!("{error}\n{help}")
+}
+
+/// Environment in which cargo and its tools take the nightly toolchain.
+fn variables() -> Vec<(&'static str, String)> {
+    vec![
+        ("RUSTUP_TOOLCHAIN", TOOLCHAIN.to_owned()),
+        ("CARGO", "cargo".to_owned()),
+    ]
+}
+
+fn install_toolchain(components: &[&str]) -> Result<()> {
+    let mut arguments = vec!["toolchain", "install", TOOLCHAIN, "--profile", "minimal"];
+    for component in components {
+        arguments.extend(["--component", component]);
+    }
+    let is_there = run("rustup", &["run", TOOLCHAIN, "rustc", "--version"]).is_ok()
+        && components.iter().all(|component| {
+            let program = format!("cargo-{component}");
+            // Sources are no program; what needs them says so.
+            *component == "rust-src"
+                || run("rustup", &["which", "--toolchain", TOOLCHAIN, &program]).is_ok()
+        });
+    if is_there {
+        return Ok(());
+    }
+    run("rustup", &arguments).map_err(without("a nightly toolchain"))
+}
+
+/// A program of crates.io, installed beside what is built.
+pub(crate) fn tool(name: &str, version: &str) -> Result<PathBuf> {
+    let folder = target_folder()?.join("tools");
+    let program = folder.join("bin").join(name);
+    if !program.is_file() {
+        let at = folder.display().to_string();
+        let install = [
+            "install",
+            name,
+            "--version",
+            version,
+            "--locked",
+            "--root",
+            &at,
+        ];
+        run_in(&root(), "cargo", &install, &variables()).map_err(without(name))?;
+    }
+    Ok(program)
+}
+
+/// Fuzzes every target, or those named; what is found is a file in `fuzz/artifacts`.
+pub(crate) fn fuzz(names: &[String], effort: Effort) -> Result<()> {
+    install_toolchain(&[])?;
+    let program = tool("cargo-fuzz", "0.13.2")?.display().to_string();
+    let known = targets()?;
+    if let Some(unknown) = names.iter().find(|name| !known.contains(name)) {
+        return Err(format!(
+            "no target {unknown}; there are: {}",
+            known.join(", ")
+        ));
+    }
+    let found_before = target_folder()?.join("fuzz-corpus");
+    let end = match effort {
+        Effort::Seconds(seconds) => format!("-max_total_time={seconds}"),
+        Effort::Runs(runs) => format!("-runs={runs}"),
+    };
+    let limits = [
+        format!("-rss_limit_mb={MEMORY_MIB}"),
+        format!("-timeout={SLOWEST_S}"),
+    ];
+    for name in known
+        .iter()
+        .filter(|name| names.is_empty() || names.contains(name))
+    {
+        // New entries go to the first folder; those of the repository are only read.
+        let new = found_before.join(name);
+        std::fs::create_dir_all(&new).map_err(|error| format!("{}: {error}", new.display()))?;
+        let new = new.display().to_string();
+        let kept = root().join("fuzz/corpus").join(name).display().to_string();
+        let mut arguments = vec!["fuzz", "run", name, &new, &kept, "--", &end];
+        arguments.extend(limits.iter().map(String::as_str));
+        arguments.push("-print_final_stats=1");
+        run_in(&root(), &program, &arguments, &variables())?;
+    }
+    say("fuzz: no target found anything");
+    Ok(())
+}
+
+/// Names of the targets: their programs.
+fn targets() -> Result<Vec<String>> {
+    let folder = root().join("fuzz/fuzz_targets");
+    let entries =
+        std::fs::read_dir(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+    let mut names: Vec<String> = entries
+        .filter_map(|entry| {
+            let path = entry.ok()?.path();
+            Some(path.file_stem()?.to_str()?.to_owned())
+        })
+        .collect();
+    names.sort();
+    Ok(names)
+}
+
+/// Parts of the core that miri runs, and for how many cases of each property: it is a thousand times as slow.
+const PARTS: [&str; 7] = [
+    "link::",
+    "xbus::",
+    "effect::",
+    "estimator::factor",
+    "estimator::coefficients",
+    "frame::",
+    "math::",
+];
+const CASES: &str = "4";
+
+/// What takes minutes there, for its many rounds, and shows nothing else than its neighbours.
+const SLOW: [&str; 0] = [];
+
+/// A big-endian machine.
+const BIG_ENDIAN: &str = "s390x-unknown-linux-gnu";
+
+/// Tests of the core's parsers, algebra and effects in miri, on this machine's order of bytes and on the other.
+pub(crate) fn miri() -> Result<()> {
+    install_toolchain(&["miri", "rust-src"])?;
+    let mut variables = variables();
+    // Clocks and random seeds of the property tests are the machine's.
+    variables.push(("MIRIFLAGS", "-Zmiri-disable-isolation".to_owned()));
+    variables.push(("PROPTEST_CASES", CASES.to_owned()));
+    for target in [None, Some(BIG_ENDIAN)] {
+        let mut arguments = vec!["miri", "test", "--package", "bodyflight-core", "--lib"];
+        arguments.extend(target.into_iter().flat_map(|target| ["--target", target]));
+        arguments.push("--");
+        arguments.extend(PARTS);
+        arguments.extend(SLOW.into_iter().flat_map(|slow| ["--skip", slow]));
+        run_in(&root(), "cargo", &arguments, &variables).map_err(without("miri"))?;
+    }
+    say("miri: no undefined behaviour, in either order of bytes");
+    Ok(())
+}

@@ -1,0 +1,142 @@
+//! What the program is made of: licences, sources, and a list of parts.
+
+use std::collections::BTreeSet;
+use std::process::Command;
+
+use serde::Deserialize;
+use serde_json::json;
+
+use crate::nightly::tool;
+use crate::run::{Result, root, run, say, target_folder};
+
+/// Workspaces with a lock file of their own.
+const MANIFESTS: [&str; 3] = [
+    "Cargo.toml",
+    "firmware/boards/stm32f405/Cargo.toml",
+    "fuzz/Cargo.toml",
+];
+
+#[derive(Deserialize)]
+struct Metadata {
+    packages: Vec<Package>,
+}
+
+#[derive(Deserialize, PartialEq, Eq, PartialOrd, Ord)]
+struct Package {
+    name: String,
+    version: String,
+    license: Option<String>,
+    /// `None` for the parts of this project.
+    source: Option<String>,
+}
+
+/// Checks that lock files are up to date, and licences and sources against `deny.toml`; writes the list of parts, `sbom.json` in
+/// the folder of the target, as CycloneDX. With `advisories` known holes are looked up too, which needs a network.
+pub(crate) fn supply(advisories: bool) -> Result<()> {
+    let mut packages = BTreeSet::new();
+    for manifest in MANIFESTS {
+        packages.extend(metadata(manifest)?.packages);
+    }
+    let file = target_folder()?.join("sbom.json");
+    let text = serde_json::to_string_pretty(&bill_of_materials(&packages))
+        .map_err(|error| format!("the list of parts: {error}"))?;
+    std::fs::write(&file, text).map_err(|error| format!("{}: {error}", file.display()))?;
+    say(&format!("{} parts: {}", packages.len(), file.display()));
+    let program = tool("cargo-deny", "0.20.2")?.display().to_string();
+    let mut checks = vec!["bans", "licenses", "sources"];
+    if advisories {
+        checks.push("advisories");
+    }
+    for manifest in MANIFESTS {
+        let mut arguments = vec![
+            "--manifest-path",
+            manifest,
+            "--locked",
+            "check",
+            "--hide-inclusion-graph",
+        ];
+        arguments.extend(&checks);
+        run(&program, &arguments)?;
+    }
+    Ok(())
+}
+
+/// What cargo knows of a workspace; fails where its lock file is not up to date.
+fn metadata(manifest: &str) -> Result<Metadata> {
+    let output = Command::new("cargo")
+        .args([
+            "metadata",
+            "--locked",
+            "--format-version=1",
+            "--manifest-path",
+            manifest,
+        ])
+        .current_dir(root())
+        .output()
+        .map_err(|error| format!("cannot start cargo: {error}"))?;
+    if !output.status.success() {
+        let errors = String::from_utf8_lossy(&output.stderr);
+        return Err(format!("{manifest}: {errors}"));
+    }
+    serde_json::from_slice(&output.stdout)
+        .map_err(|error| format!("{manifest}: what cargo metadata says: {error}"))
+}
+
+/// CycloneDX 1.5: every crate by name, version, licence and where it comes from.
+fn bill_of_materials(packages: &BTreeSet<Package>) -> serde_json::Value {
+    let components: Vec<_> = packages
+        .iter()
+        .map(|package| {
+            let Package { name, version, .. } = package;
+            let mut component = json!({
+                "type": "library",
+                "bom-ref": format!("{name}@{version}"),
+                "name": name,
+                "version": version,
+            });
+            if let Some(license) = &package.license {
+                component["licenses"] = json!([{ "expression": license.replace('/', " OR ") }]);
+            }
+            if package.source.is_some() {
+                component["purl"] = json!(format!("pkg:cargo/{name}@{version}"));
+            }
+            component
+        })
+        .collect();
+    json!({
+        "bomFormat": "CycloneDX",
+        "specVersion": "1.5",
+        "version": 1,
+        "metadata": { "component": { "type": "application", "name": "bodyflight", "version": env!("CARGO_PKG_VERSION") } },
+        "components": components,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_part_is_listed_once_with_its_licence() {
+        let package = |name: &str, source: Option<&str>| Package {
+            name: name.to_owned(),
+            version: "1.0.0".to_owned(),
+            license: Some("MIT/Apache-2.0".to_owned()),
+            source: source.map(str::to_owned),
+        };
+        let packages = BTreeSet::from([
+            package("own", None),
+            package("other", Some("registry")),
+            package("other", Some("registry")),
+        ]);
+        let bill = bill_of_materials(&packages);
+        let components = bill["components"].as_array().map(Vec::len);
+        assert_eq!(components, Some(2));
+        assert_eq!(bill["components"][0]["purl"], "pkg:cargo/other@1.0.0");
+        assert_eq!(
+            bill["components"][0]["licenses"][0]["expression"],
+            "MIT OR Apache-2.0"
+        );
+        assert!(bill["components"][1]["purl"].is_null());
+    }
+}
