@@ -44,10 +44,11 @@ pub(super) fn visible_problem(mut problem: Problem) -> Problem {
     let name = problem.file.as_ref().map(|file| file.display().to_string());
     problem.file = name.map(|name| visible(&name).into_owned().into());
     problem.message = visible(&problem.message).into_owned();
-    for text in [&mut problem.place, &mut problem.help] {
-        if let Some(text) = text {
-            *text = visible(text).into();
-        }
+    for text in [&mut problem.place, &mut problem.help]
+        .into_iter()
+        .flatten()
+    {
+        *text = visible(text).into();
     }
     if let Some(cause) = &problem.cause {
         let text = cause.to_string();

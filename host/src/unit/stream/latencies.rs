@@ -109,7 +109,7 @@ mod tests {
     #[test]
     fn quantiles_are_those_of_the_times() {
         let mut latencies = Latencies::default();
-        assert_eq!(latencies.quantile(0.5), 0.0);
+        assert!(latencies.quantile(0.5) < 1e-9);
         for k in 1..=1000 {
             latencies.add(Duration::from_micros(10 * k));
         }

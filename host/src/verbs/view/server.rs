@@ -114,9 +114,9 @@ impl Server {
             .tempfile()
             .map_err(refused)?;
         let url = self.url();
-        write!(
+        writeln!(
             file,
-            "<!doctype html><meta http-equiv=\"refresh\" content=\"0; url={url}\"><a href=\"{url}\">bodyflight</a>\n"
+            "<!doctype html><meta http-equiv=\"refresh\" content=\"0; url={url}\"><a href=\"{url}\">bodyflight</a>"
         )
         .and_then(|()| file.flush())
         .map_err(refused)?;
