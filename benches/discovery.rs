@@ -126,6 +126,7 @@ fn names(hidden: &[Hidden]) -> Vec<&'static str> {
     let name = |hidden: &Hidden| match hidden {
         Hidden::Effect(effect, _) => effect.description().name,
         Hidden::Outside(outside) => outside.name(),
+        Hidden::Load(_) => "load",
     };
     hidden.iter().map(name).collect()
 }

@@ -3,10 +3,11 @@
 //! [`Dynamics`] is everything that stays the same during a flight; a [`PostureSample`] is everything that
 //! depends on the posture alone, made once for each interval between two recorded postures; a [`State`] is
 //! the rest. [`step`] holds the integrator, [`equations_of_motion`] the rates in the exact and in the
-//! published form, [`muscle_input`] the skydiver's conscious inputs, [`residual`] loads that nothing accounts for, [`trim`] the steady belly fall, [`steady`] those in other
-//! attitudes, [`point_mass`] a fall
-//! of which the posture is not known.
+//! published form, [`muscle_input`] the skydiver's conscious inputs, [`residual`] loads that nothing accounts for,
+//! [`applied_load`] loads by description, [`trim`] the steady belly fall, [`steady`] those in other attitudes,
+//! [`point_mass`] a fall of which the posture is not known.
 
+pub mod applied_load;
 pub mod equations_of_motion;
 pub mod free_run;
 pub mod interval;

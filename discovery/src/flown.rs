@@ -179,10 +179,18 @@ impl<'a> Prepared<'a> {
         }
         let mut state = State::from_motion(&begin, sample);
         let mut motions = Vec::with_capacity(count);
+        let dynamics = &self.model.dynamics;
         for (k, sample) in self.samples.iter().enumerate() {
             let frame = first + (2 * k + 1) * grid.frames() / (2 * count);
             let inputs = self.model.inputs(&self.track.inputs[frame]);
-            state = self.model.dynamics.step(&state, sample, &inputs, duration);
+            let body = (&self.postures[k].0, sample);
+            let apply = |state: &mut State<f64>, time: f64| {
+                let loads = &self.model.applied;
+                loads.push(dynamics, state, body, time, 0.5 * duration);
+            };
+            apply(&mut state, time(k));
+            state = dynamics.step(&state, sample, &inputs, duration);
+            apply(&mut state, time(k + 1));
             if let Some(push) = push
                 && push.window == k * super::stretch::ROWS / count
             {

@@ -9,6 +9,7 @@ mod suit;
 
 use bodyflight_core::body::mass_properties::PostureRate;
 use bodyflight_core::body::pattern::{self, JointAngles};
+use bodyflight_core::dynamics::applied_load::AppliedLoad;
 use bodyflight_core::dynamics::{Dynamics, Inputs, Motion, State};
 use bodyflight_core::effect::sensors::Moving;
 use bodyflight_core::effect::{Effect, Model, PARAMETER_COUNT};
@@ -38,6 +39,8 @@ const START_HEIGHT: f64 = 4000.0;
 pub enum Hidden {
     /// An effect of the library with its parameters.
     Effect(Effect, [f64; PARAMETER_COUNT]),
+    /// A load by description.
+    Load(AppliedLoad<f64>),
     /// Something that the library does not have.
     Outside(Outside),
 }
@@ -185,9 +188,13 @@ pub fn fly(
     let mut model = Model::new(*dynamics, START_HEIGHT);
     perturb(&mut model.dynamics, &mut random, settings.noise);
     for hidden in hidden {
-        if let Hidden::Effect(effect, values) = hidden {
+        match hidden {
             // Strengths are within the plausible range.
-            let _ = effect.apply(values, &mut model);
+            Hidden::Effect(effect, values) => drop(effect.apply(values, &mut model)),
+            Hidden::Load(load) => {
+                model.applied = model.applied.with(*load).unwrap_or(model.applied)
+            }
+            Hidden::Outside(_) => {}
         }
     }
     let mut suit = Suit::new(
@@ -246,7 +253,14 @@ fn truth(
                 model
                     .dynamics
                     .between(&script.posture(now), &script.posture(now + step), step);
+            let apply = |state: &mut State<f64>, time: f64| {
+                let body = (&script.posture(time), &interval);
+                let loads = &model.applied;
+                loads.push(&model.dynamics, state, body, time, 0.5 * step);
+            };
+            apply(&mut state, now);
             state = model.dynamics.step(&state, &interval, &inputs, step);
+            apply(&mut state, now + step);
             for hidden in hidden {
                 if let Hidden::Outside(outside) = hidden {
                     outside.push(&mut state, &motion, now, step);

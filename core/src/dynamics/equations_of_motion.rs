@@ -9,7 +9,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::{Dynamics, Inputs, Motion, PostureSample, State};
 use crate::body::mass_properties::{MassMotion, MassProperties};
-use crate::frame::Vector;
+use crate::frame::{Body as BodyFrame, Vector};
 use crate::math::{Real, inverse_symmetric, small_rotation};
 
 /// Second derivatives that only the rate form needs, body axes.
@@ -153,6 +153,12 @@ impl<T: Real> AsPublished<T> {
     /// The present motion.
     pub fn motion(&self) -> &Motion<T> {
         &self.motion
+    }
+
+    /// Adds a velocity (m/s) and an angular velocity (rad/s), body axes.
+    pub fn push(&mut self, velocity: &Vector<T, BodyFrame>, spin: &Vector<T, BodyFrame>) {
+        self.motion.velocity += *velocity;
+        self.motion.angular_velocity += *spin;
     }
 
     /// Steps the motion by `duration` (s): explicit midpoint, damping by the trapezium rule.

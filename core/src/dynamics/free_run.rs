@@ -1,5 +1,6 @@
 //! A free run: the model alone, fed by a sequence of postures from a first measured motion.
 
+use super::applied_load::AppliedLoads;
 use super::equations_of_motion::{AsPublished, Flight};
 use super::step::TIME_STEP;
 use super::{Dynamics, Inputs, Motion, PostureSample, State};
@@ -56,6 +57,19 @@ impl<T: Real> FreeRun<T> {
         next: &Posture<T>,
         duration: T,
     ) {
+        let nothing = (&AppliedLoads::none(), T::zero());
+        self.advance_under(nothing, dynamics, inputs, next, duration);
+    }
+
+    /// [`FreeRun::advance`] under loads by description, from a time (s since the start of the flight) on.
+    pub fn advance_under(
+        &mut self,
+        (loads, time): (&AppliedLoads<T>, T),
+        dynamics: &Dynamics<T>,
+        inputs: &Inputs<T>,
+        next: &Posture<T>,
+        duration: T,
+    ) {
         let steps = steps_for(duration.to_f64());
         let share = T::one() / T::of(f64::from(steps));
         let mut from = self.posture;
@@ -66,9 +80,14 @@ impl<T: Real> FreeRun<T> {
                 self.posture
                     .interpolated(next, share * T::of(f64::from(step)))
             };
-            let sample = dynamics.between(&from, &to, duration * share);
+            let part = duration * share;
+            let sample = dynamics.between(&from, &to, part);
+            let end = time + part * T::of(f64::from(step));
+            let half = part * T::of(0.5);
             self.flight
-                .step(dynamics, &sample, inputs, duration * share);
+                .push(dynamics, loads, (&from, &sample), end - part, half);
+            self.flight.step(dynamics, &sample, inputs, part);
+            self.flight.push(dynamics, loads, (&to, &sample), end, half);
             from = to;
         }
         self.posture = *next;

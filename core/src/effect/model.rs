@@ -7,6 +7,7 @@ use super::sensors::Sensors;
 use crate::aerodynamics::Coefficients;
 use crate::axis::AxisCoefficients;
 use crate::body::Segment;
+use crate::dynamics::applied_load::AppliedLoads;
 use crate::dynamics::{Dynamics, Inputs};
 use crate::math::Real;
 
@@ -17,6 +18,8 @@ pub struct Model<T: Real> {
     pub dynamics: Dynamics<T>,
     /// Muscle input in addition to the skydiver's (dimensionless).
     pub muscle: AxisCoefficients<T>,
+    /// Loads by description.
+    pub applied: AppliedLoads<T>,
     /// Factors on the damping coefficients.
     pub damping_factor: AxisCoefficients<T>,
     /// What sensors make of the motion.
@@ -31,6 +34,7 @@ impl<T: Real> Model<T> {
         Self {
             dynamics,
             muscle: AxisCoefficients::zero(),
+            applied: AppliedLoads::none(),
             damping_factor: AxisCoefficients::repeat(T::one()),
             sensors: Sensors::perfect(),
             start_height,

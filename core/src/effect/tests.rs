@@ -226,7 +226,8 @@ fn page() -> std::string::String {
          What the model may lack, one file each in `core/src/effect/`. `bodyflight discover` looks for them, \
          `bodyflight hide` hides them, and a `model.toml` adds them:\n\n\
          ```toml\n[[effect]]\nname = \"wind\"\nnorth_mps = 3.5\n```\n\n\
-         Parameters that are not given keep the value at which they do nothing. The page is made from the code:\n\n\
+         Parameters that are not given keep the value at which they do nothing. What the library does not have is \
+         written as a load by description (below). The page is made from the code:\n\n\
          ```sh\nBODYFLIGHT_WRITE_DOCS=1 cargo test -p bodyflight-core effect\n```\n",
     );
     for (kind, title) in [
@@ -269,8 +270,50 @@ fn page() -> std::string::String {
             .unwrap();
         }
     }
-    page
+    page + LOADS
 }
+
+const LOADS: &str = r#"
+## Loads by description
+
+An `[[effect]]` without a name is a force or a moment along an axis, times at most three factors; a file has at most
+twelve. `simulate`, `estimate`, `view` and `hide --model` fly them, `discover` writes what it describes as such.
+
+```toml
+[[effect]]
+moment_nm = 25.0
+along = "dorsal"
+times = [{ factor = "sine", frequency_hz = 3.1, phase_rad = 0.4 }]
+
+[[effect]]
+force_n = 40.0
+at = "l_foot"
+along = "stream"
+times = [
+  { factor = "speed-squared", reference_mps = 50.0 },
+  { factor = "joint", segment = "l_shank", axis = "x", reference_rad = 1.0 },
+]
+```
+
+| key | meaning |
+|---|---|
+| `force_n` or `moment_nm` | size where every factor is one (N, N m) |
+| `along` | `left`, `dorsal`, `cranial` (body); `north`, `west`, `up` (inertial); `stream` (the way drag points); a segment and its axis, `"l_shank x"` |
+| `at` | segment at whose centre of gravity a force acts; the body's where it is left out. A moment has none |
+
+| factor | is | keys |
+|---|---|---|
+| `speed` | speed through the air over a reference | `reference_mps` |
+| `speed-squared` | its square | `reference_mps` |
+| `joint` | component of the rotation vector of a joint, less `from_rad`, over a reference | `segment`, `axis`, `from_rad` (0), `reference_rad` |
+| `turn` | angular velocity about a body axis over a reference | `axis`, `reference_radps` |
+| `height` | height, inertial, less `from_m`, over a reference | `from_m`, `reference_m` |
+| `sine` | sine of the time since the first frame | `frequency_hz`, `phase_rad` (0) |
+| `pulse` | one for some time, zero otherwise; comes again where there is a period | `start_s`, `duration_s`, `period_s` (0: once) |
+
+A factor has no unit: it is a quantity over a reference of the same unit, which the key names. So the size stays in N or
+N m, and a key of another unit is refused.
+"#;
 
 #[test]
 fn the_page_of_effects_says_what_the_code_says() {

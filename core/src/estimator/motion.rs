@@ -33,6 +33,7 @@ use super::reduced::Reduced;
 use super::status::Faults;
 use super::unscented::SettingsError;
 use crate::body::posture::Posture;
+use crate::dynamics::applied_load::AppliedLoads;
 use crate::dynamics::{Dynamics, Motion, PostureSample, State};
 use crate::frame::Vector;
 use crate::math::Real;
@@ -187,6 +188,15 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
     /// Says how much each axis is moved on purpose, for who has seen the flight before.
     pub fn prescribe_activity(&mut self, activity: [T; 3]) {
         self.prescribed = Some(activity);
+    }
+
+    /// Pushes the body as it is now for `duration` (s) by loads that are known; `time` (s since the start of the flight)
+    /// is the middle of it. Nothing happens before the first interval.
+    pub fn apply(&mut self, loads: &AppliedLoads<T>, time: T, duration: T) {
+        if let Some(interval) = &self.interval {
+            let body = (&self.posture, interval);
+            loads.push(&self.dynamics, &mut self.state.motion, body, time, duration);
+        }
     }
 
     /// Takes the next sample: the posture, and what was measured at the same instant. An estimate for that

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use bodyflight::diagnostic::{Problem, Result};
 use bodyflight::formats::flight::Flight;
+use bodyflight::formats::model_file::Effects;
 use bodyflight::formats::subject::Subject;
 use bodyflight::interrupt;
 use bodyflight::output::files::write_file;
@@ -21,7 +22,11 @@ use super::terminal;
 #[command(after_help = hidden_help())]
 pub(super) struct Args {
     /// Effects by name, several with commas; `clean` for none.
-    effects: String,
+    #[arg(required_unless_present = "model")]
+    effects: Option<String>,
+    /// A model.toml whose effects and loads are hidden as they are.
+    #[arg(long)]
+    model: Option<PathBuf>,
     /// Folder for flight-0, flight-1 and so on, and truth.toml beside them.
     #[arg(long)]
     out: PathBuf,
@@ -96,10 +101,20 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
             )));
         }
     }
-    let names = args.effects.split(',').filter(|name| *name != "clean");
-    let hidden = names
+    let names = args.effects.iter().flat_map(|names| names.split(','));
+    let mut hidden = names
+        .filter(|name| *name != "clean")
         .map(|name| hidden(name, args.seed, args.strength))
         .collect::<Result<Vec<_>>>()?;
+    if let Some(path) = &args.model {
+        let Effects { named, loads } = Effects::read(path)?;
+        hidden.extend(
+            named
+                .into_iter()
+                .map(|(e, values)| Hidden::Effect(e, values)),
+        );
+        hidden.extend(loads.iter().copied().map(Hidden::Load));
+    }
     let subject = match &args.subject {
         Some(path) => Subject::read(path)?,
         None => Subject::default(),

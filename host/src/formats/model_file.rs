@@ -5,13 +5,17 @@
 //! name = "wind"
 //! north_mps = 3.5
 //! ```
-//! Parameters that are not given keep the value at which they do nothing.
+//! Parameters that are not given keep the value at which they do nothing. An `[[effect]]` without a name is a
+//! [`load`] by description.
+
+mod load;
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
 use bodyflight_core::aerodynamics::stream::Stream;
 use bodyflight_core::dynamics::Dynamics;
+use bodyflight_core::dynamics::applied_load::{AppliedLoad, AppliedLoads};
 use bodyflight_core::effect::sensors::Sensors;
 use bodyflight_core::effect::{Effect, Model, PARAMETER_COUNT};
 use bodyflight_discovery::report::ByName;
@@ -19,9 +23,10 @@ use serde::Deserialize;
 
 use crate::diagnostic::{Problem, Result};
 use crate::formats::input;
+use load::{LoadTable, is_load};
 
 /// The text of a `model.toml`, after a comment of whole lines.
-pub fn model_toml(comment: &str, effects: &[ByName]) -> String {
+pub fn model_toml(comment: &str, effects: &[ByName], loads: &[AppliedLoad<f64>]) -> String {
     let mut text = comment.to_owned();
     for (name, parameters) in effects {
         text += &format!("\n[[effect]]\nname = \"{name}\"\n");
@@ -29,12 +34,29 @@ pub fn model_toml(comment: &str, effects: &[ByName]) -> String {
             text += &format!("{parameter} = {value:?}\n");
         }
     }
+    for load in loads {
+        text += &load::text(load);
+    }
     text
 }
 
-/// Effects with their parameters, in the order of the file.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Effects(Vec<(Effect, [f64; PARAMETER_COUNT])>);
+/// Effects with their parameters, in the order in which they are applied, and loads by description.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Effects {
+    /// Of the library.
+    pub named: Vec<(Effect, [f64; PARAMETER_COUNT])>,
+    /// By description.
+    pub loads: AppliedLoads<f64>,
+}
+
+impl Default for Effects {
+    fn default() -> Self {
+        Self {
+            named: Vec::new(),
+            loads: AppliedLoads::none(),
+        }
+    }
+}
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -44,9 +66,9 @@ struct ModelFile {
 
 #[derive(Deserialize)]
 struct EffectTable {
-    name: String,
+    name: Option<String>,
     #[serde(flatten)]
-    parameters: BTreeMap<String, f64>,
+    parameters: BTreeMap<String, toml::Value>,
 }
 
 impl Effects {
@@ -66,15 +88,30 @@ impl Effects {
     pub fn parse(text: &str, path: &Path) -> Result<Self> {
         let file: ModelFile =
             toml::from_str(text).map_err(|error| Problem::toml(&error, text, path))?;
-        let effects = file.effect.iter().enumerate().map(|(index, table)| {
-            table
-                .effect()
-                .map_err(|problem| problem.in_file(path).at(format!("effect {}", index + 1)))
-        });
-        let mut effects = effects.collect::<Result<Vec<_>>>()?;
+        let mut effects = Self::default();
+        for (index, table) in file.effect.into_iter().enumerate() {
+            effects
+                .add(table)
+                .map_err(|problem| problem.in_file(path).at(format!("effect {}", index + 1)))?;
+        }
         // One order for all: some effects act on what others changed.
-        effects.sort_by_key(|(effect, _)| *effect);
-        Ok(Self(effects))
+        effects.named.sort_by_key(|(effect, _)| *effect);
+        Ok(effects)
+    }
+
+    fn add(&mut self, table: EffectTable) -> Result<()> {
+        if table.name.is_some() || !is_load(table.parameters.keys()) {
+            self.named.push(table.effect()?);
+            return Ok(());
+        }
+        let fields = toml::Value::Table(table.parameters.into_iter().collect());
+        let table = LoadTable::deserialize(fields)
+            .map_err(|error| Problem::bad_input(error.message().to_owned()))?;
+        self.loads = self
+            .loads
+            .with(table.load()?)
+            .map_err(|error| Problem::bad_input(error.to_string()))?;
+        Ok(())
     }
 
     /// The model with the effects.
@@ -83,7 +120,8 @@ impl Effects {
     /// Where a value is outside its plausible range; a file that was read has none.
     pub fn applied(&self, dynamics: Dynamics<f64>, start_height: f64) -> Result<Model<f64>> {
         let mut model = Model::new(dynamics, start_height);
-        for (effect, values) in &self.0 {
+        model.applied = self.loads;
+        for (effect, values) in &self.named {
             effect
                 .apply(values, &mut model)
                 .map_err(|error| Problem::bad_input(error.to_string()))?;
@@ -106,6 +144,12 @@ impl Effects {
         if model.sensors != Sensors::perfect() {
             return Err(refused("the sensors"));
         }
+        if !model.applied.is_empty() {
+            return Err(Problem::bad_input(
+                "a load by description acts in the model, which only the motion filter flies",
+            )
+            .help("leave --preset out, or take the load out of the model.toml"));
+        }
         if model.dynamics.stream != Stream::uniform() || model.dynamics.air.profile != 0.0 {
             return Err(refused("the stream at single segments"));
         }
@@ -115,31 +159,43 @@ impl Effects {
 
 impl EffectTable {
     fn effect(&self) -> Result<(Effect, [f64; PARAMETER_COUNT])> {
-        let effect = Effect::from_name(&self.name).ok_or_else(|| {
+        let Some(name) = &self.name else {
+            return Err(Problem::bad_input(
+                "expected name, force_n or moment_nm, found none of them",
+            )
+            .help("name = \"wind\" for an effect of the library; force_n = 50.0 for a load"));
+        };
+        let effect = Effect::from_name(name).ok_or_else(|| {
             let names: Vec<_> = Effect::ALL.iter().map(|e| e.description().name).collect();
             let known = names.join(", ");
-            Problem::bad_input(format!("unknown effect \"{}\"", self.name))
+            Problem::bad_input(format!("unknown effect \"{name}\""))
                 .help(format!("one of: {known}"))
         })?;
         let parameters = effect.description().parameters;
         let mut values = effect.neutral();
-        for (name, &found) in &self.parameters {
+        for (key, found) in &self.parameters {
             let known = parameters.iter().zip(values.iter_mut());
-            let Some((parameter, value)) = known.into_iter().find(|(p, _)| p.name == name) else {
+            let Some((parameter, value)) = known.into_iter().find(|(p, _)| p.name == key) else {
                 let names: Vec<_> = parameters.iter().map(|p| p.name).collect();
                 return Err(Problem::bad_input(format!(
-                    "effect \"{}\" has no parameter \"{name}\"",
-                    self.name
+                    "effect \"{name}\" has no parameter \"{key}\""
                 ))
                 .help(format!("its parameters: {}", names.join(", "))));
             };
-            if !(parameter.low..=parameter.high).contains(&found) {
-                return Err(Problem::bad_input(format!(
-                    "{name}: expected {} to {}, found {found}",
+            let number = match found {
+                toml::Value::Float(number) => Some(*number),
+                #[expect(clippy::cast_precision_loss, reason = "plausible values are small")]
+                toml::Value::Integer(number) => Some(*number as f64),
+                _ => None,
+            };
+            let within = number.filter(|number| (parameter.low..=parameter.high).contains(number));
+            *value = within.ok_or_else(|| {
+                let found = number.map_or_else(|| found.to_string(), |number| number.to_string());
+                Problem::bad_input(format!(
+                    "{key}: expected {} to {}, found {found}",
                     parameter.low, parameter.high
-                )));
-            }
-            *value = found;
+                ))
+            })?;
         }
         Ok((effect, values))
     }
@@ -182,7 +238,15 @@ mod tests {
                 "[[effect]]\nname = \"mass\"\nfactor = nan",
                 ["factor", "NaN"],
             ),
-            ("[[effect]]\nfactor = 1", ["model.toml:1", "name"]),
+            ("[[effect]]\nfactor = 1", ["effect 1", "name"]),
+            (
+                "[[effect]]\nname = \"mass\"\nfactor = \"1\"",
+                ["factor", "\"1\""],
+            ),
+            (
+                "[[effect]]\nname = \"wind\"\n[[effect]]\nforce_n = 9\nup = 1",
+                ["effect 2", "up"],
+            ),
             ("efect = 1", ["model.toml", "efect"]),
         ] {
             let problem = parse(text).unwrap_err().to_string();

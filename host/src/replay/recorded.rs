@@ -5,6 +5,7 @@
 
 use bodyflight_core::Posture;
 use bodyflight_core::body::mass_properties::{MassMotion, PostureRate};
+use bodyflight_core::dynamics::applied_load::AppliedLoads;
 use bodyflight_core::dynamics::free_run::{Equations, FreeRun};
 use bodyflight_core::dynamics::{Dynamics, Inputs, Motion, State};
 use nalgebra::Vector3;
@@ -36,6 +37,8 @@ pub struct Recorded {
     pub dynamics: Dynamics<f64>,
     /// Conscious inputs, constant.
     pub inputs: Inputs<f64>,
+    /// Loads by description, since the first frame.
+    pub applied: AppliedLoads<f64>,
 }
 
 impl Recorded {
@@ -57,7 +60,17 @@ impl Recorded {
                 .collect::<Result<_>>()?,
             dynamics,
             inputs,
+            applied: AppliedLoads::none(),
         })
+    }
+
+    /// The same flight under loads by description.
+    #[must_use]
+    pub fn under(self, applied: &AppliedLoads<f64>) -> Self {
+        Self {
+            applied: *applied,
+            ..self
+        }
     }
 
     /// Joint rates at a frame: central where there is a frame on both sides.
@@ -112,7 +125,14 @@ impl Recorded {
         let mut motions = vec![*start];
         for frame in first + 1..=last {
             let duration = self.times[frame] - self.times[frame - 1];
-            run.advance(&self.dynamics, &self.inputs, posture(frame), duration);
+            let since_start = self.times[frame - 1] - self.times[0];
+            run.advance_under(
+                (&self.applied, since_start),
+                &self.dynamics,
+                &self.inputs,
+                posture(frame),
+                duration,
+            );
             motions.push(run.motion(&self.dynamics, &rate(frame)));
         }
         motions

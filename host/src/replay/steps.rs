@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 use std::path::Path;
 
 use bodyflight_core::body::mass_properties::PostureRate;
+use bodyflight_core::dynamics::applied_load::AppliedLoads;
 use bodyflight_core::dynamics::free_run::FreeRun;
 use bodyflight_core::dynamics::{Dynamics, Inputs, Motion};
 use bodyflight_core::effect::Model;
@@ -67,6 +68,7 @@ pub struct Replay<'a, T: Real, F> {
     last: Step,
     model: Model<f64>,
     dynamics: Dynamics<T>,
+    applied: AppliedLoads<T>,
     run: FreeRun<T>,
     history: MotionHistory,
 }
@@ -121,7 +123,8 @@ impl<'a, T: Real, F: Iterator<Item = Result<FlightFrame>>> Replay<'a, T, F> {
         }
         let inputs = model.inputs(&flight.inputs_at(first.time));
         let recorded = Recorded::new(read.make_contiguous(), model.dynamics, inputs)
-            .map_err(|problem| problem.in_file(&flight.recording))?;
+            .map_err(|problem| problem.in_file(&flight.recording))?
+            .under(&model.applied);
         let simulated = first_motion(flight.start, &recorded, 0, flight.equations);
         read.drain(..2);
         let seen = Observation::of(&measured);
@@ -157,6 +160,7 @@ impl<'a, T: Real, F: Iterator<Item = Result<FlightFrame>>> Replay<'a, T, F> {
             ahead: Some(second),
             start,
             last: start,
+            applied: model.applied.cast(),
             model,
             dynamics,
             run,
@@ -193,7 +197,9 @@ impl<'a, T: Real, F: Iterator<Item = Result<FlightFrame>>> Replay<'a, T, F> {
         if let Some(history) = &self.flight.inputs {
             self.dynamics.muscles = history.muscles_at(before, &self.flight.muscles);
         }
-        self.run.advance(
+        let since_start = T::of(before - self.start.time);
+        self.run.advance_under(
+            (&self.applied, since_start),
             &self.dynamics,
             &inputs.cast(),
             &frame.posture.cast(),

@@ -113,7 +113,7 @@ pub fn problem(error: Error) -> Problem {
 
 /// The effects found as a `model.toml`.
 pub fn model_toml(model: &[ByName]) -> String {
-    model_file::model_toml("# Effects found by bodyflight discover.\n", model)
+    model_file::model_toml("# Effects found by bodyflight discover.\n", model, &[])
 }
 
 /// Adjustments within the tolerances as a `model.toml`.
@@ -122,5 +122,6 @@ pub fn calibration_toml(corrections: &[ByName]) -> String {
         "# Subject and coefficients as bodyflight discover found them, within their tolerances: simulate --model flies with\n\
          # them.\n",
         corrections,
+        &[],
     )
 }

@@ -55,14 +55,15 @@ pub fn write(frames: &[Frame], subject: &Subject, rate: f64, folder: &Path) -> R
 /// What is hidden, as a `model.toml`; things outside the library as comments.
 pub fn truth_toml(hidden: &[Hidden]) -> String {
     let mut comment = "# What bodyflight hide has hidden in these flights.\n".to_owned();
-    let mut effects = Vec::new();
+    let (mut effects, mut loads) = (Vec::new(), Vec::new());
     for hidden in hidden {
         match hidden {
             Hidden::Outside(outside) => {
                 comment += &format!("# {}, which is not in the library\n", outside.name());
             }
             Hidden::Effect(effect, values) => effects.push(by_name(*effect, values)),
+            Hidden::Load(load) => loads.push(*load),
         }
     }
-    model_toml(&comment, &effects)
+    model_toml(&comment, &effects, &loads)
 }

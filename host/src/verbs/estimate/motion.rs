@@ -3,6 +3,7 @@
 use std::time::Instant;
 
 use bodyflight_core::Real;
+use bodyflight_core::dynamics::applied_load::AppliedLoads;
 use bodyflight_core::dynamics::muscle_input::MuscleModel;
 use bodyflight_core::dynamics::{Dynamics, Inputs, Motion};
 use bodyflight_core::estimator::full::Full;
@@ -89,6 +90,7 @@ pub fn estimate<T: Real>(
         flight,
         recorded: &recorded,
         dynamics: model.dynamics,
+        applied: model.applied,
     };
     if settings.find_joint_error {
         preset.joint_error = run.joint_error(&preset)?;
@@ -147,6 +149,7 @@ struct Run<'a> {
     flight: &'a Flight,
     recorded: &'a Recorded,
     dynamics: Dynamics<f64>,
+    applied: AppliedLoads<f64>,
 }
 
 /// Sums the likelihood of what was measured.
@@ -189,7 +192,12 @@ impl Run<'_> {
             )
             .map_err(|error| Problem::bad_input(format!("the preset: {error}")))?,
         );
+        let applied = self.applied.cast::<T>();
+        let mut last = first.time;
         for (index, instant) in instants.enumerate() {
+            let (middle, duration) = (0.5 * (last + instant.time), instant.time - last);
+            last = instant.time;
+            filter.apply(&applied, T::of(middle - first.time), T::of(duration));
             filter.dynamics_mut().muscles = self.muscles_at(instant.time);
             before(index, &mut filter);
             let measured = MotionMeasurement::of(&instant.motion).cast();

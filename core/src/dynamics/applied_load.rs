@@ -1,0 +1,270 @@
+//! Loads by description: a force or a moment along an axis, times a product of few [factors](factor).
+//!
+//! They stand for what no effect of the library is: a strap that flaps, a companion who pulls, a drogue. A list of them
+//! is bounded and needs no heap. Each step is enclosed by two half pushes (Strang 1968), one in the state before and one
+//! in the state after it: second order in time, and the step itself knows nothing of them.
+
+pub mod factor;
+pub mod instant;
+
+use nalgebra::Vector3;
+
+use super::equations_of_motion::Flight;
+use super::interval::Interval;
+use super::{Dynamics, Motion, PostureSample, State};
+use crate::body::posture::{PosedSegment, Posture, pose};
+use crate::body::{Segment, SegmentArray};
+use crate::frame::{Body as BodyFrame, Vector};
+use crate::math::Real;
+use factor::{FACTORS, Factor};
+use instant::Instant;
+
+pub use instant::Axis;
+
+/// Most loads that act at the same time.
+pub const APPLIED_LOADS: usize = 12;
+
+/// Where a load points.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Direction {
+    /// Along an axis of the body: left, dorsal, cranial.
+    Body(Axis),
+    /// Along an axis of a segment.
+    Segment(Segment, Axis),
+    /// Along an inertial axis: north, west, up.
+    World(Axis),
+    /// With the stream: the way drag points.
+    Stream,
+}
+
+/// Where a force acts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Point {
+    /// At the centre of gravity of the body.
+    Body,
+    /// At the centre of gravity of a segment.
+    Segment(Segment),
+}
+
+/// What a load is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Kind {
+    /// A force (N) at a point.
+    Force(Point),
+    /// A moment (N m), which is the same about any point.
+    Moment,
+}
+
+/// A force or a moment by description.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AppliedLoad<T> {
+    /// Force or moment.
+    pub kind: Kind,
+    /// Where it points.
+    pub direction: Direction,
+    /// Its size where every factor is one (N or N m).
+    pub size: T,
+    /// What it is multiplied by.
+    pub factors: [Option<Factor<T>>; FACTORS],
+}
+
+/// Loads that act at the same time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AppliedLoads<T> {
+    loads: [Option<AppliedLoad<T>>; APPLIED_LOADS],
+}
+
+/// A force at the centre of gravity and the moment about it, body axes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Push<T: Real> {
+    /// Force (N).
+    pub force: Vector<T, BodyFrame>,
+    /// Moment (N m).
+    pub moment: Vector<T, BodyFrame>,
+}
+
+/// More than [`APPLIED_LOADS`] loads.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct TooManyLoads;
+
+impl core::fmt::Display for TooManyLoads {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(f, "expected at most {APPLIED_LOADS} loads")
+    }
+}
+
+impl core::error::Error for TooManyLoads {}
+
+impl<T: Real> AppliedLoads<T> {
+    /// None.
+    pub const fn none() -> Self {
+        Self {
+            loads: [None; APPLIED_LOADS],
+        }
+    }
+
+    /// With one more.
+    ///
+    /// # Errors
+    /// Returns an error if there are [`APPLIED_LOADS`] already.
+    pub fn with(mut self, load: AppliedLoad<T>) -> Result<Self, TooManyLoads> {
+        let place = self.loads.iter_mut().find(|place| place.is_none());
+        *place.ok_or(TooManyLoads)? = Some(load);
+        Ok(self)
+    }
+
+    /// One after another.
+    pub fn iter(&self) -> impl Iterator<Item = &AppliedLoad<T>> {
+        self.loads.iter().flatten()
+    }
+
+    /// Whether there is none.
+    #[inline]
+    pub fn is_empty(&self) -> bool {
+        self.loads.iter().all(Option::is_none)
+    }
+
+    /// The same loads in another precision.
+    pub fn cast<U: Real>(&self) -> AppliedLoads<U> {
+        AppliedLoads {
+            loads: self.loads.map(|load| {
+                load.map(|load| AppliedLoad {
+                    kind: load.kind,
+                    direction: load.direction,
+                    size: U::of(load.size.to_f64()),
+                    factors: load.factors.map(|factor| factor.map(|f| f.cast())),
+                })
+            }),
+        }
+    }
+
+    /// What they do to a body that moves like this `time` (s) after the start of the flight; `cg` (m) is its centre of
+    /// gravity, body axes.
+    pub fn at(
+        &self,
+        dynamics: &Dynamics<T>,
+        posture: &Posture<T>,
+        motion: &Motion<T>,
+        cg: &Vector<T, BodyFrame>,
+        time: T,
+    ) -> Push<T> {
+        let mut push = Push {
+            force: Vector::zero(),
+            moment: Vector::zero(),
+        };
+        let to_body = motion.inertial_from_body.inverse();
+        let air = to_body * dynamics.air.velocity_at(&motion.position);
+        let now = Instant {
+            time,
+            motion,
+            posture,
+            through_air: (motion.velocity - air).components,
+        };
+        let mut posed = None;
+        for load in self.iter() {
+            let posed = match load.needs_segments() {
+                true => Some(&*posed.get_or_insert_with(|| pose(&dynamics.body, posture))),
+                false => None,
+            };
+            let along = load.along(&now, posed) * load.strength(&now);
+            match load.kind {
+                Kind::Moment => push.moment += Vector::from_components(along),
+                Kind::Force(point) => {
+                    push.force += Vector::from_components(along);
+                    if let (Point::Segment(segment), Some(posed)) = (point, posed) {
+                        let arm = posed[segment].cg - cg.components;
+                        push.moment += Vector::from_components(arm.cross(&along));
+                    }
+                }
+            }
+        }
+        push
+    }
+
+    /// Pushes a body in `posture` for `duration` (s) from `time` (s) on, which leaves it where it is.
+    pub fn push(
+        &self,
+        dynamics: &Dynamics<T>,
+        state: &mut State<T>,
+        (posture, interval): (&Posture<T>, &impl Interval<T>),
+        time: T,
+        duration: T,
+    ) {
+        if self.is_empty() {
+            return;
+        }
+        let motion = state.motion(interval);
+        let push = self.at(dynamics, posture, &motion, &interval.cg(), time);
+        let to_inertial = state.inertial_from_body;
+        state.linear_momentum += to_inertial * push.force * duration;
+        state.angular_momentum += to_inertial * push.moment * duration;
+    }
+}
+
+impl<T: Real> AppliedLoad<T> {
+    /// Its size with all factors.
+    pub fn strength(&self, now: &Instant<'_, T>) -> T {
+        let factors = self.factors.iter().flatten();
+        factors.fold(self.size, |size, factor| size * factor.at(now))
+    }
+
+    fn needs_segments(&self) -> bool {
+        matches!(self.kind, Kind::Force(Point::Segment(_)))
+            || matches!(self.direction, Direction::Segment(..))
+    }
+
+    /// The unit vector along which it points, body axes; zero where there is no stream to point with.
+    fn along(
+        &self,
+        now: &Instant<'_, T>,
+        posed: Option<&SegmentArray<PosedSegment<T>>>,
+    ) -> Vector3<T> {
+        match (self.direction, posed) {
+            (Direction::Body(axis), _) => axis.unit(),
+            (Direction::Segment(segment, axis), Some(posed)) => {
+                posed[segment].body_from_segment * axis.unit::<T>()
+            }
+            (Direction::Segment(..), None) => Vector3::zeros(),
+            (Direction::World(axis), _) => {
+                let axis = Vector::from_components(axis.unit());
+                (now.motion.inertial_from_body.inverse() * axis).components
+            }
+            (Direction::Stream, _) => {
+                let speed = now.through_air.norm_squared().root();
+                if speed > T::zero() {
+                    now.through_air * (-T::one() / speed)
+                } else {
+                    Vector3::zeros()
+                }
+            }
+        }
+    }
+}
+
+impl<T: Real> Flight<T> {
+    /// As [`AppliedLoads::push`], under either set of equations.
+    pub fn push(
+        &mut self,
+        dynamics: &Dynamics<T>,
+        loads: &AppliedLoads<T>,
+        (posture, sample): (&Posture<T>, &PostureSample<T>),
+        time: T,
+        duration: T,
+    ) {
+        match self {
+            Self::Exact(state) => loads.push(dynamics, state, (posture, sample), time, duration),
+            Self::AsPublished(_) if loads.is_empty() => {}
+            Self::AsPublished(flight) => {
+                let motion = *flight.motion();
+                let cg = Vector::from_components(sample.mass.cg);
+                let push = loads.at(dynamics, posture, &motion, &cg, time);
+                let spin = &sample.inverse_inertia * push.moment * duration;
+                let velocity = push.force * (duration / sample.mass.mass) - spin.cross(&cg);
+                flight.push(&velocity, &spin);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;
