@@ -163,6 +163,7 @@ fn main() {
                 noise,
                 joint_error,
                 sway: DEFAULT_SWAY,
+                tunnel: false,
             };
             let written = synthesize(&request, &folder, |_| ()).expect("a flight");
             let mut flight = Flight::read(&written.flight).expect("the flight");

@@ -23,6 +23,7 @@ fn seen(name: &str) -> Vec<(f64, Observation<f64>)> {
         noise: SensorNoise::NONE,
         joint_error: JointError::default(),
         sway: 0.0,
+        tunnel: false,
     };
     let mut seen = Vec::new();
     let each = |frame: FlightFrame| {
@@ -127,6 +128,32 @@ fn transitions_alternate_between_belly_and_back() {
             at(&seen, time).angles
         );
     }
+}
+
+#[test]
+fn a_track_from_the_aircraft_goes_over_the_back_and_returns() {
+    let seen = seen("exit-and-tracking");
+    for second in 0..55 {
+        let o = at(&seen, f64::from(second));
+        println!(
+            "{second}: roll {:.2} pitch {:.2} speed {:.1} fall {:.1}",
+            o.angles.roll, o.angles.pitch, o.horizontal_speed, o.vertical_velocity
+        );
+    }
+    for (time, belly) in [(20.0, true), (38.0, false), (52.0, true)] {
+        let angles = at(&seen, time).angles;
+        assert_eq!(on_belly(at(&seen, time)), belly, "{time} s: {angles:?}");
+    }
+    assert!((12.0..30.0).contains(&at(&seen, 25.0).horizontal_speed));
+}
+
+#[test]
+fn aggressive_turns_are_fast_and_tilt_the_body() {
+    let seen = seen("aggressive-turns");
+    let rate = largest(&seen, |o| o.yaw_rate.abs());
+    let tilt = largest(&seen, |o| o.angles.roll.abs().max(o.angles.pitch.abs()));
+    println!("{rate} rad/s, {tilt} rad");
+    assert!((4.0..14.0).contains(&rate) && tilt < 1.5);
 }
 
 #[test]

@@ -9,8 +9,19 @@ use std::process::{Command, Output};
 const BODYFLIGHT: &str = env!("CARGO_BIN_EXE_bodyflight");
 
 /// Verbs whose examples need a person, a browser, hardware, a track or minutes.
-const NOT_RUN: [&str; 10] = [
-    "discover", "fall", "fly", "help", "monitor", "mvn", "stream", "tune", "unit", "view",
+const NOT_RUN: [&str; 12] = [
+    "discover",
+    "fall",
+    "fly",
+    "help",
+    "monitor",
+    "mvn",
+    "reproduce",
+    "sensitivity",
+    "stream",
+    "tune",
+    "unit",
+    "view",
 ];
 
 fn bodyflight(folder: &Path, arguments: &[&str]) -> Output {

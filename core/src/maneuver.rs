@@ -42,6 +42,8 @@ pub struct Maneuver {
     pub start_pitch: f64,
     /// Speed at the start over that of the trimmed fall.
     pub start_speed: f64,
+    /// Speed over ground to the north at the start (m/s): that of an aircraft.
+    pub start_forward: f64,
     /// Movements.
     pub tracks: &'static [Track],
     /// Muscle input.

@@ -12,6 +12,8 @@ mod monitor;
 mod mvn;
 mod outputs;
 mod ports;
+mod reproduce;
+mod sensitivity;
 mod simulate;
 mod stream;
 mod synth;
@@ -49,6 +51,8 @@ enum Verb {
     Demo(demo::Args),
     Inspect(inspect::Args),
     Simulate(simulate::Args),
+    Reproduce(reproduce::Args),
+    Sensitivity(sensitivity::Args),
     Estimate(estimate::Args),
     Trim(trim::Args),
     Synth(synth::Args),
@@ -86,6 +90,8 @@ fn run(cli: &Cli) -> Result<()> {
         Verb::Demo(args) => demo::run(args, cli.json),
         Verb::Inspect(args) => inspect::run(args, cli.json),
         Verb::Simulate(args) => simulate::run(args, cli.json),
+        Verb::Reproduce(args) => reproduce::run(args, cli.json),
+        Verb::Sensitivity(args) => sensitivity::run(args, cli.json),
         Verb::Estimate(args) => estimate::run(args, cli.json),
         Verb::Trim(args) => trim::run(args, cli.json),
         Verb::Synth(args) => synth::run(args, cli.json),

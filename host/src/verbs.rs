@@ -1,5 +1,6 @@
 //! The work of the verbs that need no unit.
 
+pub mod bifurcation;
 pub mod discover;
 pub mod estimate;
 pub mod fall;
@@ -7,6 +8,8 @@ pub mod figures;
 pub mod hide;
 pub mod inspect;
 pub mod poses;
+pub mod reproduce;
+pub mod sensitivity;
 pub mod simulate;
 pub mod stability;
 pub mod synthesize;

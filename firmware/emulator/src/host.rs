@@ -46,6 +46,7 @@ impl Flight {
             seed: 1,
             noise: SensorNoise::PAPER,
             sway: DEFAULT_SWAY,
+            tunnel: false,
             joint_error: JointError::default(),
         };
         let mut frames = Vec::new();

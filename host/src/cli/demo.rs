@@ -43,6 +43,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         noise: SensorNoise::PAPER,
         joint_error: JointError::default(),
         sway: DEFAULT_SWAY,
+        tunnel: false,
     };
     for names in [FILES, &["run.csv", "run.svg"]] {
         args.outputs.check_in(&args.out, names)?;

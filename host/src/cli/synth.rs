@@ -42,6 +42,9 @@ pub(super) struct Args {
     joint_wander_deg: f64,
     #[command(flatten)]
     outputs: Outputs,
+    /// Fly in a wind tunnel whose stream carries the neutral pose; tells when net, wall and top would be met.
+    #[arg(long)]
+    tunnel: bool,
 }
 
 fn maneuvers_help() -> String {
@@ -87,6 +90,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
                 wander: args.joint_wander_deg.to_radians(),
             },
             sway: DEFAULT_SWAY,
+            tunnel: args.tunnel,
         },
         &args.out,
     )?;
@@ -99,6 +103,9 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         report.duration_s,
         report.flight.display()
     ));
+    if let Some(tunnel) = report.tunnel {
+        terminal::print(&format!("tunnel: {tunnel}"));
+    }
     Ok(())
 }
 

@@ -1,5 +1,6 @@
 //! `bodyflight tune`.
 
+use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use bodyflight::diagnostic::{Problem, Result};
@@ -32,6 +33,9 @@ pub(super) struct Args {
     /// Seed of the draws.
     #[arg(long, default_value_t = 0)]
     seed: u64,
+    /// Coefficients of its own for each segment, left and right alike: 42 more numbers, so hold a flight out.
+    #[arg(long)]
+    per_segment: bool,
     /// Write the best as a [coefficients] table for subject.toml.
     #[arg(long, value_name = "TOML")]
     out: Option<PathBuf>,
@@ -58,6 +62,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         draws: args.draws,
         spread: args.spread,
         seed: args.seed,
+        per_segment: args.per_segment,
     };
     let report = tune(&flights, &held_out, search, args.reading.options(), || {
         bar.inc(1)
@@ -65,7 +70,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     bar.finish_and_clear();
     let report = report?;
     if let Some(path) = &args.out {
-        write_file(path, coefficients_toml(&report.best).as_bytes())?;
+        write_file(path, coefficients_toml(&report).as_bytes())?;
     }
     if json {
         return terminal::print_json(&report);
@@ -77,12 +82,34 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     Ok(())
 }
 
-fn coefficients_toml(best: &CommonCoefficients) -> String {
+fn coefficients_toml(report: &Report) -> String {
+    let best = &report.best;
     let [pitch, yaw, roll] = best.damp;
-    format!(
+    let mut text = format!(
         "[coefficients]\ncl = {:.4}\ncd = {:.4}\ncm = {:.4}\ndamp = [{pitch:.4}, {yaw:.4}, {roll:.4}]\n",
         best.cl, best.cd, best.cm
-    )
+    );
+    for own in &report.segments {
+        // Writing to a String cannot fail.
+        let _ = write!(
+            text,
+            "\n[coefficients.segment.{}]\ncl = {:.4}\ncd = {:.4}\ncm = {:.4}\n",
+            own.segment, own.cl, own.cd, own.cm
+        );
+    }
+    text
+}
+
+fn print_segments(report: &Report) {
+    if report.segments.is_empty() {
+        return;
+    }
+    let mut table = terminal::table(&["segment of its own", "cd", "cl", "cm"]);
+    for own in &report.segments {
+        let numbers = [own.cd, own.cl, own.cm].map(|value| format!("{value:.3}"));
+        table.add_row(std::iter::once(own.segment.to_owned()).chain(numbers));
+    }
+    terminal::print(&table.to_string());
 }
 
 fn print_report(report: &Report) {
@@ -105,6 +132,7 @@ fn print_report(report: &Report) {
         "gap over the paper's accuracy on the flights used: {:.3} before, {:.3} after {} draws",
         report.score_before, report.score_after, report.draws
     ));
+    print_segments(report);
     for flight in &report.held_out {
         terminal::print(&format!(
             "held out {}: {:.3} before, {:.3} after",

@@ -171,6 +171,22 @@ impl Subject {
         }
     }
 
+    /// The same person with drag, lift and moment coefficients of all segments multiplied by `factors`.
+    #[must_use]
+    pub fn with_coefficients_times(mut self, factors: [f64; 3]) -> Self {
+        let [drag, lift, moment] = factors;
+        let table = &mut self.file.coefficients;
+        table.cd *= drag;
+        table.cl *= lift;
+        table.cm *= moment;
+        for own in table.segment.values_mut() {
+            own.cd = own.cd.map(|value| value * drag);
+            own.cl = own.cl.map(|value| value * lift);
+            own.cm = own.cm.map(|value| value * moment);
+        }
+        self
+    }
+
     /// Replaces the damping coefficients.
     pub fn set_damping(&mut self, damping: AxisCoefficients<f64>) {
         self.file.coefficients.damp = damping.to_array();

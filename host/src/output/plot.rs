@@ -11,8 +11,8 @@ use crate::replay::comparison::{Channel, Comparison, Pair};
 pub struct Line {
     /// Name in the legend.
     pub label: &'static str,
-    colour: RGBColor,
-    width: u32,
+    pub(crate) colour: RGBColor,
+    pub(crate) width: u32,
 }
 
 impl Line {

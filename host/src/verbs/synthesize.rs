@@ -1,5 +1,7 @@
 //! `bodyflight synth`: a maneuver flown by the model, seen through noisy sensors and written like a recording.
 
+mod tunnel;
+
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -29,6 +31,7 @@ use crate::formats::recording::{FlightFrame, PelvisMotion};
 use crate::formats::subject::{SEGMENTS_FILE, Subject};
 use crate::interrupt;
 use crate::output::files::{CsvFile, write_file};
+pub use tunnel::Tunnel;
 
 /// Errors of the recorded joints that are slower than noise, standard deviations of each axis (rad).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -56,6 +59,8 @@ pub struct Request<'a> {
     pub joint_error: JointError,
     /// Size of the involuntary sway of each joint (rad).
     pub sway: f64,
+    /// Whether a tunnel blows upwards at the speed of the subject's neutral fall.
+    pub tunnel: bool,
 }
 
 /// What was written.
@@ -67,6 +72,8 @@ pub struct Report {
     pub frames: u64,
     /// Length (s).
     pub duration_s: f64,
+    /// What happened in the tunnel, where there is one.
+    pub tunnel: Option<Tunnel>,
 }
 
 /// Sway of a relaxed skydiver (rad).
@@ -99,6 +106,11 @@ pub fn synthesize(
     flight.subject = request.subject.clone();
     flight.density = DensityChoice::Constant(request.density);
     flight.muscles = request.maneuver.muscles.with_forces(MuscleForces::Moment);
+    let still = flight.dynamics(START_HEIGHT);
+    let mut tunnel = request.tunnel.then(|| Tunnel::new(neutral_speed(&still)));
+    if let Some(tunnel) = tunnel {
+        flight.air_velocity = [0.0, 0.0, tunnel.stream_mps];
+    }
     let dynamics = flight.dynamics(START_HEIGHT);
     let description = Description {
         subject_label: "Synthetic".to_owned(),
@@ -110,7 +122,16 @@ pub fn synthesize(
         ),
     };
     let mut writer = Writer::create(&flight.recording, description, &dynamics.body)?;
-    let frames = fly(request, &dynamics, |frame| writer.write(&frame), progress)?;
+    let each = |frame: FlightFrame| {
+        if let Some(tunnel) = &mut tunnel {
+            tunnel.see(
+                frame.time,
+                &(frame.pelvis.position - Vector::new(0.0, 0.0, START_HEIGHT)),
+            );
+        }
+        writer.write(&frame)
+    };
+    let frames = fly(request, &dynamics, each, progress)?;
     writer.finish()?;
     write_inputs(request.maneuver, &folder.join("inputs.csv"))?;
     write_file(
@@ -121,13 +142,14 @@ pub fn synthesize(
         write_file(&folder.join(SEGMENTS_FILE), table.as_bytes())?;
     }
     let path = folder.join("flight.toml");
-    write_file(&path, flight_toml(request).as_bytes())?;
+    write_file(&path, flight_toml(request, tunnel.as_ref()).as_bytes())?;
     #[expect(clippy::cast_precision_loss, reason = "counts of frames")]
     let duration_s = frames.saturating_sub(1) as f64 / FRAME_RATE;
     Ok(Report {
         flight: path,
         frames,
         duration_s,
+        tunnel,
     })
 }
 
@@ -184,17 +206,23 @@ pub fn fly(
 
 /// Motion at the start: the trimmed speed of the neutral pose, straight down.
 fn start(maneuver: &Maneuver, dynamics: &Dynamics<f64>) -> Motion<f64> {
-    let neutral = bodyflight_core::body::pattern::neutral();
-    // A posture without trim still falls: 50 m/s is where belly flight settles.
-    let speed = trim(dynamics, &neutral, START_HEIGHT).map_or(50.0, |trim| trim.terminal_speed);
+    let speed = neutral_speed(dynamics);
     let inertial_from_body = maneuver.start_attitude();
-    let fall = Vector::<f64, Inertial>::new(0.0, 0.0, -speed * maneuver.start_speed);
+    let fall =
+        Vector::<f64, Inertial>::new(maneuver.start_forward, 0.0, -speed * maneuver.start_speed);
     Motion {
         inertial_from_body,
         position: Vector::new(0.0, 0.0, START_HEIGHT),
-        velocity: inertial_from_body.inverse() * fall,
+        velocity: inertial_from_body.inverse() * (fall + dynamics.air.velocity),
         angular_velocity: Vector::zero(),
     }
+}
+
+/// Speed of the trimmed neutral fall through the air (m/s).
+fn neutral_speed(dynamics: &Dynamics<f64>) -> f64 {
+    let neutral = bodyflight_core::body::pattern::neutral();
+    // A posture without trim still falls: 50 m/s is where belly flight settles.
+    trim(dynamics, &neutral, START_HEIGHT).map_or(50.0, |trim| trim.terminal_speed)
 }
 
 /// Slow involuntary motion of every joint: three sines an axis, with seeded frequencies and phases.
@@ -348,7 +376,7 @@ fn write_inputs(maneuver: &Maneuver, path: &Path) -> Result<()> {
     file.finish()
 }
 
-fn flight_toml(request: &Request<'_>) -> String {
+fn flight_toml(request: &Request<'_>, tunnel: Option<&Tunnel>) -> String {
     let mut text = String::new();
     // Writing to a String cannot fail.
     let _ = writeln!(
@@ -363,5 +391,8 @@ fn flight_toml(request: &Request<'_>) -> String {
     let muscles = request.maneuver.muscles.name();
     let _ = writeln!(text, "muscles = \"{muscles}\"");
     let _ = writeln!(text, "\n[air]\ndensity = {}", request.density);
+    if let Some(tunnel) = tunnel {
+        let _ = writeln!(text, "velocity = [0.0, 0.0, {}]", tunnel.stream_mps);
+    }
     text
 }

@@ -4,7 +4,9 @@
 //! smallest gap in linear and angular velocity is kept and checked on flights that were not used. The same
 //! seed gives the same answer on any number of cores.
 
+use bodyflight_core::Segment;
 use bodyflight_core::aerodynamics::Coefficients;
+use bodyflight_core::body::SegmentArray;
 use bodyflight_core::dynamics::Dynamics;
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
@@ -36,6 +38,55 @@ pub struct Search {
     pub spread: f64,
     /// Seed of the draws.
     pub seed: u64,
+    /// Whether each segment has coefficients of its own, left and right alike.
+    pub per_segment: bool,
+}
+
+/// A set of coefficients: common ones, and factors by which each segment differs from them.
+#[derive(Debug, Clone, Copy)]
+struct Candidate {
+    common: CommonCoefficients,
+    /// Of drag, lift and moment, besides what the subject gives a segment of its own.
+    factors: SegmentArray<[f64; 3]>,
+}
+
+impl Candidate {
+    fn plain(common: CommonCoefficients) -> Self {
+        Self {
+            common,
+            factors: SegmentArray::from_fn(|_| [1.0; 3]),
+        }
+    }
+
+    /// Coefficients of a segment that has `own` where the common ones are `guess`.
+    fn of(
+        &self,
+        segment: Segment,
+        own: &Coefficients<f64>,
+        guess: &CommonCoefficients,
+    ) -> Coefficients<f64> {
+        let [drag, lift, moment] = self.factors[segment];
+        // A coefficient of zero has no ratio and stays.
+        let ratio = |to: f64, from: f64| if from > 0.0 { to / from } else { 1.0 };
+        Coefficients {
+            drag: own.drag * drag * ratio(self.common.cd, guess.cd),
+            lift: own.lift * lift * ratio(self.common.cl, guess.cl),
+            moment: own.moment * moment * ratio(self.common.cm, guess.cm),
+        }
+    }
+}
+
+/// Coefficients of one segment.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct SegmentBest {
+    /// Name of the segment.
+    pub segment: &'static str,
+    /// Drag.
+    pub cd: f64,
+    /// Force across the stream.
+    pub cl: f64,
+    /// Moment.
+    pub cm: f64,
 }
 
 /// The result of a search.
@@ -45,6 +96,8 @@ pub struct Report {
     pub guess: CommonCoefficients,
     /// The best draw.
     pub best: CommonCoefficients,
+    /// Coefficients of segments that differ from the common ones: of a search by segment, or the subject's own, scaled.
+    pub segments: Vec<SegmentBest>,
     /// Gap of the guess and of the best on the flights used, in units of the paper's accuracy.
     pub score_before: f64,
     /// Gap of the best.
@@ -92,17 +145,14 @@ impl<'a> Loaded<'a> {
     }
 
     /// Flies the postures with other coefficients.
-    fn fly(&self, candidate: &CommonCoefficients) -> Result<Comparison> {
+    fn fly(&self, candidate: &Candidate) -> Result<Comparison> {
         let mut dynamics = self.dynamics;
-        for (_, coefficients) in dynamics.aerodynamics.coefficients.iter_mut() {
-            *coefficients = Coefficients {
-                drag: candidate.cd,
-                lift: candidate.cl,
-                moment: candidate.cm,
-            };
+        let guess = self.flight.subject.common_coefficients();
+        for (segment, own) in dynamics.aerodynamics.coefficients.iter_mut() {
+            *own = candidate.of(segment, own, &guess);
         }
         let mut flight = self.flight.clone();
-        flight.subject.set_damping(candidate.damp.into());
+        flight.subject.set_damping(candidate.common.damp.into());
         let frames = self.frames.iter().copied().map(Ok);
         let mut comparison = Comparison::default();
         for step in Replay::<f64, _>::with_dynamics(&flight, frames, |_| dynamics)? {
@@ -132,7 +182,8 @@ pub fn tune(
     let (used, held_out) = (load(flights, options)?, load(held_out, options)?);
     let guess = first.subject.common_coefficients();
     let candidates = draw(&guess, search);
-    let score_before = total_score(&used, &guess)?;
+    let start = Candidate::plain(guess);
+    let score_before = total_score(&used, &start)?;
     let best = candidates
         .par_iter()
         .enumerate()
@@ -147,15 +198,16 @@ pub fn tune(
         .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     let (score_after, best) = match best {
         Some((score, _, candidate)) if score < score_before => (score, candidate),
-        _ => (score_before, guess),
+        _ => (score_before, start),
     };
     let held_out = held_out
         .iter()
-        .map(|flight| check(flight, &guess, &best))
+        .map(|flight| check(flight, &start, &best))
         .collect::<Result<_>>()?;
     Ok(Report {
         guess,
-        best,
+        best: best.common,
+        segments: differing(first, &best),
         score_before,
         score_after,
         held_out,
@@ -170,11 +222,31 @@ fn load(flights: &[Flight], options: Options) -> Result<Vec<Loaded<'_>>> {
         .collect()
 }
 
-fn check(
-    flight: &Loaded<'_>,
-    guess: &CommonCoefficients,
-    best: &CommonCoefficients,
-) -> Result<HeldOut> {
+/// Segments of the best set that are not as the common coefficients.
+fn differing(flight: &Flight, best: &Candidate) -> Vec<SegmentBest> {
+    let guess = flight.subject.common_coefficients();
+    let own = flight.subject.aerodynamics().coefficients;
+    let common = best.common;
+    own.iter()
+        .filter_map(|(segment, own)| {
+            let found = best.of(segment, own, &guess);
+            let as_common = [
+                (found.drag, common.cd),
+                (found.lift, common.cl),
+                (found.moment, common.cm),
+            ];
+            let differs = as_common.iter().any(|(a, b)| (a - b).abs() > 1e-9);
+            differs.then_some(SegmentBest {
+                segment: segment.name(),
+                cd: found.drag,
+                cl: found.lift,
+                cm: found.moment,
+            })
+        })
+        .collect()
+}
+
+fn check(flight: &Loaded<'_>, guess: &Candidate, best: &Candidate) -> Result<HeldOut> {
     let (before, after) = (flight.fly(guess)?, flight.fly(best)?);
     Ok(HeldOut {
         recording: flight.flight.recording.display().to_string(),
@@ -185,25 +257,39 @@ fn check(
     })
 }
 
-/// CommonCoefficientss around a guess: normal, at least a tenth of the guess.
-fn draw(guess: &CommonCoefficients, search: Search) -> Vec<CommonCoefficients> {
+/// Sets of coefficients around a guess: normal, at least a tenth of the guess.
+fn draw(guess: &CommonCoefficients, search: Search) -> Vec<Candidate> {
     let mut random = ChaCha8Rng::seed_from_u64(search.seed);
     let mut near = |value: f64| {
         let factor = 1.0 + search.spread * random.sample::<f64, _>(StandardNormal);
         value * factor.max(0.1)
     };
     (0..search.draws)
-        .map(|_| CommonCoefficients {
-            cd: near(guess.cd),
-            cl: near(guess.cl),
-            cm: near(guess.cm),
-            damp: guess.damp.map(&mut near),
+        .map(|_| {
+            let mut candidate = Candidate::plain(CommonCoefficients {
+                cd: near(guess.cd),
+                cl: near(guess.cl),
+                cm: near(guess.cm),
+                damp: guess.damp.map(&mut near),
+            });
+            if search.per_segment {
+                for segment in Segment::ALL {
+                    // The left side is drawn first, and the right takes its numbers.
+                    let mirrored = segment.mirrored();
+                    candidate.factors[segment] = if mirrored < segment {
+                        candidate.factors[mirrored]
+                    } else {
+                        [1.0; 3].map(&mut near)
+                    };
+                }
+            }
+            candidate
         })
         .collect()
 }
 
 /// Root mean square over flights of their scores.
-fn total_score(flights: &[Loaded<'_>], candidate: &CommonCoefficients) -> Result<f64> {
+fn total_score(flights: &[Loaded<'_>], candidate: &Candidate) -> Result<f64> {
     let mut sum = 0.0;
     for flight in flights {
         sum += score(&flight.fly(candidate)?).powi(2);

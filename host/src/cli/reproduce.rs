@@ -1,0 +1,52 @@
+//! `bodyflight reproduce`.
+
+use std::path::PathBuf;
+
+use bodyflight::diagnostic::Result;
+use bodyflight::verbs::reproduce::experiments::EXPERIMENTS;
+use bodyflight::verbs::reproduce::{PARTS, reproduce};
+
+use super::outputs::Outputs;
+use super::terminal;
+
+/// Fly the experiments of the paper, reconstruct them, and write a report with pictures.
+#[derive(clap::Args)]
+#[command(after_help = experiments_help())]
+pub(super) struct Args {
+    /// Experiments; all of them where absent.
+    what: Vec<String>,
+    /// Folder for report.md, pictures and flights; made where absent.
+    #[arg(long, value_name = "FOLDER", default_value = "reproduction")]
+    out: PathBuf,
+    #[command(flatten)]
+    outputs: Outputs,
+}
+
+fn experiments_help() -> String {
+    let list = EXPERIMENTS
+        .iter()
+        .map(|e| format!("  {:30} {}\n", e.name, e.title))
+        .collect::<String>();
+    format!(
+        "Experiments:\n{list}  {}\n\nExample: bodyflight reproduce rotations tracking --out reproduction",
+        PARTS.join("\n  ")
+    )
+}
+
+pub(super) fn run(args: &Args, json: bool) -> Result<()> {
+    args.outputs.check_in(&args.out, &["report.md"])?;
+    let count = if args.what.is_empty() {
+        EXPERIMENTS.len()
+    } else {
+        args.what.len()
+    };
+    let bar = terminal::bar(count as u64, "experiments");
+    let report = reproduce(&args.what, &args.out, || bar.inc(1));
+    bar.finish_and_clear();
+    let report = report?;
+    if json {
+        return terminal::print_json(&report);
+    }
+    terminal::print(&format!("written: {}", report.report.display()));
+    Ok(())
+}

@@ -1,0 +1,94 @@
+//! `bodyflight sensitivity`.
+
+use std::path::PathBuf;
+
+use bodyflight::diagnostic::{Problem, Result};
+use bodyflight::formats::flight::Flight;
+use bodyflight::replay::comparison::PerChannel;
+use bodyflight::verbs::sensitivity::{Parameter, Report, SHOWN, sensitivity};
+
+use super::{estimate, simulate, terminal};
+
+/// Change each parameter of the model and tell how far the same postures then lead elsewhere.
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  bodyflight sensitivity flight.toml\n  \
+                  bodyflight sensitivity flight.toml --estimate turning   (inputs estimated anew each time)\n\n\
+                  Changes are root mean squares over the flight, in per cent of the channel's largest size.")]
+pub(super) struct Args {
+    /// A flight.toml.
+    flight: PathBuf,
+    /// Share by which each parameter is changed, both ways.
+    #[arg(long, default_value_t = 0.3)]
+    share: f64,
+    /// Also estimate the inputs anew with this preset of the paper's filter, and compare how well the flight is reconstructed.
+    #[arg(long, value_name = "PRESET")]
+    estimate: Option<String>,
+    #[command(flatten)]
+    reading: simulate::Reading,
+}
+
+pub(super) fn run(args: &Args, json: bool) -> Result<()> {
+    if !(args.share > 0.0 && args.share < 1.0) {
+        return Err(Problem::bad_input(format!(
+            "expected --share above 0 and below 1, found {}",
+            args.share
+        )));
+    }
+    let preset = args.estimate.as_deref().map(estimate::preset).transpose()?;
+    let flight = Flight::read(&args.flight)?;
+    let bar = terminal::bar(2 * Parameter::ALL.len() as u64, "variations");
+    let report = sensitivity(&flight, args.share, preset, args.reading.options(), || {
+        bar.inc(1);
+    });
+    bar.finish_and_clear();
+    let report = report?;
+    if json {
+        return terminal::print_json(&report);
+    }
+    print_report(&report);
+    Ok(())
+}
+
+fn print_report(report: &Report) {
+    let names = SHOWN.map(|channel| channel.label().0);
+    let columns: Vec<&str> = ["parameter", "factor"].into_iter().chain(names).collect();
+    let shares = |values: &PerChannel, amplitude: &PerChannel| {
+        SHOWN.map(|channel| {
+            format!(
+                "{:.1} %",
+                100.0 * values.get(channel) / amplitude.get(channel).max(1e-9)
+            )
+        })
+    };
+    let mut table = terminal::table(&columns);
+    for effect in &report.effects {
+        let mut row = vec![
+            effect.parameter.label().to_owned(),
+            format!("{:.2}", effect.factor),
+        ];
+        row.extend(shares(&effect.change, &report.amplitude));
+        table.add_row(row);
+    }
+    terminal::print("change of a free run with the same postures and inputs");
+    terminal::print(&table.to_string());
+    let (Some(plain), Some(amplitude)) = (&report.reconstruction, &report.measured_amplitude)
+    else {
+        return;
+    };
+    let mut table = terminal::table(&columns);
+    let mut row = vec!["none".to_owned(), "1.00".to_owned()];
+    row.extend(shares(plain, amplitude));
+    table.add_row(row);
+    for effect in &report.effects {
+        if let Some(rms) = &effect.reconstruction {
+            let mut row = vec![
+                effect.parameter.label().to_owned(),
+                format!("{:.2}", effect.factor),
+            ];
+            row.extend(shares(rms, amplitude));
+            table.add_row(row);
+        }
+    }
+    terminal::print("gap of the reconstruction with inputs estimated anew");
+    terminal::print(&table.to_string());
+}

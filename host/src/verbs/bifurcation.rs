@@ -1,0 +1,150 @@
+//! Where belly flight begins to oscillate in pitch: modes over the position of the arms and the pitch damping, the
+//! paper's "Pitch and Roll oscillations experienced by novices".
+
+use core::f64::consts::FRAC_PI_2;
+
+use bodyflight_core::body::pattern;
+use bodyflight_core::dynamics::steady::steady;
+use bodyflight_core::dynamics::step::TIME_STEP;
+use bodyflight_core::dynamics::{Dynamics, Inputs, State};
+use bodyflight_core::math::small_rotation;
+use bodyflight_core::{Posture, frame::Rotation};
+use nalgebra::Vector3;
+use plotters::style::RGBColor;
+use serde::Serialize;
+
+use super::stability::modes;
+use crate::diagnostic::Result;
+use crate::output::plot::{Curve, Line, Panel, figure_svg};
+
+/// Density of the air (kg/m3).
+const DENSITY: f64 = 1.0;
+/// Slowest oscillation that counts (rad/s): slower ones are glides that wander.
+const SLOWEST: f64 = 1.5;
+
+/// Damping coefficients in pitch that are looked at, with their lines.
+pub const DAMPINGS: [(f64, Line); 6] = [
+    (0.0, line("damping 0", 0x9c, 0x2f, 0x00)),
+    (0.5, line("damping 0.5", 0xd9, 0x7b, 0x29)),
+    (1.0, line("damping 1", 0xb8, 0xa0, 0x2a)),
+    (1.5, line("damping 1.5", 0x1b, 0x6e, 0x53)),
+    (2.0, line("damping 2", 0x2c, 0x6f, 0xbb)),
+    (3.0, line("damping 3 (belly turns)", 0x55, 0x3b, 0x8f)),
+];
+
+const fn line(label: &'static str, red: u8, green: u8, blue: u8) -> Line {
+    Line {
+        label,
+        colour: RGBColor(red, green, blue),
+        width: 2,
+    }
+}
+
+/// The oscillation in pitch of one posture.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Point {
+    /// Arms below (positive) or above the neutral posture (rad).
+    pub arms_down_rad: f64,
+    /// Coefficient of the pitch damping.
+    pub damping: f64,
+    /// Rate of growth (1/s).
+    pub growth_per_s: f64,
+    /// Angular frequency (rad/s).
+    pub frequency_radps: f64,
+}
+
+/// The neutral posture with the arms lowered by `angle` (rad).
+pub fn posture(angle: f64) -> Posture<f64> {
+    pattern::moved(&pattern::neutral(), pattern::ARMS_DOWN, angle)
+}
+
+fn inputs(damping: f64) -> Inputs<f64> {
+    let mut inputs = Inputs::belly_turn();
+    inputs.damping.pitch = damping;
+    inputs
+}
+
+/// The oscillation by eigenvalues; `None` where the posture has no balance near belly flight or does not oscillate.
+pub fn oscillation(dynamics: &Dynamics<f64>, arms_down_rad: f64, damping: f64) -> Option<Point> {
+    let posture = posture(arms_down_rad);
+    let inputs = inputs(damping);
+    let balance = steady(dynamics, &posture, &inputs, FRAC_PI_2, DENSITY)?;
+    let found = modes(dynamics, &dynamics.hold(&posture), &inputs, &balance.motion);
+    let mode = found.iter().find(|mode| mode.frequency_radps > SLOWEST)?;
+    Some(Point {
+        arms_down_rad,
+        damping,
+        growth_per_s: mode.growth_per_s,
+        frequency_radps: mode.frequency_radps,
+    })
+}
+
+/// The same growth by a free run of `seconds` that starts turned by `tilt` (rad) about the left axis: how much the swing of
+/// the pitch rate grew from its first half to its second, per second.
+pub fn growth_of_run(
+    dynamics: &Dynamics<f64>,
+    arms_down_rad: f64,
+    damping: f64,
+    tilt: f64,
+    seconds: f64,
+) -> Option<f64> {
+    let (posture, inputs) = (posture(arms_down_rad), inputs(damping));
+    let balance = steady(dynamics, &posture, &inputs, FRAC_PI_2, DENSITY)?;
+    let sample = dynamics.hold(&posture);
+    let mut motion = balance.motion;
+    let velocity = motion.velocity_inertial();
+    let turned =
+        motion.inertial_from_body.quaternion() * small_rotation(&Vector3::new(tilt, 0.0, 0.0));
+    motion.inertial_from_body = Rotation::from_quaternion(turned);
+    motion.velocity = motion.inertial_from_body.inverse() * velocity;
+    let mut state = State::from_motion(&motion, &sample);
+    let mut halves = [0.0f64; 2];
+    let mut time = 0.0;
+    while time < seconds {
+        state = dynamics.step(&state, &sample, &inputs, TIME_STEP);
+        time += TIME_STEP;
+        let rate = state.motion(&sample).angular_velocity.components.x;
+        halves[usize::from(time > 0.5 * seconds)] += rate * rate;
+    }
+    Some((halves[1] / halves[0]).ln() / seconds)
+}
+
+/// All points of the picture: arms from 0.4 rad above the neutral posture to 0.8 below.
+pub fn map(dynamics: &Dynamics<f64>) -> Vec<Point> {
+    let arms = (-8..=16).map(|k| 0.05 * f64::from(k));
+    arms.flat_map(|arms| DAMPINGS.map(|(damping, _)| oscillation(dynamics, arms, damping)))
+        .flatten()
+        .collect()
+}
+
+/// The picture: growth over the arms' angle, one line for each damping.
+///
+/// # Errors
+/// Returns an error if the figure cannot be drawn.
+pub fn svg(points: &[Point]) -> Result<String> {
+    let curves = |value: fn(&Point) -> f64| {
+        DAMPINGS
+            .iter()
+            .map(|(damping, line)| Curve {
+                line: *line,
+                points: points
+                    .iter()
+                    .filter(|point| (point.damping - damping).abs() < 1e-9)
+                    .map(|point| (point.arms_down_rad, value(point)))
+                    .collect(),
+            })
+            .collect()
+    };
+    let panel = |caption: &str, value: fn(&Point) -> f64| Panel {
+        caption: caption.to_owned(),
+        curves: curves(value),
+        wraps: false,
+    };
+    figure_svg(
+        "Oscillation in pitch of belly flight over the arms' angle below neutral (rad)",
+        &[
+            panel("growth (1/s): above 0 it grows", |point| point.growth_per_s),
+            panel("frequency (rad/s)", |point| point.frequency_radps),
+        ],
+    )
+}

@@ -1,0 +1,136 @@
+//! `bodyflight reproduce`: the experiments of the paper as flights that anyone can fly and reconstruct, in one report.
+//!
+//! The paper's recordings were made by people; here the model flies scripts of the same maneuvers through the paper's
+//! sensor noise. So a report shows what the method recovers when the model is right, not that the model is right of
+//! people: `bodyflight validate` and `simulate` on recordings are for that.
+
+pub mod experiments;
+pub mod report;
+
+use std::path::{Path, PathBuf};
+
+use bodyflight_core::estimator::motion::settings::MOTION;
+use bodyflight_core::estimator::preset::Preset;
+use bodyflight_core::maneuver::Maneuver;
+use bodyflight_core::sensor_noise::SensorNoise;
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::estimate::motion::{Method, Settings};
+use super::estimate::{Filter, estimate, motion};
+use super::synthesize::{DEFAULT_SWAY, JointError, Request, synthesize};
+use super::{bifurcation, poses};
+use crate::diagnostic::{Problem, Result};
+use crate::formats::flight::{DEFAULT_DENSITY, Flight};
+use crate::formats::recording::Options;
+use crate::formats::subject::Subject;
+use crate::output::files::write_file;
+use experiments::{EXPERIMENTS, Experiment};
+use report::Outcome;
+
+/// Seed of sway and noise.
+const SEED: u64 = 1;
+
+/// What was reproduced.
+#[derive(Debug, Clone, Serialize)]
+pub struct Report {
+    /// The report's file.
+    pub report: PathBuf,
+    /// Experiments in the order of the paper.
+    pub outcomes: Vec<Outcome>,
+}
+
+/// Parts of a report that are no flights.
+pub const PARTS: [&str; 2] = ["poses", "oscillation-map"];
+
+/// Flies and reconstructs the experiments named, all where none is, and writes `report.md`, pictures and flights into
+/// `folder`. `progress` is called once for each experiment.
+///
+/// # Errors
+/// Returns an error if a name is unknown, or the folder cannot be written to.
+pub fn reproduce(what: &[String], folder: &Path, progress: impl Fn() + Sync) -> Result<Report> {
+    let wanted = |name: &str| what.is_empty() || what.iter().any(|asked| asked == name);
+    let known = || EXPERIMENTS.iter().map(|e| e.name).chain(PARTS);
+    if let Some(unknown) = what.iter().find(|asked| known().all(|name| name != *asked)) {
+        let names: Vec<&str> = known().collect();
+        return Err(
+            Problem::bad_input(format!("no experiment is called \"{unknown}\""))
+                .help(format!("one of: {}", names.join(", "))),
+        );
+    }
+    std::fs::create_dir_all(folder).map_err(|error| Problem::system("create", folder, error))?;
+    let outcomes = EXPERIMENTS
+        .par_iter()
+        .filter(|experiment| wanted(experiment.name))
+        .map(|experiment| {
+            let outcome = run(experiment, folder);
+            progress();
+            outcome
+        })
+        .collect::<Result<Vec<_>>>()?;
+    let poses = wanted("poses").then(poses::table).transpose()?;
+    let map = wanted("oscillation-map");
+    if map {
+        let dynamics = Flight::bare(Path::new("")).dynamics(0.0);
+        let svg = bifurcation::svg(&bifurcation::map(&dynamics))?;
+        write_file(&folder.join("oscillation-map.svg"), svg.as_bytes())?;
+    }
+    let path = folder.join("report.md");
+    let text = report::markdown(&outcomes, poses.as_deref(), map);
+    write_file(&path, text.as_bytes())?;
+    Ok(Report {
+        report: path,
+        outcomes,
+    })
+}
+
+fn run(experiment: &Experiment, folder: &Path) -> Result<Outcome> {
+    let unknown = || Problem::internal(format!("experiment {} is not whole", experiment.name));
+    let maneuver = Maneuver::from_name(experiment.maneuver).ok_or_else(unknown)?;
+    let preset = Preset::from_name(experiment.preset).ok_or_else(unknown)?;
+    let subject = Subject::default();
+    let request = Request {
+        maneuver,
+        subject: &subject,
+        density: DEFAULT_DENSITY,
+        seed: SEED,
+        noise: SensorNoise::PAPER,
+        joint_error: JointError::default(),
+        sway: DEFAULT_SWAY,
+        tunnel: experiment.tunnel,
+    };
+    let flown = synthesize(
+        &request,
+        &folder.join("flights").join(experiment.name),
+        |_| {},
+    )?;
+    // The reconstruction knows nothing of the inputs that were flown.
+    let flight = Flight {
+        inputs: None,
+        muscles: preset.muscles,
+        ..Flight::read(&flown.flight)?
+    };
+    let options = Options::default();
+    let by_paper = estimate::<f64>(&flight, preset, Filter::Paper, options, |_| {})?;
+    let settings = Settings {
+        preset: MOTION,
+        keep_noise: false,
+        find_joint_error: false,
+        filter: Filter::Reduced,
+        method: Method::Filter,
+    };
+    let by_motion = motion::estimate::<f64>(&flight, &settings, options, |_| {})?;
+    let figure = PathBuf::from(format!("{}.svg", experiment.name));
+    let svg = by_paper.svg(experiment.title)?;
+    write_file(&folder.join(&figure), svg.as_bytes())?;
+    Ok(Outcome {
+        name: experiment.name,
+        duration_s: flown.duration_s,
+        amplitude: by_paper.report.amplitude,
+        constant: by_paper.report.rms_constant,
+        paper_filter: by_paper.report.rms,
+        motion_filter: by_motion.report.rms,
+        tunnel: flown.tunnel,
+        figure,
+    })
+}

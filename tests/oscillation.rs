@@ -1,0 +1,49 @@
+//! Belly flight between decaying and growing oscillation in pitch: eigenvalues, and free runs beside them.
+
+use std::path::Path;
+
+use bodyflight::formats::flight::Flight;
+use bodyflight::verbs::bifurcation::{growth_of_run, map, oscillation};
+use bodyflight_core::dynamics::Dynamics;
+
+/// Damping at which the oscillation neither grows nor decays, between two that were computed.
+fn threshold(dynamics: &Dynamics<f64>, arms: f64) -> f64 {
+    let growth = |damping: f64| {
+        let point = oscillation(dynamics, arms, damping).expect("an oscillation");
+        point.growth_per_s
+    };
+    let (low, high) = (growth(0.0), growth(1.0));
+    assert!(low > 0.0 && high < 0.0, "{arms}: {low} {high}");
+    low / (low - high)
+}
+
+#[test]
+fn damping_decides_and_lowered_arms_push_it_over_the_edge() {
+    let dynamics = Flight::bare(Path::new("")).dynamics(0.0);
+    let [raised, neutral, lowered, far] =
+        [-0.4, 0.0, 0.25, 0.8].map(|arms| threshold(&dynamics, arms));
+    println!(
+        "thresholds: arms raised {raised:.3}, neutral {neutral:.3}, lowered {lowered:.3}, far {far:.3}"
+    );
+    // The paper's: a damping at which the neutral pose is stable and lowered arms make it oscillate.
+    assert!(neutral + 0.01 < lowered);
+    // Not the paper's: it is a narrow window, and arms far down are steady again.
+    assert!(lowered - neutral < 0.05 && far < neutral && raised < neutral);
+    // The paper's damping of belly turns is far from the edge.
+    assert!(
+        map(&dynamics)
+            .iter()
+            .all(|point| point.damping < 2.9 || point.growth_per_s < -0.9)
+    );
+}
+
+#[test]
+fn free_runs_grow_as_eigenvalues_say() {
+    let dynamics = Flight::bare(Path::new("")).dynamics(0.0);
+    for (arms, damping) in [(0.0, 0.5), (0.0, 3.0), (0.5, 0.5), (0.5, 1.0), (-0.3, 0.5)] {
+        let mode = oscillation(&dynamics, arms, damping).expect("an oscillation");
+        let run = growth_of_run(&dynamics, arms, damping, 1e-4, 6.0).expect("a run");
+        println!("{mode:.3?} run {run:.3}");
+        assert!((mode.growth_per_s - run).abs() < 0.03, "{mode:?} {run}");
+    }
+}
