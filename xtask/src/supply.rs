@@ -95,7 +95,8 @@ fn bill_of_materials(packages: &BTreeSet<Package>) -> serde_json::Value {
                 "version": version,
             });
             if let Some(license) = &package.license {
-                component["licenses"] = json!([{ "expression": license.replace(" / ", "/").replace('/', " OR ") }]);
+                component["licenses"] =
+                    json!([{ "expression": license.replace(" / ", "/").replace('/', " OR ") }]);
             }
             if package.source.is_some() {
                 component["purl"] = json!(format!("pkg:cargo/{name}@{version}"));
