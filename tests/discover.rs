@@ -134,11 +134,34 @@ fn nothing_is_named_where_nothing_is_hidden_or_the_flight_is_short() {
 }
 
 #[test]
-fn what_is_not_in_the_library_is_not_given_a_name() {
+fn what_is_not_in_the_library_is_described_and_not_given_a_name() {
     let folder = tempfile::tempdir().expect("a folder");
     let [flight, other] = hide("outside-flapping", "15", &folder.path().join("lab"));
-    let report = json(&["discover", &flight, "--hold-out", &other]);
-    assert_eq!(report["verdict"], "unexplained", "{report}");
+    let out = folder.path().join("found");
+    let out = out.to_str().expect("a plain path");
+    let report = json(&["discover", &flight, "--hold-out", &other, "--out", out]);
+    assert_eq!(report["verdict"], "described", "{report}");
+    assert_eq!(report["effects"].as_array().map(Vec::len), Some(0));
+    // 25 N m about the cranial axis, four times a second.
+    let first = &report["description"]["loads"][0];
+    let words = first["in_words"].as_str().expect("words");
+    assert!(words.starts_with("moment about cranial"), "{words}");
+    assert!(words.contains("4.0"), "{words}");
+    let size = first["size"].as_f64().expect("a number").abs();
+    assert!((20.0..30.0).contains(&size), "{size}");
+    let closed = report["held_out"][0]["gap"]["closed_share"].as_f64();
+    assert!(closed.expect("a number") > 0.7, "{report}");
+
+    // The free run takes the loads that were written.
+    let model = folder.path().join("found/model.toml");
+    let text = std::fs::read_to_string(&model).expect("a model");
+    assert!(text.contains("moment_nm") && text.contains("frequency_hz"));
+    json(&[
+        "simulate",
+        &other,
+        "--model",
+        model.to_str().expect("plain"),
+    ]);
 }
 
 /// Rows of a FlySight 1 on a body of 75 kg that falls through a wind, with one row that is cut off.

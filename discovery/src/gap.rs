@@ -77,11 +77,22 @@ fn floor(fitted: &Fitted) -> Channels {
 
 /// Gap of a flight with what was found, and where it is.
 pub fn gap(problem: &Problem<'_>, fitted: &Fitted, effects: &EffectSet) -> (Gap, Vec<Spot>) {
+    gap_from(problem, problem, fitted, effects)
+}
+
+/// The same where the model as in the files is that of `files`: `problem` has loads beside it.
+pub fn gap_from(
+    files: &Problem<'_>,
+    problem: &Problem<'_>,
+    fitted: &Fitted,
+    effects: &EffectSet,
+) -> (Gap, Vec<Spot>) {
     let belief = Belief {
         effects: effects.clone(),
         ..fitted.errors.belief(&fitted.belief)
     };
-    let [before, after] = [&Belief::files(), &belief].map(|belief| all_missing(problem, belief));
+    let before = all_missing(files, &Belief::files());
+    let after = all_missing(problem, &belief);
     let floor = floor(fitted);
     let [squares_before, squares_after] = [&before, &after].map(|residuals| mean_square(residuals));
     let (mut open, mut left) = (0.0, 0.0);

@@ -4,6 +4,7 @@
 //! with a calibration error of some degrees, sensors have the paper's noise, and the truth is computed in four
 //! times finer steps. So the model is never exactly right, and an effect has to be found beside all that.
 
+pub mod drawn;
 pub mod outside;
 mod suit;
 

@@ -5,13 +5,14 @@
 //! the flight ([`track`]) and how noisy its sensors are ([`recorded_noise`]), short free runs and their residuals
 //! ([`stretch`], [`flown`]), what everything that may be wrong changes in them ([`linearization`], [`nuisance`]), how
 //! large the errors are that are wrong in this flight ([`error_model`], [`problem`]), which effect makes the flights
-//! likelier ([`contest`]), what is left ([`remainder`]) and what files have wrong ([`adjustment`]). The [`search`]
+//! likelier ([`contest`]), which load describes what none explains ([`description`]), what is left ([`remainder`]) and what files have wrong ([`adjustment`]). The [`search`]
 //! strings them together. [`point`] does without postures, and [`laboratory`] flies what is to be found.
 #![forbid(unsafe_code)]
 
 pub mod adjustment;
 pub mod contest;
 mod criteria;
+pub mod description;
 pub mod effect_set;
 pub mod error;
 pub mod error_model;

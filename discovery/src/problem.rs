@@ -1,5 +1,6 @@
 //! A flight as a linear problem with its errors fitted, and what columns of it come to once constants are taken out.
 
+use bodyflight_core::dynamics::applied_load::AppliedLoads;
 use bodyflight_core::effect::Model;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
@@ -23,6 +24,7 @@ const STEPS: usize = 8;
 const OUTLYING: f64 = 3.0;
 
 /// A flight to be explained.
+#[derive(Clone)]
 pub struct Problem<'a> {
     /// The flight.
     pub track: &'a Track,
@@ -172,6 +174,27 @@ impl<'a> Problem<'a> {
         for k in self.prior_with(effects).held {
             belief.subject.0[k] = 0.0;
         }
+        self.reduced_around(fitted, &belief, |stretch| {
+            effects_and_missing(self.track, stretch, &self.plain, &belief, parameters)
+        })
+    }
+
+    /// The same flight under loads by description.
+    #[must_use]
+    pub fn under(&self, loads: &AppliedLoads<f64>) -> Self {
+        let mut other = self.clone();
+        other.plain.applied = *loads;
+        other
+    }
+
+    /// Columns of every stretch around a belief, the last what is missing there, reduced by a fit. None where the model
+    /// has no numbers.
+    pub fn reduced_around(
+        &self,
+        fitted: &Fitted,
+        belief: &Belief,
+        columns: impl Fn(&Stretch) -> DMatrix<f64> + Sync,
+    ) -> Option<DMatrix<f64>> {
         let mut around = DVector::zeros(CONSTANTS);
         around
             .rows_mut(0, belief.joints.course[0].len())
@@ -184,9 +207,9 @@ impl<'a> Problem<'a> {
             .par_iter()
             .zip(&fitted.parts)
             .map(|(stretch, part)| {
-                let mut columns =
-                    effects_and_missing(self.track, stretch, &self.plain, &belief, parameters);
-                let mut missing = columns.column_mut(parameters.len());
+                let mut columns = columns(stretch);
+                let last = columns.ncols() - 1;
+                let mut missing = columns.column_mut(last);
                 missing += &part.constants * &around;
                 columns
             })

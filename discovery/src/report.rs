@@ -4,6 +4,7 @@ use bodyflight_core::effect::{Effect, PARAMETER_COUNT};
 use serde::{Serialize, Serializer};
 
 use super::adjustment::{Adjustment, JointCalibration};
+use super::description::told::Described;
 use super::effect_set::EffectSet;
 use super::error_model::PUSH;
 use super::gap::{Gap, Spot};
@@ -241,6 +242,10 @@ pub struct Report {
     pub residual_map: Vec<Spot>,
     /// What is left of the flights, each.
     pub remainders: Vec<Remainder>,
+    /// Loads that describe what nothing in the library explains.
+    pub description: Option<Described>,
+    /// Loads that come nearest to it and do not do enough, or not in the flights held out; not in the model.
+    pub nearest_description: Option<Described>,
     /// What to fly next, in words.
     pub fly_next: String,
     /// The effects as in `model.toml`.

@@ -4,6 +4,7 @@
 use bodyflight_core::effect::Effect;
 
 use super::contest::{Candidate, Scene};
+use super::description::described;
 use super::effect_set::EffectSet;
 use super::error::{Error, Result};
 use super::error_model::{Components, Errors};
@@ -12,7 +13,7 @@ use super::nuisance::Tolerances;
 use super::problem::{Fitted, Problem};
 use super::progress::{Progress, begin};
 use super::remainder::without_push;
-use super::report::{Report, Rival};
+use super::report::{Outcome, Report, Rival};
 use super::statistics::quantile_of_sorted;
 use super::stretch::NUMBERS;
 use super::track::Track;
@@ -188,6 +189,7 @@ impl<'a> Search<'a> {
         let mut scene = self.scene(settled, none);
         let mut plain: Option<Vec<Errors>> = None;
         let mut names: Vec<Name> = Vec::new();
+        let mut bare: Option<Scene<'a>> = None;
         let mut nearest: Option<Name> = None;
         let mut out_of_question: Vec<Effect> = Vec::new();
         while names.len() < self.settings.max_effects && out_of_question.len() < TRIED {
@@ -212,7 +214,7 @@ impl<'a> Search<'a> {
                     if plain.is_none() {
                         plain = self.quiet(&scene)?;
                     }
-                    scene = next;
+                    bare.get_or_insert(core::mem::replace(&mut scene, next));
                     names.push(name);
                     continue;
                 }
@@ -221,7 +223,11 @@ impl<'a> Search<'a> {
             nearest.get_or_insert(name);
         }
         begin(self.progress, "what is left")?;
-        self.report(scene, plain, unadjusted, names, nearest)
+        let report = self.report(&scene, plain, unadjusted, names, nearest)?;
+        if report.verdict != Outcome::Unexplained {
+            return Ok(report);
+        }
+        described(bare.as_ref().unwrap_or(&scene), report, self.progress)
     }
 
     /// Everything fitted anew beside a candidate. `from` is the scene in which it was found.

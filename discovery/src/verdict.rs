@@ -21,20 +21,20 @@ const EXPLAINS: f64 = 0.6;
 /// Misfit of the model as in the files, by the number of what is compared, up to which it is right as it is.
 const AGREES: f64 = 1.15;
 
-impl<'a> Search<'a> {
+impl Search<'_> {
     /// The report.
     ///
     /// # Errors
     /// Returns an error if the search was cancelled.
     pub(super) fn report(
         &self,
-        scene: Scene<'a>,
+        scene: &Scene<'_>,
         plain: Option<Vec<Errors>>,
         unadjusted: f64,
         names: Vec<Name>,
         nearest: Option<Name>,
     ) -> Result<Report> {
-        let quiet = self.quiet(&scene)?;
+        let quiet = self.quiet(scene)?;
         let remainders: Vec<Remainder> = scene
             .fitted
             .iter()
@@ -53,8 +53,8 @@ impl<'a> Search<'a> {
             }
             _ => 0.0,
         };
-        let outcome = outcome(&scene, unadjusted, &names, explained, &remainders);
-        let errors = self.standard_errors(&scene);
+        let outcome = outcome(scene, unadjusted, &names, explained, &remainders);
+        let errors = self.standard_errors(scene);
         let told = |name: &Name| told(name, &scene.effects, &errors, explained);
         let told_names: Vec<Named> = names.iter().map(told).collect();
         let effects = if outcome == Outcome::Named {
@@ -93,9 +93,11 @@ impl<'a> Search<'a> {
                 .flat_map(|(_, fitted)| joint_calibrations(fitted))
                 .collect(),
             gap: gap_here,
-            held_out: held_out(&scene, &names),
+            held_out: held_out(scene, &names),
             residual_map,
             remainders,
+            description: None,
+            nearest_description: None,
             fly_next,
             model: model_of(&effects),
             corrections: scene

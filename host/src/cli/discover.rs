@@ -96,7 +96,12 @@ impl Progress for Spinner<'_> {
 fn write(report: &Report, folder: &Path, flight: &Path) -> Result<()> {
     let title = format!("{}: what the model misses", flight.display());
     let figure = figure::svg(&title, report)?;
-    write_all(folder, report, &figure, &model_toml(&report.model))?;
+    write_all(
+        folder,
+        report,
+        &figure,
+        &model_toml(&report.model, report.description.as_ref()),
+    )?;
     if report.verdict == Outcome::Calibrated {
         let text = calibration_toml(&report.corrections);
         write_file(&folder.join("calibration.toml"), text.as_bytes())?;
@@ -106,6 +111,7 @@ fn write(report: &Report, folder: &Path, flight: &Path) -> Result<()> {
 
 fn print_report(report: &Report, explain: bool) {
     print_names(report.verdict, &report.effects, &report.nearest);
+    print_description(report);
     for (index, left) in report.remainders.iter().enumerate() {
         if left.is_unexplained {
             let times: Vec<String> = left.times_s.iter().map(|t| format!("{t:.1}")).collect();
@@ -137,6 +143,33 @@ fn print_report(report: &Report, explain: bool) {
         print_errors(report);
         terminal::print(&format!("fly next: {}", report.fly_next));
     }
+}
+
+/// Loads that describe what the library does not explain, or come nearest.
+fn print_description(report: &Report) {
+    let nearest = report.nearest_description.as_ref();
+    if nearest.is_some() {
+        terminal::print("loads that come nearest, not used:");
+    }
+    let Some(described) = report.description.as_ref().or(nearest) else {
+        return;
+    };
+    for load in &described.loads {
+        terminal::print(&format!("  {}", load.in_words));
+    }
+    let elsewhere = described.explained_held_out.iter();
+    let elsewhere: Vec<String> = elsewhere
+        .map(|share| format!("{:.0} %", 100.0 * share))
+        .collect();
+    terminal::print(&format!(
+        "    they close {:.0} % of what any load could close here, and in other flights: {}",
+        100.0 * described.explained,
+        if elsewhere.is_empty() {
+            "not looked at".to_owned()
+        } else {
+            elsewhere.join(", ")
+        }
+    ));
 }
 
 /// What subject, coefficients and joints have wrong.

@@ -10,6 +10,7 @@ use bodyflight::interrupt;
 use bodyflight::output::files::write_file;
 use bodyflight::verbs::hide::{FILES, truth_toml, write};
 use bodyflight_core::effect::Effect;
+use bodyflight_discovery::laboratory::drawn::drawn;
 use bodyflight_discovery::laboratory::outside::Outside;
 use bodyflight_discovery::laboratory::{FRAME_RATE, Hidden, JointErrors, Settings, fly, strength};
 use serde::Serialize;
@@ -21,7 +22,7 @@ use super::terminal;
 #[derive(clap::Args)]
 #[command(after_help = hidden_help())]
 pub(super) struct Args {
-    /// Effects by name, several with commas; `clean` for none.
+    /// Effects by name, several with commas; `clean` for none, `load` for a force or moment drawn by the seed.
     #[arg(required_unless_present = "model")]
     effects: Option<String>,
     /// A model.toml whose effects and loads are hidden as they are.
@@ -68,9 +69,13 @@ fn folder(args: &Args, index: u64) -> PathBuf {
     args.out.join(format!("flight-{index}"))
 }
 
+/// The name under which a load of the grammar is drawn by the seed.
+const DRAWN: &str = "load";
+
 fn known() -> String {
     let effects = Effect::ALL.iter().map(|effect| effect.description().name);
-    let names: Vec<&str> = effects.chain(Outside::ALL.map(Outside::name)).collect();
+    let outside = effects.chain(Outside::ALL.map(Outside::name));
+    let names: Vec<&str> = outside.chain([DRAWN]).collect();
     names.join(", ")
 }
 
@@ -160,6 +165,9 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
 fn hidden(name: &str, seed: u64, share: Option<f64>) -> Result<Hidden> {
     if let Some(effect) = Effect::from_name(name) {
         return Ok(Hidden::Effect(effect, strength(effect, seed, share)));
+    }
+    if name == DRAWN {
+        return Ok(Hidden::Load(drawn(seed)));
     }
     Outside::from_name(name)
         .map(Hidden::Outside)

@@ -4,6 +4,7 @@ pub mod figure;
 
 use std::path::Path;
 
+use bodyflight_discovery::description::told::Described;
 use bodyflight_discovery::error::Error;
 use bodyflight_discovery::point::track as point;
 use bodyflight_discovery::report::ByName;
@@ -111,9 +112,11 @@ pub fn problem(error: Error) -> Problem {
     }
 }
 
-/// The effects found as a `model.toml`.
-pub fn model_toml(model: &[ByName]) -> String {
-    model_file::model_toml("# Effects found by bodyflight discover.\n", model, &[])
+/// The effects found as a `model.toml`, and the loads described.
+pub fn model_toml(model: &[ByName], described: Option<&Described>) -> String {
+    let loads = described.map_or(&[][..], |described| &described.loads);
+    let loads: Vec<_> = loads.iter().map(|described| described.load).collect();
+    model_file::model_toml("# Effects found by bodyflight discover.\n", model, &loads)
 }
 
 /// Adjustments within the tolerances as a `model.toml`.

@@ -9,8 +9,8 @@ use crate::cli::simulate::Reading;
 #[derive(clap::Args)]
 #[command(
     after_help = "Verdicts: none (model and data agree as the files are), calibrated (they agree once joints, subject and \
-                  coefficients are adjusted within their tolerances), named (an effect is missing), unexplained (nothing \
-                  in the library explains it), thin (too short to tell). docs/discovery.md says how often each is \
+                  coefficients are adjusted within their tolerances), named (an effect is missing), described (a load that \
+                  is not in the library), unexplained (neither), thin (too short to tell). docs/discovery.md says how often each is \
                   right.\n\n\
                   Example: bodyflight hide wind --out lab && bodyflight discover lab/flight-0/flight.toml \
                   --hold-out lab/flight-1/flight.toml --out found"

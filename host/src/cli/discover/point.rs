@@ -42,7 +42,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     if let Some(folder) = &args.out {
         let title = format!("{}: what the model misses", args.flight().display());
         let figure = figure::point_svg(&title, &report)?;
-        write_all(folder, &report, &figure, &model_toml(&report.model))?;
+        write_all(folder, &report, &figure, &model_toml(&report.model, None))?;
     }
     if json {
         return terminal::print_json(&report);
