@@ -49,8 +49,13 @@ struct Unit {
 
 impl Unit {
     fn start() -> Self {
+        Self::start_with(&[])
+    }
+
+    fn start_with(arguments: &[&str]) -> Self {
         let mut process = bodyflight()
             .arg("unit")
+            .args(arguments)
             .stdout(Stdio::piped())
             .spawn()
             .expect("the binary starts");
@@ -204,4 +209,66 @@ fn a_port_that_is_no_unit_is_told() {
     assert_eq!(output.status.code(), Some(3));
     let message = text(&output.stderr);
     assert!(message.contains("does not answer"), "{message}");
+}
+
+/// `bodyflight unit log`, what it reports.
+fn log(unit: &Unit, arguments: &[&str]) -> Value {
+    let output = bodyflight()
+        .args(["--json", "unit", "log", "--port", &unit.port])
+        .args(arguments)
+        .output()
+        .expect("the binary starts");
+    report(&output)
+}
+
+#[test]
+fn a_flight_that_a_unit_kept_is_read_back_as_a_recording() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let (flight, flash) = (flight(folder.path()), path("flash"));
+    let unit = Unit::start_with(&["--flash", &flash]);
+    let sent = report(&stream(&[
+        &flight,
+        "--port",
+        &unit.port,
+        "--speed",
+        "max",
+        "--seconds",
+        "5",
+    ]));
+    let first = log(&unit, &["--out", &path("first")]);
+    // Power is lost: the log is not.
+    drop(unit);
+    let unit = Unit::start_with(&["--flash", &flash]);
+    let read = log(&unit, &["--out", &path("second")]);
+    assert_eq!(read["damaged"], 0);
+    assert_eq!(read["blocks"], first["blocks"]);
+    let flights = read["flights"].as_array().expect("flights");
+    assert_eq!(flights.len(), 1, "{read}");
+    assert_eq!(flights[0]["frames"], sent["sent"]);
+    assert_eq!(flights[0]["estimates"], sent["estimates"]["expected"]);
+    // What was read is flown by the filter here again.
+    let again = flights[0]["flight"].as_str().expect("a path");
+    let output = bodyflight()
+        .args(["inspect", again])
+        .output()
+        .expect("the binary starts");
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let again = report(&stream(&[again, "--virtual", "--speed", "max"]));
+    assert_eq!(again["sent"], sent["sent"]);
+
+    assert_eq!(log(&unit, &["--erase"])["erased"], true);
+    let read = log(&unit, &["--out", &path("third")]);
+    assert_eq!(
+        (&read["blocks"], &read["flights"]),
+        (&0.into(), &Value::Array(Vec::new()))
+    );
+}
+
+#[test]
+fn a_unit_without_storage_has_an_empty_log() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let unit = Unit::start();
+    let read = log(&unit, &["--out", &folder.path().display().to_string()]);
+    assert_eq!(read["blocks"], 0);
 }

@@ -63,6 +63,7 @@ pub mod observation;
 pub mod sensor_noise;
 #[cfg(test)]
 mod test_body;
+pub mod ubx;
 pub mod xbus;
 
 pub use axis::AxisCoefficients;

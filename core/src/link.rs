@@ -22,6 +22,7 @@
 //! ```
 
 mod arch;
+mod block;
 mod decode_error;
 mod decoder;
 pub mod fault;
@@ -37,6 +38,7 @@ mod segment_values;
 mod status;
 mod wire;
 
+pub use block::{BLOCK_LENGTH, BlockReader, BlockWriter};
 pub use decode_error::DecodeError;
 pub use decoder::{Counters, Decoder, Event};
 pub use flags::{EstimateFlags, Validity};
@@ -44,8 +46,9 @@ pub use frame::{EncodeError, Header, MAX_FRAME_LENGTH, MAX_PACKET_LENGTH};
 pub use layout::{FieldLayout, MessageLayout, PROTOCOL_VERSION};
 pub use ledger::{Arrival, Imbalance, Ledger};
 pub use message::{
-    ArchSource, Configure, Configured, Credit, Estimate, Hello, HelloAcknowledge, Message,
-    ResetFilter, Sample, SegmentValues, Start, Status, Stop, StreamMode, TimeSync, Verdict,
+    ArchSource, Configure, Configured, Credit, Estimate, Hello, HelloAcknowledge, LogAction,
+    LogAsk, LogPiece, Message, PIECE_LENGTH, ResetFilter, Sample, SegmentValues, Start, Status,
+    Stop, StreamMode, TimeSync, Verdict,
 };
 pub use packed_quaternion::PackedQuaternion;
 pub use sample::Motion;

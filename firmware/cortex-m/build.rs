@@ -1,4 +1,5 @@
-//! What images call themselves: the revision of the source, or the version where there is none.
+//! What images call themselves: the revision of the source, or the version where there is none. And whether the
+//! processor is one that watches its stack.
 
 use std::process::Command;
 
@@ -8,6 +9,10 @@ fn main() {
     let name = revision.or(version.ok()).unwrap_or_default();
     println!("cargo::rustc-env=BODYFLIGHT_REVISION={name}");
     println!("cargo::rerun-if-changed=build.rs");
+    println!("cargo::rustc-check-cfg=cfg(armv8m)");
+    if std::env::var("TARGET").is_ok_and(|target| target.starts_with("thumbv8m.main")) {
+        println!("cargo::rustc-cfg=armv8m");
+    }
     // These change with every commit and every switch of branches.
     for file in ["HEAD", "logs/HEAD"] {
         if let Some(path) = git(&["rev-parse", "--path-format=absolute", "--git-path", file]) {

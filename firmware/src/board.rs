@@ -1,5 +1,7 @@
 //! What the application asks of a board.
 
+use crate::recorder::Recorder;
+
 /// Bytes that a board's receiver should hold while an update runs.
 pub const RECEIVER_BYTES: usize = 1024;
 
@@ -27,8 +29,16 @@ pub trait Board {
         [0; 2]
     }
 
+    /// Switches the light on or off, where there is one; [`light`](crate::light) says what it shows.
+    fn shine(&self, _on: bool) {}
+
     /// Tells the watchdog that the application goes on.
     fn feed_watchdog(&self);
+
+    /// What keeps a log on board, where there is storage.
+    fn recorder(&self) -> Option<&Recorder> {
+        None
+    }
 
     /// Notes which sample is in work, for the record that survives a fault.
     fn note(&self, sequence: u32);

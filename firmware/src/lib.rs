@@ -13,8 +13,11 @@ pub mod board;
 pub mod computer;
 pub mod display;
 pub mod fault;
+pub mod light;
 mod log;
+pub mod ports;
 mod queue;
+pub mod recorder;
 mod run;
 pub mod sensor;
 #[cfg(test)]

@@ -7,7 +7,7 @@
 use core::cell::RefCell;
 
 use bodyflight_core::link::{MAX_FRAME_LENGTH, Status};
-use embassy_futures::join::join5;
+use embassy_futures::join::{join3, join5};
 use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
@@ -16,7 +16,9 @@ use embedded_io_async::{Read, Write};
 
 use crate::board::Board;
 use crate::display::Glance;
+use crate::light::STEP_MS;
 use crate::log::info;
+use crate::recorder::Log;
 use crate::unit::Unit;
 
 /// Longest time that a frame may take to leave; then it counts as dropped.
@@ -44,13 +46,14 @@ struct Shared<'a, B: Board> {
     outgoing: Signal<NoopRawMutex, ()>,
 }
 
-/// Runs the unit on its ports, for ever. `sensor` is the port of the inertial sensor,
-/// [`NoPort`] where there is none.
+/// Runs the unit on its ports, for ever. `sensor` is the port of the inertial sensor, [`NoPort`] where there is none; `log`
+/// keeps a log on board, [`NoLog`](crate::recorder::NoLog) where there is no storage.
 pub async fn run<B: Board>(
     unit: &RefCell<Unit<B>>,
     receiver: impl Read,
     transmitter: impl Write,
     sensor: impl Read,
+    log: impl Log,
 ) {
     let shared = Shared {
         unit,
@@ -59,12 +62,20 @@ pub async fn run<B: Board>(
     };
     info!("unit started");
     unit.borrow_mut().introduce();
-    join5(
-        shared.receive(receiver),
-        shared.receive_sensor(sensor),
-        shared.estimate(),
-        shared.transmit(transmitter),
-        shared.report(),
+    let answer = |block, bytes: &[u8]| {
+        unit.borrow_mut().answer_log(block, bytes);
+        shared.outgoing.signal(());
+    };
+    join3(
+        log.run(answer),
+        shared.shine(),
+        join5(
+            shared.receive(receiver),
+            shared.receive_sensor(sensor),
+            shared.estimate(),
+            shared.transmit(transmitter),
+            shared.report(),
+        ),
     )
     .await;
 }
@@ -148,6 +159,14 @@ impl<B: Board> Shared<'_, B> {
                 self.outgoing.signal(());
                 self.log(&status);
             }
+        }
+    }
+
+    async fn shine(&self) {
+        let mut step = Ticker::every(Duration::from_millis(STEP_MS));
+        loop {
+            self.unit.borrow_mut().shine();
+            step.next().await;
         }
     }
 

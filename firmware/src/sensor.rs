@@ -2,12 +2,14 @@
 //!
 //! An MTi at the pelvis gives attitude, angular velocity and, with a receiver, velocity; the posture stays as
 //! the host set it. The sensor is set up beforehand to send MTData2 with packet counter, sample time,
-//! orientation and rate of turn; see `docs/unit.md`.
+//! orientation and rate of turn; see `docs/unit.md`. Solutions of a u-blox receiver on the same port, `NAV-PVT` of UBX, give
+//! velocity and speed to the next sample that has none of its own.
 
 use bodyflight_core::Posture;
 use bodyflight_core::frame::{Rotation, Vector};
 use bodyflight_core::link::{Header, Motion, Sample, Validity};
 use bodyflight_core::math::normalized;
+use bodyflight_core::ubx;
 use bodyflight_core::xbus::{Decoder, Item, Packet, SampleClock};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
@@ -18,11 +20,14 @@ const LONGEST: usize = 512;
 #[derive(Debug)]
 pub struct Sensor {
     decoder: Decoder<LONGEST>,
+    receiver: ubx::Decoder,
     clock: SampleClock,
     body_from_sensor: UnitQuaternion<f32>,
     posture: Posture<f32>,
     /// Speed from satellites that no sample has carried yet (m/s).
     speed: Option<f32>,
+    /// The same for the velocity, in inertial axes (m/s).
+    velocity: Option<Vector3<f32>>,
     /// Sensor's counter and our number of the last packet.
     last: Option<(u16, u32)>,
 }
@@ -51,10 +56,12 @@ impl Sensor {
     pub fn new() -> Self {
         Self {
             decoder: Decoder::new(),
+            receiver: ubx::Decoder::new(),
             clock: SampleClock::new(),
             body_from_sensor: UnitQuaternion::identity(),
             posture: Posture::h_pose(),
             speed: None,
+            velocity: None,
             last: None,
         }
     }
@@ -75,6 +82,20 @@ impl Sensor {
     pub fn restart(&mut self) {
         self.last = None;
         self.speed = None;
+        self.velocity = None;
+    }
+
+    /// Takes bytes for the solutions of a receiver among them.
+    pub fn receive_solutions(&mut self, bytes: &[u8]) {
+        for &byte in bytes {
+            let Some(solution) = self.receiver.push(byte) else {
+                continue;
+            };
+            if let Some(velocity) = solution.velocity() {
+                self.velocity = Some(velocity);
+                self.speed = Some(solution.ground_speed_mps);
+            }
+        }
     }
 
     /// The next sample; `input` is shortened by what was taken. `now` (us) stands in for a sensor time that is
@@ -113,7 +134,10 @@ impl Sensor {
             angular_velocity: reading
                 .angular_velocity
                 .map(|turn| Vector::from_components(self.body_from_sensor * turn)),
-            velocity: reading.velocity.map(Vector::from_components),
+            velocity: reading
+                .velocity
+                .or(self.velocity.take())
+                .map(Vector::from_components),
             horizontal_speed: self.speed.take(),
         };
         let attitude = Rotation::from_quaternion(inertial_from_body);

@@ -9,12 +9,13 @@ mod session;
 
 use bodyflight_core::link::{
     Arrival, Configure, Configured, Credit, Decoder, Estimate, EstimateFlags, Event, Header, Hello,
-    HelloAcknowledge, MAX_FRAME_LENGTH, Message, SCHEMA_HASH, Sample, SegmentTable, Status, Stop,
-    StreamMode, TimeSync, Verdict,
+    HelloAcknowledge, LogAsk, LogPiece, MAX_FRAME_LENGTH, Message, PIECE_LENGTH, SCHEMA_HASH,
+    Sample, SegmentTable, Start, Status, Stop, StreamMode, TimeSync, Verdict,
 };
 
 use crate::board::{Board, Identity};
 use crate::computer::{Computer, Configuration, Outcome};
+use crate::light::Light;
 use crate::queue::Queue;
 use crate::sensor::Sensor;
 use outbox::Outbox;
@@ -47,6 +48,7 @@ pub struct Unit<B: Board> {
     samples: Queue<Waiting, { SAMPLES as usize }>,
     outbox: Outbox,
     computer: Computer,
+    light: Light,
     last_sample: Option<Sample>,
     wrong_session: u32,
     deadline_missed: u32,
@@ -72,6 +74,7 @@ impl<B: Board> Unit<B> {
             samples: Queue::new(),
             outbox: Outbox::new(),
             computer: Computer::new(),
+            light: Light::new(matches!(identity.reset_cause, 1 | 2)),
             last_sample: None,
             wrong_session: 0,
             deadline_missed: 0,
@@ -103,6 +106,7 @@ impl<B: Board> Unit<B> {
     /// Takes bytes of the inertial sensor; used in sessions that listen to it.
     pub fn receive_sensor(&mut self, bytes: &[u8]) {
         let now = self.board.now();
+        self.sensor.receive_solutions(bytes);
         let mut input = bytes;
         while let Some((mut header, sample)) = self.sensor.next(&mut input, now) {
             if let Some(session) = self.session.as_mut().filter(|s| s.runs(StreamMode::Sensor)) {
@@ -147,12 +151,17 @@ impl<B: Board> Unit<B> {
                 self.send(received, answer);
             }
             Message::Sample(sample) => self.take(*header, *sample),
+            Message::LogAsk(LogAsk { action, block }) => match self.board.recorder() {
+                Some(recorder) => recorder.ask(*action, *block),
+                None => self.answer_log(*block, &[]),
+            },
             // What units say.
             Message::HelloAcknowledge(_)
             | Message::Configured(_)
             | Message::Credit(_)
             | Message::Estimate(_)
-            | Message::Status(_) => {}
+            | Message::Status(_)
+            | Message::LogPiece(_) => {}
         }
     }
 
@@ -220,9 +229,50 @@ impl<B: Board> Unit<B> {
             self.sensor.restart();
             self.outbox.begin_session();
             self.session = Some(Session::new(number, mode));
+            self.begin_log(number, mode);
         }
         self.report();
         self.grant(true);
+    }
+
+    /// A log begins with what is computed with.
+    fn begin_log(&self, session: u16, mode: StreamMode) {
+        let (Some(recorder), Some(asked)) = (self.board.recorder(), self.asked) else {
+            return;
+        };
+        let header = Header {
+            session,
+            sequence: 0,
+            time: self.board.now(),
+        };
+        let rows = self.table.rows().map(|row| Message::from(*row));
+        let messages = core::iter::once(Message::from(asked))
+            .chain(rows)
+            .chain([Message::from(Start { mode })]);
+        recorder.begin(messages.map(|message| (header, message)));
+    }
+
+    /// Sends a block of the log, none where there is none of this number.
+    pub(crate) fn answer_log(&mut self, block: u32, bytes: &[u8]) {
+        let length = u16::try_from(bytes.len()).unwrap_or(u16::MAX);
+        let mut piece = LogPiece {
+            block,
+            length,
+            offset: 0,
+            bytes: [0; PIECE_LENGTH],
+        };
+        let now = self.board.now();
+        if bytes.is_empty() {
+            self.send(now, piece);
+        }
+        for (offset, bytes) in (0..).step_by(PIECE_LENGTH).zip(bytes.chunks(PIECE_LENGTH)) {
+            piece.offset = offset;
+            piece.bytes = [0; PIECE_LENGTH];
+            for (place, byte) in piece.bytes.iter_mut().zip(bytes) {
+                *place = *byte;
+            }
+            self.send(now, piece);
+        }
     }
 
     fn stop(&mut self, number: u16, stop: Stop) {
@@ -281,6 +331,7 @@ impl<B: Board> Unit<B> {
                 Outcome::Rejected => session.ledger.reject_one(),
             }
         }
+        self.note(&waiting.header, waiting.sample);
         if let Outcome::Used(Some(estimate)) = outcome {
             let configuration = self.computer.configuration();
             let period = configuration.map_or(0, Configuration::update_period);
@@ -291,16 +342,25 @@ impl<B: Board> Unit<B> {
             self.cycles_max = self.cycles_max.max(cycles);
             let mut flags = estimate.flags;
             flags.set(EstimateFlags::LATE, late);
+            self.light.see(flags);
             let estimate = Estimate {
                 cycles,
                 flags,
                 ..estimate
             };
+            self.note(&waiting.header, estimate);
             self.send(time, estimate);
         }
         self.grant(false);
         self.report_end();
         true
+    }
+
+    /// Notes a message in the log, where there is one.
+    fn note(&self, header: &Header, message: impl Into<Message>) {
+        if let Some(recorder) = self.board.recorder() {
+            recorder.note(header, &message.into());
+        }
     }
 
     /// Grants credit for what has been worked off, where it is worth a frame or the host `asked`.
@@ -316,6 +376,9 @@ impl<B: Board> Unit<B> {
     fn report_end(&mut self) {
         let closed = self.session.as_ref().is_some_and(Session::is_closed);
         if closed && self.samples.is_empty() {
+            if let Some(recorder) = self.board.recorder() {
+                recorder.end();
+            }
             self.report();
         }
     }
@@ -337,6 +400,12 @@ impl<B: Board> Unit<B> {
         if self.samples.is_empty() || worked != before {
             self.board.feed_watchdog();
         }
+    }
+
+    /// The next step of the light.
+    pub fn shine(&mut self) {
+        let is_on = self.light.advance();
+        self.board.shine(is_on);
     }
 
     /// What happened so far.

@@ -104,7 +104,7 @@ fn run(cli: &Cli) -> Result<()> {
         Verb::Figures(args) => figures::run(args, cli.json),
         Verb::Stream(args) => stream::run(args, cli.json),
         Verb::Validate(args) => validate::run(args, cli.json),
-        Verb::Unit(args) => unit::run(args),
+        Verb::Unit(args) => unit::run(args, cli.json),
         Verb::Ports(args) => ports::run(args, cli.json),
         Verb::Monitor(args) => monitor::run(args, cli.json),
         Verb::Mvn(args) => mvn::run(args, cli.json),

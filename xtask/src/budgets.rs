@@ -13,8 +13,8 @@ pub(crate) struct Budgets {
     tolerance: f64,
     board: BTreeMap<String, Board>,
     image: BTreeMap<String, Image>,
-    /// Most of what is measured, by its name: instructions and bytes of stack.
-    pub(crate) cost: BTreeMap<String, u64>,
+    /// Most of what is measured, by the board and its name: instructions and bytes of stack.
+    cost: BTreeMap<String, BTreeMap<String, u64>>,
 }
 
 /// Memory of a board.
@@ -58,6 +58,12 @@ impl Budgets {
             .get(&image.board)
             .ok_or_else(|| format!("budgets.toml has no board {}", image.board))?;
         Ok((image, board))
+    }
+
+    /// Most of what is measured on a board, by its name.
+    pub(crate) fn costs(&self, board: &str) -> Result<&BTreeMap<String, u64>> {
+        let costs = self.cost.get(board);
+        costs.ok_or_else(|| format!("budgets.toml has no costs of {board}"))
     }
 
     /// Whether a cost is within its budget.

@@ -12,7 +12,7 @@ const END: &str = "<!-- end of faults -->";
 
 /// Every test on the emulated chip; `write` puts its table of faults into the documents.
 pub(crate) fn f405(write: bool) -> Result<()> {
-    let image = image::build_board("stm32f405")?;
+    let image = image::build_board("stm32f405", "unit")?;
     image::check(&image, "unit-stm32f405")?;
     let table = target_folder()?.join("f405-faults.md");
     let place = [("BODYFLIGHT_F405_TABLE", table.display().to_string())];
@@ -39,7 +39,7 @@ fn put_into_page(table: &Path) -> Result<()> {
 
 /// A flight at its own rate: nothing lost, nothing late, every estimate the desktop's.
 pub(crate) fn paced(seconds: u32) -> Result<()> {
-    let image = image::build_board("stm32f405")?;
+    let image = image::build_board("stm32f405", "unit")?;
     test(
         "f405_paced",
         &image,

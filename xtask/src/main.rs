@@ -10,6 +10,7 @@ mod run;
 mod soak;
 mod supply;
 mod test;
+mod uf2;
 mod unit;
 mod viewer;
 
@@ -30,9 +31,9 @@ struct Cli {
 enum Verb {
     /// Pass every test: on this machine, and for the unit's processor. Installs what is missing.
     Test,
-    /// Run the core on the unit's processor in QEMU: same bits as here, cost within the budgets.
+    /// Run the core on the boards' processors in QEMU: same bits as here, cost within the budgets.
     OnTarget,
-    /// Build the images of the unit for all boards, and check their sizes.
+    /// Build the images of the unit for all boards, check their sizes, and make what is flashed without a probe.
     Unit,
     /// Run the image for the STM32F405 on an emulated chip: the desktop's estimates, and back after every fault.
     F405 {

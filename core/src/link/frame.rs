@@ -87,7 +87,14 @@ impl Message {
     }
 }
 
-fn write_packet(header: &Header, message: &Message, packet: &mut [u8]) -> Option<usize> {
+/// Bytes of a packet of this type: header, body, checksum; `None` where there is no such type.
+pub(super) fn packet_length(code: u8) -> Option<usize> {
+    let layout = LAYOUTS.iter().find(|layout| layout.code == code)?;
+    Some(HEADER_LENGTH + layout.size + CHECKSUM_LENGTH)
+}
+
+/// A packet before stuffing; its length, `None` where it has no room.
+pub(super) fn write_packet(header: &Header, message: &Message, packet: &mut [u8]) -> Option<usize> {
     let mut writer = Writer::new(packet);
     PROTOCOL_VERSION.put(&mut writer)?;
     message.code().put(&mut writer)?;

@@ -296,6 +296,44 @@ body! {
     }
 }
 
+code! {
+    /// What to do with the log on board.
+    LogAction {
+        /// Read a block
+        Read = 0,
+        /// Erase it all
+        Erase = 1,
+    }
+}
+
+body! {
+    /// Host to unit: read a block of the log on board; answered by all its [`LogPiece`]s. Or erase the log; answered by the piece of
+    /// a block that is not there.
+    LogAsk {
+        /// What to do
+        action: LogAction = "",
+        /// Number of the block, 0 the oldest
+        block: u32 = "",
+    }
+}
+
+/// Bytes of a block in one [`LogPiece`].
+pub const PIECE_LENGTH: usize = 96;
+
+body! {
+    /// Unit to host: a piece of a block of the log.
+    LogPiece {
+        /// Number of the block, 0 the oldest
+        block: u32 = "",
+        /// Bytes of the block, 0 where there is none of that number
+        length: u16 = "bytes",
+        /// Where the piece begins in the block
+        offset: u16 = "bytes",
+        /// The piece, zeros behind the end of the block
+        bytes: [u8; 96] = "",
+    }
+}
+
 macro_rules! messages {
     ($( $code:literal $name:ident $wire_name:literal ),* $(,)?) => {
         /// Any message of the link.
@@ -355,9 +393,11 @@ messages! {
     0x08 ResetFilter "RESET_FILTER",
     0x09 Credit "CREDIT",
     0x0A TimeSync "TIMESYNC",
+    0x0B LogAsk "LOG_ASK",
     0x10 Sample "SAMPLE",
     0x11 Estimate "ESTIMATE",
     0x12 Status "STATUS",
+    0x13 LogPiece "LOG_PIECE",
 }
 
 fn take_body<B: Body>(body: &[u8]) -> Result<B, DecodeError> {

@@ -41,7 +41,7 @@ fn sample() -> Sample {
     Sample::new(&posture, &attitude, &motion)
 }
 
-fn examples() -> [Message; 13] {
+fn examples() -> [Message; 15] {
     [
         Message::Hello(Hello {
             schema_hash: 0x0123_4567_89AB_CDEF,
@@ -100,6 +100,10 @@ fn examples() -> [Message; 13] {
             received: 0x0100_0000_0000,
             answered: u64::MAX,
         }),
+        Message::LogAsk(LogAsk {
+            action: LogAction::Erase,
+            block: 0x0001_0203,
+        }),
         Message::Sample(sample()),
         Message::Estimate(Estimate {
             sample_sequence: 77,
@@ -139,6 +143,12 @@ fn examples() -> [Message; 13] {
             sensor_overrun: 25,
             sensor_framing: 26,
             fault_place: *b"/src/unit/outbox.rs:1230",
+        }),
+        Message::LogPiece(LogPiece {
+            block: 5,
+            length: 1008,
+            offset: 96,
+            bytes: core::array::from_fn(|place| u8::try_from(place * 7 % 256).unwrap()),
         }),
     ]
 }

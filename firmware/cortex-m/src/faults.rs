@@ -26,8 +26,8 @@ const BUS: u32 = 0x0000_FF00;
 const UNDEFINED: u32 = 1 << 16;
 const UNALIGNED: u32 = 1 << 24;
 const DIVISION: u32 = 1 << 25;
-/// The stack took no frame on entry to an exception.
-const STACKING: u32 = 1 << 4 | 1 << 12;
+/// The stack took no frame on entry to an exception, or its end was passed where the processor watches it.
+const STACKING: u32 = 1 << 4 | 1 << 12 | 1 << 20;
 
 /// The source revision that the image was built from.
 pub fn build() -> [u8; 8] {

@@ -29,6 +29,16 @@ pub(crate) mod marks {
     }
 }
 
+/// Lets the processor itself watch the end of the stack: whatever would write below it faults.
+#[cfg(armv8m)]
+pub fn guard() {
+    // SAFETY: the stack pointer is above the end of the stack.
+    #[allow(unsafe_code, reason = "a register of the processor")]
+    unsafe {
+        cortex_m::register::msplim::write(marks::bottom());
+    }
+}
+
 /// Bytes of stack that were never touched.
 ///
 /// The first look goes over all of it; later ones go down from the lowest touched word until they have met as much

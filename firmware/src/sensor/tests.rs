@@ -1,4 +1,4 @@
-//! Axes of the sensor and of the earth become those of the model.
+//! Axes of the sensor and of the earth become those of the model; a receiver's solutions go with its samples.
 
 use bodyflight_core::xbus::{CoordinateSystem, DataId, MessageId, NumberFormat, PacketWriter};
 use std::vec::Vec;
@@ -92,4 +92,48 @@ fn packets_without_an_attitude_are_no_samples() {
     // Not a rotation at all.
     let bytes = packet(CoordinateSystem::NorthWestUp, [0.0; 4], [0.0; 3], [0.0; 3]);
     assert!(sensor.next(&mut bytes.as_slice(), 0).is_none());
+}
+
+#[test]
+fn a_receivers_solution_goes_with_the_next_sample() {
+    let mut payload = [0; 92];
+    let mut put = |at: usize, value: i32| payload[at..at + 4].copy_from_slice(&value.to_le_bytes());
+    for (at, value) in [(48, 30_000), (52, -1_000), (56, 50_000), (60, 30_017)] {
+        put(at, value);
+    }
+    (payload[20], payload[21]) = (3, 1);
+    let mut covered = std::vec![0x01, 0x07, 92, 0];
+    covered.extend(payload);
+    let sums = covered.iter().fold([0_u8; 2], |[a, b], byte| {
+        let a = a.wrapping_add(*byte);
+        [a, b.wrapping_add(a)]
+    });
+    let solution = [&[0xb5, 0x62], &covered[..], &sums].concat();
+    let mut sensor = Sensor::new();
+    let mut bytes = [0; 64];
+    let mut writer = PacketWriter::new(&mut bytes, MessageId::MT_DATA2);
+    let attitude = DataId::QUATERNION.with(CoordinateSystem::NorthWestUp, NumberFormat::Float32);
+    writer.reals(attitude, &[1.0, 0.0, 0.0, 0.0]).unwrap();
+    let length = writer.finish().unwrap();
+    // Between two packets of the sensor, and in pieces.
+    let mut found = Vec::new();
+    for line in [
+        &bytes[..length],
+        &solution[..40],
+        &solution[40..],
+        &bytes[..length],
+        &bytes[..length],
+    ] {
+        sensor.receive_solutions(line);
+        let mut input = line;
+        while let Some((_, sample)) = sensor.next(&mut input, 0) {
+            found.push(sample.motion());
+        }
+    }
+    let velocities: Vec<_> = found
+        .iter()
+        .map(|motion| motion.velocity.map(Vector::to_array))
+        .collect();
+    assert_eq!(velocities, [None, Some([30.0, 1.0, -50.0]), None]);
+    assert!((found[1].horizontal_speed.unwrap() - 30.017).abs() < 0.01);
 }

@@ -8,7 +8,7 @@ use crate::queue::Queue;
 const FRAMES: usize = 24;
 
 /// Message types, by their code.
-const TYPES: usize = 0x13;
+const TYPES: usize = 0x14;
 
 #[derive(Debug)]
 pub(super) struct Outbox {

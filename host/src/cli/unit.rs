@@ -1,25 +1,156 @@
 //! `bodyflight unit`.
 
+use std::path::PathBuf;
 use std::time::Duration;
 
-use bodyflight::diagnostic::Result;
+use bodyflight::diagnostic::{Problem, Result};
+use bodyflight::formats::subject::Subject;
 use bodyflight::interrupt;
+use bodyflight::unit::log;
+use bodyflight::unit::stream::connection::{DEFAULT_BAUD, Target};
 use bodyflight::unit::virtual_unit::VirtualUnit;
+use serde::Serialize;
 
+use super::outputs::Outputs;
 use super::terminal;
 
-/// Run a unit on this machine behind a pseudo-terminal, until Ctrl-C.
+/// Run a unit on this machine behind a pseudo-terminal, until Ctrl-C, or read a unit's log.
 #[derive(clap::Args)]
-#[command(after_help = "Prints the terminal to stream to.\n\n\
-                        Example: bodyflight unit &  bodyflight stream flight.toml --port /dev/pts/3")]
-pub(super) struct Args {}
+#[command(
+    args_conflicts_with_subcommands = true,
+    after_help = "Prints the terminal to stream to.\n\n\
+                  Examples:\n  bodyflight unit &  bodyflight stream flight.toml --port /dev/pts/3\n  \
+                  bodyflight unit log --port /dev/ttyACM0 --out jump"
+)]
+pub(super) struct Args {
+    #[command(subcommand)]
+    verb: Option<Verb>,
+    /// Keep the unit's log in this file, 3 MiB that are used like flash; made where absent.
+    #[arg(long, value_name = "FILE")]
+    flash: Option<PathBuf>,
+}
 
-pub(super) fn run(_: &Args) -> Result<()> {
-    let unit = VirtualUnit::start()?;
+#[derive(clap::Subcommand)]
+enum Verb {
+    Log(LogArgs),
+}
+
+/// Read the log that a unit has kept on board: a recording and its estimates for each flight.
+#[derive(clap::Args)]
+#[command(
+    after_help = "Writes OUT/1, OUT/2 and so on, the oldest first, each with flight.toml, flight.mvnx and estimates.csv. \
+                  Exit code 4: blocks of the log are damaged; what is whole is written.\n\n\
+                  Example: bodyflight unit log --port /dev/ttyACM0 --out jump --subject me.toml"
+)]
+struct LogArgs {
+    /// The unit's serial port; `bodyflight ports` lists them.
+    #[arg(long, value_name = "DEVICE")]
+    port: PathBuf,
+    /// Rate of the port (baud).
+    #[arg(long, default_value_t = DEFAULT_BAUD)]
+    baud: u32,
+    /// Folder for the flights; made where absent.
+    #[arg(long, required_unless_present = "erase")]
+    out: Option<PathBuf>,
+    /// Who flew: a subject.toml; without it the recording has the body that the unit computed with.
+    #[arg(long)]
+    subject: Option<PathBuf>,
+    /// Erase the log, after it was written where --out is given.
+    #[arg(long)]
+    erase: bool,
+    #[command(flatten)]
+    outputs: Outputs,
+}
+
+/// What was read.
+#[derive(Serialize)]
+struct Report {
+    blocks: usize,
+    damaged: usize,
+    flights: Vec<log::Written>,
+    erased: bool,
+}
+
+pub(super) fn run(args: &Args, json: bool) -> Result<()> {
+    if let Some(Verb::Log(args)) = &args.verb {
+        return read_log(args, json);
+    }
+    let unit = match &args.flash {
+        Some(path) => VirtualUnit::start_with_log(path)?,
+        None => VirtualUnit::start()?,
+    };
     terminal::print(&unit.path().display().to_string());
     // Ctrl-C is how it is meant to end.
     while interrupt::check().is_ok() {
         std::thread::sleep(Duration::from_millis(50));
     }
     Ok(())
+}
+
+fn read_log(args: &LogArgs, json: bool) -> Result<()> {
+    let subject = args.subject.as_deref().map(Subject::read).transpose()?;
+    let target = Target::Port {
+        path: args.port.clone(),
+        baud: args.baud,
+    };
+    let mut report = Report {
+        blocks: 0,
+        damaged: 0,
+        flights: Vec::new(),
+        erased: false,
+    };
+    if let Some(folder) = &args.out {
+        let bar = terminal::spinner("blocks");
+        let blocks = log::read(&target, |count| bar.set_position(count as u64))?;
+        bar.finish_and_clear();
+        let (flights, damaged) = log::flights(&blocks);
+        (report.blocks, report.damaged) = (blocks.len(), damaged);
+        let folders = (1..=flights.len()).map(|number| folder.join(number.to_string()));
+        let folders: Vec<_> = folders.collect();
+        for folder in &folders {
+            args.outputs.check_in(folder, &log::FILES)?;
+        }
+        for (folder, flight) in folders.iter().zip(&flights) {
+            let written = log::write(flight, subject.as_ref(), folder)?;
+            report.flights.push(written);
+        }
+    }
+    // What is damaged may be read better another time.
+    if args.erase && report.damaged == 0 {
+        log::erase(&target)?;
+        report.erased = true;
+    }
+    if json {
+        terminal::print_json(&report)?;
+    } else {
+        print(&report);
+    }
+    if report.damaged > 0 {
+        return Err(Problem::disagreement(format!(
+            "{} of {} blocks of the log are damaged: what is whole was written",
+            report.damaged, report.blocks
+        )));
+    }
+    Ok(())
+}
+
+fn print(report: &Report) {
+    for log::Written {
+        flight,
+        frames,
+        estimates,
+        duration_s,
+    } in &report.flights
+    {
+        let flight = flight.display();
+        terminal::print(&format!(
+            "{flight}: {duration_s:.1} s, {frames} frames, {estimates} estimates"
+        ));
+    }
+    if report.flights.is_empty() && !report.erased {
+        terminal::print("the log has no flight");
+    }
+    if report.erased {
+        terminal::print("the log is erased");
+    }
 }

@@ -5,13 +5,18 @@ use std::io::{ErrorKind, Read as _, Write as _};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use bodyflight_firmware::recorder::{Block, FlightLog, NoLog, Recorder};
 use bodyflight_firmware::{Board, Identity, NoPort, RECEIVER_BYTES, Unit, run};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::pipe::Pipe;
 use embedded_io_async::{ErrorType, Read, Write};
 use serialport::{SerialPort, TTYPort};
 
+use super::file_flash::FileFlash;
 use crate::diagnostic::{Problem, Result};
+
+/// Blocks that wait for the file, and for the exit to be told.
+const BLOCKS: usize = 64;
 
 /// A unit that runs in threads of this process, until the process ends.
 #[derive(Debug)]
@@ -27,6 +32,18 @@ impl VirtualUnit {
     /// # Errors
     /// Where the system has no pseudo-terminal to give.
     pub fn start() -> Result<Self> {
+        Self::start_with(None)
+    }
+
+    /// Starts a unit that keeps its log in a file, as one with flash does.
+    ///
+    /// # Errors
+    /// Where the system has no pseudo-terminal to give, or the file is of no use.
+    pub fn start_with_log(path: &Path) -> Result<Self> {
+        Self::start_with(Some(FileFlash::open(path)?))
+    }
+
+    fn start_with(flash: Option<FileFlash>) -> Result<Self> {
         let (ours, port) =
             TTYPort::pair().map_err(|error| refused("open a pseudo-terminal").caused_by(error))?;
         let path = port
@@ -39,10 +56,7 @@ impl VirtualUnit {
         // Threads end with the process; a unit has no end of its own.
         let received: &'static Received = Box::leak(Box::new(Pipe::new()));
         std::thread::spawn(move || receive(ours, received));
-        std::thread::spawn(move || {
-            let unit = RefCell::new(Unit::new(ThisMachine(Instant::now()), identity()));
-            pollster::block_on(run(&unit, FromHost(received), ToHost(writer), NoPort));
-        });
+        std::thread::spawn(move || serve(received, writer, flash));
         Ok(Self { path, _port: port })
     }
 
@@ -50,6 +64,26 @@ impl VirtualUnit {
     pub fn path(&self) -> &Path {
         &self.path
     }
+}
+
+/// The unit's own thread, for ever.
+fn serve(received: &'static Received, writer: TTYPort, flash: Option<FileFlash>) {
+    let recorder = Recorder::new(vec![Block::EMPTY; BLOCKS].leak());
+    let board = ThisMachine {
+        begin: Instant::now(),
+        recorder: flash.is_some().then_some(&recorder),
+    };
+    let unit = RefCell::new(Unit::new(board, identity()));
+    let (receiver, transmitter) = (FromHost(received), ToHost(writer));
+    pollster::block_on(async {
+        match flash {
+            Some(flash) => {
+                let log = FlightLog::new(&recorder, flash.queue());
+                run(&unit, receiver, transmitter, NoPort, log).await;
+            }
+            None => run(&unit, receiver, transmitter, NoPort, NoLog).await,
+        }
+    });
 }
 
 fn refused(action: &str) -> Problem {
@@ -65,13 +99,16 @@ fn identity() -> Identity {
 }
 
 /// This machine as a board.
-struct ThisMachine(Instant);
+struct ThisMachine<'a> {
+    begin: Instant,
+    recorder: Option<&'a Recorder>,
+}
 
-impl Board for ThisMachine {
+impl Board for ThisMachine<'_> {
     /// Nanoseconds stand in for cycles.
     #[expect(clippy::cast_possible_truncation, reason = "wraps")]
     fn cycles(&self) -> u32 {
-        self.0.elapsed().as_nanos() as u32
+        self.begin.elapsed().as_nanos() as u32
     }
 
     /// Unknown here.
@@ -81,6 +118,10 @@ impl Board for ThisMachine {
 
     fn line_errors(&self) -> [u32; 2] {
         [0; 2]
+    }
+
+    fn recorder(&self) -> Option<&Recorder> {
+        self.recorder
     }
 
     fn feed_watchdog(&self) {}

@@ -230,10 +230,8 @@ fn each_refusal_has_its_reason_and_its_counter() {
 
 #[test]
 fn every_exponent_in_every_float_is_judged() {
-    let message = Message::Estimate(match examples()[11] {
-        Message::Estimate(estimate) => estimate,
-        _ => panic!("the twelfth example is an estimate"),
-    });
+    let is_estimate = |message: &Message| matches!(message, Message::Estimate(_));
+    let message = examples().into_iter().find(is_estimate).unwrap();
     let frame = frame_of(&header(), &message);
     let mut packet = [0; MAX_PACKET_LENGTH];
     let length = cobs::decode(&frame[1..], &mut packet).unwrap().frame_size();

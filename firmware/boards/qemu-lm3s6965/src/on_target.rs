@@ -1,11 +1,9 @@
-//! The core on the unit's processor: hashes of traces, to be compared with the host's bit for bit, and exact
-//! instruction counts of what the unit does for each sample.
-//!
-//! Prints lines `name value` over semihosting, then ends. Under QEMU's `-icount shift=7` an instruction takes
-//! 128 ns of virtual time, so the 12.5 MHz SysTick makes 1.6 ticks of it. `cargo xtask on-target` runs it.
+//! The core on a Cortex-M4F. Under QEMU's `-icount shift=7` an instruction takes 128 ns of virtual time, so the 12.5 MHz
+//! SysTick makes 1.6 ticks of it. `cargo xtask on-target` runs it.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(target_os = "none")]
+#[path = "on_target/target.rs"]
 mod target;
 
 #[cfg(not(target_os = "none"))]

@@ -1,25 +1,26 @@
 //! The unit on an STM32F405: USART3 to the host (PB10 out, PB11 in, 460800 baud), USART6 from an inertial
-//! sensor (PC7 in, 460800 baud), logs by RTT, a crystal of 12 MHz. The chip itself is in `chip.rs`.
+//! sensor (PC7 in, 460800 baud), a light (PC1), logs by RTT, a crystal of 12 MHz. The chip itself is in `chip.rs`.
 #![no_std]
 #![no_main]
 
 mod chip;
 
 use core::cell::RefCell;
-use core::sync::atomic::{AtomicU32, Ordering};
 
 use bodyflight_cortex_m::{faults, stack};
+use bodyflight_firmware::ports::{Counted, LineErrors};
+use bodyflight_firmware::recorder::NoLog;
 use bodyflight_firmware::{Board, RECEIVER_BYTES, Unit, run};
 use cortex_m::peripheral::DWT;
 // Linked for its logger.
 use defmt_rtt as _;
 use embassy_executor::Spawner;
+use embassy_stm32::gpio::{Level, Output, Speed};
 use embassy_stm32::mode::Async;
 use embassy_stm32::peripherals::{DMA1_CH1, DMA1_CH3, DMA2_CH1, IWDG, USART3, USART6};
 use embassy_stm32::usart::{self, RingBufferedUartRx, Uart, UartRx, UartTx};
 use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_stm32::{bind_interrupts, dma};
-use embedded_io_async::{ErrorType, Read};
 use static_cell::StaticCell;
 
 bind_interrupts!(struct Interrupts {
@@ -33,39 +34,13 @@ bind_interrupts!(struct Interrupts {
 /// Rate of both lines (baud).
 const BAUD: u32 = 460_800;
 
-/// Errors of a receiver since the start: bytes that were lost, and others.
-struct Errors {
-    overruns: AtomicU32,
-    others: AtomicU32,
-}
-
-static HOST_ERRORS: Errors = Errors::new();
-static SENSOR_ERRORS: Errors = Errors::new();
-
-impl Errors {
-    const fn new() -> Self {
-        Self {
-            overruns: AtomicU32::new(0),
-            others: AtomicU32::new(0),
-        }
-    }
-
-    fn count(&self, error: usart::Error) {
-        let counter = match error {
-            usart::Error::Overrun => &self.overruns,
-            _ => &self.others,
-        };
-        counter.fetch_add(1, Ordering::Relaxed);
-    }
-
-    fn counted(&self) -> [u32; 2] {
-        [&self.overruns, &self.others].map(|counter| counter.load(Ordering::Relaxed))
-    }
-}
+static HOST_ERRORS: LineErrors = LineErrors::new();
+static SENSOR_ERRORS: LineErrors = LineErrors::new();
 
 /// The board as the application sees it.
 struct Stm32f405 {
     watchdog: RefCell<IndependentWatchdog<'static, IWDG>>,
+    light: RefCell<Output<'static>>,
 }
 
 impl Board for Stm32f405 {
@@ -85,6 +60,10 @@ impl Board for Stm32f405 {
         SENSOR_ERRORS.counted()
     }
 
+    fn shine(&self, on: bool) {
+        self.light.borrow_mut().set_level(on.into());
+    }
+
     fn feed_watchdog(&self) {
         self.watchdog.borrow_mut().pet();
     }
@@ -94,22 +73,7 @@ impl Board for Stm32f405 {
     }
 }
 
-/// A receiver that counts its errors; the application goes on behind them.
-struct Receiver {
-    ring: RingBufferedUartRx<'static>,
-    errors: &'static Errors,
-}
-
-impl ErrorType for Receiver {
-    type Error = usart::Error;
-}
-
-impl Read for Receiver {
-    async fn read(&mut self, bytes: &mut [u8]) -> Result<usize, usart::Error> {
-        let result = self.ring.read(bytes).await;
-        result.inspect_err(|error| self.errors.count(*error))
-    }
-}
+type Receiver = Counted<RingBufferedUartRx<'static>>;
 
 static UNIT: StaticCell<RefCell<Unit<Stm32f405>>> = StaticCell::new();
 static FROM_HOST: StaticCell<[u8; RECEIVER_BYTES]> = StaticCell::new();
@@ -122,7 +86,7 @@ async fn application(
     transmitter: UartTx<'static, Async>,
     sensor: Receiver,
 ) {
-    run(unit, receiver, transmitter, sensor).await;
+    run(unit, receiver, transmitter, sensor, NoLog).await;
 }
 
 #[embassy_executor::main]
@@ -135,6 +99,7 @@ async fn main(spawner: Spawner) {
         core.DCB.enable_trace();
         core.DWT.enable_cycle_counter();
     }
+    let light = Output::new(board.PC1, Level::Low, Speed::Low);
     let mut line = usart::Config::default();
     line.baudrate = BAUD;
     let host = Uart::new(
@@ -159,16 +124,12 @@ async fn main(spawner: Spawner) {
     let identity = record.identity(faults::build(), chance);
     let board = Stm32f405 {
         watchdog: RefCell::new(watchdog),
+        light: RefCell::new(light),
     };
     let unit = UNIT.init_with(|| RefCell::new(Unit::new(board, identity)));
-    let receiver = Receiver {
-        ring: receiver,
-        errors: &HOST_ERRORS,
-    };
-    let sensor = Receiver {
-        ring: sensor,
-        errors: &SENSOR_ERRORS,
-    };
+    let is_overrun = |error: &usart::Error| matches!(error, usart::Error::Overrun);
+    let receiver = Counted::new(receiver, &HOST_ERRORS, is_overrun);
+    let sensor = Counted::new(sensor, &SENSOR_ERRORS, is_overrun);
     match application(unit, receiver, transmitter, sensor) {
         Ok(task) => spawner.spawn(task),
         Err(_) => defmt::error!("the task is running already"),

@@ -8,6 +8,7 @@ use core::sync::atomic::{AtomicBool, Ordering};
 
 use bodyflight_cortex_m::{faults, stack};
 use bodyflight_firmware::fault::Reset;
+use bodyflight_firmware::recorder::NoLog;
 use bodyflight_firmware::{Board, Unit, run};
 use cortex_m::peripheral::{Peripherals, SYST};
 use cortex_m_rt::entry;
@@ -61,6 +62,7 @@ async fn application(unit: &'static RefCell<Unit<Lm3s6965>>) {
         Receiver(&UART0),
         Transmitter(&UART0),
         Receiver(&UART1),
+        NoLog,
     )
     .await;
 }

@@ -1,7 +1,12 @@
-//! The image.
+//! The core on a processor of a board: hashes of traces, to be compared with the host's bit for bit, and exact
+//! instruction counts of what the unit does for each sample.
+//!
+//! Images call [`run()`], which prints lines `name value` over semihosting; `cargo xtask on-target` runs them in QEMU, whose
+//! virtual time goes by instructions.
+#![cfg(target_os = "none")]
+#![no_std]
 
 use core::hint::black_box;
-use core::panic::PanicInfo;
 
 use bodyflight_core::body::anthropometry::{Person, Sex};
 use bodyflight_core::body::pattern;
@@ -19,32 +24,41 @@ use bodyflight_core::estimator::{Estimator, trace};
 use bodyflight_core::frame::{Rotation, Vector};
 use bodyflight_core::math::{Real, small_rotation};
 use bodyflight_core::{Body, Posture};
+use cortex_m::peripheral::SYST;
 use cortex_m::peripheral::syst::SystClkSource;
-use cortex_m::peripheral::{Peripherals, SYST};
-use cortex_m_rt::{ExceptionFrame, entry, exception};
-// Linked for its vector table.
-use lm3s6965 as _;
 use nalgebra::Vector3;
-use semihosting::{eprintln, println, process};
+use semihosting::println;
 
 /// Largest value of the SysTick counter.
 const RELOAD: u32 = 0x00ff_ffff;
-/// Ticks of five instructions under `-icount shift=7`.
-const TICKS_OF_FIVE: u32 = 8;
+
+/// How SysTick goes by instructions.
+#[derive(Debug, Clone, Copy)]
+pub struct Pace {
+    /// Ticks…
+    pub ticks: u32,
+    /// …of so many instructions.
+    pub instructions: u32,
+}
 
 struct Counter {
     timer: SYST,
+    pace: Pace,
     /// Ticks of an empty measurement.
     empty: u32,
 }
 
 impl Counter {
-    fn new(mut timer: SYST) -> Self {
+    fn new(mut timer: SYST, pace: Pace) -> Self {
         timer.set_clock_source(SystClkSource::Core);
         timer.set_reload(RELOAD);
         timer.clear_current();
         timer.enable_counter();
-        let mut counter = Self { timer, empty: 0 };
+        let mut counter = Self {
+            timer,
+            pace,
+            empty: 0,
+        };
         counter.empty = counter.ticks(|| ());
         counter
     }
@@ -57,10 +71,14 @@ impl Counter {
         start.wrapping_sub(end) & RELOAD
     }
 
-    /// Instructions of a piece of work, at most ten million.
+    /// Instructions of a piece of work, at most six million.
     fn instructions<R>(&mut self, work: impl FnOnce() -> R) -> u32 {
         let ticks = self.ticks(work).saturating_sub(self.empty);
-        ticks / TICKS_OF_FIVE * 5 + ticks % TICKS_OF_FIVE * 5 / TICKS_OF_FIVE
+        let Pace {
+            ticks: whole,
+            instructions,
+        } = self.pace;
+        ticks / whole * instructions + ticks % whole * instructions / whole
     }
 }
 
@@ -300,14 +318,15 @@ fn steps(counter: &mut Counter, dynamics: &Dynamics<f32>, posture: &Posture<f32>
     );
 }
 
-fn run(timer: SYST) -> Option<()> {
+/// Prints what there is to compare; `None` where the core refuses the person or a preset.
+pub fn run(timer: SYST, pace: Pace) -> Option<()> {
     let body = body()?;
     println!("trace_reduced {:#018x}", reduced_trace(&body)?);
     println!("trace_paper {:#018x}", paper_trace(&body)?);
     let flushed = flushed(|| reduced_trace(&body)).flatten();
     println!("trace_reduced_flushed {:#018x}", flushed?);
 
-    let mut counter = Counter::new(timer);
+    let mut counter = Counter::new(timer, pace);
     let dynamics = Dynamics::paper(body, 1.0);
     let posture = pattern::neutral::<f32>();
     steps(&mut counter, &dynamics, &posture);
@@ -328,23 +347,4 @@ fn run(timer: SYST) -> Option<()> {
     let [_, of_12, _] = paper_pushes::<12>(&mut counter, &dynamics, &posture)?;
     println!("paper_update {}", of_12 + (of_12 - of_8) * 12);
     Some(())
-}
-
-#[entry]
-fn main() -> ! {
-    let done = Peripherals::take().and_then(|peripherals| run(peripherals.SYST));
-    process::exit(if done.is_some() { 0 } else { 1 })
-}
-
-#[panic_handler]
-fn panic(info: &PanicInfo<'_>) -> ! {
-    eprintln!("{info}");
-    process::exit(101)
-}
-
-#[allow(unsafe_code, reason = "the runtime hands over the faulting frame")]
-#[exception]
-unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
-    eprintln!("{frame:?}");
-    process::exit(102)
 }

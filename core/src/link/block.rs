@@ -1,0 +1,303 @@
+//! Blocks of a log: packets of the link, each without what it has in common with the one of its type before it.
+//!
+//! A block stands for itself: whatever becomes of the others, its packets are read, and each brings its checksum. A packet
+//! is its type, then the exclusive or with the packet of the same type before it in the block (of samples and estimates;
+//! zeros stand for the first), with runs of zeros shortened: a byte `0x80 + n` for `n + 1` zeros, a byte `n` below
+//! `0x80` before `n + 1` bytes as they are.
+
+use super::decode_error::DecodeError;
+use super::frame::{self, Header, MAX_PACKET_LENGTH};
+use super::message::Message;
+
+/// Most bytes of a block: four of them, with what a storage adds, fit a sector of 4 KiB.
+pub const BLOCK_LENGTH: usize = 1008;
+
+/// Longest run that one byte stands for.
+const LONGEST_RUN: usize = 0x80;
+
+/// The packet of each recurring type before the next one.
+#[derive(Debug, Clone)]
+struct Before([[u8; MAX_PACKET_LENGTH]; 2]);
+
+impl Before {
+    const fn new() -> Self {
+        Self([[0; MAX_PACKET_LENGTH]; 2])
+    }
+
+    fn of(&mut self, code: u8) -> Option<&mut [u8; MAX_PACKET_LENGTH]> {
+        let [samples, estimates] = &mut self.0;
+        match code {
+            0x10 => Some(samples),
+            0x11 => Some(estimates),
+            _ => None,
+        }
+    }
+}
+
+/// A block that is being filled.
+#[derive(Debug, Clone)]
+pub struct BlockWriter {
+    bytes: [u8; BLOCK_LENGTH],
+    length: usize,
+    before: Before,
+}
+
+impl Default for BlockWriter {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl BlockWriter {
+    /// Empty.
+    pub const fn new() -> Self {
+        Self {
+            bytes: [0; BLOCK_LENGTH],
+            length: 0,
+            before: Before::new(),
+        }
+    }
+
+    /// What was filled.
+    pub fn bytes(&self) -> &[u8] {
+        self.bytes.get(..self.length).unwrap_or_default()
+    }
+
+    /// Whether nothing was.
+    pub const fn is_empty(&self) -> bool {
+        self.length == 0
+    }
+
+    /// Begins the next block.
+    pub fn clear(&mut self) {
+        self.length = 0;
+        self.before = Before::new();
+    }
+
+    /// Adds a message; `false` where it has no room, and the block is as it was.
+    pub fn push(&mut self, header: &Header, message: &Message) -> bool {
+        let mut packet = [0; MAX_PACKET_LENGTH];
+        let Some(length) = frame::write_packet(header, message, &mut packet) else {
+            return false;
+        };
+        let code = message.code();
+        let mut change = packet;
+        if let Some(before) = self.before.of(code) {
+            exclusive_or(&mut change, before);
+        }
+        let room = self.bytes.get_mut(self.length..).unwrap_or_default();
+        let change = change.get(..length).unwrap_or_default();
+        let Some(taken) = shorten(code, change, room) else {
+            return false;
+        };
+        self.length += taken;
+        if let Some(before) = self.before.of(code) {
+            *before = packet;
+        }
+        true
+    }
+}
+
+fn exclusive_or(packet: &mut [u8; MAX_PACKET_LENGTH], before: &[u8; MAX_PACKET_LENGTH]) {
+    for (byte, before) in packet.iter_mut().zip(before) {
+        *byte ^= before;
+    }
+}
+
+/// Writes the type and runs; how many bytes it took, `None` where the room ends.
+fn shorten(code: u8, mut change: &[u8], room: &mut [u8]) -> Option<usize> {
+    let mut output = room.iter_mut();
+    let before = output.len();
+    *output.next()? = code;
+    while !change.is_empty() {
+        let zeros = change
+            .iter()
+            .take(LONGEST_RUN)
+            .take_while(|byte| **byte == 0);
+        let zeros = zeros.count();
+        // One zero between others is as short as it is.
+        if zeros > 1 || zeros == change.len() {
+            *output.next()? = run_code(zeros) | 0x80;
+            change = change.get(zeros..)?;
+            continue;
+        }
+        let two_zeros = change.windows(2).position(|pair| pair == [0, 0]);
+        let length = two_zeros.unwrap_or(change.len()).clamp(1, LONGEST_RUN);
+        let (plain, rest) = change.split_at_checked(length)?;
+        *output.next()? = run_code(length);
+        for byte in plain {
+            *output.next()? = *byte;
+        }
+        change = rest;
+    }
+    Some(before - output.len())
+}
+
+/// A length of at most [`LONGEST_RUN`], from one, in seven bits.
+fn run_code(length: usize) -> u8 {
+    u8::try_from(length - 1).unwrap_or_default()
+}
+
+/// Reads a block, whatever bytes it has: messages until it ends, or one error where it is damaged.
+#[derive(Debug, Clone)]
+pub struct BlockReader<'a> {
+    rest: &'a [u8],
+    before: Before,
+}
+
+impl<'a> BlockReader<'a> {
+    /// From the first packet on.
+    pub const fn new(block: &'a [u8]) -> Self {
+        Self {
+            rest: block,
+            before: Before::new(),
+        }
+    }
+
+    fn packet(&mut self) -> Result<(Header, Message), DecodeError> {
+        let (code, mut rest) = self.rest.split_first().ok_or(DecodeError::TooShort)?;
+        let length = frame::packet_length(*code).ok_or(DecodeError::UnknownType { code: *code })?;
+        let mut packet = [0; MAX_PACKET_LENGTH];
+        let mut places = packet.iter_mut().take(length);
+        while places.len() > 0 {
+            let (run, tail) = rest.split_first().ok_or(DecodeError::TooShort)?;
+            let count = usize::from(run & 0x7f) + 1;
+            if count > places.len() {
+                return Err(DecodeError::TooLong);
+            }
+            rest = tail;
+            if run & 0x80 != 0 {
+                places.nth(count - 1);
+                continue;
+            }
+            let (plain, tail) = rest.split_at_checked(count).ok_or(DecodeError::TooShort)?;
+            // In this order: the other takes a place too many.
+            for (byte, place) in plain.iter().zip(places.by_ref()) {
+                *place = *byte;
+            }
+            rest = tail;
+        }
+        if let Some(before) = self.before.of(*code) {
+            exclusive_or(&mut packet, before);
+            *before = packet;
+        }
+        self.rest = rest;
+        frame::open(packet.get(..length).unwrap_or_default())
+    }
+}
+
+impl Iterator for BlockReader<'_> {
+    type Item = Result<(Header, Message), DecodeError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        if self.rest.is_empty() {
+            return None;
+        }
+        let packet = self.packet();
+        if packet.is_err() {
+            // What comes after it cannot be told.
+            self.rest = &[];
+        }
+        Some(packet)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use std::vec::Vec;
+
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::Posture;
+    use crate::frame::{Rotation, Vector};
+    use crate::link::{Motion, Sample, Stop};
+    use crate::math::small_rotation;
+    use nalgebra::Vector3;
+
+    /// A sample of a wearer who turns, in one posture.
+    fn sample(number: u32) -> (Header, Message) {
+        let time = f32::from(u16::try_from(number).unwrap()) / 240.0;
+        let attitude = Rotation::from_quaternion(small_rotation(&Vector3::new(
+            0.1,
+            0.3 * time,
+            0.02 * time * time,
+        )));
+        let motion = Motion {
+            angular_velocity: Some(Vector::new(0.1, time, 0.2)),
+            velocity: Some(Vector::new(3.0 - time, 1.0, -50.0 - time)),
+            horizontal_speed: None,
+        };
+        let header = Header {
+            session: 7,
+            sequence: number,
+            time: 1_000_000 + u64::from(number) * 4167,
+        };
+        let sample = Sample::new(&Posture::h_pose(), &attitude, &motion);
+        (header, sample.into())
+    }
+
+    #[test]
+    fn samples_of_one_posture_take_a_third_of_a_frame() {
+        let mut block = BlockWriter::new();
+        let mut samples = (0..).map(sample);
+        let written: Vec<_> = samples
+            .by_ref()
+            .take_while(|(header, message)| block.push(header, message))
+            .collect();
+        assert!(written.len() >= BLOCK_LENGTH / 45, "{}", written.len());
+        let read: Result<Vec<_>, _> = BlockReader::new(block.bytes()).collect();
+        assert_eq!(read.unwrap(), written);
+    }
+
+    #[test]
+    fn a_message_without_room_leaves_the_block_as_it_was() {
+        let mut block = BlockWriter::new();
+        let mut number = 0;
+        while block.push(&sample(number).0, &sample(number).1) {
+            number += 1;
+        }
+        let full = block.bytes().to_vec();
+        // Shorter messages may have room still.
+        let stop = Message::from(Stop { sent: number });
+        let header = Header::default();
+        let had_room = block.push(&header, &stop);
+        let read: Vec<_> = BlockReader::new(block.bytes())
+            .map(Result::unwrap)
+            .collect();
+        assert_eq!(read.len(), number as usize + usize::from(had_room));
+        assert_eq!(block.bytes()[..full.len()], full);
+        block.clear();
+        assert!(block.is_empty() && block.push(&header, &stop));
+    }
+
+    proptest! {
+        #[test]
+        fn whatever_the_bytes_reading_ends(bytes in prop::collection::vec(any::<u8>(), 0..1100)) {
+            let errors = BlockReader::new(&bytes).filter(Result::is_err).count();
+            prop_assert!(errors <= 1);
+        }
+
+        #[test]
+        fn a_block_that_is_hit_gives_no_wrong_message(
+            place in 0_usize..1000,
+            hit in 1_u8..,
+        ) {
+            let mut block = BlockWriter::new();
+            let mut number = 0;
+            while block.push(&sample(number).0, &sample(number).1) {
+                number += 1;
+            }
+            let mut bytes = block.bytes().to_vec();
+            let place = place % bytes.len();
+            bytes[place] ^= hit;
+            for (number, read) in BlockReader::new(&bytes).enumerate() {
+                if let Ok(read) = read {
+                    prop_assert_eq!(read, sample(u32::try_from(number).unwrap()));
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,125 @@
+//! Frames as receivers send them, and what becomes of them on a line.
+
+extern crate std;
+
+use std::vec;
+use std::vec::Vec;
+
+use proptest::prelude::*;
+
+use super::*;
+
+/// A frame with its checksums, by the receiver description's own algorithm.
+fn frame(kind: [u8; 2], payload: &[u8]) -> Vec<u8> {
+    let mut covered = kind.to_vec();
+    covered.extend(u16::try_from(payload.len()).unwrap().to_le_bytes());
+    covered.extend(payload);
+    let (mut a, mut b) = (0_u32, 0_u32);
+    for byte in &covered {
+        a = (a + u32::from(*byte)) & 0xff;
+        b = (b + a) & 0xff;
+    }
+    let mut frame = vec![0xb5, 0x62];
+    frame.extend(covered);
+    frame.extend([a, b].map(|sum| u8::try_from(sum).unwrap()));
+    frame
+}
+
+fn decoded(bytes: &[u8]) -> (Vec<NavPvt>, Counters) {
+    let mut decoder = Decoder::new();
+    let found = bytes
+        .iter()
+        .filter_map(|&byte| decoder.push(byte))
+        .collect();
+    (found, *decoder.counters())
+}
+
+/// A fall at 53 m/s, with a drift of 12 m/s north and 5 m/s east.
+fn payload(length: usize) -> Vec<u8> {
+    let mut payload = vec![0; length];
+    let mut put = |at: usize, value: i32| payload[at..at + 4].copy_from_slice(&value.to_le_bytes());
+    put(0, 123_456_789);
+    put(32, 3_456_789);
+    put(48, 12_000);
+    put(52, 5_000);
+    put(56, 53_250);
+    put(60, 13_000);
+    put(68, 310);
+    payload[20] = 3;
+    payload[21] = 1;
+    payload
+}
+
+#[test]
+fn a_solution_is_read_field_by_field_in_both_lengths() {
+    for length in LENGTHS {
+        let (found, counters) = decoded(&frame(NAV_PVT, &payload(length)));
+        assert_eq!(counters.solutions, 1);
+        let expected = NavPvt {
+            time_of_week_ms: 123_456_789,
+            fix: 3,
+            is_valid: true,
+            height_m: 3456.789,
+            velocity_mps: Vector3::new(12.0, -5.0, -53.25),
+            ground_speed_mps: 13.0,
+            speed_accuracy_mps: 0.31,
+        };
+        assert_eq!(found, [expected]);
+        assert_eq!(found[0].velocity(), Some(expected.velocity_mps));
+    }
+}
+
+/// The poll request of `MON-VER`, and the acknowledgement of `CFG-PRT`, byte for byte as u-blox's own tools show them.
+#[test]
+fn checksums_are_those_of_published_frames() {
+    let version = [0xb5, 0x62, 0x0a, 0x04, 0x00, 0x00, 0x0e, 0x34];
+    let acknowledged = [0xb5, 0x62, 0x05, 0x01, 0x02, 0x00, 0x06, 0x00, 0x0e, 0x37];
+    let (found, counters) = decoded(&[&version[..], &acknowledged].concat());
+    assert!(found.is_empty());
+    assert_eq!((counters.others, counters.bad_checksum), (2, 0));
+}
+
+#[test]
+fn without_a_fix_of_three_dimensions_there_is_no_velocity() {
+    for (fix, flags) in [(3, 0), (2, 1), (0, 0), (5, 1)] {
+        let mut payload = payload(92);
+        (payload[20], payload[21]) = (fix, flags);
+        let (found, _) = decoded(&frame(NAV_PVT, &payload));
+        assert_eq!(found[0].velocity(), None, "fix {fix}, flags {flags}");
+    }
+}
+
+proptest! {
+    #[test]
+    fn a_frame_behind_anything_that_is_no_frame_is_found(
+        noise in prop::collection::vec(any::<u8>().prop_filter("no sync", |byte| *byte != 0xb5), 0..200),
+        other in prop::collection::vec(any::<u8>(), 0..300),
+    ) {
+        let bytes = [&noise[..], &frame([0x01, 0x35], &other), b"$GNGGA,1*00\r\n", &frame(NAV_PVT, &payload(92))].concat();
+        let (found, counters) = decoded(&bytes);
+        prop_assert_eq!(found.len(), 1);
+        prop_assert_eq!((counters.others, counters.bad_checksum), (1, 0));
+    }
+
+    #[test]
+    fn a_frame_that_is_hit_is_none(place in 0_usize..100, hit in 1_u8..) {
+        let mut bytes = frame(NAV_PVT, &payload(92));
+        bytes[place] ^= hit;
+        let (found, _) = decoded(&bytes);
+        prop_assert!(found.is_empty());
+    }
+
+    #[test]
+    fn whatever_the_bytes_it_goes_on(bytes in prop::collection::vec(any::<u8>(), 0..2000)) {
+        let mut decoder = Decoder::new();
+        for byte in bytes {
+            let _ = decoder.push(byte);
+        }
+        // At the worst a frame of 65 535 bytes of another kind has begun.
+        for _ in 0..=0xffff + 8 {
+            let _ = decoder.push(0);
+        }
+        let found = frame(NAV_PVT, &payload(92)).into_iter().filter_map(|byte| decoder.push(byte)).count();
+        prop_assert_eq!(found, 1);
+    }
+}

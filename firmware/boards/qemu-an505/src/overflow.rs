@@ -1,0 +1,43 @@
+//! A stack that overflows where the processor watches its end: at the second start the image prints what was written
+//! down of the first. `cargo xtask on-target` runs it.
+#![no_std]
+#![no_main]
+
+use core::hint::black_box;
+
+use bodyflight_cortex_m::{faults, stack};
+use bodyflight_firmware::fault::Reset;
+use cortex_m_rt::entry;
+// Linked for its logger.
+use defmt_semihosting as _;
+use semihosting::{println, process};
+
+/// The sample that is in work when the stack overflows.
+const SEQUENCE: u32 = 4711;
+
+/// Far deeper than the stack, and not in a loop that the compiler makes of it.
+#[inline(never)]
+fn deeper(depth: u32) -> u32 {
+    if black_box(depth) == u32::MAX {
+        return 0;
+    }
+    let mut room = [depth; 64];
+    black_box(&mut room);
+    let below = deeper(black_box(depth + 1));
+    room[depth as usize % 64].wrapping_add(below)
+}
+
+#[entry]
+fn main() -> ! {
+    stack::guard();
+    let record = faults::begin(Reset::Software);
+    let identity = record.identity(faults::build(), 0);
+    if identity.fault_kind == 0 {
+        faults::note(SEQUENCE);
+        println!("never {}", deeper(0));
+    }
+    println!("reset_cause {}", identity.reset_cause);
+    println!("fault_kind {}", identity.fault_kind);
+    println!("fault_sequence {}", identity.fault_sequence);
+    process::exit(0)
+}

@@ -1,0 +1,150 @@
+//! The unit on a Raspberry Pi Pico 2: USB serial or UART0 to the host (GP0 out, GP1 in), UART1 from a sensor (GP5 in), logs by RTT.
+#![no_std]
+#![no_main]
+
+use core::cell::RefCell;
+
+use bodyflight_cortex_m::{faults, stack};
+use bodyflight_firmware::fault::Reset;
+use bodyflight_firmware::ports::{Counted, LineErrors, Preferred};
+use bodyflight_firmware::recorder::NoLog;
+use bodyflight_firmware::{Board, RECEIVER_BYTES, Unit, run};
+use bodyflight_usb_serial as usb_serial;
+use cortex_m::peripheral::DWT;
+// Linked for its logger.
+use defmt_rtt as _;
+use embassy_executor::{SpawnToken, Spawner};
+use embassy_rp::clocks::RoscRng;
+use embassy_rp::gpio::{Level, Output};
+use embassy_rp::pac::POWMAN;
+use embassy_rp::peripherals::{UART0, UART1, USB};
+use embassy_rp::uart::{self, BufferedInterruptHandler, BufferedUart, BufferedUartRx};
+use embassy_rp::watchdog::Watchdog;
+use embassy_rp::{bind_interrupts, usb};
+use embassy_time::Duration;
+use static_cell::StaticCell;
+
+bind_interrupts!(struct Interrupts {
+    UART0_IRQ => BufferedInterruptHandler<UART0>;
+    UART1_IRQ => BufferedInterruptHandler<UART1>;
+    USBCTRL_IRQ => usb::InterruptHandler<USB>;
+});
+
+/// Rate of both lines (baud).
+const BAUD: u32 = 460_800;
+/// The watchdog bites after this long without a heartbeat, four of them.
+const WATCHDOG: Duration = Duration::from_secs(1);
+/// Written where only a loss of power or the RUN pin erases it.
+const STARTED: u32 = 0xb0d7_f117;
+
+static HOST_ERRORS: LineErrors = LineErrors::new();
+static SENSOR_ERRORS: LineErrors = LineErrors::new();
+
+/// The board as the application sees it.
+struct Pico2 {
+    watchdog: RefCell<Watchdog>,
+    light: RefCell<Output<'static>>,
+}
+
+impl Board for Pico2 {
+    fn cycles(&self) -> u32 {
+        DWT::cycle_count()
+    }
+    fn stack_free(&self) -> u32 {
+        stack::free()
+    }
+    fn line_errors(&self) -> [u32; 2] {
+        HOST_ERRORS.counted()
+    }
+    fn sensor_errors(&self) -> [u32; 2] {
+        SENSOR_ERRORS.counted()
+    }
+    fn shine(&self, on: bool) {
+        self.light.borrow_mut().set_level(on.into());
+    }
+    fn feed_watchdog(&self) {
+        self.watchdog.borrow_mut().feed(WATCHDOG);
+    }
+    fn note(&self, sequence: u32) {
+        faults::note(sequence);
+    }
+}
+
+/// Why the chip started. A reset by the program leaves all flags of the start before it, but also the mark.
+fn reset(watchdog: &mut Watchdog) -> Reset {
+    let flags = POWMAN.chip_reset().read();
+    let marked = watchdog.get_scratch(0) == STARTED;
+    watchdog.set_scratch(0, STARTED);
+    match marked {
+        true if watchdog.reset_reason().is_some() => Reset::Watchdog,
+        true => Reset::Software,
+        false if flags.had_por() => Reset::Power,
+        false if flags.had_bor() => Reset::BrownOut,
+        false => Reset::Other,
+    }
+}
+
+static UNIT: StaticCell<RefCell<Unit<Pico2>>> = StaticCell::new();
+
+type Usb = usb::Driver<'static, USB>;
+type Receiver = Counted<BufferedUartRx>;
+
+#[embassy_executor::task]
+async fn application(
+    unit: &'static RefCell<Unit<Pico2>>,
+    receiver: Preferred<usb_serial::Receiver<Usb>, Receiver>,
+    transmitter: Preferred<usb_serial::Transmitter<Usb>, uart::BufferedUartTx>,
+    sensor: Receiver,
+) {
+    run(unit, receiver, transmitter, sensor, NoLog).await;
+}
+
+#[embassy_executor::task]
+async fn usb_device(mut device: embassy_usb::UsbDevice<'static, Usb>) {
+    device.run().await;
+}
+
+fn spawn<S, E>(spawner: Spawner, task: Result<SpawnToken<S>, E>) {
+    match task {
+        Ok(task) => spawner.spawn(task),
+        Err(_) => defmt::error!("the task is running already"),
+    }
+}
+
+#[embassy_executor::main]
+async fn main(spawner: Spawner) {
+    stack::guard();
+    let chip = embassy_rp::init(embassy_rp::config::Config::default());
+    let mut watchdog = Watchdog::new(chip.WATCHDOG);
+    let record = faults::begin(reset(&mut watchdog));
+    watchdog.start(WATCHDOG);
+    if let Some(mut core) = cortex_m::Peripherals::take() {
+        core.DCB.enable_trace();
+        core.DWT.enable_cycle_counter();
+    }
+    static TO_HOST: StaticCell<[u8; 256]> = StaticCell::new();
+    static FROM_HOST: StaticCell<[u8; RECEIVER_BYTES]> = StaticCell::new();
+    static FROM_SENSOR: StaticCell<[u8; RECEIVER_BYTES]> = StaticCell::new();
+    let mut line = uart::Config::default();
+    line.baudrate = BAUD;
+    let to_host = TO_HOST.init([0; 256]);
+    let [from_host, from_sensor] =
+        [&FROM_HOST, &FROM_SENSOR].map(|cell| cell.init([0; RECEIVER_BYTES]));
+    let host = BufferedUart::new(
+        chip.UART0, chip.PIN_0, chip.PIN_1, Interrupts, to_host, from_host, line,
+    );
+    let sensor = BufferedUartRx::new(chip.UART1, Interrupts, chip.PIN_5, from_sensor, line);
+    let (transmitter, receiver) = host.split();
+    let is_overrun = |error: &uart::Error| matches!(error, uart::Error::Overrun);
+    let receiver = Counted::new(receiver, &HOST_ERRORS, is_overrun);
+    let sensor = Counted::new(sensor, &SENSOR_ERRORS, is_overrun);
+    let (device, from_usb, to_usb) = usb_serial::start(usb::Driver::new(chip.USB, Interrupts));
+    let identity = record.identity(faults::build(), RoscRng.next_u32());
+    let light = RefCell::new(Output::new(chip.PIN_25, Level::Low));
+    let watchdog = RefCell::new(watchdog);
+    let unit = UNIT.init_with(|| RefCell::new(Unit::new(Pico2 { watchdog, light }, identity)));
+    spawn(spawner, usb_device(device));
+    let receiver = Preferred(from_usb, receiver);
+    let transmitter = Preferred(to_usb, transmitter);
+    spawn(spawner, application(unit, receiver, transmitter, sensor));
+}

@@ -1,0 +1,160 @@
+//! What a light on the unit says, in steps of [`STEP_MS`]: how the filter fares, without a screen.
+//!
+//! | light | meaning |
+//! |---|---|
+//! | a short flash every 2 s | waits for a host or a sensor |
+//! | two short flashes every 2 s | the same, and the last start came after a fault |
+//! | slow, half on and half off | estimates settle |
+//! | on | estimates agree with the measurements |
+//! | on with short gaps | the same, and measurements were not taken in |
+//! | two times a second | estimates are doubtful or disagree with the measurements |
+//! | five times a second | the motion was lost, or the filter has failed |
+
+use bodyflight_core::link::EstimateFlags;
+
+/// Time of one step (ms).
+pub const STEP_MS: u64 = 100;
+
+/// Steps after which the pattern begins anew.
+const STEPS: u32 = 20;
+
+/// After this many steps without an estimate the unit waits.
+const SILENCE: u32 = 20;
+
+/// After this many steps a measurement that was not taken in is shown no more.
+const REMEMBERED: u32 = 20;
+
+/// Flags, of which the first that is set says the pattern; a set bit is a step with light, the first step lowest.
+const PATTERNS: [(EstimateFlags, u32); 6] = [
+    (EstimateFlags::FAULT, FAST),
+    (EstimateFlags::LOST, FAST),
+    (EstimateFlags::INCONSISTENT, TWICE),
+    (EstimateFlags::DOUBTFUL, TWICE),
+    (EstimateFlags::SETTLING, SLOW),
+    (EstimateFlags::VALID, ON),
+];
+
+const FLASH: u32 = 0b1;
+const TWO_FLASHES: u32 = 0b1001;
+const SLOW: u32 = 0b0000_0000_0011_1111_1111;
+const ON: u32 = 0b1111_1111_1111_1111_1111;
+const GAPS: u32 = 0b1111_0111_1111_1111_0111;
+const TWICE: u32 = 0b0001_1000_1100_0110_0011;
+const FAST: u32 = 0b0101_0101_0101_0101_0101;
+
+/// Follows what the unit finds.
+#[derive(Debug, Clone, Copy)]
+pub struct Light {
+    flags: EstimateFlags,
+    /// Steps since the last estimate, and since the last measurement that was not taken in.
+    silent: u32,
+    taken_in: u32,
+    /// The last start came after a fault.
+    after_fault: bool,
+    step: u32,
+}
+
+impl Light {
+    /// Waiting.
+    pub const fn new(after_fault: bool) -> Self {
+        Self {
+            flags: EstimateFlags::empty(),
+            silent: SILENCE,
+            taken_in: REMEMBERED,
+            after_fault,
+            step: 0,
+        }
+    }
+
+    /// Takes in what an estimate says of itself.
+    pub fn see(&mut self, flags: EstimateFlags) {
+        self.flags = flags;
+        self.silent = 0;
+        if flags.contains(EstimateFlags::NOT_TAKEN_IN) {
+            self.taken_in = 0;
+        }
+    }
+
+    /// Goes on by a step; whether there is light in it.
+    pub fn advance(&mut self) -> bool {
+        let pattern = self.pattern();
+        let is_on = pattern >> self.step & 1 != 0;
+        self.step = (self.step + 1) % STEPS;
+        self.silent = self.silent.saturating_add(1);
+        self.taken_in = self.taken_in.saturating_add(1);
+        is_on
+    }
+
+    fn pattern(&self) -> u32 {
+        if self.silent >= SILENCE {
+            return if self.after_fault { TWO_FLASHES } else { FLASH };
+        }
+        let set = PATTERNS.iter().find(|(flag, _)| self.flags.contains(*flag));
+        match set {
+            Some((_, ON)) if self.taken_in < REMEMBERED => GAPS,
+            Some((_, pattern)) => *pattern,
+            None => SLOW,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::string::String;
+
+    use super::*;
+
+    /// Two seconds of light, `#` for on, with estimates of these flags all the time.
+    fn shown(light: &mut Light, flags: Option<EstimateFlags>) -> String {
+        (0..STEPS)
+            .map(|_| {
+                if let Some(flags) = flags {
+                    light.see(flags);
+                }
+                if light.advance() { '#' } else { '.' }
+            })
+            .collect()
+    }
+
+    #[test]
+    fn each_state_has_a_pattern_of_its_own() {
+        let valid = EstimateFlags::VALID;
+        let mut seen = std::collections::BTreeSet::new();
+        for (flags, expected) in [
+            (valid, "####################"),
+            (valid | EstimateFlags::SETTLING, "##########.........."),
+            (valid | EstimateFlags::NOT_TAKEN_IN, "###.###########.####"),
+            (valid | EstimateFlags::INCONSISTENT, "##...##...##...##..."),
+            (valid | EstimateFlags::LOST, "#.#.#.#.#.#.#.#.#.#."),
+        ] {
+            let found = shown(&mut Light::new(false), Some(flags));
+            assert_eq!(found, expected, "{flags:?}");
+            assert!(seen.insert(found));
+        }
+        assert!(seen.insert(shown(&mut Light::new(false), None)));
+        assert!(seen.insert(shown(&mut Light::new(true), None)));
+    }
+
+    #[test]
+    fn the_worst_is_shown_and_a_lost_host_is_seen() {
+        let mut light = Light::new(false);
+        let worst = EstimateFlags::VALID | EstimateFlags::SETTLING | EstimateFlags::LOST;
+        assert_eq!(shown(&mut light, Some(worst)), "#.#.#.#.#.#.#.#.#.#.");
+        shown(&mut light, None);
+        assert_eq!(shown(&mut light, None), "#...................");
+    }
+
+    #[test]
+    fn a_measurement_that_was_not_taken_in_is_shown_for_two_seconds() {
+        let mut light = Light::new(false);
+        light.see(EstimateFlags::VALID | EstimateFlags::NOT_TAKEN_IN);
+        assert_eq!(
+            shown(&mut light, Some(EstimateFlags::VALID)),
+            "###.###########.####"
+        );
+        assert_eq!(
+            shown(&mut light, Some(EstimateFlags::VALID)),
+            "####################"
+        );
+    }
+}

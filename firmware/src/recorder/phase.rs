@@ -1,0 +1,162 @@
+//! What a jump is doing, told from the vertical velocity alone.
+
+/// Part of a jump.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Phase {
+    /// No vertical velocity was ever known: it cannot be told.
+    #[default]
+    Unknown,
+    /// On the ground, or level.
+    Ground,
+    /// On the way up.
+    Climb,
+    /// Out of the aircraft, before the canopy carries.
+    Fall,
+    /// Under the canopy.
+    Canopy,
+}
+
+/// A change: from, to, mean vertical velocity between (m/s, up) for so long (s).
+struct Change(Phase, Phase, f32, f32, f32);
+
+/// What makes one phase of another. Aircraft climb at 3 to 15 m/s and dive at up to 25 m/s only with nobody in the door;
+/// a fall passes 10 m/s within 1 s and a canopy never stays above it.
+const CHANGES: [Change; 8] = [
+    Change(Phase::Unknown, Phase::Ground, -1e9, 1e9, 0.0),
+    Change(Phase::Ground, Phase::Fall, -1e9, -12.0, 1.0),
+    Change(Phase::Ground, Phase::Climb, 1.5, 1e9, 20.0),
+    Change(Phase::Climb, Phase::Fall, -1e9, -12.0, 1.0),
+    Change(Phase::Climb, Phase::Ground, -0.5, 0.5, 300.0),
+    Change(Phase::Fall, Phase::Canopy, -12.0, 1e9, 3.0),
+    Change(Phase::Canopy, Phase::Fall, -1e9, -30.0, 3.0),
+    Change(Phase::Canopy, Phase::Ground, -1.0, 1.0, 10.0),
+];
+
+/// Time over which the vertical velocity is averaged (s).
+const MEMORY: f32 = 0.5;
+
+/// Longest time between samples that counts (s).
+const LONGEST_STEP: f32 = 1.0;
+
+/// Follows a jump.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Watch {
+    phase: Phase,
+    /// Mean vertical velocity (m/s, up).
+    mean: Option<f32>,
+    /// How long each change has been due (s).
+    due: [f32; CHANGES.len()],
+    /// Time of the last sample (us).
+    last: Option<u64>,
+}
+
+impl Watch {
+    /// The phase after a sample at `time` (us), with its vertical velocity (m/s, up) where it is known.
+    pub fn update(&mut self, time: u64, velocity_up: Option<f32>) -> Phase {
+        let elapsed = time.saturating_sub(self.last.unwrap_or(time));
+        // Whole microseconds below a second are exact.
+        let step = (u32::try_from(elapsed).unwrap_or(u32::MAX) as f32 * 1e-6).min(LONGEST_STEP);
+        self.last = Some(time);
+        let Some(velocity) = velocity_up else {
+            return self.phase;
+        };
+        let mean = self.mean.unwrap_or(velocity);
+        let mean = mean + (velocity - mean) * step / (MEMORY + step);
+        self.mean = Some(mean);
+        for (Change(from, to, low, high, lasting), due) in CHANGES.iter().zip(&mut self.due) {
+            if *from != self.phase || !(*low..=*high).contains(&mean) {
+                *due = 0.0;
+                continue;
+            }
+            *due += step;
+            if *due >= *lasting {
+                self.phase = *to;
+                self.due = [0.0; CHANGES.len()];
+                break;
+            }
+        }
+        self.phase
+    }
+
+    /// The phase.
+    pub const fn phase(&self) -> Phase {
+        self.phase
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::cast_possible_truncation, reason = "small numbers of a test")]
+mod tests {
+    use std::vec::Vec;
+
+    use super::*;
+
+    /// Phases of a flight of pieces, each at a vertical velocity for so many seconds: phase and when it began (s).
+    fn phases(pieces: &[(f32, f32)]) -> Vec<(Phase, f32)> {
+        let mut watch = Watch::default();
+        let (mut time, mut seen) = (0_u64, Vec::new());
+        let mut velocity = 0.0_f32;
+        for &(target, seconds) in pieces {
+            for _ in 0..(seconds * 240.0) as u32 {
+                // Nobody changes speed faster than a canopy opens.
+                velocity += (target - velocity).clamp(-9.8 / 240.0, 30.0 / 240.0);
+                let phase = watch.update(time, Some(velocity));
+                if seen.last().is_none_or(|(last, _)| *last != phase) {
+                    seen.push((phase, time as f32 * 1e-6));
+                }
+                time += 4167;
+            }
+        }
+        seen
+    }
+
+    #[test]
+    fn a_jump_is_climb_fall_canopy_and_ground() {
+        let seen = phases(&[
+            (0.0, 30.0),
+            (6.0, 600.0),
+            (0.0, 60.0),
+            (-53.0, 60.0),
+            (-5.0, 180.0),
+            (0.0, 60.0),
+        ]);
+        let order: Vec<_> = seen.iter().map(|(phase, _)| *phase).collect();
+        assert_eq!(
+            order,
+            [
+                Phase::Ground,
+                Phase::Climb,
+                Phase::Fall,
+                Phase::Canopy,
+                Phase::Ground
+            ]
+        );
+        let exit = 690.0;
+        let fall = seen[2].1 - exit;
+        assert!((1.0..4.0).contains(&fall), "told {fall} s after the exit");
+        let landing = seen[4].1 - (exit + 60.0 + 180.0);
+        assert!(
+            (10.0..13.0).contains(&landing),
+            "told {landing} s after the landing"
+        );
+    }
+
+    #[test]
+    fn an_aircraft_that_descends_and_a_lift_are_no_fall() {
+        for pieces in [[(6.0, 600.0), (-8.0, 300.0)], [(2.0, 15.0), (-2.0, 15.0)]] {
+            let seen = phases(&pieces);
+            assert!(
+                seen.iter().all(|(phase, _)| *phase != Phase::Fall),
+                "{seen:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn without_vertical_velocity_nothing_is_told() {
+        let mut watch = Watch::default();
+        for k in 0..1000 {
+            assert_eq!(watch.update(k * 4167, None), Phase::Unknown);
+        }
+    }
+}

@@ -1,0 +1,390 @@
+//! A log on a chip whose power goes at any moment.
+#![allow(clippy::cast_possible_truncation, reason = "small numbers of a test")]
+
+use std::collections::BTreeMap;
+use std::rc::Rc;
+use std::vec;
+use std::vec::Vec;
+
+use bodyflight_core::Posture;
+use bodyflight_core::frame::{Rotation, Vector};
+use bodyflight_core::link::{BlockReader, LogAction, Motion, Start, StreamMode};
+use bodyflight_core::math::small_rotation;
+use embassy_futures::poll_once;
+use embedded_storage_async::nor_flash::{
+    ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
+};
+use nalgebra::Vector3;
+use proptest::prelude::*;
+use sequential_storage::cache::{Cache, CacheImpl};
+use sequential_storage::queue::{QueueConfig, QueueStorage};
+
+use super::*;
+
+const SECTOR: usize = 4096;
+const SECTORS: usize = 48;
+
+/// NOR flash whose power goes after so many bytes: what is being written or erased then is in part.
+struct Flash {
+    bytes: Vec<u8>,
+    /// Bytes that are written or erased before the power goes.
+    power: usize,
+    /// For what a cell holds that lost its power in the middle.
+    noise: u32,
+}
+
+#[derive(Debug, PartialEq)]
+struct NoPower;
+
+impl NorFlashError for NoPower {
+    fn kind(&self) -> NorFlashErrorKind {
+        NorFlashErrorKind::Other
+    }
+}
+
+/// The chip, which stays where it is when the unit has lost its power.
+#[derive(Clone)]
+struct Chip(Rc<RefCell<Flash>>);
+
+impl Chip {
+    fn new(power: usize, noise: u32) -> Self {
+        Self(Rc::new(RefCell::new(Flash {
+            bytes: vec![0xff; SECTOR * SECTORS],
+            power,
+            noise,
+        })))
+    }
+
+    fn storage(&self) -> QueueStorage<Self, impl CacheImpl<()>> {
+        let config = QueueConfig::new(0..(SECTOR * SECTORS) as u32);
+        QueueStorage::new(self.clone(), config, Cache::new_uncached())
+    }
+
+    fn has_power(&self) -> bool {
+        self.0.borrow().power > 0
+    }
+}
+
+impl Flash {
+    /// How many of `length` bytes have power, and whether that is all of them.
+    fn spend(&mut self, length: usize) -> usize {
+        let powered = self.power.min(length);
+        if self.power != usize::MAX {
+            self.power -= powered;
+        }
+        powered
+    }
+
+    fn noise(&mut self) -> u8 {
+        self.noise = self
+            .noise
+            .wrapping_mul(1_664_525)
+            .wrapping_add(1_013_904_223);
+        (self.noise >> 24) as u8
+    }
+}
+
+impl ErrorType for Chip {
+    type Error = NoPower;
+}
+
+impl ReadNorFlash for Chip {
+    const READ_SIZE: usize = 1;
+
+    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NoPower> {
+        let flash = self.0.borrow();
+        if flash.power == 0 {
+            return Err(NoPower);
+        }
+        bytes.copy_from_slice(&flash.bytes[offset as usize..][..bytes.len()]);
+        Ok(())
+    }
+
+    fn capacity(&self) -> usize {
+        SECTOR * SECTORS
+    }
+}
+
+impl NorFlash for Chip {
+    const WRITE_SIZE: usize = 4;
+    const ERASE_SIZE: usize = SECTOR;
+
+    async fn erase(&mut self, from: u32, to: u32) -> Result<(), NoPower> {
+        let flash = &mut *self.0.borrow_mut();
+        let length = (to - from) as usize;
+        let powered = flash.spend(length);
+        for place in 0..length {
+            // A sector is erased at once: without power in the middle its cells are anything.
+            let noise = flash.noise();
+            let cell = &mut flash.bytes[from as usize + place];
+            *cell = if powered == length {
+                0xff
+            } else {
+                *cell | noise
+            };
+        }
+        if powered == length {
+            Ok(())
+        } else {
+            Err(NoPower)
+        }
+    }
+
+    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), NoPower> {
+        let flash = &mut *self.0.borrow_mut();
+        let powered = flash.spend(bytes.len());
+        for (place, byte) in bytes.iter().enumerate().take(powered + 1) {
+            let noise = if place < powered { 0 } else { flash.noise() };
+            let cell = &mut flash.bytes[offset as usize + place];
+            *cell &= byte | noise;
+        }
+        if powered == bytes.len() {
+            Ok(())
+        } else {
+            Err(NoPower)
+        }
+    }
+}
+
+/// Exit, and landing under a canopy that opens after 60 s (s).
+const EXIT: f32 = 3.0;
+const OPENING: f32 = 45.0;
+const LANDING: f32 = 60.0;
+
+/// Sample `number` of a jump at 240 Hz: flight in the aircraft, fall, canopy, ground.
+fn sample(number: u32) -> (Header, Message) {
+    let seconds = number as f32 / 240.0;
+    let up = match seconds {
+        seconds if seconds < EXIT => 0.0,
+        seconds if seconds < OPENING => (-9.8 * (seconds - EXIT)).max(-53.0),
+        seconds if seconds < LANDING => (-53.0 + 20.0 * (seconds - OPENING)).min(-5.0),
+        _ => 0.0,
+    };
+    let turn = Vector3::new(0.02 * (3.1 * seconds).sin(), 0.3 * seconds, 0.1);
+    let motion = Motion {
+        angular_velocity: Some(Vector::new(0.1, (2.0 * seconds).sin(), 0.2)),
+        velocity: Some(Vector::new(30.0 - seconds, 1.0, up)),
+        horizontal_speed: None,
+    };
+    let header = Header {
+        session: 7,
+        sequence: number,
+        time: 77_000_000 + u64::from(number) * 4167,
+    };
+    let attitude = Rotation::from_quaternion(small_rotation(&turn));
+    let sample = Sample::new(&Posture::h_pose(), &attitude, &motion);
+    (header, sample.into())
+}
+
+fn preamble() -> [(Header, Message); 1] {
+    let start = Start {
+        mode: StreamMode::Sensor,
+    };
+    [(Header::default(), start.into())]
+}
+
+/// Flies `seconds` of the jump with a log on this chip, or until the power goes; the number of the sample then in work.
+fn fly(chip: &Chip, seconds: f32) -> u32 {
+    let recorder = Recorder::new(vec![Block::EMPTY; 64].leak());
+    let mut log = core::pin::pin!(FlightLog::new(&recorder, chip.storage()).run(|_, _| {}));
+    recorder.begin(preamble());
+    let last = (seconds * 240.0) as u32;
+    for number in 0..last {
+        let (header, message) = sample(number);
+        recorder.note(&header, &message);
+        assert!(poll_once(log.as_mut()).is_pending());
+        if !chip.has_power() {
+            return number;
+        }
+    }
+    recorder.end();
+    assert!(poll_once(log.as_mut()).is_pending());
+    assert_eq!(recorder.lost(), 0);
+    last
+}
+
+/// What a log holds, as a host reads it: through the task, block by block.
+fn read(chip: &Chip) -> Vec<(Header, Message)> {
+    chip.0.borrow_mut().power = usize::MAX;
+    let recorder = Recorder::new(&mut []);
+    let found = RefCell::new(BTreeMap::new());
+    let answer = |number: u32, bytes: &[u8]| {
+        found.borrow_mut().insert(number, bytes.to_vec());
+    };
+    let mut log = core::pin::pin!(FlightLog::new(&recorder, chip.storage()).run(answer));
+    for number in 0.. {
+        recorder.ask(LogAction::Read, number);
+        assert!(poll_once(log.as_mut()).is_pending());
+        let found = found.borrow();
+        if found.get(&number).expect("an answer").is_empty() {
+            break;
+        }
+    }
+    let found = found.borrow();
+    let messages = found.values().flat_map(|block| BlockReader::new(block));
+    messages.map(|read| read.expect("a whole block")).collect()
+}
+
+/// Numbers of the samples, every one of which is as it was noted.
+fn samples_of(log: &[(Header, Message)]) -> Vec<u32> {
+    let samples = log
+        .iter()
+        .filter(|(_, message)| matches!(message, Message::Sample(_)));
+    samples
+        .map(|read| {
+            assert_eq!(*read, sample(read.0.sequence));
+            read.0.sequence
+        })
+        .collect()
+}
+
+#[test]
+fn a_jump_is_written_from_before_its_exit_to_after_its_landing() {
+    let chip = Chip::new(usize::MAX, 1);
+    fly(&chip, 90.0);
+    let log = read(&chip);
+    let found = samples_of(&log);
+    assert!(found.windows(2).all(|pair| pair[1] == pair[0] + 1));
+    let (first, last) = (
+        found[0] as f32 / 240.0,
+        *found.last().unwrap() as f32 / 240.0,
+    );
+    // The ring holds about half a minute, and the oldest give way.
+    assert!(
+        first > EXIT && (68.0..75.0).contains(&last),
+        "{first} to {last} s"
+    );
+
+    let chip = Chip::new(usize::MAX, 1);
+    fly(&chip, 20.0);
+    let log = read(&chip);
+    assert_eq!(log[0], preamble()[0]);
+    let found = samples_of(&log);
+    assert!(found[0] as f32 / 240.0 < EXIT, "{}", found[0]);
+    assert_eq!(found.last(), Some(&(20 * 240 - 1)));
+}
+
+#[test]
+fn nothing_is_written_on_the_ground() {
+    let chip = Chip::new(usize::MAX, 1);
+    fly(&chip, EXIT);
+    assert!(read(&chip).is_empty());
+}
+
+#[test]
+fn without_vertical_velocity_everything_is_written() {
+    let chip = Chip::new(usize::MAX, 1);
+    let recorder = Recorder::new(vec![Block::EMPTY; 8].leak());
+    let mut log = core::pin::pin!(FlightLog::new(&recorder, chip.storage()).run(|_, _| {}));
+    recorder.begin(preamble());
+    for number in 0..480 {
+        let (header, message) = sample(number);
+        let Message::Sample(mut sample) = message else {
+            unreachable!("a sample");
+        };
+        sample.valid.remove(Validity::VELOCITY);
+        recorder.note(&header, &sample.into());
+        assert!(poll_once(log.as_mut()).is_pending());
+    }
+    recorder.end();
+    assert!(poll_once(log.as_mut()).is_pending());
+    assert_eq!(read(&chip).len(), 481);
+}
+
+#[test]
+fn blocks_are_read_in_any_order_and_again() {
+    let chip = Chip::new(usize::MAX, 1);
+    fly(&chip, 20.0);
+    let recorder = Recorder::new(&mut []);
+    let heard = RefCell::new(Vec::new());
+    let answer = |number, bytes: &[u8]| heard.borrow_mut().push((number, bytes.to_vec()));
+    let mut log = core::pin::pin!(FlightLog::new(&recorder, chip.storage()).run(answer));
+    for number in [0, 1, 1, 5, 3, 3, 0, 1_000_000, 2] {
+        recorder.ask(LogAction::Read, number);
+        assert!(poll_once(log.as_mut()).is_pending());
+    }
+    let heard = heard.borrow();
+    let numbers: Vec<_> = heard.iter().map(|(number, _)| *number).collect();
+    assert_eq!(numbers, [0, 1, 1, 5, 3, 3, 0, 1_000_000, 2]);
+    assert!(heard[1] == heard[2] && heard[0] == heard[6] && heard[1] != heard[3]);
+    assert!(
+        heard[7].1.is_empty() && heard.iter().filter(|(_, bytes)| bytes.is_empty()).count() == 1
+    );
+}
+
+/// The sample that tells the fall.
+fn told() -> u32 {
+    let mut watch = Watch::default();
+    let falls = |number: &u32| {
+        let (header, message) = sample(*number);
+        let Message::Sample(sample) = message else {
+            unreachable!("a sample");
+        };
+        watch.update(header.time, velocity_up(&sample)) == Phase::Fall
+    };
+    (0..).find(falls).unwrap()
+}
+
+/// Power goes at random, two hundred times, in every second flight over what the one before has left: what was noted a second
+/// before and earlier is read, and nothing else. The exception is the moment in which the exit is told, when the seconds
+/// before it are written.
+#[test]
+fn power_that_goes_takes_a_second_at_most() {
+    let mut random = Flash {
+        bytes: Vec::new(),
+        power: 0,
+        noise: 20_260_802,
+    };
+    let mut whole = Chip::new(usize::MAX, 1);
+    whole.0.borrow_mut().power = 1 << 30;
+    fly(&whole, 40.0);
+    let spent = (1 << 30) - whole.0.borrow().power;
+    whole = Chip::new(usize::MAX, 1);
+    let told = told();
+    let (mut cut, mut latest) = (0, 0);
+    for round in 0..200_u32 {
+        let chance = (0..4).fold(0_usize, |sum, _| sum << 8 | usize::from(random.noise()));
+        // Every second flight is written over what the one before left.
+        let chip = if round % 2 == 0 {
+            Chip::new(0, round)
+        } else {
+            whole.clone()
+        };
+        chip.0.borrow_mut().power = 1 + chance % spent;
+        let at = fly(&chip, 40.0);
+        cut += u32::from(!chip.has_power());
+        let log = read(&chip);
+        let found = samples_of(&log);
+        if at > told {
+            let last = *found.last().expect("samples");
+            latest = latest.max(at - last);
+            assert!(at - last <= 240, "cut at sample {at}, read to {last}");
+            // Numbers begin anew with each flight.
+            let anew = |pair: &[u32]| pair[1] == pair[0] + 1 || pair[1] < pair[0];
+            assert!(found.windows(2).all(anew), "a gap");
+        }
+        whole = chip;
+    }
+    assert!(cut >= 195, "{cut} cuts");
+    std::println!("{cut} cuts, at most {latest} samples before them missing");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    #[test]
+    fn whatever_a_chip_held_it_is_erased_and_a_flight_written_to_it(bytes in prop::collection::vec(any::<u8>(), 64)) {
+        let chip = Chip::new(usize::MAX, 1);
+        for (place, cell) in chip.0.borrow_mut().bytes.iter_mut().enumerate() {
+            *cell = bytes[place % 64] ^ (place / 64) as u8;
+        }
+        let recorder = Recorder::new(&mut []);
+        recorder.ask(LogAction::Erase, 0);
+        let mut log = core::pin::pin!(FlightLog::new(&recorder, chip.storage()).run(|_, _| {}));
+        assert!(poll_once(log.as_mut()).is_pending());
+        prop_assert!(read(&chip).is_empty());
+        fly(&chip, 15.0);
+        let log = read(&chip);
+        prop_assert_eq!(samples_of(&log).last().copied(), Some(15 * 240 - 1));
+    }
+}

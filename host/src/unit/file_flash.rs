@@ -1,0 +1,107 @@
+//! A file that is used like flash, for the log of a unit on this machine: erased in sectors, written in words.
+
+use std::fs::{File, OpenOptions};
+use std::os::unix::fs::FileExt;
+use std::path::Path;
+
+use embedded_storage_async::nor_flash::{
+    ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
+};
+use sequential_storage::cache::{Cache, CacheImpl};
+use sequential_storage::queue::{QueueConfig, QueueStorage};
+
+use crate::diagnostic::{Problem, Result};
+
+/// Bytes that are erased at once.
+const SECTOR: u32 = 4096;
+
+/// Sectors: what a Raspberry Pi Pico 2 has beside an image.
+const SECTORS: u32 = 768;
+
+/// The file.
+#[derive(Debug)]
+pub(super) struct FileFlash(File);
+
+/// The file system refused.
+#[derive(Debug)]
+pub(super) struct Refused;
+
+impl NorFlashError for Refused {
+    fn kind(&self) -> NorFlashErrorKind {
+        NorFlashErrorKind::Other
+    }
+}
+
+impl FileFlash {
+    /// Opens a file, or makes one that is erased.
+    ///
+    /// # Errors
+    /// Where the file cannot be opened or made, or has another size.
+    pub(super) fn open(path: &Path) -> Result<Self> {
+        let system = |error| Problem::system("open", path, error);
+        let size = u64::from(SECTOR * SECTORS);
+        let mut options = OpenOptions::new();
+        let options = options.read(true).write(true).create(true).truncate(false);
+        let file = options.open(path).map_err(system)?;
+        match file.metadata().map_err(system)?.len() {
+            0 => file.write_all_at(&vec![0xff; (SECTOR * SECTORS) as usize], 0),
+            found if found == size => Ok(()),
+            found => {
+                let message = format!("expected the log of a unit, {size} bytes, found {found}");
+                return Err(Problem::bad_input(message).in_file(path).help(
+                    "name a file that is not there yet, or one that was made by this option",
+                ));
+            }
+        }
+        .map_err(system)?;
+        Ok(Self(file))
+    }
+
+    /// All of it as a queue of blocks.
+    pub(super) fn queue(self) -> QueueStorage<Self, impl CacheImpl<()>> {
+        let config = const { QueueConfig::new(0..SECTOR * SECTORS) };
+        QueueStorage::new(self, config, Cache::new_uncached())
+    }
+}
+
+impl ErrorType for FileFlash {
+    type Error = Refused;
+}
+
+impl ReadNorFlash for FileFlash {
+    const READ_SIZE: usize = 1;
+
+    async fn read(
+        &mut self,
+        offset: u32,
+        bytes: &mut [u8],
+    ) -> core::result::Result<(), Self::Error> {
+        let read = self.0.read_exact_at(bytes, u64::from(offset));
+        read.map_err(|_| Refused)
+    }
+
+    fn capacity(&self) -> usize {
+        (SECTOR * SECTORS) as usize
+    }
+}
+
+impl NorFlash for FileFlash {
+    const WRITE_SIZE: usize = 4;
+    const ERASE_SIZE: usize = SECTOR as usize;
+
+    async fn erase(&mut self, from: u32, to: u32) -> core::result::Result<(), Self::Error> {
+        let erased = vec![0xff; to.saturating_sub(from) as usize];
+        let written = self.0.write_all_at(&erased, u64::from(from));
+        written.map_err(|_| Refused)
+    }
+
+    async fn write(&mut self, offset: u32, bytes: &[u8]) -> core::result::Result<(), Self::Error> {
+        let mut cells = vec![0; bytes.len()];
+        self.read(offset, &mut cells).await?;
+        for (cell, byte) in cells.iter_mut().zip(bytes) {
+            *cell &= byte;
+        }
+        let written = self.0.write_all_at(&cells, u64::from(offset));
+        written.map_err(|_| Refused)
+    }
+}
