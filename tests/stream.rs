@@ -249,8 +249,9 @@ fn a_flight_that_a_unit_kept_is_read_back_as_a_recording() {
     assert_eq!(flights[0]["estimates"], sent["estimates"]["expected"]);
     // What was read is flown by the filter here again.
     let again = flights[0]["flight"].as_str().expect("a path");
+    let recording = again.replace("flight.toml", "flight.mvnx");
     let output = bodyflight()
-        .args(["inspect", again])
+        .args(["inspect", &recording])
         .output()
         .expect("the binary starts");
     assert!(output.status.success(), "{}", text(&output.stderr));

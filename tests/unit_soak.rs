@@ -13,7 +13,7 @@ use bodyflight_core::body::anthropometry::{Person, Sex};
 use bodyflight_core::body::pattern;
 use bodyflight_core::frame::{Rotation, Vector};
 use bodyflight_core::link::{
-    self, ArchSource, Configure, Estimate, EstimateFlags, Header, Hello, MAX_FRAME_LENGTH, Message,
+    self, ArchSource, Configure, Estimate, Header, Hello, MAX_FRAME_LENGTH, Message,
     PackedQuaternion, SCHEMA_HASH, Sample, SegmentTable, Start, Stop, StreamMode,
 };
 use bodyflight_firmware::{Board, Identity, Unit};
@@ -194,13 +194,12 @@ fn a_long_flight_leaves_no_trace_of_its_length() {
     let wrap = 1_u64 << 32;
     let mut plain = Flying::new(0, 0, 0);
     let mut wrapping = Flying::new(wrap * 1000 - 60_000_000, wrap - 30_000_000, u32::MAX - 7);
-    let (mut estimates, mut faults) = (0_u32, 0_u32);
+    let mut estimates = 0_u32;
     for number in 0..samples {
         let said = plain.sample(number);
         assert_eq!(said, wrapping.sample(number), "sample {number}");
         for estimate in said.estimates {
             estimates += 1;
-            faults += u32::from(estimate.flags.contains(EstimateFlags::FAULT));
             assert_eq!(estimate.cycles, CYCLES);
             assert!(
                 estimate.variance.iter().all(|v| (0.0..1e6).contains(v)),
@@ -233,7 +232,10 @@ fn a_long_flight_leaves_no_trace_of_its_length() {
         );
         assert_eq!(status.deadline_missed, 0);
     }
-    assert_eq!(faults, 0);
+    assert!(
+        estimates.abs_diff(samples / 4) <= samples / 100,
+        "{estimates}"
+    );
     let ledger = plain.unit.status();
     println!(
         "{hours} h: {samples} samples, {} used, {} missing, {} late, {} duplicate; {estimates} estimates, all equal",

@@ -3,11 +3,11 @@
 //! The unit notes what it computes with and what it found; [`Recorder`] packs that into blocks
 //! ([`bodyflight_core::link::BlockWriter`]). From the exit to the landing they are written; before the exit the youngest are
 //! kept, so that the log begins before the flight was told. Where no vertical velocity is known, everything is written.
-//! A flight begins with its configuration: a log is complete by itself. [`FlightLog`] is the task that writes and reads
+//! A flight begins with its configuration: a log is complete by itself. [`FlightLog`](storage::FlightLog) is the task that writes and reads
 //! them.
 
 mod phase;
-mod storage;
+pub mod storage;
 
 use core::cell::RefCell;
 
@@ -18,7 +18,6 @@ use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
 
 pub use phase::{Phase, Watch};
-pub use storage::{FlightLog, Log, NoLog};
 
 /// Longest time that a block takes in (us): what is lost with the power besides what is being written.
 const LONGEST_BLOCK: u64 = 250_000;

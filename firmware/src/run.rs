@@ -18,7 +18,7 @@ use crate::board::Board;
 use crate::display::Glance;
 use crate::light::STEP_MS;
 use crate::log::info;
-use crate::recorder::Log;
+use crate::recorder::storage::Log;
 use crate::unit::Unit;
 
 /// Longest time that a frame may take to leave; then it counts as dropped.
@@ -47,7 +47,7 @@ struct Shared<'a, B: Board> {
 }
 
 /// Runs the unit on its ports, for ever. `sensor` is the port of the inertial sensor, [`NoPort`] where there is none; `log`
-/// keeps a log on board, [`NoLog`](crate::recorder::NoLog) where there is no storage.
+/// keeps a log on board, [`NoLog`](crate::recorder::storage::NoLog) where there is no storage.
 pub async fn run<B: Board>(
     unit: &RefCell<Unit<B>>,
     receiver: impl Read,

@@ -9,8 +9,8 @@ mod session;
 
 use bodyflight_core::link::{
     Arrival, Configure, Configured, Credit, Decoder, Estimate, EstimateFlags, Event, Header, Hello,
-    HelloAcknowledge, LogAsk, LogPiece, MAX_FRAME_LENGTH, Message, PIECE_LENGTH, SCHEMA_HASH,
-    Sample, SegmentTable, Start, Status, Stop, StreamMode, TimeSync, Verdict,
+    HelloAcknowledge, LogAsk, MAX_FRAME_LENGTH, Message, SCHEMA_HASH, Sample, SegmentTable, Start,
+    Status, Stop, StreamMode, TimeSync, Verdict,
 };
 
 use crate::board::{Board, Identity};
@@ -18,7 +18,7 @@ use crate::computer::{Computer, Configuration, Outcome};
 use crate::light::Light;
 use crate::queue::Queue;
 use crate::sensor::Sensor;
-use outbox::Outbox;
+use outbox::{Outbox, pieces};
 use session::Session;
 
 /// Samples that wait for the filter; in paced mode the oldest gives way.
@@ -254,24 +254,8 @@ impl<B: Board> Unit<B> {
 
     /// Sends a block of the log, none where there is none of this number.
     pub(crate) fn answer_log(&mut self, block: u32, bytes: &[u8]) {
-        let length = u16::try_from(bytes.len()).unwrap_or(u16::MAX);
-        let mut piece = LogPiece {
-            block,
-            length,
-            offset: 0,
-            bytes: [0; PIECE_LENGTH],
-        };
-        let now = self.board.now();
-        if bytes.is_empty() {
-            self.send(now, piece);
-        }
-        for (offset, bytes) in (0..).step_by(PIECE_LENGTH).zip(bytes.chunks(PIECE_LENGTH)) {
-            piece.offset = offset;
-            piece.bytes = [0; PIECE_LENGTH];
-            for (place, byte) in piece.bytes.iter_mut().zip(bytes) {
-                *place = *byte;
-            }
-            self.send(now, piece);
+        for piece in pieces(block, bytes) {
+            self.send(self.board.now(), piece);
         }
     }
 

@@ -19,6 +19,7 @@ use proptest::prelude::*;
 use sequential_storage::cache::{Cache, CacheImpl};
 use sequential_storage::queue::{QueueConfig, QueueStorage};
 
+use super::storage::{FlightLog, Log};
 use super::*;
 
 const SECTOR: usize = 4096;

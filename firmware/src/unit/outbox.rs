@@ -1,6 +1,6 @@
 //! Frames that wait for the line.
 
-use bodyflight_core::link::{Header, MAX_FRAME_LENGTH, Message};
+use bodyflight_core::link::{Header, LogPiece, MAX_FRAME_LENGTH, Message, PIECE_LENGTH};
 
 use crate::queue::Queue;
 
@@ -63,4 +63,26 @@ impl Outbox {
     pub(super) fn dropped(&self) -> u32 {
         self.frames.dropped().wrapping_add(self.failed)
     }
+}
+
+/// A block of the log as it goes over the link; one empty piece where there is none of this number.
+pub(super) fn pieces(block: u32, bytes: &[u8]) -> impl Iterator<Item = LogPiece> {
+    let length = u16::try_from(bytes.len()).unwrap_or(u16::MAX);
+    let count = bytes.len().div_ceil(PIECE_LENGTH).max(1);
+    (0..length.max(1))
+        .step_by(PIECE_LENGTH)
+        .take(count)
+        .map(move |offset| {
+            let mut piece = LogPiece {
+                block,
+                length,
+                offset,
+                bytes: [0; PIECE_LENGTH],
+            };
+            let rest = bytes.get(usize::from(offset)..).unwrap_or_default();
+            for (place, byte) in piece.bytes.iter_mut().zip(rest) {
+                *place = *byte;
+            }
+            piece
+        })
 }

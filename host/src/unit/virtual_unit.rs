@@ -5,7 +5,8 @@ use std::io::{ErrorKind, Read as _, Write as _};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use bodyflight_firmware::recorder::{Block, FlightLog, NoLog, Recorder};
+use bodyflight_firmware::recorder::storage::{FlightLog, NoLog};
+use bodyflight_firmware::recorder::{Block, Recorder};
 use bodyflight_firmware::{Board, Identity, NoPort, RECEIVER_BYTES, Unit, run};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::pipe::Pipe;

@@ -7,7 +7,7 @@ use core::cell::RefCell;
 use bodyflight_cortex_m::{faults, stack};
 use bodyflight_firmware::fault::Reset;
 use bodyflight_firmware::ports::{Counted, LineErrors, Preferred};
-use bodyflight_firmware::recorder::NoLog;
+use bodyflight_firmware::recorder::storage::NoLog;
 use bodyflight_firmware::{Board, RECEIVER_BYTES, Unit, run};
 use bodyflight_usb_serial as usb_serial;
 use cortex_m::peripheral::DWT;

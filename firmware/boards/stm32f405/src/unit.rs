@@ -9,7 +9,7 @@ use core::cell::RefCell;
 
 use bodyflight_cortex_m::{faults, stack};
 use bodyflight_firmware::ports::{Counted, LineErrors};
-use bodyflight_firmware::recorder::NoLog;
+use bodyflight_firmware::recorder::storage::NoLog;
 use bodyflight_firmware::{Board, RECEIVER_BYTES, Unit, run};
 use cortex_m::peripheral::DWT;
 // Linked for its logger.

@@ -8,7 +8,7 @@ use core::sync::atomic::{AtomicBool, Ordering};
 
 use bodyflight_cortex_m::{faults, stack};
 use bodyflight_firmware::fault::Reset;
-use bodyflight_firmware::recorder::NoLog;
+use bodyflight_firmware::recorder::storage::NoLog;
 use bodyflight_firmware::{Board, Unit, run};
 use cortex_m::peripheral::{Peripherals, SYST};
 use cortex_m_rt::entry;
