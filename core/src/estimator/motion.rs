@@ -68,8 +68,6 @@ pub struct MotionFilter<T: Real, P: Propagation<T>> {
     /// Square of the deviations beyond which a channel is rejected.
     gate: T,
     activity: Activity<T>,
-    /// Activity by somebody who knows better.
-    prescribed: Option<[T; 3]>,
     duration: T,
     /// Intervals from one estimate to the next.
     intervals: usize,
@@ -131,7 +129,6 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
             noise: preset.noise.of(),
             gate: T::single(preset.gate * preset.gate),
             activity: Activity::new(preset, duration),
-            prescribed: None,
             duration,
             intervals: preset.solution_window / P::STRIDE,
             state: FlightState {
@@ -175,19 +172,9 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         &self.covariance
     }
 
-    /// The last interval.
-    pub fn interval(&self) -> Option<&P::Interval> {
-        self.interval.as_ref()
-    }
-
     /// How much each axis is moved on purpose, 0 to 1: pitch, yaw, roll.
     pub fn activity(&self) -> [T; 3] {
         self.activity.level()
-    }
-
-    /// Says how much each axis is moved on purpose, for who has seen the flight before.
-    pub fn prescribe_activity(&mut self, activity: [T; 3]) {
-        self.prescribed = Some(activity);
     }
 
     /// Pushes the body as it is now for `duration` (s) by loads that are known; `time` (s since the start of the flight)
@@ -229,9 +216,7 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         }
         self.waiting = 0;
         self.cross(posture);
-        recorder.crossed(&self.slope, &self.process);
         let channels = self.take(measured, recorder);
-        recorder.settled(&self.state, &self.covariance);
         self.since += 1;
         if self.since < self.intervals {
             return None;
@@ -359,8 +344,7 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         } else {
             self.faults.update = true;
         }
-        let activity = self.prescribed.unwrap_or_else(|| self.activity.level());
-        self.process.set_activity(activity);
+        self.process.set_activity(self.activity.level());
         self.watch_residual();
         channels
     }

@@ -1,11 +1,9 @@
-//! What the motion filter publishes, and what it shows to who goes back over it.
+//! What the motion filter publishes, and what it shows to who watches it.
 
 use nalgebra::SVector;
 
 use super::measurement::{CHANNELS, Row};
-use super::settings::Process;
-use super::state::{Covariance, Difference, FlightState, STATES};
-use super::transition::MotionSlope;
+use super::state::{Difference, STATES};
 use super::update::Innovation;
 use super::watch::{Consistency, Watch};
 use crate::dynamics::{Inputs, Motion};
@@ -49,14 +47,10 @@ pub struct MotionEstimate<T: Real> {
     pub faults: Faults,
 }
 
-/// What goes on inside a filter, for who wants to go back over it. A filter without one costs no more.
+/// What goes on inside a filter, for who wants to watch. A filter without one costs no more.
 pub trait Recorder<T: Real> {
-    /// An interval was crossed, with these derivatives.
-    fn crossed(&mut self, _slope: &MotionSlope<T>, _process: &Process<T>) {}
     /// A channel was taken in; `spread` is the covariance of the errors with the channel.
     fn taken(&mut self, _row: &Row<T>, _innovation: &Innovation<T>, _spread: &Difference<T>) {}
-    /// The interval is done.
-    fn settled(&mut self, _state: &FlightState<T>, _covariance: &Covariance<T>) {}
 }
 
 impl<T: Real> Recorder<T> for () {}
