@@ -2,12 +2,14 @@
 //! reconstructed with them than with constant coefficients, the paper's own comparison.
 
 mod figure;
+pub mod joints;
 pub mod motion;
 pub mod recorded;
 mod replayed;
 pub mod report;
 pub mod smoother;
 pub mod verdict;
+pub mod whole;
 
 use std::collections::VecDeque;
 use std::path::Path;

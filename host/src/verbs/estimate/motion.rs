@@ -1,4 +1,4 @@
-//! Estimation by the motion filter, and by the smoother that goes back over it.
+//! Estimation by the motion filter, and by the solution of the whole flight that starts from it.
 
 use std::time::Instant;
 
@@ -11,7 +11,7 @@ use bodyflight_core::estimator::motion::MotionFilter;
 use bodyflight_core::estimator::motion::estimate::{MotionEstimate, Recorder};
 use bodyflight_core::estimator::motion::measurement::{MotionMeasurement, Row as ChannelRow};
 use bodyflight_core::estimator::motion::settings::MotionPreset;
-use bodyflight_core::estimator::motion::state::{Difference, MUSCLE, inputs_of};
+use bodyflight_core::estimator::motion::state::{Difference, FlightState, MUSCLE, inputs_of};
 use bodyflight_core::estimator::motion::update::Innovation;
 use bodyflight_core::estimator::motion::watch::Consistency;
 use bodyflight_core::estimator::propagation::Propagation;
@@ -20,8 +20,8 @@ use bodyflight_core::estimator::reduced::Reduced;
 use super::recorded::Recorded;
 use super::replayed::Replayed;
 use super::report::{Flags, Point, Watched};
-use super::smoother::Track;
 use super::verdict::Collector;
+use super::whole::{self, Known, Sample, Whole};
 use super::{Estimation, Filter};
 use crate::diagnostic::{Problem, Result};
 use crate::formats::flight::Flight;
@@ -53,9 +53,10 @@ pub struct Settings {
     pub method: Method,
 }
 
-/// Joint errors that are tried (deg). The last is more than recordings have: what needs it is not the joints' error.
-const JOINT_ERRORS: [f32; 5] = [0.25, 0.5, 1.0, 2.0, IMPLAUSIBLE];
-const IMPLAUSIBLE: f32 = 4.0;
+/// Joint errors that are tried (deg). None is smaller than what recordings have: an error that stays the same shows only once,
+/// and most of it may show as muscle input. The last is more than they have: what needs it is not the joints' error.
+const JOINT_ERRORS: [f32; 3] = [2.0, 4.0, IMPLAUSIBLE];
+const IMPLAUSIBLE: f32 = 8.0;
 
 /// Time before an axis is found awake at which it may have begun to move (s).
 const AWAKE_BEFORE: f64 = 0.15;
@@ -232,11 +233,10 @@ impl Run<'_> {
         preset: &MotionPreset,
         method: Method,
         least: Consistency,
-    ) -> Result<(Vec<Point>, Collector, Flags)>
-    where
-        P::Interval: Clone,
-    {
+    ) -> Result<(Vec<Point>, Collector, Flags)> {
         let mut points = Vec::new();
+        let mut places = Vec::new();
+        let mut states = Vec::new();
         let mut collector = Collector::default();
         let mut flags = Flags::default();
         let mut activity = Vec::new();
@@ -251,6 +251,9 @@ impl Run<'_> {
             |_, _| (),
             |index, filter, estimate| {
                 activity.push(filter.activity().map(Real::to_f64));
+                if (index + 1).is_multiple_of(whole::STRIDE) {
+                    states.push(filter.state().cast());
+                }
                 let (Some(estimate), Some(instant)) =
                     (estimate, self.recorded.instants.get(index + 1))
                 else {
@@ -262,6 +265,7 @@ impl Run<'_> {
                 last = instant.time;
                 flags.count_faults(estimate.faults);
                 let deviation = estimate.deviation.map(Real::to_f64);
+                places.push((index + 1) / whole::STRIDE);
                 points.push(Point {
                     normalised_innovation: estimate.normalised_innovation.to_f64(),
                     consistency: Some(consistency),
@@ -276,13 +280,17 @@ impl Run<'_> {
             },
         )?;
         if method == Method::Smooth {
-            let smoothed = self.smooth::<T, P>(preset, &activity)?;
-            for (point, smoothed) in points.iter_mut().zip(smoothed) {
+            let known = self.whole(preset, &states, &activity)?;
+            for (point, place) in points.iter_mut().zip(places) {
+                let Some(known) = known.get(place) else {
+                    continue;
+                };
+                let (inputs, deviation) = (&known.state.inputs, &known.deviation);
                 *point = Point {
                     normalised_innovation: point.normalised_innovation,
                     consistency: point.consistency,
                     watched: point.watched,
-                    ..smoothed
+                    ..self.point(point.time, inputs, deviation, &known.motion)
                 };
             }
         }
@@ -308,15 +316,13 @@ impl Run<'_> {
         }
     }
 
-    /// The points that know of the whole flight.
-    fn smooth<T: Real, P: Propagation<T>>(
+    /// What is known of the whole flight: the start, and the end of each interval.
+    fn whole(
         &self,
         preset: &MotionPreset,
+        states: &[FlightState<f64>],
         activity: &[[f64; 3]],
-    ) -> Result<Vec<Point>>
-    where
-        P::Interval: Clone,
-    {
+    ) -> Result<Vec<Known>> {
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
@@ -329,33 +335,14 @@ impl Run<'_> {
             let most = |axis: usize| ahead.iter().map(|level| level[axis]).fold(0.0, f64::max);
             [0, 1, 2].map(most)
         };
-        let mut track = Track::default();
-        let mut intervals = Vec::new();
-        self.fly::<T, P>(
-            preset,
-            &mut track,
-            |index, filter| filter.prescribe_activity(awake(index).map(T::of)),
-            |index, filter, estimate| {
-                if let (Some(_), Some(instant), Some(interval)) = (
-                    estimate,
-                    self.recorded.instants.get(index + 1),
-                    filter.interval(),
-                ) {
-                    intervals.push((index / P::STRIDE, instant.time, interval.clone()));
-                }
-            },
-        )?;
-        let wanted: Vec<usize> = intervals.iter().map(|(step, _, _)| *step).collect();
-        let smoothed = track.smoothed(|step| wanted.binary_search(&step).is_ok());
-        let points = smoothed.into_iter().zip(&intervals);
-        Ok(points
-            .map(|((_, smoothed), (_, time, interval))| {
-                let filtered = smoothed.filtered.cast::<T>();
-                let mut state = filtered.moved(&smoothed.correction.map(T::of), interval);
-                state.limit_inputs();
-                let motion = state.motion.motion(interval).cast();
-                self.point(*time, &state.inputs.cast(), &smoothed.deviation, &motion)
-            })
-            .collect())
+        let instants = self.recorded.instants.iter().enumerate();
+        let samples = instants.map(|(index, instant)| Sample {
+            posture: instant.posture,
+            motion: instant.motion,
+            muscles: self.muscles_at(instant.time),
+            // The filter's first is of the second instant.
+            activity: awake(index.saturating_sub(1)),
+        });
+        Whole::new(preset, &self.dynamics, samples.collect(), states).solve()
     }
 }

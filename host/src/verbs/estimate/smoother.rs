@@ -1,24 +1,38 @@
-//! The whole flight at once: what later measurements say of earlier inputs.
+//! A fixed-interval smoother along a trajectory, with numbers that stay the same over the flight.
 //!
-//! The filter goes forward and leaves at each interval its state, its covariance, the derivatives by which errors
-//! crossed the interval, and the channels it took in. Going back over them, the modified Bryson-Frazier
-//! smoother collects in an adjoint what the rest of the flight says of an error; no covariance is inverted, so
-//! inputs that nothing sees do no harm. It is the fixed-interval smoother of the problem that the filter
-//! linearized; with steps of 1/240 s its derivatives change too little for a second linearization to matter.
+//! Errors are small differences from a trajectory. They cross the flight forward by a Kalman filter with the algebra of the
+//! motion filter; going back over its steps, the modified Bryson-Frazier smoother (Bierman 1973) collects in an adjoint what
+//! the rest of the flight says of an error. No covariance is inverted, so inputs that nothing sees do no harm.
 //!
-//! The filter goes forward twice. The first time it finds out when each axis was moved on purpose, some
-//! hundredths of a second too late; the second time it knows before.
+//! What stays the same over the flight are separate numbers, after Friedland (1969): beside the filter goes what each of them
+//! does to its state and to its innovations; the innovations of the whole flight then find them by least squares, with
+//! their covariance. These are errors of the recorded joints ([`joints`](super::joints)), and what muscle input and damping
+//! are off by.
+//!
+//! The adjoint also says which way the likelihood rises with the noise of each input: its square over what is expected
+//! of it is one where the noise is as large as was assumed.
 
-use bodyflight_core::Real;
-use bodyflight_core::estimator::motion::estimate::Recorder;
 use bodyflight_core::estimator::motion::measurement::Row;
 use bodyflight_core::estimator::motion::settings::Process;
 use bodyflight_core::estimator::motion::state::{
-    Covariance, Difference, FlightState, INPUT_STATES, MOTION_STATES, STATES,
+    Covariance, Difference, INPUT_STATES, MOTION_STATES, RESIDUAL_FORCE, STATES,
 };
-use bodyflight_core::estimator::motion::transition::MotionSlope;
-use bodyflight_core::estimator::motion::update::Innovation;
-use nalgebra::SVector;
+use bodyflight_core::estimator::motion::transition::{MotionSlope, spread};
+use bodyflight_core::estimator::motion::update::{self, Innovation};
+use nalgebra::{SMatrix, SVector};
+
+use super::joints::{DIRECTIONS, Loads};
+
+/// Constants of joints' errors, then what muscle input and damping are off by over the whole flight: pitch, yaw, roll
+/// each.
+pub const CONSTANTS: usize = DIRECTIONS + 6;
+
+/// One number for each.
+pub type Constants = SVector<f64, CONSTANTS>;
+
+/// By direction of the joints' errors.
+type Effect = SMatrix<f64, STATES, CONSTANTS>;
+type Square = SMatrix<f64, CONSTANTS, CONSTANTS>;
 
 /// A channel as it was taken in.
 struct Taken {
@@ -26,118 +40,287 @@ struct Taken {
     spread: Difference<f64>,
     innovation: f64,
     variance: f64,
+    /// What a joint's error adds to the innovation.
+    effect: Constants,
 }
 
-/// An interval as the filter left it.
+/// An interval on the way forward.
 struct Step {
     slope: MotionSlope<f64>,
     decay: SVector<f64, INPUT_STATES>,
+    residual: SMatrix<f64, 6, 6>,
+    activity: [f64; 3],
     taken: Vec<Taken>,
-    state: FlightState<f64>,
+    /// Expected difference from the trajectory about which all is linear.
+    difference: Difference<f64>,
     covariance: Covariance<f64>,
+    effect: Effect,
 }
 
-/// What a filter leaves behind, and the way back over it.
-#[derive(Default)]
-pub struct Track {
+/// The way forward along a trajectory, and the way back.
+pub struct Pass {
     steps: Vec<Step>,
-    /// Of the interval that is not settled yet.
-    slope: Option<(MotionSlope<f64>, SVector<f64, INPUT_STATES>)>,
-    taken: Vec<Taken>,
+    difference: Difference<f64>,
+    covariance: Covariance<f64>,
+    effect: Effect,
+    information: Square,
+    seen: Constants,
 }
 
-/// A state that knows of the whole flight.
+/// The constants as the flight tells them.
+#[derive(Debug, Clone, Copy)]
+pub struct Found {
+    /// From where they are.
+    pub errors: Constants,
+    /// Covariance of what is left.
+    pub covariance: Square,
+}
+
+/// What the whole flight says of an instant.
 pub struct Smoothed {
-    /// The filter's state.
-    pub filtered: FlightState<f64>,
-    /// By how much it has to be moved.
+    /// By how much the trajectory has to be moved.
     pub correction: Difference<f64>,
     /// Standard deviations of what is left.
     pub deviation: Difference<f64>,
 }
 
-impl<T: Real> Recorder<T> for Track {
-    fn crossed(&mut self, slope: &MotionSlope<T>, process: &Process<T>) {
-        self.slope = Some((slope.map(Real::to_f64), process.decay().map(Real::to_f64)));
-        self.taken.clear();
+/// Squares of what is found of a noise, and what is expected of them.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Score {
+    found: f64,
+    expected: f64,
+}
+
+impl Score {
+    fn add(&mut self, found: f64, expected: f64, weight: f64) {
+        self.found += weight * found;
+        self.expected += weight * expected;
     }
 
-    fn taken(&mut self, row: &Row<T>, innovation: &Innovation<T>, spread: &Difference<T>) {
-        self.taken.push(Taken {
-            slope: row.slope.map(Real::to_f64),
-            spread: spread.map(Real::to_f64),
-            innovation: innovation.value.to_f64(),
-            variance: innovation.variance.to_f64(),
-        });
+    /// Both together.
+    pub fn joined(self, other: &Self) -> Self {
+        Self {
+            found: self.found + other.found,
+            expected: self.expected + other.expected,
+        }
     }
 
-    fn settled(&mut self, state: &FlightState<T>, covariance: &Covariance<T>) {
-        let Some((slope, decay)) = self.slope.take() else {
-            return;
-        };
-        self.steps.push(Step {
-            slope,
-            decay,
-            taken: std::mem::take(&mut self.taken),
-            state: state.cast(),
-            covariance: covariance.map(Real::to_f64),
-        });
+    /// By what a variance has to be multiplied.
+    pub fn factor(&self) -> f64 {
+        if self.expected > 0.0 {
+            self.found / self.expected
+        } else {
+            1.0
+        }
     }
 }
 
-impl Track {
-    /// Goes back over the flight: a smoothed state for each interval, in order of time; `wanted` says of which
-    /// (counted from 0).
-    pub fn smoothed(&self, wanted: impl Fn(usize) -> bool) -> Vec<(usize, Smoothed)> {
-        let mut adjoint = Difference::<f64>::zeros();
-        let mut information = Covariance::<f64>::zeros();
+/// How large the noise of everything is, against what was assumed.
+#[derive(Debug, Clone, Default)]
+pub struct Scores {
+    /// Muscle input and damping, quiet: pitch, yaw, roll each.
+    pub quiet: [Score; 6],
+    /// The residual load.
+    pub residual: Score,
+    /// Muscle input and damping, by interval; the first is the start.
+    pub each: Vec<[Score; 6]>,
+}
+
+/// Errors at the end of an interval, of those at its begin.
+fn crossed<const N: usize>(
+    slope: &MotionSlope<f64>,
+    decay: &SVector<f64, INPUT_STATES>,
+    errors: &SMatrix<f64, STATES, N>,
+) -> SMatrix<f64, STATES, N> {
+    let mut after = *errors;
+    after
+        .fixed_rows_mut::<MOTION_STATES>(0)
+        .copy_from(&(slope * errors));
+    for column in 0..N {
+        for k in 0..INPUT_STATES {
+            after[(MOTION_STATES + k, column)] *= decay[k];
+        }
+    }
+    after
+}
+
+/// The transpose of [`crossed`].
+fn uncrossed<const N: usize>(
+    slope: &MotionSlope<f64>,
+    decay: &SVector<f64, INPUT_STATES>,
+    adjoint: &SMatrix<f64, STATES, N>,
+) -> SMatrix<f64, STATES, N> {
+    let motion = adjoint.fixed_rows::<MOTION_STATES>(0).into_owned();
+    let mut before = slope.tr_mul(&motion);
+    for column in 0..N {
+        for k in 0..INPUT_STATES {
+            before[(MOTION_STATES + k, column)] += decay[k] * adjoint[(MOTION_STATES + k, column)];
+        }
+    }
+    before
+}
+
+/// What comes from later, on the way back.
+struct Adjoint {
+    value: Difference<f64>,
+    information: Covariance<f64>,
+    effect: Effect,
+}
+
+impl Pass {
+    /// Before the first interval.
+    pub fn new(start: &Covariance<f64>, difference: &Difference<f64>) -> Self {
+        let mut effect = Effect::zeros();
+        for k in 0..6 {
+            effect[(MOTION_STATES + k, DIRECTIONS + k)] = 1.0;
+        }
+        Self {
+            steps: vec![Step::start(start)],
+            difference: *difference,
+            covariance: *start,
+            effect,
+            information: Square::zeros(),
+            seen: Constants::zeros(),
+        }
+    }
+
+    /// Crosses an interval at whose end the trajectory is `gap` short of what follows from its begin; `loads` are those
+    /// of the joints' errors.
+    pub fn cross(
+        &mut self,
+        slope: &MotionSlope<f64>,
+        process: &Process<f64>,
+        gap: &Difference<f64>,
+        loads: &Loads,
+    ) {
+        let decay = process.decay();
+        self.difference = crossed(slope, &decay, &self.difference) + gap;
+        let mut effect = crossed(slope, &decay, &self.effect);
+        let pushed = slope.fixed_view::<MOTION_STATES, 6>(0, RESIDUAL_FORCE) * loads;
+        let mut motion = effect.fixed_view_mut::<MOTION_STATES, DIRECTIONS>(0, 0);
+        motion += pushed;
+        for k in 0..6 {
+            effect[(MOTION_STATES + k, DIRECTIONS + k)] += 1.0 - decay[k];
+        }
+        self.effect = effect;
+        spread(&mut self.covariance, slope, process);
+        self.steps.push(Step {
+            slope: *slope,
+            decay,
+            residual: process.residual_covariance(),
+            activity: process.activity(),
+            taken: Vec::new(),
+            difference: self.difference,
+            covariance: self.covariance,
+            effect: self.effect,
+        });
+    }
+
+    /// Takes in a channel at the end of the interval, unless it is more than `gate` deviations from what is expected.
+    pub fn take(&mut self, row: &Row<f64>, noise: f64, gate: f64) {
+        let (innovation, spread) =
+            update::innovation(&self.covariance, &self.difference, row, noise);
+        let Innovation { value, variance } = innovation;
+        let within = value * value <= gate * gate * variance;
+        if !within {
+            return;
+        }
+        let effect = self
+            .effect
+            .fixed_rows::<MOTION_STATES>(0)
+            .tr_mul(&row.slope);
+        self.seen += effect * (value / variance);
+        self.information += effect * effect.transpose() / variance;
+        self.effect -= spread * (effect.transpose() / variance);
+        update::take(
+            &mut self.covariance,
+            &mut self.difference,
+            &innovation,
+            &spread,
+        );
+        if let Some(step) = self.steps.last_mut() {
+            step.taken.push(Taken {
+                slope: row.slope,
+                spread,
+                innovation: value,
+                variance,
+                effect,
+            });
+        }
+    }
+
+    /// Ends the interval.
+    pub fn settle(&mut self) {
+        update::keep_positive(&mut self.covariance);
+        if let Some(step) = self.steps.last_mut() {
+            step.difference = self.difference;
+            step.covariance = self.covariance;
+            step.effect = self.effect;
+        }
+    }
+
+    /// The constants, which were expected to be `expected` from where they are, with these deviations.
+    pub fn constants(&self, expected: &Constants, deviations: &Constants) -> Found {
+        // In deviations, so that what nothing tells stays well scaled.
+        let scale = Square::from_diagonal(deviations);
+        let scaled = Square::identity() + scale * self.information * scale;
+        let Some(factor) = scaled.cholesky() else {
+            return Found {
+                errors: Constants::zeros(),
+                covariance: scale * scale,
+            };
+        };
+        let covariance = scale * factor.inverse() * scale;
+        let before = expected.component_div(deviations);
+        let pull = self.seen + before.component_div(deviations);
+        let errors = covariance * pull;
+        Found { errors, covariance }
+    }
+
+    /// Goes back over the flight: what the whole flight says of the start and of the end of each interval, and how large
+    /// the noises are.
+    pub fn smoothed(&self, constants: &Found) -> (Vec<Smoothed>, Scores) {
+        let mut adjoint = Adjoint {
+            value: Difference::zeros(),
+            information: Covariance::zeros(),
+            effect: Effect::zeros(),
+        };
+        let mut scores = Scores::default();
         let mut smoothed = Vec::new();
-        for (index, step) in self.steps.iter().enumerate().rev() {
-            if wanted(index) {
-                let correction = -(step.covariance * adjoint);
-                let known = step.covariance * information;
-                let mut deviation = Difference::zeros();
-                for k in 0..STATES {
-                    let lost: f64 = (0..STATES)
-                        .map(|j| known[(k, j)] * step.covariance[(j, k)])
-                        .sum();
-                    deviation[k] = (step.covariance[(k, k)] - lost).max(0.0).sqrt();
-                }
-                smoothed.push((
-                    index,
-                    Smoothed {
-                        filtered: step.state,
-                        correction,
-                        deviation,
-                    },
-                ));
-            }
+        for step in self.steps.iter().rev() {
+            smoothed.push(step.smoothed(&adjoint, constants));
             for taken in step.taken.iter().rev() {
-                taken.back(&mut adjoint, &mut information);
+                taken.back(&mut adjoint, &constants.errors);
             }
-            step.back(&mut adjoint, &mut information);
+            step.score(&adjoint, constants, &mut scores);
+            step.back(&mut adjoint);
         }
         smoothed.reverse();
-        smoothed
+        scores.each.reverse();
+        (smoothed, scores)
     }
 }
 
 impl Taken {
     /// Back through the update: with `K = spread / variance`, `(1 - K H)^T` on what comes from later, and what
     /// the channel itself says.
-    fn back(&self, adjoint: &mut Difference<f64>, information: &mut Covariance<f64>) {
+    fn back(&self, adjoint: &mut Adjoint, errors: &Constants) {
         let inverse = 1.0 / self.variance;
         let gain = self.spread * inverse;
-        let seen = gain.dot(adjoint) + self.innovation * inverse;
+        let innovation = self.innovation - self.effect.dot(errors);
+        let seen = gain.dot(&adjoint.value) + innovation * inverse;
+        let effect = adjoint.effect.tr_mul(&gain) + self.effect * inverse;
+        let information = &mut adjoint.information;
         let column = *information * gain;
         let known = gain.dot(&column) + inverse;
-        for k in 0..MOTION_STATES {
-            adjoint[k] -= self.slope[k] * seen;
-        }
         for k in 0..MOTION_STATES {
             let slope = self.slope[k];
             if slope == 0.0 {
                 continue;
+            }
+            adjoint.value[k] -= slope * seen;
+            for j in 0..CONSTANTS {
+                adjoint.effect[(k, j)] -= slope * effect[j];
             }
             for j in 0..STATES {
                 information[(k, j)] -= slope * column[j];
@@ -151,17 +334,72 @@ impl Taken {
 }
 
 impl Step {
-    /// Back over the interval.
-    fn back(&self, adjoint: &mut Difference<f64>, information: &mut Covariance<f64>) {
-        let motion = adjoint.fixed_rows::<MOTION_STATES>(0).into_owned();
-        let inputs = adjoint
-            .fixed_rows::<INPUT_STATES>(MOTION_STATES)
-            .into_owned();
-        *adjoint = self.slope.tr_mul(&motion);
-        for k in 0..INPUT_STATES {
-            adjoint[MOTION_STATES + k] += self.decay[k] * inputs[k];
+    fn start(covariance: &Covariance<f64>) -> Self {
+        Self {
+            slope: MotionSlope::zeros(),
+            decay: SVector::zeros(),
+            residual: SMatrix::zeros(),
+            activity: [0.0; 3],
+            taken: Vec::new(),
+            difference: Difference::zeros(),
+            covariance: *covariance,
+            effect: Effect::zeros(),
         }
+    }
+
+    fn smoothed(&self, adjoint: &Adjoint, constants: &Found) -> Smoothed {
+        let correction =
+            self.difference + self.effect * constants.errors - self.covariance * adjoint.value;
+        let known = self.covariance * adjoint.information;
+        let effect = self.effect + self.covariance * adjoint.effect;
+        let by_constants = effect * constants.covariance;
+        let mut deviation = Difference::zeros();
+        for k in 0..STATES {
+            let lost: f64 = (0..STATES)
+                .map(|j| known[(k, j)] * self.covariance[(j, k)])
+                .sum();
+            let constants: f64 = by_constants.row(k).dot(&effect.row(k));
+            deviation[k] = ((self.covariance[(k, k)] - lost).max(0.0) + constants).sqrt();
+        }
+        Smoothed {
+            correction,
+            deviation,
+        }
+    }
+
+    /// At the end of the interval, before its measurements.
+    fn score(&self, adjoint: &Adjoint, constants: &Found, scores: &mut Scores) {
+        let inputs = adjoint.effect.fixed_rows::<INPUT_STATES>(MOTION_STATES);
+        let by_constants = inputs * constants.covariance;
+        let expected = |a: usize, b: usize| {
+            let known = adjoint.information[(MOTION_STATES + a, MOTION_STATES + b)];
+            known - by_constants.row(a).dot(&inputs.row(b))
+        };
+        let found = |k: usize| adjoint.value[MOTION_STATES + k];
+        scores.each.push(std::array::from_fn(|k| Score {
+            found: found(k) * found(k),
+            expected: expected(k, k),
+        }));
+        for k in 0..6 {
+            let (found, expected) = (found(k) * found(k), expected(k, k));
+            let quiet = 1.0 - self.activity[k % 3];
+            scores.quiet[k].add(found, expected, quiet);
+        }
+        for a in 0..6 {
+            for b in 0..6 {
+                let weight = self.residual[(a, b)];
+                let (found, expected) = (found(6 + a) * found(6 + b), expected(6 + a, 6 + b));
+                scores.residual.add(found, expected, weight);
+            }
+        }
+    }
+
+    /// Back over the interval.
+    fn back(&self, adjoint: &mut Adjoint) {
+        adjoint.value = uncrossed(&self.slope, &self.decay, &adjoint.value);
+        adjoint.effect = uncrossed(&self.slope, &self.decay, &adjoint.effect);
         // Phi = [slope; 0 decay]: Phi^T M Phi in the four blocks of M.
+        let information = &mut adjoint.information;
         let motion = information
             .fixed_view::<MOTION_STATES, MOTION_STATES>(0, 0)
             .into_owned();

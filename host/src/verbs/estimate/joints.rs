@@ -1,0 +1,93 @@
+//! Errors of the recorded joints that stay the same from the first frame to the last.
+//!
+//! Forty-five joint axes put only six numbers of load on the body at a time, and hardly more than a dozen over a flight:
+//! the directions of joint errors that matter are the principal axes of the loads, as they were over the flight.
+
+use bodyflight_core::body::Segment;
+use bodyflight_core::body::posture::Posture;
+use bodyflight_core::dynamics::{Dynamics, Motion, PostureSample};
+use bodyflight_core::estimator::motion::posture_error::{JOINT_AXES, PostureError};
+use bodyflight_core::math::small_rotation;
+use nalgebra::{SMatrix, SVector, Vector3};
+
+/// Number of directions of joint errors that are estimated. The next one moves the loads by two hundredths of what all do in
+/// a barrel roll, and by less in flight on the belly.
+pub const DIRECTIONS: usize = 12;
+
+/// One number for each direction.
+pub type Directions = SVector<f64, DIRECTIONS>;
+
+/// Load (force and moment over the dynamic pressure) by direction.
+pub type Loads = SMatrix<f64, 6, DIRECTIONS>;
+
+/// Samples for which a load by joint errors stands.
+const SAMPLES: usize = 6;
+
+/// Directions of joint errors, and what each puts on the body in the course of the flight.
+pub struct JointDirections {
+    axes: SMatrix<f64, JOINT_AXES, DIRECTIONS>,
+    loads: Vec<Loads>,
+    /// Of all axes at once, where each is off by 1 rad.
+    covariances: Vec<SMatrix<f64, 6, 6>>,
+}
+
+impl JointDirections {
+    /// Of a flight: posture and motion of each sample.
+    pub fn new<'a>(
+        dynamics: &Dynamics<f64>,
+        flight: impl Iterator<Item = (&'a Posture<f64>, &'a Motion<f64>)>,
+    ) -> Self {
+        let mut sample = PostureSample::blank();
+        let mut covariances = Vec::new();
+        let all: Vec<SMatrix<f64, 6, JOINT_AXES>> = flight
+            .step_by(SAMPLES)
+            .map(|(posture, motion)| {
+                let air = dynamics.air.velocity_at(&motion.position);
+                let velocity = motion.velocity - motion.inertial_from_body.inverse() * air;
+                let mut error = PostureError::none();
+                error.renew(dynamics, posture, &velocity.components, &mut sample);
+                covariances.push(*error.covariance());
+                SMatrix::from_columns(error.columns())
+            })
+            .collect();
+        let mut sum = nalgebra::DMatrix::<f64>::zeros(JOINT_AXES, JOINT_AXES);
+        for loads in &all {
+            // Square metres of force count as cubic metres of moment: a body is about a metre large.
+            sum += loads.tr_mul(loads);
+        }
+        let eigen = sum.symmetric_eigen();
+        let mut order: Vec<usize> = (0..JOINT_AXES).collect();
+        order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
+        let axes = SMatrix::from_fn(|row, column| eigen.eigenvectors[(row, order[column])]);
+        let loads = all.iter().map(|loads| loads * axes).collect();
+        Self {
+            axes,
+            loads,
+            covariances,
+        }
+    }
+
+    /// Covariance of the load at a sample, where every axis has a deviation of 1 rad.
+    pub fn covariance(&self, index: usize) -> SMatrix<f64, 6, 6> {
+        let place = (index / SAMPLES).min(self.covariances.len().saturating_sub(1));
+        let covariance = self.covariances.get(place);
+        covariance.copied().unwrap_or_else(SMatrix::identity)
+    }
+
+    /// Loads at a sample.
+    pub fn at(&self, index: usize) -> Loads {
+        let place = (index / SAMPLES).min(self.loads.len().saturating_sub(1));
+        self.loads.get(place).copied().unwrap_or_else(Loads::zeros)
+    }
+
+    /// The posture without these errors (rad, along the directions).
+    pub fn corrected(&self, posture: &Posture<f64>, errors: &Directions) -> Posture<f64> {
+        let turns = self.axes * errors;
+        let joints = Segment::ALL.into_iter().skip(1).enumerate();
+        joints.fold(*posture, |posture, (joint, segment)| {
+            let turn = Vector3::new(turns[3 * joint], turns[3 * joint + 1], turns[3 * joint + 2]);
+            let turned = posture.parent_from_segment(segment) * small_rotation(&turn);
+            posture.with(segment, turned)
+        })
+    }
+}

@@ -1,0 +1,392 @@
+//! The whole flight as one problem: the trajectory, the inputs and the joint errors under which all that was measured is
+//! likeliest.
+//!
+//! Gauss-Newton: the problem is linearized about a trajectory, at first the filter's, and solved by the
+//! [smoother](super::smoother); postures are corrected by the joint errors that it finds, the trajectory moves to its
+//! solution, and once more. Between iterations the assumed noise follows what the flight says of it, within bounds, and
+//! axes wake up where quiet input does not do.
+
+use bodyflight_core::Posture;
+use bodyflight_core::body::mass_properties::PostureRate;
+use bodyflight_core::dynamics::interval::Interval;
+use bodyflight_core::dynamics::muscle_input::MuscleModel;
+use bodyflight_core::dynamics::{Dynamics, Motion, PostureSample};
+use bodyflight_core::estimator::motion::measurement::{
+    CHANNELS, MotionMeasurement, Noise, Prediction,
+};
+use bodyflight_core::estimator::motion::repeats::{BELIEVED, Repeats};
+use bodyflight_core::estimator::motion::settings::{MotionPreset, Process};
+use bodyflight_core::estimator::motion::state::{
+    Difference, FlightState, INPUT_STATES, MUSCLE, input_vector,
+};
+use bodyflight_core::estimator::motion::transition::{self, MotionSlope};
+use bodyflight_core::estimator::unscented::SettingsError;
+
+use super::joints::{DIRECTIONS, Directions, JointDirections};
+use super::smoother::{Constants, Found, Pass, Score, Scores, Smoothed};
+use crate::diagnostic::Result;
+use crate::interrupt;
+
+/// Samples of an interval: steps of 1/120 s are fine enough, and half the work.
+pub const STRIDE: usize = 2;
+
+/// Iterations. The second meets the sensors' noise; the others settle noise and awake axes.
+const ITERATIONS: usize = 4;
+
+/// Share of the deviations that linearization and the choice of noise leave out.
+const CAUTION: f64 = 1.25;
+
+/// An instant as the problem takes it.
+#[derive(Debug, Clone)]
+pub struct Sample {
+    /// Posture as recorded.
+    pub posture: Posture<f64>,
+    /// Motion as measured.
+    pub motion: Motion<f64>,
+    /// Limbs that act.
+    pub muscles: MuscleModel,
+    /// How much each axis is moved on purpose, 0 to 1.
+    pub activity: [f64; 3],
+}
+
+/// What is assumed of the noise.
+#[derive(Debug, Clone, Copy)]
+struct Assumed {
+    /// Of what varies: its joints' error is what wanders.
+    preset: MotionPreset,
+    /// As it was at first.
+    first: MotionPreset,
+    /// Deviation of the joints' errors that stay (rad).
+    calibration: f64,
+    /// Bounds of it.
+    calibrations: [f64; 2],
+    /// Deviations of what muscle input and damping are off by over the flight.
+    offsets: [f64; 6],
+}
+
+/// A flight as one problem.
+pub struct Whole {
+    dynamics: Dynamics<f64>,
+    samples: Vec<Sample>,
+    directions: JointDirections,
+    /// The start, and the end of each interval.
+    trajectory: Vec<FlightState<f64>>,
+    /// Errors of the joints that postures are corrected by (rad, along the directions).
+    errors: Directions,
+    assumed: Assumed,
+}
+
+/// What is known of an instant.
+#[derive(Debug, Clone, Copy)]
+pub struct Known {
+    /// Motion and inputs.
+    pub state: FlightState<f64>,
+    /// Motion of the pelvis.
+    pub motion: Motion<f64>,
+    /// Standard deviations.
+    pub deviation: Difference<f64>,
+}
+
+/// The way forward over a flight.
+struct Flown {
+    pass: Pass,
+    intervals: Vec<PostureSample<f64>>,
+}
+
+impl Whole {
+    /// Of the samples of a flight, the first being the start, and of the filter's states at the end of each interval.
+    pub fn new(
+        preset: &MotionPreset,
+        dynamics: &Dynamics<f64>,
+        samples: Vec<Sample>,
+        states: &[FlightState<f64>],
+    ) -> Self {
+        let flight = samples
+            .iter()
+            .map(|sample| (&sample.posture, &sample.motion));
+        let directions = JointDirections::new(dynamics, flight);
+        let mut trajectory = Vec::with_capacity(states.len() + 1);
+        if let (Some(first), Some(sample)) = (states.first(), samples.first()) {
+            let motion = bodyflight_core::dynamics::State::from_motion(
+                &sample.motion,
+                &dynamics.hold(&sample.posture),
+            );
+            trajectory.push(FlightState { motion, ..*first });
+        }
+        trajectory.extend(states.iter().take(samples.len().saturating_sub(1) / STRIDE));
+        Self {
+            dynamics: *dynamics,
+            samples,
+            directions,
+            trajectory,
+            errors: Directions::zeros(),
+            assumed: Assumed::of(preset),
+        }
+    }
+
+    /// What the whole flight says of the start and of the end of each interval; nothing where it cannot be solved.
+    ///
+    /// # Errors
+    /// Returns an error where the program was interrupted.
+    pub fn solve(mut self) -> Result<Vec<Known>> {
+        let mut known = Vec::new();
+        for _ in 0..ITERATIONS {
+            let Ok(flown) = self.fly()? else {
+                break;
+            };
+            let mut expected = Constants::zeros();
+            expected
+                .fixed_rows_mut::<DIRECTIONS>(0)
+                .copy_from(&-self.errors);
+            let found = flown.pass.constants(&expected, &self.assumed.deviations());
+            let (smoothed, scores) = flown.pass.smoothed(&found);
+            let Some(next) = self.moved(&smoothed, &flown.intervals) else {
+                break;
+            };
+            self.trajectory = next.iter().map(|known| known.state).collect();
+            self.errors += found.errors.fixed_rows::<DIRECTIONS>(0);
+            self.wake(&scores.each);
+            self.assumed.follow(&found, &scores, &self.errors);
+            known = next;
+        }
+        Ok(known)
+    }
+
+    /// The trajectory moved to a solution; none where that is not finite.
+    fn moved(&self, smoothed: &[Smoothed], intervals: &[PostureSample<f64>]) -> Option<Vec<Known>> {
+        let states = self.trajectory.iter().zip(smoothed).zip(intervals);
+        states
+            .map(|((state, smoothed), interval)| {
+                let mut state = state.moved(&smoothed.correction, interval);
+                state.limit_inputs();
+                let finite = state.is_finite() && smoothed.deviation.iter().all(|d| d.is_finite());
+                finite.then(|| Known {
+                    motion: state.motion.motion(interval),
+                    state,
+                    deviation: smoothed.deviation * CAUTION,
+                })
+            })
+            .collect()
+    }
+
+    /// Goes forward along the trajectory.
+    fn fly(&self) -> Result<core::result::Result<Flown, SettingsError>> {
+        let preset = &self.assumed.preset;
+        let duration = preset.duration::<f64>(STRIDE);
+        let mut process = match Process::<f64>::new(preset, duration) {
+            Ok(process) => process,
+            Err(error) => return Ok(Err(error)),
+        };
+        let noise = preset.noise.of::<f64>();
+        let gate = f64::from(preset.gate);
+        let (Some(start), Some(first)) = (self.trajectory.first(), self.samples.first()) else {
+            return Ok(Err(SettingsError::Start));
+        };
+        process.set_sensitivity(&self.directions.covariance(0));
+        // The start itself is measured: before that, next to nothing is known of its motion.
+        let mut pass = Pass::new(
+            &process.start(&times(&noise, 10.0)),
+            &ahead(&process, start),
+        );
+        let mut dynamics = self.dynamics;
+        let mut sample = PostureSample::blank();
+        let mut slope = MotionSlope::zeros();
+        let mut repeats = Repeats::new();
+        let mut posture = self.directions.corrected(&first.posture, &self.errors);
+        dynamics.sample_into(&posture, &PostureRate::zero(), &mut sample);
+        measure(&mut pass, start, &sample, first, &repeats, &noise, gate);
+        let mut intervals = vec![sample];
+        for (k, pair) in self.trajectory.windows(2).enumerate() {
+            let index = (k + 1) * STRIDE;
+            let ([from, to], Some(end)) = (pair, self.samples.get(index)) else {
+                break;
+            };
+            dynamics.muscles = end.muscles;
+            let next = self.directions.corrected(&end.posture, &self.errors);
+            dynamics.between_into(&posture, &next, duration, &mut sample);
+            posture = next;
+            process.set_sensitivity(&self.directions.covariance(index));
+            process.set_turn(turn_rate(&dynamics, &from.motion.motion(&sample)) * duration);
+            process.set_activity(end.activity);
+            let flown = transition::fly(&dynamics, &sample, &process, from, duration, &mut slope);
+            let gap = to.difference(&flown, &sample);
+            pass.cross(&slope, &process, &gap, &self.directions.at(index));
+            repeats.take(&MotionMeasurement::of(&end.motion), duration);
+            measure(&mut pass, to, &sample, end, &repeats, &noise, gate);
+            intervals.push(sample);
+            if k.is_multiple_of(1024) {
+                interrupt::check()?;
+            }
+        }
+        Ok(Ok(Flown { pass, intervals }))
+    }
+
+    /// Wakes axes up where for a tenth of a second what was measured asks for more than quiet input.
+    fn wake(&mut self, each: &[[Score; 6]]) {
+        /// Time on both sides that is looked at together, and that wakes up together (s).
+        const BESIDE: [f64; 2] = [0.05, 0.1];
+        /// Mean square, over what is expected, of which chance makes less than one in a flight.
+        const LIMIT: f64 = 6.0;
+        let around = |index: usize, beside: usize, length: usize| {
+            index.saturating_sub(beside)..(index + beside + 1).min(length)
+        };
+        let duration = self.assumed.preset.duration::<f64>(STRIDE);
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "a few intervals"
+        )]
+        let beside = BESIDE.map(|time| (time / duration).round().max(1.0) as usize);
+        for axis in 0..3 {
+            let asks = |index: usize| {
+                let near = &each[around(index, beside[0], each.len())];
+                [axis, axis + 3].into_iter().any(|k| {
+                    let all = near
+                        .iter()
+                        .fold(Score::default(), |all, score| all.joined(&score[k]));
+                    all.factor() > LIMIT
+                })
+            };
+            let asking: Vec<bool> = (0..each.len()).map(asks).collect();
+            for index in 0..each.len() {
+                let wakes = asking[around(index, beside[1], each.len())].contains(&true);
+                if let (true, Some(sample)) = (wakes, self.samples.get_mut(index * STRIDE)) {
+                    sample.activity[axis] = 1.0;
+                }
+            }
+        }
+    }
+}
+
+/// How far the process' mean of the inputs is from those of the trajectory at its start.
+fn ahead(process: &Process<f64>, start: &FlightState<f64>) -> Difference<f64> {
+    let mut ahead = Difference::zeros();
+    ahead
+        .fixed_rows_mut::<INPUT_STATES>(MUSCLE)
+        .copy_from(&(process.centre() - input_vector(&start.inputs)));
+    ahead
+}
+
+/// Takes in what was measured at an instant of the trajectory.
+fn measure(
+    pass: &mut Pass,
+    state: &FlightState<f64>,
+    interval: &impl Interval<f64>,
+    sample: &Sample,
+    repeats: &Repeats<f64>,
+    noise: &Noise<f64>,
+    gate: f64,
+) {
+    let prediction = Prediction::of(state, interval);
+    let measured = MotionMeasurement::of(&sample.motion);
+    for channel in 0..CHANNELS {
+        if repeats.time(channel) > f64::from(BELIEVED) {
+            continue;
+        }
+        if let Some(row) = prediction.row(channel, &measured) {
+            pass.take(&row, noise.variance(channel), gate);
+        }
+    }
+    pass.settle();
+}
+
+/// How fast the stream turns about the body (rad/s).
+fn turn_rate(dynamics: &Dynamics<f64>, motion: &Motion<f64>) -> f64 {
+    let air = dynamics.air.velocity_at(&motion.position);
+    let velocity = (motion.velocity - motion.inertial_from_body.inverse() * air).components;
+    let across = motion.angular_velocity.components.cross(&velocity).norm();
+    let rate = across / velocity.norm();
+    if rate.is_finite() { rate } else { 0.0 }
+}
+
+fn times(noise: &Noise<f64>, factor: f64) -> Noise<f64> {
+    Noise {
+        attitude: noise.attitude * factor,
+        angular_velocity: noise.angular_velocity * factor,
+        horizontal_velocity: noise.horizontal_velocity * factor,
+        vertical_velocity: noise.vertical_velocity * factor,
+        horizontal_speed: noise.horizontal_speed * factor,
+    }
+}
+
+/// Share of the preset's deviations that muscle input and damping have about what they are off by over the flight, at first
+/// and at least.
+const MUSCLE_SHARES: [f32; 2] = [0.67, 0.5];
+const DAMPING_SHARES: [f32; 2] = [0.5, 0.25];
+/// Wander of the joints (rad), at first and at least, and the time in which it changes (s).
+const WANDER: [f32; 2] = [0.1, 0.05];
+const WANDER_TIME: f32 = 5.0;
+const WANDER_TURN_RATE: f32 = 3.0;
+/// Share of the preset's joint error within which the flight says what it is.
+const CALIBRATIONS: [f64; 2] = [0.5, 1.5];
+
+impl Assumed {
+    /// From what the filter assumes.
+    fn of(preset: &MotionPreset) -> Self {
+        let [muscle, damping] = [preset.muscle, preset.damping_deviation];
+        let calibration = f64::from(preset.joint_error);
+        Self {
+            preset: MotionPreset {
+                muscle: muscle.map(|deviation| deviation * MUSCLE_SHARES[0]),
+                damping_deviation: damping.map(|deviation| deviation * DAMPING_SHARES[0]),
+                joint_error: WANDER[0].to_radians(),
+                joint_error_time: WANDER_TIME,
+                turn_rate: WANDER_TURN_RATE,
+                ..*preset
+            },
+            first: *preset,
+            calibration,
+            calibrations: CALIBRATIONS.map(|share| share * calibration),
+            offsets: {
+                let [a, b, c] = muscle.map(f64::from);
+                let [d, e, f] = damping.map(f64::from);
+                [a, b, c, d, e, f]
+            },
+        }
+    }
+
+    fn deviations(&self) -> Constants {
+        Constants::from_fn(|k, _| {
+            let offset = k.checked_sub(DIRECTIONS).and_then(|k| self.offsets.get(k));
+            offset.copied().unwrap_or(self.calibration)
+        })
+    }
+
+    /// Comes nearer to what the flight says of the noise.
+    fn follow(&mut self, found: &Found, scores: &Scores, errors: &Directions) {
+        #[expect(clippy::cast_possible_truncation, reason = "a factor")]
+        let followed = |deviation: f32, score: &Score, least: f32, most: f32| {
+            let factor = score.factor().sqrt().clamp(0.1, 4.0) as f32;
+            (deviation * factor).clamp(least, most)
+        };
+        let (preset, first) = (&mut self.preset, &self.first);
+        for axis in 0..3 {
+            let (muscle, damping) = (first.muscle[axis], first.damping_deviation[axis]);
+            preset.muscle[axis] = followed(
+                preset.muscle[axis],
+                &scores.quiet[axis],
+                MUSCLE_SHARES[1] * muscle,
+                6.0 * muscle,
+            );
+            preset.damping_deviation[axis] = followed(
+                preset.damping_deviation[axis],
+                &scores.quiet[3 + axis],
+                DAMPING_SHARES[1] * damping,
+                2.0 * damping,
+            );
+        }
+        preset.joint_error = followed(
+            preset.joint_error,
+            &scores.residual,
+            WANDER[1].to_radians(),
+            2.0 * first.joint_error,
+        );
+        let known: f64 = found.covariance.diagonal().rows(0, DIRECTIONS).sum();
+        #[expect(clippy::cast_precision_loss, reason = "a dozen")]
+        let told = DIRECTIONS as f64 - known / (self.calibration * self.calibration);
+        let [least, most] = self.calibrations;
+        self.calibration = (errors.norm_squared() / told.max(0.5))
+            .sqrt()
+            .clamp(least, most);
+    }
+}
