@@ -18,6 +18,9 @@ use bodyflight_core::estimator::preset::TRACKING_ON_BACK;
 use bodyflight_core::maneuver::scripts::MANEUVERS;
 use bodyflight_core::sensor_noise::SensorNoise;
 
+/// Stated deviation up to which a muscle input counts as observed.
+const OBSERVED: f64 = 0.15;
+
 /// What is known of a method over several flights.
 #[derive(Default, Clone)]
 struct Score {
@@ -26,6 +29,8 @@ struct Score {
     inside: [f64; 6],
     absolute: [f64; 6],
     square_error: [f64; 6],
+    /// Sum of the errors of muscle inputs that are zero and stated to better than [`OBSERVED`], and their number.
+    zero: [f64; 2],
     points: f64,
     nis: f64,
     states: [f64; 3],
@@ -56,6 +61,10 @@ impl Score {
                 self.inside[k] += f64::from(u8::from(error < 2.0 * deviation[k]));
                 self.absolute[k] += error;
                 self.square_error[k] += error * error;
+                if k < 3 && truth[k].abs() < 1e-9 && deviation[k] < OBSERVED {
+                    self.zero[0] += error;
+                    self.zero[1] += 1.0;
+                }
                 runs[k] = if error > 4.0 * deviation[k] && consistency == Consistency::Consistent {
                     runs[k] + point.time - last
                 } else {
@@ -79,6 +88,7 @@ impl Score {
         add(&mut self.absolute, &other.absolute);
         add(&mut self.square_error, &other.square_error);
         add(&mut self.states, &other.states);
+        add(&mut self.zero, &other.zero);
         self.flights += other.flights;
         self.points += other.points;
         self.nis += other.nis;
@@ -99,6 +109,9 @@ impl Score {
             let root = |sum: f64| format!("{:.2}", (sum / self.points).sqrt());
             print!(" {} |", self.inside.map(percent).join(" "));
             print!(" {} |", self.absolute.map(mean).join(" "));
+            let [sum, number] = self.zero;
+            let share = 100.0 * number / (3.0 * self.points);
+            print!(" {:.3} ({share:.0} %) |", sum / number.max(1.0));
             print!(" {} |", self.square_error.map(root).join(" "));
             print!(" {:.2} |", 4.0 * self.nis / self.flights);
             print!(" {} |", self.states.map(percent).join(" "));
@@ -109,7 +122,7 @@ impl Score {
                 self.seconds / self.flights
             );
         } else {
-            print!(" | | | | | | | |");
+            print!(" | | | | | | | | |");
         }
         println!();
     }
@@ -146,9 +159,9 @@ fn main() {
     let [from, seeds] = [number("--from", 1.0) as u64, number("--seeds", 3.0) as u64];
     let only = option("--only").unwrap_or_default();
     println!(
-        "| maneuver | by | roll | pitch | heading | yaw rate | angular velocity | V_hor | V_vert | in 2 sd, % | mean error | RMS error | NIS of 4 | consistent, doubtful, lost, % | unflagged, s | doubts | time, s |"
+        "| maneuver | by | roll | pitch | heading | yaw rate | angular velocity | V_hor | V_vert | in 2 sd, % | mean error | zero where observed | RMS error | NIS of 4 | consistent, doubtful, lost, % | unflagged, s | doubts | time, s |"
     );
-    println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|");
     let subject = Subject::default();
     let folder = std::env::temp_dir().join(format!("bodyflight-estimates-{}", std::process::id()));
     let mut all = vec![Score::default(); METHODS.len()];
