@@ -107,8 +107,9 @@ impl<T: Real> PostureError<T> {
     }
 }
 
-/// Force, and moment about the centre of gravity, over the dynamic pressure (m2, m3).
-fn load<T: Real>(
+/// Force, and moment about the centre of gravity, over the dynamic pressure (m2, m3) of a posture in the stream of `velocity`
+/// (m/s, through the air, body axes). `sample` is a place to work in.
+pub fn load<T: Real>(
     dynamics: &Dynamics<T>,
     posture: &Posture<T>,
     velocity: &Vector3<T>,

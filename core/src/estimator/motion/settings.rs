@@ -66,7 +66,7 @@ pub const MOTION: MotionPreset = MotionPreset {
     muscle: [0.3; 3],
     muscle_time: 4.0,
     damping: [3.0, 0.5, 6.0],
-    damping_deviation: [4.0, 2.0, 4.0],
+    damping_deviation: [5.0, 2.0, 4.0],
     damping_time: 2.0,
     awake: [3.0, 4.0],
     awake_time: 0.3,

@@ -14,6 +14,7 @@ use bodyflight_core::dynamics::{Dynamics, Motion, PostureSample};
 use bodyflight_core::estimator::motion::measurement::{
     CHANNELS, MotionMeasurement, Noise, Prediction,
 };
+use bodyflight_core::estimator::motion::posture_error::load;
 use bodyflight_core::estimator::motion::repeats::{BELIEVED, Repeats};
 use bodyflight_core::estimator::motion::settings::{MotionPreset, Process};
 use bodyflight_core::estimator::motion::state::{
@@ -21,6 +22,7 @@ use bodyflight_core::estimator::motion::state::{
 };
 use bodyflight_core::estimator::motion::transition::{self, MotionSlope};
 use bodyflight_core::estimator::unscented::SettingsError;
+use nalgebra::Vector3;
 
 use super::joints::{DIRECTIONS, Directions, JointDirections};
 use super::smoother::{Constants, Found, Pass, Score, Scores, Smoothed};
@@ -149,7 +151,23 @@ impl Whole {
             self.assumed.follow(&found, &scores, &self.errors);
             known = next;
         }
+        self.load_by_joints(&mut known);
         Ok(known)
+    }
+
+    /// Adds to the residual load what the joints' errors do: postures as recorded then fly as the corrected ones.
+    fn load_by_joints(&self, known: &mut [Known]) {
+        let mut place = PostureSample::blank();
+        let samples = self.samples.iter().step_by(STRIDE);
+        for (known, sample) in known.iter_mut().zip(samples) {
+            let velocity = through_air(&self.dynamics, &known.motion);
+            let mut load = |posture| load(&self.dynamics, posture, &velocity, &mut place);
+            let corrected = self.directions.corrected(&sample.posture, &self.errors);
+            let difference = load(&corrected) - load(&sample.posture);
+            let residual = &mut known.state.inputs.residual;
+            residual.force.components += difference.fixed_rows::<3>(0);
+            residual.moment.components += difference.fixed_rows::<3>(3);
+        }
     }
 
     /// The trajectory moved to a solution; none where that is not finite.
@@ -292,11 +310,16 @@ fn measure(
 
 /// How fast the stream turns about the body (rad/s).
 fn turn_rate(dynamics: &Dynamics<f64>, motion: &Motion<f64>) -> f64 {
-    let air = dynamics.air.velocity_at(&motion.position);
-    let velocity = (motion.velocity - motion.inertial_from_body.inverse() * air).components;
+    let velocity = through_air(dynamics, motion);
     let across = motion.angular_velocity.components.cross(&velocity).norm();
     let rate = across / velocity.norm();
     if rate.is_finite() { rate } else { 0.0 }
+}
+
+/// Velocity through the air (m/s, body axes).
+fn through_air(dynamics: &Dynamics<f64>, motion: &Motion<f64>) -> Vector3<f64> {
+    let air = dynamics.air.velocity_at(&motion.position);
+    (motion.velocity - motion.inertial_from_body.inverse() * air).components
 }
 
 fn times(noise: &Noise<f64>, factor: f64) -> Noise<f64> {
