@@ -336,13 +336,16 @@ impl Run<'_> {
             [0, 1, 2].map(most)
         };
         let instants = self.recorded.instants.iter().enumerate();
+        let begin = self.recorded.instants.first().map_or(0.0, |i| i.time);
         let samples = instants.map(|(index, instant)| Sample {
+            time: instant.time - begin,
             posture: instant.posture,
             motion: instant.motion,
             muscles: self.muscles_at(instant.time),
             // The filter's first is of the second instant.
             activity: awake(index.saturating_sub(1)),
         });
-        Whole::new(preset, &self.dynamics, samples.collect(), states).solve()
+        let model = (&self.dynamics, &self.applied);
+        Whole::new(preset, model, samples.collect(), states).solve()
     }
 }
