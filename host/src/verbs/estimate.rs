@@ -1,6 +1,7 @@
 //! `bodyflight estimate`: conscious inputs over time from a recording, and how much better the flight is
 //! reconstructed with them than with constant coefficients, the paper's own comparison.
 
+pub mod assumed;
 mod figure;
 pub mod joints;
 pub mod motion;

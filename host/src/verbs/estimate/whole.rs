@@ -25,8 +25,9 @@ use bodyflight_core::estimator::motion::transition::{self, MotionSlope};
 use bodyflight_core::estimator::unscented::SettingsError;
 use nalgebra::Vector3;
 
+use super::assumed::Assumed;
 use super::joints::{DIRECTIONS, Directions, JointDirections};
-use super::smoother::{Constants, Found, Pass, Score, Scores, Smoothed};
+use super::smoother::{Constants, Pass, Score, Smoothed};
 use crate::diagnostic::Result;
 use crate::interrupt;
 
@@ -56,21 +57,6 @@ pub struct Sample {
     pub muscles: MuscleModel,
     /// How much each axis is moved on purpose, 0 to 1.
     pub activity: [f64; 3],
-}
-
-/// What is assumed of the noise.
-#[derive(Debug, Clone, Copy)]
-struct Assumed {
-    /// Of what varies: its joints' error is what wanders.
-    preset: MotionPreset,
-    /// As it was at first.
-    first: MotionPreset,
-    /// Deviation of the joints' errors that stay (rad).
-    calibration: f64,
-    /// Bounds of it.
-    calibrations: [f64; 2],
-    /// Deviations of what muscle input and damping are off by over the flight.
-    offsets: [f64; 6],
 }
 
 /// A flight as one problem.
@@ -349,87 +335,5 @@ fn times(noise: &Noise<f64>, factor: f64) -> Noise<f64> {
         horizontal_velocity: noise.horizontal_velocity * factor,
         vertical_velocity: noise.vertical_velocity * factor,
         horizontal_speed: noise.horizontal_speed * factor,
-    }
-}
-
-/// Share of the preset's deviations that muscle input and damping have about what they are off by over the flight, at first
-/// and at least.
-const MUSCLE_SHARES: [f32; 2] = [0.67, 0.5];
-const DAMPING_SHARES: [f32; 2] = [0.5, 0.25];
-/// Wander of the joints (rad), at first and at least, and the time in which it changes (s).
-const WANDER: [f32; 2] = [0.1, 0.05];
-const WANDER_TIME: f32 = 5.0;
-const WANDER_TURN_RATE: f32 = 3.0;
-/// Share of the preset's joint error within which the flight says what it is.
-const CALIBRATIONS: [f64; 2] = [0.5, 1.5];
-
-impl Assumed {
-    /// From what the filter assumes.
-    fn of(preset: &MotionPreset) -> Self {
-        let [muscle, damping] = [preset.muscle, preset.damping_deviation];
-        let calibration = f64::from(preset.joint_error);
-        Self {
-            preset: MotionPreset {
-                muscle: muscle.map(|deviation| deviation * MUSCLE_SHARES[0]),
-                damping_deviation: damping.map(|deviation| deviation * DAMPING_SHARES[0]),
-                joint_error: WANDER[0].to_radians(),
-                joint_error_time: WANDER_TIME,
-                turn_rate: WANDER_TURN_RATE,
-                ..*preset
-            },
-            first: *preset,
-            calibration,
-            calibrations: CALIBRATIONS.map(|share| share * calibration),
-            offsets: {
-                let [a, b, c] = muscle.map(f64::from);
-                let [d, e, f] = damping.map(f64::from);
-                [a, b, c, d, e, f]
-            },
-        }
-    }
-
-    fn deviations(&self) -> Constants {
-        Constants::from_fn(|k, _| {
-            let offset = k.checked_sub(DIRECTIONS).and_then(|k| self.offsets.get(k));
-            offset.copied().unwrap_or(self.calibration)
-        })
-    }
-
-    /// Comes nearer to what the flight says of the noise.
-    fn follow(&mut self, found: &Found, scores: &Scores, errors: &Directions) {
-        #[expect(clippy::cast_possible_truncation, reason = "a factor")]
-        let followed = |deviation: f32, score: &Score, least: f32, most: f32| {
-            let factor = score.factor().sqrt().clamp(0.1, 4.0) as f32;
-            (deviation * factor).clamp(least, most)
-        };
-        let (preset, first) = (&mut self.preset, &self.first);
-        for axis in 0..3 {
-            let (muscle, damping) = (first.muscle[axis], first.damping_deviation[axis]);
-            preset.muscle[axis] = followed(
-                preset.muscle[axis],
-                &scores.quiet[axis],
-                MUSCLE_SHARES[1] * muscle,
-                6.0 * muscle,
-            );
-            preset.damping_deviation[axis] = followed(
-                preset.damping_deviation[axis],
-                &scores.quiet[3 + axis],
-                DAMPING_SHARES[1] * damping,
-                2.0 * damping,
-            );
-        }
-        preset.joint_error = followed(
-            preset.joint_error,
-            &scores.residual,
-            WANDER[1].to_radians(),
-            2.0 * first.joint_error,
-        );
-        let known: f64 = found.covariance.diagonal().rows(0, DIRECTIONS).sum();
-        #[expect(clippy::cast_precision_loss, reason = "a dozen")]
-        let told = DIRECTIONS as f64 - known / (self.calibration * self.calibration);
-        let [least, most] = self.calibrations;
-        self.calibration = (errors.norm_squared() / told.max(0.5))
-            .sqrt()
-            .clamp(least, most);
     }
 }
