@@ -79,7 +79,7 @@ const HELP: &str = "\
 Example: bodyflight estimate flight.toml --method smooth --out found.csv --plot est.svg
 
 Ends with exit code 5, and a sentence, where a channel is reconstructed worse than with constant coefficients or
-consistency is lost for more than a second; files are written all the same.";
+consistency is lost for more than a second, or doubtful for a quarter of the time; files are written all the same.";
 
 #[derive(clap::ValueEnum, Clone, Copy)]
 enum MethodName {

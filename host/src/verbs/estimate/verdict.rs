@@ -9,6 +9,10 @@ use crate::replay::comparison::{Channel, PerChannel};
 /// Longest time in a row for which consistency may be lost (s).
 pub const LONGEST_LOSS: f64 = 1.0;
 
+/// Share of the time for which an estimate may not be consistent: beyond, something acts throughout, and error bars of the
+/// moments between are no better.
+pub const LARGEST_SHARE: f64 = 0.25;
+
 /// Share of a channel's noise by which it may be worse than constant coefficients: that much is chance.
 const WORSE: f64 = 0.5;
 
@@ -161,7 +165,13 @@ pub fn sentence(worse: &[(Channel, f64, f64)], found: &Consistencies) -> Option<
         ));
     }
     if found.longest_loss_s <= LONGEST_LOSS {
-        return None;
+        let share = found.doubtful + found.lost;
+        return (share > LARGEST_SHARE).then(|| {
+            format!(
+                "the estimate is doubtful {:.0} % of the time: something acts throughout that it does not have",
+                100.0 * share
+            )
+        });
     }
     Some(format!(
         "consistency is lost for {:.1} s from {:.1} s on, worst in {}",
