@@ -113,7 +113,7 @@ impl Whole {
         trajectory.extend(states.iter().take(samples.len().saturating_sub(1) / STRIDE));
         Self {
             dynamics: *dynamics,
-            applied: applied.clone(),
+            applied: *applied,
             samples,
             directions,
             trajectory,
