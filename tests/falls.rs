@@ -156,6 +156,7 @@ fn a_fall_is_told_as_it_was_flown() {
     let prediction = &report["prediction"];
     let ratio = number(&prediction["predicted_mps"]) / number(&prediction["measured_mps"]);
     assert!((ratio - 1.0).abs() < 0.03, "{prediction}");
+    assert_eq!(prediction["outcome"], "held", "{prediction}");
     assert!(
         std::fs::read_to_string(plot)
             .expect("the plot")
@@ -229,6 +230,19 @@ fn public_falls_are_divided_as_a_person_does_and_explained() {
             let off = (number(&report[moment]["time_s"]) - marked).abs();
             assert!(off < 1.0, "{name}, {moment}: {}", report[moment]);
         }
+        // The speed skydiver brakes, the second wingsuit dives: neither was flown before.
+        let prediction = &report["prediction"];
+        let expected = if name.starts_with("_703") {
+            "held"
+        } else {
+            "posture-changed"
+        };
+        assert_eq!(prediction["outcome"], expected, "{name}: {prediction}");
+        assert_eq!(
+            prediction["predicted_mps"].is_null(),
+            expected != "held",
+            "{prediction}"
+        );
         let area = number(&report["drag_area_m2"]);
         assert!((0.08..0.9).contains(&area), "{name}: {area} m2");
     }

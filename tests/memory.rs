@@ -3,7 +3,7 @@
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
-use bodyflight::formats::mvnx::writer::{Description, Writer};
+use bodyflight::formats::mvnx::writer::{Description, Origin, Writer};
 use bodyflight::formats::recording::{FlightFrame, Options, PelvisMotion, Recording};
 use bodyflight::formats::subject::Subject;
 use bodyflight_core::Posture;
@@ -16,6 +16,7 @@ fn written(count: u64) -> Vec<u8> {
         frame_rate: 240.0,
         start_unix_ms: 0,
         comment: String::new(),
+        origin: Origin::Simulated,
     };
     let body = Subject::default().body();
     let path = Path::new("endless.mvnx");

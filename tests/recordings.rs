@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
-use bodyflight::formats::mvnx::writer::{Description, Writer};
+use bodyflight::formats::mvnx::writer::{Description, Origin, Writer};
 use bodyflight::formats::mvnx::{ArmFrame, Field, Frame, ReadOptions, Reader};
 use bodyflight::formats::recording::{FlightFrame, Options, PelvisMotion, Recording};
 use bodyflight::formats::subject::Subject;
@@ -233,6 +233,7 @@ fn description() -> Description {
         frame_rate: 240.0,
         start_unix_ms: 0,
         comment: String::new(),
+        origin: Origin::Simulated,
     }
 }
 

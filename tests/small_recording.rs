@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use bodyflight::diagnostic::Problem;
-use bodyflight::formats::mvnx::writer::{Description, Writer};
+use bodyflight::formats::mvnx::writer::{Description, Origin, Writer};
 use bodyflight::formats::recording::{FlightFrame, Options, PelvisMotion, Quality, Recording};
 use bodyflight::formats::subject::Subject;
 use bodyflight::verbs::inspect::{Report, inspect_input};
@@ -44,6 +44,7 @@ pub fn written(count: u64) -> String {
         frame_rate: 240.0,
         start_unix_ms: 1_478_188_786_272,
         comment: "free fall & tracking".into(),
+        origin: Origin::Simulated,
     };
     let body = Subject::default().body();
     let mut writer = Writer::new(Vec::new(), Path::new(NAME), description, &body).expect("begun");

@@ -8,12 +8,13 @@ use std::process::{Command, Output};
 /// The program.
 const BODYFLIGHT: &str = env!("CARGO_BIN_EXE_bodyflight");
 
-/// Verbs whose examples need a person, a browser, hardware, a track or minutes.
-const NOT_RUN: [&str; 12] = [
+/// Verbs whose examples need a person, a browser, hardware, a track, another system's file or minutes.
+const NOT_RUN: [&str; 13] = [
     "discover",
     "fall",
     "fly",
     "help",
+    "import",
     "monitor",
     "mvn",
     "reproduce",

@@ -9,7 +9,7 @@ use crate::canopy::{Circle, circles};
 use crate::cleaning::{TakenOut, cleaned};
 use crate::drag::{Block, Piece, blocks, glides, pieces, velocity_noise};
 use crate::phases::{Stretch, Times, divided, times};
-use crate::prediction::Flown;
+use crate::prediction::{Flown, Prediction};
 use crate::verdict::{Evidence, LEAST, PLAUSIBLE, Verdict, judged};
 use crate::wind::{Profile, Wind, wind};
 use crate::{Sample, median, slopes};
@@ -39,17 +39,6 @@ impl Default for Settings {
             reference_height: 2000.0,
         }
     }
-}
-
-/// The last third of the fall, predicted from what the first two tell.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Prediction {
-    /// Mean speed downwards of the last third, predicted (m/s).
-    pub predicted_mps: f64,
-    /// Standard deviation of it, as far as postures changed before (m/s).
-    pub deviation_mps: f64,
-    /// As it was (m/s).
-    pub measured_mps: f64,
 }
 
 /// The fall and the canopy in numbers.
@@ -153,7 +142,7 @@ pub fn analysed(samples: &[Sample], settings: &Settings) -> Option<Jump> {
             .iter()
             .map(|sample| -sample.velocity.z)
             .fold(0.0, f64::max),
-        prediction: predicted(falling, times.exit.is_some(), settings, noise),
+        prediction: predicted(falling, times.exit.is_some(), settings, noise, &told.pieces),
         stretches,
         times,
         taken_out,
@@ -260,12 +249,13 @@ fn root_mean_square(falling: &[Sample], flown: &[Vector3<f64>]) -> f64 {
     (squares / falling.len().max(1) as f64).sqrt()
 }
 
-/// Predicts the last third of the fall.
+/// Predicts the last third of the fall; `pieces` are those of all of it.
 fn predicted(
     falling: &[Sample],
     has_exit: bool,
     settings: &Settings,
     noise: f64,
+    pieces: &[Piece],
 ) -> Option<Prediction> {
     let (first, last) = (falling.first()?.time, falling.last()?.time);
     if last - first < LEAST {
@@ -297,11 +287,13 @@ fn predicted(
         )
     });
     let spread = (squares / f64::max(seconds, 1.0)).sqrt().min(1.0);
-    Some(Prediction {
-        predicted_mps: predicted,
-        deviation_mps: predicted * 0.5 * spread,
-        measured_mps: measured,
-    })
+    let late: Vec<Piece> = pieces
+        .iter()
+        .filter(|piece| piece.time[1] > after[0].time)
+        .copied()
+        .collect();
+    let rates = [predicted, predicted * 0.5 * spread, measured];
+    Some(Prediction::judged(rates, told.pieces.last()?, &late, first))
 }
 
 /// Speed downwards at the reference height (m/s): that of the steady part, by the root of the density.

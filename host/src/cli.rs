@@ -7,6 +7,7 @@ mod fall;
 mod figures;
 mod fly;
 mod hide;
+mod import;
 mod inspect;
 mod monitor;
 mod mvn;
@@ -49,6 +50,7 @@ struct Cli {
 #[derive(Subcommand)]
 enum Verb {
     Demo(demo::Args),
+    Import(import::Args),
     Inspect(inspect::Args),
     Simulate(simulate::Args),
     Reproduce(reproduce::Args),
@@ -88,6 +90,7 @@ pub(crate) fn main() -> ExitCode {
 fn run(cli: &Cli) -> Result<()> {
     match &cli.verb {
         Verb::Demo(args) => demo::run(args, cli.json),
+        Verb::Import(args) => import::run(args, cli.json),
         Verb::Inspect(args) => inspect::run(args, cli.json),
         Verb::Simulate(args) => simulate::run(args, cli.json),
         Verb::Reproduce(args) => reproduce::run(args, cli.json),

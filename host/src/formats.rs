@@ -2,6 +2,7 @@
 
 pub mod flight;
 pub mod flysight;
+pub mod import;
 pub mod input;
 pub mod input_history;
 pub mod model_file;

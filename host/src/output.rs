@@ -2,4 +2,5 @@
 
 pub mod destination;
 pub mod files;
+pub mod limbs;
 pub mod plot;

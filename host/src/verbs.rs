@@ -6,6 +6,7 @@ pub mod estimate;
 pub mod fall;
 pub mod figures;
 pub mod hide;
+pub mod import;
 pub mod inspect;
 pub mod poses;
 pub mod reproduce;

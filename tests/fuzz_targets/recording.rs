@@ -2,7 +2,7 @@
 
 use std::sync::OnceLock;
 
-use bodyflight::formats::mvnx::writer::{Description, Writer};
+use bodyflight::formats::mvnx::writer::{Description, Origin, Writer};
 use bodyflight::formats::recording::{BadFrames, FlightFrame, Options};
 use bodyflight::formats::subject::Subject;
 
@@ -79,6 +79,7 @@ fn rewritten(frames: &[FlightFrame]) -> Option<Vec<u8>> {
         frame_rate: 240.0,
         start_unix_ms: 0,
         comment: String::new(),
+        origin: Origin::Simulated,
     };
     let body = Subject::default().body();
     let mut writer = Writer::new(Vec::new(), NAME.as_ref(), description, &body).ok()?;

@@ -1,6 +1,7 @@
 //! Jumps that were flown in tests, found again.
 
 use super::*;
+use crate::prediction::Outcome;
 use crate::synthetic::{EXIT, Jump as Flying, jump, wind_at};
 
 #[test]
@@ -27,8 +28,9 @@ fn drag_wind_and_opening_of_a_jump_are_found() {
     let opening = found.opening().unwrap();
     assert!((1.0..6.0).contains(&opening.duration_s), "{opening:?}");
     let prediction = found.prediction.unwrap();
-    let off = prediction.predicted_mps / prediction.measured_mps - 1.0;
+    let off = prediction.predicted_mps.unwrap() / prediction.measured_mps - 1.0;
     assert!(off.abs() < 0.02, "{prediction:?}");
+    assert_eq!(prediction.outcome, Outcome::Held);
 }
 
 #[test]
@@ -46,6 +48,42 @@ fn postures_that_change_are_pieces() {
             (piece.drag / factor - 1.0).abs() < 0.06,
             "{piece:?}, {factor}"
         );
+    }
+}
+
+#[test]
+fn where_the_posture_changes_nothing_is_predicted_and_that_is_said() {
+    // Brakes and a dive in the last third, and one that begins just before it.
+    for (from, factor) in [(38.0, 1.0 / 100.0), (38.0, 1.0 / 260.0), (32.0, 1.0 / 90.0)] {
+        let flying = Flying {
+            drag: vec![(0.0, 1.0 / 153.0), (from, factor)],
+            ..Flying::default()
+        };
+        let found = analysed(&jump(&flying), &Settings::default()).unwrap();
+        let prediction = found.prediction.unwrap();
+        assert_eq!(
+            prediction.outcome,
+            Outcome::PostureChanged,
+            "{prediction:?}"
+        );
+        let said: f64 = (prediction.sentence.split_whitespace())
+            .find_map(|word| word.parse().ok())
+            .unwrap();
+        assert!((said - from).abs() < 3.0, "{}", prediction.sentence);
+    }
+    // A wind that turns with the height is no posture.
+    for speed in [0.0, 15.0, 25.0] {
+        let flying = Flying {
+            wind: [
+                Vector3::new(speed, -speed, 0.0),
+                Vector3::new(-3.0, 1.0, 0.0),
+            ],
+            noise: 0.3,
+            ..Flying::default()
+        };
+        let found = analysed(&jump(&flying), &Settings::default()).unwrap();
+        let prediction = found.prediction.unwrap();
+        assert_eq!(prediction.outcome, Outcome::Held, "{prediction:?}");
     }
 }
 

@@ -143,13 +143,14 @@ fn print(report: &Report) {
     terminal::print(&table.to_string());
     print_winds(report);
     if let Some(prediction) = &report.prediction {
-        terminal::print(&format!(
-            "last third predicted from the first two: {:.1} +- {:.1} m/s downwards, measured {:.1} ({:+.1} %)",
-            prediction.predicted_mps,
-            prediction.deviation_mps,
-            prediction.measured_mps,
-            100.0 * (prediction.predicted_mps / prediction.measured_mps - 1.0)
-        ));
+        let rates = match (prediction.predicted_mps, prediction.deviation_mps) {
+            (Some(predicted), Some(deviation)) => format!(
+                "{predicted:.1} +- {deviation:.1} m/s downwards from the first two, {:.1} measured; ",
+                prediction.measured_mps
+            ),
+            _ => format!("{:.1} m/s downwards; ", prediction.measured_mps),
+        };
+        terminal::print(&format!("last third: {rates}{}", prediction.sentence));
     }
     if report.rows_taken_out + report.rows_skipped > 0 {
         terminal::print(&format!(

@@ -6,7 +6,8 @@ use std::path::Path;
 
 use bodyflight_core::air::GRAVITY;
 use bodyflight_falls::atmosphere::Atmosphere;
-use bodyflight_falls::fall::{Jump, Opening, Prediction, Settings, analysed};
+use bodyflight_falls::fall::{Jump, Opening, Settings, analysed};
+use bodyflight_falls::prediction::Prediction;
 use bodyflight_falls::verdict::Verdict;
 use bodyflight_falls::wind::Wind;
 use bodyflight_falls::{Sample, median};
@@ -294,7 +295,7 @@ fn report(track: &Track, conditions: &Conditions, jump: &Jump) -> Report {
         winds_apart: jump.winds_apart().filter(|_| told),
         opening_details: jump.opening(),
         sensors: sensors(track, jump),
-        prediction: jump.prediction,
+        prediction: jump.prediction.clone(),
     }
 }
 

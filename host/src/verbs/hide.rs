@@ -9,7 +9,7 @@ use bodyflight_discovery::track::Frame;
 use crate::diagnostic::{Problem, Result};
 use crate::formats::flight::DEFAULT_DENSITY;
 use crate::formats::model_file::model_toml;
-use crate::formats::mvnx::writer::{Description, Writer};
+use crate::formats::mvnx::writer::{Description, Origin, Writer};
 use crate::formats::recording::FlightFrame;
 use crate::formats::subject::Subject;
 use crate::interrupt;
@@ -30,6 +30,7 @@ pub fn write(frames: &[Frame], subject: &Subject, rate: f64, folder: &Path) -> R
         frame_rate: rate,
         start_unix_ms: 0,
         comment: "bodyflight hide".to_owned(),
+        origin: Origin::Simulated,
     };
     let recording = folder.join("flight.mvnx");
     let mut writer = Writer::create(&recording, description, &subject.body())?;

@@ -26,7 +26,7 @@ use serde::Serialize;
 use crate::diagnostic::Result;
 use crate::formats::flight::{DensityChoice, Flight};
 use crate::formats::input_history::Row;
-use crate::formats::mvnx::writer::{Description, Writer};
+use crate::formats::mvnx::writer::{Description, Origin, Writer};
 use crate::formats::recording::{FlightFrame, PelvisMotion};
 use crate::formats::subject::{SEGMENTS_FILE, Subject};
 use crate::interrupt;
@@ -120,6 +120,7 @@ pub fn synthesize(
             "bodyflight synth {} --seed {}",
             request.maneuver.name, request.seed
         ),
+        origin: Origin::Simulated,
     };
     let mut writer = Writer::create(&flight.recording, description, &dynamics.body)?;
     let each = |frame: FlightFrame| {

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 use bodyflight_core::Body;
 
-pub use self::document::Description;
+pub use self::document::{Description, Origin};
 pub(crate) use self::motion::{Differences, MovingFrame, rotation_rate};
 use crate::diagnostic::{Problem, Result};
 use crate::formats::recording::FlightFrame;

@@ -25,6 +25,9 @@ const RATE_TOLERANCE: f64 = 0.03;
 const TURN: f64 = 0.2;
 const LEAST_TURNS: u64 = 4;
 
+/// Turn (rad) that is compared before that time: in a somersault the axis moves, and half a turn has two of them.
+const FAR: f64 = 1.0;
+
 /// Least angular velocity (rad/s, root mean square) that attitudes tell much of.
 const TURNS: f64 = 0.2;
 
@@ -181,8 +184,8 @@ impl Watch {
             turn.global += recorded * duration;
             turn.of_segment += from * as_of_pelvis(&recorded) * duration;
             let time = frame.time - turn.begin;
-            if time >= TURN {
-                let to = now.inertial_from_body.quaternion();
+            let to = now.inertial_from_body.quaternion();
+            if time >= TURN || turn.from.angle_to(to) >= FAR {
                 let turned: UnitQuaternion<f64> = to * turn.from.inverse();
                 let expected = turned.scaled_axis() / time;
                 self.global.add(&expected, &(turn.global / time));

@@ -10,7 +10,7 @@ use bodyflight_core::link::{
 use serde::Serialize;
 
 use crate::diagnostic::{Problem, Result};
-use crate::formats::mvnx::writer::{Description, Writer};
+use crate::formats::mvnx::writer::{Description, Origin, Writer};
 use crate::formats::recording::{FlightFrame, PelvisMotion};
 use crate::formats::subject::Subject;
 use crate::output::files::{CsvFile, write_file};
@@ -169,6 +169,7 @@ pub fn write(flight: &LoggedFlight, subject: Option<&Subject>, folder: &Path) ->
         frame_rate: flight.rate(),
         start_unix_ms: 0,
         comment: "bodyflight unit log".to_owned(),
+        origin: Origin::Logged,
     };
     let body = match subject {
         Some(subject) => subject.body(),

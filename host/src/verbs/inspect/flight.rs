@@ -44,7 +44,7 @@ pub struct FlightReport {
 ///
 /// # Errors
 /// Returns an error if it is none.
-pub(super) fn inspected(path: &Path, person: Option<&Body<f64>>) -> Result<FlightReport> {
+pub(crate) fn inspected(path: &Path, person: Option<&Body<f64>>) -> Result<FlightReport> {
     let options = Options {
         allow_truncated: true,
         ..Options::default()

@@ -1,10 +1,10 @@
 //! The first frame as a picture of letters: an arm that points the wrong way is seen at once.
 
-use bodyflight_core::body::posture::pose;
 use bodyflight_core::{Body, Segment};
 use nalgebra::Vector3;
 
 use crate::formats::recording::FlightFrame;
+use crate::output::limbs::{Limb, Side, limbs};
 
 /// Size of each of the two views (letters); a letter is twice as high as wide.
 const WIDTH: usize = 36;
@@ -15,7 +15,7 @@ const POINTS: usize = 24;
 
 /// The body in body axes, from the front (its left is right) and from its left (its front is left).
 pub(super) fn first_frame(body: &Body<f64>, frame: &FlightFrame) -> String {
-    let limbs = limbs(body, frame);
+    let limbs = limbs(body, &frame.posture);
     let ends = || limbs.iter().flat_map(|limb| [limb.from, limb.to]);
     let (low, high) = ends().fold(
         (
@@ -42,7 +42,7 @@ pub(super) fn first_frame(body: &Body<f64>, frame: &FlightFrame) -> String {
                 )]
                 let place = (down.max(0.0) as usize, across.max(0.0) as usize);
                 if let Some(letter) = view.get_mut(place.0).and_then(|row| row.get_mut(place.1)) {
-                    *letter = if step == POINTS { limb.end } else { limb.line };
+                    *letter = letter_of(limb, step == POINTS);
                 }
             }
         }
@@ -57,53 +57,16 @@ pub(super) fn first_frame(body: &Body<f64>, frame: &FlightFrame) -> String {
     rows.collect::<Vec<_>>().join("\n")
 }
 
-/// A line of the picture, body axes (m).
-struct Limb {
-    from: Vector3<f64>,
-    to: Vector3<f64>,
-    line: char,
-    end: char,
-}
-
-/// From each joint to the next, and to the far side of what has none.
-fn limbs(body: &Body<f64>, frame: &FlightFrame) -> Vec<Limb> {
-    let posed = pose(body, &frame.posture);
-    let mut limbs = Vec::new();
-    for segment in Segment::ALL {
-        let name = segment.name();
-        let line = match name.as_bytes() {
-            [b'l', b'_', ..] => '/',
-            [b'r', b'_', ..] => '\\',
-            _ => '|',
-        };
-        let end = match segment {
-            Segment::Head => 'O',
-            Segment::RightHand => 'R',
-            Segment::LeftHand => 'L',
-            _ => line,
-        };
-        let own = &posed[segment];
-        let far = own.cg * 2.0 - own.joint;
-        let children = Segment::ALL
-            .iter()
-            .filter(|child| child.parent() == Some(segment));
-        let mut joints = children.map(|child| posed[*child].joint).peekable();
-        if joints.peek().is_none() {
-            limbs.push(Limb {
-                from: own.joint,
-                to: far,
-                line,
-                end,
-            });
-        }
-        limbs.extend(joints.map(|to| Limb {
-            from: own.joint,
-            to,
-            line,
-            end: line,
-        }));
+/// What a limb is drawn with, along it and at its free end.
+fn letter_of(limb: &Limb, at_end: bool) -> char {
+    match (limb.segment, limb.side) {
+        (Segment::Head, _) if limb.is_end && at_end => 'O',
+        (Segment::RightHand, _) if limb.is_end && at_end => 'R',
+        (Segment::LeftHand, _) if limb.is_end && at_end => 'L',
+        (_, Side::Left) => '/',
+        (_, Side::Right) => '\\',
+        (_, Side::Middle) => '|',
     }
-    limbs
 }
 
 #[cfg(test)]

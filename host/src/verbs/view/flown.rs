@@ -8,7 +8,7 @@ use bodyflight_viewer::frame::{NUMBERS, SEGMENT_NUMBERS, place};
 use nalgebra::{Quaternion, UnitQuaternion};
 
 use crate::diagnostic::{Problem, Result};
-use crate::formats::mvnx::writer::{Description, Writer};
+use crate::formats::mvnx::writer::{Description, Origin, Writer};
 use crate::formats::recording::{FlightFrame, PelvisMotion};
 use crate::formats::subject::Subject;
 use crate::output::files::write_file;
@@ -105,6 +105,7 @@ pub fn write(
         frame_rate: RATE,
         start_unix_ms: 0,
         comment: "bodyflight fly".to_owned(),
+        origin: Origin::Simulated,
     };
     let mut writer = Writer::create(&folder.join("flight.mvnx"), description, &subject.body())?;
     for frame in frames {

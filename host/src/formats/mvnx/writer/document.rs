@@ -43,6 +43,36 @@ pub struct Description {
     pub start_unix_ms: u64,
     /// Free text.
     pub comment: String,
+    /// Where the frames come from.
+    pub origin: Origin,
+}
+
+/// Where the frames of a recording come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Origin {
+    /// The model flew them.
+    Simulated,
+    /// A unit logged them on board.
+    Logged,
+    /// Another system recorded them.
+    Imported {
+        /// Whether it says where the body is; otherwise there are no velocities and accelerations.
+        has_places: bool,
+    },
+}
+
+impl Origin {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Simulated => "simulated",
+            Self::Logged => "logged",
+            Self::Imported { .. } => "imported",
+        }
+    }
+
+    fn has_places(self) -> bool {
+        self != Self::Imported { has_places: false }
+    }
 }
 
 /// Everything before the first normal frame.
@@ -60,8 +90,9 @@ pub(super) fn header(
     )?;
     writeln!(
         out,
-        "\t<mvn version=\"bodyflight {0}\" build=\"bodyflight {0}, simulated\"/>",
-        env!("CARGO_PKG_VERSION")
+        "\t<mvn version=\"bodyflight {0}\" build=\"bodyflight {0}, {1}\"/>",
+        env!("CARGO_PKG_VERSION"),
+        description.origin.name()
     )?;
     writeln!(out, "\t<comment>{comment}</comment>")?;
     writeln!(
@@ -166,13 +197,11 @@ pub(super) fn frame(
             .saturating_add(clock.since_start_ms)
     )?;
     pose(out, &moving.placed)?;
-    for (element, values) in [
-        ("velocity", &moving.velocity),
-        ("acceleration", &moving.acceleration),
-        ("angularVelocity", &moving.angular_velocity),
-    ] {
-        vectors(out, element, values)?;
+    if description.origin.has_places() {
+        vectors(out, "velocity", &moving.velocity)?;
+        vectors(out, "acceleration", &moving.acceleration)?;
     }
+    vectors(out, "angularVelocity", &moving.angular_velocity)?;
     if let Some(motion) = &moving.centre_of_mass {
         vectors(out, "centerOfMass", motion)?;
     }

@@ -1,0 +1,67 @@
+//! `bodyflight import`.
+
+use std::path::PathBuf;
+
+use bodyflight::diagnostic::Result;
+use bodyflight::formats::import::mapping::Mapping;
+use bodyflight::formats::subject::Subject;
+use bodyflight::verbs::import::{FILES, Request, import};
+
+use super::outputs::Outputs;
+use super::terminal;
+
+/// Make a recording of another system's motion: BVH, or a table of joint angles, segment quaternions or points (CSV, MOT,
+/// STO, TRC).
+#[derive(clap::Args)]
+#[command(
+    after_help = "A mapping says where the axes of the file point and what its segments are called (docs/import.md). \
+                  Look at first-frame.svg before you trust the result.\n\n\
+                  Example: bodyflight import jump.csv --mapping mapping.toml --subject subject.toml --out jump"
+)]
+pub(super) struct Args {
+    /// The file, also packed (.gz, .xz).
+    file: PathBuf,
+    /// The mapping; a BVH file with common names of joints needs none.
+    #[arg(long, value_name = "TOML")]
+    mapping: Option<PathBuf>,
+    /// A subject.toml; the default subject where absent.
+    #[arg(long, value_name = "TOML")]
+    subject: Option<PathBuf>,
+    /// Folder for flight.mvnx, subject.toml, flight.toml and first-frame.svg; made where absent.
+    #[arg(long)]
+    out: PathBuf,
+    #[command(flatten)]
+    outputs: Outputs,
+}
+
+pub(super) fn run(args: &Args, json: bool) -> Result<()> {
+    let mapping = args.mapping.as_deref().map(Mapping::read).transpose()?;
+    let subject = match &args.subject {
+        Some(path) => Subject::read(path)?,
+        None => Subject::default(),
+    };
+    args.outputs.check_in(&args.out, FILES)?;
+    let bar = terminal::bar(100, "importing");
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "per cent"
+    )]
+    let report = import(
+        &Request {
+            file: &args.file,
+            mapping: mapping.as_ref(),
+            subject: &subject,
+            has_subject: args.subject.is_some(),
+            folder: &args.out,
+        },
+        |share| bar.set_position((100.0 * share) as u64),
+    );
+    bar.finish_and_clear();
+    let report = report?;
+    if json {
+        return terminal::print_json(&report);
+    }
+    terminal::print(&report.to_string());
+    Ok(())
+}

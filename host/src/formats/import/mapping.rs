@@ -1,0 +1,383 @@
+//! The mapping file: where the axes of a source point, and what its segments are called. `docs/import.md` lists the fields.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use bodyflight_core::Segment;
+use serde::Deserialize;
+
+use super::axes::{BodyAxes, WorldAxes, is_right_handed};
+use crate::diagnostic::{Problem, Result};
+use crate::formats::input;
+
+/// What the source gives of a segment.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Kind {
+    /// The joints of a BVH file.
+    Bvh,
+    /// Angles of its joint.
+    Angles,
+    /// A quaternion.
+    Quaternions,
+    /// Points at its ends.
+    Points,
+}
+
+/// The posture in which the axes of segments point as they are said to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Rest {
+    /// Standing, arms down, palms forward.
+    HPose,
+    /// Standing, arms out to the sides, palms down.
+    TPose,
+    /// As the bones of the file lie where nothing is turned.
+    Bones,
+}
+
+/// A mapping as it is written.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Mapping {
+    /// What kind of source it is for.
+    pub kind: Kind,
+    /// Where the axes of the source point on earth.
+    pub world: World,
+    /// Where the axes of its segments point.
+    #[serde(default)]
+    pub body: BodyTable,
+    /// When the rows of a table are.
+    #[serde(default)]
+    pub time: Time,
+    /// How angles are given.
+    #[serde(default)]
+    pub angles: Angles,
+    /// How quaternions are given.
+    #[serde(default)]
+    pub quaternions: Quaternions,
+    /// Where the pelvis is.
+    pub position: Option<Position>,
+    /// Segments of the model, and what lies between them in the source.
+    pub segments: BTreeMap<String, Row>,
+}
+
+/// Axes and unit of places.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct World {
+    /// Where X, Y and Z point.
+    pub axes: WorldAxes,
+    /// One unit of length (m).
+    pub unit_m: Option<f64>,
+}
+
+/// Axes of segments.
+#[derive(Debug, Clone, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BodyTable {
+    /// Where X, Y and Z of every segment point in the rest posture.
+    pub axes: Option<BodyAxes>,
+    /// In which posture.
+    pub rest: Option<Rest>,
+}
+
+/// When rows are.
+#[derive(Debug, Clone, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Time {
+    /// Column of the times.
+    pub column: Option<String>,
+    /// One unit of time (s).
+    pub unit_s: Option<f64>,
+    /// Rows per second, where no column has their times.
+    pub rate_hz: Option<f64>,
+}
+
+/// How angles are given.
+#[derive(Debug, Clone, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Angles {
+    /// `deg` or `rad`.
+    pub unit: Option<AngleUnit>,
+}
+
+/// Unit of angles.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum AngleUnit {
+    /// Degrees.
+    Deg,
+    /// Radians.
+    Rad,
+}
+
+/// How quaternions are given.
+#[derive(Debug, Clone, Copy, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Quaternions {
+    /// Order of the columns.
+    #[serde(default)]
+    pub order: Order,
+    /// What they turn into.
+    #[serde(default)]
+    pub relative_to: RelativeTo,
+}
+
+/// Order of the parts of a quaternion.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Order {
+    /// Scalar first.
+    #[default]
+    Wxyz,
+    /// Scalar last.
+    Xyzw,
+}
+
+/// Axes that a quaternion turns into.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum RelativeTo {
+    /// Those of the source's world.
+    #[default]
+    World,
+    /// Those of the parent.
+    Parent,
+}
+
+/// Where the pelvis is.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Position {
+    /// Columns of X, Y and Z.
+    pub columns: [String; 3],
+    /// From there to the middle of the hips, in the axes of the source's pelvis (m).
+    #[serde(default)]
+    pub offset_m: [f64; 3],
+}
+
+/// A point, or the middle of several.
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+#[serde(untagged)]
+pub enum Point {
+    /// One point.
+    One(String),
+    /// The middle of these.
+    Middle(Vec<String>),
+}
+
+impl Point {
+    /// Names of the points that it is the middle of.
+    pub fn names(&self) -> &[String] {
+        match self {
+            Self::One(name) => core::slice::from_ref(name),
+            Self::Middle(names) => names,
+        }
+    }
+}
+
+/// A segment, or a link between segments.
+#[derive(Debug, Clone, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Row {
+    /// Joint of a BVH file.
+    pub joint: Option<String>,
+    /// What it hangs on; where absent, the next one up that is mapped.
+    pub parent: Option<String>,
+    /// Axes that the angles turn about, one letter each, in their order.
+    pub rotations: Option<String>,
+    /// Columns of angles or of a quaternion; a minus before a name turns the other way.
+    pub columns: Option<Vec<String>>,
+    /// Rows of the matrix that takes its axes to those of the parent where all angles are zero.
+    pub zero: Option<[[f64; 3]; 3]>,
+    /// Where its own X, Y and Z point in the rest posture, where other than those of the body.
+    pub axes: Option<BodyAxes>,
+    /// The point at its joint; of the trunk and the head, at the lower end.
+    pub from: Option<Point>,
+    /// The point at its far end.
+    pub to: Option<Point>,
+    /// Two points of which the second is further left.
+    pub left: Option<[Point; 2]>,
+}
+
+impl Mapping {
+    /// Reads a mapping.
+    ///
+    /// # Errors
+    /// Returns an error if the file cannot be read or says something that cannot be.
+    pub fn read(path: &Path) -> Result<Self> {
+        let text = input::text(path)?;
+        Self::parse(&text, path)
+    }
+
+    pub(super) fn parse(text: &str, path: &Path) -> Result<Self> {
+        let mapping: Self =
+            toml::from_str(text).map_err(|error| Problem::toml(&error, text, path))?;
+        mapping.check().map_err(|problem| problem.in_file(path))?;
+        Ok(mapping)
+    }
+
+    fn check(&self) -> Result<()> {
+        let own = (self.segments.iter()).filter_map(|(name, row)| Some((name.as_str(), row.axes?)));
+        let common = self.body.axes.map(|axes| ("body", axes));
+        for (name, axes) in own.chain(common) {
+            if is_right_handed(&axes.0) != is_right_handed(&self.world.axes.0) {
+                let message = "one of its axes points the other way: they are of the other hand than those of the world";
+                return Err(Problem::bad_input(message).at(format!("{name}, axes")));
+            }
+        }
+        let positive = |what: &str, value: Option<f64>| match value {
+            Some(value) if !(value.is_finite() && value > 0.0) => {
+                let message = format!("expected a number above 0, found {value}");
+                Err(Problem::bad_input(message).at(what))
+            }
+            _ => Ok(()),
+        };
+        positive("world.unit_m", self.world.unit_m)?;
+        positive("time.unit_s", self.time.unit_s)?;
+        positive("time.rate_hz", self.time.rate_hz)?;
+        if self.kind != Kind::Bvh {
+            if self.time.column.is_some() == self.time.rate_hz.is_some() {
+                let message = "expected either the column of the times or a rate";
+                return Err(Problem::bad_input(message)
+                    .at("time")
+                    .help("[time] column = \"time_s\", or rate_hz = 100"));
+            }
+            let known = matches!(self.body.rest, Some(Rest::HPose | Rest::TPose));
+            if self.kind != Kind::Points && !known {
+                let message = "expected rest: the posture in which the axes are so";
+                return Err(Problem::bad_input(message)
+                    .at("body")
+                    .help("rest = \"t-pose\" or \"h-pose\""));
+            }
+        }
+        if self.kind != Kind::Points && self.body.axes.is_none() {
+            let message = "expected axes: where X, Y and Z of segments point in the rest posture";
+            return Err(Problem::bad_input(message)
+                .at("body")
+                .help("axes = [\"left\", \"up\", \"forward\"]"));
+        }
+        self.check_rows()
+    }
+
+    fn check_rows(&self) -> Result<()> {
+        for (name, row) in &self.segments {
+            let is_link = self
+                .segments
+                .values()
+                .any(|other| other.parent.as_ref() == Some(name));
+            if Segment::from_name(name).is_none() && !is_link {
+                let known = Segment::ALL.map(Segment::name).join(", ");
+                return Err(Problem::bad_input(
+                    "neither a segment of the model nor the parent of one",
+                )
+                .at(format!("segments.{name}"))
+                .help(format!("segments: {known}")));
+            }
+            let problem =
+                |message: String| Err(Problem::bad_input(message).at(format!("segments.{name}")));
+            if let Some(parent) = &row.parent
+                && !self.segments.contains_key(parent)
+            {
+                return problem(format!("its parent \"{parent}\" is not among the segments"));
+            }
+            let columns = row.columns.as_ref().map_or(0, Vec::len);
+            match self.kind {
+                Kind::Bvh if row.joint.is_none() => {
+                    return problem("expected joint = \"its name in the file\"".into());
+                }
+                Kind::Angles => {
+                    let rotations = row.rotations.as_deref().unwrap_or("");
+                    if rotations.chars().any(|axis| !"xyz".contains(axis)) {
+                        return problem(format!(
+                            "expected rotations about x, y and z, found \"{rotations}\""
+                        ));
+                    }
+                    if rotations.len() != columns {
+                        return problem(format!(
+                            "expected a column for each of its {} rotations, found {columns}",
+                            rotations.len()
+                        ));
+                    }
+                }
+                Kind::Quaternions if columns != 4 => {
+                    return problem(format!(
+                        "expected the four columns of its quaternion, found {columns}"
+                    ));
+                }
+                Kind::Points if row.from.is_none() || row.to.is_none() => {
+                    return problem("expected from and to, the points at its ends".into());
+                }
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ANGLES: &str = "kind = \"angles\"\n[world]\naxes = [\"east\", \"north\", \"up\"]\n[body]\naxes = [\"right\", \"forward\", \"up\"]\n\
+        rest = \"h-pose\"\n[time]\nrate_hz = 200\n[segments.pelvis]\nrotations = \"xz\"\ncolumns = [\"a\", \"-b\"]\n";
+
+    #[test]
+    fn what_cannot_be_is_named_with_its_place() {
+        assert!(Mapping::parse(ANGLES, Path::new("m.toml")).is_ok());
+        for (text, parts) in [
+            (
+                ANGLES.replace("\"up\"]", "\"down\"]"),
+                ["m.toml: body, axes", "other hand"].as_slice(),
+            ),
+            (
+                ANGLES.replace("east", "sunrise"),
+                &["m.toml:3", "sunrise", "west"],
+            ),
+            (
+                ANGLES.replace("rate_hz = 200", "rate_hz = 0"),
+                &["time.rate_hz", "found 0"],
+            ),
+            (ANGLES.replace("rate_hz = 200", ""), &["time", "either"]),
+            (
+                ANGLES.replace("rest = \"h-pose\"", ""),
+                &["body", "posture"],
+            ),
+            (
+                ANGLES.replace("\"xz\"", "\"xyz\""),
+                &["segments.pelvis", "3 rotations, found 2"],
+            ),
+            (
+                ANGLES.replace("\"xz\"", "\"xq\""),
+                &["segments.pelvis", "\"xq\""],
+            ),
+            (
+                ANGLES.replace("segments.pelvis", "segments.tail"),
+                &["segments.tail", "neither"],
+            ),
+            (
+                ANGLES.replace("rotations =", "parent = \"hull\"\nrotations ="),
+                &["segments.pelvis", "\"hull\""],
+            ),
+            (
+                ANGLES.replace("kind = \"angles\"", "kind = \"quaternions\""),
+                &["segments.pelvis", "found 2"],
+            ),
+            (ANGLES.replace("[time]", "[tempo]"), &["m.toml:7", "tempo"]),
+        ] {
+            // Only the last list of axes is that of the body.
+            let text = if parts[1] == "other hand" {
+                ANGLES.replace("\"forward\", \"up\"]", "\"forward\", \"down\"]")
+            } else {
+                text
+            };
+            let problem = Mapping::parse(&text, Path::new("m.toml"))
+                .unwrap_err()
+                .to_string();
+            for part in parts {
+                assert!(problem.contains(part), "{text}\n-> {problem}\nlacks {part}");
+            }
+        }
+    }
+}

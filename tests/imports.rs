@@ -1,0 +1,412 @@
+//! Motion of other systems through the real binary: a known flight written in each format returns.
+#![expect(clippy::expect_used, reason = "tests may panic: that is how they fail")]
+
+#[path = "imports/bvh.rs"]
+mod bvh;
+
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+use bodyflight::formats::recording::{FlightFrame, Options, Recording};
+use bodyflight::formats::subject::Subject;
+use bodyflight::formats::xsens;
+use bodyflight_core::body::posture::pose;
+use bodyflight_core::{Segment, SegmentArray};
+use bodyflight_tests::program::{Program, plain, text, written};
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
+
+const PROGRAM: Program = Program(env!("CARGO_BIN_EXE_bodyflight"));
+
+/// Largest difference of an attitude that comes back (degrees).
+const RETURNS: f64 = 0.5;
+
+fn acrobatics(name: &str) -> PathBuf {
+    [env!("CARGO_MANIFEST_DIR"), "data/acrobatics", name]
+        .iter()
+        .collect()
+}
+
+fn frames(path: &Path) -> Vec<FlightFrame> {
+    let recording = Recording::open(path, Options::default()).expect("a recording");
+    recording.collect::<Result<_, _>>().expect("good frames")
+}
+
+/// The known flight: a somersault with two twists.
+fn known() -> Vec<FlightFrame> {
+    frames(&acrobatics("flight-1.mvnx.gz"))
+}
+
+/// Inertial axes from those of each segment.
+fn turned(frame: &FlightFrame) -> SegmentArray<UnitQuaternion<f64>> {
+    let attitude = *frame.pelvis.inertial_from_body.quaternion();
+    (frame.posture.body_from_segments()).map(|_, segment| attitude * segment)
+}
+
+/// Imports a file and compares it with the known flight: the largest angle of each segment (degrees), and of places (m).
+fn imported(folder: &Path, arguments: &[&str]) -> (SegmentArray<f64>, f64) {
+    let out = folder.join("out");
+    let report =
+        PROGRAM.json(&[&["import"], arguments, &["--out", plain(&out), "--force"]].concat());
+    let (came, went) = (frames(&out.join("flight.mvnx")), known());
+    assert_eq!(came.len(), went.len(), "{report}");
+    assert_eq!(report["frame_rate_hz"], 200.0, "{report}");
+    let mut angles = SegmentArray::from_fn(|_| 0.0_f64);
+    let mut places = 0.0_f64;
+    for (came, went) in came.iter().zip(&went) {
+        let (a, b) = (turned(came), turned(went));
+        for (segment, angle) in angles.iter_mut() {
+            *angle = angle.max(a[segment].angle_to(&b[segment]).to_degrees());
+        }
+        let apart = came.pelvis.position.components - went.pelvis.position.components;
+        places = places.max(apart.norm());
+    }
+    (angles, places)
+}
+
+fn largest(angles: &SegmentArray<f64>) -> f64 {
+    angles.values().copied().fold(0.0, f64::max)
+}
+
+/// Rows of quaternions of all segments, `columns` of each by name, by a function of the frame.
+fn quaternions(
+    parts: &str,
+    of: impl Fn(&FlightFrame) -> SegmentArray<UnitQuaternion<f64>>,
+) -> String {
+    let mut text = "time_ms,x,y,z".to_owned();
+    for segment in Segment::ALL {
+        for part in parts.chars() {
+            let _ = write!(text, ",{}.{part}", segment.name());
+        }
+    }
+    for (k, frame) in known().iter().enumerate() {
+        let place = frame.pelvis.position.components;
+        let _ = write!(
+            text,
+            "\n{},{:.4},{:.4},{:.4}",
+            5 * k,
+            place.x,
+            place.y,
+            place.z
+        );
+        let turned = of(frame);
+        for q in turned.values() {
+            for part in parts.chars() {
+                let value = match part {
+                    'w' => q.w,
+                    'x' => q.i,
+                    'y' => q.j,
+                    _ => q.k,
+                };
+                let _ = write!(text, ",{value:.5}");
+            }
+        }
+    }
+    text
+}
+
+/// A mapping of all segments to their quaternions.
+fn mapping(head: &str, parts: &str) -> String {
+    let mut text = format!(
+        "kind = \"quaternions\"\n[time]\ncolumn = \"time_ms\"\nunit_s = 0.001\n[position]\ncolumns = [\"x\", \"y\", \"z\"]\n{head}\n"
+    );
+    for segment in Segment::ALL {
+        let name = segment.name();
+        let columns: Vec<String> = parts
+            .chars()
+            .map(|part| format!("\"{name}.{part}\""))
+            .collect();
+        let _ = write!(
+            text,
+            "[segments.{name}]\ncolumns = [{}]\n",
+            columns.join(", ")
+        );
+    }
+    text
+}
+
+#[test]
+fn a_flight_returns_through_quaternions_of_either_hand_and_order() {
+    let folder = tempfile::tempdir().expect("a folder");
+    // As a suit gives them: from the T-pose, X forward, Y left, Z up, scalar first, into the axes of the earth.
+    let table = quaternions("wxyz", |frame| {
+        xsens::mvn_orientations(frame.pelvis.inertial_from_body, &frame.posture)
+            .map(|_, turned| *turned.quaternion())
+    });
+    let file = written(folder.path(), "suit.csv", &table);
+    let head = "[world]\naxes = [\"north\", \"west\", \"up\"]\n[body]\naxes = [\"forward\", \"left\", \"up\"]\nrest = \"t-pose\"\n";
+    let map = written(folder.path(), "suit.toml", &mapping(head, "wxyz"));
+    let (angles, places) = imported(folder.path(), &[&file, "--mapping", &map]);
+    assert!(
+        largest(&angles) < RETURNS && places < 1e-3,
+        "{angles:?}, {places} m"
+    );
+
+    // As a game engine gives them: left-handed, X right, Y up, Z forward, scalar last, into the axes of the parent.
+    let body_axes = Matrix3::from_columns(&[-Vector3::x(), Vector3::z(), -Vector3::y()]);
+    let world_axes = Matrix3::from_columns(&[-Vector3::y(), Vector3::z(), Vector3::x()]);
+    let table = quaternions("xyzw", |frame| {
+        let world_from_segment = turned(frame).map(|_, turned| {
+            world_axes.transpose() * turned.to_rotation_matrix().matrix() * body_axes
+        });
+        world_from_segment.map(|segment, own| {
+            let parent = segment
+                .parent()
+                .map_or_else(Matrix3::identity, |parent| world_from_segment[parent]);
+            let turn = Rotation3::from_matrix_unchecked(parent.transpose() * own);
+            UnitQuaternion::from_rotation_matrix(&turn)
+        })
+    });
+    let file = written(folder.path(), "engine.csv", &table);
+    let head = "[world]\naxes = [\"east\", \"up\", \"north\"]\n[body]\naxes = [\"right\", \"up\", \"forward\"]\nrest = \"h-pose\"\n\
+                [quaternions]\norder = \"xyzw\"\nrelative_to = \"parent\"\n";
+    // Places stay in the axes of the earth in this table, so only attitudes are compared.
+    let map = written(folder.path(), "engine.toml", &mapping(head, "xyzw"));
+    let (angles, _) = imported(folder.path(), &[&file, "--mapping", &map]);
+    assert!(largest(&angles) < RETURNS, "{angles:?}");
+}
+
+#[test]
+fn a_flight_returns_through_points() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let flight = known();
+    let points = ["from", "to", "left"];
+    let names: Vec<String> = (Segment::ALL.into_iter())
+        .flat_map(|segment| points.map(|point| format!("{}.{point}", segment.name())))
+        .collect();
+    let mut table = format!(
+        "PathFileType\t4\t(X/Y/Z)\tjump.trc\nDataRate\tNumFrames\tNumMarkers\tUnits\n200\t{}\t{}\tmm\nFrame#\tTime",
+        flight.len(),
+        names.len()
+    );
+    for name in &names {
+        let _ = write!(table, "\t{name}\t\t");
+    }
+    table.push_str("\n\t\tX1\tY1\tZ1\n");
+    for (k, frame) in flight.iter().enumerate() {
+        let _ = write!(table, "{}\t{:.3}", k + 1, k as f64 * 0.005);
+        let posed = pose(&Subject::default().body(), &frame.posture);
+        let attitude = *frame.pelvis.inertial_from_body.quaternion();
+        for segment in Segment::ALL {
+            let to = match segment {
+                Segment::Pelvis | Segment::Abdomen | Segment::Thorax | Segment::Head => {
+                    Vector3::z()
+                }
+                Segment::LeftFoot | Segment::RightFoot => -Vector3::y(),
+                _ => -Vector3::z(),
+            };
+            // What a point to the left is further along the segment says nothing.
+            let left = Vector3::x() * 0.1 + to * 0.03;
+            for way in [Vector3::zeros(), to * 0.4, left] {
+                let in_body = posed[segment].joint + posed[segment].body_from_segment * way;
+                let place = frame.pelvis.position.components + attitude * in_body;
+                let _ = write!(
+                    table,
+                    "\t{:.2}\t{:.2}\t{:.2}",
+                    1000.0 * place.x,
+                    1000.0 * place.y,
+                    1000.0 * place.z
+                );
+            }
+        }
+        table.push('\n');
+    }
+    let file = written(folder.path(), "jump.trc", &table);
+    let mut map = "kind = \"points\"\n[world]\naxes = [\"north\", \"west\", \"up\"]\n[time]\ncolumn = \"Time\"\n".to_owned();
+    for segment in Segment::ALL {
+        let name = segment.name();
+        let _ = write!(
+            map,
+            "[segments.{name}]\nfrom = \"{name}.from\"\nto = [\"{name}.to\"]\n"
+        );
+        let _ = writeln!(map, "left = [\"{name}.from\", \"{name}.left\"]");
+    }
+    let map = written(folder.path(), "points.toml", &map);
+    let (angles, places) = imported(folder.path(), &[&file, "--mapping", &map]);
+    assert!(largest(&angles) < RETURNS, "{angles:?}");
+    assert!(places < 0.005, "{places} m");
+}
+
+#[test]
+fn joint_angles_of_a_laboratory_are_its_flight() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (table, map) = (
+        acrobatics("joint-angles-1.csv.gz"),
+        acrobatics("joint-angles.toml"),
+    );
+    let subject = acrobatics("subject-1.toml");
+    let arguments = [
+        plain(&table),
+        "--mapping",
+        plain(&map),
+        "--subject",
+        plain(&subject),
+    ];
+    let (angles, places) = imported(folder.path(), &arguments);
+    for (segment, angle) in angles.iter() {
+        let most = match segment {
+            // Elbows and wrists of the laboratory turn about two axes, which rounds its own conversion.
+            Segment::LeftForearm
+            | Segment::RightForearm
+            | Segment::LeftHand
+            | Segment::RightHand => 1.0,
+            // The abdomen has no angles: it goes half-way.
+            Segment::Abdomen => 15.0,
+            _ => RETURNS,
+        };
+        assert!(*angle < most, "{segment:?}: {angle}");
+    }
+    assert!(places < 1e-3, "{places} m");
+    // What was imported flies as what was recorded, and nothing is odd about either but their length.
+    let imported = folder.path().join("out/flight.toml");
+    for flight in [imported, acrobatics("flight-1.toml")] {
+        let report = PROGRAM.json(&["simulate", plain(&flight)]);
+        let warnings = report["warnings"].as_array().expect("warnings");
+        assert_eq!(warnings.len(), 1, "{report}");
+        let said = warnings[0]["message"].as_str().expect("a sentence");
+        assert!(said.contains("ends after 1.14 s"), "{said}");
+    }
+}
+
+#[test]
+fn a_mistake_in_axes_is_seen() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = bvh::written(&xsens::t_pose(), str::to_owned);
+    let out = plain(&folder.path().join("out")).to_owned();
+    // Y and Z exchanged, as another program would write it.
+    let tilted = file.replace("OFFSET ", "OFFSET  ");
+    let tilted: String = tilted
+        .lines()
+        .map(
+            |line| match line.split_whitespace().collect::<Vec<_>>()[..] {
+                ["OFFSET", x, y, z] => format!("OFFSET {x} -{z} {y}\n").replace("--", ""),
+                _ => format!("{line}\n"),
+            },
+        )
+        .collect();
+    let path = written(folder.path(), "tilted.bvh", &tilted);
+    let said = PROGRAM.fails(&["import", &path, "--out", &out], 2);
+    assert!(
+        said.contains("not above the hips") && said.contains("[body] axes"),
+        "{said}"
+    );
+    // Knees that are bent forwards: a sign is wrong.
+    let table = "knee,x,y,z\n90,0,0,0\n91,0,0,0\n92,0,0,0\n".to_owned();
+    let table = written(folder.path(), "sit.csv", &table);
+    for (column, is_wrong) in [("knee", false), ("-knee", true)] {
+        let mut map = "kind = \"angles\"\n[world]\naxes = [\"north\", \"west\", \"up\"]\n[body]\naxes = [\"left\", \"back\", \"up\"]\n\
+                       rest = \"h-pose\"\n[time]\nrate_hz = 100\n[position]\ncolumns = [\"x\", \"y\", \"z\"]\n"
+            .to_owned();
+        for segment in Segment::ALL {
+            let _ = writeln!(map, "[segments.{}]", segment.name());
+            if matches!(segment, Segment::LeftShank | Segment::RightShank) {
+                let _ = writeln!(map, "rotations = \"x\"\ncolumns = [\"{column}\"]");
+            }
+        }
+        let map = written(folder.path(), "sit.toml", &map);
+        let output = PROGRAM.run(&[
+            "import",
+            &table,
+            "--mapping",
+            &map,
+            "--out",
+            &out,
+            "--force",
+        ]);
+        let said = text(&output.stdout);
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        assert_eq!(said.contains("knees are bent forwards"), is_wrong, "{said}");
+        assert!(said.contains("no subject is given"), "{said}");
+    }
+}
+
+#[test]
+fn broken_files_of_each_kind_get_their_sentence() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = plain(&folder.path().join("out")).to_owned();
+    let map = plain(&acrobatics("joint-angles.toml")).to_owned();
+    let head = "[world]\naxes = [\"north\", \"west\", \"up\"]\n[body]\naxes = [\"forward\", \"left\", \"up\"]\nrest = \"t-pose\"\n";
+    let suit = written(folder.path(), "suit.toml", &mapping(head, "wxyz"));
+    let good = quaternions("wxyz", turned);
+    let long = good.lines().map(|line| {
+        // The first quaternion of the third row is too long.
+        let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+        if cells[0] == "10" {
+            cells[4] = "1.5".to_owned();
+        }
+        cells.join(",") + "\n"
+    });
+    let long: String = long.collect();
+    let whole = bvh::written(&xsens::t_pose(), str::to_owned);
+    for (name, content, mapping, parts) in [
+        (
+            "a.bvh",
+            whole[..whole.len() - 40].to_owned(),
+            None,
+            ["a.bvh:", "expected 51 numbers"],
+        ),
+        (
+            "b.bvh",
+            whole.replace("LeftUpLeg", "Bone7"),
+            None,
+            ["b.bvh", "Bone7"],
+        ),
+        ("c.bvh", good.clone(), None, ["c.bvh:1", "no BVH file"]),
+        (
+            "d.csv",
+            good.replace("l_thigh.w", "thigh"),
+            Some(&suit),
+            ["segments.l_thigh", "no column \"l_thigh.w\""],
+        ),
+        (
+            "e.csv",
+            long,
+            Some(&suit),
+            ["e.csv:4: segments.pelvis", "unit length"],
+        ),
+        (
+            "f.csv",
+            good.replace("\n20,", "\n22,"),
+            Some(&suit),
+            ["f.csv:6", "even times"],
+        ),
+        (
+            "g.csv",
+            good.replace("\n20,", "\nx,"),
+            Some(&suit),
+            ["g.csv:6", "found \"x\""],
+        ),
+        (
+            "h.csv",
+            "Pelvis_x,Pelvis_y\n1,2\n3,4\n".to_owned(),
+            Some(&map),
+            ["h.csv", "no column"],
+        ),
+        (
+            "i.trc",
+            "PathFileType\t4\n".to_owned(),
+            Some(&map),
+            ["i.trc", "ends early"],
+        ),
+        (
+            "j.mot",
+            "Coordinates\nendheader\n".to_owned(),
+            Some(&map),
+            ["j.mot", "empty table"],
+        ),
+    ] {
+        let file = written(folder.path(), name, &content);
+        let mut arguments = vec!["import", &file, "--out", &out];
+        arguments.extend(
+            mapping
+                .map(|map| ["--mapping", map.as_str()])
+                .into_iter()
+                .flatten(),
+        );
+        let said = PROGRAM.fails(&arguments, 2);
+        for part in parts {
+            assert!(said.contains(part), "{name}: {said}\nlacks {part}");
+        }
+        let flight = folder.path().join("out/flight.mvnx");
+        assert!(!flight.exists(), "{name}");
+    }
+}

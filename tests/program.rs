@@ -1,0 +1,86 @@
+//! The real binary, for tests of the command line: its answers as JSON, what it says where it fails.
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+use serde_json::Value;
+
+/// The program, by its path: only a package's own tests are given that of its binary.
+#[derive(Debug, Clone, Copy)]
+pub struct Program(pub &'static str);
+
+impl Program {
+    /// Runs it.
+    pub fn run(self, arguments: &[&str]) -> Output {
+        Command::new(self.0)
+            .args(arguments)
+            .output()
+            .unwrap_or_else(|error| panic!("{}: {error}", self.0))
+    }
+
+    /// Standard output as JSON, and the exit code.
+    pub fn answer(self, arguments: &[&str]) -> (Value, Option<i32>) {
+        let output = self.run(&[arguments, &["--json"]].concat());
+        let value = serde_json::from_slice(&output.stdout)
+            .unwrap_or_else(|_| panic!("{arguments:?}: {}", text(&output.stderr)));
+        (value, output.status.code())
+    }
+
+    /// Standard output as JSON, of a run that succeeds.
+    pub fn json(self, arguments: &[&str]) -> Value {
+        let output = self.run(&[arguments, &["--json"]].concat());
+        assert!(
+            output.status.success(),
+            "{arguments:?}: {}",
+            text(&output.stderr)
+        );
+        serde_json::from_slice(&output.stdout)
+            .unwrap_or_else(|error| panic!("{arguments:?}: no JSON: {error}"))
+    }
+
+    /// What it says where it fails with this exit code.
+    pub fn fails(self, arguments: &[&str], code: i32) -> String {
+        let output = self.run(arguments);
+        let message = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(code), "{arguments:?}: {message}");
+        assert!(!message.contains("panicked"), "{message}");
+        // Lines of a terminal may break anywhere: compare without breaks.
+        message
+            .split_whitespace()
+            .filter(|word| *word != "│")
+            .collect::<Vec<_>>()
+            .join(" ")
+    }
+
+    /// Synthesises a maneuver into a folder; its `flight.toml`.
+    pub fn synth(self, maneuver: &str, folder: &Path, extra: &[&str]) -> String {
+        let report = self.json(&[&["synth", maneuver, "--out", plain(folder)], extra].concat());
+        let flight = report["flight"].as_str();
+        flight.unwrap_or_else(|| panic!("{report}")).to_owned()
+    }
+}
+
+/// What a program wrote.
+pub fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// A path as an argument.
+pub fn plain(path: &Path) -> &str {
+    path.to_str()
+        .unwrap_or_else(|| panic!("a plain path: {}", path.display()))
+}
+
+/// A number of a report.
+pub fn number(value: &Value) -> f64 {
+    value
+        .as_f64()
+        .unwrap_or_else(|| panic!("a number: {value}"))
+}
+
+/// Writes a file into a folder; its path.
+pub fn written(folder: &Path, name: &str, content: &str) -> String {
+    let path = folder.join(name);
+    std::fs::write(&path, content).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    plain(&path).to_owned()
+}
