@@ -133,6 +133,29 @@ fn nothing_is_named_where_nothing_is_hidden_or_the_flight_is_short() {
     assert_eq!(report["model"].as_array().map(Vec::len), Some(0));
 }
 
+#[cfg(unix)]
+#[test]
+fn ctrl_c_ends_a_search_within_a_second() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [flight, other] = hide("clean", "30", folder.path());
+    let mut search = Command::new(env!("CARGO_BIN_EXE_bodyflight"))
+        .args(["discover", &flight, "--hold-out", &other])
+        .stdout(std::process::Stdio::null())
+        .spawn()
+        .expect("the binary starts");
+    std::thread::sleep(std::time::Duration::from_secs(4));
+    let running = search.try_wait().expect("a state");
+    assert!(running.is_none(), "the search was over before Ctrl-C");
+    let pressed = std::time::Instant::now();
+    let process = search.id().to_string();
+    let sent = Command::new("kill").args(["-INT", &process]).status();
+    assert!(sent.expect("kill is there").success());
+    let ended = search.wait().expect("it ends");
+    let seconds = pressed.elapsed().as_secs_f64();
+    assert_eq!(ended.code(), Some(130));
+    assert!(seconds < 1.5, "{seconds} s");
+}
+
 #[test]
 fn what_is_not_in_the_library_is_described_and_not_given_a_name() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -177,10 +177,11 @@ impl Scene<'_> {
         for candidate in candidates.into_iter().take(FOLLOWED) {
             check(progress)?;
             followed.push(
-                self.followed(&candidate.effects, candidate.effect)
+                self.followed(&candidate.effects, candidate.effect, progress)
                     .unwrap_or(candidate),
             );
         }
+        check(progress)?;
         followed.sort_by(|a, b| b.total().total_cmp(&a.total()));
         Ok(followed)
     }
@@ -241,17 +242,24 @@ impl Scene<'_> {
         flights: &[&(&Problem<'_>, Fitted)],
         effects: &EffectSet,
         parameters: &[ParameterId],
+        progress: &dyn Progress,
     ) -> Option<Quadratic> {
         let reduced: Option<Vec<DMatrix<f64>>> = flights
             .iter()
-            .map(|(problem, fitted)| problem.around(fitted, effects, parameters))
+            .map(|(problem, fitted)| problem.around(fitted, effects, parameters, progress))
             .collect();
         let columns: Vec<usize> = (0..parameters.len()).collect();
         Quadratic::joint(&reduced?, &columns, &self.precision(effects))
     }
 
-    /// Effects followed by Gauss and Newton from where a sketch leads. None where the model has no numbers on the way.
-    pub fn followed(&self, sketch: &EffectSet, effect: Effect) -> Option<Candidate> {
+    /// Effects followed by Gauss and Newton from where a sketch leads. None where the model has no numbers on the way,
+    /// or where the search was cancelled.
+    pub fn followed(
+        &self,
+        sketch: &EffectSet,
+        effect: Effect,
+        progress: &dyn Progress,
+    ) -> Option<Candidate> {
         let here: Vec<_> = self.fitted.iter().collect();
         let parameters = parameters_of(sketch.iter().map(|(effect, _)| *effect));
         let prior = Self::prior(sketch);
@@ -274,6 +282,7 @@ impl Scene<'_> {
             &here,
             &self.effects,
             &parameters_of(self.effects.iter().map(|(e, _)| *e)),
+            progress,
         )?;
         let settled = plain.solved(
             &Self::prior(&self.effects),
@@ -283,7 +292,7 @@ impl Scene<'_> {
             Some((step, _)) if !step.is_empty() => plain.left(&step).min(0.5 * plain.square),
             _ => 0.5 * plain.square,
         };
-        let mut best = self.around(&here, &effects, &parameters)?;
+        let mut best = self.around(&here, &effects, &parameters, progress)?;
         let mut step = numbers(sketch) - numbers(&effects);
         if step.norm() <= 0.0 {
             step = best.solved(&prior, &Self::from_neutral(&effects))?.0;
@@ -293,7 +302,7 @@ impl Scene<'_> {
             let mut gained = None;
             for _ in 0..4 {
                 let next = moved(&effects, &step);
-                if let Some(found) = self.around(&here, &next, &parameters)
+                if let Some(found) = self.around(&here, &next, &parameters, progress)
                     && left(&found, &next) < before
                 {
                     gained = Some(before - left(&found, &next));
@@ -309,8 +318,8 @@ impl Scene<'_> {
         }
         let (_, covariance) = best.solved(&prior, &Self::from_neutral(&effects))?;
         let held_out = self.held_out.iter().map(|flight| {
-            let plain = self.around(&[flight], &self.effects, &[])?;
-            let found = self.around(&[flight], &effects, &[])?;
+            let plain = self.around(&[flight], &self.effects, &[], progress)?;
+            let found = self.around(&[flight], &effects, &[], progress)?;
             Some(0.5 * (plain.square - found.square))
         });
         Some(Candidate {
@@ -320,6 +329,32 @@ impl Scene<'_> {
             effects,
             covariance,
         })
+    }
+
+    /// How far flights held out are from a candidate's parameters, each in the standard errors of both estimates, and at
+    /// least one: what a linear problem does not know of its own errors shows there (Birge's ratio).
+    pub fn apart(&self, candidate: &Candidate, progress: &dyn Progress) -> Vec<f64> {
+        let effects = &candidate.effects;
+        let parameters = parameters_of(effects.iter().map(|(effect, _)| *effect));
+        let prior = Self::prior(effects);
+        let mut squares = vec![0.0; parameters.len()];
+        for flight in &self.held_out {
+            let there = self.around(&[flight], effects, &parameters, progress);
+            let Some((step, covariance)) =
+                there.and_then(|there| there.solved(&prior, &Self::from_neutral(effects)))
+            else {
+                continue;
+            };
+            for (k, square) in squares.iter_mut().enumerate() {
+                let variance = covariance[(k, k)] + candidate.covariance[(k, k)];
+                *square += step[k] * step[k] / variance;
+            }
+        }
+        let count = self.held_out.len().max(1) as f64;
+        squares
+            .iter()
+            .map(|square| (square / count).sqrt().max(1.0))
+            .collect()
     }
 
     /// Of draws of the errors as they were fitted: the deviations of the effect that gains most, rising.

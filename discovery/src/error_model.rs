@@ -11,6 +11,7 @@ pub use super::error_prior::{COMPONENTS, CONSTANTS, Components, OWN, PUSH, WANDE
 use super::error_prior::{Prior, Spread, subject_precision};
 use super::linearization::{Belief, Columns};
 use super::nuisance::{JOINTS, JointErrors, SUBJECT, Subject};
+use super::product::{product, product_transposed, transposed_product};
 use super::progress::Progress;
 use super::stretch::{CHANNELS, NUMBERS, Stretch};
 
@@ -55,7 +56,7 @@ impl Part {
             }
             kernels.push(kernel);
         }
-        let square = |matrix: &DMatrix<f64>| matrix * matrix.transpose();
+        let square = |matrix: &DMatrix<f64>| product_transposed(matrix, matrix);
         kernels.extend(columns.joints.iter().map(square));
         kernels.extend([&columns.moment, &columns.force].map(square));
         let mut constants = DMatrix::zeros(NUMBERS, CONSTANTS);
@@ -162,8 +163,8 @@ impl Moments {
             .map(|part| {
                 let factor = part.covariance(sizes)?;
                 let inverse = factor.inverse();
-                let pulled = &inverse * &part.constants;
-                let information = part.constants.tr_mul(&pulled);
+                let pulled = product(&inverse, &part.constants);
+                let information = transposed_product(&part.constants, &pulled);
                 let slope = pulled.tr_mul(&part.missing);
                 let square = part.missing.dot(&(&inverse * &part.missing));
                 Some((
@@ -215,9 +216,12 @@ impl Moments {
             .zip(&self.weighed)
             .map(|(part, (inverse, pulled))| {
                 let left = inverse * &part.missing - pulled * &self.constants;
-                let taken = pulled * &self.covariance * pulled.transpose();
-                let products: Vec<DMatrix<f64>> =
-                    part.kernels.iter().map(|kernel| inverse * kernel).collect();
+                let taken = product_transposed(&product(pulled, &self.covariance), pulled);
+                let products: Vec<DMatrix<f64>> = part
+                    .kernels
+                    .iter()
+                    .map(|kernel| product(inverse, kernel))
+                    .collect();
                 let mut slope = Components::zeros();
                 let mut curvature = SMatrix::<f64, COMPONENTS, COMPONENTS>::zeros();
                 let share = 1.0 / part.weight;

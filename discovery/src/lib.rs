@@ -26,6 +26,7 @@ pub mod normal_equations;
 pub mod nuisance;
 pub mod point;
 pub mod problem;
+mod product;
 pub mod progress;
 pub mod recorded_noise;
 pub mod remainder;

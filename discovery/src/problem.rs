@@ -11,6 +11,7 @@ use super::error_model::{self, CONSTANTS, Errors, OWN, Part};
 use super::error_prior::Prior;
 use super::linearization::{Belief, Columns, effects_and_missing};
 use super::nuisance::{SUBJECT, Tolerances, twins};
+use super::product::transposed_product;
 use super::progress::{Progress, check};
 use super::recorded_noise::recorded_noise;
 use super::stretch::{NUMBERS, Stretch, stretches};
@@ -160,12 +161,13 @@ impl<'a> Problem<'a> {
 
     /// What is missing and what parameters change around effects that need not be those of the fit, reduced by it.
     ///
-    /// The constants stay those of the fit. None where the model has no numbers.
+    /// The constants stay those of the fit. None where the model has no numbers, or where the search was cancelled.
     pub fn around(
         &self,
         fitted: &Fitted,
         effects: &EffectSet,
         parameters: &[ParameterId],
+        progress: &dyn Progress,
     ) -> Option<DMatrix<f64>> {
         let mut belief = Belief {
             effects: effects.clone(),
@@ -175,7 +177,10 @@ impl<'a> Problem<'a> {
             belief.subject.0[k] = 0.0;
         }
         self.reduced_around(fitted, &belief, |stretch| {
-            effects_and_missing(self.track, stretch, &self.plain, &belief, parameters)
+            check(progress).ok()?;
+            let track = self.track;
+            let columns = effects_and_missing(track, stretch, &self.plain, &belief, parameters);
+            Some(columns)
         })
     }
 
@@ -188,12 +193,12 @@ impl<'a> Problem<'a> {
     }
 
     /// Columns of every stretch around a belief, the last what is missing there, reduced by a fit. None where the model
-    /// has no numbers.
+    /// has no numbers, or `columns` gives none.
     pub fn reduced_around(
         &self,
         fitted: &Fitted,
         belief: &Belief,
-        columns: impl Fn(&Stretch) -> DMatrix<f64> + Sync,
+        columns: impl Fn(&Stretch) -> Option<DMatrix<f64>> + Sync,
     ) -> Option<DMatrix<f64>> {
         let mut around = DVector::zeros(CONSTANTS);
         around
@@ -202,23 +207,20 @@ impl<'a> Problem<'a> {
         let bend = belief.joints.bend;
         around.rows_mut(bend.len(), bend.len()).copy_from(&bend);
         around.rows_mut(OWN, SUBJECT).copy_from(&belief.subject.0);
-        let columns: Vec<DMatrix<f64>> = self
+        let columns: Option<Vec<DMatrix<f64>>> = self
             .stretches
             .par_iter()
             .zip(&fitted.parts)
             .map(|(stretch, part)| {
-                let mut columns = columns(stretch);
+                let mut columns = columns(stretch)?;
                 let last = columns.ncols() - 1;
                 let mut missing = columns.column_mut(last);
                 missing += &part.constants * &around;
-                columns
+                let finite = columns.iter().all(|value| value.is_finite());
+                finite.then_some(columns)
             })
             .collect();
-        let finite = |columns: &DMatrix<f64>| columns.iter().all(|value| value.is_finite());
-        columns
-            .iter()
-            .all(finite)
-            .then(|| fitted.whitened.reduced(&columns))
+        Some(fitted.whitened.reduced(&columns?))
     }
 }
 
@@ -267,7 +269,7 @@ impl Whitened {
                 let factor = part.covariance(&errors.sizes)?;
                 let mut constants = part.constants.clone();
                 factor.l_dirty().solve_lower_triangular_mut(&mut constants);
-                let information = constants.tr_mul(&constants);
+                let information = transposed_product(&constants, &constants);
                 Some((factor, constants, information))
             })
             .collect();
@@ -311,7 +313,10 @@ impl Whitened {
             .map(|((factor, constants), columns)| {
                 let mut white = columns.clone();
                 factor.l_dirty().solve_lower_triangular_mut(&mut white);
-                (constants.tr_mul(&white), white.tr_mul(&white))
+                (
+                    transposed_product(constants, &white),
+                    transposed_product(&white, &white),
+                )
             })
             .collect();
         let mut with_constants = DMatrix::zeros(CONSTANTS, count);

@@ -7,6 +7,9 @@ pub trait Progress: Sync {
     /// A stage of the search begins.
     fn stage(&self, name: &str);
 
+    /// About so large a share of the search is done.
+    fn reached(&self, _share: f64) {}
+
     /// Whether the search shall end; asked now and then.
     fn is_cancelled(&self) -> bool {
         false

@@ -11,7 +11,7 @@ use super::error_model::{Components, Errors};
 use super::linearization::Belief;
 use super::nuisance::Tolerances;
 use super::problem::{Fitted, Problem};
-use super::progress::{Progress, begin};
+use super::progress::{Progress, begin, check};
 use super::remainder::without_push;
 use super::report::{Outcome, Report, Rival};
 use super::statistics::quantile_of_sorted;
@@ -63,6 +63,10 @@ const SETTLED: f64 = 0.4;
 /// How strong an effect is at first, by the strength that it has to first order.
 const STARTS: [f64; 2] = [1.0, 2.2];
 
+/// Share of a search that the errors take, and of what is left that another effect leaves.
+const ERRORS: f64 = 0.4;
+const ANOTHER: f64 = 0.3;
+
 /// Share of half the plausible range from which on an effect matters.
 const MATERIAL: f64 = 0.02;
 
@@ -99,8 +103,10 @@ pub fn discover(
         .collect();
     begin(progress, "errors of suit, subject and sensors")?;
     let mut alone = Vec::new();
-    for problem in &mut problems {
+    let all = problems.len() as f64;
+    for (k, problem) in problems.iter_mut().enumerate() {
         alone.push(Alone::new(problem, progress)?);
+        progress.reached(ERRORS * (k + 1) as f64 / all);
     }
     let search = Search {
         problems: &problems,
@@ -155,7 +161,7 @@ pub(super) struct Search<'a> {
     /// Flights that are fitted; the others are held out.
     count: usize,
     settings: &'a Settings,
-    progress: &'a dyn Progress,
+    pub(super) progress: &'a dyn Progress,
 }
 
 /// What was named.
@@ -178,6 +184,14 @@ impl<'a> Search<'a> {
         }
     }
 
+    /// Tells about what share is done where so many effects were tried, and a share of the next one.
+    fn reached(&self, tried: usize, share: f64) {
+        let left =
+            |tried: usize| (1.0 - ERRORS) * ANOTHER.powi(i32::try_from(tried).unwrap_or(i32::MAX));
+        let (from, to) = (left(tried), left(tried + 1));
+        self.progress.reached(1.0 - from + (from - to) * share);
+    }
+
     fn run(&self, alone: Vec<Alone>) -> Result<Report> {
         let none = EffectSet::new();
         let (files, settled): (Vec<Fitted>, Vec<Fitted>) = alone
@@ -196,7 +210,9 @@ impl<'a> Search<'a> {
             begin(self.progress, "which effect explains most")?;
             // Constants may do most of what is missing once they are fitted: the first name is sought around the files.
             let from = if names.is_empty() { &files } else { &scene };
+            let tried = names.len() + out_of_question.len();
             let candidates = from.candidates(&out_of_question, self.progress)?;
+            self.reached(tried, 0.3);
             let chance = from.chance(self.settings.seed);
             let Some(mut name) = self.best(&candidates, &chance) else {
                 break;
@@ -208,6 +224,7 @@ impl<'a> Search<'a> {
             let what = name.candidate.effect.description().name;
             begin(self.progress, &format!("errors beside {what}"))?;
             let next = self.with(&scene, from, &name.candidate)?;
+            self.reached(tried, 1.0);
             if let Some(next) = next {
                 name.candidate = self.compared(&scene, &next, &name.candidate);
                 if self.deserves(&name.candidate, &chance) {
@@ -303,7 +320,8 @@ impl<'a> Search<'a> {
                 effects: effects.clone(),
                 tolerances: self.settings.tolerances,
             };
-            let next = here.followed(&effects, effect);
+            let next = here.followed(&effects, effect, self.progress);
+            check(self.progress)?;
             let fitted: Vec<Fitted> = here.fitted.into_iter().map(|(_, fitted)| fitted).collect();
             errors = fitted.iter().map(|fitted| fitted.errors.clone()).collect();
             let Some(next) = next else {

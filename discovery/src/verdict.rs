@@ -112,10 +112,11 @@ impl Search<'_> {
         let Some((last, _)) = scene.effects.last() else {
             return EffectSet::new();
         };
-        let Some(found) = scene.followed(&scene.effects, *last) else {
+        let Some(found) = scene.followed(&scene.effects, *last, self.progress) else {
             return EffectSet::new();
         };
         let parameters = parameters_of(scene.effects.iter().map(|(effect, _)| *effect));
+        let apart = scene.apart(&found, self.progress);
         let of = |effect: Effect| {
             let mut errors = [0.0; PARAMETER_COUNT];
             let own = parameters
@@ -123,7 +124,7 @@ impl Search<'_> {
                 .enumerate()
                 .filter(|(_, id)| id.effect == effect);
             for (k, id) in own {
-                errors[id.index] = found.covariance[(k, k)].sqrt();
+                errors[id.index] = found.covariance[(k, k)].sqrt() * apart[k];
             }
             errors
         };

@@ -136,7 +136,7 @@ fn around(problem: &Problem<'_>, fitted: &Fitted, groups: &[Group]) -> Option<Qu
         }
         let missing = missing(track, stretch, &under.plain, belief);
         columns.set_column(others.len(), &missing);
-        columns
+        Some(columns)
     })?;
     let columns: Vec<usize> = (0..numbers.len()).collect();
     let precision = subject_precision(&problem.prior.tolerances, &[]);

@@ -63,9 +63,9 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         seed: args.seed,
         tolerances: fitted.tolerances,
     };
-    let spinner = terminal::spinner("discovering");
-    let report = discover(&flights, &held_out, &settings, &Spinner(&spinner));
-    spinner.finish_and_clear();
+    let bar = terminal::share_bar("discovering");
+    let report = discover(&flights, &held_out, &settings, &Stages(&bar));
+    bar.finish_and_clear();
     let report = report.map_err(problem)?;
     if let Some(folder) = &args.out {
         write(&report, folder, args.flight())?;
@@ -81,11 +81,20 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
 }
 
 /// Stages on the terminal; Ctrl-C ends the search.
-struct Spinner<'a>(&'a ProgressBar);
+struct Stages<'a>(&'a ProgressBar);
 
-impl Progress for Spinner<'_> {
+impl Progress for Stages<'_> {
     fn stage(&self, name: &str) {
         self.0.set_message(name.to_owned());
+    }
+
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a share in thousandths"
+    )]
+    fn reached(&self, share: f64) {
+        self.0.set_position((1000.0 * share.clamp(0.0, 1.0)) as u64);
     }
 
     fn is_cancelled(&self) -> bool {

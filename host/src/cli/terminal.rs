@@ -111,6 +111,17 @@ pub(super) fn bar(length: u64, what: &'static str) -> ProgressBar {
     bar
 }
 
+/// A bar for work of which only a share can be told, in thousandths, on a terminal only.
+pub(super) fn share_bar(what: &'static str) -> ProgressBar {
+    let bar = new_bar(Some(1000));
+    if let Ok(style) = ProgressStyle::with_template("{msg} {wide_bar} {percent} %, {eta} left") {
+        bar.set_style(style);
+    }
+    bar.set_message(what);
+    bar.enable_steady_tick(Duration::from_millis(250));
+    bar
+}
+
 /// A spinner for work of unknown length, on a terminal only.
 pub(super) fn spinner(what: &'static str) -> ProgressBar {
     let bar = new_bar(None);

@@ -58,12 +58,15 @@ pub(super) fn print_names(outcome: Outcome, effects: &[Named], nearest: &[Named]
         let stability = named.evidence.stability.map_or_else(String::new, |share| {
             format!(", first in {:.0} % of resampled flights", 100.0 * share)
         });
+        let sure = match named.evidence.chance {
+            Some(chance) => format!("chance does as much in {:.1} % of flights", 100.0 * chance),
+            None if named.evidence.deviations > 20.0 => "far beyond chance".to_owned(),
+            None => format!("{:.1} deviations beyond chance", named.evidence.deviations),
+        };
         terminal::print(&format!(
-            "  {}: {} ({:.1} deviations beyond chance{})",
+            "  {}: {} ({sure}{stability})",
             named.name,
             parameters.join(", "),
-            named.evidence.deviations,
-            stability
         ));
         if !named.rivals.is_empty() {
             let rivals: Vec<&str> = named.rivals.iter().map(|rival| rival.name).collect();
