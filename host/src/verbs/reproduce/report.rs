@@ -59,7 +59,11 @@ pub(super) fn markdown(outcomes: &[Outcome], poses: Option<&str>, map: bool) -> 
     if any {
         text.push_str(
             "\nConstant: damping 3, 0.5, 6 and no muscle input, as for the paper's basic maneuvers. Paper's filter: its windows, bounds \
-             and noise. Motion filter: this program's default.\n",
+             and noise. Motion filter: this program's default.\n\n\
+             Most of what the paper's filter misses has one cause: with its muscle forces (eq. `eq1_1`, in its presets) an input is also \
+             a force of hundreds of newtons, the flights here have none, and where its preset does not measure the speed \
+             nothing corrects what the force does to it: vertical velocities go wrong by up to 45 m/s, and rates with them. The \
+             motion filter has moments only and measures speeds, and attitudes at once (docs/equations.md).\n",
         );
     }
     for outcome in outcomes {
