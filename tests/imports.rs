@@ -3,69 +3,20 @@
 
 #[path = "imports/bvh.rs"]
 mod bvh;
+#[path = "imports/known.rs"]
+mod known;
 
 use std::fmt::Write;
-use std::path::{Path, PathBuf};
 
-use bodyflight::formats::recording::{FlightFrame, Options, Recording};
+use bodyflight::formats::recording::FlightFrame;
 use bodyflight::formats::subject::Subject;
 use bodyflight::formats::xsens;
 use bodyflight_core::body::posture::pose;
 use bodyflight_core::{Segment, SegmentArray};
-use bodyflight_tests::program::{Program, plain, text, written};
+use bodyflight_tests::program::{plain, text, written};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
-const PROGRAM: Program = Program(env!("CARGO_BIN_EXE_bodyflight"));
-
-/// Largest difference of an attitude that comes back (degrees).
-const RETURNS: f64 = 0.5;
-
-fn acrobatics(name: &str) -> PathBuf {
-    [env!("CARGO_MANIFEST_DIR"), "data/acrobatics", name]
-        .iter()
-        .collect()
-}
-
-fn frames(path: &Path) -> Vec<FlightFrame> {
-    let recording = Recording::open(path, Options::default()).expect("a recording");
-    recording.collect::<Result<_, _>>().expect("good frames")
-}
-
-/// The known flight: a somersault with two twists.
-fn known() -> Vec<FlightFrame> {
-    frames(&acrobatics("flight-1.mvnx.gz"))
-}
-
-/// Inertial axes from those of each segment.
-fn turned(frame: &FlightFrame) -> SegmentArray<UnitQuaternion<f64>> {
-    let attitude = *frame.pelvis.inertial_from_body.quaternion();
-    (frame.posture.body_from_segments()).map(|_, segment| attitude * segment)
-}
-
-/// Imports a file and compares it with the known flight: the largest angle of each segment (degrees), and of places (m).
-fn imported(folder: &Path, arguments: &[&str]) -> (SegmentArray<f64>, f64) {
-    let out = folder.join("out");
-    let report =
-        PROGRAM.json(&[&["import"], arguments, &["--out", plain(&out), "--force"]].concat());
-    let (came, went) = (frames(&out.join("flight.mvnx")), known());
-    assert_eq!(came.len(), went.len(), "{report}");
-    assert_eq!(report["frame_rate_hz"], 200.0, "{report}");
-    let mut angles = SegmentArray::from_fn(|_| 0.0_f64);
-    let mut places = 0.0_f64;
-    for (came, went) in came.iter().zip(&went) {
-        let (a, b) = (turned(came), turned(went));
-        for (segment, angle) in angles.iter_mut() {
-            *angle = angle.max(a[segment].angle_to(&b[segment]).to_degrees());
-        }
-        let apart = came.pelvis.position.components - went.pelvis.position.components;
-        places = places.max(apart.norm());
-    }
-    (angles, places)
-}
-
-fn largest(angles: &SegmentArray<f64>) -> f64 {
-    angles.values().copied().fold(0.0, f64::max)
-}
+use known::{PROGRAM, RETURNS, acrobatics, imported, known, largest, turned};
 
 /// Rows of quaternions of all segments, `columns` of each by name, by a function of the frame.
 fn quaternions(

@@ -9,7 +9,7 @@ use bodyflight_core::{Posture, Segment, SegmentArray};
 use bodyflight_tests::program;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
-use super::{RETURNS, imported, known, largest, turned};
+use crate::known::{RETURNS, imported, known, largest, turned};
 
 /// X left, Y up, Z forward, as most BVH files have it, in body axes and, facing north, in inertial ones.
 fn bvh_axes() -> [Matrix3<f64>; 2] {

@@ -1,7 +1,7 @@
 //! The core on a processor of a board: hashes of traces, to be compared with the host's bit for bit, and exact
 //! instruction counts of what the unit does for each sample.
 //!
-//! Images call [`run()`], which prints lines `name value` over semihosting; `cargo xtask on-target` runs them in QEMU, whose
+//! Images call `run`, which prints lines `name value` over semihosting; `cargo xtask on-target` runs them in QEMU, whose
 //! virtual time goes by instructions.
 #![cfg(target_os = "none")]
 #![no_std]

@@ -6,7 +6,7 @@
 //! north_mps = 3.5
 //! ```
 //! Parameters that are not given keep the value at which they do nothing. An `[[effect]]` without a name is a
-//! [`load`] by description.
+//! load by description.
 
 mod load;
 

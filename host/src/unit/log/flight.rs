@@ -144,7 +144,7 @@ fn frame(index: u64, rate: f64, sample: &Sample, before: Option<&FlightFrame>) -
     }
 }
 
-/// What [`write`] writes.
+/// Files that [`write()`] writes.
 pub const FILES: [&str; 4] = [
     "flight.toml",
     "flight.mvnx",
