@@ -1,109 +1,137 @@
-//! The table of `docs/discovery.md`, from the rows of a run.
+//! The tables of `docs/discovery.md`, from the rows of a run.
 
 use std::fmt::Write as _;
 
 use serde_json::Value;
 
-/// One line for each thing that was hidden and each family of joints, and one for each group.
-pub(super) fn table(rows: &[Value]) -> String {
-    let mut table = String::from(
-        "| hidden | joints | flights | right | by exact name | parameters within 3 standard errors | held-out misfit closed: mean, least, at least 0.9 | otherwise |\n|---|---|---|---|---|---|---|---|\n",
-    );
-    let mut keys: Vec<(String, String)> = Vec::new();
-    let label = |row: &Value| {
-        let hidden = row["hidden"].as_array().map_or_else(Vec::new, Clone::clone);
-        let hidden: Vec<&str> = hidden.iter().filter_map(Value::as_str).collect();
-        let name = if hidden.is_empty() {
-            "nothing".to_owned()
-        } else {
-            hidden.join(" + ")
-        };
-        (name, row["family"].as_str().unwrap_or_default().to_owned())
-    };
-    for row in rows {
-        if !keys.contains(&label(row)) {
-            keys.push(label(row));
-        }
-    }
-    for group in ["single", "clean", "outside", "pair"] {
-        let own: Vec<&Value> = rows.iter().filter(|row| row["group"] == group).collect();
-        if own.is_empty() {
-            continue;
-        }
-        for key in keys
-            .iter()
-            .filter(|key| own.iter().any(|row| label(row) == **key))
-        {
-            let of: Vec<&Value> = own
-                .iter()
-                .copied()
-                .filter(|row| label(row) == *key)
-                .collect();
-            line(&mut table, &key.0, &key.1, &of);
-        }
-        line(&mut table, &format!("**all: {group}**"), "", &own);
-    }
-    table
+/// Groups in their order, with what they are.
+pub(super) const GROUPS: [(&str, &str); 7] = [
+    ("single", "one effect"),
+    ("pair", "two effects"),
+    ("clean", "nothing"),
+    ("maneuver", "nothing, scripts of synth with their inputs"),
+    ("tunnel", "nothing, the same in a tunnel"),
+    ("outside", "something outside the library"),
+    ("load", "a load drawn from the grammar"),
+];
+
+/// Families in their order.
+pub(super) const FAMILIES: [&str; 5] = ["exact", "constant", "wander", "mixed", "wide"];
+
+pub(super) fn of<'a>(rows: &'a [Value], group: &str, family: &str) -> Vec<&'a Value> {
+    let all = rows.iter();
+    all.filter(|row| row["group"] == group && row["family"] == family)
+        .collect()
 }
 
-fn line(table: &mut String, name: &str, family: &str, rows: &[&Value]) {
-    let right = rows.iter().filter(|row| row["right"] == true).count();
-    let exact = rows.iter().filter(|row| row["exact"] == true).count();
-    let sum = |key: &str| rows.iter().filter_map(|row| row[key].as_u64()).sum::<u64>();
-    let closed: Vec<f64> = rows
-        .iter()
-        .filter(|row| row["right"] == true && row["verdict"] == "named")
-        .filter_map(|row| row["held_out_closed_share"].as_f64())
-        .map(|share| share.min(1.0))
-        .collect();
-    let (mut least, mut sum_of) = (f64::INFINITY, 0.0);
-    for share in &closed {
-        least = least.min(*share);
-        sum_of += share;
-    }
-    let most = closed.iter().filter(|share| **share >= 0.9).count();
-    let closed = match closed.len() {
-        0 => String::new(),
-        count => format!(
-            "{:.2}, least {least:.2}, {most} of {count}",
-            sum_of / count as f64
-        ),
-    };
-    let mut otherwise: Vec<String> = rows
-        .iter()
-        .filter(|row| row["right"] != true)
-        .map(|row| {
-            let found = row["effects"]
-                .as_array()
-                .map_or_else(Vec::new, Clone::clone);
-            let found: Vec<String> = found
-                .iter()
-                .filter_map(|e| e["name"].as_str().map(str::to_owned))
-                .collect();
-            let verdict = row["verdict"].as_str().unwrap_or_default();
-            if verdict == "named" {
-                found.join(" + ")
-            } else {
-                verdict.to_owned()
-            }
-        })
-        .collect();
-    otherwise.sort();
-    otherwise.dedup();
-    let otherwise = if name.starts_with("**") {
-        String::new()
-    } else {
-        otherwise.join(", ")
-    };
-    let (all, within) = (sum("parameters"), sum("within_three_standard_errors"));
-    let within = if all == 0 {
-        String::new()
-    } else {
-        format!("{within} of {all}")
-    };
-    let _ = writeln!(
-        table,
-        "| {name} | {family} | {} | {right} | {exact} | {within} | {closed} | {otherwise} |",
-        rows.len()
+pub(super) fn count(rows: &[&Value], key: &str) -> usize {
+    rows.iter().filter(|row| row[key] == true).count()
+}
+
+pub(super) fn sum(rows: &[&Value], key: &str) -> u64 {
+    rows.iter().filter_map(|row| row[key].as_u64()).sum()
+}
+
+fn sorted(rows: &[&Value], key: &str) -> Vec<f64> {
+    let mut values: Vec<f64> = rows.iter().filter_map(|row| row[key].as_f64()).collect();
+    values.sort_by(f64::total_cmp);
+    values
+}
+
+fn percent(part: f64, all: f64) -> String {
+    format!("{:.0} %", 100.0 * part / all)
+}
+
+/// All of them: by group and family, and what was wrong.
+pub(super) fn tables(rows: &[Value]) -> String {
+    let mut text = String::from(
+        "| what acts | joints | pairs | right | false names | parameters within 95 % intervals | misfit: median, 5 % and 95 % of pairs | processor time of a pair: median, 95 % |\n|---|---|---|---|---|---|---|---|\n",
     );
+    for (group, words) in GROUPS {
+        for family in FAMILIES {
+            let own = of(rows, group, family);
+            if !own.is_empty() {
+                line(&mut text, words, family, &own);
+            }
+        }
+    }
+    described(&mut text, rows);
+    wrong(&mut text, rows);
+    text
+}
+
+fn line(text: &mut String, words: &str, family: &str, rows: &[&Value]) {
+    let at = |values: &[f64], share: f64| -> f64 {
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "a share of a length"
+        )]
+        let place = ((values.len().max(1) - 1) as f64 * share).round() as usize;
+        values.get(place).copied().unwrap_or(f64::NAN)
+    };
+    let all = rows.len();
+    let right = count(rows, "right");
+    let (parameters, within) = (sum(rows, "parameters"), sum(rows, "within_95"));
+    let within = if parameters == 0 {
+        String::new()
+    } else {
+        let share = percent(within as f64, parameters as f64);
+        format!("{within} of {parameters}, {share}")
+    };
+    let (misfits, times) = (sorted(rows, "misfit"), sorted(rows, "processor_seconds"));
+    let _ = writeln!(
+        text,
+        "| {words} | {family} | {all} | {right}, {} | {} | {within} | {:.2}, {:.2} to {:.2} | {:.1} s, {:.1} s |",
+        percent(right as f64, all as f64),
+        count(rows, "false_name"),
+        at(&misfits, 0.5),
+        at(&misfits, 0.05),
+        at(&misfits, 0.95),
+        at(&times, 0.5),
+        at(&times, 0.95),
+    );
+}
+
+/// What is not in the library: how much of it descriptions do in flights held out.
+fn described(text: &mut String, rows: &[Value]) {
+    let outside = |row: &&Value| row["group"] == "outside" || row["group"] == "load";
+    let all: Vec<&Value> = rows.iter().filter(outside).collect();
+    if all.is_empty() {
+        return;
+    }
+    let shares = sorted(&all, "described_share_held_out");
+    let enough = shares.iter().filter(|share| **share >= 0.7).count();
+    let _ = writeln!(
+        text,
+        "\nOutside the library, {} pairs: {} described, {enough} of them with at least 70 % of what any load could do in the flight held out.",
+        all.len(),
+        shares.len(),
+    );
+}
+
+/// What was wrong, a line each.
+fn wrong(text: &mut String, rows: &[Value]) {
+    let wrong: Vec<&Value> = rows.iter().filter(|row| row["right"] != true).collect();
+    if wrong.is_empty() {
+        return;
+    }
+    text.push_str("\n| wrong | joints | seed | sensor noise | found |\n|---|---|---|---|---|\n");
+    for (group, _) in GROUPS {
+        for row in wrong.iter().filter(|row| row["group"] == group) {
+            let names = row["effects"].as_array().map_or_else(String::new, |found| {
+                let names: Vec<&str> = found.iter().filter_map(|e| e["name"].as_str()).collect();
+                names.join(" + ")
+            });
+            let verdict = row["verdict"].as_str().unwrap_or_default();
+            let _ = writeln!(
+                text,
+                "| {} | {} | {} | {} | {verdict} {names} |",
+                row["name"].as_str().unwrap_or_default(),
+                row["family"].as_str().unwrap_or_default(),
+                row["seed"],
+                row["sensor_noise"],
+            );
+        }
+    }
 }

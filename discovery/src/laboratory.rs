@@ -32,6 +32,9 @@ pub const FRAME_RATE: f64 = 240.0;
 /// Steps of the truth between two frames at the usual rate.
 const FINER: f64 = 4.0;
 
+/// Told from the seed of a flight of the same number.
+const PERSON: u64 = 0xb0d1;
+
 /// Height at the start (m, inertial).
 const START_HEIGHT: f64 = 4000.0;
 
@@ -51,6 +54,8 @@ pub enum Hidden {
 pub struct Settings {
     /// Seed of everything random.
     pub seed: u64,
+    /// Seed of the body that flies, which flights of one person share; that of the flight where there is none.
+    pub person: Option<u64>,
     /// Length (s).
     pub duration: f64,
     /// Sensor noise and errors of subject and joints, as a share of the usual.
@@ -67,6 +72,7 @@ impl Default for Settings {
     fn default() -> Self {
         Self {
             seed: 0,
+            person: None,
             duration: 40.0,
             noise: 1.0,
             sensor_noise: 1.0,
@@ -187,7 +193,11 @@ pub fn fly(
     let mut random = ChaCha8Rng::seed_from_u64(settings.seed);
     let script = Script::new(&mut random, settings.duration);
     let mut model = Model::new(*dynamics, START_HEIGHT);
-    perturb(&mut model.dynamics, &mut random, settings.noise);
+    let mut person = settings
+        .person
+        .map(|person| ChaCha8Rng::seed_from_u64(person ^ PERSON));
+    let body = person.as_mut().unwrap_or(&mut random);
+    perturb(&mut model.dynamics, body, settings.noise);
     for hidden in hidden {
         match hidden {
             // Strengths are within the plausible range.

@@ -41,11 +41,17 @@ enum Verb {
         #[arg(long)]
         table: bool,
     },
-    /// Hide effects, look for them, and write how often they were found: docs/discovery.json and its table.
+    /// Hide effects, look for them, and write how often they were found: docs/discovery.json, its tables and figure.
     DiscoveryBench {
-        /// Flights for each effect.
-        #[arg(long, default_value_t = 3)]
+        /// Seeds, of some 280 pairs of flights each.
+        #[arg(long, default_value_t = 1)]
         seeds: u32,
+        /// The first of them.
+        #[arg(long, default_value_t = 0)]
+        first_seed: u32,
+        /// Forget the pairs that were flown before.
+        #[arg(long)]
+        fresh: bool,
     },
     /// Build the viewer's page, which the program takes in when it is built next.
     Viewer {
@@ -96,16 +102,17 @@ fn main() -> ExitCode {
         Verb::OnTarget => on_target::on_target(),
         Verb::Unit => unit::unit().map(|_| ()),
         Verb::F405 { table } => f405::f405(table),
-        Verb::DiscoveryBench { seeds } => run::cargo(&[
-            "bench",
-            "--package",
-            "bodyflight-benches",
-            "--bench",
-            "discovery",
-            "--",
-            "--seeds",
-            &seeds.to_string(),
-        ]),
+        Verb::DiscoveryBench {
+            seeds,
+            first_seed,
+            fresh,
+        } => {
+            let bench = "bench --package bodyflight-benches --bench discovery --";
+            let seeds = format!("--seeds {seeds} --first-seed {first_seed}");
+            let fresh = if fresh { "--fresh" } else { "" };
+            let words = [bench, &seeds, fresh].join(" ");
+            run::cargo(&words.split_whitespace().collect::<Vec<_>>())
+        }
         Verb::Viewer { test, pictures } => viewer::build()
             .and_then(|()| if test { viewer::test() } else { Ok(()) })
             .and_then(|()| if pictures { viewer::pictures() } else { Ok(()) }),

@@ -140,6 +140,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         interrupt::check()?;
         let settings = Settings {
             seed: args.seed.wrapping_mul(1000) + index,
+            person: Some(args.seed),
             duration: args.duration,
             noise: args.noise,
             sensor_noise: args.sensor_noise,

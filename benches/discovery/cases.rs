@@ -1,0 +1,171 @@
+//! What is flown: effects in families of errors, and flights in which nothing is missing.
+
+use bodyflight_core::effect::Effect;
+use bodyflight_core::maneuver::Maneuver;
+use bodyflight_core::maneuver::scripts::MANEUVERS;
+use bodyflight_discovery::laboratory::drawn::drawn;
+use bodyflight_discovery::laboratory::outside::Outside;
+use bodyflight_discovery::laboratory::{Hidden, JointErrors, strength};
+
+/// What the suit has wrong with the joints.
+pub(super) struct Family {
+    pub(super) name: &'static str,
+    pub(super) joints: JointErrors,
+}
+
+const fn family(name: &'static str, [constant_deg, wander_deg, gain]: [f64; 3]) -> Family {
+    Family {
+        name,
+        joints: JointErrors {
+            constant_deg,
+            wander_deg,
+            wander_hz: 0.3,
+            gain,
+        },
+    }
+}
+
+/// All families: each effect is hidden in each of them.
+pub(super) const FAMILIES: [Family; 4] = [
+    family("constant", [1.1, 0.0, 0.0]),
+    family("wander", [0.0, 1.1, 0.0]),
+    family("mixed", [1.1, 0.9, 0.05]),
+    family("wide", [2.9, 2.3, 0.08]),
+];
+
+/// Joints as they are: those of `synth`.
+const EXACT: Family = family("exact", [0.0; 3]);
+
+/// Noise of the sensors over the paper's: from the least to the most, evenly in its logarithm.
+const SENSOR_NOISE: [f64; 2] = [0.5, 2.0];
+
+/// What flies.
+pub(super) enum Flown {
+    /// Movements of the laboratory, drawn by the seed.
+    Laboratory(Vec<Hidden>),
+    /// A script of `synth` with its inputs, perhaps in a tunnel.
+    Maneuver(&'static Maneuver, bool),
+}
+
+/// A pair of flights.
+pub(super) struct Case {
+    pub(super) group: &'static str,
+    pub(super) family: &'static Family,
+    pub(super) name: String,
+    pub(super) flown: Flown,
+    pub(super) seed: u64,
+    /// Noise of the sensors over the paper's.
+    pub(super) sensor_noise: f64,
+}
+
+impl Case {
+    /// What is hidden.
+    pub(super) fn hidden(&self) -> &[Hidden] {
+        match &self.flown {
+            Flown::Laboratory(hidden) => hidden,
+            Flown::Maneuver(..) => &[],
+        }
+    }
+
+    /// Names of what is hidden.
+    pub(super) fn names(&self) -> Vec<&'static str> {
+        let name = |hidden: &Hidden| match hidden {
+            Hidden::Effect(effect, _) => effect.description().name,
+            Hidden::Outside(outside) => outside.name(),
+            Hidden::Load(_) => "load",
+        };
+        self.hidden().iter().map(name).collect()
+    }
+}
+
+fn effect(effect: Effect, seed: u64) -> Hidden {
+    Hidden::Effect(effect, strength(effect, seed, None))
+}
+
+/// Effects that are hidden together.
+const PAIRS: [(Effect, Effect); 5] = [
+    (Effect::Wind, Effect::Mass),
+    (Effect::Drag, Effect::GyroBias),
+    (Effect::Lift, Effect::HeadingDrift),
+    (Effect::Moment, Effect::Wind),
+    (Effect::Damping, Effect::Mounting),
+];
+
+/// Loads drawn from the grammar for each seed, and flights without anything in each family.
+const LOADS: u64 = 6;
+const CLEAN: u64 = 2;
+
+/// All cases of a seed, in four passes: each has every effect once, in a family that the next pass changes, and its
+/// share of everything else, so that a run that is cut short is a sample of the whole.
+fn of_seed(seed: u64) -> Vec<Case> {
+    let mut cases = Vec::new();
+    for pass in 0..FAMILIES.len() {
+        let turned = |k: usize| &FAMILIES[(k + pass) % FAMILIES.len()];
+        let mut add = |group, family, name: &str, flown, seed: u64| {
+            let [least, most]: [f64; 2] = SENSOR_NOISE;
+            // The golden section spreads evenly whatever the number of cases is.
+            let place = (cases.len() as f64 * 0.618_034 + seed as f64 * 0.414_214).fract();
+            let sensor_noise = if group == "maneuver" || group == "tunnel" {
+                1.0
+            } else {
+                least * (most / least).powf(place)
+            };
+            cases.push(Case {
+                group,
+                family,
+                name: name.to_owned(),
+                flown,
+                seed,
+                sensor_noise,
+            });
+        };
+        for family in &FAMILIES {
+            for clean in 0..CLEAN {
+                let seed = (seed * 4 + pass as u64) * CLEAN + clean;
+                add("clean", family, "clean", Flown::Laboratory(vec![]), seed);
+            }
+        }
+        // A profile of the stream acts in a tunnel only, and these flights fall through still air.
+        let felt = |effect: &&Effect| **effect != Effect::TunnelProfile;
+        for (k, &one) in Effect::ALL.iter().filter(felt).enumerate() {
+            let hidden = vec![effect(one, seed)];
+            let name = one.description().name;
+            add("single", turned(k), name, Flown::Laboratory(hidden), seed);
+        }
+        for (k, outside) in Outside::ALL.into_iter().enumerate() {
+            let hidden = vec![Hidden::Outside(outside)];
+            let name = outside.name();
+            add("outside", turned(k), name, Flown::Laboratory(hidden), seed);
+        }
+        for (k, load) in (0..LOADS).enumerate() {
+            // Every pass has loads of its own: there are as many as one likes.
+            let seed = (seed * 4 + pass as u64) * LOADS + load;
+            let hidden = vec![Hidden::Load(drawn(seed))];
+            add("load", turned(k), "load", Flown::Laboratory(hidden), seed);
+        }
+        for (k, (a, b)) in PAIRS.into_iter().enumerate() {
+            let name = format!("{} + {}", a.description().name, b.description().name);
+            let hidden = vec![effect(a, seed), effect(b, seed + 77)];
+            add("pair", turned(k), &name, Flown::Laboratory(hidden), seed);
+        }
+        // Three seeds of every script, and one pass in the tunnel.
+        for maneuver in MANEUVERS {
+            let (group, seed) = match pass {
+                3 => ("tunnel", seed * 3),
+                _ => ("maneuver", seed * 3 + pass as u64),
+            };
+            let flown = Flown::Maneuver(maneuver, pass == 3);
+            add(group, &EXACT, maneuver.name, flown, seed);
+        }
+    }
+    cases
+}
+
+/// Cases of some seeds, those of some names or groups where there are any.
+pub(super) fn cases(seeds: core::ops::Range<u64>, only: &[String]) -> Vec<Case> {
+    let asked = |case: &Case| {
+        let is = |word: &String| *word == case.name || word == case.group;
+        only.is_empty() || only.iter().any(is)
+    };
+    seeds.flat_map(of_seed).filter(asked).collect()
+}

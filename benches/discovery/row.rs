@@ -1,0 +1,220 @@
+//! One line of JSON for each pair of flights: what was found, whether that is right, and how far numbers are off.
+
+use std::path::Path;
+use std::time::Instant;
+
+use bodyflight::diagnostic::Result;
+use bodyflight::formats::flight::Flight;
+use bodyflight::formats::recording::Options;
+use bodyflight::formats::subject::Subject;
+use bodyflight::verbs::discover::read_track;
+use bodyflight::verbs::synthesize::{DEFAULT_SWAY, JointError, Request, synthesize};
+use bodyflight_core::dynamics::muscle_input::BACK_TRACKING;
+use bodyflight_core::dynamics::{Dynamics, Inputs};
+use bodyflight_core::maneuver::Maneuver;
+use bodyflight_core::sensor_noise::SensorNoise;
+use bodyflight_discovery::laboratory::{self, Hidden, fly};
+use bodyflight_discovery::report::{Named, Outcome, Report};
+use bodyflight_discovery::search::{Settings, discover};
+use bodyflight_discovery::track::Track;
+use serde_json::{Value, json};
+
+use super::cases::{Case, Flown};
+
+/// Standard errors that a parameter is within in 95 of 100 flights where errors are normal.
+const NORMAL: f64 = 1.96;
+
+/// Flies a pair, looks for what is hidden, and judges what was found.
+pub(super) fn row(case: &Case) -> Value {
+    let tracks = [0, 5000].map(|further| flown(case, further));
+    let [flight, other] = tracks.map(|track| track.expect("flights can be flown"));
+    let (begin, spent) = (Instant::now(), on_processor());
+    let found = discover(&[flight], &[other], &Settings::default(), &());
+    let seconds = begin.elapsed().as_secs_f64();
+    let processor = spent.zip(on_processor()).map(|(from, to)| to - from);
+    let mut row = json!({
+        "group": case.group,
+        "name": case.name,
+        "family": case.family.name,
+        "seed": case.seed,
+        "sensor_noise": rounded(case.sensor_noise),
+        "seconds": rounded(seconds),
+        "processor_seconds": processor.map(rounded),
+    });
+    let found = match found {
+        Ok(report) => judged(case, &report),
+        // A flight that cannot be judged is a wrong answer, not a missing row.
+        Err(problem) => json!({ "verdict": "failed", "why": problem.to_string(), "right": false }),
+    };
+    if let (Some(row), Value::Object(found)) = (row.as_object_mut(), found) {
+        row.extend(found);
+    }
+    row
+}
+
+fn flown(case: &Case, further: u64) -> Result<Track> {
+    match &case.flown {
+        Flown::Laboratory(hidden) => Ok(in_laboratory(case, hidden, case.seed + further)),
+        Flown::Maneuver(maneuver, tunnel) => {
+            let name = format!("bodyflight-bench-{}-{}", std::process::id(), case.name);
+            let seed = case.seed + further;
+            let folder = std::env::temp_dir().join(format!("{name}-{}-{seed}", case.group));
+            let track = scripted(maneuver, *tunnel, seed, &folder);
+            // What is left behind is in a folder for such.
+            let _ = std::fs::remove_dir_all(&folder);
+            track
+        }
+    }
+}
+
+fn in_laboratory(case: &Case, hidden: &[Hidden], seed: u64) -> Track {
+    let subject = Subject::default();
+    let dynamics = Dynamics {
+        aerodynamics: subject.aerodynamics(),
+        muscles: BACK_TRACKING,
+        ..Dynamics::paper(subject.body(), 1.0)
+    };
+    let inputs = Inputs {
+        damping: subject.damping(),
+        ..Inputs::belly_turn()
+    };
+    let settings = laboratory::Settings {
+        seed,
+        person: Some(case.seed),
+        joints: case.family.joints,
+        sensor_noise: case.sensor_noise,
+        rate: 120.0,
+        ..laboratory::Settings::default()
+    };
+    let flight = fly(&dynamics, &inputs, hidden, &settings);
+    Track::new(&flight, dynamics, |_| inputs)
+}
+
+/// A script of `synth`, written and read as people do.
+fn scripted(maneuver: &'static Maneuver, tunnel: bool, seed: u64, folder: &Path) -> Result<Track> {
+    let request = Request {
+        maneuver,
+        subject: &Subject::default(),
+        density: 1.0,
+        seed,
+        noise: SensorNoise::PAPER,
+        joint_error: JointError::default(),
+        sway: DEFAULT_SWAY,
+        tunnel,
+    };
+    let written = synthesize(&request, folder, |_| ())?;
+    read_track(&Flight::read(&written.flight)?, Options::default())
+}
+
+/// Time that this thread had a processor (s), where the system tells.
+fn on_processor() -> Option<f64> {
+    let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
+    let nanoseconds: f64 = text.split_whitespace().next()?.parse().ok()?;
+    Some(1e-9 * nanoseconds)
+}
+
+fn rounded(value: f64) -> f64 {
+    (value * 1e4).round() / 1e4
+}
+
+fn judged(case: &Case, report: &Report) -> Value {
+    let described = report.description.as_ref();
+    let by_name = |numbers: &[(&'static str, f64)]| -> Vec<f64> {
+        numbers.iter().map(|(_, value)| rounded(*value)).collect()
+    };
+    let effects = report.effects.iter().map(|named| {
+        json!({
+            "name": named.name,
+            "values": by_name(&named.parameters),
+            "standard_errors": by_name(&named.standard_errors),
+            "rivals": named.rivals.iter().map(|rival| rival.name).collect::<Vec<_>>(),
+        })
+    });
+    let hidden = case.hidden().iter().filter_map(|hidden| match hidden {
+        Hidden::Effect(_, values) => Some(values.map(rounded)),
+        _ => None,
+    });
+    let (parameters, within) = covered(case, report);
+    json!({
+        "hidden": hidden.collect::<Vec<_>>(),
+        "verdict": report.verdict,
+        "effects": effects.collect::<Vec<_>>(),
+        "described": described.map(|d| d.loads.iter().map(|l| l.in_words.clone()).collect::<Vec<_>>()),
+        "described_share_held_out": described
+            .and_then(|d| d.explained_held_out.first().copied())
+            .map(rounded),
+        "nearest": report.nearest.iter().map(|named| named.name).collect::<Vec<_>>(),
+        "left": report.remainders.first().map(|left| left.in_words.clone()),
+        "right": is_right(case, report),
+        "false_name": report.effects.iter().any(|named| !covers(case, named)),
+        "parameters": parameters,
+        "within_95": within,
+        "misfit": report.errors.first().map(|errors| rounded(errors.misfit)),
+        "wander_deg": report.errors.first().map(|errors| rounded(errors.joint_wander_deg)),
+        "calibration_deg": report.errors.first().map(|errors| rounded(errors.joint_calibration_deg)),
+        "held_out_closed_share": report
+            .held_out
+            .first()
+            .map(|flight| rounded(flight.gap.closed_share)),
+    })
+}
+
+/// Whether a name, or one of those that cannot be told from it, is hidden.
+fn covers(case: &Case, named: &Named) -> bool {
+    let hidden = case.names();
+    hidden.contains(&named.name)
+        || named
+            .rivals
+            .iter()
+            .any(|rival| hidden.contains(&rival.name))
+}
+
+/// Whether the names found are those hidden; one of several that cannot be told apart counts.
+fn is_right(case: &Case, report: &Report) -> bool {
+    match case.group {
+        "clean" | "maneuver" | "tunnel" => {
+            matches!(
+                report.verdict,
+                Outcome::None | Outcome::Calibrated | Outcome::Thin
+            )
+        }
+        "outside" | "load" => {
+            matches!(report.verdict, Outcome::Unexplained | Outcome::Described)
+        }
+        _ => {
+            let found = |name: &&str| {
+                let meets = |named: &Named| {
+                    named.name == *name || named.rivals.iter().any(|rival| rival.name == *name)
+                };
+                report.effects.iter().any(meets)
+            };
+            let hidden = case.names();
+            report.verdict == Outcome::Named
+                && report.effects.len() == hidden.len()
+                && hidden.iter().all(found)
+        }
+    }
+}
+
+/// Of the parameters of effects that were hidden and named: how many, and how many within their 95 % intervals.
+fn covered(case: &Case, report: &Report) -> (u64, u64) {
+    let (mut all, mut within) = (0, 0);
+    for hidden in case.hidden() {
+        let Hidden::Effect(effect, truth) = hidden else {
+            continue;
+        };
+        let named = report
+            .effects
+            .iter()
+            .find(|named| named.name == effect.description().name);
+        for ((found, (_, error)), truth) in named
+            .iter()
+            .flat_map(|named| named.parameters.iter().zip(&named.standard_errors))
+            .zip(truth)
+        {
+            all += 1;
+            within += u64::from((found.1 - truth).abs() <= NORMAL * error);
+        }
+    }
+    (all, within)
+}
