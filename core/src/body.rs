@@ -158,6 +158,11 @@ impl<V> SegmentArray<V> {
         self.0.iter()
     }
 
+    /// The values for change, parents first.
+    pub fn values_mut(&mut self) -> core::slice::IterMut<'_, V> {
+        self.0.iter_mut()
+    }
+
     /// A new array by a function of segment and value.
     pub fn map<W>(&self, mut value: impl FnMut(Segment, &V) -> W) -> SegmentArray<W> {
         SegmentArray::from_fn(|segment| value(segment, &self[segment]))

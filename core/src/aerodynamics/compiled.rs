@@ -32,6 +32,14 @@ pub struct Seen<T: Real> {
 }
 
 impl<T: Real> Seen<T> {
+    /// Nothing yet.
+    pub(crate) fn nothing() -> Self {
+        Self {
+            areas: SegmentArray::from_fn(|_| T::zero()),
+            across: T::one(),
+        }
+    }
+
     /// Of segments in the paper's model.
     pub fn of(segments: &SegmentArray<ExposedSegment<T>>, direction: &Vector3<T>) -> Self {
         Self {
@@ -113,14 +121,16 @@ impl<T: Real> Forms<T> {
         self
     }
 
-    #[inline]
-    fn load(&self, flow: &Flow<T>, drag: &Drag<T>) -> Loads<T> {
+    /// `across` is a factor on all that is not drag.
+    #[inline(always)]
+    fn load(&self, flow: &Flow<T>, drag: &Drag<T>, across: T) -> Loads<T> {
         let u = &flow.direction;
-        let across = self.lift * u;
-        let centre = Vector3::from(self.lift_centre.map(|form| u.dot(&(form * u))));
-        let force = u * (u.dot(&across) - drag.area) - across;
-        let moment =
-            (centre - drag.centre).cross(u) - self.lift_moment * u - u.cross(&(self.couple * u));
+        let lift = self.lift * u * across;
+        let centre = Vector3::from(self.lift_centre.map(|form| u.dot(&(form * u)) * across));
+        let force = u * (u.dot(&lift) - drag.area) - lift;
+        let moment = (centre - drag.centre).cross(u)
+            - self.lift_moment * u * across
+            - u.cross(&(self.couple * u * across));
         Loads {
             exposed_area: drag.exposed_area,
             force: force * flow.dynamic_pressure,
@@ -205,49 +215,45 @@ impl<T: Real> CompiledAerodynamics<T> {
     /// Force and moment on the body, as [`super::total_load`].
     #[inline]
     pub fn total_load(&self, flow: &Flow<T>) -> Loads<T> {
-        self.total_load_and_areas(flow).0
+        self.total_load_seen(flow, &mut Seen::nothing())
     }
 
-    /// [`CompiledAerodynamics::total_load`], and what met the stream for who needs it again.
+    /// [`CompiledAerodynamics::total_load`]; `seen` becomes what met the stream, for who needs it again.
     #[inline]
-    pub fn total_load_and_areas(&self, flow: &Flow<T>) -> (Loads<T>, Seen<T>) {
-        if self.free_fly.is_some() {
-            return self.felt_load_and_areas(flow);
+    pub fn total_load_seen(&self, flow: &Flow<T>, seen: &mut Seen<T>) -> Loads<T> {
+        if let Some(free_fly) = &self.free_fly {
+            return self.felt_load_seen(free_fly, flow, seen);
         }
         let mut drag = Drag::none();
-        let mut areas = SegmentArray::from_fn(|_| T::zero());
-        for (segment, (_, place)) in self.segments.values().zip(areas.iter_mut()) {
+        for (segment, place) in self.segments.values().zip(seen.areas.values_mut()) {
             let area = segment.exposed_area(&flow.direction);
             *place = area;
             drag.exposed_area += area;
             drag.add(segment, segment.drag * area);
         }
-        let across = T::one();
-        (self.forms.load(flow, &drag), Seen { areas, across })
+        seen.across = T::one();
+        self.forms.load(flow, &drag, T::one())
     }
 
     /// The same where the direction of the stream decides. Apart, so that who flies the paper's model does not pay for it.
     #[cold]
     #[inline(never)]
-    fn felt_load_and_areas(&self, flow: &Flow<T>) -> (Loads<T>, Seen<T>) {
-        let felt = self.felt(&flow.direction).unwrap_or_else(Felt::whole);
+    fn felt_load_seen(
+        &self,
+        free_fly: &FreeFly<T>,
+        flow: &Flow<T>,
+        seen: &mut Seen<T>,
+    ) -> Loads<T> {
+        let across = free_fly.shares(&self.segments, &flow.direction, &mut seen.areas);
+        seen.across = across;
         let mut drag = Drag::none();
-        let mut areas = felt.drag;
-        for (segment, (_, place)) in self.segments.values().zip(areas.iter_mut()) {
+        for (segment, place) in self.segments.values().zip(seen.areas.values_mut()) {
             let area = segment.exposed_area(&flow.direction);
             *place *= area;
             drag.exposed_area += area;
             drag.add(segment, segment.drag * *place);
         }
-        let across = felt.across;
-        let Loads { force, moment, .. } = self.forms.load(flow, &Drag::none());
-        let pressed = flow.direction * flow.dynamic_pressure;
-        let loads = Loads {
-            exposed_area: drag.exposed_area,
-            force: force * across - pressed * drag.area,
-            moment: moment * across - drag.centre.cross(&pressed),
-        };
-        (loads, Seen { areas, across })
+        self.forms.load(flow, &drag, across)
     }
 
     /// The form for streams from about `direction` (unit vector, body axes).
@@ -307,7 +313,7 @@ impl<T: Real> FrozenAerodynamics<T> {
             area: at_least(self.drag_silhouette.dot(u), least_drag),
             centre: self.drag_centre * u,
         };
-        self.forms.load(flow, &drag)
+        self.forms.load(flow, &drag, T::one())
     }
 }
 

@@ -14,6 +14,8 @@
 //! 3e5 to 2e6 in rough cloth, beyond the drag crisis of rough cylinders, where the coefficient is level. The
 //! exponent in [`Stream`](super::stream::Stream) is there for who measures another.
 
+use core::f64::consts::FRAC_1_PI;
+
 use nalgebra::Vector3;
 
 use super::arch::{arch_area, arch_factor};
@@ -49,7 +51,7 @@ pub const SHELTER: f64 = 0.9;
 pub struct FreeFly<T: Real> {
     /// Change of the drag by the arch, for streams to belly and back.
     arch: [T; 2],
-    /// Area of each segment's end (m2).
+    /// Square of the radius of each segment's end (m2).
     ends: SegmentArray<T>,
 }
 
@@ -105,7 +107,9 @@ impl<T: Real> FreeFly<T> {
                 ArchFactor::FromPosture => by_area(one),
                 ArchFactor::Scaled(scale) => by_area(scale),
             },
-            ends: body.segments.map(|_, segment| segment.area.z),
+            ends: body
+                .segments
+                .map(|_, segment| segment.area.z * T::of(FRAC_1_PI)),
         })
     }
 
@@ -115,31 +119,46 @@ impl<T: Real> FreeFly<T> {
         segments: &SegmentArray<ExposedSegment<T>>,
         direction: &Vector3<T>,
     ) -> Felt<T> {
+        let mut felt = Felt::whole();
+        felt.across = self.shares(segments, direction, &mut felt.drag);
+        felt
+    }
+
+    /// [`FreeFly::felt`] where the shares of the drag are kept; the factor on forces across the stream.
+    #[inline]
+    pub(super) fn shares(
+        &self,
+        segments: &SegmentArray<ExposedSegment<T>>,
+        direction: &Vector3<T>,
+        drag: &mut SegmentArray<T>,
+    ) -> T {
         let (zero, one) = (T::zero(), T::one());
         // Share of the stream that meets belly or back, as in the principle of cross-flow.
         let flat = direction.y * direction.y;
         let [belly, back] = self.arch;
         let arch = one + flat * if direction.y < zero { belly } else { back };
-        let mut drag = SegmentArray::from_fn(|_| arch);
-        for [first, second] in WAKES {
+        for share in drag.values_mut() {
+            *share = arch;
+        }
+        for &[first, second] in &WAKES {
             let apart = segments[second].centre - segments[first].centre;
             let along = apart.dot(direction);
-            let (ahead, behind) = if along > zero {
-                (second, first)
-            } else {
-                (first, second)
-            };
             let aside = apart.norm_squared() - along * along;
-            let (shade, shaded) = (self.ends[ahead], self.ends[behind]);
             // Sum of the squares of both ends' radii: a wake that wide, which ends without a corner.
-            let width = (shade + shaded) * T::of(core::f64::consts::FRAC_1_PI);
+            let width = self.ends[first] + self.ends[second];
             if aside < width {
+                let (ahead, behind) = if along > zero {
+                    (second, first)
+                } else {
+                    (first, second)
+                };
+                let (shade, shaded) = (self.ends[ahead], self.ends[behind]);
                 let inside = one - aside / width;
                 let covered = if shade < shaded { shade / shaded } else { one };
                 drag[behind] *= one - T::of(SHELTER) * covered * inside * inside;
             }
         }
-        Felt { drag, across: flat }
+        flat
     }
 }
 

@@ -6,6 +6,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::muscle_input::muscle_load;
 use super::{Dynamics, Inputs, Motion, PostureSample, State};
+use crate::aerodynamics::compiled::Seen;
 use crate::aerodynamics::{Flow, Loads, damping_rate};
 use crate::frame::{Body, Vector};
 use crate::math::Real;
@@ -92,7 +93,8 @@ impl<T: Real> Interval<T> for PostureSample<T> {
     ) -> (Loads<T>, Vector3<T>) {
         let velocity_through_air = &velocity_through_air.components;
         let flow = Flow::new(velocity_through_air, density);
-        let (mut loads, seen) = self.aerodynamics.total_load_and_areas(&flow);
+        let mut seen = Seen::nothing();
+        let mut loads = self.aerodynamics.total_load_seen(&flow, &mut seen);
         if !dynamics.stream.is_uniform() {
             let (aerodynamics, stream) = (&self.aerodynamics, &dynamics.stream);
             let spin = &spin.components;

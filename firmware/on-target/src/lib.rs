@@ -8,6 +8,7 @@
 
 use core::hint::black_box;
 
+use bodyflight_core::aerodynamics::load_model::LoadModel;
 use bodyflight_core::body::anthropometry::{Person, Sex};
 use bodyflight_core::body::pattern;
 use bodyflight_core::dynamics::step::TIME_STEP;
@@ -318,6 +319,22 @@ fn steps(counter: &mut Counter, dynamics: &Dynamics<f32>, posture: &Posture<f32>
     );
 }
 
+/// Instructions of the loads of a model, flat on the stream and straight along it with every segment in a wake but the first.
+#[inline(never)]
+fn loads(counter: &mut Counter, dynamics: &Dynamics<f32>, model: LoadModel) -> [u32; 2] {
+    let inputs = Inputs::belly_turn();
+    let mut dynamics = *dynamics;
+    dynamics.aerodynamics.model = model;
+    let flat = (pattern::neutral(), falling().velocity);
+    let along = (Posture::h_pose(), Vector::new(0.0, 0.5, 60.0));
+    [flat, along].map(|(posture, velocity)| {
+        let mut sample = PostureSample::blank();
+        dynamics.between_into(&posture, &posture, f32::of(TIME_STEP), &mut sample);
+        let (sample, velocity) = (black_box(&sample), black_box(&velocity));
+        counter.instructions(|| dynamics.loads(sample, &inputs, velocity, &Vector::zero(), 1.0))
+    })
+}
+
 /// Prints what there is to compare; `None` where the core refuses the person or a preset.
 pub fn run(timer: SYST, pace: Pace) -> Option<()> {
     let body = body()?;
@@ -330,6 +347,11 @@ pub fn run(timer: SYST, pace: Pace) -> Option<()> {
     let dynamics = Dynamics::paper(body, 1.0);
     let posture = pattern::neutral::<f32>();
     steps(&mut counter, &dynamics, &posture);
+    let [flat, _] = loads(&mut counter, &dynamics, LoadModel::Paper);
+    println!("loads {flat}");
+    let [flat, along] = loads(&mut counter, &dynamics, LoadModel::FreeFly);
+    println!("loads_free_fly {flat}");
+    println!("loads_free_fly_in_wakes {along}");
     let [quiet, update, stack] = pushes::<Reduced, 30>(&mut counter, &dynamics, &posture)?;
     println!("reduced_push {quiet}");
     println!("reduced_update {update}");
