@@ -280,10 +280,14 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         // On the unit once for each estimate: every update then costs the same.
         if self.since == 0 || P::STRIDE == 1 {
             self.posture_error
-                .renew_next(&self.dynamics, next, velocity, &mut self.sample);
-            self.process
-                .set_sensitivity(self.posture_error.covariance());
+                .renew_next(&self.dynamics, next, motion, &mut self.sample);
         }
+        self.process
+            .set_sensitivity(self.posture_error.covariance());
+        let turning = self
+            .posture_error
+            .turning_covariance(&self.dynamics, motion);
+        self.process.set_turning(&turning);
     }
 
     /// Takes in what was measured.

@@ -1,12 +1,12 @@
 //! What joints that are recorded a little off do to the loads: the source of the residual load, from the model.
 
-use nalgebra::{SMatrix, SVector, Vector3};
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 use crate::aerodynamics::Flow;
 use crate::body::Segment;
 use crate::body::mass_properties::PostureRate;
 use crate::body::posture::Posture;
-use crate::dynamics::{Dynamics, PostureSample};
+use crate::dynamics::{Dynamics, Motion, PostureSample};
 use crate::math::{Real, small_rotation};
 
 /// Joint axes, three for each segment but the pelvis.
@@ -18,11 +18,14 @@ const COVARIANCE_FLOOR: f64 = 1e-6;
 /// Turn of a joint by which the loads are compared (rad).
 const TURN: f64 = 0.03;
 
-/// Force and moment over the dynamic pressure for each joint axis that is off by 1 rad.
+/// Force and moment over the dynamic pressure for each joint axis that is off by 1 rad, of the air alone, and what the
+/// joints do to the inertia.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PostureError<T: Real> {
     columns: [SVector<T, 6>; JOINT_AXES],
     covariance: SMatrix<T, 6, 6>,
+    /// Covariance of the inertia (kg2 m4): xx, xy, xz, yy, yz, zz; and what is summed up for the next.
+    inertia: [SMatrix<T, 6, 6>; 2],
     next: usize,
 }
 
@@ -32,33 +35,41 @@ impl<T: Real> PostureError<T> {
         Self {
             columns: [SVector::zeros(); JOINT_AXES],
             covariance: SMatrix::zeros(),
+            inertia: [SMatrix::zeros(); 2],
             next: 0,
         }
     }
 
-    /// Force and moment over the dynamic pressure for each joint axis that is off by 1 rad: those of a segment in a
-    /// row, in the order of [`Segment::ALL`] without the pelvis.
-    pub fn columns(&self) -> &[SVector<T, 6>; JOINT_AXES] {
-        &self.columns
-    }
-
-    /// Covariance of the residual load where every joint axis has a deviation of 1 rad.
+    /// Covariance of the aerodynamic load where every joint axis has a deviation of 1 rad.
     pub fn covariance(&self) -> &SMatrix<T, 6, 6> {
         &self.covariance
     }
 
-    /// All axes anew, for a posture in the stream of `velocity` (m/s, through the air, body axes).
+    /// Covariance of the moment that the body's turning needs, over the dynamic pressure (m6), where every joint axis has a
+    /// deviation of 1 rad: in fast turns more than what the air does.
+    pub fn turning_covariance(&self, dynamics: &Dynamics<T>, motion: &Motion<T>) -> Matrix3<T> {
+        let spin = motion.angular_velocity.components;
+        let scale = T::one() / flow(dynamics, motion).dynamic_pressure;
+        let mut by_inertia = SMatrix::<T, 3, 6>::zeros();
+        for k in 0..6 {
+            let mut unit = SVector::<T, 6>::zeros();
+            unit[k] = scale;
+            by_inertia.set_column(k, &turning(&matrix(&unit), &spin));
+        }
+        by_inertia * self.inertia[0] * by_inertia.transpose()
+    }
+
+    /// All axes anew, for a posture in motion.
     pub fn renew(
         &mut self,
         dynamics: &Dynamics<T>,
         posture: &Posture<T>,
-        velocity: &Vector3<T>,
+        motion: &Motion<T>,
         sample: &mut PostureSample<T>,
     ) {
         self.next = 0;
-        let base = load(dynamics, posture, velocity, sample);
         for _ in 0..JOINT_AXES {
-            self.turn_next(dynamics, posture, velocity, &base, sample);
+            self.renew_next(dynamics, posture, motion, sample);
         }
     }
 
@@ -67,56 +78,123 @@ impl<T: Real> PostureError<T> {
         &mut self,
         dynamics: &Dynamics<T>,
         posture: &Posture<T>,
-        velocity: &Vector3<T>,
+        motion: &Motion<T>,
         sample: &mut PostureSample<T>,
     ) {
-        let base = load(dynamics, posture, velocity, sample);
-        self.turn_next(dynamics, posture, velocity, &base, sample);
-    }
-
-    fn turn_next(
-        &mut self,
-        dynamics: &Dynamics<T>,
-        posture: &Posture<T>,
-        velocity: &Vector3<T>,
-        base: &SVector<T, 6>,
-        sample: &mut PostureSample<T>,
-    ) {
+        dynamics.sample_into(posture, &PostureRate::zero(), sample);
+        let base = (
+            aerodynamic(dynamics, motion, sample),
+            numbers(&sample.inertia),
+        );
         let index = self.next;
         self.next = (index + 1) % JOINT_AXES;
-        let segment = Segment::ALL[1 + index / 3];
-        let mut turn = Vector3::zeros();
-        turn[index % 3] = T::of(TURN);
-        let joint = posture.parent_from_segment(segment) * small_rotation(&turn);
-        let turned = posture.with(segment, joint);
-        let column = (load(dynamics, &turned, velocity, sample) - base) / T::of(TURN);
+        dynamics.sample_into(&turned(posture, index), &PostureRate::zero(), sample);
+        let column = (aerodynamic(dynamics, motion, sample) - base.0) / T::of(TURN);
         if column.iter().all(|v| v.is_finite()) {
             self.columns[index] = column;
         }
+        let inertia = (numbers(&sample.inertia) - base.1) / T::of(TURN);
+        self.inertia[1] += inertia * inertia.transpose();
         if self.next == 0 {
-            let mut covariance = SMatrix::<T, 6, 6>::zeros();
-            for column in &self.columns {
-                covariance += column * column.transpose();
+            self.covariance = covariance_of(&self.columns);
+            let summed = core::mem::replace(&mut self.inertia[1], SMatrix::zeros());
+            if summed.iter().all(|v| v.is_finite()) {
+                self.inertia[0] = summed;
             }
-            // So that it has an inverse where no joint moves some load.
-            for k in 0..6 {
-                covariance[(k, k)] += T::of(COVARIANCE_FLOOR);
-            }
-            self.covariance = covariance;
         }
     }
 }
 
-/// Force, and moment about the centre of gravity, over the dynamic pressure (m2, m3) of a posture in the stream of `velocity`
-/// (m/s, through the air, body axes). `sample` is a place to work in.
+/// Load ([`load`]) for each joint axis that is off by 1 rad: those of a segment in a row, in the order of [`Segment::ALL`]
+/// without the pelvis.
+pub fn columns<T: Real>(
+    dynamics: &Dynamics<T>,
+    posture: &Posture<T>,
+    motion: &Motion<T>,
+    sample: &mut PostureSample<T>,
+) -> [SVector<T, 6>; JOINT_AXES] {
+    let base = load(dynamics, posture, motion, sample);
+    core::array::from_fn(|index| {
+        let turned = turned(posture, index);
+        (load(dynamics, &turned, motion, sample) - base) / T::of(TURN)
+    })
+}
+
+/// Covariance of a load where every joint axis has a deviation of 1 rad.
+pub fn covariance_of<T: Real>(columns: &[SVector<T, 6>; JOINT_AXES]) -> SMatrix<T, 6, 6> {
+    let mut covariance = SMatrix::<T, 6, 6>::zeros();
+    for column in columns {
+        covariance += column * column.transpose();
+    }
+    // So that it has an inverse where no joint moves some load.
+    for k in 0..6 {
+        covariance[(k, k)] += T::of(COVARIANCE_FLOOR);
+    }
+    covariance
+}
+
+/// Force, and moment about the centre of gravity, over the dynamic pressure (m2, m3) of a posture in motion, less what the
+/// body's turning needs. `sample` is a place to work in.
 pub fn load<T: Real>(
     dynamics: &Dynamics<T>,
     posture: &Posture<T>,
-    velocity: &Vector3<T>,
+    motion: &Motion<T>,
     sample: &mut PostureSample<T>,
 ) -> SVector<T, 6> {
     dynamics.sample_into(posture, &PostureRate::zero(), sample);
-    let flow = Flow::new(velocity, T::one());
+    let mut load = aerodynamic(dynamics, motion, sample);
+    let scale = T::one() / flow(dynamics, motion).dynamic_pressure;
+    let turning = turning(&sample.inertia, &motion.angular_velocity.components) * scale;
+    let mut moment = load.fixed_rows_mut::<3>(3);
+    moment -= turning;
+    load
+}
+
+/// A posture with one joint axis off.
+fn turned<T: Real>(posture: &Posture<T>, axis: usize) -> Posture<T> {
+    let segment = Segment::ALL[1 + axis / 3];
+    let mut turn = Vector3::zeros();
+    turn[axis % 3] = T::of(TURN);
+    posture.with(
+        segment,
+        posture.parent_from_segment(segment) * small_rotation(&turn),
+    )
+}
+
+/// Moment that turning needs (N m).
+fn turning<T: Real>(inertia: &Matrix3<T>, spin: &Vector3<T>) -> Vector3<T> {
+    spin.cross(&(inertia * spin))
+}
+
+fn numbers<T: Real>(m: &Matrix3<T>) -> SVector<T, 6> {
+    SVector::from([
+        m[(0, 0)],
+        m[(0, 1)],
+        m[(0, 2)],
+        m[(1, 1)],
+        m[(1, 2)],
+        m[(2, 2)],
+    ])
+}
+
+fn matrix<T: Real>(n: &SVector<T, 6>) -> Matrix3<T> {
+    Matrix3::new(n[0], n[1], n[2], n[1], n[3], n[4], n[2], n[4], n[5])
+}
+
+fn flow<T: Real>(dynamics: &Dynamics<T>, motion: &Motion<T>) -> Flow<T> {
+    let air = dynamics.air.velocity_at(&motion.position);
+    let velocity = motion.velocity - motion.inertial_from_body.inverse() * air;
+    let density = dynamics.air.density.at(motion.position.up());
+    Flow::new(&velocity.components, density)
+}
+
+/// What the air does, over the dynamic pressure.
+fn aerodynamic<T: Real>(
+    dynamics: &Dynamics<T>,
+    motion: &Motion<T>,
+    sample: &PostureSample<T>,
+) -> SVector<T, 6> {
+    let flow = flow(dynamics, motion);
     let loads = sample.aerodynamics.total_load(&flow);
     let scale = T::one() / flow.dynamic_pressure;
     let moment = loads.moment - sample.mass.cg.cross(&loads.force);

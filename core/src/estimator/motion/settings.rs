@@ -1,10 +1,11 @@
 //! What tunes the motion filter, as data, and what follows from it for one rate.
 
-use nalgebra::{SMatrix, SVector};
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 use super::measurement::Noise;
 use super::state::{
-    ATTITUDE, DAMPING, INPUT_STATES, MUSCLE, RESIDUAL_FORCE, SPIN, STATES, VELOCITY,
+    ATTITUDE, DAMPING, INPUT_STATES, MUSCLE, RESIDUAL_FORCE, RESIDUAL_MOMENT, SPIN, STATES,
+    VELOCITY,
 };
 use crate::estimator::preset::SAMPLE_RATE;
 use crate::estimator::unscented::SettingsError;
@@ -133,8 +134,13 @@ pub struct Process<T: Real> {
     turn_rate: T,
     /// Square of the joints' error (rad2).
     joint_variance: T,
+    /// Share of the residual load that stays, by time and by turns of the stream.
+    joint_kept: T,
     /// Covariance of the residual load for joints that are off by 1 rad.
     sensitivity: SMatrix<T, 6, 6>,
+    /// What of its moment is the body's own turning, and the variance that a change of it brings.
+    turning: Vector3<T>,
+    turned: Vector3<T>,
 }
 
 impl<T: Real> Process<T> {
@@ -188,7 +194,10 @@ impl<T: Real> Process<T> {
             joint_rate: duration / T::single(preset.joint_error_time),
             turn_rate: T::single(preset.turn_rate),
             joint_variance: square(preset.joint_error),
+            joint_kept: joint,
             sensitivity: SMatrix::zeros(),
+            turning: Vector3::zeros(),
+            turned: Vector3::zeros(),
         })
     }
 
@@ -210,9 +219,37 @@ impl<T: Real> Process<T> {
     /// Sets by how much the stream turned about the body in this interval (rad): what joints do to the loads
     /// is another load from another side.
     pub fn set_turn(&mut self, turn: T) {
-        let decay = decay_over(self.joint_rate + turn * self.turn_rate);
+        self.joint_kept = decay_over(self.joint_rate + turn * self.turn_rate);
         for k in RESIDUAL_FORCE - MUSCLE..INPUT_STATES {
-            self.decay[k] = decay;
+            self.decay[k] = self.joint_kept;
+        }
+        self.turned = Vector3::zeros();
+    }
+
+    /// Adds what the body's own turning needs to the covariance of the residual load: `covariance` for joints that are off by
+    /// 1 rad. Call it after [`Process::set_sensitivity`] and [`Process::set_turn`].
+    ///
+    /// Where a body begins to turn faster, its moments come to what is there already; where it turns slower, what is left of the
+    /// residual moment is the share that is expected of it.
+    pub fn set_turning(&mut self, covariance: &Matrix3<T>) {
+        for axis in 0..3 {
+            let air = self.sensitivity[(3 + axis, 3 + axis)];
+            let (before, now) = (self.turning[axis], covariance[(axis, axis)]);
+            if !now.is_finite() {
+                continue;
+            }
+            self.turning[axis] = now;
+            if now > before {
+                self.turned[axis] = now - before;
+            } else if air + before > T::zero() {
+                let kept = (air + now) / (air + before);
+                self.decay[RESIDUAL_MOMENT - MUSCLE + axis] = self.joint_kept * kept;
+                self.turned[axis] = (air + now) * (T::one() - kept);
+            }
+        }
+        if covariance.iter().all(|v| v.is_finite()) {
+            let mut moment = self.sensitivity.fixed_view_mut::<3, 3>(3, 3);
+            moment += covariance;
         }
     }
 
@@ -275,8 +312,12 @@ impl<T: Real> Process<T> {
                 }
             }
         }
-        let decay = self.decay[RESIDUAL_FORCE - MUSCLE];
-        let lost = (one - decay * decay) * self.joint_variance;
+        let kept = self.joint_kept * self.joint_kept;
+        for axis in 0..3 {
+            let k = RESIDUAL_MOMENT + axis;
+            covariance[(k, k)] += self.turned[axis] * kept * self.joint_variance;
+        }
+        let lost = (one - kept) * self.joint_variance;
         for j in 0..6 {
             for i in 0..6 {
                 covariance[(RESIDUAL_FORCE + i, RESIDUAL_FORCE + j)] +=

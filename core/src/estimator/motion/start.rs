@@ -56,11 +56,14 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         self.posture = *posture;
         self.interval = None;
         self.activity.start(&motion.angular_velocity.components);
-        let velocity = self.velocity_through_air(motion);
         self.posture_error
-            .renew(&self.dynamics, posture, &velocity, &mut self.sample);
+            .renew(&self.dynamics, posture, motion, &mut self.sample);
         self.process
             .set_sensitivity(self.posture_error.covariance());
+        let turning = self
+            .posture_error
+            .turning_covariance(&self.dynamics, motion);
+        self.process.set_turning(&turning);
         Ok(())
     }
 }

@@ -6,7 +6,7 @@
 use bodyflight_core::body::Segment;
 use bodyflight_core::body::posture::Posture;
 use bodyflight_core::dynamics::{Dynamics, Motion, PostureSample};
-use bodyflight_core::estimator::motion::posture_error::{JOINT_AXES, PostureError};
+use bodyflight_core::estimator::motion::posture_error::{JOINT_AXES, columns, covariance_of};
 use bodyflight_core::math::small_rotation;
 use nalgebra::{SMatrix, SVector, Vector3};
 
@@ -42,12 +42,9 @@ impl JointDirections {
         let all: Vec<SMatrix<f64, 6, JOINT_AXES>> = flight
             .step_by(SAMPLES)
             .map(|(posture, motion)| {
-                let air = dynamics.air.velocity_at(&motion.position);
-                let velocity = motion.velocity - motion.inertial_from_body.inverse() * air;
-                let mut error = PostureError::none();
-                error.renew(dynamics, posture, &velocity.components, &mut sample);
-                covariances.push(*error.covariance());
-                SMatrix::from_columns(error.columns())
+                let columns = columns(dynamics, posture, motion, &mut sample);
+                covariances.push(covariance_of(&columns));
+                SMatrix::from_columns(&columns)
             })
             .collect();
         let mut sum = nalgebra::DMatrix::<f64>::zeros(JOINT_AXES, JOINT_AXES);

@@ -160,8 +160,8 @@ impl Whole {
         let mut place = PostureSample::blank();
         let samples = self.samples.iter().step_by(STRIDE);
         for (known, sample) in known.iter_mut().zip(samples) {
-            let velocity = through_air(&self.dynamics, &known.motion);
-            let mut load = |posture| load(&self.dynamics, posture, &velocity, &mut place);
+            let motion = known.motion;
+            let mut load = |posture| load(&self.dynamics, posture, &motion, &mut place);
             let corrected = self.directions.corrected(&sample.posture, &self.errors);
             let difference = load(&corrected) - load(&sample.posture);
             let residual = &mut known.state.inputs.residual;
