@@ -225,18 +225,38 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         Some(self.publish(channels))
     }
 
-    /// Goes on to the next posture.
-    #[inline(never)]
+    /// Goes on to the next posture: first what the posture says, then the flight. Neither keeps its own on the stack for the
+    /// other.
     fn cross(&mut self, posture: &Posture<T>) {
+        let motion = self.motion();
+        self.follow_posture(posture, &motion);
+        self.fly(&motion);
+    }
+
+    /// Brings the interval, and what is known of the joints' errors, up to the next posture.
+    #[inline(never)]
+    fn follow_posture(&mut self, posture: &Posture<T>, motion: &Motion<T>) {
         let good = posture.is_valid();
         self.faults.posture |= !good;
-        let next = if good { *posture } else { self.posture };
-        let motion = self.motion();
-        let velocity = self.velocity_through_air(&motion);
-        self.follow_posture(&next, &motion, &velocity);
+        // On the unit once for each estimate: every update then costs the same.
+        if self.since == 0 || P::STRIDE == 1 {
+            let next = if good { posture } else { &self.posture };
+            self.posture_error
+                .renew_next(&self.dynamics, next, motion, &mut self.sample);
+        }
+        let next = if good { posture } else { &self.posture };
         self.dynamics
-            .between_into(&self.posture, &next, self.duration, &mut self.sample);
-        self.posture = next;
+            .between_into(&self.posture, next, self.duration, &mut self.sample);
+        if good {
+            self.posture = *posture;
+        }
+    }
+
+    /// Flies the interval.
+    #[inline(never)]
+    fn fly(&mut self, motion: &Motion<T>) {
+        let velocity = self.velocity_through_air(motion);
+        self.follow_joints(motion, &velocity);
         let interval = P::keep(
             &self.dynamics,
             &self.sample,
@@ -270,18 +290,14 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         self.interval = Some(interval);
     }
 
-    /// Brings what is known of the joints' errors up to the next posture.
-    fn follow_posture(&mut self, next: &Posture<T>, motion: &Motion<T>, velocity: &Vector3<T>) {
+    /// What joints' errors may do in this interval.
+    #[inline(never)]
+    fn follow_joints(&mut self, motion: &Motion<T>, velocity: &Vector3<T>) {
         let length = |vector: Vector3<T>| vector.norm_squared().root();
         let across = length(motion.angular_velocity.components.cross(velocity));
         let turn = across * self.duration / length(*velocity);
         self.process
             .set_turn(if turn.is_finite() { turn } else { T::zero() });
-        // On the unit once for each estimate: every update then costs the same.
-        if self.since == 0 || P::STRIDE == 1 {
-            self.posture_error
-                .renew_next(&self.dynamics, next, motion, &mut self.sample);
-        }
         self.process
             .set_sensitivity(self.posture_error.covariance());
         let turning = self

@@ -2,7 +2,7 @@
 //!
 //! Muscle input is mostly nothing, and sometimes a push that comes within a tenth of a second. One spread for
 //! both is wrong for both: so inputs are quiet until the innovations of an axis' angular velocity have the
-//! same sign for some samples, by more than chance allows.
+//! same sign for some samples, or lean to one side for a second, by more than chance allows.
 
 use nalgebra::Vector3;
 
@@ -12,6 +12,9 @@ use crate::math::{Real, clamp};
 
 /// Time over which innovations are averaged (s).
 const WINDOW: f64 = 0.05;
+/// The same for what begins slowly, and the deviations of that mean at which an axis wakes up.
+const LONG_WINDOW: f64 = 1.0;
+const LONG_THRESHOLD: f64 = 4.5;
 /// Time constant of the angular velocity that damping is looked for in (s).
 const SLOW: f64 = 0.3;
 
@@ -19,12 +22,15 @@ const SLOW: f64 = 0.3;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Activity<T: Real> {
     mean: [T; 3],
+    long: [T; 3],
     level: [T; 3],
-    /// Weight of one innovation in the mean.
+    /// Weight of one innovation in the means.
     share: T,
+    long_share: T,
     decay: T,
-    /// Square of the mean at which an axis wakes up.
+    /// Squares of the means at which an axis wakes up.
     threshold: T,
+    long_threshold: T,
     slow: Vector3<T>,
     slow_share: T,
     damping_threshold: T,
@@ -35,15 +41,20 @@ impl<T: Real> Activity<T> {
     pub fn new(preset: &MotionPreset, duration: T) -> Self {
         let within = |share: T| clamp(share, T::zero(), T::of(0.9));
         let share = within(duration / T::of(WINDOW));
-        let threshold = T::single(preset.awake_threshold);
+        let long_share = within(duration / T::of(LONG_WINDOW));
+        // The variance of the mean of normalised innovations is share / (2 - share).
+        let square =
+            |deviations: T, share: T| deviations * deviations * share / (T::of(2.0) - share);
         let damping = T::single(preset.damping_threshold);
         Self {
             mean: [T::zero(); 3],
+            long: [T::zero(); 3],
             level: [T::zero(); 3],
             share,
+            long_share,
             decay: T::one() - within(duration / T::single(preset.awake_time)),
-            // The variance of the mean of normalised innovations is share / (2 - share).
-            threshold: threshold * threshold * share / (T::of(2.0) - share),
+            threshold: square(T::single(preset.awake_threshold), share),
+            long_threshold: square(T::of(LONG_THRESHOLD), long_share),
             slow: Vector3::zeros(),
             slow_share: within(duration / T::of(SLOW)),
             damping_threshold: damping * damping,
@@ -68,7 +79,10 @@ impl<T: Real> Activity<T> {
         let axis = channel - RATE_CHANNELS.start;
         let value = clamp(normalised, T::of(-5.0), T::of(5.0));
         self.mean[axis] += (value - self.mean[axis]) * self.share;
-        self.level[axis] = if self.mean[axis] * self.mean[axis] > self.threshold {
+        self.long[axis] += (value - self.long[axis]) * self.long_share;
+        let [mean, long] = [self.mean[axis], self.long[axis]];
+        let awake = mean * mean > self.threshold || long * long > self.long_threshold;
+        self.level[axis] = if awake {
             T::one()
         } else {
             self.level[axis] * self.decay

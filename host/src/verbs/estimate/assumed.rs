@@ -23,7 +23,7 @@ pub struct Assumed {
 /// Share of the preset's deviations that muscle input and damping have about what they are off by over the flight, at first
 /// and at least.
 const MUSCLE_SHARES: [f32; 2] = [0.67, 0.5];
-const DAMPING_SHARES: [f32; 2] = [0.5, 0.25];
+const DAMPING_SHARES: [f32; 2] = [0.6, 0.6];
 /// Wander of the joints (deg), at first and at least, and the time in which it changes (s).
 const WANDER: [f32; 2] = [0.1, 0.05];
 const WANDER_TIME: f32 = 5.0;
