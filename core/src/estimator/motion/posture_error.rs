@@ -82,18 +82,22 @@ impl<T: Real> PostureError<T> {
         sample: &mut PostureSample<T>,
     ) {
         dynamics.sample_into(posture, &PostureRate::zero(), sample);
-        let base = (
-            aerodynamic(dynamics, motion, sample),
-            numbers(&sample.inertia),
-        );
+        let base = aerodynamic(dynamics, motion, sample);
+        let inertia = numbers(&sample.inertia);
         let index = self.next;
         self.next = (index + 1) % JOINT_AXES;
         dynamics.sample_into(&turned(posture, index), &PostureRate::zero(), sample);
-        let column = (aerodynamic(dynamics, motion, sample) - base.0) / T::of(TURN);
+        let column = (aerodynamic(dynamics, motion, sample) - base) / T::of(TURN);
+        let inertia = (numbers(&sample.inertia) - inertia) / T::of(TURN);
+        self.keep(index, &column, &inertia);
+    }
+
+    /// What an axis does, apart from the work that finds it: a unit's stack does not hold both.
+    #[inline(never)]
+    fn keep(&mut self, index: usize, column: &SVector<T, 6>, inertia: &SVector<T, 6>) {
         if column.iter().all(|v| v.is_finite()) {
-            self.columns[index] = column;
+            self.columns[index] = *column;
         }
-        let inertia = (numbers(&sample.inertia) - base.1) / T::of(TURN);
         self.inertia[1] += inertia * inertia.transpose();
         if self.next == 0 {
             self.covariance = covariance_of(&self.columns);
@@ -151,6 +155,7 @@ pub fn load<T: Real>(
 }
 
 /// A posture with one joint axis off.
+#[inline(never)]
 fn turned<T: Real>(posture: &Posture<T>, axis: usize) -> Posture<T> {
     let segment = Segment::ALL[1 + axis / 3];
     let mut turn = Vector3::zeros();
