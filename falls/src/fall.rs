@@ -9,7 +9,7 @@ use crate::canopy::{Circle, circles};
 use crate::cleaning::{TakenOut, cleaned};
 use crate::drag::{Block, Piece, blocks, glides, pieces, velocity_noise};
 use crate::phases::{Stretch, Times, divided, times};
-use crate::prediction::{Flown, Prediction};
+use crate::prediction::{Flown, Forecast, Prediction, Trials};
 use crate::verdict::{Evidence, LEAST, PLAUSIBLE, Verdict, judged};
 use crate::wind::{Profile, Wind, wind};
 use crate::{Sample, median, slopes};
@@ -19,6 +19,11 @@ const ROUNDS: usize = 4;
 
 /// Time after the exit in which the fall still gathers speed (s).
 const GATHERS: f64 = 10.0;
+
+/// Length of the shortest part of a fall of which a last third is predicted on trial, and time from one such part to the
+/// next (s).
+const FIRST_TRIAL: f64 = 24.0;
+const TRIAL_EVERY: f64 = 3.0;
 
 /// Vertical acceleration below which a fall is steady (m/s2).
 const STEADY: f64 = 1.5;
@@ -261,39 +266,33 @@ fn predicted(
     if last - first < LEAST {
         return None;
     }
-    let cut = falling.partition_point(|sample| sample.time < first + (last - first) * 2.0 / 3.0);
-    let (before, after) = falling.split_at(cut);
-    let told = told(before, has_exit, &settings.atmosphere, noise);
-    let flown = Flown {
-        pieces: &told.pieces,
-        wind: &told.wind,
-        atmosphere: &settings.atmosphere,
-    };
-    let velocities = flown.velocities(after, first_velocity(after));
-    let count = after.len() as f64;
-    let mean = |down: f64| down / count;
-    let predicted = mean(velocities.iter().map(|velocity| -velocity.z).sum());
-    let measured = mean(after.iter().map(|sample| -sample.velocity.z).sum());
-    // What postures did before, they may do again; a fall rate goes with the root of the drag.
-    let last_drag = told.pieces.last()?.drag;
-    let steady = told
-        .blocks
-        .iter()
-        .filter(|block| !has_exit || block.time > first + GATHERS);
-    let (squares, seconds) = steady.fold((0.0, 0.0), |(squares, seconds), block| {
-        (
-            squares + (block.drag / last_drag - 1.0).powi(2),
-            seconds + 1.0,
+    let forecast = |until: f64| {
+        let part = |time: f64| falling.partition_point(|sample| sample.time < time);
+        let cut = part(first + (until - first) * 2.0 / 3.0);
+        let (before, after) = falling[..part(until)].split_at(cut);
+        let told = told(before, has_exit, &settings.atmosphere, noise);
+        Forecast::made(
+            &told.pieces,
+            &told.wind,
+            &settings.atmosphere,
+            after,
+            first_velocity(after),
+            first + if has_exit { GATHERS } else { 0.0 },
         )
-    });
-    let spread = (squares / f64::max(seconds, 1.0)).sqrt().min(1.0);
+    };
+    let whole = forecast(last + 1e-6)?;
     let late: Vec<Piece> = pieces
         .iter()
-        .filter(|piece| piece.time[1] > after[0].time)
+        .filter(|piece| piece.time[1] > whole.from)
         .copied()
         .collect();
-    let rates = [predicted, predicted * 0.5 * spread, measured];
-    Some(Prediction::judged(rates, told.pieces.last()?, &late, first))
+    let mut trials = Trials::default();
+    let mut until = first + FIRST_TRIAL;
+    while until <= last {
+        trials.add(forecast(until).as_ref());
+        until += TRIAL_EVERY;
+    }
+    Some(Prediction::judged(&whole, &late, first, trials))
 }
 
 /// Speed downwards at the reference height (m/s): that of the steady part, by the root of the density.

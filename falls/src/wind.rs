@@ -85,6 +85,37 @@ impl Profile {
         self.values.iter().min_by(|a, b| off(a).total_cmp(&off(b)))
     }
 
+    /// Whether the fall told it, and it is not only what a wind may be.
+    pub fn is_told(&self) -> bool {
+        self.drive > 0.0
+    }
+
+    /// How far the winds that two falls told are from one another, in deviations of both, root mean square over full layers
+    /// of the height (m) that both went through; and how many layers those are. `None` where there is none.
+    pub fn apart(&self, other: &Self, thickness: f64) -> Option<(f64, usize)> {
+        if !(self.is_told() && other.is_told()) {
+            return None;
+        }
+        let (mut squares, mut layers) = (0.0, 0);
+        for own in self.layers(thickness) {
+            let (Some(top), Some(low)) = (other.values.first(), other.values.last()) else {
+                continue;
+            };
+            if !(low.height..=top.height).contains(&own.height) {
+                continue;
+            }
+            let Some(beside) = other.at(own.height) else {
+                continue;
+            };
+            for axis in 0..2 {
+                let variance = own.deviation[axis].powi(2) + beside.deviation[axis].powi(2);
+                squares += (own.velocity[axis] - beside.velocity[axis]).powi(2) / variance;
+            }
+            layers += 1;
+        }
+        (layers > 0).then(|| ((0.5 * squares / layers as f64).sqrt(), layers))
+    }
+
     /// The wind at each full layer of the height (m) that the fall went through, from the top.
     pub fn layers(&self, thickness: f64) -> Vec<Wind> {
         let (Some(first), Some(last)) = (self.values.first(), self.values.last()) else {

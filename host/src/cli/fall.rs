@@ -5,7 +5,9 @@ use std::path::PathBuf;
 use bodyflight::diagnostic::{Problem, Result};
 use bodyflight::formats::track;
 use bodyflight::output::files::write_file;
+use bodyflight::verbs::fall::beside::Beside;
 use bodyflight::verbs::fall::{Conditions, DEFAULT_MASS, Moment, Report, WindRow, fall, figure};
+use bodyflight_falls::prediction::{Prediction, Trials};
 use bodyflight_falls::verdict::Verdict;
 
 use super::outputs::Outputs;
@@ -33,6 +35,9 @@ pub(super) struct Args {
     /// Height in the standard atmosphere that fall rates are normalised to (m).
     #[arg(long, value_name = "M", default_value_t = 2000.0)]
     reference_height: f64,
+    /// Track of another jumper of the same load: the winds of both falls are compared.
+    #[arg(long, value_name = "TRACK")]
+    beside: Option<PathBuf>,
     /// Write phases, speeds and drag area over time as SVG.
     #[arg(long, value_name = "SVG")]
     plot: Option<PathBuf>,
@@ -45,7 +50,10 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     let spinner = terminal::spinner("reading");
     let track = track::read(&args.track)?;
     args.outputs.check([&args.plot])?;
-    let (report, jump) = fall(&track, &conditions, &args.track)?;
+    let (mut report, jump) = fall(&track, &conditions, &args.track)?;
+    if let Some(path) = &args.beside {
+        report.beside = Some(Beside::read(path, &conditions, &jump)?);
+    }
     spinner.finish_and_clear();
     if let Some(path) = &args.plot {
         let title = args.track.display().to_string();
@@ -61,6 +69,15 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     }
     if report.verdict == Verdict::Unexplained {
         return Err(Problem::disagreement(report.reason).in_file(&args.track));
+    }
+    if let (Some(beside), Some(path)) = (&report.beside, &args.beside)
+        && !beside.agrees()
+    {
+        let apart = beside.winds_apart.unwrap_or(f64::NAN);
+        return Err(Problem::disagreement(format!(
+            "the winds of both falls are {apart:.1} deviations apart: they are not of one load, or one of them was steered"
+        ))
+        .in_file(path));
     }
     Ok(())
 }
@@ -142,16 +159,8 @@ fn print(report: &Report) {
     }
     terminal::print(&table.to_string());
     print_winds(report);
-    if let Some(prediction) = &report.prediction {
-        let rates = match (prediction.predicted_mps, prediction.deviation_mps) {
-            (Some(predicted), Some(deviation)) => format!(
-                "{predicted:.1} +- {deviation:.1} m/s downwards from the first two, {:.1} measured; ",
-                prediction.measured_mps
-            ),
-            _ => format!("{:.1} m/s downwards; ", prediction.measured_mps),
-        };
-        terminal::print(&format!("last third: {rates}{}", prediction.sentence));
-    }
+    report.prediction.iter().for_each(print_prediction);
+    report.beside.iter().for_each(print_beside);
     if report.rows_taken_out + report.rows_skipped > 0 {
         terminal::print(&format!(
             "{} rows are far from their neighbours, {} could not be read; none of them was used",
@@ -169,6 +178,46 @@ fn print(report: &Report) {
         Verdict::Unexplained => "unexplained",
     };
     terminal::print(&format!("verdict: {verdict} ({})", report.reason));
+}
+
+fn print_beside(beside: &Beside) {
+    let winds = match beside.winds_apart {
+        Some(apart) => format!(
+            "the winds of both falls are {apart:.1} deviations apart, at {} heights",
+            beside.heights
+        ),
+        None => "one of the falls says nothing of the wind".to_owned(),
+    };
+    terminal::print(&format!(
+        "beside    {:.1} m/s at the same height of the standard atmosphere; {winds}",
+        beside.normalised_rate_mps
+    ));
+}
+
+fn print_prediction(prediction: &Prediction) {
+    terminal::print(&format!(
+        "last third: {:.1} +- {:.1} m/s downwards by the first two, {:.1} measured; {}",
+        prediction.predicted_mps,
+        prediction.deviation_mps,
+        prediction.measured_mps,
+        prediction.sentence
+    ));
+    let changed = match prediction.changes_before {
+        0 => "never".to_owned(),
+        1 => "once".to_owned(),
+        times => format!("{times} times"),
+    };
+    let Trials {
+        made,
+        held,
+        within_one,
+        within_two,
+    } = prediction.trials;
+    terminal::print(&format!(
+        "            the posture had changed {changed} before: a chance of {:.0} % that it stays. Of {made} such predictions \
+         on the way {held} held within 5 %, {within_one} within one deviation, {within_two} within two",
+        100.0 * prediction.kept_chance
+    ));
 }
 
 fn print_winds(report: &Report) {

@@ -5,21 +5,25 @@ use std::path::PathBuf;
 use bodyflight::diagnostic::{Problem, Result};
 use bodyflight::output::files::write_file;
 use bodyflight::replay::recorded::Recorded;
+use bodyflight::verbs::validate::falls::{self, is_track};
 use bodyflight::verbs::validate::windows::{MODELS, Spread};
 use bodyflight::verbs::validate::{Report, bundled, figure, read, validate};
 
 use super::outputs::Outputs;
 use super::terminal;
 
-/// Compare the model with real flights: parts of twisting somersaults predicted from their first frame.
+/// Compare the model with real flights: parts of twisting somersaults predicted from their first frame, and falls of loggers.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Exit code 4 where the exact equations do worse than 5 degrees in 0.25 s or 12 in 0.5 s, or the published \
-                  ones less than five times worse.\n\nExample: bodyflight validate --plot validation.svg"
+    after_help = "Exit code 4 where the exact equations do worse than 5 degrees in 0.25 s or 12 in 0.5 s, the published \
+                  ones less than five times worse, or a fall is not explained or predicted.\n\n\
+                  Example: bodyflight validate jumps/ --plot validation.svg"
 )]
 pub(super) struct Args {
-    /// Flights of your own in the air without a canopy, in place of the two that come with the program.
-    flights: Vec<PathBuf>,
+    /// Flights of your own in the air without a canopy, in place of the two that come with the program; tracks of loggers,
+    /// or folders of them.
+    #[arg(value_name = "FLIGHT|TRACK")]
+    paths: Vec<PathBuf>,
     /// Write how far each model is off over whole flights, as SVG.
     #[arg(long, value_name = "SVG")]
     plot: Option<PathBuf>,
@@ -30,12 +34,21 @@ pub(super) struct Args {
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     let spinner = terminal::spinner("reading");
     let folder = bundled::temporary()?;
-    let is_bundled = args.flights.is_empty();
-    let paths = if is_bundled {
+    let of_loggers =
+        |path: &&PathBuf| is_track(path) || path.is_dir() && !path.join("flight.toml").exists();
+    let (tracks, mut paths): (Vec<&PathBuf>, Vec<&PathBuf>) =
+        args.paths.iter().partition(of_loggers);
+    let bundled_paths = if paths.is_empty() {
         bundled::write(folder.path())?
     } else {
-        args.flights.clone()
+        Vec::new()
     };
+    paths.extend(&bundled_paths);
+    let tracks = tracks
+        .into_iter()
+        .map(|path| falls::tracks(path))
+        .collect::<Result<Vec<_>>>()?
+        .concat();
     let flights = paths
         .iter()
         .map(|path| {
@@ -44,7 +57,9 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         })
         .collect::<Result<Vec<(String, Recorded)>>>()?;
     args.outputs.check([&args.plot])?;
-    let report = validate(&flights, |what| spinner.set_message(what.to_owned()));
+    let report = validate(&flights, &tracks, |what| {
+        spinner.set_message(what.to_owned())
+    });
     let plot = args
         .plot
         .as_ref()
@@ -58,10 +73,10 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     } else {
         print(&report);
     }
-    if report.failures.is_empty() {
-        return Ok(());
+    match report.failure() {
+        None => Ok(()),
+        Some(failure) => Err(Problem::disagreement(failure)),
     }
-    Err(Problem::disagreement(report.failures.join("; ")))
 }
 
 fn degrees(spread: &Spread) -> String {
@@ -108,6 +123,20 @@ fn print(report: &Report) {
             .map(|rms| format!("{:.1}", rms.to_degrees()))
             .collect();
         table.add_row([name(row.model), each.join(", ")]);
+    }
+    terminal::print(&table.to_string());
+    for why in &report.not_judged {
+        terminal::print(&format!("not judged: {why}"));
+    }
+    let mut table = terminal::table(&["data", "what", "expected", "found", "holds"]);
+    for check in &report.checks {
+        table.add_row([
+            check.data.as_str(),
+            &check.what,
+            &check.expected,
+            &check.found,
+            if check.holds { "yes" } else { "no" },
+        ]);
     }
     terminal::print(&table.to_string());
 }

@@ -1,5 +1,6 @@
 //! `bodyflight fall`: what the track of a logger says of a jump, as a skydiver reads it.
 
+pub mod beside;
 pub mod figure;
 
 use std::path::Path;
@@ -15,6 +16,7 @@ use serde::Serialize;
 
 use crate::diagnostic::{Problem, Result};
 use crate::formats::track::Track;
+use beside::Beside;
 
 /// Mass of skydiver and equipment where nothing is said of it (kg).
 pub const DEFAULT_MASS: f64 = 80.0;
@@ -165,6 +167,8 @@ pub struct Report {
     pub sensors: Sensors,
     /// The last third, predicted from the first two.
     pub prediction: Option<Prediction>,
+    /// Another jumper of the same load.
+    pub beside: Option<Beside>,
 }
 
 /// Analyses the jump of a track.
@@ -260,7 +264,7 @@ fn report(track: &Track, conditions: &Conditions, jump: &Jump) -> Report {
         lift_area_m2: mass * piece.lift,
         glide: piece.glide,
     };
-    let told = jump.wind.drive > 0.0;
+    let told = jump.wind.is_told();
     Report {
         verdict: jump.verdict,
         reason: jump.reason.clone(),
@@ -296,6 +300,7 @@ fn report(track: &Track, conditions: &Conditions, jump: &Jump) -> Report {
         opening_details: jump.opening(),
         sensors: sensors(track, jump),
         prediction: jump.prediction.clone(),
+        beside: None,
     }
 }
 

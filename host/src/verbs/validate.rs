@@ -1,13 +1,15 @@
 //! `bodyflight validate`: the model against real recordings, nothing fitted but what a row says.
 //!
 //! In the air without a canopy the model has no excuse: postures and a first motion must give the turning that was
-//! measured. The bundled flights are somersaults with twists, see [`bundled`]; [`windows`] predicts parts of them.
+//! measured. The bundled flights are somersaults with twists, see [`bundled`]; [`windows`] predicts parts of them. Tracks of
+//! loggers have no postures: [`falls`] asks whether their drag, wind and fall rate agree with themselves.
 
 pub mod bundled;
+pub mod falls;
 pub mod figure;
 pub mod windows;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
@@ -15,6 +17,7 @@ use crate::diagnostic::Result;
 use crate::formats::flight::Flight;
 use crate::formats::recording::Options;
 use crate::replay::recorded::Recorded;
+use falls::FallRow;
 use windows::{Row, Whole, predicted, whole};
 
 /// Lengths of the windows that are predicted (s).
@@ -26,6 +29,21 @@ const LARGEST: [f64; 2] = [0.0873, 0.2094];
 /// Least ratio of the error of the published equations to that of the exact ones.
 const LEAST_RATIO: f64 = 5.0;
 
+/// Something that real data must show, and whether they do.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Check {
+    /// Of which data.
+    pub data: String,
+    /// What is compared.
+    pub what: String,
+    /// What was expected.
+    pub expected: String,
+    /// What was found.
+    pub found: String,
+    /// Whether it is so.
+    pub holds: bool,
+}
+
 /// What was found.
 #[derive(Debug, Clone, Serialize)]
 pub struct Report {
@@ -35,8 +53,28 @@ pub struct Report {
     pub windows: Vec<Row>,
     /// Whole flights, their start fitted.
     pub whole: Vec<Whole>,
-    /// What is not as it must be, in sentences; empty where all is well.
-    pub failures: Vec<String>,
+    /// Falls of loggers.
+    pub falls: Vec<FallRow>,
+    /// Tracks without a fall that can be judged, and why.
+    pub not_judged: Vec<String>,
+    /// All of it as one table.
+    pub checks: Vec<Check>,
+}
+
+impl Report {
+    /// What is not as it must be, in a sentence; `None` where all is well.
+    pub fn failure(&self) -> Option<String> {
+        let failed = self.checks.iter().filter(|check| !check.holds);
+        let sentences: Vec<String> = failed
+            .map(|check| {
+                format!(
+                    "{}: {} is {}, expected {}",
+                    check.data, check.what, check.found, check.expected
+                )
+            })
+            .collect();
+        (!sentences.is_empty()).then(|| sentences.join("; "))
+    }
 }
 
 /// Reads a flight as a whole.
@@ -53,8 +91,12 @@ pub fn read(path: &Path) -> Result<Recorded> {
     Recorded::new(&frames, flight.dynamics(height), flight.constant_inputs())
 }
 
-/// Predicts windows of flights, named ones, and each as a whole.
-pub fn validate(flights: &[(String, Recorded)], mut progress: impl FnMut(&str)) -> Report {
+/// Predicts windows of flights, named ones, and each as a whole; and the falls on tracks.
+pub fn validate(
+    flights: &[(String, Recorded)],
+    tracks: &[PathBuf],
+    mut progress: impl FnMut(&str),
+) -> Report {
     let recorded: Vec<&Recorded> = flights.iter().map(|(_, recorded)| recorded).collect();
     let mut rows = Vec::new();
     for length in LENGTHS {
@@ -67,47 +109,67 @@ pub fn validate(flights: &[(String, Recorded)], mut progress: impl FnMut(&str)) 
         .iter()
         .map(|model| whole(&recorded, *model))
         .collect();
+    let names: Vec<String> = flights.iter().map(|(name, _)| name.clone()).collect();
+    let mut checks = if names.is_empty() {
+        Vec::new()
+    } else {
+        window_checks(&names.join(", "), &rows)
+    };
+    let (falls, not_judged) = falls::judged(tracks, &mut progress);
+    checks.extend(falls::checks(&falls));
     Report {
-        flights: flights.iter().map(|(name, _)| name.clone()).collect(),
-        failures: failures(&rows),
+        flights: names,
         windows: rows,
         whole: whole_flights,
+        falls,
+        not_judged,
+        checks,
     }
 }
 
-/// Where the figures are not what the bundled flights allow.
-fn failures(rows: &[Row]) -> Vec<String> {
-    let mut failures = Vec::new();
+/// What windows of flights in the air must show.
+fn window_checks(data: &str, rows: &[Row]) -> Vec<Check> {
+    let mut checks = Vec::new();
     for (length, largest) in LENGTHS.into_iter().zip(LARGEST) {
+        let mut add = |what: &str, expected: String, found: String, holds: bool| {
+            checks.push(Check {
+                data: data.to_owned(),
+                what: format!("{length} s, {what}"),
+                expected,
+                found,
+                holds,
+            });
+        };
         let row = |key: &str| {
             let of_length = |row: &&Row| (row.length_s - length).abs() < 1e-9;
             rows.iter().filter(of_length).find(|row| row.model == key)
         };
         let (Some(exact), Some(published)) = (row("exact"), row("as-published")) else {
-            failures.push(format!("no window of {length} s: the flights are shorter"));
+            let expected = "a window".to_owned();
+            add("length", expected, "shorter".to_owned(), false);
             continue;
         };
-        let median = exact.first_frame.median_rad;
-        if median > largest {
-            failures.push(format!(
-                "exact equations are {:.1} degrees off after {length} s, expected at most {:.1}",
-                median.to_degrees(),
-                largest.to_degrees()
-            ));
-        }
-        if exact.smoothed.median_rad > median {
-            failures.push(format!(
-                "a smoothed start makes windows of {length} s worse: {:.1} instead of {:.1} degrees",
-                exact.smoothed.median_rad.to_degrees(),
-                median.to_degrees()
-            ));
-        }
+        let degrees = |angle: f64| format!("{:.1} degrees", angle.to_degrees());
+        let (median, smoothed) = (exact.first_frame.median_rad, exact.smoothed.median_rad);
+        add(
+            "error of the exact equations",
+            format!("at most {}", degrees(largest)),
+            degrees(median),
+            median <= largest,
+        );
+        add(
+            "the same from a smoothed start",
+            "less".to_owned(),
+            degrees(smoothed),
+            smoothed <= median,
+        );
         let ratio = published.first_frame.median_rad / median;
-        if ratio < LEAST_RATIO {
-            failures.push(format!(
-                "published equations are {ratio:.1} times worse after {length} s, expected at least {LEAST_RATIO}"
-            ));
-        }
+        add(
+            "published against exact equations",
+            format!("at least {LEAST_RATIO} times worse"),
+            format!("{ratio:.1} times"),
+            ratio >= LEAST_RATIO,
+        );
     }
-    failures
+    checks
 }

@@ -2,7 +2,7 @@
 //! the suit's, which a suit without ground under its feet can only guess.
 //!
 //! Both see the same vertical speed and the same turns of the way over ground. Of all shifts of the clock the one with
-//! the least squares is taken: vertical speeds up to a constant, horizontal velocities up to a constant and one turn of
+//! the least squares is taken: velocities up to a line over time, as a suit's drift, and horizontal ones up to one turn of
 //! the heading, which a magnetic north and a true one differ by.
 
 use bodyflight_core::frame::{Inertial, Vector};
@@ -90,23 +90,31 @@ struct Left {
 
 /// Compares the recording's velocities with those of the track, `shift` (s) later on its clock.
 fn left(recorded: &[(f64, Vector3<f64>)], samples: &[Sample], shift: f64) -> Option<Left> {
-    let pairs: Vec<(Vector3<f64>, Vector3<f64>)> = recorded
+    let pairs: Vec<(f64, Vector3<f64>, Vector3<f64>)> = recorded
         .iter()
-        .filter_map(|(time, velocity)| Some((*velocity, velocity_at(samples, time + shift)?)))
+        .filter_map(|(time, velocity)| {
+            Some((*time, *velocity, velocity_at(samples, time + shift)?))
+        })
         .collect();
     let count = pairs.len() as f64;
     if count * EVERY < SHARED.min(0.8 * recorded.len() as f64 * EVERY) || pairs.len() < 10 {
         return None;
     }
-    let mean = pairs
-        .iter()
-        .fold((Vector3::zeros(), Vector3::zeros()), |sum, pair| {
-            (sum.0 + pair.0, sum.1 + pair.1)
-        });
-    let (suit, track) = (mean.0 / count, mean.1 / count);
+    // A suit's own velocity is off, and more so as time goes on: a line is taken out of both.
+    let middle = pairs.iter().map(|pair| pair.0).sum::<f64>() / count;
+    let spread: f64 = pairs.iter().map(|pair| (pair.0 - middle).powi(2)).sum();
+    let mut means = [Vector3::zeros(); 2];
+    let mut slopes = [Vector3::zeros(); 2];
+    for (time, of_suit, of_track) in &pairs {
+        for (place, velocity) in [of_suit, of_track].into_iter().enumerate() {
+            means[place] += velocity / count;
+            slopes[place] += velocity * ((time - middle) / spread);
+        }
+    }
     let (mut vertical, mut both, mut squares) = (0.0, Vector2::zeros(), 0.0);
-    for (of_suit, of_track) in &pairs {
-        let (of_suit, of_track) = (of_suit - suit, of_track - track);
+    for (time, of_suit, of_track) in &pairs {
+        let line = |place: usize| means[place] + slopes[place] * (time - middle);
+        let (of_suit, of_track) = (of_suit - line(0), of_track - line(1));
         vertical += (of_suit.z - of_track.z).powi(2);
         let (of_suit, of_track) = (of_suit.xy(), of_track.xy());
         both += Vector2::new(of_suit.dot(&of_track), of_track.perp(&of_suit));

@@ -10,7 +10,7 @@ use nalgebra::Vector3;
 
 use crate::diagnostic::{Problem, Result};
 use crate::formats::flight::Flight;
-use crate::formats::recording::{FlightFrame, Options, Recording};
+use crate::formats::recording::{FlightFrame, Options};
 
 /// One instant of a flight.
 #[derive(Debug, Clone)]
@@ -44,7 +44,7 @@ impl Recorded {
     /// # Errors
     /// Returns an error where a file is not usable, or fewer than two frames have velocity and angular velocity.
     pub fn read(flight: &Flight, options: Options) -> Result<Self> {
-        let recording = Recording::open(&flight.recording, options)?;
+        let recording = flight.open(options)?;
         let rate = recording.header().frame_rate;
         let frames = recording.collect::<Result<Vec<FlightFrame>>>()?;
         if frames.len() < 2 {

@@ -1,0 +1,46 @@
+//! Two people of one load: they fell through the same wind.
+
+use std::path::Path;
+
+use bodyflight_falls::fall::Jump;
+use serde::Serialize;
+
+use super::{Conditions, LAYER, fall};
+use crate::diagnostic::Result;
+use crate::formats::track;
+
+/// Deviations from which on two winds are not of one load.
+pub const MOST_APART: f64 = 3.0;
+
+/// The other jumper's fall, and how its wind agrees.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Beside {
+    /// Speed downwards in the steady part, at the reference height of the standard atmosphere (m/s).
+    pub normalised_rate_mps: f64,
+    /// How far the winds of both falls are apart (deviations of both, root mean square over the heights); `None` where one of
+    /// them says nothing of the wind.
+    pub winds_apart: Option<f64>,
+    /// Heights that were compared.
+    pub heights: usize,
+}
+
+impl Beside {
+    /// Reads the track of the other jumper and compares it.
+    ///
+    /// # Errors
+    /// Returns an error if the track cannot be read or has no fall.
+    pub fn read(path: &Path, conditions: &Conditions, own: &Jump) -> Result<Self> {
+        let (report, other) = fall(&track::read(path)?, conditions, path)?;
+        let apart = own.wind.apart(&other.wind, LAYER);
+        Ok(Self {
+            normalised_rate_mps: report.normalised_rate_mps,
+            winds_apart: apart.map(|(deviations, _)| deviations),
+            heights: apart.map_or(0, |(_, heights)| heights),
+        })
+    }
+
+    /// Whether the winds are those of one load, as far as they are told.
+    pub fn agrees(&self) -> bool {
+        self.winds_apart.is_none_or(|apart| apart <= MOST_APART)
+    }
+}

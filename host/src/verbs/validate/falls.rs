@@ -1,0 +1,150 @@
+//! Falls of loggers: whether a body's drag explains them, error bars of predictions are true, and winds told in two ways agree.
+
+use std::path::{Path, PathBuf};
+
+use bodyflight_falls::prediction::Trials;
+use bodyflight_falls::verdict::Verdict;
+use serde::Serialize;
+
+use super::Check;
+use crate::diagnostic::{Problem, Result};
+use crate::formats::track;
+use crate::verbs::fall::{Conditions, Report, fall};
+
+/// Deviations that a prediction or a wind may be off.
+const MOST_APART: f64 = 3.0;
+
+/// Predictions on trial from which on their share within one deviation is asked for, and the least it may be; of a normal
+/// distribution it is 0.68.
+const ENOUGH_TRIALS: usize = 30;
+const LEAST_WITHIN: f64 = 0.55;
+
+/// The fall of a track.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct FallRow {
+    /// The file.
+    pub track: String,
+    /// What was found.
+    #[serde(flatten)]
+    pub report: Report,
+}
+
+/// Tracks that `path` stands for: itself, or the files in a folder that may be some.
+///
+/// # Errors
+/// Returns an error if a folder cannot be read.
+pub fn tracks(path: &Path) -> Result<Vec<PathBuf>> {
+    if !path.is_dir() {
+        return Ok(vec![path.to_path_buf()]);
+    }
+    let failed = |error| Problem::system("read", path, error);
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(path).map_err(failed)? {
+        let file = entry.map_err(failed)?.path();
+        let name = file.file_name().unwrap_or_default().to_string_lossy();
+        if is_track(&file) && !name.eq_ignore_ascii_case("SENSOR.CSV") {
+            found.push(file);
+        }
+    }
+    found.sort();
+    Ok(found)
+}
+
+/// Whether a file is the track of a logger, by its name.
+pub fn is_track(path: &Path) -> bool {
+    let name = path.to_string_lossy().to_lowercase();
+    let packed = [".gz", ".xz"].iter().find_map(|end| name.strip_suffix(end));
+    let name = packed.unwrap_or(&name);
+    name.ends_with(".csv") || name.ends_with(".gpx")
+}
+
+/// The falls of tracks, and what was not judged with the reason.
+pub fn judged(tracks: &[PathBuf], mut progress: impl FnMut(&str)) -> (Vec<FallRow>, Vec<String>) {
+    let (mut rows, mut not_judged) = (Vec::new(), Vec::new());
+    for path in tracks {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        progress(&name);
+        let found = track::read(path).and_then(|track| fall(&track, &Conditions::default(), path));
+        match found {
+            Ok((report, _)) if report.verdict == Verdict::Thin => {
+                not_judged.push(format!("{name}: {}", report.reason));
+            }
+            Ok((report, _)) => rows.push(FallRow {
+                track: name.into_owned(),
+                report,
+            }),
+            Err(problem) => not_judged.push(problem.to_string()),
+        }
+    }
+    (rows, not_judged)
+}
+
+/// What falls must show.
+pub fn checks(rows: &[FallRow]) -> Vec<Check> {
+    let mut checks = Vec::new();
+    let mut all = Trials::default();
+    for FallRow { track, report } in rows {
+        let mut add = |what: &str, expected: &str, found: String, holds: bool| {
+            checks.push(Check {
+                data: track.clone(),
+                what: what.to_owned(),
+                expected: expected.to_owned(),
+                found,
+                holds,
+            });
+        };
+        let explained = report.verdict == Verdict::Explained;
+        add(
+            "drag area of a body",
+            "one that flies the fall",
+            if explained {
+                format!("{:.0} kg/m2", report.ballistic_kgpm2)
+            } else {
+                report.reason.clone()
+            },
+            explained,
+        );
+        if let Some(prediction) = &report.prediction {
+            let off = prediction.measured_mps - prediction.predicted_mps;
+            let deviations = off.abs() / prediction.deviation_mps;
+            add(
+                "last third by the first two",
+                "within 3 deviations",
+                format!(
+                    "{:.1} +- {:.1}, {:.1} m/s",
+                    prediction.predicted_mps, prediction.deviation_mps, prediction.measured_mps
+                ),
+                deviations <= MOST_APART,
+            );
+            let trials = prediction.trials;
+            all.made += trials.made;
+            all.held += trials.held;
+            all.within_one += trials.within_one;
+            all.within_two += trials.within_two;
+        }
+        if let Some(apart) = report.winds_apart {
+            add(
+                "winds of fall and canopy",
+                "within 3 deviations",
+                format!("{apart:.1} deviations"),
+                apart <= MOST_APART,
+            );
+        }
+    }
+    if all.made >= ENOUGH_TRIALS {
+        let share = |count: usize| 100.0 * count as f64 / all.made as f64;
+        checks.push(Check {
+            data: "all falls".to_owned(),
+            what: format!("{} predictions on the way", all.made),
+            expected: "68 % within one deviation, at least 55".to_owned(),
+            found: format!(
+                "{:.0} %, {:.0} % within two; {:.0} % within 5 %",
+                share(all.within_one),
+                share(all.within_two),
+                share(all.held)
+            ),
+            holds: share(all.within_one) >= 100.0 * LEAST_WITHIN,
+        });
+    }
+    checks
+}
