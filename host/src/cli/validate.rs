@@ -17,7 +17,7 @@ use super::terminal;
 #[command(
     after_help = "Exit code 4 where the exact equations do worse than 5 degrees in 0.25 s or 12 in 0.5 s, the published \
                   ones less than five times worse, or a fall is not explained or predicted.\n\n\
-                  Example: bodyflight validate jumps/ --plot validation.svg"
+                  Example: bodyflight validate --plot validation.svg"
 )]
 pub(super) struct Args {
     /// Flights of your own in the air without a canopy, in place of the two that come with the program; tracks of loggers,
