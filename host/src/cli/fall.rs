@@ -6,7 +6,9 @@ use bodyflight::diagnostic::{Problem, Result};
 use bodyflight::formats::track;
 use bodyflight::output::files::write_file;
 use bodyflight::verbs::fall::beside::Beside;
-use bodyflight::verbs::fall::{Conditions, DEFAULT_MASS, Moment, Report, WindRow, fall, figure};
+use bodyflight::verbs::fall::{
+    Conditions, DEFAULT_MASS, Moment, Report, WindRow, beside, fall, figure,
+};
 use bodyflight_falls::prediction::{Prediction, Trials};
 use bodyflight_falls::verdict::Verdict;
 
@@ -52,7 +54,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     args.outputs.check([&args.plot])?;
     let (mut report, jump) = fall(&track, &conditions, &args.track)?;
     if let Some(path) = &args.beside {
-        report.beside = Some(Beside::read(path, &conditions, &jump)?);
+        report.beside = Some(beside(path, &conditions, &jump)?);
     }
     spinner.finish_and_clear();
     if let Some(path) = &args.plot {

@@ -15,7 +15,7 @@ use bodyflight_falls::{Sample, median};
 use serde::Serialize;
 
 use crate::diagnostic::{Problem, Result};
-use crate::formats::track::Track;
+use crate::formats::track::{self, Track};
 use beside::Beside;
 
 /// Mass of skydiver and equipment where nothing is said of it (kg).
@@ -192,6 +192,20 @@ pub fn fall(track: &Track, conditions: &Conditions, path: &Path) -> Result<(Repo
         .help("give the track of a jump; one on the ground, in an aircraft or under canopy has no fall")
     })?;
     Ok((report(track, conditions, &jump), jump))
+}
+
+/// Reads the track of another jumper of the load and compares its fall with one's own.
+///
+/// # Errors
+/// Returns an error if the track cannot be read or has no fall.
+pub fn beside(path: &Path, conditions: &Conditions, own: &Jump) -> Result<Beside> {
+    let (report, other) = fall(&track::read(path)?, conditions, path)?;
+    let apart = own.wind.apart(&other.wind, LAYER);
+    Ok(Beside {
+        normalised_rate_mps: report.normalised_rate_mps,
+        winds_apart: apart.map(|(deviations, _)| deviations),
+        heights: apart.map_or(0, |(_, heights)| heights),
+    })
 }
 
 /// Density by what is known of the ground.

@@ -5,6 +5,7 @@
 //! loggers have no postures: [`falls`] asks whether their drag, wind and fall rate agree with themselves.
 
 pub mod bundled;
+pub mod check;
 pub mod falls;
 pub mod figure;
 pub mod windows;
@@ -17,6 +18,7 @@ use crate::diagnostic::Result;
 use crate::formats::flight::Flight;
 use crate::formats::recording::Options;
 use crate::replay::recorded::Recorded;
+use check::Check;
 use falls::FallRow;
 use windows::{Row, Whole, predicted, whole};
 
@@ -28,21 +30,6 @@ const LARGEST: [f64; 2] = [0.0873, 0.2094];
 
 /// Least ratio of the error of the published equations to that of the exact ones.
 const LEAST_RATIO: f64 = 5.0;
-
-/// Something that real data must show, and whether they do.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Check {
-    /// Of which data.
-    pub data: String,
-    /// What is compared.
-    pub what: String,
-    /// What was expected.
-    pub expected: String,
-    /// What was found.
-    pub found: String,
-    /// Whether it is so.
-    pub holds: bool,
-}
 
 /// What was found.
 #[derive(Debug, Clone, Serialize)]

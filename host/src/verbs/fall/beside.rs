@@ -1,13 +1,6 @@
 //! Two people of one load: they fell through the same wind.
 
-use std::path::Path;
-
-use bodyflight_falls::fall::Jump;
 use serde::Serialize;
-
-use super::{Conditions, LAYER, fall};
-use crate::diagnostic::Result;
-use crate::formats::track;
 
 /// Deviations from which on two winds are not of one load.
 pub const MOST_APART: f64 = 3.0;
@@ -25,20 +18,6 @@ pub struct Beside {
 }
 
 impl Beside {
-    /// Reads the track of the other jumper and compares it.
-    ///
-    /// # Errors
-    /// Returns an error if the track cannot be read or has no fall.
-    pub fn read(path: &Path, conditions: &Conditions, own: &Jump) -> Result<Self> {
-        let (report, other) = fall(&track::read(path)?, conditions, path)?;
-        let apart = own.wind.apart(&other.wind, LAYER);
-        Ok(Self {
-            normalised_rate_mps: report.normalised_rate_mps,
-            winds_apart: apart.map(|(deviations, _)| deviations),
-            heights: apart.map_or(0, |(_, heights)| heights),
-        })
-    }
-
     /// Whether the winds are those of one load, as far as they are told.
     pub fn agrees(&self) -> bool {
         self.winds_apart.is_none_or(|apart| apart <= MOST_APART)

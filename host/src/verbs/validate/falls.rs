@@ -6,7 +6,7 @@ use bodyflight_falls::prediction::Trials;
 use bodyflight_falls::verdict::Verdict;
 use serde::Serialize;
 
-use super::Check;
+use super::check::Check;
 use crate::diagnostic::{Problem, Result};
 use crate::formats::track;
 use crate::verbs::fall::{Conditions, Report, fall};
