@@ -4,17 +4,27 @@ use bodyflight::formats::flight::Flight;
 use bodyflight::formats::recording::FlightFrame;
 use bodyflight::formats::subject::Subject;
 use bodyflight::verbs::synthesize::{JointError, Request, fly};
+use bodyflight_core::dynamics::muscle_input::MuscleForces;
 use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::math::wrap_angle;
 use bodyflight_core::observation::Observation;
 use bodyflight_core::sensor_noise::SensorNoise;
 
-/// What is seen of a maneuver, frame by frame, without noise and sway.
+/// What is seen of a maneuver, frame by frame, without noise and sway, flown with the paper's muscle forces.
 fn seen(name: &str) -> Vec<(f64, Observation<f64>)> {
+    flown(name, MuscleForces::Paper)
+}
+
+/// The same with moments alone, as `synth` flies.
+fn seen_of_synth(name: &str) -> Vec<(f64, Observation<f64>)> {
+    flown(name, MuscleForces::Moment)
+}
+
+fn flown(name: &str, forces: MuscleForces) -> Vec<(f64, Observation<f64>)> {
     let subject = Subject::default();
     let mut flight = Flight::bare(std::path::Path::new(""));
     let maneuver = Maneuver::from_name(name).expect("a known maneuver");
-    flight.muscles = maneuver.muscles;
+    flight.muscles = maneuver.muscles.with_forces(forces);
     let request = Request {
         maneuver,
         subject: &subject,
@@ -132,7 +142,7 @@ fn transitions_alternate_between_belly_and_back() {
 
 #[test]
 fn a_track_from_the_aircraft_goes_over_the_back_and_returns() {
-    let seen = seen("exit-and-tracking");
+    let seen = seen_of_synth("exit-and-tracking");
     for second in 0..55 {
         let o = at(&seen, f64::from(second));
         println!(
@@ -144,7 +154,12 @@ fn a_track_from_the_aircraft_goes_over_the_back_and_returns() {
         let angles = at(&seen, time).angles;
         assert_eq!(on_belly(at(&seen, time)), belly, "{time} s: {angles:?}");
     }
-    assert!((12.0..30.0).contains(&at(&seen, 25.0).horizontal_speed));
+    // The paper's skydiver reaches 33 m/s with a pitch input between 1 and 2.
+    let tracking = seen.iter().filter(|(time, _)| (12.0..22.0).contains(time));
+    let fastest = tracking
+        .map(|(_, o)| o.horizontal_speed)
+        .fold(0.0, f64::max);
+    assert!((28.0..36.0).contains(&fastest), "{fastest} m/s");
 }
 
 #[test]
@@ -162,4 +177,40 @@ fn a_layout_ends_on_the_back_and_a_track_covers_ground() {
     let track = seen("tracking");
     let speed = largest(&track, |o| o.horizontal_speed);
     assert!((10.0..30.0).contains(&speed), "{speed} m/s");
+}
+
+#[test]
+fn fourteen_transitions_go_over_fourteen_times() {
+    let seen = seen_of_synth("fourteen-transitions");
+    for number in 0..14 {
+        let end = 2.0 + 3.2 * f64::from(number + 1) - 0.05;
+        let o = at(&seen, end);
+        let belly = number % 2 == 1;
+        assert_eq!(on_belly(o), belly, "{}: {:?}", number + 1, o.angles);
+    }
+}
+
+#[test]
+fn a_tense_novice_rocks_more_and_more_and_a_relaxed_one_less() {
+    let seen = seen_of_synth("roll-oscillation");
+    let swing = |from: f64, to: f64| {
+        let part = seen.iter().filter(|(time, _)| (from..to).contains(time));
+        let rolls: Vec<f64> = part.map(|(_, o)| o.angles.roll).collect();
+        let high = rolls.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let low = rolls.iter().copied().fold(f64::INFINITY, f64::min);
+        high - low
+    };
+    let [begun, grown, calm] = [(5.0, 6.0), (10.0, 11.0), (19.0, 20.0)].map(|(a, b)| swing(a, b));
+    println!("{begun:.4} {grown:.4} {calm:.4} rad");
+    assert!(grown > 1.5 * begun && calm < 0.5 * grown);
+}
+
+#[test]
+fn a_suit_with_booties_turns_both_ways() {
+    let seen = seen_of_synth("rw-suit-turns");
+    let (right, left) = (
+        largest(&seen, |o| -o.yaw_rate),
+        largest(&seen, |o| o.yaw_rate),
+    );
+    assert!(right > 2.0 && left > 2.0, "{right} {left} rad/s");
 }

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use bodyflight::formats::flight::Flight;
-use bodyflight::verbs::bifurcation::{growth_of_run, map, oscillation};
+use bodyflight::verbs::bifurcation::{self, growth_of_run, map, oscillation};
 use bodyflight_core::dynamics::Dynamics;
 
 /// Damping at which the oscillation neither grows nor decays, between two that were computed.
@@ -46,4 +46,15 @@ fn free_runs_grow_as_eigenvalues_say() {
         println!("{mode:.3?} run {run:.3}");
         assert!((mode.growth_per_s - run).abs() < 0.03, "{mode:?} {run}");
     }
+}
+
+#[test]
+fn an_arched_body_is_still_at_small_damping_until_its_arms_go_down() {
+    let dynamics = Flight::bare(Path::new("")).dynamics(0.0);
+    let threshold =
+        |arms: f64| bifurcation::threshold(&dynamics, 0.2, arms).expect("a damping that decides");
+    let [still, rocking] = [threshold(0.0), threshold(0.4)];
+    println!("arched: neutral {still:.3}, arms down {rocking:.3}");
+    // The paper's order, at every damping between the two.
+    assert!(still + 0.03 < rocking);
 }

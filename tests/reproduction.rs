@@ -51,6 +51,7 @@ fn an_experiment_is_flown_reconstructed_and_reported() {
         "| roll (rad)",
         "| head-down |",
         "oscillation-map.svg",
+        "What is missed, and why",
     ] {
         assert!(text.contains(part), "{part}:\n{text}");
     }
@@ -120,6 +121,8 @@ fn thirty_per_cent_matter_in_a_free_run_and_not_to_a_reconstruction() {
         "{:.4?} {:.4?} {:.4?}",
         found.amplitude, found.reconstruction, found.measured_amplitude
     );
+    let picture = found.svg("Turns").expect("a picture");
+    assert!(picture.contains("damping, yaw") && picture.contains("yaw rate"));
     assert!(share(Parameter::Lift, Channel::YawRate) > 0.05);
     assert!(share(Parameter::Drag, Channel::VerticalVelocity) > 0.05);
     let (plain, measured) = (

@@ -4,7 +4,10 @@
 //! seven are the paper's basic maneuvers ("Experimental modalities"); the others fly in other orientations
 //! and need muscle input.
 
+mod base;
 pub mod scripts;
+pub mod skill;
+pub mod transitions;
 
 use crate::axis::AxisCoefficients;
 use crate::body::pattern::{self, JointAngles};

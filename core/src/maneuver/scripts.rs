@@ -1,15 +1,15 @@
 //! The scripts.
 
-use core::f64::consts::FRAC_PI_2;
-
+use super::base::{BELLY, about};
+use super::skill::{ROLL_OSCILLATION, RW_SUIT_TURNS};
+use super::transitions::FOURTEEN_TRANSITIONS;
 use super::{Knots, Maneuver, Track};
 use crate::aerodynamics::BELLY_TURN_DAMPING;
-use crate::axis::AxisCoefficients;
 use crate::body::Segment;
 use crate::body::pattern::{
-    ARCH, DRAW_IN_LEFT, JointAngles, NEUTRAL, PRESS, SIDE_BEND, STRETCH, TRACK, TURN,
+    ARCH, DRAW_IN_LEFT, JointAngles, PRESS, SIDE_BEND, STRETCH, TRACK, TURN,
 };
-use crate::dynamics::muscle_input::{BACK_TRACKING, LAYOUTS};
+use crate::dynamics::muscle_input::LAYOUTS;
 
 /// Arms from beside the body to straight ahead of the shoulders.
 const ARMS_AHEAD: &JointAngles = &[
@@ -18,11 +18,6 @@ const ARMS_AHEAD: &JointAngles = &[
 ];
 /// Straight, arms beside the body.
 const STRAIGHT: &JointAngles = &[];
-
-/// Coefficients about the axes X, Y and Z of the body.
-const fn about(pitch: f64, yaw: f64, roll: f64) -> AxisCoefficients<f64> {
-    AxisCoefficients::new(pitch, yaw, roll)
-}
 
 /// One way for some seconds, then the other.
 const TO_AND_FRO: Knots<f64> = &[
@@ -37,20 +32,6 @@ const TO_AND_FRO: Knots<f64> = &[
     (24.0, -0.3),
     (26.0, 0.0),
 ];
-
-const BELLY: Maneuver = Maneuver {
-    name: "neutral-fall",
-    summary: "falls straight down in the neutral pose",
-    duration: 30.0,
-    base: NEUTRAL,
-    start_pitch: FRAC_PI_2,
-    start_speed: 1.0,
-    start_forward: 0.0,
-    tracks: &[],
-    muscle: &[],
-    damping: &[(0.0, BELLY_TURN_DAMPING)],
-    muscles: BACK_TRACKING,
-};
 
 /// All maneuvers, the paper's seven basic ones first.
 pub const MANEUVERS: &[Maneuver] = &[
@@ -256,7 +237,9 @@ pub const MANEUVERS: &[Maneuver] = &[
         }],
         muscle: &[
             (8.0, about(0.0, 0.0, 0.0)),
-            (11.0, about(0.45, 0.0, 0.0)),
+            (11.0, about(1.25, 0.0, 0.0)),
+            (22.0, about(1.25, 0.0, 0.0)),
+            (24.0, about(0.45, 0.0, 0.0)),
             (29.8, about(0.45, 0.0, 0.0)),
             (30.3, about(0.2, 0.0, 4.0)),
             (31.4, about(0.2, 0.0, 4.0)),
@@ -378,6 +361,9 @@ pub const MANEUVERS: &[Maneuver] = &[
         muscles: LAYOUTS,
         ..BELLY
     },
+    FOURTEEN_TRANSITIONS,
+    RW_SUIT_TURNS,
+    ROLL_OSCILLATION,
 ];
 
 impl Maneuver {

@@ -1,10 +1,13 @@
 //! SVG figures: panels over a common time, one below the other.
 
+mod parts;
+
 use plotters::coord::Shift;
 use plotters::prelude::*;
 
 use crate::diagnostic::{Problem, Result};
 use crate::replay::comparison::{Channel, Comparison, Pair};
+use parts::{thinned, unwrapped_parts};
 
 /// How a line is drawn.
 #[derive(Debug, Clone, Copy)]
@@ -196,8 +199,16 @@ const LEGEND_HEIGHT: u32 = 20;
 /// # Errors
 /// Where the figure cannot be drawn.
 pub fn figure_svg(title: &str, panels: &[Panel]) -> Result<String> {
+    figure_svg_over("s", title, panels)
+}
+
+/// As [`figure_svg`], over something else than time in seconds: `unit` stands at its ticks.
+///
+/// # Errors
+/// Where the figure cannot be drawn.
+pub fn figure_svg_over(unit: &str, title: &str, panels: &[Panel]) -> Result<String> {
     let height: u32 = panels.iter().map(|_| PANEL_HEIGHT).sum();
-    laid_out_svg(title, panels, height, (panels.len().max(1), 1))
+    laid_out_svg(unit, title, panels, height, (panels.len().max(1), 1))
 }
 
 /// As [`figure_svg`], the panels side by side.
@@ -205,10 +216,17 @@ pub fn figure_svg(title: &str, panels: &[Panel]) -> Result<String> {
 /// # Errors
 /// Where the figure cannot be drawn.
 pub fn row_svg(title: &str, panels: &[Panel]) -> Result<String> {
-    laid_out_svg(title, panels, 2 * PANEL_HEIGHT, (1, panels.len().max(1)))
+    laid_out_svg(
+        "s",
+        title,
+        panels,
+        2 * PANEL_HEIGHT,
+        (1, panels.len().max(1)),
+    )
 }
 
 fn laid_out_svg(
+    unit: &str,
     title: &str,
     panels: &[Panel],
     height: u32,
@@ -223,7 +241,7 @@ fn laid_out_svg(
         draw(&root, title, head, &legend)
             .and_then(|body| {
                 for (panel, area) in panels.iter().zip(&body.split_evenly(layout)) {
-                    draw_panel(area, panel)?;
+                    draw_panel(area, panel, unit)?;
                 }
                 Ok(root.present()?)
             })
@@ -334,7 +352,7 @@ fn draw<'a>(
     Ok(body)
 }
 
-fn draw_panel(area: &Area<'_>, panel: &Panel) -> DrawResult {
+fn draw_panel(area: &Area<'_>, panel: &Panel, unit: &str) -> DrawResult {
     let points = || panel.curves.iter().flat_map(|curve| curve.points.iter());
     let bounds = |values: &dyn Fn(&(f64, f64)) -> f64| {
         let low = points().map(values).fold(f64::INFINITY, f64::min);
@@ -362,46 +380,21 @@ fn draw_panel(area: &Area<'_>, panel: &Panel) -> DrawResult {
         .light_line_style(TRANSPARENT)
         .bold_line_style(BLACK.mix(0.12))
         .label_style(("sans-serif", 11))
-        .x_label_formatter(&|time| format!("{time:.decimals$} s"))
+        .x_label_formatter(&|x| format!("{x:.decimals$} {unit}"))
         .draw()?;
     for Curve { line, points } in &panel.curves {
         for part in unwrapped_parts(panel.wraps, points) {
             let style = line.style();
-            chart.draw_series(LineSeries::new(part.iter().copied(), style))?;
+            let part = thinned(part, 2.0 * (end - start) / f64::from(WIDTH));
+            chart.draw_series(LineSeries::new(part, style))?;
         }
     }
     Ok(())
 }
 
-/// Parts of a curve between jumps of an angle from one end of its range to the other.
-fn unwrapped_parts(wraps: bool, points: &[(f64, f64)]) -> Vec<&[(f64, f64)]> {
-    let jumps = |pair: &[(f64, f64)]| match pair {
-        [a, b] => wraps && (b.1 - a.1).abs() > std::f64::consts::PI,
-        _ => false,
-    };
-    let mut parts = Vec::new();
-    let mut begin = 0;
-    for (index, pair) in points.windows(2).enumerate() {
-        if jumps(pair) {
-            parts.extend(points.get(begin..=index));
-            begin = index + 1;
-        }
-    }
-    parts.extend(points.get(begin..));
-    parts
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn an_angle_is_cut_where_it_wraps() {
-        let points = [(0.0, 3.0), (1.0, 3.1), (2.0, -3.1), (3.0, -3.0)];
-        let parts = unwrapped_parts(true, &points);
-        assert_eq!(parts, [&points[..2], &points[2..]]);
-        assert_eq!(unwrapped_parts(false, &points).len(), 1);
-    }
 
     #[test]
     fn an_empty_comparison_still_draws() {

@@ -15,7 +15,7 @@ use serde::Serialize;
 
 use super::stability::modes;
 use crate::diagnostic::Result;
-use crate::output::plot::{Curve, Line, Panel, figure_svg};
+use crate::output::plot::{Curve, Line, Panel, figure_svg_over};
 
 /// Density of the air (kg/m3).
 const DENSITY: f64 = 1.0;
@@ -55,7 +55,11 @@ pub struct Point {
 
 /// The neutral posture with the arms lowered by `angle` (rad).
 pub fn posture(angle: f64) -> Posture<f64> {
-    pattern::moved(&pattern::neutral(), pattern::ARMS_DOWN, angle)
+    lowered(&pattern::neutral(), angle)
+}
+
+fn lowered(base: &Posture<f64>, angle: f64) -> Posture<f64> {
+    pattern::moved(base, pattern::ARMS_DOWN, angle)
 }
 
 fn inputs(damping: f64) -> Inputs<f64> {
@@ -66,10 +70,18 @@ fn inputs(damping: f64) -> Inputs<f64> {
 
 /// The oscillation by eigenvalues; `None` where the posture has no balance near belly flight or does not oscillate.
 pub fn oscillation(dynamics: &Dynamics<f64>, arms_down_rad: f64, damping: f64) -> Option<Point> {
-    let posture = posture(arms_down_rad);
+    oscillation_of(dynamics, &posture(arms_down_rad), arms_down_rad, damping)
+}
+
+fn oscillation_of(
+    dynamics: &Dynamics<f64>,
+    posture: &Posture<f64>,
+    arms_down_rad: f64,
+    damping: f64,
+) -> Option<Point> {
     let inputs = inputs(damping);
-    let balance = steady(dynamics, &posture, &inputs, FRAC_PI_2, DENSITY)?;
-    let found = modes(dynamics, &dynamics.hold(&posture), &inputs, &balance.motion);
+    let balance = steady(dynamics, posture, &inputs, FRAC_PI_2, DENSITY)?;
+    let found = modes(dynamics, &dynamics.hold(posture), &inputs, &balance.motion);
     let mode = found.iter().find(|mode| mode.frequency_radps > SLOWEST)?;
     Some(Point {
         arms_down_rad,
@@ -77,6 +89,26 @@ pub fn oscillation(dynamics: &Dynamics<f64>, arms_down_rad: f64, damping: f64) -
         growth_per_s: mode.growth_per_s,
         frequency_radps: mode.frequency_radps,
     })
+}
+
+/// Damping coefficient in pitch below which a posture oscillates, arched by `arch` with the arms lowered by `arms` (rad); `None`
+/// where there is none between 0 and 1. Growth falls with the damping along a line.
+pub fn threshold(dynamics: &Dynamics<f64>, arch: f64, arms: f64) -> Option<f64> {
+    let posture = lowered(&pattern::arched(&pattern::neutral(), arch), arms);
+    let growth = |damping| Some(oscillation_of(dynamics, &posture, arms, damping)?.growth_per_s);
+    let (low, high) = (growth(0.0)?, growth(1.0)?);
+    (low > 0.0 && high < 0.0).then(|| low / (low - high))
+}
+
+/// Arches for which the picture has the threshold (rad of the paper's pattern), with their lines.
+const ARCHES: [(f64, Line); 3] = [
+    (0.2, line("arched by 0.2 rad", 0xaa, 0x33, 0x77)),
+    (0.0, line("neutral posture", 0x22, 0x22, 0x22)),
+    (-0.2, line("de-arched by 0.2 rad", 0x44, 0x99, 0x88)),
+];
+
+fn arms() -> impl Iterator<Item = f64> {
+    (-8..=16).map(|k| 0.05 * f64::from(k))
 }
 
 /// The same growth by a free run of `seconds` that starts turned by `tilt` (rad) about the left axis: how much the swing of
@@ -111,17 +143,33 @@ pub fn growth_of_run(
 
 /// All points of the picture: arms from 0.4 rad above the neutral posture to 0.8 below.
 pub fn map(dynamics: &Dynamics<f64>) -> Vec<Point> {
-    let arms = (-8..=16).map(|k| 0.05 * f64::from(k));
-    arms.flat_map(|arms| DAMPINGS.map(|(damping, _)| oscillation(dynamics, arms, damping)))
+    arms()
+        .flat_map(|arms| DAMPINGS.map(|(damping, _)| oscillation(dynamics, arms, damping)))
         .flatten()
         .collect()
 }
 
-/// The picture: growth over the arms' angle, one line for each damping.
+/// The damping below which belly flight oscillates, over the arms' angle.
+fn threshold_panel(dynamics: &Dynamics<f64>) -> Panel {
+    let curve = |(arch, line): (f64, Line)| Curve {
+        line,
+        points: arms()
+            .filter_map(|arms| Some((arms, threshold(dynamics, arch, arms)?)))
+            .collect(),
+    };
+    Panel {
+        caption: "damping in pitch below which it oscillates".to_owned(),
+        curves: ARCHES.map(curve).into(),
+        wraps: false,
+    }
+}
+
+/// The picture over the arms' angle: the damping that decides, growth and frequency for some dampings.
 ///
 /// # Errors
 /// Returns an error if the figure cannot be drawn.
-pub fn svg(points: &[Point]) -> Result<String> {
+pub fn svg(dynamics: &Dynamics<f64>) -> Result<String> {
+    let points = map(dynamics);
     let curves = |value: fn(&Point) -> f64| {
         DAMPINGS
             .iter()
@@ -140,9 +188,11 @@ pub fn svg(points: &[Point]) -> Result<String> {
         curves: curves(value),
         wraps: false,
     };
-    figure_svg(
-        "Oscillation in pitch of belly flight over the arms' angle below neutral (rad)",
+    figure_svg_over(
+        "rad",
+        "Oscillation in pitch of belly flight over the arms' angle below neutral",
         &[
+            threshold_panel(dynamics),
             panel("growth (1/s): above 0 it grows", |point| point.growth_per_s),
             panel("frequency (rad/s)", |point| point.frequency_radps),
         ],

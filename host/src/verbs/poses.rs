@@ -63,6 +63,14 @@ pub const POSES: [Pose; 5] = [
     },
 ];
 
+/// The pose of a track, which glides: its speed straight down means nothing.
+const TRACK: Pose = Pose {
+    name: "track",
+    angles: pattern::TRACK,
+    pitch: FRAC_PI_2,
+    published: [0.0, 0.0],
+};
+
 /// Density of the air in the table (kg/m3): that of 3 km.
 pub const DENSITY: f64 = 0.9;
 
@@ -156,6 +164,39 @@ pub fn best_glide(dynamics: &Dynamics<f64>) -> (f64, f64) {
         })
         .max_by(|a, b| a.0.total_cmp(&b.0))
         .unwrap_or_default()
+}
+
+/// The table of all modes in docs/poses.md.
+///
+/// # Errors
+/// As of [`person`].
+pub fn modes_table() -> Result<String> {
+    let body = person()?;
+    let mut text =
+        String::from("| pose | model | balance (deg) | modes (1/s) |\n|---|---|---|---|\n");
+    for pose in POSES.iter().chain([&TRACK]) {
+        for model in [LoadModel::Paper, LoadModel::FreeFly] {
+            let fall = fall(&dynamics(body, model), pose);
+            let modes = fall.modes.iter().map(|mode| {
+                if mode.frequency_radps > 0.0 {
+                    format!("{:+.2} +- {:.1}i", mode.growth_per_s, mode.frequency_radps)
+                } else {
+                    format!("{:+.2}", mode.growth_per_s)
+                }
+            });
+            let modes = modes.collect::<Vec<_>>().join(", ");
+            let balance = fall
+                .balance_pitch_deg
+                .map_or_else(|| "none".to_owned(), |pitch| format!("{pitch:.0}"));
+            let _ = writeln!(
+                text,
+                "| {} | {} | {balance} | {modes} |",
+                pose.name,
+                model.name()
+            );
+        }
+    }
+    Ok(text)
 }
 
 /// The table of docs/poses.md.

@@ -18,7 +18,8 @@ use serde::Serialize;
 
 use super::estimate::motion::{Method, Settings};
 use super::estimate::{Filter, estimate, motion};
-use super::synthesize::{DEFAULT_SWAY, JointError, Request, synthesize};
+use super::sensitivity::{self, sensitivity};
+use super::synthesize::{self, DEFAULT_SWAY, JointError, Request};
 use super::{bifurcation, poses};
 use crate::diagnostic::{Problem, Result};
 use crate::formats::flight::{DEFAULT_DENSITY, Flight};
@@ -26,7 +27,7 @@ use crate::formats::recording::Options;
 use crate::formats::subject::Subject;
 use crate::output::files::write_file;
 use experiments::{EXPERIMENTS, Experiment};
-use report::Outcome;
+use report::{Outcome, Parts};
 
 /// Seed of sway and noise.
 const SEED: u64 = 1;
@@ -41,7 +42,7 @@ pub struct Report {
 }
 
 /// Parts of a report that are no flights.
-pub const PARTS: [&str; 2] = ["poses", "oscillation-map"];
+pub const PARTS: [&str; 3] = ["poses", "oscillation-map", "sensitivity"];
 
 /// Flies and reconstructs the experiments named, all where none is, and writes `report.md`, pictures and flights into
 /// `folder`. `progress` is called once for each experiment.
@@ -68,15 +69,20 @@ pub fn reproduce(what: &[String], folder: &Path, progress: impl Fn() + Sync) -> 
             outcome
         })
         .collect::<Result<Vec<_>>>()?;
-    let poses = wanted("poses").then(poses::table).transpose()?;
-    let map = wanted("oscillation-map");
-    if map {
+    let parts = Parts {
+        poses: wanted("poses").then(poses::table).transpose()?,
+        map: wanted("oscillation-map"),
+        sensitivity: wanted("sensitivity").then(|| vary(folder)).transpose()?,
+    };
+    if parts.map {
         let dynamics = Flight::bare(Path::new("")).dynamics(0.0);
-        let svg = bifurcation::svg(&bifurcation::map(&dynamics))?;
-        write_file(&folder.join("oscillation-map.svg"), svg.as_bytes())?;
+        write_file(
+            &folder.join("oscillation-map.svg"),
+            bifurcation::svg(&dynamics)?.as_bytes(),
+        )?;
     }
     let path = folder.join("report.md");
-    let text = report::markdown(&outcomes, poses.as_deref(), map);
+    let text = report::markdown(&outcomes, &parts);
     write_file(&path, text.as_bytes())?;
     Ok(Report {
         report: path,
@@ -84,26 +90,41 @@ pub fn reproduce(what: &[String], folder: &Path, progress: impl Fn() + Sync) -> 
     })
 }
 
-fn run(experiment: &Experiment, folder: &Path) -> Result<Outcome> {
-    let unknown = || Problem::internal(format!("experiment {} is not whole", experiment.name));
-    let maneuver = Maneuver::from_name(experiment.maneuver).ok_or_else(unknown)?;
-    let preset = Preset::from_name(experiment.preset).ok_or_else(unknown)?;
-    let subject = Subject::default();
+fn fly(maneuver: &str, tunnel: bool, folder: &Path) -> Result<synthesize::Report> {
+    let maneuver = Maneuver::from_name(maneuver)
+        .ok_or_else(|| Problem::internal(format!("there is no maneuver {maneuver}")))?;
     let request = Request {
         maneuver,
-        subject: &subject,
+        subject: &Subject::default(),
         density: DEFAULT_DENSITY,
         seed: SEED,
         noise: SensorNoise::PAPER,
         joint_error: JointError::default(),
         sway: DEFAULT_SWAY,
-        tunnel: experiment.tunnel,
+        tunnel,
     };
-    let flown = synthesize(
-        &request,
-        &folder.join("flights").join(experiment.name),
-        |_| {},
-    )?;
+    synthesize::synthesize(&request, folder, |_| {})
+}
+
+fn preset(name: &str) -> Result<&'static Preset> {
+    Preset::from_name(name).ok_or_else(|| Problem::internal(format!("there is no preset {name}")))
+}
+
+/// What 30 % in each parameter does to turns of an experienced skydiver, and its picture.
+fn vary(folder: &Path) -> Result<sensitivity::Report> {
+    let flown = fly("rotations", false, &folder.join("flights/sensitivity"))?;
+    let flight = Flight::read(&flown.flight)?;
+    let preset = preset("turning-experienced")?;
+    let found = sensitivity(&flight, 0.3, Some(preset), Options::default(), || {})?;
+    let svg = found.svg("Turns in free fall, each parameter 30 % less and more")?;
+    write_file(&folder.join("sensitivity.svg"), svg.as_bytes())?;
+    Ok(found)
+}
+
+fn run(experiment: &Experiment, folder: &Path) -> Result<Outcome> {
+    let preset = preset(experiment.preset)?;
+    let flights = folder.join("flights").join(experiment.name);
+    let flown = fly(experiment.maneuver, experiment.tunnel, &flights)?;
     // The reconstruction knows nothing of the inputs that were flown.
     let flight = Flight {
         inputs: None,

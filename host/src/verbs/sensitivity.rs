@@ -4,6 +4,8 @@
 //! that: how far the same postures and inputs lead elsewhere (a free run), and how well the flight is still reconstructed
 //! when the inputs are estimated anew, which is how the paper reconstructs flights.
 
+mod figure;
+
 use bodyflight_core::dynamics::Dynamics;
 use bodyflight_core::estimator::preset::Preset;
 use bodyflight_core::observation::Observation;

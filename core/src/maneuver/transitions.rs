@@ -1,0 +1,207 @@
+//! The paper's fourteen transitions between belly and back to earth, in its order ("Transition Maneuvers").
+//!
+//! One pulse of posture, muscle input and damping each. Their sizes were searched by one thing only: that the body goes over once,
+//! in the direction that the paper names, and comes to rest, for people of 62 to 90 kg, with rig and without, who sway.
+
+use super::base::{BELLY, about};
+use super::{Maneuver, Track};
+use crate::axis::AxisCoefficients;
+use crate::body::Segment;
+use crate::body::pattern::{DRAW_IN_LEFT, JointAngles, STRETCH};
+
+/// Time of the first (s), and from one to the next.
+const FIRST: f64 = 2.0;
+const EVERY: f64 = 3.2;
+/// Time in which a pulse rises and falls (s).
+const RISE: f64 = 0.3;
+
+/// How the body goes over: radians of the patterns of [`TRACKS`], and inputs.
+#[derive(Clone, Copy)]
+struct Way {
+    joints: [f64; 5],
+    muscle: AxisCoefficients<f64>,
+    damping: AxisCoefficients<f64>,
+    /// Time at full size (s).
+    hold: f64,
+}
+
+const fn way(joints: [f64; 5], muscle: [f64; 2], damping: [f64; 3], hold: f64) -> Way {
+    let ([pitch, roll], [about_left, about_dorsal, about_cranial]) = (muscle, damping);
+    Way {
+        joints,
+        muscle: about(pitch, 0.0, roll),
+        damping: about(about_left, about_dorsal, about_cranial),
+        hold,
+    }
+}
+
+/// Belly to back through the legs.
+const BACK_FLIP: Way = way(
+    [-1.3, 2.0, 0.0, -0.1, -0.15],
+    [0.1, 0.0],
+    [-0.04, 3.0, 6.0],
+    1.15,
+);
+/// Belly to back through the head.
+const FRONT_LOOP: Way = way(
+    [-0.74, -0.1, 0.0, -0.29, 0.84],
+    [1.6, 0.0],
+    [0.16, 3.0, 6.0],
+    1.16,
+);
+/// Back to belly through the head.
+const LAYOUT: Way = way(
+    [-0.15, 0.8, 0.0, 0.87, 0.44],
+    [2.2, 0.0],
+    [0.3, 3.0, 6.0],
+    0.44,
+);
+/// Back to belly through the legs.
+const FRONT_FLIP: Way = way(
+    [-0.54, -0.82, 0.0, -0.8, 0.19],
+    [0.0, 0.0],
+    [1.6, 3.0, 6.0],
+    1.3,
+);
+/// About the long axis.
+const ROLL_TO_BELLY: Way = way(
+    [0.0, 0.0, -1.04, 0.0, 0.0],
+    [0.0, 3.8],
+    [3.0, 3.0, 1.0],
+    0.41,
+);
+const ROLL_TO_BACK: Way = way(
+    [0.0, 0.0, -0.9, 0.0, 0.0],
+    [0.0, 4.2],
+    [3.0, 3.0, 0.1],
+    0.64,
+);
+/// Begun as a layout and ended as a roll: damping in pitch and yaw is negative, as the paper finds.
+const FAILED_LAYOUT: Way = way(
+    [-0.15, 0.3, 1.09, 0.1, 0.17],
+    [1.0, 3.7],
+    [-0.1, -0.2, 0.8],
+    0.75,
+);
+
+const ORDER: [Way; 14] = [
+    BACK_FLIP,
+    ROLL_TO_BELLY,
+    FRONT_LOOP,
+    ROLL_TO_BELLY,
+    BACK_FLIP,
+    FAILED_LAYOUT,
+    BACK_FLIP,
+    FRONT_FLIP,
+    ROLL_TO_BACK,
+    LAYOUT,
+    BACK_FLIP,
+    LAYOUT,
+    BACK_FLIP,
+    LAYOUT,
+];
+
+const fn begin(number: usize) -> f64 {
+    FIRST + EVERY * number as f64
+}
+
+/// What is added for the pulses; `value` 0 to 4 is that of a joint.
+const fn joint(which: usize) -> [(f64, f64); 56] {
+    let mut knots = [(0.0, 0.0); 56];
+    let mut k = 0;
+    while k < ORDER.len() {
+        let (from, way) = (begin(k), ORDER[k]);
+        let until = from + RISE + way.hold;
+        knots[4 * k] = (from, 0.0);
+        knots[4 * k + 1] = (from + RISE, way.joints[which]);
+        knots[4 * k + 2] = (until, way.joints[which]);
+        knots[4 * k + 3] = (until + RISE, 0.0);
+        k += 1;
+    }
+    knots
+}
+
+/// Muscle input or damping: `rest` between the pulses.
+const fn inputs(damping: bool, rest: AxisCoefficients<f64>) -> [(f64, AxisCoefficients<f64>); 56] {
+    let mut knots = [(0.0, rest); 56];
+    let mut k = 0;
+    while k < ORDER.len() {
+        let (from, way) = (begin(k), ORDER[k]);
+        let until = from + RISE + way.hold;
+        let value = if damping { way.damping } else { way.muscle };
+        knots[4 * k] = (from, rest);
+        knots[4 * k + 1] = (from + RISE, value);
+        knots[4 * k + 2] = (until, value);
+        knots[4 * k + 3] = (until + RISE, rest);
+        k += 1;
+    }
+    knots
+}
+
+/// Share of the posture that is stable back to earth.
+const fn on_back() -> [(f64, f64); 28] {
+    let mut knots = [(0.0, 0.0); 28];
+    let mut k = 0;
+    while k < ORDER.len() {
+        let after = if k.is_multiple_of(2) { 1.0 } else { 0.0 };
+        knots[2 * k] = (begin(k) + 0.3, 1.0 - after);
+        knots[2 * k + 1] = (begin(k) + 0.9, after);
+        k += 1;
+    }
+    knots
+}
+
+/// Changes from the neutral posture to one that is stable back to earth.
+const TO_BACK: &JointAngles = &[
+    (Segment::Abdomen, [0.0, 0.0, -0.12]),
+    (Segment::Thorax, [0.0, 0.0, -0.08]),
+    (Segment::LeftUpperArm, [0.0, 0.0, 0.2]),
+    (Segment::RightUpperArm, [0.0, 0.0, 0.2]),
+    (Segment::LeftThigh, [0.0, 0.0, 0.8]),
+    (Segment::RightThigh, [0.0, 0.0, 0.8]),
+    (Segment::LeftShank, [0.0, 0.0, 0.2]),
+    (Segment::RightShank, [0.0, 0.0, 0.2]),
+    (Segment::LeftFoot, [0.0, 0.0, 0.6]),
+    (Segment::RightFoot, [0.0, 0.0, 0.6]),
+];
+/// Both shoulders turned outwards: bent arms go up.
+const ARMS_UP: &JointAngles = &[
+    (Segment::LeftUpperArm, [0.0, 0.0, 1.0]),
+    (Segment::RightUpperArm, [0.0, 0.0, 1.0]),
+];
+/// Both thighs towards the belly.
+const HIPS_BENT: &JointAngles = &[
+    (Segment::LeftThigh, [0.0, 0.0, 1.0]),
+    (Segment::RightThigh, [0.0, 0.0, 1.0]),
+];
+/// Both arms drawn in to the body.
+const DRAW_IN: &JointAngles = &[
+    (Segment::LeftUpperArm, [0.0, -1.0, 0.0]),
+    (Segment::RightUpperArm, [0.0, 1.0, 0.0]),
+    (Segment::LeftForearm, [0.0, -1.0, 0.0]),
+    (Segment::RightForearm, [0.0, 1.0, 0.0]),
+];
+
+const fn track(pattern: &'static JointAngles, amount: &'static [(f64, f64)]) -> Track {
+    Track { pattern, amount }
+}
+
+const TRACKS: &[Track] = &[
+    track(TO_BACK, &const { on_back() }),
+    track(ARMS_UP, &const { joint(0) }),
+    track(HIPS_BENT, &const { joint(1) }),
+    track(DRAW_IN_LEFT, &const { joint(2) }),
+    track(DRAW_IN, &const { joint(3) }),
+    track(STRETCH, &const { joint(4) }),
+];
+
+/// 48 s, begun belly to earth and ended so.
+pub const FOURTEEN_TRANSITIONS: Maneuver = Maneuver {
+    name: "fourteen-transitions",
+    summary: "the paper's order of flips, loops, rolls and layouts, one of which fails",
+    duration: 48.0,
+    tracks: TRACKS,
+    muscle: &const { inputs(false, about(0.0, 0.0, 0.0)) },
+    damping: &const { inputs(true, about(6.0, 3.0, 8.0)) },
+    ..BELLY
+};

@@ -1,0 +1,70 @@
+//! What is drawn of a curve: parts between jumps, and no more points than a picture shows.
+
+/// What a picture shows of a curve: the lowest and highest point within each `width`, and the last.
+pub(super) fn thinned(points: &[(f64, f64)], width: f64) -> Vec<(f64, f64)> {
+    let by_value = |a: &&(f64, f64), b: &&(f64, f64)| a.1.total_cmp(&b.1);
+    let same = |a: &(f64, f64), b: &(f64, f64)| (a.0 / width).floor() >= (b.0 / width).floor();
+    let mut shown: Vec<(f64, f64)> = Vec::new();
+    for column in points.chunk_by(same) {
+        let ends = (
+            column.iter().min_by(by_value),
+            column.iter().max_by(by_value),
+        );
+        if let (Some(low), Some(high)) = ends {
+            let (first, second) = if low.0 < high.0 {
+                (low, high)
+            } else {
+                (high, low)
+            };
+            shown.extend([first, second]);
+        }
+    }
+    shown.extend(points.last());
+    shown.dedup();
+    shown
+}
+
+/// Parts of a curve between jumps of an angle from one end of its range to the other.
+pub(super) fn unwrapped_parts(wraps: bool, points: &[(f64, f64)]) -> Vec<&[(f64, f64)]> {
+    let jumps = |pair: &[(f64, f64)]| match pair {
+        [a, b] => wraps && (b.1 - a.1).abs() > std::f64::consts::PI,
+        _ => false,
+    };
+    let mut parts = Vec::new();
+    let mut begin = 0;
+    for (index, pair) in points.windows(2).enumerate() {
+        if jumps(pair) {
+            parts.extend(points.get(begin..=index));
+            begin = index + 1;
+        }
+    }
+    parts.extend(points.get(begin..));
+    parts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_angle_is_cut_where_it_wraps() {
+        let points = [(0.0, 3.0), (1.0, 3.1), (2.0, -3.1), (3.0, -3.0)];
+        let parts = unwrapped_parts(true, &points);
+        assert_eq!(parts, [&points[..2], &points[2..]]);
+        assert_eq!(unwrapped_parts(false, &points).len(), 1);
+    }
+
+    #[test]
+    fn a_dense_curve_keeps_its_extremes() {
+        let points: Vec<(f64, f64)> = (0..1000)
+            .map(|k| (f64::from(k) * 0.001, if k == 357 { 5.0 } else { 0.0 }))
+            .collect();
+        let shown = thinned(&points, 0.1);
+        assert!(shown.len() < 50 && shown.contains(&(0.357, 5.0)));
+        assert_eq!(
+            (shown.first(), shown.last()),
+            (points.first(), points.last())
+        );
+        assert_eq!(thinned(&points, 0.0005).len(), points.len());
+    }
+}

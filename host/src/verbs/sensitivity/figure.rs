@@ -1,0 +1,56 @@
+//! The picture of a sensitivity: change of each channel over the change of each parameter.
+
+use plotters::style::RGBColor;
+
+use super::{Parameter, Report, SHOWN};
+use crate::diagnostic::Result;
+use crate::output::plot::{Curve, Line, Panel, figure_svg_over};
+
+/// A colour for each parameter, in their order.
+const COLOURS: [RGBColor; Parameter::ALL.len()] = [
+    RGBColor(0x00, 0x72, 0xb2),
+    RGBColor(0xd5, 0x5e, 0x00),
+    RGBColor(0x00, 0x9e, 0x73),
+    RGBColor(0xcc, 0x79, 0xa7),
+    RGBColor(0xe6, 0x9f, 0x00),
+    RGBColor(0x56, 0xb4, 0xe9),
+    RGBColor(0x77, 0x77, 0x77),
+    RGBColor(0x00, 0x00, 0x00),
+    RGBColor(0x8a, 0x6d, 0x00),
+];
+
+impl Report {
+    /// The picture: one panel for each channel, one line for each parameter, of free runs with the same postures and inputs.
+    ///
+    /// # Errors
+    /// Returns an error if the figure cannot be drawn.
+    pub fn svg(&self, title: &str) -> Result<String> {
+        let panels = SHOWN.map(|channel| {
+            let share = |value: f64| 100.0 * value / self.amplitude.get(channel).max(1e-9);
+            let curve = |(parameter, colour): (Parameter, RGBColor)| {
+                let effects = self.effects.iter().filter(|e| e.parameter == parameter);
+                let ends =
+                    effects.map(|e| (100.0 * (e.factor - 1.0), share(e.change.get(channel))));
+                let mut points: Vec<(f64, f64)> = ends.chain([(0.0, 0.0)]).collect();
+                points.sort_by(|a, b| a.0.total_cmp(&b.0));
+                Curve {
+                    line: Line {
+                        label: parameter.label(),
+                        colour,
+                        width: 2,
+                    },
+                    points,
+                }
+            };
+            Panel {
+                caption: format!(
+                    "change of {} (RMS, % of its largest size)",
+                    channel.label().0
+                ),
+                curves: Parameter::ALL.into_iter().zip(COLOURS).map(curve).collect(),
+                wraps: false,
+            }
+        });
+        figure_svg_over("%", title, &panels)
+    }
+}
