@@ -54,6 +54,8 @@ pub(super) struct Case {
     pub(super) name: String,
     pub(super) flown: Flown,
     pub(super) seed: u64,
+    /// Seed of body, movements and errors: another one in every case.
+    pub(super) flight_seed: u64,
     /// Noise of the sensors over the paper's.
     pub(super) sensor_noise: f64,
 }
@@ -98,11 +100,13 @@ const CLEAN: u64 = 2;
 /// All cases of a seed, in four passes: each has every effect once, in a family that the next pass changes, and its
 /// share of everything else, so that a run that is cut short is a sample of the whole.
 fn of_seed(seed: u64) -> Vec<Case> {
+    let first = seed;
     let mut cases = Vec::new();
     for pass in 0..FAMILIES.len() {
         let turned = |k: usize| &FAMILIES[(k + pass) % FAMILIES.len()];
         let mut add = |group, family, name: &str, flown, seed: u64| {
             let [least, most]: [f64; 2] = SENSOR_NOISE;
+            let flight_seed = first * 1000 + cases.len() as u64;
             // The golden section spreads evenly whatever the number of cases is.
             let place = (cases.len() as f64 * 0.618_034 + seed as f64 * 0.414_214).fract();
             let sensor_noise = if group == "maneuver" || group == "tunnel" {
@@ -116,6 +120,7 @@ fn of_seed(seed: u64) -> Vec<Case> {
                 name: name.to_owned(),
                 flown,
                 seed,
+                flight_seed,
                 sensor_noise,
             });
         };

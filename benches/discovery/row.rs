@@ -26,7 +26,7 @@ const NORMAL: f64 = 1.96;
 
 /// Flies a pair, looks for what is hidden, and judges what was found.
 pub(super) fn row(case: &Case) -> Value {
-    let tracks = [0, 5000].map(|further| flown(case, further));
+    let tracks = [0, 1 << 32].map(|further| flown(case, further));
     let [flight, other] = tracks.map(|track| track.expect("flights can be flown"));
     let (begin, spent) = (Instant::now(), on_processor());
     let found = discover(&[flight], &[other], &Settings::default(), &());
@@ -54,7 +54,7 @@ pub(super) fn row(case: &Case) -> Value {
 
 fn flown(case: &Case, further: u64) -> Result<Track> {
     match &case.flown {
-        Flown::Laboratory(hidden) => Ok(in_laboratory(case, hidden, case.seed + further)),
+        Flown::Laboratory(hidden) => Ok(in_laboratory(case, hidden, case.flight_seed + further)),
         Flown::Maneuver(maneuver, tunnel) => {
             let name = format!("bodyflight-bench-{}-{}", std::process::id(), case.name);
             let seed = case.seed + further;
@@ -80,7 +80,7 @@ fn in_laboratory(case: &Case, hidden: &[Hidden], seed: u64) -> Track {
     };
     let settings = laboratory::Settings {
         seed,
-        person: Some(case.seed),
+        person: Some(case.flight_seed),
         joints: case.family.joints,
         sensor_noise: case.sensor_noise,
         rate: 120.0,

@@ -4,13 +4,15 @@
 //! priors and are the same in all stretches. The wander of the joints, the noise of the sensors and what else pushes
 //! are drawn anew in every stretch: they are never fitted, only the sizes from which they are drawn.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, SMatrix};
 use rayon::prelude::*;
 
 pub use super::error_prior::{COMPONENTS, CONSTANTS, Components, OWN, PUSH, WANDER};
 use super::error_prior::{Prior, Spread, subject_precision};
-use super::linearization::{Belief, Columns};
-use super::nuisance::{JOINTS, JointErrors, SUBJECT, Subject};
+use super::linearization::{Belief, Columns, Course};
+use super::nuisance::{Angles, JOINTS, JointErrors, SUBJECT, Subject};
 use super::product::{product, product_transposed, transposed_product};
 use super::progress::Progress;
 use super::stretch::{CHANNELS, NUMBERS, Stretch};
@@ -32,6 +34,12 @@ pub struct Part {
     kernels: Vec<DMatrix<f64>>,
     /// Share of its weight that a stretch keeps.
     pub weight: f64,
+    /// First frame of the stretch.
+    first: usize,
+    /// The joints, by degree of their course.
+    joints: [DMatrix<f64>; 3],
+    /// What the wander changes around which this is linear.
+    pub wandered: DVector<f64>,
 }
 
 impl Part {
@@ -79,14 +87,34 @@ impl Part {
             .rows_mut(JOINTS, JOINTS)
             .copy_from(&belief.joints.bend);
         around.rows_mut(OWN, SUBJECT).copy_from(&belief.subject.0);
+        let mut wandered = DVector::zeros(NUMBERS);
+        if let Some(wander) = belief.wander.get(&stretch.first) {
+            for (columns, wander) in columns.joints.iter().zip(wander) {
+                wandered += columns * wander;
+            }
+        }
         Self {
-            missing: columns.missing + &constants * around,
+            missing: columns.missing + &constants * around + &wandered,
             constants,
             effects: columns.effects,
             pushes: [columns.force, columns.moment],
             kernels,
             weight: 1.0,
+            first: stretch.first,
+            joints: columns.joints,
+            wandered,
         }
+    }
+
+    /// The likely wander, where the constants are known.
+    fn wander(&self, errors: &Errors) -> Option<Course> {
+        let left = &self.missing - &self.constants * &errors.constants;
+        let pulled = self.covariance(&errors.sizes)?.solve(&left) / self.weight;
+        let mut course = [Angles::zeros(); 3];
+        for ((angles, columns), k) in course.iter_mut().zip(&self.joints).zip(WANDER) {
+            angles.copy_from(&(columns.tr_mul(&pulled) * errors.sizes[k]));
+        }
+        Some(course)
     }
 
     /// The covariance factored.
@@ -143,7 +171,15 @@ impl Errors {
             effects: before.effects.clone(),
             subject: Subject(self.constants.rows(OWN, SUBJECT).into_owned()).possible(),
             joints,
+            wander: BTreeMap::new(),
         }
+    }
+
+    /// The likely wander of all stretches.
+    pub fn likely_wander(&self, parts: &[Part]) -> BTreeMap<usize, Course> {
+        let each = parts.par_iter();
+        each.filter_map(|part| Some((part.first, part.wander(self)?)))
+            .collect()
     }
 }
 

@@ -242,8 +242,8 @@ impl<'a> Prepared<'a> {
         let mut past = vec![(0.0, [Vector3::zeros(); 2])];
         let mut state: Option<State<f64>> = None;
         let mut frame = first;
-        while times[first] - times[frame] < LONGEST_DELAY && frame >= grid.stride {
-            let before = frame - grid.stride;
+        while times[first] - times[frame] < LONGEST_DELAY && frame >= grid.back {
+            let before = frame - grid.back;
             let duration = times[frame] - times[before];
             let sample = self
                 .model

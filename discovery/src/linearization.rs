@@ -2,6 +2,8 @@
 //!
 //! Every column is a difference of two flights of the model, so an effect needs no code here.
 
+use std::collections::BTreeMap;
+
 use bodyflight_core::effect::Model;
 use nalgebra::{DMatrix, DVector, Vector3};
 
@@ -20,7 +22,12 @@ pub struct Belief {
     pub subject: Subject,
     /// Calibration of the joints, and their error with the bend.
     pub joints: JointErrors,
+    /// The likely wander of the joints, by the first frame of a stretch; none where it is not known yet.
+    pub wander: BTreeMap<usize, Course>,
 }
+
+/// Of the joints over a stretch: Legendre polynomials of degree 0, 1, 2 (rad).
+pub type Course = [Angles; 3];
 
 impl Belief {
     /// All is as in the files.
@@ -29,7 +36,22 @@ impl Belief {
             effects: EffectSet::new(),
             subject: Subject::as_in_file(),
             joints: JointErrors::none(),
+            wander: BTreeMap::new(),
         }
+    }
+
+    /// What the joints have wrong in a stretch.
+    ///
+    /// What an effect changes depends on the joints, so slopes at recorded joints have errors that go with those of the
+    /// comparison, and every load that follows the limbs would seem too weak (errors in variables).
+    pub fn joints_in(&self, stretch: &Stretch) -> JointErrors {
+        let mut joints = self.joints.clone();
+        if let Some(wander) = self.wander.get(&stretch.first) {
+            for (course, wander) in joints.course.iter_mut().zip(wander) {
+                *course += wander;
+            }
+        }
+        joints
     }
 
     /// The model.
@@ -86,13 +108,8 @@ impl Columns {
         parameters: &[ParameterId],
     ) -> Option<Self> {
         let still = Channels::zeros();
-        let base = Prepared::new(
-            track,
-            stretch,
-            &belief.model(plain),
-            &belief.joints,
-            Steps::Long,
-        );
+        let wrong = belief.joints_in(stretch);
+        let base = Prepared::new(track, stretch, &belief.model(plain), &wrong, Steps::Long);
         let flown = base.fly(&still, None);
         let change = |other: &Flown, size: f64| other.less(&flown, stretch) / size;
         let start = collected(CHANNELS, |k| {
@@ -102,7 +119,7 @@ impl Columns {
         });
         let joints = [0, 1, 2].map(|degree| {
             collected(JOINTS, |k| {
-                let mut joints = belief.joints.clone();
+                let mut joints = wrong.clone();
                 joints.course[degree][k] += JOINT_STEP;
                 change(&base.with_joints(&joints).fly(&still, None), JOINT_STEP)
             })
@@ -175,7 +192,8 @@ pub fn missing(
     belief: &Belief,
 ) -> DVector<f64> {
     let model = belief.model(plain);
-    let flight = Prepared::new(track, stretch, &model, &belief.joints, Steps::Short);
+    let joints = belief.joints_in(stretch);
+    let flight = Prepared::new(track, stretch, &model, &joints, Steps::Short);
     flight.fly(&Channels::zeros(), None).missing(track, stretch)
 }
 
@@ -187,13 +205,8 @@ pub fn effects_and_missing(
     belief: &Belief,
     parameters: &[ParameterId],
 ) -> DMatrix<f64> {
-    let base = Prepared::new(
-        track,
-        stretch,
-        &belief.model(plain),
-        &belief.joints,
-        Steps::Long,
-    );
+    let joints = belief.joints_in(stretch);
+    let base = Prepared::new(track, stretch, &belief.model(plain), &joints, Steps::Long);
     let flown = base.fly(&Channels::zeros(), None);
     let columns = effect_columns(stretch, plain, belief, parameters, (&base, &flown));
     let mut columns = columns.insert_column(parameters.len(), 0.0);

@@ -139,24 +139,24 @@ impl<'a> Problem<'a> {
             let Some(whitened) = Whitened::new(&parts, &fit, &prior) else {
                 return Ok(None);
             };
-            let next = fit.belief(&belief);
             errors = Some(fit.clone());
-            found = Some(Fitted {
-                belief: core::mem::replace(&mut belief, next),
+            let fitted = Fitted {
+                belief,
                 parts,
                 errors: fit,
                 whitened,
-            });
+            };
+            belief = fitted.belief_with(&fitted.belief.effects);
+            found = Some(fitted);
         }
         Ok(found)
     }
 
-    /// Stretches that no distribution of errors makes lose weight; whether there are any.
-    pub fn weigh(&mut self, fitted: &Fitted) -> bool {
+    /// Stretches that no distribution of errors makes lose weight.
+    pub fn weigh(&mut self, fitted: &Fitted) {
         for (weight, square) in self.weights.iter_mut().zip(&fitted.errors.squares) {
             *weight = (*weight * OUTLYING * NUMBERS as f64 / square).min(1.0);
         }
-        self.weights.iter().any(|weight| *weight < 1.0)
     }
 
     /// What is missing and what parameters change around effects that need not be those of the fit, reduced by it.
@@ -215,7 +215,7 @@ impl<'a> Problem<'a> {
                 let mut columns = columns(stretch)?;
                 let last = columns.ncols() - 1;
                 let mut missing = columns.column_mut(last);
-                missing += &part.constants * &around;
+                missing += &part.constants * &around + &part.wandered;
                 let finite = columns.iter().all(|value| value.is_finite());
                 finite.then_some(columns)
             })
@@ -244,7 +244,16 @@ impl Fitted {
     pub fn belief_with(&self, effects: &EffectSet) -> Belief {
         Belief {
             effects: effects.clone(),
+            wander: self.errors.likely_wander(&self.parts),
             ..self.errors.belief(&self.belief)
+        }
+    }
+
+    /// The same belief, with the likely wander.
+    pub fn belief_wandering(&self) -> Belief {
+        Belief {
+            wander: self.errors.likely_wander(&self.parts),
+            ..self.belief.clone()
         }
     }
 }

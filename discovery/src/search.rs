@@ -133,13 +133,11 @@ impl Alone {
         };
         let files = Belief::files();
         problem.without_stretches_beyond_numbers(&files);
-        let mut around_files = problem.fit(&files, None, 1, progress)?.ok_or(too_short)?;
-        if problem.weigh(&around_files) {
-            let errors = around_files.errors.clone();
-            around_files = problem
-                .fit(&files, Some(&errors), 1, progress)?
-                .ok_or(too_short)?;
-        }
+        let first = problem.fit(&files, None, 1, progress)?.ok_or(too_short)?;
+        problem.weigh(&first);
+        let around_files = problem
+            .fit(&first.belief_wandering(), Some(&first.errors), 1, progress)?
+            .ok_or(too_short)?;
         let belief = around_files.belief_with(&EffectSet::new());
         // Where the constants lead out of what can be flown, those of the files are kept.
         let settled = match problem.fit(&belief, Some(&around_files.errors), 1, progress)? {
@@ -153,6 +151,13 @@ impl Alone {
             settled,
         })
     }
+}
+
+/// Whether a candidate is worth fitting everything anew beside it: errors that were fitted without it may take a part of
+/// what it does, so less than for a name is asked for.
+fn promises(candidate: &Candidate, chance: &[f64]) -> bool {
+    let votes = candidate.gains_held_out.iter().all(|gain| *gain > 0.0);
+    votes && candidate.deviations() > quantile_of_sorted(chance, 0.99)
 }
 
 /// A search in flights whose errors are known as far as nothing is missing.
@@ -208,16 +213,30 @@ impl<'a> Search<'a> {
         let mut out_of_question: Vec<Effect> = Vec::new();
         while names.len() < self.settings.max_effects && out_of_question.len() < TRIED {
             begin(self.progress, "which effect explains most")?;
-            // Constants may do most of what is missing once they are fitted: the first name is sought around the files.
-            let from = if names.is_empty() { &files } else { &scene };
             let tried = names.len() + out_of_question.len();
-            let candidates = from.candidates(&out_of_question, self.progress)?;
+            // Constants may do most of what is missing once they are fitted, so the first name is sought around the files;
+            // but far from the files slopes may be others.
+            let scenes = [&files, &scene];
+            let mut found = None;
+            for from in scenes.into_iter().skip(names.len().min(1)) {
+                let candidates = from.candidates(&out_of_question, self.progress)?;
+                let chance = from.chance(self.settings.seed);
+                let Some(name) = self.best(&candidates, &chance) else {
+                    continue;
+                };
+                let promises = promises(&name.candidate, &chance);
+                if promises || found.is_none() {
+                    found = Some((name, chance, from, promises));
+                }
+                if promises {
+                    break;
+                }
+            }
             self.reached(tried, 0.3);
-            let chance = from.chance(self.settings.seed);
-            let Some(mut name) = self.best(&candidates, &chance) else {
+            let Some((mut name, chance, from, promises)) = found else {
                 break;
             };
-            if !self.deserves(&name.candidate, &chance) {
+            if !promises {
                 nearest = Some(name);
                 break;
             }

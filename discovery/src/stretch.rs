@@ -20,8 +20,9 @@ pub const ROWS: usize = 6;
 pub const NUMBERS: usize = ROWS * CHANNELS;
 /// Length of a comparison (s).
 const WINDOW: f64 = 0.1;
-/// Longest interval of a flight of which only what changes counts (s).
-const LONG_STEP: f64 = 0.03;
+/// Longest interval of a flight of which only what changes counts (s), and of one flown backwards.
+const LONG_STEP: f64 = 0.05;
+const BACK_STEP: f64 = 0.03;
 /// Longest step of a flight that is compared with the measurement (s).
 const SHORT_STEP: f64 = 1.0 / 239.0;
 /// Comparisons before the first stretch: as far as a plausible delay reaches.
@@ -40,6 +41,8 @@ pub struct Grid {
     pub window: usize,
     /// Frames of a long step.
     pub stride: usize,
+    /// Frames of a step backwards.
+    pub back: usize,
     /// Short steps of a frame.
     pub parts: usize,
 }
@@ -53,13 +56,16 @@ impl Grid {
     )]
     pub fn new(rate: f64) -> Self {
         let window = (rate * WINDOW).round().max(1.0) as usize;
-        let longest = ((rate * LONG_STEP) as usize).max(1);
-        let stride = (1..=longest.min(window))
-            .rev()
-            .find(|stride| window.is_multiple_of(*stride));
+        let stride = |longest: f64| {
+            let longest = ((rate * longest) as usize).max(1);
+            let mut strides = (1..=longest.min(window)).rev();
+            let even = strides.find(|stride| window.is_multiple_of(*stride));
+            even.unwrap_or(1)
+        };
         Self {
             window,
-            stride: stride.unwrap_or(1),
+            stride: stride(LONG_STEP),
+            back: stride(BACK_STEP),
             parts: (1.0 / (rate * SHORT_STEP)).ceil().max(1.0) as usize,
         }
     }

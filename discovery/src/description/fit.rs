@@ -127,7 +127,8 @@ fn around(problem: &Problem<'_>, fitted: &Fitted, groups: &[Group]) -> Option<Qu
     let base = belief.model(&under.plain);
     let reduced = problem.reduced_around(fitted, belief, |stretch| {
         let track = problem.track;
-        let prepared = Prepared::new(track, stretch, &base, &belief.joints, Steps::Long);
+        let joints = belief.joints_in(stretch);
+        let prepared = Prepared::new(track, stretch, &base, &joints, Steps::Long);
         let flown = prepared.fly(&Channels::zeros(), None);
         let mut columns = DMatrix::zeros(NUMBERS, others.len() + 1);
         for (k, (model, size)) in others.iter().enumerate() {
