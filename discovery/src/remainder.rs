@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::error::Result;
-use super::error_model::{Errors, PUSH, fit};
+use super::error_model::{Components, Errors, PUSH, fit};
 use super::error_prior::Prior;
 use super::problem::{Fitted, Problem};
 use super::progress::{Progress, check};
@@ -168,4 +168,25 @@ pub fn pushes(fitted: &Fitted) -> Vec<Pushes> {
             (of(0), of(1))
         })
         .collect()
+}
+
+/// Misfit of the model as in the files with the noise of the sensors alone.
+pub(super) fn unadjusted(fitted: &[Fitted]) -> f64 {
+    let (mut sum, mut count) = (0.0, 0.0);
+    for fitted in fitted {
+        let sensors = Components::from_fn(|k, _| {
+            if k < 4 {
+                fitted.errors.sizes[k]
+            } else {
+                1e-3 * fitted.errors.sizes[k].min(1e-6)
+            }
+        });
+        for part in &fitted.parts {
+            if let Some(factor) = part.covariance(&sensors) {
+                sum += part.missing.dot(&factor.solve(&part.missing));
+                count += NUMBERS as f64;
+            }
+        }
+    }
+    sum / f64::max(count, 1.0)
 }

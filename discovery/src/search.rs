@@ -7,15 +7,14 @@ use super::contest::{Candidate, Scene};
 use super::description::described;
 use super::effect_set::EffectSet;
 use super::error::{Error, Result};
-use super::error_model::{Components, Errors};
+use super::error_model::Errors;
 use super::linearization::Belief;
 use super::nuisance::Tolerances;
 use super::problem::{Fitted, Problem};
 use super::progress::{Progress, begin, check};
-use super::remainder::without_push;
+use super::remainder::{unadjusted, without_push};
 use super::report::{Outcome, Report, Rival};
 use super::statistics::quantile_of_sorted;
-use super::stretch::NUMBERS;
 use super::track::Track;
 
 /// How to look.
@@ -203,7 +202,7 @@ impl<'a> Search<'a> {
             .into_iter()
             .map(|alone| (alone.around_files, alone.settled))
             .unzip();
-        let unadjusted = self.unadjusted(&files);
+        let unadjusted = unadjusted(files.get(..self.count).unwrap_or(&files));
         let files = self.scene(files, none.clone());
         let mut scene = self.scene(settled, none);
         let mut plain: Option<Vec<Errors>> = None;
@@ -424,26 +423,5 @@ impl<'a> Search<'a> {
         let each = scene.fitted.iter();
         each.map(|(problem, fitted)| without_push(problem, fitted, self.progress))
             .collect()
-    }
-
-    /// Misfit of the model as in the files with the noise of the sensors alone.
-    fn unadjusted(&self, fitted: &[Fitted]) -> f64 {
-        let (mut sum, mut count) = (0.0, 0.0);
-        for fitted in fitted.iter().take(self.count) {
-            let sensors = Components::from_fn(|k, _| {
-                if k < 4 {
-                    fitted.errors.sizes[k]
-                } else {
-                    1e-3 * fitted.errors.sizes[k].min(1e-6)
-                }
-            });
-            for part in &fitted.parts {
-                if let Some(factor) = part.covariance(&sensors) {
-                    sum += part.missing.dot(&factor.solve(&part.missing));
-                    count += NUMBERS as f64;
-                }
-            }
-        }
-        sum / f64::max(count, 1.0)
     }
 }
