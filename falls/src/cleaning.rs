@@ -1,4 +1,4 @@
-//! Rows of a receiver that cannot be: heights far from where the velocities lead, jumps of the velocity.
+//! Rows of a receiver that cannot be: heights far from where the velocities lead, jumps of the velocity, other times.
 //!
 //! Receivers that were switched on late, or lie against metal, give heights of 10 km for some seconds around the exit
 //! and are right before and after. A single limit cannot tell that: rows are judged by their neighbours.
@@ -17,6 +17,9 @@ const VELOCITY: f64 = 15.0;
 /// Time on either side of a row in which velocities are compared (s): shorter than any opening.
 const VELOCITY_NEIGHBOURS: f64 = 0.5;
 
+/// Longest gap within a jump (s). A longer one is another flight, or a clock that was set between two rows.
+const LONGEST_GAP: f64 = 60.0;
+
 /// Rows that were taken out.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct TakenOut {
@@ -26,8 +29,10 @@ pub struct TakenOut {
     pub first_time: Option<f64>,
 }
 
-/// The rows that agree with their neighbours.
+/// The rows between long gaps that lose the most height, where they agree with their neighbours.
 pub fn cleaned(samples: &[Sample]) -> (Vec<Sample>, TakenOut) {
+    let whole = samples;
+    let samples = jump_without_gaps(whole);
     // What is left of the height after the way that was fallen: nearly constant.
     let mut way = 0.0;
     let mut left: Vec<f64> = Vec::with_capacity(samples.len());
@@ -39,7 +44,10 @@ pub fn cleaned(samples: &[Sample]) -> (Vec<Sample>, TakenOut) {
         left.push(sample.height() - way);
     }
     let mut kept = Vec::with_capacity(samples.len());
-    let mut out = TakenOut::default();
+    let mut out = TakenOut {
+        count: whole.len() - samples.len(),
+        first_time: outside(whole, samples).map(|sample| sample.time),
+    };
     for (index, sample) in samples.iter().enumerate() {
         let around = neighbours(samples, index, NEIGHBOURS);
         let height_off = median(around.map(|other| left[other]))
@@ -53,12 +61,36 @@ pub fn cleaned(samples: &[Sample]) -> (Vec<Sample>, TakenOut) {
             .fold(0.0, f64::max);
         if height_off > HEIGHT || velocity_off > VELOCITY {
             out.count += 1;
-            out.first_time.get_or_insert(sample.time);
+            out.first_time = Some(
+                out.first_time
+                    .map_or(sample.time, |first| first.min(sample.time)),
+            );
         } else {
             kept.push(*sample);
         }
     }
     (kept, out)
+}
+
+/// The rows between two gaps that lose the most height.
+fn jump_without_gaps(samples: &[Sample]) -> &[Sample] {
+    let lost = |part: &&[Sample]| {
+        let heights = || part.iter().map(Sample::height);
+        heights().fold(f64::MIN, f64::max) - heights().fold(f64::MAX, f64::min)
+    };
+    let near = |before: &Sample, after: &Sample| after.time - before.time <= LONGEST_GAP;
+    (samples.chunk_by(near))
+        .max_by(|a, b| lost(a).total_cmp(&lost(b)))
+        .unwrap_or_default()
+}
+
+/// The first row of the whole that is not in the part.
+fn outside<'a>(whole: &'a [Sample], part: &[Sample]) -> Option<&'a Sample> {
+    let begin = part.first()?.time;
+    whole.iter().find(|sample| sample.time < begin).or_else(|| {
+        let end = part.last()?.time;
+        whole.iter().find(|sample| sample.time > end)
+    })
 }
 
 /// Indices of the samples within `reach` (s) of one, itself among them.
@@ -86,6 +118,19 @@ mod tests {
         assert_eq!(out.count, 16);
         assert_eq!(kept.len(), samples.len() - 16);
         assert_eq!(out.first_time, Some(samples[exit].time));
+    }
+
+    #[test]
+    fn rows_of_another_millennium_are_taken_out_and_counted() {
+        let good = jump(&Jump::default());
+        let mut samples = good.clone();
+        for sample in &mut samples[..7] {
+            sample.time -= 3.2e10;
+        }
+        let (kept, out) = cleaned(&samples);
+        assert_eq!(kept, good[7..]);
+        assert_eq!(out.count, 7);
+        assert_eq!(out.first_time, Some(samples[0].time));
     }
 
     #[test]
