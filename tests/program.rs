@@ -40,16 +40,19 @@ impl Program {
 
     /// What it says where it fails with this exit code.
     pub fn fails(self, arguments: &[&str], code: i32) -> String {
+        let (message, found) = self.says(arguments);
+        assert_eq!(found, Some(code), "{arguments:?}: {message}");
+        message
+    }
+
+    /// Its standard error without the breaks of lines, and its exit code.
+    pub fn says(self, arguments: &[&str]) -> (String, Option<i32>) {
         let output = self.run(arguments);
         let message = text(&output.stderr);
-        assert_eq!(output.status.code(), Some(code), "{arguments:?}: {message}");
         assert!(!message.contains("panicked"), "{message}");
         // Lines of a terminal may break anywhere: compare without breaks.
-        message
-            .split_whitespace()
-            .filter(|word| *word != "│")
-            .collect::<Vec<_>>()
-            .join(" ")
+        let words = message.split_whitespace().filter(|word| *word != "│");
+        (words.collect::<Vec<_>>().join(" "), output.status.code())
     }
 
     /// Synthesises a maneuver into a folder; its `flight.toml`.

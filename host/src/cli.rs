@@ -40,7 +40,7 @@ use clap::{Parser, Subcommand};
                   Start with: bodyflight demo"
 )]
 struct Cli {
-    /// Print the result as JSON.
+    /// Print the result as JSON; a problem too, as one line on standard error.
     #[arg(long, global = true)]
     json: bool,
     #[command(subcommand)]
@@ -81,7 +81,7 @@ pub(crate) fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(problem) => {
             let code = problem.kind.exit_code();
-            terminal::print_problem(problem);
+            terminal::print_problem(problem, cli.json);
             ExitCode::from(code)
         }
     }

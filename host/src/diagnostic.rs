@@ -3,6 +3,9 @@
 //! Each reader builds a [`Problem`] at the place that knows most; it is handed up unchanged and printed
 //! once, by `main`.
 
+pub mod choices;
+mod toml;
+
 use std::error::Error;
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -92,18 +95,6 @@ impl Problem {
         Self::refused(format!("cannot {action} this file"))
             .in_file(file)
             .caused_by(error)
-    }
-
-    /// A file that is no TOML, or not the expected one, with the line of the error.
-    pub fn toml(error: &toml::de::Error, text: &str, file: &Path) -> Self {
-        let problem = Self::bad_input(error.message().trim().to_owned()).in_file(file);
-        match error.span() {
-            Some(span) => {
-                let before = text.get(..span.start).unwrap_or(text);
-                problem.at_line(before.matches('\n').count() as u64 + 1)
-            }
-            None => problem,
-        }
     }
 
     /// A negative answer.

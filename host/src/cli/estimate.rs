@@ -160,11 +160,8 @@ pub(super) fn unit_preset(name: &str) -> Result<String> {
 
 /// The paper's preset of that name, for verbs that know no other.
 pub(super) fn preset(name: &str) -> Result<&'static Preset> {
-    Preset::from_name(name).ok_or_else(|| {
-        let names: Vec<&str> = PRESETS.iter().map(|preset| preset.name).collect();
-        Problem::bad_input(format!("unknown preset \"{name}\""))
-            .help(format!("one of: {}", names.join(", ")))
-    })
+    Preset::from_name(name)
+        .ok_or_else(|| Problem::unknown("preset", name, PRESETS.iter().map(|preset| preset.name)))
 }
 
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {

@@ -84,7 +84,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         }
         Err(problem) => {
             let text = format!("Not saved: {}", problem.with_causes());
-            terminal::print_problem(problem);
+            terminal::print_problem(problem, false);
             text
         }
     };

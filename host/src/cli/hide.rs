@@ -72,17 +72,16 @@ fn folder(args: &Args, index: u64) -> PathBuf {
 /// The name under which a load of the grammar is drawn by the seed.
 const DRAWN: &str = "load";
 
-fn known() -> String {
+fn known() -> Vec<&'static str> {
     let effects = Effect::ALL.iter().map(|effect| effect.description().name);
     let outside = effects.chain(Outside::ALL.map(Outside::name));
-    let names: Vec<&str> = outside.chain([DRAWN]).collect();
-    names.join(", ")
+    outside.chain([DRAWN]).collect()
 }
 
 fn hidden_help() -> String {
     format!(
         "Effects: {}\n\nExample: bodyflight hide wind --seed 1 --out lab",
-        known()
+        known().join(", ")
     )
 }
 
@@ -172,8 +171,5 @@ fn hidden(name: &str, seed: u64, share: Option<f64>) -> Result<Hidden> {
     }
     Outside::from_name(name)
         .map(Hidden::Outside)
-        .ok_or_else(|| {
-            Problem::bad_input(format!("unknown effect \"{name}\""))
-                .help(format!("one of: {}", known()))
-        })
+        .ok_or_else(|| Problem::unknown("effect", name, known()))
 }

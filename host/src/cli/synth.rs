@@ -61,9 +61,8 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         None => Subject::default(),
     };
     let maneuver = Maneuver::from_name(&args.maneuver).ok_or_else(|| {
-        let names: Vec<&str> = MANEUVERS.iter().map(|m| m.name).collect();
-        Problem::bad_input(format!("unknown maneuver \"{}\"", args.maneuver))
-            .help(format!("one of: {}", names.join(", ")))
+        let known = MANEUVERS.iter().map(|maneuver| maneuver.name);
+        Problem::unknown("maneuver", &args.maneuver, known)
     })?;
     for (name, value, high) in [
         ("density", args.density, 2.0),

@@ -4,6 +4,7 @@
 
 mod visible;
 
+use std::error::Error;
 use std::io::{ErrorKind, IsTerminal, Write};
 use std::sync::OnceLock;
 use std::time::Duration;
@@ -94,10 +95,44 @@ pub(super) fn note_assumed_subject(flight: &Flight) {
     }
 }
 
-/// Writes a problem to standard error, with its help.
-pub(super) fn print_problem(problem: Problem) {
+/// Writes a problem to standard error, with its help; as one line of JSON where that is asked for.
+pub(super) fn print_problem(problem: Problem, json: bool) {
+    let problem = visible_problem(problem);
     let mut err = std::io::stderr().lock();
-    let _ = writeln!(err, "{:?}", miette::Report::new(visible_problem(problem)));
+    let _ = if json {
+        let told = serde_json::json!({ "error": Told::of(&problem) });
+        writeln!(err, "{}", json_without_controls(&told.to_string()))
+    } else {
+        writeln!(err, "{:?}", miette::Report::new(problem))
+    };
+}
+
+/// A problem for machines.
+#[derive(Serialize)]
+struct Told<'a> {
+    exit_code: u8,
+    message: &'a str,
+    file: Option<String>,
+    line: Option<u64>,
+    place: Option<&'a str>,
+    help: Option<&'a str>,
+    causes: Vec<String>,
+}
+
+impl<'a> Told<'a> {
+    fn of(problem: &'a Problem) -> Self {
+        let causes =
+            std::iter::successors(problem.source(), |error: &&dyn Error| (*error).source());
+        Self {
+            exit_code: problem.kind.exit_code(),
+            message: &problem.message,
+            file: problem.file.as_ref().map(|file| file.display().to_string()),
+            line: problem.line,
+            place: problem.place.as_deref(),
+            help: problem.help.as_deref(),
+            causes: causes.map(ToString::to_string).collect(),
+        }
+    }
 }
 
 /// A bar for work of known length, on a terminal only.

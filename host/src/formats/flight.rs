@@ -185,7 +185,7 @@ impl Flight {
     /// As of reading.
     pub fn parse(text: &str, path: &Path) -> Result<Self> {
         let file: FlightFile =
-            toml::from_str(text).map_err(|error| Problem::toml(&error, text, path))?;
+            toml::from_str(text).map_err(|error| not_a_flight(&error, text, path))?;
         let folder = path.parent().unwrap_or(Path::new(""));
         let at = |field: &str, message: String| {
             Problem::bad_input(message)
@@ -208,9 +208,13 @@ impl Flight {
         let muscles = match &file.muscles {
             None => muscle_input::BACK_TRACKING,
             Some(name) => MuscleModel::from_name(name).ok_or_else(|| {
-                let known = muscle_input::MODELS.map(|(name, _)| name).join(", ");
-                at("muscles", format!("unknown limb groups \"{name}\""))
-                    .help(format!("one of: {known}"))
+                Problem::unknown(
+                    "limb groups",
+                    name,
+                    muscle_input::MODELS.map(|(name, _)| name),
+                )
+                .in_file(path)
+                .at("field muscles")
             })?,
         };
         let forces = match file.muscle_forces {
@@ -310,6 +314,20 @@ impl AirTable {
             (None, None) => Ok(DensityChoice::Constant(DEFAULT_DENSITY)),
         }
     }
+}
+
+/// A TOML file that is no flight; a subject is recognised by its keys.
+fn not_a_flight(error: &toml::de::Error, text: &str, path: &Path) -> Problem {
+    let problem = Problem::toml(error, text, path);
+    let is_subject = |table: toml::Table| {
+        let keys = ["height_m", "mass_kg", "sex", "gear", "coefficients"];
+        keys.iter().any(|key| table.contains_key(*key))
+    };
+    if text.parse().is_ok_and(is_subject) {
+        return problem
+            .help("this is a subject; a flight.toml names it: subject = \"subject.toml\"");
+    }
+    problem
 }
 
 #[cfg(test)]

@@ -10,6 +10,7 @@ use bodyflight_core::frame::Vector;
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
 
+use crate::diagnostic::choices::choices;
 use crate::diagnostic::{Problem, Result};
 use crate::formats::input;
 
@@ -66,10 +67,8 @@ fn muscles<'de, D: Deserializer<'de>>(
         return Ok(None);
     };
     MuscleModel::from_name(&name).map(Some).ok_or_else(|| {
-        let known = MODELS.map(|(name, _)| name).join(", ");
-        D::Error::custom(format!(
-            "unknown limb groups \"{name}\", expected one of: {known}"
-        ))
+        let known = choices(&name, MODELS.map(|(name, _)| name));
+        D::Error::custom(format!("unknown limb groups \"{name}\"; {known}"))
     })
 }
 

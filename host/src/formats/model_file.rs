@@ -166,10 +166,8 @@ impl EffectTable {
             .help("name = \"wind\" for an effect of the library; force_n = 50.0 for a load"));
         };
         let effect = Effect::from_name(name).ok_or_else(|| {
-            let names: Vec<_> = Effect::ALL.iter().map(|e| e.description().name).collect();
-            let known = names.join(", ");
-            Problem::bad_input(format!("unknown effect \"{name}\""))
-                .help(format!("one of: {known}"))
+            let known = Effect::ALL.iter().map(|effect| effect.description().name);
+            Problem::unknown("effect", name, known)
         })?;
         let parameters = effect.description().parameters;
         let mut values = effect.neutral();

@@ -12,6 +12,7 @@ use bodyflight_core::estimator::motion::settings::{MOTION, MotionPreset};
 use bodyflight_core::estimator::preset::{PRESETS, Preset};
 use serde::Deserialize;
 
+use crate::diagnostic::choices::choices;
 use crate::diagnostic::{Problem, Result};
 use crate::formats::input;
 
@@ -248,11 +249,9 @@ fn set<V>(place: &mut V, value: Option<V>) {
 
 fn unknown(name: &str) -> Problem {
     let names = PRESETS.iter().map(|preset| preset.name);
-    let names: Vec<&str> = std::iter::once(AUTO).chain(names).collect();
-    Problem::bad_input(format!("unknown preset \"{name}\"")).help(format!(
-        "one of: {}; or a preset.toml, docs/estimator.md",
-        names.join(", ")
-    ))
+    let known = choices(name, std::iter::once(AUTO).chain(names));
+    Problem::bad_input(format!("unknown preset \"{name}\""))
+        .help(format!("{known}; or a preset.toml, docs/estimator.md"))
 }
 
 #[cfg(test)]

@@ -2,6 +2,7 @@
 
 mod file;
 mod segment_table;
+mod units;
 
 use std::path::{Path, PathBuf};
 
@@ -13,6 +14,7 @@ use bodyflight_core::{AxisCoefficients, Body, Segment, SegmentArray};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
+use crate::diagnostic::choices::choices;
 use crate::diagnostic::{Problem, Result};
 use crate::formats::input;
 use file::{
@@ -20,6 +22,7 @@ use file::{
     MomentArmName, SexName, SubjectFile, SuitName,
 };
 use segment_table::SegmentTable;
+use units::unit_meant;
 
 /// A person as flights use them: checked when read.
 #[derive(Debug, Clone)]
@@ -233,12 +236,11 @@ impl SubjectFile {
                 .strip_suffix("_m")
                 .and_then(Girth::from_name)
                 .ok_or_else(|| {
-                    let known = Girth::ALL
-                        .map(|girth| format!("{}_m", girth.name()))
-                        .join(", ");
+                    let known = Girth::ALL.map(|girth| format!("{}_m", girth.name()));
+                    let known = choices(name, known.iter().map(String::as_str));
                     Fault {
                         field: format!("girths.{name}"),
-                        message: format!("unknown girth; one of: {known}"),
+                        message: format!("unknown girth; {known}"),
                     }
                 })?;
             person.girths.set(girth, *value);
@@ -250,7 +252,7 @@ impl SubjectFile {
                 Measure::Girth(girth) => format!("girths.{}_m", girth.name()),
                 Measure::MomentArm => "moment_arm".into(),
             },
-            message: error.to_string(),
+            message: format!("{error}{}", unit_meant(&error)),
         })?;
         let mut body = self.gear().fit(&bare).map_err(|error| Fault {
             field: match error.item {
@@ -308,10 +310,10 @@ impl SubjectFile {
         }
         for (name, own) in &table.segment {
             if Segment::from_name(name).is_none() {
-                let known = Segment::ALL.map(Segment::name).join(", ");
+                let known = choices(name, Segment::ALL.map(Segment::name));
                 return Err(Fault {
                     field: format!("coefficients.segment.{name}"),
-                    message: format!("unknown segment; one of: {known}"),
+                    message: format!("unknown segment; {known}"),
                 });
             }
             for (key, value) in [("cl", own.cl), ("cd", own.cd), ("cm", own.cm)] {

@@ -117,8 +117,15 @@ impl Flat {
     }
 }
 
+/// Bytes within which an XML file says what it is.
+const HEAD: usize = 1024;
+
 fn read_gpx(text: &[u8], path: &Path) -> Result<Track> {
     let refused = |what: String| Problem::bad_input(what).in_file(path);
+    if text.windows(5).take(HEAD).any(|part| part == b"<mvnx") {
+        return Err(refused("this is an MVNX recording, not a track".into())
+            .help("compare it with the model: bodyflight simulate FILE"));
+    }
     let gpx = gpx::read(text).map_err(|error| {
         refused(format!("this is no GPX that can be read: {error}"))
             .help("give the GPX that the logger or its program wrote")

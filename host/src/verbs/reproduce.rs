@@ -53,11 +53,7 @@ pub fn reproduce(what: &[String], folder: &Path, progress: impl Fn() + Sync) -> 
     let wanted = |name: &str| what.is_empty() || what.iter().any(|asked| asked == name);
     let known = || EXPERIMENTS.iter().map(|e| e.name).chain(PARTS);
     if let Some(unknown) = what.iter().find(|asked| known().all(|name| name != *asked)) {
-        let names: Vec<&str> = known().collect();
-        return Err(
-            Problem::bad_input(format!("no experiment is called \"{unknown}\""))
-                .help(format!("one of: {}", names.join(", "))),
-        );
+        return Err(Problem::unknown("experiment", unknown, known()));
     }
     std::fs::create_dir_all(folder).map_err(|error| Problem::system("create", folder, error))?;
     let outcomes = EXPERIMENTS

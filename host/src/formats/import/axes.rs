@@ -1,5 +1,6 @@
 //! Where the axes of a source point, by name.
 
+use crate::diagnostic::choices::choices;
 use nalgebra::Matrix3;
 use serde::Deserialize;
 
@@ -53,11 +54,8 @@ fn matrix(names: &[String; 3], known: &[(&str, [f64; 3])]) -> Result<Matrix3<f64
     let mut axes = Matrix3::zeros();
     for (name, mut axis) in names.iter().zip(axes.column_iter_mut()) {
         let Some((_, direction)) = known.iter().find(|(direction, _)| direction == name) else {
-            let known: Vec<&str> = known.iter().map(|(direction, _)| *direction).collect();
-            return Err(format!(
-                "unknown direction \"{name}\"; one of: {}",
-                known.join(", ")
-            ));
+            let known = choices(name, known.iter().map(|(direction, _)| *direction));
+            return Err(format!("unknown direction \"{name}\"; {known}"));
         };
         axis.copy_from_slice(direction);
     }

@@ -99,10 +99,8 @@ fn reference(name: &str, value: f64, least: f64, most: f64) -> Result<f64> {
 }
 
 fn segment(name: &str) -> Result<Segment> {
-    Segment::from_name(name).ok_or_else(|| {
-        let known = Segment::ALL.map(Segment::name).join(", ");
-        Problem::bad_input(format!("unknown segment \"{name}\"")).help(format!("one of: {known}"))
-    })
+    Segment::from_name(name)
+        .ok_or_else(|| Problem::unknown("segment", name, Segment::ALL.map(Segment::name)))
 }
 
 fn axis(names: [&str; 3], name: &str) -> Option<Axis> {
@@ -114,10 +112,7 @@ fn axis(names: [&str; 3], name: &str) -> Option<Axis> {
 }
 
 fn known_axis(names: [&str; 3], name: &str) -> Result<Axis> {
-    axis(names, name).ok_or_else(|| {
-        Problem::bad_input(format!("unknown axis \"{name}\""))
-            .help(format!("one of: {}", names.join(", ")))
-    })
+    axis(names, name).ok_or_else(|| Problem::unknown("axis", name, names))
 }
 
 fn direction(name: &str) -> Result<Direction> {

@@ -29,6 +29,46 @@ pub(super) fn sniff<R: BufRead>(
     })
 }
 
+/// A kind of file that another verb reads.
+struct Other {
+    /// How its text begins.
+    marks: &'static [&'static [u8]],
+    /// Bytes before the mark.
+    after: usize,
+    is: &'static str,
+    give: &'static str,
+}
+
+impl Other {
+    fn begins(&self, head: &[u8], text: &[u8]) -> bool {
+        let text = if self.after > 0 { head } else { text };
+        let text = text.get(self.after..).unwrap_or_default();
+        self.marks.iter().any(|mark| text.starts_with(mark))
+    }
+}
+
+const OTHERS: [Other; 3] = [
+    Other {
+        marks: &[b"HIERARCHY"],
+        after: 0,
+        is: "this is a BVH file, not MVNX",
+        give: "make a recording of it: bodyflight import FILE --out FOLDER",
+    },
+    Other {
+        marks: &[b"$FLYS", b"time,lat,lon"],
+        after: 0,
+        is: "this is the track of a FlySight, which has no postures",
+        give: "see what it says of the jump: bodyflight fall FILE; or name it as gnss in a flight.toml",
+    },
+    Other {
+        // The first byte tells where the parameters begin.
+        marks: &[b"\x50"],
+        after: 1,
+        is: "this is a C3D file, not MVNX",
+        give: "solve its skeleton in the program that recorded it, and give joint angles or BVH to bodyflight import",
+    },
+];
+
 /// What the first bytes say, `None` for text that may be XML.
 fn foreign_content(head: &[u8], is_container: bool) -> Option<Problem> {
     const UNPACK: &str = "unpack it and give the .mvnx file inside";
@@ -61,6 +101,10 @@ fn foreign_content(head: &[u8], is_container: bool) -> Option<Problem> {
             "fetch the content with `git lfs pull`",
         )
     } else if first != Some(&b'<') {
+        let other = OTHERS.iter().find(|other| other.begins(head, text));
+        if let Some(Other { is, give, .. }) = other {
+            return problem(is, give);
+        }
         problem(
             "this is not an XML file: it does not begin with `<`",
             "give a recording exported from MVN as .mvnx",

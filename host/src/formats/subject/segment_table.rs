@@ -7,6 +7,7 @@ use bodyflight_core::{Body, Segment};
 use nalgebra::{Matrix3, Vector3};
 use serde::Deserialize;
 
+use crate::diagnostic::choices::choices;
 use crate::diagnostic::{Problem, Result};
 use crate::formats::input;
 
@@ -63,10 +64,10 @@ impl SegmentTable {
         let mut rows: Vec<(Segment, Row)> = Vec::new();
         for row in file.segments {
             let segment = Segment::from_name(&row.name).ok_or_else(|| {
-                let known = Segment::ALL.map(Segment::name).join(", ");
+                let known = choices(&row.name, Segment::ALL.map(Segment::name));
                 fault(
                     format!("segment {}", row.name),
-                    format!("unknown name; one of: {known}"),
+                    format!("unknown name; {known}"),
                 )
             })?;
             if rows.iter().any(|(known, _)| *known == segment) {

@@ -1,0 +1,86 @@
+//! Mistakes that people make, and what the program says: the table of docs/mistakes.md, row by row.
+#![expect(clippy::expect_used, reason = "tests may panic: that is how they fail")]
+
+#[path = "mistakes/table.rs"]
+mod table;
+
+use std::fs;
+use std::path::Path;
+
+use bodyflight_tests::program::{Program, plain};
+use bodyflight_tests::small_recording::written;
+use table::{MISTAKES, Made};
+
+const PROGRAM: Program = Program(env!("CARGO_BIN_EXE_bodyflight"));
+
+const FLIGHT: &str = "recording = \"flight.mvnx\"\nsubject = \"subject.toml\"\ninputs = \"inputs.csv\"\n\n[air]\ndensity = 1.0\n";
+const SUBJECT: &str = "height_m = 1.75\nmass_kg = 75.0\nsex = \"male\"\n\n[gear]\nhelmet = true\n";
+const INPUTS: &str = "time_s,pitch_nm,yaw_nm,roll_nm,roll_damp,pitch_damp,yaw_damp\n";
+
+fn make(folder: &Path, made: Made) {
+    let write = |name: &str, bytes: &[u8]| {
+        fs::write(folder.join(name), bytes).expect("a file");
+    };
+    let recording = written(24);
+    write("flight.mvnx", recording.as_bytes());
+    write("flight.toml", FLIGHT.as_bytes());
+    write("subject.toml", SUBJECT.as_bytes());
+    write("inputs.csv", INPUTS.as_bytes());
+    match made {
+        Made::Nothing => {}
+        Made::File(name, bytes) => write(name, bytes),
+        Made::Edit(name, from, to) => {
+            let text = fs::read_to_string(folder.join(name)).expect("text");
+            assert!(text.contains(from), "{name}: {from}");
+            write(name, text.replace(from, to).as_bytes());
+        }
+        Made::Recording(damage) => write("flight.mvnx", &damage(recording)),
+        Made::Folder(name) => fs::create_dir(folder.join(name)).expect("a folder"),
+    }
+}
+
+#[test]
+fn every_mistake_gets_its_sentence() {
+    let page = fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/mistakes.md"));
+    let page = page.expect("docs/mistakes.md");
+    let mut wrong = Vec::new();
+    for mistake in &MISTAKES {
+        let folder = tempfile::tempdir().expect("a folder");
+        make(folder.path(), mistake.made);
+        let at = format!("{}/", plain(folder.path()));
+        let call: Vec<String> = (mistake.call.split(' '))
+            .map(|word| word.replacen('@', &at, 1))
+            .collect();
+        let call: Vec<&str> = call.iter().map(String::as_str).collect();
+        let (said, code) = PROGRAM.says(&call);
+        if code != Some(mistake.code) || !said.contains(mistake.says) {
+            wrong.push(format!("{} ({code:?}): {said}", mistake.what));
+        }
+        let row = format!("| {} | {} |", mistake.what, mistake.says);
+        if !page.contains(&row) {
+            wrong.push(format!("not in docs/mistakes.md: {row}"));
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    let rows = page.lines().filter(|line| line.starts_with("| ")).count();
+    assert_eq!(rows, MISTAKES.len() + 1, "rows of docs/mistakes.md");
+}
+
+#[test]
+fn problems_are_json_where_results_are() {
+    let said = PROGRAM.fails(&["simulate", "nowhere.mvnx", "--json"], 3);
+    let said: serde_json::Value = serde_json::from_str(&said).expect("JSON");
+    let error = &said["error"];
+    assert_eq!(error["exit_code"], 3);
+    assert_eq!(error["file"], "nowhere.mvnx");
+    assert!(
+        error["message"]
+            .as_str()
+            .is_some_and(|text| text.contains("cannot read"))
+    );
+    assert!(
+        error["causes"]
+            .as_array()
+            .is_some_and(|causes| !causes.is_empty())
+    );
+}

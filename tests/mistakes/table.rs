@@ -1,0 +1,351 @@
+//! The mistakes: what is made of a folder with a good flight, what is called, what is said.
+
+/// What is done to a folder with a good flight before the program is called.
+#[derive(Clone, Copy)]
+pub(crate) enum Made {
+    Nothing,
+    /// A file of this content.
+    File(&'static str, &'static [u8]),
+    /// A text in a file, and what stands there instead.
+    Edit(&'static str, &'static str, &'static str),
+    /// The recording by a function.
+    Recording(fn(String) -> Vec<u8>),
+    Folder(&'static str),
+}
+
+use Made::{Edit, File, Folder, Nothing, Recording};
+
+pub(crate) struct Mistake {
+    /// As in the table.
+    pub(crate) what: &'static str,
+    pub(crate) made: Made,
+    /// Files of the folder begin with `@`.
+    pub(crate) call: &'static str,
+    pub(crate) code: i32,
+    /// Part of what is said.
+    pub(crate) says: &'static str,
+}
+
+const fn mistake(
+    what: &'static str,
+    made: Made,
+    call: &'static str,
+    code: i32,
+    says: &'static str,
+) -> Mistake {
+    Mistake {
+        what,
+        made,
+        call,
+        code,
+        says,
+    }
+}
+
+fn utf_16(text: String) -> Vec<u8> {
+    let units = std::iter::once(0xFEFF).chain(text.encode_utf16());
+    units.flat_map(u16::to_le_bytes).collect()
+}
+
+fn cut(text: String) -> Vec<u8> {
+    text.as_bytes()[..text.len() * 3 / 4].to_vec()
+}
+
+fn without_frames(text: String) -> Vec<u8> {
+    let (head, _) = text.split_once("<frames").expect("frames");
+    format!("{head}<frames></frames></subject></mvnx>").into_bytes()
+}
+
+pub(crate) const MISTAKES: [Mistake; 41] = [
+    mistake(
+        "verb with a slip",
+        Nothing,
+        "simulat @flight.mvnx",
+        2,
+        "some similar subcommands exist",
+    ),
+    mistake(
+        "option with a slip",
+        Nothing,
+        "simulate @flight.mvnx --modle a",
+        2,
+        "a similar argument exists: '--model'",
+    ),
+    mistake(
+        "no file given",
+        Nothing,
+        "simulate",
+        2,
+        "required arguments were not provided",
+    ),
+    mistake(
+        "path with a slip",
+        Nothing,
+        "simulate @fligth.mvnx",
+        3,
+        "cannot read this file",
+    ),
+    mistake(
+        "folder without a flight",
+        Folder("empty"),
+        "simulate @empty",
+        2,
+        "this folder has no flight.toml",
+    ),
+    mistake(
+        "subject for a flight",
+        Nothing,
+        "simulate @subject.toml",
+        2,
+        "this is a subject; a flight.toml names it",
+    ),
+    mistake(
+        "empty file",
+        File("flight.mvnx", b""),
+        "inspect @flight.mvnx",
+        2,
+        "this file is empty",
+    ),
+    mistake(
+        "proprietary .mvn",
+        File("a.mvn", b"\x42\x00\x42\x00\x01"),
+        "inspect @a.mvn",
+        2,
+        "export it as .mvnx",
+    ),
+    mistake(
+        "UTF-16",
+        Recording(utf_16),
+        "inspect @flight.mvnx",
+        2,
+        "save it as UTF-8",
+    ),
+    mistake(
+        "zip archive",
+        File("a.mvnx", b"PK\x03\x04"),
+        "inspect @a.mvnx",
+        2,
+        "unpack it and give the .mvnx file inside",
+    ),
+    mistake(
+        "Git LFS pointer",
+        File("a.mvnx", b"version https://git-lfs.github.com/spec/v1\n"),
+        "inspect @a.mvnx",
+        2,
+        "fetch the content with `git lfs pull`",
+    ),
+    mistake(
+        "C3D for MVNX",
+        File("a.c3d", b"\x02\x50\x08\x00"),
+        "simulate @a.c3d",
+        2,
+        "this is a C3D file, not MVNX",
+    ),
+    mistake(
+        "BVH for MVNX",
+        File("a.bvh", b"HIERARCHY\nROOT Hips\n"),
+        "simulate @a.bvh",
+        2,
+        "make a recording of it: bodyflight import FILE",
+    ),
+    mistake(
+        "track of a FlySight for MVNX",
+        File("a.csv", b"time,lat,lon,hMSL\n"),
+        "simulate @a.csv",
+        2,
+        "see what it says of the jump: bodyflight fall FILE",
+    ),
+    mistake(
+        "plain text for MVNX",
+        File("a.txt", b"hello"),
+        "inspect @a.txt",
+        2,
+        "give a recording exported from MVN as .mvnx",
+    ),
+    mistake(
+        "recording cut off",
+        Recording(cut),
+        "simulate @flight.mvnx",
+        2,
+        "the file ends too early",
+    ),
+    mistake(
+        "recording without frames",
+        Recording(without_frames),
+        "simulate @flight.mvnx",
+        2,
+        "frame",
+    ),
+    mistake(
+        "MVNX for a track",
+        Nothing,
+        "fall @flight.mvnx",
+        2,
+        "this is an MVNX recording, not a track",
+    ),
+    mistake(
+        "CSV without the columns of a track",
+        File("a.csv", b"a,b\n1,2\n"),
+        "fall @a.csv",
+        2,
+        "expected the columns time_s and",
+    ),
+    mistake(
+        "stature in centimetres",
+        Edit("subject.toml", "1.75", "175"),
+        "simulate @flight.toml",
+        2,
+        "if that is in centimetres, write 1.75",
+    ),
+    mistake(
+        "stature in feet",
+        Edit("subject.toml", "1.75", "5.74"),
+        "simulate @flight.toml",
+        2,
+        "if that is in feet, write 1.75",
+    ),
+    mistake(
+        "mass in pounds",
+        Edit("subject.toml", "75.0", "260"),
+        "simulate @flight.toml",
+        2,
+        "if the mass is in pounds, divide it by 2.205",
+    ),
+    mistake(
+        "mass below zero",
+        Edit("subject.toml", "75.0", "-75"),
+        "simulate @flight.toml",
+        2,
+        "expected",
+    ),
+    mistake(
+        "key with a slip",
+        Edit("subject.toml", "height_m", "heigth_m"),
+        "simulate @flight.toml",
+        2,
+        "did you mean height_m?",
+    ),
+    mistake(
+        "choice with a slip",
+        Edit("subject.toml", "\"male\"", "\"mael\""),
+        "simulate @flight.toml",
+        2,
+        "did you mean male?",
+    ),
+    mistake(
+        "text without quotes",
+        Edit("flight.toml", "\"flight.mvnx\"", "flight.mvnx"),
+        "simulate @flight.toml",
+        2,
+        "text stands in quotes: recording = \"flight.mvnx\"",
+    ),
+    mistake(
+        "number in quotes",
+        Edit("flight.toml", "1.0", "\"1.0\""),
+        "simulate @flight.toml",
+        2,
+        "invalid type: string",
+    ),
+    mistake(
+        "decimal comma",
+        Edit("flight.toml", "1.0", "1,0"),
+        "simulate @flight.toml",
+        2,
+        "flight.toml:6",
+    ),
+    mistake(
+        "density of g/m3",
+        Edit("flight.toml", "1.0", "1000"),
+        "simulate @flight.toml",
+        2,
+        "density",
+    ),
+    mistake(
+        "subject that is not there",
+        Edit("flight.toml", "subject.toml", "subjct.toml"),
+        "simulate @flight.toml",
+        3,
+        "cannot read this file",
+    ),
+    mistake(
+        "maneuver with a slip",
+        Nothing,
+        "synth rotation --out @out",
+        2,
+        "did you mean \"rotations\"?",
+    ),
+    mistake(
+        "effect with a slip",
+        Nothing,
+        "hide wnid --out @out",
+        2,
+        "did you mean \"wind\"?",
+    ),
+    mistake(
+        "preset with a slip",
+        Nothing,
+        "estimate @flight.mvnx --preset trackin",
+        2,
+        "did you mean \"tracking\"?",
+    ),
+    mistake(
+        "experiment with a slip",
+        Nothing,
+        "reproduce layout --out @out",
+        2,
+        "did you mean \"layouts\"?",
+    ),
+    mistake(
+        "effect of a model with a slip",
+        File("m.toml", b"[[effect]]\nname = \"wnd\"\n"),
+        "simulate @flight.mvnx --model @m.toml",
+        2,
+        "did you mean \"wind\"?",
+    ),
+    mistake(
+        "limb groups with a slip",
+        Edit(
+            "flight.toml",
+            "inputs = \"inputs.csv\"",
+            "muscles = \"layout\"",
+        ),
+        "simulate @flight.toml",
+        2,
+        "did you mean \"layouts\"?",
+    ),
+    mistake(
+        "output that is the input",
+        Nothing,
+        "simulate @flight.mvnx --out @flight.mvnx",
+        2,
+        "this is an input, and would be overwritten",
+    ),
+    mistake(
+        "output that is there",
+        File("run.csv", b"mine"),
+        "simulate @flight.mvnx --out @run.csv",
+        2,
+        "--force",
+    ),
+    mistake(
+        "output that is a folder",
+        Folder("out"),
+        "simulate @flight.mvnx --out @out",
+        3,
+        "is a directory",
+    ),
+    mistake(
+        "output in a folder that is not there",
+        Nothing,
+        "simulate @flight.mvnx --out @no/run.csv",
+        3,
+        "no/run.csv",
+    ),
+    mistake(
+        "noise below zero",
+        Nothing,
+        "synth rotations --noise=-1 --out @out",
+        2,
+        "noise",
+    ),
+];
