@@ -60,7 +60,7 @@ pub type Flown = (Vec<FlightFrame>, Quality);
 /// Reads a recording as a whole.
 ///
 /// # Errors
-/// Where it is refused.
+/// Returns an error if it is refused.
 pub fn read_as(bytes: &[u8], name: &str, options: Options) -> Result<Flown, Problem> {
     let mut recording = Recording::new(bytes, Path::new(name), options)?;
     let frames = recording.by_ref().collect::<Result<_, _>>()?;
@@ -70,7 +70,7 @@ pub fn read_as(bytes: &[u8], name: &str, options: Options) -> Result<Flown, Prob
 /// As [`read_as`], with the usual name and options.
 ///
 /// # Errors
-/// Where it is refused.
+/// Returns an error if it is refused.
 pub fn read(bytes: &[u8]) -> Result<Flown, Problem> {
     read_as(bytes, NAME, Options::default())
 }
@@ -78,7 +78,7 @@ pub fn read(bytes: &[u8]) -> Result<Flown, Problem> {
 /// What inspection says of a recording.
 ///
 /// # Errors
-/// Where it is refused.
+/// Returns an error if it is refused.
 pub fn survey(bytes: &[u8]) -> Result<Report, Problem> {
     inspect_input(bytes, Path::new(NAME))
 }

@@ -138,7 +138,7 @@ impl<V> SegmentArray<V> {
         Self(values)
     }
 
-    /// The value of each segment by a function of the segment.
+    /// Builds each value by a function of its segment.
     pub fn from_fn(value: impl FnMut(Segment) -> V) -> Self {
         Self(Segment::ALL.map(value))
     }
@@ -148,7 +148,7 @@ impl<V> SegmentArray<V> {
         Segment::ALL.into_iter().zip(self.0.iter())
     }
 
-    /// Segments with their values for change, parents first.
+    /// Segments with mutable values, parents first.
     pub fn iter_mut(&mut self) -> impl Iterator<Item = (Segment, &mut V)> {
         Segment::ALL.into_iter().zip(self.0.iter_mut())
     }
@@ -163,13 +163,13 @@ impl<V> SegmentArray<V> {
         self.0.iter_mut()
     }
 
-    /// A new array by a function of segment and value.
+    /// Maps each value by a function of segment and value.
     pub fn map<W>(&self, mut value: impl FnMut(Segment, &V) -> W) -> SegmentArray<W> {
         SegmentArray::from_fn(|segment| value(segment, &self[segment]))
     }
 }
 
-// The enum is the bound: every discriminant is below SEGMENT_COUNT, so no index can miss.
+// The enum is the bound: every discriminant is below SEGMENT_COUNT, so no index is out of bounds.
 impl<V> Index<Segment> for SegmentArray<V> {
     type Output = V;
     #[inline]

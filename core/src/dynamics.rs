@@ -111,7 +111,7 @@ impl<T: Real> Dynamics<T> {
         sample
     }
 
-    /// [`Dynamics::between`] where the sample is kept: it is a kilobyte and a half, which a unit's stack need not hold.
+    /// In-place form of [`Dynamics::between`]: a sample takes 1.5 kB, too much for a unit's stack.
     pub fn between_into(
         &self,
         from: &Posture<T>,
@@ -123,7 +123,7 @@ impl<T: Real> Dynamics<T> {
         self.sample_into(&middle, &PostureRate::between(from, to, duration), sample);
     }
 
-    /// The loads of [`Stream::lag`] before on the body of now. Apart, so that who flies without does not pay for it.
+    /// The loads of the moment [`Stream::lag`] earlier, on the body as it is now. Kept out of line: flights without lag do not pay for it.
     #[cold]
     #[inline(never)]
     fn late_sample_into(
@@ -148,7 +148,7 @@ impl<T: Real> Dynamics<T> {
         sample
     }
 
-    /// [`Dynamics::sample`] where it is kept.
+    /// In-place form of [`Dynamics::sample`].
     pub fn sample_into(
         &self,
         posture: &Posture<T>,
@@ -162,7 +162,7 @@ impl<T: Real> Dynamics<T> {
         sample.mass = MassProperties::of(&self.body, &posed);
         sample.motion = MassMotion::of(&self.body, &posed, rate);
         sample.inertia = sample.mass.inertia_about_cg();
-        // A body of positive masses is never singular; identity keeps the step finite for nonsense.
+        // A body of positive masses is never singular; the identity keeps the step finite for invalid input.
         sample.inverse_inertia =
             inverse_symmetric(&sample.inertia).unwrap_or_else(Matrix3::identity);
         sample.relative_angular_momentum = sample
@@ -191,7 +191,7 @@ pub struct PostureSample<T: Real> {
 }
 
 impl<T: Real> PostureSample<T> {
-    /// Nothing yet: a place for [`Dynamics::sample_into`].
+    /// An empty sample, to be filled by [`Dynamics::sample_into`].
     pub fn blank() -> Self {
         Self {
             mass: MassProperties {

@@ -133,7 +133,7 @@ effects! {
     Shelter = shelter,
     /// Local flow from rotation.
     LocalFlow = rotation,
-    /// Loads late after the posture.
+    /// Loads that lag behind the posture.
     ForceLag = force_lag,
     /// Constant muscle input.
     Muscle = muscle,
@@ -141,21 +141,21 @@ effects! {
     Damping = damping,
     /// Speed of the aircraft unknown.
     ExitSpeed = exit_speed,
-    /// Sensor of the pelvis askew.
+    /// Misaligned sensor of the pelvis.
     Mounting = mounting,
     /// Constant error of the angular velocity.
     GyroBias = gyro_bias,
     /// Heading that drifts.
     HeadingDrift = heading_drift,
-    /// Postures late.
+    /// Late postures.
     PostureDelay = posture_delay,
-    /// Velocity late.
+    /// Late velocity.
     GnssLatency = gnss_latency,
     /// Angular velocity filtered.
     RateLag = rate_lag,
 }
 
-/// A parameter list that an effect does not take.
+/// A parameter value that an effect does not accept.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EffectError {
     /// The parameter.
@@ -196,7 +196,7 @@ impl Effect {
     /// Changes `model` by the effect; `values` in the order of its parameters, those beyond are not read.
     ///
     /// # Errors
-    /// Where a value is not a number or outside its plausible range; then the model is unchanged.
+    /// Returns an error if a value is not a number or outside its plausible range; then the model is unchanged.
     pub fn apply<T: Real>(
         self,
         values: &[f64; PARAMETER_COUNT],

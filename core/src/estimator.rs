@@ -97,7 +97,7 @@ impl<T: Real, P: Propagation<T>, const INTERVALS: usize> Estimator<T, P, INTERVA
     /// Starts with the motion and posture of sample 0.
     ///
     /// # Errors
-    /// A preset that could not be run safely, a window that is no multiple of the stride, a prediction window
+    /// Returns an error for a preset that cannot be run safely, a window that is no multiple of the stride, a prediction window
     /// for which there is no room, a solution window that is longer, or a start that is not finite.
     pub fn new(
         preset: &Preset,
@@ -152,7 +152,7 @@ impl<T: Real, P: Propagation<T>, const INTERVALS: usize> Estimator<T, P, INTERVA
     /// those of the sample pushed last.
     ///
     /// # Errors
-    /// A motion or posture that is not finite; the estimator is left as it was.
+    /// Returns an error if motion or posture are not finite; the estimator is left as it was.
     pub fn restart(
         &mut self,
         motion: &Motion<T>,
@@ -204,7 +204,7 @@ impl<T: Real, P: Propagation<T>, const INTERVALS: usize> Estimator<T, P, INTERVA
 
     /// Adds the interval from the last posture to this one at the end of the window.
     ///
-    /// Apart from the update, so that their stacks are not added.
+    /// Not inlined: its stack frame must not add to that of the update.
     #[inline(never)]
     fn append(&mut self, posture: &Posture<T>) {
         let dynamics = &self.dynamics;
@@ -380,7 +380,7 @@ fn start<T: Real>(
     }
 }
 
-/// A number of samples.
+/// A sample count.
 fn count(samples: usize) -> u32 {
     u32::try_from(samples).unwrap_or(u32::MAX)
 }

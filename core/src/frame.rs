@@ -130,7 +130,7 @@ mod tests {
         }
     }
 
-    /// A quarter turn more than once went unseen: north, west and up are told apart here.
+    /// Quarter turns have gone unnoticed before: this test distinguishes north, west and up.
     #[test]
     fn headings_run_from_north_towards_west() {
         let belly = facing_north(core::f64::consts::FRAC_PI_2);

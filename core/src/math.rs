@@ -150,7 +150,7 @@ pub fn clamp<T: Real>(value: T, low: T, high: T) -> T {
     }
 }
 
-/// The same angle in -pi..=pi (rad), without a loop; not finite arguments give 0.
+/// The same angle in -pi..=pi (rad), without a loop; arguments that are not finite give 0.
 pub fn wrap_angle<T: Real>(angle: T) -> T {
     if !angle.is_finite() {
         return T::zero();

@@ -1,4 +1,4 @@
-//! What subject, suit and sensors have wrong, told to people: each with its standard error, and what cannot be told apart.
+//! Errors found in subject, suit and sensors, for people: each with its standard error, and those that are indistinguishable.
 
 use bodyflight_core::Segment;
 use bodyflight_core::effect::Effect;
@@ -9,29 +9,29 @@ use super::error_model::OWN;
 use super::nuisance::{JOINTS, SUBJECT, described, twins};
 use super::problem::{Fitted, Problem};
 
-/// Deviations from which on an adjustment is told, and how many are.
+/// Deviations from which an adjustment is reported, and how many are.
 const TOLD: f64 = 1.5;
 const MOST: usize = 8;
 
-/// Correlation of two estimates from which on they are not told apart.
+/// Correlation of two estimates above which they count as indistinguishable.
 const CORRELATED: f64 = 0.7;
 
-/// Something in the files that a flight says is otherwise.
+/// A value in the files that the flights contradict.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Adjustment {
     /// What.
     pub what: String,
-    /// What the flights alone say.
+    /// The estimate from the flights alone.
     pub value: f64,
     /// Standard error of that.
     pub standard_error: f64,
     /// Value in the files.
     pub in_files: f64,
-    /// What the tolerance and the flights together say; this is what a corrected file has.
+    /// The estimate from tolerance and flights together, as written to a corrected file.
     pub corrected: f64,
-    /// What it is worth: half the square of its deviations.
+    /// Its significance: half the square of its deviations.
     pub gain: f64,
-    /// Others that do nearly the same here.
+    /// Others that are nearly equivalent in these flights.
     pub not_told_from: Vec<String>,
 }
 
@@ -94,7 +94,7 @@ pub fn adjustments(flights: &[(&Problem<'_>, Fitted)]) -> Vec<Adjustment> {
         .collect()
 }
 
-/// Mass and coefficients as tolerance and flights together say, as effects; those of the sensors are not of the person.
+/// Mass and coefficients, estimated from tolerance and flights together, as effects; errors of sensors do not belong to the person.
 pub fn corrections(fitted: &Fitted) -> EffectSet {
     let effects = [
         Effect::CgOffset,

@@ -1,5 +1,5 @@
-//! Which effect explains most: every effect of the library beside those named so far, in the flights that are fitted
-//! and in those held out.
+//! Which effect explains most: tries every effect of the library beside those named so far, on the fitted flights and
+//! on those held out.
 
 use bodyflight_core::effect::{Effect, PARAMETER_COUNT};
 use nalgebra::{DMatrix, DVector};
@@ -19,14 +19,14 @@ use super::statistics::deviations;
 /// What a parameter must gain in all flights to be worth it (Schwarz, of some hundred independent numbers).
 pub const COST: f64 = 3.0;
 
-/// Effects that are followed to where they lead.
+/// Effects that are fitted to convergence.
 const FOLLOWED: usize = 6;
 
 /// Steps of Gauss and Newton in an effect, and the gain of one that is not worth another.
 const STEPS: usize = 5;
 const SETTLED: f64 = 0.2;
 
-/// Draws of what chance gains.
+/// Random draws of the gain by chance.
 const DRAWS: usize = 999;
 
 /// Gain in the likelihood within which an effect is a rival of the best, and share of it.
@@ -54,7 +54,7 @@ pub struct Candidate {
     pub effects: EffectSet,
     /// Covariance of all their parameters.
     pub covariance: DMatrix<f64>,
-    /// What the likelihood gains in the flights that it was fitted to.
+    /// Gain of the likelihood in the fitted flights.
     pub gain: f64,
     /// In each of those held out.
     pub gains_held_out: Vec<f64>,
@@ -80,7 +80,7 @@ impl Candidate {
         own.map_or_else(|| self.effect.neutral(), |(_, values)| *values)
     }
 
-    /// All effects, its own so many times as far from nothing as it is.
+    /// All effects, its own scaled by a factor.
     pub fn stretched(&self, share: f64) -> EffectSet {
         let mut effects = self.effects.clone();
         for (effect, values) in &mut effects {
@@ -102,7 +102,7 @@ impl Candidate {
             .fold(0.0, f64::max)
     }
 
-    /// Whether it is as good as the best.
+    /// Whether it is indistinguishable from the best.
     pub fn is_rival_of(&self, best: &Self) -> bool {
         self.total() > best.total() - RIVAL.max(RIVAL_SHARE * best.total())
     }
@@ -150,7 +150,7 @@ impl Scene<'_> {
         numbers(effects) - numbers(&neutral)
     }
 
-    /// The best of the effects that are not out of question, with the others that were followed, the best first.
+    /// The best effects among those in question, best first.
     ///
     /// # Errors
     /// Returns an error if the search was cancelled.
@@ -186,7 +186,7 @@ impl Scene<'_> {
         Ok(followed)
     }
 
-    /// An effect to first order.
+    /// A first-order estimate of an effect.
     fn sketched(
         &self,
         effect: Effect,
@@ -236,7 +236,7 @@ impl Scene<'_> {
         })
     }
 
-    /// What is left around some effects in flights with one subject, with the parameters that are asked for.
+    /// The residuals around some effects in flights of one subject, with the requested parameters.
     fn around(
         &self,
         flights: &[&(&Problem<'_>, Fitted)],
@@ -272,7 +272,7 @@ impl Scene<'_> {
         };
         let left =
             |quadratic: &Quadratic, effects: &EffectSet| 0.5 * quadratic.square + penalty(effects);
-        // From nothing, so that a sketch that leads too far is held back.
+        // Started from zero, so that an estimate that overshoots is held back.
         let mut effects: EffectSet = self.effects.clone();
         if !effects.iter().any(|(known, _)| *known == effect) {
             effects.push((effect, effect.neutral()));
@@ -357,7 +357,7 @@ impl Scene<'_> {
             .collect()
     }
 
-    /// Of draws of the errors as they were fitted: the deviations of the effect that gains most, rising.
+    /// For random draws of the fitted errors: the deviations of the effect that gains most, in rising order.
     pub fn chance(&self, seed: u64) -> Vec<f64> {
         let here: Vec<DMatrix<f64>> = self.fitted.iter().map(|(_, f)| f.all_effects()).collect();
         let all = all_parameters();

@@ -1,4 +1,4 @@
-//! From where on a number counts, in flights with postures and in those of a point alike.
+//! Thresholds, shared by flights with postures and those of a point.
 
 /// Deviations of the misfit beyond that of drawn flights, from which on the flight disagrees with the model.
 pub(crate) const DISAGREES: f64 = 5.0;

@@ -21,7 +21,7 @@ pub enum Error {
         /// Speed of descent of a free fall, at least (m/s).
         descent_mps: f64,
     },
-    /// Whoever waits for the search has ended it.
+    /// The caller cancelled the search.
     #[error("the search was cancelled")]
     Cancelled,
 }

@@ -22,13 +22,13 @@ const GROUP: [usize; CHANNELS] = [0, 0, 0, 1, 1, 1, 2, 2, 3];
 
 /// Numbers of a stretch with all of which they are made.
 pub struct Part {
-    /// What is missing where all constants are zero, to first order.
+    /// Residual at zero constants, to first order.
     pub missing: DVector<f64>,
     /// Constants.
     pub constants: DMatrix<f64>,
     /// Effects.
     pub effects: DMatrix<f64>,
-    /// What a force and a moment in each window change.
+    /// Derivatives by a force and a moment in each window.
     pub pushes: [DMatrix<f64>; 2],
     /// Covariance of each component at a size of one.
     kernels: Vec<DMatrix<f64>>,
@@ -127,7 +127,7 @@ impl Part {
     }
 }
 
-/// Joints that the tolerance of the calibration counts as.
+/// Number of joints that the tolerance of the calibration is worth.
 const TOLERANCE_WEIGHT: f64 = 45.0;
 
 /// Errors of a flight.
@@ -143,7 +143,7 @@ pub struct Errors {
     pub covariance: DMatrix<f64>,
     /// Logarithm of the likelihood, with constants integrated and the priors of the sizes.
     pub likelihood: f64,
-    /// Squares of what is left of each stretch, in deviations.
+    /// Squared residuals of each stretch, in deviations.
     pub squares: Vec<f64>,
 }
 
@@ -162,7 +162,7 @@ impl Errors {
         self.squares.iter().sum::<f64>() / (self.squares.len() * NUMBERS).max(1) as f64
     }
 
-    /// A belief of the constants.
+    /// An estimate of the constants.
     pub fn belief(&self, before: &Belief) -> Belief {
         let mut joints = JointErrors::none();
         joints.course[0].copy_from(&self.constants.rows(0, JOINTS));
@@ -183,7 +183,7 @@ impl Errors {
     }
 }
 
-/// Sums over the stretches at some sizes.
+/// Sums over the stretches for given sizes.
 struct Moments {
     likelihood: f64,
     constants: DVector<f64>,
@@ -295,7 +295,7 @@ impl Moments {
         (slope, curvature)
     }
 
-    /// Calibration and bend as large as they are: expectation and maximum, held by the tolerances.
+    /// Sizes of calibration and bend by expectation and maximization, held by the tolerances.
     fn spread(&self, prior: &Prior) -> Spread {
         let tolerance = Spread::new(&prior.tolerances);
         let share = |first: usize, before: f64| {
@@ -312,7 +312,7 @@ impl Moments {
     }
 }
 
-/// Gain of a step that is not worth another one.
+/// Gain of a step below which the fit ends.
 const SETTLED: f64 = 0.1;
 
 /// Fits the errors, from where another fit ended if there is one, in at most `steps` steps of Fisher's scoring, fewer

@@ -1,4 +1,4 @@
-//! What is believed of the errors of a flight before it is seen.
+//! Priors on the errors of a flight.
 
 use nalgebra::{DVector, SVector};
 
@@ -18,7 +18,7 @@ pub const CONSTANTS: usize = OWN + SUBJECT;
 /// A number for each component.
 pub type Components = SVector<f64, COMPONENTS>;
 
-/// What is believed of errors before.
+/// Priors on errors.
 #[derive(Debug, Clone)]
 pub struct Prior {
     /// Middle of the logarithm of each component's variance and its deviation; a deviation of zero holds it.
@@ -37,7 +37,7 @@ const WANDERS: f64 = 1.5;
 const PUSHES: f64 = 2.0;
 /// Middle of the sizes of what pushes: N m and N in a tenth of a second.
 const PUSHING: [f64; 2] = [0.3, 3.0];
-/// Where the search for these sizes begins: from above it finds its way, from below not.
+/// Start of the search for these sizes: it converges from above, but not from below.
 const PUSHING_FIRST: [f64; 2] = [2.0, 20.0];
 
 impl Prior {
@@ -58,7 +58,7 @@ impl Prior {
         }
     }
 
-    /// Where the search for the sizes begins.
+    /// Start of the search for the sizes.
     pub fn start(&self) -> Components {
         Components::from_fn(|k, _| match k {
             7 | 8 if self.sizes[k].1 > 0.0 => PUSHING_FIRST[k - 7].powi(2),

@@ -1,4 +1,4 @@
-//! The model flying a stretch, and what its sensors see.
+//! Flies the model over a stretch, as its sensors would see it.
 
 use std::rc::Rc;
 
@@ -45,7 +45,7 @@ fn posture(track: &Track, place: f64, delay: f64) -> Posture<f64> {
 pub enum Steps {
     /// For comparison with the measurement.
     Short,
-    /// Where only what changes between two flights counts: errors of the longer steps cancel.
+    /// For differences of two flights, in which errors of the longer steps cancel.
     Long,
 }
 
@@ -223,7 +223,7 @@ impl<'a> Prepared<'a> {
         Flown { seen, stride }
     }
 
-    /// How the motion came to be what it is at a start: how much earlier (s), and what was different then.
+    /// The motion before a start: how much earlier (s), and the motion then.
     ///
     /// The model flies backwards. What was measured then would do as well but for its noise, which is in the first
     /// comparisons too: a sensor would seem late because that follows the noise.
@@ -286,7 +286,7 @@ impl<'a> Prepared<'a> {
     }
 }
 
-/// A moving that is otherwise by a velocity and an angular velocity.
+/// A motion changed by a velocity and an angular velocity.
 fn shifted(moving: &Moving<f64>, change: &[Vector3<f64>; 2]) -> Moving<f64> {
     Moving {
         velocity: Vector::from_components(moving.velocity.components + change[0]),
@@ -310,7 +310,7 @@ pub(super) fn behind(
     motion
 }
 
-/// What loads and mass owe to the postures.
+/// The part of loads and mass that postures determine.
 fn sampled(model: &Model<f64>, postures: &[Posed]) -> Rc<[PostureSample<f64>]> {
     let sample = |(posture, rate): &Posed| model.dynamics.sample(posture, rate);
     postures.iter().map(sample).collect()

@@ -1,4 +1,4 @@
-//! How far simulation and measurement are apart: by channel, before and after, here and in flights held out, and where.
+//! The gap between simulation and measurement: by channel, before and after, here and in flights held out, and where.
 
 use bodyflight_core::dynamics::Motion;
 use nalgebra::DVector;
@@ -17,7 +17,7 @@ pub struct Gap {
     pub before: [f64; CHANNELS],
     /// With the effects named and with joints and subject adjusted.
     pub after: [f64; CHANNELS],
-    /// What noise of the sensors and wander of the joints make.
+    /// The share of sensor noise and joint wander.
     pub floor: [f64; CHANNELS],
     /// Share of the gap above the floor that was closed, all channels in units of their floor.
     pub closed_share: f64,
@@ -53,7 +53,7 @@ fn mean_square(residuals: &[DVector<f64>]) -> Channels {
     squares / f64::max(count, 1.0)
 }
 
-/// What a belief misses in all stretches.
+/// Residuals at a point of linearization, over all stretches.
 fn all_missing(problem: &Problem<'_>, belief: &Belief) -> Vec<DVector<f64>> {
     let of = |stretch| missing(problem.track, stretch, &problem.plain, belief);
     problem.stretches.par_iter().map(of).collect()
@@ -75,7 +75,7 @@ fn floor(fitted: &Fitted) -> Channels {
     mean_square(&each).map(f64::sqrt)
 }
 
-/// Gap of a flight with what was found, and where it is.
+/// The gap of a flight with what was found, and where it lies.
 pub fn gap(problem: &Problem<'_>, fitted: &Fitted, effects: &EffectSet) -> (Gap, Vec<Spot>) {
     gap_from(problem, problem, fitted, effects)
 }

@@ -1,4 +1,4 @@
-//! The hidden-effect laboratory: flights in which an effect acts and nothing in the files says so.
+//! The hidden-effect laboratory: flights with an effect that nothing in the files mentions.
 //!
 //! What flies is not what the files say: masses, inertias and areas are a few percent off, joints are recorded
 //! with a calibration error of some degrees, sensors have the paper's noise, and the truth is computed in four
@@ -62,7 +62,7 @@ pub struct Settings {
     pub noise: f64,
     /// Sensor noise as a share of what `noise` makes of it.
     pub sensor_noise: f64,
-    /// What the suit has wrong with the joints, before `noise` scales it.
+    /// Joint errors of the suit, before `noise` scales them.
     pub joints: JointErrors,
     /// Frames a second.
     pub rate: f64,

@@ -1,4 +1,4 @@
-//! The linear problem of a stretch: what it misses, and what everything that may be wrong would change in it.
+//! The linear problem of a stretch: its residual, and the derivatives by everything that may be wrong.
 //!
 //! Every column is a difference of two flights of the model, so an effect needs no code here.
 
@@ -13,7 +13,7 @@ use super::nuisance::{Angles, GYRO, JOINTS, JointErrors, SUBJECT, Subject, bend,
 use super::stretch::{CHANNELS, Channels, NUMBERS, ROWS, Stretch};
 use super::track::Track;
 
-/// What is believed of everything that may be wrong: where the problem is linear around.
+/// The point of linearization: current values of everything that may be wrong.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Belief {
     /// Effects.
@@ -30,7 +30,7 @@ pub struct Belief {
 pub type Course = [Angles; 3];
 
 impl Belief {
-    /// All is as in the files.
+    /// Everything as in the files.
     pub fn files() -> Self {
         Self {
             effects: EffectSet::new(),
@@ -99,7 +99,7 @@ fn collected(count: usize, column: impl Fn(usize) -> DVector<f64>) -> DMatrix<f6
 }
 
 impl Columns {
-    /// All of them; none where a flight has no numbers.
+    /// All of them; none if a flight diverges.
     pub fn new(
         track: &Track,
         stretch: &Stretch,
@@ -184,7 +184,7 @@ impl Columns {
     }
 }
 
-/// What the model misses in a stretch.
+/// The residual of a stretch.
 pub fn missing(
     track: &Track,
     stretch: &Stretch,
@@ -197,7 +197,7 @@ pub fn missing(
     flight.fly(&Channels::zeros(), None).missing(track, stretch)
 }
 
-/// What is missing and what some parameters change, the last column what is missing.
+/// Derivatives by some parameters, and the residual in the last column.
 pub fn effects_and_missing(
     track: &Track,
     stretch: &Stretch,
@@ -228,7 +228,7 @@ fn effect_columns(
     })
 }
 
-/// What a gyroscope measures too much, by the element of its matrix; also at the start.
+/// Error of a gyroscope by element of its matrix; also at the start.
 fn gyro(track: &Track, stretch: &Stretch, start: &DMatrix<f64>) -> DMatrix<f64> {
     let window = stretch.grid.window;
     let spin = |frame: usize| track.measured[frame].angular_velocity.components;

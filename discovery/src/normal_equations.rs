@@ -4,7 +4,7 @@ use core::ops::AddAssign;
 
 use nalgebra::{DMatrix, DVector};
 
-/// What nuisances change in some numbers, each by a deviation of its prior.
+/// Derivatives of some numbers by the nuisances, each in deviations of its prior.
 #[derive(Debug, Clone)]
 pub struct NuisanceColumns {
     slopes: DMatrix<f64>,
@@ -126,15 +126,15 @@ pub fn sum<'a, T: AddAssign<&'a T> + 'a>(nothing: T, parts: impl IntoIterator<It
 /// Misfit, its slope and curvature in some parameters, after the nuisances have done what their priors allow.
 #[derive(Debug, Clone)]
 pub struct Marginalized {
-    /// Sum of squares of the whitened residual and of the nuisances where they go.
+    /// Sum of squares of the whitened residual and of the nuisances at their optimum.
     pub misfit: f64,
     /// Columns times residual.
     pub slope: DVector<f64>,
     /// Columns times columns.
     pub curvature: DMatrix<f64>,
-    /// How far the nuisances go.
+    /// Optimum of the nuisances.
     taken: DVector<f64>,
-    /// How much less far for each parameter.
+    /// Its derivative by each parameter.
     pull: DMatrix<f64>,
 }
 
@@ -223,7 +223,7 @@ impl Marginalized {
         Some((factor.solve(&self.slope), factor.inverse()))
     }
 
-    /// By how much these parameters lower the misfit, to first order.
+    /// Reduction of the misfit by these parameters, to first order.
     pub fn gain(&self, priors: &[f64]) -> f64 {
         self.solved(priors)
             .map_or(0.0, |(step, _)| step.dot(&self.slope))

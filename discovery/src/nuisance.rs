@@ -1,4 +1,4 @@
-//! What suit, subject and sensors may have wrong without an effect being missing, each with a tolerance
+//! Errors of suit, subject and sensors that are no missing effect, each with a tolerance
 //! (Brynjarsdottir and O'Hagan: without priors a discrepancy and the parameters cannot be told apart).
 
 use bodyflight_core::effect::{Effect, Model, PARAMETER_COUNT};
@@ -13,7 +13,7 @@ pub struct Tolerances {
     pub joint_deg: f64,
     /// Wander of a joint about one axis (degrees).
     pub wander_deg: f64,
-    /// Wander beyond which the suit is no explanation (degrees).
+    /// Wander beyond which the suit no longer counts as an explanation (degrees).
     pub wander_limit_deg: f64,
     /// Error of a joint that grows with its bend (share).
     pub bend: f64,
@@ -59,7 +59,7 @@ const GYRO_SCALE: f64 = 0.004;
 /// An angle of each joint (rad).
 pub type Angles = SVector<f64, JOINTS>;
 
-/// What the joints of a stretch have wrong: the true joint is the recorded one times a small turn.
+/// Joint errors of a stretch: the true joint is the recorded one times a small turn.
 #[derive(Debug, Clone, PartialEq)]
 pub struct JointErrors {
     /// Legendre polynomials of degree 0, 1, 2 over the stretch (rad).
@@ -165,7 +165,7 @@ impl Tolerances {
     }
 }
 
-/// Numbers of a [`Subject`] that do the same as an effect.
+/// Numbers of a [`Subject`] that are equivalent to an effect.
 pub fn twins(effect: Effect) -> Vec<usize> {
     if effect == Effect::Mass {
         return vec![MASS];
@@ -177,7 +177,7 @@ pub fn twins(effect: Effect) -> Vec<usize> {
     })
 }
 
-/// What a number of a [`Subject`] is in words, and the value at which the file is right.
+/// A number of a [`Subject`] in words, and the value at which the file is right.
 pub fn described(index: usize) -> Option<(String, f64)> {
     let segment = |k: usize| Segment::ALL[k].name();
     match index {
@@ -199,7 +199,7 @@ pub fn described(index: usize) -> Option<(String, f64)> {
     }
 }
 
-/// What the subject's file and the sensors have wrong: shares, or units of the effect.
+/// Errors of the subject's file and of the sensors: shares, or units of the effect.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Subject(pub DVector<f64>);
 
@@ -209,7 +209,7 @@ impl Subject {
         Self(DVector::zeros(SUBJECT))
     }
 
-    /// The nearest that is possible.
+    /// The nearest possible values.
     pub fn possible(mut self) -> Self {
         for (k, value) in self.0.iter_mut().enumerate() {
             if k < EFFECT {

@@ -29,7 +29,7 @@ const OUTLYING: f64 = 3.0;
 pub struct Problem<'a> {
     /// The flight.
     pub track: &'a Track,
-    /// The model as it is believed to be.
+    /// The model as the files describe it.
     pub plain: Model<f64>,
     /// Where the model flies by itself.
     pub stretches: Vec<Stretch>,

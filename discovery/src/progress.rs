@@ -1,8 +1,8 @@
-//! Who waits for a search.
+//! Progress and cancellation of a search.
 
 use crate::error::{Error, Result};
 
-/// Is told what a search does, and may end it.
+/// Receives the progress of a search, and may cancel it.
 pub trait Progress: Sync {
     /// A stage of the search begins.
     fn stage(&self, name: &str);
@@ -16,7 +16,7 @@ pub trait Progress: Sync {
     }
 }
 
-/// Nobody waits.
+/// No progress wanted.
 impl Progress for () {
     fn stage(&self, _name: &str) {}
 }

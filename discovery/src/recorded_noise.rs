@@ -6,7 +6,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 use super::statistics::quantile;
 use super::track::Track;
 
-/// Least noise of a frame that is believed: rounding of files and steps of the model.
+/// Smallest credible noise of a frame: rounding of files and steps of the model.
 const LEAST: [f64; 4] = [2e-4, 1e-3, 5e-3, 5e-3];
 
 /// Standard deviations of single frames: attitude (rad), angular velocity (rad/s), horizontal and vertical velocity

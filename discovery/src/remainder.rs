@@ -170,7 +170,7 @@ pub fn pushes(fitted: &Fitted) -> Vec<Pushes> {
         .collect()
 }
 
-/// Misfit of the model as in the files with the noise of the sensors alone.
+/// Misfit of the model as given by the files, with sensor noise alone.
 pub(super) fn unadjusted(fitted: &[Fitted]) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
     for fitted in fitted {

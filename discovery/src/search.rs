@@ -1,5 +1,5 @@
-//! The search: errors are estimated, and an effect gets a name where the flights are much more likely with it than
-//! without, those held out too.
+//! The search: errors are estimated, and an effect is named if the flights are much more likely with it than without
+//! it, including those held out.
 
 use bodyflight_core::effect::Effect;
 
@@ -17,14 +17,14 @@ use super::report::{Outcome, Report, Rival};
 use super::statistics::quantile_of_sorted;
 use super::track::Track;
 
-/// How to look.
+/// Settings of a search.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settings {
-    /// Most effects that are named.
+    /// Largest number of effects to name.
     pub max_effects: usize,
     /// Seed of what is drawn.
     pub seed: u64,
-    /// What suit, subject and sensors may have wrong.
+    /// Tolerances of suit, subject and sensors.
     pub tolerances: Tolerances,
 }
 
@@ -42,7 +42,7 @@ impl Default for Settings {
 const SHORTEST: usize = 2;
 const LEAST_S: f64 = 4.0;
 
-/// Deviations beyond those of the best effect in a hundred draws of chance that a name needs, and at least so many.
+/// Deviations by which a named effect must exceed the best effect of a hundred random draws, and the least in any case.
 const BEYOND_CHANCE: f64 = 1.0;
 const LEAST: f64 = 4.5;
 /// Without a flight held out.
@@ -69,7 +69,8 @@ const ANOTHER: f64 = 0.3;
 /// Share of half the plausible range from which on an effect matters.
 const MATERIAL: f64 = 0.02;
 
-/// Looks for what the model misses in some flights of one subject; `held_out` are not fitted, but have a vote.
+/// Searches for what the model misses in flights of one subject; the flights in `held_out` are not fitted, but must
+/// agree.
 ///
 /// # Errors
 /// Returns an error if a flight is too short to be judged, or if the search was cancelled.
@@ -116,11 +117,11 @@ pub fn discover(
     search.run(alone)
 }
 
-/// A flight as if nothing were missing.
+/// A flight fitted as if nothing were missing.
 struct Alone {
-    /// Around the files: constants do not hide what is missing.
+    /// Linearized around the files: fitted constants cannot hide what is missing.
     around_files: Fitted,
-    /// Around the constants that the flight itself has.
+    /// Linearized around the constants of the flight itself.
     settled: Fitted,
 }
 
@@ -138,7 +139,7 @@ impl Alone {
             .fit(&first.belief_wandering(), Some(&first.errors), 1, progress)?
             .ok_or(too_short)?;
         let belief = around_files.belief_with(&EffectSet::new());
-        // Where the constants lead out of what can be flown, those of the files are kept.
+        // Where the fitted constants cannot be flown, those of the files are kept.
         let settled = match problem.fit(&belief, Some(&around_files.errors), 1, progress)? {
             Some(settled) => settled,
             None => problem
@@ -171,7 +172,7 @@ pub(super) struct Search<'a> {
 /// What was named.
 pub(super) struct Name {
     pub(super) candidate: Candidate,
-    /// Share of draws of chance in which an effect gains as much.
+    /// Share of random draws in which an effect gains as much.
     pub(super) chance: f64,
     pub(super) rivals: Vec<Rival>,
 }
@@ -265,10 +266,10 @@ impl<'a> Search<'a> {
         described(bare.as_ref().unwrap_or(&scene), report, self.progress)
     }
 
-    /// Everything fitted anew beside a candidate. `from` is the scene in which it was found.
+    /// Everything refitted beside a candidate. `from` is the scene in which it was found.
     ///
-    /// Constants may do most of the work of an effect: from a weak one the way may end in their valley, so it is begun
-    /// from a stronger one too.
+    /// Constants may absorb most of an effect, and a fit started from a weak effect may end in that local minimum. So a
+    /// stronger start is tried too.
     fn with(
         &self,
         scene: &Scene<'a>,
@@ -359,7 +360,7 @@ impl<'a> Search<'a> {
         Ok(best)
     }
 
-    /// The candidate with what it gains once everything is fitted with and without it.
+    /// The candidate with its gain once everything is fitted with and without it.
     fn compared(&self, without: &Scene<'_>, with: &Scene<'_>, candidate: &Candidate) -> Candidate {
         let gains =
             |before: &[(&Problem<'_>, Fitted)], after: &[(&Problem<'_>, Fitted)]| -> Vec<f64> {
@@ -376,7 +377,7 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// The best that matters, with what is as good.
+    /// The best candidate that matters, with those that are equally good.
     fn best(&self, candidates: &[Candidate], chance: &[f64]) -> Option<Name> {
         let material = |candidate: &&Candidate| {
             let values = candidate.values();

@@ -1,7 +1,7 @@
-//! Short free runs over the recorded postures, and how far the measurement is from them.
+//! Short free runs over the recorded postures, and the measurement's distance from them.
 //!
 //! The flight is cut into stretches. In each, the model flies alone from the smoothed measurement at its start, so
-//! what it feels does not depend on the noise of the sensors; the error of the start is part of the errors. Nothing is
+//! its loads do not depend on the noise of the sensors; the error of the start is one of the errors. Nothing is
 //! differentiated. Averages over a tenth of a second are compared: attitude, angular velocity and velocity, so that
 //! errors of the sensors and of the physics show in different rows.
 

@@ -4,8 +4,8 @@ use bodyflight_core::dynamics::{Dynamics, Inputs, Motion};
 use bodyflight_core::{Posture, Segment};
 use nalgebra::Vector3;
 
-/// Root mean square of joint angles and of the stream's direction below which nothing moves (rad): what jitter of
-/// suit and sensors makes.
+/// Root mean square of joint angles and of the stream's direction below which nothing moves (rad): the jitter of
+/// suit and sensors.
 const STILL: f64 = 0.04;
 
 /// A recorded flight with the model that is meant to fly it.
@@ -17,9 +17,9 @@ pub struct Track {
     pub postures: Vec<Posture<f64>>,
     /// Recorded motion of the pelvis.
     pub measured: Vec<Motion<f64>>,
-    /// The model as it is believed to be.
+    /// The model as the files describe it.
     pub dynamics: Dynamics<f64>,
-    /// The skydiver's inputs as they are believed to be, at each frame.
+    /// The skydiver's inputs as the files give them, at each frame.
     pub inputs: Vec<Inputs<f64>>,
 }
 

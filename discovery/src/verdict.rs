@@ -1,4 +1,4 @@
-//! What a search comes to: the verdict, and the report with what is left, what is adjusted and what to fly next.
+//! The outcome of a search: the verdict, and the report with what is left, what is adjusted and what to fly next.
 
 use bodyflight_core::effect::{Effect, PARAMETER_COUNT};
 
@@ -12,7 +12,7 @@ use super::remainder::Remainder;
 use super::report::{ErrorSizes, Evidence, HeldOut, Named, Outcome, Report, model_of};
 use super::search::{Name, Search};
 
-/// Shortest flight in which effects are told apart (stretches).
+/// Shortest flight in which effects can be distinguished (stretches).
 const LEAST_STRETCHES: usize = 20;
 
 /// Share of what something that pushes could explain that names must explain.

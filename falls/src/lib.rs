@@ -21,7 +21,7 @@ pub mod wind;
 
 use nalgebra::Vector3;
 
-/// What a receiver says of one moment.
+/// One fix of a receiver.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sample {
     /// Time (s), from any moment on.

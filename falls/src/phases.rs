@@ -143,7 +143,7 @@ const LONGEST: f64 = 1.0;
 /// A phase over a part of the track.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Stretch {
-    /// Which.
+    /// Which one.
     pub phase: Phase,
     /// First sample.
     pub first: usize,

@@ -43,7 +43,7 @@ impl Configuration {
     /// What a host asked for, with the segment table that came beside it.
     ///
     /// # Errors
-    /// The verdict to send back.
+    /// Returns the verdict to send back.
     pub fn new(asked: &Configure, table: &SegmentTable) -> Result<Self, Verdict> {
         let preset = UnitPreset::of(usize::from(asked.preset)).ok_or(Verdict::UnknownPreset)?;
         let samples = (asked.sample_rate / asked.update_rate).nearest();

@@ -1,6 +1,6 @@
 //! The tasks: receiving, estimating, transmitting, reporting, side by side in one executor.
 //!
-//! Whoever waits for a port lets the others go on. While an update runs nothing else does, so a board's
+//! Tasks that wait for I/O yield to the others. Nothing else runs during an update, so a board's
 //! receiver must hold what arrives meanwhile: 5 ms at 460800 baud are 240 bytes,
 //! [`RECEIVER_BYTES`](crate::RECEIVER_BYTES) is ample.
 

@@ -11,7 +11,7 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// The result of everything that can disappoint a user.
+/// The result of everything that can fail for a user.
 pub type Result<T> = core::result::Result<T, Problem>;
 
 /// Why a command ended; each kind is one exit code, see [`Kind::exit_code`].
@@ -27,12 +27,12 @@ pub enum Kind {
     Doubt,
     /// Ctrl-C.
     Interrupted,
-    /// A fault of this program.
+    /// A bug in this program.
     Internal,
 }
 
 impl Kind {
-    /// Exit code of the process: 1 a fault of this program, 2 bad input, 3 refused by the system, 4 disagreement,
+    /// Exit code of the process: 1 a bug in this program, 2 bad input, 3 refused by the system, 4 disagreement,
     /// 5 an answer that is not to be trusted, 130 Ctrl-C.
     pub const fn exit_code(self) -> u8 {
         match self {
@@ -62,7 +62,7 @@ pub struct Problem {
     pub place: Option<Box<str>>,
     /// What the user can do next.
     pub help: Option<Box<str>>,
-    /// What brought it about, where another error did.
+    /// The underlying error, if any.
     #[source]
     pub cause: Option<Arc<dyn Error + Send + Sync>>,
 }
@@ -115,12 +115,12 @@ impl Problem {
         )
     }
 
-    /// A fault of this program, not of what it was given.
+    /// A bug in this program, not in its input.
     pub fn internal(message: impl Into<String>) -> Self {
         Self::new(Kind::Internal, message)
     }
 
-    /// Keeps the error that brought it about.
+    /// Keeps the underlying error.
     #[must_use]
     pub fn caused_by(self, cause: impl Error + Send + Sync + 'static) -> Self {
         Self {
@@ -175,7 +175,7 @@ impl Problem {
         text
     }
 
-    /// The problem and what brought it about, on one line.
+    /// The problem and its causes, on one line.
     pub fn with_causes(&self) -> String {
         let mut text = self.to_string();
         let mut cause = self.source();

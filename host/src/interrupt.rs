@@ -19,7 +19,7 @@ pub fn listen() {
 /// Called now and then by long work.
 ///
 /// # Errors
-/// Where Ctrl-C was pressed.
+/// Returns an error if Ctrl-C was pressed.
 pub fn check() -> Result<()> {
     if requested() {
         Err(Problem::interrupted())

@@ -1,4 +1,4 @@
-//! Files that are whole or absent, and the plots in them.
+//! Output files, whole or absent, and plots.
 
 pub mod destination;
 pub mod files;

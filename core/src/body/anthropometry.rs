@@ -62,7 +62,7 @@ pub struct Person<T: Real> {
     pub moment_arm: MomentArm<T>,
 }
 
-/// A measure that no person has.
+/// A measure outside the human range.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PersonError {
     /// Which measure.
@@ -178,7 +178,7 @@ impl<T: Real> Person<T> {
     /// The segment table of the person, without clothing or equipment.
     ///
     /// # Errors
-    /// A measure that is not a number or outside the range of persons.
+    /// Returns an error if a measure is not a number or outside the range of human bodies.
     pub fn body(&self) -> Result<Body<T>, PersonError> {
         self.check()?;
         let proportions = tables::proportions(self.sex);

@@ -18,7 +18,7 @@ use crate::math::{Real, point_inertia};
 pub enum Shoes<T> {
     /// None.
     Barefoot,
-    /// Of the size of the feet.
+    /// Fitted to the feet.
     #[default]
     Fitted,
     /// Of a European size.
@@ -148,7 +148,7 @@ impl<T: Real> Gear<T> {
     /// `body` with the equipment on.
     ///
     /// # Errors
-    /// Where a mass or a size is not a number or out of range.
+    /// Returns an error if a mass or a size is not a number or out of range.
     pub fn fit(&self, body: &Body<T>) -> Result<Body<T>, GearError> {
         within("rig mass (kg)", self.rig, 0.0, 40.0)?;
         within("weight belt mass (kg)", self.weight_belt, 0.0, 30.0)?;
@@ -288,7 +288,7 @@ fn put_on_rig<T: Real>(thorax: &mut SegmentParameters<T>, mass: T) {
     thorax.area.z += breadth * depth;
 }
 
-/// A mass (kg) where the container lies; less than nothing takes some of it away.
+/// A mass (kg) at the place of the container; a negative one removes some of it.
 pub(crate) fn carry_on_back<T: Real>(thorax: &mut SegmentParameters<T>, mass: T) {
     let sides = RIG_SIDES.map(T::of);
     let [_, depth, _] = sides;
@@ -304,7 +304,7 @@ fn put_on_belt<T: Real>(pelvis: &mut SegmentParameters<T>, mass: T) {
     }
 }
 
-/// A mass (kg) where a belt lies; less than nothing takes some of it away.
+/// A mass (kg) at the place of a belt; a negative one removes some of it.
 pub(crate) fn carry_at_hips<T: Real>(pelvis: &mut SegmentParameters<T>, mass: T) {
     let (thickness, height) = BELT;
     let inside = half_axes(pelvis);

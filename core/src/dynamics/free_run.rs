@@ -25,7 +25,7 @@ pub struct FreeRun<T: Real> {
     posture: Posture<T>,
 }
 
-/// Longest time between two postures that is walked through (s); the rest of a longer gap is cut off.
+/// Longest time between two postures that is stepped through (s); the rest of a longer gap is skipped.
 const LONGEST_GAP: f64 = 1.0;
 
 impl<T: Real> FreeRun<T> {
@@ -49,7 +49,7 @@ impl<T: Real> FreeRun<T> {
         }
     }
 
-    /// Goes on to the next posture, `duration` (s) later, in steps of at most [`TIME_STEP`].
+    /// Advances to the next posture, `duration` (s) later, in steps of at most [`TIME_STEP`].
     pub fn advance(
         &mut self,
         dynamics: &Dynamics<T>,
@@ -107,7 +107,7 @@ impl<T: Real> FreeRun<T> {
 /// Number of steps for a time between postures (s).
 fn steps_for(duration: f64) -> u32 {
     let wanted = duration.clamp(0.0, LONGEST_GAP) / TIME_STEP;
-    // A little slack: 1/240 s as a difference of times is one step.
+    // A little slack, so that 1/240 s computed as a difference of times is one step.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,

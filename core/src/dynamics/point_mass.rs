@@ -1,4 +1,4 @@
-//! A body without posture: what a single receiver of satellites sees of a fall.
+//! A body without posture: what a lone GNSS receiver sees of a fall.
 //!
 //! Drag acts against the velocity through the air, on the area of a posture that is held belly to earth. Lift and
 //! moments, which need attitude and posture, are left out.

@@ -1,12 +1,12 @@
-//! Loads that the model does not account for: what an error of the posture puts on the body.
+//! Loads that the model does not account for, such as those of an error in the posture.
 
 use crate::frame::{Body, Vector};
 use crate::math::Real;
 
 /// A force at the centre of gravity and a moment about it, both over the dynamic pressure, body axes.
 ///
-/// Joints that are recorded a little off are such a load: it grows with the dynamic pressure as every load of
-/// the air does, and changes slowly.
+/// Joints that are recorded slightly wrong cause such a load: it grows with the dynamic pressure, like every
+/// aerodynamic load, and changes slowly.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ResidualLoad<T: Real> {
     /// Force (N/Pa, m2).

@@ -1,7 +1,7 @@
 //! One step of the momentum form: forces once, at the middle of the interval.
 //!
 //! The attitude is predicted to the middle, where posture and forces are evaluated, and then turned by the
-//! mean angular velocity of the whole interval: second order in what posture and attitude do. The damping
+//! mean angular velocity of the whole interval: second order in posture and attitude. The damping
 //! moment enters by the trapezium rule, which is stable for any positive coefficient and keeps small
 //! negative ones usable. Momenta change by impulses alone, so without air they keep their bits.
 

@@ -54,7 +54,7 @@ pub fn with_knees<T: Real>(posture: &Posture<T>, knee: T) -> Posture<T> {
 /// Steady fall of `posture` with the knees left free, at the air density at height `altitude` (m, inertial).
 ///
 /// # Errors
-/// Where no balance exists in the range of a human knee, or nothing carries the body.
+/// Returns an error if no balance exists in the range of a human knee, or nothing carries the body.
 pub fn trim<T: Real>(
     dynamics: &Dynamics<T>,
     posture: &Posture<T>,

@@ -1,4 +1,4 @@
-//! Centre of gravity of the trunk off its place.
+//! A displaced centre of gravity of the trunk.
 
 use super::is_trunk;
 use super::{Description, Kind, Model, PARAMETER_COUNT, parameter};

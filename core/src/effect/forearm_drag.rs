@@ -1,4 +1,4 @@
-//! Drag of forearms and hands, each side for itself.
+//! Drag of forearms and hands, left and right separately.
 
 use super::scale_sides;
 use super::{Description, Kind, Model, PARAMETER_COUNT, parameter};

@@ -43,7 +43,7 @@ impl<T: Real> Moving<T> {
         }
     }
 
-    /// On the line through this and `other`, `share` of the way; beyond the ends too.
+    /// Linear interpolation towards `other` by `share`; shares outside 0 to 1 extrapolate.
     pub fn towards(&self, other: &Self, share: T) -> Self {
         Self {
             velocity: self.velocity.towards(&other.velocity, share),

@@ -1,4 +1,4 @@
-//! Drag of the thighs, each side for itself.
+//! Drag of the thighs, left and right separately.
 
 use super::scale_sides;
 use super::{Description, Kind, Model, PARAMETER_COUNT, parameter};

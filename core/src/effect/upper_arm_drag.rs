@@ -1,4 +1,4 @@
-//! Drag of the upper arms, each side for itself.
+//! Drag of the upper arms, left and right separately.
 
 use super::scale_sides;
 use super::{Description, Kind, Model, PARAMETER_COUNT, parameter};

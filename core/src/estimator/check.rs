@@ -1,12 +1,12 @@
-//! What the reduced filter does beyond the paper's: an update is flown before it is believed, and where the
-//! filter has lost the motion, its coefficients are believed less.
+//! What the reduced filter does beyond the paper's: an update is flown before it is accepted, and the covariance
+//! is inflated where the filter has lost the motion.
 //!
 //! In rolls and flips the measurement is far from linear in the coefficients. There the filter would step too
 //! far, or be too sure of coefficients that were right a moment before; the reconstructed motion then takes
 //! another branch, for seconds. Both checks cost the same whatever they find.
 //!
-//! A filter that is lost is one of [`Health::Inconsistent`](super::status::Health). Fading long before that
-//! reconstructs flips better, but then a last bit of rounding shows in every flight.
+//! A filter that is lost is one of [`Health::Inconsistent`](super::status::Health). Fading earlier
+//! reconstructs flips better, but makes every flight sensitive to the last bit of rounding.
 
 use nalgebra::SVector;
 
@@ -19,7 +19,7 @@ use crate::dynamics::State;
 use crate::dynamics::interval::Interval;
 use crate::math::{Real, clamp};
 
-/// What a lost filter multiplies its variances by with each update, at most.
+/// Largest factor by which a lost filter inflates its variances with each update.
 const FADING: f64 = 2.0;
 
 /// An update, to be checked.
@@ -54,7 +54,7 @@ impl<T: Real> Check<'_, T> {
         let [end] = window.run(start, &[inputs_of_filter(filter.state())]);
         let seen = window.observe(&end, self.model);
         let missed = self.misfit(&self.model.difference(self.observation, &seen));
-        // Not a number is not better.
+        // NaN is never better.
         let better = missed <= self.misfit(&self.innovation.innovation);
         if !better {
             filter.hold_back(self.before);

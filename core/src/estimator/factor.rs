@@ -45,7 +45,7 @@ impl<T: Real, const N: usize> Cholesky<T, N> {
             for k in 0..j {
                 pivot -= lower[(j, k)] * lower[(j, k)];
             }
-            // Not a number fails the comparison.
+            // NaN fails the comparison.
             let sound = pivot > floor;
             if !sound {
                 pivot = floor;

@@ -262,7 +262,7 @@ impl MeasurementModel {
     pub fn usable<T: Real>(&self, values: &Measurement<T>) -> [bool; CHANNELS] {
         self.channels.map(|channel| {
             channel.is_some_and(|(quantity, _)| {
-                // Not a number fails the comparison.
+                // NaN fails the comparison.
                 values.value(quantity).abs() <= T::single(quantity.limit())
             })
         })

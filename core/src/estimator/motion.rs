@@ -2,10 +2,9 @@
 //!
 //! The paper's filter ([`Estimator`](super::Estimator)) estimates six coefficients and lets the motion run open
 //! loop, so whatever the model has wrong ends in the coefficients. This one has the motion in its state, and
-//! beside muscle input and damping a residual load: what joints that are recorded a little off put on the
-//! body. Its size follows from the model ([`posture_error`]) and from the joints' error, which is data.
-//! Inputs fall back to their mean with their own spread, so what no measurement sees stays there; nothing is
-//! bounded where the truth may lie. An axis on which the angular velocity runs away from its prediction is
+//! beside muscle input and damping a residual load: the effect of joints that are recorded slightly wrong. Its size follows from the model ([`posture_error`]) and from the joints' error, which is data.
+//! Inputs return to their mean with a spread of their own, so what no measurement sees stays there; no bound
+//! lies where the truth may be. An axis on which the angular velocity runs away from its prediction is
 //! awake ([`activity`]): its inputs may then change quickly.
 //!
 //! Errors are 21 small numbers ([`state`]) that cross an interval by derivatives flown with the model
@@ -109,8 +108,8 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         Ok(filter)
     }
 
-    /// A filter that takes nothing in until [`MotionFilter::restart`] gives it a motion. A filter is too large for a
-    /// unit's stack to hold it twice: the unit puts it in its place first and starts it there.
+    /// A filter that ignores samples until [`MotionFilter::restart`] gives it a motion. Two filters do not fit on a
+    /// unit's stack, so the unit places one first and starts it there.
     ///
     /// # Errors
     /// Returns an error for settings that cannot be run.
@@ -157,7 +156,7 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         &self.dynamics
     }
 
-    /// The model, for limbs that change on the way.
+    /// The model, mutable: limb groups may change during a flight.
     pub fn dynamics_mut(&mut self) -> &mut Dynamics<T> {
         &mut self.dynamics
     }
@@ -199,7 +198,7 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         self.push_recorded(posture, measured, &mut ())
     }
 
-    /// [`MotionFilter::push`] under the eyes of a recorder.
+    /// [`MotionFilter::push`] with a recorder that sees each step.
     pub fn push_recorded(
         &mut self,
         posture: &Posture<T>,
@@ -238,7 +237,7 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
     fn follow_posture(&mut self, posture: &Posture<T>, motion: &Motion<T>) {
         let good = posture.is_valid();
         self.faults.posture |= !good;
-        // On the unit once for each estimate: every update then costs the same.
+        // Once per estimate on the unit, so every update costs the same.
         if self.since == 0 || P::STRIDE == 1 {
             let next = if good { posture } else { &self.posture };
             self.posture_error
@@ -306,7 +305,7 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         self.process.set_turning(&turning);
     }
 
-    /// Takes in what was measured.
+    /// Fuses what was measured.
     #[inline(never)]
     fn take(
         &mut self,
@@ -338,7 +337,7 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
             let normalised = innovation.value / innovation.variance.root();
             let square = normalised * normalised;
             let within = square <= self.gate;
-            // Not a number is not within, and nothing more.
+            // NaN is not within the gate, so it is rejected too.
             let rejected = !within;
             self.watch.take(k, normalised, rejected, self.duration);
             self.activity.take(k, normalised);

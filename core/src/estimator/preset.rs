@@ -177,7 +177,7 @@ impl Preset {
     /// wants.
     ///
     /// # Errors
-    /// Settings that could not be run safely.
+    /// Returns an error for settings that cannot be run safely.
     pub fn settings<T: Real>(&self, root: Root) -> Result<Settings<T, STATES>, SettingsError> {
         let vector = |values: [f32; STATES]| in_other_order(&values.map(T::single).into());
         let settings = Settings {

@@ -36,8 +36,8 @@ pub trait Propagation<T: Real> {
         model: &MeasurementModel,
     ) -> (Moments<T, STATES, CHANNELS>, State<T>);
 
-    /// What becomes of an update before it is believed, and the state at the window's end: as it is, at `front`,
-    /// unless the propagation checks it.
+    /// Hook that may check an update before it is accepted. Returns the state at the window's end; by default the
+    /// update is kept, and the state is `front`.
     fn settle<const N: usize>(
         _check: &Check<'_, T>,
         _filter: &mut Unscented<T, STATES>,

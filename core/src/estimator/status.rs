@@ -79,7 +79,7 @@ pub enum Health {
     Good,
     /// Predictions miss the measurements by far more than their variance, for seconds.
     Inconsistent,
-    /// The last update was not taken in.
+    /// The last update was not accepted.
     Failing,
 }
 
@@ -111,7 +111,7 @@ pub struct Estimate<T: Real> {
     /// filter sits at 5 to 20, because the reconstructed motion has errors of its own that R and P do not
     /// know.
     pub mean_normalised_innovation: T,
-    /// Trust.
+    /// How much the estimate can be trusted.
     pub health: Health,
     /// What went wrong since the last estimate.
     pub faults: Faults,

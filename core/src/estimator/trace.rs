@@ -68,7 +68,7 @@ fn posture(k: u16) -> Posture<f32> {
 /// as the updates take; the stack holds one estimator.
 ///
 /// # Errors
-/// A body on which the estimator cannot start.
+/// Returns an error if the estimator cannot start on this body.
 pub fn hash<P: Propagation<f32>, const INTERVALS: usize>(
     body: &Body<f32>,
     updates: u16,
@@ -148,7 +148,7 @@ mod tests {
 
     #[test]
     fn the_trace_keeps_its_bits() {
-        // A change of these numbers is a change of what a unit computes: update them only with a reason.
+        // If these numbers change, so does what a unit computes: update them only with a reason.
         let body = reference_body().cast();
         let reduced = hash::<Reduced, 30>(&body, 100).unwrap();
         let full = hash::<Full, 60>(&body, 8).unwrap();

@@ -53,7 +53,7 @@ pub struct Innovation<T: Real, const M: usize> {
     /// Normalised innovation squared, the sum over used channels; its mean is their number where model and
     /// noise match reality.
     pub normalised_square: T,
-    /// Whether state and covariance took it in.
+    /// Whether state and covariance were updated by it.
     pub fused: bool,
     /// Whether the covariance had to be kept from degenerating.
     pub repaired: bool,
@@ -75,7 +75,7 @@ impl<T: Real, const N: usize> Unscented<T, N> {
     /// Starts from the settings.
     ///
     /// # Errors
-    /// Settings that could not be run safely, see [`SettingsError`].
+    /// Returns an error for settings that cannot be run safely, see [`SettingsError`].
     pub fn new(settings: Settings<T, N>) -> Result<Self, SettingsError> {
         settings.check()?;
         let pairs = T::one() - settings.central_weight;
@@ -150,7 +150,7 @@ impl<T: Real, const N: usize> Unscented<T, N> {
     /// Moments of sigma points and their predictions.
     ///
     /// `central` is what the central point predicts; `plus` and `minus` are the differences of the other
-    /// predictions to it, so that angles can be wrapped by who knows which they are.
+    /// predictions to it, so that angles can be wrapped by whoever knows which channels they are.
     #[inline]
     pub fn moments<const M: usize>(
         &self,
@@ -254,7 +254,7 @@ impl<T: Real, const N: usize> Unscented<T, N> {
         self.state = (self.state + before) * T::of(0.5);
     }
 
-    /// Believes the state less: variances grow by a factor, to those at the start at most.
+    /// Inflates the covariance by a factor, up to the variances at the start.
     pub fn fade(&mut self, factor: T) {
         let scale = SVector::<T, N>::from_fn(|k, _| {
             let most = self.settings.variance[k] / self.covariance[(k, k)];

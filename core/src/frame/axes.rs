@@ -1,4 +1,4 @@
-//! The frames, as types without values.
+//! The frames, as marker types.
 
 /// X north, Y west, Z up (paper "Inertial Frame"): the global frame of Xsens MVN, with no turn between them. North is
 /// magnetic in recordings of MVN and true in tracks of satellites.

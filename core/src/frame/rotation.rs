@@ -20,7 +20,7 @@ impl<T: Real, To, From> Rotation<T, To, From> {
         Self::from_quaternion(UnitQuaternion::identity())
     }
 
-    /// States that `quaternion` takes components from `From` to `To`. This is the border of the type system.
+    /// States that `quaternion` takes components from `From` to `To`. This is where untyped values enter the type system.
     pub fn from_quaternion(quaternion: UnitQuaternion<T>) -> Self {
         Self {
             quaternion,
@@ -47,7 +47,7 @@ impl<T: Real, To, From> Rotation<T, To, From> {
         [q.w, q.i, q.j, q.k]
     }
 
-    /// The way back.
+    /// The inverse rotation.
     pub fn inverse(&self) -> Rotation<T, From, To> {
         Rotation::from_quaternion(self.quaternion.inverse())
     }
@@ -61,7 +61,7 @@ impl<T: Real, To, From> Rotation<T, To, From> {
 }
 
 impl<T: Real, To, From> Rotation<T, To, From> {
-    /// The same rotation as a matrix, which turns several vectors in less time.
+    /// The same rotation as a matrix, which turns several vectors faster.
     #[inline]
     pub fn to_matrix(&self) -> RotationMatrix<T, To, From> {
         RotationMatrix {
@@ -79,7 +79,7 @@ pub struct RotationMatrix<T: Real, To, From> {
 }
 
 impl<T: Real, To, From> RotationMatrix<T, To, From> {
-    /// The way back.
+    /// The inverse rotation.
     #[inline]
     pub fn inverse(&self) -> RotationMatrix<T, From, To> {
         RotationMatrix {
@@ -111,7 +111,7 @@ impl<T: Real, To, From> Mul<Vector<T, From>> for Rotation<T, To, From> {
     }
 }
 
-// Derives would ask the frames themselves to be Copy, Debug and so on.
+// Derived impls would require Copy, Debug and so on of the frame types.
 impl<T: Real, To, From> Clone for Rotation<T, To, From> {
     fn clone(&self) -> Self {
         *self

@@ -14,7 +14,7 @@ use crate::math::Real;
 /// Vectors of one frame are added, scaled and multiplied with each other; those of different frames meet only after
 /// one is turned by a [`Rotation`](super::Rotation). Every operation is that of nalgebra on the components, so bits are the same.
 pub struct Vector<T: Real, F> {
-    /// Components along the axes of `F`: the border to what knows no frames, such as files and matrices.
+    /// Components along the axes of `F`, for code without frames, such as files and matrices.
     pub components: Vector3<T>,
     frame: PhantomData<fn() -> F>,
 }
@@ -26,7 +26,7 @@ impl<T: Real, F> Vector<T, F> {
         Self::from_components(Vector3::new(x, y, z))
     }
 
-    /// States that `components` are along the axes of `F`. This is the border of the type system.
+    /// States that `components` are along the axes of `F`. This is where untyped values enter the type system.
     #[inline]
     pub const fn from_components(components: Vector3<T>) -> Self {
         Self {
@@ -101,7 +101,7 @@ impl<T: Real, F> Vector<T, F> {
         Self::from_components(self.components.map(change))
     }
 
-    /// On the line through this and `other`, `share` of the way; beyond the ends too.
+    /// Linear interpolation towards `other` by `share`; shares outside 0 to 1 extrapolate.
     #[inline]
     pub fn towards(&self, other: &Self, share: T) -> Self {
         *self + (*other - *self) * share
@@ -228,7 +228,7 @@ impl<T: Real, F> Mul<Vector<T, F>> for &Matrix3<T> {
     }
 }
 
-// Derives would ask the frames themselves to be Copy, Debug and so on.
+// Derived impls would require Copy, Debug and so on of the frame types.
 impl<T: Real, F> Clone for Vector<T, F> {
     fn clone(&self) -> Self {
         *self

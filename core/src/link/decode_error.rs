@@ -36,12 +36,12 @@ pub enum DecodeError {
     },
     /// A number is infinite or not a number.
     NotFinite {
-        /// Which.
+        /// Which one.
         field: &'static str,
     },
     /// A value is outside the range in the byte table.
     OutOfRange {
-        /// Which.
+        /// Which one.
         field: &'static str,
     },
 }

@@ -1,4 +1,4 @@
-//! Bytes to messages: a state machine that is never stuck and counts what it refuses.
+//! Bytes to messages: a state machine that never gets stuck and counts what it refuses.
 
 use cobs::{DecodeResult, DecoderState};
 
@@ -67,7 +67,7 @@ impl Counters {
 
 /// Takes bytes as they come, in pieces of any size, and gives messages.
 ///
-/// Whatever the bytes are, the next delimiter puts it back on its feet: a frame whose two delimiters
+/// Whatever the bytes are, the decoder resynchronises at the next delimiter: a frame whose two delimiters
 /// arrive is judged on its own bytes alone.
 #[derive(Debug)]
 pub struct Decoder {
@@ -113,11 +113,11 @@ impl Decoder {
         &self.counters
     }
 
-    /// Forgets a frame that has begun, as after an error of the receiver; the counters stay.
+    /// Discards a partial frame, as after a receiver error; the counters stay.
     pub fn discard_partial(&mut self) {
         self.stuffing = DecoderState::Idle;
         self.length = 0;
-        // Only a delimiter tells where the next frame begins.
+        // Only a delimiter marks where the next frame begins.
         self.skipping = true;
     }
 
@@ -169,7 +169,7 @@ impl Message {
     /// The message in one whole frame, delimiters included or not.
     ///
     /// # Errors
-    /// Why the frame is refused; [`DecodeError::Incomplete`] where there is no frame.
+    /// Returns why the frame is refused; [`DecodeError::Incomplete`] if there is no frame.
     pub fn decode(frame: &[u8]) -> Result<(Header, Self), DecodeError> {
         let mut decoder = Decoder::new();
         frame

@@ -1,4 +1,4 @@
-//! Faults on purpose: a link that loses, breaks, repeats and reorders frames, the same way for a seed.
+//! Injected faults: a link that loses, damages, repeats and reorders frames, reproducibly for each seed.
 
 use super::frame::MAX_FRAME_LENGTH;
 

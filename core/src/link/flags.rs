@@ -5,16 +5,16 @@ use bitflags::bitflags;
 use super::wire::{BadValue, Reader, Wire, Writer};
 
 bitflags! {
-    /// What is to be known of an [`Estimate`](super::Estimate) before it is used.
+    /// What to know about an [`Estimate`](super::Estimate) before using it.
     #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
     pub struct EstimateFlags: u16 {
-        /// The measurement was taken in and predictions follow the measurements.
+        /// The measurement was fused and predictions follow the measurements.
         const VALID = 1 << 0;
-        /// The measurement was not taken in.
+        /// The measurement was not fused.
         const NOT_TAKEN_IN = 1 << 1;
         /// Samples were missing; the model bridged them.
         const BRIDGED = 1 << 2;
-        /// Later than one period of the updates after its sample. Tells of time, not of the filter.
+        /// Later than one period of the updates after its sample. About timing, not about the filter.
         const LATE = 1 << 3;
         /// The reconstructed motion began anew since the last estimate: at the start, after a gap, or where
         /// predictions and measurements had parted.
@@ -25,7 +25,7 @@ bitflags! {
         const SETTLING = 1 << 6;
         /// The estimator met a fault, see `Faults`.
         const FAULT = 1 << 7;
-        /// Error bars are too small, or something acts that the filter does not have.
+        /// Error bars are too small, or something acts that is missing from the filter.
         const DOUBTFUL = 1 << 8;
         /// Predictions do not follow the measurements: not to be used.
         const LOST = 1 << 9;

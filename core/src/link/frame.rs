@@ -74,7 +74,7 @@ impl Message {
     /// A whole frame with its delimiters into `frame`; returns its length.
     ///
     /// # Errors
-    /// [`EncodeError`] where `frame` is shorter than the frame. [`MAX_FRAME_LENGTH`] bytes always suffice.
+    /// Returns [`EncodeError`] if `frame` is too short. [`MAX_FRAME_LENGTH`] bytes always suffice.
     pub fn encode(&self, header: &Header, frame: &mut [u8]) -> Result<usize, EncodeError> {
         let mut packet = [0; MAX_PACKET_LENGTH];
         let length = write_packet(header, self, &mut packet).ok_or(EncodeError)?;

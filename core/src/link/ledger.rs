@@ -203,7 +203,7 @@ impl Ledger {
     /// The account of a closed session.
     ///
     /// # Errors
-    /// [`Imbalance`] where the fates do not add up to `sent`: a sample was invented or the source
+    /// Returns [`Imbalance`] if the fates do not add up to `sent`: a sample was invented or the source
     /// miscounted.
     pub fn balance(&self, sent: u32, damaged_frames: u32) -> Result<Account, Imbalance> {
         let account = self.account(damaged_frames);

@@ -122,7 +122,7 @@ fn is_unit(rotation: &UnitQuaternion<f32>) -> bool {
 /// Counts of all three components, `None` where one is not finite or off the scale.
 fn counts_of(vector: Option<Vector3<f32>>, scale: f32) -> Option<[i16; 3]> {
     let [x, y, z]: [f32; 3] = vector?.into();
-    // Not a number becomes 0 in the cast, so it is refused here.
+    // NaN would become 0 in the cast, so it is refused here.
     let count = |value: f32| {
         value
             .is_finite()

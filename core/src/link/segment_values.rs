@@ -24,7 +24,7 @@ impl Wire for Segment {
 }
 
 impl SegmentValues {
-    /// The row of `segment`.
+    /// The row for `segment`.
     pub fn new(
         segment: Segment,
         parameters: &SegmentParameters<f32>,
@@ -167,7 +167,7 @@ impl SegmentTable {
     /// The body of stature `height` (m), if the table is the one with `digest`.
     ///
     /// # Errors
-    /// The verdict to send back.
+    /// Returns the verdict to send back.
     pub fn body(&self, height: f32, digest: u32) -> Result<Body<f32>, Verdict> {
         if self.received() != u16::MAX {
             return Err(Verdict::Incomplete);

@@ -1,8 +1,8 @@
-//! How each kind of number lies on the wire, and the one table from which messages are made.
+//! How each kind of number is encoded, and the one macro that makes messages.
 
 use super::layout::FieldLayout;
 
-/// What is wrong with a value that arrived whole.
+/// What is wrong with a value of an undamaged frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum BadValue {
     NotFinite,

@@ -5,7 +5,7 @@ const DAY: u32 = 864_000_000;
 /// Length of a tick (us).
 const TICK: u64 = 100;
 
-/// Turns `SampleTimeFine` into a time that goes on over its wraps.
+/// Unwraps `SampleTimeFine` into a continuous time.
 ///
 /// Some sensors wrap at 2^32 ticks, some after a day; the clock takes the reading nearest to the last
 /// one. A GNSS solution carries an earlier time than the packets around it and does not disturb the

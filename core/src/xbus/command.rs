@@ -49,7 +49,7 @@ pub enum Command<'a> {
     RequestDeviceId,
     /// Answer to the sensor's greeting after power-up: stay in configuration.
     WakeUpAck,
-    /// Start anew.
+    /// Restart.
     Reset,
     /// Speed of the line after the next reset.
     SetBaudrate(Baudrate),

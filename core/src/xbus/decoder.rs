@@ -19,8 +19,8 @@ pub struct Counters {
 
 /// Takes bytes in pieces of any size and gives packets out.
 ///
-/// After a packet that is none it goes on **one byte** behind the false preamble, with the bytes it has
-/// kept, so a damaged packet never takes the packets after it along. `N` is the longest packet accepted:
+/// After a false packet it goes on **one byte** behind the false preamble, with the bytes it has kept, so a
+/// damaged packet never takes the following ones with it. `N` is the longest packet accepted:
 /// [`MAX_PACKET_LENGTH`](super::MAX_PACKET_LENGTH) for all, 512 for any MTData2 of one sensor. At least 16.
 #[derive(Debug)]
 pub struct Decoder<const N: usize> {
@@ -109,7 +109,7 @@ impl<const N: usize> Decoder<N> {
         view(self.buffer.get(self.start..self.end)?)
     }
 
-    /// Gives up the packet that has begun, as after silence on the line or an error of the receiver.
+    /// Abandons the packet that has begun, as after silence on the line or a receiver error.
     ///
     /// The bytes behind its preamble are still searched: call [`Decoder::next`] with no input until it gives
     /// `None`, and again while [`Decoder::pending`] is not 0.

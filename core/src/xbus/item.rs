@@ -112,7 +112,7 @@ impl Status {
         self.0 & 1 != 0
     }
 
-    /// The orientation filter works.
+    /// The orientation filter is valid.
     pub const fn filter_valid(self) -> bool {
         self.0 & 1 << 1 != 0
     }
@@ -149,7 +149,7 @@ impl Status {
 /// One item understood. Vectors are x, y, z; quaternions w, x, y, z.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Item<'a> {
-    /// Of the sensor's inside (degC).
+    /// Temperature inside the sensor (degC).
     Temperature(Reals<'a, 1>),
     /// Time of day.
     UtcTime(UtcTime),
@@ -201,10 +201,10 @@ pub enum Item<'a> {
     Unknown(RawItem<'a>),
 }
 
-/// An item is known, but its data cannot be.
+/// A known item with impossible data.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct BadItem {
-    /// Which.
+    /// Which one.
     pub id: DataId,
     /// Bytes of its data.
     pub found: usize,
@@ -222,7 +222,7 @@ impl fmt::Display for BadItem {
 
 impl core::error::Error for BadItem {}
 
-/// An item where it lies.
+/// An item, borrowed from the packet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct RawItem<'a> {
     /// What it is.
@@ -235,7 +235,7 @@ impl<'a> RawItem<'a> {
     /// The item understood; [`Item::Unknown`] where the identifier is not in the table.
     ///
     /// # Errors
-    /// [`BadItem`] where the data has not the size its identifier says, or the coordinate system is none.
+    /// Returns [`BadItem`] if the data has not the size that its identifier says, or the coordinate system is invalid.
     pub fn decode(&self) -> Result<Item<'a>, BadItem> {
         self.understood().ok_or(BadItem {
             id: self.id,

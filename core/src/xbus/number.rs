@@ -1,4 +1,4 @@
-//! The four number formats, read where they lie.
+//! The four number formats, read in place.
 
 /// Format of the real numbers of an item, the two lowest bits of its identifier.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -117,7 +117,7 @@ const fn narrow(bits: u64) -> f32 {
     let exponent = (bits >> 52) as i32 & 0x7FF;
     let fraction = bits & 0x000F_FFFF_FFFF_FFFF;
     let size = if exponent == 0x7FF {
-        // Infinity, or a quiet number that is none.
+        // Infinity or a quiet NaN.
         0x7F80_0000 | if fraction != 0 { 0x0040_0000 } else { 0 }
     } else if exponent > 1023 + 127 {
         0x7F80_0000

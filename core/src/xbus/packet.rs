@@ -40,7 +40,7 @@ impl MessageId {
     pub const OUTPUT_CONFIGURATION_ACK: Self = Self(0xC1);
 }
 
-/// A packet whose checksum holds, where it lies.
+/// A packet whose checksum holds, borrowed from the buffer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Packet<'a> {
     /// Bus address, 0xFF or 0x01 for a sensor on its own.
@@ -73,7 +73,7 @@ pub(super) enum Candidate {
     BadAddress,
     /// The checksum differs.
     BadChecksum,
-    /// The length cannot be.
+    /// The length is impossible.
     BadLength,
     /// The checksum holds, but the items do not fill the data.
     BadItems,

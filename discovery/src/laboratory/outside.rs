@@ -1,5 +1,5 @@
-//! Things that push a body and are not in the library, for the question whether they are taken for something
-//! that is. They belong here, not to the model.
+//! Disturbances that are not in the library, to test whether they are mistaken for something that is. They belong
+//! here, not to the model.
 
 use bodyflight_core::dynamics::{Motion, State};
 use bodyflight_core::frame::Vector;

@@ -14,7 +14,7 @@ pub(super) struct Candidate {
     pub(super) count: usize,
 }
 
-/// Trunk, arms and legs cannot be told apart without a posture.
+/// Trunk, arms and legs are indistinguishable without a posture.
 pub(super) const CANDIDATES: [Candidate; 3] = [
     Candidate {
         effect: Effect::Drag,

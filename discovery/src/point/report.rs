@@ -52,10 +52,10 @@ pub struct Gap {
     pub closed_share: f64,
 }
 
-/// By how much satellites are late, by way and velocity.
+/// Delay of the receiver, from positions and velocities.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Latency {
-    /// Time by which the velocity is late (s).
+    /// Delay of the velocity (s).
     pub latency_s: f64,
     /// Its standard error (s).
     pub standard_error_s: f64,
@@ -89,7 +89,7 @@ pub struct Report {
     pub noise_mps: f64,
     /// Rows of the files that were not usable.
     pub rows_skipped: usize,
-    /// Whether way and velocity fit together.
+    /// Whether positions and velocities agree.
     pub latency: Option<Latency>,
     /// Whether the inertial sensor agrees, where there is one.
     pub specific_force: Option<SpecificForce>,

@@ -11,10 +11,10 @@ use crate::effect_set::EffectSet;
 use crate::error::Result;
 use crate::statistics::deviations;
 
-/// Deviations from which on an effect is significant where other falls have a vote.
+/// Deviations above which an effect is significant if other falls confirm it.
 const SIGNIFICANT_WITH_VOTES: f64 = 4.5;
 
-/// Looks for what the model of a point misses in the free fall of a recording.
+/// Searches the free fall of a recording for what the model of a point misses.
 ///
 /// `dynamics` is the model at the height at which the fall starts.
 ///

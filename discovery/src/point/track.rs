@@ -3,7 +3,7 @@
 use bodyflight_core::frame::{Inertial, Vector};
 use nalgebra::Vector3;
 
-/// What a receiver says of one moment.
+/// One fix of a receiver.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fix {
     /// Time (s).

@@ -188,7 +188,7 @@ fn print_adjustments(report: &Report) {
             String::new()
         } else {
             format!(
-                "; not to be told from {} here",
+                "; indistinguishable from {} in this flight",
                 adjustment.not_told_from.join(", ")
             )
         };

@@ -209,7 +209,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     }
 }
 
-/// What would do better.
+/// A better choice, if there is one.
 fn advice(tuning: &Tuning) -> &'static str {
     match tuning {
         Tuning::Windows(_) => {

@@ -52,7 +52,7 @@ pub(super) struct Args {
     /// Noise of the sensors alone, as a share of the usual.
     #[arg(long, default_value_t = 1.0)]
     sensor_noise: f64,
-    /// What the suit has wrong with the joints: degrees, degrees at Hz, share of the bend.
+    /// Joint errors of the suit: degrees, degrees at Hz, share of the bend.
     #[arg(long, value_name = "constant:2,wander:1.5@0.3,gain:0.05", value_parser = JointErrors::parse)]
     joints: Option<JointErrors>,
     /// Frames a second.

@@ -10,12 +10,12 @@ use serde_json::json;
 
 use super::terminal;
 
-/// Longest wait without a look at Ctrl-C.
+/// Longest wait between checks for Ctrl-C.
 const PATIENCE: Duration = Duration::from_millis(100);
 /// Time between two lines of rates.
 const REPORT_PERIOD: Duration = Duration::from_secs(1);
 
-/// Read along on a serial line: the unit's defmt log, or the Xbus packets of an MTi sensor.
+/// Watch a serial line: the unit's defmt log, or the Xbus packets of an MTi sensor.
 ///
 /// Ctrl-C ends it with the totals.
 #[derive(clap::Args)]
@@ -58,7 +58,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     }
 }
 
-/// Hands pieces on until the end, Ctrl-C, or until nobody reads the output.
+/// Passes pieces on until the end, Ctrl-C, or until the output is closed.
 fn pieces(input: &Input, mut take: impl FnMut(&[u8]) -> Result<bool>) -> Result<()> {
     while !interrupt::requested() {
         let more = match input.next(PATIENCE)? {
@@ -96,7 +96,7 @@ fn defmt(args: &Args, elf: &Path, json: bool) -> Result<()> {
         }
         Ok(true)
     });
-    // The totals come after a failure too, such as a pulled plug.
+    // The totals are printed after a failure too, such as a pulled plug.
     let totals = decoder.totals();
     if json {
         terminal::json_line(&json!({ "totals": totals }))?;
@@ -150,7 +150,7 @@ fn xbus(args: &Args, json: bool) -> Result<()> {
     ended
 }
 
-/// What came in all.
+/// The totals received.
 fn print_totals(totals: &XbusTotals) {
     let mut table = terminal::table(&["item", "count", "rate (Hz)", "last"]);
     for item in &totals.items {

@@ -18,7 +18,7 @@ use super::terminal;
 
 /// Time between two lines of rates.
 const REPORT_PERIOD: Duration = Duration::from_secs(1);
-/// Longest wait without a look at the clock.
+/// Longest wait between looks at the clock.
 const PATIENCE: Duration = Duration::from_millis(100);
 
 /// The network stream of Xsens MVN: send a recording like MVN does, or listen to a live one.
@@ -67,10 +67,10 @@ struct Listen {
     /// The person to follow, from 0; otherwise whoever comes first.
     #[arg(long)]
     character: Option<u8>,
-    /// Rate of the sample counter (Hz), where the time codes are no good.
+    /// Rate of the sample counter (Hz), if the time codes are unusable.
     #[arg(long)]
     rate: Option<f64>,
-    /// End after so many frames.
+    /// End after this many frames.
     #[arg(long)]
     frames: Option<u64>,
 }

@@ -236,7 +236,7 @@ fn run_frames(
     report.verdict()
 }
 
-/// Opens the page and waits until it is looked at.
+/// Opens the page and waits until a browser shows it.
 fn live_view(args: &Args, flight: &Flight) -> Result<LiveView> {
     let name = args.flight.as_ref().and_then(|path| path.file_name());
     let title = name.map_or_else(

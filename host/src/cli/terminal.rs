@@ -28,7 +28,7 @@ pub(super) fn print(text: &str) {
 /// Writes a value as JSON.
 ///
 /// # Errors
-/// Where the value cannot be written as JSON.
+/// Returns an error if the value cannot be written as JSON.
 pub(super) fn print_json(value: &impl Serialize) -> Result<()> {
     let text = serde_json::to_string_pretty(value).map_err(no_json)?;
     put(&json_without_controls(&text));
@@ -43,7 +43,7 @@ pub(super) fn line(text: &str) -> bool {
 /// As [`line()`], a value as JSON on one line.
 ///
 /// # Errors
-/// Where the value cannot be written as JSON.
+/// Returns an error if the value cannot be written as JSON.
 pub(super) fn json_line(value: &impl Serialize) -> Result<bool> {
     let text = serde_json::to_string(value).map_err(no_json)?;
     Ok(put(&json_without_controls(&text)))
@@ -69,7 +69,7 @@ fn put(text: &str) -> bool {
 /// To be called once all is written.
 ///
 /// # Errors
-/// Where standard output took less than it was given, as on a full disk.
+/// Returns an error if standard output took less than it was given, as on a full disk.
 pub(super) fn finish() -> Result<()> {
     match FAILED.get() {
         None => Ok(()),

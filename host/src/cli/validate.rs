@@ -24,7 +24,7 @@ pub(super) struct Args {
     /// or folders of them.
     #[arg(value_name = "FLIGHT|TRACK")]
     paths: Vec<PathBuf>,
-    /// Write how far each model is off over whole flights, as SVG.
+    /// Write each model's attitude error over whole flights, as SVG.
     #[arg(long, value_name = "SVG")]
     plot: Option<PathBuf>,
     #[command(flatten)]

@@ -48,7 +48,7 @@ pub struct Flight {
     pub start: Start,
     /// Whether the person is known; otherwise a default is flown.
     pub has_subject: bool,
-    /// What suit and subject may have wrong.
+    /// Tolerances of suit and subject.
     pub tolerances: Tolerances,
 }
 
@@ -118,7 +118,7 @@ impl Flight {
     /// Reads a `flight.toml`, or that of a folder, or takes a bare MVNX file with defaults for everything else.
     ///
     /// # Errors
-    /// Where a file is missing or a value is not usable: file, line and field.
+    /// Returns an error if a file is missing or a value is not usable: file, line and field.
     pub fn read(path: &Path) -> Result<Self> {
         let inside = path.join("flight.toml");
         let path = if path.is_dir() {

@@ -31,7 +31,7 @@ const WEEK: f64 = 604_800.0;
 /// Sunday 1980-01-06, when the weeks of GPS begin (s since 1970).
 const GPS_EPOCH: f64 = 315_964_800.0;
 
-/// What the receiver says of one moment.
+/// One GNSS fix.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fix {
     /// Time since 1970 (s, UTC).
@@ -44,7 +44,7 @@ pub struct Fix {
     pub speed_accuracy: Option<f64>,
 }
 
-/// What the inertial sensor says of one moment.
+/// One sample of the inertial sensor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct InertialSample {
     /// Time in the week (s).
@@ -55,7 +55,7 @@ pub struct InertialSample {
     pub angular_velocity: Vector3<f64>,
 }
 
-/// What the barometer says of one moment.
+/// One sample of the barometer.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PressureSample {
     /// Time in the week (s).
@@ -77,7 +77,7 @@ pub struct Track {
     pub skipped: Skipped,
 }
 
-/// Whether a file is meant to be of a FlySight, by its name.
+/// Whether a file's name is that of a FlySight recording.
 pub fn is_flysight(path: &Path) -> bool {
     path.extension()
         .is_some_and(|extension| extension.eq_ignore_ascii_case("csv"))
@@ -87,7 +87,7 @@ impl Track {
     /// Reads a track, and `SENSOR.CSV` in the same folder where the track is of a FlySight 2.
     ///
     /// # Errors
-    /// Where the file is not of a FlySight, has no row that is usable, or more rows that are not than that are.
+    /// Returns an error if the file is not of a FlySight, has no row that is usable, or more rows that are not than that are.
     pub fn read(path: &Path) -> Result<Self> {
         let bytes = input::bytes(path)?;
         Self::parse(&bytes, path)
@@ -96,7 +96,7 @@ impl Track {
     /// As [`Track::read`], of bytes that were read from `path`.
     ///
     /// # Errors
-    /// As of [`Track::read`].
+    /// Same as [`Track::read`].
     pub fn parse(bytes: &[u8], path: &Path) -> Result<Self> {
         let tables = Tables::parse(bytes);
         let mut skipped = tables.skipped.clone();
@@ -183,8 +183,8 @@ fn fix(row: &Row<'_>, origin: &mut Option<[f64; 2]>) -> core::result::Result<Fix
     })
 }
 
-/// What to add to the sensors' clock (s) for the time in the week: it counts from when it likes, and `$TIME` rows say
-/// what that is.
+/// Offset (s) from the sensors' clock to the time of week: the clock starts anywhere, and `$TIME` rows tie it to GPS
+/// time.
 fn clock_offset(tables: &Tables) -> f64 {
     tables
         .rows("TIME")

@@ -1,4 +1,4 @@
-//! Files as they come: plain, packed by gzip or xz, or standard input.
+//! Input files: plain, compressed by gzip or xz, or standard input.
 //!
 //! What is opened here is remembered, so that no output replaces it; devices and pipes with a name are refused, and whole
 //! files are read up to a limit only.
@@ -53,7 +53,7 @@ pub fn is_claimed(path: &Path) -> bool {
     })
 }
 
-/// Opens a file for reading; `-` is standard input. What gzip or xz has packed, told by its first bytes, is unpacked.
+/// Opens a file for reading; `-` is standard input. Input compressed by gzip or xz, recognised by its first bytes, is unpacked.
 ///
 /// # Errors
 /// Returns an error if the file cannot be opened, is no file, or its first bytes cannot be read.

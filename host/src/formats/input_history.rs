@@ -208,7 +208,7 @@ impl InputHistory {
     /// Reads a CSV file with the columns of [`Row`].
     ///
     /// # Errors
-    /// Where the file is missing, has no rows, a field is not a finite number, or time does not rise.
+    /// Returns an error if the file is missing, has no rows, a field is not a finite number, or time does not rise.
     pub fn read(path: &Path) -> Result<Self> {
         Self::parse(&input::bytes(path)?, path)
     }

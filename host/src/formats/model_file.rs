@@ -75,7 +75,7 @@ impl Effects {
     /// Reads a `model.toml`.
     ///
     /// # Errors
-    /// Where the file is missing, or an effect, a parameter or a value is not usable.
+    /// Returns an error if the file is missing, or an effect, a parameter or a value is not usable.
     pub fn read(path: &Path) -> Result<Self> {
         let text = input::text(path)?;
         Self::parse(&text, path)
@@ -117,7 +117,7 @@ impl Effects {
     /// The model with the effects.
     ///
     /// # Errors
-    /// Where a value is outside its plausible range; a file that was read has none.
+    /// Returns an error if a value is outside its plausible range; a file that was read has none.
     pub fn applied(&self, dynamics: Dynamics<f64>, start_height: f64) -> Result<Model<f64>> {
         let mut model = Model::new(dynamics, start_height);
         model.applied = self.loads;
@@ -132,7 +132,7 @@ impl Effects {
     /// The model with the effects for an estimator, which finds muscle input and damping by itself.
     ///
     /// # Errors
-    /// Where an effect cannot fly in a filter: those of the sensors, and those of the stream at single segments.
+    /// Returns an error if an effect cannot fly in a filter: those of the sensors, and those of the stream at single segments.
     pub fn for_filter(&self, dynamics: Dynamics<f64>, start_height: f64) -> Result<Dynamics<f64>> {
         let model = self.applied(dynamics, start_height)?;
         let refused = |what: &str| {

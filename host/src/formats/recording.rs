@@ -70,7 +70,7 @@ impl Recording<Input> {
     /// Opens a flight.
     ///
     /// # Errors
-    /// Where the file cannot be read or holds no flight, see [`Recording::new`].
+    /// Returns an error if the file cannot be read or holds no flight, see [`Recording::new`].
     pub fn open(path: &Path, options: Options) -> Result<Self> {
         let reader = Reader::open(path, reader_options(options))?;
         Self::from_reader(reader, options)
@@ -88,7 +88,7 @@ impl<R: BufRead> Recording<R> {
     /// A flight from any input; `path` names it in messages.
     ///
     /// # Errors
-    /// Where the input is no recording, lacks segments, orientation or position, has no joints to tell its
+    /// Returns an error if the input is no recording, lacks segments, orientation or position, has no joints to tell its
     /// conventions by, or its segments do not meet at their joints.
     pub fn new(input: R, path: &Path, options: Options) -> Result<Self> {
         let reader = Reader::new(input, path, reader_options(options))?;

@@ -78,7 +78,7 @@ impl Subject {
     /// Reads a `subject.toml` and the segment table that it names.
     ///
     /// # Errors
-    /// Where a file is missing or a value is not usable: file, line, field, what was expected.
+    /// Returns an error if a file is missing or a value is not usable: file, line, field, what was expected.
     pub fn read(path: &Path) -> Result<Self> {
         let text = input::text(path)?;
         Self::parse(&text, path)
@@ -198,7 +198,7 @@ impl Subject {
     /// The file's text, for writing; its table is then expected as [`SEGMENTS_FILE`] beside it.
     ///
     /// # Errors
-    /// Where a value cannot be written as TOML.
+    /// Returns an error if a value cannot be written as TOML.
     pub fn to_toml(&self) -> Result<String> {
         let mut file = self.file.clone();
         file.segments = self.table.as_ref().map(|_| PathBuf::from(SEGMENTS_FILE));

@@ -1,4 +1,4 @@
-//! What suit and subject may have wrong, in a `flight.toml`:
+//! Tolerances of suit and subject in a `flight.toml`:
 //!
 //! ```toml
 //! [suit]
@@ -77,7 +77,7 @@ pub(super) fn tolerances(
         ),
         ("tolerance.cg_m", tolerance.cg_m, 0.2, &mut found.cg_m),
     ];
-    // Nothing is exact: a deviation of zero has no likelihood.
+    // Nothing is exact: a standard deviation of zero has no likelihood.
     const LEAST: f64 = 1e-4;
     for (name, given, most, place) in fields {
         if let Some(value) = given {

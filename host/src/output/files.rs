@@ -1,5 +1,5 @@
-//! Output files that are whole or absent: written beside their place and renamed at the end, so an
-//! interrupted command leaves what was there before.
+//! Output files that are whole or absent: written beside the target and renamed at the end, so an interrupted
+//! command leaves what was there before.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
@@ -20,7 +20,7 @@ impl AtomicFile {
     /// Begins the file in the folder of `path`.
     ///
     /// # Errors
-    /// Where the folder does not exist or cannot be written to, or as [`destination`].
+    /// Returns an error if the folder does not exist or cannot be written to, or as [`destination`].
     pub fn create(path: &Path) -> Result<Self> {
         let file = NamedTempFile::new_in(folder_of(&destination(path)?))
             .map_err(|error| Problem::system("create", path, error))?;
@@ -33,7 +33,7 @@ impl AtomicFile {
     /// Gives the file its name, in place of any file there that is not read by this process.
     ///
     /// # Errors
-    /// Where the disk refuses, or as [`destination`]; then no file is left.
+    /// Returns an error if the disk refuses, or as [`destination`]; then no file is left.
     pub fn finish(self) -> Result<()> {
         let place = destination(&self.path)?;
         let refused = |error: io::Error| Problem::system("write", &self.path, error);
@@ -63,7 +63,7 @@ impl Write for AtomicFile {
     }
 }
 
-/// A number as it stands in a table.
+/// A number as it is printed in a table.
 pub fn number(value: f64) -> String {
     format!("{value:.6}")
 }
@@ -78,7 +78,7 @@ impl CsvFile {
     /// Begins the file with the names of its columns.
     ///
     /// # Errors
-    /// Where the folder cannot be written to.
+    /// Returns an error if the folder cannot be written to.
     pub fn create(path: &Path, columns: &[impl AsRef<[u8]>]) -> Result<Self> {
         let writer = csv::Writer::from_writer(AtomicFile::create(path)?);
         let mut file = Self {
@@ -93,7 +93,7 @@ impl CsvFile {
     /// Adds a row.
     ///
     /// # Errors
-    /// Where the disk refuses, or the row is longer or shorter than the others.
+    /// Returns an error if the disk refuses, or the row is longer or shorter than the others.
     pub fn write(&mut self, values: impl IntoIterator<Item = f64>) -> Result<()> {
         self.write_fields(values.into_iter().map(number))
     }
@@ -101,7 +101,7 @@ impl CsvFile {
     /// Adds a row of texts; [`number`] makes one of a number.
     ///
     /// # Errors
-    /// Where the disk refuses, or the row is longer or shorter than the others.
+    /// Returns an error if the disk refuses, or the row is longer or shorter than the others.
     pub fn write_fields(&mut self, fields: impl IntoIterator<Item = String>) -> Result<()> {
         let written = self.writer.write_record(fields);
         self.check(written)
@@ -110,7 +110,7 @@ impl CsvFile {
     /// Gives the file its name.
     ///
     /// # Errors
-    /// Where the disk refuses; then no file is left.
+    /// Returns an error if the disk refuses; then no file is left.
     pub fn finish(self) -> Result<()> {
         match self.writer.into_inner() {
             Ok(file) => file.finish(),
@@ -127,7 +127,7 @@ impl CsvFile {
 /// Writes a whole file at once.
 ///
 /// # Errors
-/// Where the disk refuses; then no file is left.
+/// Returns an error if the disk refuses; then no file is left.
 pub fn write_file(path: &Path, content: &[u8]) -> Result<()> {
     let mut file = AtomicFile::create(path)?;
     file.write_all(content)

@@ -197,7 +197,7 @@ const LEGEND_HEIGHT: u32 = 20;
 /// A figure as an SVG document. The legend lists every line of the panels once.
 ///
 /// # Errors
-/// Where the figure cannot be drawn.
+/// Returns an error if the figure cannot be drawn.
 pub fn figure_svg(title: &str, panels: &[Panel]) -> Result<String> {
     figure_svg_over("s", title, panels)
 }
@@ -205,7 +205,7 @@ pub fn figure_svg(title: &str, panels: &[Panel]) -> Result<String> {
 /// As [`figure_svg`], over something else than time in seconds: `unit` stands at its ticks.
 ///
 /// # Errors
-/// Where the figure cannot be drawn.
+/// Returns an error if the figure cannot be drawn.
 pub fn figure_svg_over(unit: &str, title: &str, panels: &[Panel]) -> Result<String> {
     let height: u32 = panels.iter().map(|_| PANEL_HEIGHT).sum();
     laid_out_svg(unit, title, panels, height, (panels.len().max(1), 1))
@@ -214,7 +214,7 @@ pub fn figure_svg_over(unit: &str, title: &str, panels: &[Panel]) -> Result<Stri
 /// As [`figure_svg`], the panels side by side.
 ///
 /// # Errors
-/// Where the figure cannot be drawn.
+/// Returns an error if the figure cannot be drawn.
 pub fn row_svg(title: &str, panels: &[Panel]) -> Result<String> {
     laid_out_svg(
         "s",
@@ -253,7 +253,7 @@ fn laid_out_svg(
 /// A figure of all channels, measured and simulated.
 ///
 /// # Errors
-/// Where the figure cannot be drawn.
+/// Returns an error if the figure cannot be drawn.
 pub fn comparison_svg(title: &str, comparison: &Comparison) -> Result<String> {
     let rms = comparison.rms();
     let panels = Channel::ALL.map(|channel| {

@@ -1,6 +1,6 @@
 //! The first motion of a free run: from one frame, or from the first tenth of a second.
 //!
-//! A free run forgets nothing: what its first rate is off, its attitude is off all along, times the time flown. One
+//! A free run forgets nothing: an error of its first rate grows into an attitude error in proportion to time. One
 //! frame's rate carries all of that frame's noise, of the pelvis and of the joints, whose rates enter the angular
 //! momentum. So the motion is fitted by least squares: the one whose run over the recorded postures comes nearest to
 //! the attitudes, angular velocities and velocities recorded in the first tenth of a second.
@@ -47,7 +47,7 @@ const STEPS: usize = 6;
 /// Differences by which the slopes are taken (rad, rad/s, m/s).
 const DIFFERENCE: f64 = 1e-5;
 
-/// A motion changed by small numbers: turned, turning and moving a little otherwise (body axes).
+/// A motion perturbed by small changes of attitude, angular velocity and velocity (body axes).
 fn changed(motion: &Motion<f64>, numbers: &[f64]) -> Motion<f64> {
     let part = |from: usize| Vector3::new(numbers[from], numbers[from + 1], numbers[from + 2]);
     let turn = UnitQuaternion::from_scaled_axis(part(0));

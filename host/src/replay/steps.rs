@@ -44,13 +44,13 @@ pub struct Step {
     pub pair: Pair,
 }
 
-/// What a replay does where the model runs out of every plausible range.
+/// What a replay does if the model leaves every plausible range.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Divergence {
     /// Ends with an error.
     #[default]
     Refused,
-    /// Goes on; compared is the last motion that was plausible.
+    /// Continues, comparing with the last plausible motion.
     Held,
 }
 
@@ -97,7 +97,7 @@ impl<'a, T: Real, F: Iterator<Item = Result<FlightFrame>>> Replay<'a, T, F> {
     /// first frame (m, inertial).
     ///
     /// # Errors
-    /// As of [`Replay::new`].
+    /// Same as [`Replay::new`].
     pub fn with_dynamics(
         flight: &'a Flight,
         mut frames: F,
@@ -168,7 +168,7 @@ impl<'a, T: Real, F: Iterator<Item = Result<FlightFrame>>> Replay<'a, T, F> {
         })
     }
 
-    /// What happens where the model runs out of every plausible range.
+    /// What happens if the model leaves every plausible range.
     #[must_use]
     pub fn on_divergence(self, divergence: Divergence) -> Self {
         Self { divergence, ..self }
@@ -189,7 +189,7 @@ impl<'a, T: Real, F: Iterator<Item = Result<FlightFrame>>> Replay<'a, T, F> {
         &self.frames
     }
 
-    /// Goes on to `frame`; the one after it, where there is one, gives the joint rates at `frame`.
+    /// Advances to `frame`; the one after it, where there is one, gives the joint rates at `frame`.
     fn advance(&mut self, frame: &FlightFrame) -> Result<Step> {
         let (before, duration) = (self.last.time, frame.time - self.last.time);
         let inputs = self.flight.inputs_at(before + 0.5 * duration);
@@ -267,7 +267,7 @@ impl<T: Real, F: Iterator<Item = Result<FlightFrame>>> Iterator for Replay<'_, T
     }
 }
 
-/// Why a recording cannot be replayed that has fewer than two frames.
+/// The problem of a recording with fewer than two frames.
 pub fn too_short(recording: &Path) -> Problem {
     Problem::bad_input("expected at least two frames of type \"normal\"").in_file(recording)
 }

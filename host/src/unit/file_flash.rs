@@ -36,7 +36,7 @@ impl FileFlash {
     /// Opens a file, or makes one that is erased.
     ///
     /// # Errors
-    /// Where the file cannot be opened or made, or has another size.
+    /// Returns an error if the file cannot be opened or made, or has another size.
     pub(super) fn open(path: &Path) -> Result<Self> {
         let system = |error| Problem::system("open", path, error);
         let size = u64::from(SECTOR * SECTORS);

@@ -59,7 +59,7 @@ impl From<SerialPortInfo> for Port {
 /// All serial ports, by name.
 ///
 /// # Errors
-/// Where the system does not tell.
+/// Returns an error if the system does not tell.
 pub fn list() -> Result<Vec<Port>> {
     // The crate takes the folder for granted.
     #[cfg(target_os = "linux")]
@@ -76,7 +76,7 @@ pub fn list() -> Result<Vec<Port>> {
 /// Opens a port: 8 data bits, no parity, 1 stop bit, reads of at most [`READ_TIMEOUT`].
 ///
 /// # Errors
-/// Where it does not exist, is in use, or may not be opened.
+/// Returns an error if it does not exist, is in use, or may not be opened.
 pub fn open(name: &str, baud: u32) -> Result<Box<dyn SerialPort>> {
     serialport::new(name, baud)
         .timeout(READ_TIMEOUT)

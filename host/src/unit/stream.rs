@@ -28,15 +28,15 @@ use report::{Live, Report};
 use session::Session;
 pub use settings::{Pace, Settings};
 
-/// Samples a live display is told of at once.
+/// Samples per update of a live display.
 const SAMPLES_A_LOOK: u32 = 8;
 
 /// Streams `frames` of a flight, recorded at `frame_rate` (Hz), to a unit.
 ///
-/// `look` hears what happens, some thirty times a second at 240 Hz; `logs` gets the unit's defmt frames where there are any.
+/// `look` is told the progress, some thirty times a second at 240 Hz; `logs` gets the unit's defmt frames where there are any.
 ///
 /// # Errors
-/// Where the unit cannot be reached, refuses, or stops answering. What it answers is judged by the report.
+/// Returns an error if the unit cannot be reached, refuses, or stops answering. What it answers is judged by the report.
 pub fn stream(
     flight: &Flight,
     frame_rate: f64,
@@ -182,7 +182,7 @@ fn microseconds(seconds: f64) -> u64 {
     (seconds * 1e6).round() as u64
 }
 
-/// A number that the session before is unlikely to have had.
+/// A session number unlikely to repeat the previous one.
 fn session_number() -> u16 {
     let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
     let nanoseconds = now.map_or(0, |now| now.subsec_nanos());

@@ -31,7 +31,7 @@ impl VirtualUnit {
     /// Starts a unit.
     ///
     /// # Errors
-    /// Where the system has no pseudo-terminal to give.
+    /// Returns an error if the system has no pseudo-terminal to give.
     pub fn start() -> Result<Self> {
         Self::start_with(None)
     }
@@ -39,7 +39,7 @@ impl VirtualUnit {
     /// Starts a unit that keeps its log in a file, as one with flash does.
     ///
     /// # Errors
-    /// Where the system has no pseudo-terminal to give, or the file is of no use.
+    /// Returns an error if the system has no pseudo-terminal to give, or the file is of no use.
     pub fn start_with_log(path: &Path) -> Result<Self> {
         Self::start_with(Some(FileFlash::open(path)?))
     }
@@ -54,14 +54,14 @@ impl VirtualUnit {
         let writer = ours
             .try_clone_native()
             .map_err(|error| refused("share a pseudo-terminal").caused_by(error))?;
-        // Threads end with the process; a unit has no end of its own.
+        // The threads end with the process; a unit never ends by itself.
         let received: &'static Received = Box::leak(Box::new(Pipe::new()));
         std::thread::spawn(move || receive(ours, received));
         std::thread::spawn(move || serve(received, writer, flash));
         Ok(Self { path, _port: port })
     }
 
-    /// Where hosts find it, like any serial port.
+    /// Path at which hosts find it, like any serial port.
     pub fn path(&self) -> &Path {
         &self.path
     }

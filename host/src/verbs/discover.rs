@@ -41,7 +41,7 @@ pub fn read_track(flight: &Flight, options: Options) -> Result<Track> {
     Ok(Track::new(&frames, dynamics, |time| flight.inputs_at(time)))
 }
 
-/// Refuses a flight that is held out from itself: it would vote for whatever was fitted to it.
+/// Refuses a flight that is held out from itself: it would confirm whatever was fitted to it.
 ///
 /// # Errors
 /// Returns an error if two recordings are the same file, or files of the same content.

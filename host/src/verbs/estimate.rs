@@ -40,7 +40,7 @@ use crate::replay::steps::{Divergence, Replay};
 use report::{Flags, Point, Report, Watched};
 use verdict::{Collector, LONGEST_LOSS};
 
-/// Which of the two filters runs.
+/// Which of the two filters to run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Filter {
     /// The paper's: thirteen whole runs over 60 samples.
@@ -65,7 +65,7 @@ pub struct Estimation {
 /// Runs a filter over a recording and, beside it, the model with constant coefficients.
 ///
 /// # Errors
-/// Where a file is not usable, the recording is not at 240 Hz, or the preset is refused.
+/// Returns an error if a file is not usable, the recording is not at 240 Hz, or the preset is refused.
 pub fn estimate<T: Real>(
     flight: &Flight,
     preset: &Preset,
@@ -261,7 +261,7 @@ impl Estimation {
     /// Coefficients over time as CSV. The first columns are those that `inputs` of a `flight.toml` takes.
     ///
     /// # Errors
-    /// Where the disk refuses.
+    /// Returns an error if the disk refuses.
     pub fn write_csv(&self, path: &Path) -> Result<()> {
         let columns: Vec<&str> = Row::COLUMNS
             .into_iter()

@@ -39,7 +39,7 @@ pub struct Settings {
 /// Writes `reconstruction.svg`, `inputs.svg`, `top-view.svg` and `snapshots.svg` into `folder`, and tells where.
 ///
 /// # Errors
-/// As of [`estimate`], or where the folder cannot be written to.
+/// Same as [`estimate`], and an error if the folder cannot be written to.
 pub fn write(
     flight: &Flight,
     title: &str,

@@ -22,7 +22,7 @@ pub const FILES: &[&str] = &["flight.toml", "subject.toml", "flight.mvnx"];
 /// nothing were hidden.
 ///
 /// # Errors
-/// Where the folder cannot be written to.
+/// Returns an error if the folder cannot be written to.
 pub fn write(frames: &[Frame], subject: &Subject, rate: f64, folder: &Path) -> Result<PathBuf> {
     std::fs::create_dir_all(folder).map_err(|error| Problem::system("create", folder, error))?;
     let description = Description {

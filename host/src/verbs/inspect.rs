@@ -108,7 +108,7 @@ pub struct Marker {
 /// body. A file cut at its end is reported, not refused.
 ///
 /// # Errors
-/// Where the file cannot be read or is no recording.
+/// Returns an error if the file cannot be read or is no recording.
 pub fn inspect(path: &Path, person: Option<&Body<f64>>) -> Result<Report> {
     let mut report = inspect_reader(Reader::open(path, options())?)?;
     // Standard input is gone once it is read, and not every recording is a flight.
@@ -121,7 +121,7 @@ pub fn inspect(path: &Path, person: Option<&Body<f64>>) -> Result<Report> {
 /// As [`inspect`], from any input.
 ///
 /// # Errors
-/// Where the input cannot be read or is no recording.
+/// Returns an error if the input cannot be read or is no recording.
 pub fn inspect_input<R: BufRead>(input: R, path: &Path) -> Result<Report> {
     inspect_reader(Reader::new(input, path, options())?)
 }

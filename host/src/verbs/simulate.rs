@@ -35,7 +35,7 @@ pub struct Report {
     pub start: Start,
     /// How the track of a receiver was brought to the recording's clock, where the flight has one.
     pub gnss: Option<Alignment>,
-    /// What is not as a flight is.
+    /// What is implausible for a flight.
     pub warnings: Vec<Warning>,
 }
 
@@ -55,7 +55,7 @@ pub struct Simulation {
 /// `each` is called with every step; `progress` with the time reached (s).
 ///
 /// # Errors
-/// Returns an error if a file is not usable, fewer than two frames are there, or the model runs out of numbers.
+/// Returns an error if a file is not usable, fewer than two frames are there, or the simulation diverges.
 pub fn simulate<T: Real>(
     flight: &Flight,
     options: Options,
@@ -104,7 +104,7 @@ impl RunFile {
     /// Begins the file.
     ///
     /// # Errors
-    /// Where the folder cannot be written to.
+    /// Returns an error if the folder cannot be written to.
     pub fn create(path: &Path) -> Result<Self> {
         let names = Channel::ALL.into_iter().flat_map(|channel| {
             ["measured", "simulated"].map(|side| format!("{side}_{}", channel.key()))
@@ -116,7 +116,7 @@ impl RunFile {
     /// Adds a row.
     ///
     /// # Errors
-    /// Where the disk refuses.
+    /// Returns an error if the disk refuses.
     pub fn write(&mut self, step: &Step) -> Result<()> {
         let values = Channel::ALL.into_iter().flat_map(|channel| {
             [
@@ -130,7 +130,7 @@ impl RunFile {
     /// Gives the file its name.
     ///
     /// # Errors
-    /// Where the disk refuses; then no file is left.
+    /// Returns an error if the disk refuses; then no file is left.
     pub fn finish(self) -> Result<()> {
         self.0.finish()
     }

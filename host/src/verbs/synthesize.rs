@@ -94,7 +94,7 @@ pub const FILES: &[&str] = &[
 /// Flies the maneuver and writes `flight.toml`, `subject.toml`, `inputs.csv` and `flight.mvnx` into `folder`.
 ///
 /// # Errors
-/// Where the subject is not usable or the folder cannot be written to.
+/// Returns an error if the subject is not usable or the folder cannot be written to.
 pub fn synthesize(
     request: &Request<'_>,
     folder: &Path,
@@ -157,7 +157,7 @@ pub fn synthesize(
 /// Flies the maneuver and hands every recorded frame to `each`; the number of frames.
 ///
 /// # Errors
-/// Those of `each`.
+/// Returns the errors of `each`.
 pub fn fly(
     request: &Request<'_>,
     dynamics: &Dynamics<f64>,

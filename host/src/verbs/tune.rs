@@ -165,7 +165,7 @@ impl<'a> Loaded<'a> {
 /// Searches over `flights` and checks on `held_out`. `progress` is called once for each draw.
 ///
 /// # Errors
-/// Where a flight cannot be read or the guess itself does not fly.
+/// Returns an error if a flight cannot be read or the guess itself does not fly.
 pub fn tune(
     flights: &[Flight],
     held_out: &[Flight],

@@ -1,7 +1,7 @@
 //! `bodyflight validate`: the model against real recordings, nothing fitted but what a row says.
 //!
-//! In the air without a canopy the model has no excuse: postures and a first motion must give the turning that was
-//! measured. The bundled flights are somersaults with twists, see [`bundled`]; [`windows`] predicts parts of them. Tracks of
+//! In the air without a canopy the model has no excuse: postures and a first motion must reproduce the measured
+//! rotation. The bundled flights are somersaults with twists, see [`bundled`]; [`windows`] predicts parts of them. Tracks of
 //! loggers have no postures: [`falls`] asks whether their drag, wind and fall rate agree with themselves.
 
 pub mod bundled;

@@ -130,7 +130,7 @@ segment_layout: Array<[string, number]>, };
 export type Mode = "replay" | "live" | "fly";
 
 /**
- * An input file, for whoever wants to know where a page comes from.
+ * An input file, to tell where a page comes from.
  */
 export type Input = {
 /**

@@ -39,7 +39,7 @@ impl<T: Real> Form<T> {
         }
     }
 
-    /// Values about the axes of the solid, given about those of the segment.
+    /// Converts values about the axes of the solid to those of the segment.
     fn turned(&self, about: Vector3<T>) -> Vector3<T> {
         match self {
             Self::Up(_) | Self::Down(_) => about,

@@ -83,7 +83,7 @@ impl<T: Real> Girths<T> {
         self.0[girth as usize] = Some(value);
     }
 
-    /// With a girth (m) set.
+    /// The same girths with one set (m).
     #[must_use]
     pub fn with(mut self, girth: Girth, value: T) -> Self {
         self.set(girth, value);

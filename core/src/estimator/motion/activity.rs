@@ -1,7 +1,7 @@
-//! Which axes the skydiver moves on purpose, and when an angular velocity tells of the damping.
+//! Which axes the skydiver moves on purpose, and when an angular velocity is informative about damping.
 //!
-//! Muscle input is mostly nothing, and sometimes a push that comes within a tenth of a second. One spread for
-//! both is wrong for both: so inputs are quiet until the innovations of an axis' angular velocity have the
+//! Muscle input is mostly zero, and sometimes a push within a tenth of a second. No single spread fits both, so
+//! inputs are quiet until the innovations of an axis' angular velocity have the
 //! same sign for some samples, or lean to one side for a second, by more than chance allows.
 
 use nalgebra::Vector3;
@@ -37,7 +37,7 @@ pub struct Activity<T: Real> {
 }
 
 impl<T: Real> Activity<T> {
-    /// Nothing moves, in intervals of `duration` (s).
+    /// No axis active, for intervals of `duration` (s).
     pub fn new(preset: &MotionPreset, duration: T) -> Self {
         let within = |share: T| clamp(share, T::zero(), T::of(0.9));
         let share = within(duration / T::of(WINDOW));
@@ -89,10 +89,10 @@ impl<T: Real> Activity<T> {
         };
     }
 
-    /// By how much to believe what an angular velocity (rad/s, with its variance) says of the damping, 0 to 1.
+    /// How much an angular velocity (rad/s, with its variance) is trusted to inform the damping, 0 to 1.
     ///
-    /// Damping is found from how the angular velocity falls. Where that is mostly noise, the noise stands on both
-    /// sides of the comparison and pulls the damping away, slowly and for ever. So a quiet axis is looked at by
+    /// Damping is inferred from the decay of the angular velocity. Where that is mostly noise, the noise enters both
+    /// sides of the comparison and slowly biases the damping. So a quiet axis is looked at by
     /// an angular velocity of some time before, which does not know of the noise of now, and only where it is
     /// well above its own deviation.
     pub fn damping_trust(&mut self, spin: &Vector3<T>, variance: &Vector3<T>) -> [T; 3] {

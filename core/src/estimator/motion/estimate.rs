@@ -17,13 +17,13 @@ pub struct ChannelEstimate<T> {
     pub innovation: T,
     /// Its variance; zero where nothing was measured.
     pub variance: T,
-    /// Whether it was taken in.
+    /// Whether it was fused.
     pub fused: bool,
     /// Whether it was beyond the gate.
     pub rejected: bool,
 }
 
-/// What the filter says after a sample.
+/// The filter's output after a sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MotionEstimate<T: Real> {
     /// The sample it stands for, the one just taken in; sample 0 is the start.
@@ -39,9 +39,9 @@ pub struct MotionEstimate<T: Real> {
     /// Normalised innovation squared, the mean of a channel since the last estimate; one where model and noise
     /// match reality.
     pub normalised_innovation: T,
-    /// What the channels say of the filter.
+    /// Consistency of each channel.
     pub watch: Watch<T>,
-    /// The worst of it.
+    /// The worst of them.
     pub consistency: Consistency,
     /// What went wrong since the last estimate.
     pub faults: Faults,

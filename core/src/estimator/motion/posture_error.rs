@@ -1,4 +1,4 @@
-//! What joints that are recorded a little off do to the loads: the source of the residual load, from the model.
+//! How joints that are recorded slightly wrong change the loads: the source of the residual load, from the model.
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
@@ -73,7 +73,7 @@ impl<T: Real> PostureError<T> {
         }
     }
 
-    /// One axis anew, the next in turn. `sample` is a place to work in.
+    /// Recomputes one axis, the next in turn. `sample` is scratch space.
     pub fn renew_next(
         &mut self,
         dynamics: &Dynamics<T>,
@@ -130,7 +130,7 @@ pub fn covariance_of<T: Real>(columns: &[SVector<T, 6>; JOINT_AXES]) -> SMatrix<
     for column in columns {
         covariance += column * column.transpose();
     }
-    // So that it has an inverse where no joint moves some load.
+    // Keeps it invertible where no joint changes a component.
     for k in 0..6 {
         covariance[(k, k)] += T::of(COVARIANCE_FLOOR);
     }

@@ -18,17 +18,17 @@ pub struct MotionPreset {
     pub noise: Noise<f32>,
     /// Standard deviation of the muscle input; its mean is zero.
     pub muscle: [f32; 3],
-    /// Time in which muscle input is forgotten (s).
+    /// Correlation time of the muscle input (s).
     pub muscle_time: f32,
     /// Mean of the damping coefficients.
     pub damping: [f32; 3],
     /// Their standard deviation.
     pub damping_deviation: [f32; 3],
-    /// Time in which damping is forgotten (s).
+    /// Correlation time of the damping (s).
     pub damping_time: f32,
     /// Standard deviation of muscle input and of damping while an axis is moved on purpose.
     pub awake: [f32; 2],
-    /// Time in which inputs then change, and for which an axis stays awake (s).
+    /// Time in which inputs then change, and for which an axis stays active (s).
     pub awake_time: f32,
     /// Deviations of the mean innovation of the angular velocity at which an axis wakes up.
     pub awake_threshold: f32,
@@ -44,7 +44,7 @@ pub struct MotionPreset {
     pub acceleration_noise: f32,
     /// Angular acceleration that the model does not know (rad/s2 over the root of Hz).
     pub angular_acceleration_noise: f32,
-    /// Deviations from the prediction beyond which a channel is not believed.
+    /// Innovation gate: deviations from the prediction beyond which a channel is rejected.
     pub gate: f32,
     /// Samples a second (Hz).
     pub sample_rate: f32,
@@ -116,7 +116,7 @@ impl MotionPreset {
     }
 }
 
-/// What the inputs do by themselves in one interval: fall back to their mean, and wander.
+/// How the inputs evolve over one interval: they return to their mean, and wander.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Process<T: Real> {
     centre: SVector<T, INPUT_STATES>,
@@ -147,7 +147,7 @@ impl<T: Real> Process<T> {
     /// For intervals of `duration` (s).
     ///
     /// # Errors
-    /// A number that is not finite or of the wrong sign.
+    /// Returns an error if a number is not finite or has the wrong sign.
     pub fn new(preset: &MotionPreset, duration: T) -> Result<Self, SettingsError> {
         let positive = |value: f32| value.is_finite() && value > 0.0;
         let times = [
@@ -201,12 +201,12 @@ impl<T: Real> Process<T> {
         })
     }
 
-    /// Where inputs fall back to.
+    /// The mean that inputs return to.
     pub fn centre(&self) -> SVector<T, INPUT_STATES> {
         self.centre
     }
 
-    /// Share of the way from there that is left after an interval.
+    /// Share of the distance from the mean that is left after an interval.
     pub fn decay(&self) -> SVector<T, INPUT_STATES> {
         self.decay
     }
@@ -292,7 +292,7 @@ impl<T: Real> Process<T> {
         covariance
     }
 
-    /// Adds what an interval makes uncertain.
+    /// Adds the process noise of an interval.
     pub fn add_noise(&self, covariance: &mut SMatrix<T, STATES, STATES>) {
         let one = T::one();
         for (first, variance) in [VELOCITY, SPIN].into_iter().zip(self.motion) {

@@ -44,7 +44,7 @@ pub fn keep_positive<T: Real>(covariance: &mut SMatrix<T, STATES, STATES>) -> bo
     let floor = T::of(VARIANCE_FLOOR);
     let mut changed = false;
     for k in 0..STATES {
-        // Not a number is not above.
+        // NaN is never above.
         let positive = covariance[(k, k)] > floor;
         if !positive {
             covariance[(k, k)] = floor;

@@ -1,8 +1,8 @@
-//! Whether the filter is right about its own errors: innovations channel by channel, over about a second.
+//! Whether the filter's error bars are right, judged by its innovations over about a second, channel by channel.
 //!
-//! Where model and noise match reality, normalised innovations have a mean square of one and know nothing of
-//! the one before. A mean square above one says that an error bar is too small; a correlation says that
-//! something pulls which the filter does not have. Both are watched by exponential means. A sensor that says the same
+//! Where model and noise match reality, normalised innovations have a mean square of one and are independent of
+//! one another. A mean square above one means that an error bar is too small; correlation means that something
+//! acts that is missing from the filter. Both are watched by exponential means. A sensor that says the same
 //! again and again ([`repeats`](super::repeats)) measures nothing.
 
 use super::measurement::CHANNELS;
@@ -12,13 +12,13 @@ use crate::math::Real;
 /// Time over which means are taken (s).
 pub const WINDOW: f64 = 1.0;
 
-/// How far what the filter says of itself agrees with what is measured.
+/// How well the filter's own error bars agree with the measurements.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
 pub enum Consistency {
     /// Estimates lie within their error bars as far as measurements can tell.
     #[default]
     Consistent,
-    /// Error bars are too small, or something acts that the filter does not have: use with care.
+    /// Error bars are too small, or something acts that is missing from the filter: use with care.
     Doubtful,
     /// Predictions do not follow the measurements: do not use.
     Lost,
@@ -86,7 +86,7 @@ impl<T: Real> ChannelWatch<T> {
     fn take(&mut self, normalised: T, rejected: bool, share: T) {
         self.seen = true;
         let one = T::one();
-        // A wild value says no more than a rejected one.
+        // A wild value counts no more than a rejected one.
         let limit = T::of(10.0);
         let value = crate::math::clamp(normalised, -limit, limit);
         self.mean_square += (value * value - self.mean_square) * share;
@@ -235,7 +235,7 @@ mod tests {
         assert_eq!(watched(|value| 0.1 * value), Consistency::Consistent);
         assert_eq!(watched(|value| 1.7 * value), Consistency::Doubtful);
         assert_eq!(watched(|value| 4.0 * value), Consistency::Lost);
-        // Something pulls: the mean square is hardly larger, and neighbours know of each other.
+        // A steady pull: the mean square hardly grows, but neighbouring innovations correlate.
         assert_eq!(watched(|value| value + 0.95), Consistency::Doubtful);
     }
 

@@ -99,7 +99,7 @@ impl<T: Real, const N: usize> Settings<T, N> {
     /// Whether a filter may run on these settings.
     ///
     /// # Errors
-    /// The first rule that is broken.
+    /// Returns an error that names the first rule that is broken.
     pub fn check(&self) -> Result<(), SettingsError> {
         let (zero, one) = (T::zero(), T::one());
         let within = |value: T, low: T, high: T| value >= low && value <= high;

@@ -23,7 +23,7 @@ pub(in crate::cli) struct Args {
     /// Other flights, which effects are not fitted to but have to help in.
     #[arg(long, value_name = "FLIGHT", num_args = 1..)]
     pub(super) hold_out: Vec<PathBuf>,
-    /// Most effects that are named.
+    /// Largest number of effects to name.
     #[arg(long, default_value_t = 3)]
     pub(super) max_effects: usize,
     /// Seed of the flights that are drawn for comparison.
@@ -32,7 +32,7 @@ pub(in crate::cli) struct Args {
     /// Folder for report.json, report.svg and model.toml; made where absent.
     #[arg(long)]
     pub(super) out: Option<PathBuf>,
-    /// End with the errors that were found, what they adjust, and what to fly next.
+    /// End with the errors found, what they adjust, and what to fly next.
     #[arg(long)]
     pub(super) explain: bool,
     #[command(flatten)]

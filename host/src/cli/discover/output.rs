@@ -71,7 +71,7 @@ pub(super) fn print_names(outcome: Outcome, effects: &[Named], nearest: &[Named]
         if !named.rivals.is_empty() {
             let rivals: Vec<&str> = named.rivals.iter().map(|rival| rival.name).collect();
             terminal::print(&format!(
-                "    not to be told from {} here; fly: {}",
+                "    indistinguishable from {} in this flight; fly: {}",
                 rivals.join(", "),
                 named.separated_by
             ));

@@ -51,7 +51,7 @@ impl Tables {
         Ok(Self::parse(&bytes))
     }
 
-    /// Bytes that are not text are no reason to lose the rest of a track.
+    /// Bytes that are not text must not cost the rest of a track.
     pub(super) fn parse(bytes: &[u8]) -> Self {
         let mut tables = Self {
             columns: BTreeMap::new(),

@@ -1,4 +1,4 @@
-//! Tracks that are whole, damaged, and none.
+//! Whole tracks, damaged tracks, and other files.
 
 use std::io::Write;
 

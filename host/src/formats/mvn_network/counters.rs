@@ -7,7 +7,7 @@ use serde::Serialize;
 pub struct Counters {
     /// Datagrams of any kind.
     pub datagrams: u64,
-    /// Datagrams that are none of MVN or hold less than they say.
+    /// Datagrams that are not from MVN or are shorter than they claim.
     pub bad_datagrams: u64,
     /// Datagrams of other persons and of kinds that a flight does not need.
     pub ignored_datagrams: u64,
@@ -23,7 +23,7 @@ pub struct Counters {
     pub missing_samples: u64,
     /// Samples without the pose of the whole body.
     pub incomplete_samples: u64,
-    /// Samples with numbers that cannot be.
+    /// Samples with impossible numbers.
     pub bad_samples: u64,
     /// Frames handed out.
     pub frames: u64,

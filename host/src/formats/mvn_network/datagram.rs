@@ -100,7 +100,7 @@ pub struct Datagram<'a> {
     pub payload: &'a [u8],
 }
 
-/// Bytes that are no datagram of MVN.
+/// Bytes that are not an MVN datagram.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum BadDatagram {
     /// It does not begin with "MXTP" and two digits.
@@ -111,7 +111,7 @@ pub enum BadDatagram {
     Short {
         /// Bytes there are.
         found: usize,
-        /// Bytes the header speaks of.
+        /// Bytes that the header announces.
         expected: usize,
     },
 }
@@ -121,7 +121,7 @@ impl<'a> Datagram<'a> {
     /// is all that follows.
     ///
     /// # Errors
-    /// [`BadDatagram`] where the bytes are none.
+    /// Returns [`BadDatagram`] if the bytes are not a datagram.
     pub fn parse(bytes: &'a [u8]) -> Result<Self, BadDatagram> {
         let short = |expected| BadDatagram::Short {
             found: bytes.len(),

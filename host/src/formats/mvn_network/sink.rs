@@ -24,7 +24,7 @@ use crate::interrupt;
 const INTRODUCTION_PERIOD: f64 = 1.0;
 /// Points of the skeleton in one datagram: with their names still below 1500 bytes.
 const POINTS_PER_DATAGRAM: usize = 24;
-/// Longest wait without a look at Ctrl-C.
+/// Longest wait between checks for Ctrl-C.
 const NAP: Duration = Duration::from_millis(100);
 
 /// How fast to send.
@@ -82,7 +82,7 @@ impl Sink {
     /// Sends to `address`, `host:port`, a flight of `body`.
     ///
     /// # Errors
-    /// Where the address is none or cannot be reached.
+    /// Returns an error if the address is none or cannot be reached.
     pub fn connect(address: &str, body: &Body<f64>, subject_label: &str) -> Result<Self> {
         let socket = UdpSocket::bind("0.0.0.0:0")
             .and_then(|socket| socket.connect(address).map(|()| socket))
@@ -102,7 +102,7 @@ impl Sink {
     /// Takes a frame and sends the one before it, whose accelerations are known now.
     ///
     /// # Errors
-    /// Where the network fails.
+    /// Returns an error if the network fails.
     pub fn send(&mut self, frame: &FlightFrame) -> Result<()> {
         let pelvis = &frame.pelvis;
         let placed = self
@@ -117,7 +117,7 @@ impl Sink {
     /// Sends the last frame.
     ///
     /// # Errors
-    /// Where the network fails.
+    /// Returns an error if the network fails.
     pub fn finish(mut self) -> Result<Sent> {
         if let Some(moving) = self.differences.last() {
             self.put(&moving)?;
@@ -307,7 +307,7 @@ fn time_of_day(time: f64) -> String {
 /// Sends a whole flight at a speed and tells how far it is after each frame.
 ///
 /// # Errors
-/// Where a frame cannot be read or sent, or Ctrl-C was pressed.
+/// Returns an error if a frame cannot be read or sent, or Ctrl-C was pressed.
 pub fn replay(
     frames: impl Iterator<Item = Result<FlightFrame>>,
     mut sink: Sink,

@@ -36,7 +36,7 @@ impl Source {
     /// Listens at `address`: `host:port`, or `:port` for all networks of this machine.
     ///
     /// # Errors
-    /// Where the address is none, or its port is taken.
+    /// Returns an error if the address is none, or its port is taken.
     pub fn bind(address: &str) -> Result<Self> {
         Self::with_options(address, Options::default())
     }
@@ -44,7 +44,7 @@ impl Source {
     /// As [`Source::bind`], with options.
     ///
     /// # Errors
-    /// As [`Source::bind`].
+    /// Same as [`Source::bind`].
     pub fn with_options(address: &str, options: Options) -> Result<Self> {
         let full = match address.strip_prefix(':') {
             Some(port) => format!("0.0.0.0:{port}"),
@@ -64,7 +64,7 @@ impl Source {
     /// Where it listens.
     ///
     /// # Errors
-    /// Where the system does not tell.
+    /// Returns an error if the system does not tell.
     pub fn local_address(&self) -> Result<SocketAddr> {
         self.socket
             .local_addr()
@@ -79,7 +79,7 @@ impl Source {
     /// The next frame, `None` where none comes within `patience`.
     ///
     /// # Errors
-    /// Where the socket fails, the time codes stand still and no rate is given, or Ctrl-C was pressed.
+    /// Returns an error if the socket fails, the time codes stand still and no rate is given, or Ctrl-C was pressed.
     pub fn next_within(&mut self, patience: Duration) -> Result<Option<FlightFrame>> {
         let begin = Instant::now();
         loop {

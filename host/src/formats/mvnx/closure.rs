@@ -1,4 +1,4 @@
-//! Do the segments meet at their joints? The best check of a recording, and the test of its arm frames.
+//! Whether the segments meet at their joints: the best check of a recording, and how its arm frame is found.
 //!
 //! Versions of MVN write the orientation of upper arms, forearms and hands in one of two frames: with the
 //! axes of the T-pose, or with those of the International Society of Biomechanics (ISB). No flag tells which.

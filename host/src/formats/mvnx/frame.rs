@@ -21,7 +21,7 @@ pub enum FrameKind {
 }
 
 impl FrameKind {
-    /// From the attribute `type`.
+    /// Parses the attribute `type`.
     pub fn from_name(name: &str) -> Self {
         match name {
             "normal" => Self::Normal,

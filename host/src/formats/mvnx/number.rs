@@ -7,7 +7,7 @@ const NORM_TOLERANCE: f64 = 0.01;
 
 /// Appends the numbers of `text` to `numbers`, at most to `capacity` of them; more are only counted.
 ///
-/// Gives how many numbers there were, or what a token was that is no finite number.
+/// Returns how many numbers there were, or the token that is not a finite number.
 pub(super) fn append(text: &str, capacity: usize, numbers: &mut Vec<f64>) -> Result<usize, String> {
     let mut count = 0;
     for token in text.split_ascii_whitespace() {

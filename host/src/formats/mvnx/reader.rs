@@ -23,7 +23,7 @@ const INDEX_LIMIT: u64 = 1 << 53;
 /// Longest time without frames (s): what follows is no part of the same flight.
 const LONGEST_GAP: f64 = 3600.0;
 
-/// What to read, and whether a cut file will do.
+/// What to read, and whether a truncated file is accepted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ReadOptions {
     /// Fields to read; others are passed over unread.
@@ -76,7 +76,7 @@ impl Reader<Input> {
     /// Opens a recording, also one that gzip or xz has packed, and reads its header and calibration.
     ///
     /// # Errors
-    /// Where the file cannot be read or is no recording of version 3 or 4.
+    /// Returns an error if the file cannot be read or is no recording of version 3 or 4.
     pub fn open(path: &Path, options: ReadOptions) -> Result<Self> {
         Self::new(input::open(path)?, path, options)
     }
@@ -86,7 +86,7 @@ impl<R: BufRead> Reader<R> {
     /// Reads header and calibration from any input; `path` names it in messages.
     ///
     /// # Errors
-    /// Where the input cannot be read or is no recording of version 3 or 4.
+    /// Returns an error if the input cannot be read or is no recording of version 3 or 4.
     pub fn new(input: R, path: &Path, options: ReadOptions) -> Result<Self> {
         let is_container = path
             .extension()
@@ -159,7 +159,7 @@ impl<R: BufRead> Reader<R> {
     /// A frame with unusable numbers is given with its [`Frame::fault`]: whether to go on is the caller's choice.
     ///
     /// # Errors
-    /// Where the file is not well-formed, ends too early, or its frames are out of order.
+    /// Returns an error if the file is not well-formed, ends too early, or its frames are out of order.
     pub fn next_frame(&mut self, frame: &mut Frame) -> Result<bool> {
         if let Some(first) = self.first.take() {
             *frame = first;

@@ -1,4 +1,4 @@
-//! XML events with their lines, and everything refused that a recording has no use for.
+//! XML events with their lines. Refuses every XML feature that a recording does not need.
 
 use std::borrow::Cow;
 use std::io::BufRead;
@@ -205,7 +205,7 @@ impl<R: BufRead> Scanner<R> {
     }
 }
 
-/// What an error of the parser means: the end of the file, or that it cannot be read on.
+/// Translates a parser error: the file ended, or cannot be read any further.
 fn refusal<'t, R: BufRead>(
     error: Error,
     input: &LimitedInput<R>,
@@ -261,7 +261,7 @@ fn check_encoding(declaration: &BytesDecl<'_>, problem: impl Fn(String) -> Probl
     }
 }
 
-/// A text from a file as it may stand in a message: short and printable.
+/// Text from a file made fit for a message: short and printable.
 pub(super) fn shortened(text: &str) -> String {
     const LENGTH: usize = 40;
     let mut shown: String = text

@@ -1,4 +1,4 @@
-//! What stands between a file and the XML parser: a look at the first bytes, and a limit on each event.
+//! Between a file and the XML parser: checks the first bytes, and limits the size of each event.
 
 use std::io::{self, BufRead, Chain, Cursor, Read};
 
@@ -14,7 +14,7 @@ const HEAD: usize = 64;
 /// A buffered input with its first bytes seen and given back.
 pub(super) type Sniffed<R> = Chain<Cursor<Vec<u8>>, R>;
 
-/// Refuses what is recognisably something else than XML in UTF-8.
+/// Refuses input that is recognisably not XML in UTF-8.
 pub(super) fn sniff<R: BufRead>(
     mut input: R,
     is_container: bool,

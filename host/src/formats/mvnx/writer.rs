@@ -32,7 +32,7 @@ impl Writer<AtomicFile> {
     /// Begins a recording of `body` in a file: header, skeleton and calibration.
     ///
     /// # Errors
-    /// Where the folder cannot be written to, or the frame rate is not above 0.
+    /// Returns an error if the folder cannot be written to, or the frame rate is not above 0.
     pub fn create(path: &Path, description: Description, body: &Body<f64>) -> Result<Self> {
         Self::new(AtomicFile::create(path)?, path, description, body)
     }
@@ -40,7 +40,7 @@ impl Writer<AtomicFile> {
     /// Completes the file and gives it its name, in place of any file there.
     ///
     /// # Errors
-    /// Where the disk refuses; then no file is left.
+    /// Returns an error if the disk refuses; then no file is left.
     pub fn finish(self) -> Result<()> {
         self.complete()?.finish()
     }
@@ -50,7 +50,7 @@ impl<W: Write> Writer<W> {
     /// Begins a recording of `body` in any output; `path` names it in messages.
     ///
     /// # Errors
-    /// Where the output refuses, or the frame rate is not above 0.
+    /// Returns an error if the output refuses, or the frame rate is not above 0.
     pub fn new(
         mut output: W,
         path: &Path,
@@ -81,7 +81,7 @@ impl<W: Write> Writer<W> {
     /// accelerations, come from differences between frames.
     ///
     /// # Errors
-    /// Where the output refuses, an index does not rise, or a number is not finite.
+    /// Returns an error if the output refuses, an index does not rise, or a number is not finite.
     pub fn write(&mut self, frame: &FlightFrame) -> Result<()> {
         let problem = |message: &str| {
             Problem::bad_input(message)
@@ -121,7 +121,7 @@ impl<W: Write> Writer<W> {
     /// Writes what follows the frames and gives the output back.
     ///
     /// # Errors
-    /// Where the output refuses.
+    /// Returns an error if the output refuses.
     pub fn complete(mut self) -> Result<W> {
         if let Some(moving) = self.differences.last() {
             self.put(&moving)?;

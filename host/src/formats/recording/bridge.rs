@@ -78,7 +78,7 @@ impl Bridge {
         self.ready.pop_front()
     }
 
-    /// Forgets what is held, after a problem.
+    /// Drops held frames, after a problem.
     pub(super) fn discard(&mut self) {
         self.ready.clear();
         self.bad.clear();
@@ -102,7 +102,7 @@ impl Bridge {
             return Err(refusal(&fault).help("correct the file, or allow short gaps to be bridged"));
         }
         let first = self.bad.first().unwrap_or(&fault);
-        // Even before the next good frame: what is bad already may be too long, and must not pile up.
+        // Checked before the next good frame arrives: a long bad run must not accumulate.
         if self.time(fault.index) - self.time(first.index) > BRIDGE_LIMIT {
             return Err(self.too_long(first.clone()));
         }

@@ -74,7 +74,7 @@ impl FlightFrame {
     /// Velocity (m/s) and angular velocity (rad/s) of the pelvis, for work that cannot do without.
     ///
     /// # Errors
-    /// Where the file lacks one of them: which, and how to get it.
+    /// Returns an error if the file lacks one of them: which, and how to get it.
     pub fn rates(&self) -> Result<(Vector<f64, Inertial>, Vector<f64, Inertial>)> {
         let missing = |field: Field| {
             let element = field.element();

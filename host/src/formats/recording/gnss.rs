@@ -1,5 +1,5 @@
-//! A satellite receiver's track beside the recording of a suit: brought to one clock, and its velocities put in place of
-//! the suit's, which a suit without ground under its feet can only guess.
+//! A GNSS receiver's track beside the recording of a suit: brought to the same clock, and its velocities put in place
+//! of the suit's, which a suit in the air can only guess.
 //!
 //! Both see the same vertical speed and the same turns of the way over ground. Of all shifts of the clock the one with
 //! the least squares is taken: velocities up to a line over time, as a suit's drift, and horizontal ones up to one turn of
@@ -80,7 +80,7 @@ fn velocity_at(samples: &[Sample], time: f64) -> Option<Vector3<f64>> {
     )
 }
 
-/// What is left of the differences at one shift.
+/// The residuals at one shift.
 struct Left {
     vertical: f64,
     horizontal: f64,
@@ -129,7 +129,7 @@ fn left(recorded: &[(f64, Vector3<f64>)], samples: &[Sample], shift: f64) -> Opt
     })
 }
 
-/// Least variance of a velocity that is believed (m2/s2).
+/// Smallest variance of a velocity that is credible (m2/s2).
 const LEAST_VARIANCE: f64 = 1e-4;
 
 impl Left {

@@ -1,7 +1,7 @@
-//! What a recording of a flight cannot be: watched while it is read, frame by frame, in constant memory.
+//! Plausibility checks of a recording, made while it is read, frame by frame, in constant memory.
 //!
-//! Attitudes, angular velocities, positions and velocities say the same thing twice; where they do not, a unit, an order
-//! or an axis is not what the format says, and a simulation would be wrong without a word.
+//! Attitudes and angular velocities are redundant, and so are positions and velocities. Where they disagree, a unit, an
+//! order or an axis is not what the format says, and a simulation would be silently wrong.
 
 use bodyflight_core::Segment;
 use bodyflight_core::frame::{Inertial, Vector};
@@ -12,7 +12,7 @@ use super::bridge::BRIDGE_LIMIT;
 use super::frame::FlightFrame;
 use crate::formats::xsens;
 
-/// Shortest flight that says much (s).
+/// Shortest flight worth judging (s).
 const SHORTEST: f64 = 2.0;
 
 /// Frames from which on rates are compared.
@@ -40,14 +40,14 @@ const ALIKE: f64 = 0.95;
 /// Ratios that degrees in place of radians make, with room for noise.
 const DEGREES: core::ops::Range<f64> = 40.0..75.0;
 
-/// Speed upwards that no fall has (m/s).
+/// Upward speed that no fall reaches (m/s).
 const RISES: f64 = 10.0;
 
 /// Way over which positions and velocities are compared (m), and how far apart they may be (share).
 const MOVES: f64 = 1.0;
 const WAYS_APART: f64 = 0.3;
 
-/// Something that is not as a flight is.
+/// Something implausible for a flight.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Warning {
     /// The frame where it shows.
@@ -62,7 +62,7 @@ impl core::fmt::Display for Warning {
     }
 }
 
-/// The same vector told in two ways, summed up.
+/// Sums over a vector that is recorded in two ways.
 #[derive(Debug, Clone, Copy, Default)]
 struct Agreement {
     expected: f64,
@@ -102,7 +102,7 @@ fn as_of_pelvis(recorded: &Vector3<f64>) -> Vector3<f64> {
     xsens_from_pelvis.quaternion().inverse() * recorded
 }
 
-/// What has been seen so far.
+/// What has been read so far.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Watch {
     first: Option<FlightFrame>,

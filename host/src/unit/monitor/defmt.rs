@@ -43,7 +43,7 @@ impl fmt::Display for Line {
 pub struct DefmtTotals {
     /// Lines given.
     pub lines: u64,
-    /// Frames that are none of this program's.
+    /// Frames that do not belong to this program.
     pub malformed_frames: u64,
     /// Bytes taken.
     pub bytes: u64,
@@ -62,16 +62,16 @@ impl Defmt {
     /// Reads the strings from an ELF file, the very one that runs on the unit.
     ///
     /// # Errors
-    /// Where the file cannot be read, is no ELF file, has no defmt strings, or another version of defmt.
+    /// Returns an error if the file cannot be read, is no ELF file, has no defmt strings, or another version of defmt.
     pub fn open(path: &Path) -> Result<Self> {
         let elf = input::bytes(path)?;
         Self::new(&elf).map_err(|problem| problem.in_file(path))
     }
 
-    /// As [`Defmt::open`], from the bytes of the file.
+    /// Same as [`Defmt::open`], from the bytes of the file.
     ///
     /// # Errors
-    /// As [`Defmt::open`].
+    /// Same as [`Defmt::open`].
     pub fn new(elf: &[u8]) -> Result<Self> {
         const HELP: &str =
             "give the ELF file that was flashed, as cargo build leaves it, not .bin or .hex";
@@ -193,7 +193,7 @@ impl Defmt {
     }
 }
 
-/// The decoder panics on some numbers that cannot be, such as times after the year 9999: malformed too.
+/// The decoder panics on some impossible numbers, such as times after the year 9999: those are malformed too.
 fn guarded<T>(
     decode: impl FnOnce() -> core::result::Result<T, DecodeError>,
 ) -> core::result::Result<T, DecodeError> {

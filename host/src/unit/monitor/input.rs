@@ -21,13 +21,13 @@ const AHEAD: usize = 64;
 pub enum Chunk {
     /// At least one byte.
     Bytes(Vec<u8>),
-    /// Nothing for now.
+    /// Nothing yet.
     Silence,
-    /// Nothing any more.
+    /// The end.
     End,
 }
 
-/// An input that is read on a thread of its own, so that waiting for it can end at any time.
+/// An input read on a thread of its own, so that waiting for it can be interrupted.
 #[derive(Debug)]
 pub struct Input {
     pieces: Receiver<io::Result<Vec<u8>>>,
@@ -38,7 +38,7 @@ impl Input {
     /// Opens `name`: `-` for standard input, a file, or else a serial port at `baud`.
     ///
     /// # Errors
-    /// Where it cannot be opened.
+    /// Returns an error if it cannot be opened.
     pub fn open(name: &str, baud: u32) -> Result<Self> {
         let path = Path::new(name);
         if name == "-" {
@@ -66,10 +66,10 @@ impl Input {
         }
     }
 
-    /// What comes next within `patience`.
+    /// The next bytes, waiting at most `patience`.
     ///
     /// # Errors
-    /// Where reading fails, as when a device is unplugged.
+    /// Returns an error if reading fails, as when a device is unplugged.
     pub fn next(&self, patience: Duration) -> Result<Chunk> {
         match self.pieces.recv_timeout(patience) {
             Ok(Ok(bytes)) if bytes.is_empty() => Ok(Chunk::Silence),
@@ -100,7 +100,7 @@ fn read(mut reader: impl Read, sender: &SyncSender<io::Result<Vec<u8>>>) {
             Ok(0) => return,
             Ok(length) => Ok(piece.get(..length).unwrap_or_default().to_vec()),
             Err(error) => match error.kind() {
-                // An empty piece asks whether anybody still listens.
+                // Sending an empty piece tells whether the receiver is still there.
                 ErrorKind::TimedOut | ErrorKind::WouldBlock | ErrorKind::Interrupted => {
                     Ok(Vec::new())
                 }

@@ -1,4 +1,4 @@
-//! Items of a sensor under names with units.
+//! A sensor's items, named with their units.
 
 use bodyflight_core::xbus::{CoordinateSystem, GnssPvt, Item, Reals, UtcTime};
 use serde_json::{Value, json};
@@ -64,7 +64,7 @@ fn in_axes(axes: CoordinateSystem, [enu, ned, nwu]: [&'static str; 3]) -> &'stat
     }
 }
 
-/// A number that is none is null.
+/// NaN and infinities become null.
 fn one(number: &Reals<'_, 1>) -> Value {
     let [number] = number.to_f64();
     json!(number)

@@ -41,7 +41,7 @@ pub struct Connection {
 
 /// A machine that lives as long as its connection.
 pub enum Machine {
-    /// Somebody else's.
+    /// Not started by this program.
     Foreign,
     /// QEMU, with the unit's logs.
     Qemu(Qemu),
@@ -56,7 +56,7 @@ impl Connection {
     /// Opens the line and starts the machine where it is ours.
     ///
     /// # Errors
-    /// Where there is no such port, or the machine does not start.
+    /// Returns an error if there is no such port, or the machine does not start.
     pub fn open(target: &Target) -> Result<Self> {
         match target {
             Target::Port { path, baud } => Self::port(path, *baud, Machine::Foreign),

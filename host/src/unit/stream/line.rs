@@ -17,7 +17,7 @@ enum Seen {
     Message(Instant, Header, Message),
     /// A frame that was refused.
     Refused,
-    /// The line is no more.
+    /// The line was closed.
     Closed(String),
 }
 
@@ -71,7 +71,7 @@ impl Line {
     /// Writes bytes.
     ///
     /// # Errors
-    /// Where the line does not take them.
+    /// Returns an error if the line does not take them.
     pub fn write(&mut self, bytes: &[u8]) -> Result<()> {
         self.sent_bytes += bytes.len() as u64;
         self.writer
@@ -83,7 +83,7 @@ impl Line {
     /// The next message, waiting until `deadline` at most.
     ///
     /// # Errors
-    /// Where the line was closed.
+    /// Returns an error if the line was closed.
     pub fn next(&mut self, deadline: Instant) -> Result<Option<(Instant, Header, Message)>> {
         loop {
             let wait = deadline.saturating_duration_since(Instant::now());

@@ -35,7 +35,7 @@ impl Qemu {
     /// Starts the machine with an image for the `lm3s6965evb`; the line to its first UART.
     ///
     /// # Errors
-    /// Where image or QEMU are missing, or the machine does not come up.
+    /// Returns an error if image or QEMU are missing, or the machine does not come up.
     pub fn start(image: &Path) -> Result<(Self, UnixStream)> {
         if !image.is_file() {
             return Err(Problem::bad_input("there is no image of the unit")

@@ -1,4 +1,4 @@
-//! What a stream came to.
+//! The result of a stream.
 
 use std::fmt::Write as _;
 
@@ -11,7 +11,7 @@ use super::settings::Settings;
 use super::twin::Agreement;
 use crate::diagnostic::{Problem, Result};
 
-/// A stream as it goes.
+/// The progress of a stream.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct Live {
@@ -150,7 +150,7 @@ fn place_of_panic(status: &Status) -> Option<String> {
     (!place.is_empty()).then(|| place.to_owned())
 }
 
-/// Frames that were harmed on purpose.
+/// Frames damaged on purpose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 #[expect(missing_docs, reason = "as in Struck")]
 pub struct Harmed {
@@ -169,7 +169,7 @@ impl From<&Struck> for Harmed {
     }
 }
 
-/// What a stream came to.
+/// The result of a stream.
 #[derive(Debug, Clone, Serialize)]
 pub struct Report {
     /// Build of the unit.
@@ -186,13 +186,13 @@ pub struct Report {
     pub wall_s: f64,
     /// Rate on the line to the unit (B/s).
     pub bytes_per_second: f64,
-    /// Frames harmed on purpose.
+    /// Frames damaged on purpose.
     pub harmed: Harmed,
     /// Estimates of the unit against the desktop's.
     pub estimates: Agreement,
     /// From sample to estimate.
     pub latency: Latency,
-    /// Samples that never reached the unit whole, beyond those harmed on purpose.
+    /// Samples that never reached the unit whole, beyond those damaged on purpose.
     pub lost: u32,
     /// Samples whose fate is known.
     pub accounted: u32,
@@ -240,7 +240,7 @@ impl Report {
     /// Whether every sample has its fate and every estimate is the desktop's.
     ///
     /// # Errors
-    /// A disagreement that says what differs.
+    /// Returns a disagreement that says what differs.
     pub fn verdict(&self) -> Result<()> {
         let mut wrong = String::new();
         let estimates = &self.estimates;

@@ -9,7 +9,7 @@ use serde::Serialize;
 /// A unit without ports or time: samples are worked off as they come.
 pub struct Twin {
     unit: Unit<NoTime>,
-    /// What it answered and nobody has compared, by the number of the sample.
+    /// Its answers that have not been compared yet, by sample number.
     expected: BTreeMap<u32, Estimate>,
     /// What the real unit answered first.
     early: BTreeMap<u32, Estimate>,
@@ -67,7 +67,7 @@ impl Default for Twin {
 }
 
 impl Twin {
-    /// Just started.
+    /// A unit that has just started.
     pub fn new() -> Self {
         Self {
             unit: Unit::new(NoTime, Identity::default()),
@@ -77,7 +77,7 @@ impl Twin {
         }
     }
 
-    /// Takes what goes over the line.
+    /// Takes bytes that go over the line.
     pub fn receive(&mut self, bytes: &[u8]) {
         self.unit.receive(bytes);
         while self.unit.work() {}
@@ -126,7 +126,7 @@ impl Agreement {
     }
 }
 
-/// All that does not depend on how fast a machine is.
+/// Everything that does not depend on the speed of a machine.
 fn bits(estimate: &Estimate) -> ([u32; 17], u16) {
     let Estimate {
         state,

@@ -10,7 +10,7 @@ use crate::output::plot::{Curve, EXTENDED, FLOOR, Line, PLAIN, Panel, figure_svg
 /// The figure as SVG.
 ///
 /// # Errors
-/// Where it cannot be drawn.
+/// Returns an error if it cannot be drawn.
 pub fn svg(title: &str, report: &Report) -> Result<String> {
     let panels: Vec<Panel> = (0..CHANNELS)
         .map(|channel| panel(report, channel))
@@ -21,7 +21,7 @@ pub fn svg(title: &str, report: &Report) -> Result<String> {
 /// The figure of a point: what each window misses, before and after.
 ///
 /// # Errors
-/// Where it cannot be drawn.
+/// Returns an error if it cannot be drawn.
 pub fn point_svg(title: &str, report: &point::report::Report) -> Result<String> {
     let spots = &report.residual_map;
     let panel = |component: usize| {

@@ -47,7 +47,7 @@ impl Estimation {
     /// Coefficients over time above, reconstructed and measured channels below, as SVG.
     ///
     /// # Errors
-    /// Where the figure cannot be drawn.
+    /// Returns an error if the figure cannot be drawn.
     pub fn svg(&self, title: &str) -> Result<String> {
         let channels = [
             Channel::Roll,

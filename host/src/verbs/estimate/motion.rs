@@ -54,11 +54,11 @@ pub struct Settings {
 }
 
 /// Joint errors that are tried (deg). None is smaller than what recordings have: an error that stays the same shows only once,
-/// and most of it may show as muscle input. The last is more than they have: what needs it is not the joints' error.
+/// and most of it may show as muscle input. The last is more than they have: a flight that needs more has another cause.
 const JOINT_ERRORS: [f32; 3] = [2.0, 4.0, IMPLAUSIBLE];
 const IMPLAUSIBLE: f32 = 8.0;
 
-/// Time before an axis is found awake at which it may have begun to move (s).
+/// How long before an axis is found active it may have begun to move (s).
 const AWAKE_BEFORE: f64 = 0.15;
 
 /// Runs the filter over a recording and, beside it, the model with constant coefficients.
@@ -153,7 +153,7 @@ struct Run<'a> {
     applied: AppliedLoads<f64>,
 }
 
-/// Sums the likelihood of what was measured.
+/// Sums the log likelihood of the measurements.
 #[derive(Default)]
 struct Likelihood(f64);
 
@@ -211,7 +211,7 @@ impl Run<'_> {
         Ok(())
     }
 
-    /// The error of the joints under which what was measured is most likely.
+    /// The joint error under which the measurements are most likely.
     fn joint_error(&self, preset: &MotionPreset) -> Result<f32> {
         let mut best = (f64::NEG_INFINITY, preset.joint_error);
         for degrees in JOINT_ERRORS {

@@ -67,7 +67,7 @@ impl Recorded {
         })
     }
 
-    /// Takes out what the sensors are known to do.
+    /// Corrects the known errors of the sensors.
     pub fn correct(&mut self, sensors: &Sensors<f64>) {
         if *sensors == Sensors::perfect() {
             return;

@@ -64,7 +64,7 @@ pub struct Report {
     pub nis_mean: f64,
     /// Faults by kind.
     pub flags: Flags,
-    /// Time that the filter itself took (s).
+    /// Time spent in the filter itself (s).
     pub filter_s: f64,
     /// Length of the flight (s).
     pub duration_s: f64,
@@ -90,7 +90,7 @@ pub struct Point {
     /// Normalised innovation squared of the update: of all channels by the paper's filter, the mean of a channel by
     /// the motion filter.
     pub normalised_innovation: f64,
-    /// What the motion filter says of itself.
+    /// What the motion filter reports about itself.
     pub consistency: Option<Consistency>,
     /// What the filter watches.
     pub watched: Watched,

@@ -80,7 +80,7 @@ pub struct Found {
 pub struct Smoothed {
     /// By how much the trajectory has to be moved.
     pub correction: Difference<f64>,
-    /// Standard deviations of what is left.
+    /// Standard deviations after the correction.
     pub deviation: Difference<f64>,
 }
 
@@ -302,8 +302,8 @@ impl Pass {
 }
 
 impl Taken {
-    /// Back through the update: with `K = spread / variance`, `(1 - K H)^T` on what comes from later, and what
-    /// the channel itself says.
+    /// Backwards through an update: with `K = spread / variance`, `(1 - K H)^T` times the adjoint from later, plus
+    /// the channel's own innovation.
     fn back(&self, adjoint: &mut Adjoint, errors: &Constants) {
         let inverse = 1.0 / self.variance;
         let gain = self.spread * inverse;
@@ -394,7 +394,7 @@ impl Step {
         }
     }
 
-    /// Back over the interval.
+    /// Backwards over the interval.
     fn back(&self, adjoint: &mut Adjoint) {
         adjoint.value = uncrossed(&self.slope, &self.decay, &adjoint.value);
         adjoint.effect = uncrossed(&self.slope, &self.decay, &adjoint.effect);

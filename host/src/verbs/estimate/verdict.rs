@@ -1,4 +1,4 @@
-//! Whether an estimate can be trusted, in a sentence.
+//! Whether an estimate can be trusted, as a sentence.
 
 use bodyflight_core::estimator::motion::measurement::{CHANNELS, NAMES, Noise};
 use bodyflight_core::estimator::motion::watch::{ChannelWatch, Consistency, Watch};
@@ -61,7 +61,7 @@ pub struct Collector {
 }
 
 impl Collector {
-    /// Takes in what the filter said of itself at `time` (s), `duration` (s) after the last.
+    /// Adds what the filter reported about itself at `time` (s), `duration` (s) after the last.
     pub fn take(&mut self, watch: &Watch<f64>, consistency: Consistency, time: f64, duration: f64) {
         for ((channel, sums), count) in watch
             .channels
@@ -149,7 +149,7 @@ pub fn worse_channels(rms: &PerChannel, constant: &PerChannel, noise: &Noise<f32
                 Channel::HorizontalVelocity => noise.horizontal_velocity,
                 Channel::VerticalVelocity => noise.vertical_velocity,
             });
-            // Not a number is worse.
+            // NaN counts as worse.
             let within = rms.get(channel) <= constant.get(channel) + WORSE * noise;
             !within
         })

@@ -1,4 +1,4 @@
-//! A recording as a flight: what it cannot be, and MVN's centre of mass beside that of the model's body.
+//! A recording as a flight: what is impossible in it, and MVN's centre of mass beside that of the model's body.
 
 use core::fmt;
 use std::path::Path;
@@ -31,7 +31,7 @@ pub struct CentreOfMass {
 /// What is worth knowing of a flight before it is simulated.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FlightReport {
-    /// What is not as a flight is.
+    /// What is implausible for a flight.
     pub warnings: Vec<Warning>,
     /// Centres of mass; null where the file has none.
     pub centre_of_mass: Option<CentreOfMass>,

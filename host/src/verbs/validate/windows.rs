@@ -46,12 +46,12 @@ pub const MODELS: [Model; 4] = [
     },
 ];
 
-/// Middle and upper end of errors.
+/// Median and 90th percentile of errors.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Spread {
-    /// Half of the windows are better (rad).
+    /// Median (rad).
     pub median_rad: f64,
-    /// Nine tenths of them are better (rad).
+    /// 90th percentile (rad).
     pub nine_tenths_rad: f64,
 }
 
@@ -159,7 +159,7 @@ pub fn whole_run(flight: &Recorded, model: Model) -> Vec<Motion<f64>> {
     flight.run(0, last, &start, model.variant)
 }
 
-/// How far whole flights are off.
+/// Attitude errors of whole flights.
 pub fn whole(flights: &[&Recorded], model: Model) -> Whole {
     let rms = |flight: &&Recorded| {
         let run = whole_run(flight, model);

@@ -22,7 +22,7 @@ const LEAST: usize = 24;
 /// Frames of the page: numbers in single precision, least significant byte first.
 ///
 /// # Errors
-/// Where they are no whole frames, or no numbers.
+/// Returns an error if they are no whole frames, or no numbers.
 pub fn frames(bytes: &[u8]) -> Result<Vec<FlightFrame>> {
     let size = 4 * NUMBERS;
     if !bytes.len().is_multiple_of(size) || bytes.len() < size * LEAST {
@@ -92,7 +92,7 @@ fn frame(index: usize, numbers: &[f64]) -> Option<FlightFrame> {
 /// Writes frames as `flight.toml`, `subject.toml` and `flight.mvnx` into `folder`.
 ///
 /// # Errors
-/// Where the folder cannot be written to.
+/// Returns an error if the folder cannot be written to.
 pub fn write(
     frames: &[FlightFrame],
     subject: &Subject,

@@ -1,4 +1,4 @@
-//! A stream as it goes, for the page.
+//! A live stream, for the page.
 
 use std::time::Duration;
 
@@ -27,10 +27,10 @@ pub struct LiveView {
 }
 
 impl LiveView {
-    /// Begins to serve the page.
+    /// Starts serving the page.
     ///
     /// # Errors
-    /// Where the program was built without the page, or no port is free.
+    /// Returns an error if the program was built without the page, or no port is free.
     pub fn start(flight: &Flight, title: String, provenance: Provenance) -> Result<Self> {
         let subject = &flight.subject;
         let data = FlyData::new(&setup(subject, DEFAULT_DENSITY), shapes(subject));
@@ -51,15 +51,15 @@ impl LiveView {
     /// The way to the page for a browser, see [`Server::doorway`].
     ///
     /// # Errors
-    /// Where the system refuses a file.
+    /// Returns an error if the system refuses a file.
     pub fn doorway(&self) -> Result<tempfile::NamedTempFile> {
         self.server.doorway()
     }
 
-    /// Waits until somebody looks.
+    /// Waits until a page is open.
     ///
     /// # Errors
-    /// Where Ctrl-C was pressed.
+    /// Returns an error if Ctrl-C was pressed.
     pub fn await_page(&self) -> Result<()> {
         while self.server.listening() == 0 {
             interrupt::check()?;
@@ -71,7 +71,7 @@ impl LiveView {
     /// Sends what there is to see at a frame of the flight.
     ///
     /// # Errors
-    /// Where the numbers cannot be written.
+    /// Returns an error if the numbers cannot be written.
     pub fn show(&mut self, live: &Live, recorded: &FlightFrame) -> Result<()> {
         let height = recorded.pelvis.position.up();
         let dynamics = self

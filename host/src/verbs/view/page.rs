@@ -38,7 +38,7 @@ pub enum Mode {
     Fly,
 }
 
-/// An input file, for whoever wants to know where a page comes from.
+/// An input file, to tell where a page comes from.
 #[derive(Debug, Clone, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct Input {
@@ -52,7 +52,7 @@ impl Input {
     /// Of a file.
     ///
     /// # Errors
-    /// Where it cannot be read.
+    /// Returns an error if it cannot be read.
     pub fn of(path: &Path) -> Result<Self> {
         let refused = |error| Problem::system("read", path, error);
         let mut hasher = Sha256::new();
@@ -94,7 +94,7 @@ impl Provenance {
     /// Of a command and the files that it read.
     ///
     /// # Errors
-    /// Where a file cannot be read.
+    /// Returns an error if a file cannot be read.
     pub fn of(command: String, files: &[&Path]) -> Result<Self> {
         Ok(Self {
             version: env!("CARGO_PKG_VERSION"),
@@ -204,7 +204,7 @@ impl PageData {
 /// The page as one HTML file.
 ///
 /// # Errors
-/// Where the page was not built with the program.
+/// Returns an error if the page was not built with the program.
 pub fn html(data: &PageData) -> Result<String> {
     filled(PAGE, data)
 }

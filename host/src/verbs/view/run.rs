@@ -82,7 +82,7 @@ pub struct Run {
 /// Flies a recording, for the page.
 ///
 /// # Errors
-/// As of [`crate::verbs::simulate::simulate`].
+/// Same as [`crate::verbs::simulate::simulate`].
 pub fn fly(
     name: &str,
     flight: &Flight,
@@ -109,7 +109,7 @@ pub fn fly(
 /// Flies a recording: what there is to see, [`RATE`] rows a second, and the comparison of all frames.
 ///
 /// # Errors
-/// As of [`crate::verbs::simulate::simulate`].
+/// Same as [`crate::verbs::simulate::simulate`].
 pub fn fly_series(
     flight: &Flight,
     options: Options,

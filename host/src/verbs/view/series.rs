@@ -1,4 +1,4 @@
-//! Series of numbers, small: rounded to a step that the eye cannot see, differences, variable length, gzip, base64.
+//! Compact series of numbers: rounded to an invisible step, delta coded, variable length, gzip, base64.
 
 use std::io::Write;
 
@@ -87,7 +87,7 @@ impl Series {
         &[]
     }
 
-    /// Makes them small.
+    /// Compresses them.
     pub fn packed(&self) -> Packed {
         let steps = self
             .columns
@@ -133,7 +133,7 @@ mod tests {
     use proptest::prelude::*;
     use std::io::Read;
 
-    /// As the page reads it.
+    /// The form that the page reads.
     fn unpacked(packed: &Packed) -> Vec<Vec<f64>> {
         let zipped = STANDARD.decode(&packed.data).unwrap();
         let mut bytes = Vec::new();

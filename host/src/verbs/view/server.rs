@@ -62,10 +62,10 @@ struct Shared {
 }
 
 impl Server {
-    /// Begins to serve `page` on a free port; `answer` hears the binary messages of the page.
+    /// Starts serving `page` on a free port; `answer` handles the binary messages of the page.
     ///
     /// # Errors
-    /// Where no port is free, or the system has no randomness.
+    /// Returns an error if no port is free, or the system has no randomness.
     pub fn start(page: String, answer: Box<Answer>) -> Result<Self> {
         let refused = |what: &str| Problem::refused(format!("cannot {what} for the page"));
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))
@@ -104,7 +104,7 @@ impl Server {
     /// machine could read the token. It is removed when it is dropped.
     ///
     /// # Errors
-    /// Where the system refuses a file.
+    /// Returns an error if the system refuses a file.
     pub fn doorway(&self) -> Result<NamedTempFile> {
         let folder = std::env::temp_dir();
         let refused = |error| Problem::system("create", &folder, error);
@@ -123,7 +123,7 @@ impl Server {
         Ok(file)
     }
 
-    /// Pages that listen.
+    /// Pages that are connected.
     pub fn listening(&self) -> usize {
         self.listeners
             .lock()
@@ -131,7 +131,7 @@ impl Server {
             .len()
     }
 
-    /// Sends to every page that listens; one that is behind misses it.
+    /// Sends to every connected page; one that lags behind misses it.
     pub fn send(&self, message: &Message) {
         self.listeners
             .lock()
@@ -150,7 +150,7 @@ fn accept(listener: &TcpListener, shared: &Arc<Shared>) {
     loop {
         let begun = listener.accept().and_then(|(stream, _)| {
             let shared = Arc::clone(shared);
-            // A connection that fails concerns nobody else.
+            // A failed connection does not affect the others.
             std::thread::Builder::new().spawn(move || shared.serve(stream))
         });
         if begun.is_err() {
@@ -208,7 +208,7 @@ impl Shared {
             found.and_then(|header| std::str::from_utf8(header.value).ok())
         };
         let host = self.address.to_string();
-        // Another name for this address means that some other page's name was pointed here.
+        // Another host name for this address means DNS rebinding.
         if header("host") != Some(&host) {
             return Request::Refused("403 Forbidden", "this page is at 127.0.0.1 only");
         }

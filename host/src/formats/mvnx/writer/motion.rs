@@ -27,7 +27,7 @@ pub(crate) struct MovingFrame {
     pub(crate) centre_of_mass: Option<[Vector3<f64>; 3]>,
 }
 
-/// A frame in wait for its neighbour.
+/// A frame waiting for its neighbour.
 #[derive(Debug, Clone, Copy)]
 struct Sample {
     index: u64,

@@ -33,7 +33,7 @@ impl WaitingRoom {
     /// The head of a request, and not a byte beyond: what follows belongs to the socket.
     ///
     /// # Errors
-    /// Where the head is not whole in time, too long, or the connection was the oldest of too many.
+    /// Returns an error if the head is not whole in time, too long, or the connection was the oldest of too many.
     pub(super) fn read_head(&self, stream: &mut TcpStream) -> io::Result<Vec<u8>> {
         let number = self.enter(stream.try_clone()?);
         let head = read_head(stream, Instant::now() + HEAD_TIME);
@@ -91,7 +91,7 @@ fn read_head(stream: &mut TcpStream, end: Instant) -> io::Result<Vec<u8>> {
 /// What is left of the time.
 ///
 /// # Errors
-/// Where nothing is.
+/// Returns an error if nothing is.
 pub(super) fn left_until(end: Instant) -> io::Result<Duration> {
     let left = end.saturating_duration_since(Instant::now());
     if left.is_zero() {
