@@ -210,7 +210,7 @@ variance: [number, number, number, number, number, number],
 nis: number, };
 
 /**
- * A stream as it goes.
+ * The progress of a stream.
  */
 export type Live = {
 /**
