@@ -51,13 +51,17 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         if !posture.is_valid() || !state.is_finite() {
             return Err(SettingsError::Start);
         }
+        let is_first = !self.is_started();
         self.state.motion = state;
         self.start = Some(*motion);
         self.posture = *posture;
         self.interval = None;
         self.activity.start(&motion.angular_velocity.components);
-        self.posture_error
-            .renew(&self.dynamics, posture, motion, &mut self.sample);
+        // All axes at once take a unit longer than it has between two estimates: starting over, they follow one by one.
+        if is_first {
+            self.posture_error
+                .renew(&self.dynamics, posture, motion, &mut self.sample);
+        }
         self.process
             .set_sensitivity(self.posture_error.covariance());
         let turning = self
