@@ -3,8 +3,7 @@
 
 use std::borrow::Cow;
 
-use bodyflight_core::Segment;
-use bodyflight_core::body::pattern::{DRAW_IN_LEFT, JointAngles, PRESS};
+use bodyflight_core::body::pattern::{DRAW_IN_LEFT, PRESS, TO_BACK};
 
 use crate::estimator_flights::{FLIPS_AND_ROLLS, Flight, Pulse};
 
@@ -130,20 +129,6 @@ pub const STYLES: [Style; 10] = [
         0.05,
         [11.9, 7.7, 11.1],
     ),
-];
-
-/// Changes from the neutral posture to one that is stable back to earth.
-const TO_BACK: &JointAngles = &[
-    (Segment::Abdomen, [0.0, 0.0, -0.12]),
-    (Segment::Thorax, [0.0, 0.0, -0.08]),
-    (Segment::LeftUpperArm, [0.0, 0.0, 0.2]),
-    (Segment::RightUpperArm, [0.0, 0.0, 0.2]),
-    (Segment::LeftThigh, [0.0, 0.0, 0.8]),
-    (Segment::RightThigh, [0.0, 0.0, 0.8]),
-    (Segment::LeftShank, [0.0, 0.0, 0.2]),
-    (Segment::RightShank, [0.0, 0.0, 0.2]),
-    (Segment::LeftFoot, [0.0, 0.0, 0.6]),
-    (Segment::RightFoot, [0.0, 0.0, 0.6]),
 ];
 
 #[derive(Clone, Copy)]

@@ -10,10 +10,11 @@ use bodyflight_core::dynamics::{Dynamics, Inputs, Motion, State};
 use bodyflight_core::frame::{Rotation, Vector};
 use bodyflight_core::link::fault::{Faults, Injector, Random};
 use bodyflight_core::link::{
-    self, ArchSource, Configure, Estimate, Header, Hello, MAX_FRAME_LENGTH, Message,
-    PackedQuaternion, SCHEMA_HASH, Sample, SegmentTable, Start, Stop, StreamMode,
+    self, Estimate, Header, MAX_FRAME_LENGTH, Message, Sample, SegmentTable, Start, Stop,
+    StreamMode,
 };
 use bodyflight_firmware::{Board, Identity, Unit};
+use bodyflight_tests::greeting::{configure, hello};
 use nalgebra::{UnitQuaternion, Vector3};
 
 /// Samples a second.
@@ -65,13 +66,6 @@ fn heard(unit: &mut Unit<Bench>) -> Vec<Message> {
     messages
 }
 
-fn hello() -> Hello {
-    Hello {
-        schema_hash: SCHEMA_HASH,
-        max_frame_length: 200,
-    }
-}
-
 fn body() -> Body<f32> {
     Person::new(1.75, 75.0, Sex::Male).body().unwrap()
 }
@@ -80,21 +74,7 @@ fn running() -> Unit<Bench> {
     let mut unit = Unit::new(Bench::default(), Identity::default());
     let table = SegmentTable::of(&body(), &Aerodynamics::paper());
     tell(&mut unit, hello());
-    tell(
-        &mut unit,
-        Configure {
-            preset: 0,
-            sample_rate: 240.0,
-            update_rate: 60.0,
-            height: 1.75,
-            air_density: 1.0,
-            air_velocity: [0.0; 3],
-            arch_source: ArchSource::Posture,
-            arch: 1.0,
-            body_from_sensor: PackedQuaternion::default(),
-            table_digest: table.digest(),
-        },
-    );
+    tell(&mut unit, configure(0, &table));
     for row in table.rows() {
         tell(&mut unit, *row);
     }

@@ -13,10 +13,11 @@ use bodyflight_core::body::anthropometry::{Person, Sex};
 use bodyflight_core::body::pattern;
 use bodyflight_core::frame::{Rotation, Vector};
 use bodyflight_core::link::{
-    self, ArchSource, Configure, Estimate, Header, Hello, MAX_FRAME_LENGTH, Message,
-    PackedQuaternion, SCHEMA_HASH, Sample, SegmentTable, Start, Stop, StreamMode,
+    self, Estimate, Header, MAX_FRAME_LENGTH, Message, Sample, SegmentTable, Start, Stop,
+    StreamMode,
 };
 use bodyflight_firmware::{Board, Identity, Unit};
+use bodyflight_tests::greeting::{configure, hello};
 use nalgebra::{UnitQuaternion, Vector3};
 
 const RATE: u64 = 240;
@@ -81,28 +82,8 @@ impl Flying {
         };
         let body = Person::new(1.75, 75.0, Sex::Male).body().unwrap();
         let table = SegmentTable::of(&body, &Aerodynamics::paper());
-        flying.tell(
-            0,
-            Hello {
-                schema_hash: SCHEMA_HASH,
-                max_frame_length: 200,
-            },
-        );
-        flying.tell(
-            0,
-            Configure {
-                preset: 0,
-                sample_rate: 240.0,
-                update_rate: 60.0,
-                height: 1.75,
-                air_density: 1.0,
-                air_velocity: [0.0; 3],
-                arch_source: ArchSource::Posture,
-                arch: 1.0,
-                body_from_sensor: PackedQuaternion::default(),
-                table_digest: table.digest(),
-            },
-        );
+        flying.tell(0, hello());
+        flying.tell(0, configure(0, &table));
         for row in table.rows() {
             flying.tell(0, *row);
         }

@@ -74,14 +74,15 @@ pub fn cleaned(samples: &[Sample]) -> (Vec<Sample>, TakenOut) {
 
 /// The rows between two gaps that lose the most height.
 fn jump_without_gaps(samples: &[Sample]) -> &[Sample] {
-    let lost = |part: &&[Sample]| {
+    let lost = |part: &[Sample]| {
         let heights = || part.iter().map(Sample::height);
         heights().fold(f64::MIN, f64::max) - heights().fold(f64::MAX, f64::min)
     };
     let near = |before: &Sample, after: &Sample| after.time - before.time <= LONGEST_GAP;
     (samples.chunk_by(near))
-        .max_by(|a, b| lost(a).total_cmp(&lost(b)))
-        .unwrap_or_default()
+        .map(|part| (lost(part), part))
+        .max_by(|(a, _), (b, _)| a.total_cmp(b))
+        .map_or(&[], |(_, part)| part)
 }
 
 /// The first row of the whole that is not in the part.

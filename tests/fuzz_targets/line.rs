@@ -7,14 +7,15 @@ use bodyflight_core::body::anthropometry::{Person, Sex};
 use bodyflight_core::body::pattern;
 use bodyflight_core::frame::{Rotation, Vector};
 use bodyflight_core::link::{
-    self, ArchSource, Configure, Header, Hello, MAX_FRAME_LENGTH, Message, PackedQuaternion,
-    SCHEMA_HASH, Sample, SegmentTable, Start, Stop, StreamMode, TimeSync,
+    self, Configure, Header, MAX_FRAME_LENGTH, Message, Sample, SegmentTable, Start, Stop,
+    StreamMode, TimeSync,
 };
 use bodyflight_core::xbus::Decoder;
 use bodyflight_firmware::{Board, Identity, Unit};
 use nalgebra::{UnitQuaternion, Vector3};
 
 use super::choices::Choices;
+use crate::greeting::{configure, hello};
 
 /// A board whose clock is set by the input.
 #[derive(Debug, Default)]
@@ -127,21 +128,11 @@ impl Host {
 
     fn greeting(&self, preset: u8, sample_rate: f32, update_rate: f32) -> Vec<Message> {
         let mut messages = vec![
-            Message::from(Hello {
-                schema_hash: SCHEMA_HASH,
-                max_frame_length: 200,
-            }),
+            Message::from(hello()),
             Message::from(Configure {
-                preset: preset.into(),
                 sample_rate,
                 update_rate,
-                height: 1.75,
-                air_density: 1.0,
-                air_velocity: [0.0; 3],
-                arch_source: ArchSource::Posture,
-                arch: 1.0,
-                body_from_sensor: PackedQuaternion::default(),
-                table_digest: self.table.digest(),
+                ..configure(preset.into(), &self.table)
             }),
         ];
         messages.extend(self.table.rows().map(|row| Message::from(*row)));

@@ -13,10 +13,11 @@ use bodyflight_core::estimator::unit_preset::UnitPreset;
 use bodyflight_core::frame::{Rotation, Vector};
 use bodyflight_core::link::fault::{Faults, Injector};
 use bodyflight_core::link::{
-    self, ArchSource, Configure, Decoder, Event, Header, Hello, HelloAcknowledge, MAX_FRAME_LENGTH,
-    Message, PackedQuaternion, SCHEMA_HASH, Sample, SegmentTable, Start, Status, Stop, StreamMode,
+    self, Decoder, Event, Header, HelloAcknowledge, MAX_FRAME_LENGTH, Message, Sample,
+    SegmentTable, Start, Status, Stop, StreamMode,
 };
 use bodyflight_firmware::{Board, Identity, Unit};
+use bodyflight_tests::greeting;
 use nalgebra::{UnitQuaternion, Vector3};
 
 /// Samples a second.
@@ -286,22 +287,11 @@ impl Host {
         self.status = None;
         self.twin = Twin::new();
         self.running = true;
-        let hello = Hello {
-            schema_hash: SCHEMA_HASH,
-            max_frame_length: 200,
-        };
-        let configure = Configure {
-            preset: self.presets[usize::from(self.session.is_multiple_of(2))],
-            sample_rate: 240.0,
-            update_rate: 60.0,
-            height: 1.75,
-            air_density: 1.0,
-            air_velocity: [0.0; 3],
-            arch_source: ArchSource::Posture,
-            arch: 1.0,
-            body_from_sensor: PackedQuaternion::default(),
-            table_digest: self.table.digest(),
-        };
+        let hello = greeting::hello();
+        let configure = greeting::configure(
+            self.presets[usize::from(self.session.is_multiple_of(2))],
+            &self.table,
+        );
         // The commands go over a line without faults: how they are asked again is the session's own test. A twin must hear
         // the very same ones.
         let mut commands: Vec<Message> = vec![hello.into(), configure.into()];

@@ -102,6 +102,20 @@ pub const PRESS: &JointAngles = &[
     (Segment::RightThigh, [0.0, 0.0, 1.0]),
 ];
 
+/// Changes from the neutral posture to one that is stable back to earth.
+pub const TO_BACK: &JointAngles = &[
+    (Segment::Abdomen, [0.0, 0.0, -0.12]),
+    (Segment::Thorax, [0.0, 0.0, -0.08]),
+    (Segment::LeftUpperArm, [0.0, 0.0, 0.2]),
+    (Segment::RightUpperArm, [0.0, 0.0, 0.2]),
+    (Segment::LeftThigh, [0.0, 0.0, 0.8]),
+    (Segment::RightThigh, [0.0, 0.0, 0.8]),
+    (Segment::LeftShank, [0.0, 0.0, 0.2]),
+    (Segment::RightShank, [0.0, 0.0, 0.2]),
+    (Segment::LeftFoot, [0.0, 0.0, 0.6]),
+    (Segment::RightFoot, [0.0, 0.0, 0.6]),
+];
+
 /// One arm up, the other down: turns about the stream.
 pub const TURN: &JointAngles = &[
     (Segment::LeftUpperArm, [0.0, 0.0, 0.5]),

@@ -7,7 +7,7 @@ use super::base::{BELLY, about};
 use super::{Maneuver, Track};
 use crate::axis::AxisCoefficients;
 use crate::body::Segment;
-use crate::body::pattern::{DRAW_IN_LEFT, JointAngles, STRETCH};
+use crate::body::pattern::{DRAW_IN_LEFT, JointAngles, STRETCH, TO_BACK};
 
 /// Time of the first (s), and from one to the next.
 const FIRST: f64 = 2.0;
@@ -151,19 +151,6 @@ const fn on_back() -> [(f64, f64); 28] {
     knots
 }
 
-/// Changes from the neutral posture to one that is stable back to earth.
-const TO_BACK: &JointAngles = &[
-    (Segment::Abdomen, [0.0, 0.0, -0.12]),
-    (Segment::Thorax, [0.0, 0.0, -0.08]),
-    (Segment::LeftUpperArm, [0.0, 0.0, 0.2]),
-    (Segment::RightUpperArm, [0.0, 0.0, 0.2]),
-    (Segment::LeftThigh, [0.0, 0.0, 0.8]),
-    (Segment::RightThigh, [0.0, 0.0, 0.8]),
-    (Segment::LeftShank, [0.0, 0.0, 0.2]),
-    (Segment::RightShank, [0.0, 0.0, 0.2]),
-    (Segment::LeftFoot, [0.0, 0.0, 0.6]),
-    (Segment::RightFoot, [0.0, 0.0, 0.6]),
-];
 /// Both shoulders turned outwards: bent arms go up.
 const ARMS_UP: &JointAngles = &[
     (Segment::LeftUpperArm, [0.0, 0.0, 1.0]),

@@ -26,6 +26,9 @@ const LARGEST_TEXT: u64 = 16 << 20;
 /// Largest file that is kept in memory as a whole, unpacked (bytes).
 const LARGEST_WHOLE: u64 = 256 << 20;
 
+/// Largest movement of another system, unpacked (bytes).
+const LARGEST_MOVEMENT: u64 = 1 << 30;
+
 /// What this process reads.
 static CLAIMED: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
@@ -95,7 +98,18 @@ pub fn file(path: &Path) -> Result<File> {
 /// # Errors
 /// Returns an error if the file cannot be read, is no UTF-8, or is larger than 16 MiB.
 pub fn text(path: &Path) -> Result<String> {
-    let bytes = limited(file(path)?, path, LARGEST_TEXT)?;
+    utf_8(limited(file(path)?, path, LARGEST_TEXT)?, path)
+}
+
+/// The text of a recorded movement, unpacked.
+///
+/// # Errors
+/// Returns an error if the file cannot be read, is no UTF-8, or is larger than 1 GiB.
+pub fn movement(path: &Path) -> Result<String> {
+    utf_8(limited(open(path)?, path, LARGEST_MOVEMENT)?, path)
+}
+
+fn utf_8(bytes: Vec<u8>, path: &Path) -> Result<String> {
     String::from_utf8(bytes).map_err(|error| {
         let valid = error.utf8_error().valid_up_to();
         let before = error.as_bytes().get(..valid).unwrap_or_default();

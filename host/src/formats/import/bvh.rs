@@ -3,7 +3,7 @@
 //! A channel turns about an axis of the joint; channels apply in their order, each in the axes that those before it left.
 //! At zero every joint has the axes of the file.
 
-use std::io::{BufRead, Read};
+use std::io::BufRead;
 use std::path::Path;
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
@@ -14,8 +14,6 @@ use crate::formats::input;
 /// Most joints, and channels of one, of a file that is one.
 const JOINT_LIMIT: usize = 10_000;
 const CHANNEL_LIMIT: usize = 6;
-/// Largest file (bytes): hours of motion.
-const SIZE_LIMIT: u64 = 1 << 30;
 
 /// What a number of a frame does.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -66,11 +64,7 @@ impl Bvh {
     /// # Errors
     /// Returns an error if the file cannot be read, or a line of it is not what the format has there.
     pub fn read(path: &Path) -> Result<Self> {
-        let mut text = String::new();
-        input::open(path)?
-            .take(SIZE_LIMIT)
-            .read_to_string(&mut text)
-            .map_err(|error| Problem::system("read", path, error))?;
+        let text = input::movement(path)?;
         Self::parse(text.as_bytes()).map_err(|problem| problem.in_file(path))
     }
 

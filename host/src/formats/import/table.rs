@@ -1,13 +1,10 @@
 //! Tables of numbers with named columns: CSV, the storage files of OpenSim (`.mot`, `.sto`) and TRC.
 
-use std::io::Read;
 use std::path::Path;
 
 use crate::diagnostic::{Problem, Result};
 use crate::formats::input;
 
-/// Largest file (bytes).
-const SIZE_LIMIT: u64 = 1 << 30;
 /// Names listed where one is not found.
 const NAMES_SHOWN: usize = 40;
 
@@ -30,11 +27,7 @@ impl Table {
     /// # Errors
     /// Returns an error if the file cannot be read, has no names of columns, or has a cell that is no number.
     pub fn read(path: &Path) -> Result<Self> {
-        let mut text = String::new();
-        input::open(path)?
-            .take(SIZE_LIMIT)
-            .read_to_string(&mut text)
-            .map_err(|error| Problem::system("read", path, error))?;
+        let text = input::movement(path)?;
         Self::parse(&text).map_err(|problem| problem.in_file(path))
     }
 

@@ -1,0 +1,29 @@
+//! How a host greets a unit, and what it configures, for tests of the unit.
+
+use bodyflight_core::link::{
+    ArchSource, Configure, Hello, PackedQuaternion, SCHEMA_HASH, SegmentTable,
+};
+
+/// The greeting of a host that takes short frames.
+pub fn hello() -> Hello {
+    Hello {
+        schema_hash: SCHEMA_HASH,
+        max_frame_length: 200,
+    }
+}
+
+/// 240 samples and 60 updates a second, of a person of 1.75 m in still air; `preset` by its number.
+pub fn configure(preset: u16, table: &SegmentTable) -> Configure {
+    Configure {
+        preset,
+        sample_rate: 240.0,
+        update_rate: 60.0,
+        height: 1.75,
+        air_density: 1.0,
+        air_velocity: [0.0; 3],
+        arch_source: ArchSource::Posture,
+        arch: 1.0,
+        body_from_sensor: PackedQuaternion::default(),
+        table_digest: table.digest(),
+    }
+}
