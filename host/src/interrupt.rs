@@ -16,6 +16,16 @@ pub fn listen() {
     });
 }
 
+/// Asks long work to end, for programs that listen themselves.
+pub fn request() {
+    REQUESTED.store(true, Ordering::Relaxed);
+}
+
+/// Forgets a request whose work has ended, for programs that go on.
+pub fn forget() {
+    REQUESTED.store(false, Ordering::Relaxed);
+}
+
 /// Called now and then by long work.
 ///
 /// # Errors

@@ -14,6 +14,7 @@ pub mod sensitivity;
 pub mod simulate;
 pub mod stability;
 pub mod synthesize;
+pub mod trim;
 pub mod tune;
 pub mod validate;
 pub mod view;

@@ -1,9 +1,13 @@
 //! `cargo xtask f405`: the image for the STM32F405 on an emulated chip, flown and broken.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use crate::image;
-use crate::run::{Result, cargo_in, root, run, target_folder};
+use crate::python;
+use crate::run::{Result, cargo_in, root, target_folder};
+
+/// What the emulator needs of Python.
+const REQUIREMENTS: &str = "firmware/emulator/requirements.txt";
 
 /// The page with the table of faults, and the marks around it.
 const PAGE: &str = "docs/unit.md";
@@ -51,7 +55,12 @@ pub(crate) fn paced(seconds: u32) -> Result<()> {
 fn test(name: &str, image: &Path, variables: &[(&str, String)]) -> Result<()> {
     let mut all = vec![
         ("BODYFLIGHT_F405_IMAGE", image.display().to_string()),
-        ("BODYFLIGHT_F405_PYTHON", python()?.display().to_string()),
+        (
+            "BODYFLIGHT_F405_PYTHON",
+            python::environment("emulator", REQUIREMENTS)?
+                .display()
+                .to_string(),
+        ),
     ];
     all.extend_from_slice(variables);
     let arguments = [
@@ -65,32 +74,4 @@ fn test(name: &str, image: &Path, variables: &[(&str, String)]) -> Result<()> {
         "--nocapture",
     ];
     cargo_in(&root(), &arguments, &all)
-}
-
-/// Python with what the emulator needs, in an environment of its own.
-fn python() -> Result<PathBuf> {
-    let folder = target_folder()?.join("emulator");
-    let python = folder.join("bin/python");
-    let requirements = root().join("firmware/emulator/requirements.txt");
-    let wanted = std::fs::read_to_string(&requirements)
-        .map_err(|error| format!("{}: {error}", requirements.display()))?;
-    let marker = folder.join("installed.txt");
-    if std::fs::read_to_string(&marker).is_ok_and(|installed| installed == wanted) {
-        return Ok(python);
-    }
-    let advice = |error| format!("{error}: the emulator needs Python 3.9 with venv and pip");
-    run("python3", &["-m", "venv", &folder.display().to_string()]).map_err(advice)?;
-    let list = requirements.display().to_string();
-    let pip = [
-        "-m",
-        "pip",
-        "install",
-        "--quiet",
-        "--disable-pip-version-check",
-        "-r",
-        &list,
-    ];
-    run(&python.display().to_string(), &pip).map_err(advice)?;
-    std::fs::write(&marker, wanted).map_err(|error| format!("{}: {error}", marker.display()))?;
-    Ok(python)
 }

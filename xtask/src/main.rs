@@ -6,6 +6,7 @@ mod hil;
 mod image;
 mod nightly;
 mod on_target;
+mod python;
 mod run;
 mod soak;
 mod supply;
@@ -69,6 +70,8 @@ enum Verb {
         #[arg(long, default_value_t = 30)]
         seconds: u32,
     },
+    /// Build the Python package, install its wheel in an environment of its own, and run its tests.
+    Python,
     /// Fuzz what takes bytes of strangers, by coverage: a minute each. Installs a nightly compiler and cargo-fuzz.
     Fuzz {
         /// Targets; all where none is named.
@@ -117,6 +120,7 @@ fn main() -> ExitCode {
             .and_then(|()| if test { viewer::test() } else { Ok(()) })
             .and_then(|()| if pictures { viewer::pictures() } else { Ok(()) }),
         Verb::Hil { seconds } => hil::hil(seconds),
+        Verb::Python => python::python(),
         Verb::Fuzz {
             targets,
             runs,

@@ -3,6 +3,7 @@
 use crate::f405::f405;
 use crate::hil::hil;
 use crate::on_target::on_target;
+use crate::python::python;
 use crate::run::{Result, cargo};
 use crate::viewer;
 
@@ -17,5 +18,6 @@ pub(crate) fn test() -> Result<()> {
     on_target()?;
     f405(false)?;
     hil(SECONDS_OF_STREAM)?;
+    python()?;
     viewer::test()
 }

@@ -7,9 +7,9 @@ use bodyflight::formats::flight::Flight;
 use bodyflight::formats::model_file::Effects;
 use bodyflight::formats::preset_file::{AUTO, Tuning};
 use bodyflight::output::files::write_file;
-use bodyflight::verbs::estimate::motion::{self, Method};
-use bodyflight::verbs::estimate::{Estimation, Filter, estimate};
-use bodyflight_core::Real;
+use bodyflight::verbs::estimate::motion::Method;
+use bodyflight::verbs::estimate::request::Request;
+use bodyflight::verbs::estimate::{Estimation, Filter};
 use bodyflight_core::estimator::measurement::Quantity;
 use bodyflight_core::estimator::motion::measurement::NAMES;
 use bodyflight_core::estimator::preset::{PRESETS, Preset};
@@ -87,6 +87,16 @@ enum MethodName {
     Filter,
     /// What later measurements say of earlier inputs: error bars are smaller, and nothing comes late.
     Smooth,
+}
+
+impl MethodName {
+    /// The method of the library.
+    const fn method(self) -> Method {
+        match self {
+            Self::Filter => Method::Filter,
+            Self::Smooth => Method::Smooth,
+        }
+    }
 }
 
 #[derive(clap::ValueEnum, Clone, Copy)]
@@ -171,18 +181,24 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     let Some(path) = &args.flight else {
         return Ok(());
     };
-    let tuning = args.tuning()?;
+    let request = Request {
+        tuning: args.tuning()?,
+        method: args.method.method(),
+        filter: args.filter.map(FilterName::filter),
+    };
     let mut flight = Flight::read(path)?;
     if let Some(model) = &args.model {
         flight.effects = Effects::read(model)?;
     }
+    note_limbs(&request.tuning, &flight);
     let outputs = [&args.out, &args.plot];
     args.outputs.check(outputs)?;
     let spinner = terminal::spinner("estimating");
     let progress = |time: f64| spinner.set_message(format!("estimating, {time:.0} s"));
+    let options = args.reading.options();
     let estimation = match args.precision {
-        Precision::Single => args.estimate::<f32>(&flight, &tuning, progress),
-        Precision::Double => args.estimate::<f64>(&flight, &tuning, progress),
+        Precision::Single => request.run::<f32>(&flight, options, progress),
+        Precision::Double => request.run::<f64>(&flight, options, progress),
     };
     spinner.finish_and_clear();
     let estimation = estimation?;
@@ -205,7 +221,22 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         None => Ok(()),
         Some(sentence) => Err(Problem::doubt(sentence.clone())
             .in_file(path)
-            .help(advice(&tuning))),
+            .help(advice(&request.tuning))),
+    }
+}
+
+/// A preset over windows brings limbs of its own.
+fn note_limbs(tuning: &Tuning, flight: &Flight) {
+    let Tuning::Windows(preset) = tuning else {
+        return;
+    };
+    if preset.muscles.name() != flight.muscles.name() {
+        terminal::note(&format!(
+            "preset {} takes the limbs {}, the flight says {}",
+            preset.name,
+            preset.muscles.name(),
+            flight.muscles.name()
+        ));
     }
 }
 
@@ -269,9 +300,6 @@ impl Args {
                 if self.joint_error_deg.is_some() {
                     return refused("joint-error-deg", "the motion filter");
                 }
-                if matches!(self.method, MethodName::Smooth) {
-                    return refused("method smooth", "the motion filter");
-                }
                 preset.solution_window = self.solution_window.unwrap_or(preset.solution_window);
                 preset.prediction_window =
                     self.prediction_window.unwrap_or(preset.prediction_window);
@@ -283,52 +311,6 @@ impl Args {
             }
         }
         Ok(tuning)
-    }
-
-    fn estimate<T: Real>(
-        &self,
-        flight: &Flight,
-        tuning: &Tuning,
-        progress: impl FnMut(f64),
-    ) -> Result<Estimation> {
-        let options = self.reading.options();
-        match *tuning {
-            Tuning::Windows(preset) => {
-                if preset.muscles.name() != flight.muscles.name() {
-                    terminal::note(&format!(
-                        "preset {} takes the limbs {}, the flight says {}",
-                        preset.name,
-                        preset.muscles.name(),
-                        flight.muscles.name()
-                    ));
-                }
-                let filter = self.filter.unwrap_or(FilterName::Reduced).filter();
-                estimate::<T>(flight, &preset, filter, options, progress)
-            }
-            Tuning::Motion {
-                mut preset,
-                joint_error_given,
-                noise_given,
-                damping_given,
-            } => {
-                if !damping_given {
-                    #[expect(clippy::cast_possible_truncation, reason = "a coefficient")]
-                    let damping = flight.subject.damping().map(|value| value as f32);
-                    preset.damping = damping.to_array();
-                }
-                let settings = motion::Settings {
-                    preset,
-                    keep_noise: noise_given,
-                    find_joint_error: !joint_error_given,
-                    filter: self.filter.unwrap_or(FilterName::Paper).filter(),
-                    method: match self.method {
-                        MethodName::Filter => Method::Filter,
-                        MethodName::Smooth => Method::Smooth,
-                    },
-                };
-                motion::estimate::<T>(flight, &settings, options, progress)
-            }
-        }
     }
 }
 

@@ -64,35 +64,22 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         let known = MANEUVERS.iter().map(|maneuver| maneuver.name);
         Problem::unknown("maneuver", &args.maneuver, known)
     })?;
-    for (name, value, high) in [
-        ("density", args.density, 2.0),
-        ("noise", args.noise, 100.0),
-        ("joint-error-deg", args.joint_error_deg, 20.0),
-        ("joint-wander-deg", args.joint_wander_deg, 20.0),
-    ] {
-        if !(0.0..=high).contains(&value) {
-            return Err(Problem::bad_input(format!(
-                "expected --{name} of 0 to {high}, found {value}"
-            )));
-        }
-    }
-    args.outputs.check_in(&args.out, FILES)?;
-    let report = write(
-        &Request {
-            maneuver,
-            subject: &subject,
-            density: args.density,
-            seed: args.seed,
-            noise: SensorNoise::PAPER.scaled(args.noise),
-            joint_error: JointError {
-                calibration: args.joint_error_deg.to_radians(),
-                wander: args.joint_wander_deg.to_radians(),
-            },
-            sway: DEFAULT_SWAY,
-            tunnel: args.tunnel,
+    let request = Request {
+        maneuver,
+        subject: &subject,
+        density: args.density,
+        seed: args.seed,
+        noise: SensorNoise::PAPER.scaled(args.noise),
+        joint_error: JointError {
+            calibration: args.joint_error_deg.to_radians(),
+            wander: args.joint_wander_deg.to_radians(),
         },
-        &args.out,
-    )?;
+        sway: DEFAULT_SWAY,
+        tunnel: args.tunnel,
+    };
+    request.check()?;
+    args.outputs.check_in(&args.out, FILES)?;
+    let report = write(&request, &args.out)?;
     if json {
         return terminal::print_json(&report);
     }

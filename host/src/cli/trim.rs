@@ -2,12 +2,10 @@
 
 use std::path::PathBuf;
 
-use bodyflight::diagnostic::{Problem, Result};
-use bodyflight::formats::flight::{DEFAULT_DENSITY, DensityChoice, Flight};
+use bodyflight::diagnostic::Result;
+use bodyflight::formats::flight::DEFAULT_DENSITY;
 use bodyflight::formats::subject::Subject;
-use bodyflight_core::body::pattern;
-use bodyflight_core::dynamics::trim::{TrimError, trim};
-use serde::Serialize;
+use bodyflight::verbs::trim::trim;
 
 use super::terminal;
 
@@ -22,42 +20,12 @@ pub(super) struct Args {
     density: f64,
 }
 
-#[derive(Serialize)]
-struct Report {
-    terminal_speed_mps: f64,
-    body_pitch_deg: f64,
-    knee_deg: f64,
-    pitch_stiffness_nm_per_rad: f64,
-    mass_kg: f64,
-}
-
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
-    let mut flight = Flight::bare(std::path::Path::new(""));
-    if let Some(path) = &args.subject {
-        flight.subject = Subject::read(path)?;
-    }
-    if !(args.density > 0.0 && args.density <= 2.0) {
-        return Err(Problem::bad_input(format!(
-            "expected a density above 0 and up to 2 kg/m3, found {}",
-            args.density
-        )));
-    }
-    flight.density = DensityChoice::Constant(args.density);
-    let dynamics = flight.dynamics(0.0);
-    let trim = trim(&dynamics, &pattern::neutral(), 0.0).map_err(|error| match error {
-        TrimError::NoBalance => Problem::disagreement(
-            "no bend of the knees balances the neutral pose of this subject",
-        )
-        .help("moment arms of the segments' width give a balance for most bodies: moment_arm = \"width\""),
-        TrimError::NoSupport => Problem::disagreement("the air does not carry this subject"),
-    })?;
-    let report = Report {
-        terminal_speed_mps: trim.terminal_speed,
-        body_pitch_deg: trim.body_pitch.to_degrees(),
-        knee_deg: trim.knee.to_degrees(),
-        pitch_stiffness_nm_per_rad: trim.pitch_stiffness,
-        mass_kg: dynamics.body.mass(),
+    let subject = match &args.subject {
+        Some(path) => Subject::read(path)?,
+        None => Subject::default(),
     };
+    let report = trim(&subject, args.density)?;
     if json {
         return terminal::print_json(&report);
     }

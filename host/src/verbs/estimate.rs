@@ -8,6 +8,7 @@ pub mod motion;
 pub mod recorded;
 mod replayed;
 pub mod report;
+pub mod request;
 pub mod smoother;
 pub mod verdict;
 pub mod whole;

@@ -1,5 +1,6 @@
 //! `bodyflight synth`: a maneuver flown by the model, seen through noisy sensors and written like a recording.
 
+mod request;
 mod tunnel;
 
 use std::fmt::Write as _;
@@ -23,45 +24,16 @@ use rand::{RngExt, SeedableRng};
 use rand_distr::StandardNormal;
 use serde::Serialize;
 
-use crate::diagnostic::Result;
+use crate::diagnostic::{Problem, Result};
 use crate::formats::flight::{DensityChoice, Flight};
 use crate::formats::input_history::Row;
 use crate::formats::mvnx::writer::{Description, Origin, Writer};
 use crate::formats::recording::{FlightFrame, PelvisMotion};
-use crate::formats::subject::{SEGMENTS_FILE, Subject};
+use crate::formats::subject::SEGMENTS_FILE;
 use crate::interrupt;
 use crate::output::files::{CsvFile, write_file};
+pub use request::{JointError, Request};
 pub use tunnel::Tunnel;
-
-/// Errors of the recorded joints that are slower than noise, standard deviations of each axis (rad).
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct JointError {
-    /// The same from the first frame to the last.
-    pub calibration: f64,
-    /// Wanders at 0.08 to 0.5 Hz.
-    pub wander: f64,
-}
-
-/// What to synthesise.
-#[derive(Debug, Clone)]
-pub struct Request<'a> {
-    /// The script.
-    pub maneuver: &'static Maneuver,
-    /// The person.
-    pub subject: &'a Subject,
-    /// Air density (kg/m3).
-    pub density: f64,
-    /// Seed of sway and noise.
-    pub seed: u64,
-    /// Sensor noise.
-    pub noise: SensorNoise,
-    /// Errors of the recorded joints.
-    pub joint_error: JointError,
-    /// Size of the involuntary sway of each joint (rad).
-    pub sway: f64,
-    /// Whether a tunnel blows upwards at the speed of the subject's neutral fall.
-    pub tunnel: bool,
-}
 
 /// What was written.
 #[derive(Debug, Clone, Serialize)]
@@ -94,14 +66,14 @@ pub const FILES: &[&str] = &[
 /// Flies the maneuver and writes `flight.toml`, `subject.toml`, `inputs.csv` and `flight.mvnx` into `folder`.
 ///
 /// # Errors
-/// Returns an error if the subject is not usable or the folder cannot be written to.
+/// Returns an error if a number is out of range or the folder cannot be written to.
 pub fn synthesize(
     request: &Request<'_>,
     folder: &Path,
     progress: impl FnMut(f64),
 ) -> Result<Report> {
-    std::fs::create_dir_all(folder)
-        .map_err(|error| crate::diagnostic::Problem::system("create", folder, error))?;
+    request.check()?;
+    std::fs::create_dir_all(folder).map_err(|error| Problem::system("create", folder, error))?;
     let mut flight = Flight::bare(&folder.join("flight.mvnx"));
     flight.subject = request.subject.clone();
     flight.density = DensityChoice::Constant(request.density);

@@ -1,0 +1,56 @@
+//! `bodyflight trim`: the steady belly-to-earth fall of a subject in the neutral pose.
+
+use std::path::Path;
+
+use bodyflight_core::body::pattern;
+use bodyflight_core::dynamics::trim::{TrimError, trim as balance};
+use serde::Serialize;
+
+use crate::diagnostic::{Problem, Result};
+use crate::formats::flight::{DensityChoice, Flight};
+use crate::formats::subject::Subject;
+
+/// A steady fall.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Report {
+    /// Speed of the fall (m/s).
+    pub terminal_speed_mps: f64,
+    /// Turn about the left axis from standing (deg); 90 is belly to earth.
+    pub body_pitch_deg: f64,
+    /// Bend of the knees (deg).
+    pub knee_deg: f64,
+    /// Moment by turn in pitch (N m/rad); negative is stable.
+    pub pitch_stiffness_nm_per_rad: f64,
+    /// Mass with equipment (kg).
+    pub mass_kg: f64,
+}
+
+/// Balances the neutral pose in still air of a density (kg/m3).
+///
+/// # Errors
+/// Returns an error if the density is out of range or no bend of the knees balances the subject.
+pub fn trim(subject: &Subject, density: f64) -> Result<Report> {
+    if !(density > 0.0 && density <= 2.0) {
+        return Err(Problem::bad_input(format!(
+            "expected a density above 0 and up to 2 kg/m3, found {density}"
+        )));
+    }
+    let mut flight = Flight::bare(Path::new(""));
+    flight.subject = subject.clone();
+    flight.density = DensityChoice::Constant(density);
+    let dynamics = flight.dynamics(0.0);
+    let trim = balance(&dynamics, &pattern::neutral(), 0.0).map_err(|error| match error {
+        TrimError::NoBalance => Problem::disagreement(
+            "no bend of the knees balances the neutral pose of this subject",
+        )
+        .help("moment arms of the segments' width give a balance for most bodies: moment_arm = \"width\""),
+        TrimError::NoSupport => Problem::disagreement("the air does not carry this subject"),
+    })?;
+    Ok(Report {
+        terminal_speed_mps: trim.terminal_speed,
+        body_pitch_deg: trim.body_pitch.to_degrees(),
+        knee_deg: trim.knee.to_degrees(),
+        pitch_stiffness_nm_per_rad: trim.pitch_stiffness,
+        mass_kg: dynamics.body.mass(),
+    })
+}

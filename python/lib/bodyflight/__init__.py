@@ -1,0 +1,58 @@
+"""Human body flight: simulate it, estimate what the skydiver does, and find what the model misses.
+
+Functions carry the names and defaults of the program's verbs; results carry numpy arrays, and as ``report`` the dictionary
+that the verb prints with ``--json``. Problems are exceptions with ``file``, ``line``, ``place`` and ``help``.
+
+>>> import bodyflight
+>>> bodyflight.trim()["terminal_speed_mps"]  # doctest: +ELLIPSIS
+4...
+"""
+
+from ._native import (
+    BadInput,
+    BodyflightError,
+    Disagreement,
+    DoubtWarning,
+    Estimation,
+    Flight,
+    Internal,
+    Recording,
+    Refused,
+    Run,
+    Skydivers,
+    Subject,
+    __version__,
+    discover,
+    estimate,
+    simulate,
+    sweep,
+    synth,
+    trim,
+    tune,
+)
+from .frames import estimation_frame, run_frame
+
+__all__ = [
+    "BadInput",
+    "BodyflightError",
+    "Disagreement",
+    "DoubtWarning",
+    "Estimation",
+    "Flight",
+    "Internal",
+    "Recording",
+    "Refused",
+    "Run",
+    "Skydivers",
+    "Subject",
+    "__version__",
+    "discover",
+    "estimate",
+    "estimation_frame",
+    "run_frame",
+    "simulate",
+    "sweep",
+    "synth",
+    "trim",
+    "tune",
+]

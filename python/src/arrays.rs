@@ -1,0 +1,72 @@
+//! Columns that become numpy arrays without a copy.
+
+use bodyflight_core::dynamics::Motion;
+use numpy::{PyArray, PyArray1, PyArray2, PyArrayMethods};
+use pyo3::prelude::*;
+
+/// An array of rows that all have `N` numbers.
+pub(crate) fn rows<const N: usize>(
+    py: Python<'_>,
+    rows: Vec<[f64; N]>,
+) -> PyResult<Py<PyArray2<f64>>> {
+    let count = rows.len();
+    let flat = PyArray1::from_vec(py, rows.into_flattened());
+    Ok(flat.reshape([count, N])?.unbind())
+}
+
+/// An array of tables that all have `M` rows of `N` numbers.
+pub(crate) fn tables<const N: usize, const M: usize>(
+    py: Python<'_>,
+    tables: Vec<[[f64; N]; M]>,
+) -> PyResult<Py<PyArray<f64, numpy::Ix3>>> {
+    let count = tables.len();
+    let flat = PyArray1::from_vec(py, tables.into_flattened().into_flattened());
+    Ok(flat.reshape([count, M, N])?.unbind())
+}
+
+/// A motion over time.
+#[derive(Default)]
+pub(crate) struct Motions {
+    position: Vec<[f64; 3]>,
+    velocity: Vec<[f64; 3]>,
+    inertial_from_body: Vec<[f64; 4]>,
+    angular_velocity: Vec<[f64; 3]>,
+}
+
+/// The same as arrays.
+#[pyclass(frozen, module = "bodyflight")]
+pub(crate) struct MotionArrays {
+    /// Position of the pelvis: north, west, up (m); n by 3.
+    #[pyo3(get)]
+    position: Py<PyArray2<f64>>,
+    /// Its velocity: north, west, up (m/s); n by 3.
+    #[pyo3(get)]
+    velocity: Py<PyArray2<f64>>,
+    /// Attitude as quaternion w, x, y, z; n by 4.
+    #[pyo3(get)]
+    inertial_from_body: Py<PyArray2<f64>>,
+    /// Angular velocity in body axes (rad/s); n by 3.
+    #[pyo3(get)]
+    angular_velocity: Py<PyArray2<f64>>,
+}
+
+impl Motions {
+    pub(crate) fn push(&mut self, motion: &Motion<f64>) {
+        self.position.push(motion.position.to_array());
+        self.velocity.push(motion.velocity_inertial().to_array());
+        self.inertial_from_body
+            .push(motion.inertial_from_body.wxyz());
+        self.angular_velocity
+            .push(motion.angular_velocity.to_array());
+    }
+
+    pub(crate) fn arrays(self, py: Python<'_>) -> PyResult<Py<MotionArrays>> {
+        let arrays = MotionArrays {
+            position: rows(py, self.position)?,
+            velocity: rows(py, self.velocity)?,
+            inertial_from_body: rows(py, self.inertial_from_body)?,
+            angular_velocity: rows(py, self.angular_velocity)?,
+        };
+        Py::new(py, arrays)
+    }
+}

@@ -1,0 +1,130 @@
+//! Conscious inputs over time.
+
+use std::path::PathBuf;
+
+use bodyflight::formats::input_history::Row;
+use bodyflight::formats::preset_file::Tuning;
+use bodyflight::verbs;
+use bodyflight::verbs::estimate::Filter;
+use bodyflight::verbs::estimate::motion::Method;
+use bodyflight::verbs::estimate::request::Request;
+use bodyflight_core::estimator::motion::watch::Consistency;
+use numpy::{PyArray1, PyArray2};
+use pyo3::prelude::*;
+
+use crate::arrays::rows;
+use crate::flight::Flight;
+use crate::long::long;
+use crate::problem::{DoubtWarning, dictionary, raise, unknown};
+use crate::simulate::is_single;
+
+/// Number of the estimated coefficients.
+const INPUTS: usize = Row::COLUMNS.len() - 1;
+
+/// Estimates at n times.
+#[pyclass(frozen, module = "bodyflight")]
+pub(crate) struct Estimation {
+    /// Time from which on the coefficients act (s); n.
+    #[pyo3(get)]
+    time: Py<PyArray1<f64>>,
+    /// Coefficients in the order of `columns`; n by 6.
+    #[pyo3(get)]
+    inputs: Py<PyArray2<f64>>,
+    /// Their standard deviations.
+    #[pyo3(get)]
+    deviation: Py<PyArray2<f64>>,
+    /// Normalised innovation squared; n.
+    #[pyo3(get)]
+    nis: Py<PyArray1<f64>>,
+    /// "consistent", "doubtful" or "lost" at each time; empty where a filter does not watch itself.
+    #[pyo3(get)]
+    consistency: Vec<&'static str>,
+    /// Why the estimate is not to be trusted, or None.
+    #[pyo3(get)]
+    doubt: Option<String>,
+    /// What `bodyflight estimate --json` prints.
+    #[pyo3(get)]
+    report: Py<PyAny>,
+    inner: verbs::estimate::Estimation,
+}
+
+#[pymethods]
+impl Estimation {
+    /// Names of the coefficients.
+    #[classattr]
+    fn columns() -> Vec<&'static str> {
+        let [_, columns @ ..] = Row::COLUMNS;
+        columns.to_vec()
+    }
+
+    /// Writes what `bodyflight estimate --out` writes; a `flight.toml` takes it as `inputs`.
+    fn write_csv(&self, path: PathBuf) -> PyResult<()> {
+        self.inner.write_csv(&path).map_err(raise)
+    }
+}
+
+/// Estimates muscle inputs and damping over time, and compares the reconstruction with and without them.
+///
+/// `preset` is a built-in preset or a preset.toml, `method` "filter" or "smooth", `filter` "paper" or "reduced". Warns with
+/// DoubtWarning where the result is not to be trusted.
+#[pyfunction]
+#[pyo3(signature = (flight, *, preset = "auto", method = "filter", filter = None, precision = "double", progress = None))]
+pub(crate) fn estimate(
+    py: Python<'_>,
+    flight: Flight,
+    preset: &str,
+    method: &str,
+    filter: Option<&str>,
+    precision: &str,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Estimation> {
+    let request = Request {
+        tuning: Tuning::find(preset).map_err(raise)?,
+        method: match method {
+            "filter" => Method::Filter,
+            "smooth" => Method::Smooth,
+            _ => return Err(unknown("method", method, &["filter", "smooth"])),
+        },
+        filter: match filter {
+            None => None,
+            Some("paper") => Some(Filter::Paper),
+            Some("reduced") => Some(Filter::Reduced),
+            Some(name) => return Err(unknown("filter", name, &["paper", "reduced"])),
+        },
+    };
+    let is_single = is_single(precision)?;
+    let found = long(py, progress, |progress| {
+        if is_single {
+            request.run::<f32>(&flight.inner, flight.options, progress)
+        } else {
+            request.run::<f64>(&flight.inner, flight.options, progress)
+        }
+    })?;
+    if let Some(sentence) = &found.report.doubt {
+        let category = py.get_type::<DoubtWarning>();
+        let text = std::ffi::CString::new(sentence.replace('\0', " "))?;
+        PyErr::warn(py, &category, &text, 1)?;
+    }
+    let points = &found.points;
+    let of = |row: &Row| -> [f64; INPUTS] {
+        let [_, columns @ ..] = row.columns();
+        columns
+    };
+    Ok(Estimation {
+        time: PyArray1::from_iter(py, points.iter().map(|point| point.time)).unbind(),
+        inputs: rows(py, points.iter().map(|point| of(&point.inputs)).collect())?,
+        deviation: rows(
+            py,
+            points.iter().map(|point| of(&point.deviation)).collect(),
+        )?,
+        nis: PyArray1::from_iter(py, points.iter().map(|point| point.normalised_innovation))
+            .unbind(),
+        consistency: points
+            .iter()
+            .filter_map(|point| point.consistency.map(Consistency::name))
+            .collect(),
+        doubt: found.report.doubt.clone(),
+        report: dictionary(py, &found.report)?,
+        inner: found,
+    })
+}

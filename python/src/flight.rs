@@ -1,0 +1,215 @@
+//! Flights, the recordings in them, and synthetic ones.
+
+use std::path::PathBuf;
+
+use bodyflight::formats::flight::{self, Start};
+use bodyflight::formats::model_file::Effects;
+use bodyflight::formats::mvnx::ArmFrame;
+use bodyflight::formats::recording::{BadFrames, Options};
+use bodyflight::verbs::synthesize::{DEFAULT_SWAY, JointError, Request, synthesize};
+use bodyflight_core::Segment;
+use bodyflight_core::dynamics::free_run::Equations;
+use bodyflight_core::maneuver::Maneuver;
+use bodyflight_core::maneuver::scripts::MANEUVERS;
+use bodyflight_core::sensor_noise::SensorNoise;
+use numpy::{PyArray, PyArray1};
+use pyo3::prelude::*;
+
+use crate::arrays::{MotionArrays, Motions, tables};
+use crate::long::long;
+use crate::problem::{dictionary, raise, unknown};
+use crate::subject::Subject;
+
+/// A recording with the subject, the air and the inputs that go with it: a `flight.toml`, its folder, or an MVNX file.
+#[pyclass(frozen, from_py_object, module = "bodyflight")]
+#[derive(Clone)]
+pub(crate) struct Flight {
+    pub(crate) inner: flight::Flight,
+    pub(crate) options: Options,
+}
+
+#[pymethods]
+impl Flight {
+    #[new]
+    #[pyo3(signature = (path, *, model = None, equations = None, subject = None, strict = false, allow_truncated = false, arm_frame = None))]
+    fn new(
+        path: PathBuf,
+        model: Option<PathBuf>,
+        equations: Option<&str>,
+        subject: Option<Subject>,
+        strict: bool,
+        allow_truncated: bool,
+        arm_frame: Option<&str>,
+    ) -> PyResult<Self> {
+        let mut inner = flight::Flight::read(&path).map_err(raise)?;
+        if let Some(model) = model {
+            inner.effects = Effects::read(&model).map_err(raise)?;
+        }
+        if let Some(name) = equations {
+            inner.equations = match name {
+                "exact" => Equations::Exact,
+                "as-published" => Equations::AsPublished,
+                _ => return Err(unknown("equations", name, &["exact", "as-published"])),
+            };
+        }
+        if let Some(subject) = subject {
+            inner.subject = subject.inner;
+            inner.has_subject = true;
+        }
+        let arm_frame = match arm_frame {
+            None => None,
+            Some("t-pose") => Some(ArmFrame::TPose),
+            Some("isb") => Some(ArmFrame::Isb),
+            Some(name) => return Err(unknown("arm frame", name, &["t-pose", "isb"])),
+        };
+        let bad_frames = if strict {
+            BadFrames::Refuse
+        } else {
+            BadFrames::Bridge
+        };
+        let options = Options {
+            bad_frames,
+            allow_truncated,
+            arm_frame,
+        };
+        Ok(Self { inner, options })
+    }
+
+    /// The recording.
+    #[getter]
+    fn path(&self) -> PathBuf {
+        self.inner.recording.clone()
+    }
+
+    /// The person.
+    #[getter]
+    fn subject(&self) -> Subject {
+        Subject {
+            inner: self.inner.subject.clone(),
+        }
+    }
+
+    /// The same flight of another person.
+    fn with_subject(&self, subject: Subject) -> Self {
+        let mut flight = self.clone();
+        flight.inner.subject = subject.inner;
+        flight.inner.has_subject = true;
+        flight
+    }
+
+    /// Reads every frame.
+    #[pyo3(signature = (*, progress = None))]
+    fn read(&self, py: Python<'_>, progress: Option<Py<PyAny>>) -> PyResult<Recording> {
+        Recording::read(py, self, progress)
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Flight({:?})", self.inner.recording.display().to_string())
+    }
+}
+
+impl Flight {
+    /// The flight with a start by name.
+    pub(crate) fn starting(&self, start: &str) -> PyResult<flight::Flight> {
+        let mut inner = self.inner.clone();
+        inner.start = match start {
+            "smoothed" => Start::Smoothed,
+            "first" => Start::First,
+            _ => return Err(unknown("start", start, &["smoothed", "first"])),
+        };
+        Ok(inner)
+    }
+}
+
+/// The frames of a flight as arrays of n frames.
+#[pyclass(frozen, module = "bodyflight")]
+pub(crate) struct Recording {
+    /// Time since frame 0 (s); n.
+    #[pyo3(get)]
+    time: Py<PyArray1<f64>>,
+    /// Motion of the pelvis.
+    #[pyo3(get)]
+    motion: Py<MotionArrays>,
+    /// Rotation of each segment against its parent, quaternion w, x, y, z in the order of `Subject.segments`; n by 16 by 4.
+    #[pyo3(get)]
+    parent_from_segment: Py<PyArray<f64, numpy::Ix3>>,
+    /// Whether a frame stands in for a bad one; n.
+    #[pyo3(get)]
+    bridged: Py<PyArray1<bool>>,
+    /// What is not as a flight is: sentences.
+    #[pyo3(get)]
+    warnings: Vec<String>,
+}
+
+impl Recording {
+    fn read(py: Python<'_>, flight: &Flight, progress: Option<Py<PyAny>>) -> PyResult<Self> {
+        let (mut time, mut bridged) = (Vec::new(), Vec::new());
+        let (mut postures, mut motions) = (Vec::new(), Motions::default());
+        let warnings = long(py, progress, |progress| {
+            let mut recording = flight.inner.open(flight.options)?;
+            for frame in recording.by_ref() {
+                let frame = frame?;
+                time.push(frame.time);
+                bridged.push(frame.bridged);
+                postures.push(Segment::ALL.map(|segment| {
+                    let [x, y, z, w] = frame.posture.parent_from_segment(segment).coords.into();
+                    [w, x, y, z]
+                }));
+                motions.push(&frame.motion()?);
+                if time.len().is_multiple_of(1024) {
+                    progress(frame.time);
+                    bodyflight::interrupt::check()?;
+                }
+            }
+            let warnings = recording.warnings();
+            Ok(warnings.iter().map(ToString::to_string).collect())
+        })?;
+        Ok(Self {
+            time: PyArray1::from_vec(py, time).unbind(),
+            motion: motions.arrays(py)?,
+            parent_from_segment: tables(py, postures)?,
+            bridged: PyArray1::from_vec(py, bridged).unbind(),
+            warnings,
+        })
+    }
+}
+
+/// Flies a maneuver and writes it as a flight into a folder; the dictionary of `bodyflight synth --json`.
+#[pyfunction]
+#[pyo3(signature = (maneuver, out, *, subject = None, density = flight::DEFAULT_DENSITY, seed = 0, noise = 1.0, joint_error_deg = 0.0, joint_wander_deg = 0.0, tunnel = false, progress = None))]
+#[expect(clippy::too_many_arguments, reason = "as many as the verb has")]
+pub(crate) fn synth(
+    py: Python<'_>,
+    maneuver: &str,
+    out: PathBuf,
+    subject: Option<Subject>,
+    density: f64,
+    seed: u64,
+    noise: f64,
+    joint_error_deg: f64,
+    joint_wander_deg: f64,
+    tunnel: bool,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Py<PyAny>> {
+    let names: Vec<&str> = MANEUVERS.iter().map(|maneuver| maneuver.name).collect();
+    let found = Maneuver::from_name(maneuver);
+    let maneuver = found.ok_or_else(|| unknown("maneuver", maneuver, &names))?;
+    let subject = subject.map_or_else(Default::default, |subject| subject.inner);
+    let request = Request {
+        maneuver,
+        subject: &subject,
+        density,
+        seed,
+        noise: SensorNoise::PAPER.scaled(noise),
+        joint_error: JointError {
+            calibration: joint_error_deg.to_radians(),
+            wander: joint_wander_deg.to_radians(),
+        },
+        sway: DEFAULT_SWAY,
+        tunnel,
+    };
+    let report = long(py, progress, |progress| {
+        synthesize(&request, &out, progress)
+    })?;
+    dictionary(py, &report)
+}

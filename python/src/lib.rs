@@ -1,0 +1,36 @@
+//! The native part of the Python package `bodyflight`: thin wrappers of what the command line does, with arrays in place of
+//! files. Names, defaults and errors are the program's.
+
+mod arrays;
+mod discover;
+mod estimate;
+mod flight;
+mod long;
+mod problem;
+mod simulate;
+mod skydivers;
+mod subject;
+mod sweep;
+
+use pyo3::prelude::*;
+
+/// What `bodyflight/__init__.py` hands on.
+#[pymodule]
+fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    problem::add_to(module)?;
+    module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    module.add_class::<subject::Subject>()?;
+    module.add_class::<flight::Flight>()?;
+    module.add_class::<flight::Recording>()?;
+    module.add_class::<simulate::Run>()?;
+    module.add_class::<estimate::Estimation>()?;
+    module.add_class::<skydivers::Skydivers>()?;
+    module.add_function(wrap_pyfunction!(simulate::simulate, module)?)?;
+    module.add_function(wrap_pyfunction!(estimate::estimate, module)?)?;
+    module.add_function(wrap_pyfunction!(discover::discover, module)?)?;
+    module.add_function(wrap_pyfunction!(sweep::sweep, module)?)?;
+    module.add_function(wrap_pyfunction!(sweep::tune, module)?)?;
+    module.add_function(wrap_pyfunction!(subject::trim, module)?)?;
+    module.add_function(wrap_pyfunction!(flight::synth, module)?)?;
+    Ok(())
+}

@@ -1,0 +1,90 @@
+//! A person, and the steady fall.
+
+use std::path::PathBuf;
+
+use bodyflight::formats::flight::DEFAULT_DENSITY;
+use bodyflight::formats::subject;
+use bodyflight::verbs;
+use bodyflight_core::Segment;
+use numpy::PyArray2;
+use pyo3::prelude::*;
+
+use crate::arrays::rows;
+use crate::problem::{dictionary, raise};
+
+/// A person as `subject.toml` describes one; the default person without a path.
+#[pyclass(frozen, from_py_object, module = "bodyflight")]
+#[derive(Clone)]
+pub(crate) struct Subject {
+    pub(crate) inner: subject::Subject,
+}
+
+#[pymethods]
+impl Subject {
+    #[new]
+    #[pyo3(signature = (path = None))]
+    fn new(path: Option<PathBuf>) -> PyResult<Self> {
+        let inner = match path {
+            Some(path) => subject::Subject::read(&path).map_err(raise)?,
+            None => subject::Subject::default(),
+        };
+        Ok(Self { inner })
+    }
+
+    /// A person from the text of a `subject.toml`.
+    #[staticmethod]
+    fn from_toml(text: &str) -> PyResult<Self> {
+        let path = PathBuf::from("subject.toml");
+        let inner = subject::Subject::parse(text, &path).map_err(raise)?;
+        Ok(Self { inner })
+    }
+
+    /// The text of a `subject.toml`.
+    fn to_toml(&self) -> PyResult<String> {
+        self.inner.to_toml().map_err(raise)
+    }
+
+    /// Mass with equipment (kg).
+    #[getter]
+    fn mass(&self) -> f64 {
+        self.inner.body().mass()
+    }
+
+    /// Names of the segments, in the order of all arrays.
+    #[classattr]
+    fn segments() -> Vec<&'static str> {
+        Segment::ALL.map(Segment::name).to_vec()
+    }
+
+    /// Mass (kg) and length (m) of each segment; 16 by 2.
+    fn segment_table(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f64>>> {
+        let body = self.inner.body();
+        let table = Segment::ALL.map(|segment| {
+            let parameters = &body.segments[segment];
+            [parameters.mass, parameters.length]
+        });
+        rows(py, table.to_vec())
+    }
+
+    /// The same person with drag, lift and moment coefficients of all segments multiplied.
+    #[pyo3(signature = (*, drag = 1.0, lift = 1.0, moment = 1.0))]
+    fn scaled(&self, drag: f64, lift: f64, moment: f64) -> Self {
+        let inner = self.inner.clone();
+        Self {
+            inner: inner.with_coefficients_times([drag, lift, moment]),
+        }
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Subject(mass={:.1} kg)", self.mass())
+    }
+}
+
+/// The steady belly-to-earth fall of a subject in the neutral pose, as the dictionary of `bodyflight trim --json`.
+#[pyfunction]
+#[pyo3(signature = (subject = None, *, density = DEFAULT_DENSITY))]
+pub(crate) fn trim(py: Python<'_>, subject: Option<Subject>, density: f64) -> PyResult<Py<PyAny>> {
+    let subject = subject.map_or_else(subject::Subject::default, |subject| subject.inner);
+    let report = verbs::trim::trim(&subject, density).map_err(raise)?;
+    dictionary(py, &report)
+}

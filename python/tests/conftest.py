@@ -1,0 +1,36 @@
+import os
+import subprocess
+from pathlib import Path
+
+import bodyflight
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture(scope="session")
+def program():
+    """Runs the program that this package wraps; its output as text."""
+    path = os.environ.get("BODYFLIGHT")
+    if path is None:
+        pytest.skip("BODYFLIGHT does not name the program to compare with: cargo xtask python does")
+
+    def run(*arguments):
+        done = subprocess.run([path, *map(str, arguments)], capture_output=True, text=True, check=False)
+        return done.stdout
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def turn(tmp_path_factory):
+    """A synthetic flight with turns: the folder."""
+    folder = tmp_path_factory.mktemp("turn")
+    bodyflight.synth("aggressive-turns", folder, seed=3)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def acrobatics():
+    """A real twisting somersault that comes with the project."""
+    return ROOT / "host/data/acrobatics/flight-1.toml"

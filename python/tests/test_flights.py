@@ -1,0 +1,99 @@
+"""What the program does too is compared with it: to the bit, or to the last digit that it writes."""
+
+import json
+
+import bodyflight
+import numpy as np
+import pytest
+
+
+def report(text):
+    """A report without what is measured by the clock."""
+    found = json.loads(text) if isinstance(text, str) else dict(text)
+    for clock in ("steps_per_second", "filter_s"):
+        found.pop(clock, None)
+    return found
+
+
+def test_a_run_is_the_programs(turn, program, tmp_path):
+    run = bodyflight.simulate(bodyflight.Flight(turn))
+    table = tmp_path / "run.csv"
+    assert report(program("--json", "simulate", turn / "flight.toml", "--out", table)) == report(run.report)
+    names = table.read_text().splitlines()[0].split(",")
+    written = np.loadtxt(table, delimiter=",", skiprows=1)
+    assert names[0] == "time_s"
+    assert names[1::2] == [f"measured_{name}" for name in run.channels]
+    # The file has six decimals.
+    np.testing.assert_allclose(written[:, 0], run.time, rtol=0, atol=5.01e-7)
+    np.testing.assert_allclose(written[:, 1::2], run.measured, rtol=0, atol=5.01e-7)
+    np.testing.assert_allclose(written[:, 2::2], run.simulated, rtol=0, atol=5.01e-7)
+
+
+def test_the_real_somersault_is_predicted_as_by_the_program(acrobatics, program):
+    exact = bodyflight.simulate(bodyflight.Flight(acrobatics)).report
+    published = bodyflight.simulate(bodyflight.Flight(acrobatics, equations="as-published")).report
+    assert report(program("--json", "simulate", acrobatics)) == report(exact)
+    assert exact["rms"]["angular_velocity_radps"] < published["rms"]["angular_velocity_radps"]
+
+
+@pytest.mark.parametrize("method", ["filter", "smooth"])
+def test_an_estimate_is_the_programs(turn, program, tmp_path, method):
+    found = bodyflight.estimate(bodyflight.Flight(turn), method=method)
+    ours, theirs = tmp_path / "ours.csv", tmp_path / "theirs.csv"
+    found.write_csv(ours)
+    printed = program("--json", "estimate", turn, "--method", method, "--out", theirs)
+    assert report(printed) == report(found.report)
+    assert ours.read_bytes() == theirs.read_bytes()
+    assert found.inputs.shape == found.deviation.shape == (len(found.time), len(found.columns))
+    assert (found.deviation >= 0.0).all()
+
+
+def test_a_recording_is_read_as_it_was_flown(turn):
+    recording = bodyflight.Flight(turn).read()
+    frames = len(recording.time)
+    assert recording.parent_from_segment.shape == (frames, len(bodyflight.Subject.segments), 4)
+    np.testing.assert_allclose(np.linalg.norm(recording.parent_from_segment, axis=2), 1.0, atol=1e-9)
+    np.testing.assert_allclose(np.diff(recording.time), 1.0 / 240.0, atol=1e-9)
+    # The positions are the velocities, summed.
+    motion = recording.motion
+    flown = motion.position[-1] - motion.position[0]
+    np.testing.assert_allclose(np.trapezoid(motion.velocity, recording.time, axis=0), flown, atol=0.5)
+    assert not recording.bridged.any()
+    assert recording.warnings == []
+
+
+def test_arrays_are_handed_out_without_copies(turn):
+    run = bodyflight.simulate(bodyflight.Flight(turn))
+    assert run.measured is run.measured
+    assert run.measured.flags.c_contiguous
+
+
+def test_a_sweep_flies_what_single_runs_fly(turn):
+    flight = bodyflight.Flight(turn)
+    factors = np.array([[1.0, 1.0, 1.0], [1.3, 1.0, 1.0], [1.0, 0.7, 1.1]])
+    swept = bodyflight.sweep(flight, factors)
+    for row, (drag, lift, moment) in zip(swept, factors):
+        subject = flight.subject.scaled(drag=drag, lift=lift, moment=moment)
+        single = bodyflight.simulate(flight.with_subject(subject)).report["rms"]
+        np.testing.assert_array_equal(row, [single[name] for name in bodyflight.Run.channels])
+
+
+def test_a_search_is_the_programs(turn, program):
+    found = bodyflight.tune([bodyflight.Flight(turn)], draws=6, seed=2)
+    assert json.loads(program("--json", "tune", turn, "--draws", "6", "--seed", "2")) == found
+
+
+def test_trim_is_the_programs(program):
+    assert json.loads(program("--json", "trim", "--density", "0.9")) == bodyflight.trim(density=0.9)
+
+
+def test_nothing_is_named_where_nothing_is_missing(turn):
+    flight = bodyflight.Flight(turn)
+    assert bodyflight.discover([flight])["effects"] == []
+
+
+def test_data_frames_have_the_names_of_the_files(turn):
+    pytest.importorskip("pandas")
+    frame = bodyflight.run_frame(bodyflight.simulate(bodyflight.Flight(turn)))
+    assert frame.index.name == "time_s"
+    assert "simulated_vertical_velocity_mps" in frame

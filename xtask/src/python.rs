@@ -1,0 +1,85 @@
+//! `cargo xtask python`: the Python package, its wheel and its tests; and environments for what needs Python.
+
+use std::path::{Path, PathBuf};
+
+use crate::run::{Result, build_program, root, run, run_in, target_folder};
+
+/// What building and testing the package needs of Python.
+const REQUIREMENTS: &str = "python/requirements-test.txt";
+
+/// Builds the wheel, installs it in an environment of its own, and runs the package's tests with it.
+pub(crate) fn python() -> Result<()> {
+    let python = environment("python", REQUIREMENTS)?;
+    let wheel = wheel(&python)?;
+    let python = python.display().to_string();
+    let wheel = wheel.display().to_string();
+    let pip = [
+        "-m",
+        "pip",
+        "install",
+        "--quiet",
+        "--no-deps",
+        "--force-reinstall",
+    ];
+    run(
+        &python,
+        &[&pip[..], &["--disable-pip-version-check", &wheel]].concat(),
+    )?;
+    build_program()?;
+    let program = target_folder()?.join("debug/bodyflight");
+    let variables = [("BODYFLIGHT", program.display().to_string())];
+    run_in(
+        &root().join("python"),
+        &python,
+        &["-m", "pytest", "--quiet"],
+        &variables,
+    )
+}
+
+/// The wheel, in `wheels` of the target folder.
+fn wheel(python: &Path) -> Result<PathBuf> {
+    let target = target_folder()?;
+    let folder = target.join("wheels");
+    let _ = std::fs::remove_dir_all(&folder);
+    let out = folder.display().to_string();
+    let maturin = python.with_file_name("maturin").display().to_string();
+    // The folder is shared with the workspace; profiles keep their builds apart.
+    let variables = [(
+        "CARGO_TARGET_DIR",
+        target.join("python").display().to_string(),
+    )];
+    let arguments = ["build", "--release", "--locked", "--out", &out];
+    run_in(&root().join("python"), &maturin, &arguments, &variables)?;
+    let entries = std::fs::read_dir(&folder).map_err(|error| format!("{out}: {error}"))?;
+    let mut wheels = entries.filter_map(|entry| Some(entry.ok()?.path()));
+    let found = wheels.find(|path| path.extension().is_some_and(|end| end == "whl"));
+    found.ok_or_else(|| format!("{out}: maturin left no wheel there"))
+}
+
+/// Python with what a file of requirements lists, in an environment of its own in the target folder.
+pub(crate) fn environment(name: &str, requirements: &str) -> Result<PathBuf> {
+    let folder = target_folder()?.join("environments").join(name);
+    let python = folder.join("bin/python");
+    let requirements = root().join(requirements);
+    let wanted = std::fs::read_to_string(&requirements)
+        .map_err(|error| format!("{}: {error}", requirements.display()))?;
+    let marker = folder.join("installed.txt");
+    if std::fs::read_to_string(&marker).is_ok_and(|installed| installed == wanted) {
+        return Ok(python);
+    }
+    let advice = |error| format!("{error}: this task needs Python 3.10 with venv and pip");
+    run("python3", &["-m", "venv", &folder.display().to_string()]).map_err(advice)?;
+    let list = requirements.display().to_string();
+    let pip = [
+        "-m",
+        "pip",
+        "install",
+        "--quiet",
+        "--disable-pip-version-check",
+        "-r",
+        &list,
+    ];
+    run(&python.display().to_string(), &pip).map_err(advice)?;
+    std::fs::write(&marker, wanted).map_err(|error| format!("{}: {error}", marker.display()))?;
+    Ok(python)
+}
