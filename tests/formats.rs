@@ -1,0 +1,182 @@
+//! docs/formats.md names every column and every field that the program writes.
+
+#![expect(
+    clippy::panic,
+    clippy::unwrap_used,
+    reason = "tests may panic: that is how they fail"
+)]
+
+mod program;
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use bodyflight::replay::comparison::Channel;
+use program::Program;
+use serde_json::Value;
+
+const PROGRAM: Program = Program(env!("CARGO_BIN_EXE_bodyflight"));
+const PAGE: &str = include_str!("../docs/formats.md");
+
+/// Fields whose content the page does not list: parameters of effects by name, and copies of files.
+const BY_NAME: [&str; 2] = ["parameters", "standard_errors"];
+const COPIES: [&str; 2] = ["model", "corrections"];
+
+/// What stands between backticks in the part of the page below a heading that holds `title`.
+fn names_below(title: &str) -> BTreeSet<&'static str> {
+    let part = PAGE
+        .split("\n## ")
+        .flat_map(|part| part.split("\n### "))
+        .find(|part| part.lines().next().is_some_and(|head| head.contains(title)));
+    let part = part.unwrap_or_else(|| panic!("no heading with {title}"));
+    part.split('`').skip(1).step_by(2).collect()
+}
+
+/// Paths of all leaves, with `[]` for entries of lists and `*` for channels and parameters.
+fn paths(value: &Value, path: &str, found: &mut BTreeSet<String>) {
+    let last = path.rsplit('.').next().unwrap_or(path);
+    match value {
+        Value::Object(_) | Value::Array(_) if COPIES.contains(&last) => {
+            found.insert(path.to_owned());
+        }
+        Value::Object(fields) => {
+            for (key, value) in fields {
+                let is_channel = Channel::ALL.iter().any(|channel| channel.key() == key);
+                let key = if is_channel || BY_NAME.contains(&last) {
+                    "*"
+                } else {
+                    key
+                };
+                let dot = if path.is_empty() { "" } else { "." };
+                paths(value, &format!("{path}{dot}{key}"), found);
+            }
+        }
+        Value::Array(entries) => {
+            let path = format!("{path}[]");
+            if entries.is_empty() {
+                found.insert(path.clone());
+            }
+            for entry in entries {
+                paths(entry, &path, found);
+            }
+        }
+        _ => {
+            found.insert(path.to_owned());
+        }
+    }
+}
+
+/// Whether the page names a path: whole, or by its beginning and, beside it, the rest.
+fn is_named(path: &str, names: &BTreeSet<&str>) -> bool {
+    names.contains(path)
+        || path.match_indices('.').any(|(at, _)| {
+            let (whole, rest) = (&path[..at], &path[at + 1..]);
+            names.contains(whole) && names.contains(rest)
+        })
+        // Entries of a list that is explained in the sentence beside it.
+        || path
+            .split_once("[].")
+            .is_some_and(|(list, rest)| names.contains(&*format!("{list}[]")) && names.contains(rest))
+}
+
+fn check(title: &str, answer: &Value) {
+    let names = names_below(title);
+    let mut found = BTreeSet::new();
+    paths(answer, "", &mut found);
+    assert!(found.len() > 1, "{title}: {answer}");
+    let missing: Vec<_> = found
+        .iter()
+        .filter(|path| !is_named(path, &names))
+        .collect();
+    assert!(
+        missing.is_empty(),
+        "{title}: docs/formats.md lacks {missing:?}"
+    );
+}
+
+fn header(path: &Path) -> Vec<String> {
+    let text = std::fs::read_to_string(path).unwrap();
+    let head = text.lines().next().unwrap();
+    head.split(',').map(str::to_owned).collect()
+}
+
+#[test]
+fn every_field_and_column_of_a_flight_is_on_the_page() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let plain = |name: &str| at(name).to_str().unwrap().to_owned();
+    let out = plain("flight");
+    check(
+        "Others",
+        &PROGRAM.json(&["synth", "rotations", "--out", &out]),
+    );
+    check("Others", &PROGRAM.json(&["trim"]));
+    check("Others", &PROGRAM.json(&["sensitivity", &out]));
+    check("Others", &PROGRAM.json(&["tune", &out, "--draws", "2"]));
+    check(
+        "`inspect`",
+        &PROGRAM.json(&["inspect", &plain("flight/flight.mvnx")]),
+    );
+    let run = plain("run.csv");
+    check(
+        "`simulate`, `demo`",
+        &PROGRAM.json(&["simulate", &out, "--out", &run]),
+    );
+    let found = plain("found.csv");
+    let (estimate, _) = PROGRAM.answer(&["estimate", &out, "--out", &found]);
+    check("`estimate`", &estimate);
+
+    let inputs = names_below("`inputs.csv`");
+    for column in header(&at("flight/inputs.csv")) {
+        assert!(inputs.contains(&*column), "{column}");
+    }
+    let estimates = names_below("`estimate --out`");
+    for column in header(&at("found.csv")) {
+        assert!(
+            estimates.contains(&*column) || inputs.contains(&*column),
+            "{column}"
+        );
+    }
+    let channels = names_below("`simulate --out`");
+    for column in header(&at("run.csv")) {
+        let channel = ["measured_", "simulated_"]
+            .iter()
+            .find_map(|side| column.strip_prefix(side));
+        assert!(channels.contains(channel.unwrap_or(&column)), "{column}");
+    }
+}
+
+#[test]
+fn every_field_of_a_search_is_on_the_page() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("lab");
+    let out = out.to_str().unwrap();
+    check("Others", &PROGRAM.json(&["hide", "wind", "--out", out]));
+    let flights = [0, 1].map(|number| format!("{out}/flight-{number}/flight.toml"));
+    let [fitted, held_out] = &flights;
+    check(
+        "`discover`",
+        &PROGRAM.json(&["discover", fitted, "--hold-out", held_out]),
+    );
+}
+
+#[test]
+fn every_field_of_real_flights_is_on_the_page() {
+    check("Others", &PROGRAM.json(&["validate"]));
+    let track = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../../shared/data/flysight/skyderby/speed_skydiving_411.csv");
+    if !track.is_file() {
+        eprintln!("skipped: {} is not there", track.display());
+        return;
+    }
+    check(
+        "`fall`",
+        &PROGRAM.answer(&["fall", track.to_str().unwrap()]).0,
+    );
+}
+
+#[test]
+fn every_part_of_a_problem_is_on_the_page() {
+    let output = PROGRAM.run(&["simulate", "there-is-none.toml", "--json"]);
+    check("Others", &serde_json::from_slice(&output.stderr).unwrap());
+}
