@@ -6,13 +6,11 @@
     reason = "tests may panic: that is how they fail"
 )]
 
-mod program;
-
 use std::collections::BTreeSet;
 use std::path::Path;
 
 use bodyflight::replay::comparison::Channel;
-use program::Program;
+use bodyflight_tests::program::{Program, plain};
 use serde_json::Value;
 
 const PROGRAM: Program = Program(env!("CARGO_BIN_EXE_bodyflight"));
@@ -66,6 +64,11 @@ fn paths(value: &Value, path: &str, found: &mut BTreeSet<String>) {
     }
 }
 
+/// What an effect has in whichever list it stands.
+fn as_effect(path: &str) -> String {
+    path.replacen("nearest[].", "effects[].", 1)
+}
+
 /// Whether the page names a path: whole, or by its beginning and, beside it, the rest.
 fn is_named(path: &str, names: &BTreeSet<&str>) -> bool {
     names.contains(path)
@@ -86,7 +89,7 @@ fn check(title: &str, answer: &Value) {
     assert!(found.len() > 1, "{title}: {answer}");
     let missing: Vec<_> = found
         .iter()
-        .filter(|path| !is_named(path, &names))
+        .filter(|path| !is_named(&as_effect(path), &names))
         .collect();
     assert!(
         missing.is_empty(),
@@ -104,8 +107,8 @@ fn header(path: &Path) -> Vec<String> {
 fn every_field_and_column_of_a_flight_is_on_the_page() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
-    let plain = |name: &str| at(name).to_str().unwrap().to_owned();
-    let out = plain("flight");
+    let named = |name: &str| plain(&at(name)).to_owned();
+    let out = named("flight");
     check(
         "Others",
         &PROGRAM.json(&["synth", "rotations", "--out", &out]),
@@ -115,14 +118,14 @@ fn every_field_and_column_of_a_flight_is_on_the_page() {
     check("Others", &PROGRAM.json(&["tune", &out, "--draws", "2"]));
     check(
         "`inspect`",
-        &PROGRAM.json(&["inspect", &plain("flight/flight.mvnx")]),
+        &PROGRAM.json(&["inspect", &named("flight/flight.mvnx")]),
     );
-    let run = plain("run.csv");
+    let run = named("run.csv");
     check(
         "`simulate`, `demo`",
         &PROGRAM.json(&["simulate", &out, "--out", &run]),
     );
-    let found = plain("found.csv");
+    let found = named("found.csv");
     let (estimate, _) = PROGRAM.answer(&["estimate", &out, "--out", &found]);
     check("`estimate`", &estimate);
 
@@ -150,7 +153,7 @@ fn every_field_and_column_of_a_flight_is_on_the_page() {
 fn every_field_of_a_search_is_on_the_page() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("lab");
-    let out = out.to_str().unwrap();
+    let out = plain(&out);
     check("Others", &PROGRAM.json(&["hide", "wind", "--out", out]));
     let flights = [0, 1].map(|number| format!("{out}/flight-{number}/flight.toml"));
     let [fitted, held_out] = &flights;
@@ -169,10 +172,7 @@ fn every_field_of_real_flights_is_on_the_page() {
         eprintln!("skipped: {} is not there", track.display());
         return;
     }
-    check(
-        "`fall`",
-        &PROGRAM.answer(&["fall", track.to_str().unwrap()]).0,
-    );
+    check("`fall`", &PROGRAM.answer(&["fall", plain(&track)]).0);
 }
 
 #[test]
