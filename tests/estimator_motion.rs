@@ -20,21 +20,65 @@ const LENGTH: u32 = 600;
 /// Muscle input in pitch that never ends.
 const PITCH: f64 = 0.4;
 
-/// A motion seen through the paper's sensors.
+/// A motion seen through the paper's sensors, as recordings have it: the angular velocity in inertial axes.
 fn seen(motion: &Motion<f64>, noise: &mut Noise) -> MotionMeasurement<f64> {
     let mut vector = |sizes: [f64; 3]| Vector3::from(sizes.map(|size| noise.normal(size)));
     let tilt = small_rotation(&vector([0.01; 3]));
-    let attitude = motion.inertial_from_body.quaternion() * tilt;
+    let attitude = Rotation::from_quaternion(motion.inertial_from_body.quaternion() * tilt);
     let velocity = vector([0.1, 0.1, 1.0]);
-    let spin = vector([0.03; 3]);
+    let spin = motion.inertial_from_body * motion.angular_velocity
+        + Vector::<_, Inertial>::from_components(vector([0.03; 3]));
     MotionMeasurement {
-        inertial_from_body: Some(Rotation::from_quaternion(attitude)),
-        angular_velocity: Some(motion.angular_velocity + Vector::from_components(spin)),
+        inertial_from_body: Some(attitude),
+        angular_velocity: Some(attitude.inverse() * spin),
         velocity: Some(
             motion.velocity_inertial() + Vector::<_, Inertial>::from_components(velocity),
         ),
         horizontal_speed: None,
     }
+}
+
+#[test]
+fn a_fast_turn_is_consistent_though_attitude_noise_turns_the_angular_velocity() {
+    let Some(table) = reference("segments.json") else {
+        return;
+    };
+    let dynamics = Dynamics::paper(reference_body(&table), 1.0);
+    let attitude = facing_north(core::f64::consts::FRAC_PI_2);
+    let start = Motion {
+        inertial_from_body: attitude,
+        position: Vector::zero(),
+        velocity: attitude.inverse() * Vector::new(0.0, 0.0, -50.0),
+        angular_velocity: Vector::new(0.0, 12.0, 0.0),
+    };
+    let posture = pattern::neutral();
+    let interval = dynamics.hold(&posture);
+    let mut flown = State::from_motion(&start, &interval);
+    let mut inputs = Inputs::belly_turn();
+    inputs.damping.yaw = 0.0;
+    let recorded = posture.cast();
+    let filter =
+        ReducedMotionFilter::<f32>::new(&MOTION, &dynamics.cast(), &start.cast(), &recorded);
+    let mut filter = Box::new(filter.unwrap());
+    let mut noise = Noise::new(2);
+    let (mut estimates, mut inconsistent, mut squares) = (0.0f32, 0.0, 0.0);
+    for _ in 1..=5 * 240 {
+        flown = dynamics.step(&flown, &interval, &inputs, TIME_STEP);
+        let measured = seen(&flown.motion(&interval), &mut noise);
+        if let Some(estimate) = filter.push(&recorded, &measured.cast()) {
+            estimates += 1.0;
+            squares += estimate.normalised_innovation;
+            inconsistent += f32::from(u8::from(estimate.consistency != Consistency::Consistent));
+        }
+    }
+    let spin = flown.motion(&interval).angular_velocity.components[1];
+    let mean = squares / estimates;
+    println!("at the end {spin} rad/s, mean square {mean}");
+    assert!(spin > 8.0 && (0.8..1.3).contains(&mean), "{spin} {mean}");
+    assert!(
+        inconsistent < 0.02 * estimates,
+        "{inconsistent} of {estimates}"
+    );
 }
 
 #[test]

@@ -324,6 +324,7 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         };
         self.repeats.take(measured, self.duration);
         let prediction = Prediction::of(&self.state, interval);
+        let spin = prediction.motion.angular_velocity.components;
         let mut moved = Difference::zeros();
         for (k, channel) in channels.iter_mut().enumerate() {
             let repeated = self.repeats.time(k);
@@ -332,7 +333,7 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
             let Some(row) = row.filter(|_| repeated <= T::single(BELIEVED)) else {
                 continue;
             };
-            let noise = self.noise.variance(k);
+            let noise = self.noise.variance(k, &spin);
             let (innovation, spread) = update::innovation(&self.covariance, &moved, &row, noise);
             let normalised = innovation.value / innovation.variance.root();
             let square = normalised * normalised;

@@ -57,9 +57,12 @@ impl Noise<f32> {
 }
 
 impl<T: Real> Noise<T> {
-    /// Variance of a channel.
+    /// Variance of a channel of a body that turns with `spin` (rad/s, body axes).
+    ///
+    /// Recordings have the angular velocity in inertial axes. Who turns it into body axes does so by the measured attitude, and
+    /// its error `n` makes it wrong by `n x spin`: in a fast turn more than the gyroscopes' own noise.
     #[inline]
-    pub fn variance(&self, channel: usize) -> T {
+    pub fn variance(&self, channel: usize, spin: &Vector3<T>) -> T {
         let deviation = match channel {
             0..3 => self.attitude,
             3..6 => self.angular_velocity,
@@ -67,7 +70,13 @@ impl<T: Real> Noise<T> {
             8 => self.vertical_velocity,
             _ => self.horizontal_speed,
         };
-        deviation * deviation
+        let own = deviation * deviation;
+        if RATE_CHANNELS.contains(&channel) {
+            let along = spin[channel - RATE_CHANNELS.start];
+            let across = spin.norm_squared() - along * along;
+            return own + self.attitude * self.attitude * across;
+        }
+        own
     }
 }
 

@@ -308,7 +308,8 @@ fn measure(
             continue;
         }
         if let Some(row) = prediction.row(channel, &measured) {
-            pass.take(&row, noise.variance(channel), gate);
+            let spin = &prediction.motion.angular_velocity.components;
+            pass.take(&row, noise.variance(channel, spin), gate);
         }
     }
     pass.settle();
