@@ -3,12 +3,14 @@
 //!
 //! `cargo bench -p bodyflight-benches --bench estimates` prints the tables of `docs/benchmarks.md`. `--from SEED` and
 //! `--seeds NUMBER` choose the flights, `--only NAME` some maneuvers, `--by NAME` some methods; `--noise`, `--joints`
-//! and `--wander` (degrees) vary what the flights suffer.
+//! and `--wander` (degrees) vary what the flights suffer. Unless one of the last two is given, a third table has all maneuvers with
+//! exact and with wandering joints.
 #![expect(clippy::expect_used, reason = "a bench may end with a panic")]
 
 #[path = "estimates/score.rs"]
 mod score;
 
+use std::ops::Range;
 use std::path::Path;
 
 use bodyflight::formats::flight::Flight;
@@ -34,13 +36,31 @@ const METHODS: [&str; 6] = [
     "smoother",
 ];
 
+/// Those that go by the motion filter.
+const MOTION_METHODS: Range<usize> = 3..METHODS.len();
+
+/// The name of all maneuvers together.
+const ALL: &str = "all";
+
+/// Length of flight for which times are told (s).
+const LENGTH: f64 = 40.0;
+
+/// Other joints: what they are off by throughout, and what they wander by (degrees).
+const FAMILIES: [(&str, f64, f64); 2] = [
+    ("all, exact joints", 0.0, 0.0),
+    ("all, joints wander by 1", 1.0, 1.0),
+];
+
 /// What all flights have in common.
+#[derive(Clone)]
 struct Laboratory {
     subject: Subject,
     noise: SensorNoise,
     joint_error: JointError,
     /// Part of the names of methods that are looked at.
     by: String,
+    /// And among which.
+    among: Range<usize>,
 }
 
 impl Laboratory {
@@ -69,7 +89,8 @@ impl Laboratory {
         };
         let methods = METHODS.iter().enumerate();
         let scores = methods.map(|(method, name)| {
-            name.contains(&self.by).then(|| {
+            let looked_at = self.among.contains(&method) && name.contains(&self.by);
+            looked_at.then(|| {
                 let estimation = run(&flight, method);
                 match method {
                     0 => Score::constant(&estimation.report.rms_constant),
@@ -100,6 +121,7 @@ fn main() {
             wander: number("--wander", 0.0).to_radians(),
         },
         by: option("--by").unwrap_or_default(),
+        among: 0..METHODS.len(),
     };
     #[expect(
         clippy::cast_possible_truncation,
@@ -111,41 +133,97 @@ fn main() {
         number("--seeds", 3.0) as u64,
     ];
     let only = option("--only").unwrap_or_default();
-    let folder = std::env::temp_dir().join(format!("bodyflight-estimates-{}", std::process::id()));
     let looked_at = MANEUVERS.iter().filter(|m| m.name.contains(&only));
     let flights: Vec<(&Maneuver, u64)> = looked_at
         .flat_map(|maneuver| (from..from + seeds).map(move |seed| (maneuver, seed)))
         .collect();
-    let scores: Vec<Vec<Option<Score>>> = flights
+    tables(&laboratory, &flights);
+    if option("--joints").is_none() && option("--wander").is_none() {
+        families(&laboratory, &flights);
+    }
+}
+
+/// Runs the methods over the flights.
+fn scores(
+    laboratory: &Laboratory,
+    flights: &[(&'static Maneuver, u64)],
+) -> Vec<Vec<Option<Score>>> {
+    let folder = std::env::temp_dir().join(format!("bodyflight-estimates-{}", std::process::id()));
+    let scores = flights
         .par_iter()
         .map(|(maneuver, seed)| laboratory.scores(maneuver, *seed, &folder))
         .collect();
     std::fs::remove_dir_all(&folder).expect("a folder of our own");
+    scores
+}
+
+/// Sums the scores of a method over the flights `among` which they are asked for.
+fn summed(
+    flights: &[(&Maneuver, u64)],
+    scores: &[Vec<Option<Score>>],
+    method: usize,
+    among: impl Fn(&str) -> bool,
+) -> Option<Score> {
+    let mut sum = Score::default();
+    let found = flights
+        .iter()
+        .zip(scores)
+        .filter(|((m, _), _)| among(m.name));
+    for score in found.filter_map(|(_, scores)| scores[method].as_ref()) {
+        sum.merge(score);
+    }
+    (!sum.is_empty()).then_some(sum)
+}
+
+/// Prints a row for each maneuver and method, and how long the methods take.
+fn tables(laboratory: &Laboratory, flights: &[(&'static Maneuver, u64)]) {
+    let scores = scores(laboratory, flights);
     let mut reconstruction = vec![RECONSTRUCTION.to_owned()];
     let mut inputs = vec![INPUTS.to_owned()];
+    let mut times = Vec::new();
     let mut rows = |name: &str, among: &dyn Fn(&str) -> bool| {
         for (method, by) in METHODS.iter().enumerate() {
-            let mut sum = Score::default();
-            let found = flights
-                .iter()
-                .zip(&scores)
-                .filter(|((m, _), _)| among(m.name));
-            for score in found.filter_map(|(_, scores)| scores[method].as_ref()) {
-                sum.merge(score);
+            let Some(sum) = summed(flights, &scores, method, among) else {
+                continue;
+            };
+            reconstruction.push(sum.reconstruction(name, by));
+            if method > 0 {
+                inputs.push(sum.inputs(name, by));
             }
-            if !sum.is_empty() {
-                reconstruction.push(sum.reconstruction(name, by));
-                if method > 0 {
-                    inputs.push(sum.inputs(name, by));
-                }
+            if let (ALL, Some([least, middle])) = (name, sum.time(LENGTH)) {
+                times.push(format!(
+                    "{LENGTH} s of flight, {by}: {least:.2} s at the quickest, {middle:.2} s in the middle"
+                ));
             }
         }
     };
     for maneuver in MANEUVERS {
         rows(maneuver.name, &|name| name == maneuver.name);
     }
-    rows("all", &|_| true);
+    rows(ALL, &|_| true);
     println!("{}\n\n{}", reconstruction.join("\n"), inputs.join("\n"));
+    println!("\n{}", times.join("\n"));
+}
+
+/// Prints how well inputs are known with other joints, by the motion filter and its smoother.
+fn families(laboratory: &Laboratory, flights: &[(&'static Maneuver, u64)]) {
+    println!("\n{INPUTS}");
+    for (name, calibration, wander) in FAMILIES {
+        let laboratory = Laboratory {
+            joint_error: JointError {
+                calibration: f64::to_radians(calibration),
+                wander: f64::to_radians(wander),
+            },
+            among: MOTION_METHODS,
+            ..laboratory.clone()
+        };
+        let scores = scores(&laboratory, flights);
+        for (method, by) in METHODS.iter().enumerate() {
+            if let Some(sum) = summed(flights, &scores, method, |_| true) {
+                println!("{}", sum.inputs(name, by));
+            }
+        }
+    }
 }
 
 fn run(flight: &Flight, method: usize) -> Estimation {

@@ -44,6 +44,8 @@ pub(crate) struct Score {
     /// Longest time with an error above four deviations that was not flagged (s).
     unflagged: f64,
     refused: f64,
+    /// Time of computing for a second of flight, by flight (s).
+    paces: Vec<f64>,
 }
 
 impl Score {
@@ -98,6 +100,8 @@ impl Score {
         score
             .nis
             .extend(Some(channels * estimation.report.nis_mean).filter(seen));
+        let report = &estimation.report;
+        score.paces.push(report.filter_s / report.duration_s);
         score.refused = f64::from(u8::from(estimation.report.doubt.is_some()));
         score
     }
@@ -115,12 +119,21 @@ impl Score {
         self.points += other.points;
         self.refused += other.refused;
         self.nis.extend(&other.nis);
+        self.paces.extend(&other.paces);
         self.unflagged = self.unflagged.max(other.unflagged);
     }
 
     /// Whether no flight was added.
     pub(crate) fn is_empty(&self) -> bool {
         self.flights == 0.0
+    }
+
+    /// Time of computing for `flight` (s): of the quickest flight and of that in the middle, since machines are busy.
+    pub(crate) fn time(&self, flight: f64) -> Option<[f64; 2]> {
+        let mut paces = self.paces.clone();
+        paces.sort_by(f64::total_cmp);
+        let middle = paces.get(paces.len() / 2)?;
+        Some([paces.first()?, middle].map(|pace| pace * flight))
     }
 
     /// A row of the table of reconstructions.

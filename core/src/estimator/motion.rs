@@ -398,7 +398,7 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         MotionEstimate {
             sample: self.samples,
             inputs: self.state.inputs,
-            deviation: self.covariance.diagonal().map(Real::root),
+            deviation: self.process.stated(&self.covariance),
             motion: self.motion(),
             channels,
             normalised_innovation: if number > T::zero() {

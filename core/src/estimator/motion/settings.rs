@@ -116,6 +116,10 @@ impl MotionPreset {
     }
 }
 
+/// Share of the time in which muscles act on purpose, by guess, and deviations at which that is noticed.
+const ON_PURPOSE: f64 = 0.25;
+const NOTICED: f64 = 2.0;
+
 /// How the inputs evolve over one interval: they return to their mean, and wander.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Process<T: Real> {
@@ -129,6 +133,9 @@ pub struct Process<T: Real> {
     awake: [[T; 2]; 2],
     /// Pitch, yaw, roll: one where an axis has just woken up.
     activity: [T; 3],
+    /// Share of the distance from the mean that an interval takes from muscle input, from damping, and from both where an axis is
+    /// awake.
+    rates: [T; 3],
     /// Share of the residual load that an interval forgets, and that a turn of the stream does (1/rad).
     joint_rate: T,
     turn_rate: T,
@@ -191,6 +198,8 @@ impl<T: Real> Process<T> {
                 [square::<T>(size) * rate, square(size)]
             }),
             activity: [T::zero(); 3],
+            rates: [preset.muscle_time, preset.damping_time, preset.awake_time]
+                .map(|time| duration / T::single(time)),
             joint_rate: duration / T::single(preset.joint_error_time),
             turn_rate: T::single(preset.turn_rate),
             joint_variance: square(preset.joint_error),
@@ -256,11 +265,48 @@ impl<T: Real> Process<T> {
     /// Sets how much each axis is moved on purpose, 0 to 1: pitch, yaw, roll.
     pub fn set_activity(&mut self, activity: [T; 3]) {
         self.activity = activity;
+        let [muscle, damping, awake] = self.rates;
+        for (axis, activity) in activity.into_iter().enumerate() {
+            self.decay[axis] = decay_over(muscle + activity * awake);
+            self.decay[DAMPING - MUSCLE + axis] = decay_over(damping + activity * awake);
+        }
     }
 
     /// How much each axis is moved on purpose in this interval, 0 to 1: pitch, yaw, roll.
     pub fn activity(&self) -> [T; 3] {
         self.activity
+    }
+
+    /// Standard deviations to state: the covariance knows quiet input alone, so where little is seen of an input, what may be done
+    /// on purpose without being noticed is added.
+    pub fn stated(&self, covariance: &SMatrix<T, STATES, STATES>) -> SVector<T, STATES> {
+        let mut variance = covariance.diagonal();
+        for axis in 0..3 {
+            let known = variance[MUSCLE + axis];
+            variance[MUSCLE + axis] = known + self.unnoticed(axis, known, self.activity[axis]);
+        }
+        variance.map(Real::root)
+    }
+
+    /// Variance of muscle input on purpose that goes unnoticed about an axis with this `activity`, 0 to 1, where quiet input has
+    /// the variance `known`.
+    ///
+    /// With `left` of the spread of quiet input, measurements told `(1 - left) / known`, and the estimate falls short of an input
+    /// by the share `left`. Inputs larger than some deviations of what was told wake the axis up.
+    pub fn unnoticed(&self, axis: usize, known: T, activity: T) -> T {
+        let one = T::one();
+        let quiet = (one - activity) * T::of(ON_PURPOSE);
+        let [_, largest] = self.awake[0];
+        let left = known / self.spread[axis];
+        if left < one {
+            let size = T::of(NOTICED * NOTICED) * known / (one - left);
+            let size = if size < largest { size } else { largest };
+            quiet * left * left * size
+        } else if known < largest {
+            quiet * (largest - known)
+        } else {
+            T::zero()
+        }
     }
 
     /// Covariance of the residual load in the long run.
@@ -339,4 +385,46 @@ fn decay_over<T: Real>(x: T) -> T {
 
 fn square<T: Real>(value: f32) -> T {
     T::single(value) * T::single(value)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_hardly_seen_may_be_done_on_purpose() {
+        let process = Process::<f64>::new(&MOTION, 1.0 / 240.0).unwrap();
+        let stated = |deviation: f64, activity: f64| {
+            let known = deviation * deviation;
+            (known + process.unnoticed(1, known, activity)).root()
+        };
+        // Nothing was seen: three, a quarter of the time.
+        let unseen = stated(0.3, 0.0);
+        assert!((1.4..1.6).contains(&unseen), "{unseen}");
+        // What is known to a tenth is hardly less known, and an axis that is awake expects much already.
+        let seen = stated(0.1, 0.0);
+        assert!((0.1..0.103).contains(&seen), "{seen}");
+        assert!((stated(1.0, 1.0) - 1.0).abs() < 1e-9);
+        let mut last = 0.0;
+        for k in 1..40 {
+            let now = stated(0.1 * f64::from(k), 0.0);
+            assert!(now >= last, "{k}: {now} after {last}");
+            last = now;
+        }
+    }
+
+    #[test]
+    fn inputs_of_an_axis_that_is_awake_come_back_sooner() {
+        let mut process = Process::<f64>::new(&MOTION, 1.0 / 240.0).unwrap();
+        let quiet = process.decay();
+        process.set_activity([0.0, 1.0, 0.0]);
+        let awake = process.decay();
+        for k in [1, 4] {
+            assert!(awake[k] < 0.99 && quiet[k] > 0.997);
+        }
+        assert_eq!(
+            [awake[0], awake[2], awake[6]],
+            [quiet[0], quiet[2], quiet[6]]
+        );
+    }
 }

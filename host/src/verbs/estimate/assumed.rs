@@ -94,7 +94,7 @@ impl Assumed {
             2.0 * first.joint_error,
         );
         let known: f64 = found.covariance.diagonal().rows(0, DIRECTIONS).sum();
-        #[expect(clippy::cast_precision_loss, reason = "a dozen")]
+        #[expect(clippy::cast_precision_loss, reason = "two dozen")]
         let told = DIRECTIONS as f64 - known / (self.calibration * self.calibration);
         let [least, most] = self.calibrations;
         self.calibration = (errors.norm_squared() / told.max(0.5))

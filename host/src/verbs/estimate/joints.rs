@@ -1,7 +1,7 @@
 //! Errors of the recorded joints that stay the same from the first frame to the last.
 //!
-//! Forty-five joint axes put only six numbers of load on the body at a time, and hardly more than a dozen over a flight:
-//! the directions of joint errors that matter are the principal axes of the loads, as they were over the flight.
+//! Forty-five joint axes put only six numbers of load on the body at a time, and some two dozen over a flight: the directions of
+//! joint errors that matter are the principal axes of the loads, as they were over the flight.
 
 use bodyflight_core::body::Segment;
 use bodyflight_core::body::posture::Posture;
@@ -10,9 +10,9 @@ use bodyflight_core::estimator::motion::posture_error::{JOINT_AXES, columns, cov
 use bodyflight_core::math::small_rotation;
 use nalgebra::{SMatrix, SVector, Vector3};
 
-/// Number of directions of joint errors that are estimated. The next one moves the loads by two hundredths of what all do in
-/// a barrel roll, and by less in flight on the belly.
-pub const DIRECTIONS: usize = 12;
+/// Number of directions of joint errors that are estimated. Belly flight has hardly more than a dozen; in barrel rolls, where the body's
+/// own turning adds to the loads, those beyond a dozen were taken for muscle input, with error bars a fifth of the error.
+pub const DIRECTIONS: usize = 24;
 
 /// One number for each direction.
 pub type Directions = SVector<f64, DIRECTIONS>;
@@ -21,7 +21,7 @@ pub type Directions = SVector<f64, DIRECTIONS>;
 pub type Loads = SMatrix<f64, 6, DIRECTIONS>;
 
 /// Samples for which a load by joint errors stands.
-const SAMPLES: usize = 6;
+const SAMPLES: usize = 2;
 
 /// Directions of joint errors, and what each puts on the body in the course of the flight.
 pub struct JointDirections {

@@ -87,6 +87,7 @@ pub struct Known {
 /// The way forward over a flight.
 struct Flown {
     pass: Pass,
+    process: Process<f64>,
     intervals: Vec<PostureSample<f64>>,
 }
 
@@ -139,7 +140,7 @@ impl Whole {
                 .copy_from(&-self.errors);
             let found = flown.pass.constants(&expected, &self.assumed.deviations());
             let (smoothed, scores) = flown.pass.smoothed(&found);
-            let Some(next) = self.moved(&smoothed, &flown.intervals) else {
+            let Some(next) = self.moved(&flown.process, &smoothed, &flown.intervals) else {
                 break;
             };
             self.trajectory = next.iter().map(|known| known.state).collect();
@@ -171,17 +172,24 @@ impl Whole {
     }
 
     /// The trajectory moved to a solution; none where that is not finite.
-    fn moved(&self, smoothed: &[Smoothed], intervals: &[PostureSample<f64>]) -> Option<Vec<Known>> {
+    fn moved(
+        &self,
+        process: &Process<f64>,
+        smoothed: &[Smoothed],
+        intervals: &[PostureSample<f64>],
+    ) -> Option<Vec<Known>> {
         let states = self.trajectory.iter().zip(smoothed).zip(intervals);
+        let samples = self.samples.iter().step_by(STRIDE);
         states
-            .map(|((state, smoothed), interval)| {
+            .zip(samples)
+            .map(|(((state, smoothed), interval), sample)| {
                 let mut state = state.moved(&smoothed.correction, interval);
                 state.limit_inputs();
                 let finite = state.is_finite() && smoothed.deviation.iter().all(|d| d.is_finite());
                 finite.then(|| Known {
                     motion: state.motion.motion(interval),
                     state,
-                    deviation: smoothed.deviation * CAUTION,
+                    deviation: stated(process, &smoothed.deviation, &sample.activity),
                 })
             })
             .collect()
@@ -242,7 +250,11 @@ impl Whole {
                 interrupt::check()?;
             }
         }
-        Ok(Ok(Flown { pass, intervals }))
+        Ok(Ok(Flown {
+            pass,
+            process,
+            intervals,
+        }))
     }
 
     /// Wakes axes up where for a tenth of a second what was measured asks for more than quiet input.
@@ -280,6 +292,21 @@ impl Whole {
             }
         }
     }
+}
+
+/// Deviations to state of those of the linear problem.
+fn stated(
+    process: &Process<f64>,
+    deviation: &Difference<f64>,
+    activity: &[f64; 3],
+) -> Difference<f64> {
+    let mut stated = deviation * CAUTION;
+    for (axis, activity) in activity.iter().enumerate() {
+        let known = deviation[MUSCLE + axis] * deviation[MUSCLE + axis];
+        stated[MUSCLE + axis] =
+            stated[MUSCLE + axis].hypot(process.unnoticed(axis, known, *activity).sqrt());
+    }
+    stated
 }
 
 /// How far the process' mean of the inputs is from those of the trajectory at its start.
