@@ -422,9 +422,8 @@ mod tests {
         for k in [1, 4] {
             assert!(awake[k] < 0.99 && quiet[k] > 0.997);
         }
-        assert_eq!(
-            [awake[0], awake[2], awake[6]],
-            [quiet[0], quiet[2], quiet[6]]
-        );
+        for k in [0, 2, 6] {
+            assert!((awake[k] - quiet[k]).abs() < 1e-12);
+        }
     }
 }
