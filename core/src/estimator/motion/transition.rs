@@ -118,7 +118,7 @@ pub fn spread<T: Real>(
 ) {
     let decay = process.decay();
     // Rows of the motion: Phi_m P, then that by the decay of each input, and by Phi_m^T.
-    let flown: MotionSlope<T> = slope * *covariance;
+    let flown: MotionSlope<T> = slope * &*covariance;
     for j in 0..MOTION_STATES {
         for i in 0..=j {
             let mut sum = T::zero();
