@@ -1,31 +1,36 @@
-//! A long flight in virtual time: books that balance, and clocks and counters that wrap without a trace.
+//! A long flight in virtual time: books that balance, clocks and counters that wrap without a trace, and estimates that are as
+//! good at the end as at the beginning.
 //!
-//! Two units are given the same samples. One starts with all its clocks at zero; the clocks of the other wrap while it flies:
-//! milliseconds and microseconds of 32 bits, and the counter of cycles, which a processor at 168 MHz wraps every 26 s. What
-//! they say must be the same. `BODYFLIGHT_SOAK_HOURS=24 cargo test --release -p bodyflight-tests --test unit_soak -- --nocapture`
-//! flies a day.
+//! Two units with the motion filter are given the same samples. One starts with all its clocks at zero; the clocks of the other
+//! wrap while it flies: sequence numbers, milliseconds and microseconds of 32 bits, and the counter of cycles, which a
+//! processor at 168 MHz wraps every 26 s. What they say must be the same. `cargo xtask soak --hours 24` flies a day.
 #![allow(clippy::cast_possible_truncation, reason = "small numbers of a test")]
+
+mod unit_soak {
+    pub mod quality;
+    pub mod wearer;
+}
 
 use std::cell::Cell;
 
-use bodyflight_core::aerodynamics::Aerodynamics;
-use bodyflight_core::body::anthropometry::{Person, Sex};
-use bodyflight_core::body::pattern;
-use bodyflight_core::frame::{Rotation, Vector};
+use bodyflight_core::dynamics::muscle_input::BACK_TRACKING;
+use bodyflight_core::estimator::unit_preset::UnitPreset;
 use bodyflight_core::link::{
-    self, Estimate, Header, MAX_FRAME_LENGTH, Message, Sample, SegmentTable, Start, Stop,
+    Estimate, Header, MAX_FRAME_LENGTH, Message, ResetFilter, Sample, Start, Status, Stop,
     StreamMode,
 };
 use bodyflight_firmware::{Board, Identity, Unit};
 use bodyflight_tests::greeting::{configure, hello};
-use nalgebra::{UnitQuaternion, Vector3};
+use unit_soak::quality::Quality;
+use unit_soak::wearer::{RATE, Wearer};
 
-const RATE: u64 = 240;
 const SESSION: u16 = 11;
 /// Cycles of every update, more than one is given.
 const CYCLES: u32 = 312_345;
 /// Flight where the environment asks for none (h).
 const HOURS: f64 = 0.1;
+/// Parts of the flight that are looked at each for itself.
+const PARTS: u32 = 6;
 /// Every so many samples one is lost, comes twice, or comes behind the next.
 const LOST: u32 = 997;
 const TWICE: u32 = 1009;
@@ -54,172 +59,228 @@ impl Board for Bench {
     fn note(&self, _: u32) {}
 }
 
-/// What a unit says after a sample.
-#[derive(Debug, Default, PartialEq)]
-struct Said {
-    estimates: Vec<Estimate>,
+/// Where clocks and counters begin.
+#[derive(Debug, Clone, Copy, Default)]
+struct Origin {
+    /// The unit's clock and the sensor's (us).
+    clock: u64,
+    sensor: u64,
+    cycles: u32,
+    /// Number of the first sample of the flight.
+    sequence: u32,
+}
+
+impl Origin {
+    /// Milliseconds wrap after a minute, the sensor's microseconds after half of it, sequence numbers after 20 s, cycles at once.
+    fn about_to_wrap() -> Self {
+        let wrap = 1_u64 << 32;
+        Self {
+            clock: wrap * 1000 - 60_000_000,
+            sensor: wrap - 30_000_000,
+            cycles: u32::MAX - 7,
+            sequence: 0_u32.wrapping_sub(20 * RATE),
+        }
+    }
 }
 
 struct Flying {
     unit: Unit<Bench>,
-    /// The unit's clock and the sensor's when it started (us).
-    began: u64,
-    sensor: u64,
+    origin: Origin,
     second: u64,
 }
 
 impl Flying {
-    fn new(began: u64, sensor: u64, cycles: u32) -> Self {
+    fn new(origin: Origin, first: Sample) -> Self {
         let bench = Bench {
-            now: Cell::new(began),
-            cycles: Cell::new(cycles),
+            now: Cell::new(origin.clock),
+            cycles: Cell::new(origin.cycles),
         };
         let mut flying = Self {
             unit: Unit::new(bench, Identity::default()),
-            began,
-            sensor,
+            origin,
             second: 0,
         };
-        let body = Person::new(1.75, 75.0, Sex::Male).body().unwrap();
-        let table = SegmentTable::of(&body, &Aerodynamics::paper());
+        let preset = UnitPreset::number("auto", &BACK_TRACKING).unwrap();
+        let table = Wearer::table();
         flying.tell(0, hello());
-        flying.tell(0, configure(0, &table));
+        flying.tell(0, configure(preset as u16, &table));
         for row in table.rows() {
             flying.tell(0, *row);
         }
         let mode = StreamMode::Paced;
         flying.tell(0, Start { mode });
-        flying.heard();
+        flying.go_ahead(first);
         flying
     }
 
-    fn tell(&mut self, sequence: u32, message: impl Into<Message>) {
+    /// Goes to the first number of the flight, in steps of which none is back for whom numbers wrap.
+    fn go_ahead(&mut self, first: Sample) {
+        let ahead = self.origin.sequence;
+        if ahead > 0 {
+            for number in [ahead / 2, ahead - 1] {
+                self.tell(number.wrapping_sub(ahead), first);
+                assert!(self.unit.work());
+                self.tell(0, ResetFilter {});
+            }
+        }
+        self.heard();
+    }
+
+    /// Numbers count from the first of the flight.
+    fn tell(&mut self, number: u32, message: impl Into<Message>) {
+        let since = u64::from(number.cast_signed().max(0).cast_unsigned());
         let header = Header {
             session: SESSION,
-            sequence,
-            time: self.sensor + u64::from(sequence) * 1_000_000 / RATE,
+            sequence: number.wrapping_add(self.origin.sequence),
+            time: self.origin.sensor + since * 1_000_000 / u64::from(RATE),
         };
         let mut frame = [0; MAX_FRAME_LENGTH];
         let length = message.into().encode(&header, &mut frame).unwrap();
         self.unit.receive(&frame[..length]);
     }
 
-    fn heard(&mut self) -> Said {
+    /// Estimates with their times, both as if clocks and numbers began at zero.
+    fn heard(&mut self) -> Vec<(u64, Estimate)> {
         let mut bytes = [0; MAX_FRAME_LENGTH];
-        let mut said = Said::default();
+        let mut estimates = Vec::new();
         while let Some(length) = self.unit.transmit(&mut bytes) {
-            if let (_, Message::Estimate(estimate)) = Message::decode(&bytes[..length]).unwrap() {
-                said.estimates.push(estimate);
+            let read = Message::decode(&bytes[..length]).unwrap();
+            if let (header, Message::Estimate(mut estimate)) = read {
+                let Origin {
+                    sensor, sequence, ..
+                } = self.origin;
+                estimate.sample_sequence = estimate.sample_sequence.wrapping_sub(sequence);
+                estimates.push((header.time - sensor, estimate));
             }
         }
-        said
+        estimates
     }
 
-    /// Gives the unit a sample, faults of the line included.
-    fn sample(&mut self, number: u32) -> Said {
-        let since = u64::from(number) * 1_000_000 / RATE;
-        self.unit.board().now.set(self.began + since);
+    /// Gives the unit a sample of two, faults of the line included.
+    fn sample(&mut self, number: u32, [here, next]: [Sample; 2]) -> Vec<(u64, Estimate)> {
+        let since = u64::from(number) * 1_000_000 / u64::from(RATE);
+        let now = self.origin.clock + since;
+        self.unit.board().now.set(now);
         match number {
             n if n % LOST == 5 => {}
             n if n % SWAPPED == 7 => {
-                self.tell(n + 1, sample(n + 1));
-                self.tell(n, sample(n));
+                self.tell(n + 1, next);
+                self.tell(n, here);
             }
             // It came before the one before it.
             n if n % SWAPPED == 8 => {}
-            n => self.tell(n, sample(n)),
+            n => self.tell(n, here),
         }
         if number % TWICE == 11 {
-            self.tell(number, sample(number));
+            self.tell(number, here);
         }
         while self.unit.work() {}
         if since / 1_000_000 > self.second {
             self.second += 1;
-            assert_eq!(self.unit.report().uptime, self.began + since);
+            assert_eq!(self.unit.report().uptime, now);
         }
         self.heard()
     }
-}
 
-/// A wearer in belly flight who sways, without end.
-fn sample(number: u32) -> Sample {
-    let time = f64::from(number % (RATE as u32 * 60)) / RATE as f64;
-    let wave = |period: f64| (core::f64::consts::TAU * time / period).sin_cos();
-    let ((sway, change), (drift, _)) = (wave(7.5), wave(20.0));
-    #[expect(
-        clippy::cast_possible_truncation,
-        reason = "single precision on the wire"
-    )]
-    let single = |value: f64| value as f32;
-    let pitch = single(1.5 + 0.05 * sway);
-    let turn = single(0.05 * core::f64::consts::TAU / 7.5 * change);
-    let attitude = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), pitch);
-    let motion = link::Motion {
-        angular_velocity: Some(Vector::new(turn, 0.0, 0.0)),
-        velocity: Some(Vector::new(single(2.0 + drift), 0.0, -50.0)),
-        horizontal_speed: None,
-    };
-    let posture = pattern::moved(
-        &pattern::neutral(),
-        pattern::DRAW_IN_LEFT,
-        single(0.1 * drift),
-    );
-    Sample::new(&posture, &Rotation::from_quaternion(attitude), &motion)
-}
-
-#[test]
-fn a_long_flight_leaves_no_trace_of_its_length() {
-    let hours =
-        std::env::var("BODYFLIGHT_SOAK_HOURS").map_or(HOURS, |hours| hours.parse().unwrap());
-    let samples = (hours * 3600.0) as u32 * RATE as u32;
-    let wrap = 1_u64 << 32;
-    let mut plain = Flying::new(0, 0, 0);
-    let mut wrapping = Flying::new(wrap * 1000 - 60_000_000, wrap - 30_000_000, u32::MAX - 7);
-    let mut estimates = 0_u32;
-    for number in 0..samples {
-        let said = plain.sample(number);
-        assert_eq!(said, wrapping.sample(number), "sample {number}");
-        for estimate in said.estimates {
-            estimates += 1;
-            assert_eq!(estimate.cycles, CYCLES);
-            assert!(
-                estimate.variance.iter().all(|v| (0.0..1e6).contains(v)),
-                "{estimate:?}"
-            );
-        }
-    }
-    let every = |period: u32, phase: u32| (samples + period - 1 - phase) / period;
-    for flying in [&mut plain, &mut wrapping] {
-        flying.tell(samples, Stop { sent: samples });
-        let status = flying.unit.status();
-        let known = [
+    /// Ends the flight of so many samples; the ledger balances.
+    fn finish(&mut self, samples: u32) -> Status {
+        let sent = samples.wrapping_add(self.origin.sequence);
+        self.tell(samples, Stop { sent });
+        let status = self.unit.status();
+        let fates = [
             status.used,
             status.rejected,
             status.dropped_oldest,
             status.late,
             status.missing,
         ];
-        assert_eq!(known.iter().sum::<u32>(), samples, "{status:?}");
+        let known = fates.into_iter().fold(0, u32::wrapping_add);
+        assert_eq!(known, sent, "{status:?}");
         assert_eq!((status.rejected, status.dropped_oldest), (0, 0));
-        // One that is lost may be the one that is swapped, so some are both.
-        let lost = every(LOST, 5);
-        assert!(
-            status.missing.abs_diff(lost) <= 2 + samples / 100_000,
-            "{status:?}"
-        );
-        assert!(
-            status.late.abs_diff(every(SWAPPED, 7)) <= 2 + samples / 100_000,
-            "{status:?}"
-        );
         assert_eq!(status.deadline_missed, 0);
+        status
     }
+}
+
+#[test]
+fn a_long_flight_leaves_no_trace_of_its_length() {
+    let hours =
+        std::env::var("BODYFLIGHT_SOAK_HOURS").map_or(HOURS, |hours| hours.parse().unwrap());
+    let samples = (hours * 3600.0) as u32 * RATE;
+    let mut wearer = Wearer::new();
+    let mut here = wearer.sample();
+    let mut plain = Flying::new(Origin::default(), here);
+    let mut wrapping = Flying::new(Origin::about_to_wrap(), here);
+    let mut parts = [Quality::default(); PARTS as usize];
+    for number in 0..samples {
+        let next = wearer.sample();
+        let said = plain.sample(number, [here, next]);
+        let other = wrapping.sample(number, [here, next]);
+        assert_eq!(said, other, "sample {number}");
+        let part = u64::from(number) * u64::from(PARTS) / u64::from(samples);
+        for (_, estimate) in said {
+            assert_eq!(estimate.cycles, CYCLES);
+            parts[part as usize].take(&estimate, &Wearer::truth());
+        }
+        here = next;
+    }
+    let status = plain.finish(samples);
+    let wrapped = wrapping.finish(samples);
+    check_ledger(samples, &status);
+    // The two samples that came before its flight, and what they skipped.
+    let skipped = Origin::about_to_wrap().sequence - 2;
+    assert_eq!(wrapped.used, status.used + 2);
+    assert_eq!(wrapped.missing, status.missing.wrapping_add(skipped));
+    assert_eq!(
+        (wrapped.late, wrapped.duplicate),
+        (status.late, status.duplicate)
+    );
+    let table = table(hours, samples, &status, &parts);
+    println!("{table}");
+    if let Some(path) = std::env::var_os("BODYFLIGHT_SOAK_TABLE") {
+        std::fs::write(path, table).unwrap();
+    }
+    let estimates: u32 = parts.iter().map(|part| part.estimates).sum();
     assert!(
         estimates.abs_diff(samples / 4) <= samples / 100,
         "{estimates}"
     );
-    let ledger = plain.unit.status();
-    println!(
-        "{hours} h: {samples} samples, {} used, {} missing, {} late, {} duplicate; {estimates} estimates, all equal",
-        ledger.used, ledger.missing, ledger.late, ledger.duplicate
+    for part in &parts {
+        part.check(&parts[0]);
+    }
+}
+
+/// What was lost, swapped and doubled is what the ledger says.
+fn check_ledger(samples: u32, status: &Status) {
+    let every = |period: u32, phase: u32| (samples + period - 1 - phase) / period;
+    // One that is lost may be the one that is swapped, so some are both.
+    let slack = 2 + samples / 100_000;
+    for (found, expected) in [
+        (status.missing, every(LOST, 5)),
+        (status.late, every(SWAPPED, 7)),
+        (status.duplicate, every(TWICE, 11)),
+    ] {
+        assert!(found.abs_diff(expected) <= slack, "{status:?}");
+    }
+}
+
+fn table(hours: f64, samples: u32, status: &Status, parts: &[Quality]) -> String {
+    let Status {
+        used,
+        missing,
+        late,
+        duplicate,
+        ..
+    } = status;
+    let mut text = format!(
+        "{hours} h, {samples} samples: {used} used, {missing} missing, {late} late, none rejected or dropped, which is all of \
+         them; {duplicate} came twice.\n\n| hours | {}\n|---|{}\n",
+        Quality::HEAD,
+        Quality::RULE
     );
+    for (part, quality) in (0u32..).zip(parts) {
+        let [from, to] = [part, part + 1].map(|k| hours * f64::from(k) / f64::from(PARTS));
+        text += &format!("| {from:.3} to {to:.3} | {quality}\n");
+    }
+    text
 }

@@ -3,16 +3,12 @@
 use std::path::Path;
 
 use crate::image;
+use crate::page;
 use crate::python;
 use crate::run::{Result, cargo_in, root, target_folder};
 
 /// What the emulator needs of Python.
 const REQUIREMENTS: &str = "firmware/emulator/requirements.txt";
-
-/// The page with the table of faults, and the marks around it.
-const PAGE: &str = "docs/unit.md";
-const BEGIN: &str = "<!-- faults -->\n";
-const END: &str = "<!-- end of faults -->";
 
 /// Every test on the emulated chip; `write` puts its table of faults into the documents.
 pub(crate) fn f405(write: bool) -> Result<()> {
@@ -22,23 +18,9 @@ pub(crate) fn f405(write: bool) -> Result<()> {
     let place = [("BODYFLIGHT_F405_TABLE", table.display().to_string())];
     test("f405_*", &image, &place)?;
     if write {
-        put_into_page(&table)?;
+        page::put("faults", &table)?;
     }
     Ok(())
-}
-
-fn put_into_page(table: &Path) -> Result<()> {
-    let read = |path: &Path| {
-        std::fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))
-    };
-    let page = root().join(PAGE);
-    let text = read(&page)?;
-    let marks = text
-        .split_once(BEGIN)
-        .and_then(|(before, rest)| Some((before, rest.split_once(END)?.1)));
-    let (before, after) = marks.ok_or_else(|| format!("{PAGE} has no {BEGIN}"))?;
-    let text = format!("{before}{BEGIN}{}{END}{after}", read(table)?);
-    std::fs::write(&page, text).map_err(|error| format!("{PAGE}: {error}"))
 }
 
 /// A flight at its own rate: nothing lost, nothing late, every estimate the desktop's.

@@ -6,6 +6,7 @@ mod hil;
 mod image;
 mod nightly;
 mod on_target;
+mod page;
 mod python;
 mod run;
 mod soak;
@@ -85,11 +86,14 @@ enum Verb {
     },
     /// Run tests of the core in miri, little-endian and big-endian. Installs a nightly compiler.
     Miri,
-    /// Hours of streaming in virtual time through faults and restarts; killed processes, full disks.
+    /// Hours of streaming in virtual time through faults, restarts and clocks that wrap; killed processes, full disks.
     Soak {
         /// Hours of flight.
         #[arg(long, default_value_t = 1)]
         hours: u32,
+        /// Write what estimates were worth by the hour into docs/unit.md.
+        #[arg(long)]
+        table: bool,
     },
     /// Check lock files, licences and sources of what the program is made of, and list it: sbom.json.
     Supply {
@@ -130,7 +134,7 @@ fn main() -> ExitCode {
             nightly::fuzz(&targets, effort)
         }
         Verb::Miri => nightly::miri(),
-        Verb::Soak { hours } => soak::soak(hours),
+        Verb::Soak { hours, table } => soak::soak(hours, table),
         Verb::Supply { advisories } => supply::supply(advisories),
     };
     match result {

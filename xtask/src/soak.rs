@@ -4,6 +4,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
+use crate::page;
 use crate::run::{Result, build_program, cargo_in, root, say, target_folder};
 
 /// Programs that are killed.
@@ -15,27 +16,33 @@ const LIFE_MS: u32 = 1500;
 /// Room on the small disk (KiB): less than a flight takes.
 const ROOM_KIB: [u32; 4] = [16, 64, 256, 1024];
 
-/// Streams for hours of virtual time through faults and restarts, then kills programs at work and fills disks.
-pub(crate) fn soak(hours: u32) -> Result<()> {
+/// Kills programs at work and fills disks, then streams for hours of virtual time: through faults and restarts, and with
+/// clocks that wrap. `write` puts the table of the latter into the documents.
+pub(crate) fn soak(hours: u32, write: bool) -> Result<()> {
     build_program()?;
     kill()?;
     fill_disks()?;
-    let test = [
-        "test",
-        "--locked",
-        "--package",
-        "bodyflight-tests",
-        "--test",
-        "soak",
-        "--",
-        "--ignored",
-        "--nocapture",
+    let table = target_folder()?.join("soak.md");
+    let variables = [
+        ("BODYFLIGHT_SOAK_HOURS", hours.to_string()),
+        ("BODYFLIGHT_SOAK_TABLE", table.display().to_string()),
     ];
-    cargo_in(
-        &root(),
-        &test,
-        &[("BODYFLIGHT_SOAK_HOURS", hours.to_string())],
-    )
+    for [test, which] in [["soak", "--ignored"], ["unit_soak", "--include-ignored"]] {
+        let package = [
+            "test",
+            "--locked",
+            "--package",
+            "bodyflight-tests",
+            "--test",
+            test,
+        ];
+        let arguments = [&package[..], &["--", which, "--nocapture"]].concat();
+        cargo_in(&root(), &arguments, &variables)?;
+    }
+    if write {
+        page::put("soak", &table)?;
+    }
+    Ok(())
 }
 
 fn program() -> Result<Command> {

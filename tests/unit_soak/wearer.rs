@@ -1,0 +1,108 @@
+//! A wearer in belly flight who moves an arm for ever, flown by the model, as noisy sensors see it.
+
+use bodyflight_core::Posture;
+use bodyflight_core::aerodynamics::Aerodynamics;
+use bodyflight_core::body::anthropometry::{Person, Sex};
+use bodyflight_core::body::pattern;
+use bodyflight_core::dynamics::{Dynamics, Inputs, Motion, State};
+use bodyflight_core::frame::{Rotation, Vector};
+use bodyflight_core::link::fault::Random;
+use bodyflight_core::link::{self, Sample, SegmentTable};
+use bodyflight_core::math::{Real, small_rotation};
+use bodyflight_core::sensor_noise::SensorNoise;
+use nalgebra::{UnitQuaternion, Vector3};
+
+/// Samples a second.
+pub const RATE: u32 = 240;
+
+const STEP: f64 = 1.0 / RATE as f64;
+
+/// Samples from one swing of the arm to the next.
+const SWING: u32 = 750;
+
+pub struct Wearer {
+    dynamics: Dynamics<f64>,
+    state: State<f64>,
+    number: u32,
+    random: Random,
+}
+
+impl Wearer {
+    pub fn new() -> Self {
+        let body = Person::new(1.75, 75.0, Sex::Male).body().unwrap();
+        let dynamics = Dynamics::paper(body, 1.0);
+        let belly = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), 1.5);
+        let attitude = Rotation::from_quaternion(belly);
+        let start = Motion {
+            inertial_from_body: attitude,
+            position: Vector::zero(),
+            velocity: attitude.inverse() * Vector::new(2.0, 0.0, -50.0),
+            angular_velocity: Vector::zero(),
+        };
+        Self {
+            state: State::from_motion(&start, &dynamics.hold(&posture(0))),
+            dynamics,
+            number: 0,
+            random: Random::new(20),
+        }
+    }
+
+    /// What a unit must know of the wearer.
+    pub fn table() -> SegmentTable {
+        let body = Person::new(1.75, 75.0, Sex::Male).body().unwrap();
+        SegmentTable::of(&body, &Aerodynamics::paper())
+    }
+
+    /// What the wearer's muscles and the air's damping do all the time: pitch, yaw, roll of both.
+    pub fn truth() -> [f64; 6] {
+        let Inputs {
+            muscle, damping, ..
+        } = Inputs::belly_turn();
+        [
+            muscle.pitch,
+            muscle.yaw,
+            muscle.roll,
+            damping.pitch,
+            damping.yaw,
+            damping.roll,
+        ]
+    }
+
+    /// The next sample, with the paper's sensor noise.
+    pub fn sample(&mut self) -> Sample {
+        let [here, next] = [self.number, self.number + 1].map(posture);
+        let interval = self.dynamics.between(&here, &next, STEP);
+        let motion = self.state.motion(&interval);
+        self.state = self
+            .dynamics
+            .step(&self.state, &interval, &Inputs::belly_turn(), STEP);
+        self.number += 1;
+        let noise = SensorNoise::PAPER;
+        let tilt = small_rotation(&self.noise([noise.attitude; 3]));
+        let attitude = Rotation::from_quaternion(tilt * *motion.inertial_from_body.quaternion());
+        let spin = self.noise([noise.angular_velocity; 3]);
+        let (along, up) = (noise.horizontal_velocity, noise.vertical_velocity);
+        let drift = self.noise([along, along, up]);
+        let angular_velocity = motion.angular_velocity + Vector::from_components(spin);
+        let velocity = motion.velocity_inertial() + Vector::from_components(drift);
+        let seen = link::Motion {
+            angular_velocity: Some(angular_velocity.cast()),
+            velocity: Some(velocity.cast()),
+            horizontal_speed: None,
+        };
+        Sample::new(&posture(self.number - 1), &attitude.cast(), &seen)
+    }
+
+    /// Twelve uniform numbers make one that is as good as normal here.
+    fn noise(&mut self, deviation: [f64; 3]) -> Vector3<f64> {
+        let mut normal = || (0..12).map(|_| f64::from(self.random.bits())).sum::<f64>();
+        let whole = f64::from(u32::MAX);
+        Vector3::from(deviation.map(|deviation| (normal() / whole - 6.0) * deviation))
+    }
+}
+
+fn posture<T: Real>(number: u32) -> Posture<T> {
+    let time = f64::from(number % SWING) / f64::from(SWING);
+    let swing = 0.15 * (core::f64::consts::TAU * time).sin();
+    pattern::moved(&pattern::neutral(), &pattern::DRAW_IN_LEFT, T::of(swing))
+}

@@ -1,0 +1,43 @@
+//! Tables in the documents that runs make.
+
+use std::path::Path;
+
+use crate::run::{Result, root};
+
+/// The page of the unit.
+const PAGE: &str = "docs/unit.md";
+
+/// Puts the text of a file between the marks of that name in the page of the unit.
+pub(crate) fn put(name: &str, file: &Path) -> Result<()> {
+    let read = |path: &Path| {
+        std::fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))
+    };
+    let page = root().join(PAGE);
+    let text = between(&read(&page)?, name, &read(file)?)?;
+    std::fs::write(&page, text).map_err(|error| format!("{PAGE}: {error}"))
+}
+
+fn between(page: &str, name: &str, text: &str) -> Result<String> {
+    let (begin, end) = (
+        format!("<!-- {name} -->\n"),
+        format!("<!-- end of {name} -->"),
+    );
+    let marks = page
+        .split_once(&begin)
+        .and_then(|(before, rest)| Some((before, rest.split_once(&end)?.1)));
+    let (before, after) = marks.ok_or_else(|| format!("{PAGE} has no {begin}"))?;
+    Ok(format!("{before}{begin}{text}{end}{after}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_stands_between_the_marks_is_replaced_and_nothing_else() {
+        let page =
+            "a\n<!-- x -->\nold\n<!-- end of x -->\nb\n<!-- y -->\nkept\n<!-- end of y -->\n";
+        assert_eq!(between(page, "x", "new\n"), Ok(page.replace("old", "new")));
+        assert!(between(page, "z", "new\n").is_err());
+    }
+}
