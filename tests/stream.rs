@@ -273,3 +273,26 @@ fn a_unit_without_storage_has_an_empty_log() {
     let read = log(&unit, &["--out", &folder.path().display().to_string()]);
     assert_eq!(read["blocks"], 0);
 }
+
+#[test]
+fn an_image_that_is_not_whole_goes_nowhere() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (image, info) = (
+        folder.path().join("unit.uf2"),
+        folder.path().join("INFO_UF2.TXT"),
+    );
+    std::fs::write(&info, "Board-ID: RP2350\r\n").expect("a drive");
+    // The first word of a UF2 file, and not even all of a block.
+    std::fs::write(&image, b"UF2\n and no more").expect("a file");
+    let output = bodyflight()
+        .args(["unit", "flash"])
+        .arg(&image)
+        .arg("--drive")
+        .arg(folder.path())
+        .output()
+        .expect("the binary starts");
+    let message = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{message}");
+    assert!(message.contains("breaks off in block 0"), "{message}");
+    assert!(!folder.path().join("UNIT.UF2").exists());
+}

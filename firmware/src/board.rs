@@ -29,6 +29,11 @@ pub trait Board {
         [0; 2]
     }
 
+    /// Voltage of the battery (mV), 0 where none is measured.
+    fn battery(&self) -> u16 {
+        0
+    }
+
     /// Switches the light on or off, where there is one; [`light`](crate::light) says what it shows.
     fn shine(&self, _on: bool) {}
 
@@ -42,6 +47,12 @@ pub trait Board {
 
     /// Notes which sample is in work, for the record that survives a fault.
     fn note(&self, sequence: u32);
+}
+
+/// Voltage of a battery (mV) behind a divider by so many, as a converter of 12 bits counts it at 3.3 V.
+pub fn millivolts(count: u16, divider: u16) -> u16 {
+    let scaled = u32::from(count) * u32::from(divider) * 3300 / 4095;
+    u16::try_from(scaled).unwrap_or(u16::MAX)
 }
 
 /// Who the unit is and why it started.
@@ -65,4 +76,19 @@ pub struct Identity {
     pub fault_place: [u8; PLACE_BYTES],
     /// Starts by the watchdog.
     pub watchdog_resets: u32,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_battery_is_told_in_millivolts() {
+        assert_eq!(millivolts(0, 2), 0);
+        // 3.7 V, halved.
+        assert_eq!(millivolts(2296, 2), 3700);
+        // 5 V on a USB cable, over three.
+        assert_eq!(millivolts(2068, 3), 4999);
+        assert_eq!(millivolts(4095, 30), u16::MAX);
+    }
 }

@@ -24,7 +24,7 @@ pub mod sensor;
 mod test_flight;
 pub mod unit;
 
-pub use board::{Board, Identity, RECEIVER_BYTES};
+pub use board::{Board, Identity, RECEIVER_BYTES, millivolts};
 pub use computer::Computer;
 pub use run::{NoPort, run};
 pub use unit::Unit;

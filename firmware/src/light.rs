@@ -4,6 +4,7 @@
 //! |---|---|
 //! | a short flash every 2 s | waits for a host or a sensor |
 //! | two short flashes every 2 s | the same, and the last start came after a fault |
+//! | three short flashes every 2 s | the same, and the battery is nearly empty |
 //! | slow, half on and half off | estimates settle |
 //! | on | estimates agree with the measurements |
 //! | on with short gaps | the same, and measurements were not taken in |
@@ -36,11 +37,16 @@ const PATTERNS: [(EstimateFlags, u32); 6] = [
 
 const FLASH: u32 = 0b1;
 const TWO_FLASHES: u32 = 0b1001;
+const THREE_FLASHES: u32 = 0b100_1001;
 const SLOW: u32 = 0b0000_0000_0011_1111_1111;
 const ON: u32 = 0b1111_1111_1111_1111_1111;
 const GAPS: u32 = 0b1111_0111_1111_1111_0111;
 const TWICE: u32 = 0b0001_1000_1100_0110_0011;
 const FAST: u32 = 0b0101_0101_0101_0101_0101;
+
+/// A cell of lithium below this voltage (mV) has minutes left; charged again above the other.
+const EMPTY: u16 = 3500;
+const CHARGED: u16 = 3600;
 
 /// Follows what the unit finds.
 #[derive(Debug, Clone, Copy)]
@@ -51,6 +57,7 @@ pub struct Light {
     taken_in: u32,
     /// The last start came after a fault.
     after_fault: bool,
+    battery_low: bool,
     step: u32,
 }
 
@@ -62,6 +69,7 @@ impl Light {
             silent: SILENCE,
             taken_in: REMEMBERED,
             after_fault,
+            battery_low: false,
             step: 0,
         }
     }
@@ -73,6 +81,12 @@ impl Light {
         if flags.contains(EstimateFlags::NOT_TAKEN_IN) {
             self.taken_in = 0;
         }
+    }
+
+    /// Takes in the voltage of the battery (mV), 0 where none is measured.
+    pub fn see_battery(&mut self, voltage: u16) {
+        let limit = if self.battery_low { CHARGED } else { EMPTY };
+        self.battery_low = voltage > 0 && voltage < limit;
     }
 
     /// Goes on by a step; whether there is light in it.
@@ -87,7 +101,11 @@ impl Light {
 
     fn pattern(&self) -> u32 {
         if self.silent >= SILENCE {
-            return if self.after_fault { TWO_FLASHES } else { FLASH };
+            return match (self.battery_low, self.after_fault) {
+                (true, _) => THREE_FLASHES,
+                (false, true) => TWO_FLASHES,
+                (false, false) => FLASH,
+            };
         }
         let set = PATTERNS.iter().find(|(flag, _)| self.flags.contains(*flag));
         match set {
@@ -133,6 +151,9 @@ mod tests {
         }
         assert!(seen.insert(shown(&mut Light::new(false), None)));
         assert!(seen.insert(shown(&mut Light::new(true), None)));
+        let mut light = Light::new(true);
+        light.see_battery(3400);
+        assert!(seen.insert(shown(&mut light, None)));
     }
 
     #[test]
@@ -142,6 +163,25 @@ mod tests {
         assert_eq!(shown(&mut light, Some(worst)), "#.#.#.#.#.#.#.#.#.#.");
         shown(&mut light, None);
         assert_eq!(shown(&mut light, None), "#...................");
+    }
+
+    #[test]
+    fn a_battery_that_is_nearly_empty_is_seen_until_it_is_charged() {
+        let mut light = Light::new(false);
+        let mut waiting = |voltage| {
+            light.see_battery(voltage);
+            shown(&mut light, None)
+        };
+        let [full, low] = ["#...................", "#..#..#............."];
+        for (voltage, expected) in [
+            (0, full),
+            (3510, full),
+            (3490, low),
+            (3590, low),
+            (3610, full),
+        ] {
+            assert_eq!(waiting(voltage), expected, "{voltage} mV");
+        }
     }
 
     #[test]

@@ -7,6 +7,7 @@
 //! them.
 
 mod phase;
+pub mod serial_flash;
 pub mod storage;
 
 use core::cell::RefCell;
@@ -59,6 +60,16 @@ pub struct Recorder {
     changed: Signal<NoopRawMutex, ()>,
 }
 
+/// How long a flight is written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Until {
+    /// To the landing.
+    #[default]
+    Landing,
+    /// To the canopy: storage in which the way down under it would take the place of the fall.
+    Canopy,
+}
+
 #[derive(Debug)]
 struct State {
     watch: Watch,
@@ -71,6 +82,7 @@ struct State {
     taken: usize,
     ring: Ring,
     recording: bool,
+    until: Until,
     /// Blocks that gave way before they were written.
     lost: u32,
     asked: Option<(LogAction, u32)>,
@@ -146,11 +158,19 @@ impl Recorder {
                 taken: 0,
                 ring,
                 recording: false,
+                until: Until::Landing,
                 lost: 0,
                 asked: None,
             }),
             changed: Signal::new(),
         }
+    }
+
+    /// The same, for a flight that is written so long.
+    #[must_use]
+    pub fn until(self, until: Until) -> Self {
+        self.state.borrow_mut().until = until;
+        self
     }
 
     /// A session begins with its configuration: these messages, in this order.
@@ -262,7 +282,8 @@ impl State {
     /// Begins and ends with the flight.
     fn follow(&mut self, phase: Phase) {
         let recording = match phase {
-            Phase::Unknown | Phase::Fall | Phase::Canopy => true,
+            Phase::Unknown | Phase::Fall => true,
+            Phase::Canopy => self.until == Until::Landing,
             Phase::Ground | Phase::Climb => false,
         };
         if recording && !self.recording {

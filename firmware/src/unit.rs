@@ -4,13 +4,14 @@
 //! driven by whoever has ports: the tasks of [`run`](crate::run()), or a test in virtual time. Every command
 //! is absolute, so a lost answer is cured by asking again; whatever bytes come, it goes on answering.
 
+mod logging;
 mod outbox;
 mod session;
 
 use bodyflight_core::link::{
     Arrival, Configure, Configured, Credit, Decoder, Estimate, EstimateFlags, Event, Header, Hello,
-    HelloAcknowledge, LogAsk, MAX_FRAME_LENGTH, Message, SCHEMA_HASH, Sample, SegmentTable, Start,
-    Status, Stop, StreamMode, TimeSync, Verdict,
+    HelloAcknowledge, LogAsk, MAX_FRAME_LENGTH, Message, SCHEMA_HASH, Sample, SegmentTable, Status,
+    Stop, StreamMode, TimeSync, Verdict,
 };
 
 use crate::board::{Board, Identity};
@@ -18,7 +19,7 @@ use crate::computer::{Computer, Configuration, Outcome};
 use crate::light::Light;
 use crate::queue::Queue;
 use crate::sensor::Sensor;
-use outbox::{Outbox, pieces};
+use outbox::Outbox;
 use session::Session;
 
 /// Samples that wait for the filter; in paced mode the oldest gives way.
@@ -49,7 +50,7 @@ pub struct Unit<B: Board> {
     outbox: Outbox,
     computer: Computer,
     light: Light,
-    last_sample: Option<Sample>,
+    last: Option<(Header, Sample)>,
     wrong_session: u32,
     deadline_missed: u32,
     cycles_max: u32,
@@ -75,7 +76,7 @@ impl<B: Board> Unit<B> {
             outbox: Outbox::new(),
             computer: Computer::new(),
             light: Light::new(matches!(identity.reset_cause, 1 | 2)),
-            last_sample: None,
+            last: None,
             wrong_session: 0,
             deadline_missed: 0,
             cycles_max: 0,
@@ -235,30 +236,6 @@ impl<B: Board> Unit<B> {
         self.grant(true);
     }
 
-    /// A log begins with what is computed with.
-    fn begin_log(&self, session: u16, mode: StreamMode) {
-        let (Some(recorder), Some(asked)) = (self.board.recorder(), self.asked) else {
-            return;
-        };
-        let header = Header {
-            session,
-            sequence: 0,
-            time: self.board.now(),
-        };
-        let rows = self.table.rows().map(|row| Message::from(*row));
-        let messages = core::iter::once(Message::from(asked))
-            .chain(rows)
-            .chain([Message::from(Start { mode })]);
-        recorder.begin(messages.map(|message| (header, message)));
-    }
-
-    /// Sends a block of the log, none where there is none of this number.
-    pub(crate) fn answer_log(&mut self, block: u32, bytes: &[u8]) {
-        for piece in pieces(block, bytes) {
-            self.send(self.board.now(), piece);
-        }
-    }
-
     fn stop(&mut self, number: u16, stop: Stop) {
         if let Some(session) = self.session.as_mut().filter(|s| s.number == number) {
             session.close(stop.sent);
@@ -305,7 +282,7 @@ impl<B: Board> Unit<B> {
         self.worked[0] = self.worked[0].wrapping_add(1);
         let Header { sequence, time, .. } = waiting.header;
         self.board.note(sequence);
-        self.last_sample = Some(waiting.sample);
+        self.last = Some((waiting.header, waiting.sample));
         let begin = self.board.cycles();
         let outcome = self.computer.sample(sequence, time, &waiting.sample);
         let cycles = self.board.cycles().wrapping_sub(begin);
@@ -340,13 +317,6 @@ impl<B: Board> Unit<B> {
         true
     }
 
-    /// Notes a message in the log, where there is one.
-    fn note(&self, header: &Header, message: impl Into<Message>) {
-        if let Some(recorder) = self.board.recorder() {
-            recorder.note(header, &message.into());
-        }
-    }
-
     /// Grants credit for what has been worked off, where it is worth a frame or the host `asked`.
     fn grant(&mut self, asked: bool) {
         let waiting = self.samples.len();
@@ -367,9 +337,11 @@ impl<B: Board> Unit<B> {
         }
     }
 
-    /// Queues a report of what happened so far, where a host listens; the report.
+    /// Queues a report of what happened so far, where a host listens, and notes it in the log; the report.
     pub fn report(&mut self) -> Status {
         let status = self.status();
+        self.light.see_battery(status.battery);
+        self.note_status(status);
         if self.greeted {
             self.send(self.board.now(), status);
         }
@@ -412,13 +384,14 @@ impl<B: Board> Unit<B> {
             transmit_dropped: self.outbox.dropped(),
             stack_free: self.board.stack_free(),
             watchdog_resets: self.identity.watchdog_resets,
+            battery: self.board.battery(),
             ..Status::new(self.board.now(), self.decoder.counters(), &ledger)
         }
     }
 
     /// The sample that was worked on last.
     pub fn last_sample(&self) -> Option<&Sample> {
-        self.last_sample.as_ref()
+        self.last.as_ref().map(|(_, sample)| sample)
     }
 }
 

@@ -1,6 +1,7 @@
 //! A unit on a serial line: its ports, what is streamed to it, what it says, and a unit of the host's own.
 
 mod file_flash;
+pub mod image;
 pub mod log;
 pub mod monitor;
 pub mod ports;

@@ -293,6 +293,8 @@ body! {
         sensor_framing: u32 = "",
         /// Where the last fault was a panic: the end of `file:line`, zeros before it
         fault_place: [u8; 24] = "",
+        /// Voltage of the battery, 0 where none is measured
+        battery: u16 = "mV",
     }
 }
 

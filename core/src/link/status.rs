@@ -40,6 +40,7 @@ impl Status {
             sensor_overrun: 0,
             sensor_framing: 0,
             fault_place: [0; 24],
+            battery: 0,
         }
     }
 }

@@ -143,6 +143,7 @@ fn examples() -> [Message; 15] {
             sensor_overrun: 25,
             sensor_framing: 26,
             fault_place: *b"/src/unit/outbox.rs:1230",
+            battery: 3712,
         }),
         Message::LogPiece(LogPiece {
             block: 5,

@@ -3,6 +3,16 @@
 #![cfg(target_os = "none")]
 #![no_std]
 
+use cortex_m::Peripherals;
+
 pub mod faults;
 mod retained;
 pub mod stack;
+
+/// Starts the counter of cycles.
+pub fn count_cycles() {
+    if let Some(mut core) = Peripherals::take() {
+        core.DCB.enable_trace();
+        core.DWT.enable_cycle_counter();
+    }
+}

@@ -19,6 +19,8 @@ pub struct Options {
     pub crystal: bool,
     /// Seed of what power-on leaves in memory, and of the random numbers.
     pub seed: u64,
+    /// Voltage of the battery (mV).
+    pub battery: u16,
 }
 
 impl Options {
@@ -34,6 +36,7 @@ impl Options {
                 .into(),
             crystal: true,
             seed: 1,
+            battery: 3900,
         }
     }
 }
@@ -159,6 +162,7 @@ impl Chip {
         let mut command = Command::new(&python);
         command.args(["-m", "stm32f405"]).arg(&options.image);
         command.args(["--seed", &options.seed.to_string()]);
+        command.args(["--battery", &options.battery.to_string()]);
         if !options.crystal {
             command.arg("--no-crystal");
         }

@@ -2,13 +2,14 @@
 
 use bodyflight::formats::flight as file;
 use bodyflight::formats::subject::Subject;
+use bodyflight::unit::log::{self, LoggedFlight, Pieces};
 use bodyflight::unit::stream::twin::{Agreement, Twin};
 use bodyflight::unit::stream::{configuration, sample_of};
 use bodyflight::verbs::synthesize::{DEFAULT_SWAY, JointError, Request, fly};
 use bodyflight_core::link::{
-    Configure, Decoder, Estimate, Event as LinkEvent, Header, Hello, HelloAcknowledge,
-    MAX_FRAME_LENGTH, Message, SCHEMA_HASH, Sample, SegmentTable, Start, Status, Stop, StreamMode,
-    Verdict,
+    Configure, Decoder, Estimate, Event as LinkEvent, Header, Hello, HelloAcknowledge, LogAction,
+    LogAsk, MAX_FRAME_LENGTH, Message, SCHEMA_HASH, Sample, SegmentTable, Start, Status, Stop,
+    StreamMode, Verdict,
 };
 use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::sensor_noise::SensorNoise;
@@ -100,6 +101,9 @@ pub struct Host {
     pub status: Option<Status>,
     configured: Option<(Verdict, u16)>,
     started: bool,
+    /// The block of the log that was asked for, in pieces and whole.
+    pieces: Pieces,
+    block: Option<Vec<u8>>,
     /// Resets, with their time (us).
     pub resets: Vec<(u64, String)>,
 }
@@ -124,6 +128,8 @@ impl Host {
             status: None,
             configured: None,
             started: false,
+            pieces: Pieces::new(0),
+            block: None,
             resets: Vec::new(),
         })
     }
@@ -167,6 +173,7 @@ impl Host {
                 self.started |= ours;
                 self.status = Some(*status);
             }
+            Message::LogPiece(piece) => self.block = self.pieces.take(piece).or(self.block.take()),
             _ => {}
         }
     }
@@ -344,6 +351,26 @@ impl Host {
             host.status.is_some_and(|status| accounted(&status) == sent)
         })?;
         self.status.ok_or_else(|| "no report".into())
+    }
+
+    /// The flights in the unit's log, and how many of its blocks are damaged.
+    ///
+    /// # Errors
+    /// Returns an error if the unit does not answer.
+    pub fn log(&mut self) -> Result<(Vec<LoggedFlight>, usize)> {
+        let mut blocks = Vec::new();
+        for block in 0.. {
+            (self.pieces, self.block) = (Pieces::new(block), None);
+            let action = LogAction::Read;
+            self.ask("for its log", LogAsk { action, block }, |host| {
+                host.block.is_some()
+            })?;
+            match self.block.take() {
+                Some(bytes) if !bytes.is_empty() => blocks.push(bytes),
+                _ => break,
+            }
+        }
+        Ok(log::flights(&blocks))
     }
 
     /// How the estimates of the session compare with the desktop's.

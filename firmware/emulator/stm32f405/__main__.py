@@ -93,8 +93,9 @@ def main():
     parser.add_argument("--cycles", type=float, default=2.3, help="of an instruction, on average")
     parser.add_argument("--no-crystal", action="store_true", help="the crystal does not start")
     parser.add_argument("--seed", type=int, default=0, help="of what power-on leaves in memory, and of the random numbers")
+    parser.add_argument("--battery", type=int, default=3900, help="its voltage (mV)")
     options = parser.parse_args()
-    server = Server(Chip(options.image, options.cycles, not options.no_crystal, options.seed))
+    server = Server(Chip(options.image, options.cycles, not options.no_crystal, options.seed, options.battery))
     for line in sys.stdin:
         command = json.loads(line)
         answer = getattr(server, command.pop("do"))(**command)

@@ -10,8 +10,9 @@ from elftools.elf.elffile import ELFFile
 from unicorn import UC_HOOK_MEM_INVALID, UC_PROT_ALL, UC_PROT_EXEC, UC_PROT_READ
 
 from . import processor as cpu
+from .flash import Port, SerialFlash, Spi
 from .lines import Dma, Usart
-from .peripherals import NEVER, TICKS, Random, Rcc, Registers, Timer, Watchdog
+from .peripherals import NEVER, TICKS, Converter, Random, Rcc, Registers, Timer, Usb, Watchdog
 
 FLASH, CCM, RAM = (0x0800_0000, 0x10_0000), (0x1000_0000, 0x1_0000), (0x2000_0000, 0x2_0000)
 # Not programmed by any image; what is done on purpose finds place here.
@@ -25,11 +26,12 @@ PORTS = ("host", "sensor")
 class Chip(cpu.Processor):
     """A chip with an image in its flash."""
 
-    def __init__(self, image, cycles=2.3, crystal=True, seed=0):
+    def __init__(self, image, cycles=2.3, crystal=True, seed=0, battery=3900):
         super().__init__()
-        self.cycles, self.crystal = cycles, crystal
+        self.cycles, self.crystal, self.battery = cycles, crystal, battery
         self.random = random.Random(seed)
         self.now = 0
+        self.flash = SerialFlash(self)
         self.sends, self.numbers = [], itertools.count()
         self.log = []
         self.instructions = self.busy = 0
@@ -39,6 +41,7 @@ class Chip(cpu.Processor):
             # The core-coupled memory holds no instructions [2.3.1].
             unicorn.mem_map(*memory, UC_PROT_ALL if memory == RAM else UC_PROT_ALL & ~UC_PROT_EXEC)
         unicorn.mmio_map(0x4000_0000, 0x8_0000, self.read, 0x4000_0000, self.write, 0x4000_0000)
+        unicorn.mmio_map(0x5000_0000, 0x4_0000, self.read, 0x5000_0000, self.write, 0x5000_0000)
         unicorn.mmio_map(0x5006_0000, 0x1000, self.read, 0x5006_0000, self.write, 0x5006_0000)
         unicorn.mmio_map(0xE000_0000, 0x10_0000, self.read_private, None, self.write_private, None)
         unicorn.hook_add(UC_HOOK_MEM_INVALID, self.on_invalid)
@@ -71,6 +74,7 @@ class Chip(cpu.Processor):
         # Flags stay until software clears them [7.3.21].
         old = 0 if cause == "power-on" or not hasattr(self, "rcc") else self.rcc.read(Rcc.CSR) & 0xFE00_0000
         self.rcc = Rcc(old | Rcc.CAUSES[cause], self.crystal)
+        self.flash.power_on()
         self.timer = Timer(self, 28)
         self.watchdog = Watchdog(self)
         controllers = [Dma(self, (11, 12, 13, 14, 15, 16, 17, 47)), Dma(self, (56, 57, 58, 59, 60, 68, 69, 70))]
@@ -82,13 +86,17 @@ class Chip(cpu.Processor):
         self.devices = {
             0x4000_0000: self.timer,
             0x4000_3000: self.watchdog,
+            0x4000_3C00: Spi(self.flash),
             0x4000_4800: self.ports["host"],
             0x4001_1400: self.ports["sensor"],
             0x4000_7000: Registers({4: 0x4000}),
+            0x4001_2000: Converter(self.battery),
+            0x4002_0000: Port(15, self.flash.select),
             0x4002_3800: self.rcc,
             0x4002_3C00: Registers(),
             0x4002_6000: controllers[0],
             0x4002_6400: controllers[1],
+            0x5000_0000: Usb(),
             0x5006_0800: Random(self.random),
         }
         self.demcr, self.counter, self.counter_since = 0, 0, self.now

@@ -175,6 +175,52 @@ class Watchdog:
             self.registers[offset] = value
 
 
+class Converter(Registers):
+    """ADC1 [13]: a conversion that software starts is done at once, of the battery at half of its voltage, at 3.3 V."""
+
+    SR, CR2, DR = 0x00, 0x08, 0x4C
+    STARTED, DONE, ON, START = 1 << 4, 1 << 1, 1 << 0, 1 << 30
+
+    def __init__(self, millivolts):
+        super().__init__()
+        self.count = min(4095, millivolts * 4095 // (2 * 3300))
+
+    def read(self, offset):
+        if offset == self.DR:
+            # Reading it clears the flag [13.13.1].
+            self.values[self.SR] = self.values.get(self.SR, 0) & ~self.DONE
+            return self.count
+        return super().read(offset)
+
+    def write(self, offset, value):
+        if offset == self.SR:
+            # Flags are cleared by zeros.
+            value &= self.values.get(self.SR, 0)
+        elif offset == self.CR2 and value & self.START:
+            if value & self.ON:
+                self.values[self.SR] = self.values.get(self.SR, 0) | self.STARTED | self.DONE
+            value &= ~self.START
+        super().write(offset, value)
+
+
+class Usb(Registers):
+    """USB OTG FS [34] without a host: its core is idle, what is flushed is empty, and nothing ever comes or interrupts."""
+
+    GOTGINT, GRSTCTL, GINTSTS, CID = 0x04, 0x10, 0x14, 0x3C
+    IDLE, REQUESTS = 1 << 31, 0x33
+
+    def __init__(self):
+        super().__init__({self.GRSTCTL: self.IDLE, self.CID: 0x1200})
+
+    def write(self, offset, value):
+        if offset == self.GRSTCTL:
+            value = value & ~self.REQUESTS | self.IDLE
+        elif offset in (self.GOTGINT, self.GINTSTS, self.CID):
+            # Flags are cleared by ones.
+            return
+        super().write(offset, value)
+
+
 class Random(Registers):
     """The random number generator [24], from a generator with a seed."""
 

@@ -183,6 +183,50 @@ fn errors_of_the_sensors_line_are_told_apart_from_the_hosts() {
 
 #[test]
 #[ignore = "needs the image: cargo xtask f405"]
+fn the_voltage_of_the_battery_is_told() {
+    for battery in [3300, 3712, 4200] {
+        let options = Options {
+            battery,
+            ..Options::new()
+        };
+        let found = flying(&options, 20).stop().unwrap().battery;
+        // A count of the converter is 1.6 mV.
+        assert!(found.abs_diff(battery) <= 3, "{found} of {battery} mV");
+    }
+}
+
+#[test]
+#[ignore = "needs the image: cargo xtask f405"]
+fn flights_are_kept_in_the_memory_chip_through_a_loss_of_power() {
+    let samples = 3 * RATE as u32;
+    let mut host = flying(&Options::new(), samples);
+    let status = host.stop().unwrap();
+    assert_eq!((status.missing, status.deadline_missed), (0, 0));
+    assert!(host.agreement().holds(), "{:?}", host.agreement());
+    let estimates = host.estimates.len();
+    // The next one ends with its power.
+    host.listen(host.chip.now() + 200_000).unwrap();
+    host.connect(StreamMode::Paced).unwrap();
+    host.fly(samples).unwrap();
+    host.chip.power("power-on", false).unwrap();
+    host.listen(host.chip.now() + 100_000).unwrap();
+    host.connect(StreamMode::Paced).unwrap();
+    let (flights, damaged) = host.log().unwrap();
+    assert_eq!(damaged, 0);
+    let [whole, cut] = &flights[..] else {
+        panic!("{} flights", flights.len());
+    };
+    assert_eq!(whole.lengths(), [samples as usize, estimates]);
+    let [read, _] = cut.lengths();
+    eprintln!("cut at sample {samples}: {read} are in the log");
+    assert!(
+        (read..=read + RATE as usize).contains(&(samples as usize)),
+        "{read}"
+    );
+}
+
+#[test]
+#[ignore = "needs the image: cargo xtask f405"]
 fn starts_by_the_watchdog_are_counted() {
     let mut host = flying(&Options::new(), 70);
     for resets in 1..=3 {

@@ -1,6 +1,8 @@
 //! A log on a chip whose power goes at any moment.
 #![allow(clippy::cast_possible_truncation, reason = "small numbers of a test")]
 
+mod battery;
+
 use std::collections::BTreeMap;
 use std::rc::Rc;
 use std::vec;
@@ -187,7 +189,11 @@ fn preamble() -> [(Header, Message); 1] {
 /// Flies `seconds` of the jump with a log on this chip, or until the power goes; the number of the sample then in work.
 fn fly(chip: &Chip, seconds: f32) -> u32 {
     let recorder = Recorder::new(vec![Block::EMPTY; 64].leak());
-    let mut log = core::pin::pin!(FlightLog::new(&recorder, chip.storage()).run(|_, _| {}));
+    fly_with(&recorder, chip, seconds)
+}
+
+fn fly_with(recorder: &Recorder, chip: &Chip, seconds: f32) -> u32 {
+    let mut log = core::pin::pin!(FlightLog::new(recorder, chip.storage()).run(|_, _| {}));
     recorder.begin(preamble());
     let last = (seconds * 240.0) as u32;
     for number in 0..last {
@@ -263,6 +269,17 @@ fn a_jump_is_written_from_before_its_exit_to_after_its_landing() {
     let found = samples_of(&log);
     assert!(found[0] as f32 / 240.0 < EXIT, "{}", found[0]);
     assert_eq!(found.last(), Some(&(20 * 240 - 1)));
+}
+
+#[test]
+fn small_storage_keeps_the_fall_and_not_the_way_down_under_the_canopy() {
+    let chip = Chip::new(usize::MAX, 1);
+    let recorder = Recorder::new(vec![Block::EMPTY; 64].leak()).until(Until::Canopy);
+    fly_with(&recorder, &chip, 90.0);
+    let found = samples_of(&read(&chip));
+    let last = *found.last().unwrap() as f32 / 240.0;
+    // It is told from the fall 3 s after its speed.
+    assert!((OPENING + 3.0..OPENING + 8.0).contains(&last), "{last} s");
 }
 
 #[test]

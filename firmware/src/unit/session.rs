@@ -46,6 +46,10 @@ impl Session {
         self.closed
     }
 
+    pub(super) const fn is_open(&self) -> bool {
+        !self.closed
+    }
+
     /// The host has sent all its samples.
     pub(super) fn close(&mut self, sent: u32) {
         if self.mode != StreamMode::Sensor {

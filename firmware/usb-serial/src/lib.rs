@@ -3,6 +3,7 @@
 #![no_std]
 
 use bodyflight_firmware::ports::Opened;
+use embassy_executor::{SpawnToken, Spawner};
 use embassy_usb::class::cdc_acm::{BufferedReceiver, CdcAcmClass, CdcAcmError, Sender, State};
 use embassy_usb::driver::Driver;
 use embassy_usb::{Builder, Config, UsbDevice};
@@ -42,6 +43,14 @@ pub fn start<D: Driver<'static>>(
     let (sender, receiver) = class.split();
     let receiver = receiver.into_buffered(RECEIVED.init([0; PACKET]));
     (builder.build(), Receiver(receiver), Transmitter(sender))
+}
+
+/// Spawns the task that runs the device.
+pub fn spawn<S, E>(spawner: Spawner, task: Result<SpawnToken<S>, E>) {
+    match task {
+        Ok(task) => spawner.spawn(task),
+        Err(_) => defmt::error!("the device runs already"),
+    }
 }
 
 impl<D: Driver<'static>> Opened for Receiver<D> {

@@ -299,4 +299,8 @@ fn print_report(report: &Report) {
         "unit: {} deadline misses, longest update {} cycles, {} updates not taken in, stack free {} B",
         unit.deadline_missed, unit.cycles_max, unit.innovation_rejected, unit.stack_free
     ));
+    if unit.battery_mv > 0 {
+        let volts = f64::from(unit.battery_mv) * 1e-3;
+        terminal::print(&format!("battery: {volts:.2} V"));
+    }
 }

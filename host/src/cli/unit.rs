@@ -6,6 +6,7 @@ use std::time::Duration;
 use bodyflight::diagnostic::{Problem, Result};
 use bodyflight::formats::subject::Subject;
 use bodyflight::interrupt;
+use bodyflight::unit::image::{Board, Image};
 use bodyflight::unit::log;
 use bodyflight::unit::stream::connection::{DEFAULT_BAUD, Target};
 use bodyflight::unit::virtual_unit::VirtualUnit;
@@ -14,13 +15,14 @@ use serde::Serialize;
 use super::outputs::Outputs;
 use super::terminal;
 
-/// Run a unit on this machine behind a pseudo-terminal, until Ctrl-C, or read a unit's log.
+/// Run a unit on this machine behind a pseudo-terminal, until Ctrl-C, read a unit's log, or check its image.
 #[derive(clap::Args)]
 #[command(
     args_conflicts_with_subcommands = true,
     after_help = "Prints the terminal to stream to.\n\n\
                   Examples:\n  bodyflight unit &  bodyflight stream flight.toml --port /dev/pts/3\n  \
-                  bodyflight unit log --port /dev/ttyACM0 --out jump"
+                  bodyflight unit log --port /dev/ttyACM0 --out jump\n  \
+                  bodyflight unit flash unit.uf2 --key maker.pub --drive /media/me/RP2350"
 )]
 pub(super) struct Args {
     #[command(subcommand)]
@@ -33,13 +35,42 @@ pub(super) struct Args {
 #[derive(clap::Subcommand)]
 enum Verb {
     Log(LogArgs),
+    Flash(FlashArgs),
+}
+
+/// Check an image for a board, and copy it onto the drive that a Pico 2 shows.
+#[derive(clap::Args)]
+#[command(
+    after_help = "Without --drive nothing is written. A flat image for the STM32F405 is checked here and written by dfu-util.\n\
+                  Exit code 4: the image is not what was signed.\n\n\
+                  Example: bodyflight unit flash unit.uf2 --key maker.pub --drive /media/me/RP2350"
+)]
+struct FlashArgs {
+    /// The image: unit.uf2 or unit.bin of `cargo xtask unit`.
+    image: PathBuf,
+    /// Public key of minisign; the signature IMAGE.minisig must be by its owner.
+    #[arg(long, value_name = "FILE")]
+    key: Option<PathBuf>,
+    /// Folder at which the drive of the boot program is mounted.
+    #[arg(long, value_name = "FOLDER")]
+    drive: Option<PathBuf>,
+}
+
+/// What was checked and done.
+#[derive(Serialize)]
+struct Flashed {
+    board: Board,
+    bytes: usize,
+    /// What the signer says of the image, where a key was given.
+    signed: Option<String>,
+    copied: bool,
 }
 
 /// Read the log that a unit has kept on board: a recording and its estimates for each flight.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Writes OUT/1, OUT/2 and so on, the oldest first, each with flight.toml, flight.mvnx and estimates.csv. \
-                  Exit code 4: blocks of the log are damaged; what is whole is written.\n\n\
+    after_help = "Writes OUT/1, OUT/2 and so on, the oldest first, each with flight.toml, flight.mvnx, estimates.csv and \
+                  unit.csv, what the unit reported of itself. Exit code 4: blocks of the log are damaged; what is whole is written.\n\n\
                   Example: bodyflight unit log --port /dev/ttyACM0 --out jump --subject me.toml"
 )]
 struct LogArgs {
@@ -72,8 +103,10 @@ struct Report {
 }
 
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
-    if let Some(Verb::Log(args)) = &args.verb {
-        return read_log(args, json);
+    match &args.verb {
+        Some(Verb::Log(args)) => return read_log(args, json),
+        Some(Verb::Flash(args)) => return flash(args, json),
+        None => {}
     }
     let unit = match &args.flash {
         Some(path) => VirtualUnit::start_with_log(path)?,
@@ -134,17 +167,54 @@ fn read_log(args: &LogArgs, json: bool) -> Result<()> {
     Ok(())
 }
 
+fn flash(args: &FlashArgs, json: bool) -> Result<()> {
+    let image = Image::read(&args.image)?;
+    let key = args.key.as_deref();
+    let signed = key.map(|key| image.signed_by(key)).transpose()?;
+    if let Some(drive) = &args.drive {
+        image.copy_to(drive)?;
+    }
+    let flashed = Flashed {
+        board: image.board,
+        bytes: image.length(),
+        signed,
+        copied: args.drive.is_some(),
+    };
+    if json {
+        return terminal::print_json(&flashed);
+    }
+    let signed = match &flashed.signed {
+        Some(comment) => format!("signed by this key: {comment}"),
+        None => "its signature was not checked, no --key was given".to_owned(),
+    };
+    terminal::print(&format!(
+        "a whole image of {} bytes; {signed}",
+        flashed.bytes
+    ));
+    let next = match (image.board, flashed.copied) {
+        (Board::Pico2, true) => "copied: the unit starts; `bodyflight ports` shows it",
+        (Board::Pico2, false) => "--drive copies it onto the drive RP2350",
+        (Board::Stm32f405, _) => "write it with dfu-util -a 0 -s 0x08000000:leave -D IMAGE",
+    };
+    terminal::print(next);
+    Ok(())
+}
+
 fn print(report: &Report) {
     for log::Written {
         flight,
         frames,
         estimates,
         duration_s,
+        battery_v,
     } in &report.flights
     {
         let flight = flight.display();
+        let battery = battery_v.map_or_else(String::new, |volts| {
+            format!(", battery {volts:.2} V at least")
+        });
         terminal::print(&format!(
-            "{flight}: {duration_s:.1} s, {frames} frames, {estimates} estimates"
+            "{flight}: {duration_s:.1} s, {frames} frames, {estimates} estimates{battery}"
         ));
     }
     if report.flights.is_empty() && !report.erased {

@@ -1,6 +1,7 @@
 //! The log that a unit has kept on board, read back over its line.
 
 mod flight;
+mod tables;
 
 use std::time::Instant;
 
@@ -94,13 +95,15 @@ fn silent() -> Problem {
 }
 
 /// Pieces of a block as they come.
-struct Pieces {
+#[derive(Debug)]
+pub struct Pieces {
     block: u32,
     bytes: Vec<Option<[u8; PIECE_LENGTH]>>,
 }
 
 impl Pieces {
-    fn new(block: u32) -> Self {
+    /// None yet of the block of this number.
+    pub fn new(block: u32) -> Self {
         Self {
             block,
             bytes: Vec::new(),
@@ -108,7 +111,7 @@ impl Pieces {
     }
 
     /// The block, where this piece was its last.
-    fn take(&mut self, piece: &LogPiece) -> Option<Vec<u8>> {
+    pub fn take(&mut self, piece: &LogPiece) -> Option<Vec<u8>> {
         if piece.block != self.block {
             return None;
         }

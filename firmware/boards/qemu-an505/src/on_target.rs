@@ -3,12 +3,10 @@
 #![no_std]
 #![no_main]
 
-use core::panic::PanicInfo;
-
 use bodyflight_on_target::{Pace, run};
 use cortex_m::peripheral::Peripherals;
-use cortex_m_rt::{ExceptionFrame, entry, exception};
-use semihosting::{eprintln, process};
+use cortex_m_rt::entry;
+use semihosting::process;
 
 const PACE: Pace = Pace {
     ticks: 64,
@@ -19,17 +17,4 @@ const PACE: Pace = Pace {
 fn main() -> ! {
     let done = Peripherals::take().and_then(|peripherals| run(peripherals.SYST, PACE));
     process::exit(if done.is_some() { 0 } else { 1 })
-}
-
-#[panic_handler]
-fn panic(info: &PanicInfo<'_>) -> ! {
-    eprintln!("{info}");
-    process::exit(101)
-}
-
-#[allow(unsafe_code, reason = "the runtime hands over the faulting frame")]
-#[exception]
-unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
-    eprintln!("{frame:?}");
-    process::exit(102)
 }

@@ -1,21 +1,23 @@
-//! The unit on a Raspberry Pi Pico 2: USB serial or UART0 to the host (GP0 out, GP1 in), UART1 from a sensor (GP5 in), logs by RTT.
+//! The unit on a Raspberry Pi Pico 2: USB serial or UART0 to the host (GP0 out, GP1 in), UART1 from a sensor (GP5 in), the
+//! voltage of its supply (GP29, a third of it), a light (GP25), logs by RTT.
 #![no_std]
 #![no_main]
 
 use core::cell::RefCell;
 
-use bodyflight_cortex_m::{faults, stack};
+use bodyflight_cortex_m::{count_cycles, faults, stack};
 use bodyflight_firmware::fault::Reset;
 use bodyflight_firmware::ports::{Counted, LineErrors, Preferred};
 use bodyflight_firmware::recorder::storage::NoLog;
-use bodyflight_firmware::{Board, RECEIVER_BYTES, Unit, run};
+use bodyflight_firmware::{Board, RECEIVER_BYTES, Unit, millivolts, run};
 use bodyflight_usb_serial as usb_serial;
 use cortex_m::peripheral::DWT;
 // Linked for its logger.
 use defmt_rtt as _;
-use embassy_executor::{SpawnToken, Spawner};
+use embassy_executor::Spawner;
+use embassy_rp::adc::{self, Adc};
 use embassy_rp::clocks::RoscRng;
-use embassy_rp::gpio::{Level, Output};
+use embassy_rp::gpio::{Level, Output, Pull};
 use embassy_rp::pac::POWMAN;
 use embassy_rp::peripherals::{UART0, UART1, USB};
 use embassy_rp::uart::{self, BufferedInterruptHandler, BufferedUart, BufferedUartRx};
@@ -34,6 +36,8 @@ bind_interrupts!(struct Interrupts {
 const BAUD: u32 = 460_800;
 /// The watchdog bites after this long without a heartbeat, four of them.
 const WATCHDOG: Duration = Duration::from_secs(1);
+/// The supply (VSYS) goes through a divider.
+const DIVIDER: u16 = 3;
 /// Written where only a loss of power or the RUN pin erases it.
 const STARTED: u32 = 0xb0d7_f117;
 
@@ -44,6 +48,7 @@ static SENSOR_ERRORS: LineErrors = LineErrors::new();
 struct Pico2 {
     watchdog: RefCell<Watchdog>,
     light: RefCell<Output<'static>>,
+    supply: RefCell<(Adc<'static, adc::Blocking>, adc::Channel<'static>)>,
 }
 
 impl Board for Pico2 {
@@ -58,6 +63,11 @@ impl Board for Pico2 {
     }
     fn sensor_errors(&self) -> [u32; 2] {
         SENSOR_ERRORS.counted()
+    }
+    fn battery(&self) -> u16 {
+        let (converter, pin) = &mut *self.supply.borrow_mut();
+        let count = converter.blocking_read(pin);
+        count.map_or(0, |count| millivolts(count, DIVIDER))
     }
     fn shine(&self, on: bool) {
         self.light.borrow_mut().set_level(on.into());
@@ -87,28 +97,10 @@ fn reset(watchdog: &mut Watchdog) -> Reset {
 static UNIT: StaticCell<RefCell<Unit<Pico2>>> = StaticCell::new();
 
 type Usb = usb::Driver<'static, USB>;
-type Receiver = Counted<BufferedUartRx>;
-
-#[embassy_executor::task]
-async fn application(
-    unit: &'static RefCell<Unit<Pico2>>,
-    receiver: Preferred<usb_serial::Receiver<Usb>, Receiver>,
-    transmitter: Preferred<usb_serial::Transmitter<Usb>, uart::BufferedUartTx>,
-    sensor: Receiver,
-) {
-    run(unit, receiver, transmitter, sensor, NoLog).await;
-}
 
 #[embassy_executor::task]
 async fn usb_device(mut device: embassy_usb::UsbDevice<'static, Usb>) {
     device.run().await;
-}
-
-fn spawn<S, E>(spawner: Spawner, task: Result<SpawnToken<S>, E>) {
-    match task {
-        Ok(task) => spawner.spawn(task),
-        Err(_) => defmt::error!("the task is running already"),
-    }
 }
 
 #[embassy_executor::main]
@@ -118,10 +110,7 @@ async fn main(spawner: Spawner) {
     let mut watchdog = Watchdog::new(chip.WATCHDOG);
     let record = faults::begin(reset(&mut watchdog));
     watchdog.start(WATCHDOG);
-    if let Some(mut core) = cortex_m::Peripherals::take() {
-        core.DCB.enable_trace();
-        core.DWT.enable_cycle_counter();
-    }
+    count_cycles();
     static TO_HOST: StaticCell<[u8; 256]> = StaticCell::new();
     static FROM_HOST: StaticCell<[u8; RECEIVER_BYTES]> = StaticCell::new();
     static FROM_SENSOR: StaticCell<[u8; RECEIVER_BYTES]> = StaticCell::new();
@@ -142,9 +131,16 @@ async fn main(spawner: Spawner) {
     let identity = record.identity(faults::build(), RoscRng.next_u32());
     let light = RefCell::new(Output::new(chip.PIN_25, Level::Low));
     let watchdog = RefCell::new(watchdog);
-    let unit = UNIT.init_with(|| RefCell::new(Unit::new(Pico2 { watchdog, light }, identity)));
-    spawn(spawner, usb_device(device));
+    let converter = Adc::new_blocking(chip.ADC, adc::Config::default());
+    let supply = RefCell::new((converter, adc::Channel::new_pin(chip.PIN_29, Pull::None)));
+    let board = Pico2 {
+        watchdog,
+        light,
+        supply,
+    };
+    let unit = UNIT.init_with(|| RefCell::new(Unit::new(board, identity)));
+    usb_serial::spawn(spawner, usb_device(device));
     let receiver = Preferred(from_usb, receiver);
     let transmitter = Preferred(to_usb, transmitter);
-    spawn(spawner, application(unit, receiver, transmitter, sensor));
+    run(unit, receiver, transmitter, sensor, NoLog).await;
 }

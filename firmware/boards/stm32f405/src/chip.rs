@@ -1,12 +1,19 @@
-//! What the chip needs before and beside its ports: watchdog, clocks, flash, chance.
+//! What the chip needs before and beside its ports: watchdog, clocks, flash, the memory chip, battery, chance.
 
 use bodyflight_firmware::fault::Reset;
+use bodyflight_firmware::millivolts;
+use bodyflight_firmware::recorder::serial_flash::SerialFlash;
+use embassy_stm32::adc::{Adc, SampleTime};
+use embassy_stm32::gpio::{Level, Output, Speed};
 use embassy_stm32::interrupt::{self, InterruptExt, Priority};
+use embassy_stm32::mode::Blocking;
 use embassy_stm32::pac::{FLASH, RCC, RNG};
-use embassy_stm32::peripherals::IWDG;
+use embassy_stm32::peripherals::{ADC1, IWDG, PA3, PA15, PB3, PB4, PB5, SPI3};
+use embassy_stm32::spi::{self, Spi, mode::Master};
 use embassy_stm32::time::Hertz;
 use embassy_stm32::wdg::IndependentWatchdog;
-use embassy_stm32::{Config, rcc};
+use embassy_stm32::{Config, Peri, rcc};
+use embassy_time::Delay;
 
 /// The watchdog bites after this long without a heartbeat, four of them (us).
 const WATCHDOG: u32 = 1_000_000;
@@ -95,7 +102,53 @@ pub(crate) fn order_interrupts() {
     interrupt::USART3.set_priority(Priority::P2);
     interrupt::USART6.set_priority(Priority::P2);
     interrupt::DMA1_STREAM3.set_priority(Priority::P3);
+    interrupt::OTG_FS.set_priority(Priority::P3);
     interrupt::TIM2.set_priority(Priority::P4);
+}
+
+/// The memory chip.
+pub(crate) type Flash = SerialFlash<Spi<'static, Blocking, Master>, Output<'static>, Delay>;
+
+/// Pins of the memory chip.
+pub(crate) struct FlashPins {
+    pub(crate) clock: Peri<'static, PB3>,
+    pub(crate) to_chip: Peri<'static, PB5>,
+    pub(crate) from_chip: Peri<'static, PB4>,
+    pub(crate) select: Peri<'static, PA15>,
+}
+
+/// Finds the memory chip; a page goes over in 0.1 ms.
+pub(crate) async fn flash(spi: Peri<'static, SPI3>, pins: FlashPins) -> Option<Flash> {
+    let mut config = spi::Config::default();
+    config.frequency = Hertz::mhz(21);
+    let bus = Spi::new_blocking(spi, pins.clock, pins.to_chip, pins.from_chip, config);
+    let select = Output::new(pins.select, Level::High, Speed::VeryHigh);
+    SerialFlash::find(bus, select, Delay).await
+}
+
+/// The battery, behind a divider of two equal resistors.
+pub(crate) struct Battery {
+    converter: Adc<'static, ADC1>,
+    pin: Peri<'static, PA3>,
+}
+
+const DIVIDER: u16 = 2;
+
+impl Battery {
+    pub(crate) fn new(converter: Peri<'static, ADC1>, pin: Peri<'static, PA3>) -> Self {
+        Self {
+            converter: Adc::new(converter),
+            pin,
+        }
+    }
+
+    /// Its voltage (mV). Takes 24 us: the divider is of 100 kOhm, so the converter listens for as long as it can.
+    pub(crate) fn millivolts(&mut self) -> u16 {
+        let count = self
+            .converter
+            .blocking_read(&mut self.pin, SampleTime::CYCLES480);
+        millivolts(count, DIVIDER)
+    }
 }
 
 /// A number that nobody can foresee, or `None` where the generator does not work.

@@ -1,5 +1,6 @@
-//! The unit on an STM32F405: USART3 to the host (PB10 out, PB11 in, 460800 baud), USART6 from an inertial
-//! sensor (PC7 in, 460800 baud), a light (PC1), logs by RTT, a crystal of 12 MHz. The chip itself is in `chip.rs`.
+//! The unit on an STM32F405: USB serial (PA11, PA12) or USART3 to the host (PB10 out, PB11 in, 460800 baud), USART6 from an
+//! inertial sensor (PC7 in, 460800 baud), a log in a memory chip (PB3, PB4, PB5, PA15), the voltage of the battery (PA3, half of it), a light (PC1), logs by RTT, a
+//! crystal of 12 MHz. The chip itself is in `chip.rs`.
 #![no_std]
 #![no_main]
 
@@ -7,21 +8,22 @@ mod chip;
 
 use core::cell::RefCell;
 
-use bodyflight_cortex_m::{faults, stack};
-use bodyflight_firmware::ports::{Counted, LineErrors};
-use bodyflight_firmware::recorder::storage::NoLog;
+use bodyflight_cortex_m::{count_cycles, faults, stack};
+use bodyflight_firmware::ports::{Counted, LineErrors, Preferred};
+use bodyflight_firmware::recorder::storage::FlightLog;
+use bodyflight_firmware::recorder::{Block, Recorder, Until};
 use bodyflight_firmware::{Board, RECEIVER_BYTES, Unit, run};
+use bodyflight_usb_serial as usb_serial;
 use cortex_m::peripheral::DWT;
 // Linked for its logger.
 use defmt_rtt as _;
 use embassy_executor::Spawner;
 use embassy_stm32::gpio::{Level, Output, Speed};
-use embassy_stm32::mode::Async;
-use embassy_stm32::peripherals::{DMA1_CH1, DMA1_CH3, DMA2_CH1, IWDG, USART3, USART6};
-use embassy_stm32::usart::{self, RingBufferedUartRx, Uart, UartRx, UartTx};
+use embassy_stm32::peripherals::{DMA1_CH1, DMA1_CH3, DMA2_CH1, IWDG, USART3, USART6, USB_OTG_FS};
+use embassy_stm32::usart::{self, Uart, UartRx};
 use embassy_stm32::wdg::IndependentWatchdog;
-use embassy_stm32::{bind_interrupts, dma};
-use static_cell::StaticCell;
+use embassy_stm32::{bind_interrupts, dma, usb};
+use static_cell::{ConstStaticCell, StaticCell};
 
 bind_interrupts!(struct Interrupts {
     USART3 => usart::InterruptHandler<USART3>;
@@ -29,10 +31,14 @@ bind_interrupts!(struct Interrupts {
     DMA1_STREAM1 => dma::InterruptHandler<DMA1_CH1>;
     DMA1_STREAM3 => dma::InterruptHandler<DMA1_CH3>;
     DMA2_STREAM1 => dma::InterruptHandler<DMA2_CH1>;
+    OTG_FS => usb::InterruptHandler<USB_OTG_FS>;
 });
 
 /// Rate of both lines (baud).
 const BAUD: u32 = 460_800;
+
+/// Room for what comes by USB: a packet for each of its two ends, and one of the line's control.
+const FROM_USB_BYTES: usize = 256;
 
 static HOST_ERRORS: LineErrors = LineErrors::new();
 static SENSOR_ERRORS: LineErrors = LineErrors::new();
@@ -41,6 +47,8 @@ static SENSOR_ERRORS: LineErrors = LineErrors::new();
 struct Stm32f405 {
     watchdog: RefCell<IndependentWatchdog<'static, IWDG>>,
     light: RefCell<Output<'static>>,
+    battery: RefCell<chip::Battery>,
+    recorder: Option<&'static Recorder>,
 }
 
 impl Board for Stm32f405 {
@@ -60,8 +68,16 @@ impl Board for Stm32f405 {
         SENSOR_ERRORS.counted()
     }
 
+    fn battery(&self) -> u16 {
+        self.battery.borrow_mut().millivolts()
+    }
+
     fn shine(&self, on: bool) {
         self.light.borrow_mut().set_level(on.into());
+    }
+
+    fn recorder(&self) -> Option<&Recorder> {
+        self.recorder
     }
 
     fn feed_watchdog(&self) {
@@ -73,20 +89,19 @@ impl Board for Stm32f405 {
     }
 }
 
-type Receiver = Counted<RingBufferedUartRx<'static>>;
+type Usb = usb::Driver<'static, USB_OTG_FS>;
 
 static UNIT: StaticCell<RefCell<Unit<Stm32f405>>> = StaticCell::new();
+static RECORDER: StaticCell<Recorder> = StaticCell::new();
+/// What flew in the seconds before the exit is told.
+static BLOCKS: ConstStaticCell<[Block; 48]> = ConstStaticCell::new([Block::EMPTY; 48]);
 static FROM_HOST: StaticCell<[u8; RECEIVER_BYTES]> = StaticCell::new();
+static FROM_USB: StaticCell<[u8; FROM_USB_BYTES]> = StaticCell::new();
 static FROM_SENSOR: StaticCell<[u8; RECEIVER_BYTES]> = StaticCell::new();
 
 #[embassy_executor::task]
-async fn application(
-    unit: &'static RefCell<Unit<Stm32f405>>,
-    receiver: Receiver,
-    transmitter: UartTx<'static, Async>,
-    sensor: Receiver,
-) {
-    run(unit, receiver, transmitter, sensor, NoLog).await;
+async fn usb_device(mut device: embassy_usb::UsbDevice<'static, Usb>) {
+    device.run().await;
 }
 
 #[embassy_executor::main]
@@ -95,10 +110,7 @@ async fn main(spawner: Spawner) {
     let record = faults::begin(chip::reset());
     let board = embassy_stm32::init(chip::clocks());
     chip::accelerate_flash();
-    if let Some(mut core) = cortex_m::Peripherals::take() {
-        core.DCB.enable_trace();
-        core.DWT.enable_cycle_counter();
-    }
+    count_cycles();
     let light = Output::new(board.PC1, Level::Low, Speed::Low);
     let mut line = usart::Config::default();
     line.baudrate = BAUD;
@@ -120,18 +132,42 @@ async fn main(spawner: Spawner) {
     let receiver = receiver.into_ring_buffered(FROM_HOST.init([0; RECEIVER_BYTES]));
     let sensor = sensor.into_ring_buffered(FROM_SENSOR.init([0; RECEIVER_BYTES]));
     chip::order_interrupts();
+    let driver = usb::Driver::new_fs(
+        board.USB_OTG_FS,
+        Interrupts,
+        board.PA12,
+        board.PA11,
+        FROM_USB.init([0; FROM_USB_BYTES]),
+        usb::Config::default(),
+    );
+    let (device, from_usb, to_usb) = usb_serial::start(driver);
+    let battery = chip::Battery::new(board.ADC1, board.PA3);
+    let pins = chip::FlashPins {
+        clock: board.PB3,
+        to_chip: board.PB5,
+        from_chip: board.PB4,
+        select: board.PA15,
+    };
+    let flash = chip::flash(board.SPI3, pins).await;
+    let log = flash.map(|flash| {
+        let recorder = RECORDER.init_with(|| Recorder::new(BLOCKS.take()).until(Until::Canopy));
+        (&*recorder, FlightLog::new(recorder, flash.queue()))
+    });
+    let (recorder, log) = log.unzip();
     let chance = chip::random().unwrap_or_else(DWT::cycle_count);
     let identity = record.identity(faults::build(), chance);
     let board = Stm32f405 {
         watchdog: RefCell::new(watchdog),
         light: RefCell::new(light),
+        battery: RefCell::new(battery),
+        recorder,
     };
     let unit = UNIT.init_with(|| RefCell::new(Unit::new(board, identity)));
     let is_overrun = |error: &usart::Error| matches!(error, usart::Error::Overrun);
     let receiver = Counted::new(receiver, &HOST_ERRORS, is_overrun);
     let sensor = Counted::new(sensor, &SENSOR_ERRORS, is_overrun);
-    match application(unit, receiver, transmitter, sensor) {
-        Ok(task) => spawner.spawn(task),
-        Err(_) => defmt::error!("the task is running already"),
-    }
+    usb_serial::spawn(spawner, usb_device(device));
+    let receiver = Preferred(from_usb, receiver);
+    let transmitter = Preferred(to_usb, transmitter);
+    run(unit, receiver, transmitter, sensor, log).await;
 }

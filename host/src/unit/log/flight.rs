@@ -5,15 +5,16 @@ use std::path::{Path, PathBuf};
 use bodyflight_core::Body;
 use bodyflight_core::frame::{Inertial, Vector};
 use bodyflight_core::link::{
-    BlockReader, Configure, Estimate, Message, Sample, SegmentTable, Validity,
+    BlockReader, Configure, Estimate, Message, Sample, SegmentTable, Status, Validity,
 };
 use serde::Serialize;
 
+use super::tables;
 use crate::diagnostic::{Problem, Result};
 use crate::formats::mvnx::writer::{Description, Origin, Writer};
 use crate::formats::recording::{FlightFrame, PelvisMotion};
 use crate::formats::subject::Subject;
-use crate::output::files::{CsvFile, write_file};
+use crate::output::files::write_file;
 
 /// A flight of the log.
 #[derive(Debug, Default)]
@@ -23,6 +24,7 @@ pub struct LoggedFlight {
     /// Sensor time (us).
     samples: Vec<(u64, Sample)>,
     estimates: Vec<(u64, Estimate)>,
+    reports: Vec<(u64, Status)>,
 }
 
 /// What was written of a flight.
@@ -36,6 +38,8 @@ pub struct Written {
     pub estimates: usize,
     /// Length (s).
     pub duration_s: f64,
+    /// Lowest voltage of the unit's battery on the way, where it measures one (V).
+    pub battery_v: Option<f64>,
 }
 
 /// The flights in the blocks of a log, and how many blocks ended in damage. The oldest flight may have lost its beginning, with
@@ -59,6 +63,7 @@ pub fn flights(blocks: &[Vec<u8>]) -> (Vec<LoggedFlight>, usize) {
             Message::SegmentValues(row) => flight.table.insert(row),
             Message::Sample(sample) => flight.samples.push((header.time, sample)),
             Message::Estimate(estimate) => flight.estimates.push((header.time, estimate)),
+            Message::Status(report) => flight.reports.push((header.time, report)),
             _ => {}
         }
     }
@@ -67,6 +72,11 @@ pub fn flights(blocks: &[Vec<u8>]) -> (Vec<LoggedFlight>, usize) {
 }
 
 impl LoggedFlight {
+    /// How many samples and estimates it has.
+    pub fn lengths(&self) -> [usize; 2] {
+        [self.samples.len(), self.estimates.len()]
+    }
+
     /// Rate of the samples (Hz), by what was configured or by the shortest interval.
     fn rate(&self) -> f64 {
         if let Some(configure) = &self.configure {
@@ -145,14 +155,16 @@ fn frame(index: u64, rate: f64, sample: &Sample, before: Option<&FlightFrame>) -
 }
 
 /// Files that [`write()`] writes.
-pub const FILES: [&str; 4] = [
+pub const FILES: [&str; 5] = [
     "flight.toml",
     "flight.mvnx",
     "estimates.csv",
+    "unit.csv",
     "subject.toml",
 ];
 
-/// Writes a flight as `flight.toml`, `flight.mvnx` and `estimates.csv` into `folder`, and `subject.toml` where the subject is known.
+/// Writes a flight as `flight.toml`, `flight.mvnx`, `estimates.csv` and what the unit reported of itself (`unit.csv`) into `folder`,
+/// and `subject.toml` where the subject is known.
 ///
 /// # Errors
 /// Returns an error if the folder cannot be written to, or no sample has an attitude.
@@ -180,7 +192,9 @@ pub fn write(flight: &LoggedFlight, subject: Option<&Subject>, folder: &Path) ->
         writer.write(frame)?;
     }
     writer.finish()?;
-    write_estimates(flight, &folder.join("estimates.csv"))?;
+    let first = flight.samples.first().map_or(0, |(time, _)| *time);
+    tables::write_estimates(first, &flight.estimates, &folder.join("estimates.csv"))?;
+    tables::write_reports(first, &flight.reports, &folder.join("unit.csv"))?;
     let mut text = "recording = \"flight.mvnx\"\n".to_owned();
     if let Some(subject) = subject {
         write_file(&folder.join("subject.toml"), subject.to_toml()?.as_bytes())?;
@@ -196,40 +210,10 @@ pub fn write(flight: &LoggedFlight, subject: Option<&Subject>, folder: &Path) ->
         frames: frames.len() as u64,
         estimates: flight.estimates.len(),
         duration_s: last.time,
+        battery_v: flight
+            .reports
+            .iter()
+            .filter_map(|(_, report)| tables::battery_v(report))
+            .reduce(f64::min),
     })
-}
-
-/// Columns of the estimates, in the order of the link's `ESTIMATE`.
-const COLUMNS: [&str; 15] = [
-    "time_s",
-    "flags",
-    "input_pitch",
-    "input_yaw",
-    "input_roll",
-    "damping_pitch",
-    "damping_yaw",
-    "damping_roll",
-    "variance_input_pitch",
-    "variance_input_yaw",
-    "variance_input_roll",
-    "variance_damping_pitch",
-    "variance_damping_yaw",
-    "variance_damping_roll",
-    "nis",
-];
-
-fn write_estimates(flight: &LoggedFlight, path: &Path) -> Result<()> {
-    let first = flight.samples.first().map_or(0, |(time, _)| *time);
-    let mut table = CsvFile::create(path, &COLUMNS)?;
-    for (time, estimate) in &flight.estimates {
-        #[expect(clippy::cast_precision_loss, reason = "a flight is short")]
-        let time = time.saturating_sub(first) as f64 * 1e-6;
-        let numbers = estimate.state.iter().chain(&estimate.variance);
-        let row = [time, f64::from(estimate.flags.bits())]
-            .into_iter()
-            .chain(numbers.map(|number| f64::from(*number)))
-            .chain([f64::from(estimate.nis)]);
-        table.write(row)?;
-    }
-    table.finish()
 }

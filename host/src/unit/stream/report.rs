@@ -108,6 +108,7 @@ pub struct UnitCounters {
     pub watchdog_resets: u32,
     pub sensor_overrun: u32,
     pub sensor_framing: u32,
+    pub battery_mv: u16,
 }
 
 impl From<&Status> for UnitCounters {
@@ -139,6 +140,7 @@ impl From<&Status> for UnitCounters {
             watchdog_resets: status.watchdog_resets,
             sensor_overrun: status.sensor_overrun,
             sensor_framing: status.sensor_framing,
+            battery_mv: status.battery,
         }
     }
 }

@@ -1,0 +1,225 @@
+//! The driver on a chip that forgives nothing: writing needs to be enabled each time, wraps within its page and takes bits away
+//! only; while it is busy it hears nothing but questions for its status.
+#![allow(clippy::cast_possible_truncation, reason = "small numbers of a test")]
+
+use core::cell::RefCell;
+use core::convert::Infallible;
+use std::rc::Rc;
+use std::vec;
+use std::vec::Vec;
+
+use embassy_futures::block_on;
+use embedded_hal::{digital, spi};
+
+use super::*;
+
+const BYTES: usize = 1 << 16;
+
+struct Chip {
+    cells: Vec<u8>,
+    identity: [u8; 3],
+    selected: bool,
+    /// What came since the chip was selected.
+    heard: Vec<u8>,
+    writable: bool,
+    /// Time that it is busy for (us).
+    busy: u32,
+    /// Time that erasing takes (us).
+    erasing: u32,
+}
+
+#[derive(Clone)]
+struct Pins(Rc<RefCell<Chip>>);
+
+impl Pins {
+    fn new() -> Self {
+        Self(Rc::new(RefCell::new(Chip {
+            cells: vec![0x5a; BYTES],
+            identity: [0xc8, 0x40, 16],
+            selected: false,
+            heard: Vec::new(),
+            writable: false,
+            busy: 0,
+            erasing: 300_000,
+        })))
+    }
+
+    fn find(&self) -> Option<SerialFlash<Self, Self, Self>> {
+        block_on(SerialFlash::find(self.clone(), self.clone(), self.clone()))
+    }
+}
+
+impl Chip {
+    /// A byte comes, and one goes.
+    fn exchange(&mut self, byte: u8) -> u8 {
+        assert!(self.selected, "nobody is selected");
+        self.heard.push(byte);
+        let place = self.heard.len();
+        let address = self.address();
+        match (self.heard[0], place) {
+            (STATUS, 2..) => u8::from(self.busy > 0),
+            (IDENTIFY, 2..) if self.busy > 0 => 0xff,
+            (command, 2..) if self.busy > 0 => panic!("{command:#x} to a busy chip"),
+            (IDENTIFY, 2..=4) => self.identity[place - 2],
+            (READ, 5..) => self.cells[address + place - 5],
+            _ => 0xff,
+        }
+    }
+
+    fn address(&self) -> usize {
+        let bytes = self.heard.iter().skip(1).take(3);
+        bytes.fold(0, |address, byte| address << 8 | usize::from(*byte))
+    }
+
+    fn execute(&mut self) {
+        let heard = core::mem::take(&mut self.heard);
+        let Some(command) = heard.first() else { return };
+        self.heard.clone_from(&heard);
+        let address = self.address();
+        self.heard.clear();
+        match *command {
+            ENABLE_WRITING => self.writable = true,
+            PROGRAM if core::mem::take(&mut self.writable) => {
+                for (place, byte) in heard.iter().skip(4).enumerate() {
+                    self.cells[(address & !0xff) + (address + place & 0xff)] &= byte;
+                }
+                self.busy = 700;
+            }
+            ERASE_SECTOR if core::mem::take(&mut self.writable) => {
+                let sector = address & !(SECTOR as usize - 1);
+                self.cells[sector..][..SECTOR as usize].fill(0xff);
+                self.busy = self.erasing;
+            }
+            PROGRAM | ERASE_SECTOR => panic!("writing was not enabled"),
+            _ => {}
+        }
+    }
+}
+
+impl spi::ErrorType for Pins {
+    type Error = Infallible;
+}
+
+impl SpiBus for Pins {
+    fn read(&mut self, words: &mut [u8]) -> Result<(), Infallible> {
+        let chip = &mut *self.0.borrow_mut();
+        words.iter_mut().for_each(|word| *word = chip.exchange(0));
+        Ok(())
+    }
+    fn write(&mut self, words: &[u8]) -> Result<(), Infallible> {
+        let chip = &mut *self.0.borrow_mut();
+        for word in words {
+            chip.exchange(*word);
+        }
+        Ok(())
+    }
+    fn transfer(&mut self, _: &mut [u8], _: &[u8]) -> Result<(), Infallible> {
+        unreachable!("not used")
+    }
+    fn transfer_in_place(&mut self, _: &mut [u8]) -> Result<(), Infallible> {
+        unreachable!("not used")
+    }
+    fn flush(&mut self) -> Result<(), Infallible> {
+        Ok(())
+    }
+}
+
+impl digital::ErrorType for Pins {
+    type Error = Infallible;
+}
+
+impl OutputPin for Pins {
+    fn set_low(&mut self) -> Result<(), Infallible> {
+        self.0.borrow_mut().selected = true;
+        Ok(())
+    }
+    fn set_high(&mut self) -> Result<(), Infallible> {
+        let chip = &mut *self.0.borrow_mut();
+        chip.selected = false;
+        chip.execute();
+        Ok(())
+    }
+}
+
+impl DelayNs for Pins {
+    async fn delay_ns(&mut self, time: u32) {
+        let chip = &mut *self.0.borrow_mut();
+        chip.busy = chip.busy.saturating_sub(time / 1000);
+    }
+}
+
+#[test]
+fn what_is_written_across_pages_is_read_and_what_is_erased_is_gone() {
+    let mut flash = Pins::new().find().unwrap();
+    assert_eq!(flash.capacity(), BYTES);
+    block_on(async {
+        flash.erase(SECTOR, 3 * SECTOR).await.unwrap();
+        let bytes: Vec<u8> = (0..1000_u32).map(|k| (k * 31 % 251) as u8).collect();
+        flash.write(SECTOR + 200, &bytes).await.unwrap();
+        let mut read = vec![0; 1000];
+        flash.read(SECTOR + 200, &mut read).await.unwrap();
+        assert_eq!(read, bytes);
+        let mut around = [0; 4];
+        flash.read(SECTOR + 196, &mut around).await.unwrap();
+        assert_eq!(around, [0xff; 4]);
+        flash.read(SECTOR - 4, &mut around).await.unwrap();
+        assert_eq!(around, [0x5a; 4]);
+        let end = BYTES as u32;
+        assert_eq!(
+            flash.read(end - 2, &mut around).await,
+            Err(FlashError::OutOfBounds)
+        );
+        assert_eq!(
+            flash.write(end, &[0; 4]).await,
+            Err(FlashError::OutOfBounds)
+        );
+        assert_eq!(
+            flash.erase(0, end + SECTOR).await,
+            Err(FlashError::OutOfBounds)
+        );
+    });
+}
+
+#[test]
+fn a_queue_of_blocks_lives_on_the_chip() {
+    let mut queue = Pins::new().find().unwrap().queue();
+    block_on(async {
+        queue.erase_all().await.unwrap();
+        for number in 0..100_u8 {
+            queue.push(&[number; 1008], true).await.unwrap();
+        }
+        let (mut buffer, mut found) = ([0; 1008], Vec::new());
+        let mut iterator = queue.iter().await.unwrap();
+        while let Some(entry) = iterator.next(&mut buffer).await.unwrap() {
+            found.push(entry[0]);
+        }
+        // Three or four to a sector; the oldest gave way.
+        assert_eq!(found.last(), Some(&99));
+        assert!((45..=64).contains(&found.len()), "{}", found.len());
+        assert!(found.windows(2).all(|pair| pair[1] == pair[0] + 1));
+    });
+}
+
+#[test]
+fn a_board_without_a_chip_is_told() {
+    for identity in [[0; 3], [0xff; 3], [0xc8, 0x40, 25]] {
+        let pins = Pins::new();
+        pins.0.borrow_mut().identity = identity;
+        assert!(pins.find().is_none(), "{identity:?}");
+    }
+}
+
+#[test]
+fn a_chip_that_still_erases_after_a_reset_is_found() {
+    let pins = Pins::new();
+    pins.0.borrow_mut().busy = 300_000;
+    assert!(pins.find().is_some());
+}
+
+#[test]
+fn a_chip_that_never_ends_erasing_is_an_error() {
+    let pins = Pins::new();
+    let mut flash = pins.find().unwrap();
+    pins.0.borrow_mut().erasing = u32::MAX;
+    assert_eq!(block_on(flash.erase(0, SECTOR)), Err(FlashError::Busy));
+}

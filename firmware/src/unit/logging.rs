@@ -1,0 +1,49 @@
+//! What of the conversation goes into the log on board, and comes out of it.
+
+use bodyflight_core::link::{Header, Message, Start, Status, StreamMode};
+
+use super::Unit;
+use super::outbox::pieces;
+use super::session::Session;
+use crate::board::Board;
+
+impl<B: Board> Unit<B> {
+    /// A log begins with what is computed with.
+    pub(super) fn begin_log(&self, session: u16, mode: StreamMode) {
+        let (Some(recorder), Some(asked)) = (self.board.recorder(), self.asked) else {
+            return;
+        };
+        let header = Header {
+            session,
+            sequence: 0,
+            time: self.board.now(),
+        };
+        let rows = self.table.rows().map(|row| Message::from(*row));
+        let messages = core::iter::once(Message::from(asked))
+            .chain(rows)
+            .chain([Message::from(Start { mode })]);
+        recorder.begin(messages.map(|message| (header, message)));
+    }
+
+    /// Sends a block of the log, none where there is none of this number.
+    pub(crate) fn answer_log(&mut self, block: u32, bytes: &[u8]) {
+        for piece in pieces(block, bytes) {
+            self.send(self.board.now(), piece);
+        }
+    }
+
+    /// Notes a message in the log, where there is one.
+    pub(super) fn note(&self, header: &Header, message: impl Into<Message>) {
+        if let Some(recorder) = self.board.recorder() {
+            recorder.note(header, &message.into());
+        }
+    }
+
+    /// Notes a report, at the time of the sample before it: times of a log are the sensor's.
+    pub(super) fn note_status(&self, status: Status) {
+        let running = self.session.as_ref().is_some_and(Session::is_open);
+        if let Some((header, _)) = self.last.as_ref().filter(|_| running) {
+            self.note(header, status);
+        }
+    }
+}

@@ -1,0 +1,365 @@
+//! Images for boards: whether a file is a whole one, whether its maker signed it, and the way onto a board's drive.
+//!
+//! Signatures are those of minisign (Ed25519), in a file beside the image. A board's own boot program checks none, so they are
+//! checked here, before anything is written.
+
+use std::fs::File;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use minisign_verify::{PublicKey, Signature};
+use serde::Serialize;
+
+use crate::diagnostic::{Problem, Result};
+
+/// Longest file that is read: more than both boards have flash, as UF2.
+const LONGEST: u64 = 16 << 20;
+
+/// What a boot program shows on its drive.
+const DRIVE_FILE: &str = "INFO_UF2.TXT";
+
+/// A board that takes images.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub enum Board {
+    /// Takes UF2 files on its drive.
+    #[serde(rename = "rp2350-pico2")]
+    Pico2,
+    /// Takes flat images by DFU.
+    #[serde(rename = "stm32f405")]
+    Stm32f405,
+}
+
+/// A whole image.
+#[derive(Debug)]
+pub struct Image {
+    path: PathBuf,
+    bytes: Vec<u8>,
+    /// What it is for.
+    pub board: Board,
+}
+
+impl Image {
+    /// Reads an image.
+    ///
+    /// # Errors
+    /// Returns an error if the file cannot be read, or is not all of an image for one of the boards.
+    pub fn read(path: &Path) -> Result<Self> {
+        let failed = |error| Problem::system("read", path, error);
+        let length = std::fs::metadata(path).map_err(failed)?.len();
+        let bytes = if length <= LONGEST {
+            std::fs::read(path).map_err(failed)?
+        } else {
+            Vec::new()
+        };
+        let board = if uf2::is_begun(&bytes) {
+            uf2::check(&bytes).map(|()| Board::Pico2)
+        } else if flat::is_image(&bytes) {
+            Ok(Board::Stm32f405)
+        } else {
+            Err("it is neither a UF2 file nor a flat image for the STM32F405".to_owned())
+        };
+        let board = board.map_err(|what| {
+            Problem::bad_input(format!("this is not all of an image: {what}"))
+                .in_file(path)
+                .help("`cargo xtask unit` makes unit.uf2 and unit.bin")
+        })?;
+        Ok(Self {
+            path: path.to_owned(),
+            bytes,
+            board,
+        })
+    }
+
+    /// Bytes of the file.
+    pub fn length(&self) -> usize {
+        self.bytes.len()
+    }
+
+    /// Checks the signature beside the image (`IMAGE.minisig`) by the key in the file `key`; what the signer says of the image,
+    /// which is signed too.
+    ///
+    /// # Errors
+    /// Returns an error if one of the files cannot be read, or the signature is not that of this image by this key.
+    pub fn signed_by(&self, key: &Path) -> Result<String> {
+        let public = PublicKey::decode(&text(key)?).map_err(|error| {
+            Problem::bad_input(format!("this is no public key of minisign: {error}")).in_file(key)
+        })?;
+        let mut place = self.path.clone().into_os_string();
+        place.push(".minisig");
+        let place = PathBuf::from(place);
+        let signature = Signature::decode(&text(&place)?).map_err(|error| {
+            Problem::bad_input(format!("this is no signature of minisign: {error}")).in_file(&place)
+        })?;
+        public
+            .verify(&self.bytes, &signature, false)
+            .map_err(|error| {
+                Problem::disagreement(format!("the image is not what was signed by this key: {error}"))
+                    .in_file(&self.path)
+                    .help("take the image, its signature and the key again from where they come from; do not flash it")
+            })?;
+        Ok(signature.trusted_comment().to_owned())
+    }
+
+    /// Copies the image onto the drive that a board's boot program shows.
+    ///
+    /// # Errors
+    /// Returns an error if it is no image for such a board, the folder is no such drive, or the copy breaks off.
+    pub fn copy_to(&self, drive: &Path) -> Result<()> {
+        if self.board != Board::Pico2 {
+            return Err(
+                Problem::bad_input("only UF2 files are copied onto a drive").in_file(&self.path)
+            );
+        }
+        let info = drive.join(DRIVE_FILE);
+        let shown = std::fs::read_to_string(&info).map_err(|error| {
+            Problem::system("read", &info, error)
+                .help("hold BOOTSEL while the board is plugged in; the drive RP2350 appears")
+        })?;
+        if !shown.contains("RP2350") {
+            return Err(Problem::bad_input("this is the drive of another board").in_file(&info));
+        }
+        let place = drive.join("UNIT.UF2");
+        let copied = File::create(&place)
+            .and_then(|mut file| file.write_all(&self.bytes).and_then(|()| file.sync_all()));
+        match copied {
+            // The board starts with its last block, and the drive is gone.
+            Err(_) if !info.exists() => Ok(()),
+            copied => copied.map_err(|error| {
+                Problem::system("write", &place, error)
+                    .help("the boot program is in ROM and still there: copy the image once more")
+            }),
+        }
+    }
+}
+
+fn text(path: &Path) -> Result<String> {
+    std::fs::read_to_string(path).map_err(|error| Problem::system("read", path, error))
+}
+
+/// UF2, <https://github.com/microsoft/uf2>, as `cargo xtask unit` writes it.
+mod uf2 {
+    const BLOCK: usize = 512;
+    const FIRST: u32 = 0x0a32_4655;
+    const SECOND: u32 = 0x9e5d_5157;
+    const LAST: u32 = 0x0ab1_6f30;
+    /// Secure ARM images for the RP2350.
+    const FAMILY: u32 = 0xe48b_ff59;
+    const FLASH: std::ops::Range<u32> = 0x1000_0000..0x1040_0000;
+
+    fn word(block: &[u8], number: usize) -> u32 {
+        let place = block.get(4 * number..).and_then(|rest| rest.first_chunk());
+        place.copied().map_or(0, u32::from_le_bytes)
+    }
+
+    pub(super) fn is_begun(bytes: &[u8]) -> bool {
+        word(bytes, 0) == FIRST
+    }
+
+    /// Every block is there, in its order, for this chip and its flash.
+    pub(super) fn check(bytes: &[u8]) -> Result<(), String> {
+        let count = bytes.len() / BLOCK;
+        if !bytes.len().is_multiple_of(BLOCK) {
+            return Err(format!("it breaks off in block {count}"));
+        }
+        for (number, block) in bytes.chunks_exact(BLOCK).enumerate() {
+            if [word(block, 0), word(block, 1), word(block, 127)] != [FIRST, SECOND, LAST] {
+                return Err(format!("block {number} is damaged"));
+            }
+            if word(block, 5) as usize != number || word(block, 6) as usize != count {
+                let wanted = word(block, 6);
+                return Err(format!(
+                    "block {number} of {count} says {} of {wanted}",
+                    word(block, 5)
+                ));
+            }
+            if word(block, 7) != FAMILY {
+                return Err(format!(
+                    "block {number} is for another chip, {:#010x}",
+                    word(block, 7)
+                ));
+            }
+            if !FLASH.contains(&word(block, 3)) {
+                return Err(format!(
+                    "block {number} goes to {:#010x}, outside of flash",
+                    word(block, 3)
+                ));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// What lies in the flash of an STM32F405, from its first byte.
+mod flat {
+    const FLASH: u32 = 0x0800_0000;
+    const FLASH_BYTES: usize = 1 << 20;
+    /// Memory beside the core, and the other.
+    const STACKS: [std::ops::RangeInclusive<u32>; 2] =
+        [0x1000_0000..=0x1001_0000, 0x2000_0000..=0x2002_0000];
+
+    /// Whether it begins with a stack and a first instruction that this chip has.
+    pub(super) fn is_image(bytes: &[u8]) -> bool {
+        let word = |place| {
+            let rest = bytes.get(place..).and_then(|rest| rest.first_chunk());
+            rest.copied().map(u32::from_le_bytes)
+        };
+        let (Some(stack), Some(start)) = (word(0), word(4)) else {
+            return false;
+        };
+        let inside = (start & !1)
+            .checked_sub(FLASH)
+            .is_some_and(|offset| (offset as usize) < bytes.len());
+        bytes.len() <= FLASH_BYTES
+            && start & 1 == 1
+            && inside
+            && STACKS.iter().any(|stacks| stacks.contains(&stack))
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::cast_possible_truncation, reason = "small numbers of a test")]
+mod tests {
+    use super::*;
+
+    /// A file of so many blocks.
+    fn file(count: u32) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        for number in 0..count {
+            let words = [
+                0x0a32_4655,
+                0x9e5d_5157,
+                0x2000,
+                0x1000_0000 + 256 * number,
+                256,
+                number,
+                count,
+                0xe48b_ff59,
+            ];
+            bytes.extend(words.iter().flat_map(|word: &u32| word.to_le_bytes()));
+            bytes.extend((0..476).map(|place| (place * 7 + number) as u8));
+            bytes.extend(0x0ab1_6f30_u32.to_le_bytes());
+        }
+        bytes
+    }
+
+    /// A key that was made for this test, and its signature of `file(2)`.
+    const KEY: &str = "untrusted comment: minisign public key F51737B376A8EB77\n\
+        RWR366h2szcX9TBRd2IHh6iDoEMqAn6ROTeUq2KtfzQbCn86Zh8aIzu1\n";
+    const SIGNATURE: &str = "untrusted comment: a signature for a test\n\
+        RUR366h2szcX9ciVdjbNejAxt2kZl9OEHVUlq5BhViyJIAo6nvFbXBeOlolzvff1n0ZQs4aRiUsNt1l1DV0RwJ7ED1A0MxUSIwc=\n\
+        trusted comment: rp2350-pico2 a26fce5b\n\
+        kfa31dE0Pd+iHhnQBFkQyI9Ao9gQGc1qdYEqpT4ElPVY3g3fES1Vj1iU7jwX2FBg0GpXJlfGIG/mBu6/r8zgDg==\n";
+
+    struct Shelf(tempfile::TempDir);
+
+    impl Shelf {
+        fn new() -> Self {
+            Self(tempfile::tempdir().unwrap())
+        }
+
+        fn put(&self, name: &str, bytes: impl AsRef<[u8]>) -> PathBuf {
+            let path = self.0.path().join(name);
+            std::fs::write(&path, bytes).unwrap();
+            path
+        }
+    }
+
+    #[test]
+    fn damage_of_an_image_is_named() {
+        let shelf = Shelf::new();
+        let message = |bytes: &[u8]| {
+            let read = Image::read(&shelf.put("unit.uf2", bytes));
+            read.map(|image| image.board)
+                .map_err(|problem| problem.to_string())
+        };
+        let whole = file(3);
+        assert_eq!(message(&whole).unwrap(), Board::Pico2);
+        let mut turned = whole.clone();
+        turned[512] ^= 1;
+        let mut other = whole.clone();
+        other[28] ^= 1;
+        let mut elsewhere = whole.clone();
+        elsewhere[15] = 0x20;
+        for (bytes, said) in [
+            (&whole[..700], "breaks off in block 1"),
+            (&whole[..1024], "block 0 of 2 says 0 of 3"),
+            (&turned[..], "block 1 is damaged"),
+            (&other[..], "another chip"),
+            (&elsewhere[..], "outside of flash"),
+            (&b"hello"[..], "neither"),
+        ] {
+            let found = message(bytes).unwrap_err();
+            assert!(found.contains(said), "{found}");
+        }
+    }
+
+    #[test]
+    fn a_flat_image_begins_with_a_stack_and_an_instruction() {
+        let shelf = Shelf::new();
+        let image = |stack: u32, start: u32| {
+            let mut bytes = vec![0; 1024];
+            bytes[..4].copy_from_slice(&stack.to_le_bytes());
+            bytes[4..8].copy_from_slice(&start.to_le_bytes());
+            Image::read(&shelf.put("unit.bin", bytes)).map(|image| image.board)
+        };
+        assert_eq!(image(0x1001_0000, 0x0800_0189).unwrap(), Board::Stm32f405);
+        for (stack, start) in [
+            (0x1001_0000, 0x0800_0188),
+            (0x1001_0000, 0x0800_0401),
+            (0x3000_0000, 0x0800_0189),
+        ] {
+            assert!(image(stack, start).is_err(), "{stack:#x} {start:#x}");
+        }
+    }
+
+    #[test]
+    fn a_signature_is_of_one_image_by_one_key() {
+        let shelf = Shelf::new();
+        let key = shelf.put("minisign.pub", KEY);
+        let path = shelf.put("unit.uf2", file(2));
+        assert!(
+            Image::read(&path).unwrap().signed_by(&key).is_err(),
+            "no signature"
+        );
+        shelf.put("unit.uf2.minisig", SIGNATURE);
+        let comment = Image::read(&path).unwrap().signed_by(&key);
+        assert_eq!(comment.unwrap(), "rp2350-pico2 a26fce5b");
+        // Another image, whole too.
+        let mut changed = file(2);
+        changed[100] ^= 1;
+        shelf.put("unit.uf2", changed);
+        let problem = Image::read(&path).unwrap().signed_by(&key).unwrap_err();
+        assert!(
+            problem.to_string().contains("not what was signed"),
+            "{problem}"
+        );
+        // What the signer says is signed.
+        shelf.put("unit.uf2", file(2));
+        shelf.put(
+            "unit.uf2.minisig",
+            SIGNATURE.replace("a26fce5b", "a26fce5c"),
+        );
+        assert!(Image::read(&path).unwrap().signed_by(&key).is_err());
+        let nonsense = shelf.put("key", "nonsense");
+        assert!(Image::read(&path).unwrap().signed_by(&nonsense).is_err());
+    }
+
+    #[test]
+    fn an_image_is_copied_onto_the_drive_of_its_board_and_nowhere_else() {
+        let (shelf, drive) = (Shelf::new(), Shelf::new());
+        let image = Image::read(&shelf.put("unit.uf2", file(2))).unwrap();
+        let folder = drive.0.path();
+        assert!(image.copy_to(folder).is_err(), "any folder");
+        drive.put(
+            DRIVE_FILE,
+            "UF2 Bootloader v3.0\r\nModel: Raspberry Pi RP2\r\nBoard-ID: RPI-RP2\r\n",
+        );
+        assert!(image.copy_to(folder).is_err(), "another board");
+        drive.put(
+            DRIVE_FILE,
+            "UF2 Bootloader v1.0\r\nModel: Raspberry Pi RP2350\r\nBoard-ID: RP2350\r\n",
+        );
+        image.copy_to(folder).unwrap();
+        assert_eq!(std::fs::read(folder.join("UNIT.UF2")).unwrap(), file(2));
+    }
+}
