@@ -1,9 +1,9 @@
-//! Fourteen transitions between belly and back to earth, in the paper's order ("Transition Maneuvers"), in
-//! several styles.
+//! The paper's fourteen transitions between belly and back to earth, in several styles.
 
 use std::borrow::Cow;
 
 use bodyflight_core::body::pattern::{DRAW_IN_LEFT, PRESS, TO_BACK};
+use bodyflight_core::maneuver::transitions::{ORDER, Transition};
 
 use crate::estimator_flights::{FLIPS_AND_ROLLS, Flight, Pulse};
 
@@ -131,31 +131,15 @@ pub const STYLES: [Style; 10] = [
     ),
 ];
 
-#[derive(Clone, Copy)]
-enum Kind {
-    BackFlip,
-    Layout,
-    RollToBelly,
-    RollToBack,
+/// Which of a style's moves does a transition.
+const fn move_for(transition: Transition) -> usize {
+    match transition {
+        Transition::BackFlip | Transition::FrontLoop => 0,
+        Transition::Layout | Transition::FrontFlip => 1,
+        Transition::RollToBelly | Transition::FailedLayout => 2,
+        Transition::RollToBack => 3,
+    }
 }
-use Kind::{BackFlip, Layout, RollToBack, RollToBelly};
-
-const ORDER: [Kind; 14] = [
-    BackFlip,
-    RollToBelly,
-    BackFlip,
-    RollToBelly,
-    BackFlip,
-    RollToBelly,
-    BackFlip,
-    Layout,
-    RollToBack,
-    Layout,
-    BackFlip,
-    Layout,
-    BackFlip,
-    Layout,
-];
 
 /// Time from one transition to the next, and the longest that one is tried (s).
 const EVERY: f64 = 3.0;
@@ -164,10 +148,11 @@ const TRIED: f64 = 2.6;
 impl Style {
     /// The script: 45 s, begun belly to earth.
     pub fn flight(&self) -> Flight {
-        let pulses = (0u32..).zip(ORDER).map(|(number, kind)| {
-            let [muscle, damping, amount] = self.moves[kind as usize];
+        let pulses = (0u32..).zip(ORDER).map(|(number, transition)| {
+            let which = move_for(transition);
+            let [muscle, damping, amount] = self.moves[which];
             let begin = 2.0 + EVERY * f64::from(number);
-            let rolls = matches!(kind, RollToBelly | RollToBack);
+            let rolls = which >= 2;
             let about = |value: f64| if rolls { [0.0, value] } else { [value, 0.0] };
             let ([pitch, roll], [pitch_damping, roll_damping]) = (about(muscle), about(damping));
             Pulse {

@@ -84,22 +84,61 @@ const FAILED_LAYOUT: Way = way(
     0.75,
 );
 
-const ORDER: [Way; 14] = [
-    BACK_FLIP,
-    ROLL_TO_BELLY,
-    FRONT_LOOP,
-    ROLL_TO_BELLY,
-    BACK_FLIP,
-    FAILED_LAYOUT,
-    BACK_FLIP,
-    FRONT_FLIP,
-    ROLL_TO_BACK,
-    LAYOUT,
-    BACK_FLIP,
-    LAYOUT,
-    BACK_FLIP,
-    LAYOUT,
-];
+/// A change between belly and back to earth.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Transition {
+    /// Belly to back through the legs.
+    BackFlip,
+    /// Belly to back through the head.
+    FrontLoop,
+    /// Back to belly through the head.
+    Layout,
+    /// Back to belly through the legs.
+    FrontFlip,
+    /// Back to belly about the long axis.
+    RollToBelly,
+    /// Belly to back about the long axis.
+    RollToBack,
+    /// Begun as a layout and ended as a roll.
+    FailedLayout,
+}
+
+impl Transition {
+    const fn way(self) -> Way {
+        match self {
+            Self::BackFlip => BACK_FLIP,
+            Self::FrontLoop => FRONT_LOOP,
+            Self::Layout => LAYOUT,
+            Self::FrontFlip => FRONT_FLIP,
+            Self::RollToBelly => ROLL_TO_BELLY,
+            Self::RollToBack => ROLL_TO_BACK,
+            Self::FailedLayout => FAILED_LAYOUT,
+        }
+    }
+}
+
+/// The paper's order, begun belly to earth.
+pub const ORDER: [Transition; 14] = {
+    use Transition::{
+        BackFlip, FailedLayout, FrontFlip, FrontLoop, Layout, RollToBack, RollToBelly,
+    };
+    [
+        BackFlip,
+        RollToBelly,
+        FrontLoop,
+        RollToBelly,
+        BackFlip,
+        FailedLayout,
+        BackFlip,
+        FrontFlip,
+        RollToBack,
+        Layout,
+        BackFlip,
+        Layout,
+        BackFlip,
+        Layout,
+    ]
+};
 
 const fn begin(number: usize) -> f64 {
     FIRST + EVERY * number as f64
@@ -110,7 +149,7 @@ const fn joint(which: usize) -> [(f64, f64); 56] {
     let mut knots = [(0.0, 0.0); 56];
     let mut k = 0;
     while k < ORDER.len() {
-        let (from, way) = (begin(k), ORDER[k]);
+        let (from, way) = (begin(k), ORDER[k].way());
         let until = from + RISE + way.hold;
         knots[4 * k] = (from, 0.0);
         knots[4 * k + 1] = (from + RISE, way.joints[which]);
@@ -126,7 +165,7 @@ const fn inputs(damping: bool, rest: AxisCoefficients<f64>) -> [(f64, AxisCoeffi
     let mut knots = [(0.0, rest); 56];
     let mut k = 0;
     while k < ORDER.len() {
-        let (from, way) = (begin(k), ORDER[k]);
+        let (from, way) = (begin(k), ORDER[k].way());
         let until = from + RISE + way.hold;
         let value = if damping { way.damping } else { way.muscle };
         knots[4 * k] = (from, rest);
