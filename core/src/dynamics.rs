@@ -91,7 +91,7 @@ impl<T: Real> Dynamics<T> {
         let spin = &motion.angular_velocity.components;
         if let Some(free_fly) = FreeFly::of(&self.body, &posed, &self.aerodynamics) {
             let direction = Flow::new(&through_air.components, density).direction;
-            let felt = free_fly.felt(&exposed, &direction);
+            let felt = free_fly.felt(&direction);
             exposed = exposed.map(|segment, exposed| felt.by(segment, exposed));
         }
         self.stream

@@ -202,16 +202,28 @@ impl<T: Real, P: Propagation<T>, const INTERVALS: usize> Estimator<T, P, INTERVA
         Some(self.update(measured))
     }
 
+    /// A place for posture samples; apart, since it is made on the stack first.
+    #[cold]
+    #[inline(never)]
+    fn make_room(&mut self) {
+        self.sample = Some(PostureSample::blank());
+    }
+
     /// Adds the interval from the last posture to this one at the end of the window.
     ///
     /// Not inlined: its stack frame must not add to that of the update.
     #[inline(never)]
     fn append(&mut self, posture: &Posture<T>) {
+        if self.sample.is_none() {
+            self.make_room();
+        }
+        let Some(sample) = &mut self.sample else {
+            return;
+        };
         let dynamics = &self.dynamics;
         let good = posture.is_valid();
         self.faults.posture |= !good;
         let next = if good { posture } else { &self.posture };
-        let sample = self.sample.get_or_insert_with(PostureSample::blank);
         dynamics.between_into(&self.posture, next, self.duration, sample);
         if good {
             self.posture = *posture;

@@ -7,6 +7,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::free_fly::{Felt, FreeFly};
+use super::load_model::LoadModel;
 use super::stream::Stream;
 use super::{Aerodynamics, ExposedSegment, Flow, Loads, expose_into};
 use crate::body::posture::PosedSegment;
@@ -168,6 +169,22 @@ impl<T: Real> CompiledAerodynamics<T> {
     ) {
         expose_into(body, posed, aerodynamics, &mut self.segments);
         self.forms = Forms::of(&self.segments);
+        if aerodynamics.model == LoadModel::Paper {
+            self.free_fly = None;
+        } else {
+            self.expose_free_fly(body, posed, aerodynamics);
+        }
+    }
+
+    /// Apart: who flies the paper's model has no stack for it.
+    #[cold]
+    #[inline(never)]
+    fn expose_free_fly(
+        &mut self,
+        body: &Body<T>,
+        posed: &SegmentArray<PosedSegment<T>>,
+        aerodynamics: &Aerodynamics<T>,
+    ) {
         self.free_fly = FreeFly::of(body, posed, aerodynamics);
     }
 
@@ -175,7 +192,7 @@ impl<T: Real> CompiledAerodynamics<T> {
     #[inline]
     pub fn felt(&self, direction: &Vector3<T>) -> Option<Felt<T>> {
         let free_fly = self.free_fly.as_ref()?;
-        Some(free_fly.felt(&self.segments, direction))
+        Some(free_fly.felt(direction))
     }
 
     /// What meets a stream from `direction` (unit vector, body axes).
@@ -244,7 +261,7 @@ impl<T: Real> CompiledAerodynamics<T> {
         flow: &Flow<T>,
         seen: &mut Seen<T>,
     ) -> Loads<T> {
-        let across = free_fly.shares(&self.segments, &flow.direction, &mut seen.areas);
+        let across = free_fly.shares(&flow.direction, &mut seen.areas);
         seen.across = across;
         let mut drag = Drag::none();
         for (segment, place) in self.segments.values().zip(seen.areas.values_mut()) {

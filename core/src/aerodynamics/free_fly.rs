@@ -51,8 +51,47 @@ pub const SHELTER: f64 = 0.9;
 pub struct FreeFly<T: Real> {
     /// Change of the drag by the arch, for streams to belly and back.
     arch: [T; 2],
-    /// Square of the radius of each segment's end (m2).
-    ends: SegmentArray<T>,
+    /// One for each of [`WAKES`].
+    wakes: [Wake<T>; WAKES.len()],
+}
+
+/// Two neighbours, in units of the radius of their wake.
+///
+/// The square of that radius is the sum of the squares of both ends' radii: a wake that wide, which ends without a corner.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Wake<T: Real> {
+    /// From the centre of the first to that of the second, body axes.
+    apart: Vector3<T>,
+    /// One less the square of that distance: with the square of its part along the stream, how deep in the wake the one behind lies.
+    depth: T,
+    /// Share of its drag that the first loses deep in the wake of the second, and the second in that of the first.
+    loss: [T; 2],
+}
+
+impl<T: Real> Wake<T> {
+    /// No shelter.
+    fn none() -> Self {
+        Self {
+            apart: Vector3::zeros(),
+            depth: T::zero(),
+            loss: [T::zero(); 2],
+        }
+    }
+
+    /// Of neighbours `apart` (m, body axes), whose ends have radii of these squares (m2).
+    fn of(apart: &Vector3<T>, [first, second]: [T; 2]) -> Self {
+        let (one, width) = (T::one(), first + second);
+        if width <= T::zero() {
+            return Self::none();
+        }
+        let covered = |shade: T, shaded: T| if shade < shaded { shade / shaded } else { one };
+        let loss = |covered: T| T::of(SHELTER) * covered;
+        Self {
+            apart: apart * (one / width.root()),
+            depth: one - apart.norm_squared() / width,
+            loss: [loss(covered(second, first)), loss(covered(first, second))],
+        }
+    }
 }
 
 /// Shares of the loads that one direction of the stream leaves.
@@ -101,37 +140,33 @@ impl<T: Real> FreeFly<T> {
             let area = arch_area(body, posed);
             [area, -area].map(|area| scale * (arch_factor(area) - one))
         };
+        let square_radius = |segment: Segment| body.segments[segment].area.z * T::of(FRAC_1_PI);
         Some(Self {
             arch: match aerodynamics.arch {
                 ArchFactor::Fixed(factor) => [factor - one; 2],
                 ArchFactor::FromPosture => by_area(one),
                 ArchFactor::Scaled(scale) => by_area(scale),
             },
-            ends: body
-                .segments
-                .map(|_, segment| segment.area.z * T::of(FRAC_1_PI)),
+            wakes: WAKES.map(|pair| {
+                let [first, second] = pair.map(|segment| posed[segment].cg);
+                Wake::of(&(second - first), pair.map(square_radius))
+            }),
         })
     }
 
-    /// What a stream from `direction` (unit vector of the velocity through the air, body axes) leaves of the loads.
-    pub fn felt(
-        &self,
-        segments: &SegmentArray<ExposedSegment<T>>,
-        direction: &Vector3<T>,
-    ) -> Felt<T> {
+    /// What a stream from `direction` (unit vector of the velocity through the air, body axes) leaves of the loads. Apart, so that who flies
+    /// the paper's model does not pay for it.
+    #[cold]
+    #[inline(never)]
+    pub fn felt(&self, direction: &Vector3<T>) -> Felt<T> {
         let mut felt = Felt::whole();
-        felt.across = self.shares(segments, direction, &mut felt.drag);
+        felt.across = self.shares(direction, &mut felt.drag);
         felt
     }
 
     /// [`FreeFly::felt`] where the shares of the drag are kept; the factor on forces across the stream.
     #[inline]
-    pub(super) fn shares(
-        &self,
-        segments: &SegmentArray<ExposedSegment<T>>,
-        direction: &Vector3<T>,
-        drag: &mut SegmentArray<T>,
-    ) -> T {
+    pub(super) fn shares(&self, direction: &Vector3<T>, drag: &mut SegmentArray<T>) -> T {
         let (zero, one) = (T::zero(), T::one());
         // Share of the stream that meets belly or back, as in the principle of cross-flow.
         let flat = direction.y * direction.y;
@@ -140,22 +175,17 @@ impl<T: Real> FreeFly<T> {
         for share in drag.values_mut() {
             *share = arch;
         }
-        for &[first, second] in &WAKES {
-            let apart = segments[second].centre - segments[first].centre;
-            let along = apart.dot(direction);
-            let aside = apart.norm_squared() - along * along;
-            // Sum of the squares of both ends' radii: a wake that wide, which ends without a corner.
-            let width = self.ends[first] + self.ends[second];
-            if aside < width {
-                let (ahead, behind) = if along > zero {
-                    (second, first)
+        for (&[first, second], wake) in WAKES.iter().zip(&self.wakes) {
+            let along = wake.apart.dot(direction);
+            let inside = wake.depth + along * along;
+            if inside > zero {
+                let [of_first, of_second] = wake.loss;
+                let (behind, loss) = if along > zero {
+                    (first, of_first)
                 } else {
-                    (first, second)
+                    (second, of_second)
                 };
-                let (shade, shaded) = (self.ends[ahead], self.ends[behind]);
-                let inside = one - aside / width;
-                let covered = if shade < shaded { shade / shaded } else { one };
-                drag[behind] *= one - T::of(SHELTER) * covered * inside * inside;
+                drag[behind] *= one - loss * inside * inside;
             }
         }
         flat
@@ -195,7 +225,7 @@ mod tests {
         let posed = pose(&body, posture);
         let exposed = expose(&body, &posed, &free_fly());
         let free = FreeFly::of(&body, &posed, &free_fly()).expect("asked for");
-        let felt = free.felt(&exposed, &flow.direction);
+        let felt = free.felt(&flow.direction);
         total_load(
             &exposed.map(|segment, exposed| felt.by(segment, exposed)),
             flow,
@@ -246,11 +276,11 @@ mod tests {
         let posed = pose(&body, &Posture::h_pose());
         let free = FreeFly::of(&body, &posed, &free_fly()).expect("asked for");
         let exposed = expose(&body, &posed, &free_fly());
-        let feet_first = free.felt(&exposed, &-Vector3::z()).drag;
+        let feet_first = free.felt(&-Vector3::z()).drag;
         assert!(feet_first[Segment::LeftShank] < 0.8, "{feet_first:?}");
         assert!(feet_first[Segment::Abdomen] < 0.3);
         assert!((feet_first[Segment::LeftFoot] - 1.0).abs() < 1e-12);
-        let head_first = free.felt(&exposed, &Vector3::z()).drag;
+        let head_first = free.felt(&Vector3::z()).drag;
         assert!((head_first[Segment::Head] - 1.0).abs() < 1e-12);
         assert!(head_first[Segment::Pelvis] < 0.3);
     }
@@ -262,7 +292,7 @@ mod tests {
         let posed = pose(&body, &arched);
         let free = FreeFly::of(&body, &posed, &free_fly()).expect("asked for");
         let exposed = expose(&body, &posed, &free_fly());
-        let trunk = |direction: Vector3<f64>| free.felt(&exposed, &direction).drag[Segment::Pelvis];
+        let trunk = |direction: Vector3<f64>| free.felt(&direction).drag[Segment::Pelvis];
         assert!(trunk(-Vector3::y()) < 0.9);
         assert!(trunk(Vector3::y()) > 1.1);
     }

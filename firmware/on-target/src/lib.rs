@@ -202,8 +202,8 @@ fn pushes<P: Propagation<f32>, const INTERVALS: usize>(
         prediction_window: INTERVALS * P::STRIDE,
         ..TRACKING_ON_BACK
     };
-    let mut estimator =
-        Estimator::<f32, P, INTERVALS>::new(&preset, dynamics, &motion, posture).ok()?;
+    let mut made = Estimator::<f32, P, INTERVALS>::new(&preset, dynamics, &motion, posture);
+    let estimator = made.as_mut().ok()?;
     let seen = Measurement::of(&motion);
     let (mut quiet, mut update) = (0, 0);
     // Past the first update every fourth push updates; the largest of each kind counts.
