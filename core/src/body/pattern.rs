@@ -43,24 +43,28 @@ pub const TRACK: &JointAngles = &[
     (Segment::RightFoot, [0.0, 0.0, -0.8]),
 ];
 
-/// Sit: upright, thighs level, shanks down, arms out.
+/// Sit: upright, slightly arched, thighs forward and shanks down, arms out, up and back, where free-fly aerodynamics balance it.
 pub const SIT: &JointAngles = &[
-    (Segment::LeftUpperArm, [0.0, FRAC_PI_2, 0.0]),
-    (Segment::LeftForearm, [0.0, FRAC_PI_2, 0.0]),
-    (Segment::RightUpperArm, [0.0, -FRAC_PI_2, 0.0]),
-    (Segment::RightForearm, [0.0, -FRAC_PI_2, 0.0]),
-    (Segment::LeftThigh, [0.0, 0.2, 1.4]),
-    (Segment::LeftShank, [0.0, 0.0, -1.4]),
-    (Segment::RightThigh, [0.0, -0.2, 1.4]),
-    (Segment::RightShank, [0.0, 0.0, -1.4]),
+    (Segment::Abdomen, [0.0, 0.0, 0.1]),
+    (Segment::Thorax, [0.0, 0.0, 0.07]),
+    (Segment::LeftUpperArm, [0.0, 2.0, 0.6]),
+    (Segment::LeftForearm, [0.0, 0.3, 0.0]),
+    (Segment::RightUpperArm, [0.0, -2.0, 0.6]),
+    (Segment::RightForearm, [0.0, -0.3, 0.0]),
+    (Segment::LeftThigh, [0.0, 0.2, 1.09]),
+    (Segment::LeftShank, [0.0, 0.0, -1.2]),
+    (Segment::LeftFoot, [0.0, 0.0, -0.8]),
+    (Segment::RightThigh, [0.0, -0.2, 1.09]),
+    (Segment::RightShank, [0.0, 0.0, -1.2]),
+    (Segment::RightFoot, [0.0, 0.0, -0.8]),
 ];
 
-/// Head-down: straight trunk, arms out, legs apart.
+/// Head-down: straight trunk, arms out, legs apart and a little behind the trunk, where free-fly aerodynamics balance it.
 pub const HEAD_DOWN: &JointAngles = &[
     (Segment::LeftUpperArm, [0.0, 0.9, 0.2]),
     (Segment::RightUpperArm, [0.0, -0.9, 0.2]),
-    (Segment::LeftThigh, [0.0, 0.35, 0.35]),
-    (Segment::RightThigh, [0.0, -0.35, 0.35]),
+    (Segment::LeftThigh, [0.0, 0.35, -0.22]),
+    (Segment::RightThigh, [0.0, -0.35, -0.22]),
 ];
 
 /// Back to earth: hips and knees bent, arms out and up.

@@ -22,7 +22,8 @@ use crate::diagnostic::{Problem, Result};
 pub struct Pose {
     /// Name.
     pub name: &'static str,
-    angles: &'static JointAngles,
+    /// Joint angles.
+    pub angles: &'static JointAngles,
     /// Turn of the body about its left axis (rad) in which it is held: pi/2 is belly to earth.
     pub pitch: f64,
     /// Range of published speeds (m/s).
