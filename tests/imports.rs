@@ -3,6 +3,8 @@
 
 #[path = "imports/bvh.rs"]
 mod bvh;
+#[path = "imports/c3d.rs"]
+mod c3d;
 #[path = "imports/known.rs"]
 mod known;
 
@@ -116,28 +118,16 @@ fn a_flight_returns_through_quaternions_of_either_hand_and_order() {
     assert!(largest(&angles) < RETURNS, "{angles:?}");
 }
 
-#[test]
-fn a_flight_returns_through_points() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let flight = known();
-    let points = ["from", "to", "left"];
-    let names: Vec<String> = (Segment::ALL.into_iter())
-        .flat_map(|segment| points.map(|point| format!("{}.{point}", segment.name())))
-        .collect();
-    let mut table = format!(
-        "PathFileType\t4\t(X/Y/Z)\tjump.trc\nDataRate\tNumFrames\tNumMarkers\tUnits\n200\t{}\t{}\tmm\nFrame#\tTime",
-        flight.len(),
-        names.len()
-    );
-    for name in &names {
-        let _ = write!(table, "\t{name}\t\t");
-    }
-    table.push_str("\n\t\tX1\tY1\tZ1\n");
-    for (k, frame) in flight.iter().enumerate() {
-        let _ = write!(table, "{}\t{:.3}", k + 1, k as f64 * 0.005);
-        let posed = pose(&Subject::default().body(), &frame.posture);
+/// Points at the ends of each segment and one to its left, by name, and where they are in each frame (mm).
+fn points() -> (Vec<String>, Vec<Vec<[f64; 3]>>) {
+    let names = Segment::ALL.into_iter().flat_map(|segment| {
+        ["from", "to", "left"].map(|point| format!("{}.{point}", segment.name()))
+    });
+    let body = Subject::default().body();
+    let frames = known().into_iter().map(|frame| {
+        let posed = pose(&body, &frame.posture);
         let attitude = *frame.pelvis.inertial_from_body.quaternion();
-        for segment in Segment::ALL {
+        let of = |segment: Segment| {
             let to = match segment {
                 Segment::Pelvis | Segment::Abdomen | Segment::Thorax | Segment::Head => {
                     Vector3::z()
@@ -147,21 +137,40 @@ fn a_flight_returns_through_points() {
             };
             // What a point to the left is further along the segment says nothing.
             let left = Vector3::x() * 0.1 + to * 0.03;
-            for way in [Vector3::zeros(), to * 0.4, left] {
+            [Vector3::zeros(), to * 0.4, left].map(|way| {
                 let in_body = posed[segment].joint + posed[segment].body_from_segment * way;
                 let place = frame.pelvis.position.components + attitude * in_body;
-                let _ = write!(
-                    table,
-                    "\t{:.2}\t{:.2}\t{:.2}",
-                    1000.0 * place.x,
-                    1000.0 * place.y,
-                    1000.0 * place.z
-                );
-            }
+                (place * 1000.0).into()
+            })
+        };
+        Segment::ALL.into_iter().flat_map(of).collect()
+    });
+    (names.collect(), frames.collect())
+}
+
+#[test]
+fn a_flight_returns_through_points() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (names, frames) = points();
+    let mut table = format!(
+        "PathFileType\t4\t(X/Y/Z)\tjump.trc\nDataRate\tNumFrames\tNumMarkers\tUnits\n200\t{}\t{}\tmm\nFrame#\tTime",
+        frames.len(),
+        names.len()
+    );
+    for name in &names {
+        let _ = write!(table, "\t{name}\t\t");
+    }
+    table.push_str("\n\t\tX1\tY1\tZ1\n");
+    for (k, frame) in frames.iter().enumerate() {
+        let _ = write!(table, "{}\t{:.3}", k + 1, k as f64 * 0.005);
+        for [x, y, z] in frame {
+            let _ = write!(table, "\t{x:.2}\t{y:.2}\t{z:.2}");
         }
         table.push('\n');
     }
-    let file = written(folder.path(), "jump.trc", &table);
+    let trc = written(folder.path(), "jump.trc", &table);
+    let c3d = folder.path().join("jump.c3d");
+    std::fs::write(&c3d, c3d::written(&names, &frames)).expect("written");
     let mut map = "kind = \"points\"\n[world]\naxes = [\"north\", \"west\", \"up\"]\n[time]\ncolumn = \"Time\"\n".to_owned();
     for segment in Segment::ALL {
         let name = segment.name();
@@ -172,9 +181,28 @@ fn a_flight_returns_through_points() {
         let _ = writeln!(map, "left = [\"{name}.from\", \"{name}.left\"]");
     }
     let map = written(folder.path(), "points.toml", &map);
-    let (angles, places) = imported(folder.path(), &[&file, "--mapping", &map]);
-    assert!(largest(&angles) < RETURNS, "{angles:?}");
-    assert!(places < 0.005, "{places} m");
+    for file in [trc.as_str(), plain(&c3d)] {
+        let (angles, places) = imported(folder.path(), &[file, "--mapping", &map]);
+        assert!(largest(&angles) < RETURNS, "{file}: {angles:?}");
+        assert!(places < 0.005, "{file}: {places} m");
+    }
+    let out = plain(&folder.path().join("new")).to_owned();
+    let said = PROGRAM.fails(&["import", plain(&c3d), "--out", &out], 2);
+    assert!(
+        said.contains("this is a C3D file") && said.contains("--mapping"),
+        "{said}"
+    );
+    let mut cut = std::fs::read(&c3d).expect("the file");
+    cut.truncate(cut.len() / 2);
+    std::fs::write(&c3d, cut).expect("written");
+    let said = PROGRAM.fails(
+        &["import", plain(&c3d), "--mapping", &map, "--out", &out],
+        2,
+    );
+    assert!(
+        said.contains("jump.c3d") && said.contains("ends early"),
+        "{said}"
+    );
 }
 
 #[test]

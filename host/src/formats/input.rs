@@ -101,15 +101,19 @@ pub fn text(path: &Path) -> Result<String> {
     utf_8(limited(file(path)?, path, LARGEST_TEXT)?, path)
 }
 
-/// The text of a recorded movement, unpacked.
+/// The bytes of a recorded movement, unpacked.
 ///
 /// # Errors
-/// Returns an error if the file cannot be read, is no UTF-8, or is larger than 1 GiB.
-pub fn movement(path: &Path) -> Result<String> {
-    utf_8(limited(open(path)?, path, LARGEST_MOVEMENT)?, path)
+/// Returns an error if the file cannot be read or is larger than 1 GiB.
+pub fn movement(path: &Path) -> Result<Vec<u8>> {
+    limited(open(path)?, path, LARGEST_MOVEMENT)
 }
 
-fn utf_8(bytes: Vec<u8>, path: &Path) -> Result<String> {
+/// The bytes of a file as text.
+///
+/// # Errors
+/// Returns an error that names the line if they are no UTF-8.
+pub fn utf_8(bytes: Vec<u8>, path: &Path) -> Result<String> {
     String::from_utf8(bytes).map_err(|error| {
         let valid = error.utf8_error().valid_up_to();
         let before = error.as_bytes().get(..valid).unwrap_or_default();

@@ -8,6 +8,7 @@ use std::path::Path;
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
+use super::c3d;
 use crate::diagnostic::{Problem, Result};
 use crate::formats::input;
 
@@ -64,7 +65,13 @@ impl Bvh {
     /// # Errors
     /// Returns an error if the file cannot be read, or a line of it is not what the format has there.
     pub fn read(path: &Path) -> Result<Self> {
-        let text = input::movement(path)?;
+        let bytes = input::movement(path)?;
+        if c3d::is_c3d(&bytes) {
+            return Err(Problem::bad_input("this is a C3D file, not BVH")
+                .in_file(path)
+                .help("say with --mapping which of its points are the ends of which segment: kind = \"points\""));
+        }
+        let text = input::utf_8(bytes, path)?;
         Self::parse(text.as_bytes()).map_err(|problem| problem.in_file(path))
     }
 

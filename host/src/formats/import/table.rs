@@ -1,7 +1,8 @@
-//! Tables of numbers with named columns: CSV, the storage files of OpenSim (`.mot`, `.sto`) and TRC.
+//! Tables of numbers with named columns: CSV, the storage files of OpenSim (`.mot`, `.sto`), TRC and C3D.
 
 use std::path::Path;
 
+use super::c3d;
 use crate::diagnostic::{Problem, Result};
 use crate::formats::input;
 
@@ -27,8 +28,14 @@ impl Table {
     /// # Errors
     /// Returns an error if the file cannot be read, has no names of columns, or has a cell that is no number.
     pub fn read(path: &Path) -> Result<Self> {
-        let text = input::movement(path)?;
-        Self::parse(&text).map_err(|problem| problem.in_file(path))
+        let bytes = input::movement(path)?;
+        if c3d::is_c3d(&bytes) {
+            let points = c3d::Points::read(&bytes);
+            return points
+                .and_then(|points| Self::of_points(&points))
+                .map_err(|problem| problem.in_file(path));
+        }
+        Self::parse(&input::utf_8(bytes, path)?).map_err(|problem| problem.in_file(path))
     }
 
     fn parse(text: &str) -> Result<Self> {
@@ -72,12 +79,35 @@ impl Table {
         table.checked()
     }
 
+    /// The points of a C3D file, with the columns `Time` (s), `point.x`, `point.y`, `point.z`.
+    fn of_points(points: &c3d::Points) -> Result<Self> {
+        let names = points.names.iter();
+        let coordinates =
+            names.flat_map(|point| ["x", "y", "z"].map(|axis| format!("{point}.{axis}")));
+        let mut table = Self {
+            columns: core::iter::once("Time".to_owned())
+                .chain(coordinates)
+                .collect(),
+            in_degrees: None,
+            unit_m: Some(unit_of_length(points.unit.as_deref())?),
+            values: Vec::new(),
+            lines: Vec::new(),
+        };
+        table.check_names(0)?;
+        for (row, places) in (0u32..).zip(points.places.chunks(points.names.len().max(1))) {
+            table.values.push(f64::from(row) / points.rate);
+            table.values.extend(places.iter().flatten());
+            table.lines.push(u64::from(row) + 1);
+        }
+        table.checked()
+    }
+
     /// Number of rows.
     pub fn rows(&self) -> usize {
         self.lines.len()
     }
 
-    /// Line of a row in the file, from 1.
+    /// Line of a row in the file, from 1; of C3D its frame.
     pub fn line(&self, row: usize) -> u64 {
         self.lines.get(row).copied().unwrap_or(0)
     }
@@ -197,7 +227,7 @@ fn trc<'a>(mut lines: impl Iterator<Item = (u64, &'a str)>) -> Result<Table> {
             .find(|(name, _)| *name == key)
             .map(|(_, value)| *value)
     };
-    let unit_m = trc_unit(of("Units")).map_err(|problem| problem.at_line(number))?;
+    let unit_m = unit_of_length(of("Units")).map_err(|problem| problem.at_line(number))?;
     let (number, names) = next("names of points")?;
     let points: Vec<&str> = names
         .split('\t')
@@ -247,8 +277,8 @@ fn trc<'a>(mut lines: impl Iterator<Item = (u64, &'a str)>) -> Result<Table> {
     table.checked()
 }
 
-/// One unit of length of a TRC file (m).
-fn trc_unit(name: Option<&str>) -> Result<f64> {
+/// One unit of length (m).
+fn unit_of_length(name: Option<&str>) -> Result<f64> {
     match name {
         Some("mm") => Ok(1e-3),
         Some("cm") => Ok(1e-2),

@@ -65,7 +65,7 @@ const OTHERS: [Other; 3] = [
         marks: &[b"\x50"],
         after: 1,
         is: "this is a C3D file, not MVNX",
-        give: "solve its skeleton in the program that recorded it, and give joint angles or BVH to bodyflight import",
+        give: "make a recording of its points: bodyflight import FILE --mapping MAPPING.toml --out FOLDER",
     },
 ];
 
