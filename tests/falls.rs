@@ -311,20 +311,31 @@ fn a_fall_is_told_as_it_was_flown() {
 }
 
 #[test]
-fn a_track_may_come_from_standard_input_and_one_without_a_fall_is_refused() {
+fn a_track_may_be_packed_and_come_from_standard_input_and_one_without_a_fall_is_refused() {
     let text = jump(2);
-    let mut child = Command::new(env!("CARGO_BIN_EXE_bodyflight"))
-        .args(["fall", "-", "--json"])
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .spawn()
-        .expect("the binary starts");
-    let mut input = child.stdin.take().expect("a pipe");
-    input.write_all(text.as_bytes()).expect("written");
-    drop(input);
-    let output = child.wait_with_output().expect("it ends");
-    let report: Value = serde_json::from_slice(&output.stdout).expect("JSON");
-    assert_eq!(report["verdict"], "explained", "{report}");
+    let mut gzip = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+    gzip.write_all(text.as_bytes()).expect("in memory");
+    let mut xz = lzma_rust2::XzWriter::new(Vec::new(), lzma_rust2::XzOptions::with_preset(1))
+        .expect("a preset");
+    xz.write_all(text.as_bytes()).expect("in memory");
+    for bytes in [
+        text.clone().into_bytes(),
+        gzip.finish().expect("in memory"),
+        xz.finish().expect("in memory"),
+    ] {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_bodyflight"))
+            .args(["fall", "-", "--json"])
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .expect("the binary starts");
+        let mut input = child.stdin.take().expect("a pipe");
+        input.write_all(&bytes).expect("written");
+        drop(input);
+        let output = child.wait_with_output().expect("it ends");
+        let report: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+        assert_eq!(report["verdict"], "explained", "{report}");
+    }
 
     let folder = tempfile::tempdir().expect("a folder");
     let aircraft: String = text

@@ -6,7 +6,7 @@
 )]
 
 use std::fmt::Write;
-
+use std::io::Write as _;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
@@ -251,6 +251,19 @@ fn a_track_beside_a_suit_is_brought_to_its_clock_and_serves_as_its_velocity() {
     }
 }
 
+/// A file packed, with names for it.
+fn packed(plain: &[u8]) -> [(&'static str, Vec<u8>); 2] {
+    let mut gzip = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+    gzip.write_all(plain).expect("in memory");
+    let mut xz = lzma_rust2::XzWriter::new(Vec::new(), lzma_rust2::XzOptions::with_preset(1))
+        .expect("a preset");
+    xz.write_all(plain).expect("in memory");
+    [
+        ("packed.mvnx.gz", gzip.finish().expect("in memory")),
+        ("packed.mvnx.xz", xz.finish().expect("in memory")),
+    ]
+}
+
 #[test]
 fn recordings_are_read_packed_from_standard_input_and_by_their_folder() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -264,13 +277,34 @@ fn recordings_are_read_packed_from_standard_input_and_by_their_folder() {
         "{by_folder}"
     );
     assert_eq!(by_folder["start"], "smoothed");
-    let mut child = Command::new(env!("CARGO_BIN_EXE_bodyflight"))
-        .args(["inspect", "-", "--json"])
-        .stdin(std::fs::File::open(&plain).expect("the file"))
-        .stdout(Stdio::piped())
-        .spawn()
-        .expect("the binary starts");
-    assert!(child.wait().expect("it ends").success());
+    let whole = std::fs::read(&plain).expect("the file");
+    let (own, _) = json(&["inspect", plain.to_str().expect("plain")]);
+    let told = |report: &Value| (report["flight"].clone(), report["frames"].clone());
+    assert!(!own["flight"].is_null(), "{own}");
+    for (name, bytes) in packed(&whole) {
+        let path = folder.path().join(name);
+        std::fs::write(&path, &bytes).expect("written");
+        let (by_name, _) = json(&["inspect", path.to_str().expect("plain")]);
+        assert_eq!(told(&by_name), told(&own), "{name}");
+        let mut child = Command::new(env!("CARGO_BIN_EXE_bodyflight"))
+            .args(["inspect", "-", "--json"])
+            .stdin(std::fs::File::open(&path).expect("the file"))
+            .stdout(Stdio::piped())
+            .spawn()
+            .expect("the binary starts");
+        let mut output = child.stdout.take().expect("a pipe");
+        let by_input: Value = serde_json::from_reader(&mut output).expect("JSON");
+        assert!(child.wait().expect("it ends").success());
+        assert_eq!(
+            by_input["frames"], own["frames"],
+            "{name} on standard input"
+        );
+        // What is cut off is said, and by its name.
+        std::fs::write(&path, &bytes[..bytes.len() / 2]).expect("written");
+        let (message, code) = fails(&["simulate", path.to_str().expect("plain")]);
+        assert!(code.is_some_and(|code| code != 0), "{message}");
+        assert!(message.contains(name), "{message}");
+    }
     let (message, code) = fails(&[
         "simulate",
         folder.path().join("..").to_str().expect("plain"),
@@ -355,6 +389,20 @@ fn broken_recordings_get_their_sentence() {
     let (report, _) = json(&["inspect", &path]);
     let said = report["flight"]["warnings"].to_string();
     assert!(said.contains("s without frames"), "{said}");
+
+    // Two seconds are the least that is judged.
+    let (begun, _) = good.split_once("<frame time=\"1500\"").expect("a frame");
+    let path = written(
+        folder.path(),
+        "short.mvnx",
+        &format!("{begun}</frames></subject></mvnx>"),
+    );
+    let (report, _) = json(&["inspect", &path]);
+    let warnings = &report["flight"]["warnings"];
+    let said = warnings.to_string();
+    assert!(said.contains("the flight ends after 1.50 s"), "{said}");
+    // Frame and number are named.
+    assert_eq!(warnings[0]["frame"], 359, "{said}");
 
     // A file without the points of the joints does not tell how its arms are meant.
     let pointless = without_points(&good);
