@@ -275,7 +275,6 @@ mod tests {
         let body = reference_body();
         let posed = pose(&body, &Posture::h_pose());
         let free = FreeFly::of(&body, &posed, &free_fly()).expect("asked for");
-        let exposed = expose(&body, &posed, &free_fly());
         let feet_first = free.felt(&-Vector3::z()).drag;
         assert!(feet_first[Segment::LeftShank] < 0.8, "{feet_first:?}");
         assert!(feet_first[Segment::Abdomen] < 0.3);
@@ -291,7 +290,6 @@ mod tests {
         let body = reference_body();
         let posed = pose(&body, &arched);
         let free = FreeFly::of(&body, &posed, &free_fly()).expect("asked for");
-        let exposed = expose(&body, &posed, &free_fly());
         let trunk = |direction: Vector3<f64>| free.felt(&direction).drag[Segment::Pelvis];
         assert!(trunk(-Vector3::y()) < 0.9);
         assert!(trunk(Vector3::y()) > 1.1);
