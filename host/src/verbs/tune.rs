@@ -1,8 +1,8 @@
 //! `bodyflight tune`: the paper's Monte-Carlo search for aerodynamic coefficients.
 //!
 //! Coefficients are drawn around the subject's, each draw flies the same postures, and the draw with the
-//! smallest gap in linear and angular velocity is kept and checked on flights that were not used. The same
-//! seed gives the same answer on any number of cores.
+//! smallest gap in linear and angular velocity is kept and checked on flights that were not used; by segment, round by round. The
+//! same seed gives the same answer on any number of cores.
 
 use bodyflight_core::Segment;
 use bodyflight_core::aerodynamics::Coefficients;
@@ -28,6 +28,13 @@ const SCALES: [(Channel, f64); 3] = [
     (Channel::HorizontalVelocity, 0.45),
     (Channel::VerticalVelocity, 1.5),
 ];
+
+/// Draws of a round of a search by segment, share of the coefficients that each changes, and by how much less they are changed
+/// after a round, and at the least.
+const ROUND: usize = 10;
+const CHANGED: f64 = 0.15;
+const NARROWER: f64 = 0.9;
+const NARROWEST: f64 = 0.2;
 
 /// How to search.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -181,25 +188,30 @@ pub fn tune(
     // Problems of any file come before the long work.
     let (used, held_out) = (load(flights, options)?, load(held_out, options)?);
     let guess = first.subject.common_coefficients();
-    let candidates = draw(&guess, search);
     let start = Candidate::plain(guess);
     let score_before = total_score(&used, &start)?;
-    let best = candidates
-        .par_iter()
-        .enumerate()
-        .map(|(index, candidate)| {
-            // A draw that tumbles out of range has lost.
-            let score = total_score(&used, candidate).unwrap_or(f64::INFINITY);
-            progress();
-            interrupt::check().map(|()| (score, index, *candidate))
-        })
-        .collect::<Result<Vec<_>>>()?
-        .into_iter()
-        .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    let (score_after, best) = match best {
-        Some((score, _, candidate)) if score < score_before => (score, candidate),
-        _ => (score_before, start),
-    };
+    let (mut score_after, mut best) = (score_before, start);
+    let mut random = ChaCha8Rng::seed_from_u64(search.seed);
+    let mut spread = search.spread;
+    for draws in rounds(search) {
+        let candidates = draw(&best, search.per_segment, spread, draws, &mut random);
+        spread = (spread * NARROWER).max(search.spread * NARROWEST);
+        let found = candidates
+            .par_iter()
+            .enumerate()
+            .map(|(index, candidate)| {
+                // A draw that tumbles out of range has lost.
+                let score = total_score(&used, candidate).unwrap_or(f64::INFINITY);
+                progress();
+                interrupt::check().map(|()| (score, index, *candidate))
+            })
+            .collect::<Result<Vec<_>>>()?
+            .into_iter()
+            .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        if let Some((score, _, candidate)) = found.filter(|found| found.0 < score_after) {
+            (score_after, best) = (score, candidate);
+        }
+    }
     let held_out = held_out
         .iter()
         .map(|flight| check(flight, &start, &best))
@@ -211,7 +223,7 @@ pub fn tune(
         score_before,
         score_after,
         held_out,
-        draws: candidates.len(),
+        draws: search.draws,
     })
 }
 
@@ -257,29 +269,52 @@ fn check(flight: &Loaded<'_>, guess: &Candidate, best: &Candidate) -> Result<Hel
     })
 }
 
-/// Sets of coefficients around a guess: normal, at least a tenth of the guess.
-fn draw(guess: &CommonCoefficients, search: Search) -> Vec<Candidate> {
-    let mut random = ChaCha8Rng::seed_from_u64(search.seed);
+/// Draws of each round: one round for common coefficients. Draws of all coefficients of all segments at once hit nothing, so a
+/// search by segment goes on from the best of each round.
+fn rounds(search: Search) -> Vec<usize> {
+    if !search.per_segment {
+        return vec![search.draws];
+    }
+    let whole = search.draws / ROUND;
+    let mut rounds = vec![ROUND; whole];
+    rounds.extend(Some(search.draws % ROUND).filter(|rest| *rest > 0));
+    rounds
+}
+
+/// Sets of coefficients around the best so far: normal, at least a tenth of it; by segment only some of them change.
+fn draw(
+    best: &Candidate,
+    per_segment: bool,
+    spread: f64,
+    draws: usize,
+    random: &mut ChaCha8Rng,
+) -> Vec<Candidate> {
     let mut near = |value: f64| {
-        let factor = 1.0 + search.spread * random.sample::<f64, _>(StandardNormal);
+        if per_segment && random.random::<f64>() > CHANGED {
+            return value;
+        }
+        let factor = 1.0 + spread * random.sample::<f64, _>(StandardNormal);
         value * factor.max(0.1)
     };
-    (0..search.draws)
+    (0..draws)
         .map(|_| {
-            let mut candidate = Candidate::plain(CommonCoefficients {
-                cd: near(guess.cd),
-                cl: near(guess.cl),
-                cm: near(guess.cm),
-                damp: guess.damp.map(&mut near),
-            });
-            if search.per_segment {
+            let mut candidate = Candidate {
+                common: CommonCoefficients {
+                    cd: near(best.common.cd),
+                    cl: near(best.common.cl),
+                    cm: near(best.common.cm),
+                    damp: best.common.damp.map(&mut near),
+                },
+                ..*best
+            };
+            if per_segment {
                 for segment in Segment::ALL {
                     // The left side is drawn first, and the right takes its numbers.
                     let mirrored = segment.mirrored();
                     candidate.factors[segment] = if mirrored < segment {
                         candidate.factors[mirrored]
                     } else {
-                        [1.0; 3].map(&mut near)
+                        best.factors[segment].map(&mut near)
                     };
                 }
             }
