@@ -57,6 +57,7 @@ pub(crate) fn test() -> Result<()> {
             "tests/replay.test.mjs",
             "tests/fly.test.mjs",
             "tests/live.test.mjs",
+            "tests/phone.test.mjs",
         ],
     )
 }

@@ -9,8 +9,7 @@ use bodyflight::formats::subject::Subject;
 use bodyflight::interrupt;
 use bodyflight::output::files::write_file;
 use bodyflight::verbs::view::flown::{frames, write};
-use bodyflight::verbs::view::page::{FlyData, Mode, PageData, Provenance, html, setup};
-use bodyflight::verbs::view::run::shapes;
+use bodyflight::verbs::view::page::{FlyData, Mode, PageData, Provenance, html};
 use bodyflight::verbs::view::server::Server;
 use bodyflight_core::aerodynamics::load_model::LoadModel;
 use serde::Serialize;
@@ -69,7 +68,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     args.outputs.check_in(&args.save, &[])?;
     let files: Vec<&Path> = args.subject.iter().map(PathBuf::as_path).collect();
     let provenance = Provenance::of(command(), &files)?;
-    let fly = FlyData::new(&setup(&subject, args.density), shapes(&subject));
+    let fly = FlyData::new(&subject, args.density);
     let page = html(&PageData::of(Mode::Fly, "fly".to_owned(), provenance, fly))?;
     if let Some(path) = &args.out {
         write_file(path, page.as_bytes())?;

@@ -120,6 +120,19 @@ impl Subject {
         self.body
     }
 
+    /// The person without equipment; what a `segments.json` lists is the whole of its segments.
+    pub fn bare_body(&self) -> Body<f64> {
+        match self.file.bare() {
+            Ok(body) if self.table.is_none() => body,
+            _ => self.body,
+        }
+    }
+
+    /// What the person wears.
+    pub fn gear(&self) -> Gear<f64> {
+        self.file.gear()
+    }
+
     /// The aerodynamic model of the coefficients.
     pub fn aerodynamics(&self) -> Aerodynamics<f64> {
         let table = &self.file.coefficients;
@@ -220,7 +233,7 @@ struct Fault {
 }
 
 impl SubjectFile {
-    fn body(&self, table: Option<&SegmentTable>) -> core::result::Result<Body<f64>, Fault> {
+    fn bare(&self) -> core::result::Result<Body<f64>, Fault> {
         let sex = match self.sex {
             SexName::Male => Sex::Male,
             SexName::Female => Sex::Female,
@@ -245,7 +258,7 @@ impl SubjectFile {
                 })?;
             person.girths.set(girth, *value);
         }
-        let bare = person.body().map_err(|error| Fault {
+        person.body().map_err(|error| Fault {
             field: match error.measure {
                 Measure::Height => "height_m".into(),
                 Measure::Mass | Measure::BodyMassIndex => "mass_kg".into(),
@@ -253,7 +266,11 @@ impl SubjectFile {
                 Measure::MomentArm => "moment_arm".into(),
             },
             message: format!("{error}{}", unit_meant(&error)),
-        })?;
+        })
+    }
+
+    fn body(&self, table: Option<&SegmentTable>) -> core::result::Result<Body<f64>, Fault> {
+        let bare = self.bare()?;
         let mut body = self.gear().fit(&bare).map_err(|error| Fault {
             field: match error.item {
                 item if item.starts_with("rig") => "gear.rig_kg".into(),

@@ -16,7 +16,9 @@ use crate::output::files::write_file;
 use crate::output::plot::{ESTIMATED, Panel, figure_svg, measured_curve, row_svg, simulated_curve};
 use crate::replay::comparison::Channel;
 use crate::verbs::estimate::{Estimation, Filter, estimate};
-use crate::verbs::view::run::{fly_series, shapes};
+use crate::verbs::view::run::fly_series;
+use crate::verbs::view::shape::shapes;
+
 const RECONSTRUCTION: &str = "reconstruction.svg";
 const INPUTS: &str = "inputs.svg";
 const TOP_VIEW: &str = "top-view.svg";

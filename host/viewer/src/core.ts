@@ -10,6 +10,9 @@ interface Exports {
   frame_length(): number;
   begin(start: number): void;
   command(control: number, share: number): void;
+  can_hold(): number;
+  hold(on: number): void;
+  tilt(): number;
   joint(segment: number, axis: number, angle: number): void;
   muscle(pitch: number, yaw: number, roll: number): void;
   damping(pitch: number, yaw: number, roll: number): void;

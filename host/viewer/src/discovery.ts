@@ -1,33 +1,33 @@
 // The report of bodyflight discover: where simulation and measurement disagree, and what explains it.
 import { colour, element } from "./dom";
+import { written } from "./ticks";
 
 // See discovery/src/report.rs.
 interface Named {
   name: string;
-  parameters: Record<string, number>;
-  standard_errors: Record<string, number>;
-  confidence: number;
-  explains: number;
-  rivals: { name: string; share: number }[];
-  separated_by: string;
-  imitated_by_inputs: boolean;
+  parameters?: Record<string, number | null>;
+  standard_errors?: Record<string, number | null>;
+  confidence?: number | null;
+  rivals?: { name: string; share: number }[];
+  separated_by?: string;
+  imitated_by_inputs?: boolean;
 }
 interface Gap {
-  before: number[];
-  after: number[];
-  floor: number[];
-  closed_share: number;
+  before: (number | null)[];
+  after: (number | null)[];
+  floor: (number | null)[];
+  /** Null where there was none to close. */
+  closed_share?: number | null;
 }
 export interface Discovery {
   verdict: "named" | "calibrated" | "described" | "none" | "unexplained" | "thin";
-  effects: Named[];
+  effects?: Named[];
   nearest?: Named[];
-  explained: number;
-  gap: Gap;
-  held_out: { gap: Gap }[];
+  gap?: Gap;
+  held_out?: { gap: Gap }[];
   remainders?: { is_unexplained: boolean; in_words: string }[];
   fly_next?: string;
-  residual_map: { time_s: number; over_floor: number[]; over_floor_after: number[] }[];
+  residual_map?: { time_s: number; over_floor: number[]; over_floor_after: number[] }[];
 }
 
 const CHANNELS = [
@@ -70,13 +70,16 @@ export function discoveryPanel(report: Discovery, seek: (time: number) => void):
   );
   const { before = [], after = [], floor = [] } = report.gap ?? {};
   CHANNELS.forEach((name, k) => {
-    const cells = [before, after, floor].map((list) => element("td", {}, list[k]?.toFixed(3) ?? ""));
+    const cells = [before, after, floor].map((list) => element("td", {}, written(list[k], 3)));
     table.append(element("tr", {}, element("td", {}, name), ...cells));
   });
   panel.append(table);
   for (const [k, flight] of (report.held_out ?? []).entries()) {
-    const closed = (flight.gap.closed_share * 100).toFixed(0);
-    panel.append(element("p", {}, `Held-out flight ${k + 1}: ${closed} % of the gap closed.`));
+    const closed = flight.gap?.closed_share;
+    const words = Number.isFinite(closed)
+      ? `${((closed as number) * 100).toFixed(0)} % of the gap closed`
+      : "no gap to close";
+    panel.append(element("p", {}, `Held-out flight ${k + 1}: ${words}.`));
   }
   if (report.residual_map?.length) {
     panel.append(
@@ -95,21 +98,17 @@ function effect(named: Named): HTMLElement {
   const list = element("dl");
   for (const [name, value] of Object.entries(named.parameters ?? {})) {
     const error = named.standard_errors?.[name];
-    list.append(
-      element("dt", {}, name),
-      element("dd", {}, `${value.toPrecision(3)}${error ? ` ± ${error.toPrecision(2)}` : ""}`),
-    );
+    const text = `${value?.toPrecision(3) ?? "–"}${error ? ` ± ${error.toPrecision(2)}` : ""}`;
+    list.append(element("dt", {}, name), element("dd", {}, text));
   }
-  list.append(element("dt", {}, "beyond chance"), element("dd", {}, `${named.confidence?.toFixed(1)} deviations`));
+  if (Number.isFinite(named.confidence))
+    list.append(element("dt", {}, "beyond chance"), element("dd", {}, `${named.confidence?.toFixed(1)} deviations`));
   const part = element("div", { class: "effect" }, element("b", {}, named.name), list);
-  if (named.rivals?.length)
-    part.append(
-      element(
-        "p",
-        {},
-        `Not to be told from ${named.rivals.map((rival) => rival.name).join(", ")} here; fly: ${named.separated_by}.`,
-      ),
-    );
+  if (named.rivals?.length) {
+    const rivals = named.rivals.map((rival) => rival.name).join(", ");
+    const advice = named.separated_by ? `; fly: ${named.separated_by}` : "";
+    part.append(element("p", {}, `Not to be told from ${rivals} here${advice}.`));
+  }
   if (named.imitated_by_inputs)
     part.append(element("p", { class: "faint" }, "An estimator of muscle input and damping would take it for those."));
   return part;
@@ -123,7 +122,7 @@ function map(report: Discovery, seek: (time: number) => void): HTMLCanvasElement
     role: "img",
     "aria-label": "misfit over its floor in time",
   });
-  const spots = report.residual_map;
+  const spots = report.residual_map ?? [];
   const end = spots[spots.length - 1].time_s || 1;
   const worst = (list: number[]) => Math.max(...list);
   const high = Math.max(...spots.map((spot) => worst(spot.over_floor)));

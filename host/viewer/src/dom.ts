@@ -13,7 +13,11 @@ export function element<K extends keyof HTMLElementTagNameMap>(
 
 export function button(label: string, title: string, act: () => void): HTMLButtonElement {
   const made = element("button", { type: "button", title }, label);
-  made.addEventListener("click", act);
+  made.addEventListener("click", (event) => {
+    // A pointer leaves no focus behind: the space bar is that of the page again.
+    if (event.detail > 0) made.blur();
+    act();
+  });
   return made;
 }
 

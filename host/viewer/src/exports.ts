@@ -2,8 +2,9 @@
 
 import { save } from "./dom";
 import type { Flight } from "./flight";
-import { type PlotSpec, svg } from "./plots";
+import type { PlotSpec } from "./plots";
 import type { Stage } from "./stage";
+import { svg } from "./svg";
 import { CHANNELS } from "./types";
 
 /** All channels of the rows between two times, as CSV. */
@@ -23,8 +24,8 @@ export function saveCsv(name: string, flight: Flight, range: [number, number]): 
   save(`${name}.csv`, new Blob([csv(flight, range)], { type: "text/csv" }));
 }
 
-export function saveSvg(name: string, time: ArrayLike<number>, specs: PlotSpec[]): void {
-  save(`${name}.svg`, new Blob([svg(name, time, specs)], { type: "image/svg+xml" }));
+export function saveSvg(name: string, time: ArrayLike<number>, specs: PlotSpec[], degrees: boolean): void {
+  save(`${name}.svg`, new Blob([svg(name, time, specs, degrees)], { type: "image/svg+xml" }));
 }
 
 export function savePng(name: string, canvas: HTMLCanvasElement): void {

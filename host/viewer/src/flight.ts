@@ -1,4 +1,5 @@
 // A run of the replay, decoded: numbers at rows, and the picture between them.
+import { unwrapped, unwrappedBeside } from "./channels";
 import { type Columns, unpack, wrapped } from "./data";
 import { between, type Picture, type Quaternion, type Vector } from "./figure";
 import { CHANNELS, type Run } from "./types";
@@ -34,6 +35,13 @@ export class Flight {
       else high = middle - 1;
     }
     return low;
+  }
+
+  /** A channel as it is plotted: angles go on where they would jump. */
+  plotted(side: "measured" | "simulated", channel: number): Float64Array {
+    const values = this.list(side)[channel];
+    if (!CHANNELS[channel].angle) return values;
+    return side === "measured" ? unwrapped(values) : unwrappedBeside(values, this.list("measured")[channel]);
   }
 
   /** Measured less simulated of a channel; angles by the short way. */

@@ -1,14 +1,26 @@
 // Fly: keys move the joints, the core flies in the page.
 import { Core } from "./core";
-import { button, element } from "./dom";
-import { Keyboard, keyList } from "./keyboard";
+import { button, element, toggle } from "./dom";
+import { help, type Keys } from "./help";
+import { Instruments, reading } from "./instruments";
+import { KEYS, Keyboard, keyList } from "./keyboard";
+import { pads } from "./pads";
+import { Pilot } from "./pilot";
 import { Recorder } from "./recorder";
 import { provenance, shell } from "./shell";
 import { Stage } from "./stage";
+import { written } from "./ticks";
 import { Traces } from "./traces";
-import { CHANNELS, type FlyData, type PageData } from "./types";
+import type { FlyData, PageData } from "./types";
 
 const RATE = 240;
+const FLY_KEYS: Keys = [
+  ["shift", "with another key: half of it"],
+  ["I K  U O  J L", "muscle input: pitch, yaw, roll"],
+  ["H", "autopilot"],
+  ["space", "stop and go on"],
+  ["0", "start again"],
+];
 
 export function fly(data: PageData, flight: FlyData): void {
   const flown = new Fly(data, flight);
@@ -21,11 +33,12 @@ export function fly(data: PageData, flight: FlyData): void {
 class Fly {
   readonly core: Core;
   private readonly stage: Stage;
-  private readonly legend = element("div", { class: "over legend", id: "legend", "aria-live": "off" });
+  private readonly instruments = new Instruments();
   private readonly cost = element("span", { class: "faint", id: "cost" });
   private readonly recorder: Recorder;
   private readonly traces: Traces;
   private readonly keyboard: Keyboard;
+  private readonly pilot: Pilot;
   /** Which of the starts. */
   private start = 0;
   private running = true;
@@ -38,15 +51,18 @@ class Fly {
   ) {
     const { header, main, aside, footer } = shell(data);
     this.core = new Core(flight);
-    this.stage = new Stage(main, flight.shapes);
-    main.append(this.legend);
+    this.stage = new Stage(main, flight, false);
+    main.append(this.instruments.place);
     this.recorder = new Recorder(flight.layout);
+    this.pilot = new Pilot(this.core);
     header.append(
       this.starts(),
+      this.pilot.switch,
       button("start again", "Back to the beginning (0)", () => this.begin()),
       button("pause", "Stop and go on (space)", () => this.pause()),
       this.recorder.button,
       this.recorder.message,
+      this.pilot.message,
     );
     footer.append(
       element("span", { class: "faint" }, "Hold a key. Shift: half as much."),
@@ -56,7 +72,15 @@ class Fly {
     aside.append(keyList());
     this.traces = new Traces(aside);
     aside.append(joints(this.core, flight), damping(this.core), provenance(data));
-    this.keyboard = new Keyboard(this.core, flight.controls, { " ": () => this.pause(), "0": () => this.begin() });
+    this.keyboard = new Keyboard(this.core, flight.controls, {
+      " ": () => this.pause(),
+      "0": () => this.begin(),
+      h: () => this.pilot.flip(),
+    });
+    const thumbs = pads(this.keyboard);
+    main.append(thumbs);
+    header.append(toggle("touch", "Controls for thumbs", !thumbs.hidden, (on) => (thumbs.hidden = !on)));
+    header.append(help(["Hold", KEYS.map(({ key, does }) => [key.toUpperCase(), does])], ["Press", FLY_KEYS]));
   }
 
   run(): void {
@@ -74,6 +98,7 @@ class Fly {
 
   private begin(): void {
     this.core.exports.begin(this.start);
+    this.pilot.apply();
     this.keyboard.clear();
     this.traces.clear();
     this.recorder.restart();
@@ -115,16 +140,12 @@ class Fly {
     const observation = core.layout.part(frame, "observation");
     const now = frame[0];
     const recorded = this.recorder.length;
-    this.legend.replaceChildren(
-      ...[6, 5, 3, 1].map((k) =>
-        element("div", {}, `${CHANNELS[k].label}: ${observation[k].toFixed(2)} ${CHANNELS[k].unit}`),
-      ),
-      element(
-        "div",
-        {},
-        `${now.toFixed(1)} s${recorded === null ? "" : `, recorded ${(recorded / RATE).toFixed(1)} s`}`,
-      ),
-    );
+    const height = core.layout.part(frame, "position_m")[2];
+    this.instruments.show(reading(observation), null, [
+      `height ${written(height, 0)} m`,
+      `${written(now, 1)} s${recorded === null ? "" : `, recorded ${(recorded / RATE).toFixed(1)} s`}`,
+    ]);
+    this.pilot.say();
     this.cost.textContent = `${passed.toFixed(1)} ms from picture to picture, ${stage.cost.toFixed(1)} ms to draw`;
     if (this.running) this.traces.take(now, observation);
   }

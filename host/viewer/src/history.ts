@@ -12,7 +12,7 @@ export class LiveHistory {
   readonly looks: Live[] = [];
   readonly frames: Float32Array[] = [];
   private readonly latency: number[] = [];
-  private readonly states = STATES.map(() => ({ value: [] as number[], low: [] as number[], high: [] as number[] }));
+  private readonly states = STATES.map(() => ({ value: [] as number[], spread: [] as number[] }));
   private arrived: number[] = [];
 
   takeFrame(frame: Float32Array): void {
@@ -27,8 +27,7 @@ export class LiveHistory {
       const value = look.estimate?.state[k] ?? NaN;
       const sigma = Math.sqrt(look.estimate?.variance[k] ?? NaN);
       list.value.push(value);
-      list.low.push(value - 2 * sigma);
-      list.high.push(value + 2 * sigma);
+      list.spread.push(2 * sigma);
     }
     const now = performance.now();
     this.arrived = [...this.arrived.filter((moment) => now - moment < RATE_SPAN), now];
@@ -52,23 +51,19 @@ export class LiveHistory {
       lines: [{ label: "sample to estimate", ink: "measured", values: this.latency }],
     };
     const states = STATES.map((name, k): PlotSpec => {
-      const { value, low, high } = this.states[k];
+      const { value, spread } = this.states[k];
       return {
         key: name,
         title: name,
-        unit: "1, \u00b1 2 sigma",
-        lines: [
-          { label: "estimate", ink: "simulated", values: value },
-          { label: "- 2 sigma", ink: "residual", dash: [3, 3], values: low },
-          { label: "+ 2 sigma", ink: "residual", dash: [3, 3], values: high },
-        ],
+        unit: "1",
+        lines: [{ label: "estimate", ink: "simulated", values: value, spread }],
       };
     });
     return [latency, ...states];
   }
 
   private forgetFirst(): void {
-    const lists = this.states.flatMap(({ value, low, high }) => [value, low, high]);
+    const lists = this.states.flatMap(({ value, spread }) => [value, spread]);
     for (const list of [this.looks, this.frames, this.latency, ...lists]) list.shift();
   }
 }

@@ -2,13 +2,13 @@
 import type { Core } from "./core";
 import { element, typing } from "./dom";
 
-interface Key {
+export interface Key {
   key: string;
   control: string;
   share: number;
   does: string;
 }
-const KEYS: Key[] = [
+export const KEYS: Key[] = [
   { key: "a", control: "turn", share: 1, does: "turn left" },
   { key: "d", control: "turn", share: -1, does: "turn right" },
   { key: "w", control: "legs", share: 1, does: "forward: legs stretched" },
@@ -56,18 +56,19 @@ export class Keyboard {
   private press(event: KeyboardEvent, on: boolean): void {
     const key = event.key.toLowerCase();
     if (typing(event) || event.ctrlKey || event.metaKey || event.altKey) return;
+    const isHeld = KEYS.some((entry) => entry.key === key) || MUSCLE.some((entry) => entry[0] === key);
+    if (isHeld) this.hold(key, on, event.shiftKey ? 0.5 : 1);
+    else if (on && !event.repeat) this.act(key, event);
+  }
+
+  /** Holds a key or lets it go, as a finger on the page does too. */
+  hold(key: string, on: boolean, strength = 1): void {
     if (on === this.down.has(key)) return;
-    const bound = KEYS.find((entry) => entry.key === key);
-    const muscle = MUSCLE.some((entry) => entry[0] === key);
-    if (!bound && !muscle) {
-      if (on) this.act(key, event);
-      return;
-    }
     if (on) this.down.add(key);
     else this.down.delete(key);
-    const strength = event.shiftKey ? 0.5 : 1;
+    const bound = KEYS.find((entry) => entry.key === key);
     if (bound) this.core.exports.command(this.controls.indexOf(bound.control), on ? bound.share * strength : 0);
-    if (muscle) this.core.exports.muscle(...this.muscle(strength));
+    if (MUSCLE.some((entry) => entry[0] === key)) this.core.exports.muscle(...this.muscle(strength));
   }
 
   private act(key: string, event: KeyboardEvent): void {

@@ -1,7 +1,9 @@
 // Live: what bodyflight stream --view sends while it streams.
 
 import { button, element } from "./dom";
+import { CAMERA_KEYS, help } from "./help";
 import { LiveHistory } from "./history";
+import { Instruments, reading } from "./instruments";
 import { Layout } from "./layout";
 import { Plots } from "./plots";
 import { provenance, shell } from "./shell";
@@ -10,6 +12,8 @@ import type { FlyData, Live, PageData } from "./types";
 
 /** Plots are slower than the picture: one in so many milliseconds. */
 const PLOT_INTERVAL = 500;
+/** Depth of the drawn ground below the start (m): a stream does not say how high it is. */
+const GROUND_BELOW = 2000;
 
 export function live(data: PageData): void {
   const view = new LiveView(data, data.fly as FlyData);
@@ -23,6 +27,7 @@ class LiveView {
   private readonly history = new LiveHistory();
   private readonly layout: Layout;
   private readonly stage: Stage;
+  private readonly instruments = new Instruments();
   private readonly numbers = element("dl", { id: "numbers" });
   private readonly state = element("span", { id: "state", role: "status" }, "waiting for the stream");
   private readonly slider = element("input", {
@@ -40,19 +45,21 @@ class LiveView {
   /** The look that is shown. */
   private shown = 0;
   private paused = false;
+  private ground: number | null = null;
   private dirty = false;
 
   constructor(data: PageData, flight: FlyData) {
     const { header, main, aside, footer } = shell(data);
     this.layout = new Layout(flight);
-    this.stage = new Stage(main, flight.shapes);
+    this.stage = new Stage(main, flight, false);
     this.stage.listenToKeys();
     this.hold = button("pause", "Stop the picture; the stream goes on", () => this.stop(!this.paused));
     this.slider.addEventListener("input", () => {
       this.stop(true);
       this.shown = Number(this.slider.value);
     });
-    header.append(this.state);
+    header.append(this.state, element("span", { style: "flex:1" }), help(["Picture", CAMERA_KEYS]));
+    main.append(this.instruments.place);
     footer.append(this.hold, this.slider, this.cost);
     aside.append(this.numbers, this.place, provenance(data));
   }
@@ -101,7 +108,13 @@ class LiveView {
     const { frames, looks, rate } = this.history;
     const look = looks[this.shown];
     const frame = frames[Math.min(this.shown, frames.length - 1)];
-    if (frame) this.stage.draw(this.layout.picture(frame));
+    if (frame) {
+      const picture = this.layout.picture(frame);
+      this.ground ??= picture.simulated.position[2] - GROUND_BELOW;
+      this.stage.drawer.ground = this.ground;
+      this.stage.draw(picture);
+      this.instruments.show(reading(this.layout.part(frame, "observation")), null);
+    }
     this.numbers.replaceChildren(...rows(look, rate));
     this.cost.textContent = `${this.stage.cost.toFixed(1)} ms to draw`;
     if (now - this.plotted > PLOT_INTERVAL) {
@@ -113,7 +126,7 @@ class LiveView {
   private plot(look: Live): void {
     const time = this.history.time;
     if (this.plots) this.plots.update(time);
-    else if (time.length > 1) this.plots = new Plots(this.place, time, this.history.specs(), () => {});
+    else if (time.length > 1) this.plots = new Plots({ place: this.place, time, seek: () => {} }, this.history.specs());
     this.plots?.mark(look.time_s);
   }
 }

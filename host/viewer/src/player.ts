@@ -1,9 +1,18 @@
 // The time of a replay: slider, clock, playback, and their keys.
 import { button, element, typing } from "./dom";
+import type { Keys } from "./help";
 
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2];
 /** What an arrow key moves (s); with Shift a second. */
 const STEP = 1 / 30;
+
+export const PLAYER_KEYS: Keys = [
+  ["space", "play and pause"],
+  ["[  ]", "slower, faster"],
+  ["←  →", "1/30 s; with shift 1 s"],
+  [",  .", "1/30 s"],
+  ["home  end", "first and last moment"],
+];
 
 /** What is drawn at a time. */
 export interface Scene {
@@ -50,6 +59,7 @@ export class Player {
     this.pace.value = String(this.speed);
     this.pace.addEventListener("change", () => {
       this.speed = Number(this.pace.value);
+      this.pace.blur();
     });
     place.append(this.play, this.slider, this.clock, this.pace, this.cost);
     this.listenToKeys();

@@ -1,7 +1,9 @@
-// Plots of channels over time, one cursor for all.
+// Plots of channels over time: one cursor, one legend, one axis of time for all.
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
-import { colour, element } from "./dom";
+import { type Shown, shown } from "./channels";
+import { button, colour, element } from "./dom";
+import { span, ticks, written } from "./ticks";
 
 export interface Line {
   label: string;
@@ -9,6 +11,10 @@ export interface Line {
   ink: string;
   dash?: number[];
   values: ArrayLike<number>;
+  /** Two standard deviations of the values: a band around them. */
+  spread?: ArrayLike<number>;
+  /** Whether it has the axis on the right for itself, as what is left of a difference has. */
+  right?: boolean;
 }
 export interface PlotSpec {
   key: string;
@@ -17,98 +23,64 @@ export interface PlotSpec {
   note?: string;
   lines: Line[];
 }
+/** Where plots are, what they share. */
+export interface Frame {
+  place: HTMLElement;
+  time: Float64Array;
+  seek: (time: number) => void;
+  /** Height for all plots (px); without it each has its own. */
+  room?: () => number;
+}
+
+const TITLE = 15;
+const TIME_AXIS = 18;
+const [LOWEST, HIGHEST] = [40, 130];
+const EDGE = 44;
 
 export class Plots {
-  readonly plots: uPlot[] = [];
-  readonly specs: PlotSpec[];
-  private readonly marks: HTMLElement[] = [];
+  plots: uPlot[] = [];
+  /** What is plotted, in the order chosen. */
+  specs: PlotSpec[];
+  degrees = true;
+  private time: Float64Array;
+  private now = NaN;
+  private marks: HTMLElement[] = [];
+  private readouts: HTMLElement[][] = [];
+  private readonly head = element("div", { class: "legends", id: "plot-legend" });
+  private readonly body = element("div", { class: "plots" });
 
   constructor(
-    place: HTMLElement,
-    private time: Float64Array,
-    specs: PlotSpec[],
-    seek: (time: number) => void,
+    private readonly frame: Frame,
+    private readonly all: PlotSpec[],
   ) {
-    this.specs = specs;
-    for (const spec of specs) {
-      const title = element(
-        "div",
-        { class: "title" },
-        element("b", {}, `${spec.title} (${spec.unit})`),
-        element("span", { class: "faint" }, spec.note ?? ""),
-      );
-      const box = element("div", { class: "plot", "data-plot": spec.key }, title);
-      place.append(box);
-      const keys = element("div", { class: "title faint" });
-      for (const line of spec.lines)
-        keys.append(
-          element("span", { style: `color:var(--${line.ink})` }, `${line.dash ? "- - " : "— "}${line.label}`),
-        );
-      const plot = new uPlot(this.options(spec, place.clientWidth - 20), this.data(spec), box);
-      box.append(keys);
-      const mark = element("div", { class: "now", style: "display:none" });
-      plot.over.append(mark);
-      this.marks.push(mark);
-      plot.over.addEventListener("click", () => {
-        const left = plot.cursor.left ?? -1;
-        if (left >= 0) seek(plot.posToVal(left, "x"));
-      });
-      this.plots.push(plot);
-    }
-    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
-      for (const plot of this.plots) plot.redraw();
-    });
+    this.time = frame.time;
+    this.specs = all;
+    frame.place.append(this.head, this.body);
+    this.build();
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.build());
+    let width = 0;
     new ResizeObserver(() => {
-      for (const plot of this.plots) plot.setSize({ width: place.clientWidth - 20, height: 110 });
-    }).observe(place);
+      // A new height of the page counts too, but never one that the plots make themselves.
+      if (width !== this.width()) this.fit();
+      width = this.width();
+    }).observe(frame.place);
+    addEventListener("resize", () => this.fit());
   }
 
-  private data(spec: PlotSpec): uPlot.AlignedData {
-    // What is no number is a gap, which uPlot writes as null.
-    const gaps = (values: ArrayLike<number>) =>
-      Array.prototype.some.call(values, Number.isNaN)
-        ? Array.from(values, (value) => (Number.isNaN(value) ? null : value))
-        : values;
-    return [this.time, ...spec.lines.map((line) => gaps(line.values))] as uPlot.AlignedData;
-  }
-
-  private options(spec: PlotSpec, width: number): uPlot.Options {
-    const axis = {
-      stroke: () => colour("faint"),
-      grid: { stroke: () => colour("line"), width: 1 },
-      ticks: { show: false },
-      font: "11px system-ui",
-    };
-    return {
-      width: Math.max(200, width),
-      height: 110,
-      cursor: { sync: { key: "time" }, drag: { x: true, y: false } },
-      scales: { x: { time: false } },
-      axes: [
-        { ...axis, size: 22 },
-        { ...axis, size: 42 },
-      ],
-      legend: { show: false },
-      series: [
-        { label: "time (s)" },
-        ...spec.lines.map((line) => ({
-          label: line.label,
-          stroke: () => colour(line.ink),
-          width: 1.4,
-          dash: line.dash,
-          points: { show: false },
-        })),
-      ],
-    };
+  /** Shows these channels, in this order. */
+  choose(keys: string[]): void {
+    this.specs = keys.flatMap((key) => this.all.filter((spec) => spec.key === key));
+    this.build();
   }
 
   /** Marks the time shown. */
   mark(time: number): void {
-    this.plots.forEach((plot, k) => {
-      const left = plot.valToPos(time, "x");
-      this.marks[k].style.display = left >= 0 && left <= plot.over.clientWidth ? "" : "none";
-      this.marks[k].style.left = `${left}px`;
-    });
+    this.now = time;
+    const row = this.rowAt(time);
+    for (const [k, plot] of this.plots.entries()) {
+      this.place(k, plot);
+      if (plot.cursor.idx == null || (plot.cursor.left ?? -1) < 0) this.read(k, row);
+    }
   }
 
   /** New numbers in the same lines. */
@@ -122,38 +94,189 @@ export class Plots {
     const { min, max } = this.plots[0]?.scales.x ?? {};
     return [min ?? -Infinity, max ?? Infinity];
   }
+
+  private width(): number {
+    return Math.max(200, this.frame.place.clientWidth - 18);
+  }
+
+  private height(k: number): number {
+    const count = Math.max(1, this.specs.length);
+    const room = (this.frame.room?.() ?? 9999) - this.head.offsetHeight - TIME_AXIS - count * TITLE - 8;
+    const each = this.frame.room ? Math.max(LOWEST, Math.min(HIGHEST, Math.floor(room / count))) : 92;
+    return each + (k === count - 1 ? TIME_AXIS : 0);
+  }
+
+  private fit(): void {
+    for (const [k, plot] of this.plots.entries()) plot.setSize({ width: this.width(), height: this.height(k) });
+  }
+
+  private build(): void {
+    const { min, max } = this.plots[0]?.scales.x ?? {};
+    for (const plot of this.plots) plot.destroy();
+    [this.plots, this.marks, this.readouts] = [[], [], []];
+    this.head.replaceChildren(...legend(this.specs), this.unitSwitch());
+    this.body.replaceChildren();
+    for (const k of this.specs.keys()) this.add(k);
+    if (min != null && max != null) for (const plot of this.plots) plot.setScale("x", { min, max });
+  }
+
+  private add(k: number): void {
+    const spec = this.specs[k];
+    const readout = spec.lines.map((line) => element("span", { class: "value", style: `color:var(--${line.ink})` }));
+    const values = element("span", { class: "values" }, ...readout);
+    const title = element(
+      "div",
+      { class: "title" },
+      element("b", {}, `${spec.title} (${shown(spec.unit, this.degrees).unit})`),
+      element("span", { class: "faint note" }, spec.note ?? ""),
+      values,
+    );
+    const box = element("div", { class: "plot", "data-plot": spec.key }, title);
+    this.body.append(box);
+    const plot = new uPlot(this.options(k), this.data(spec), box);
+    const mark = element("div", { class: "now", style: "display:none" });
+    plot.over.append(mark);
+    plot.over.addEventListener("click", () => {
+      const left = plot.cursor.left ?? -1;
+      if (left >= 0) this.frame.seek(plot.posToVal(left, "x"));
+    });
+    this.marks.push(mark);
+    this.readouts.push(readout);
+    this.plots.push(plot);
+  }
+
+  /** Values of the lines at a row. */
+  private read(k: number, row: number): void {
+    const { factor, decimals } = this.shown(k);
+    this.readouts[k]?.forEach((place, n) => {
+      place.textContent = written(this.specs[k].lines[n].values[row] * factor, decimals);
+    });
+  }
+
+  private shown(k: number): Shown {
+    return shown(this.specs[k].unit, this.degrees);
+  }
+
+  private rowAt(time: number): number {
+    let [low, high] = [0, this.time.length - 1];
+    while (low < high) {
+      const middle = (low + high + 1) >> 1;
+      if (this.time[middle] <= time) low = middle;
+      else high = middle - 1;
+    }
+    return low;
+  }
+
+  /** Moves the mark of a plot to the time shown. */
+  private place(k: number, plot: uPlot): void {
+    const left = plot.valToPos(this.now, "x");
+    const mark = this.marks[k];
+    if (!mark) return;
+    // Before it is laid out, a plot knows no width.
+    const width = plot.over.clientWidth || plot.width;
+    mark.style.display = left >= -1 && left <= width + 1 ? "" : "none";
+    mark.style.left = `${left}px`;
+  }
+
+  private data(spec: PlotSpec): uPlot.AlignedData {
+    const { factor } = shown(spec.unit, this.degrees);
+    // What is no number is a gap, which uPlot writes as null.
+    const scaled = (values: ArrayLike<number>) =>
+      Array.from(values, (value) => (Number.isNaN(value) ? null : value * factor));
+    const bands = spec.lines.flatMap(({ values, spread }) =>
+      spread ? [1, -1].map((sign) => scaled(Array.from(values, (value, k) => value + sign * spread[k]))) : [],
+    );
+    return [this.time, ...drawn(spec).map((line) => scaled(line.values)), ...bands] as uPlot.AlignedData;
+  }
+
+  private options(k: number): uPlot.Options {
+    const spec = this.specs[k];
+    const { least } = this.shown(k);
+    const axis = {
+      stroke: () => colour("faint"),
+      grid: { stroke: () => colour("line"), width: 1 },
+      ticks: { show: false },
+      font: "10px system-ui",
+      gap: 3,
+    };
+    const of = (most: number) => ({
+      splits: (_: uPlot, __: number, low: number, high: number) => ticks(low, high, most).values,
+      values: (plot: uPlot, splits: number[], which: number) => {
+        const { min, max } = plot.scales[plot.axes[which].scale ?? "x"];
+        const { decimals } = ticks(min ?? 0, max ?? 1, most);
+        return splits.map((value) => written(value, decimals));
+      },
+    });
+    const isLast = k === this.specs.length - 1;
+    const isRight = spec.lines.some((line) => line.right);
+    const range = (_: uPlot, low: number | null, high: number | null): [number, number] =>
+      span([[low ?? NaN, high ?? NaN]], least);
+    const end = (line: Line) => ({ scale: "y", stroke: "transparent", width: 0, fill: undefined, label: line.label });
+    let next = spec.lines.length + 1;
+    const bands = spec.lines.flatMap((line): uPlot.Band[] => {
+      if (!line.spread) return [];
+      next += 2;
+      const fill = () => `${colour(line.ink)}38`;
+      return [{ series: [next - 2, next - 1], fill: fill as unknown as uPlot.Band["fill"] }];
+    });
+    return {
+      width: this.width(),
+      height: this.height(k),
+      padding: [5, isRight ? 0 : EDGE, 5, 0],
+      cursor: { sync: { key: "time" }, drag: { x: true, y: false }, points: { size: 5 } },
+      scales: { x: { time: false }, y: { range }, right: { range } },
+      axes: [
+        { ...axis, ...of(7), size: TIME_AXIS, show: isLast },
+        { ...axis, ...of(4), size: EDGE, scale: "y" },
+        ...(isRight
+          ? [{ ...axis, ...of(3), size: EDGE, scale: "right", side: 1 as const, grid: { show: false } }]
+          : []),
+      ],
+      legend: { show: false },
+      hooks: {
+        ready: [(plot) => this.place(k, plot)],
+        setSize: [(plot) => this.place(k, plot)],
+        setScale: [(plot, scale) => scale === "x" && this.place(k, plot)],
+        setCursor: [(plot) => this.read(k, plot.cursor.idx != null ? plot.cursor.idx : this.rowAt(this.now))],
+      },
+      bands,
+      series: [
+        { label: "time (s)" },
+        ...drawn(spec).map((line) => ({
+          label: line.label,
+          scale: line.right ? "right" : "y",
+          stroke: () => colour(line.ink),
+          width: line.right ? 0.7 : 1.6,
+          dash: line.dash,
+          points: { show: false },
+        })),
+        ...spec.lines.flatMap((line) => (line.spread ? [end(line), end(line)] : [])),
+      ],
+    };
+  }
+
+  private unitSwitch(): HTMLElement {
+    const made = button(this.degrees ? "°" : "rad", "Angles in degrees or in radians", () => {
+      this.degrees = !this.degrees;
+      this.build();
+      this.mark(this.now);
+    });
+    made.id = "degrees";
+    return made;
+  }
 }
 
-/** Plots as one SVG, for papers. */
-export function svg(title: string, time: ArrayLike<number>, specs: PlotSpec[]): string {
-  const [width, each, left, right] = [900, 150, 70, 880];
-  const clean = (text: string) => text.replace(/[<&>]/g, (c) => `&#${c.charCodeAt(0)};`);
-  const [from, to] = [time[0], time[time.length - 1]];
-  const parts = specs.map((spec, row) => {
-    const [top, bottom] = [40 + row * each + 20, 40 + (row + 1) * each - 12];
-    let [low, high] = [Infinity, -Infinity];
-    for (const line of spec.lines)
-      for (let k = 0; k < line.values.length; k++) {
-        low = Math.min(low, line.values[k]);
-        high = Math.max(high, line.values[k]);
-      }
-    if (!(high > low)) [low, high] = [low - 1, high + 1];
-    const x = (t: number) => (left + ((t - from) / (to - from || 1)) * (right - left)).toFixed(1);
-    const y = (v: number) => (bottom - ((v - low) / (high - low)) * (bottom - top)).toFixed(1);
-    const lines = spec.lines.map((line) => {
-      const points: string[] = [];
-      for (let k = 0; k < line.values.length; k++) points.push(`${x(time[k])},${y(line.values[k])}`);
-      return `<polyline fill="none" stroke="${colour(line.ink)}"${line.dash ? ` stroke-dasharray="${line.dash}"` : ""} points="${points.join(" ")}"><title>${clean(line.label)}</title></polyline>`;
-    });
-    const labels =
-      `<text x="${left}" y="${top - 5}">${clean(spec.title)} (${clean(spec.unit)}): ${clean(spec.lines.map((line) => line.label).join(", "))}</text>` +
-      `<text x="${left - 5}" y="${top + 10}" text-anchor="end">${high.toPrecision(3)}</text><text x="${left - 5}" y="${bottom}" text-anchor="end">${low.toPrecision(3)}</text>`;
-    return `<rect x="${left}" y="${top}" width="${right - left}" height="${bottom - top}" fill="none" stroke="#999"/>${labels}${lines.join("")}`;
-  });
-  const height = 40 + specs.length * each + 25;
-  return (
-    `<svg xmlns="http://www.w3.org/2000/svg" width="${width}" height="${height}" font-family="sans-serif" font-size="12">` +
-    `<rect width="100%" height="100%" fill="${colour("back")}"/><g fill="${colour("text")}"><text x="${left}" y="22" font-size="15">${clean(title)}</text>${parts.join("")}` +
-    `<text x="${right}" y="${height - 8}" text-anchor="end">time (s), ${from.toFixed(1)} to ${to.toFixed(1)}</text></g></svg>`
-  );
+/** Lines in the order in which they are drawn: what is left lies below what it is left of. */
+const drawn = ({ lines }: PlotSpec) => [...lines.filter((line) => line.right), ...lines.filter((line) => !line.right)];
+
+/** Every line once, as it is drawn. */
+function legend(specs: PlotSpec[]): HTMLElement[] {
+  const seen = new Map<string, HTMLElement>();
+  for (const { lines } of specs)
+    for (const { label, ink, dash, right, spread } of lines) {
+      const words = `${label}${right ? " (right)" : ""}${spread ? " ± 2 sd" : ""}`;
+      const line = `border-top:2px ${dash ? "dashed" : "solid"} var(--${ink})`;
+      if (!seen.has(words)) seen.set(words, element("span", { class: "entry" }, element("i", { style: line }), words));
+    }
+  return [...seen.values()];
 }

@@ -1,19 +1,28 @@
 // Replay: one timeline for the body, the plots and the exports.
 
+import { chooser } from "./chooser";
 import { type Discovery, discoveryPanel } from "./discovery";
 import { button, element } from "./dom";
 import { film, saveCsv, savePng, saveSvg, strip } from "./exports";
 import { Flight } from "./flight";
+import { CAMERA_KEYS, help } from "./help";
+import { Instruments, reading } from "./instruments";
 import { TopView } from "./map";
-import { Player, type Scene } from "./player";
+import { PLAYER_KEYS, Player, type Scene } from "./player";
 import { type PlotSpec, Plots } from "./plots";
 import { provenance, shell } from "./shell";
 import { Stage } from "./stage";
+import { written } from "./ticks";
 import { CHANNELS, type PageData } from "./types";
 
+/** Depth of the drawn ground below the lowest point of a flight (m). */
+const GROUND_BELOW = 800;
 /** Pictures of a strip. */
 const SNAPSHOTS = 5;
 const INKS = ["simulated", "second", "text"];
+/** What is left of each flight's difference: pale where it is the flight's own. */
+const LEFT = ["residual", "left", "faint"];
+const AXES = ["pitch", "yaw", "roll"];
 const INPUTS = [
   ["muscle pitch", "muscle yaw", "muscle roll"],
   ["damping pitch", "damping yaw", "damping roll"],
@@ -31,7 +40,7 @@ class Replay implements Scene {
   private readonly name: string;
   private readonly stage: Stage;
   private readonly map = new TopView();
-  private readonly legend = element("div", { class: "over legend", id: "legend" });
+  private readonly instruments = new Instruments();
   private readonly specs: PlotSpec[];
   private readonly plots: Plots;
   private readonly player: Player;
@@ -44,21 +53,26 @@ class Replay implements Scene {
     const { header, main, aside, footer } = shell(data);
     this.shown = first;
     this.name = data.title || "flight";
-    this.stage = new Stage(main, first.run.shapes);
-    this.stage.addGhostTools();
+    this.stage = new Stage(main, first.run, true);
+    this.stage.drawer.ground = ground(flights);
     this.stage.listenToKeys();
-    main.append(element("div", { class: "over top" }, this.map.canvas), this.legend);
+    main.append(element("div", { class: "over top" }, this.map.canvas), this.instruments.place);
 
     const seek = (to: number) => this.player.seek(to);
     if (data.discovery) aside.append(discoveryPanel(data.discovery as Discovery, seek));
     this.specs = plotSpecs(flights);
-    this.plots = new Plots(aside, first.time, this.specs, seek);
-    aside.append(summary(flights), provenance(data));
+    const room = () => aside.clientHeight - 8;
+    this.plots = new Plots({ place: aside, time: first.time, seek, room }, this.specs);
+    aside.append(chooser(this.specs, this.plots), summary(flights), provenance(data));
 
     const end = Math.max(...flights.map((flight) => flight.end));
     this.player = new Player(footer, first.time[0], end, this);
     if (flights.length > 1) header.append(this.choice());
-    header.append(element("span", { style: "flex:1" }), ...this.tools());
+    header.append(
+      element("span", { style: "flex:1" }),
+      ...this.tools(),
+      help(["Time", PLAYER_KEYS], ["Picture", CAMERA_KEYS]),
+    );
   }
 
   /** Begins at the time that the address names. */
@@ -76,7 +90,11 @@ class Replay implements Scene {
     const picture = shown.picture(time);
     this.stage.draw(picture);
     this.plots.mark(time);
-    this.legend.replaceChildren(...legendLines(shown, shown.row(time)));
+    const row = shown.row(time);
+    const at = (side: string) => reading(shown.list(side).map((channel) => channel[row]));
+    const climbed = shown.list("simulated_position_m")[2];
+    const height = `since the start ${written(climbed[row] - climbed[0], 0)} m`;
+    this.instruments.show(at("simulated"), at("measured"), [height]);
     const way = (column: string, ink: string) => ({ north: shown.list(column)[0], west: shown.list(column)[1], ink });
     this.map.draw(
       [way("measured_position_m", "measured"), way("simulated_position_m", "simulated")],
@@ -97,6 +115,7 @@ class Replay implements Scene {
       ...this.flights.map((flight, k) => element("option", { value: String(k) }, flight.run.name)),
     );
     choice.addEventListener("change", () => {
+      choice.blur();
       this.shown = this.flights[Number(choice.value)];
       this.player.show();
       this.trail();
@@ -107,9 +126,10 @@ class Replay implements Scene {
   /** What takes numbers, plots and pictures out of the page. */
   private tools(): HTMLElement[] {
     const { name, plots, stage } = this;
+    const first = this.flights[0];
     return [
       button("CSV", "Numbers of the part of time that the plots show", () => saveCsv(name, this.shown, plots.range())),
-      button("SVG", "All plots as one figure", () => saveSvg(name, this.flights[0].time, this.specs)),
+      button("SVG", "The plots as one figure", () => saveSvg(name, first.time, plots.specs, plots.degrees)),
       button("PNG", "The picture", () => savePng(name, stage.drawer.canvas)),
       button("strip", `${SNAPSHOTS} pictures over the time that the plots show`, () => this.saveStrip()),
       this.filming(),
@@ -148,15 +168,12 @@ class Replay implements Scene {
   }
 }
 
-function legendLines(flight: Flight, row: number): HTMLElement[] {
-  const [simulated, measured] = [flight.list("simulated"), flight.list("measured")];
-  return [5, 6, 3].map((k) =>
-    element(
-      "div",
-      {},
-      `${CHANNELS[k].label}: ${simulated[k][row].toFixed(2)} (measured ${measured[k][row].toFixed(2)}) ${CHANNELS[k].unit}`,
-    ),
+/** A ground for the eye below all of a flight: recordings do not say how high it is. */
+function ground(flights: Flight[]): number {
+  const lowest = flights.flatMap((flight) =>
+    ["simulated_position_m", "measured_position_m"].map((side) => Math.min(...flight.list(side)[2])),
   );
+  return Math.min(...lowest) - GROUND_BELOW;
 }
 
 function plotSpecs(flights: Flight[]): PlotSpec[] {
@@ -166,16 +183,21 @@ function plotSpecs(flights: Flight[]): PlotSpec[] {
       key,
       title: label,
       unit,
-      note: flights.map((flight) => `RMS ${flight.run.rms[key]?.toFixed(3)}`).join(", "),
+      note: `RMS ${flights.map((flight) => written(flight.run.rms[key], 3)).join(", ")}`,
       lines: [
-        { label: "measured", ink: "measured", values: first.list("measured")[k] },
+        { label: "measured", ink: "measured", values: first.plotted("measured", k) },
         ...flights.map((flight, n) => ({
           label: n === 0 ? "simulated" : flight.run.name,
           ink: INKS[n % INKS.length],
           dash: [6, 3 + 3 * n],
-          values: alike(flight, flight.list("simulated")[k], first),
+          values: alike(flight, flight.plotted("simulated", k), first),
         })),
-        { label: "residual", ink: "residual", values: first.residual(k) },
+        ...flights.map((flight, n) => ({
+          label: n === 0 ? "residual" : `residual, ${flight.run.name}`,
+          ink: LEFT[n % LEFT.length],
+          values: alike(flight, flight.residual(k), first),
+          right: true,
+        })),
       ],
     }),
   );
@@ -185,8 +207,8 @@ function plotSpecs(flights: Flight[]): PlotSpec[] {
       title: group === 0 ? "muscle input" : "damping coefficients",
       unit: "1",
       lines: names.map((label, k) => ({
-        label,
-        ink: ["measured", "simulated", "second"][k],
+        label: label.split(" ")[1],
+        ink: AXES[k],
         dash: k ? [6, 3 * k] : undefined,
         values: first.list("inputs")[3 * group + k],
       })),
@@ -215,6 +237,6 @@ function summary(flights: Flight[]): HTMLElement {
   row("fall rate, simulated (m/s)", (flight) => (-mean(flight.list("simulated")[6])).toFixed(1));
   row("fastest turn, measured (rad/s)", (flight) => most(flight.list("measured")[3]).toFixed(2));
   for (const { key, label, unit } of CHANNELS)
-    row(`RMS ${label} (${unit})`, (flight) => flight.run.rms[key]?.toFixed(3) ?? "");
+    row(`RMS ${label} (${unit})`, (flight) => written(flight.run.rms[key], 3));
   return element("section", {}, element("h2", {}, "Summary"), table);
 }

@@ -2,8 +2,9 @@
 
 import { button, element, toggle, typing } from "./dom";
 import type { Picture, View } from "./figure";
+import { Key } from "./key";
 import { Sticks } from "./stick";
-import type { Shape } from "./types";
+import type { Shape, Worn } from "./types";
 import { NEWTONS_PER_METRE, World } from "./world";
 
 type Follow = "free" | "trailing" | "front" | "side" | "top";
@@ -17,7 +18,7 @@ const FOLLOWS: { follow: Follow; key: string; label: string; view: Partial<View>
 ];
 
 export class Stage {
-  readonly view: View = { azimuth: 0.67, elevation: 0.35, distance: 3.8 };
+  readonly view: View = { azimuth: 0.67, elevation: 0.2, distance: 3.6 };
   readonly place: HTMLElement;
   readonly drawer: World | Sticks;
   readonly tools = element("div", { class: "over tools" });
@@ -25,12 +26,18 @@ export class Stage {
   cost = 0;
   private picture: Picture | null = null;
   private follow: Follow = "free";
+  private readonly cameras = new Map<Follow, HTMLButtonElement>();
+  /** Fingers and the pointer that are down, where they were last. */
+  private readonly fingers = new Map<number, [number, number]>();
 
-  constructor(place: HTMLElement, shapes: Shape[]) {
+  private readonly key: Key;
+  private readonly segments: HTMLButtonElement;
+
+  constructor(place: HTMLElement, { shapes, worn }: { shapes: Shape[]; worn: Worn }, measured: boolean) {
     this.place = place;
     let drawer: World | Sticks;
     try {
-      drawer = new World(shapes);
+      drawer = new World(shapes, worn);
     } catch {
       drawer = new Sticks(shapes);
       place.append(
@@ -46,21 +53,35 @@ export class Stage {
     this.drawer.canvas.tabIndex = 0;
     place.append(this.tools);
     for (const { follow, key, label } of FOLLOWS) {
-      this.tools.append(button(label, `Camera ${label} (${key.toUpperCase()})`, () => this.watch(follow)));
+      const camera = button(label, `Camera ${label} (${key.toUpperCase()})`, () => this.watch(follow));
+      this.cameras.set(follow, camera);
+      this.tools.append(camera);
     }
+    this.markCamera();
     this.tools.append(
       toggle("forces", `Force of the air on each segment; 1 m is ${NEWTONS_PER_METRE} N`, true, (on) => {
         this.drawer.showForces = on;
         this.redraw();
       }),
     );
+    this.segments = toggle("segments", "The sixteen segments as the model's air sees them (B)", false, (on) => {
+      this.drawer.showSegments = on;
+      this.redraw();
+    });
+    this.key = new Key(NEWTONS_PER_METRE, measured);
+    place.append(this.key.place);
+    this.tools.append(
+      this.segments,
+      toggle("key", "What colours and arrows mean", true, (on) => (this.key.place.hidden = !on)),
+    );
+    if (measured) this.addGhostTools();
     this.listen();
     addEventListener("resize", () => this.redraw());
   }
 
-  addGhostTools(): void {
+  private addGhostTools(): void {
     this.tools.append(
-      toggle("measured", "The measured body, half transparent", true, (on) => {
+      toggle("measured", "The measured body, as an outline", true, (on) => {
         this.drawer.showGhost = on;
         this.redraw();
       }),
@@ -74,7 +95,12 @@ export class Stage {
   watch(follow: Follow): void {
     this.follow = follow;
     Object.assign(this.view, FOLLOWS.find((entry) => entry.follow === follow)?.view);
+    this.markCamera();
     this.redraw();
+  }
+
+  private markCamera(): void {
+    for (const [follow, camera] of this.cameras) camera.setAttribute("aria-pressed", String(follow === this.follow));
   }
 
   draw(picture: Picture): void {
@@ -87,6 +113,7 @@ export class Stage {
     const begin = performance.now();
     this.drawer.draw(picture, this.view);
     this.cost = performance.now() - begin;
+    this.key.show(this.view, this.drawer.scale(this.view));
   }
 
   redraw(): void {
@@ -95,22 +122,51 @@ export class Stage {
 
   private listen(): void {
     const canvas = this.drawer.canvas;
-    canvas.addEventListener("pointerdown", (event) => canvas.setPointerCapture(event.pointerId));
+    const { fingers } = this;
+    canvas.addEventListener("pointerdown", (event) => {
+      canvas.setPointerCapture(event.pointerId);
+      fingers.set(event.pointerId, [event.clientX, event.clientY]);
+    });
+    for (const end of ["pointerup", "pointercancel"] as const)
+      canvas.addEventListener(end, (event) => fingers.delete(event.pointerId));
     canvas.addEventListener("pointermove", (event) => {
-      if (event.buttons !== 1) return;
-      this.view.azimuth -= event.movementX * 0.008;
-      this.view.elevation = Math.max(-1.56, Math.min(1.56, this.view.elevation + event.movementY * 0.008));
-      this.redraw();
+      const before = fingers.get(event.pointerId);
+      if (!before) return;
+      const apart = this.apart();
+      fingers.set(event.pointerId, [event.clientX, event.clientY]);
+      if (apart > 0) this.zoom(apart / Math.max(1, this.apart()));
+      else this.turn(event.clientX - before[0], event.clientY - before[1]);
     });
     canvas.addEventListener(
       "wheel",
       (event) => {
         event.preventDefault();
-        this.view.distance = Math.max(2, Math.min(60, this.view.distance * Math.exp(event.deltaY * 0.001)));
-        this.redraw();
+        this.zoom(Math.exp(event.deltaY * 0.001));
       },
       { passive: false },
     );
+  }
+
+  /** Distance of two fingers (px); 0 where there are not two. */
+  private apart(): number {
+    const [a, b] = [...this.fingers.values()];
+    return b ? Math.hypot(a[0] - b[0], a[1] - b[1]) : 0;
+  }
+
+  private turn(right: number, down: number): void {
+    this.view.azimuth -= right * 0.008;
+    this.view.elevation = Math.max(-1.56, Math.min(1.56, this.view.elevation + down * 0.008));
+    // A camera that is turned by hand is free.
+    if (this.follow !== "trailing") {
+      this.follow = "free";
+      this.markCamera();
+    }
+    this.redraw();
+  }
+
+  private zoom(factor: number): void {
+    this.view.distance = Math.max(2, Math.min(60, this.view.distance * factor));
+    this.redraw();
   }
 
   /** Camera keys, where the mode leaves them free. */
@@ -119,6 +175,7 @@ export class Stage {
       if (typing(event) || event.ctrlKey || event.metaKey || event.altKey) return;
       const entry = FOLLOWS.find(({ key }) => key === event.key.toLowerCase());
       if (entry) this.watch(entry.follow);
+      else if (event.key.toLowerCase() === "b") this.segments.click();
     });
   }
 }

@@ -8,18 +8,25 @@ export class Sticks {
   readonly canvas = element("canvas", { "aria-label": "stick figure" });
   showForces = true;
   showGhost = true;
+  showSegments = false;
   together = true;
+  ground = 0;
 
   constructor(private readonly shapes: Shape[]) {}
 
   setTrail(): void {}
+
+  /** Pixels that a metre takes. */
+  scale(view: View): number {
+    return this.canvas.clientHeight / view.distance;
+  }
 
   draw(picture: Picture, view: View): void {
     const box = this.canvas.parentElement;
     this.canvas.width = box?.clientWidth ?? 640;
     this.canvas.height = box?.clientHeight ?? 360;
     if (picture.measured && this.showGhost) this.body(picture, picture.measured, view, colour("ghost"));
-    this.body(picture, picture.simulated, view, colour("skin"));
+    this.body(picture, picture.simulated, view, colour("on-suit"));
   }
 
   private body(picture: Picture, pose: Pose, view: View, ink: string): void {

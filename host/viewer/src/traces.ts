@@ -22,7 +22,7 @@ export class Traces {
       unit: CHANNELS[k].unit,
       lines: [{ label: "flown", ink: "simulated", values: this.lines[n] }],
     }));
-    this.plots = new Plots(place, this.time, specs, () => {});
+    this.plots = new Plots({ place, time: this.time, seek: () => {} }, specs);
   }
 
   clear(): void {

@@ -15,7 +15,7 @@ export const CHANNELS = [
 ] as const;
 
 /**
- * A segment as it is drawn.
+ * A segment as it is drawn. Axes are those of the segment: left, dorsal, cranial.
  */
 export type Shape = {
 /**
@@ -23,9 +23,54 @@ export type Shape = {
  */
 name: string,
 /**
- * Half the extents along the segment's X, Y, Z (m).
+ * Half the extents of what the model's air sees of it (m), equipment included.
  */
-half_extents_m: [number, number, number], };
+half_extents_m: [number, number, number],
+/**
+ * From its joint to its centre of gravity (m).
+ */
+cg_m: [number, number, number],
+/**
+ * Half the extents of the person in it (m), without equipment.
+ */
+person_half_extents_m: [number, number, number],
+/**
+ * From its joint to the middle of the person in it (m).
+ */
+person_middle_m: [number, number, number],
+/**
+ * Its joint in the posture in which a skin is made (m), axes of the body.
+ */
+rest_joint_m: [number, number, number],
+/**
+ * `body_from_segment` in that posture.
+ */
+rest_attitude: [number, number, number, number], };
+
+/**
+ * What a person wears.
+ */
+export type Worn = {
+/**
+ * A helmet.
+ */
+helmet: boolean,
+/**
+ * Shoes.
+ */
+shoes: boolean,
+/**
+ * A parachute on the back.
+ */
+rig: boolean,
+/**
+ * A weight belt.
+ */
+weight_belt: boolean,
+/**
+ * Name of the suit.
+ */
+suit: string, };
 
 /**
  * What a column of the series is.
@@ -75,6 +120,10 @@ name: string,
  */
 shapes: Array<Shape>,
 /**
+ * What the skydiver wears.
+ */
+worn: Worn,
+/**
  * Root mean square of measured minus simulated, over all frames.
  */
 rms: Record<string, number>,
@@ -107,6 +156,10 @@ setup: Array<number>,
  * How segments are drawn.
  */
 shapes: Array<Shape>,
+/**
+ * What the skydiver wears.
+ */
+worn: Worn,
 /**
  * Names of the ways to begin.
  */

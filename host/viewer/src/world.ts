@@ -1,15 +1,15 @@
 // The sky with the body in it, by three.js.
 import {
-  AmbientLight,
   ArrowHelper,
   BufferAttribute,
   BufferGeometry,
-  Color,
   DirectionalLight,
   Group,
+  HemisphereLight,
   Line,
   LineBasicMaterial,
   Mesh,
+  MeshBasicMaterial,
   MeshLambertMaterial,
   PerspectiveCamera,
   Points,
@@ -21,11 +21,15 @@ import {
   WebGLRenderer,
 } from "three";
 import { colour } from "./dom";
-import type { Picture, Pose, Segments, Vector, View } from "./figure";
-import type { Shape } from "./types";
+import type { Picture, Segments, Vector, View } from "./figure";
+import { Ghost } from "./ghost";
+import { cloth, Person, Surface } from "./person";
+import { Place } from "./place";
+import type { Shape, Worn } from "./types";
 
 /** Newtons that are drawn as one metre. */
 export const NEWTONS_PER_METRE = 250;
+const FIELD_OF_VIEW = 40;
 const GRID = 3;
 const CELLS = 7;
 
@@ -41,25 +45,21 @@ function solid(half: Vector): BufferGeometry {
   return geometry;
 }
 
-class Body {
+/** The sixteen segments as the model's air sees them. */
+class SegmentCage {
   readonly root = new Group();
-  readonly meshes: Mesh[];
-  readonly material: MeshLambertMaterial;
+  private readonly meshes: Mesh[];
 
-  constructor(shapes: Shape[], ghost: boolean) {
-    this.material = new MeshLambertMaterial(ghost ? { transparent: true, opacity: 0.35, depthWrite: false } : {});
-    this.meshes = shapes.map((shape) => new Mesh(solid(shape.half_extents_m), this.material));
+  constructor(shapes: Shape[], material: MeshBasicMaterial) {
+    this.meshes = shapes.map((shape) => new Mesh(solid(shape.half_extents_m), material));
     this.root.add(...this.meshes);
   }
 
-  show(pose: Pose, segments: Segments): void {
-    const [w, x, y, z] = pose.attitude;
-    this.root.position.set(...pose.position);
-    this.root.quaternion.set(x, y, z, w);
+  show(segments: Segments): void {
     this.meshes.forEach((mesh, k) => {
-      const [sw, sx, sy, sz] = segments.attitude[k];
+      const [w, x, y, z] = segments.attitude[k];
       mesh.position.set(...segments.cg[k]);
-      mesh.quaternion.set(sx, sy, sz, sw);
+      mesh.quaternion.set(x, y, z, w);
     });
   }
 }
@@ -68,9 +68,13 @@ export class World {
   readonly canvas: HTMLCanvasElement;
   private readonly renderer: WebGLRenderer;
   private readonly scene = new Scene();
-  private readonly camera = new PerspectiveCamera(40, 1, 0.1, 400);
-  private readonly body: Body;
-  private readonly ghost: Body;
+  private readonly camera = new PerspectiveCamera(FIELD_OF_VIEW, 1, 0.1, 400);
+  private readonly surface: Surface;
+  private readonly body: Person;
+  private readonly ghost: Ghost;
+  private readonly cage: SegmentCage;
+  private readonly cageMaterial = new MeshBasicMaterial({ wireframe: true, transparent: true, depthTest: false });
+  private readonly place = new Place();
   private readonly dots: Points<BufferGeometry, PointsMaterial>;
   private readonly arrows: ArrowHelper[];
   private readonly wind = new ArrowHelper(new Vector3(1, 0, 0), new Vector3(), 1, 0x2b7f3e, 0.25, 0.15);
@@ -81,14 +85,21 @@ export class World {
   private readonly trail = new Line(new BufferGeometry(), new LineBasicMaterial());
   showForces = true;
   showGhost = true;
+  showSegments = false;
   together = true;
+  /** Height of the ground (m). */
+  ground = 0;
 
   /** Throws where there is no WebGL. */
-  constructor(shapes: Shape[]) {
-    this.renderer = new WebGLRenderer({ antialias: true, preserveDrawingBuffer: true });
+  constructor(shapes: Shape[], worn: Worn) {
+    this.renderer = new WebGLRenderer({ antialias: true, preserveDrawingBuffer: true, stencil: true });
     this.canvas = this.renderer.domElement;
-    this.body = new Body(shapes, false);
-    this.ghost = new Body(shapes, true);
+    this.surface = new Surface(shapes, worn);
+    this.body = new Person(this.surface, cloth(), true);
+    this.ghost = new Ghost(this.surface);
+    this.cage = new SegmentCage(shapes, this.cageMaterial);
+    this.cage.root.renderOrder = 3;
+    this.body.root.add(this.cage.root);
     const places = new Float32Array((2 * CELLS + 1) ** 3 * 3);
     let k = 0;
     for (let x = -CELLS; x <= CELLS; x++)
@@ -103,16 +114,17 @@ export class World {
     this.body.root.add(...this.arrows, this.cg);
     this.cg.renderOrder = 2;
     this.trail.frustumCulled = false;
-    const sun = new DirectionalLight(0xffffff, 2);
+    const sun = new DirectionalLight(0xffffff, 2.2);
     sun.position.set(3, 5, 8);
     this.scene.add(
+      this.place.root,
       this.body.root,
       this.ghost.root,
       this.dots,
       this.wind,
       this.trail,
       sun,
-      new AmbientLight(0xffffff, 1.4),
+      new HemisphereLight(0xdcebff, 0x8a7a66, 1.7),
     );
     this.camera.up.set(0, 0, 1);
     this.recolour();
@@ -120,9 +132,10 @@ export class World {
   }
 
   private recolour(): void {
-    this.scene.background = new Color(colour("sky"));
-    this.body.material.color.set(colour("skin"));
-    this.ghost.material.color.set(colour("ghost"));
+    this.place.recolour();
+    this.surface.recolour();
+    this.ghost.recolour();
+    this.cageMaterial.color.set(colour("text"));
     this.dots.material.color.set(colour("dot"));
     (this.trail.material as LineBasicMaterial).color.set(colour("simulated"));
   }
@@ -133,6 +146,11 @@ export class World {
     for (let k = 0; k < x.length; k++) places.set([x[k], y[k], z[k]], 3 * k);
     this.trail.geometry.dispose();
     this.trail.geometry = new BufferGeometry().setAttribute("position", new BufferAttribute(places, 3));
+  }
+
+  /** Pixels that a metre at the body takes. */
+  scale(view: View): number {
+    return this.canvas.clientHeight / (2 * Math.tan((FIELD_OF_VIEW * Math.PI) / 360) * view.distance);
   }
 
   draw(picture: Picture, view: View): void {
@@ -151,9 +169,15 @@ export class World {
   private render(picture: Picture, view: View): void {
     const { simulated, measured, segments } = picture;
     this.body.show(simulated, segments);
+    this.cage.root.visible = this.showSegments;
+    if (this.showSegments) this.cage.show(segments);
     this.ghost.root.visible = measured !== null && this.showGhost;
     if (measured) {
-      this.ghost.show(this.together ? { ...measured, position: simulated.position } : measured, segments);
+      this.ghost.show(
+        this.together ? { ...measured, position: simulated.position } : measured,
+        segments,
+        view.distance,
+      );
     }
     this.cg.position.set(...picture.cg);
     this.arrows.forEach((arrow, k) => {
@@ -179,6 +203,7 @@ export class World {
       z + Math.sin(view.elevation) * view.distance,
     );
     this.camera.lookAt(x, y, z);
+    this.place.show(this.camera.position, this.ground);
     this.renderer.render(this.scene, this.camera);
   }
 }

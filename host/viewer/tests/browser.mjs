@@ -11,6 +11,8 @@ export const BODYFLIGHT = need("BODYFLIGHT");
 export const NATIVE = need("BODYFLIGHT_NATIVE");
 export const OUTPUT = need("BODYFLIGHT_OUTPUT");
 mkdirSync(OUTPUT, { recursive: true });
+/** Longest wait (ms). */
+const PATIENCE = 180_000;
 
 /** A folder that lasts as long as the tests. */
 export function scratch(name) {
@@ -30,6 +32,8 @@ export function browser({ webgl = true } = {}) {
 /** A page that fails the test on errors, and on anything fetched from elsewhere. */
 export async function open(from, url, options = {}) {
   const page = await from.newPage({ viewport: { width: 1280, height: 720 }, acceptDownloads: true, ...options });
+  // Graphics in software on a machine that has other work.
+  page.setDefaultTimeout(PATIENCE);
   const wrong = [];
   page.on("pageerror", (error) => wrong.push(error.message));
   page.on("console", (message) => {
@@ -72,7 +76,7 @@ export function begin(...words) {
   return { child, end, line };
 }
 
-export const shot = (page, name) => page.screenshot({ path: join(OUTPUT, `${name}.png`) });
+export const shot = (page, name) => page.screenshot({ path: join(OUTPUT, `${name}.png`), timeout: PATIENCE });
 
 /** How many colours a canvas shows: one where nothing was drawn. */
 export function colours(page, selector) {

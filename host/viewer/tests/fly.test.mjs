@@ -70,7 +70,8 @@ test("the core in the page has the bits of the native one", async () => {
     "begin 5",
     "step 4800",
     "see",
-    "begin 3",
+    "begin 2",
+    "hold 1",
     "command 2 1",
     "step 2400",
     "see",
@@ -143,6 +144,57 @@ test("a recorded flight is saved as a flight that every verb reads", async () =>
     `saved ${report.frames} frames; flown again: yaw rate apart by ${report.rms.yaw_rate_radps.toExponential(1)} rad/s RMS`,
   );
   assert.ok(report.rms.yaw_rate_radps < 0.01, JSON.stringify(report.rms));
+  assert.deepEqual(wrong, []);
+  await page.close();
+});
+
+test("the space bar pauses, and saves nothing", async () => {
+  const { page, wrong } = await open(chromium, url);
+  await ready(page);
+  await page.click('button:text-is("record")');
+  await page.waitForTimeout(200);
+  await page.keyboard.press("Space");
+  await page.waitForTimeout(200);
+  assert.equal(await page.locator('button:text-is("save")').count(), 1);
+  assert.equal(await page.textContent("#message"), "");
+  const height = () => page.textContent("#legend");
+  const held = await height();
+  await page.waitForTimeout(200);
+  assert.equal(await height(), held);
+  assert.deepEqual(wrong, []);
+  await page.close();
+});
+
+test("the autopilot holds a sit and head-down, which fall over without it", async () => {
+  const { page, wrong } = await open(chromium, url);
+  await ready(page);
+  for (const name of ["sit", "head-down"]) {
+    await page.selectOption("#start", { label: name });
+    const tilts = await page.evaluate((name) => {
+      const { core, flight } = window.bodyflight;
+      const most = (held) => {
+        core.exports.begin(flight.starts.indexOf(name));
+        core.exports.hold(held);
+        let tilt = 0;
+        for (let k = 0; k < 300; k++) {
+          core.exports.step(24);
+          tilt = Math.max(tilt, core.exports.tilt());
+        }
+        return (tilt * 180) / Math.PI;
+      };
+      return { held: most(1), free: most(0) };
+    }, name);
+    console.log(`${name}, 30 s: off by at most ${tilts.held.toFixed(1)} degrees held, ${tilts.free.toFixed(0)} not`);
+    assert.ok(tilts.held < 10 && tilts.free > 60, JSON.stringify(tilts));
+  }
+  await page.selectOption("#start", { label: "head-down" });
+  assert.equal(await page.getAttribute("#autopilot", "aria-pressed"), "true");
+  await page.waitForTimeout(3000);
+  assert.match(await page.textContent("#holding"), /^autopilot holds the pose/);
+  await page.keyboard.press("h");
+  await page.waitForFunction(() => /autopilot off/.test(document.querySelector("#holding").textContent));
+  await page.selectOption("#start", { label: "neutral" });
+  assert.equal(await page.isDisabled("#autopilot"), true);
   assert.deepEqual(wrong, []);
   await page.close();
 });

@@ -37,7 +37,154 @@ test("a flight opens offline, in one small file, soon, and shows something", asy
     () => document.documentElement.scrollWidth > innerWidth || document.documentElement.scrollHeight > innerHeight,
   );
   assert.ok(!overflow, "the page does not fit 1280 x 720");
+  const [aside, last] = await Promise.all(
+    ["aside", ".plot:last-child"].map((part) => page.locator(part).boundingBox()),
+  );
+  assert.ok(last.y + last.height <= aside.y + aside.height + 1, "nine plots fit without scrolling");
   await shot(page, "replay");
+  assert.deepEqual(wrong, []);
+  await page.close();
+});
+
+/** Where the marks of the time shown stand in the plots (px), and how wide these are. */
+const marks = (page) =>
+  page.$$eval(".now", (all) =>
+    all.map((mark) => ({
+      shown: mark.style.display !== "none",
+      left: Number.parseFloat(mark.style.left),
+      width: mark.parentElement.clientWidth,
+    })),
+  );
+
+test("the mark of the time stands in every plot from the first moment on", async () => {
+  for (const [hash, moment] of [
+    ["", 0],
+    ["#t=12", 12],
+  ]) {
+    const { page, wrong } = await open(chromium, url + hash);
+    await ready(page);
+    const seen = await marks(page);
+    assert.equal(seen.length, 9);
+    for (const { shown, left, width } of seen) {
+      assert.ok(shown, `${hash}: a mark is hidden`);
+      assert.ok(Math.abs(left - (moment / 30) * width) < 3, `${hash}: ${left} of ${width}`);
+    }
+    assert.deepEqual(wrong, []);
+    await page.close();
+  }
+});
+
+test("the space bar plays, whatever was clicked before", async () => {
+  const { page, wrong } = await open(chromium, url);
+  await ready(page);
+  const forces = page.locator('.tools button:text-is("forces")');
+  await forces.click();
+  assert.equal(await forces.getAttribute("aria-pressed"), "false");
+  await page.keyboard.press("Space");
+  await page.waitForFunction(() => Number.parseFloat(document.querySelector("#time").textContent) > 0.1);
+  await page.keyboard.press("Space");
+  assert.equal(await forces.getAttribute("aria-pressed"), "false");
+  const held = await time(page);
+  await page.waitForTimeout(300);
+  assert.equal(await time(page), held);
+  assert.deepEqual(wrong, []);
+  await page.close();
+});
+
+test("plots are in degrees or radians, headings turn on, and channels are chosen and moved", async () => {
+  const { page, wrong } = await open(chromium, `${url}#t=29`);
+  await ready(page);
+  const title = () => page.textContent("[data-plot=heading_rad] .title b");
+  const values = async () =>
+    (await page.$$eval("[data-plot=heading_rad] .value", (all) => all.map((value) => value.textContent))).map((text) =>
+      Number(text.replace("−", "-")),
+    );
+  assert.equal(await title(), "heading (°)");
+  const degrees = await values();
+  assert.equal(degrees.length, 3);
+  assert.ok(Math.abs(degrees[0] - degrees[1] - degrees[2]) < 0.21, `${degrees}`);
+  await page.click("#degrees");
+  assert.equal(await title(), "heading (rad)");
+  const radians = await values();
+  assert.ok(Math.abs(radians[0] - (degrees[0] * Math.PI) / 180) < 0.01, `${radians} rad, ${degrees} degrees`);
+  // Under the pointer, not at the time shown.
+  const box = await page.locator("[data-plot=heading_rad] .u-over").boundingBox();
+  await page.mouse.move(box.x + 3, box.y + 10);
+  await page.waitForFunction(
+    (before) => document.querySelector("[data-plot=heading_rad] .value").textContent !== before,
+    radians[0].toFixed(3).replace("-", "−"),
+  );
+  await page.click(".choose summary");
+  await page.click("[data-key=roll_rad] input");
+  assert.equal(await page.locator(".plot").count(), 8);
+  const order = () => page.$$eval(".plot", (all) => all.map((plot) => plot.dataset.plot));
+  const before = await order();
+  await page.click(`[data-key=${before[1]}] button:text-is("↑")`);
+  assert.deepEqual((await order()).slice(0, 2), [before[1], before[0]]);
+  assert.deepEqual(wrong, []);
+  await page.close();
+});
+
+test("a heading that turns through all directions is drawn without a jump", async () => {
+  const { page, wrong } = await open(chromium, url);
+  await ready(page);
+  const [download] = await Promise.all([page.waitForEvent("download"), page.click('header button:text-is("SVG")')]);
+  const svg = readFileSync(await download.path()).toString();
+  const panel = svg.slice(svg.indexOf("heading (°)"), svg.indexOf("yaw rate (°/s)"));
+  const points = /points="([^"]+)"/
+    .exec(panel)[1]
+    .split(" ")
+    .map((point) => Number(point.split(",")[1]));
+  const jumps = points.slice(1).map((y, k) => Math.abs(y - points[k]));
+  const height = Math.max(...points) - Math.min(...points);
+  assert.ok(Math.max(...jumps) < 0.3 * height, `${Math.max(...jumps)} of ${height}`);
+  // Ticks of an axis tell one number from the next.
+  for (const anchor of ["end", "start"])
+    for (const part of svg.split("<rect x=").slice(1)) {
+      const labels = [...part.matchAll(new RegExp(`text-anchor="${anchor}">([^<]+)<`, "g"))].map((found) => found[1]);
+      const ticks = labels.filter((label) => !label.includes("time"));
+      assert.equal(new Set(ticks).size, ticks.length, `${ticks}`);
+      if (anchor === "end") assert.ok(ticks.length >= 2, part.slice(0, 300));
+    }
+  assert.deepEqual(wrong, []);
+  await page.close();
+});
+
+test("a question mark lists the keys, and the camera in use is marked", async () => {
+  const { page, wrong } = await open(chromium, url);
+  await ready(page);
+  await page.keyboard.press("?");
+  assert.match(await page.textContent("#help[open]"), /play and pause.*camera trailing/s);
+  await page.keyboard.press("Escape");
+  await page.keyboard.press("x");
+  const pressed = await page.$$eval('.tools button[aria-pressed="true"]', (all) => all.map((tool) => tool.textContent));
+  assert.ok(pressed.includes("from the north") && !pressed.includes("free"), `${pressed}`);
+  const plain = await colours(page, "main > canvas");
+  const before = await page.locator("main > canvas").screenshot();
+  await page.keyboard.press("b");
+  assert.ok(
+    plain > 100 && !before.equals(await page.locator("main > canvas").screenshot()),
+    "segments lie over the body",
+  );
+  assert.deepEqual(wrong, []);
+  await page.close();
+});
+
+test("instruments say what the channels say", async () => {
+  const { page, wrong } = await open(chromium, `${url}#t=5`);
+  await ready(page);
+  const [download] = await Promise.all([page.waitForEvent("download"), page.click('header button:text-is("CSV")')]);
+  const [names, ...rows] = readFileSync(await download.path())
+    .toString()
+    .trim()
+    .split("\n")
+    .map((line) => line.split(","));
+  const row = rows.findLast((numbers) => Number(numbers[0]) <= 5);
+  const fall = -Number(row[names.indexOf("simulated_vertical_velocity_mps")]);
+  const text = await page.textContent("#legend");
+  const [, shown, unit] = /fall rate ([\d.−]+) .*? (\S+)over ground/.exec(text);
+  assert.equal(unit, "m/s");
+  assert.ok(Math.abs(Number(shown) - fall) < 0.06, `${text}: ${fall}`);
   assert.deepEqual(wrong, []);
   await page.close();
 });
@@ -155,11 +302,37 @@ test("two runs are shown over one another, with what discovery found", async () 
     /named.*wind.*north_mps4\.01 ± 0\.020.*exit-speed here; fly: a long fall.*0\.500.*Held-out flight 1: 100 % of the gap closed/s,
   );
   assert.ok((await colours(page, ".map")) > 2);
+  // What is left before, and what is left after.
+  assert.match(await page.textContent("#plot-legend"), /residual \(right\).*residual, .*\(right\)/s);
+  for (const ink of ["residual", "left"])
+    assert.ok((await inked(page, "[data-plot=horizontal_velocity_mps] canvas", ink)) > 30, ink);
   await page.click(".map", { position: { x: 200, y: 50 } });
   assert.ok((await time(page)) > 0.5);
   await shot(page, "discrepancy");
   assert.deepEqual(wrong, []);
   await page.close();
+});
+
+test("reports without an effect, a gap or a map show no word of code", async () => {
+  const out = join(folder, "bare.html");
+  const report = join(folder, "bare.json");
+  const effect = { name: "wind", parameters: { north_mps: null }, rivals: [{ name: "muscle" }], confidence: null };
+  const nothing = { before: Array(9).fill(null), after: [], floor: Array(9).fill(0.1), closed_share: null };
+  for (const bare of [
+    { verdict: "none", effects: [], held_out: [] },
+    { verdict: "thin" },
+    { verdict: "unexplained", nearest: [effect], gap: nothing, held_out: [{ gap: nothing }], fly_next: null },
+  ]) {
+    writeFileSync(report, JSON.stringify(bare));
+    await run("view", join(folder, "flight.toml"), "--discovery", report, "--out", out, "--force");
+    const { page, wrong } = await open(chromium, `file://${out}`);
+    await ready(page);
+    const text = await page.textContent("body #app");
+    assert.doesNotMatch(text, /undefined|NaN|null|\[object/);
+    assert.match(text, new RegExp(bare.verdict));
+    assert.deepEqual(wrong, []);
+    await page.close();
+  }
 });
 
 test("damaged pages say what is wrong", async () => {
@@ -226,9 +399,9 @@ test("light and dark are readable, and keys reach everything", async () => {
     });
     for (const [ink, [ratio, least]] of Object.entries(contrasts))
       assert.ok(ratio >= least, `${colorScheme} ${ink}: ${ratio}`);
-    const controls = await page.locator("button, select, input").count();
+    const controls = await page.locator("button:visible, select:visible, input:visible").count();
     const reached = new Set();
-    for (let k = 0; k < controls + 3; k++) {
+    for (let k = 0; k < controls + 6; k++) {
       await page.keyboard.press("Tab");
       reached.add(
         await page.evaluate(() => {

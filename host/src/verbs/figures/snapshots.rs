@@ -7,8 +7,8 @@ use std::fmt::Write as _;
 
 use nalgebra::{Matrix2, Matrix3, Quaternion, UnitQuaternion, Vector3};
 
-use crate::verbs::view::run::Shape;
 use crate::verbs::view::series::Series;
+use crate::verbs::view::shape::Shape;
 
 /// Side of the square of one body (px), and its width (m).
 const SQUARE: f64 = 190.0;
@@ -145,6 +145,11 @@ mod tests {
         let shapes = vec![Shape {
             name: "rod",
             half_extents_m: [0.1, 0.2, 0.5],
+            cg_m: [0.0; 3],
+            person_half_extents_m: [0.1, 0.2, 0.5],
+            person_middle_m: [0.0; 3],
+            rest_joint_m: [0.0; 3],
+            rest_attitude: [1.0, 0.0, 0.0, 0.0],
         }];
         let mut series = Series::new(&[
             ("time_s", 1, 1e-4),

@@ -7,8 +7,7 @@ use bodyflight_core::estimator::inputs_of;
 use bodyflight_viewer::frame::frame;
 use tungstenite::Message;
 
-use super::page::{FlyData, Mode, PageData, Provenance, html, setup};
-use super::run::shapes;
+use super::page::{FlyData, Mode, PageData, Provenance, html};
 use super::server::Server;
 use crate::diagnostic::{Problem, Result};
 use crate::formats::flight::{DEFAULT_DENSITY, Flight};
@@ -33,7 +32,7 @@ impl LiveView {
     /// Returns an error if the program was built without the page, or no port is free.
     pub fn start(flight: &Flight, title: String, provenance: Provenance) -> Result<Self> {
         let subject = &flight.subject;
-        let data = FlyData::new(&setup(subject, DEFAULT_DENSITY), shapes(subject));
+        let data = FlyData::new(subject, DEFAULT_DENSITY);
         let page = html(&PageData::of(Mode::Live, title, provenance, data))?;
         let deaf = |_| String::from("this page only listens");
         Ok(Self {

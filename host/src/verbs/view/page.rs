@@ -11,7 +11,8 @@ use serde::Serialize;
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 
-use super::run::{Run, Shape};
+use super::run::Run;
+use super::shape::{Shape, Worn, shapes};
 use crate::diagnostic::{Problem, Result};
 use crate::formats::input;
 use crate::formats::subject::Subject;
@@ -115,6 +116,8 @@ pub struct FlyData {
     pub setup: Vec<f32>,
     /// How segments are drawn.
     pub shapes: Vec<Shape>,
+    /// What the skydiver wears.
+    pub worn: Worn,
     /// Names of the ways to begin.
     pub starts: Vec<&'static str>,
     /// Names of the controls.
@@ -164,11 +167,12 @@ pub fn setup(subject: &Subject, density: f64) -> Setup {
 }
 
 impl FlyData {
-    /// For a model and the body that is drawn.
-    pub fn new(setup: &Setup, shapes: Vec<Shape>) -> Self {
+    /// For a subject in air of a density (kg/m3).
+    pub fn new(subject: &Subject, density: f64) -> Self {
         Self {
-            setup: setup.numbers().to_vec(),
-            shapes,
+            setup: setup(subject, density).numbers().to_vec(),
+            shapes: shapes(subject),
+            worn: Worn::of(subject),
             starts: STARTS.iter().map(|start| start.name).collect(),
             controls: CONTROLS.iter().map(|control| control.name).collect(),
             layout: frame::LAYOUT.to_vec(),

@@ -1,16 +1,15 @@
 //! A recording flown by the model, with all that there is to see of both.
 
-use bodyflight_core::Segment;
 use bodyflight_core::body::SEGMENT_COUNT;
 use bodyflight_core::dynamics::Dynamics;
-use bodyflight_viewer::frame::{SEGMENT_NUMBERS, frame, half_extents, place};
+use bodyflight_viewer::frame::{SEGMENT_NUMBERS, frame, place};
 use serde::Serialize;
 
 use super::series::{Packed, Series};
+use super::shape::{Shape, Worn, shapes};
 use crate::diagnostic::Result;
 use crate::formats::flight::Flight;
 use crate::formats::recording::Options;
-use crate::formats::subject::Subject;
 use crate::interrupt;
 use crate::replay::comparison::{Channel, Comparison, PerChannel};
 use crate::replay::steps::{Replay, Step};
@@ -37,26 +36,6 @@ const COLUMNS: [(&str, usize, f64); 12] = [
     ("segment_force_n", 3 * SEGMENT_COUNT, 0.5),
 ];
 
-/// A segment as it is drawn.
-#[derive(Debug, Clone, Serialize)]
-#[cfg_attr(test, derive(ts_rs::TS))]
-pub struct Shape {
-    /// Name.
-    pub name: &'static str,
-    /// Half the extents along the segment's X, Y, Z (m).
-    pub half_extents_m: [f64; 3],
-}
-
-/// Shapes of all segments of a subject.
-pub fn shapes(subject: &Subject) -> Vec<Shape> {
-    let body = subject.body();
-    let shape = |segment: Segment| Shape {
-        name: segment.name(),
-        half_extents_m: half_extents(&body.segments[segment].area).into(),
-    };
-    Segment::ALL.map(shape).to_vec()
-}
-
 /// A run as the page shows it.
 #[derive(Debug, Clone, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
@@ -65,6 +44,8 @@ pub struct Run {
     pub name: String,
     /// How segments are drawn.
     pub shapes: Vec<Shape>,
+    /// What the skydiver wears.
+    pub worn: Worn,
     /// Root mean square of measured minus simulated, over all frames.
     #[cfg_attr(test, ts(type = "Record<string, number>"))]
     pub rms: PerChannel,
@@ -98,6 +79,7 @@ pub fn fly(
     Ok(Run {
         name: name.to_owned(),
         shapes: shapes(&flight.subject),
+        worn: Worn::of(&flight.subject),
         rms: comparison.rms(),
         amplitude: comparison.amplitude(),
         frames: comparison.count(),

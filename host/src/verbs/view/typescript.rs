@@ -6,8 +6,9 @@ use std::path::PathBuf;
 use ts_rs::{Config, TS};
 
 use super::page::{FlyData, Input, Mode, PageData, Provenance, SCHEMA};
-use super::run::{Run, Shape};
+use super::run::Run;
 use super::series::{Column, Packed};
+use super::shape::{Shape, Worn};
 use crate::replay::comparison::Channel;
 use crate::unit::stream::report::{Live, LiveEstimate};
 
@@ -39,6 +40,7 @@ fn types() -> String {
     }
     text += "] as const;\n";
     declare::<Shape>(&mut text, &config);
+    declare::<Worn>(&mut text, &config);
     declare::<Column>(&mut text, &config);
     declare::<Packed>(&mut text, &config);
     declare::<Run>(&mut text, &config);

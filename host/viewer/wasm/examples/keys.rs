@@ -29,6 +29,7 @@ fn main() {
         match words[0] {
             "begin" => cockpit = Cockpit::new(&setup, index(1)),
             "command" => cockpit.command(index(1), number(2)),
+            "hold" => cockpit.hold(index(1) != 0),
             "joint" => cockpit.joint(index(1), index(2), number(3)),
             "muscle" => cockpit.muscle([number(1), number(2), number(3)].into()),
             "damping" => cockpit.damping([number(1), number(2), number(3)].into()),

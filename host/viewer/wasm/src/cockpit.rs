@@ -9,6 +9,9 @@ use bodyflight_core::dynamics::{Dynamics, Inputs, Motion};
 use bodyflight_core::frame::{Vector, facing_north};
 use bodyflight_core::{AxisCoefficients, Posture, Segment};
 
+use crate::autopilot::{
+    Answer, Answers, Autopilot, BEND, LEGS_ASIDE, SCISSORS, THIGHS, moved, tilt,
+};
 use crate::frame::{Frame, frame};
 use crate::setup::Setup;
 
@@ -64,7 +67,53 @@ pub struct Start {
     pub pitch_damping: f32,
     /// Control that is held from the start, and by how much.
     pub held: Option<(usize, f32)>,
+    /// How an autopilot holds it; poses that the air holds need none.
+    pub answers: Option<&'static Answers>,
 }
+
+/// Gains that were found by trying, for the default subject and free-fly aerodynamics.
+const SIT_ANSWERS: &Answers = &Answers {
+    pitch: Answer {
+        pattern: BEND,
+        tilt: 2.0,
+        rate: 0.06,
+        growth: 3.0,
+    },
+    aside: Answer {
+        pattern: pattern::SIDE_BEND,
+        tilt: -1.0,
+        rate: -0.1,
+        growth: 0.0,
+    },
+    turn: Answer {
+        pattern: SCISSORS,
+        tilt: 0.0,
+        rate: 1.0,
+        growth: 0.0,
+    },
+};
+
+/// As [`SIT_ANSWERS`], for head-down.
+const HEAD_DOWN_ANSWERS: &Answers = &Answers {
+    pitch: Answer {
+        pattern: THIGHS,
+        tilt: -1.5,
+        rate: -0.045,
+        growth: -2.25,
+    },
+    aside: Answer {
+        pattern: LEGS_ASIDE,
+        tilt: -1.0,
+        rate: -0.1,
+        growth: 0.0,
+    },
+    turn: Answer {
+        pattern: pattern::TURN,
+        tilt: 0.0,
+        rate: -1.0,
+        growth: 0.0,
+    },
+};
 
 const BELLY: Start = Start {
     name: "neutral",
@@ -73,6 +122,7 @@ const BELLY: Start = Start {
     speed: 50.0,
     pitch_damping: 1.0,
     held: None,
+    answers: None,
 };
 
 /// All of them; the last is the novice of the paper, "Pitch and Roll oscillations": arms down and little damping.
@@ -83,6 +133,7 @@ pub const STARTS: [Start; 6] = [
         posture: pattern::SIT,
         pitch: 0.0,
         speed: 60.0,
+        answers: Some(SIT_ANSWERS),
         ..BELLY
     },
     Start {
@@ -90,6 +141,7 @@ pub const STARTS: [Start; 6] = [
         posture: pattern::HEAD_DOWN,
         pitch: core::f32::consts::PI,
         speed: 65.0,
+        answers: Some(HEAD_DOWN_ANSWERS),
         ..BELLY
     },
     Start {
@@ -122,6 +174,8 @@ const START_HEIGHT: f32 = 4000.0;
 #[derive(Debug, Clone)]
 pub struct Cockpit {
     setup: Setup,
+    start: Start,
+    autopilot: Option<Autopilot>,
     run: FreeRun<f32>,
     base: Posture<f32>,
     inputs: Inputs<f32>,
@@ -156,6 +210,8 @@ impl Cockpit {
         let rate = PostureRate::zero();
         Self {
             setup: *setup,
+            start: *start,
+            autopilot: None,
             run: FreeRun::new(&setup.dynamics, Equations::Exact, &motion, &base, &rate),
             base,
             inputs,
@@ -171,6 +227,23 @@ impl Cockpit {
     /// The model.
     pub const fn dynamics(&self) -> &Dynamics<f32> {
         &self.setup.dynamics
+    }
+
+    /// Whether there is an autopilot for the pose of the start.
+    pub const fn can_hold(&self) -> bool {
+        self.start.answers.is_some()
+    }
+
+    /// Switches the autopilot on or off, where there is one: it holds the attitude of the start.
+    pub fn hold(&mut self, on: bool) {
+        let attitude = facing_north(self.start.pitch);
+        let answers = self.start.answers.filter(|_| on);
+        self.autopilot = answers.map(|answers| Autopilot::new(answers, &attitude));
+    }
+
+    /// How far the body is from upright as at the start, whatever its heading (rad).
+    pub fn tilt(&self) -> f32 {
+        tilt(&facing_north(self.start.pitch), &self.motion())
     }
 
     /// Wants a control at a share of its range, -1 to 1; anything else changes nothing.
@@ -217,10 +290,17 @@ impl Cockpit {
             *amount += (wanted - *amount).clamp(-reach, reach);
             let angle = *amount * control.limit;
             posture = if control.mirrored {
-                pattern::moved(&posture.mirrored(), control.pattern, angle).mirrored()
+                moved(&posture.mirrored(), control.pattern, angle).mirrored()
             } else {
-                pattern::moved(&posture, control.pattern, angle)
+                moved(&posture, control.pattern, angle)
             };
+        }
+        if self.autopilot.is_some() {
+            let motion = self.motion();
+            if let Some(autopilot) = &mut self.autopilot {
+                autopilot.feel(&motion, duration);
+                posture = autopilot.moved(&posture);
+            }
         }
         for (segment, [psi, theta, phi]) in Segment::ALL.iter().zip(self.joints) {
             let turned = joint_rotation(psi, theta, phi) * posture.parent_from_segment(*segment);
@@ -240,6 +320,8 @@ impl Cockpit {
     }
 
     /// The motion, if it is one: a flight may tumble out of all numbers.
+    // Once in the page's code.
+    #[inline(never)]
     pub fn motion(&self) -> Motion<f32> {
         #[expect(clippy::cast_possible_truncation, reason = "a constant")]
         let rate = PostureRate::between(&self.before, &self.posture, TIME_STEP as f32);
@@ -261,7 +343,9 @@ impl Cockpit {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
+    use bodyflight_core::aerodynamics::load_model::LoadModel;
     use bodyflight_core::body::anthropometry::{Person, Sex};
+    use bodyflight_core::body::gear::Gear;
     use bodyflight_core::observation::Observation;
 
     pub(crate) fn setup() -> Setup {
@@ -335,6 +419,33 @@ pub(crate) mod tests {
         }
         let bits = |cockpit: &Cockpit| cockpit.frame().map(f32::to_bits);
         assert_eq!(bits(&cockpit), bits(&other));
+    }
+
+    /// For subjects of several sizes too, pushed over at the start by what a flight begins with.
+    #[test]
+    fn the_autopilot_holds_what_falls_over_without_it() {
+        let worst = |start: usize, height: f64, hold: bool| {
+            let mut setup = setup();
+            let person = Person::new(height, 25.0 * height * height, Sex::Male);
+            let body = Gear::default().fit(&person.body().unwrap()).unwrap();
+            setup.dynamics.body = body.cast();
+            setup.dynamics.aerodynamics.model = LoadModel::FreeFly;
+            let mut cockpit = Cockpit::new(&setup, start);
+            cockpit.hold(hold);
+            (0..240 * 40).fold(0.0f32, |worst, _| {
+                cockpit.step();
+                worst.max(cockpit.tilt())
+            })
+        };
+        for start in [1, 2] {
+            assert!(worst(start, 1.75, false) > 1.0);
+            for height in [1.6, 1.75, 1.9] {
+                let tilt = worst(start, height, true);
+                println!("{}, {height} m: {tilt:.3} rad", STARTS[start].name);
+                assert!(tilt < 0.3, "{} {height}: {tilt}", STARTS[start].name);
+            }
+        }
+        assert!(!cockpit().can_hold());
     }
 
     /// Paper, "Pitch and Roll oscillations experienced by novices".

@@ -4,6 +4,7 @@
 //! Everything is safe and tested natively but `page`, the functions that the page calls.
 #![cfg_attr(target_arch = "wasm32", no_std)]
 
+pub mod autopilot;
 pub mod cockpit;
 pub mod frame;
 #[cfg(target_arch = "wasm32")]

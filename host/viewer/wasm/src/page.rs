@@ -73,6 +73,28 @@ pub(crate) extern "C" fn command(control: usize, share: f32) {
     with(|cockpit| cockpit.command(control, share));
 }
 
+/// See [`Cockpit::can_hold`].
+#[unsafe(no_mangle)]
+pub(crate) extern "C" fn can_hold() -> u32 {
+    let mut can = false;
+    with(|cockpit| can = cockpit.can_hold());
+    u32::from(can)
+}
+
+/// See [`Cockpit::hold`].
+#[unsafe(no_mangle)]
+pub(crate) extern "C" fn hold(on: u32) {
+    with(|cockpit| cockpit.hold(on != 0));
+}
+
+/// See [`Cockpit::tilt`].
+#[unsafe(no_mangle)]
+pub(crate) extern "C" fn tilt() -> f32 {
+    let mut tilt = 0.0;
+    with(|cockpit| tilt = cockpit.tilt());
+    tilt
+}
+
 /// See [`Cockpit::joint`].
 #[unsafe(no_mangle)]
 pub(crate) extern "C" fn joint(segment: usize, axis: usize, angle: f32) {

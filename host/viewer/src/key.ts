@@ -1,0 +1,70 @@
+// What colours and arrows mean, how long a force is, and which way the axes go.
+import { colour, element } from "./dom";
+import type { View } from "./figure";
+
+/** The force of the bar (N). */
+const FORCE = 100;
+const ENTRIES: [string, string, boolean][] = [
+  ["on-suit", "simulated", false],
+  ["ghost", "measured (outline)", true],
+  ["bad", "force of the air", false],
+  ["second", "wind", false],
+  ["simulated", "way flown", false],
+];
+
+/** The key of the picture. */
+export class Key {
+  readonly place = element("div", { class: "over key-box", id: "key" });
+  private readonly bar = element("span", { class: "bar" });
+  private readonly axes = element("canvas", {
+    width: "120",
+    height: "120",
+    role: "img",
+    "aria-label": "north, west, up",
+  });
+
+  constructor(
+    private readonly newtonsPerMetre: number,
+    measured: boolean,
+  ) {
+    const rows = ENTRIES.filter(([, , isMeasured]) => measured || !isMeasured).map(([ink, words]) =>
+      element("div", {}, element("i", { style: `background:var(--${ink})` }), words),
+    );
+    const scale = element("div", {}, this.bar, ` ${FORCE} N, ${FORCE / newtonsPerMetre} m`);
+    this.place.append(this.axes, element("div", {}, ...rows, scale));
+  }
+
+  /** Of a view in which a metre takes so many pixels. */
+  show(view: View, pixels: number): void {
+    this.bar.style.width = `${Math.min(160, (pixels * FORCE) / this.newtonsPerMetre).toFixed(0)}px`;
+    this.triad(view);
+  }
+
+  private triad({ azimuth, elevation }: View): void {
+    const context = this.axes.getContext("2d");
+    if (!context) return;
+    const [ca, sa] = [Math.cos(azimuth), Math.sin(azimuth)];
+    const [ce, se] = [Math.cos(elevation), Math.sin(elevation)];
+    const axes: [string, number, number, number, string][] = [
+      ["N", 1, 0, 0, "bad"],
+      ["W", 0, 1, 0, "second"],
+      ["up", 0, 0, 1, "accent"],
+    ];
+    context.clearRect(0, 0, 120, 120);
+    context.font = "bold 20px system-ui";
+    context.textAlign = "center";
+    context.textBaseline = "middle";
+    context.lineWidth = 4;
+    for (const [name, x, y, z, ink] of axes) {
+      const right = ca * y - sa * x;
+      const up = ce * z - se * (ca * x + sa * y);
+      context.strokeStyle = colour(ink);
+      context.fillStyle = colour(ink);
+      context.beginPath();
+      context.moveTo(60, 62);
+      context.lineTo(60 + 38 * right, 62 - 38 * up);
+      context.stroke();
+      context.fillText(name, 60 + 50 * right, 62 - 50 * up);
+    }
+  }
+}
