@@ -37,6 +37,7 @@ export class Traces {
     push(this.time, time);
     for (const [n, k] of SHOWN.entries()) push(this.lines[n], channels[k]);
     this.plots.update();
+    this.plots.mark(time);
   }
 }
 
