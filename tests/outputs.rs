@@ -78,6 +78,30 @@ fn content(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
 }
 
 #[test]
+fn a_figure_has_the_format_of_its_name() {
+    let place = Place::new();
+    let flight = place.at("flight.toml");
+    for (name, begin) in [
+        ("run.svg", &b"<svg"[..]),
+        ("run.pdf", b"%PDF-"),
+        ("run.png", b"\x89PNG"),
+    ] {
+        let file = place.at(name);
+        done(&["simulate", &flight, "--plot", &file, "--plot-title", ""]);
+        let bytes = std::fs::read(&file).expect("the figure");
+        assert!(bytes.starts_with(begin), "{name}");
+        assert!(bytes.len() > 10_000, "{name}: {} bytes", bytes.len());
+    }
+    let jpeg = place.at("run.jpg");
+    let message = fails(&["simulate", &flight, "--plot", &jpeg], 2);
+    assert!(message.contains("ends in .svg, .pdf or .png"), "{message}");
+    assert!(!place.path("run.jpg").exists());
+    let out = place.at("figures");
+    done(&["figures", &flight, "--format", "pdf,png", "--out", &out]);
+    assert_eq!(std::fs::read_dir(&out).expect("a folder").count(), 8);
+}
+
+#[test]
 fn no_output_takes_the_place_of_anything_that_is_read() {
     let place = Place::new();
     let flight = place.at("flight-0/flight.toml");

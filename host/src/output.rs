@@ -1,6 +1,7 @@
 //! Output files, whole or absent, and plots.
 
 pub mod destination;
+pub mod figure;
 pub mod files;
 pub mod limbs;
 pub mod plot;

@@ -6,7 +6,6 @@ use bodyflight::diagnostic::{Problem, Result};
 use bodyflight::formats::flight::Flight;
 use bodyflight::formats::model_file::Effects;
 use bodyflight::formats::preset_file::{AUTO, Tuning};
-use bodyflight::output::files::write_file;
 use bodyflight::verbs::estimate::motion::Method;
 use bodyflight::verbs::estimate::request::Request;
 use bodyflight::verbs::estimate::{Estimation, Filter};
@@ -15,7 +14,7 @@ use bodyflight_core::estimator::motion::measurement::NAMES;
 use bodyflight_core::estimator::preset::{PRESETS, Preset};
 use serde::Serialize;
 
-use super::outputs::Outputs;
+use super::outputs::{Outputs, Plot};
 use super::simulate::{Precision, Reading};
 use super::terminal;
 
@@ -60,9 +59,8 @@ pub(super) struct Args {
     /// Write coefficients, deviations and consistency over time as CSV; flight.toml takes it as `inputs`.
     #[arg(long, value_name = "CSV")]
     out: Option<PathBuf>,
-    /// Write coefficients and channels as SVG.
-    #[arg(long, value_name = "SVG")]
-    plot: Option<PathBuf>,
+    #[command(flatten)]
+    plot: Plot,
     /// Effects to extend the model by: a model.toml.
     #[arg(long, value_name = "TOML")]
     model: Option<PathBuf>,
@@ -191,8 +189,8 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         flight.effects = Effects::read(model)?;
     }
     note_limbs(&request.tuning, &flight);
-    let outputs = [&args.out, &args.plot];
-    args.outputs.check(outputs)?;
+    let outputs = [&args.out, &args.plot.path];
+    args.outputs.check_with([&args.out], &args.plot)?;
     let spinner = terminal::spinner("estimating");
     let progress = |time: f64| spinner.set_message(format!("estimating, {time:.0} s"));
     let options = args.reading.options();
@@ -205,10 +203,9 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     if let Some(path) = &args.out {
         estimation.write_csv(path)?;
     }
-    if let Some(file) = &args.plot {
-        let title = format!("{}: preset {}", path.display(), args.preset);
-        write_file(file, estimation.svg(&title)?.as_bytes())?;
-    }
+    let title = || format!("{}: preset {}", path.display(), args.preset);
+    args.plot
+        .write(|| estimation.svg(&args.plot.title(title)))?;
     if json {
         terminal::print_json(&estimation.report)?;
     } else {

@@ -4,7 +4,6 @@ use std::path::PathBuf;
 
 use bodyflight::diagnostic::{Problem, Result};
 use bodyflight::formats::track;
-use bodyflight::output::files::write_file;
 use bodyflight::verbs::fall::beside::Beside;
 use bodyflight::verbs::fall::{
     Conditions, DEFAULT_MASS, Moment, Report, WindRow, beside, fall, figure,
@@ -12,7 +11,7 @@ use bodyflight::verbs::fall::{
 use bodyflight_falls::prediction::{Prediction, Trials};
 use bodyflight_falls::verdict::Verdict;
 
-use super::outputs::Outputs;
+use super::outputs::{Outputs, Plot};
 use super::terminal;
 
 /// Say what a logger's track holds: exit, fall rate, drag area, wind, opening, canopy.
@@ -40,9 +39,8 @@ pub(super) struct Args {
     /// Track of another jumper of the same load: the winds of both falls are compared.
     #[arg(long, value_name = "TRACK")]
     beside: Option<PathBuf>,
-    /// Write phases, speeds and drag area over time as SVG.
-    #[arg(long, value_name = "SVG")]
-    plot: Option<PathBuf>,
+    #[command(flatten)]
+    plot: Plot,
     #[command(flatten)]
     outputs: Outputs,
 }
@@ -51,19 +49,15 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     let conditions = conditions(args)?;
     let spinner = terminal::spinner("reading");
     let track = track::read(&args.track)?;
-    args.outputs.check([&args.plot])?;
+    args.outputs.check_with([], &args.plot)?;
     let (mut report, jump) = fall(&track, &conditions, &args.track)?;
     if let Some(path) = &args.beside {
         report.beside = Some(beside(path, &conditions, &jump)?);
     }
     spinner.finish_and_clear();
-    if let Some(path) = &args.plot {
-        let title = args.track.display().to_string();
-        write_file(
-            path,
-            figure::svg(&title, &jump, conditions.mass)?.as_bytes(),
-        )?;
-    }
+    let title = || args.track.display().to_string();
+    args.plot
+        .write(|| figure::svg(&args.plot.title(title), &jump, conditions.mass))?;
     if json {
         terminal::print_json(&report)?;
     } else {

@@ -4,7 +4,8 @@ use std::path::PathBuf;
 
 use bodyflight::diagnostic::{Problem, Result};
 use bodyflight::formats::flight::Flight;
-use bodyflight::verbs::figures::{FILES, Settings, write};
+use bodyflight::output::figure::Format;
+use bodyflight::verbs::figures::{Settings, files, write};
 use serde::Serialize;
 
 use super::outputs::Outputs;
@@ -12,10 +13,10 @@ use super::simulate::Reading;
 use super::view::name_of;
 use super::{estimate, terminal};
 
-/// Draw the figures of a paper: reconstruction, inputs, way over ground and snapshots, as SVG.
+/// Draw the figures of a paper: reconstruction, inputs, way over ground and snapshots, as SVG, PDF or PNG.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Example: bodyflight figures flight.toml --preset turning --out figures\n\n\
+    after_help = "Example: bodyflight figures flight.toml --preset turning --format pdf --out figures\n\n\
                   Presets as in `bodyflight estimate --help`; those for turning show the yaw rate, others the horizontal velocity."
 )]
 pub(super) struct Args {
@@ -30,6 +31,12 @@ pub(super) struct Args {
     /// Bodies in the row of snapshots.
     #[arg(long, default_value_t = 6)]
     snapshots: usize,
+    /// What each figure is written as; several with commas between.
+    #[arg(long, value_enum, value_delimiter = ',', default_value = "svg")]
+    format: Vec<FormatName>,
+    /// Title of the figures; "" for none. The flight's name where absent.
+    #[arg(long)]
+    title: Option<String>,
     /// Folder for the figures; made where absent.
     #[arg(long, value_name = "FOLDER", default_value = "figures")]
     out: PathBuf,
@@ -37,6 +44,24 @@ pub(super) struct Args {
     outputs: Outputs,
     #[command(flatten)]
     reading: Reading,
+}
+
+/// Formats by name.
+#[derive(clap::ValueEnum, Clone, Copy)]
+enum FormatName {
+    Svg,
+    Pdf,
+    Png,
+}
+
+impl FormatName {
+    const fn format(self) -> Format {
+        match self {
+            Self::Svg => Format::Svg,
+            Self::Pdf => Format::Pdf,
+            Self::Png => Format::Png,
+        }
+    }
 }
 
 #[derive(Serialize)]
@@ -55,12 +80,16 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         preset: estimate::preset(&args.preset)?,
         filter: args.filter.filter(),
         snapshots: args.snapshots,
+        formats: args.format.iter().map(|name| name.format()).collect(),
     };
     let flight = Flight::read(&args.flight)?;
-    args.outputs.check_in(&args.out, FILES)?;
+    let names = files(&settings.formats);
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    args.outputs.check_in(&args.out, &names)?;
     let spinner = terminal::spinner("estimating");
     let progress = |time: f64| spinner.set_message(format!("drawing, {time:.0} s"));
-    let title = name_of(&args.flight);
+    let title = args.title.clone();
+    let title = title.unwrap_or_else(|| name_of(&args.flight));
     let options = args.reading.options();
     let figures = write(&flight, &title, &settings, options, &args.out, progress);
     spinner.finish_and_clear();

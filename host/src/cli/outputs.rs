@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use bodyflight::diagnostic::Result;
 use bodyflight::output::destination;
+use bodyflight::output::figure::{Format, write_figure};
 
 /// What is allowed to outputs.
 #[derive(clap::Args, Clone, Copy)]
@@ -13,10 +14,46 @@ pub(super) struct Outputs {
     force: bool,
 }
 
+/// A figure of what was found.
+#[derive(clap::Args, Clone)]
+pub(super) struct Plot {
+    /// Draw the results over time, as SVG, PDF or PNG by the end of the file's name.
+    #[arg(long = "plot", value_name = "FILE")]
+    pub(super) path: Option<PathBuf>,
+    /// Title of the figure; "" for none.
+    #[arg(long = "plot-title", value_name = "TEXT", requires = "path")]
+    title: Option<String>,
+}
+
+impl Plot {
+    /// The title that was asked for, or another.
+    pub(super) fn title(&self, or: impl FnOnce() -> String) -> String {
+        self.title.clone().unwrap_or_else(or)
+    }
+
+    /// Writes the figure, where one was asked for.
+    pub(super) fn write(&self, svg: impl FnOnce() -> Result<String>) -> Result<()> {
+        self.path
+            .as_ref()
+            .map_or(Ok(()), |path| write_figure(path, &svg()?))
+    }
+}
+
 impl Outputs {
     /// Checks files, those that were asked for. To be called when all inputs are known: none of them is replaced.
     pub(super) fn check<const N: usize>(self, paths: [&Option<PathBuf>; N]) -> Result<()> {
         destination::check(paths.into_iter().flatten(), self.force)
+    }
+
+    /// As [`Outputs::check`], with a figure beside them.
+    pub(super) fn check_with<const N: usize>(
+        self,
+        paths: [&Option<PathBuf>; N],
+        plot: &Plot,
+    ) -> Result<()> {
+        plot.path.as_deref().map(Format::of).transpose()?;
+        self.check([&plot.path])?;
+        self.check(paths)
     }
 
     /// Checks files of these names in a folder, which may not be there yet.

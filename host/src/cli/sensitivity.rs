@@ -4,11 +4,10 @@ use std::path::PathBuf;
 
 use bodyflight::diagnostic::{Problem, Result};
 use bodyflight::formats::flight::Flight;
-use bodyflight::output::files::write_file;
 use bodyflight::replay::comparison::PerChannel;
 use bodyflight::verbs::sensitivity::{Parameter, Report, SHOWN, sensitivity};
 
-use super::outputs::Outputs;
+use super::outputs::{Outputs, Plot};
 use super::{estimate, simulate, terminal};
 
 /// Change each parameter of the model and tell how far the same postures then lead elsewhere.
@@ -25,9 +24,8 @@ pub(super) struct Args {
     /// Also estimate the inputs anew with this preset of the paper's filter, and compare how well the flight is reconstructed.
     #[arg(long, value_name = "PRESET")]
     estimate: Option<String>,
-    /// Write a picture of the changes as SVG.
-    #[arg(long, value_name = "FILE")]
-    plot: Option<PathBuf>,
+    #[command(flatten)]
+    plot: Plot,
     #[command(flatten)]
     outputs: Outputs,
     #[command(flatten)]
@@ -43,17 +41,15 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     }
     let preset = args.estimate.as_deref().map(estimate::preset).transpose()?;
     let flight = Flight::read(&args.flight)?;
-    args.outputs.check([&args.plot])?;
+    args.outputs.check_with([], &args.plot)?;
     let bar = terminal::bar(2 * Parameter::ALL.len() as u64, "variations");
     let report = sensitivity(&flight, args.share, preset, args.reading.options(), || {
         bar.inc(1);
     });
     bar.finish_and_clear();
     let report = report?;
-    if let Some(path) = &args.plot {
-        let title = format!("Sensitivity of {}", args.flight.display());
-        write_file(path, report.svg(&title)?.as_bytes())?;
-    }
+    let title = || format!("Sensitivity of {}", args.flight.display());
+    args.plot.write(|| report.svg(&args.plot.title(title)))?;
     if json {
         return terminal::print_json(&report);
     }

@@ -7,26 +7,24 @@ use bodyflight::formats::flight::{Flight, Start};
 use bodyflight::formats::model_file::Effects;
 use bodyflight::formats::mvnx::ArmFrame;
 use bodyflight::formats::recording::{BadFrames, Options};
-use bodyflight::output::files::write_file;
 use bodyflight::output::plot::comparison_svg;
 use bodyflight::verbs::simulate::{RunFile, Simulation, simulate};
 use bodyflight_core::dynamics::free_run::Equations;
 
-use super::outputs::Outputs;
+use super::outputs::{Outputs, Plot};
 use super::terminal;
 
 /// Run the model over recorded postures from the first frame and compare it with the measured pelvis.
 #[derive(clap::Args)]
-#[command(after_help = "Example: bodyflight simulate flight.toml --out run.csv --plot run.svg")]
+#[command(after_help = "Example: bodyflight simulate flight.toml --out run.csv --plot run.pdf")]
 pub(super) struct Args {
     /// A flight.toml, or an MVNX file alone.
     flight: PathBuf,
     /// Write time and all channels, measured and simulated, as CSV.
     #[arg(long, value_name = "CSV")]
     out: Option<PathBuf>,
-    /// Write a plot of all channels as SVG.
-    #[arg(long, value_name = "SVG")]
-    plot: Option<PathBuf>,
+    #[command(flatten)]
+    plot: Plot,
     /// Effects to extend the model by: a model.toml.
     #[arg(long, value_name = "TOML")]
     model: Option<PathBuf>,
@@ -123,21 +121,17 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     if let Some(model) = &args.model {
         flight.effects = Effects::read(model)?;
     }
-    args.outputs.check([&args.out, &args.plot])?;
+    args.outputs.check_with([&args.out], &args.plot)?;
     let simulation = run_flight(&flight, args)?;
     terminal::note_assumed_subject(&flight);
-    if let Some(path) = &args.plot {
-        let title = format!("{}: free run against measurement", args.flight.display());
-        write_file(
-            path,
-            comparison_svg(&title, &simulation.comparison)?.as_bytes(),
-        )?;
-    }
+    let title = || format!("{}: free run against measurement", args.flight.display());
+    args.plot
+        .write(|| comparison_svg(&args.plot.title(title), &simulation.comparison))?;
     if json {
         return terminal::print_json(&simulation.report);
     }
     print_report(&simulation);
-    for path in [&args.out, &args.plot].into_iter().flatten() {
+    for path in [&args.out, &args.plot.path].into_iter().flatten() {
         terminal::print(&format!("written: {}", path.display()));
     }
     Ok(())

@@ -3,13 +3,12 @@
 use std::path::PathBuf;
 
 use bodyflight::diagnostic::{Problem, Result};
-use bodyflight::output::files::write_file;
 use bodyflight::replay::recorded::Recorded;
 use bodyflight::verbs::validate::falls::{self, is_track};
 use bodyflight::verbs::validate::windows::{MODELS, Spread};
 use bodyflight::verbs::validate::{Report, bundled, figure, read, validate};
 
-use super::outputs::Outputs;
+use super::outputs::{Outputs, Plot};
 use super::terminal;
 
 /// Compare the model with real flights: parts of twisting somersaults predicted from their first frame, and falls of loggers.
@@ -24,9 +23,8 @@ pub(super) struct Args {
     /// or folders of them.
     #[arg(value_name = "FLIGHT|TRACK")]
     paths: Vec<PathBuf>,
-    /// Write each model's attitude error over whole flights, as SVG.
-    #[arg(long, value_name = "SVG")]
-    plot: Option<PathBuf>,
+    #[command(flatten)]
+    plot: Plot,
     #[command(flatten)]
     outputs: Outputs,
 }
@@ -56,18 +54,14 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
             Ok((name.into_owned(), read(path)?))
         })
         .collect::<Result<Vec<(String, Recorded)>>>()?;
-    args.outputs.check([&args.plot])?;
+    args.outputs.check_with([], &args.plot)?;
     let report = validate(&flights, &tracks, |what| {
         spinner.set_message(what.to_owned())
     });
-    let plot = args
-        .plot
-        .as_ref()
-        .map(|path| Ok((path, figure::svg(&flights)?)));
+    let title = args.plot.title(|| "Whole flights, start fitted".to_owned());
+    let drawn = args.plot.write(|| figure::svg(&title, &flights));
     spinner.finish_and_clear();
-    if let Some((path, svg)) = plot.transpose()? {
-        write_file(path, svg.as_bytes())?;
-    }
+    drawn?;
     if json {
         terminal::print_json(&report)?;
     } else {

@@ -1,5 +1,6 @@
 //! SVG figures: panels over a common time, one below the other.
 
+mod lines;
 mod parts;
 
 use plotters::coord::Shift;
@@ -7,167 +8,11 @@ use plotters::prelude::*;
 
 use crate::diagnostic::{Problem, Result};
 use crate::replay::comparison::{Channel, Comparison, Pair};
+pub use lines::{
+    AXES, BORDER, CONSTANT, ESTIMATED, ESTIMATED_PIECES, EXTENDED, FINE, FLOOR, FLOWN, LIMITS,
+    Line, MEASURED, MODEL_PARTS, PLAIN, SIMULATED, WATCHED,
+};
 use parts::{thinned, unwrapped_parts};
-
-/// How a line is drawn.
-#[derive(Debug, Clone, Copy)]
-pub struct Line {
-    /// Name in the legend.
-    pub label: &'static str,
-    pub(crate) colour: RGBColor,
-    pub(crate) width: u32,
-}
-
-impl Line {
-    /// As the plotting library wants it.
-    pub fn style(&self) -> ShapeStyle {
-        self.colour.stroke_width(self.width)
-    }
-}
-
-/// Broad and pale, to lie below: seen where lines agree, and in grey print.
-pub const MEASURED: Line = Line {
-    label: "measured",
-    colour: RGBColor(0x8f, 0xb8, 0xde),
-    width: 3,
-};
-/// Thin and dark, to lie above.
-pub const SIMULATED: Line = Line {
-    label: "simulated",
-    colour: RGBColor(0x9c, 0x2f, 0x00),
-    width: 1,
-};
-/// Reconstruction with estimated inputs.
-pub const ESTIMATED: Line = Line {
-    label: "with estimated inputs",
-    colour: RGBColor(0x9c, 0x2f, 0x00),
-    width: 1,
-};
-/// Reconstruction with constant inputs.
-pub const CONSTANT: Line = Line {
-    label: "with constant inputs",
-    colour: RGBColor(0x8a, 0x8a, 0x8a),
-    width: 1,
-};
-/// The plain model, with something missing.
-pub const PLAIN: Line = Line {
-    label: "the model alone",
-    colour: RGBColor(0x8a, 0x8a, 0x8a),
-    width: 2,
-};
-/// The model with what was found.
-pub const EXTENDED: Line = Line {
-    label: "with the effects found",
-    colour: RGBColor(0x9c, 0x2f, 0x00),
-    width: 2,
-};
-/// What is left where nothing is missing.
-pub const FLOOR: Line = Line {
-    label: "where nothing is missing",
-    colour: RGBColor(0x8f, 0xb8, 0xde),
-    width: 3,
-};
-/// Lines of the three axes: pitch, yaw, roll.
-pub const AXES: [Line; 3] = [
-    Line {
-        label: "pitch",
-        colour: RGBColor(0xc4, 0x6a, 0x00),
-        width: 2,
-    },
-    Line {
-        label: "yaw",
-        colour: RGBColor(0x1b, 0x6e, 0x53),
-        width: 2,
-    },
-    Line {
-        label: "roll",
-        colour: RGBColor(0x5b, 0x4b, 0xa8),
-        width: 2,
-    },
-];
-
-/// What a filter watches of itself: attitude, angular velocity, velocity, residual load, all channels as one.
-pub const WATCHED: [Line; 5] = [
-    Line {
-        label: "attitude",
-        colour: RGBColor(0xc4, 0x6a, 0x00),
-        width: 1,
-    },
-    Line {
-        label: "angular velocity",
-        colour: RGBColor(0x1b, 0x6e, 0x53),
-        width: 1,
-    },
-    Line {
-        label: "velocity",
-        colour: RGBColor(0x5b, 0x4b, 0xa8),
-        width: 1,
-    },
-    Line {
-        label: "residual load",
-        colour: RGBColor(0x8f, 0xb8, 0xde),
-        width: 2,
-    },
-    Line {
-        label: "all channels",
-        colour: RGBColor(0x1b, 0x6e, 0x53),
-        width: 2,
-    },
-];
-/// Above these it doubts itself, and is lost.
-pub const LIMITS: [Line; 2] = [
-    Line {
-        label: "doubtful above",
-        colour: RGBColor(0x8a, 0x8a, 0x8a),
-        width: 1,
-    },
-    Line {
-        label: "lost above",
-        colour: RGBColor(0x9c, 0x2f, 0x00),
-        width: 1,
-    },
-];
-/// A fall flown again with what was told from it.
-pub const FLOWN: Line = Line {
-    label: "flown again",
-    colour: RGBColor(0x9c, 0x2f, 0x00),
-    width: 1,
-};
-/// Pieces with one value each.
-pub const ESTIMATED_PIECES: Line = Line {
-    label: "pieces",
-    colour: RGBColor(0x9c, 0x2f, 0x00),
-    width: 2,
-};
-/// Where one phase ends and another begins.
-pub const BORDER: Line = Line {
-    label: "exit, opening, canopy",
-    colour: RGBColor(0x1b, 0x6e, 0x53),
-    width: 1,
-};
-/// Lines of the models that validation compares, in its order.
-pub const MODEL_PARTS: [Line; 4] = [
-    Line {
-        label: "exact equations",
-        colour: RGBColor(0x1b, 0x6e, 0x53),
-        width: 3,
-    },
-    Line {
-        label: "as published",
-        colour: RGBColor(0x9c, 0x2f, 0x00),
-        width: 2,
-    },
-    Line {
-        label: "limbs without momentum",
-        colour: RGBColor(0x5b, 0x4b, 0xa8),
-        width: 1,
-    },
-    Line {
-        label: "posture frozen",
-        colour: RGBColor(0x8a, 0x8a, 0x8a),
-        width: 1,
-    },
-];
 
 /// Values over time, in the order of time.
 #[derive(Debug, Clone)]
@@ -178,11 +23,22 @@ pub struct Curve {
     pub points: Vec<(f64, f64)>,
 }
 
+/// Where a value is likely to be: between two bounds over time.
+#[derive(Debug, Clone)]
+pub struct Band {
+    /// The line of the value itself.
+    pub line: Line,
+    /// Time (s), lower and upper bound.
+    pub bounds: Vec<(f64, f64, f64)>,
+}
+
 /// One plot of a figure.
 #[derive(Debug, Clone)]
 pub struct Panel {
     /// What is shown, with unit and figures.
     pub caption: String,
+    /// Below all curves; they do not widen the axis beyond three times its range.
+    pub bands: Vec<Band>,
     /// Later ones lie above.
     pub curves: Vec<Curve>,
     /// Whether values are angles that jump from one end of their range to the other.
@@ -234,20 +90,34 @@ fn laid_out_svg(
 ) -> Result<String> {
     let legend = legend(panels);
     let rows = legend.last().map_or(1, |entry| entry.row + 1);
-    let head = TITLE_HEIGHT + LEGEND_HEIGHT * rows;
+    let above = if title.is_empty() { 0 } else { TITLE_HEIGHT };
+    let head = above + LEGEND_HEIGHT * rows;
+    drawn((WIDTH, head + height), |root| {
+        let body = draw(root, title, (above, head), &legend)?;
+        for (panel, area) in panels.iter().zip(&body.split_evenly(layout)) {
+            draw_panel(area, panel, unit)?;
+        }
+        Ok(())
+    })
+}
+
+/// A drawing of this width and height, made [`FINE`] times as large.
+///
+/// # Errors
+/// Returns an error if `draw` does.
+pub fn drawn(
+    (width, height): (u32, u32),
+    draw: impl FnOnce(&Area<'_>) -> DrawResult,
+) -> Result<String> {
     let mut svg = String::new();
-    {
-        let root = SVGBackend::with_string(&mut svg, (WIDTH, head + height)).into_drawing_area();
-        draw(&root, title, head, &legend)
-            .and_then(|body| {
-                for (panel, area) in panels.iter().zip(&body.split_evenly(layout)) {
-                    draw_panel(area, panel, unit)?;
-                }
-                Ok(root.present()?)
-            })
-            .map_err(|error| Problem::internal(format!("cannot draw the plot: {error}")))?;
-    }
-    Ok(svg)
+    let large = (width * FINE, height * FINE);
+    let root = SVGBackend::with_string(&mut svg, large).into_drawing_area();
+    draw(&root)
+        .and_then(|()| Ok(root.present()?))
+        .map_err(|error| Problem::internal(format!("cannot draw the plot: {error}")))?;
+    drop(root);
+    let size = |(width, height): (u32, u32)| format!("<svg width=\"{width}\" height=\"{height}\"");
+    Ok(svg.replacen(&size(large), &size((width, height)), 1))
 }
 
 /// A figure of all channels, measured and simulated.
@@ -264,6 +134,7 @@ pub fn comparison_svg(title: &str, comparison: &Comparison) -> Result<String> {
                 measured_curve(channel, comparison.series()),
                 simulated_curve(channel, comparison.series(), SIMULATED),
             ],
+            bands: Vec::new(),
             wraps: channel.is_angle(),
         }
     });
@@ -292,8 +163,10 @@ pub fn simulated_curve(channel: Channel, series: &[Pair], line: Line) -> Curve {
     }
 }
 
-type DrawResult = core::result::Result<(), Box<dyn std::error::Error>>;
-type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+/// How drawing ends.
+pub type DrawResult = core::result::Result<(), Box<dyn std::error::Error>>;
+/// What is drawn on.
+pub type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
 /// A line of the legend and its place.
 struct Entry {
@@ -325,68 +198,94 @@ fn legend(panels: &[Panel]) -> Vec<Entry> {
 fn draw<'a>(
     root: &Area<'a>,
     title: &str,
-    height: u32,
+    (above, head): (u32, u32),
     legend: &[Entry],
 ) -> core::result::Result<Area<'a>, Box<dyn std::error::Error>> {
     root.fill(&WHITE)?;
-    let (head, body) = root.split_vertically(height);
-    head.draw_text(
-        title,
-        &("sans-serif", 18).into_font().color(&BLACK),
-        (60, 8),
-    )?;
+    let (head, body) = root.split_vertically(head * FINE);
+    let fine = |(x, y): (u32, u32)| -> core::result::Result<(i32, i32), std::num::TryFromIntError> {
+        Ok((i32::try_from(x * FINE)?, i32::try_from(y * FINE)?))
+    };
+    let font = |size: u32| ("sans-serif", size * FINE).into_font().color(&BLACK);
+    if !title.is_empty() {
+        head.draw_text(title, &font(18), fine((60, 8))?)?;
+    }
     for entry in legend {
-        let x = i32::try_from(entry.left)?;
-        let y = i32::try_from(TITLE_HEIGHT + LEGEND_HEIGHT * entry.row)?;
-        let style = entry.line.style();
-        head.draw(&PathElement::new(
-            vec![(x, y + 12), (x + 24, y + 12)],
-            style,
-        ))?;
-        head.draw_text(
-            entry.line.label,
-            &("sans-serif", 13).into_font().color(&BLACK),
-            (x + 30, y + 4),
-        )?;
+        let (x, y) = (entry.left, above + LEGEND_HEIGHT * entry.row);
+        let ends = vec![fine((x, y + 12))?, fine((x + 24, y + 12))?];
+        head.draw(&PathElement::new(ends, entry.line.style()))?;
+        head.draw_text(entry.line.label, &font(13), fine((x + 30, y + 4))?)?;
     }
     Ok(body)
 }
 
-fn draw_panel(area: &Area<'_>, panel: &Panel, unit: &str) -> DrawResult {
+/// Range of the times and of the values of a panel.
+fn ranges(panel: &Panel) -> [(f64, f64); 2] {
     let points = || panel.curves.iter().flat_map(|curve| curve.points.iter());
-    let bounds = |values: &dyn Fn(&(f64, f64)) -> f64| {
-        let low = points().map(values).fold(f64::INFINITY, f64::min);
-        let high = points().map(values).fold(f64::NEG_INFINITY, f64::max);
+    let bounds = |values: &mut dyn Iterator<Item = f64>| {
+        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {
+            (low.min(value), high.max(value))
+        });
         if low.is_finite() && high > low {
             (low, high)
         } else {
             (0.0, 1.0)
         }
     };
-    let ((start, end), (low, high)) = (bounds(&|point| point.0), bounds(&|point| point.1));
+    let times = bounds(&mut points().map(|point| point.0));
+    let (low, high) = bounds(&mut points().map(|point| point.1));
+    // A filter that begins knows little: its first bounds must not flatten what it finds.
+    let room = high - low;
+    let bands = panel.bands.iter().flat_map(|band| band.bounds.iter());
+    let (lowest, highest) = bands
+        .flat_map(|(_, low, high)| [*low, *high])
+        .filter(|value| value.is_finite())
+        .fold((low, high), |(low, high), value| {
+            (low.min(value), high.max(value))
+        });
+    [times, (lowest.max(low - room), highest.min(high + room))]
+}
+
+fn draw_panel(area: &Area<'_>, panel: &Panel, unit: &str) -> DrawResult {
+    let [(start, end), (low, high)] = ranges(panel);
     let margin = (0.06 * (high - low)).max(0.02);
     let decimals = usize::from(end - start < 8.0);
     let mut chart = ChartBuilder::on(area)
-        .margin(4)
-        .margin_right(16)
-        .caption(&panel.caption, ("sans-serif", 13))
-        .x_label_area_size(22)
-        .y_label_area_size(52)
+        .margin(4 * FINE)
+        .margin_right(16 * FINE)
+        .caption(&panel.caption, ("sans-serif", 13 * FINE))
+        .x_label_area_size(22 * FINE)
+        .y_label_area_size(52 * FINE)
         .build_cartesian_2d(start..end, (low - margin)..(high + margin))?;
     chart
         .configure_mesh()
         .x_labels(12)
         .y_labels(5)
         .light_line_style(TRANSPARENT)
-        .bold_line_style(BLACK.mix(0.12))
-        .label_style(("sans-serif", 11))
+        .bold_line_style(BLACK.mix(0.12).stroke_width(FINE / 2))
+        .axis_style(BLACK.stroke_width(FINE))
+        .set_all_tick_mark_size(4 * FINE)
+        .label_style(("sans-serif", 11 * FINE))
         .x_label_formatter(&|x| format!("{x:.decimals$} {unit}"))
         .draw()?;
+    let width = 2.0 * (end - start) / f64::from(WIDTH);
+    let inside = |value: f64| value.clamp(low - margin, high + margin);
+    for Band { line, bounds } in &panel.bands {
+        let bound = |which: fn(&(f64, f64, f64)) -> f64| {
+            let points: Vec<_> = bounds
+                .iter()
+                .filter(|bound| which(bound).is_finite())
+                .map(|bound| (bound.0, inside(which(bound))))
+                .collect();
+            thinned(&points, width)
+        };
+        let (lower, upper) = (bound(|bound| bound.1), bound(|bound| bound.2));
+        let around: Vec<_> = lower.into_iter().chain(upper.into_iter().rev()).collect();
+        chart.draw_series([Polygon::new(around, line.colour.mix(0.18))])?;
+    }
     for Curve { line, points } in &panel.curves {
         for part in unwrapped_parts(panel.wraps, points) {
-            let style = line.style();
-            let part = thinned(part, 2.0 * (end - start) / f64::from(WIDTH));
-            chart.draw_series(LineSeries::new(part, style))?;
+            chart.draw_series(LineSeries::new(thinned(part, width), line.style()))?;
         }
     }
     Ok(())
@@ -399,6 +298,28 @@ mod tests {
     #[test]
     fn an_empty_comparison_still_draws() {
         let svg = comparison_svg("nothing", &Comparison::default()).unwrap();
-        assert!(svg.starts_with("<svg") && svg.contains("vertical velocity (m/s)"));
+        assert!(svg.starts_with("<svg width=\"1000\"") && svg.contains("vertical velocity (m/s)"));
+        assert!(svg.contains("viewBox=\"0 0 10000 "));
+    }
+
+    #[test]
+    fn bands_are_drawn_and_do_not_flatten_what_is_in_them() {
+        let points = vec![(0.0, 1.0), (1.0, 2.0)];
+        let band = Band {
+            line: AXES[0],
+            bounds: vec![(0.0, -1e6, 1e6), (1.0, 1.5, 2.5)],
+        };
+        let panel = Panel {
+            caption: "muscle".into(),
+            bands: vec![band],
+            curves: vec![Curve {
+                line: AXES[0],
+                points,
+            }],
+            wraps: false,
+        };
+        assert_eq!(ranges(&panel), [(0.0, 1.0), (0.0, 3.0)]);
+        let svg = figure_svg("", &[panel]).unwrap();
+        assert!(svg.contains("<polygon") && !svg.contains("font-size=\"180\""));
     }
 }

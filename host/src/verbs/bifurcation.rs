@@ -160,6 +160,7 @@ fn threshold_panel(dynamics: &Dynamics<f64>) -> Panel {
     Panel {
         caption: "damping in pitch below which it oscillates".to_owned(),
         curves: ARCHES.map(curve).into(),
+        bands: Vec::new(),
         wraps: false,
     }
 }
@@ -186,6 +187,7 @@ pub fn svg(dynamics: &Dynamics<f64>) -> Result<String> {
     let panel = |caption: &str, value: fn(&Point) -> f64| Panel {
         caption: caption.to_owned(),
         curves: curves(value),
+        bands: Vec::new(),
         wraps: false,
     };
     figure_svg_over(

@@ -12,23 +12,29 @@ use crate::diagnostic::{Problem, Result};
 use crate::formats::flight::Flight;
 use crate::formats::input_history::InputHistory;
 use crate::formats::recording::Options;
-use crate::output::files::write_file;
+use crate::output::figure::{Format, write_figure};
 use crate::output::plot::{ESTIMATED, Panel, figure_svg, measured_curve, row_svg, simulated_curve};
 use crate::replay::comparison::Channel;
 use crate::verbs::estimate::{Estimation, Filter, estimate};
 use crate::verbs::view::run::fly_series;
 use crate::verbs::view::shape::shapes;
 
-const RECONSTRUCTION: &str = "reconstruction.svg";
-const INPUTS: &str = "inputs.svg";
-const TOP_VIEW: &str = "top-view.svg";
-const SNAPSHOTS: &str = "snapshots.svg";
+const RECONSTRUCTION: &str = "reconstruction";
+const INPUTS: &str = "inputs";
+const TOP_VIEW: &str = "top-view";
+const SNAPSHOTS: &str = "snapshots";
 
-/// Files of the figures.
-pub const FILES: &[&str] = &[RECONSTRUCTION, INPUTS, TOP_VIEW, SNAPSHOTS];
+/// Names of the files of the figures in these formats.
+pub fn files(formats: &[Format]) -> Vec<String> {
+    let file = |name: &str, format: &Format| format!("{name}.{}", format.extension());
+    [RECONSTRUCTION, INPUTS, TOP_VIEW, SNAPSHOTS]
+        .into_iter()
+        .flat_map(|name| formats.iter().map(move |format| file(name, format)))
+        .collect()
+}
 
 /// How to draw a flight.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct Settings {
     /// Preset of the filter: what is measured, and so what is shown.
     pub preset: &'static Preset,
@@ -36,9 +42,11 @@ pub struct Settings {
     pub filter: Filter,
     /// Bodies in the row of snapshots.
     pub snapshots: usize,
+    /// What each figure is written as.
+    pub formats: Vec<Format>,
 }
 
-/// Writes `reconstruction.svg`, `inputs.svg`, `top-view.svg` and `snapshots.svg` into `folder`, and tells where.
+/// Writes reconstruction, inputs, top view and snapshots into `folder`, and tells where.
 ///
 /// # Errors
 /// Same as [`estimate`], and an error if the folder cannot be written to.
@@ -73,12 +81,15 @@ pub fn write(
         ),
     ];
     std::fs::create_dir_all(folder).map_err(|error| Problem::system("create", folder, error))?;
-    let written = figures.into_iter().map(|(name, svg)| {
-        let path = folder.join(name);
-        write_file(&path, svg.as_bytes())?;
-        Ok(path)
-    });
-    written.collect()
+    let mut written = Vec::new();
+    for (name, svg) in figures {
+        for format in &settings.formats {
+            let path = folder.join(name).with_extension(format.extension());
+            write_figure(&path, &svg)?;
+            written.push(path);
+        }
+    }
+    Ok(written)
 }
 
 /// Measured and reconstructed channels: those of the preset, the others left out.
@@ -98,6 +109,7 @@ fn reconstruction(title: &str, preset: &Preset, estimation: &Estimation) -> Resu
                 measured_curve(channel, estimation.estimated.series()),
                 simulated_curve(channel, estimation.estimated.series(), ESTIMATED),
             ],
+            bands: Vec::new(),
             wraps: channel.is_angle(),
         }
     });

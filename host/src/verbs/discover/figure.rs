@@ -45,6 +45,7 @@ pub fn point_svg(title: &str, report: &point::report::Report) -> Result<String> 
                 curve(PLAIN, &|spot| spot.missing[component]),
                 curve(EXTENDED, &|spot| spot.missing_after[component]),
             ],
+            bands: Vec::new(),
             wraps: false,
         }
     };
@@ -86,6 +87,7 @@ fn panel(report: &Report, channel: usize) -> Panel {
             curve(PLAIN, &|k| spots[k].over_floor[channel] * floor),
             curve(EXTENDED, &|k| spots[k].over_floor_after[channel] * floor),
         ],
+        bands: Vec::new(),
         wraps: false,
     }
 }

@@ -7,7 +7,7 @@ use super::report::Point;
 use crate::diagnostic::Result;
 use crate::formats::input_history::Row;
 use crate::output::plot::{
-    AXES, CONSTANT, Curve, ESTIMATED, LIMITS, Panel, WATCHED, figure_svg, measured_curve,
+    AXES, Band, CONSTANT, Curve, ESTIMATED, LIMITS, Panel, WATCHED, figure_svg, measured_curve,
     simulated_curve,
 };
 use crate::replay::comparison::Channel;
@@ -32,15 +32,33 @@ impl Estimation {
                         .collect(),
                 })
                 .collect(),
+            bands: AXES
+                .iter()
+                .enumerate()
+                .map(|(axis, line)| Band {
+                    line: *line,
+                    bounds: self
+                        .points
+                        .iter()
+                        .map(|point| {
+                            let middle = value(&point.inputs)[axis];
+                            let spread = 2.0 * value(&point.deviation)[axis];
+                            (point.time, middle - spread, middle + spread)
+                        })
+                        .collect(),
+                })
+                .collect(),
             wraps: false,
         };
         [
-            axes("muscle input coefficients", |row| {
-                [row.pitch, row.yaw, row.roll]
-            }),
-            axes("damping coefficients", |row| {
-                [row.damp_pitch, row.damp_yaw, row.damp_roll]
-            }),
+            axes(
+                "muscle input coefficients, with bands of two standard deviations",
+                |row| [row.pitch, row.yaw, row.roll],
+            ),
+            axes(
+                "damping coefficients, with bands of two standard deviations",
+                |row| [row.damp_pitch, row.damp_yaw, row.damp_roll],
+            ),
         ]
     }
 
@@ -53,6 +71,7 @@ impl Estimation {
             Channel::Roll,
             Channel::Pitch,
             Channel::HorizontalVelocity,
+            Channel::VerticalVelocity,
             Channel::YawRate,
         ];
         let reconstructed = channels.map(|channel| {
@@ -69,6 +88,7 @@ impl Estimation {
                     simulated_curve(channel, self.constant.series(), CONSTANT),
                     simulated_curve(channel, self.estimated.series(), ESTIMATED),
                 ],
+                bands: Vec::new(),
                 wraps: channel.is_angle(),
             }
         });
@@ -113,6 +133,7 @@ impl Estimation {
                 caption.unwrap_or_default()
             ),
             curves,
+            bands: Vec::new(),
             wraps: false,
         }
     }

@@ -105,6 +105,7 @@ fn panel(caption: &str, lines: &[(Line, Vec<(f64, f64)>)], borders: &[Option<f64
         curves: curves
             .map(|(line, points)| Curve { line, points })
             .collect(),
+        bands: Vec::new(),
         wraps: false,
     }
 }

@@ -59,6 +59,12 @@ pub(super) fn svg(title: &str, shapes: &[Shape], series: &Series, count: usize) 
             height - 8.0
         );
     }
+    let (length, low) = (SQUARE / METRES, HEAD + SQUARE);
+    let _ = writeln!(
+        svg,
+        "<path d=\"M8 {low:.1}h{length:.2}\" stroke=\"#000000\" stroke-width=\"2\"/><text x=\"8\" y=\"{:.1}\" font-size=\"10\">1 m</text>",
+        low - 4.0
+    );
     svg.push_str("</svg>\n");
     svg
 }
@@ -132,7 +138,7 @@ impl Ellipse {
         let turn = -self.turn.to_degrees();
         let _ = writeln!(
             svg,
-            "<ellipse cx=\"{x:.1}\" cy=\"{y:.1}\" rx=\"{a:.1}\" ry=\"{b:.1}\" transform=\"rotate({turn:.1} {x:.1} {y:.1})\" {style}/>"
+            "<ellipse cx=\"{x:.2}\" cy=\"{y:.2}\" rx=\"{a:.2}\" ry=\"{b:.2}\" transform=\"rotate({turn:.2} {x:.2} {y:.2})\" {style}/>"
         );
     }
 }

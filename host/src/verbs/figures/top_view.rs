@@ -2,8 +2,8 @@
 
 use plotters::prelude::*;
 
-use crate::diagnostic::{Problem, Result};
-use crate::output::plot::{MEASURED, SIMULATED};
+use crate::diagnostic::Result;
+use crate::output::plot::{Area, DrawResult, FINE, MEASURED, SIMULATED, drawn};
 use crate::verbs::view::series::Series;
 
 const SIZE: u32 = 520;
@@ -15,22 +15,10 @@ const WAYS: [(&str, &str); 2] = [
 ];
 
 pub(super) fn svg(title: &str, series: &Series) -> Result<String> {
-    let mut svg = String::new();
-    draw(
-        title,
-        series,
-        SVGBackend::with_string(&mut svg, (SIZE, SIZE)),
-    )
-    .map_err(|error| Problem::internal(format!("cannot draw the figure: {error}")))?;
-    Ok(svg)
+    drawn((SIZE, SIZE), |root| draw(title, series, root))
 }
 
-fn draw(
-    title: &str,
-    series: &Series,
-    backend: SVGBackend<'_>,
-) -> core::result::Result<(), Box<dyn std::error::Error>> {
-    let root = backend.into_drawing_area();
+fn draw(title: &str, series: &Series, root: &Area<'_>) -> DrawResult {
     root.fill(&WHITE)?;
     // To the right is east.
     let ways = WAYS.map(|(label, column)| {
@@ -56,16 +44,20 @@ fn draw(
         let middle = 0.5 * (low + high);
         middle - half..middle + half
     };
-    let mut chart = ChartBuilder::on(&root)
-        .caption(title, ("sans-serif", 16))
-        .margin(10)
-        .x_label_area_size(36)
-        .y_label_area_size(48)
+    let mut chart = ChartBuilder::on(root)
+        .caption(title, ("sans-serif", 16 * FINE))
+        .margin(10 * FINE)
+        .x_label_area_size(40 * FINE)
+        .y_label_area_size(52 * FINE)
         .build_cartesian_2d(around(east), around(north))?;
     chart
         .configure_mesh()
         .light_line_style(TRANSPARENT)
-        .bold_line_style(BLACK.mix(0.12))
+        .bold_line_style(BLACK.mix(0.12).stroke_width(FINE / 2))
+        .axis_style(BLACK.stroke_width(FINE))
+        .label_style(("sans-serif", 11 * FINE))
+        .axis_desc_style(("sans-serif", 13 * FINE))
+        .set_all_tick_mark_size(4 * FINE)
         .x_desc("east (m)")
         .y_desc("north (m)")
         .draw()?;
@@ -74,14 +66,16 @@ fn draw(
         chart
             .draw_series(LineSeries::new(way, style))?
             .label(label)
-            .legend(move |(x, y)| PathElement::new(vec![(x, y), (x + 18, y)], style));
+            .legend(move |(x, y)| PathElement::new(vec![(x, y), (x + 180, y)], style));
     }
     chart
         .configure_series_labels()
         .position(SeriesLabelPosition::UpperLeft)
+        .label_font(("sans-serif", 12 * FINE))
+        .legend_area_size(24 * FINE)
+        .margin(5 * FINE)
         .background_style(WHITE)
         .border_style(BLACK.mix(0.3))
         .draw()?;
-    root.present()?;
     Ok(())
 }

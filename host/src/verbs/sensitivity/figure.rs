@@ -48,6 +48,7 @@ impl Report {
                     channel.label().0
                 ),
                 curves: Parameter::ALL.into_iter().zip(COLOURS).map(curve).collect(),
+                bands: Vec::new(),
                 wraps: false,
             }
         });

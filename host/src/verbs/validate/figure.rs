@@ -9,7 +9,7 @@ use crate::replay::recorded::Recorded;
 ///
 /// # Errors
 /// Returns an error if the figure cannot be drawn.
-pub fn svg(flights: &[(String, Recorded)]) -> Result<String> {
+pub fn svg(title: &str, flights: &[(String, Recorded)]) -> Result<String> {
     let panels: Vec<Panel> = flights
         .iter()
         .map(|(name, flight)| Panel {
@@ -32,8 +32,9 @@ pub fn svg(flights: &[(String, Recorded)]) -> Result<String> {
                         .collect(),
                 })
                 .collect(),
+            bands: Vec::new(),
             wraps: false,
         })
         .collect();
-    figure_svg("Whole flights, start fitted", &panels)
+    figure_svg(title, &panels)
 }

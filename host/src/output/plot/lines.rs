@@ -1,0 +1,167 @@
+//! Lines by what they show: one look for one meaning in all figures.
+
+use plotters::style::{Color, RGBColor, ShapeStyle};
+
+/// The plotting library knows whole numbers only: a figure is drawn so many times as large, and its view box makes it
+/// small again. Coordinates are then fine to a tenth of a unit.
+pub const FINE: u32 = 10;
+
+/// How a line is drawn.
+#[derive(Debug, Clone, Copy)]
+pub struct Line {
+    /// Name in the legend.
+    pub label: &'static str,
+    pub(crate) colour: RGBColor,
+    pub(crate) width: u32,
+}
+
+impl Line {
+    /// As the plotting library wants it.
+    pub fn style(&self) -> ShapeStyle {
+        self.colour.stroke_width(self.width * FINE)
+    }
+}
+
+/// Broad and pale, to lie below: seen where lines agree, and in grey print.
+pub const MEASURED: Line = Line {
+    label: "measured",
+    colour: RGBColor(0x8f, 0xb8, 0xde),
+    width: 3,
+};
+/// Thin and dark, to lie above.
+pub const SIMULATED: Line = Line {
+    label: "simulated",
+    colour: RGBColor(0x9c, 0x2f, 0x00),
+    width: 1,
+};
+/// Reconstruction with estimated inputs.
+pub const ESTIMATED: Line = Line {
+    label: "with estimated inputs",
+    colour: RGBColor(0x9c, 0x2f, 0x00),
+    width: 1,
+};
+/// Reconstruction with constant inputs.
+pub const CONSTANT: Line = Line {
+    label: "with constant inputs",
+    colour: RGBColor(0x8a, 0x8a, 0x8a),
+    width: 1,
+};
+/// The plain model, with something missing.
+pub const PLAIN: Line = Line {
+    label: "the model alone",
+    colour: RGBColor(0x8a, 0x8a, 0x8a),
+    width: 2,
+};
+/// The model with what was found.
+pub const EXTENDED: Line = Line {
+    label: "with the effects found",
+    colour: RGBColor(0x9c, 0x2f, 0x00),
+    width: 2,
+};
+/// What is left where nothing is missing.
+pub const FLOOR: Line = Line {
+    label: "where nothing is missing",
+    colour: RGBColor(0x8f, 0xb8, 0xde),
+    width: 3,
+};
+/// Lines of the three axes: pitch, yaw, roll.
+pub const AXES: [Line; 3] = [
+    Line {
+        label: "pitch",
+        colour: RGBColor(0xc4, 0x6a, 0x00),
+        width: 2,
+    },
+    Line {
+        label: "yaw",
+        colour: RGBColor(0x1b, 0x6e, 0x53),
+        width: 2,
+    },
+    Line {
+        label: "roll",
+        colour: RGBColor(0x5b, 0x4b, 0xa8),
+        width: 2,
+    },
+];
+
+/// What a filter watches of itself: attitude, angular velocity, velocity, residual load, all channels as one.
+pub const WATCHED: [Line; 5] = [
+    Line {
+        label: "attitude",
+        colour: RGBColor(0xc4, 0x6a, 0x00),
+        width: 1,
+    },
+    Line {
+        label: "angular velocity",
+        colour: RGBColor(0x1b, 0x6e, 0x53),
+        width: 1,
+    },
+    Line {
+        label: "velocity",
+        colour: RGBColor(0x5b, 0x4b, 0xa8),
+        width: 1,
+    },
+    Line {
+        label: "residual load",
+        colour: RGBColor(0x8f, 0xb8, 0xde),
+        width: 2,
+    },
+    Line {
+        label: "all channels",
+        colour: RGBColor(0x1b, 0x6e, 0x53),
+        width: 2,
+    },
+];
+/// Above these it doubts itself, and is lost.
+pub const LIMITS: [Line; 2] = [
+    Line {
+        label: "doubtful above",
+        colour: RGBColor(0x8a, 0x8a, 0x8a),
+        width: 1,
+    },
+    Line {
+        label: "lost above",
+        colour: RGBColor(0x9c, 0x2f, 0x00),
+        width: 1,
+    },
+];
+/// A fall flown again with what was told from it.
+pub const FLOWN: Line = Line {
+    label: "flown again",
+    colour: RGBColor(0x9c, 0x2f, 0x00),
+    width: 1,
+};
+/// Pieces with one value each.
+pub const ESTIMATED_PIECES: Line = Line {
+    label: "pieces",
+    colour: RGBColor(0x9c, 0x2f, 0x00),
+    width: 2,
+};
+/// Where one phase ends and another begins.
+pub const BORDER: Line = Line {
+    label: "exit, opening, canopy",
+    colour: RGBColor(0x1b, 0x6e, 0x53),
+    width: 1,
+};
+/// Lines of the models that validation compares, in its order.
+pub const MODEL_PARTS: [Line; 4] = [
+    Line {
+        label: "exact equations",
+        colour: RGBColor(0x1b, 0x6e, 0x53),
+        width: 3,
+    },
+    Line {
+        label: "as published",
+        colour: RGBColor(0x9c, 0x2f, 0x00),
+        width: 2,
+    },
+    Line {
+        label: "limbs without momentum",
+        colour: RGBColor(0x5b, 0x4b, 0xa8),
+        width: 1,
+    },
+    Line {
+        label: "posture frozen",
+        colour: RGBColor(0x8a, 0x8a, 0x8a),
+        width: 1,
+    },
+];
