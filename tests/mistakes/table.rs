@@ -56,7 +56,7 @@ fn without_frames(text: String) -> Vec<u8> {
     format!("{head}<frames></frames></subject></mvnx>").into_bytes()
 }
 
-pub(crate) const MISTAKES: [Mistake; 41] = [
+pub(crate) const MISTAKES: [Mistake; 48] = [
     mistake(
         "verb with a slip",
         Nothing,
@@ -348,4 +348,47 @@ pub(crate) const MISTAKES: [Mistake; 41] = [
         2,
         "noise",
     ),
+    mistake(
+        "figure of an unknown kind",
+        Nothing,
+        "simulate @flight.mvnx --plot @run.jpg",
+        2,
+        "expected a figure that ends in .svg, .pdf or .png, found .jpg",
+    ),
+    mistake(
+        "no snapshots",
+        Nothing,
+        "figures @flight.mvnx --snapshots 0",
+        2,
+        "expected --snapshots of 1 to 40, found 0",
+    ),
+    mistake(
+        "share in per cent",
+        Nothing,
+        "sensitivity @flight.mvnx --share 30",
+        2,
+        "expected --share above 0 and below 1, found 30",
+    ),
+    mistake(
+        "two flights for one",
+        Nothing,
+        "simulate @flight.mvnx @flight.mvnx",
+        2,
+        "unexpected argument",
+    ),
+    mistake(
+        "density of g/m3 for an option",
+        Nothing,
+        "fly --density 1000",
+        2,
+        "expected --density of 0.1 to 2 kg/m3, found 1000",
+    ),
+    mistake(
+        "value of an option with a slip",
+        Nothing,
+        "estimate @flight.mvnx --method smoothed",
+        2,
+        "a similar value exists: 'smooth'",
+    ),
+    mistake("output not named", Nothing, "synth rotations", 2, "--out"),
 ];
