@@ -3,7 +3,7 @@
 //!
 //! `cargo xtask discovery-bench --seeds 1 --first-seed 40` runs it and writes docs/discovery.json, the tables of
 //! docs/discovery.md and docs/discovery-bench.svg. Rows that are in the file are not flown again, so a run that was cut
-//! short goes on; `--fresh` begins anew, `--only clean,wind` looks at some groups or names and writes nothing,
+//! short goes on; `--fresh` begins anew, `--only clean,wind` and `--family wide` look at some groups, names or joints and write nothing,
 //! `--rows FILE` keeps rows elsewhere and writes no page, `--table` makes tables and figure again.
 #![expect(clippy::expect_used, reason = "a bench may end with a panic")]
 
@@ -51,14 +51,19 @@ fn main() {
     let only: Vec<String> = value("--only").map_or_else(Vec::new, |list| {
         list.split(',').map(str::to_owned).collect()
     });
-    let rows = if has("--fresh") || !only.is_empty() {
+    let family = value("--family");
+    let looks = !only.is_empty() || family.is_some();
+    let rows = if has("--fresh") || looks {
         Vec::new()
     } else {
         kept()
     };
-    let cases = cases(first..first + seeds, &only);
+    let in_family = |case: &Case| family.as_ref().is_none_or(|name| case.family.name == *name);
+    let mut cases = cases(first..first + seeds, &only);
+    cases.retain(in_family);
     let is_due = |case: &&Case| !rows.iter().any(|row| is_of(row, case));
-    let due: Vec<&Case> = cases.iter().filter(is_due).collect();
+    let mut due = spread(&cases);
+    due.retain(is_due);
     println!("{} pairs of flights, {} to fly", cases.len(), due.len());
     let (due, rows) = (Mutex::new(due.into_iter()), Mutex::new(rows));
     // A pair on each thread: its own parts are too short to keep all cores busy.
@@ -70,7 +75,7 @@ fn main() {
             say(&row);
             let mut rows = rows.lock().expect("no flight ends with a panic");
             rows.push(row);
-            if only.is_empty() {
+            if !looks {
                 keep(&rows);
             }
         }
@@ -81,7 +86,7 @@ fn main() {
         }
     });
     let rows = rows.into_inner().expect("no flight ends with a panic");
-    if only.is_empty() && value("--rows").is_none() {
+    if !looks && value("--rows").is_none() {
         publish(&rows);
     } else {
         println!("{}", table::tables(&rows));
@@ -108,6 +113,14 @@ fn say(row: &Value) {
         row["misfit"],
         row["processor_seconds"],
     );
+}
+
+/// In an order of which any beginning is a sample of the whole: steps of the golden section.
+fn spread(cases: &[Case]) -> Vec<&Case> {
+    let place = |k: usize| (k as f64 * 0.618_034).fract();
+    let mut order: Vec<(usize, &Case)> = cases.iter().enumerate().collect();
+    order.sort_by(|(a, _), (b, _)| place(*a).total_cmp(&place(*b)));
+    order.into_iter().map(|(_, case)| case).collect()
 }
 
 /// The next case, for whoever asks first.

@@ -98,7 +98,7 @@ const LOADS: u64 = 6;
 const CLEAN: u64 = 2;
 
 /// All cases of a seed, in four passes: each has every effect once, in a family that the next pass changes, and its
-/// share of everything else, so that a run that is cut short is a sample of the whole.
+/// share of everything else.
 fn of_seed(seed: u64) -> Vec<Case> {
     let first = seed;
     let mut cases = Vec::new();
