@@ -82,6 +82,17 @@ pub struct Air<T: Real> {
     /// Share of the velocity that is lost for each square metre of horizontal distance from the vertical axis
     /// through the origin (1/m2): the profile of a tunnel, zero for a wind.
     pub profile: T,
+    /// Wind that changes with the height, on top of the velocity.
+    pub shear: Option<Shear<T>>,
+}
+
+/// Wind that changes with the height.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Shear<T: Real> {
+    /// What is added to the velocity for each metre up (1/s).
+    pub per_metre: Vector<T, Inertial>,
+    /// Height at which nothing is added (m, inertial).
+    pub height: T,
 }
 
 impl<T: Real> Air<T> {
@@ -91,19 +102,30 @@ impl<T: Real> Air<T> {
             density: Density::Constant(density),
             velocity: Vector::zero(),
             profile: T::zero(),
+            shear: None,
         }
     }
 
     /// Velocity of the air at a place (m, inertial).
     #[inline]
     pub fn velocity_at(&self, position: &Vector<T, Inertial>) -> Vector<T, Inertial> {
-        if self.profile == T::zero() {
+        if self.profile == T::zero() && self.shear.is_none() {
             return self.velocity;
         }
+        self.uneven_velocity_at(position)
+    }
+
+    /// Kept out of line: even air does not pay for it.
+    #[cold]
+    #[inline(never)]
+    fn uneven_velocity_at(&self, position: &Vector<T, Inertial>) -> Vector<T, Inertial> {
         let (north, west) = (position.north(), position.west());
         let loss = self.profile * (north * north + west * west);
         let share = clamp(T::one() - loss, T::zero(), T::of(2.0));
-        self.velocity * share
+        let even = self.velocity * share;
+        self.shear.map_or(even, |shear| {
+            even + shear.per_metre * (position.up() - shear.height)
+        })
     }
 
     /// The same air in another precision.
@@ -127,6 +149,10 @@ impl<T: Real> Air<T> {
             },
             velocity: self.velocity.cast(),
             profile: scalar(self.profile),
+            shear: self.shear.map(|shear| Shear {
+                per_metre: shear.per_metre.cast(),
+                height: scalar(shear.height),
+            }),
         }
     }
 }
@@ -134,6 +160,31 @@ impl<T: Real> Air<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_wind_grows_with_the_height_and_leaves_the_stream_of_a_tunnel_its_profile() {
+        let air = Air {
+            velocity: Vector::new(3.0, 0.0, 1.0),
+            shear: Some(Shear {
+                per_metre: Vector::new(0.01, -0.02, 0.0),
+                height: 1000.0,
+            }),
+            ..Air::still(1.0)
+        };
+        let found = air.velocity_at(&Vector::new(50.0, 20.0, 1200.0));
+        let expected = Vector::<f64, Inertial>::new(5.0, -4.0, 1.0);
+        assert!((found - expected).norm() < 1e-12);
+        let tunnel = Air {
+            profile: 0.01,
+            ..air
+        };
+        let found = tunnel.velocity_at(&Vector::new(3.0, 4.0, 1000.0));
+        assert!((found - air.velocity * 0.75).norm() < 1e-12);
+        assert_eq!(
+            tunnel.cast::<f32>().cast::<f64>().shear.map(|s| s.height),
+            Some(1000.0)
+        );
+    }
 
     #[test]
     fn the_standard_atmosphere_has_its_tabled_values() {

@@ -46,6 +46,7 @@ mod tunnel;
 mod updraft;
 mod upper_arm_drag;
 mod wind;
+mod wind_shear;
 
 use core::fmt;
 
@@ -83,6 +84,8 @@ macro_rules! effects {
 effects! {
     /// Horizontal wind.
     Wind = wind,
+    /// Horizontal wind that changes with the height.
+    WindShear = wind_shear,
     /// Vertical wind.
     Updraft = updraft,
     /// Density that changes with the altitude.

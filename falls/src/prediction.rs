@@ -1,6 +1,6 @@
 //! A fall flown again, with the drag, lift and wind that were told from it or from its first part.
 
-use bodyflight_core::air::{Air, Density, GRAVITY};
+use bodyflight_core::air::{Air, GRAVITY};
 use bodyflight_core::dynamics::point_mass::PointMass;
 use bodyflight_core::frame::Vector;
 use nalgebra::Vector3;
@@ -251,9 +251,8 @@ impl Flown<'_> {
         let density = self.atmosphere.density(position.z);
         let point = PointMass {
             air: Air {
-                density: Density::Constant(density),
                 velocity: Vector::from_components(air),
-                profile: 0.0,
+                ..Air::still(density)
             },
             drag_area: piece.drag,
             mass: 1.0,

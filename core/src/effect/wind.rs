@@ -14,7 +14,7 @@ pub(super) const EFFECT: Description = Description {
     ],
     source: "model.md: forces depend on the velocity through the air",
     signature: "horizontal force along one direction over ground, whatever the heading",
-    confused_with: &["exit-speed", "lift"],
+    confused_with: &["exit-speed", "wind-shear", "lift"],
     separated_by: "a full turn at constant posture",
 };
 

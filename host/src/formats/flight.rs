@@ -278,7 +278,7 @@ impl Flight {
             air: Air {
                 density,
                 velocity: Vector::new(north, west, up),
-                profile: 0.0,
+                ..Air::still(0.0)
             },
             stream: Stream::uniform(),
             muscles: self.muscles,
