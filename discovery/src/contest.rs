@@ -8,13 +8,16 @@ use rand::{RngExt, SeedableRng};
 
 use rand_distr::StandardNormal;
 
-use super::effect_set::{EffectSet, ParameterId, all_parameters, freedom, parameters_of};
+use super::effect_set::{
+    EffectSet, ParameterId, all_parameters, freedom, moved, numbers, parameters_of,
+};
 use super::error::Result;
 use super::error_prior::subject_precision;
 use super::nuisance::{Tolerances, twins};
-use super::problem::{Fitted, Problem, Quadratic};
+use super::problem::{Fitted, Problem};
 use super::progress::{Progress, check};
 use super::statistics::deviations;
+use super::whitened::Quadratic;
 
 /// What a parameter must gain in all flights to be worth it (Schwarz, of some hundred independent numbers).
 pub const COST: f64 = 3.0;
@@ -32,6 +35,9 @@ const DRAWS: usize = 999;
 /// Gain in the likelihood within which an effect is a rival of the best, and share of it.
 const RIVAL: f64 = 5.0;
 const RIVAL_SHARE: f64 = 0.02;
+
+/// Share of half the plausible range from which on an effect matters.
+const MATERIAL: f64 = 0.02;
 
 /// Flights with their errors fitted around the effects named so far.
 pub struct Scene<'a> {
@@ -66,9 +72,25 @@ impl Candidate {
         self.gain + self.gains_held_out.iter().sum::<f64>() - COST * freedom(self.effect)
     }
 
+    /// What it may gain in all flights once everything is fitted beside it. Where joints are far off, a flight held out may
+    /// seem to lose by what is its own error, so it cannot take more than half of what the fitted flights gain.
+    pub fn promise(&self) -> f64 {
+        let held_out = self.gains_held_out.iter();
+        let held_out: f64 = held_out.map(|gain| gain.max(-0.5 * self.gain)).sum();
+        self.gain + held_out - COST * freedom(self.effect)
+    }
+
     /// Deviations of its gain from chance.
     pub fn deviations(&self) -> f64 {
         deviations(2.0 * self.gain.max(0.0), freedom(self.effect))
+    }
+
+    /// The same of all flights together. A flight held out was not asked for the values, so by chance it loses; more than
+    /// the fitted flights gain does not count.
+    pub fn deviations_together(&self) -> f64 {
+        let held_out = self.gains_held_out.iter();
+        let gain = self.gain + held_out.map(|gain| gain.min(self.gain)).sum::<f64>();
+        deviations(2.0 * gain.max(0.0), freedom(self.effect))
     }
 
     /// Its own parameters.
@@ -94,12 +116,33 @@ impl Candidate {
         effects
     }
 
-    /// The largest move of a parameter from where it was, in its standard errors.
-    pub fn moved_from(&self, before: &EffectSet) -> f64 {
-        let moves = numbers(&self.effects) - numbers(before);
-        let each = moves.iter().enumerate();
-        each.map(|(k, moved)| moved.abs() / self.covariance[(k, k)].sqrt())
-            .fold(0.0, f64::max)
+    /// Whether it is strong enough to act on.
+    pub fn matters(&self) -> bool {
+        let parameters = self.effect.description().parameters;
+        parameters
+            .iter()
+            .zip(self.values())
+            .any(|(parameter, value)| {
+                let half = 0.5 * (parameter.high - parameter.low);
+                (value - parameter.neutral).abs() > MATERIAL * half
+            })
+    }
+
+    /// With its gain once everything is fitted with and without it.
+    pub fn compared(&self, without: &Scene<'_>, with: &Scene<'_>) -> Self {
+        let gains =
+            |before: &[(&Problem<'_>, Fitted)], after: &[(&Problem<'_>, Fitted)]| -> Vec<f64> {
+                let likelihoods = before.iter().zip(after);
+                likelihoods
+                    .map(|((_, a), (_, b))| b.errors.likelihood - a.errors.likelihood)
+                    .collect()
+            };
+        Self {
+            effects: with.effects.clone(),
+            gain: gains(&without.fitted, &with.fitted).iter().sum(),
+            gains_held_out: gains(&without.held_out, &with.held_out),
+            ..self.clone()
+        }
     }
 
     /// Whether it is indistinguishable from the best.
@@ -108,44 +151,27 @@ impl Candidate {
     }
 }
 
-/// The parameters of effects as numbers.
-fn numbers(effects: &EffectSet) -> DVector<f64> {
-    let each = effects.iter().flat_map(|(effect, values)| {
-        let count = effect.description().parameters.len();
-        values[..count].to_vec()
-    });
-    DVector::from_vec(each.collect())
-}
-
-/// Effects with their parameters moved, kept in their plausible ranges.
-fn moved(effects: &EffectSet, step: &DVector<f64>) -> EffectSet {
-    let mut steps = step.iter();
-    let mut moved = effects.clone();
-    for (effect, values) in &mut moved {
-        for (value, parameter) in values.iter_mut().zip(effect.description().parameters) {
-            *value += steps.next().copied().unwrap_or(0.0);
-            *value = value.clamp(parameter.low, parameter.high);
-        }
-    }
-    moved
+/// Of subject and suit beside effects.
+pub(super) fn precision(tolerances: &Tolerances, effects: &EffectSet) -> DVector<f64> {
+    let held: Vec<usize> = effects
+        .iter()
+        .flat_map(|(effect, _)| twins(*effect))
+        .collect();
+    subject_precision(tolerances, &held)
 }
 
 impl Scene<'_> {
     fn precision(&self, effects: &EffectSet) -> DVector<f64> {
-        let held: Vec<usize> = effects
-            .iter()
-            .flat_map(|(effect, _)| twins(*effect))
-            .collect();
-        subject_precision(&self.tolerances, &held)
+        precision(&self.tolerances, effects)
     }
 
     /// Deviations of the prior of parameters: as far as is plausible, wide for those named already.
-    fn prior(effects: &EffectSet) -> Vec<f64> {
+    pub(super) fn prior(effects: &EffectSet) -> Vec<f64> {
         let parameters = parameters_of(effects.iter().map(|(effect, _)| *effect));
         parameters.iter().map(|id| id.prior_deviation()).collect()
     }
 
-    fn from_neutral(effects: &EffectSet) -> DVector<f64> {
+    pub(super) fn from_neutral(effects: &EffectSet) -> DVector<f64> {
         let neutral: EffectSet = effects.iter().map(|(e, _)| (*e, e.neutral())).collect();
         numbers(effects) - numbers(&neutral)
     }
@@ -172,7 +198,7 @@ impl Scene<'_> {
             .filter(|effect| !self.effects.iter().any(|(named, _)| named == *effect))
             .filter_map(|effect| self.sketched(*effect, &here, &there))
             .collect();
-        candidates.sort_by(|a, b| b.total().total_cmp(&a.total()));
+        candidates.sort_by(|a, b| b.promise().total_cmp(&a.promise()));
         let mut followed = Vec::new();
         for candidate in candidates.into_iter().take(FOLLOWED) {
             check(progress)?;
@@ -182,7 +208,7 @@ impl Scene<'_> {
             );
         }
         check(progress)?;
-        followed.sort_by(|a, b| b.total().total_cmp(&a.total()));
+        followed.sort_by(|a, b| b.promise().total_cmp(&a.promise()));
         Ok(followed)
     }
 
@@ -237,7 +263,7 @@ impl Scene<'_> {
     }
 
     /// The residuals around some effects in flights of one subject, with the requested parameters.
-    fn around(
+    pub(super) fn around(
         &self,
         flights: &[&(&Problem<'_>, Fitted)],
         effects: &EffectSet,
@@ -329,32 +355,6 @@ impl Scene<'_> {
             effects,
             covariance,
         })
-    }
-
-    /// How far flights held out are from a candidate's parameters, each in the standard errors of both estimates, and at
-    /// least one: what a linear problem does not know of its own errors shows there (Birge's ratio).
-    pub fn apart(&self, candidate: &Candidate, progress: &dyn Progress) -> Vec<f64> {
-        let effects = &candidate.effects;
-        let parameters = parameters_of(effects.iter().map(|(effect, _)| *effect));
-        let prior = Self::prior(effects);
-        let mut squares = vec![0.0; parameters.len()];
-        for flight in &self.held_out {
-            let there = self.around(&[flight], effects, &parameters, progress);
-            let Some((step, covariance)) =
-                there.and_then(|there| there.solved(&prior, &Self::from_neutral(effects)))
-            else {
-                continue;
-            };
-            for (k, square) in squares.iter_mut().enumerate() {
-                let variance = covariance[(k, k)] + candidate.covariance[(k, k)];
-                *square += step[k] * step[k] / variance;
-            }
-        }
-        let count = self.held_out.len().max(1) as f64;
-        squares
-            .iter()
-            .map(|square| (square / count).sqrt().max(1.0))
-            .collect()
     }
 
     /// For random draws of the fitted errors: the deviations of the effect that gains most, in rising order.

@@ -1,6 +1,7 @@
 //! Effects with their parameters, the model extended by them, and each parameter as a column of a fit.
 
 use bodyflight_core::effect::{Effect, Model, PARAMETER_COUNT, Parameter};
+use nalgebra::{DMatrix, DVector};
 
 /// Effects with their parameters.
 pub type EffectSet = Vec<(Effect, [f64; PARAMETER_COUNT])>;
@@ -56,6 +57,41 @@ pub fn all_parameters() -> Vec<ParameterId> {
 /// Number of parameters of an effect: the degrees of freedom of its gain.
 pub fn freedom(effect: Effect) -> f64 {
     effect.description().parameters.len() as f64
+}
+
+/// The parameters of effects as numbers.
+pub fn numbers(effects: &EffectSet) -> DVector<f64> {
+    let each = effects.iter().flat_map(|(effect, values)| {
+        let count = effect.description().parameters.len();
+        values[..count].to_vec()
+    });
+    DVector::from_vec(each.collect())
+}
+
+/// The largest move of a parameter, in its standard errors.
+pub fn furthest(from: &EffectSet, to: &EffectSet, covariance: &DMatrix<f64>) -> f64 {
+    let moves = numbers(to) - numbers(from);
+    let each = moves.iter().enumerate();
+    each.map(|(k, moved)| moved.abs() / covariance[(k, k)].sqrt())
+        .fold(0.0, f64::max)
+}
+
+/// Effects half way from some to others.
+pub fn between(from: &EffectSet, to: &EffectSet) -> EffectSet {
+    moved(from, &((numbers(to) - numbers(from)) * 0.5))
+}
+
+/// Effects with their parameters moved, kept in their plausible ranges.
+pub fn moved(effects: &EffectSet, step: &DVector<f64>) -> EffectSet {
+    let mut steps = step.iter();
+    let mut moved = effects.clone();
+    for (effect, values) in &mut moved {
+        for (value, parameter) in values.iter_mut().zip(effect.description().parameters) {
+            *value += steps.next().copied().unwrap_or(0.0);
+            *value = value.clamp(parameter.low, parameter.high);
+        }
+    }
+    moved
 }
 
 /// The plain model with effects of which one parameter is changed by a small step, and the step that was possible.

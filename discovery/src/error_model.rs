@@ -5,6 +5,7 @@
 //! are drawn anew in every stretch: they are never fitted, only the sizes from which they are drawn.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, SMatrix};
 use rayon::prelude::*;
@@ -21,6 +22,7 @@ use super::stretch::{CHANNELS, NUMBERS, Stretch};
 const GROUP: [usize; CHANNELS] = [0, 0, 0, 1, 1, 1, 2, 2, 3];
 
 /// Numbers of a stretch with all of which they are made.
+#[derive(Clone)]
 pub struct Part {
     /// Residual at zero constants, to first order.
     pub missing: DVector<f64>,
@@ -31,7 +33,7 @@ pub struct Part {
     /// Derivatives by a force and a moment in each window.
     pub pushes: [DMatrix<f64>; 2],
     /// Covariance of each component at a size of one.
-    kernels: Vec<DMatrix<f64>>,
+    kernels: Arc<[DMatrix<f64>]>,
     /// Share of its weight that a stretch keeps.
     pub weight: f64,
     /// First frame of the stretch.
@@ -79,31 +81,30 @@ impl Part {
             constants.columns_mut(first, group.ncols()).copy_from(group);
             first += group.ncols();
         }
-        let mut around = DVector::zeros(CONSTANTS);
-        around
-            .rows_mut(0, JOINTS)
-            .copy_from(&belief.joints.course[0]);
-        around
-            .rows_mut(JOINTS, JOINTS)
-            .copy_from(&belief.joints.bend);
-        around.rows_mut(OWN, SUBJECT).copy_from(&belief.subject.0);
-        let mut wandered = DVector::zeros(NUMBERS);
-        if let Some(wander) = belief.wander.get(&stretch.first) {
-            for (columns, wander) in columns.joints.iter().zip(wander) {
-                wandered += columns * wander;
-            }
-        }
-        Self {
-            missing: columns.missing + &constants * around + &wandered,
+        let part = Self {
+            missing: DVector::zeros(NUMBERS),
             constants,
             effects: columns.effects,
             pushes: [columns.force, columns.moment],
-            kernels,
+            kernels: kernels.into(),
             weight: 1.0,
             first: stretch.first,
             joints: columns.joints,
-            wandered,
+            wandered: DVector::zeros(NUMBERS),
+        };
+        part.around(&columns.missing, belief)
+    }
+
+    /// The same slopes around another belief, where so much is missing.
+    pub fn around(mut self, missing: &DVector<f64>, belief: &Belief) -> Self {
+        self.wandered.fill(0.0);
+        if let Some(wander) = belief.wander.get(&self.first) {
+            for (columns, wander) in self.joints.iter().zip(wander) {
+                self.wandered += columns * wander;
+            }
         }
+        self.missing = missing + &self.constants * belief.constants() + &self.wandered;
+        self
     }
 
     /// The likely wander, where the constants are known.

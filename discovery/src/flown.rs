@@ -70,6 +70,8 @@ pub struct Prepared<'a> {
     model: Model<f64>,
     joints: JointErrors,
     steps: Steps,
+    /// Postures at the ends of the intervals, as recorded and as they are.
+    ends: Rc<[[Posture<f64>; 2]]>,
     postures: Rc<[Posed]>,
     samples: Rc<[PostureSample<f64>]>,
 }
@@ -92,31 +94,38 @@ impl<'a> Prepared<'a> {
         let place = |k: usize| stretch.first as f64 + (k * frames) as f64 / count as f64;
         let at = |k: usize| {
             let recorded = posture(track, place(k), model.sensors.posture_delay);
-            joints.correct(&recorded, 2.0 * k as f64 / count as f64 - 1.0)
+            [recorded, joints.correct(&recorded, over_stretch(k, count))]
         };
-        let duration =
-            (track.times[stretch.first + frames] - track.times[stretch.first]) / count as f64;
-        let mut from = at(0);
-        let postures: Rc<[Posed]> = (0..count)
-            .map(|k| {
-                let to = at(k + 1);
-                let posed = (
-                    from.interpolated(&to, 0.5),
-                    PostureRate::between(&from, &to, duration),
-                );
-                from = to;
-                posed
-            })
-            .collect();
-        Self {
+        let prepared = Self {
             track,
             stretch,
-            samples: sampled(model, &postures),
+            samples: Rc::default(),
             model: *model,
             joints: joints.clone(),
             steps,
-            postures,
-        }
+            ends: (0..=count).map(at).collect(),
+            postures: Rc::default(),
+        };
+        prepared.posed()
+    }
+
+    /// Intervals between the postures that are there.
+    fn posed(mut self) -> Self {
+        let frames = self.stretch.grid.frames();
+        let first = self.stretch.first;
+        let times = &self.track.times;
+        let count = self.ends.len() - 1;
+        let duration = (times[first + frames] - times[first]) / count as f64;
+        let posed = |pair: &[[Posture<f64>; 2]]| {
+            let [from, to] = [&pair[0][1], &pair[1][1]];
+            (
+                from.interpolated(to, 0.5),
+                PostureRate::between(from, to, duration),
+            )
+        };
+        self.postures = self.ends.windows(2).map(posed).collect();
+        self.samples = sampled(&self.model, &self.postures);
+        self
     }
 
     /// The same intervals in another model: what that does not change is kept.
@@ -136,14 +145,28 @@ impl<'a> Prepared<'a> {
             },
             model: *model,
             joints: self.joints.clone(),
+            ends: self.ends.clone(),
             postures: self.postures.clone(),
             ..*self
         }
     }
 
-    /// The same model with other errors of the joints.
-    pub fn with_joints(&self, joints: &JointErrors) -> Self {
-        Self::new(self.track, self.stretch, &self.model, joints, self.steps)
+    /// The same model with other errors of one joint, by its place among the segments that have a parent.
+    pub fn with_joint(&self, joints: &JointErrors, joint: usize) -> Self {
+        let count = self.ends.len() - 1;
+        let changed = |(k, [recorded, posture]): (usize, &[Posture<f64>; 2])| {
+            let mut posture = *posture;
+            joints.correct_joint(recorded, over_stretch(k, count), joint, &mut posture);
+            [*recorded, posture]
+        };
+        let prepared = Self {
+            ends: self.ends.iter().enumerate().map(changed).collect(),
+            samples: Rc::default(),
+            postures: Rc::default(),
+            joints: joints.clone(),
+            ..*self
+        };
+        prepared.posed()
     }
 
     /// Flies from the smoothed start changed by `start`, pushed in one window.
@@ -308,6 +331,11 @@ pub(super) fn behind(
         }
     }
     motion
+}
+
+/// Place of an end of intervals over a stretch, from -1 to 1.
+fn over_stretch(k: usize, count: usize) -> f64 {
+    2.0 * k as f64 / count as f64 - 1.0
 }
 
 /// The part of loads and mass that postures determine.

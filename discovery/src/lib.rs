@@ -5,16 +5,18 @@
 //! the flight ([`track`]) and how noisy its sensors are ([`recorded_noise`]), short free runs and their residuals
 //! ([`stretch`], [`flown`]), what everything that may be wrong changes in them ([`linearization`], [`nuisance`]), how
 //! large the errors are that are wrong in this flight ([`error_model`], [`problem`]), which effect makes the flights
-//! likelier ([`contest`]), which load describes what none explains ([`description`]), what is left ([`remainder`]) and what files have wrong ([`adjustment`]). The [`search`]
+//! likelier ([`contest`]) and what that comes to once everything is fitted anew beside it, which load describes what none explains ([`description`]), what is left ([`remainder`]) and what files have wrong ([`adjustment`]). The [`search`]
 //! strings them together. [`point`] does without postures, and [`laboratory`] flies what is to be found.
 #![forbid(unsafe_code)]
 
 pub mod adjustment;
+mod beside;
 pub mod contest;
 mod criteria;
 pub mod description;
 pub mod effect_set;
 pub mod error;
+mod error_bars;
 pub mod error_model;
 pub mod error_prior;
 pub mod flown;
@@ -40,3 +42,4 @@ mod test_subject;
 mod tests;
 pub mod track;
 mod verdict;
+pub mod whitened;

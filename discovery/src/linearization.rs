@@ -8,6 +8,7 @@ use bodyflight_core::effect::Model;
 use nalgebra::{DMatrix, DVector, Vector3};
 
 use super::effect_set::{EffectSet, ParameterId, changed, extended};
+use super::error_prior::{CONSTANTS, OWN};
 use super::flown::{Flown, Prepared, Push, Steps};
 use super::nuisance::{Angles, GYRO, JOINTS, JointErrors, SUBJECT, Subject, bend, legendre};
 use super::stretch::{CHANNELS, Channels, NUMBERS, ROWS, Stretch};
@@ -52,6 +53,18 @@ impl Belief {
             }
         }
         joints
+    }
+
+    /// The constants as one column.
+    pub fn constants(&self) -> DVector<f64> {
+        let mut constants = DVector::zeros(CONSTANTS);
+        let calibration = &self.joints.course[0];
+        constants.rows_mut(0, JOINTS).copy_from(calibration);
+        constants
+            .rows_mut(JOINTS, JOINTS)
+            .copy_from(&self.joints.bend);
+        constants.rows_mut(OWN, SUBJECT).copy_from(&self.subject.0);
+        constants
     }
 
     /// The model.
@@ -121,7 +134,10 @@ impl Columns {
             collected(JOINTS, |k| {
                 let mut joints = wrong.clone();
                 joints.course[degree][k] += JOINT_STEP;
-                change(&base.with_joints(&joints).fly(&still, None), JOINT_STEP)
+                change(
+                    &base.with_joint(&joints, k / 3).fly(&still, None),
+                    JOINT_STEP,
+                )
             })
         });
         let bends = bends(track, stretch);
@@ -205,13 +221,24 @@ pub fn effects_and_missing(
     belief: &Belief,
     parameters: &[ParameterId],
 ) -> DMatrix<f64> {
-    let joints = belief.joints_in(stretch);
-    let base = Prepared::new(track, stretch, &belief.model(plain), &joints, Steps::Long);
-    let flown = base.fly(&Channels::zeros(), None);
-    let columns = effect_columns(stretch, plain, belief, parameters, (&base, &flown));
+    let columns = effects_alone(track, stretch, plain, belief, parameters);
     let mut columns = columns.insert_column(parameters.len(), 0.0);
     columns.set_column(parameters.len(), &missing(track, stretch, plain, belief));
     columns
+}
+
+/// Derivatives by some parameters.
+pub fn effects_alone(
+    track: &Track,
+    stretch: &Stretch,
+    plain: &Model<f64>,
+    belief: &Belief,
+    parameters: &[ParameterId],
+) -> DMatrix<f64> {
+    let joints = belief.joints_in(stretch);
+    let base = Prepared::new(track, stretch, &belief.model(plain), &joints, Steps::Long);
+    let flown = base.fly(&Channels::zeros(), None);
+    effect_columns(stretch, plain, belief, parameters, (&base, &flown))
 }
 
 fn effect_columns(

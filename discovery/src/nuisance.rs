@@ -79,24 +79,35 @@ impl JointErrors {
 
     /// The true posture at `place`, from -1 to 1 over the stretch.
     pub fn correct(&self, recorded: &Posture<f64>, place: f64) -> Posture<f64> {
-        let polynomials = legendre(place);
         let mut posture = *recorded;
-        for (k, &segment) in Segment::ALL.iter().skip(1).enumerate() {
-            let part = |angles: &Angles| angles.fixed_rows::<3>(3 * k).into_owned();
-            let joint = recorded.parent_from_segment(segment);
-            let mut turn = Vector3::zeros();
-            for (angles, share) in self.course.iter().zip(polynomials) {
-                turn += part(angles) * share;
-            }
-            let bend = part(&self.bend);
-            if bend != Vector3::zeros() {
-                turn += bend.component_mul(&joint.scaled_axis());
-            }
-            if turn != Vector3::zeros() {
-                posture.set(segment, joint * small_rotation(&turn));
-            }
+        for joint in 0..JOINTS / 3 {
+            self.correct_joint(recorded, place, joint, &mut posture);
         }
         posture
+    }
+
+    /// One joint of the true posture, by its place among the segments that have a parent.
+    pub fn correct_joint(
+        &self,
+        recorded: &Posture<f64>,
+        place: f64,
+        joint: usize,
+        posture: &mut Posture<f64>,
+    ) {
+        let segment = Segment::ALL[joint + 1];
+        let part = |angles: &Angles| angles.fixed_rows::<3>(3 * joint).into_owned();
+        let from_parent = recorded.parent_from_segment(segment);
+        let mut turn = Vector3::zeros();
+        for (angles, share) in self.course.iter().zip(legendre(place)) {
+            turn += part(angles) * share;
+        }
+        let bend = part(&self.bend);
+        if bend != Vector3::zeros() {
+            turn += bend.component_mul(&from_parent.scaled_axis());
+        }
+        if turn != Vector3::zeros() {
+            posture.set(segment, from_parent * small_rotation(&turn));
+        }
     }
 }
 

@@ -1,21 +1,23 @@
 //! A flight as a linear problem with its errors fitted, and what columns of it come to once constants are taken out.
 
+use std::collections::BTreeMap;
+
 use bodyflight_core::dynamics::applied_load::AppliedLoads;
 use bodyflight_core::effect::Model;
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use nalgebra::DMatrix;
 use rayon::prelude::*;
 
 use super::effect_set::{EffectSet, ParameterId, all_parameters};
 use super::error::Result;
 use super::error_model::{self, CONSTANTS, Errors, OWN, Part};
 use super::error_prior::Prior;
-use super::linearization::{Belief, Columns, effects_and_missing};
-use super::nuisance::{SUBJECT, Tolerances, twins};
-use super::product::transposed_product;
+use super::linearization::{Belief, Columns, Course, effects_alone, effects_and_missing, missing};
+use super::nuisance::{GYRO, Tolerances, twins};
 use super::progress::{Progress, check};
 use super::recorded_noise::recorded_noise;
 use super::stretch::{NUMBERS, Stretch, stretches};
 use super::track::Track;
+use super::whitened::Whitened;
 
 /// Steps of a fit of the errors: from nothing, and from a fit that is near.
 const FIRST_STEPS: usize = 20;
@@ -23,6 +25,12 @@ const STEPS: usize = 8;
 
 /// Squares of a stretch by its numbers from which on it loses weight: what no distribution of errors makes.
 const OUTLYING: f64 = 3.0;
+
+/// Fits with the same slopes until constants stay, how far they still move then (standard errors, root mean square),
+/// and the share of the move before from which on another is not worth it.
+const SETTLING: usize = 8;
+const SETTLED: f64 = 0.1;
+const STAGNANT: f64 = 0.8;
 
 /// A flight to be explained.
 #[derive(Clone)]
@@ -50,6 +58,8 @@ pub struct Fitted {
     /// The errors.
     pub errors: Errors,
     whitened: Whitened,
+    /// Wander beyond which the suit is no explanation (rad).
+    wander_limit: f64,
 }
 
 impl<'a> Problem<'a> {
@@ -119,10 +129,9 @@ impl<'a> Problem<'a> {
         rounds: usize,
         progress: &dyn Progress,
     ) -> Result<Option<Fitted>> {
-        let prior = self.prior_with(&belief.effects);
         let mut belief = belief.clone();
-        for k in &prior.held {
-            belief.subject.0[*k] = 0.0;
+        for k in self.prior_with(&belief.effects).held {
+            belief.subject.0[k] = 0.0;
         }
         let mut errors = errors.cloned();
         let mut found = None;
@@ -131,25 +140,96 @@ impl<'a> Problem<'a> {
                 return Ok(None);
             };
             let steps = if errors.is_some() { STEPS } else { FIRST_STEPS };
-            let Some(fit) = error_model::fit(&parts, &prior, errors.as_ref(), steps, progress)
-            else {
+            let Some(fitted) = self.fitted(parts, belief, errors.as_ref(), steps, progress)? else {
                 return Ok(None);
             };
-            check(progress)?;
-            let Some(whitened) = Whitened::new(&parts, &fit, &prior) else {
-                return Ok(None);
-            };
-            errors = Some(fit.clone());
-            let fitted = Fitted {
-                belief,
-                parts,
-                errors: fit,
-                whitened,
-            };
+            errors = Some(fitted.errors.clone());
             belief = fitted.belief_with(&fitted.belief.effects);
             found = Some(fitted);
         }
         Ok(found)
+    }
+
+    /// Fits the errors around another belief with the slopes of a fit: what is missing is flown anew, which costs a
+    /// thirtieth of all slopes.
+    ///
+    /// # Errors
+    /// Returns an error if the search was cancelled.
+    pub fn fit_with_slopes_of(
+        &self,
+        fitted: &Fitted,
+        belief: &Belief,
+        progress: &dyn Progress,
+    ) -> Result<Option<Fitted>> {
+        let mut belief = belief.clone();
+        for k in self.prior_with(&belief.effects).held {
+            belief.subject.0[k] = 0.0;
+        }
+        let parts: Option<Vec<Part>> = self
+            .stretches
+            .par_iter()
+            .zip(&fitted.parts)
+            .map(|(stretch, part)| {
+                check(progress).ok()?;
+                let missing = missing(self.track, stretch, &self.plain, &belief);
+                let finite = missing.iter().all(|value| value.is_finite());
+                finite.then(|| part.clone().around(&missing, &belief))
+            })
+            .collect();
+        check(progress)?;
+        match parts {
+            Some(parts) => self.fitted(parts, belief, Some(&fitted.errors), STEPS, progress),
+            None => Ok(None),
+        }
+    }
+
+    /// Fits the errors around the constants that they were found to have, until these stay: likelihoods around other
+    /// constants are not those of the flight.
+    ///
+    /// # Errors
+    /// Returns an error if the search was cancelled.
+    pub fn settled(&self, fitted: Fitted, progress: &dyn Progress) -> Result<Fitted> {
+        let mut moved = fitted.moved();
+        let mut best = fitted;
+        for _ in 0..SETTLING {
+            if moved < SETTLED {
+                break;
+            }
+            let belief = best.belief_with(&best.belief.effects);
+            let Some(next) = self.fit_with_slopes_of(&best, &belief, progress)? else {
+                break;
+            };
+            let before = moved;
+            (moved, best) = (next.moved(), next);
+            if moved > STAGNANT * before {
+                break;
+            }
+        }
+        Ok(best)
+    }
+
+    fn fitted(
+        &self,
+        parts: Vec<Part>,
+        belief: Belief,
+        errors: Option<&Errors>,
+        steps: usize,
+        progress: &dyn Progress,
+    ) -> Result<Option<Fitted>> {
+        let prior = self.prior_with(&belief.effects);
+        let errors = error_model::fit(&parts, &prior, errors, steps, progress);
+        check(progress)?;
+        let Some(errors) = errors else {
+            return Ok(None);
+        };
+        let whitened = Whitened::new(&parts, &errors, &prior);
+        Ok(whitened.map(|whitened| Fitted {
+            belief,
+            parts,
+            errors,
+            whitened,
+            wander_limit: prior.tolerances.wander_limit_deg.to_radians(),
+        }))
     }
 
     /// Stretches that no distribution of errors makes lose weight.
@@ -169,6 +249,42 @@ impl<'a> Problem<'a> {
         parameters: &[ParameterId],
         progress: &dyn Progress,
     ) -> Option<DMatrix<f64>> {
+        let columns = self.columns_around(fitted, effects, parameters, progress)?;
+        Some(fitted.whitened.reduced(&columns))
+    }
+
+    /// The same around the belief of the fit, where what is missing is known.
+    pub fn slopes_here(
+        &self,
+        fitted: &Fitted,
+        parameters: &[ParameterId],
+        progress: &dyn Progress,
+    ) -> Option<DMatrix<f64>> {
+        let columns: Option<Vec<DMatrix<f64>>> = self
+            .stretches
+            .par_iter()
+            .zip(&fitted.parts)
+            .map(|(stretch, part)| {
+                check(progress).ok()?;
+                let (track, belief) = (self.track, &fitted.belief);
+                let slopes = effects_alone(track, stretch, &self.plain, belief, parameters);
+                let mut columns = slopes.insert_column(parameters.len(), 0.0);
+                columns.set_column(parameters.len(), &part.missing);
+                let finite = columns.iter().all(|value| value.is_finite());
+                finite.then_some(columns)
+            })
+            .collect();
+        Some(fitted.whitened.reduced(&columns?))
+    }
+
+    /// The same by stretch, before it is reduced.
+    pub fn columns_around(
+        &self,
+        fitted: &Fitted,
+        effects: &EffectSet,
+        parameters: &[ParameterId],
+        progress: &dyn Progress,
+    ) -> Option<Vec<DMatrix<f64>>> {
         let mut belief = Belief {
             effects: effects.clone(),
             ..fitted.belief.clone()
@@ -176,7 +292,7 @@ impl<'a> Problem<'a> {
         for k in self.prior_with(effects).held {
             belief.subject.0[k] = 0.0;
         }
-        self.reduced_around(fitted, &belief, |stretch| {
+        self.columns_of(fitted, &belief, |stretch| {
             check(progress).ok()?;
             let track = self.track;
             let columns = effects_and_missing(track, stretch, &self.plain, &belief, parameters);
@@ -200,15 +316,18 @@ impl<'a> Problem<'a> {
         belief: &Belief,
         columns: impl Fn(&Stretch) -> Option<DMatrix<f64>> + Sync,
     ) -> Option<DMatrix<f64>> {
-        let mut around = DVector::zeros(CONSTANTS);
-        around
-            .rows_mut(0, belief.joints.course[0].len())
-            .copy_from(&belief.joints.course[0]);
-        let bend = belief.joints.bend;
-        around.rows_mut(bend.len(), bend.len()).copy_from(&bend);
-        around.rows_mut(OWN, SUBJECT).copy_from(&belief.subject.0);
-        let columns: Option<Vec<DMatrix<f64>>> = self
-            .stretches
+        let columns = self.columns_of(fitted, belief, columns)?;
+        Some(fitted.whitened.reduced(&columns))
+    }
+
+    fn columns_of(
+        &self,
+        fitted: &Fitted,
+        belief: &Belief,
+        columns: impl Fn(&Stretch) -> Option<DMatrix<f64>> + Sync,
+    ) -> Option<Vec<DMatrix<f64>>> {
+        let around = belief.constants();
+        self.stretches
             .par_iter()
             .zip(&fitted.parts)
             .map(|(stretch, part)| {
@@ -219,8 +338,7 @@ impl<'a> Problem<'a> {
                 let finite = columns.iter().all(|value| value.is_finite());
                 finite.then_some(columns)
             })
-            .collect();
-        Some(fitted.whitened.reduced(&columns?))
+            .collect()
     }
 }
 
@@ -240,185 +358,71 @@ impl Fitted {
         self.whitened.reduced(&columns)
     }
 
+    /// Columns of every stretch in deviations, less what constants do of them.
+    pub fn without_constants(&self, columns: &[DMatrix<f64>]) -> Vec<DMatrix<f64>> {
+        self.whitened
+            .without_constants(columns, &self.errors.covariance)
+    }
+
     /// What the flight says of constants, with other effects.
     pub fn belief_with(&self, effects: &EffectSet) -> Belief {
         Belief {
             effects: effects.clone(),
-            wander: self.errors.likely_wander(&self.parts),
+            wander: self.likely_wander(),
             ..self.errors.belief(&self.belief)
         }
+    }
+
+    /// How far constants are from those around which this is linear (standard errors, root mean square).
+    fn moved(&self) -> f64 {
+        let around = self.belief.constants();
+        let of = |k: usize| {
+            let moved = self.errors.constants[k] - around[k];
+            moved * moved / self.errors.covariance[(k, k)]
+        };
+        // What the gyroscope does is linear.
+        let numbers = (0..OWN - GYRO).chain(OWN..CONSTANTS);
+        let count = numbers.clone().count() as f64;
+        (numbers.map(of).sum::<f64>() / count).sqrt()
     }
 
     /// The same belief, with the likely wander.
     pub fn belief_wandering(&self) -> Belief {
         Belief {
-            wander: self.errors.likely_wander(&self.parts),
+            wander: self.likely_wander(),
             ..self.belief.clone()
         }
     }
-}
 
-/// A problem in deviations, with the constants of its flight ready to be taken out.
-struct Whitened {
-    factors: Vec<Cholesky<f64, Dyn>>,
-    /// By stretch: constants in deviations.
-    constants: Vec<DMatrix<f64>>,
-    /// Information of the constants that the flight has for itself.
-    own: Cholesky<f64, Dyn>,
-    own_with_subject: DMatrix<f64>,
-    /// Information of the subject once these are taken out.
-    subject: DMatrix<f64>,
-}
-
-impl Whitened {
-    fn new(parts: &[Part], errors: &Errors, prior: &Prior) -> Option<Self> {
-        let each: Option<Vec<_>> = parts
-            .par_iter()
-            .map(|part| {
-                let factor = part.covariance(&errors.sizes)?;
-                let mut constants = part.constants.clone();
-                factor.l_dirty().solve_lower_triangular_mut(&mut constants);
-                let information = transposed_product(&constants, &constants);
-                Some((factor, constants, information))
-            })
-            .collect();
-        let (mut factors, mut constants) = (Vec::new(), Vec::new());
-        let mut information = DMatrix::zeros(CONSTANTS, CONSTANTS);
-        for (factor, part, part_information) in each? {
-            factors.push(factor);
-            constants.push(part);
-            information += part_information;
-        }
-        let own_precision = errors.spread.own_precision(&prior.tolerances);
-        for (k, precision) in own_precision.iter().enumerate() {
-            information[(k, k)] += precision;
-        }
-        let own = information
-            .view((0, 0), (OWN, OWN))
-            .into_owned()
-            .cholesky()?;
-        let own_with_subject = information.view((0, OWN), (OWN, SUBJECT)).into_owned();
-        let subject = information
-            .view((OWN, OWN), (SUBJECT, SUBJECT))
-            .into_owned()
-            - own_with_subject.tr_mul(&own.solve(&own_with_subject));
-        Some(Self {
-            factors,
-            constants,
-            own,
-            own_with_subject,
-            subject,
-        })
+    /// Whether joints can have wandered so far: where they cannot, they stand for something else.
+    fn is_plausible(&self) -> bool {
+        self.errors.wander() <= self.wander_limit
     }
 
-    /// Information of subject and columns, with the constants of the flight taken out.
-    fn reduced(&self, columns: &[DMatrix<f64>]) -> DMatrix<f64> {
-        let count = columns.first().map_or(0, DMatrix::ncols);
-        let each: Vec<_> = self
-            .factors
-            .par_iter()
-            .zip(&self.constants)
-            .zip(columns)
-            .map(|((factor, constants), columns)| {
-                let mut white = columns.clone();
-                factor.l_dirty().solve_lower_triangular_mut(&mut white);
-                (
-                    transposed_product(constants, &white),
-                    transposed_product(&white, &white),
-                )
-            })
-            .collect();
-        let mut with_constants = DMatrix::zeros(CONSTANTS, count);
-        let mut with_columns = DMatrix::zeros(count, count);
-        for (constants, columns) in each {
-            with_constants += constants;
-            with_columns += columns;
+    /// None where it is not plausible: slopes there are those of no body.
+    fn likely_wander(&self) -> BTreeMap<usize, Course> {
+        if self.is_plausible() {
+            self.errors.likely_wander(&self.parts)
+        } else {
+            BTreeMap::new()
         }
-        let own = with_constants.rows(0, OWN).into_owned();
-        let taken = self.own.solve(&own);
-        let subject = with_constants.rows(OWN, SUBJECT) - self.own_with_subject.tr_mul(&taken);
-        with_columns -= own.tr_mul(&taken);
-        let mut reduced = DMatrix::zeros(SUBJECT + count, SUBJECT + count);
-        reduced
-            .view_mut((0, 0), (SUBJECT, SUBJECT))
-            .copy_from(&self.subject);
-        reduced
-            .view_mut((0, SUBJECT), (SUBJECT, count))
-            .copy_from(&subject);
-        reduced
-            .view_mut((SUBJECT, 0), (count, SUBJECT))
-            .copy_from(&subject.transpose());
-        reduced
-            .view_mut((SUBJECT, SUBJECT), (count, count))
-            .copy_from(&with_columns);
-        reduced
-    }
-}
-
-/// Information and slope of some columns and the square of what is missing: half of the square less is what the
-/// likelihood gains.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Quadratic {
-    /// Information.
-    pub information: DMatrix<f64>,
-    /// Slope.
-    pub slope: DVector<f64>,
-    /// Square of what is missing.
-    pub square: f64,
-}
-
-impl Quadratic {
-    /// Of flights with one subject: some columns of their reduced problems, of which the last is what is missing.
-    pub fn joint(
-        flights: &[DMatrix<f64>],
-        columns: &[usize],
-        precision: &DVector<f64>,
-    ) -> Option<Self> {
-        let size = flights.first()?.ncols();
-        let mut sum = DMatrix::zeros(size, size);
-        for flight in flights {
-            sum += flight;
-        }
-        for (k, precision) in precision.iter().enumerate() {
-            sum[(k, k)] += precision;
-        }
-        let mut kept: Vec<usize> = columns.iter().map(|column| SUBJECT + column).collect();
-        kept.push(size - 1);
-        let count = kept.len();
-        let subject = sum
-            .view((0, 0), (SUBJECT, SUBJECT))
-            .into_owned()
-            .cholesky()?;
-        let cross = DMatrix::from_fn(SUBJECT, count, |j, k| sum[(j, kept[k])]);
-        let rest = DMatrix::from_fn(count, count, |j, k| sum[(kept[j], kept[k])])
-            - cross.tr_mul(&subject.solve(&cross));
-        let last = count - 1;
-        Some(Self {
-            information: rest.view((0, 0), (last, last)).into_owned(),
-            slope: rest.view((0, last), (last, 1)).column(0).into_owned(),
-            square: rest[(last, last)],
-        })
     }
 
-    /// What is left of half the square after a step.
-    pub fn left(&self, step: &DVector<f64>) -> f64 {
-        0.5 * self.square - step.dot(&self.slope) + 0.5 * step.dot(&(&self.information * step))
+    /// Where a fit with other effects begins.
+    pub fn start_with(&self, effects: &EffectSet) -> Belief {
+        let from = if self.is_plausible() {
+            self.belief.clone()
+        } else {
+            Belief::files()
+        };
+        Belief {
+            effects: effects.clone(),
+            ..from
+        }
     }
 
-    /// The step that leaves least, with deviations of a prior about zero steps away from it, and its covariance.
-    pub fn solved(
-        &self,
-        prior: &[f64],
-        from: &DVector<f64>,
-    ) -> Option<(DVector<f64>, DMatrix<f64>)> {
-        let mut information = self.information.clone();
-        let mut slope = self.slope.clone();
-        for (k, deviation) in prior.iter().enumerate() {
-            let precision = deviation.powi(-2);
-            information[(k, k)] += precision;
-            slope[k] -= precision * from[k];
-        }
-        let factor = information.cholesky()?;
-        Some((factor.solve(&slope), factor.inverse()))
+    /// The errors, unless they stand for something else.
+    pub fn plausible_errors(&self) -> Option<&Errors> {
+        self.is_plausible().then_some(&self.errors)
     }
 }

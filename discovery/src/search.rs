@@ -11,7 +11,7 @@ use super::error_model::Errors;
 use super::linearization::Belief;
 use super::nuisance::Tolerances;
 use super::problem::{Fitted, Problem};
-use super::progress::{Progress, begin, check};
+use super::progress::{Progress, begin};
 use super::remainder::{unadjusted, without_push};
 use super::report::{Outcome, Report, Rival};
 use super::statistics::quantile_of_sorted;
@@ -52,22 +52,15 @@ const LEAST_ALONE: f64 = 7.0;
 const VOTE: f64 = 2.0;
 const ALL_TOGETHER: f64 = 12.0;
 
+/// Difference of gains in the likelihood that says nothing.
+const EQUAL: f64 = 0.5;
+
 /// Effects that are given up before the search is.
 const TRIED: usize = 3;
-
-/// Fits of errors beside an effect, and how far the effect moves at last (standard errors).
-const ROUNDS: usize = 5;
-const SETTLED: f64 = 0.4;
-
-/// How strong an effect is at first, by the strength that it has to first order.
-const STARTS: [f64; 2] = [1.0, 2.2];
 
 /// Share of a search that the errors take, and of what is left that another effect leaves.
 const ERRORS: f64 = 0.4;
 const ANOTHER: f64 = 0.3;
-
-/// Share of half the plausible range from which on an effect matters.
-const MATERIAL: f64 = 0.02;
 
 /// Searches for what the model misses in flights of one subject; the flights in `held_out` are not fitted, but must
 /// agree.
@@ -121,7 +114,7 @@ pub fn discover(
 struct Alone {
     /// Linearized around the files: fitted constants cannot hide what is missing.
     around_files: Fitted,
-    /// Linearized around the constants of the flight itself.
+    /// Around the constants of the flight itself.
     settled: Fitted,
 }
 
@@ -148,7 +141,7 @@ impl Alone {
         };
         Ok(Self {
             around_files,
-            settled,
+            settled: problem.settled(settled, progress)?,
         })
     }
 }
@@ -156,16 +149,15 @@ impl Alone {
 /// Whether a candidate is worth fitting everything anew beside it: errors that were fitted without it may take a part of
 /// what it does, so less than for a name is asked for.
 fn promises(candidate: &Candidate, chance: &[f64]) -> bool {
-    let votes = candidate.gains_held_out.iter().all(|gain| *gain > 0.0);
-    votes && candidate.deviations() > quantile_of_sorted(chance, 0.99)
+    candidate.promise() > 0.0 && candidate.deviations() > quantile_of_sorted(chance, 0.99)
 }
 
 /// A search in flights whose errors are known as far as nothing is missing.
 pub(super) struct Search<'a> {
-    problems: &'a [Problem<'a>],
+    pub(super) problems: &'a [Problem<'a>],
     /// Flights that are fitted; the others are held out.
-    count: usize,
-    settings: &'a Settings,
+    pub(super) count: usize,
+    pub(super) settings: &'a Settings,
     pub(super) progress: &'a dyn Progress,
 }
 
@@ -177,8 +169,37 @@ pub(super) struct Name {
     pub(super) rivals: Vec<Rival>,
 }
 
+/// The candidate that seems best, and what it was chosen from.
+pub(super) struct Found {
+    pub(super) name: Name,
+    /// Best first.
+    pub(super) candidates: Vec<Candidate>,
+    pub(super) chance: Vec<f64>,
+    /// Whether it was found around the files, and not around the constants of the flights.
+    pub(super) around_files: bool,
+    promises: bool,
+}
+
+/// The best candidate that matters; of equals, the one that comes first in the library.
+fn best(candidates: &[Candidate], chance: &[f64]) -> Option<Name> {
+    let first = candidates.iter().find(|candidate| candidate.matters())?;
+    let equals = candidates
+        .iter()
+        .filter(|other| other.matters() && other.promise() > first.promise() - EQUAL);
+    let best = equals.min_by_key(|candidate| candidate.effect)?;
+    let above = chance
+        .iter()
+        .filter(|draw| **draw >= best.deviations())
+        .count();
+    Some(Name {
+        rivals: Vec::new(),
+        chance: (above + 1) as f64 / (chance.len() + 1) as f64,
+        candidate: best.clone(),
+    })
+}
+
 impl<'a> Search<'a> {
-    fn scene(&self, mut fitted: Vec<Fitted>, effects: EffectSet) -> Scene<'a> {
+    pub(super) fn scene(&self, mut fitted: Vec<Fitted>, effects: EffectSet) -> Scene<'a> {
         let held_out = fitted.split_off(self.count);
         let (here, there) = self.problems.split_at(self.count);
         Scene {
@@ -217,43 +238,27 @@ impl<'a> Search<'a> {
             // Constants may do most of what is missing once they are fitted, so the first name is sought around the files;
             // but far from the files slopes may be others.
             let scenes = [&files, &scene];
-            let mut found = None;
-            for from in scenes.into_iter().skip(names.len().min(1)) {
-                let candidates = from.candidates(&out_of_question, self.progress)?;
-                let chance = from.chance(self.settings.seed);
-                let Some(name) = self.best(&candidates, &chance) else {
-                    continue;
-                };
-                let promises = promises(&name.candidate, &chance);
-                if promises || found.is_none() {
-                    found = Some((name, chance, from, promises));
-                }
-                if promises {
-                    break;
-                }
-            }
+            let found = self.sought(&scenes[names.len().min(1)..], &out_of_question)?;
             self.reached(tried, 0.3);
-            let Some((mut name, chance, from, promises)) = found else {
+            let Some(found) = found else {
                 break;
             };
-            if !promises {
-                nearest = Some(name);
+            if !found.promises {
+                nearest = Some(found.name);
                 break;
             }
-            let what = name.candidate.effect.description().name;
-            begin(self.progress, &format!("errors beside {what}"))?;
-            let next = self.with(&scene, from, &name.candidate)?;
+            let chance = found.chance.clone();
+            let (name, next) = self.fitted_beside(&files, &mut scene, found)?;
             self.reached(tried, 1.0);
-            if let Some(next) = next {
-                name.candidate = self.compared(&scene, &next, &name.candidate);
-                if self.deserves(&name.candidate, &chance) {
-                    if plain.is_none() {
-                        plain = self.quiet(&scene)?;
-                    }
-                    bare.get_or_insert(core::mem::replace(&mut scene, next));
-                    names.push(name);
-                    continue;
+            if let Some(next) = next
+                && self.deserves(&name.candidate, &chance)
+            {
+                if plain.is_none() {
+                    plain = self.quiet(&scene)?;
                 }
+                bare.get_or_insert(core::mem::replace(&mut scene, next));
+                names.push(name);
+                continue;
             }
             out_of_question.push(name.candidate.effect);
             nearest.get_or_insert(name);
@@ -266,154 +271,46 @@ impl<'a> Search<'a> {
         described(bare.as_ref().unwrap_or(&scene), report, self.progress)
     }
 
-    /// Everything refitted beside a candidate. `from` is the scene in which it was found.
-    ///
-    /// Constants may absorb most of an effect, and a fit started from a weak effect may end in that local minimum. So a
-    /// stronger start is tried too.
-    fn with(
-        &self,
-        scene: &Scene<'a>,
-        from: &Scene<'a>,
-        candidate: &Candidate,
-    ) -> Result<Option<Scene<'a>>> {
-        let mut best: Option<(f64, Vec<Fitted>, EffectSet)> = None;
-        for share in STARTS {
-            let start = candidate.stretched(share);
-            if let Some((fitted, effects)) = self.settled(scene, from, start, candidate.effect)? {
-                let likelihood: f64 = fitted.iter().map(|fitted| fitted.errors.likelihood).sum();
-                if best.as_ref().is_none_or(|(least, ..)| likelihood > *least) {
-                    best = Some((likelihood, fitted, effects));
-                }
-            }
-        }
-        let Some((_, mut fitted, effects)) = best else {
-            return Ok(None);
-        };
-        let held_out = self.problems.iter().skip(self.count);
-        for (problem, (_, alone)) in held_out.zip(&scene.held_out) {
-            let belief = Belief {
-                effects: effects.clone(),
-                ..Belief::files()
+    /// What seems best in the first of some scenes in which it promises enough.
+    fn sought(&self, scenes: &[&Scene<'a>], out_of_question: &[Effect]) -> Result<Option<Found>> {
+        let mut found = None;
+        for (place, from) in scenes.iter().enumerate() {
+            let candidates = from.candidates(out_of_question, self.progress)?;
+            let chance = from.chance(self.settings.seed);
+            let Some(name) = best(&candidates, &chance) else {
+                continue;
             };
-            match problem.fit(&belief, Some(&alone.errors), 2, self.progress)? {
-                Some(fit) => fitted.push(fit),
-                None => return Ok(None),
+            let promises = promises(&name.candidate, &chance);
+            if promises || found.is_none() {
+                found = Some(Found {
+                    name,
+                    candidates,
+                    chance,
+                    around_files: scenes.len() > 1 && place == 0,
+                    promises,
+                });
             }
-        }
-        Ok(Some(self.scene(fitted, effects)))
-    }
-
-    /// Errors and effects fitted in turn until neither moves, in the flights that are fitted.
-    fn settled(
-        &self,
-        scene: &Scene<'a>,
-        from: &Scene<'a>,
-        mut effects: EffectSet,
-        effect: Effect,
-    ) -> Result<Option<(Vec<Fitted>, EffectSet)>> {
-        let mut beliefs: Vec<Belief> = from
-            .fitted
-            .iter()
-            .map(|(_, fitted)| Belief {
-                effects: effects.clone(),
-                ..fitted.belief.clone()
-            })
-            .collect();
-        let mut errors: Vec<Errors> = scene
-            .fitted
-            .iter()
-            .map(|(_, fitted)| fitted.errors.clone())
-            .collect();
-        let mut best = None;
-        for round in 0..ROUNDS {
-            let mut fitted = Vec::new();
-            for ((problem, belief), errors) in self.problems.iter().zip(&beliefs).zip(&errors) {
-                match problem.fit(belief, Some(errors), 1, self.progress)? {
-                    Some(fit) => fitted.push(fit),
-                    None => return Ok(best),
-                }
-            }
-            let here = Scene {
-                fitted: self.problems.iter().zip(fitted).collect(),
-                held_out: Vec::new(),
-                effects: effects.clone(),
-                tolerances: self.settings.tolerances,
-            };
-            let next = here.followed(&effects, effect, self.progress);
-            check(self.progress)?;
-            let fitted: Vec<Fitted> = here.fitted.into_iter().map(|(_, fitted)| fitted).collect();
-            errors = fitted.iter().map(|fitted| fitted.errors.clone()).collect();
-            let Some(next) = next else {
-                return Ok(Some((fitted, effects)));
-            };
-            let moved = next.moved_from(&effects);
-            let here = effects.clone();
-            effects = next.effects;
-            for (belief, fitted) in beliefs.iter_mut().zip(&fitted) {
-                *belief = fitted.belief_with(&effects);
-            }
-            best = Some((fitted, here));
-            if moved < SETTLED && round > 0 {
+            if promises {
                 break;
             }
         }
-        Ok(best)
+        Ok(found)
     }
 
-    /// The candidate with its gain once everything is fitted with and without it.
-    fn compared(&self, without: &Scene<'_>, with: &Scene<'_>, candidate: &Candidate) -> Candidate {
-        let gains =
-            |before: &[(&Problem<'_>, Fitted)], after: &[(&Problem<'_>, Fitted)]| -> Vec<f64> {
-                let likelihoods = before.iter().zip(after);
-                likelihoods
-                    .map(|((_, a), (_, b))| b.errors.likelihood - a.errors.likelihood)
-                    .collect()
-            };
-        Candidate {
-            effects: with.effects.clone(),
-            gain: gains(&without.fitted, &with.fitted).iter().sum(),
-            gains_held_out: gains(&without.held_out, &with.held_out),
-            ..candidate.clone()
-        }
-    }
-
-    /// The best candidate that matters, with those that are equally good.
-    fn best(&self, candidates: &[Candidate], chance: &[f64]) -> Option<Name> {
-        let material = |candidate: &&Candidate| {
-            let values = candidate.values();
-            let parameters = candidate.effect.description().parameters;
-            parameters.iter().zip(values).any(|(parameter, value)| {
-                let half = 0.5 * (parameter.high - parameter.low);
-                (value - parameter.neutral).abs() > MATERIAL * half
-            })
-        };
-        let best = candidates.iter().find(material)?;
-        let rivals = candidates
-            .iter()
-            .filter(|other| other.effect != best.effect && other.is_rival_of(best))
-            .map(|other| Rival {
-                name: other.effect.description().name,
-                share: other.total() / best.total(),
-            });
-        let above = chance
-            .iter()
-            .filter(|draw| **draw >= best.deviations())
-            .count();
-        Some(Name {
-            rivals: rivals.collect(),
-            chance: (above + 1) as f64 / (chance.len() + 1) as f64,
-            candidate: best.clone(),
-        })
-    }
-
-    fn deserves(&self, candidate: &Candidate, chance: &[f64]) -> bool {
+    /// Whether a candidate gains enough to be named.
+    pub(super) fn deserves(&self, candidate: &Candidate, chance: &[f64]) -> bool {
         let votes = candidate.gains_held_out.iter().all(|gain| *gain > VOTE);
+        let beyond_chance = quantile_of_sorted(chance, 0.99);
         let least = if candidate.gains_held_out.is_empty() {
             LEAST_ALONE
         } else {
-            LEAST.max(quantile_of_sorted(chance, 0.99) + BEYOND_CHANCE)
+            LEAST.max(beyond_chance + BEYOND_CHANCE)
         };
-        votes && candidate.deviations() > least && candidate.total() > ALL_TOGETHER
+        let gains = votes
+            && candidate.deviations() > beyond_chance
+            && candidate.deviations_together() > least
+            && candidate.total() > ALL_TOGETHER;
+        gains && candidate.matters()
     }
 
     /// Errors of the flights that are fitted where nothing pushes.

@@ -1,5 +1,7 @@
 //! The parts of the search, where the answer is known.
 
+mod neighbours;
+
 use bodyflight_core::dynamics::{Dynamics, Inputs};
 use bodyflight_core::effect::{Effect, Model};
 

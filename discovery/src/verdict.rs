@@ -116,7 +116,7 @@ impl Search<'_> {
             return EffectSet::new();
         };
         let parameters = parameters_of(scene.effects.iter().map(|(effect, _)| *effect));
-        let apart = scene.apart(&found, self.progress);
+        let wider = scene.wider(&found, self.progress);
         let of = |effect: Effect| {
             let mut errors = [0.0; PARAMETER_COUNT];
             let own = parameters
@@ -124,7 +124,7 @@ impl Search<'_> {
                 .enumerate()
                 .filter(|(_, id)| id.effect == effect);
             for (k, id) in own {
-                errors[id.index] = found.covariance[(k, k)].sqrt() * apart[k];
+                errors[id.index] = found.covariance[(k, k)].sqrt() * wider[k];
             }
             errors
         };

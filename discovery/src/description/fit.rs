@@ -8,8 +8,9 @@ use super::group::Group;
 use crate::error_prior::subject_precision;
 use crate::flown::{Prepared, Steps};
 use crate::linearization::missing;
-use crate::problem::{Fitted, Problem, Quadratic};
+use crate::problem::{Fitted, Problem};
 use crate::stretch::{Channels, NUMBERS};
+use crate::whitened::Quadratic;
 
 /// Steps, and the gain of one that is not worth another.
 const STEPS: usize = 5;

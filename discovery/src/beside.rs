@@ -1,0 +1,406 @@
+//! Everything fitted anew beside an effect, and once more without it.
+
+use super::contest::{Candidate, Scene, precision};
+use super::effect_set::{EffectSet, between, furthest, moved, parameters_of};
+use super::error::Result;
+use super::error_model::Errors;
+use super::linearization::Belief;
+use super::problem::{Fitted, Problem};
+use super::progress::{begin, check};
+use super::report::Rival;
+use super::search::{Found, Name, Search};
+use super::whitened::Quadratic;
+
+/// Moves of an effect with the same slopes at most, how far the last one is (standard errors), and how often slopes are
+/// computed anew.
+const ROUNDS: usize = 8;
+const SETTLED: f64 = 0.4;
+const SLOPES: usize = 3;
+
+/// Change of the likelihood that is worth another move, or half of one where it is a loss, and how often one is halved.
+const WORTH: f64 = 2.0;
+const HALVED: usize = 3;
+
+/// How strong an effect is at first, by the strength that it has to first order: twice around the constants with which it
+/// was found, once around those of the flights without it.
+const STARTS: [f64; 3] = [1.0, 2.2, 1.0];
+
+/// Share of the best gain from which on another candidate is fitted too, the difference to it that a sketch may be wrong
+/// by, how many are fitted, and by how much one must be better to take its place.
+const CHALLENGES: f64 = 0.4;
+const CLOSE: f64 = 25.0;
+const CHALLENGERS: usize = 4;
+const BETTER: f64 = 1.0;
+
+/// Gain of flights fitted once more without an effect from which on others are thought of anew.
+const RETHOUGHT: f64 = 10.0;
+
+/// Flights fitted around effects.
+struct Round {
+    fitted: Vec<Fitted>,
+    effects: EffectSet,
+    /// Where the effects go next, and how far that is (standard errors).
+    next: EffectSet,
+    moved: f64,
+}
+
+impl Round {
+    fn likelihood(&self) -> f64 {
+        self.fitted.iter().map(|fit| fit.errors.likelihood).sum()
+    }
+
+    /// Errors fitted here, effects where they go next.
+    fn beliefs(&self) -> Vec<Belief> {
+        let each = self.fitted.iter();
+        each.map(|fitted| fitted.belief_with(&self.next)).collect()
+    }
+
+    fn errors(&self) -> Vec<Option<&Errors>> {
+        self.fitted.iter().map(|fit| Some(&fit.errors)).collect()
+    }
+}
+
+/// A candidate with the flights fitted beside it.
+struct Challenger<'a> {
+    candidate: Candidate,
+    scene: Scene<'a>,
+}
+
+/// Candidates that seem good enough to be tried against one.
+fn challenging(candidates: &[Candidate], one: &Candidate) -> Vec<Candidate> {
+    let best = one.promise();
+    let least = f64::min(CHALLENGES * best, best - CLOSE).max(0.0);
+    let others = candidates
+        .iter()
+        .filter(|other| other.effect != one.effect && other.matters() && other.promise() > least);
+    others.take(CHALLENGERS).cloned().collect()
+}
+
+impl<'a> Search<'a> {
+    /// Everything refitted beside a candidate. `from` is the scene in which it was found.
+    ///
+    /// Constants may absorb most of an effect, and a fit started from a weak effect may end in that local minimum. So a
+    /// stronger start is tried too.
+    ///
+    /// # Errors
+    /// Returns an error if the search was cancelled.
+    fn with(
+        &self,
+        scene: &Scene<'a>,
+        from: &Scene<'a>,
+        candidate: &Candidate,
+    ) -> Result<Option<Scene<'a>>> {
+        let mut best: Option<Round> = None;
+        for (share, from) in STARTS.into_iter().zip([from, from, scene]) {
+            let start = candidate.stretched(share);
+            let beliefs: Vec<Belief> = from
+                .fitted
+                .iter()
+                .map(|(_, fitted)| fitted.start_with(&start))
+                .collect();
+            let first = match &best {
+                None => {
+                    let alone = scene.fitted.iter();
+                    let errors = alone.map(|(_, fitted)| fitted.plausible_errors());
+                    self.fitted(&beliefs, &errors.collect::<Vec<_>>())?
+                }
+                Some(best) => self.fitted_with_slopes(&best.fitted, &beliefs)?,
+            };
+            let Some(first) = first else {
+                continue;
+            };
+            let round = self.with_same_slopes(self.round(first, start)?)?;
+            if best
+                .as_ref()
+                .is_none_or(|best| round.likelihood() > best.likelihood())
+            {
+                best = Some(round);
+            }
+        }
+        let Some(round) = best else {
+            return Ok(None);
+        };
+        let (mut fitted, effects) = self.with_new_slopes(round)?;
+        let held_out = self.problems.iter().skip(self.count);
+        for (problem, (_, alone)) in held_out.zip(&scene.held_out) {
+            let belief = Belief {
+                effects: effects.clone(),
+                ..Belief::files()
+            };
+            let Some(fit) = problem.fit(&belief, alone.plausible_errors(), 2, self.progress)?
+            else {
+                return Ok(None);
+            };
+            fitted.push(problem.settled(fit, self.progress)?);
+        }
+        Ok(Some(self.scene(fitted, effects)))
+    }
+
+    /// A challenger that was fitted with the slopes of another, with its own.
+    fn finished(&self, challenger: Challenger<'a>) -> Result<Option<Scene<'a>>> {
+        let scene = challenger.scene;
+        let fitted = scene.fitted.into_iter().map(|(_, fitted)| fitted);
+        let round = self.round(fitted.collect(), scene.effects)?;
+        let (mut fitted, effects) = self.with_new_slopes(round)?;
+        for (problem, fit) in &scene.held_out {
+            let belief = fit.belief_with(&effects);
+            let Some(fit) = problem.fit(&belief, Some(&fit.errors), 1, self.progress)? else {
+                return Ok(None);
+            };
+            fitted.push(problem.settled(fit, self.progress)?);
+        }
+        Ok(Some(self.scene(fitted, effects)))
+    }
+
+    /// Errors and effects fitted with slopes of their own, until the effects do not move.
+    fn with_new_slopes(&self, mut round: Round) -> Result<(Vec<Fitted>, EffectSet)> {
+        for _ in 0..SLOPES {
+            let Some(fitted) = self.fitted(&round.beliefs(), &round.errors())? else {
+                break;
+            };
+            round = self.round(fitted, round.next)?;
+            if round.moved < SETTLED {
+                break;
+            }
+            round = self.with_same_slopes(round)?;
+        }
+        let each = self.problems.iter().zip(round.fitted);
+        let fitted = each.map(|(problem, fitted)| problem.settled(fitted, self.progress));
+        Ok((fitted.collect::<Result<Vec<_>>>()?, round.effects))
+    }
+
+    /// The candidate that was found, or one of those that seemed almost as good and is better once everything is fitted
+    /// beside it; those that then gain as much are its rivals. And the flights fitted with it, if they can be.
+    ///
+    /// # Errors
+    /// Returns an error if the search was cancelled.
+    pub(super) fn fitted_beside(
+        &self,
+        files: &Scene<'a>,
+        scene: &mut Scene<'a>,
+        found: Found,
+    ) -> Result<(Name, Option<Scene<'a>>)> {
+        let Found {
+            mut name,
+            candidates,
+            chance,
+            around_files,
+            ..
+        } = found;
+        let what = name.candidate.effect.description().name;
+        begin(self.progress, &format!("errors beside {what}"))?;
+        let from = if around_files { files } else { &*scene };
+        let Some(mut next) = self.with(scene, from, &name.candidate)? else {
+            return Ok((name, None));
+        };
+        let mut others = challenging(&candidates, &name.candidate);
+        name.candidate = name.candidate.compared(scene, &next);
+        if !self.deserves(&name.candidate, &chance) {
+            return Ok((name, Some(next)));
+        }
+        let first = name.candidate.effect;
+        if self.retry_without(scene, &next)? > RETHOUGHT {
+            // What seemed best was so beside flights that were fitted badly.
+            let mut anew = scene.candidates(&[first], self.progress)?;
+            anew.retain(|other| other.matters() && other.promise() > 0.0);
+            anew.retain(|other| others.iter().all(|known| known.effect != other.effect));
+            anew.truncate(CHALLENGERS);
+            others.truncate(CHALLENGERS / 2);
+            others.append(&mut anew);
+        }
+        name.candidate = name.candidate.compared(scene, &next);
+        self.challenge(scene, &mut next, &mut name, others)?;
+        if name.candidate.effect != first {
+            self.retry_without(scene, &next)?;
+            name.candidate = name.candidate.compared(scene, &next);
+        }
+        Ok((name, Some(next)))
+    }
+
+    /// Others fitted as well as the candidate that was found: a better one takes its place, those as good are its rivals.
+    fn challenge(
+        &self,
+        scene: &Scene<'a>,
+        next: &mut Scene<'a>,
+        name: &mut Name,
+        mut others: Vec<Candidate>,
+    ) -> Result<()> {
+        let mut beaten: Vec<Candidate> = Vec::new();
+        loop {
+            let mut tried = self.challengers(scene, next, &others)?;
+            let is_better =
+                |other: &Challenger<'_>| other.candidate.total() > name.candidate.total() + BETTER;
+            if tried.first().is_some_and(is_better) {
+                let best = tried.swap_remove(0);
+                let before = best.candidate.clone();
+                others.retain(|other| other.effect != before.effect);
+                if let Some(with) = self.finished(best)? {
+                    let best = before.compared(scene, &with);
+                    if best.total() > name.candidate.total() {
+                        beaten.push(core::mem::replace(&mut name.candidate, best));
+                        *next = with;
+                        continue;
+                    }
+                    beaten.push(best);
+                }
+            }
+            let best = &name.candidate;
+            let rivals = tried
+                .iter()
+                .map(|other| &other.candidate)
+                .chain(&beaten)
+                .filter(|other| other.effect != best.effect && other.is_rival_of(best));
+            name.rivals = rivals
+                .map(|other| Rival {
+                    name: other.effect.description().name,
+                    share: other.total() / best.total(),
+                })
+                .collect();
+            return Ok(());
+        }
+    }
+
+    /// Other candidates with everything fitted beside them, the best first.
+    fn challengers(
+        &self,
+        scene: &Scene<'a>,
+        next: &Scene<'a>,
+        others: &[Candidate],
+    ) -> Result<Vec<Challenger<'a>>> {
+        let mut tried = Vec::new();
+        for other in others {
+            let what = other.effect.description().name;
+            begin(self.progress, &format!("errors beside {what}"))?;
+            if let Some(other) = self.challenged(scene, next, other)? {
+                tried.push(other);
+            }
+        }
+        tried.sort_by(|a, b| b.candidate.total().total_cmp(&a.candidate.total()));
+        Ok(tried)
+    }
+
+    /// Another candidate with everything fitted beside it, by the slopes of a fit beside the best.
+    fn challenged(
+        &self,
+        scene: &Scene<'a>,
+        next: &Scene<'a>,
+        other: &Candidate,
+    ) -> Result<Option<Challenger<'a>>> {
+        let of = |flights: &[(&Problem<'a>, Fitted)], effects: &EffectSet| {
+            let each = flights.iter().map(|(problem, fitted)| {
+                let belief = fitted.belief_with(effects);
+                problem.fit_with_slopes_of(fitted, &belief, self.progress)
+            });
+            each.collect::<Result<Option<Vec<Fitted>>>>()
+        };
+        let settled =
+            |(problem, fitted): (&Problem<'a>, Fitted)| problem.settled(fitted, self.progress);
+        let Some(first) = of(&next.fitted, &other.effects)? else {
+            return Ok(None);
+        };
+        let round = self.round(first, other.effects.clone())?;
+        let Round {
+            fitted, effects, ..
+        } = self.with_same_slopes(round)?;
+        let Some(held_out) = of(&next.held_out, &effects)? else {
+            return Ok(None);
+        };
+        let each = self.problems.iter().zip(fitted.into_iter().chain(held_out));
+        let fitted = each.map(settled).collect::<Result<Vec<_>>>()?;
+        let with = self.scene(fitted, effects);
+        Ok(Some(Challenger {
+            candidate: other.compared(scene, &with),
+            scene: with,
+        }))
+    }
+
+    fn fitted(
+        &self,
+        beliefs: &[Belief],
+        errors: &[Option<&Errors>],
+    ) -> Result<Option<Vec<Fitted>>> {
+        let each = self.problems.iter().zip(beliefs).zip(errors);
+        each.map(|((problem, belief), errors)| problem.fit(belief, *errors, 1, self.progress))
+            .collect()
+    }
+
+    fn fitted_with_slopes(&self, of: &[Fitted], beliefs: &[Belief]) -> Result<Option<Vec<Fitted>>> {
+        let each = self.problems.iter().zip(of).zip(beliefs);
+        each.map(|((problem, of), belief)| problem.fit_with_slopes_of(of, belief, self.progress))
+            .collect()
+    }
+
+    /// Where the effects go from a fit, by one step of Gauss and Newton.
+    fn round(&self, fitted: Vec<Fitted>, effects: EffectSet) -> Result<Round> {
+        let parameters = parameters_of(effects.iter().map(|(effect, _)| *effect));
+        let columns: Vec<usize> = (0..parameters.len()).collect();
+        let precision = precision(&self.settings.tolerances, &effects);
+        let each = self.problems.iter().zip(&fitted);
+        let reduced: Option<Vec<_>> = each
+            .map(|(problem, fitted)| problem.slopes_here(fitted, &parameters, self.progress))
+            .collect();
+        check(self.progress)?;
+        let solved = reduced
+            .and_then(|reduced| Quadratic::joint(&reduced, &columns, &precision))
+            .and_then(|here| here.solved(&Scene::prior(&effects), &Scene::from_neutral(&effects)));
+        let next = solved
+            .as_ref()
+            .map_or_else(|| effects.clone(), |(step, _)| moved(&effects, step));
+        Ok(Round {
+            moved: solved.map_or(0.0, |(_, covariance)| {
+                furthest(&effects, &next, &covariance)
+            }),
+            fitted,
+            effects,
+            next,
+        })
+    }
+
+    /// Errors and effects fitted in turn until neither moves.
+    fn with_same_slopes(&self, mut round: Round) -> Result<Round> {
+        let (mut halved, mut gained) = (0, f64::INFINITY);
+        for _ in 0..ROUNDS {
+            // Where errors are large because the effect is not there yet, standard errors are too.
+            if round.moved < SETTLED && gained < WORTH {
+                break;
+            }
+            let Some(fitted) = self.fitted_with_slopes(&round.fitted, &round.beliefs())? else {
+                break;
+            };
+            let next = self.round(fitted, round.next.clone())?;
+            gained = next.likelihood() - round.likelihood();
+            if gained < -WORTH && halved < HALVED {
+                halved += 1;
+                round.next = between(&round.effects, &round.next);
+                continue;
+            }
+            halved = 0;
+            round = next;
+        }
+        Ok(round)
+    }
+
+    /// Flights fitted once more without what was found, from the errors beside it: what they gain by that alone is no
+    /// gain of the effect. How much they gain.
+    ///
+    /// # Errors
+    /// Returns an error if the search was cancelled.
+    fn retry_without(&self, scene: &mut Scene<'a>, with: &Scene<'a>) -> Result<f64> {
+        let mut gained = 0.0;
+        let effects = scene.effects.clone();
+        let before = scene.fitted.iter_mut().chain(&mut scene.held_out);
+        for ((problem, before), (_, with)) in before.zip(with.fitted.iter().chain(&with.held_out)) {
+            let belief = with.belief_with(&effects);
+            let Some(again) = problem.fit(&belief, Some(&with.errors), 1, self.progress)? else {
+                continue;
+            };
+            let again = problem.settled(again, self.progress)?;
+            let gain = again.errors.likelihood - before.errors.likelihood;
+            if gain > 0.0 {
+                gained += gain;
+                *before = again;
+            }
+        }
+        Ok(gained)
+    }
+}

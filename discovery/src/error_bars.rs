@@ -1,0 +1,104 @@
+//! What standard errors of an effect have to be wider by than the linear problem says.
+//!
+//! The wander of the joints is taken as drawn anew in every stretch, but lasts for seconds: what it pulls an effect by is alike
+//! in neighbouring stretches. And a linear problem does not know of its own errors, but flights held out show them.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::contest::{Candidate, Scene};
+use super::effect_set::{EffectSet, ParameterId, parameters_of};
+use super::problem::{Fitted, Problem};
+use super::progress::Progress;
+
+/// Stretches over which pulls may be alike (Newey and West 1987).
+const ALIKE: usize = 3;
+
+impl Scene<'_> {
+    /// Factors of the standard errors of a candidate's parameters, at least one.
+    pub fn wider(&self, candidate: &Candidate, progress: &dyn Progress) -> Vec<f64> {
+        let lasting = self.lasting(candidate, progress);
+        let apart = self.apart(candidate, &lasting, progress);
+        let both = lasting.iter().zip(apart);
+        both.map(|(lasting, apart)| lasting.sqrt() * apart)
+            .collect()
+    }
+
+    /// How much larger variances are than those of pulls drawn anew in every stretch.
+    fn lasting(&self, candidate: &Candidate, progress: &dyn Progress) -> Vec<f64> {
+        let effects = &candidate.effects;
+        let parameters = parameters_of(effects.iter().map(|(effect, _)| *effect));
+        let (mut alone, mut lasting) = (vec![0.0; parameters.len()], vec![0.0; parameters.len()]);
+        for (problem, fitted) in self.fitted.iter().chain(&self.held_out) {
+            let Some(pulls) = problem.pulls(fitted, effects, &parameters, progress) else {
+                continue;
+            };
+            let moves: Vec<DVector<f64>> = pulls
+                .iter()
+                .map(|pull| &candidate.covariance * pull)
+                .collect();
+            let mean = moves.iter().sum::<DVector<f64>>() / moves.len().max(1) as f64;
+            for k in 0..parameters.len() {
+                let at = |s: usize| moves[s][k] - mean[k];
+                let both =
+                    |lag: usize| (lag..moves.len()).map(|s| at(s) * at(s - lag)).sum::<f64>();
+                alone[k] += both(0);
+                lasting[k] += both(0);
+                for lag in 1..ALIKE {
+                    lasting[k] += 2.0 * (1.0 - lag as f64 / ALIKE as f64) * both(lag);
+                }
+            }
+        }
+        let each = lasting.iter().zip(&alone);
+        each.map(|(lasting, alone)| {
+            if *alone > 0.0 {
+                (lasting / alone).max(1.0)
+            } else {
+                1.0
+            }
+        })
+        .collect()
+    }
+
+    /// How far flights held out are from a candidate's parameters, each in the standard errors of both estimates, and at
+    /// least one (Birge's ratio).
+    fn apart(&self, candidate: &Candidate, lasting: &[f64], progress: &dyn Progress) -> Vec<f64> {
+        let effects = &candidate.effects;
+        let parameters = parameters_of(effects.iter().map(|(effect, _)| *effect));
+        let prior = Self::prior(effects);
+        let mut squares = vec![0.0; parameters.len()];
+        for flight in &self.held_out {
+            let there = self.around(&[flight], effects, &parameters, progress);
+            let Some((step, covariance)) =
+                there.and_then(|there| there.solved(&prior, &Self::from_neutral(effects)))
+            else {
+                continue;
+            };
+            for (k, square) in squares.iter_mut().enumerate() {
+                let variance = covariance[(k, k)] + candidate.covariance[(k, k)];
+                *square += step[k] * step[k] / (variance * lasting[k]);
+            }
+        }
+        let count = self.held_out.len().max(1) as f64;
+        squares
+            .iter()
+            .map(|square| (square / count).sqrt().max(1.0))
+            .collect()
+    }
+}
+
+impl Problem<'_> {
+    /// By stretch: the slope of the likelihood in some parameters, with the constants taken out.
+    fn pulls(
+        &self,
+        fitted: &Fitted,
+        effects: &EffectSet,
+        parameters: &[ParameterId],
+        progress: &dyn Progress,
+    ) -> Option<Vec<DVector<f64>>> {
+        let columns = self.columns_around(fitted, effects, parameters, progress)?;
+        let left = fitted.without_constants(&columns);
+        let last = parameters.len();
+        let pull = |left: &DMatrix<f64>| left.columns(0, last).tr_mul(&left.column(last));
+        Some(left.iter().map(pull).collect())
+    }
+}

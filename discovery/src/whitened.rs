@@ -1,0 +1,200 @@
+//! Flights in deviations of their errors, with constants taken out.
+
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use rayon::prelude::*;
+
+use super::error_model::{CONSTANTS, Errors, OWN, Part};
+use super::error_prior::Prior;
+use super::nuisance::SUBJECT;
+use super::product::transposed_product;
+
+/// A problem in deviations, with the constants of its flight ready to be taken out.
+pub(super) struct Whitened {
+    factors: Vec<Cholesky<f64, Dyn>>,
+    /// By stretch: constants in deviations.
+    constants: Vec<DMatrix<f64>>,
+    /// Information of the constants that the flight has for itself.
+    own: Cholesky<f64, Dyn>,
+    own_with_subject: DMatrix<f64>,
+    /// Information of the subject once these are taken out.
+    subject: DMatrix<f64>,
+}
+
+impl Whitened {
+    pub(super) fn new(parts: &[Part], errors: &Errors, prior: &Prior) -> Option<Self> {
+        let each: Option<Vec<_>> = parts
+            .par_iter()
+            .map(|part| {
+                let factor = part.covariance(&errors.sizes)?;
+                let mut constants = part.constants.clone();
+                factor.l_dirty().solve_lower_triangular_mut(&mut constants);
+                let information = transposed_product(&constants, &constants);
+                Some((factor, constants, information))
+            })
+            .collect();
+        let (mut factors, mut constants) = (Vec::new(), Vec::new());
+        let mut information = DMatrix::zeros(CONSTANTS, CONSTANTS);
+        for (factor, part, part_information) in each? {
+            factors.push(factor);
+            constants.push(part);
+            information += part_information;
+        }
+        let own_precision = errors.spread.own_precision(&prior.tolerances);
+        for (k, precision) in own_precision.iter().enumerate() {
+            information[(k, k)] += precision;
+        }
+        let own = information
+            .view((0, 0), (OWN, OWN))
+            .into_owned()
+            .cholesky()?;
+        let own_with_subject = information.view((0, OWN), (OWN, SUBJECT)).into_owned();
+        let subject = information
+            .view((OWN, OWN), (SUBJECT, SUBJECT))
+            .into_owned()
+            - own_with_subject.tr_mul(&own.solve(&own_with_subject));
+        Some(Self {
+            factors,
+            constants,
+            own,
+            own_with_subject,
+            subject,
+        })
+    }
+
+    fn white(&self, columns: &[DMatrix<f64>]) -> Vec<DMatrix<f64>> {
+        let each = self.factors.par_iter().zip(columns);
+        each.map(|(factor, columns)| {
+            let mut white = columns.clone();
+            factor.l_dirty().solve_lower_triangular_mut(&mut white);
+            white
+        })
+        .collect()
+    }
+
+    pub(super) fn without_constants(
+        &self,
+        columns: &[DMatrix<f64>],
+        covariance: &DMatrix<f64>,
+    ) -> Vec<DMatrix<f64>> {
+        let mut white = self.white(columns);
+        let count = columns.first().map_or(0, DMatrix::ncols);
+        let mut with_constants = DMatrix::zeros(CONSTANTS, count);
+        for (constants, white) in self.constants.iter().zip(&white) {
+            with_constants += transposed_product(constants, white);
+        }
+        let done = covariance * with_constants;
+        for (constants, white) in self.constants.iter().zip(&mut white) {
+            *white -= constants * &done;
+        }
+        white
+    }
+
+    /// Information of subject and columns, with the constants of the flight taken out.
+    pub(super) fn reduced(&self, columns: &[DMatrix<f64>]) -> DMatrix<f64> {
+        let count = columns.first().map_or(0, DMatrix::ncols);
+        let white = self.white(columns);
+        let each: Vec<_> = self
+            .constants
+            .par_iter()
+            .zip(&white)
+            .map(|(constants, white)| {
+                (
+                    transposed_product(constants, white),
+                    transposed_product(white, white),
+                )
+            })
+            .collect();
+        let mut with_constants = DMatrix::zeros(CONSTANTS, count);
+        let mut with_columns = DMatrix::zeros(count, count);
+        for (constants, columns) in each {
+            with_constants += constants;
+            with_columns += columns;
+        }
+        let own = with_constants.rows(0, OWN).into_owned();
+        let taken = self.own.solve(&own);
+        let subject = with_constants.rows(OWN, SUBJECT) - self.own_with_subject.tr_mul(&taken);
+        with_columns -= own.tr_mul(&taken);
+        let mut reduced = DMatrix::zeros(SUBJECT + count, SUBJECT + count);
+        reduced
+            .view_mut((0, 0), (SUBJECT, SUBJECT))
+            .copy_from(&self.subject);
+        reduced
+            .view_mut((0, SUBJECT), (SUBJECT, count))
+            .copy_from(&subject);
+        reduced
+            .view_mut((SUBJECT, 0), (count, SUBJECT))
+            .copy_from(&subject.transpose());
+        reduced
+            .view_mut((SUBJECT, SUBJECT), (count, count))
+            .copy_from(&with_columns);
+        reduced
+    }
+}
+
+/// Information and slope of some columns and the square of what is missing: half of the square less is what the
+/// likelihood gains.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Quadratic {
+    /// Information.
+    pub information: DMatrix<f64>,
+    /// Slope.
+    pub slope: DVector<f64>,
+    /// Square of what is missing.
+    pub square: f64,
+}
+
+impl Quadratic {
+    /// Of flights with one subject: some columns of their reduced problems, of which the last is what is missing.
+    pub fn joint(
+        flights: &[DMatrix<f64>],
+        columns: &[usize],
+        precision: &DVector<f64>,
+    ) -> Option<Self> {
+        let size = flights.first()?.ncols();
+        let mut sum = DMatrix::zeros(size, size);
+        for flight in flights {
+            sum += flight;
+        }
+        for (k, precision) in precision.iter().enumerate() {
+            sum[(k, k)] += precision;
+        }
+        let mut kept: Vec<usize> = columns.iter().map(|column| SUBJECT + column).collect();
+        kept.push(size - 1);
+        let count = kept.len();
+        let subject = sum
+            .view((0, 0), (SUBJECT, SUBJECT))
+            .into_owned()
+            .cholesky()?;
+        let cross = DMatrix::from_fn(SUBJECT, count, |j, k| sum[(j, kept[k])]);
+        let rest = DMatrix::from_fn(count, count, |j, k| sum[(kept[j], kept[k])])
+            - cross.tr_mul(&subject.solve(&cross));
+        let last = count - 1;
+        Some(Self {
+            information: rest.view((0, 0), (last, last)).into_owned(),
+            slope: rest.view((0, last), (last, 1)).column(0).into_owned(),
+            square: rest[(last, last)],
+        })
+    }
+
+    /// What is left of half the square after a step.
+    pub fn left(&self, step: &DVector<f64>) -> f64 {
+        0.5 * self.square - step.dot(&self.slope) + 0.5 * step.dot(&(&self.information * step))
+    }
+
+    /// The step that leaves least, with deviations of a prior about zero steps away from it, and its covariance.
+    pub fn solved(
+        &self,
+        prior: &[f64],
+        from: &DVector<f64>,
+    ) -> Option<(DVector<f64>, DMatrix<f64>)> {
+        let mut information = self.information.clone();
+        let mut slope = self.slope.clone();
+        for (k, deviation) in prior.iter().enumerate() {
+            let precision = deviation.powi(-2);
+            information[(k, k)] += precision;
+            slope[k] -= precision * from[k];
+        }
+        let factor = information.cholesky()?;
+        Some((factor.solve(&slope), factor.inverse()))
+    }
+}
