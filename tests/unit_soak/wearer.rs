@@ -104,5 +104,5 @@ impl Wearer {
 fn posture<T: Real>(number: u32) -> Posture<T> {
     let time = f64::from(number % SWING) / f64::from(SWING);
     let swing = 0.15 * (core::f64::consts::TAU * time).sin();
-    pattern::moved(&pattern::neutral(), &pattern::DRAW_IN_LEFT, T::of(swing))
+    pattern::moved(&pattern::neutral(), pattern::DRAW_IN_LEFT, T::of(swing))
 }

@@ -13,7 +13,7 @@ export class Pilot {
 
   constructor(private readonly core: Core) {
     const title =
-      "Holds sit and head-down by moving legs and trunk, with no time to react: no person is so quick. The heading stays yours (H)";
+      "Holds a sit by moving arms, legs and trunk, with no time to react: no person is so quick. The heading stays yours (H)";
     this.switch = toggle("autopilot", title, true, (on) => {
       this.on = on;
       this.apply();

@@ -118,6 +118,10 @@ pub fn spread<T: Real>(
 ) {
     let decay = process.decay();
     // Rows of the motion: Phi_m P, then that by the decay of each input, and by Phi_m^T.
+    #[expect(
+        clippy::op_ref,
+        reason = "by value it is copied first, onto a unit's stack"
+    )]
     let flown: MotionSlope<T> = slope * &*covariance;
     for j in 0..MOTION_STATES {
         for i in 0..=j {

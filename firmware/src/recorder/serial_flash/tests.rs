@@ -81,7 +81,7 @@ impl Chip {
             ENABLE_WRITING => self.writable = true,
             PROGRAM if core::mem::take(&mut self.writable) => {
                 for (place, byte) in heard.iter().skip(4).enumerate() {
-                    self.cells[(address & !0xff) + (address + place & 0xff)] &= byte;
+                    self.cells[(address & !0xff) + ((address + place) & 0xff)] &= byte;
                 }
                 self.busy = 700;
             }

@@ -18,26 +18,6 @@ const REACH: f32 = 0.8;
 /// Fastest change of a pattern (rad/s).
 const SPEED: f32 = 3.0;
 
-/// Both thighs forward.
-pub const THIGHS: &JointAngles = &[
-    (Segment::LeftThigh, [0.0, 0.0, 1.0]),
-    (Segment::RightThigh, [0.0, 0.0, 1.0]),
-];
-
-/// Both thighs to one side.
-pub const LEGS_ASIDE: &JointAngles = &[
-    (Segment::LeftThigh, [0.0, 1.0, 0.0]),
-    (Segment::RightThigh, [0.0, 1.0, 0.0]),
-];
-
-/// Trunk forward, shanks up.
-pub const BEND: &JointAngles = &[
-    (Segment::Abdomen, [0.0, 0.0, -0.5]),
-    (Segment::Thorax, [0.0, 0.0, -0.5]),
-    (Segment::LeftShank, [0.0, 0.0, 1.0]),
-    (Segment::RightShank, [0.0, 0.0, 1.0]),
-];
-
 /// One thigh forward, the other back.
 pub const SCISSORS: &JointAngles = &[
     (Segment::LeftThigh, [0.0, 0.0, 1.0]),
