@@ -157,9 +157,13 @@ fn every_field_of_a_search_is_on_the_page() {
     check("Others", &PROGRAM.json(&["hide", "wind", "--out", out]));
     let flights = [0, 1].map(|number| format!("{out}/flight-{number}/flight.toml"));
     let [fitted, held_out] = &flights;
-    check(
-        "`discover`",
-        &PROGRAM.json(&["discover", fitted, "--hold-out", held_out]),
+    let report = PROGRAM.json(&["discover", fitted, "--hold-out", held_out]);
+    check("`discover`", &report);
+    // The README's own example.
+    assert_eq!(
+        report["effects"][0]["name"], "wind",
+        "{}",
+        report["verdict"]
     );
 }
 

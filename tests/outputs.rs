@@ -80,7 +80,7 @@ fn content(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
 #[test]
 fn a_figure_has_the_format_of_its_name() {
     let place = Place::new();
-    let flight = place.at("flight.toml");
+    let flight = place.at("flight-0/flight.toml");
     for (name, begin) in [
         ("run.svg", &b"<svg"[..]),
         ("run.pdf", b"%PDF-"),
@@ -111,15 +111,37 @@ fn no_output_takes_the_place_of_anything_that_is_read() {
     symlink("flight-0/flight.mvnx", place.path("link.mvnx")).expect("a link");
     let link = place.at("link.mvnx");
     let preset = place.written("preset.toml", "joint_error_deg = 0.5\n");
+    // A figure has the name of one; what it leads to is what counts.
+    let drawn = |target: &str| {
+        let name = format!("{}.svg", target.replace('/', "-"));
+        symlink(target, place.path(&name)).expect("a link");
+        place.at(&name)
+    };
+    let [drawn_subject, drawn_model, drawn_preset] =
+        ["flight-0/subject.toml", "model.toml", "preset.toml"].map(drawn);
     let before = content(place.0.path());
     for arguments in [
         &["simulate", &flight, "--out", &inside][..],
-        &["simulate", &flight, "--plot", &subject],
+        &["simulate", &flight, "--plot", &drawn_subject],
         &["simulate", &flight, "--out", &link],
-        &["simulate", &flight, "--model", &model, "--plot", &model],
+        &[
+            "simulate",
+            &flight,
+            "--model",
+            &model,
+            "--plot",
+            &drawn_model,
+        ],
         &["estimate", &flight, "--out", &inside],
         &["estimate", &flight, "--model", &model, "--out", &model],
-        &["estimate", &flight, "--preset", &preset, "--plot", &preset],
+        &[
+            "estimate",
+            &flight,
+            "--preset",
+            &preset,
+            "--plot",
+            &drawn_preset,
+        ],
         &["view", &flight, "--out", &subject],
         &["view", &flight, "--model", &model, "--out", &model],
         &["fly", &subject, "--out", &subject],
@@ -155,16 +177,17 @@ fn what_is_there_is_replaced_only_by_force() {
     let place = Place::new();
     let flight = place.at("flight-0/flight.toml");
     let out = place.written("kept", "mine");
+    let figure = place.written("kept.svg", "mine");
     let folder = place.at("flight-1");
     let before = content(place.0.path());
     for arguments in [
         &["simulate", &flight, "--out", &out][..],
-        &["simulate", &flight, "--plot", &out],
+        &["simulate", &flight, "--plot", &figure],
         &["estimate", &flight, "--out", &out],
         &["view", &flight, "--out", &out],
         &["fly", "--out", &out],
         &["tune", &flight, "--draws", "1", "--out", &out],
-        &["validate", &flight, "--plot", &out],
+        &["validate", &flight, "--plot", &figure],
         &["synth", "rotations", "--out", &folder],
         &["demo", "--out", &folder],
         &["hide", "clean", "--out", &place.at("")],
