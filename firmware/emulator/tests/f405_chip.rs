@@ -131,8 +131,8 @@ fn the_watchdog_runs_before_the_clocks() {
         ..Options::new()
     };
     let mut chip = Chip::start(&options).unwrap();
-    // While it still waits for the crystal.
-    chip.run(20_000).unwrap();
+    // Its memory is zeroed, which takes 20 ms, and it still waits for the crystal.
+    chip.run(30_000).unwrap();
     let look = chip.look().unwrap();
     assert_eq!(look.frequency, 16_000_000);
     assert!(look.watchdog.started, "{look:?}");

@@ -1,6 +1,6 @@
 //! An autopilot that holds the attitude of a start with the limbs, where the air alone would turn the body over.
 //!
-//! It moves patterns of joints as a flyer does, at the speed of the keys and within [`REACH`], but it feels tilt and
+//! It moves patterns of joints as a flyer does, at the speed of the keys and within 0.8 rad, but it feels tilt and
 //! turning at once and without error, which no person does. What it holds are the attitudes in which a flight begins, not
 //! those that the air balances.
 
