@@ -9,7 +9,8 @@ mod soak {
 }
 
 use bodyflight_core::link::fault::{Faults, Random};
-use soak::host::{Host, RATE, Totals};
+use bodyflight_tests::arm_swing::RATE;
+use soak::host::{Host, Totals};
 use soak::memory::resident;
 
 /// Chances of a minute to bring each of these.

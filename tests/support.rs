@@ -1,5 +1,6 @@
 //! Support of the end-to-end tests: where the shared data lie, and the reference numbers as core types.
 
+pub mod arm_swing;
 pub mod estimator_flights;
 pub mod fuzz_targets;
 pub mod greeting;

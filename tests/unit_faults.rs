@@ -2,23 +2,16 @@
 
 use std::cell::Cell;
 
-use bodyflight_core::Body;
 use bodyflight_core::aerodynamics::Aerodynamics;
-use bodyflight_core::body::anthropometry::{Person, Sex};
-use bodyflight_core::body::pattern;
-use bodyflight_core::dynamics::{Dynamics, Inputs, Motion, State};
-use bodyflight_core::frame::{Rotation, Vector};
 use bodyflight_core::link::fault::{Faults, Injector, Random};
 use bodyflight_core::link::{
     self, Estimate, Header, MAX_FRAME_LENGTH, Message, Sample, SegmentTable, Start, Stop,
     StreamMode,
 };
 use bodyflight_firmware::{Board, Identity, Unit};
+use bodyflight_tests::arm_swing::{RATE, body, samples};
 use bodyflight_tests::greeting::{configure, hello};
-use nalgebra::{UnitQuaternion, Vector3};
 
-/// Samples a second.
-const RATE: u32 = 240;
 const SESSION: u16 = 9;
 
 /// A board whose clock is set by the test.
@@ -66,13 +59,9 @@ fn heard(unit: &mut Unit<Bench>) -> Vec<Message> {
     messages
 }
 
-fn body() -> Body<f32> {
-    Person::new(1.75, 75.0, Sex::Male).body().unwrap()
-}
-
 fn running() -> Unit<Bench> {
     let mut unit = Unit::new(Bench::default(), Identity::default());
-    let table = SegmentTable::of(&body(), &Aerodynamics::paper());
+    let table = SegmentTable::of(&body::<f32>(), &Aerodynamics::paper());
     tell(&mut unit, hello());
     tell(&mut unit, configure(0, &table));
     for row in table.rows() {
@@ -86,40 +75,6 @@ fn running() -> Unit<Bench> {
     );
     heard(&mut unit);
     unit
-}
-
-/// A flight with moving arms and arch, flown by the model.
-fn flight(seconds: u32) -> Vec<Sample> {
-    let dynamics = Dynamics::paper(body(), 1.0);
-    let posture = |k: u32| {
-        let time = f64::from(k) / f64::from(RATE);
-        #[expect(clippy::cast_possible_truncation, reason = "single precision posture")]
-        let swing = ((time * 2.0).sin() * 0.15) as f32;
-        pattern::moved(&pattern::neutral(), pattern::DRAW_IN_LEFT, swing)
-    };
-    let belly = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), 1.5);
-    let attitude = Rotation::from_quaternion(belly);
-    let start = Motion {
-        inertial_from_body: attitude,
-        position: Vector::zero(),
-        velocity: attitude.inverse() * Vector::new(2.0, 0.0, -50.0),
-        angular_velocity: Vector::zero(),
-    };
-    let step = 1.0 / 240.0;
-    let mut state = State::from_motion(&start, &dynamics.hold(&posture(0)));
-    (0..seconds * RATE)
-        .map(|k| {
-            let interval = dynamics.between(&posture(k), &posture(k + 1), step);
-            let motion = state.motion(&interval);
-            let seen = link::Motion {
-                angular_velocity: Some(motion.angular_velocity),
-                velocity: Some(motion.velocity_inertial()),
-                horizontal_speed: None,
-            };
-            state = dynamics.step(&state, &interval, &Inputs::belly_turn(), step);
-            Sample::new(&posture(k), &motion.inertial_from_body, &seen)
-        })
-        .collect()
 }
 
 /// Streams a flight; from `bad.0` to `bad.1` (s) through faults. The estimates, and the unit at the end.
@@ -167,7 +122,7 @@ fn distance(a: &Estimate, b: &Estimate) -> f32 {
 
 #[test]
 fn estimates_are_back_within_noise_half_a_second_after_the_faults() {
-    let samples = flight(8);
+    let samples = samples(8 * RATE);
     let (clean, _) = fly(&samples, Faults::default(), (0, 0), 0);
     let faults = Faults {
         drop: 0.05,
@@ -180,14 +135,7 @@ fn estimates_are_back_within_noise_half_a_second_after_the_faults() {
         let (found, unit) = fly(&samples, faults, (2, 5), seed);
         let status = unit.status();
         let sent = u32::try_from(samples.len()).unwrap();
-        let fates = [
-            status.used,
-            status.rejected,
-            status.dropped_oldest,
-            status.late,
-            status.missing,
-        ];
-        assert_eq!(fates.iter().sum::<u32>(), sent);
+        assert_eq!(status.accounted(), sent);
         assert!(status.missing > 30 && status.crc_bad > 10);
         assert!(found.iter().all(|e| e.state.iter().all(|x| x.is_finite())));
         // Half a second of clean samples later; updates may fall on other samples than in the clean flight.
@@ -242,7 +190,7 @@ fn ten_minutes_of_garbage_leave_the_unit_answering() {
 
 #[test]
 fn the_host_may_start_anew_in_mid_stream() {
-    let samples = flight(2);
+    let samples = samples(2 * RATE);
     let mut unit = running();
     let mut last = None;
     for session in [SESSION, SESSION + 1, SESSION + 2] {

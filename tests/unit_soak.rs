@@ -20,9 +20,10 @@ use bodyflight_core::link::{
     StreamMode,
 };
 use bodyflight_firmware::{Board, Identity, Unit};
+use bodyflight_tests::arm_swing::RATE;
 use bodyflight_tests::greeting::{configure, hello};
 use unit_soak::quality::Quality;
-use unit_soak::wearer::{RATE, Wearer};
+use unit_soak::wearer::Wearer;
 
 const SESSION: u16 = 11;
 /// Cycles of every update, more than one is given.
@@ -187,15 +188,7 @@ impl Flying {
         let sent = samples.wrapping_add(self.origin.sequence);
         self.tell(samples, Stop { sent });
         let status = self.unit.status();
-        let fates = [
-            status.used,
-            status.rejected,
-            status.dropped_oldest,
-            status.late,
-            status.missing,
-        ];
-        let known = fates.into_iter().fold(0, u32::wrapping_add);
-        assert_eq!(known, sent, "{status:?}");
+        assert_eq!(status.accounted(), sent, "{status:?}");
         assert_eq!((status.rejected, status.dropped_oldest), (0, 0));
         assert_eq!(status.deadline_missed, 0);
         status

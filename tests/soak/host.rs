@@ -5,23 +5,17 @@ use std::fmt;
 
 use bodyflight::unit::stream::twin::Twin;
 use bodyflight_core::aerodynamics::Aerodynamics;
-use bodyflight_core::body::anthropometry::{Person, Sex};
-use bodyflight_core::body::pattern;
 use bodyflight_core::dynamics::muscle_input::BACK_TRACKING;
 use bodyflight_core::dynamics::{Dynamics, Inputs, Motion, State};
 use bodyflight_core::estimator::unit_preset::UnitPreset;
-use bodyflight_core::frame::{Rotation, Vector};
 use bodyflight_core::link::fault::{Faults, Injector};
 use bodyflight_core::link::{
     self, Decoder, Event, Header, HelloAcknowledge, MAX_FRAME_LENGTH, Message, Sample,
     SegmentTable, Start, Status, Stop, StreamMode,
 };
 use bodyflight_firmware::{Board, Identity, Unit};
+use bodyflight_tests::arm_swing::{self, RATE};
 use bodyflight_tests::greeting;
-use nalgebra::{UnitQuaternion, Vector3};
-
-/// Samples a second.
-pub const RATE: u32 = 240;
 
 /// Samples of the flight that is flown again and again.
 const FLIGHT: u32 = 60 * RATE;
@@ -124,7 +118,7 @@ pub struct Host {
 
 impl Host {
     pub fn new(seed: u64) -> Self {
-        let body = Person::new(1.75, 75.0, Sex::Male).body().expect("a body");
+        let body = arm_swing::body::<f32>();
         let mut host = Self {
             unit: Unit::new(Bench::default(), Identity::default()),
             boots: 0,
@@ -139,7 +133,7 @@ impl Host {
                 let number = UnitPreset::number(name, &BACK_TRACKING).expect("a preset");
                 u16::try_from(number).expect("few presets")
             }),
-            flight: flight(),
+            flight: arm_swing::samples(FLIGHT),
             session: 0,
             sequence: 0,
             time: 0,
@@ -326,7 +320,7 @@ impl Host {
             self.send(&frame);
             while self.unit.work() {}
             self.listen();
-            if let Some(status) = self.status.filter(|status| accounted(status) == sent) {
+            if let Some(status) = self.status.filter(|status| status.accounted() == sent) {
                 self.book(&status);
                 return;
             }
@@ -361,51 +355,4 @@ impl Host {
         self.totals.different += agreement.received - agreement.equal;
         self.running = false;
     }
-}
-
-/// Samples whose fate the unit knows.
-fn accounted(status: &Status) -> u32 {
-    [
-        status.used,
-        status.rejected,
-        status.dropped_oldest,
-        status.late,
-        status.missing,
-    ]
-    .into_iter()
-    .sum()
-}
-
-/// A minute of flight with a moving arm, flown by the model.
-fn flight() -> Vec<Sample> {
-    let body = Person::new(1.75, 75.0, Sex::Male).body().expect("a body");
-    let dynamics = Dynamics::paper(body, 1.0);
-    let posture = |k: u32| {
-        let time = f64::from(k) / f64::from(RATE);
-        #[expect(clippy::cast_possible_truncation, reason = "single precision posture")]
-        let swing = ((time * 2.0).sin() * 0.15) as f32;
-        pattern::moved(&pattern::neutral(), pattern::DRAW_IN_LEFT, swing)
-    };
-    let belly = Rotation::from_quaternion(UnitQuaternion::from_axis_angle(&Vector3::x_axis(), 1.5));
-    let start = Motion {
-        inertial_from_body: belly,
-        position: Vector::zero(),
-        velocity: belly.inverse() * Vector::new(2.0, 0.0, -50.0),
-        angular_velocity: Vector::zero(),
-    };
-    let step = 1.0 / 240.0;
-    let mut state = State::from_motion(&start, &dynamics.hold(&posture(0)));
-    (0..FLIGHT)
-        .map(|k| {
-            let interval = dynamics.between(&posture(k), &posture(k + 1), step);
-            let motion = state.motion(&interval);
-            let seen = link::Motion {
-                angular_velocity: Some(motion.angular_velocity),
-                velocity: Some(motion.velocity_inertial()),
-                horizontal_speed: None,
-            };
-            state = dynamics.step(&state, &interval, &Inputs::belly_turn(), step);
-            Sample::new(&posture(k), &motion.inertial_from_body, &seen)
-        })
-        .collect()
 }

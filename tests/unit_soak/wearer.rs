@@ -2,18 +2,15 @@
 
 use bodyflight_core::Posture;
 use bodyflight_core::aerodynamics::Aerodynamics;
-use bodyflight_core::body::anthropometry::{Person, Sex};
 use bodyflight_core::body::pattern;
-use bodyflight_core::dynamics::{Dynamics, Inputs, Motion, State};
+use bodyflight_core::dynamics::{Dynamics, Inputs, State};
 use bodyflight_core::frame::{Rotation, Vector};
 use bodyflight_core::link::fault::Random;
 use bodyflight_core::link::{self, Sample, SegmentTable};
 use bodyflight_core::math::{Real, small_rotation};
 use bodyflight_core::sensor_noise::SensorNoise;
-use nalgebra::{UnitQuaternion, Vector3};
-
-/// Samples a second.
-pub const RATE: u32 = 240;
+use bodyflight_tests::arm_swing::{self, RATE};
+use nalgebra::Vector3;
 
 const STEP: f64 = 1.0 / RATE as f64;
 
@@ -29,18 +26,9 @@ pub struct Wearer {
 
 impl Wearer {
     pub fn new() -> Self {
-        let body = Person::new(1.75, 75.0, Sex::Male).body().unwrap();
-        let dynamics = Dynamics::paper(body, 1.0);
-        let belly = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), 1.5);
-        let attitude = Rotation::from_quaternion(belly);
-        let start = Motion {
-            inertial_from_body: attitude,
-            position: Vector::zero(),
-            velocity: attitude.inverse() * Vector::new(2.0, 0.0, -50.0),
-            angular_velocity: Vector::zero(),
-        };
+        let dynamics = Dynamics::paper(arm_swing::body(), 1.0);
         Self {
-            state: State::from_motion(&start, &dynamics.hold(&posture(0))),
+            state: State::from_motion(&arm_swing::start(), &dynamics.hold(&posture(0))),
             dynamics,
             number: 0,
             random: Random::new(20),
@@ -49,8 +37,7 @@ impl Wearer {
 
     /// What a unit must know of the wearer.
     pub fn table() -> SegmentTable {
-        let body = Person::new(1.75, 75.0, Sex::Male).body().unwrap();
-        SegmentTable::of(&body, &Aerodynamics::paper())
+        SegmentTable::of(&arm_swing::body::<f32>(), &Aerodynamics::paper())
     }
 
     /// What the wearer's muscles and the air's damping do all the time: pitch, yaw, roll of both.

@@ -137,8 +137,9 @@ const PARTS: [&str; 7] = [
 ];
 const CASES: &str = "4";
 
-/// Exhaustive tests, which take hours there: every length, every damaged bit. What they call is called by others too.
-const SLOW: [&str; 3] = [
+/// Exhaustive tests, which take hours there: every length, every damaged bit, flights. What they call is called by others too.
+const SLOW: [&str; 4] = [
+    "every_parameter_moves_the_flight",
     "written_packets_of_every_length",
     "link::tests::damage",
     "link::tests::injected",

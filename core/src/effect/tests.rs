@@ -22,6 +22,9 @@ fn plain() -> Model<f64> {
 }
 
 /// What is measured after two seconds of a fall that turns about all axes.
+/// Samples of a flight; few where each takes seconds.
+const SAMPLES: usize = if cfg!(miri) { 8 } else { 480 };
+
 fn flown(model: &Model<f64>) -> Motion<f64> {
     let (posture, rate) = (Posture::h_pose(), PostureRate::zero());
     let start = Motion {
@@ -36,7 +39,7 @@ fn flown(model: &Model<f64>) -> Motion<f64> {
     let mut run = FreeRun::new(dynamics, Equations::Exact, &start, &posture, &rate);
     let inputs = model.inputs(&Inputs::belly_turn());
     let mut before = start;
-    for _ in 0..480 {
+    for _ in 0..SAMPLES {
         before = run.motion(dynamics, &rate);
         run.advance(dynamics, &inputs, &posture, 1.0 / 240.0);
     }

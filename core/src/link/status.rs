@@ -43,6 +43,15 @@ impl Status {
             battery: 0,
         }
     }
+
+    /// Samples whose fate the unit knows.
+    pub const fn accounted(&self) -> u32 {
+        self.used
+            .wrapping_add(self.rejected)
+            .wrapping_add(self.dropped_oldest)
+            .wrapping_add(self.late)
+            .wrapping_add(self.missing)
+    }
 }
 
 #[cfg(test)]
@@ -86,5 +95,6 @@ mod tests {
         );
         assert_eq!((status.late, status.duplicate), (1, 1));
         assert_eq!((status.missing, status.gap_events), (1, 1));
+        assert_eq!(status.accounted(), 5);
     }
 }

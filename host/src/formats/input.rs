@@ -23,6 +23,9 @@ const BUFFER: usize = 1 << 16;
 /// Largest file of settings (bytes).
 const LARGEST_TEXT: u64 = 16 << 20;
 
+/// Largest image for a board: more than each has flash, as UF2 (bytes).
+const LARGEST_IMAGE: u64 = 16 << 20;
+
 /// Largest file that is kept in memory as a whole, unpacked (bytes).
 const LARGEST_WHOLE: u64 = 256 << 20;
 
@@ -99,6 +102,14 @@ pub fn file(path: &Path) -> Result<File> {
 /// Returns an error if the file cannot be read, is no UTF-8, or is larger than 16 MiB.
 pub fn text(path: &Path) -> Result<String> {
     utf_8(limited(file(path)?, path, LARGEST_TEXT)?, path)
+}
+
+/// The bytes of an image for a board, as they are.
+///
+/// # Errors
+/// Returns an error if the file cannot be read or is larger than 16 MiB.
+pub fn image(path: &Path) -> Result<Vec<u8>> {
+    limited(file(path)?, path, LARGEST_IMAGE)
 }
 
 /// The bytes of a recorded movement, unpacked.

@@ -11,9 +11,7 @@ use minisign_verify::{PublicKey, Signature};
 use serde::Serialize;
 
 use crate::diagnostic::{Problem, Result};
-
-/// Longest file that is read: more than both boards have flash, as UF2.
-const LONGEST: u64 = 16 << 20;
+use crate::formats::input;
 
 /// What a boot program shows on its drive.
 const DRIVE_FILE: &str = "INFO_UF2.TXT";
@@ -44,13 +42,7 @@ impl Image {
     /// # Errors
     /// Returns an error if the file cannot be read, or is not all of an image for one of the boards.
     pub fn read(path: &Path) -> Result<Self> {
-        let failed = |error| Problem::system("read", path, error);
-        let length = std::fs::metadata(path).map_err(failed)?.len();
-        let bytes = if length <= LONGEST {
-            std::fs::read(path).map_err(failed)?
-        } else {
-            Vec::new()
-        };
+        let bytes = input::image(path)?;
         let board = if uf2::is_begun(&bytes) {
             uf2::check(&bytes).map(|()| Board::Pico2)
         } else if flat::is_image(&bytes) {
@@ -81,13 +73,13 @@ impl Image {
     /// # Errors
     /// Returns an error if one of the files cannot be read, or the signature is not that of this image by this key.
     pub fn signed_by(&self, key: &Path) -> Result<String> {
-        let public = PublicKey::decode(&text(key)?).map_err(|error| {
+        let public = PublicKey::decode(&input::text(key)?).map_err(|error| {
             Problem::bad_input(format!("this is no public key of minisign: {error}")).in_file(key)
         })?;
         let mut place = self.path.clone().into_os_string();
         place.push(".minisig");
         let place = PathBuf::from(place);
-        let signature = Signature::decode(&text(&place)?).map_err(|error| {
+        let signature = Signature::decode(&input::text(&place)?).map_err(|error| {
             Problem::bad_input(format!("this is no signature of minisign: {error}")).in_file(&place)
         })?;
         public
@@ -130,10 +122,6 @@ impl Image {
             }),
         }
     }
-}
-
-fn text(path: &Path) -> Result<String> {
-    std::fs::read_to_string(path).map_err(|error| Problem::system("read", path, error))
 }
 
 /// UF2, <https://github.com/microsoft/uf2>, as `cargo xtask unit` writes it.
@@ -287,6 +275,7 @@ mod tests {
             (&other[..], "another chip"),
             (&elsewhere[..], "outside of flash"),
             (&b"hello"[..], "neither"),
+            (&vec![0; (16 << 20) + 1][..], "at most 16 MiB"),
         ] {
             let found = message(bytes).unwrap_err();
             assert!(found.contains(said), "{found}");

@@ -6,7 +6,7 @@ use bodyflight_core::link::Status;
 use bodyflight_core::link::fault::Struck;
 use serde::Serialize;
 
-use super::session::{Session, accounted};
+use super::session::Session;
 use super::settings::Settings;
 use super::twin::Agreement;
 use crate::diagnostic::{Problem, Result};
@@ -231,7 +231,7 @@ impl Report {
             lost: unit
                 .missing
                 .saturating_sub(harmed.dropped + harmed.corrupted),
-            accounted: status.map_or(0, accounted),
+            accounted: status.map_or(0, Status::accounted),
             refused: session.line.refused,
             unit,
             log_lines: None,

@@ -274,22 +274,9 @@ impl Session {
         self.line.write(&pieces)?;
         let (number, sent) = (self.number, self.sent());
         self.ask("the end", Stop { sent }, |header, message| match message {
-            Message::Status(status) => header.session == number && accounted(status) == sent,
+            Message::Status(status) => header.session == number && status.accounted() == sent,
             _ => false,
         })?;
         self.listen(Instant::now() + ANSWER_TIMEOUT)
     }
-}
-
-/// Samples whose fate is known.
-pub(super) fn accounted(status: &Status) -> u32 {
-    [
-        status.used,
-        status.rejected,
-        status.dropped_oldest,
-        status.late,
-        status.missing,
-    ]
-    .into_iter()
-    .fold(0, u32::wrapping_add)
 }
