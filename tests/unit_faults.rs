@@ -5,8 +5,7 @@ use std::cell::Cell;
 use bodyflight_core::aerodynamics::Aerodynamics;
 use bodyflight_core::link::fault::{Faults, Injector, Random};
 use bodyflight_core::link::{
-    self, Estimate, Header, MAX_FRAME_LENGTH, Message, Sample, SegmentTable, Start, Stop,
-    StreamMode,
+    Estimate, Header, MAX_FRAME_LENGTH, Message, Sample, SegmentTable, Start, Stop, StreamMode,
 };
 use bodyflight_firmware::{Board, Identity, Unit};
 use bodyflight_tests::arm_swing::{RATE, body, samples};

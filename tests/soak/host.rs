@@ -6,12 +6,11 @@ use std::fmt;
 use bodyflight::unit::stream::twin::Twin;
 use bodyflight_core::aerodynamics::Aerodynamics;
 use bodyflight_core::dynamics::muscle_input::BACK_TRACKING;
-use bodyflight_core::dynamics::{Dynamics, Inputs, Motion, State};
 use bodyflight_core::estimator::unit_preset::UnitPreset;
 use bodyflight_core::link::fault::{Faults, Injector};
 use bodyflight_core::link::{
-    self, Decoder, Event, Header, HelloAcknowledge, MAX_FRAME_LENGTH, Message, Sample,
-    SegmentTable, Start, Status, Stop, StreamMode,
+    Decoder, Event, Header, HelloAcknowledge, MAX_FRAME_LENGTH, Message, Sample, SegmentTable,
+    Start, Status, Stop, StreamMode,
 };
 use bodyflight_firmware::{Board, Identity, Unit};
 use bodyflight_tests::arm_swing::{self, RATE};
