@@ -63,6 +63,8 @@ pub struct Totals {
     /// Estimates that came back, and those that are not the desktop's bit for bit.
     pub estimates: u64,
     pub different: u64,
+    /// Estimates that the line brought once more.
+    pub repeated: u64,
     pub not_finite: u64,
 }
 
@@ -352,6 +354,7 @@ impl Host {
         let agreement = self.twin.agreement();
         self.totals.estimates += agreement.received;
         self.totals.different += agreement.received - agreement.equal;
+        self.totals.repeated += agreement.repeated;
         self.running = false;
     }
 }

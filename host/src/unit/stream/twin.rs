@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use bodyflight_core::link::{Estimate, EstimateFlags, MAX_FRAME_LENGTH, Message};
 use bodyflight_firmware::{Board, Identity, Unit};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// A unit without ports or time: samples are worked off as they come.
@@ -13,16 +14,20 @@ pub struct Twin {
     expected: BTreeMap<u32, Estimate>,
     /// What the real unit answered first.
     early: BTreeMap<u32, Estimate>,
+    /// Answers of the real unit that were compared: the line may bring them once more.
+    compared: BTreeMap<u32, Estimate>,
     agreement: Agreement,
 }
 
 /// How the unit's estimates compare with the desktop's.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, JsonSchema, Serialize)]
 pub struct Agreement {
     /// Estimates of the desktop.
     pub expected: u64,
-    /// Estimates of the unit.
+    /// Estimates of the unit, each counted once.
     pub received: u64,
+    /// Those of them that came again, as a line may bring them.
+    pub repeated: u64,
     /// The same in every bit.
     pub equal: u64,
     /// Sample of the first that differ.
@@ -73,6 +78,7 @@ impl Twin {
             unit: Unit::new(NoTime, Identity::default()),
             expected: BTreeMap::new(),
             early: BTreeMap::new(),
+            compared: BTreeMap::new(),
             agreement: Agreement::default(),
         }
     }
@@ -84,24 +90,37 @@ impl Twin {
         let mut frame = [0; MAX_FRAME_LENGTH];
         while let Some(length) = self.unit.transmit(&mut frame) {
             if let Ok((_, Message::Estimate(estimate))) = Message::decode(&frame[..length]) {
-                self.agreement.expected += 1;
-                let number = estimate.sample_sequence;
-                match self.early.remove(&number) {
-                    Some(found) => self.agreement.compare(&estimate, &found),
-                    None => keep(&mut self.expected, estimate),
-                }
+                self.expect(estimate);
             }
+        }
+    }
+
+    fn expect(&mut self, estimate: Estimate) {
+        self.agreement.expected += 1;
+        match self.early.remove(&estimate.sample_sequence) {
+            Some(found) => self.compare(&estimate, found),
+            None => keep(&mut self.expected, estimate),
         }
     }
 
     /// Takes what the unit answered.
     pub fn answer(&mut self, found: &Estimate) {
-        self.agreement.received += 1;
         let number = found.sample_sequence;
+        let before = self.compared.get(&number).or(self.early.get(&number));
+        if before.is_some_and(|before| bits(before) == bits(found)) {
+            self.agreement.repeated += 1;
+            return;
+        }
+        self.agreement.received += 1;
         match self.expected.remove(&number) {
-            Some(expected) => self.agreement.compare(&expected, found),
+            Some(expected) => self.compare(&expected, *found),
             None => keep(&mut self.early, *found),
         }
+    }
+
+    fn compare(&mut self, expected: &Estimate, found: Estimate) {
+        self.agreement.compare(expected, &found);
+        keep(&mut self.compared, found);
     }
 
     /// How the two compare so far.
@@ -142,4 +161,48 @@ fn bits(estimate: &Estimate) -> ([u32; 17], u16) {
         *place = value.to_bits();
     }
     (numbers, flags.difference(EstimateFlags::LATE).bits())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn estimate(sample_sequence: u32, nis: f32) -> Estimate {
+        Estimate {
+            sample_sequence,
+            flags: EstimateFlags::VALID,
+            state: [0.5; 6],
+            variance: [0.1; 6],
+            measurement: [0.0; 4],
+            nis,
+            cycles: 0,
+        }
+    }
+
+    #[test]
+    fn what_the_line_brings_twice_is_compared_once() {
+        let mut twin = Twin::new();
+        twin.expect(estimate(1, 4.0));
+        for _ in 0..3 {
+            twin.answer(&estimate(1, 4.0));
+            twin.answer(&estimate(2, 5.0));
+        }
+        twin.expect(estimate(2, 5.0));
+        let agreement = twin.agreement();
+        assert_eq!([agreement.received, agreement.repeated], [2, 4]);
+        assert!(agreement.holds(), "{agreement:?}");
+    }
+
+    #[test]
+    fn another_answer_for_the_same_sample_is_a_difference() {
+        let mut twin = Twin::new();
+        twin.expect(estimate(1, 4.0));
+        twin.answer(&estimate(1, 4.0));
+        twin.answer(&estimate(1, 4.5));
+        assert!(!twin.agreement().holds());
+        let mut twin = Twin::new();
+        twin.expect(estimate(7, 4.0));
+        twin.answer(&estimate(7, 4.5));
+        assert_eq!(twin.agreement().first_difference, Some(7));
+    }
 }
