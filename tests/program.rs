@@ -23,6 +23,7 @@ impl Program {
         let output = self.run(&[arguments, &["--json"]].concat());
         let value = serde_json::from_slice(&output.stdout)
             .unwrap_or_else(|_| panic!("{arguments:?}: {}", text(&output.stderr)));
+        self.check_schema(arguments, &value);
         (value, output.status.code())
     }
 
@@ -34,8 +35,40 @@ impl Program {
             "{arguments:?}: {}",
             text(&output.stderr)
         );
-        serde_json::from_slice(&output.stdout)
-            .unwrap_or_else(|error| panic!("{arguments:?}: no JSON: {error}"))
+        let value = serde_json::from_slice(&output.stdout)
+            .unwrap_or_else(|error| panic!("{arguments:?}: no JSON: {error}"));
+        self.check_schema(arguments, &value);
+        value
+    }
+
+    /// Every answer is what `bodyflight schema` says of the verb.
+    fn check_schema(self, arguments: &[&str], value: &Value) {
+        let verb = arguments[0];
+        let listed = text(&self.run(&["schema"]).stdout);
+        let is_of_verb = |name: &&str| {
+            let rest = name.strip_prefix(verb);
+            rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('-'))
+        };
+        let names: Vec<&str> = listed.lines().filter(is_of_verb).collect();
+        let faults: Vec<String> = names
+            .iter()
+            .filter_map(|name| self.fault(name, value))
+            .collect();
+        assert!(
+            names.is_empty() || faults.len() < names.len(),
+            "{arguments:?} is not as its schema says: {faults:#?}"
+        );
+    }
+
+    /// What contradicts a schema, if anything does.
+    fn fault(self, name: &str, value: &Value) -> Option<String> {
+        let schema = self.run(&["schema", name]).stdout;
+        let schema: Value = serde_json::from_slice(&schema)
+            .unwrap_or_else(|error| panic!("schema of {name}: {error}"));
+        let validator = jsonschema::validator_for(&schema)
+            .unwrap_or_else(|error| panic!("schema of {name}: {error}"));
+        let error = validator.validate(value).err()?;
+        Some(format!("{name}, {}: {error}", error.instance_path()))
     }
 
     /// What it says where it fails with this exit code.

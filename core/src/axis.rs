@@ -9,6 +9,8 @@ use crate::math::Real;
 /// Wherever such coefficients stand in a row (states, tables, columns of files, messages) they stand in this order:
 /// pitch, yaw, roll.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Deserialize, serde::Serialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct AxisCoefficients<T> {
     /// About the left axis X.
     pub pitch: T,

@@ -22,6 +22,7 @@ pub const SEGMENT_COUNT: usize = 16;
 
 /// A rigid part of the body. The order is from the root outwards: a parent comes before its children.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[expect(missing_docs, reason = "the names say it")]
 pub enum Segment {
     Pelvis,
@@ -130,6 +131,7 @@ impl Segment {
 
 /// One value for each segment.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Deserialize, serde::Serialize))]
 pub struct SegmentArray<V>([V; SEGMENT_COUNT]);
 
 impl<V> SegmentArray<V> {
@@ -187,6 +189,7 @@ impl<V> IndexMut<Segment> for SegmentArray<V> {
 
 /// What one segment is made of, in its own frame (origin at the proximal joint, axes as the body's in the H-pose).
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Deserialize, serde::Serialize))]
 pub struct SegmentParameters<T: Real> {
     /// Mass (kg).
     pub mass: T,
@@ -207,6 +210,7 @@ pub struct SegmentParameters<T: Real> {
 
 /// A person with all equipment: the segment table and the stature.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Deserialize, serde::Serialize))]
 pub struct Body<T: Real> {
     /// Values of the segments.
     pub segments: SegmentArray<SegmentParameters<T>>,

@@ -210,6 +210,7 @@ impl<T: Real> PostureSample<T> {
 
 /// The skydiver's conscious inputs, paper eq. (ukf_state).
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Deserialize, serde::Serialize))]
 pub struct Inputs<T: Real> {
     /// Muscle input coefficients (dimensionless).
     pub muscle: AxisCoefficients<T>,
@@ -242,6 +243,7 @@ impl<T: Real> Inputs<T> {
 /// State in momentum form (model.md, notes on the exact equations): no posture acceleration is needed, and
 /// momentum is kept exactly where nothing acts.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Deserialize, serde::Serialize))]
 pub struct State<T: Real> {
     /// Attitude of the body frame.
     pub inertial_from_body: Rotation<T, Inertial, BodyFrame>,
@@ -255,6 +257,7 @@ pub struct State<T: Real> {
 
 /// Motion of the body frame, as sensors and the paper see it.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Deserialize, serde::Serialize))]
 pub struct Motion<T: Real> {
     /// Attitude of the body frame.
     pub inertial_from_body: Rotation<T, Inertial, BodyFrame>,

@@ -30,6 +30,7 @@ pub use vector::Vector;
 /// Heading and pitch are those of the cranial axis; roll is 0 belly to earth with a level left-right
 /// axis and stays continuous up to the back-to-earth pose. All rad.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Deserialize, serde::Serialize))]
 pub struct AttitudeAngles<T> {
     /// Direction of the cranial axis over ground, from north towards west (rad).
     pub heading: T,

@@ -37,6 +37,11 @@
 //! [`link`] speaks with the unit and counts every loss; [`xbus`] reads Xsens MTi sensors. Both take bytes from wherever
 //! they come.
 //!
+//! # Features
+//!
+//! `serde` reads and writes bodies, postures, motions, states and inputs as plain numbers: vectors as `[x, y, z]`, rotations as
+//! quaternions `[w, x, y, z]`. `defmt` logs the link's messages and coefficients on a board. Neither is on by default.
+//!
 //! # Conventions
 //!
 //! SI units throughout. The inertial frame is X north, Y west, Z up; the body frame X left, Y back, Z head ([`frame`]).
@@ -61,6 +66,8 @@ pub mod maneuver;
 pub mod math;
 pub mod observation;
 pub mod sensor_noise;
+#[cfg(feature = "serde")]
+mod serialization;
 #[cfg(test)]
 mod test_body;
 pub mod ubx;

@@ -6,6 +6,7 @@ use crate::math::Real;
 
 /// The observable channels of one instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Deserialize, serde::Serialize))]
 pub struct Observation<T: Real> {
     /// Heading, pitch, roll (rad), paper eq. (ypr).
     pub angles: AttitudeAngles<T>,

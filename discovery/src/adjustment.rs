@@ -2,6 +2,7 @@
 
 use bodyflight_core::Segment;
 use bodyflight_core::effect::Effect;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::effect_set::EffectSet;
@@ -17,7 +18,7 @@ const MOST: usize = 8;
 const CORRELATED: f64 = 0.7;
 
 /// A value in the files that the flights contradict.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct Adjustment {
     /// What.
     pub what: String,
@@ -118,7 +119,7 @@ pub fn corrections(fitted: &Fitted) -> EffectSet {
 }
 
 /// The joint whose calibration is off most surely.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct JointCalibration {
     /// Segment behind the joint.
     pub segment: &'static str,

@@ -3,6 +3,7 @@
 use bodyflight_core::dynamics::Motion;
 use nalgebra::DVector;
 use rayon::prelude::*;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::effect_set::EffectSet;
@@ -11,7 +12,7 @@ use super::problem::{Fitted, Problem};
 use super::stretch::{CHANNELS, Channels};
 
 /// Root mean squares of the residuals by channel.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct Gap {
     /// Of the model as in the files.
     pub before: [f64; CHANNELS],
@@ -24,7 +25,7 @@ pub struct Gap {
 }
 
 /// Where the model disagrees: one stretch.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct Spot {
     /// Begin of the stretch (s).
     pub time_s: f64,

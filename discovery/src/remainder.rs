@@ -3,6 +3,7 @@
 
 use nalgebra::{DVector, Vector3};
 use rayon::prelude::*;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::error::Result;
@@ -32,7 +33,7 @@ const AXES: [&str; 3] = [
 ];
 
 /// What is left in a flight.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct Remainder {
     /// Whether more is left than sensors, joints and subject can make.
     pub is_unexplained: bool,

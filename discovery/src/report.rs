@@ -1,6 +1,9 @@
 //! What discovery found, in numbers for people and machines.
 
+use std::collections::BTreeMap;
+
 use bodyflight_core::effect::{Effect, PARAMETER_COUNT};
+use schemars::JsonSchema;
 use serde::{Serialize, Serializer};
 
 use super::adjustment::{Adjustment, JointCalibration};
@@ -26,7 +29,7 @@ pub const CHANNEL_NAMES: [&str; CHANNELS] = [
 ];
 
 /// How a search ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, JsonSchema, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Outcome {
     /// Effects were found that explain the disagreement.
@@ -74,7 +77,7 @@ pub(super) fn share_explained(plain: f64, left: f64, expected: f64) -> f64 {
 }
 
 /// Another effect that explains as much.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct Rival {
     /// Its name.
     pub name: &'static str,
@@ -91,7 +94,7 @@ fn as_map<S: Serializer>(
 }
 
 /// Why an effect got its name.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, JsonSchema, Serialize)]
 pub struct Evidence {
     /// Deviations by which its gain is beyond chance.
     #[serde(rename = "confidence")]
@@ -106,15 +109,17 @@ pub struct Evidence {
 }
 
 /// An effect that was named.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct Named {
     /// Its name.
     pub name: &'static str,
     /// Parameters by name.
     #[serde(serialize_with = "as_map")]
+    #[schemars(with = "BTreeMap<String, f64>")]
     pub parameters: Vec<(&'static str, f64)>,
     /// Their standard errors.
     #[serde(serialize_with = "as_map")]
+    #[schemars(with = "BTreeMap<String, f64>")]
     pub standard_errors: Vec<(&'static str, f64)>,
     /// Why.
     #[serde(flatten)]
@@ -171,7 +176,7 @@ impl Named {
 }
 
 /// How large the errors of a flight were found to be.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct ErrorSizes {
     /// Noise of single frames: attitude (rad), angular velocity (rad/s), horizontal and vertical velocity (m/s).
     pub sensors: [f64; 4],
@@ -205,7 +210,7 @@ impl ErrorSizes {
 }
 
 /// A flight that effects were not fitted to.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct HeldOut {
     /// By how much the effects named raise the logarithm of its likelihood.
     pub gain: f64,
@@ -216,7 +221,7 @@ pub struct HeldOut {
 }
 
 /// What discovery found.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, JsonSchema, Serialize)]
 pub struct Report {
     /// How it ended.
     pub verdict: Outcome,

@@ -2,6 +2,7 @@
 
 use bodyflight_core::air::GRAVITY;
 use nalgebra::Vector3;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::atmosphere::Atmosphere;
@@ -94,7 +95,7 @@ pub struct Jump {
 }
 
 /// The opening.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, JsonSchema, Serialize)]
 pub struct Opening {
     /// Height at which it begins (m above mean sea level).
     pub height_m: f64,

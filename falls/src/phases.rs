@@ -6,12 +6,14 @@
 
 use bodyflight_core::air::GRAVITY;
 use nalgebra::{DMatrix, DVector, Vector3};
+use schemars::JsonSchema;
+use serde::Serialize;
 
 use crate::atmosphere::Atmosphere;
 use crate::{Sample, slopes};
 
 /// A phase of a jump.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, JsonSchema, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Phase {
     /// Standing or walking.

@@ -4,6 +4,7 @@ use bodyflight_core::air::{Air, GRAVITY};
 use bodyflight_core::dynamics::point_mass::PointMass;
 use bodyflight_core::frame::Vector;
 use nalgebra::Vector3;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::Sample;
@@ -31,7 +32,7 @@ const BREATH: f64 = 0.02;
 const UNSEEN: f64 = 0.17;
 
 /// What became of a prediction.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, JsonSchema, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Outcome {
     /// The last third was flown as predicted.
@@ -127,7 +128,7 @@ fn sinks(piece: &Piece) -> f64 {
 }
 
 /// Predictions on trial, at many moments of one fall: whether their error bars are true.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, JsonSchema, Serialize)]
 pub struct Trials {
     /// How many were made.
     pub made: usize,
@@ -154,7 +155,7 @@ impl Trials {
 }
 
 /// The last third of the fall, predicted from what the first two tell.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct Prediction {
     /// What became of it.
     pub outcome: Outcome,

@@ -1,5 +1,6 @@
 //! Whether a fall is explained: what it takes, and the sentence that says why.
 
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::drag::Piece;
@@ -17,7 +18,7 @@ const LARGEST_GAP: f64 = 0.06;
 pub const PLAUSIBLE: [f64; 2] = [0.000_9, 0.016];
 
 /// Whether the fall is explained.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, JsonSchema, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
     /// Drag, lift and wind that a body can have fly the fall again.

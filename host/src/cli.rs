@@ -14,7 +14,9 @@ mod mvn;
 mod outputs;
 mod ports;
 mod reproduce;
+mod schema;
 mod sensitivity;
+mod shell;
 mod simulate;
 mod stream;
 mod synth;
@@ -71,6 +73,9 @@ enum Verb {
     Ports(ports::Args),
     Monitor(monitor::Args),
     Mvn(mvn::Args),
+    Schema(schema::Args),
+    Completions(shell::Completions),
+    Man(shell::Man),
 }
 
 /// Runs the verb that the arguments ask for.
@@ -111,5 +116,8 @@ fn run(cli: &Cli) -> Result<()> {
         Verb::Ports(args) => ports::run(args, cli.json),
         Verb::Monitor(args) => monitor::run(args, cli.json),
         Verb::Mvn(args) => mvn::run(args, cli.json),
+        Verb::Schema(args) => schema::run(args, cli.json),
+        Verb::Completions(args) => shell::completions(args),
+        Verb::Man(args) => shell::man(args, cli.json),
     }
 }

@@ -1,5 +1,6 @@
 //! Tasks of the project: `cargo xtask <verb>`.
 
+mod book;
 mod budgets;
 mod f405;
 mod hil;
@@ -12,6 +13,7 @@ mod run;
 mod soak;
 mod supply;
 mod test;
+mod tool;
 mod uf2;
 mod unit;
 mod viewer;
@@ -95,6 +97,8 @@ enum Verb {
         #[arg(long)]
         table: bool,
     },
+    /// Build the pages as a book, and follow its links.
+    Book,
     /// Check lock files, licences and sources of what the program is made of, and list it: sbom.json.
     Supply {
         /// Look up known holes too, which needs a network.
@@ -135,6 +139,7 @@ fn main() -> ExitCode {
         }
         Verb::Miri => nightly::miri(),
         Verb::Soak { hours, table } => soak::soak(hours, table),
+        Verb::Book => book::book(),
         Verb::Supply { advisories } => supply::supply(advisories),
     };
     match result {

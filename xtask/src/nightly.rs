@@ -1,8 +1,7 @@
 //! Fuzzing and miri: what needs a nightly compiler.
 
-use std::path::PathBuf;
-
 use crate::run::{Result, root, run, run_in, say, target_folder};
+use crate::tool::tool;
 
 /// Toolchain of these tasks; the project itself is built with the pinned stable one.
 const TOOLCHAIN: &str = "nightly";
@@ -50,30 +49,12 @@ fn install_toolchain(components: &[&str]) -> Result<()> {
     run("rustup", &arguments).map_err(without("a nightly toolchain"))
 }
 
-/// A program of crates.io, installed beside what is built.
-pub(crate) fn tool(name: &str, version: &str) -> Result<PathBuf> {
-    let folder = target_folder()?.join("tools");
-    let program = folder.join("bin").join(name);
-    if !program.is_file() {
-        let at = folder.display().to_string();
-        let install = [
-            "install",
-            name,
-            "--version",
-            version,
-            "--locked",
-            "--root",
-            &at,
-        ];
-        run_in(&root(), "cargo", &install, &variables()).map_err(without(name))?;
-    }
-    Ok(program)
-}
-
 /// Fuzzes every target, or those named; what is found is a file in `fuzz/artifacts`.
 pub(crate) fn fuzz(names: &[String], effort: Effort) -> Result<()> {
     install_toolchain(&[])?;
-    let program = tool("cargo-fuzz", "0.13.2")?.display().to_string();
+    let program = tool("cargo-fuzz", "0.13.2", &[], &variables())?
+        .display()
+        .to_string();
     let known = targets()?;
     if let Some(unknown) = names.iter().find(|name| !known.contains(name)) {
         return Err(format!(

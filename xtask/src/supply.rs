@@ -6,14 +6,17 @@ use std::process::Command;
 use serde::Deserialize;
 use serde_json::json;
 
-use crate::nightly::tool;
 use crate::run::{Result, root, run, say, target_folder};
+use crate::tool::tool;
 
 /// Workspaces with a lock file of their own.
-const MANIFESTS: [&str; 3] = [
+const MANIFESTS: [&str; 6] = [
     "Cargo.toml",
+    "firmware/boards/qemu-an505/Cargo.toml",
+    "firmware/boards/rp2350-pico2/Cargo.toml",
     "firmware/boards/stm32f405/Cargo.toml",
     "fuzz/Cargo.toml",
+    "python/Cargo.toml",
 ];
 
 #[derive(Deserialize)]
@@ -42,7 +45,9 @@ pub(crate) fn supply(advisories: bool) -> Result<()> {
         .map_err(|error| format!("the list of parts: {error}"))?;
     std::fs::write(&file, text).map_err(|error| format!("{}: {error}", file.display()))?;
     say(&format!("{} parts: {}", packages.len(), file.display()));
-    let program = tool("cargo-deny", "0.20.2")?.display().to_string();
+    let program = tool("cargo-deny", "0.20.2", &[], &[])?
+        .display()
+        .to_string();
     let mut checks = vec!["bans", "licenses", "sources"];
     if advisories {
         checks.push("advisories");

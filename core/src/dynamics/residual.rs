@@ -8,6 +8,7 @@ use crate::math::Real;
 /// Joints that are recorded slightly wrong cause such a load: it grows with the dynamic pressure, like every
 /// aerodynamic load, and changes slowly.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Deserialize, serde::Serialize))]
 pub struct ResidualLoad<T: Real> {
     /// Force (N/Pa, m2).
     pub force: Vector<T, Body>,

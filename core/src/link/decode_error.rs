@@ -6,6 +6,7 @@ use super::layout::PROTOCOL_VERSION;
 
 /// Why a frame was refused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum DecodeError {
     /// The bytes end before the frame does.
     Incomplete,

@@ -49,6 +49,20 @@ bitflags! {
     }
 }
 
+#[cfg(feature = "defmt")]
+impl defmt::Format for EstimateFlags {
+    fn format(&self, out: defmt::Formatter<'_>) {
+        defmt::write!(out, "{=u16:b}", self.bits());
+    }
+}
+
+#[cfg(feature = "defmt")]
+impl defmt::Format for Validity {
+    fn format(&self, out: defmt::Formatter<'_>) {
+        defmt::write!(out, "{=u8:b}", self.bits());
+    }
+}
+
 impl Wire for EstimateFlags {
     const SIZE: usize = 2;
     const KIND: &'static str = "u16: bit 0 valid, 1 not taken in, 2 bridged, 3 late, 4 restarted, \

@@ -37,6 +37,7 @@ const fn longest_body() -> usize {
 
 /// What every message carries besides its body and type.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Header {
     /// Session chosen by the host.
     pub session: u16,

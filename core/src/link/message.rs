@@ -340,6 +340,7 @@ macro_rules! messages {
     ($( $code:literal $name:ident $wire_name:literal ),* $(,)?) => {
         /// Any message of the link.
         #[derive(Debug, Clone, Copy, PartialEq)]
+        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
         #[expect(missing_docs, reason = "the bodies say it")]
         pub enum Message { $( $name($name), )* }
 

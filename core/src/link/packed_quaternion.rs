@@ -19,6 +19,7 @@ const SQUARES_MAX: i32 = COMPONENT_COUNTS * COMPONENT_COUNTS / 2 * 3 + 40_000;
 /// 1/23169.06 plus 16383, bits 45-46 which one is the largest (made positive), bit 47 is zero. The
 /// rotation error is at most 1.5e-4 rad (0.009 deg).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct PackedQuaternion([u8; 6]);
 
 impl Default for PackedQuaternion {

@@ -159,6 +159,7 @@ macro_rules! body {
     ) => {
         $(#[$attribute])*
         #[derive(Debug, Clone, Copy, PartialEq)]
+        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
         pub struct $name {
             $(
                 #[doc = $meaning]
@@ -223,6 +224,7 @@ macro_rules! code {
     ) => {
         $(#[$attribute])*
         #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
         #[repr(u8)]
         pub enum $name {
             $( #[doc = $meaning] $variant = $number, )*

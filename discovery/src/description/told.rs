@@ -1,10 +1,11 @@
 //! What was described, in numbers and words.
 
 use bodyflight_core::dynamics::applied_load::AppliedLoad;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// A load of a description.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct DescribedLoad {
     /// In words: `moment about left, 25.0 +- 0.4 N m, 3.10 +- 0.01 Hz`.
     pub in_words: String,
@@ -20,7 +21,7 @@ pub struct DescribedLoad {
 }
 
 /// What was described.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct Described {
     /// Its loads.
     pub loads: Vec<DescribedLoad>,

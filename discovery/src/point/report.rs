@@ -2,6 +2,7 @@
 
 use bodyflight_core::effect::{Effect, PARAMETER_COUNT};
 use nalgebra::Vector3;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::candidate::{Candidate, Fit, effects_of};
@@ -19,7 +20,7 @@ pub const COMPONENT_NAMES: [&str; 3] =
     ["velocity_north_mps", "velocity_west_mps", "velocity_up_mps"];
 
 /// One window of the free fall.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct Spot {
     /// Begin (s from that of the fall).
     pub time_s: f64,
@@ -34,7 +35,7 @@ pub struct Spot {
 }
 
 /// Root mean squares of what is missing in a window, by component (m/s).
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct Gap {
     /// Of the plain model.
     pub before: [f64; 3],
@@ -53,7 +54,7 @@ pub struct Gap {
 }
 
 /// Delay of the receiver, from positions and velocities.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, JsonSchema, Serialize)]
 pub struct Latency {
     /// Delay of the velocity (s).
     pub latency_s: f64,
@@ -62,7 +63,7 @@ pub struct Latency {
 }
 
 /// Mean size of the specific force in the fall, by the inertial sensor and by the satellites (m/s2).
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, JsonSchema, Serialize)]
 pub struct SpecificForce {
     /// Of the inertial sensor.
     pub inertial_mps2: f64,
@@ -71,7 +72,7 @@ pub struct SpecificForce {
 }
 
 /// What discovery found.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, JsonSchema, Serialize)]
 pub struct Report {
     /// How it ended.
     pub verdict: Outcome,

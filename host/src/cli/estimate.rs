@@ -12,6 +12,7 @@ use bodyflight::verbs::estimate::{Estimation, Filter};
 use bodyflight_core::estimator::measurement::Quantity;
 use bodyflight_core::estimator::motion::measurement::NAMES;
 use bodyflight_core::estimator::preset::{PRESETS, Preset};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::outputs::{Outputs, Plot};
@@ -116,8 +117,8 @@ impl FilterName {
 }
 
 /// A row of the list of presets.
-#[derive(Serialize)]
-struct Listed {
+#[derive(JsonSchema, Serialize)]
+pub(super) struct Listed {
     name: &'static str,
     measures: Vec<&'static str>,
     limbs: &'static str,
@@ -143,7 +144,7 @@ fn list_presets(json: bool) -> Result<()> {
     });
     let listed: Vec<Listed> = std::iter::once(auto).chain(windows).collect();
     if json {
-        return terminal::print_json(&listed);
+        return terminal::print_plain_json(&listed);
     }
     let mut table = terminal::table(&["preset", "limbs", "late", "measures"]);
     for row in &listed {

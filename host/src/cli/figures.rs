@@ -6,6 +6,7 @@ use bodyflight::diagnostic::{Problem, Result};
 use bodyflight::formats::flight::Flight;
 use bodyflight::output::figure::Format;
 use bodyflight::verbs::figures::{Settings, files, write};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::outputs::Outputs;
@@ -64,8 +65,8 @@ impl FormatName {
     }
 }
 
-#[derive(Serialize)]
-struct Written {
+#[derive(JsonSchema, Serialize)]
+pub(super) struct Written {
     figures: Vec<PathBuf>,
 }
 

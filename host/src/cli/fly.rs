@@ -12,6 +12,7 @@ use bodyflight::verbs::view::flown::{frames, write};
 use bodyflight::verbs::view::page::{FlyData, Mode, PageData, Provenance, html};
 use bodyflight::verbs::view::server::Server;
 use bodyflight_core::aerodynamics::load_model::LoadModel;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::outputs::Outputs;
@@ -44,7 +45,7 @@ pub(super) struct Args {
     open: bool,
 }
 
-#[derive(Serialize)]
+#[derive(JsonSchema, Serialize)]
 struct Opened<'a> {
     url: &'a str,
 }

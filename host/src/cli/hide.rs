@@ -13,6 +13,7 @@ use bodyflight_core::effect::Effect;
 use bodyflight_discovery::laboratory::drawn::drawn;
 use bodyflight_discovery::laboratory::outside::Outside;
 use bodyflight_discovery::laboratory::{FRAME_RATE, Hidden, JointErrors, Settings, fly, strength};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::outputs::Outputs;
@@ -85,8 +86,8 @@ fn hidden_help() -> String {
     )
 }
 
-#[derive(Serialize)]
-struct Written {
+#[derive(JsonSchema, Serialize)]
+pub(super) struct Written {
     flights: Vec<PathBuf>,
     truth: PathBuf,
 }

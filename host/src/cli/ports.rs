@@ -13,7 +13,7 @@ pub(super) struct Args {}
 pub(super) fn run(_: &Args, json: bool) -> Result<()> {
     let ports = ports::list()?;
     if json {
-        return terminal::print_json(&ports);
+        return terminal::print_plain_json(&ports);
     }
     if ports.is_empty() {
         terminal::print(

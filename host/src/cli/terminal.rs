@@ -5,15 +5,19 @@
 mod visible;
 
 use std::error::Error;
+use std::ffi::OsString;
 use std::io::{ErrorKind, IsTerminal, Write};
+use std::path::PathBuf;
 use std::sync::OnceLock;
 use std::time::Duration;
 
 use bodyflight::diagnostic::{Problem, Result};
 use bodyflight::formats::flight::Flight;
+use bodyflight::formats::input;
 use bodyflight::replay::comparison::{Channel, PerChannel};
 use comfy_table::{CellAlignment, Table};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use schemars::JsonSchema;
 use serde::Serialize;
 use visible::{json_without_controls, visible, visible_problem};
 
@@ -25,11 +29,49 @@ pub(super) fn print(text: &str) {
     line(text);
 }
 
-/// Writes a value as JSON.
+/// Writes what a shell is to read, as it is.
+pub(super) fn verbatim(text: &str) {
+    put(text);
+}
+
+/// What a verb answers with `--json`.
+#[derive(JsonSchema, Serialize)]
+pub(super) struct Answer<'a, T> {
+    made_by: MadeBy,
+    #[serde(flatten)]
+    result: &'a T,
+}
+
+/// The run that gave an answer.
+#[derive(JsonSchema, Serialize)]
+struct MadeBy {
+    /// Version of the program.
+    version: &'static str,
+    /// Its arguments.
+    arguments: Vec<String>,
+    /// Files that it read.
+    inputs: Vec<PathBuf>,
+}
+
+/// Writes a result as JSON, beside the run that gave it. `bodyflight schema` has the schema.
 ///
 /// # Errors
-/// Returns an error if the value cannot be written as JSON.
-pub(super) fn print_json(value: &impl Serialize) -> Result<()> {
+/// Returns an error if the result cannot be written as JSON.
+pub(super) fn print_json(result: &(impl Serialize + JsonSchema)) -> Result<()> {
+    let lossy = |argument: OsString| argument.to_string_lossy().into_owned();
+    let made_by = MadeBy {
+        version: env!("CARGO_PKG_VERSION"),
+        arguments: std::env::args_os().skip(1).map(lossy).collect(),
+        inputs: input::claimed(),
+    };
+    print_plain_json(&Answer { made_by, result })
+}
+
+/// Writes a value as JSON, as it is.
+///
+/// # Errors
+/// Returns an error if it cannot be written as JSON.
+pub(super) fn print_plain_json(value: &impl Serialize) -> Result<()> {
     let text = serde_json::to_string_pretty(value).map_err(no_json)?;
     put(&json_without_controls(&text));
     Ok(())

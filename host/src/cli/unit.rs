@@ -10,6 +10,7 @@ use bodyflight::unit::image::{Board, Image};
 use bodyflight::unit::log;
 use bodyflight::unit::stream::connection::{DEFAULT_BAUD, Target};
 use bodyflight::unit::virtual_unit::VirtualUnit;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::outputs::Outputs;
@@ -57,8 +58,8 @@ struct FlashArgs {
 }
 
 /// What was checked and done.
-#[derive(Serialize)]
-struct Flashed {
+#[derive(JsonSchema, Serialize)]
+pub(super) struct Flashed {
     board: Board,
     bytes: usize,
     /// What the signer says of the image, where a key was given.
@@ -94,8 +95,8 @@ struct LogArgs {
 }
 
 /// What was read.
-#[derive(Serialize)]
-struct Report {
+#[derive(JsonSchema, Serialize)]
+pub(super) struct Report {
     blocks: usize,
     damaged: usize,
     flights: Vec<log::Written>,

@@ -9,6 +9,7 @@ use bodyflight::formats::model_file::Effects;
 use bodyflight::output::files::write_file;
 use bodyflight::verbs::view::page::{PageData, Provenance, html};
 use bodyflight::verbs::view::run::fly;
+use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::Value;
 
@@ -45,8 +46,8 @@ pub(super) struct Args {
     reading: Reading,
 }
 
-#[derive(Serialize)]
-struct Written {
+#[derive(JsonSchema, Serialize)]
+pub(super) struct Written {
     page: PathBuf,
     bytes: usize,
     runs: usize,

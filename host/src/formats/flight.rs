@@ -9,6 +9,7 @@ use bodyflight_core::dynamics::muscle_input::{self, MuscleForces, MuscleModel};
 use bodyflight_core::dynamics::{Dynamics, Inputs};
 use bodyflight_core::frame::Vector;
 use bodyflight_discovery::nuisance::Tolerances;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::diagnostic::{Problem, Result};
@@ -53,7 +54,7 @@ pub struct Flight {
 }
 
 /// Where a free run takes its first motion from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, JsonSchema, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Start {
     /// The first frame alone.

@@ -51,6 +51,12 @@ pub fn claim(path: &Path) {
     }
 }
 
+/// The files that this process reads, or will read.
+pub fn claimed() -> Vec<PathBuf> {
+    let claimed = CLAIMED.lock().unwrap_or_else(PoisonError::into_inner);
+    claimed.iter().cloned().collect()
+}
+
 /// Whether this process reads that file, by whatever name.
 pub fn is_claimed(path: &Path) -> bool {
     path.canonicalize().is_ok_and(|path| {

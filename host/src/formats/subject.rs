@@ -11,6 +11,7 @@ use bodyflight_core::aerodynamics::{Aerodynamics, ArchFactor, Coefficients};
 use bodyflight_core::body::anthropometry::{Girth, Measure, MomentArm, Person, Sex};
 use bodyflight_core::body::gear::{Gear, Shoes, Suit};
 use bodyflight_core::{AxisCoefficients, Body, Segment, SegmentArray};
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -62,7 +63,7 @@ impl Default for Subject {
 }
 
 /// Coefficients that all segments have in common.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, JsonSchema, Serialize)]
 pub struct CommonCoefficients {
     /// Drag.
     pub cd: f64,

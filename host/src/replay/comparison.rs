@@ -1,9 +1,13 @@
 //! Measured and simulated motion side by side, channel by channel: the gap in numbers and a thinned series
 //! for plots. Memory does not grow with the flight.
 
+use std::borrow::Cow;
+
 use bodyflight_core::math::wrap_angle;
 use bodyflight_core::observation::Observation;
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::Serialize;
+use serde_json::json;
 
 /// A channel in which flights are compared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -109,6 +113,29 @@ impl PerChannel {
 impl Serialize for PerChannel {
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_map(Channel::ALL.map(|channel| (channel.key(), self.get(channel))))
+    }
+}
+
+impl JsonSchema for PerChannel {
+    fn schema_name() -> Cow<'static, str> {
+        "PerChannel".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        let number = |channel: Channel| {
+            let (label, unit) = channel.label();
+            let description = format!("{label} ({unit})");
+            let schema = json!({ "type": "number", "description": description });
+            (channel.key().to_owned(), schema)
+        };
+        let properties: serde_json::Map<_, _> = Channel::ALL.into_iter().map(number).collect();
+        json_schema!({
+            "description": "One number for each channel.",
+            "type": "object",
+            "properties": properties,
+            "required": Channel::ALL.map(Channel::key),
+            "additionalProperties": false,
+        })
     }
 }
 

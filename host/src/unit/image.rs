@@ -8,6 +8,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use minisign_verify::{PublicKey, Signature};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::diagnostic::{Problem, Result};
@@ -17,7 +18,7 @@ use crate::formats::input;
 const DRIVE_FILE: &str = "INFO_UF2.TXT";
 
 /// A board that takes images.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, JsonSchema, Serialize)]
 pub enum Board {
     /// Takes UF2 files on its drive.
     #[serde(rename = "rp2350-pico2")]

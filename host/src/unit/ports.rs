@@ -5,6 +5,7 @@ use std::io;
 use std::path::Path;
 use std::time::Duration;
 
+use schemars::JsonSchema;
 use serde::Serialize;
 use serialport::{ErrorKind, SerialPort, SerialPortInfo, SerialPortType};
 
@@ -17,7 +18,7 @@ pub const READ_TIMEOUT: Duration = Duration::from_millis(100);
 const TERMINALS: &str = "/sys/class/tty";
 
 /// A serial port.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, JsonSchema, Serialize)]
 pub struct Port {
     /// Name to open it by.
     pub name: String,

@@ -12,6 +12,7 @@ use bodyflight_falls::prediction::Prediction;
 use bodyflight_falls::verdict::Verdict;
 use bodyflight_falls::wind::Wind;
 use bodyflight_falls::{Sample, median};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::diagnostic::{Problem, Result};
@@ -49,7 +50,7 @@ impl Default for Conditions {
 }
 
 /// A moment of the jump.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, JsonSchema, Serialize)]
 pub struct Moment {
     /// Time from the start of the track (s).
     pub time_s: f64,
@@ -60,7 +61,7 @@ pub struct Moment {
 }
 
 /// A piece of the fall with one posture.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, JsonSchema, Serialize)]
 pub struct PieceRow {
     /// From the start of the fall (s).
     pub from_s: f64,
@@ -77,7 +78,7 @@ pub struct PieceRow {
 }
 
 /// The wind at a height.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, JsonSchema, Serialize)]
 pub struct WindRow {
     /// Height above mean sea level (m).
     pub height_m: f64,
@@ -102,7 +103,7 @@ impl WindRow {
 }
 
 /// What the logger's other sensors say.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, JsonSchema, Serialize)]
 pub struct Sensors {
     /// Largest specific force during the opening (multiples of gravity).
     pub largest_g: Option<f64>,
@@ -113,7 +114,7 @@ pub struct Sensors {
 }
 
 /// A jump in numbers.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct Report {
     /// Whether the fall is explained.
     pub verdict: Verdict,

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use bodyflight_core::frame::Vector;
 use bodyflight_core::{Posture, Segment};
 use nalgebra::Vector3;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::diagnostic::{Problem, Result};
@@ -53,7 +54,7 @@ pub struct Request<'a> {
 }
 
 /// What was imported.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, JsonSchema, Serialize)]
 pub struct Report {
     /// The `flight.toml`.
     pub flight: PathBuf,
@@ -81,7 +82,7 @@ pub struct Report {
 }
 
 /// A segment of the model and what it is in the source.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, JsonSchema, Serialize)]
 pub struct MappedSegment {
     /// Name in the model.
     pub segment: &'static str,

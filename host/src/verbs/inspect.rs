@@ -8,6 +8,7 @@ use std::io::BufRead;
 use std::path::Path;
 
 use bodyflight_core::Body;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::diagnostic::Result;
@@ -23,7 +24,7 @@ const LIST_LIMIT: usize = 100;
 const FRAMES_FOR_ARMS: usize = 8;
 
 /// Contents of a recording.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct Report {
     /// Always `mvnx`.
     pub format: &'static str,
@@ -72,7 +73,7 @@ pub struct Report {
 }
 
 /// A frame whose numbers are not usable.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct BadFrame {
     /// Index of the frame.
     pub index: u64,
@@ -96,7 +97,7 @@ impl From<Fault> for BadFrame {
 }
 
 /// An event marked in the recording.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct Marker {
     /// Time since frame 0 (s).
     pub time_s: f64,

@@ -12,6 +12,7 @@ use bodyflight_core::dynamics::steady::steady;
 use bodyflight_core::dynamics::{Dynamics, Inputs};
 use bodyflight_core::{AxisCoefficients, Body};
 use nalgebra::Vector3;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::stability::{Mode, modes};
@@ -96,7 +97,7 @@ pub fn person() -> Result<Body<f64>> {
 }
 
 /// One pose by one model.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, JsonSchema, Serialize)]
 pub struct Fall {
     /// Speed straight down with the pose and its attitude held (m/s).
     pub speed_mps: f64,

@@ -14,6 +14,7 @@ use bodyflight_core::estimator::preset::Preset;
 use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::sensor_noise::SensorNoise;
 use rayon::prelude::*;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::estimate::motion::{Method, Settings};
@@ -33,7 +34,7 @@ use report::{Outcome, Parts};
 const SEED: u64 = 1;
 
 /// What was reproduced.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, JsonSchema, Serialize)]
 pub struct Report {
     /// The report's file.
     pub report: PathBuf,

@@ -9,6 +9,7 @@ mod figure;
 use bodyflight_core::dynamics::Dynamics;
 use bodyflight_core::estimator::preset::Preset;
 use bodyflight_core::observation::Observation;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::estimate::{Filter, estimate};
@@ -21,7 +22,7 @@ use crate::replay::comparison::{Channel, Comparison, Pair, PerChannel};
 use crate::replay::steps::{Divergence, Replay, too_short};
 
 /// A number of the model.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, JsonSchema, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Parameter {
     /// Cd of all segments.
@@ -124,7 +125,7 @@ impl Parameter {
 }
 
 /// What a parameter does.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, JsonSchema, Serialize)]
 pub struct Effect {
     /// The parameter.
     pub parameter: Parameter,
@@ -137,7 +138,7 @@ pub struct Effect {
 }
 
 /// The sensitivity of a flight.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, JsonSchema, Serialize)]
 pub struct Report {
     /// Largest size of each channel of the unvaried run.
     pub amplitude: PerChannel,

@@ -5,6 +5,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use bodyflight_core::Real;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::diagnostic::Result;
@@ -17,7 +18,7 @@ use crate::replay::comparison::{Channel, Comparison, PerChannel};
 use crate::replay::steps::{Replay, Step};
 
 /// The result of a simulation.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, JsonSchema, Serialize)]
 pub struct Report {
     /// Frames compared.
     pub frames: u64,

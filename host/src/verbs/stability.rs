@@ -5,6 +5,7 @@ use bodyflight_core::dynamics::{Dynamics, Inputs, Motion, PostureSample, State};
 use bodyflight_core::frame::{Rotation, Vector};
 use bodyflight_core::math::small_rotation;
 use nalgebra::{SMatrix, SVector, Vector3};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// Turn (rad), velocity (m/s), angular velocity (rad/s): what a small motion is made of.
@@ -15,7 +16,7 @@ const DISTURBANCE: f64 = 1e-5;
 const NEUTRAL: f64 = 1e-3;
 
 /// How a small motion goes on: `exp(growth t)`, with `frequency`.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, JsonSchema, Serialize)]
 pub struct Mode {
     /// Rate of growth (1/s); negative: decays.
     pub growth_per_s: f64,

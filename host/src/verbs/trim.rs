@@ -4,6 +4,7 @@ use std::path::Path;
 
 use bodyflight_core::body::pattern;
 use bodyflight_core::dynamics::trim::{TrimError, trim as balance};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::diagnostic::{Problem, Result};
@@ -11,7 +12,7 @@ use crate::formats::flight::{DensityChoice, Flight};
 use crate::formats::subject::Subject;
 
 /// A steady fall.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, JsonSchema, Serialize)]
 pub struct Report {
     /// Speed of the fall (m/s).
     pub terminal_speed_mps: f64,

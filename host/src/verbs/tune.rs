@@ -12,6 +12,7 @@ use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use rand_distr::StandardNormal;
 use rayon::prelude::*;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::diagnostic::{Problem, Result};
@@ -84,7 +85,7 @@ impl Candidate {
 }
 
 /// Coefficients of one segment.
-#[derive(Debug, Clone, Copy, Serialize)]
+#[derive(Debug, Clone, Copy, JsonSchema, Serialize)]
 pub struct SegmentBest {
     /// Name of the segment.
     pub segment: &'static str,
@@ -97,7 +98,7 @@ pub struct SegmentBest {
 }
 
 /// The result of a search.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, JsonSchema, Serialize)]
 pub struct Report {
     /// Where the search began.
     pub guess: CommonCoefficients,
@@ -116,7 +117,7 @@ pub struct Report {
 }
 
 /// A flight that was not used in the search.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, JsonSchema, Serialize)]
 pub struct HeldOut {
     /// The recording.
     pub recording: String,

@@ -12,6 +12,7 @@ pub mod windows;
 
 use std::path::{Path, PathBuf};
 
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::diagnostic::Result;
@@ -32,7 +33,7 @@ const LARGEST: [f64; 2] = [0.0873, 0.2094];
 const LEAST_RATIO: f64 = 5.0;
 
 /// What was found.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, JsonSchema, Serialize)]
 pub struct Report {
     /// Names of the flights.
     pub flights: Vec<String>,

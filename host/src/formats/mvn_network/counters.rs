@@ -1,9 +1,10 @@
 //! What a receiver has met, counted.
 
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// What has come in so far.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, JsonSchema, Serialize)]
 pub struct Counters {
     /// Datagrams of any kind.
     pub datagrams: u64,

@@ -6,6 +6,7 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use bodyflight_core::Body;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::datagram::{Datagram, Header, Kind};
@@ -52,7 +53,7 @@ impl FromStr for Speed {
 }
 
 /// What was sent.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, JsonSchema, Serialize)]
 pub struct Sent {
     /// Frames.
     pub frames: u64,

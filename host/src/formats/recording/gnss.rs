@@ -8,6 +8,7 @@
 use bodyflight_core::frame::{Inertial, Vector};
 use bodyflight_falls::Sample;
 use nalgebra::{Rotation2, Vector2, Vector3};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::frame::FlightFrame;
@@ -39,7 +40,7 @@ pub struct Aligned {
 }
 
 /// How a track was brought to the clock of a recording.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, JsonSchema, Serialize)]
 pub struct Alignment {
     /// Time of the track minus time of the recording (s).
     pub shift_s: f64,

@@ -6,6 +6,7 @@
 use bodyflight_core::Segment;
 use bodyflight_core::frame::{Inertial, Vector};
 use nalgebra::{UnitQuaternion, Vector3};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::bridge::BRIDGE_LIMIT;
@@ -48,7 +49,7 @@ const MOVES: f64 = 1.0;
 const WAYS_APART: f64 = 0.3;
 
 /// Something implausible for a flight.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, JsonSchema, Serialize)]
 pub struct Warning {
     /// The frame where it shows.
     pub frame: u64,

@@ -7,6 +7,7 @@ use bodyflight_core::frame::{Inertial, Vector};
 use bodyflight_core::link::{
     BlockReader, Configure, Estimate, Message, Sample, SegmentTable, Status, Validity,
 };
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::tables;
@@ -28,7 +29,7 @@ pub struct LoggedFlight {
 }
 
 /// What was written of a flight.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, JsonSchema, Serialize)]
 pub struct Written {
     /// The `flight.toml`.
     pub flight: PathBuf,

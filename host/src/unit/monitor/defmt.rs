@@ -5,6 +5,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 use defmt_decoder::{DecodeError, Encoding, Locations, Table};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::diagnostic::{Problem, Result};
@@ -14,7 +15,7 @@ use crate::formats::input;
 const LONGEST_FRAME: usize = 1 << 16;
 
 /// One log line.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, JsonSchema, Serialize)]
 pub struct Line {
     /// Time as the program prints it; none where it has no clock.
     pub time: Option<String>,
@@ -39,7 +40,7 @@ impl fmt::Display for Line {
 }
 
 /// What was decoded so far.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, JsonSchema, Serialize)]
 pub struct DefmtTotals {
     /// Lines given.
     pub lines: u64,

@@ -3,13 +3,14 @@
 use std::collections::BTreeMap;
 
 use bodyflight_core::xbus::{Decoder, Item, MAX_PACKET_LENGTH, MessageId, Packet, SampleClock};
+use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::{Map, Value};
 
 use super::reading::reading;
 
 /// One packet understood.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct PacketReading {
     /// Time of the sensor (s), without its wraps; none where the packet has none.
     pub time_s: Option<f64>,
@@ -24,7 +25,7 @@ pub struct PacketReading {
 }
 
 /// How often one item came.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct ItemTotals {
     /// Name with unit.
     pub name: &'static str,
@@ -37,7 +38,7 @@ pub struct ItemTotals {
 }
 
 /// What was decoded so far.
-#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, PartialEq, Default, JsonSchema, Serialize)]
 pub struct XbusTotals {
     /// Bytes taken.
     pub bytes: u64,

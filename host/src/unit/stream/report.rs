@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use bodyflight_core::link::Status;
 use bodyflight_core::link::fault::Struck;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::session::Session;
@@ -12,7 +13,7 @@ use super::twin::Agreement;
 use crate::diagnostic::{Problem, Result};
 
 /// The progress of a stream.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, JsonSchema, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct Live {
     /// Time of the flight (s).
@@ -34,7 +35,7 @@ pub struct Live {
 }
 
 /// An estimate of the unit.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, JsonSchema, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct LiveEstimate {
     /// Muscle input and damping coefficients, pitch, yaw, roll each.
@@ -66,7 +67,7 @@ impl Live {
 }
 
 /// Times from a sample to its estimate (ms).
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, JsonSchema, Serialize)]
 pub struct Latency {
     /// Half are shorter.
     pub median_ms: f64,
@@ -79,7 +80,7 @@ pub struct Latency {
 }
 
 /// The unit's counters at the end, see `docs/unit.md`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, JsonSchema, Serialize)]
 #[expect(missing_docs, reason = "as in Status, where they are explained")]
 pub struct UnitCounters {
     pub received_bytes: u32,
@@ -153,7 +154,7 @@ fn place_of_panic(status: &Status) -> Option<String> {
 }
 
 /// Frames damaged on purpose.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, JsonSchema, Serialize)]
 #[expect(missing_docs, reason = "as in Struck")]
 pub struct Harmed {
     pub dropped: u32,
@@ -172,7 +173,7 @@ impl From<&Struck> for Harmed {
 }
 
 /// The result of a stream.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, JsonSchema, Serialize)]
 pub struct Report {
     /// Build of the unit.
     pub unit_build: String,

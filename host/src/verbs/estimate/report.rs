@@ -3,6 +3,7 @@
 use bodyflight_core::dynamics::Motion;
 use bodyflight_core::estimator::motion::watch::{Consistency, Watch};
 use bodyflight_core::estimator::status::{Faults, Health};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::verdict::Consistencies;
@@ -10,7 +11,7 @@ use crate::formats::input_history::Row;
 use crate::replay::comparison::PerChannel;
 
 /// How often each fault was met, in updates.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, JsonSchema, Serialize)]
 pub struct Flags {
     /// A posture was not usable.
     pub posture: u64,
@@ -48,7 +49,7 @@ impl Flags {
 }
 
 /// The result of an estimation.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, JsonSchema, Serialize)]
 pub struct Report {
     /// Gap of the reconstruction with estimated inputs.
     pub rms: PerChannel,

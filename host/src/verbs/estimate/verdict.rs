@@ -2,6 +2,7 @@
 
 use bodyflight_core::estimator::motion::measurement::{CHANNELS, NAMES, Noise};
 use bodyflight_core::estimator::motion::watch::{ChannelWatch, Consistency, Watch};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::replay::comparison::{Channel, PerChannel};
@@ -17,7 +18,7 @@ pub const LARGEST_SHARE: f64 = 0.25;
 const WORSE: f64 = 0.5;
 
 /// How consistent an estimation was.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct Consistencies {
     /// Share of the time in which error bars held as far as measurements can tell.
     pub consistent: f64,
@@ -36,7 +37,7 @@ pub struct Consistencies {
 }
 
 /// A channel over the whole flight.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct ChannelConsistency {
     /// Name.
     pub channel: &'static str,

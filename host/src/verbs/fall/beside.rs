@@ -1,12 +1,13 @@
 //! Two people of one load: they fell through the same wind.
 
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// Deviations from which on two winds are not of one load.
 pub const MOST_APART: f64 = 3.0;
 
 /// The other jumper's fall, and how its wind agrees.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct Beside {
     /// Speed downwards in the steady part, at the reference height of the standard atmosphere (m/s).
     pub normalised_rate_mps: f64,

@@ -7,6 +7,7 @@ use bodyflight_core::Body;
 use bodyflight_core::body::mass_properties::MassProperties;
 use bodyflight_core::body::posture::pose;
 use nalgebra::Vector3;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::diagnostic::{Problem, Result};
@@ -14,7 +15,7 @@ use crate::formats::recording::{FlightFrame, Options, Recording, Warning};
 use crate::formats::subject::Subject;
 
 /// MVN's centre of mass from the model's, in body axes: left, dorsal, cranial.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, JsonSchema, Serialize)]
 pub struct CentreOfMass {
     /// Frames compared.
     pub frames: u64,
@@ -29,7 +30,7 @@ pub struct CentreOfMass {
 }
 
 /// What is worth knowing of a flight before it is simulated.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct FlightReport {
     /// What is implausible for a flight.
     pub warnings: Vec<Warning>,

@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::experiments::EXPERIMENTS;
@@ -11,7 +12,7 @@ use crate::verbs::sensitivity;
 use crate::verbs::synthesize::Tunnel;
 
 /// One experiment, flown and reconstructed.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, JsonSchema, Serialize)]
 pub struct Outcome {
     /// Which experiment.
     pub name: &'static str,

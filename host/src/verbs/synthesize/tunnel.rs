@@ -1,10 +1,11 @@
 //! What a flight in a wind tunnel would meet: wall, net and top.
 
 use bodyflight_core::frame::{Inertial, Vector};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// A flight in a wind tunnel 4.2 m wide, begun in its middle 3 m above the net and 8 m below the top.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, JsonSchema, Serialize)]
 pub struct Tunnel {
     /// Speed of the stream (m/s).
     pub stream_mps: f64,

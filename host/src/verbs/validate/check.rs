@@ -1,9 +1,10 @@
 //! A row of the table that everything ends in.
 
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// Something that real data must show, and whether they do.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct Check {
     /// Of which data.
     pub data: String,

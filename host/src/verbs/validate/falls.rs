@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use bodyflight_falls::prediction::Trials;
 use bodyflight_falls::verdict::Verdict;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::check::Check;
@@ -20,7 +21,7 @@ const ENOUGH_TRIALS: usize = 30;
 const LEAST_WITHIN: f64 = 0.55;
 
 /// The fall of a track.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct FallRow {
     /// The file.
     pub track: String,

@@ -3,6 +3,7 @@
 use bodyflight_core::dynamics::Motion;
 use bodyflight_core::dynamics::free_run::Equations;
 use bodyflight_discovery::statistics::interpolated_quantile;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::replay::recorded::{Recorded, Variant};
@@ -47,7 +48,7 @@ pub const MODELS: [Model; 4] = [
 ];
 
 /// Median and 90th percentile of errors.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, JsonSchema, Serialize)]
 pub struct Spread {
     /// Median (rad).
     pub median_rad: f64,
@@ -66,7 +67,7 @@ impl Spread {
 }
 
 /// Windows of one length, predicted by one model: angle between the measured and the predicted attitude at the end.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct Row {
     /// The model's name in files.
     pub model: &'static str,
@@ -85,7 +86,7 @@ pub struct Row {
 }
 
 /// Whole flights under one model, their start fitted: root mean square of the angle between measured and simulated.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct Whole {
     /// The model's name in files.
     pub model: &'static str,

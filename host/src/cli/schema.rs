@@ -1,0 +1,86 @@
+//! `bodyflight schema`.
+
+use bodyflight::diagnostic::{Problem, Result};
+use bodyflight::formats::mvn_network::Sent;
+use bodyflight::unit::ports::Port;
+use bodyflight::unit::stream;
+use bodyflight::verbs;
+use schemars::JsonSchema;
+use schemars::generate::SchemaSettings;
+use serde_json::Value;
+
+use super::terminal::{self, Answer};
+use super::{estimate, figures, hide, unit, view};
+
+/// Print the JSON Schema of a verb's `--json`.
+#[derive(clap::Args)]
+#[command(
+    after_help = "Examples: bodyflight schema\n          bodyflight schema simulate > simulate.schema.json"
+)]
+pub(super) struct Args {
+    /// Verb, as `simulate` or `unit-log`; all names where none is given.
+    verb: Option<String>,
+}
+
+/// A name, and the schema of what the verb answers.
+type Row = (&'static str, fn() -> Value);
+
+/// Answers as one value. `monitor` and `mvn listen` print lines without end, which docs/formats.md describes.
+const ANSWERS: [Row; 23] = [
+    ("demo", answer::<verbs::simulate::Report>),
+    ("discover", answer::<bodyflight_discovery::report::Report>),
+    (
+        "discover-track",
+        answer::<bodyflight_discovery::point::report::Report>,
+    ),
+    ("estimate", answer::<verbs::estimate::report::Report>),
+    ("estimate-presets", plain::<Vec<estimate::Listed>>),
+    ("fall", answer::<verbs::fall::Report>),
+    ("figures", answer::<figures::Written>),
+    ("hide", answer::<hide::Written>),
+    ("import", answer::<verbs::import::Report>),
+    ("inspect", answer::<verbs::inspect::Report>),
+    ("mvn-send", answer::<Sent>),
+    ("ports", plain::<Vec<Port>>),
+    ("reproduce", answer::<verbs::reproduce::Report>),
+    ("sensitivity", answer::<verbs::sensitivity::Report>),
+    ("simulate", answer::<verbs::simulate::Report>),
+    ("stream", answer::<stream::report::Report>),
+    ("synth", answer::<verbs::synthesize::Report>),
+    ("trim", answer::<verbs::trim::Report>),
+    ("tune", answer::<verbs::tune::Report>),
+    ("unit-flash", answer::<unit::Flashed>),
+    ("unit-log", answer::<unit::Report>),
+    ("validate", answer::<verbs::validate::Report>),
+    ("view", answer::<view::Written>),
+];
+
+pub(super) fn run(args: &Args, json: bool) -> Result<()> {
+    let Some(verb) = &args.verb else {
+        let names: Vec<&str> = ANSWERS.iter().map(|(name, _)| *name).collect();
+        if json {
+            return terminal::print_plain_json(&names);
+        }
+        terminal::print(&names.join("\n"));
+        return Ok(());
+    };
+    let found = ANSWERS.iter().find(|(name, _)| name == verb);
+    let (_, schema) = found.ok_or_else(|| {
+        Problem::bad_input(format!("no answer of {verb} has a schema"))
+            .help("`bodyflight schema` lists those that have")
+    })?;
+    terminal::print_plain_json(&schema())
+}
+
+/// The schema of an answer that is an object and names what made it.
+fn answer<T: JsonSchema + 'static>() -> Value {
+    plain::<Answer<'static, T>>()
+}
+
+/// The schema of an answer that is a list.
+fn plain<T: JsonSchema>() -> Value {
+    let generator = SchemaSettings::draft2020_12()
+        .for_serialize()
+        .into_generator();
+    generator.into_root_schema_for::<T>().into()
+}

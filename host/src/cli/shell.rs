@@ -1,0 +1,74 @@
+//! `bodyflight completions` and `bodyflight man`: what a shell and `man` read about the program.
+
+use std::path::PathBuf;
+
+use bodyflight::diagnostic::{Problem, Result};
+use bodyflight::output::files::write_file;
+use clap::{Command, CommandFactory};
+use clap_complete::Shell;
+
+use super::outputs::Outputs;
+use super::{Cli, terminal};
+
+/// Print a shell's completions.
+#[derive(clap::Args)]
+#[command(
+    after_help = "Example: bodyflight completions bash > ~/.local/share/bash-completion/completions/bodyflight"
+)]
+pub(super) struct Completions {
+    /// Shell.
+    shell: Shell,
+}
+
+/// Write a man page for each verb.
+#[derive(clap::Args)]
+#[command(after_help = "Example: bodyflight man --out ~/.local/share/man/man1")]
+pub(super) struct Man {
+    /// Folder of the pages.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    #[command(flatten)]
+    outputs: Outputs,
+}
+
+/// Prints the completions; there is no JSON of them.
+pub(super) fn completions(args: &Completions) -> Result<()> {
+    let mut script = Vec::new();
+    clap_complete::generate(args.shell, &mut Cli::command(), "bodyflight", &mut script);
+    terminal::verbatim(&String::from_utf8_lossy(&script));
+    Ok(())
+}
+
+/// Writes the pages.
+pub(super) fn man(args: &Man, json: bool) -> Result<()> {
+    let mut program = Cli::command();
+    program.build();
+    let mut pages = Vec::new();
+    render(program, &mut pages)?;
+    let names: Vec<&str> = pages.iter().map(|(name, _)| name.as_str()).collect();
+    args.outputs.check_in(&args.out, &names)?;
+    for (name, page) in &pages {
+        write_file(&args.out.join(name), page)?;
+    }
+    if json {
+        return terminal::print_plain_json(&names);
+    }
+    terminal::print(&format!("{} pages in {}", pages.len(), args.out.display()));
+    Ok(())
+}
+
+/// The pages of a command and of all below it, with their file names.
+fn render(command: Command, pages: &mut Vec<(String, Vec<u8>)>) -> Result<()> {
+    for verb in command
+        .get_subcommands()
+        .filter(|verb| verb.get_name() != "help")
+    {
+        render(verb.clone(), pages)?;
+    }
+    let page = clap_mangen::Man::new(command);
+    let mut text = Vec::new();
+    page.render(&mut text)
+        .map_err(|error| Problem::internal("cannot write a man page").caused_by(error))?;
+    pages.push((page.get_filename(), text));
+    Ok(())
+}
