@@ -96,6 +96,14 @@ impl Program {
     }
 }
 
+/// Presses Ctrl-C for a process.
+pub fn ctrl_c(process: u32) {
+    let sent = Command::new("kill")
+        .args(["-INT", &process.to_string()])
+        .status();
+    assert!(sent.is_ok_and(|status| status.success()), "kill is there");
+}
+
 /// What a program wrote.
 pub fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()

@@ -16,6 +16,7 @@ mod ports;
 mod reproduce;
 mod schema;
 mod sensitivity;
+mod several;
 mod shell;
 mod simulate;
 mod stream;
@@ -29,7 +30,7 @@ mod view;
 
 use std::process::ExitCode;
 
-use bodyflight::diagnostic::Result;
+use bodyflight::diagnostic::{Kind, Problem, Result};
 use bodyflight::interrupt;
 use clap::{Parser, Subcommand};
 
@@ -80,13 +81,19 @@ enum Verb {
 
 /// Runs the verb that the arguments ask for.
 pub(crate) fn main() -> ExitCode {
-    interrupt::listen();
-    let cli = Cli::parse();
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) => return terminal::print_usage(&error),
+    };
+    let json = cli.json;
+    interrupt::listen(move || terminal::print_problem(Problem::interrupted(), json));
     match run(&cli).and_then(|()| terminal::finish()) {
+        // What goes on until Ctrl-C ends well by it, and a script that calls it ends too.
+        Ok(()) if interrupt::requested() => ExitCode::from(Kind::Interrupted.exit_code()),
         Ok(()) => ExitCode::SUCCESS,
         Err(problem) => {
             let code = problem.kind.exit_code();
-            terminal::print_problem(problem, cli.json);
+            terminal::print_problem(problem, json);
             ExitCode::from(code)
         }
     }

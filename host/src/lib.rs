@@ -4,6 +4,7 @@ pub mod diagnostic;
 pub mod formats;
 pub mod interrupt;
 pub mod output;
+pub mod progress;
 pub mod replay;
 pub mod unit;
 pub mod verbs;

@@ -127,7 +127,7 @@ fn monitor_reads_a_terminal_until_ctrl_c() {
             .success()
     );
     let last = output.map_while(Result::ok).last().expect("totals");
-    assert!(monitor.wait().expect("ended").success());
+    assert_eq!(monitor.wait().expect("ended").code(), Some(130));
     let totals: Value = serde_json::from_str(&last).expect("JSON");
     assert!(
         totals["totals"]["packets"].as_u64().expect("a count") >= 10,

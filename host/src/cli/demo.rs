@@ -14,6 +14,7 @@ use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::sensor_noise::SensorNoise;
 
 use super::outputs::Outputs;
+use super::terminal::FlightBar;
 use super::{simulate as simulate_verb, synth, terminal};
 
 /// Fly the bundled maneuver, write it as a recording, and reconstruct it: table, CSV and plot.
@@ -52,9 +53,10 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     let flight = Flight::read(&written.flight)?;
     let (csv, svg) = (args.out.join("run.csv"), args.out.join("run.svg"));
     let mut file = RunFile::create(&csv)?;
-    let spinner = terminal::spinner("simulating");
-    let simulation = simulate::<f64>(&flight, Options::default(), |step| file.write(step), |_| {});
-    spinner.finish_and_clear();
+    let bar = FlightBar::new("simulating", &flight);
+    let each = |step: &_| file.write(step);
+    let simulation = simulate::<f64>(&flight, Options::default(), each, |time| bar.at(time));
+    bar.end();
     let simulation = simulation?;
     file.finish()?;
     let title = format!(

@@ -21,7 +21,7 @@ use indicatif::ProgressBar;
 
 use super::terminal;
 pub(super) use args::Args;
-use output::{print_gap, print_names, write_all};
+use output::{print_conclusion, print_gap, print_names, write_all};
 
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     let fitted = Flight::read(args.flight())?;
@@ -77,6 +77,11 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     if let Some(folder) = &args.out {
         terminal::print(&format!("written: {}", folder.display()));
     }
+    print_conclusion(
+        (report.verdict, &report.effects),
+        report.gap.closed_share,
+        (args.flight(), args.out.as_deref()),
+    );
     Ok(())
 }
 
@@ -88,13 +93,8 @@ impl Progress for Stages<'_> {
         self.0.set_message(name.to_owned());
     }
 
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "a share in thousandths"
-    )]
     fn reached(&self, share: f64) {
-        self.0.set_position((1000.0 * share.clamp(0.0, 1.0)) as u64);
+        terminal::set_share(self.0, share);
     }
 
     fn is_cancelled(&self) -> bool {

@@ -1,14 +1,17 @@
 //! `bodyflight estimate`.
 
-use std::path::PathBuf;
+mod report;
+
+use std::path::{Path, PathBuf};
 
 use bodyflight::diagnostic::{Problem, Result};
 use bodyflight::formats::flight::Flight;
 use bodyflight::formats::model_file::Effects;
 use bodyflight::formats::preset_file::{AUTO, Tuning};
+use bodyflight::verbs::estimate::Filter;
 use bodyflight::verbs::estimate::motion::Method;
+use bodyflight::verbs::estimate::report::Report;
 use bodyflight::verbs::estimate::request::Request;
-use bodyflight::verbs::estimate::{Estimation, Filter};
 use bodyflight_core::estimator::measurement::Quantity;
 use bodyflight_core::estimator::motion::measurement::NAMES;
 use bodyflight_core::estimator::preset::{PRESETS, Preset};
@@ -16,16 +19,17 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::outputs::{Outputs, Plot};
+use super::several::{each, output_of};
 use super::simulate::{Precision, Reading};
-use super::terminal;
+use super::terminal::{self, FlightBar};
 
 /// Estimate muscle inputs and damping over time, and compare the reconstruction with and without them.
 #[derive(clap::Args)]
 #[command(after_help = HELP)]
 pub(super) struct Args {
-    /// A flight.toml, or an MVNX file alone.
-    #[arg(required_unless_present = "presets")]
-    flight: Option<PathBuf>,
+    /// flight.toml files or their folders, or MVNX files alone; one estimation each.
+    #[arg(required_unless_present = "presets", value_name = "FLIGHT")]
+    flights: Vec<PathBuf>,
     /// A built-in preset or a preset.toml: what is measured, and what tunes the filter. "auto" measures all that the
     /// recording has, with the limbs and the damping of the flight.
     #[arg(long, default_value = AUTO)]
@@ -75,7 +79,9 @@ pub(super) struct Args {
 }
 
 const HELP: &str = "\
-Example: bodyflight estimate flight.toml --method smooth --out found.csv --plot est.svg
+Examples:
+  bodyflight estimate flight.toml --method smooth --out found.csv --plot est.svg
+  bodyflight estimate turn-1 turn-2 --out {}.csv   ({} is the name of the flight)
 
 Ends with exit code 5, and a sentence, where a channel is reconstructed worse than with constant coefficients or
 consistency is lost for more than a second, or doubtful for a quarter of the time; files are written all the same.";
@@ -177,50 +183,58 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     if args.presets {
         return list_presets(json);
     }
-    let Some(path) = &args.flight else {
-        return Ok(());
-    };
     let request = Request {
         tuning: args.tuning()?,
         method: args.method.method(),
         filter: args.filter.map(FilterName::filter),
     };
+    each(&args.flights, json, |path| {
+        run_flight(path, args, &request, json)
+    })
+}
+
+fn run_flight(
+    path: &Path,
+    args: &Args,
+    request: &Request,
+    json: bool,
+) -> Result<(Report, Result<()>)> {
     let mut flight = Flight::read(path)?;
     if let Some(model) = &args.model {
         flight.effects = Effects::read(model)?;
     }
     note_limbs(&request.tuning, &flight);
-    let outputs = [&args.out, &args.plot.path];
-    args.outputs.check_with([&args.out], &args.plot)?;
-    let spinner = terminal::spinner("estimating");
-    let progress = |time: f64| spinner.set_message(format!("estimating, {time:.0} s"));
+    let out = output_of(args.out.as_ref(), path, &args.flights)?;
+    let plot = args.plot.of(path, &args.flights)?;
+    args.outputs.check_with([&out], &plot)?;
+    let bar = FlightBar::new("estimating", &flight);
+    let progress = |time: f64| bar.at(time);
     let options = args.reading.options();
     let estimation = match args.precision {
         Precision::Single => request.run::<f32>(&flight, options, progress),
         Precision::Double => request.run::<f64>(&flight, options, progress),
     };
-    spinner.finish_and_clear();
+    bar.end();
     let estimation = estimation?;
-    if let Some(path) = &args.out {
+    if let Some(path) = &out {
         estimation.write_csv(path)?;
     }
     let title = || format!("{}: preset {}", path.display(), args.preset);
-    args.plot
-        .write(|| estimation.svg(&args.plot.title(title)))?;
-    if json {
-        terminal::print_json(&estimation.report)?;
-    } else {
-        print_report(&estimation);
-        for path in outputs.into_iter().flatten() {
+    plot.write(|| estimation.svg(&plot.title(title)))?;
+    if !json {
+        report::print(&estimation);
+        for path in [&out, &plot.path].into_iter().flatten() {
             terminal::print(&format!("written: {}", path.display()));
         }
+        report::print_conclusion(&estimation, path, out.as_deref());
     }
-    match &estimation.report.doubt {
+    let verdict = match &estimation.report.doubt {
         None => Ok(()),
         Some(sentence) => Err(Problem::doubt(sentence.clone())
             .in_file(path)
             .help(advice(&request.tuning))),
-    }
+    };
+    Ok((estimation.report, verdict))
 }
 
 /// A preset over windows brings limbs of its own.
@@ -310,43 +324,4 @@ impl Args {
         }
         Ok(tuning)
     }
-}
-
-fn print_report(estimation: &Estimation) {
-    let report = &estimation.report;
-    let mut columns = vec![("RMS, estimated", report.rms)];
-    if let Some(free_run) = report.rms_free_run {
-        columns.push(("free run", free_run));
-    }
-    columns.push(("RMS, constant", report.rms_constant));
-    columns.push(("amplitude", report.amplitude));
-    terminal::print(&terminal::gap_table(&columns).to_string());
-    terminal::print(&format!(
-        "{} updates, mean NIS {:.2}; {:.1} s of flight in {:.3} s of filtering; estimates come {:.2} s late",
-        report.updates, report.nis_mean, report.duration_s, report.filter_s, report.delay_s
-    ));
-    if let Some(found) = &report.consistency {
-        terminal::print(&format!(
-            "consistent {:.0} %, doubtful {:.0} %, lost {:.0} % of the time{}",
-            100.0 * found.consistent,
-            100.0 * found.doubtful,
-            100.0 * found.lost,
-            report
-                .joint_error_deg
-                .map_or_else(String::new, |joints| format!(
-                    "; joints {joints:.2} deg off"
-                ))
-        ));
-    }
-    let flags = report.flags;
-    terminal::print(&format!(
-        "updates with faults: posture {}, measurement {}, update {}, covariance {}, motion {}; inconsistent {}, restarted {}",
-        flags.posture,
-        flags.measurement,
-        flags.update,
-        flags.covariance,
-        flags.motion,
-        flags.inconsistent,
-        flags.restarted
-    ));
 }

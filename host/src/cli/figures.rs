@@ -10,8 +10,9 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::outputs::Outputs;
+use super::several::name_of;
 use super::simulate::Reading;
-use super::view::name_of;
+use super::terminal::FlightBar;
 use super::{estimate, terminal};
 
 /// Draw the figures of a paper: reconstruction, inputs, way over ground and snapshots, as SVG, PDF or PNG.
@@ -87,13 +88,13 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     let names = files(&settings.formats);
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
     args.outputs.check_in(&args.out, &names)?;
-    let spinner = terminal::spinner("estimating");
-    let progress = |time: f64| spinner.set_message(format!("drawing, {time:.0} s"));
+    let bar = FlightBar::new("drawing", &flight);
+    let progress = |time: f64| bar.at(time);
     let title = args.title.clone();
     let title = title.unwrap_or_else(|| name_of(&args.flight));
     let options = args.reading.options();
     let figures = write(&flight, &title, &settings, options, &args.out, progress);
-    spinner.finish_and_clear();
+    bar.end();
     let figures = figures?;
     if json {
         return terminal::print_json(&Written { figures });

@@ -16,7 +16,7 @@ use super::terminal;
 #[command(
     after_help = "A mapping says where the axes of the file point and what its segments are called (docs/import.md). \
                   Look at first-frame.svg before you trust the result.\n\n\
-                  Example: bodyflight import jump.csv --mapping mapping.toml --subject subject.toml --out jump"
+                  Example: bodyflight import jump.csv --mapping mapping.toml --subject athlete.toml --out jump"
 )]
 pub(super) struct Args {
     /// The file, also packed (.gz, .xz).

@@ -20,9 +20,9 @@ const REPORT_PERIOD: Duration = Duration::from_secs(1);
 /// Ctrl-C ends it with the totals.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Example: bodyflight monitor --xbus /dev/ttyUSB0 --baud 230400\n         \
-                  bodyflight monitor --xbus recording.bin --json\n         \
-                  bodyflight monitor --defmt unit.elf /dev/ttyUSB0\n         \
+    after_help = "Examples:\n  bodyflight monitor --xbus /dev/ttyUSB0 --baud 230400\n  \
+                  bodyflight monitor --xbus recording.bin --json\n  \
+                  bodyflight monitor --defmt unit.elf /dev/ttyUSB0\n  \
                   qemu-system-arm ... | bodyflight monitor --defmt unit.elf -"
 )]
 pub(super) struct Args {

@@ -23,7 +23,7 @@ const PATIENCE: Duration = Duration::from_millis(100);
 
 /// The network stream of Xsens MVN: send a recording like MVN does, or listen to a live one.
 #[derive(clap::Args)]
-#[command(after_help = "Example: bodyflight mvn listen\n         \
+#[command(after_help = "Examples:\n  bodyflight mvn listen\n  \
                   bodyflight mvn send flight.mvnx --to 127.0.0.1:9763")]
 pub(super) struct Args {
     #[command(subcommand)]

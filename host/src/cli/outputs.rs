@@ -6,6 +6,8 @@ use bodyflight::diagnostic::Result;
 use bodyflight::output::destination;
 use bodyflight::output::figure::{Format, write_figure};
 
+use super::several::output_of;
+
 /// What is allowed to outputs.
 #[derive(clap::Args, Clone, Copy)]
 pub(super) struct Outputs {
@@ -26,6 +28,14 @@ pub(super) struct Plot {
 }
 
 impl Plot {
+    /// Of one of several flights.
+    pub(super) fn of(&self, flight: &Path, flights: &[PathBuf]) -> Result<Self> {
+        Ok(Self {
+            path: output_of(self.path.as_ref(), flight, flights)?,
+            title: self.title.clone(),
+        })
+    }
+
     /// The title that was asked for, or another.
     pub(super) fn title(&self, or: impl FnOnce() -> String) -> String {
         self.title.clone().unwrap_or_else(or)

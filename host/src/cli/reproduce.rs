@@ -28,7 +28,7 @@ fn experiments_help() -> String {
         .map(|e| format!("  {:30} {}\n", e.name, e.title))
         .collect::<String>();
     format!(
-        "Experiments:\n{list}  {}\n\nExample: bodyflight reproduce rotations tracking --out reproduction",
+        "Experiments:\n{list}  {}\n\nExample: bodyflight reproduce vertical --out reproduction",
         PARTS.join("\n  ")
     )
 }
@@ -38,8 +38,11 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     let count = if args.what.is_empty() {
         EXPERIMENTS.len()
     } else {
-        args.what.len()
+        let named = |name: &&str| args.what.iter().any(|asked| asked == name);
+        EXPERIMENTS.iter().map(|e| e.name).filter(named).count()
     };
+    // Parts that are not wanted take no time.
+    let count = count + PARTS.len();
     let bar = terminal::bar(count as u64, "experiments");
     let report = reproduce(&args.what, &args.out, || bar.inc(1));
     bar.finish_and_clear();

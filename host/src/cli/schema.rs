@@ -9,6 +9,7 @@ use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
 use serde_json::Value;
 
+use super::several::Several;
 use super::terminal::{self, Answer};
 use super::{estimate, figures, hide, unit, view};
 
@@ -26,7 +27,7 @@ pub(super) struct Args {
 type Row = (&'static str, fn() -> Value);
 
 /// Answers as one value. `monitor` and `mvn listen` print lines without end, which docs/formats.md describes.
-const ANSWERS: [Row; 23] = [
+const ANSWERS: [Row; 26] = [
     ("demo", answer::<verbs::simulate::Report>),
     ("discover", answer::<bodyflight_discovery::report::Report>),
     (
@@ -35,16 +36,25 @@ const ANSWERS: [Row; 23] = [
     ),
     ("estimate", answer::<verbs::estimate::report::Report>),
     ("estimate-presets", plain::<Vec<estimate::Listed>>),
+    (
+        "estimate-several",
+        answer::<Several<verbs::estimate::report::Report>>,
+    ),
     ("fall", answer::<verbs::fall::Report>),
     ("figures", answer::<figures::Written>),
     ("hide", answer::<hide::Written>),
     ("import", answer::<verbs::import::Report>),
     ("inspect", answer::<verbs::inspect::Report>),
+    ("inspect-several", answer::<Several<verbs::inspect::Report>>),
     ("mvn-send", answer::<Sent>),
     ("ports", plain::<Vec<Port>>),
     ("reproduce", answer::<verbs::reproduce::Report>),
     ("sensitivity", answer::<verbs::sensitivity::Report>),
     ("simulate", answer::<verbs::simulate::Report>),
+    (
+        "simulate-several",
+        answer::<Several<verbs::simulate::Report>>,
+    ),
     ("stream", answer::<stream::report::Report>),
     ("synth", answer::<verbs::synthesize::Report>),
     ("trim", answer::<verbs::trim::Report>),

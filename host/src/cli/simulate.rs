@@ -1,6 +1,6 @@
 //! `bodyflight simulate`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use bodyflight::diagnostic::Result;
 use bodyflight::formats::flight::{Flight, Start};
@@ -8,18 +8,23 @@ use bodyflight::formats::model_file::Effects;
 use bodyflight::formats::mvnx::ArmFrame;
 use bodyflight::formats::recording::{BadFrames, Options};
 use bodyflight::output::plot::comparison_svg;
-use bodyflight::verbs::simulate::{RunFile, Simulation, simulate};
+use bodyflight::verbs::simulate::{Report, RunFile, Simulation, simulate};
 use bodyflight_core::dynamics::free_run::Equations;
 
 use super::outputs::{Outputs, Plot};
-use super::terminal;
+use super::several::{each, output_of};
+use super::terminal::{self, FlightBar};
 
 /// Run the model over recorded postures from the first frame and compare it with the measured pelvis.
 #[derive(clap::Args)]
-#[command(after_help = "Example: bodyflight simulate flight.toml --out run.csv --plot run.pdf")]
+#[command(
+    after_help = "Examples:\n  bodyflight simulate flight.toml --out run.csv --plot run.pdf\n  \
+                  bodyflight simulate turn-1 turn-2 --out {}.csv   ({} is the name of the flight)"
+)]
 pub(super) struct Args {
-    /// A flight.toml, or an MVNX file alone.
-    flight: PathBuf,
+    /// flight.toml files or their folders, or MVNX files alone; one run each.
+    #[arg(required = true, value_name = "FLIGHT")]
+    flights: Vec<PathBuf>,
     /// Write time and all channels, measured and simulated, as CSV.
     #[arg(long, value_name = "CSV")]
     out: Option<PathBuf>,
@@ -108,7 +113,13 @@ pub(super) enum Precision {
 }
 
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
-    let mut flight = Flight::read(&args.flight)?;
+    each(&args.flights, json, |path| {
+        run_flight(path, args, json).map(|report| (report, Ok(())))
+    })
+}
+
+fn run_flight(path: &Path, args: &Args, json: bool) -> Result<Report> {
+    let mut flight = Flight::read(path)?;
     match args.equations {
         Some(EquationsName::Exact) => flight.equations = Equations::Exact,
         Some(EquationsName::AsPublished) => flight.equations = Equations::AsPublished,
@@ -121,33 +132,33 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     if let Some(model) = &args.model {
         flight.effects = Effects::read(model)?;
     }
-    args.outputs.check_with([&args.out], &args.plot)?;
-    let simulation = run_flight(&flight, args)?;
+    let out = output_of(args.out.as_ref(), path, &args.flights)?;
+    let plot = args.plot.of(path, &args.flights)?;
+    args.outputs.check_with([&out], &plot)?;
+    let simulation = simulated(&flight, args, out.as_deref())?;
     terminal::note_assumed_subject(&flight);
-    let title = || format!("{}: free run against measurement", args.flight.display());
-    args.plot
-        .write(|| comparison_svg(&args.plot.title(title), &simulation.comparison))?;
-    if json {
-        return terminal::print_json(&simulation.report);
+    let title = || format!("{}: free run against measurement", path.display());
+    plot.write(|| comparison_svg(&plot.title(title), &simulation.comparison))?;
+    if !json {
+        print_report(&simulation);
+        for path in [&out, &plot.path].into_iter().flatten() {
+            terminal::print(&format!("written: {}", path.display()));
+        }
     }
-    print_report(&simulation);
-    for path in [&args.out, &args.plot.path].into_iter().flatten() {
-        terminal::print(&format!("written: {}", path.display()));
-    }
-    Ok(())
+    Ok(simulation.report)
 }
 
-fn run_flight(flight: &Flight, args: &Args) -> Result<Simulation> {
-    let spinner = terminal::spinner("simulating");
-    let mut file = args.out.as_deref().map(RunFile::create).transpose()?;
+fn simulated(flight: &Flight, args: &Args, out: Option<&Path>) -> Result<Simulation> {
+    let bar = FlightBar::new("simulating", flight);
+    let mut file = out.map(RunFile::create).transpose()?;
     let options = args.reading.options();
     let each = |step: &_| file.as_mut().map_or(Ok(()), |file| file.write(step));
-    let progress = |time: f64| spinner.set_message(format!("simulating, {time:.0} s"));
+    let progress = |time: f64| bar.at(time);
     let simulation = match args.precision {
         Precision::Single => simulate::<f32>(flight, options, each, progress),
         Precision::Double => simulate::<f64>(flight, options, each, progress),
     };
-    spinner.finish_and_clear();
+    bar.end();
     let simulation = simulation?;
     if let Some(file) = file {
         file.finish()?;

@@ -2,21 +2,22 @@
 //!
 //! Names and texts in files and from networks are written by strangers: nothing of them reaches a terminal as a command.
 
+mod bars;
 mod visible;
 
 use std::error::Error;
 use std::ffi::OsString;
-use std::io::{ErrorKind, IsTerminal, Write};
+use std::io::{ErrorKind, Write};
 use std::path::PathBuf;
+use std::process::ExitCode;
 use std::sync::OnceLock;
-use std::time::Duration;
 
+pub(super) use bars::{FlightBar, Stages, bar, set_share, share_bar, spinner};
 use bodyflight::diagnostic::{Problem, Result};
 use bodyflight::formats::flight::Flight;
 use bodyflight::formats::input;
 use bodyflight::replay::comparison::{Channel, PerChannel};
 use comfy_table::{CellAlignment, Table};
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use schemars::JsonSchema;
 use serde::Serialize;
 use visible::{json_without_controls, visible, visible_problem};
@@ -149,71 +150,48 @@ pub(super) fn print_problem(problem: Problem, json: bool) {
     };
 }
 
+/// Writes what was wrong with the arguments, or the help that was asked for.
+pub(super) fn print_usage(error: &clap::Error) -> ExitCode {
+    let is_json = std::env::args_os().any(|word| word == "--json");
+    if is_json && error.use_stderr() {
+        let text = error.render().to_string();
+        let (message, help) = text.split_once("\n\n").unwrap_or((&text, ""));
+        let flat = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
+        let message = flat(message.trim_start_matches("error: "));
+        print_problem(Problem::bad_input(message).help(flat(help)), true);
+    } else {
+        // A reader that has gone away is no failure.
+        let _ = error.print();
+    }
+    ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(2))
+}
+
 /// A problem for machines.
-#[derive(Serialize)]
-struct Told<'a> {
+#[derive(JsonSchema, Serialize)]
+pub(super) struct Told {
     exit_code: u8,
-    message: &'a str,
+    message: String,
     file: Option<String>,
     line: Option<u64>,
-    place: Option<&'a str>,
-    help: Option<&'a str>,
+    place: Option<String>,
+    help: Option<String>,
     causes: Vec<String>,
 }
 
-impl<'a> Told<'a> {
-    fn of(problem: &'a Problem) -> Self {
+impl Told {
+    pub(super) fn of(problem: &Problem) -> Self {
         let causes =
             std::iter::successors(problem.source(), |error: &&dyn Error| (*error).source());
         Self {
             exit_code: problem.kind.exit_code(),
-            message: &problem.message,
+            message: problem.message.clone(),
             file: problem.file.as_ref().map(|file| file.display().to_string()),
             line: problem.line,
-            place: problem.place.as_deref(),
-            help: problem.help.as_deref(),
+            place: problem.place.clone().map(String::from),
+            help: problem.help.clone().map(String::from),
             causes: causes.map(ToString::to_string).collect(),
         }
     }
-}
-
-/// A bar for work of known length, on a terminal only.
-pub(super) fn bar(length: u64, what: &'static str) -> ProgressBar {
-    let style = ProgressStyle::with_template("{msg} {wide_bar} {pos}/{len} {eta}");
-    let bar = new_bar(Some(length));
-    if let Ok(style) = style {
-        bar.set_style(style);
-    }
-    bar.set_message(what);
-    bar
-}
-
-/// A bar for work of which only a share can be told, in thousandths, on a terminal only.
-pub(super) fn share_bar(what: &'static str) -> ProgressBar {
-    let bar = new_bar(Some(1000));
-    if let Ok(style) = ProgressStyle::with_template("{msg} {wide_bar} {percent} %, {eta} left") {
-        bar.set_style(style);
-    }
-    bar.set_message(what);
-    bar.enable_steady_tick(Duration::from_millis(250));
-    bar
-}
-
-/// A spinner for work of unknown length, on a terminal only.
-pub(super) fn spinner(what: &'static str) -> ProgressBar {
-    let bar = new_bar(None);
-    bar.set_message(what);
-    bar.enable_steady_tick(Duration::from_millis(120));
-    bar
-}
-
-fn new_bar(length: Option<u64>) -> ProgressBar {
-    let target = if std::io::stderr().is_terminal() {
-        ProgressDrawTarget::stderr()
-    } else {
-        ProgressDrawTarget::hidden()
-    };
-    ProgressBar::with_draw_target(length, target)
 }
 
 /// A table in the plain style of this program.

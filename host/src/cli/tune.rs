@@ -15,7 +15,8 @@ use super::{simulate, terminal};
 /// Search for aerodynamic coefficients that reconstruct flights best, and check them on others.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Example: bodyflight tune turn1.toml turn2.toml --hold-out turn3.toml --draws 300 --out best.toml"
+    after_help = "Example: bodyflight tune turn-1 turn-2 --hold-out turn-3 --draws 50 --out best.toml\n\n\
+                  Ctrl-C keeps the best so far."
 )]
 pub(super) struct Args {
     /// Flights to tune on.
@@ -76,6 +77,12 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         return terminal::print_json(&report);
     }
     print_report(&report);
+    if report.interrupted {
+        terminal::note(&format!(
+            "interrupted: this is the best of {} draws of {}",
+            report.draws, args.draws
+        ));
+    }
     if let Some(path) = &args.out {
         terminal::print(&format!("written: {}", path.display()));
     }
@@ -144,7 +151,7 @@ fn print_report(report: &Report) {
         ];
         terminal::print(&terminal::gap_table(&columns).to_string());
     }
-    if report.held_out.is_empty() {
+    if report.held_out.is_empty() && !report.interrupted {
         terminal::print("no flight was held out: the gain is not checked (--hold-out FLIGHT)");
     }
 }

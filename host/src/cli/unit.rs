@@ -21,7 +21,7 @@ use super::terminal;
 #[command(
     args_conflicts_with_subcommands = true,
     after_help = "Prints the terminal to stream to.\n\n\
-                  Examples:\n  bodyflight unit &  bodyflight stream flight.toml --port /dev/pts/3\n  \
+                  Examples:\n  bodyflight unit   (and in another terminal: stream flight.toml --port and what it printed)\n  \
                   bodyflight unit log --port /dev/ttyACM0 --out jump\n  \
                   bodyflight unit flash unit.uf2 --key maker.pub --drive /media/me/RP2350"
 )]

@@ -3,20 +3,21 @@
 use std::path::PathBuf;
 
 use bodyflight::diagnostic::{Problem, Result};
+use bodyflight::interrupt::Unfinished;
 use bodyflight::replay::recorded::Recorded;
 use bodyflight::verbs::validate::falls::{self, is_track};
 use bodyflight::verbs::validate::windows::{MODELS, Spread};
 use bodyflight::verbs::validate::{Report, bundled, figure, read, validate};
 
 use super::outputs::{Outputs, Plot};
-use super::terminal;
+use super::terminal::{self, Stages};
 
 /// Compare the model with real flights: parts of twisting somersaults predicted from their first frame, and falls of loggers.
 #[derive(clap::Args)]
 #[command(
     after_help = "Exit code 4 where the exact equations do worse than 5 degrees in 0.25 s or 12 in 0.5 s, the published \
                   ones less than five times worse, or a fall is not explained or predicted.\n\n\
-                  Example: bodyflight validate --plot validation.svg"
+                  Examples:\n  bodyflight validate --plot validation.svg\n  bodyflight validate turn-1 turn-2"
 )]
 pub(super) struct Args {
     /// Flights of your own in the air without a canopy, in place of the two that come with the program; tracks of loggers,
@@ -30,8 +31,9 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
-    let spinner = terminal::spinner("reading");
+    let stages = Stages::new("validating");
     let folder = bundled::temporary()?;
+    let _unfinished = Unfinished::new(folder.path());
     let of_loggers =
         |path: &&PathBuf| is_track(path) || path.is_dir() && !path.join("flight.toml").exists();
     let (tracks, mut paths): (Vec<&PathBuf>, Vec<&PathBuf>) =
@@ -55,12 +57,10 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         })
         .collect::<Result<Vec<(String, Recorded)>>>()?;
     args.outputs.check_with([], &args.plot)?;
-    let report = validate(&flights, &tracks, |what| {
-        spinner.set_message(what.to_owned())
-    });
+    let report = validate(&flights, &tracks)?;
     let title = args.plot.title(|| "Whole flights, start fitted".to_owned());
     let drawn = args.plot.write(|| figure::svg(&title, &flights));
-    spinner.finish_and_clear();
+    stages.end();
     drawn?;
     if json {
         terminal::print_json(&report)?;

@@ -6,16 +6,18 @@ use bodyflight::diagnostic::{Problem, Result};
 use bodyflight::formats::flight::Flight;
 use bodyflight::formats::input;
 use bodyflight::formats::model_file::Effects;
+use bodyflight::formats::recording::Options;
 use bodyflight::output::files::write_file;
 use bodyflight::verbs::view::page::{PageData, Provenance, html};
-use bodyflight::verbs::view::run::fly;
+use bodyflight::verbs::view::run::{Run, fly};
 use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::Value;
 
 use super::outputs::Outputs;
+use super::several::name_of;
 use super::simulate::Reading;
-use super::terminal;
+use super::terminal::{self, FlightBar};
 
 /// Write a page that replays flights: body, plots and forces, one HTML file to look at and send.
 #[derive(clap::Args)]
@@ -54,12 +56,7 @@ pub(super) struct Written {
 }
 
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
-    let spinner = terminal::spinner("flying");
-    let page = page(args, |time| {
-        spinner.set_message(format!("flying, {time:.0} s"))
-    });
-    spinner.finish_and_clear();
-    let page = page?;
+    let page = page(args)?;
     let html = html(&page)?;
     write_file(&args.out, html.as_bytes())?;
     if args.open {
@@ -87,7 +84,7 @@ pub(super) fn open(page: impl AsRef<std::ffi::OsStr>) {
     }
 }
 
-fn page(args: &Args, mut progress: impl FnMut(f64)) -> Result<PageData> {
+fn page(args: &Args) -> Result<PageData> {
     let mut files: Vec<PathBuf> = Vec::new();
     let mut runs = Vec::new();
     let effects = args.model.as_deref().map(Effects::read).transpose()?;
@@ -105,11 +102,11 @@ fn page(args: &Args, mut progress: impl FnMut(f64)) -> Result<PageData> {
             files.push(flight.recording.clone());
         }
         let name = name_of(path);
-        runs.push(fly(&name, &flight, options, &mut progress)?);
+        runs.push(flown(&name, &flight, options)?);
         if let Some(effects) = &effects {
             flight.effects = effects.clone();
             let name = format!("{name}, extended model");
-            runs.push(fly(&name, &flight, options, &mut progress)?);
+            runs.push(flown(&name, &flight, options)?);
         }
     }
     files.extend(args.model.clone());
@@ -125,6 +122,13 @@ fn page(args: &Args, mut progress: impl FnMut(f64)) -> Result<PageData> {
     Ok(page)
 }
 
+fn flown(name: &str, flight: &Flight, options: Options) -> Result<Run> {
+    let bar = FlightBar::new("flying", flight);
+    let run = fly(name, flight, options, |time| bar.at(time));
+    bar.end();
+    run
+}
+
 /// The command, without the folders of this machine.
 pub(super) fn command() -> String {
     let bare = |word: std::ffi::OsString| {
@@ -133,16 +137,6 @@ pub(super) fn command() -> String {
         name.to_string_lossy().into_owned()
     };
     std::env::args_os().map(bare).collect::<Vec<_>>().join(" ")
-}
-
-/// A name for people: that of the folder for the usual `flight.toml`, else that of the file.
-pub(super) fn name_of(path: &Path) -> String {
-    let stem = path.file_stem().unwrap_or(path.as_os_str());
-    let folder = path.parent().and_then(Path::file_name);
-    match folder {
-        Some(folder) if stem == "flight" => folder.to_string_lossy().into_owned(),
-        _ => stem.to_string_lossy().into_owned(),
-    }
 }
 
 fn report(path: &Path) -> Result<Value> {

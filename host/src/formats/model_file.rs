@@ -189,10 +189,17 @@ impl EffectTable {
             let within = number.filter(|number| (parameter.low..=parameter.high).contains(number));
             *value = within.ok_or_else(|| {
                 let found = number.map_or_else(|| found.to_string(), |number| number.to_string());
-                Problem::bad_input(format!(
+                let problem = Problem::bad_input(format!(
                     "{key}: expected {} to {}, found {found}",
                     parameter.low, parameter.high
-                ))
+                ));
+                let turned = number.map(f64::to_radians);
+                match turned.filter(|angle| (parameter.low..=parameter.high).contains(angle)) {
+                    Some(angle) if key.ends_with("_rad") => {
+                        problem.help(format!("if that is in degrees, write {angle:.4}"))
+                    }
+                    _ => problem,
+                }
             })?;
         }
         Ok((effect, values))

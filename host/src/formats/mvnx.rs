@@ -8,6 +8,7 @@ pub mod closure;
 pub mod field;
 pub mod frame;
 pub mod header;
+pub mod length;
 mod number;
 pub mod reader;
 mod scanner;

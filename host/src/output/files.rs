@@ -8,12 +8,14 @@ use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
 
 use crate::diagnostic::{Problem, Result};
+use crate::interrupt::Unfinished;
 use crate::output::destination::{destination, folder_of};
 
 /// A file that appears under its name when it is finished.
 pub struct AtomicFile {
     file: BufWriter<NamedTempFile<File>>,
     path: PathBuf,
+    _unfinished: Unfinished,
 }
 
 impl AtomicFile {
@@ -25,6 +27,7 @@ impl AtomicFile {
         let file = NamedTempFile::new_in(folder_of(&destination(path)?))
             .map_err(|error| Problem::system("create", path, error))?;
         Ok(Self {
+            _unfinished: Unfinished::new(file.path()),
             file: BufWriter::new(file),
             path: path.to_path_buf(),
         })

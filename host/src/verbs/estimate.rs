@@ -259,6 +259,22 @@ impl Collected {
 }
 
 impl Estimation {
+    /// Of each axis the share of the estimates whose muscle input is beyond two standard deviations.
+    #[expect(clippy::cast_precision_loss, reason = "counts of estimates")]
+    pub fn active_shares(&self) -> [(&'static str, f64); 3] {
+        ["pitch", "yaw", "roll"].map(|axis| {
+            let place = Row::COLUMNS.iter().position(|name| *name == axis);
+            let beyond = self.points.iter().filter(|point| {
+                let of = |row: &Row| place.map_or(0.0, |place| row.columns()[place]);
+                of(&point.inputs).abs() > 2.0 * of(&point.deviation)
+            });
+            (
+                axis,
+                beyond.count() as f64 / self.points.len().max(1) as f64,
+            )
+        })
+    }
+
     /// Coefficients over time as CSV. The first columns are those that `inputs` of a `flight.toml` takes.
     ///
     /// # Errors

@@ -46,7 +46,7 @@ pub struct Report {
 pub const PARTS: [&str; 3] = ["poses", "oscillation-map", "sensitivity"];
 
 /// Flies and reconstructs the experiments named, all where none is, and writes `report.md`, pictures and flights into
-/// `folder`. `progress` is called once for each experiment.
+/// `folder`. `progress` is called once for each of them.
 ///
 /// # Errors
 /// Returns an error if a name is unknown, or the folder cannot be written to.
@@ -66,24 +66,35 @@ pub fn reproduce(what: &[String], folder: &Path, progress: impl Fn() + Sync) -> 
             outcome
         })
         .collect::<Result<Vec<_>>>()?;
-    let parts = Parts {
-        poses: wanted("poses").then(poses::table).transpose()?,
-        map: wanted("oscillation-map"),
-        sensitivity: wanted("sensitivity").then(|| vary(folder)).transpose()?,
-    };
-    if parts.map {
-        let dynamics = Flight::bare(Path::new("")).dynamics(0.0);
-        write_file(
-            &folder.join("oscillation-map.svg"),
-            bifurcation::svg(&dynamics)?.as_bytes(),
-        )?;
-    }
+    let parts = parts(wanted, folder, progress)?;
     let path = folder.join("report.md");
     let text = report::markdown(&outcomes, &parts);
     write_file(&path, text.as_bytes())?;
     Ok(Report {
         report: path,
         outcomes,
+    })
+}
+
+/// What is no flight.
+fn parts(wanted: impl Fn(&str) -> bool, folder: &Path, progress: impl Fn()) -> Result<Parts> {
+    let poses = wanted("poses").then(poses::table).transpose()?;
+    progress();
+    let map = wanted("oscillation-map");
+    if map {
+        let dynamics = Flight::bare(Path::new("")).dynamics(0.0);
+        write_file(
+            &folder.join("oscillation-map.svg"),
+            bifurcation::svg(&dynamics)?.as_bytes(),
+        )?;
+    }
+    progress();
+    let sensitivity = wanted("sensitivity").then(|| vary(folder)).transpose()?;
+    progress();
+    Ok(Parts {
+        poses,
+        map,
+        sensitivity,
     })
 }
 

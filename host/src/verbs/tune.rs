@@ -4,6 +4,8 @@
 //! smallest gap in linear and angular velocity is kept and checked on flights that were not used; by segment, round by round. The
 //! same seed gives the same answer on any number of cores.
 
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use bodyflight_core::Segment;
 use bodyflight_core::aerodynamics::Coefficients;
 use bodyflight_core::body::SegmentArray;
@@ -114,6 +116,8 @@ pub struct Report {
     pub held_out: Vec<HeldOut>,
     /// Draws flown.
     pub draws: usize,
+    /// Whether Ctrl-C ended the search: the best is that of the draws flown, and nothing was held out.
+    pub interrupted: bool,
 }
 
 /// A flight that was not used in the search.
@@ -165,15 +169,19 @@ impl<'a> Loaded<'a> {
         let mut comparison = Comparison::default();
         for step in Replay::<f64, _>::with_dynamics(&flight, frames, |_| dynamics)? {
             comparison.push(step?.pair);
+            if comparison.count().is_multiple_of(1024) {
+                interrupt::check()?;
+            }
         }
         Ok(comparison)
     }
 }
 
-/// Searches over `flights` and checks on `held_out`. `progress` is called once for each draw.
+/// Searches over `flights` and checks on `held_out`. `progress` is called once for each draw. Ctrl-C ends the search with the best
+/// so far.
 ///
 /// # Errors
-/// Returns an error if a flight cannot be read or the guess itself does not fly.
+/// Returns an error if a flight cannot be read, the guess itself does not fly, or Ctrl-C came before the first draw was flown.
 pub fn tune(
     flights: &[Flight],
     held_out: &[Flight],
@@ -194,29 +202,43 @@ pub fn tune(
     let (mut score_after, mut best) = (score_before, start);
     let mut random = ChaCha8Rng::seed_from_u64(search.seed);
     let mut spread = search.spread;
+    let flown = AtomicUsize::new(0);
     for draws in rounds(search) {
         let candidates = draw(&best, search.per_segment, spread, draws, &mut random);
         spread = (spread * NARROWER).max(search.spread * NARROWEST);
         let found = candidates
             .par_iter()
             .enumerate()
-            .map(|(index, candidate)| {
-                // A draw that tumbles out of range has lost.
-                let score = total_score(&used, candidate).unwrap_or(f64::INFINITY);
+            .filter(|_| !interrupt::requested())
+            .filter_map(|(index, candidate)| {
+                let score = total_score(&used, candidate);
+                // One that was not flown to its end says nothing.
+                if interrupt::requested() {
+                    return None;
+                }
+                flown.fetch_add(1, Ordering::Relaxed);
                 progress();
-                interrupt::check().map(|()| (score, index, *candidate))
+                // A draw that tumbles out of range has lost.
+                Some((score.unwrap_or(f64::INFINITY), index, *candidate))
             })
-            .collect::<Result<Vec<_>>>()?
-            .into_iter()
             .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         if let Some((score, _, candidate)) = found.filter(|found| found.0 < score_after) {
             (score_after, best) = (score, candidate);
         }
+        if interrupt::requested() {
+            break;
+        }
     }
-    let held_out = held_out
+    let draws = flown.into_inner();
+    if draws == 0 {
+        interrupt::check()?;
+    }
+    let checked: Result<Vec<HeldOut>> = held_out
         .iter()
         .map(|flight| check(flight, &start, &best))
-        .collect::<Result<_>>()?;
+        .collect();
+    let interrupted = interrupt::requested();
+    let held_out = if interrupted { Vec::new() } else { checked? };
     Ok(Report {
         guess,
         best: best.common,
@@ -224,7 +246,8 @@ pub fn tune(
         score_before,
         score_after,
         held_out,
-        draws: search.draws,
+        draws,
+        interrupted,
     })
 }
 

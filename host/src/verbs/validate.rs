@@ -18,6 +18,7 @@ use serde::Serialize;
 use crate::diagnostic::Result;
 use crate::formats::flight::Flight;
 use crate::formats::recording::Options;
+use crate::progress;
 use crate::replay::recorded::Recorded;
 use check::Check;
 use falls::FallRow;
@@ -80,39 +81,40 @@ pub fn read(path: &Path) -> Result<Recorded> {
 }
 
 /// Predicts windows of flights, named ones, and each as a whole; and the falls on tracks.
-pub fn validate(
-    flights: &[(String, Recorded)],
-    tracks: &[PathBuf],
-    mut progress: impl FnMut(&str),
-) -> Report {
+///
+/// # Errors
+/// Returns an error if Ctrl-C was pressed.
+pub fn validate(flights: &[(String, Recorded)], tracks: &[PathBuf]) -> Result<Report> {
     let recorded: Vec<&Recorded> = flights.iter().map(|(_, recorded)| recorded).collect();
     let mut rows = Vec::new();
     for length in LENGTHS {
         for model in windows::MODELS {
-            progress(model.name);
-            rows.extend(predicted(&recorded, length, model));
+            progress::stage(format!("{}, windows of {length} s", model.name));
+            rows.extend(predicted(&recorded, length, model)?);
         }
     }
-    let whole_flights = windows::MODELS
-        .iter()
-        .map(|model| whole(&recorded, *model))
-        .collect();
+    let mut whole_flights = Vec::new();
+    progress::stage("whole flights");
+    for (index, model) in windows::MODELS.iter().enumerate() {
+        progress::reached(index, windows::MODELS.len())?;
+        whole_flights.push(whole(&recorded, *model));
+    }
     let names: Vec<String> = flights.iter().map(|(name, _)| name.clone()).collect();
     let mut checks = if names.is_empty() {
         Vec::new()
     } else {
         window_checks(&names.join(", "), &rows)
     };
-    let (falls, not_judged) = falls::judged(tracks, &mut progress);
+    let (falls, not_judged) = falls::judged(tracks)?;
     checks.extend(falls::checks(&falls));
-    Report {
+    Ok(Report {
         flights: names,
         windows: rows,
         whole: whole_flights,
         falls,
         not_judged,
         checks,
-    }
+    })
 }
 
 /// What windows of flights in the air must show.

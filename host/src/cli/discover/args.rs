@@ -12,8 +12,8 @@ use crate::cli::simulate::Reading;
                   coefficients are adjusted within their tolerances), named (an effect is missing), described (a load that \
                   is not in the library), unexplained (neither), thin (too short to tell). docs/discovery.md says how often each is \
                   right.\n\n\
-                  Example: bodyflight hide wind --out lab && bodyflight discover lab/flight-0/flight.toml \
-                  --hold-out lab/flight-1/flight.toml --out found"
+                  Example: bodyflight discover turn-1 --hold-out turn-2 --out what-is-missing\n\n\
+                  Without recordings of your own: bodyflight hide wind --out lab makes flights to try it on."
 )]
 pub(in crate::cli) struct Args {
     /// A flight.toml, an MVNX file alone, or a FlySight's CSV file, of which density, wind and drag area are judged.

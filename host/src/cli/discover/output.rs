@@ -109,3 +109,74 @@ pub(super) fn print_held_out(
         100.0 * closed
     ));
 }
+
+/// What the verdict means in words, and what to do next; `closed` is the share of the gap that is.
+pub(super) fn print_conclusion(
+    (outcome, effects): (Outcome, &[Named]),
+    closed: f64,
+    (flight, out): (&Path, Option<&Path>),
+) {
+    let flight = flight.display();
+    let file = |name: &str| {
+        out.map_or_else(
+            || format!("FOLDER/{name} of --out FOLDER"),
+            |folder| folder.join(name).display().to_string(),
+        )
+    };
+    let closes = format!("{:.0} % of the gap", 100.0 * closed);
+    let (words, next) = match outcome {
+        Outcome::Named => {
+            let names: Vec<&str> = effects.iter().map(|effect| effect.name).collect();
+            let rival = effects.iter().find(|effect| !effect.rivals.is_empty());
+            let next = match rival {
+                Some(effect) => format!(
+                    "to be sure of {}, fly: {}",
+                    effect.name, effect.separated_by
+                ),
+                None => format!(
+                    "bodyflight view {flight} --model {} shows the flight with it",
+                    file("model.toml")
+                ),
+            };
+            let names = names.join(" and ");
+            (
+                format!("the model lacks {names}, which closes {closes}"),
+                next,
+            )
+        }
+        Outcome::None => (
+            "the model says what was measured, as far as this flight can tell".to_owned(),
+            "nothing needs to be changed; flights with other postures and speeds may show more"
+                .to_owned(),
+        ),
+        Outcome::Calibrated => (
+            "nothing is missing; subject, coefficients or joints are a little off".to_owned(),
+            format!(
+                "{} has the numbers for subject.toml",
+                file("calibration.toml")
+            ),
+        ),
+        Outcome::Described => (
+            format!(
+                "something acts that the library has no name for; the loads above close {closes}"
+            ),
+            format!(
+                "bodyflight view {flight} --model {} shows when it acts",
+                file("model.toml")
+            ),
+        ),
+        Outcome::Unexplained => (
+            "model and data disagree, and nothing tried explains it".to_owned(),
+            format!(
+                "bodyflight inspect the recording first; bodyflight view {flight} --discovery {} shows where they disagree",
+                file("report.json")
+            ),
+        ),
+        Outcome::Thin => (
+            "too little happens in this flight to tell effects apart".to_owned(),
+            "fly at least 20 s with changes of posture, attitude and speed".to_owned(),
+        ),
+    };
+    terminal::print(&format!("In words: {words}."));
+    terminal::print(&format!("Next: {}.", next.trim_end_matches('.')));
+}

@@ -10,7 +10,7 @@ use bodyflight_discovery::point::report::{COMPONENT_NAMES, Report};
 use bodyflight_discovery::point::search::discover;
 
 use super::args::Args;
-use super::output::{print_gap, print_held_out, print_names, write_all};
+use super::output::{print_conclusion, print_gap, print_held_out, print_names, write_all};
 use crate::cli::terminal;
 
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
@@ -51,6 +51,11 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     if let Some(folder) = &args.out {
         terminal::print(&format!("written: {}", folder.display()));
     }
+    print_conclusion(
+        (report.verdict, &report.effects),
+        report.gap.closed_share,
+        (args.flight(), args.out.as_deref()),
+    );
     Ok(())
 }
 

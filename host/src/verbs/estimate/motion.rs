@@ -27,7 +27,7 @@ use crate::diagnostic::{Problem, Result};
 use crate::formats::flight::Flight;
 use crate::formats::input_history::Row;
 use crate::formats::recording::Options;
-use crate::interrupt;
+use crate::progress;
 
 /// How a flight is estimated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -69,7 +69,7 @@ pub fn estimate<T: Real>(
     flight: &Flight,
     settings: &Settings,
     options: Options,
-    mut progress: impl FnMut(f64),
+    mut reached: impl FnMut(f64),
 ) -> Result<Estimation> {
     let mut recorded = Recorded::read(flight, options)?;
     let height = recorded
@@ -97,7 +97,7 @@ pub fn estimate<T: Real>(
         preset.joint_error = run.joint_error(&preset)?;
     }
     let implausible = settings.find_joint_error && preset.joint_error >= IMPLAUSIBLE.to_radians();
-    progress(0.0);
+    reached(0.0);
     let least = if implausible {
         Consistency::Doubtful
     } else {
@@ -108,6 +108,7 @@ pub fn estimate<T: Real>(
         Filter::Reduced => run.points::<T, Reduced>(&preset, settings.method, least)?,
     };
     let seconds = begin.elapsed().as_secs_f64();
+    progress::stage("flying with what was found");
     let replayed = Replayed {
         flight,
         recorded: &recorded,
@@ -204,8 +205,8 @@ impl Run<'_> {
             let measured = MotionMeasurement::of(&instant.motion).cast();
             let estimate = filter.push_recorded(&instant.posture.cast(), &measured, recorder);
             each(index, &filter, estimate);
-            if index.is_multiple_of(1024) {
-                interrupt::check()?;
+            if index.is_multiple_of(256) {
+                progress::reached(index, self.recorded.instants.len())?;
             }
         }
         Ok(())
@@ -215,6 +216,7 @@ impl Run<'_> {
     fn joint_error(&self, preset: &MotionPreset) -> Result<f32> {
         let mut best = (f64::NEG_INFINITY, preset.joint_error);
         for degrees in JOINT_ERRORS {
+            progress::stage(format!("are the joints {degrees} degrees off?"));
             let tried = MotionPreset {
                 joint_error: degrees.to_radians(),
                 ..*preset
@@ -245,6 +247,7 @@ impl Run<'_> {
             .instants
             .first()
             .map_or(0.0, |first| first.time);
+        progress::stage("filtering");
         self.fly::<T, P>(
             preset,
             &mut (),

@@ -29,7 +29,7 @@ use super::assumed::Assumed;
 use super::joints::{DIRECTIONS, Directions, JointDirections};
 use super::smoother::{Constants, Pass, Score, Smoothed};
 use crate::diagnostic::Result;
-use crate::interrupt;
+use crate::progress;
 
 /// Samples of an interval: steps of 1/120 s are fine enough, and half the work.
 pub const STRIDE: usize = 2;
@@ -130,7 +130,8 @@ impl Whole {
     /// Returns an error where the program was interrupted.
     pub fn solve(mut self) -> Result<Vec<Known>> {
         let mut known = Vec::new();
-        for _ in 0..ITERATIONS {
+        for iteration in 1..=ITERATIONS {
+            progress::stage(format!("smoothing, pass {iteration} of {ITERATIONS}"));
             let Ok(flown) = self.fly()? else {
                 break;
             };
@@ -246,8 +247,8 @@ impl Whole {
             repeats.take(&MotionMeasurement::of(&end.motion), duration);
             measure(&mut pass, to, &sample, end, &repeats, &noise, gate);
             intervals.push(sample);
-            if k.is_multiple_of(1024) {
-                interrupt::check()?;
+            if k.is_multiple_of(256) {
+                progress::reached(k, self.trajectory.len())?;
             }
         }
         Ok(Ok(Flown {

@@ -10,6 +10,7 @@ use serde::Serialize;
 use super::check::Check;
 use crate::diagnostic::{Problem, Result};
 use crate::formats::track;
+use crate::progress;
 use crate::verbs::fall::{Conditions, Report, fall};
 
 /// Deviations that a prediction or a wind may be off.
@@ -60,11 +61,15 @@ pub fn is_track(path: &Path) -> bool {
 }
 
 /// The falls of tracks, and what was not judged with the reason.
-pub fn judged(tracks: &[PathBuf], mut progress: impl FnMut(&str)) -> (Vec<FallRow>, Vec<String>) {
+///
+/// # Errors
+/// Returns an error if Ctrl-C was pressed.
+pub fn judged(tracks: &[PathBuf]) -> Result<(Vec<FallRow>, Vec<String>)> {
     let (mut rows, mut not_judged) = (Vec::new(), Vec::new());
-    for path in tracks {
+    progress::stage("tracks");
+    for (index, path) in tracks.iter().enumerate() {
+        progress::reached(index, tracks.len())?;
         let name = path.file_name().unwrap_or_default().to_string_lossy();
-        progress(&name);
         let found = track::read(path).and_then(|track| fall(&track, &Conditions::default(), path));
         match found {
             Ok((report, _)) if report.verdict == Verdict::Thin => {
@@ -77,7 +82,7 @@ pub fn judged(tracks: &[PathBuf], mut progress: impl FnMut(&str)) -> (Vec<FallRo
             Err(problem) => not_judged.push(problem.to_string()),
         }
     }
-    (rows, not_judged)
+    Ok((rows, not_judged))
 }
 
 /// What falls must show.

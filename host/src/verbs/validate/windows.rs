@@ -1,16 +1,23 @@
 //! Windows of a flight, predicted from their first frame or their first tenth of a second, and whole flights.
 
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use bodyflight_core::dynamics::Motion;
 use bodyflight_core::dynamics::free_run::Equations;
 use bodyflight_discovery::statistics::interpolated_quantile;
+use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::Serialize;
 
+use crate::diagnostic::Result;
+use crate::progress;
 use crate::replay::recorded::{Recorded, Variant};
 use crate::replay::start::{Noise, SMOOTHED_OVER, fitted};
 
-/// Time from the start of one window to that of the next (s).
+/// Time from the start of one window to that of the next (s), and how many windows a flight has at most: those of a longer one
+/// are further apart.
 const STRIDE: f64 = 0.06;
+const MOST_WINDOWS: f64 = 100.0;
 
 /// A model, or a part of it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -103,6 +110,10 @@ pub fn angle(a: &Motion<f64>, b: &Motion<f64>) -> f64 {
 /// First and last frame of each window of `length` (s).
 fn windows(flight: &Recorded, length: f64) -> Vec<[usize; 2]> {
     let mut windows = Vec::new();
+    let (Some(begin), Some(end)) = (flight.times.first(), flight.times.last()) else {
+        return windows;
+    };
+    let stride = STRIDE.max((end - begin - length) / MOST_WINDOWS);
     let mut start = 0.0;
     loop {
         let first = flight.frame_at(0, start);
@@ -111,42 +122,69 @@ fn windows(flight: &Recorded, length: f64) -> Vec<[usize; 2]> {
             return windows;
         }
         windows.push([first, last]);
-        start += STRIDE;
+        start += stride;
+    }
+}
+
+/// What is found of one window: errors at its end from the three starts, and the angle turned (rad).
+struct Found {
+    errors: [f64; 3],
+    turned: f64,
+}
+
+fn found(flight: &Recorded, [first, last]: [usize; 2], model: Model) -> Found {
+    let smoothed_until = flight.frame_at(first, SMOOTHED_OVER);
+    let fit = |until: usize| fitted(flight, [first, until], model.variant, Noise::default());
+    let starts = [flight.measured[first], fit(smoothed_until), fit(last)];
+    let errors = starts.map(|start| {
+        let run = flight.run(first, last, &start, model.variant);
+        // A run has its start at the least.
+        angle(run.last().unwrap_or(&start), &flight.measured[last])
+    });
+    let part = &flight.measured[first..=last];
+    let turns = part.windows(2).map(|pair| angle(&pair[0], &pair[1]));
+    Found {
+        errors,
+        turned: turns.sum(),
     }
 }
 
 /// Predicts all windows of one length; `None` where the flights are shorter.
-pub fn predicted(flights: &[&Recorded], length: f64, model: Model) -> Option<Row> {
-    let mut errors: [Vec<f64>; 3] = Default::default();
-    let mut turned = 0.0;
-    for flight in flights {
-        for [first, last] in windows(flight, length) {
-            let smoothed_until = flight.frame_at(first, SMOOTHED_OVER);
-            let fit =
-                |until: usize| fitted(flight, [first, until], model.variant, Noise::default());
-            let starts = [flight.measured[first], fit(smoothed_until), fit(last)];
-            for (errors, start) in errors.iter_mut().zip(starts) {
-                let run = flight.run(first, last, &start, model.variant);
-                errors.extend(run.last().map(|end| angle(end, &flight.measured[last])));
-            }
-            let part = &flight.measured[first..=last];
-            turned += part
-                .windows(2)
-                .map(|pair| angle(&pair[0], &pair[1]))
-                .sum::<f64>();
-        }
-    }
-    let count = errors[0].len();
+///
+/// # Errors
+/// Returns an error if Ctrl-C was pressed.
+pub fn predicted(flights: &[&Recorded], length: f64, model: Model) -> Result<Option<Row>> {
+    let all: Vec<(&Recorded, [usize; 2])> = flights
+        .iter()
+        .flat_map(|flight| {
+            windows(flight, length)
+                .into_iter()
+                .map(|window| (*flight, window))
+        })
+        .collect();
+    let done = AtomicUsize::new(0);
+    let found = all
+        .par_iter()
+        .map(|(flight, window)| {
+            progress::reached(done.fetch_add(1, Ordering::Relaxed), all.len())?;
+            Ok(found(flight, *window, model))
+        })
+        .collect::<Result<Vec<Found>>>()?;
+    let errors = [0, 1, 2].map(|start| found.iter().map(|found| found.errors[start]).collect());
     let [first_frame, smoothed, fitted] = errors.map(Spread::of);
-    Some(Row {
+    let (Some(first_frame), Some(smoothed), Some(fitted)) = (first_frame, smoothed, fitted) else {
+        return Ok(None);
+    };
+    let turned: f64 = found.iter().map(|found| found.turned).sum();
+    Ok(Some(Row {
         model: model.key,
         length_s: length,
-        windows: count,
-        turned_rad: turned / count.max(1) as f64,
-        first_frame: first_frame?,
-        smoothed: smoothed?,
-        fitted: fitted?,
-    })
+        windows: found.len(),
+        turned_rad: turned / found.len() as f64,
+        first_frame,
+        smoothed,
+        fitted,
+    }))
 }
 
 /// The run of a whole flight from a start that is fitted to its attitudes alone.
@@ -172,6 +210,6 @@ pub fn whole(flights: &[&Recorded], model: Model) -> Whole {
     };
     Whole {
         model: model.key,
-        rms_rad: flights.iter().map(rms).collect(),
+        rms_rad: flights.par_iter().map(rms).collect(),
     }
 }

@@ -1,0 +1,95 @@
+//! What an estimation found, for people.
+
+use std::path::Path;
+
+use bodyflight::replay::comparison::Channel;
+use bodyflight::verbs::estimate::Estimation;
+
+use crate::cli::terminal;
+
+/// Share of the time below which input is taken for chance: twice what error bars of two deviations leave out.
+const SELDOM: f64 = 0.1;
+
+/// The numbers.
+pub(super) fn print(estimation: &Estimation) {
+    let report = &estimation.report;
+    let mut columns = vec![("RMS, estimated", report.rms)];
+    if let Some(free_run) = report.rms_free_run {
+        columns.push(("free run", free_run));
+    }
+    columns.push(("RMS, constant", report.rms_constant));
+    columns.push(("amplitude", report.amplitude));
+    terminal::print(&terminal::gap_table(&columns).to_string());
+    terminal::print(&format!(
+        "{} updates, mean NIS {:.2}; {:.1} s of flight in {:.3} s of filtering; estimates come {:.2} s late",
+        report.updates, report.nis_mean, report.duration_s, report.filter_s, report.delay_s
+    ));
+    if let Some(found) = &report.consistency {
+        terminal::print(&format!(
+            "consistent {:.0} %, doubtful {:.0} %, lost {:.0} % of the time{}",
+            100.0 * found.consistent,
+            100.0 * found.doubtful,
+            100.0 * found.lost,
+            report
+                .joint_error_deg
+                .map_or_else(String::new, |joints| format!(
+                    "; joints {joints:.2} deg off"
+                ))
+        ));
+    }
+    let flags = report.flags;
+    terminal::print(&format!(
+        "updates with faults: posture {}, measurement {}, update {}, covariance {}, motion {}; inconsistent {}, restarted {}",
+        flags.posture,
+        flags.measurement,
+        flags.update,
+        flags.covariance,
+        flags.motion,
+        flags.inconsistent,
+        flags.restarted
+    ));
+}
+
+/// In a sentence what was found, and what to do with it; where it is not to be trusted, the problem says so.
+pub(super) fn print_conclusion(estimation: &Estimation, flight: &Path, out: Option<&Path>) {
+    let report = &estimation.report;
+    if report.doubt.is_some() {
+        return;
+    }
+    let moved = estimation
+        .active_shares()
+        .into_iter()
+        .max_by(|a, b| a.1.total_cmp(&b.1));
+    let moved = match moved {
+        Some((axis, share)) if share >= SELDOM => format!(
+            "input was beyond its error bars mostly in {axis}, {:.0} % of the time",
+            100.0 * share
+        ),
+        _ => "no input was seen beyond its error bars: the postures explain the flight".to_owned(),
+    };
+    let gain =
+        |channel: &Channel| report.rms_constant.get(*channel) / report.rms.get(*channel).max(1e-9);
+    let best = Channel::ALL
+        .into_iter()
+        .max_by(|a, b| gain(a).total_cmp(&gain(b)));
+    let better = best.map_or(String::new(), |channel| {
+        let (label, unit) = channel.label();
+        format!(
+            "; {label} is reconstructed to {:.3} {unit}, with constant coefficients to {:.3}",
+            report.rms.get(channel),
+            report.rms_constant.get(channel)
+        )
+    });
+    terminal::print(&format!("In words: {moved}{better}."));
+    let next = match out {
+        Some(out) => format!(
+            "inputs = \"{}\" in flight.toml flies them again",
+            out.display()
+        ),
+        None => "--out inputs.csv keeps them for flight.toml".to_owned(),
+    };
+    terminal::print(&format!(
+        "Next: bodyflight view {} --estimate shows them over time; {next}.",
+        flight.display()
+    ));
+}

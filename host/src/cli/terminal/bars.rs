@@ -1,0 +1,148 @@
+//! Bars: what is done, how much of it, how fast, and how long it still takes. On a terminal only.
+
+use std::io::IsTerminal;
+use std::sync::OnceLock;
+use std::time::{Duration, Instant};
+
+use bodyflight::formats::flight::Flight;
+use bodyflight::formats::mvnx::length::length;
+use bodyflight::progress::{Listening, Told, listen};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+/// Time between two pictures of a bar whose work says nothing.
+const TICK: Duration = Duration::from_millis(250);
+
+/// Of a bar in thousandths.
+const WHOLE: f64 = 1000.0;
+
+/// A bar for work of known length.
+pub(in crate::cli) fn bar(length: u64, what: &'static str) -> ProgressBar {
+    let style = "{msg} {wide_bar} {pos}/{len}, {per_sec}, {eta} left";
+    new_bar(Some(length), what, style)
+}
+
+/// A bar for work of which only a share can be told, in thousandths.
+pub(in crate::cli) fn share_bar(what: &'static str) -> ProgressBar {
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a constant"
+    )]
+    let whole = WHOLE as u64;
+    new_bar(
+        Some(whole),
+        what,
+        "{msg} {wide_bar} {percent} %, {eta} left",
+    )
+}
+
+/// A spinner for work of unknown length.
+pub(in crate::cli) fn spinner(what: &'static str) -> ProgressBar {
+    new_bar(None, what, "{spinner} {msg} {elapsed}")
+}
+
+fn new_bar(length: Option<u64>, what: &'static str, style: &str) -> ProgressBar {
+    let target = if std::io::stderr().is_terminal() {
+        ProgressDrawTarget::stderr()
+    } else {
+        ProgressDrawTarget::hidden()
+    };
+    let bar = ProgressBar::with_draw_target(length, target);
+    if let Ok(style) = ProgressStyle::with_template(style) {
+        bar.set_style(style);
+    }
+    bar.set_message(what);
+    bar.enable_steady_tick(TICK);
+    bar
+}
+
+/// Sets a share of a bar in thousandths.
+pub(in crate::cli) fn set_share(bar: &ProgressBar, share: f64) {
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a share in thousandths"
+    )]
+    bar.set_position((WHOLE * share.clamp(0.0, 1.0)) as u64);
+}
+
+/// A bar for work that tells its stages.
+pub(in crate::cli) struct Stages {
+    bar: ProgressBar,
+    _listening: Listening,
+}
+
+impl Stages {
+    pub(in crate::cli) fn new(what: &'static str) -> Self {
+        Self::on(share_bar(what), what)
+    }
+
+    fn on(bar: ProgressBar, what: &'static str) -> Self {
+        let told = bar.clone();
+        let listening = listen(move |news| match news {
+            Told::Stage(stage) => {
+                told.set_message(format!("{what}: {stage}"));
+                told.set_position(0);
+                told.reset_eta();
+            }
+            Told::Share(share) => set_share(&told, share),
+        });
+        Self {
+            bar,
+            _listening: listening,
+        }
+    }
+
+    pub(in crate::cli) fn end(self) {
+        self.bar.finish_and_clear();
+    }
+}
+
+/// A bar for work that goes through a flight, in one go or in stages.
+pub(in crate::cli) struct FlightBar {
+    stages: Stages,
+    what: &'static str,
+    /// Length of the flight (s), where it can be told beforehand.
+    length: Option<f64>,
+    begin: Instant,
+    /// Time of the flight at which it begins (s).
+    start: OnceLock<f64>,
+}
+
+impl FlightBar {
+    pub(in crate::cli) fn new(what: &'static str, flight: &Flight) -> Self {
+        let on_terminal = std::io::stderr().is_terminal();
+        let length = on_terminal.then(|| length(&flight.recording)).flatten();
+        let bar = if length.is_some() {
+            share_bar(what)
+        } else {
+            spinner(what)
+        };
+        Self {
+            stages: Stages::on(bar, what),
+            what,
+            length,
+            begin: Instant::now(),
+            start: OnceLock::new(),
+        }
+    }
+
+    /// The work has reached a time of the flight (s).
+    pub(in crate::cli) fn at(&self, time: f64) {
+        let bar = &self.stages.bar;
+        let flown = time - self.start.get_or_init(|| time);
+        let rate = flown / self.begin.elapsed().as_secs_f64().max(1e-3);
+        let of = self.length.map_or(String::new(), |length| {
+            set_share(bar, flown / length);
+            format!(" of {length:.0}")
+        });
+        bar.set_message(format!(
+            "{}, {flown:.0}{of} s, {rate:.0} times real time",
+            self.what
+        ));
+    }
+
+    pub(in crate::cli) fn end(self) {
+        self.stages.end();
+    }
+}
