@@ -1,4 +1,4 @@
-//! The mistakes: what is made of a folder with a good flight, what is called, what is said.
+//! The mistakes: what is made of a folder with a good flight, what is called, what is said. Here those in files.
 
 /// What is done to a folder with a good flight before the program is called.
 #[derive(Clone, Copy)]
@@ -11,6 +11,10 @@ pub(crate) enum Made {
     /// The recording by a function.
     Recording(fn(String) -> Vec<u8>),
     Folder(&'static str),
+    /// Standard output is a full disk.
+    FullDisk,
+    /// Ctrl-C once this is there.
+    CtrlC(&'static str),
 }
 
 use Made::{Edit, File, Folder, Nothing, Recording};
@@ -26,7 +30,7 @@ pub(crate) struct Mistake {
     pub(crate) says: &'static str,
 }
 
-const fn mistake(
+pub(crate) const fn mistake(
     what: &'static str,
     made: Made,
     call: &'static str,
@@ -47,6 +51,14 @@ fn utf_16(text: String) -> Vec<u8> {
     units.flat_map(u16::to_le_bytes).collect()
 }
 
+fn marked(text: String) -> Vec<u8> {
+    format!("\u{feff}{text}").into_bytes()
+}
+
+fn windows(text: String) -> Vec<u8> {
+    text.replace('\n', "\r\n").into_bytes()
+}
+
 fn cut(text: String) -> Vec<u8> {
     text.as_bytes()[..text.len() * 3 / 4].to_vec()
 }
@@ -56,7 +68,8 @@ fn without_frames(text: String) -> Vec<u8> {
     format!("{head}<frames></frames></subject></mvnx>").into_bytes()
 }
 
-pub(crate) const MISTAKES: [Mistake; 48] = [
+/// Wrong files, and what is wrong in them.
+pub(crate) const FILES: [Mistake; 37] = [
     mistake(
         "verb with a slip",
         Nothing,
@@ -268,127 +281,52 @@ pub(crate) const MISTAKES: [Mistake; 48] = [
         "cannot read this file",
     ),
     mistake(
-        "maneuver with a slip",
-        Nothing,
-        "synth rotation --out @out",
-        2,
-        "did you mean \"rotations\"?",
+        "byte order mark before settings",
+        Edit("subject.toml", "height_m", "\u{feff}height_m"),
+        "simulate @flight.toml",
+        0,
+        "23 frames, 0.1 s of flight",
     ),
     mistake(
-        "effect with a slip",
-        Nothing,
-        "hide wnid --out @out",
-        2,
-        "did you mean \"wind\"?",
+        "byte order mark before a recording",
+        Recording(marked),
+        "simulate @flight.toml",
+        0,
+        "23 frames, 0.1 s of flight",
     ),
     mistake(
-        "preset with a slip",
-        Nothing,
-        "estimate @flight.mvnx --preset trackin",
-        2,
-        "did you mean \"tracking\"?",
+        "line ends of Windows",
+        Recording(windows),
+        "simulate @flight.toml",
+        0,
+        "23 frames, 0.1 s of flight",
     ),
     mistake(
-        "experiment with a slip",
-        Nothing,
-        "reproduce layout --out @out",
-        2,
-        "did you mean \"layouts\"?",
-    ),
-    mistake(
-        "effect of a model with a slip",
-        File("m.toml", b"[[effect]]\nname = \"wnd\"\n"),
+        "degrees for radians",
+        File("m.toml", b"[[effect]]\nname = \"mounting\"\nz_rad = 5.0\n"),
         "simulate @flight.mvnx --model @m.toml",
         2,
-        "did you mean \"wind\"?",
+        "if that is in degrees, write 0.0873",
     ),
     mistake(
-        "limb groups with a slip",
-        Edit(
-            "flight.toml",
-            "inputs = \"inputs.csv\"",
-            "muscles = \"layout\"",
-        ),
+        "key that is there twice",
+        Edit("subject.toml", "mass_kg", "mass_kg = 70.0\nmass_kg"),
         "simulate @flight.toml",
         2,
-        "did you mean \"layouts\"?",
+        "duplicate key",
     ),
     mistake(
-        "output that is the input",
-        Nothing,
-        "simulate @flight.mvnx --out @flight.mvnx",
+        "density said in two ways",
+        Edit("flight.toml", "density", "altitude_m = 3000\ndensity"),
+        "simulate @flight.toml",
         2,
-        "this is an input, and would be overwritten",
+        "density and altitude_m are both given",
     ),
     mistake(
-        "output that is there",
-        File("run.csv", b"mine"),
-        "simulate @flight.mvnx --out @run.csv",
+        "rate that a preset does not know",
+        Edit("flight.mvnx", "frameRate=\"240\"", "frameRate=\"60\""),
+        "estimate @flight.toml --preset tracking",
         2,
-        "--force",
+        "expected 240 frames a second, found 60",
     ),
-    mistake(
-        "output that is a folder",
-        Folder("out"),
-        "simulate @flight.mvnx --out @out",
-        3,
-        "is a directory",
-    ),
-    mistake(
-        "output in a folder that is not there",
-        Nothing,
-        "simulate @flight.mvnx --out @no/run.csv",
-        3,
-        "no/run.csv",
-    ),
-    mistake(
-        "noise below zero",
-        Nothing,
-        "synth rotations --noise=-1 --out @out",
-        2,
-        "noise",
-    ),
-    mistake(
-        "figure of an unknown kind",
-        Nothing,
-        "simulate @flight.mvnx --plot @run.jpg",
-        2,
-        "expected a figure that ends in .svg, .pdf or .png, found .jpg",
-    ),
-    mistake(
-        "no snapshots",
-        Nothing,
-        "figures @flight.mvnx --snapshots 0",
-        2,
-        "expected --snapshots of 1 to 40, found 0",
-    ),
-    mistake(
-        "share in per cent",
-        Nothing,
-        "sensitivity @flight.mvnx --share 30",
-        2,
-        "expected --share above 0 and below 1, found 30",
-    ),
-    mistake(
-        "two flights for one",
-        Nothing,
-        "simulate @flight.mvnx @flight.mvnx",
-        2,
-        "unexpected argument",
-    ),
-    mistake(
-        "density of g/m3 for an option",
-        Nothing,
-        "fly --density 1000",
-        2,
-        "expected --density of 0.1 to 2 kg/m3, found 1000",
-    ),
-    mistake(
-        "value of an option with a slip",
-        Nothing,
-        "estimate @flight.mvnx --method smoothed",
-        2,
-        "a similar value exists: 'smooth'",
-    ),
-    mistake("output not named", Nothing, "synth rotations", 2, "--out"),
 ];
