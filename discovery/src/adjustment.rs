@@ -7,8 +7,9 @@ use serde::Serialize;
 
 use super::effect_set::EffectSet;
 use super::error_model::OWN;
+use super::fitted::Fitted;
 use super::nuisance::{JOINTS, SUBJECT, described, twins};
-use super::problem::{Fitted, Problem};
+use super::problem::Problem;
 
 /// Deviations from which an adjustment is reported, and how many are.
 const TOLD: f64 = 1.5;

@@ -4,8 +4,9 @@ use super::contest::{Candidate, Scene, precision};
 use super::effect_set::{EffectSet, between, furthest, moved, parameters_of};
 use super::error::Result;
 use super::error_model::Errors;
+use super::fitted::Fitted;
 use super::linearization::Belief;
-use super::problem::{Fitted, Problem};
+use super::problem::Problem;
 use super::progress::{begin, check};
 use super::report::Rival;
 use super::search::{Found, Name, Search};
@@ -31,6 +32,11 @@ const CHALLENGES: f64 = 0.4;
 const CLOSE: f64 = 25.0;
 const CHALLENGERS: usize = 4;
 const BETTER: f64 = 1.0;
+
+/// A challenger is given up where the fitted flights are less likely with it by more than this, and more than this share of
+/// what the best gains: fits that settle move by tens.
+const HOPELESS: f64 = 100.0;
+const HOPELESS_SHARE: f64 = 0.3;
 
 /// Gain of flights fitted once more without an effect from which on others are thought of anew.
 const RETHOUGHT: f64 = 10.0;
@@ -260,6 +266,16 @@ impl<'a> Search<'a> {
         }
     }
 
+    /// Likelihood of the fitted flights below which a challenger of the best is given up.
+    fn hopeless(&self, scene: &Scene<'a>, next: &Scene<'a>) -> f64 {
+        let of = |scene: &Scene<'a>| -> f64 {
+            let each = scene.fitted.iter();
+            each.map(|(_, fit)| fit.errors.likelihood).sum()
+        };
+        let best = of(next);
+        best - f64::max(HOPELESS, HOPELESS_SHARE * (best - of(scene)))
+    }
+
     /// Other candidates with everything fitted beside them, the best first.
     fn challengers(
         &self,
@@ -299,9 +315,13 @@ impl<'a> Search<'a> {
             return Ok(None);
         };
         let round = self.round(first, other.effects.clone())?;
+        let round = self.with_same_slopes(round)?;
+        if round.likelihood() < self.hopeless(scene, next) {
+            return Ok(None);
+        }
         let Round {
             fitted, effects, ..
-        } = self.with_same_slopes(round)?;
+        } = round;
         let Some(held_out) = of(&next.held_out, &effects)? else {
             return Ok(None);
         };

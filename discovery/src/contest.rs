@@ -13,8 +13,9 @@ use super::effect_set::{
 };
 use super::error::Result;
 use super::error_prior::subject_precision;
+use super::fitted::Fitted;
 use super::nuisance::{Tolerances, twins};
-use super::problem::{Fitted, Problem};
+use super::problem::Problem;
 use super::progress::{Progress, check};
 use super::statistics::deviations;
 use super::whitened::Quadratic;
@@ -22,8 +23,9 @@ use super::whitened::Quadratic;
 /// What a parameter must gain in all flights to be worth it (Schwarz, of some hundred independent numbers).
 pub const COST: f64 = 3.0;
 
-/// Effects that are fitted to convergence.
+/// Effects that are fitted to convergence, and the share of what parameters cost that one must gain to first order.
 const FOLLOWED: usize = 6;
+const WORTH_FOLLOWING: f64 = 0.5;
 
 /// Steps of Gauss and Newton in an effect, and the gain of one that is not worth another.
 const STEPS: usize = 5;
@@ -202,6 +204,10 @@ impl Scene<'_> {
         let mut followed = Vec::new();
         for candidate in candidates.into_iter().take(FOLLOWED) {
             check(progress)?;
+            if candidate.gain < WORTH_FOLLOWING * COST * freedom(candidate.effect) {
+                followed.push(candidate);
+                continue;
+            }
             followed.push(
                 self.followed(&candidate.effects, candidate.effect, progress)
                     .unwrap_or(candidate),

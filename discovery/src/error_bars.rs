@@ -7,7 +7,8 @@ use nalgebra::{DMatrix, DVector};
 
 use super::contest::{Candidate, Scene};
 use super::effect_set::{EffectSet, ParameterId, parameters_of};
-use super::problem::{Fitted, Problem};
+use super::fitted::Fitted;
+use super::problem::Problem;
 use super::progress::Progress;
 
 /// Stretches over which pulls may be alike (Newey and West 1987).
@@ -96,7 +97,7 @@ impl Problem<'_> {
         progress: &dyn Progress,
     ) -> Option<Vec<DVector<f64>>> {
         let columns = self.columns_around(fitted, effects, parameters, progress)?;
-        let left = fitted.without_constants(&columns);
+        let left = fitted.without_constants(&columns)?;
         let last = parameters.len();
         let pull = |left: &DMatrix<f64>| left.columns(0, last).tr_mul(&left.column(last));
         Some(left.iter().map(pull).collect())

@@ -265,7 +265,9 @@ impl<'a> Prepared<'a> {
         let mut past = vec![(0.0, [Vector3::zeros(); 2])];
         let mut state: Option<State<f64>> = None;
         let mut frame = first;
-        while times[first] - times[frame] < LONGEST_DELAY && frame >= grid.back {
+        let sensors = &self.model.sensors;
+        let longest = sensors.velocity_latency.max(sensors.rate_lag);
+        while times[first] - times[frame] < longest.min(LONGEST_DELAY) && frame >= grid.back {
             let before = frame - grid.back;
             let duration = times[frame] - times[before];
             let sample = self

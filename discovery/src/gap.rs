@@ -7,8 +7,9 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::effect_set::EffectSet;
+use super::fitted::Fitted;
 use super::linearization::{Belief, missing};
-use super::problem::{Fitted, Problem};
+use super::problem::Problem;
 use super::stretch::{CHANNELS, Channels};
 
 /// Root mean squares of the residuals by channel.

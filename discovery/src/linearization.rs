@@ -235,6 +235,9 @@ pub fn effects_alone(
     belief: &Belief,
     parameters: &[ParameterId],
 ) -> DMatrix<f64> {
+    if parameters.is_empty() {
+        return DMatrix::zeros(NUMBERS, 0);
+    }
     let joints = belief.joints_in(stretch);
     let base = Prepared::new(track, stretch, &belief.model(plain), &joints, Steps::Long);
     let flown = base.fly(&Channels::zeros(), None);

@@ -1,6 +1,4 @@
-//! A flight as a linear problem with its errors fitted, and what columns of it come to once constants are taken out.
-
-use std::collections::BTreeMap;
+//! A flight as a linear problem: its errors fitted, and what columns of it come to once constants are taken out.
 
 use bodyflight_core::dynamics::applied_load::AppliedLoads;
 use bodyflight_core::effect::Model;
@@ -9,10 +7,12 @@ use rayon::prelude::*;
 
 use super::effect_set::{EffectSet, ParameterId, all_parameters};
 use super::error::Result;
-use super::error_model::{self, CONSTANTS, Errors, OWN, Part};
+use super::error_model::{self, Errors};
 use super::error_prior::Prior;
-use super::linearization::{Belief, Columns, Course, effects_alone, effects_and_missing, missing};
-use super::nuisance::{GYRO, Tolerances, twins};
+use super::fitted::Fitted;
+use super::linearization::{Belief, Columns, effects_alone, effects_and_missing, missing};
+use super::nuisance::{Tolerances, twins};
+use super::part::Part;
 use super::progress::{Progress, check};
 use super::recorded_noise::recorded_noise;
 use super::stretch::{NUMBERS, Stretch, stretches};
@@ -22,6 +22,8 @@ use super::whitened::Whitened;
 /// Steps of a fit of the errors: from nothing, and from a fit that is near.
 const FIRST_STEPS: usize = 20;
 const STEPS: usize = 8;
+/// The same where what is missing was flown anew with the slopes of another fit: such fits follow one another.
+const FURTHER_STEPS: usize = 3;
 
 /// Squares of a stretch by its numbers from which on it loses weight: what no distribution of errors makes.
 const OUTLYING: f64 = 3.0;
@@ -49,19 +51,6 @@ pub struct Problem<'a> {
     weights: Vec<f64>,
 }
 
-/// A problem with its errors fitted, around some effects.
-pub struct Fitted {
-    /// Effects, and the constants around which the problem is linear.
-    pub belief: Belief,
-    /// By stretch.
-    pub parts: Vec<Part>,
-    /// The errors.
-    pub errors: Errors,
-    whitened: Whitened,
-    /// Wander beyond which the suit is no explanation (rad).
-    wander_limit: f64,
-}
-
 impl<'a> Problem<'a> {
     /// Reads the noise of the sensors, and finds the stretches that have numbers.
     pub fn new(track: &'a Track, tolerances: &Tolerances) -> Self {
@@ -78,15 +67,19 @@ impl<'a> Problem<'a> {
         }
     }
 
-    fn linearized(&self, belief: &Belief, progress: &dyn Progress) -> Result<Option<Vec<Part>>> {
-        let parameters = all_parameters();
+    fn linearized(
+        &self,
+        belief: &Belief,
+        parameters: &[ParameterId],
+        progress: &dyn Progress,
+    ) -> Result<Option<Vec<Part>>> {
         let parts: Option<Vec<Part>> = self
             .stretches
             .par_iter()
             .zip(&self.weights)
             .map(|(stretch, weight)| {
                 check(progress).ok()?;
-                let columns = Columns::new(self.track, stretch, &self.plain, belief, &parameters)?;
+                let columns = Columns::new(self.track, stretch, &self.plain, belief, parameters)?;
                 let mut part = Part::new(stretch, columns, belief);
                 part.weight = *weight;
                 Some(part)
@@ -133,10 +126,11 @@ impl<'a> Problem<'a> {
         for k in self.prior_with(&belief.effects).held {
             belief.subject.0[k] = 0.0;
         }
+        let parameters = all_parameters();
         let mut errors = errors.cloned();
         let mut found = None;
         for _ in 0..rounds {
-            let Some(parts) = self.linearized(&belief, progress)? else {
+            let Some(parts) = self.linearized(&belief, &parameters, progress)? else {
                 return Ok(None);
             };
             let steps = if errors.is_some() { STEPS } else { FIRST_STEPS };
@@ -148,6 +142,18 @@ impl<'a> Problem<'a> {
             found = Some(fitted);
         }
         Ok(found)
+    }
+
+    /// Fits the errors of the files as they are, with no effect in question. None where the model has no numbers.
+    ///
+    /// # Errors
+    /// Returns an error if the search was cancelled.
+    pub fn first(&self, progress: &dyn Progress) -> Result<Option<Fitted>> {
+        let belief = Belief::files();
+        match self.linearized(&belief, &[], progress)? {
+            Some(parts) => self.fitted(parts, belief, None, FIRST_STEPS, progress),
+            None => Ok(None),
+        }
     }
 
     /// Fits the errors around another belief with the slopes of a fit: what is missing is flown anew, which costs a
@@ -178,7 +184,10 @@ impl<'a> Problem<'a> {
             .collect();
         check(progress)?;
         match parts {
-            Some(parts) => self.fitted(parts, belief, Some(&fitted.errors), STEPS, progress),
+            Some(parts) => {
+                let errors = Some(&fitted.errors);
+                self.fitted(parts, belief, errors, FURTHER_STEPS, progress)
+            }
             None => Ok(None),
         }
     }
@@ -217,16 +226,17 @@ impl<'a> Problem<'a> {
         progress: &dyn Progress,
     ) -> Result<Option<Fitted>> {
         let prior = self.prior_with(&belief.effects);
-        let errors = error_model::fit(&parts, &prior, errors, steps, progress);
+        let estimate = error_model::fit(&parts, &prior, errors, steps, progress);
         check(progress)?;
-        let Some(errors) = errors else {
+        let Some(estimate) = estimate else {
             return Ok(None);
         };
-        let whitened = Whitened::new(&parts, &errors, &prior);
+        let spread = estimate.errors.spread;
+        let whitened = Whitened::new(estimate.weighed, &estimate.information, &spread, &prior);
         Ok(whitened.map(|whitened| Fitted {
             belief,
             parts,
-            errors,
+            errors: estimate.errors,
             whitened,
             wander_limit: prior.tolerances.wander_limit_deg.to_radians(),
         }))
@@ -339,90 +349,5 @@ impl<'a> Problem<'a> {
                 finite.then_some(columns)
             })
             .collect()
-    }
-}
-
-impl Fitted {
-    /// All effects and what is missing, the last column, reduced.
-    pub fn all_effects(&self) -> DMatrix<f64> {
-        let columns: Vec<DMatrix<f64>> = self
-            .parts
-            .par_iter()
-            .map(|part| {
-                let places = part.effects.ncols();
-                let mut columns = part.effects.clone().insert_column(places, 0.0);
-                columns.set_column(places, &part.missing);
-                columns
-            })
-            .collect();
-        self.whitened.reduced(&columns)
-    }
-
-    /// Columns of every stretch in deviations, less what constants do of them.
-    pub fn without_constants(&self, columns: &[DMatrix<f64>]) -> Vec<DMatrix<f64>> {
-        self.whitened
-            .without_constants(columns, &self.errors.covariance)
-    }
-
-    /// What the flight says of constants, with other effects.
-    pub fn belief_with(&self, effects: &EffectSet) -> Belief {
-        Belief {
-            effects: effects.clone(),
-            wander: self.likely_wander(),
-            ..self.errors.belief(&self.belief)
-        }
-    }
-
-    /// How far constants are from those around which this is linear (standard errors, root mean square).
-    fn moved(&self) -> f64 {
-        let around = self.belief.constants();
-        let of = |k: usize| {
-            let moved = self.errors.constants[k] - around[k];
-            moved * moved / self.errors.covariance[(k, k)]
-        };
-        // What the gyroscope does is linear.
-        let numbers = (0..OWN - GYRO).chain(OWN..CONSTANTS);
-        let count = numbers.clone().count() as f64;
-        (numbers.map(of).sum::<f64>() / count).sqrt()
-    }
-
-    /// The same belief, with the likely wander.
-    pub fn belief_wandering(&self) -> Belief {
-        Belief {
-            wander: self.likely_wander(),
-            ..self.belief.clone()
-        }
-    }
-
-    /// Whether joints can have wandered so far: where they cannot, they stand for something else.
-    fn is_plausible(&self) -> bool {
-        self.errors.wander() <= self.wander_limit
-    }
-
-    /// None where it is not plausible: slopes there are those of no body.
-    fn likely_wander(&self) -> BTreeMap<usize, Course> {
-        if self.is_plausible() {
-            self.errors.likely_wander(&self.parts)
-        } else {
-            BTreeMap::new()
-        }
-    }
-
-    /// Where a fit with other effects begins.
-    pub fn start_with(&self, effects: &EffectSet) -> Belief {
-        let from = if self.is_plausible() {
-            self.belief.clone()
-        } else {
-            Belief::files()
-        };
-        Belief {
-            effects: effects.clone(),
-            ..from
-        }
-    }
-
-    /// The errors, unless they stand for something else.
-    pub fn plausible_errors(&self) -> Option<&Errors> {
-        self.is_plausible().then_some(&self.errors)
     }
 }

@@ -9,7 +9,8 @@ use serde::Serialize;
 use super::error::Result;
 use super::error_model::{Components, Errors, PUSH, fit};
 use super::error_prior::Prior;
-use super::problem::{Fitted, Problem};
+use super::fitted::Fitted;
+use super::problem::Problem;
 use super::progress::{Progress, check};
 use super::stretch::{NUMBERS, ROWS};
 
@@ -63,9 +64,9 @@ pub fn without_push(
     progress: &dyn Progress,
 ) -> Result<Option<Errors>> {
     let prior: Prior = problem.prior_with(&fitted.belief.effects).without_push();
-    let errors = fit(&fitted.parts, &prior, Some(&fitted.errors), 12, progress);
+    let estimate = fit(&fitted.parts, &prior, Some(&fitted.errors), 12, progress);
     check(progress)?;
-    Ok(errors)
+    Ok(estimate.map(|estimate| estimate.errors))
 }
 
 impl Remainder {

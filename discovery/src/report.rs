@@ -10,8 +10,9 @@ use super::adjustment::{Adjustment, JointCalibration};
 use super::description::told::Described;
 use super::effect_set::EffectSet;
 use super::error_model::PUSH;
+use super::fitted::Fitted;
 use super::gap::{Gap, Spot};
-use super::problem::{Fitted, Problem};
+use super::problem::Problem;
 use super::remainder::Remainder;
 use super::stretch::CHANNELS;
 

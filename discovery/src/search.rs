@@ -8,9 +8,10 @@ use super::description::described;
 use super::effect_set::EffectSet;
 use super::error::{Error, Result};
 use super::error_model::Errors;
+use super::fitted::Fitted;
 use super::linearization::Belief;
 use super::nuisance::Tolerances;
-use super::problem::{Fitted, Problem};
+use super::problem::Problem;
 use super::progress::{Progress, begin};
 use super::remainder::{unadjusted, without_push};
 use super::report::{Outcome, Report, Rival};
@@ -126,7 +127,7 @@ impl Alone {
         };
         let files = Belief::files();
         problem.without_stretches_beyond_numbers(&files);
-        let first = problem.fit(&files, None, 1, progress)?.ok_or(too_short)?;
+        let first = problem.first(progress)?.ok_or(too_short)?;
         problem.weigh(&first);
         let around_files = problem
             .fit(&first.belief_wandering(), Some(&first.errors), 1, progress)?

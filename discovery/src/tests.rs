@@ -6,11 +6,12 @@ use bodyflight_core::dynamics::{Dynamics, Inputs};
 use bodyflight_core::effect::{Effect, Model};
 
 use super::effect_set::{all_parameters, changed, extended};
-use super::error_model::{Components, Part, WANDER, fit};
+use super::error_model::{Components, WANDER, fit};
 use super::flown::{Prepared, Steps};
 use super::laboratory::{self, Hidden, JointErrors as Joints, fly};
 use super::linearization::{Belief, Columns, missing};
 use super::nuisance::{JOINTS, JointErrors, SUBJECT, Subject, Tolerances, described, twins};
+use super::part::Part;
 use super::problem::Problem;
 use super::progress::Progress;
 use super::recorded_noise::recorded_noise;
@@ -281,13 +282,15 @@ fn the_fit_of_errors_is_at_a_maximum() {
             Part::new(stretch, columns, &belief)
         })
         .collect();
-    let best = fit(&parts, &problem.prior, None, 40, &()).unwrap();
+    let best = fit(&parts, &problem.prior, None, 40, &()).unwrap().errors;
     for k in [0, 1, 3, WANDER[0]] {
         for factor in [0.8, 1.25] {
             let mut other = best.clone();
             other.sizes =
                 Components::from_fn(|j, _| best.sizes[j] * if j == k { factor } else { 1.0 });
-            let there = fit(&parts, &problem.prior, Some(&other), 0, &()).unwrap();
+            let there = fit(&parts, &problem.prior, Some(&other), 0, &())
+                .unwrap()
+                .errors;
             assert!(there.likelihood < best.likelihood + 0.1, "{k} {factor}");
         }
     }

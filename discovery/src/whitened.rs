@@ -3,16 +3,16 @@
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
-use super::error_model::{CONSTANTS, Errors, OWN, Part};
-use super::error_prior::Prior;
+use super::error_model::{CONSTANTS, OWN};
+use super::error_prior::{Prior, Spread};
+use super::moments::Weighed;
 use super::nuisance::SUBJECT;
-use super::product::transposed_product;
+use super::product::{product, transposed_product};
 
 /// A problem in deviations, with the constants of its flight ready to be taken out.
 pub(super) struct Whitened {
-    factors: Vec<Cholesky<f64, Dyn>>,
-    /// By stretch: constants in deviations.
-    constants: Vec<DMatrix<f64>>,
+    /// By stretch.
+    weighed: Vec<Weighed>,
     /// Information of the constants that the flight has for itself.
     own: Cholesky<f64, Dyn>,
     own_with_subject: DMatrix<f64>,
@@ -21,86 +21,54 @@ pub(super) struct Whitened {
 }
 
 impl Whitened {
-    pub(super) fn new(parts: &[Part], errors: &Errors, prior: &Prior) -> Option<Self> {
-        let each: Option<Vec<_>> = parts
-            .par_iter()
-            .map(|part| {
-                let factor = part.covariance(&errors.sizes)?;
-                let mut constants = part.constants.clone();
-                factor.l_dirty().solve_lower_triangular_mut(&mut constants);
-                let information = transposed_product(&constants, &constants);
-                Some((factor, constants, information))
-            })
-            .collect();
-        let (mut factors, mut constants) = (Vec::new(), Vec::new());
-        let mut information = DMatrix::zeros(CONSTANTS, CONSTANTS);
-        for (factor, part, part_information) in each? {
-            factors.push(factor);
-            constants.push(part);
-            information += part_information;
-        }
-        let own_precision = errors.spread.own_precision(&prior.tolerances);
+    /// Of stretches weighed by the errors of their flight; `information` is that of the constants, without what is
+    /// believed of them.
+    pub(super) fn new(
+        weighed: Vec<Weighed>,
+        information: &DMatrix<f64>,
+        spread: &Spread,
+        prior: &Prior,
+    ) -> Option<Self> {
+        let mut own = information.view((0, 0), (OWN, OWN)).into_owned();
+        let own_precision = spread.own_precision(&prior.tolerances);
         for (k, precision) in own_precision.iter().enumerate() {
-            information[(k, k)] += precision;
+            own[(k, k)] += precision;
         }
-        let own = information
-            .view((0, 0), (OWN, OWN))
-            .into_owned()
-            .cholesky()?;
+        let own = own.cholesky()?;
         let own_with_subject = information.view((0, OWN), (OWN, SUBJECT)).into_owned();
         let subject = information
             .view((OWN, OWN), (SUBJECT, SUBJECT))
             .into_owned()
             - own_with_subject.tr_mul(&own.solve(&own_with_subject));
         Some(Self {
-            factors,
-            constants,
+            weighed,
             own,
             own_with_subject,
             subject,
         })
     }
 
-    fn white(&self, columns: &[DMatrix<f64>]) -> Vec<DMatrix<f64>> {
-        let each = self.factors.par_iter().zip(columns);
-        each.map(|(factor, columns)| {
-            let mut white = columns.clone();
-            factor.l_dirty().solve_lower_triangular_mut(&mut white);
-            white
-        })
-        .collect()
-    }
-
-    pub(super) fn without_constants(
-        &self,
-        columns: &[DMatrix<f64>],
-        covariance: &DMatrix<f64>,
-    ) -> Vec<DMatrix<f64>> {
-        let mut white = self.white(columns);
+    /// Information that constants and columns share.
+    pub(super) fn with_constants(&self, columns: &[DMatrix<f64>]) -> DMatrix<f64> {
         let count = columns.first().map_or(0, DMatrix::ncols);
         let mut with_constants = DMatrix::zeros(CONSTANTS, count);
-        for (constants, white) in self.constants.iter().zip(&white) {
-            with_constants += transposed_product(constants, white);
+        for (weighed, columns) in self.weighed.iter().zip(columns) {
+            with_constants += transposed_product(&weighed.pulled, columns);
         }
-        let done = covariance * with_constants;
-        for (constants, white) in self.constants.iter().zip(&mut white) {
-            *white -= constants * &done;
-        }
-        white
+        with_constants
     }
 
     /// Information of subject and columns, with the constants of the flight taken out.
     pub(super) fn reduced(&self, columns: &[DMatrix<f64>]) -> DMatrix<f64> {
         let count = columns.first().map_or(0, DMatrix::ncols);
-        let white = self.white(columns);
         let each: Vec<_> = self
-            .constants
+            .weighed
             .par_iter()
-            .zip(&white)
-            .map(|(constants, white)| {
+            .zip(columns)
+            .map(|(weighed, columns)| {
                 (
-                    transposed_product(constants, white),
-                    transposed_product(white, white),
+                    transposed_product(&weighed.pulled, columns),
+                    transposed_product(columns, &product(&weighed.inverse, columns)),
                 )
             })
             .collect();

@@ -6,9 +6,10 @@ use nalgebra::{DMatrix, DVector};
 
 use super::group::Group;
 use crate::error_prior::subject_precision;
+use crate::fitted::Fitted;
 use crate::flown::{Prepared, Steps};
 use crate::linearization::missing;
-use crate::problem::{Fitted, Problem};
+use crate::problem::Problem;
 use crate::stretch::{Channels, NUMBERS};
 use crate::whitened::Quadratic;
 

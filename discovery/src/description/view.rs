@@ -12,7 +12,8 @@ use rayon::prelude::*;
 
 use super::dictionary::{Factors, Pointing, unit};
 use crate::error_model::CONSTANTS;
-use crate::problem::{Fitted, Problem};
+use crate::fitted::Fitted;
+use crate::problem::Problem;
 use crate::stretch::ROWS;
 
 /// Forces and moments of a stretch.
