@@ -60,7 +60,7 @@ const HALT: Duration = Duration::from_millis(300);
 /// Streams a flight to the unit in QEMU and to the virtual unit, at its own rate and then through faults; QEMU also
 /// with halts, which a busy desktop is full of.
 pub(crate) fn hil(seconds: u32) -> Result<()> {
-    let image = unit()?;
+    let image = unit()?.qemu;
     install_qemu()?;
     build_program()?;
     let folder = target_folder()?.join("hil");

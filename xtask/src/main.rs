@@ -9,6 +9,7 @@ mod nightly;
 mod on_target;
 mod page;
 mod python;
+mod release;
 mod run;
 mod soak;
 mod supply;
@@ -97,6 +98,8 @@ enum Verb {
         #[arg(long)]
         table: bool,
     },
+    /// Build everything that is handed out: programs, man pages, wheel, images, list of parts, checksums.
+    Release,
     /// Build the pages as a book, and follow its links.
     Book,
     /// Check lock files, licences and sources of what the program is made of, and list it: sbom.json.
@@ -139,6 +142,7 @@ fn main() -> ExitCode {
         }
         Verb::Miri => nightly::miri(),
         Verb::Soak { hours, table } => soak::soak(hours, table),
+        Verb::Release => release::release(),
         Verb::Book => book::book(),
         Verb::Supply { advisories } => supply::supply(advisories),
     };

@@ -36,6 +36,11 @@ pub(crate) fn python() -> Result<()> {
     )
 }
 
+/// Builds the wheel alone; its path.
+pub(crate) fn build_wheel() -> Result<PathBuf> {
+    wheel(&environment("python", REQUIREMENTS)?)
+}
+
 /// The wheel, in `wheels` of the target folder.
 fn wheel(python: &Path) -> Result<PathBuf> {
     let target = target_folder()?;

@@ -1,6 +1,7 @@
 //! What the program is made of: licences, sources, and a list of parts.
 
 use std::collections::BTreeSet;
+use std::path::PathBuf;
 use std::process::Command;
 
 use serde::Deserialize;
@@ -33,9 +34,8 @@ struct Package {
     source: Option<String>,
 }
 
-/// Checks that lock files are up to date, and licences and sources against `deny.toml`; writes the list of parts, `sbom.json` in
-/// the folder of the target, as CycloneDX. With `advisories` known holes are looked up too, which needs a network.
-pub(crate) fn supply(advisories: bool) -> Result<()> {
+/// Writes the list of parts, `sbom.json` in the target folder; its path.
+pub(crate) fn list_parts() -> Result<PathBuf> {
     let mut packages = BTreeSet::new();
     for manifest in MANIFESTS {
         packages.extend(metadata(manifest)?.packages);
@@ -45,6 +45,13 @@ pub(crate) fn supply(advisories: bool) -> Result<()> {
         .map_err(|error| format!("the list of parts: {error}"))?;
     std::fs::write(&file, text).map_err(|error| format!("{}: {error}", file.display()))?;
     say(&format!("{} parts: {}", packages.len(), file.display()));
+    Ok(file)
+}
+
+/// Checks that lock files are up to date, and licences and sources against `deny.toml`; writes the list of parts, `sbom.json` in
+/// the folder of the target, as CycloneDX. With `advisories` known holes are looked up too, which needs a network.
+pub(crate) fn supply(advisories: bool) -> Result<()> {
+    list_parts()?;
     let program = tool("cargo-deny", "0.20.2", &[], &[])?
         .display()
         .to_string();

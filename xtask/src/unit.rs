@@ -12,22 +12,34 @@ const BOARDS: [[&str; 2]; 2] = [
     ["rp2350-pico2", "Raspberry Pi Pico 2"],
 ];
 
-/// Builds and checks the images for all boards; the path of the one for QEMU.
-pub(crate) fn unit() -> Result<PathBuf> {
+/// Images of the unit.
+pub(crate) struct Images {
+    /// The one that QEMU runs.
+    pub(crate) qemu: PathBuf,
+    /// Those of boards, each as ELF and as what its boot program takes, in a folder of the board's name.
+    pub(crate) flashed: Vec<PathBuf>,
+}
+
+/// Builds and checks the images for all boards.
+pub(crate) fn unit() -> Result<Images> {
+    let mut flashed = Vec::new();
     for [board, name] in BOARDS {
         let image = image::build_board(board, "unit")?;
         image::check(&image, &format!("unit-{board}"))?;
         say(&format!("image for the {name}: {}", image.display()));
-        if board == "rp2350-pico2" {
-            let file = uf2::convert(&image, uf2::RP2350)?;
-            say(&format!("to be dropped on its drive: {}", file.display()));
+        let (file, way) = if board == "rp2350-pico2" {
+            (
+                uf2::convert(&image, uf2::RP2350)?,
+                "to be dropped on its drive",
+            )
         } else {
-            let file = uf2::flatten(&image)?;
-            say(&format!("for its boot program: {}", file.display()));
-        }
+            (uf2::flatten(&image)?, "for its boot program")
+        };
+        say(&format!("{way}: {}", file.display()));
+        flashed.extend([image, file]);
     }
     let qemu = image::build("board-qemu-lm3s6965", "unit")?;
     image::check(&qemu, "unit")?;
     say(&format!("image for QEMU: {}", qemu.display()));
-    Ok(qemu)
+    Ok(Images { qemu, flashed })
 }
