@@ -1,8 +1,8 @@
-//! The biomechanical model: 16 rigid segments, 15 joints, and what each segment is made of.
+//! The biomechanical model: 16 rigid segments connected by 15 joints, with the mass, inertia and silhouettes of each.
 //!
-//! A [`Body`] is a table of segment values. It comes from a person's measures ([`anthropometry`]), with
-//! equipment added ([`gear`]), or from a file; every value may be overridden. Solids and their formulas
-//! are in [`solid`].
+//! A [`Body`] is a table of segment parameters. It comes from a person's measurements ([`anthropometry`]), with
+//! equipment added ([`gear`]), or from a file; any value can be overridden. The solids that segments are modelled
+//! with, and their formulas, are in [`solid`].
 
 pub mod anthropometry;
 pub mod gear;
@@ -17,10 +17,10 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::math::Real;
 
-/// Number of segments.
+/// Number of segments of a body.
 pub const SEGMENT_COUNT: usize = 16;
 
-/// A rigid part of the body. The order is from the root outwards: a parent comes before its children.
+/// A rigid part of the body, ordered from the root outwards: a parent comes before its children.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[expect(missing_docs, reason = "the names say it")]
@@ -44,7 +44,7 @@ pub enum Segment {
 }
 
 impl Segment {
-    /// All segments, parents before children.
+    /// All segments, parents before their children.
     pub const ALL: [Self; SEGMENT_COUNT] = [
         Self::Pelvis,
         Self::Abdomen,
@@ -64,7 +64,7 @@ impl Segment {
         Self::RightFoot,
     ];
 
-    /// The segment at the proximal joint, `None` for the pelvis.
+    /// Returns the segment on the other side of the proximal joint, or `None` for the pelvis.
     pub const fn parent(self) -> Option<Self> {
         Some(match self {
             Self::Pelvis => return None,
@@ -82,7 +82,7 @@ impl Segment {
         })
     }
 
-    /// The same segment on the other side; the trunk and head are their own mirror.
+    /// Returns the same segment on the other side of the body; trunk and head segments return themselves.
     pub const fn mirrored(self) -> Self {
         match self {
             Self::LeftUpperArm => Self::RightUpperArm,
@@ -101,7 +101,7 @@ impl Segment {
         }
     }
 
-    /// Name in segment tables and files.
+    /// Name used in segment tables and files.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Pelvis => "pelvis",
@@ -123,55 +123,55 @@ impl Segment {
         }
     }
 
-    /// The segment of that name, see [`Segment::name`].
+    /// Returns the segment with this [name](Segment::name), or `None` if there is none.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|segment| segment.name() == name)
     }
 }
 
-/// One value for each segment.
+/// An array with one value per segment.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Deserialize, serde::Serialize))]
 pub struct SegmentArray<V>([V; SEGMENT_COUNT]);
 
 impl<V> SegmentArray<V> {
-    /// Values in the order of [`Segment::ALL`].
+    /// Creates an array from values in the order of [`Segment::ALL`].
     pub const fn new(values: [V; SEGMENT_COUNT]) -> Self {
         Self(values)
     }
 
-    /// Builds each value by a function of its segment.
+    /// Creates an array by calling `value` for each segment.
     pub fn from_fn(value: impl FnMut(Segment) -> V) -> Self {
         Self(Segment::ALL.map(value))
     }
 
-    /// Segments with their values, parents first.
+    /// Iterates over segments and their values, parents first.
     pub fn iter(&self) -> impl Iterator<Item = (Segment, &V)> {
         Segment::ALL.into_iter().zip(self.0.iter())
     }
 
-    /// Segments with mutable values, parents first.
+    /// Iterates over segments and mutable references to their values, parents first.
     pub fn iter_mut(&mut self) -> impl Iterator<Item = (Segment, &mut V)> {
         Segment::ALL.into_iter().zip(self.0.iter_mut())
     }
 
-    /// The values, parents first.
+    /// Iterates over the values, parents first.
     pub fn values(&self) -> core::slice::Iter<'_, V> {
         self.0.iter()
     }
 
-    /// The values for change, parents first.
+    /// Iterates over mutable references to the values, parents first.
     pub fn values_mut(&mut self) -> core::slice::IterMut<'_, V> {
         self.0.iter_mut()
     }
 
-    /// Maps each value by a function of segment and value.
+    /// Applies a function of segment and value to each element.
     pub fn map<W>(&self, mut value: impl FnMut(Segment, &V) -> W) -> SegmentArray<W> {
         SegmentArray::from_fn(|segment| value(segment, &self[segment]))
     }
 }
 
-// The enum is the bound: every discriminant is below SEGMENT_COUNT, so no index is out of bounds.
+// Every discriminant of the enum is below SEGMENT_COUNT, so no index is out of bounds.
 impl<V> Index<Segment> for SegmentArray<V> {
     type Output = V;
     #[inline]
@@ -187,7 +187,8 @@ impl<V> IndexMut<Segment> for SegmentArray<V> {
     }
 }
 
-/// What one segment is made of, in its own frame (origin at the proximal joint, axes as the body's in the H-pose).
+/// Parameters of one segment in its own frame (origin at the proximal joint, axes parallel to the body's in the
+/// H-pose).
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Deserialize, serde::Serialize))]
 pub struct SegmentParameters<T: Real> {
@@ -195,16 +196,16 @@ pub struct SegmentParameters<T: Real> {
     pub mass: T,
     /// Length along Z (m).
     pub length: T,
-    /// Proximal joint in the frame of the parent (m).
+    /// Position of the proximal joint in the parent's frame (m).
     pub joint_offset: Vector3<T>,
-    /// Centre of gravity (m).
+    /// Position of the centre of gravity (m).
     pub cg: Vector3<T>,
     /// Inertia about the centre of gravity (kg m2).
     pub inertia: Matrix3<T>,
     /// Silhouette areas normal to X, Y and Z: [A_yz, A_xz, A_xy] (m2).
     pub area: Vector3<T>,
-    /// Characteristic length l_i of the aerodynamic moment (m), paper eq. (limbm). The segment's length in
-    /// the reference tables; its width gives moments closer to measured ones.
+    /// Characteristic length l_i of the aerodynamic moment (m), paper eq. (limbm). The reference tables use the
+    /// segment's length; its width gives moments closer to measured ones.
     pub moment_arm: T,
 }
 
@@ -212,21 +213,21 @@ pub struct SegmentParameters<T: Real> {
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Deserialize, serde::Serialize))]
 pub struct Body<T: Real> {
-    /// Values of the segments.
+    /// Parameters of the segments.
     pub segments: SegmentArray<SegmentParameters<T>>,
-    /// Stature H (m), used by the damping moment.
+    /// Stature H (m), which scales the damping moment.
     pub height: T,
 }
 
 impl<T: Real> Body<T> {
-    /// Mass of body and equipment (kg).
+    /// Total mass of body and equipment (kg).
     pub fn mass(&self) -> T {
         self.segments
             .values()
             .fold(T::zero(), |sum, segment| sum + segment.mass)
     }
 
-    /// The same body in another precision.
+    /// Converts the body to another precision.
     pub fn cast<U: Real>(&self) -> Body<U> {
         let scalar = |value: T| U::of(value.to_f64());
         Body {

@@ -1,7 +1,7 @@
-//! Frames of reference, and rotations and vectors that know theirs.
+//! Frames of reference, and rotations and vectors typed by their frame.
 //!
-//! One convention throughout: a rotation is active and named after what it does to components,
-//! `inertial_from_body * vector_in_body = vector_in_inertial`, so products chain by eye:
+//! One convention holds throughout. A rotation is active and named after what it does to components,
+//! `inertial_from_body * vector_in_body = vector_in_inertial`, so adjacent frame names match in a product:
 //! `inertial_from_body * body_from_segment * segment_from_point`. Mixing frames does not compile:
 //!
 //! ```compile_fail
@@ -11,8 +11,8 @@
 //! let wrong = inertial_from_body * gravity;
 //! ```
 //!
-//! The types cost nothing at run time. Inside a function that works in a single frame plain nalgebra
-//! vectors may be used, with the frame in the documentation.
+//! The types have no run-time cost. A function that works in a single frame may use plain nalgebra vectors and name
+//! the frame in its documentation.
 
 mod axes;
 mod rotation;
@@ -25,28 +25,29 @@ pub use axes::{Body, Inertial, SegmentFrame, XsensSegment};
 pub use rotation::{Rotation, RotationMatrix};
 pub use vector::Vector;
 
-/// Heading, pitch and roll of the body as the paper measures them, paper eqs. (xyz) and (ypr).
+/// Heading, pitch and roll of the body as the paper defines them, eqs. (xyz) and (ypr).
 ///
-/// Heading and pitch are those of the cranial axis; roll is 0 belly to earth with a level left-right
-/// axis and stays continuous up to the back-to-earth pose. All rad.
+/// Heading and pitch are those of the cranial axis. Roll is 0 when belly to earth with a level left-right axis and
+/// stays continuous up to the back-to-earth pose.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Deserialize, serde::Serialize))]
 pub struct AttitudeAngles<T> {
-    /// Direction of the cranial axis over ground, from north towards west (rad).
+    /// Direction of the cranial axis over the ground, from north towards west (rad).
     pub heading: T,
     /// Elevation of the cranial axis above the horizon (rad).
     pub pitch: T,
-    /// Elevation of the left axis, from -pi/2 to 3 pi/2: beyond pi/2 when the back faces the earth, pi when
-    /// it does so level (rad).
+    /// Elevation of the left axis, from -pi/2 to 3 pi/2 (rad): beyond pi/2 when the back faces the earth, pi when back
+    /// to earth and level.
     pub roll: T,
 }
 
 impl<T: Real> AttitudeAngles<T> {
-    /// Angles of an attitude, paper eqs. (xyz) and (ypr).
+    /// Computes the angles of an attitude, paper eqs. (xyz) and (ypr).
     pub fn of(inertial_from_body: &Rotation<T, Inertial, Body>) -> Self {
         let matrix = inertial_from_body.quaternion().to_rotation_matrix();
         let axes = matrix.matrix();
-        // The turn q_z of paper eq. (xyz) undoes that of the paper's inertial frame: none is needed here.
+        // The rotation q_z of paper eq. (xyz) undoes the rotation of the paper's inertial frame, so it is not needed
+        // here.
         let level = |column: usize| (axes[(0, column)], axes[(1, column)], axes[(2, column)]);
         let (left_x, left_y, left_up) = level(0);
         let back_up = axes[(2, 1)];
@@ -66,18 +67,19 @@ impl<T: Real> AttitudeAngles<T> {
     }
 }
 
-/// Attitude of a body that faces north, turned forwards about its left axis by `pitch` (rad): 0 upright, pi/2 belly to
-/// earth with the head to the north.
+/// Attitude of a body that faces north, pitched forwards about its left axis by `pitch` (rad): 0 is upright, pi/2 is
+/// belly to earth with the head to the north.
 pub fn facing_north<T: Real>(pitch: T) -> Rotation<T, Inertial, Body> {
     let half = T::of(core::f64::consts::FRAC_1_SQRT_2);
     let to_north = UnitQuaternion::new_unchecked(Quaternion::new(half, T::zero(), T::zero(), half));
     Rotation::from_quaternion(to_north * UnitQuaternion::from_axis_angle(&Vector3::x_axis(), pitch))
 }
 
-/// Euler angles yaw, pitch, roll of an attitude (rad), paper eq. (euler), with `atan2` for the quadrants.
+/// Returns the Euler angles yaw, pitch and roll of an attitude (rad), paper eq. (euler), using `atan2` to resolve the
+/// quadrants.
 ///
-/// The paper's quaternion is MATLAB's passive one; in the active convention used here its components
-/// are those of `inertial_from_body`.
+/// The paper's quaternion follows MATLAB's passive convention; in the active convention used here its components are
+/// those of `inertial_from_body`.
 pub fn euler_angles<T: Real>(inertial_from_body: &Rotation<T, Inertial, Body>) -> [T; 3] {
     let [w, x, y, z] = inertial_from_body.wxyz();
     let (one, two) = (T::one(), T::of(2.0));
@@ -131,7 +133,7 @@ mod tests {
         }
     }
 
-    /// Quarter turns have gone unnoticed before: this test distinguishes north, west and up.
+    /// Errors of a quarter turn went unnoticed before; this test distinguishes north, west and up.
     #[test]
     fn headings_run_from_north_towards_west() {
         let belly = facing_north(core::f64::consts::FRAC_PI_2);
@@ -159,7 +161,7 @@ mod tests {
             let angle = 0.01 * f64::from(k);
             let lean = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), -angle);
             let roll = AttitudeAngles::of(&Rotation::from_quaternion(lean * belly)).roll;
-            // The head points along the inertial -Y: leaning about it is roll.
+            // The head points along inertial -Y, so leaning about that axis is roll.
             assert!((roll.abs() - angle).abs() < 1e-9, "{angle}: {roll}");
             assert!((roll - last).abs() < 0.011);
             last = roll;

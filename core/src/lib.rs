@@ -1,12 +1,13 @@
-//! Dynamics of a 16-segment skydiver, for a desktop and a microcontroller alike.
+//! Flight dynamics of a skydiver modelled as 16 rigid segments, for desktops and microcontrollers.
 //!
-//! The crate needs neither `std` nor a heap, never panics, and gives the same bits on every machine. It follows
-//! Clarke and Gutman's model of human body flight, with exact equations of motion.
+//! The crate needs neither `std` nor a heap, never panics, and gives bit-identical results on every machine. It
+//! follows Clarke and Gutman's model of human body flight, with exact equations of motion.
 //!
 //! # A fall
 //!
-//! A [`Body`] is a table of 16 segments. It comes from a person's measures ([`body::anthropometry`]) or from your own
-//! numbers. [`Dynamics`](dynamics::Dynamics) adds the air, and [`trim`](dynamics::trim) finds the steady fall:
+//! A [`Body`] is a table of 16 segments. Build it from a person's measurements ([`body::anthropometry`]) or supply
+//! your own numbers. [`Dynamics`](dynamics::Dynamics) adds the air, and [`trim`](dynamics::trim) finds the steady
+//! fall:
 //!
 //! ```
 //! use bodyflight_core::body::anthropometry::{Person, Sex};
@@ -21,21 +22,21 @@
 //!
 //! # A flight
 //!
-//! Postures go in, motion comes out. A [`FreeRun`](dynamics::free_run::FreeRun) follows recorded postures from a first
-//! measured motion; [`Dynamics::step`](dynamics::Dynamics::step) is the single step underneath, for loops of your own.
-//! [`maneuver`] has postures and inputs over time as data, and [`effect`] what the model may lack: wind, a rig, a
-//! sensor's bias.
+//! A flight turns a sequence of postures into motion. A [`FreeRun`](dynamics::free_run::FreeRun) follows recorded
+//! postures, starting from a measured motion; [`Dynamics::step`](dynamics::Dynamics::step) is the single step
+//! underneath, for loops of your own. [`maneuver`] defines postures and inputs over time as data, and [`effect`] adds
+//! what the basic model may lack: wind, a rig, the bias of a sensor.
 //!
 //! # An estimate
 //!
-//! The [motion filter](estimator::motion) takes a posture and a measurement at a time and gives the skydiver's inputs
-//! with error bars, and says when they cannot be trusted. [`PaperFilter`](estimator::PaperFilter) and
-//! [`ReducedFilter`](estimator::ReducedFilter) are the paper's.
+//! The [motion filter](estimator::motion) takes one posture and one measurement at a time. It estimates the skydiver's
+//! inputs with error bars and reports when they cannot be trusted. [`PaperFilter`](estimator::PaperFilter) is the
+//! filter of the paper, [`ReducedFilter`](estimator::ReducedFilter) its reduced form for the unit.
 //!
-//! # A line
+//! # Serial links
 //!
-//! [`link`] speaks with the unit and counts every loss; [`xbus`] reads Xsens MTi sensors. Both take bytes from wherever
-//! they come.
+//! [`link`] is the protocol between host and unit and counts every lost frame; [`xbus`] reads Xsens MTi sensors. Both
+//! work on plain bytes, whatever the transport.
 //!
 //! # Features
 //!
@@ -44,10 +45,10 @@
 //!
 //! # Conventions
 //!
-//! SI units throughout. The inertial frame is X north, Y west, Z up; the body frame X left, Y back, Z head ([`frame`]).
-//! Names read from right to left: `inertial_from_body * vector_in_body`. Coefficients of the body's axes stand in the
-//! order pitch, yaw, roll ([`AxisCoefficients`]). Models are generic over [`Real`]: `f32` on the unit, `f64` for
-//! reference runs.
+//! All quantities are in SI units. The inertial frame is X north, Y west, Z up; the body frame is X left, Y back, Z
+//! head ([`frame`]). Names of rotations read from right to left: `inertial_from_body * vector_in_body`. Coefficients
+//! about the body axes are in the order pitch, yaw, roll ([`AxisCoefficients`]). Models are generic over [`Real`]:
+//! `f32` on the unit, `f64` for reference runs.
 //!
 //! The crate's `examples` folder has four programs: `fall`, `turn`, `estimate` and `decode`.
 #![no_std]

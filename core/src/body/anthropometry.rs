@@ -1,8 +1,8 @@
-//! The segment table of a person from stature, mass, sex and, where known, girths.
+//! Builds the segment table of a person from stature, mass, sex and, where known, girths.
 //!
-//! One set of columns throughout: mass fractions and lengths of de Leva 1996 (Zatsiorsky's subjects, with
-//! lengths between joint centres), whose thigh reaches to the hip joint and whose trunk ends there. Shapes
-//! are those of Hanavan and `Kwon3D`; breadths and girths not given are linear in stature and mass (ANSUR II).
+//! All mass fractions and lengths come from one source, de Leva 1996 (Zatsiorsky's subjects, with lengths between
+//! joint centres), in which the hip joint separates thigh and trunk. Shapes are those of Hanavan and `Kwon3D`;
+//! breadths and girths that are not given are linear in stature and mass (ANSUR II).
 
 mod form;
 mod girth;
@@ -24,65 +24,67 @@ pub use form::MomentArm;
 pub use girth::{Girth, Girths};
 pub use tables::Sex;
 
-/// Height of the shoulder joint above the sole, as a share of the stature: two percent below the acromion.
+/// Height of the shoulder joint above the sole, as a share of the stature; two percent of the stature below the
+/// acromion.
 const SHOULDER_HEIGHT: f64 = 0.80;
-/// The shoulder joint lies this share of the stature inwards of the acromion.
+/// Distance of the shoulder joint inwards of the acromion, as a share of the stature.
 const SHOULDER_INSET: f64 = 0.004;
-/// Half the distance of the hip joints, as a share of the stature.
+/// Half the distance between the hip joints, as a share of the stature.
 const HIP_HALF_DISTANCE: f64 = 0.050;
 /// Girth of the relaxed upper arm as a share of the flexed one.
 const RELAXED_BICEPS: f64 = 0.94;
 /// Thickness of the hand as a share of its breadth.
 const HAND_THICKNESS: f64 = 0.33;
-/// Height of the toes as a share of the height of the ankle: places the cg of the foot where de Leva has it.
+/// Height of the toes as a share of the height of the ankle, chosen to place the foot's centre of gravity where de
+/// Leva has it.
 const TOE_HEIGHT: f64 = 0.5;
-/// Statures accepted (m).
+/// Accepted range of statures (m).
 const HEIGHT_RANGE: (f64, f64) = (1.2, 2.3);
-/// Masses accepted (kg).
+/// Accepted range of masses (kg).
 const MASS_RANGE: (f64, f64) = (25.0, 220.0);
-/// Body mass index accepted (kg/m2); beyond, the regressions have no meaning.
+/// Accepted range of the body mass index (kg/m2); beyond it the regressions do not hold.
 const BODY_MASS_INDEX_RANGE: (f64, f64) = (9.0, 75.0);
-/// Girths accepted, as a share of the expected ones.
+/// Accepted range of girths, as a share of the expected girth.
 const GIRTH_RANGE: (f64, f64) = (0.5, 2.0);
-/// Moment arms accepted, as a share of the segment's length.
+/// Accepted range of moment arms, as a share of the segment's length.
 const MOMENT_ARM_RANGE: (f64, f64) = (0.001, 10.0);
 
-/// Measures of a person.
+/// Measurements of a person.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Person<T: Real> {
     /// Stature (m).
     pub height: T,
     /// Mass without clothing (kg).
     pub mass: T,
-    /// Column of the tables.
+    /// Sex, which selects the column of the tables.
     pub sex: Sex,
-    /// Girths that are known; the others are expected from stature and mass.
+    /// Known girths; the others are predicted from stature and mass.
     pub girths: Girths<T>,
-    /// Lengths of the aerodynamic moments.
+    /// Which length scales the aerodynamic moments.
     pub moment_arm: MomentArm<T>,
 }
 
-/// A measure outside the human range.
+/// A measurement outside the human range.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PersonError {
-    /// Which measure.
+    /// Which measurement is out of range.
     pub measure: Measure,
-    /// Its value, in the unit of the measure.
+    /// Value found, in the unit of the measurement.
     pub found: f64,
-    /// Smallest value accepted.
+    /// Smallest accepted value.
     pub low: f64,
-    /// Largest value accepted.
+    /// Largest accepted value.
     pub high: f64,
 }
 
-/// A measure as named by [`PersonError`].
+/// A measurement named by [`PersonError`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Measure {
     /// Stature (m).
     Height,
     /// Mass (kg).
     Mass,
-    /// Mass by stature squared (kg/m2).
+    /// Mass divided by stature squared (kg/m2).
     BodyMassIndex,
     /// Girth (m).
     Girth(Girth),
@@ -112,7 +114,7 @@ impl fmt::Display for PersonError {
 impl core::error::Error for PersonError {}
 
 impl<T: Real> Person<T> {
-    /// A person of whom only stature (m), mass (kg) and sex are known.
+    /// Creates a person from stature (m), mass (kg) and sex alone.
     pub fn new(height: T, mass: T, sex: Sex) -> Self {
         Self {
             height,
@@ -123,7 +125,7 @@ impl<T: Real> Person<T> {
         }
     }
 
-    /// The girth as known, or as expected from stature, mass and sex (m).
+    /// Returns the girth (m) if known, or the value predicted from stature, mass and sex.
     pub fn girth(&self, girth: Girth) -> T {
         self.girths
             .get(girth)
@@ -175,10 +177,10 @@ impl<T: Real> Person<T> {
         }
     }
 
-    /// The segment table of the person, without clothing or equipment.
+    /// Builds the segment table of the person, without clothing or equipment.
     ///
     /// # Errors
-    /// Returns an error if a measure is not a number or outside the range of human bodies.
+    /// Returns an error if a measurement is not a number or outside the range of human bodies.
     pub fn body(&self) -> Result<Body<T>, PersonError> {
         self.check()?;
         let proportions = tables::proportions(self.sex);
@@ -200,7 +202,7 @@ impl<T: Real> Person<T> {
         self.height * published * T::of(proportions.stacking(segment))
     }
 
-    /// Proximal joint in the frame of the parent (m).
+    /// Position of the proximal joint in the parent's frame (m).
     fn joint_offset(&self, segment: Segment, proportions: &Proportions) -> Vector3<T> {
         let length = |segment| self.length(segment, proportions);
         let side = match segment {
@@ -229,7 +231,7 @@ impl<T: Real> Person<T> {
         }
     }
 
-    /// Semi-axes of a section of trunk or head (m): both scaled by what the girth differs from the expected.
+    /// Semi-axes of a section of trunk or head (m), both scaled by the ratio of actual to expected girth.
     fn section(&self, breadth: Breadth, depth: Breadth, girth: Girth) -> [T; 2] {
         let half = T::of(0.5) * self.girth(girth) / self.expected_girth(girth);
         [self.breadth(breadth) * half, self.breadth(depth) * half]
@@ -271,7 +273,7 @@ impl<T: Real> Person<T> {
                 length,
             )),
             Segment::LeftHand | Segment::RightHand => {
-                // Flat in the front plane: the H-pose of the model has the palms turned there.
+                // The hand is flat in the frontal plane, because the palms face that way in the model's H-pose.
                 let half_breadth = self.breadth(Breadth::Hand) * half;
                 Form::Down(Solid::SemiEllipsoid {
                     semi_axes: [half_breadth, half_breadth * T::of(HAND_THICKNESS), length],

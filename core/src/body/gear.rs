@@ -1,8 +1,7 @@
-//! Equipment: what it weighs, where it sits, and what it shows to the air.
+//! Equipment: its mass, its position on the body, and the area it adds.
 //!
-//! Every item changes the segment table: mass, centre of gravity and inertia by the parallel axis theorem,
-//! areas by its own silhouette. Sizes are those of common equipment; what the user knows (masses, shoe
-//! size) is given.
+//! Every item changes the segment table: mass, centre of gravity and inertia by the parallel axis theorem, areas by
+//! its own silhouette. Sizes are those of common equipment; the user supplies what varies (masses, shoe size).
 
 use core::fmt;
 
@@ -13,22 +12,22 @@ use super::solid::Solid;
 use super::{Body, Segment, SegmentParameters};
 use crate::math::{Real, point_inertia};
 
-/// Shoes, which matter in the air (paper "Insight into the Aerodynamic Model", the shoe size).
+/// Shoes, which affect the flight noticeably (paper "Insight into the Aerodynamic Model", shoe size).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Shoes<T> {
-    /// None.
+    /// No shoes.
     Barefoot,
-    /// Fitted to the feet.
+    /// Shoes of a size that fits the feet.
     #[default]
     Fitted,
-    /// Of a European size.
+    /// Shoes of a given European size.
     European(T),
 }
 
-/// Kind of jumpsuit.
+/// Kinds of jumpsuit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Suit {
-    /// Close-fitting, as for the tunnel.
+    /// Close-fitting, as worn in wind tunnels.
     Tight,
     /// Freefall suit with some loose cloth on the limbs.
     #[default]
@@ -37,18 +36,18 @@ pub enum Suit {
     RelativeWork,
 }
 
-/// What a suit does.
+/// Properties of a suit.
 struct SuitTable {
-    /// kg
+    /// Mass (kg).
     mass: f64,
-    /// Factors on the silhouettes of trunk, arms, legs.
+    /// Factors on the silhouettes of trunk, arms and legs.
     area_factors: [f64; 3],
     /// Area added to the front of each shank (m2).
     booties: f64,
 }
 
 impl Suit {
-    /// Suits by the names of files.
+    /// Suits by their names in files.
     pub const NAMED: [(&'static str, Self); 3] = [
         ("tight", Self::Tight),
         ("standard", Self::Standard),
@@ -76,23 +75,23 @@ impl Suit {
     }
 }
 
-/// Everything that a skydiver wears.
+/// Everything a skydiver wears.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gear<T> {
-    /// A closed light helmet.
+    /// Whether a light closed helmet is worn.
     pub helmet: bool,
-    /// Shoes.
+    /// Shoes worn.
     pub shoes: Shoes<T>,
     /// Mass of the parachute container on the back (kg); 0 for none.
     pub rig: T,
     /// Mass of a weight belt around the pelvis (kg); 0 for none.
     pub weight_belt: T,
-    /// Suit.
+    /// Jumpsuit worn.
     pub suit: Suit,
 }
 
 impl<T: Real> Default for Gear<T> {
-    /// Helmet, fitted shoes and a standard suit; no rig, no belt.
+    /// Helmet, fitted shoes and a standard suit, without rig or belt.
     fn default() -> Self {
         Self {
             helmet: true,
@@ -104,16 +103,16 @@ impl<T: Real> Default for Gear<T> {
     }
 }
 
-/// A value of the equipment that is not usable.
+/// An equipment value that is out of range.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GearError {
-    /// Which value.
+    /// Which value is out of range.
     pub item: &'static str,
-    /// Its value.
+    /// Value found.
     pub found: f64,
-    /// Smallest value taken.
+    /// Smallest accepted value.
     pub low: f64,
-    /// Largest value taken.
+    /// Largest accepted value.
     pub high: f64,
 }
 
@@ -133,11 +132,11 @@ impl core::error::Error for GearError {}
 
 /// Mass of a helmet (kg) and thickness of its shell (m).
 const HELMET: (f64, f64) = (0.45, 0.025);
-/// Mass of a shoe of European size 43 (kg); it goes with the length.
+/// Mass of a shoe (kg) and the European size it is for; the mass scales with the length.
 const SHOE_MASS: (f64, f64) = (0.38, 43.0);
-/// Height of a shoe and breadth over length.
+/// Height of a shoe (m) and its breadth as a share of its length.
 const SHOE_SHAPE: (f64, f64) = (0.085, 0.37);
-/// A shoe is longer than its foot by this much (m).
+/// Excess length of a shoe over its foot (m).
 const SHOE_ALLOWANCE: f64 = 0.015;
 /// Breadth, depth and height of a container (m).
 const RIG_SIDES: [f64; 3] = [0.36, 0.14, 0.45];
@@ -145,7 +144,7 @@ const RIG_SIDES: [f64; 3] = [0.36, 0.14, 0.45];
 const BELT: (f64, f64) = (0.025, 0.1);
 
 impl<T: Real> Gear<T> {
-    /// `body` with the equipment on.
+    /// Returns `body` wearing the equipment.
     ///
     /// # Errors
     /// Returns an error if a mass or a size is not a number or out of range.
@@ -201,7 +200,7 @@ impl<T: Real> Gear<T> {
         let length = match self.shoes {
             Shoes::Barefoot => return,
             Shoes::Fitted => foot.length + T::of(SHOE_ALLOWANCE),
-            // European sizes count two thirds of a centimetre of the last, which is 1.5 cm longer than the foot.
+            // A European size counts two thirds of a centimetre of the last, which is 1.5 cm longer than the foot.
             Shoes::European(size) => size * T::of(0.02 / 3.0),
         };
         let (mass, size) = SHOE_MASS;
@@ -209,7 +208,7 @@ impl<T: Real> Gear<T> {
         let (height, breadth_share) = SHOE_SHAPE;
         let (height, breadth) = (T::of(height), length * T::of(breadth_share));
         let half = T::of(0.5);
-        // The ellipse of the sole lies in X-Y, the shoe stands along Z.
+        // The elliptical sole lies in the X-Y plane and the shoe rises along Z.
         let shoe = Solid::elliptic_cylinder([breadth * half, length * half], height);
         let place = Vector3::new(T::zero(), length * T::of(ANKLE_FROM_HEEL - 0.5), foot.cg.z);
         add(foot, mass, &place, &shoe.gyration());
@@ -249,7 +248,7 @@ fn add<T: Real>(
     segment.cg = cg;
 }
 
-/// Squared radii of gyration of the shell between two solids with the same centre (m2).
+/// Squared radii of gyration of the shell between two concentric solids (m2).
 fn shell_gyration<T: Real>(outer: &Solid<T>, inner: &Solid<T>) -> Vector3<T> {
     let (outside, inside) = (outer.volume(), inner.volume());
     (outer.gyration() * outside - inner.gyration() * inside) / (outside - inside)
@@ -258,7 +257,7 @@ fn shell_gyration<T: Real>(outer: &Solid<T>, inner: &Solid<T>) -> Vector3<T> {
 fn put_on_helmet<T: Real>(head: &mut SegmentParameters<T>) {
     let (mass, thickness) = HELMET;
     let half = head.length * T::of(0.5);
-    // The head is an ellipsoid: its silhouettes give its half-axes.
+    // The head is an ellipsoid, so its silhouettes give its semi-axes.
     let across = T::one() / (T::pi() * half);
     let inside = [head.area.y * across, head.area.x * across, half];
     let inner = Solid::Ellipsoid { semi_axes: inside };
@@ -270,14 +269,14 @@ fn put_on_helmet<T: Real>(head: &mut SegmentParameters<T>) {
     head.area = outer.silhouette();
 }
 
-/// Half-axes of a trunk segment, taken as an elliptic cylinder (m): along X, along Y.
+/// Semi-axes [along X, along Y] of a trunk segment taken as an elliptic cylinder (m).
 fn half_axes<T: Real>(trunk: &SegmentParameters<T>) -> [T; 2] {
     let scale = T::of(0.5) / trunk.length;
     [trunk.area.y * scale, trunk.area.x * scale]
 }
 
-/// The container lies on the back: it shows to streams from the side and along the body; from front and
-/// back the trunk covers it.
+/// Puts the container on the back. It adds area seen from the side and along the body; from front and back the trunk
+/// covers it.
 fn put_on_rig<T: Real>(thorax: &mut SegmentParameters<T>, mass: T) {
     if mass <= T::zero() {
         return;
@@ -288,7 +287,7 @@ fn put_on_rig<T: Real>(thorax: &mut SegmentParameters<T>, mass: T) {
     thorax.area.z += breadth * depth;
 }
 
-/// A mass (kg) at the place of the container; a negative one removes some of it.
+/// Adds a mass (kg) at the position of the container; a negative mass removes some.
 pub(crate) fn carry_on_back<T: Real>(thorax: &mut SegmentParameters<T>, mass: T) {
     let sides = RIG_SIDES.map(T::of);
     let [_, depth, _] = sides;
@@ -304,7 +303,7 @@ fn put_on_belt<T: Real>(pelvis: &mut SegmentParameters<T>, mass: T) {
     }
 }
 
-/// A mass (kg) at the place of a belt; a negative one removes some of it.
+/// Adds a mass (kg) at the position of a belt; a negative mass removes some.
 pub(crate) fn carry_at_hips<T: Real>(pelvis: &mut SegmentParameters<T>, mass: T) {
     let (thickness, height) = BELT;
     let inside = half_axes(pelvis);

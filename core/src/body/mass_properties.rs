@@ -1,5 +1,5 @@
-//! Whole-body mass, centre of gravity, inertia, and what limb motion adds: their rates and the momenta of
-//! the segments relative to the body frame.
+//! Whole-body mass, centre of gravity and inertia, their rates as the limbs move, and the momenta of the segments
+//! relative to the body frame.
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
@@ -7,20 +7,20 @@ use super::posture::{PosedSegment, Posture, near};
 use super::{Body, Segment, SegmentArray};
 use crate::math::{Real, outer, point_inertia, skew, small_rotation};
 
-/// Mass properties of a posed body, body axes, origin at the pelvic joint.
+/// Mass properties of a posed body, in body axes with the origin at the pelvic joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MassProperties<T: Real> {
     /// Mass (kg).
     pub mass: T,
-    /// Centre of gravity (m), paper eq. (cg1).
+    /// Position of the centre of gravity (m), paper eq. (cg1).
     pub cg: Vector3<T>,
-    /// Inertia about the origin (kg m2), paper eq. (cg2) with distances from the origin, see model.md
+    /// Inertia about the origin (kg m2), paper eq. (cg2) with distances measured from the origin, see model.md
     /// "Equations of motion".
     pub inertia_about_origin: Matrix3<T>,
 }
 
 impl<T: Real> MassProperties<T> {
-    /// Sums the posed segments of `body`.
+    /// Sums over the posed segments of `body`.
     pub fn of(body: &Body<T>, posed: &SegmentArray<PosedSegment<T>>) -> Self {
         let mut mass = T::zero();
         let mut first_moment = Vector3::zeros();
@@ -39,7 +39,7 @@ impl<T: Real> MassProperties<T> {
         }
     }
 
-    /// Inertia about the centre of gravity (kg m2).
+    /// Returns the inertia about the centre of gravity (kg m2).
     pub fn inertia_about_cg(&self) -> Matrix3<T> {
         self.inertia_about_origin - point_inertia(self.mass, &self.cg)
     }
@@ -50,14 +50,14 @@ impl<T: Real> MassProperties<T> {
 pub struct PostureRate<T: Real>(pub SegmentArray<Vector3<T>>);
 
 impl<T: Real> PostureRate<T> {
-    /// No joint moves.
+    /// Rates of a body whose joints are at rest.
     pub fn zero() -> Self {
         Self(SegmentArray::from_fn(|_| Vector3::zeros()))
     }
 
-    /// The constant rates that take `from` to `to` in `duration` (s), each joint on its short way.
+    /// Returns the constant rates that take `from` to `to` in `duration` (s), each joint along the shorter arc.
     ///
-    /// Without trigonometry: the series of the arc sine, exact to 1e-5 of the rate for 0.5 rad a step.
+    /// Uses the series of the arc sine instead of trigonometry, accurate to 1e-5 of the rate for 0.5 rad per step.
     pub fn between(from: &Posture<T>, to: &Posture<T>, duration: T) -> Self {
         let scale = T::of(2.0) / duration;
         Self(SegmentArray::from_fn(|segment| {
@@ -72,7 +72,7 @@ impl<T: Real> PostureRate<T> {
         }))
     }
 
-    /// The posture a short time (s) before `posture`, had its joints moved at these rates.
+    /// Returns the posture a short time (s) before `posture` if the joints have moved at these rates.
     pub fn posture_before(&self, posture: &Posture<T>, time: T) -> Posture<T> {
         let mut before = *posture;
         for (segment, rate) in self.0.iter() {
@@ -83,19 +83,19 @@ impl<T: Real> PostureRate<T> {
     }
 }
 
-/// How the mass moves inside the body frame; dots are component rates in body axes.
+/// How mass moves within the body frame; rates are component rates in body axes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MassMotion<T: Real> {
     /// Rate of the centre of gravity (m/s).
     pub cg_rate: Vector3<T>,
     /// Rate of the inertia about the origin (kg m2/s).
     pub inertia_rate: Matrix3<T>,
-    /// Angular momentum of the segments relative to the body frame, about the origin (kg m2/s); h of model.md.
+    /// Angular momentum of the segments relative to the body frame, about the origin (kg m2/s); h in model.md.
     pub relative_angular_momentum: Vector3<T>,
 }
 
 impl<T: Real> MassMotion<T> {
-    /// Nothing moves.
+    /// Mass motion of a body whose joints are at rest.
     pub fn zero() -> Self {
         Self {
             cg_rate: Vector3::zeros(),
@@ -104,7 +104,7 @@ impl<T: Real> MassMotion<T> {
         }
     }
 
-    /// From the posed body and its joint rates.
+    /// Computes the mass motion of a posed body from its joint rates.
     pub fn of(
         body: &Body<T>,
         posed: &SegmentArray<PosedSegment<T>>,
@@ -139,17 +139,17 @@ impl<T: Real> MassMotion<T> {
         sum
     }
 
-    /// Angular momentum of the segments relative to a frame that moves with the centre of gravity and turns
-    /// with the body (kg m2/s).
+    /// Angular momentum of the segments relative to a frame that moves with the centre of gravity and rotates with the
+    /// body (kg m2/s).
     pub fn relative_angular_momentum_about_cg(&self, properties: &MassProperties<T>) -> Vector3<T> {
         self.relative_angular_momentum - properties.cg.cross(&(self.cg_rate * properties.mass))
     }
 }
 
-/// Inertia of a segment in body axes: the similarity transformation of paper eq. (cg2).
+/// Inertia of a segment in body axes, by the similarity transformation of paper eq. (cg2).
 fn body_inertia<T: Real>(inertia: &Matrix3<T>, body_from_segment: &Matrix3<T>) -> Matrix3<T> {
     if inertia.m21 == T::zero() && inertia.m31 == T::zero() && inertia.m32 == T::zero() {
-        // Principal axes, the usual case: a sum of three outer products.
+        // Principal axes are the usual case: a sum of three outer products.
         let axis = |k: usize| body_from_segment.column(k).into_owned();
         return outer(&axis(0), inertia.m11)
             + outer(&axis(1), inertia.m22)
@@ -177,14 +177,14 @@ mod tests {
         #![proptest_config(ProptestConfig::with_cases(64))]
         #[test]
         fn rates_are_the_slopes_of_the_sums(a in any_posture(), b in any_posture()) {
-            // GIVEN a body that moves from near `a` towards `b`
+            // GIVEN a body moving from near `a` towards `b`
             let body = reference_body();
             let (before, after) = (a.interpolated(&b, 0.3 - STEP), a.interpolated(&b, 0.3 + STEP));
             let middle = pose(&body, &a.interpolated(&b, 0.3));
             // WHEN its joint rates are taken over a short time (2e-5 s of a one second motion)
             let rate = PostureRate::between(&before, &after, 2.0 * STEP);
             let motion = MassMotion::of(&body, &middle, &rate);
-            // THEN sums differ by the rates
+            // THEN the sums change at these rates
             let sums = |posture| MassProperties::of(&body, &pose(&body, posture));
             let (start, end) = (sums(&before), sums(&after));
             let cg_rate = (end.cg - start.cg) / (2.0 * STEP);
@@ -196,7 +196,7 @@ mod tests {
 
         #[test]
         fn relative_angular_momentum_is_that_of_moving_points(a in any_posture(), b in any_posture()) {
-            // Each segment stands for six equal points that have its mass and inertia.
+            // Each segment is represented by six equal point masses with the same total mass and inertia.
             let body = reference_body();
             let (before, after) = (a.interpolated(&b, 0.3 - STEP), a.interpolated(&b, 0.3 + STEP));
             let rate = PostureRate::between(&before, &after, 2.0 * STEP);

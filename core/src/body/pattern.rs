@@ -1,8 +1,7 @@
 //! Standard postures and movement patterns, as data.
 //!
-//! A pattern moves several joints together by one angle, as a skydiver learns it; the paper gives the arch
-//! (eq. (arch_pat)). Angles are the paper's, about Z, Y, X (rad), see
-//! [`joint_rotation`].
+//! A pattern moves several joints together in proportion to a single angle, the way skydivers learn it; the paper
+//! gives the arch (eq. (arch_pat)). Joint angles are the paper's, about Z, Y, X (rad), see [`joint_rotation`].
 
 use core::f64::consts::{FRAC_PI_2, FRAC_PI_8};
 
@@ -12,7 +11,7 @@ use super::Segment;
 use super::posture::{Posture, joint_rotation};
 use crate::math::Real;
 
-/// Joint angles (psi, theta, phi) of the segments that differ from zero (rad).
+/// Joint angles (psi, theta, phi) of the segments whose angles are not all zero (rad).
 pub type JointAngles = [(Segment, [f64; 3])];
 
 /// Belly to earth: slight arch, upper arms straight out, elbows and knees bent, paper "The Trim Condition".
@@ -32,7 +31,7 @@ pub const NEUTRAL: &JointAngles = &[
     (Segment::RightFoot, [0.0, 0.0, -0.6]),
 ];
 
-/// Tracking, belly or back to earth: straight, arms swept back beside the body, legs together.
+/// Tracking, belly or back to earth: body straight, arms swept back at the sides, legs together.
 pub const TRACK: &JointAngles = &[
     (Segment::Head, [0.0, 0.0, 0.1]),
     (Segment::LeftUpperArm, [0.0, 0.5, 0.0]),
@@ -43,7 +42,8 @@ pub const TRACK: &JointAngles = &[
     (Segment::RightFoot, [0.0, 0.0, -0.8]),
 ];
 
-/// Sit: upright, slightly arched, thighs forward and shanks down, arms out, up and back, where free-fly aerodynamics balance it.
+/// Sit: upright with a slight arch, thighs forward, shanks down, arms out, up and back, balanced under free-fly
+/// aerodynamics.
 pub const SIT: &JointAngles = &[
     (Segment::Abdomen, [0.0, 0.0, 0.1]),
     (Segment::Thorax, [0.0, 0.0, 0.07]),
@@ -59,7 +59,8 @@ pub const SIT: &JointAngles = &[
     (Segment::RightFoot, [0.0, 0.0, -0.8]),
 ];
 
-/// Head-down: straight trunk, arms out, legs apart and a little behind the trunk, where free-fly aerodynamics balance it.
+/// Head-down: straight trunk, arms out, legs apart and slightly behind the trunk, balanced under free-fly
+/// aerodynamics.
 pub const HEAD_DOWN: &JointAngles = &[
     (Segment::LeftUpperArm, [0.0, 0.9, 0.2]),
     (Segment::RightUpperArm, [0.0, -0.9, 0.2]),
@@ -79,10 +80,10 @@ pub const BACK: &JointAngles = &[
     (Segment::RightShank, [0.0, 0.0, -0.8]),
 ];
 
-/// Arch, paper eq. (arch_pat): changes of the joint angles for one radian of the pattern.
+/// Arch, paper eq. (arch_pat): change of the joint angles per radian of the pattern.
 ///
-/// Upper arms straight out point along the body's X, so the paper's shoulder angle theta swings them up
-/// and down about it.
+/// Upper arms held straight out lie along the body's X axis, so the paper's shoulder angle theta swings them up and
+/// down.
 pub const ARCH: &JointAngles = &[
     (Segment::LeftThigh, [0.0, 0.0, -1.0]),
     (Segment::RightThigh, [0.0, 0.0, -1.0]),
@@ -93,12 +94,12 @@ pub const ARCH: &JointAngles = &[
     (Segment::LeftUpperArm, [0.0, 2.0 / 3.0, 0.0]),
 ];
 
-/// The left arm drawn in to the body.
+/// Draws the left arm in to the body.
 pub const DRAW_IN_LEFT: &JointAngles = &[
     (Segment::LeftUpperArm, [0.0, -1.0, 0.0]),
     (Segment::LeftForearm, [0.0, -1.0, 0.0]),
 ];
-/// Arms and thighs pressed down into the stream.
+/// Presses arms and thighs down into the airstream.
 pub const PRESS: &JointAngles = &[
     (Segment::LeftUpperArm, [0.0, 0.0, -1.0]),
     (Segment::RightUpperArm, [0.0, 0.0, -1.0]),
@@ -106,7 +107,7 @@ pub const PRESS: &JointAngles = &[
     (Segment::RightThigh, [0.0, 0.0, 1.0]),
 ];
 
-/// Changes from the neutral posture to one that is stable back to earth.
+/// Change from the neutral posture to one that is stable back to earth.
 pub const TO_BACK: &JointAngles = &[
     (Segment::Abdomen, [0.0, 0.0, -0.12]),
     (Segment::Thorax, [0.0, 0.0, -0.08]),
@@ -120,12 +121,12 @@ pub const TO_BACK: &JointAngles = &[
     (Segment::RightFoot, [0.0, 0.0, 0.6]),
 ];
 
-/// One arm up, the other down: turns about the stream.
+/// One arm up, the other down: turns the body about the direction of the airstream.
 pub const TURN: &JointAngles = &[
     (Segment::LeftUpperArm, [0.0, 0.0, 0.5]),
     (Segment::RightUpperArm, [0.0, 0.0, -0.5]),
 ];
-/// Trunk and limbs bent to one side.
+/// Bends trunk and limbs to one side.
 pub const SIDE_BEND: &JointAngles = &[
     (Segment::Abdomen, [0.0, 0.8, 0.0]),
     (Segment::Thorax, [0.0, 0.8, 0.0]),
@@ -134,12 +135,12 @@ pub const SIDE_BEND: &JointAngles = &[
     (Segment::LeftThigh, [0.0, -1.0, 0.0]),
     (Segment::RightThigh, [0.0, -1.0, 0.0]),
 ];
-/// Legs stretched: head-low, forwards.
+/// Stretches the legs: lowers the head and drives the body forwards.
 pub const STRETCH: &JointAngles = &[
     (Segment::LeftShank, [0.0, 0.0, 1.0]),
     (Segment::RightShank, [0.0, 0.0, 1.0]),
 ];
-/// Both shoulders turned inwards: bent arms go down into the stream.
+/// Rotates both shoulders inwards, so that the bent forearms go down into the airstream.
 pub const ARMS_DOWN: &JointAngles = &[
     (Segment::LeftUpperArm, [0.0, 0.0, -1.0]),
     (Segment::RightUpperArm, [0.0, 0.0, -1.0]),
@@ -150,7 +151,7 @@ pub fn arch_line<T: Real>(angle: T) -> T {
     T::one() - angle * T::of(0.2 / FRAC_PI_8)
 }
 
-/// The posture of a table of joint angles.
+/// Builds a posture from a table of joint angles.
 pub fn posture<T: Real>(angles: &JointAngles) -> Posture<T> {
     angles
         .iter()
@@ -159,12 +160,12 @@ pub fn posture<T: Real>(angles: &JointAngles) -> Posture<T> {
         })
 }
 
-/// The neutral posture, see [`NEUTRAL`].
+/// Returns the neutral posture, see [`NEUTRAL`].
 pub fn neutral<T: Real>() -> Posture<T> {
     posture(NEUTRAL)
 }
 
-/// `posture` with the changes of `pattern` times `amount` added, each in the axes of the joint's parent.
+/// Adds `amount` times the changes of `pattern` to `posture`, each in the axes of the joint's parent.
 #[must_use]
 pub fn moved<T: Real>(posture: &Posture<T>, pattern: &JointAngles, amount: T) -> Posture<T> {
     pattern
@@ -177,7 +178,7 @@ pub fn moved<T: Real>(posture: &Posture<T>, pattern: &JointAngles, amount: T) ->
         })
 }
 
-/// `posture` arched by `angle` (rad), see [`ARCH`].
+/// Arches `posture` by `angle` (rad), see [`ARCH`].
 #[must_use]
 pub fn arched<T: Real>(posture: &Posture<T>, angle: T) -> Posture<T> {
     moved(posture, ARCH, angle)

@@ -1,11 +1,12 @@
-//! Posture: 15 joint rotations, 45 degrees of freedom, and the forward kinematics that pose the body.
+//! Posture: 15 joint rotations with 45 degrees of freedom, and the forward kinematics that pose the body.
 
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 
 use super::{Body, Segment, SegmentArray};
 use crate::math::{self, Real};
 
-/// Rotation of each segment relative to its parent, identity in the H-pose (standing, arms down).
+/// Rotation of each segment relative to its parent; every rotation is the identity in the H-pose (standing, arms
+/// down).
 ///
 /// The pelvis is the root: its entry is always the identity.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -20,39 +21,39 @@ impl<T: Real> Default for Posture<T> {
 }
 
 impl<T: Real> Posture<T> {
-    /// All joints at zero: standing, arms down.
+    /// Returns the H-pose: standing, arms down, all joints at zero.
     pub fn h_pose() -> Self {
         Self {
             parent_from_segment: SegmentArray::from_fn(|_| UnitQuaternion::identity()),
         }
     }
 
-    /// Rotation of `segment` relative to its parent.
+    /// Returns the rotation of `segment` relative to its parent.
     pub fn parent_from_segment(&self, segment: Segment) -> &UnitQuaternion<T> {
         &self.parent_from_segment[segment]
     }
 
-    /// Sets the joint at the proximal end of `segment`; the pelvis has none and stays.
+    /// Sets the joint at the proximal end of `segment`. Has no effect for the pelvis, which has no proximal joint.
     pub fn set(&mut self, segment: Segment, parent_from_segment: UnitQuaternion<T>) {
         if segment != Segment::Pelvis {
             self.parent_from_segment[segment] = parent_from_segment;
         }
     }
 
-    /// The posture with one joint set, see [`Posture::set`].
+    /// Returns the posture with one joint set, see [`Posture::set`].
     #[must_use]
     pub fn with(mut self, segment: Segment, parent_from_segment: UnitQuaternion<T>) -> Self {
         self.set(segment, parent_from_segment);
         self
     }
 
-    /// The posture with one joint given by the paper's angles, see [`joint_rotation`].
+    /// Returns the posture with one joint set from the paper's angles, see [`joint_rotation`].
     #[must_use]
     pub fn with_angles(self, segment: Segment, psi: T, theta: T, phi: T) -> Self {
         self.with(segment, joint_rotation(psi, theta, phi))
     }
 
-    /// From the rotation of each segment relative to the body frame (the pelvis' entry is the reference).
+    /// Creates a posture from the rotation of each segment relative to the body frame; the pelvis is the reference.
     pub fn from_body_rotations(body_from_segment: &SegmentArray<UnitQuaternion<T>>) -> Self {
         Self {
             parent_from_segment: body_from_segment.map(|segment, rotation| {
@@ -64,7 +65,7 @@ impl<T: Real> Posture<T> {
         }
     }
 
-    /// Rotation of each segment relative to the body frame, paper eq. (chain) first line.
+    /// Returns the rotation of each segment relative to the body frame, paper eq. (chain), first line.
     pub fn body_from_segments(&self) -> SegmentArray<UnitQuaternion<T>> {
         let mut body_from_segment = self.parent_from_segment;
         for segment in Segment::ALL {
@@ -76,7 +77,8 @@ impl<T: Real> Posture<T> {
         body_from_segment
     }
 
-    /// The posture between `self` and `other`: each joint on the short way, `share` 0 to 1 (normalised linear).
+    /// Interpolates from `self` (`share` 0) to `other` (`share` 1) by normalised linear interpolation, each joint
+    /// along the shorter arc.
     #[must_use]
     pub fn interpolated(&self, other: &Self, share: T) -> Self {
         Self {
@@ -89,19 +91,19 @@ impl<T: Real> Posture<T> {
         }
     }
 
-    /// The mirrored posture: left and right exchanged.
+    /// Returns the mirrored posture, with left and right exchanged.
     #[must_use]
     pub fn mirrored(&self) -> Self {
         Self {
             parent_from_segment: SegmentArray::from_fn(|segment| {
                 let q = &self.parent_from_segment[segment.mirrored()];
-                // Mirroring at the sagittal plane keeps rotations about X and flips those about Y and Z.
+                // Mirroring in the sagittal plane keeps rotations about X and reverses those about Y and Z.
                 UnitQuaternion::new_unchecked(Quaternion::new(q.w, q.i, -q.j, -q.k))
             }),
         }
     }
 
-    /// Whether every joint is a finite unit quaternion (norm within 1e-3 of 1).
+    /// Returns whether every joint is a finite unit quaternion (norm within 1e-3 of 1).
     pub fn is_valid(&self) -> bool {
         self.parent_from_segment.values().all(|q| {
             let size = q.coords.norm_squared();
@@ -109,7 +111,7 @@ impl<T: Real> Posture<T> {
         })
     }
 
-    /// The same posture in another precision.
+    /// Converts the posture to another precision.
     pub fn cast<U: Real>(&self) -> Posture<U> {
         Posture {
             parent_from_segment: self.parent_from_segment.map(|_, q| {
@@ -119,7 +121,7 @@ impl<T: Real> Posture<T> {
     }
 }
 
-/// Of the two quaternions of the same rotation, the one nearer to `reference`.
+/// Returns whichever of `rotation` and its negated quaternion, the same rotation, is nearer to `reference`.
 pub fn near<T: Real>(
     rotation: &UnitQuaternion<T>,
     reference: &UnitQuaternion<T>,
@@ -131,9 +133,10 @@ pub fn near<T: Real>(
     }
 }
 
-/// Joint rotation from the paper's angles about Z, Y, X (rad): v_parent = Rx(-phi) Ry(-theta) Rz(-psi) v_child.
+/// Returns a joint rotation from the paper's angles about Z, Y, X (rad): v_parent = Rx(-phi) Ry(-theta) Rz(-psi)
+/// v_child.
 ///
-/// model.md "Frames and rotations": the paper's angles are MATLAB's passive ones.
+/// The paper's angles follow MATLAB's passive convention, see model.md "Frames and rotations".
 pub fn joint_rotation<T: Real>(psi: T, theta: T, phi: T) -> UnitQuaternion<T> {
     let half = T::of(-0.5);
     let about = |angle: T| (angle * half).sine_cosine();
@@ -144,18 +147,18 @@ pub fn joint_rotation<T: Real>(psi: T, theta: T, phi: T) -> UnitQuaternion<T> {
     UnitQuaternion::new_unchecked(product)
 }
 
-/// One segment of a posed body, in body axes with the origin at the pelvic joint.
+/// Pose of one segment, in body axes with the origin at the pelvic joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PosedSegment<T: Real> {
     /// Axes of the segment as columns (x, y, z).
     pub body_from_segment: Matrix3<T>,
-    /// Proximal joint (m).
+    /// Position of the proximal joint (m).
     pub joint: Vector3<T>,
-    /// Centre of gravity (m).
+    /// Position of the centre of gravity (m).
     pub cg: Vector3<T>,
 }
 
-/// Where every segment is: axes, joints, centres of gravity, paper eq. (chain).
+/// Computes axes, joint and centre of gravity of every segment, paper eq. (chain).
 pub fn pose<T: Real>(body: &Body<T>, posture: &Posture<T>) -> SegmentArray<PosedSegment<T>> {
     let mut posed = SegmentArray::from_fn(|_| PosedSegment {
         body_from_segment: Matrix3::identity(),
@@ -185,7 +188,7 @@ pub fn pose<T: Real>(body: &Body<T>, posture: &Posture<T>) -> SegmentArray<Posed
     posed
 }
 
-/// Direction cosines of a unit quaternion.
+/// Rotation matrix (direction cosines) of a unit quaternion.
 fn rotation_matrix<T: Real>(rotation: &UnitQuaternion<T>) -> Matrix3<T> {
     let (two, one) = (T::of(2.0), T::one());
     let (w, x, y, z) = (rotation.w, rotation.i, rotation.j, rotation.k);

@@ -1,7 +1,7 @@
-//! Homogeneous solids that segments and equipment are made of.
+//! Homogeneous solids that model segments and equipment.
 //!
-//! Each solid stands on its base: Z is its axis, from the base (the proximal end) upwards, X and Y are the
-//! principal axes of its sections. Masses come from tables, so inertia is given per unit of mass.
+//! Each solid stands on its base: its axis Z points up from the base (the proximal end), and X and Y are the principal
+//! axes of its cross-sections. Masses come from tables, so inertia is given per unit mass.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -24,7 +24,7 @@ pub enum Solid<T: Real> {
         /// Semi-axes.
         semi_axes: [T; 3],
     },
-    /// Upper half of an ellipsoid; the base is its widest section, the third semi-axis its height.
+    /// Upper half of an ellipsoid; the base is its widest section and the third semi-axis is its height.
     SemiEllipsoid {
         /// Semi-axes.
         semi_axes: [T; 3],
@@ -37,7 +37,7 @@ pub enum Solid<T: Real> {
 }
 
 impl<T: Real> Solid<T> {
-    /// Truncated circular cone with radii at base and top (m).
+    /// Creates a truncated circular cone with these radii at base and top (m).
     pub fn cone(base: T, top: T, length: T) -> Self {
         Self::TruncatedEllipticCone {
             base: [base; 2],
@@ -46,7 +46,7 @@ impl<T: Real> Solid<T> {
         }
     }
 
-    /// Elliptical cylinder with semi-axes [along X, along Y] (m).
+    /// Creates an elliptical cylinder with semi-axes [along X, along Y] (m).
     pub fn elliptic_cylinder(semi_axes: [T; 2], length: T) -> Self {
         Self::TruncatedEllipticCone {
             base: semi_axes,
@@ -85,7 +85,7 @@ impl<T: Real> Solid<T> {
         }
     }
 
-    /// Distance of the centre of gravity from the base, along Z (m).
+    /// Height of the centre of gravity above the base, along Z (m).
     pub fn cg(&self) -> T {
         match *self {
             Self::TruncatedEllipticCone { base, top, length } => {
@@ -99,10 +99,10 @@ impl<T: Real> Solid<T> {
         }
     }
 
-    /// Principal moments of inertia about the centre of gravity, per unit of mass (m2): squared radii of
-    /// gyration about X, Y and Z.
+    /// Principal moments of inertia about the centre of gravity per unit mass (m2): squared radii of gyration about X,
+    /// Y and Z.
     pub fn gyration(&self) -> Vector3<T> {
-        // Mean squares of the coordinates about the centre of gravity; each moment is a sum of two.
+        // Mean squares of the coordinates about the centre of gravity; each moment is the sum of two of them.
         let (xx, yy, zz) = match *self {
             Self::TruncatedEllipticCone { base, top, length } => {
                 let section = mean_over_length(base, top, |_, a, b| a * b);
@@ -136,7 +136,8 @@ impl<T: Real> Solid<T> {
 
     /// Areas of the silhouettes seen along X, Y and Z (m2).
     ///
-    /// Of a truncated elliptic cone the third is the larger end section: exact where one end covers the other.
+    /// For a truncated elliptic cone the third is the area of the larger end section, exact if one end covers the
+    /// other.
     pub fn silhouette(&self) -> Vector3<T> {
         match *self {
             Self::TruncatedEllipticCone {
@@ -167,9 +168,9 @@ impl<T: Real> Solid<T> {
     }
 }
 
-/// Mean over the length of `value(t, a, b)`, a polynomial of at most fifth degree in t (0 at the base, 1 at the top).
+/// Mean over the length of `value(t, a, b)`, a polynomial of degree five or less in t (0 at the base, 1 at the top).
 fn mean_over_length<T: Real>(base: [T; 2], top: [T; 2], value: impl Fn(T, T, T) -> T) -> T {
-    // Three-point Gauss rule, exact up to the fifth degree: nodes 1/2 +- sqrt(3/20).
+    // Three-point Gauss rule, exact up to degree five: nodes 1/2 +- sqrt(3/20).
     let node = T::of(0.387_298_334_620_741_7);
     let half = T::of(0.5);
     let at = |t: T| {
@@ -179,13 +180,13 @@ fn mean_over_length<T: Real>(base: [T; 2], top: [T; 2], value: impl Fn(T, T, T) 
     (at(half - node) + at(half + node)) * T::of(5.0 / 18.0) + at(half) * T::of(8.0 / 18.0)
 }
 
-/// Whether some distribution of mass has this inertia: symmetric, and no second moment of mass negative.
+/// Returns whether some distribution of mass has this inertia: symmetric, with no negative second moment of mass.
 ///
-/// With J = tr(I)/2 - I (the second moments of mass) the test is J >= 0, which contains both the positive
-/// moments and the triangle inequality. Tolerance: 1e-6 of the trace, in either precision.
+/// With J = tr(I)/2 - I (the second moments of mass) the test is J >= 0, which implies both positive moments and the
+/// triangle inequality. The tolerance is 1e-6 of the trace, in either precision.
 pub fn is_possible_inertia<T: Real>(inertia: &Matrix3<T>) -> bool {
     let trace = inertia.trace();
-    // Also false for NaN.
+    // The comparison is also false for NaN.
     if !(trace > T::zero() && trace.is_finite()) {
         return false;
     }
@@ -213,7 +214,7 @@ mod tests {
     use core::f64::consts::PI;
     use proptest::prelude::*;
 
-    /// Membership, the independent definition of each solid.
+    /// Point membership, which defines each solid independently.
     fn contains(solid: &Solid<f64>, x: f64, y: f64, z: f64) -> bool {
         let ellipse = |a: f64, b: f64| (x / a).powi(2) + (y / b).powi(2);
         match *solid {
@@ -232,7 +233,7 @@ mod tests {
         }
     }
 
-    /// Volume, cg, gyration, silhouettes by counting cells of a grid.
+    /// Volume, centre of gravity, gyration and silhouettes found by counting cells of a grid.
     fn counted(solid: &Solid<f64>) -> (f64, f64, Vector3<f64>, Vector3<f64>) {
         const N: usize = 96;
         let (half, length) = (0.2, solid.length());
@@ -304,7 +305,7 @@ mod tests {
     }
 
     proptest! {
-        /// Closed polynomials of the truncated circular cone (Hanavan 1964, Kwon3D).
+        /// The closed-form polynomials of the truncated circular cone (Hanavan 1964, Kwon3D).
         #[test]
         fn circular_cones_have_their_closed_form(
             r0 in 0.02f64..0.2, r1 in 0.02f64..0.2, length in 0.1f64..0.6

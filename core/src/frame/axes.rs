@@ -1,7 +1,7 @@
-//! The frames, as marker types.
+//! The frames of reference, as marker types.
 
-/// X north, Y west, Z up (paper "Inertial Frame"): the global frame of Xsens MVN, with no turn between them. North is
-/// magnetic in recordings of MVN and true in tracks of satellites.
+/// X north, Y west, Z up (paper "Inertial Frame"), identical to the global frame of Xsens MVN. North is magnetic in
+/// MVN recordings and true in satellite tracks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Inertial;
 
@@ -9,10 +9,10 @@ pub struct Inertial;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Body;
 
-/// Of any one segment, origin at its proximal joint; equal to the body frame in the H-pose.
+/// Fixed to a segment, origin at its proximal joint; parallel to the body frame in the H-pose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SegmentFrame;
 
-/// Of a segment as Xsens reports it in the T-pose: X forward, Y left, Z up.
+/// Segment frame as reported by Xsens in the T-pose: X forward, Y left, Z up.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct XsensSegment;

@@ -8,19 +8,20 @@ use nalgebra::{Matrix3, Quaternion, UnitQuaternion};
 use super::vector::Vector;
 use crate::math::{self, Real};
 
-/// Rotation that takes components in `From` to components in `To`.
+/// Rotation that converts components in `From` to components in `To`.
 pub struct Rotation<T: Real, To, From> {
     quaternion: UnitQuaternion<T>,
     frames: PhantomData<fn(From) -> To>,
 }
 
 impl<T: Real, To, From> Rotation<T, To, From> {
-    /// The frames coincide.
+    /// Returns the identity: both frames coincide.
     pub fn identity() -> Self {
         Self::from_quaternion(UnitQuaternion::identity())
     }
 
-    /// States that `quaternion` takes components from `From` to `To`. This is where untyped values enter the type system.
+    /// Declares that `quaternion` converts components from `From` to `To`; this is where untyped values enter the type
+    /// system.
     pub fn from_quaternion(quaternion: UnitQuaternion<T>) -> Self {
         Self {
             quaternion,
@@ -28,7 +29,7 @@ impl<T: Real, To, From> Rotation<T, To, From> {
         }
     }
 
-    /// From four numbers w, x, y, z of any norm; `None` where they have no direction or are not finite.
+    /// Creates a rotation from w, x, y, z of any norm; returns `None` if the norm is close to zero or not finite.
     pub fn from_wxyz(wxyz: [T; 4]) -> Option<Self> {
         let quaternion = Quaternion::new(wxyz[0], wxyz[1], wxyz[2], wxyz[3]);
         let size = quaternion.coords.norm_squared();
@@ -36,23 +37,23 @@ impl<T: Real, To, From> Rotation<T, To, From> {
             .then(|| Self::from_quaternion(math::normalized(quaternion)))
     }
 
-    /// The plain quaternion.
+    /// Returns the untyped quaternion.
     pub fn quaternion(&self) -> &UnitQuaternion<T> {
         &self.quaternion
     }
 
-    /// Components w, x, y, z.
+    /// Returns the components w, x, y, z.
     pub fn wxyz(&self) -> [T; 4] {
         let q = &self.quaternion;
         [q.w, q.i, q.j, q.k]
     }
 
-    /// The inverse rotation.
+    /// Returns the inverse rotation.
     pub fn inverse(&self) -> Rotation<T, From, To> {
         Rotation::from_quaternion(self.quaternion.inverse())
     }
 
-    /// The same rotation in another precision.
+    /// Converts the rotation to another precision.
     pub fn cast<U: Real>(&self) -> Rotation<U, To, From> {
         Rotation::from_quaternion(math::normalized(
             self.quaternion.coords.map(|c| U::of(c.to_f64())).into(),
@@ -61,7 +62,7 @@ impl<T: Real, To, From> Rotation<T, To, From> {
 }
 
 impl<T: Real, To, From> Rotation<T, To, From> {
-    /// The same rotation as a matrix, which turns several vectors faster.
+    /// Returns the same rotation as a matrix, which rotates several vectors faster.
     #[inline]
     pub fn to_matrix(&self) -> RotationMatrix<T, To, From> {
         RotationMatrix {
@@ -71,7 +72,7 @@ impl<T: Real, To, From> Rotation<T, To, From> {
     }
 }
 
-/// A [`Rotation`] as a matrix.
+/// A [`Rotation`] in matrix form.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RotationMatrix<T: Real, To, From> {
     matrix: Matrix3<T>,
@@ -79,7 +80,7 @@ pub struct RotationMatrix<T: Real, To, From> {
 }
 
 impl<T: Real, To, From> RotationMatrix<T, To, From> {
-    /// The inverse rotation.
+    /// Returns the inverse rotation.
     #[inline]
     pub fn inverse(&self) -> RotationMatrix<T, From, To> {
         RotationMatrix {
@@ -111,7 +112,7 @@ impl<T: Real, To, From> Mul<Vector<T, From>> for Rotation<T, To, From> {
     }
 }
 
-// Derived impls would require Copy, Debug and so on of the frame types.
+// Derived impls would require Copy, Debug and so on from the frame types.
 impl<T: Real, To, From> Clone for Rotation<T, To, From> {
     fn clone(&self) -> Self {
         *self

@@ -1,4 +1,4 @@
-//! Vectors that know their frame.
+//! Vectors typed by their frame.
 
 use core::iter::Sum;
 use core::marker::PhantomData;
@@ -9,24 +9,25 @@ use nalgebra::{Matrix3, Vector3};
 use super::axes::Inertial;
 use crate::math::Real;
 
-/// Vector given by its components in frame `F`.
+/// A vector given by its components in frame `F`.
 ///
-/// Vectors of one frame are added, scaled and multiplied with each other; those of different frames meet only after
-/// one is turned by a [`Rotation`](super::Rotation). Every operation is that of nalgebra on the components, so bits are the same.
+/// Vectors of one frame can be added, scaled and multiplied with each other; vectors of different frames must first be
+/// brought to a common frame by a [`Rotation`](super::Rotation). Every operation is nalgebra's on the components, bit
+/// for bit.
 pub struct Vector<T: Real, F> {
-    /// Components along the axes of `F`, for code without frames, such as files and matrices.
+    /// Components along the axes of `F`, for code that does not use frame types, such as files and matrices.
     pub components: Vector3<T>,
     frame: PhantomData<fn() -> F>,
 }
 
 impl<T: Real, F> Vector<T, F> {
-    /// From components along the axes of `F`.
+    /// Creates a vector from components along the axes of `F`.
     #[inline]
     pub fn new(x: T, y: T, z: T) -> Self {
         Self::from_components(Vector3::new(x, y, z))
     }
 
-    /// States that `components` are along the axes of `F`. This is where untyped values enter the type system.
+    /// Declares that `components` are along the axes of `F`; this is where untyped values enter the type system.
     #[inline]
     pub const fn from_components(components: Vector3<T>) -> Self {
         Self {
@@ -35,7 +36,7 @@ impl<T: Real, F> Vector<T, F> {
         }
     }
 
-    /// All zero.
+    /// Returns the zero vector.
     #[inline]
     pub fn zero() -> Self {
         Self::from_components(Vector3::zeros())
@@ -59,25 +60,25 @@ impl<T: Real, F> Vector<T, F> {
         self.components.z
     }
 
-    /// Components along X, Y and Z.
+    /// Returns the components along X, Y and Z.
     #[inline]
     pub fn to_array(self) -> [T; 3] {
         self.components.into()
     }
 
-    /// Scalar product.
+    /// Scalar (dot) product.
     #[inline]
     pub fn dot(&self, other: &Self) -> T {
         self.components.dot(&other.components)
     }
 
-    /// Vector product.
+    /// Vector (cross) product.
     #[inline]
     pub fn cross(&self, other: &Self) -> Self {
         Self::from_components(self.components.cross(&other.components))
     }
 
-    /// Square of the length.
+    /// Squared length.
     #[inline]
     pub fn norm_squared(&self) -> T {
         self.components.norm_squared()
@@ -89,50 +90,50 @@ impl<T: Real, F> Vector<T, F> {
         self.norm_squared().root()
     }
 
-    /// Each component times the factor of its axis.
+    /// Multiplies each component by the factor for its axis.
     #[inline]
     pub fn component_mul(&self, factors: &Vector3<T>) -> Self {
         Self::from_components(self.components.component_mul(factors))
     }
 
-    /// Each component changed by `change`.
+    /// Applies `change` to each component.
     #[inline]
     pub fn map(&self, change: impl FnMut(T) -> T) -> Self {
         Self::from_components(self.components.map(change))
     }
 
-    /// Linear interpolation towards `other` by `share`; shares outside 0 to 1 extrapolate.
+    /// Interpolates linearly towards `other` by `share`; shares outside 0 to 1 extrapolate.
     #[inline]
     pub fn towards(&self, other: &Self, share: T) -> Self {
         *self + (*other - *self) * share
     }
 
-    /// Whether every component is finite.
+    /// Returns whether every component is finite.
     #[inline]
     pub fn is_finite(&self) -> bool {
         self.components.iter().all(|c| c.is_finite())
     }
 
-    /// The same vector in another precision.
+    /// Converts the vector to another precision.
     pub fn cast<U: Real>(&self) -> Vector<U, F> {
         Vector::from_components(self.components.map(|c| U::of(c.to_f64())))
     }
 }
 
 impl<T: Real> Vector<T, Inertial> {
-    /// Component to the north.
+    /// Northward component.
     #[inline]
     pub fn north(&self) -> T {
         self.components.x
     }
 
-    /// Component to the west.
+    /// Westward component.
     #[inline]
     pub fn west(&self) -> T {
         self.components.y
     }
 
-    /// Component upwards.
+    /// Upward component.
     #[inline]
     pub fn up(&self) -> T {
         self.components.z
@@ -219,7 +220,7 @@ impl<T: Real, F> Sum for Vector<T, F> {
     }
 }
 
-/// Product with a tensor whose components are along the axes of the same frame.
+/// Product with a tensor given along the axes of the same frame.
 impl<T: Real, F> Mul<Vector<T, F>> for &Matrix3<T> {
     type Output = Vector<T, F>;
     #[inline]
@@ -228,7 +229,7 @@ impl<T: Real, F> Mul<Vector<T, F>> for &Matrix3<T> {
     }
 }
 
-// Derived impls would require Copy, Debug and so on of the frame types.
+// Derived impls would require Copy, Debug and so on from the frame types.
 impl<T: Real, F> Clone for Vector<T, F> {
     fn clone(&self) -> Self {
         *self

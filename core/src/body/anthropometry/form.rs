@@ -6,29 +6,29 @@ use crate::body::SegmentParameters;
 use crate::body::solid::Solid;
 use crate::math::Real;
 
-/// Distance of the ankle joint from the heel as a share of the length of foot or shoe.
+/// Distance of the ankle joint from the heel, as a share of the length of the foot or shoe.
 pub(in crate::body) const ANKLE_FROM_HEEL: f64 = 0.25;
 
-/// Which length `l_i` scales the aerodynamic moment of a segment, paper eq. (limbm).
+/// The length `l_i` that scales the aerodynamic moment of a segment, paper eq. (limbm).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum MomentArm<T: Real> {
-    /// Mean width of the segment: with Cm = 3.5 pitch stiffness and trim are near those measured.
+    /// Mean width of the segment. With Cm = 3.5, pitch stiffness and trim come close to measured ones.
     #[default]
     Width,
-    /// Length of the segment: with Cm = 3.5 three to four times as stiff.
+    /// Length of the segment. With Cm = 3.5, the body is three to four times as stiff in pitch.
     Length,
-    /// This share of the segment's length.
+    /// A share of the segment's length.
     FractionOfLength(T),
 }
 
 /// A solid and how it is attached to the proximal joint of its segment.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Form<T: Real> {
-    /// The base at the joint, the axis cranial.
+    /// The base is at the joint and the axis points cranially.
     Up(Solid<T>),
-    /// The base at the joint, the axis caudal.
+    /// The base is at the joint and the axis points caudally.
     Down(Solid<T>),
-    /// The base is the heel, the axis to the toes, the Y of the solid upwards; the ankle is on top.
+    /// The base is the heel, the axis points to the toes and the solid's Y points up; the ankle is on top.
     Foot(Solid<T>),
 }
 
@@ -39,7 +39,7 @@ impl<T: Real> Form<T> {
         }
     }
 
-    /// Converts values about the axes of the solid to those of the segment.
+    /// Converts values about the axes of the solid to the axes of the segment.
     fn turned(&self, about: Vector3<T>) -> Vector3<T> {
         match self {
             Self::Up(_) | Self::Down(_) => about,

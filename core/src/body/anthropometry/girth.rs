@@ -2,10 +2,10 @@
 
 use crate::math::Real;
 
-/// A measure taken with a tape.
+/// A circumference measured with a tape.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Girth {
-    /// Largest, above the brows.
+    /// Largest circumference, above the brows.
     Head,
     /// Around the fullest part.
     Chest,
@@ -15,22 +15,22 @@ pub enum Girth {
     Hips,
     /// Upper arm, flexed.
     Biceps,
-    /// Largest, flexed.
+    /// Largest circumference, flexed.
     Forearm,
-    /// Smallest.
+    /// Smallest circumference.
     Wrist,
-    /// Highest, at the groin.
+    /// Highest position, at the groin.
     Thigh,
     /// Lower thigh, just above the knee.
     Knee,
-    /// Largest.
+    /// Largest circumference.
     Calf,
-    /// Smallest.
+    /// Smallest circumference.
     Ankle,
 }
 
 impl Girth {
-    /// All girths, head to foot.
+    /// All girths, from head to foot.
     pub const ALL: [Self; 11] = [
         Self::Head,
         Self::Chest,
@@ -45,7 +45,7 @@ impl Girth {
         Self::Ankle,
     ];
 
-    /// Name in files, without unit.
+    /// Name used in files, without the unit.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Head => "head",
@@ -62,18 +62,18 @@ impl Girth {
         }
     }
 
-    /// The girth of that name, see [`Girth::name`].
+    /// Returns the girth with this [name](Girth::name), or `None` if there is none.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|girth| girth.name() == name)
     }
 }
 
-/// The girths of a person that are known.
+/// The known girths of a person.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Girths<T: Real>([Option<T>; Girth::ALL.len()]);
 
 impl<T: Real> Girths<T> {
-    /// The girth (m), where known.
+    /// Returns the girth (m), or `None` if it is not known.
     pub fn get(&self, girth: Girth) -> Option<T> {
         self.0[girth as usize]
     }
@@ -83,7 +83,7 @@ impl<T: Real> Girths<T> {
         self.0[girth as usize] = Some(value);
     }
 
-    /// The same girths with one set (m).
+    /// Returns the girths with one of them set (m).
     #[must_use]
     pub fn with(mut self, girth: Girth, value: T) -> Self {
         self.set(girth, value);

@@ -1,4 +1,4 @@
-//! The numbers behind the segment table, as published.
+//! Published data behind the segment table.
 
 use super::girth::Girth;
 use crate::body::Segment;
@@ -7,7 +7,7 @@ use crate::math::Real;
 /// Height of the ankle joint above the sole, as a share of the stature (Drillis and Contini 1966).
 pub(super) const ANKLE_HEIGHT: f64 = 0.039;
 
-/// Which column of the tables is used.
+/// Sex, which selects a column of the tables.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[expect(missing_docs, reason = "the names say it")]
 pub enum Sex {
@@ -16,11 +16,11 @@ pub enum Sex {
     Female,
 }
 
-/// Share of a segment in the whole body.
+/// Mass and length of a segment as shares of the whole body's.
 pub(super) struct Share {
-    /// Of the mass, one side.
+    /// Share of the body's mass, one side.
     pub(super) mass: f64,
-    /// Of the stature.
+    /// Share of the stature.
     pub(super) length: f64,
 }
 
@@ -36,7 +36,7 @@ pub(super) struct Proportions {
     thorax: Share,
     /// Xiphion to omphalion.
     abdomen: Share,
-    /// Omphalion to the middle of the hip joints.
+    /// Omphalion to the midpoint between the hip joints.
     pelvis: Share,
     upper_arm: Share,
     forearm: Share,
@@ -74,7 +74,7 @@ const FEMALE: Proportions = Proportions {
     foot: share(0.0129, 0.1316),
 };
 
-/// The column of a sex.
+/// Returns the column for a sex.
 pub(super) const fn proportions(sex: Sex) -> &'static Proportions {
     match sex {
         Sex::Male => &MALE,
@@ -83,7 +83,7 @@ pub(super) const fn proportions(sex: Sex) -> &'static Proportions {
 }
 
 impl Proportions {
-    /// The row of a segment.
+    /// Returns the row for a segment.
     pub(super) const fn of(&self, segment: Segment) -> &Share {
         match segment {
             Segment::Pelvis => &self.pelvis,
@@ -99,13 +99,13 @@ impl Proportions {
         }
     }
 
-    /// Sum of the mass fractions; rounding in the publication leaves it 1e-4 off one.
+    /// Sum of the mass fractions, which rounding in the publication leaves 1e-4 off one.
     pub(super) fn total_mass(&self) -> f64 {
         Segment::ALL.into_iter().map(|s| self.of(s).mass).sum()
     }
 
-    /// Factor on the published length. The segments from sole to vertex are scaled together so that they
-    /// add up to the stature (male 0.980, female 1.001); arms and feet are as published.
+    /// Factor on the published length. The segments from sole to vertex are scaled by a common factor so that they add
+    /// up to the stature (male 0.980, female 1.001); arms and feet are as published.
     pub(super) fn stacking(&self, segment: Segment) -> f64 {
         const STACK: [Segment; 6] = [
             Segment::Head,
@@ -129,14 +129,14 @@ impl Proportions {
 pub(super) struct Regression {
     /// Constant (mm).
     constant: f64,
-    /// Per metre of stature (mm/m).
+    /// Slope with stature (mm/m).
     per_height: f64,
-    /// Per kilogram (mm/kg).
+    /// Slope with mass (mm/kg).
     per_mass: f64,
 }
 
 impl Regression {
-    /// The expected value (m) for a stature (m) and a mass (kg).
+    /// Predicts the value (m) for a stature (m) and a mass (kg).
     pub(super) fn value<T: Real>(&self, height: T, mass: T) -> T {
         let millimetres =
             T::of(self.constant) + T::of(self.per_height) * height + T::of(self.per_mass) * mass;
@@ -159,7 +159,7 @@ const fn pick(sex: Sex, male: Regression, female: Regression) -> Regression {
     }
 }
 
-/// The regression of a girth.
+/// Returns the regression of a girth.
 #[rustfmt::skip] // a table: one line is one row
 pub(super) const fn girth(girth: Girth, sex: Sex) -> Regression {
     match girth {
@@ -177,7 +177,7 @@ pub(super) const fn girth(girth: Girth, sex: Sex) -> Regression {
     }
 }
 
-/// A measure taken with a calliper.
+/// A breadth or depth measured with a calliper.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Breadth {
     Head,
@@ -195,7 +195,7 @@ pub(super) enum Breadth {
     Foot,
 }
 
-/// The regression of a breadth.
+/// Returns the regression of a breadth.
 #[rustfmt::skip] // a table: one line is one row
 pub(super) const fn breadth(breadth: Breadth, sex: Sex) -> Regression {
     match breadth {
