@@ -1,17 +1,18 @@
-//! Aerodynamics: force and moment of the air on each segment and on the body.
+//! Aerodynamics: the force and moment of the air on each segment and on the whole body.
 //!
-//! The paper's angles of attack and sideslip cancel (model.md "Aerodynamics without angles"): with `u` the
-//! unit vector of the velocity through the air and `y` the dorsal axis of a segment, both in body axes,
-//! a segment feels
+//! The paper's angles of attack and sideslip cancel (model.md "Aerodynamics without angles"). Let `u` be the unit
+//! vector of the velocity through the air and `y` the dorsal axis of a segment, both in body axes. The loads on the
+//! segment are
 //!
-//! - drag `-q Cd Area u` with the exposed area `max(A_yz |v_x|, A_xz |v_y|, A_xy |v_z|)`,
-//! - a force across the stream `-2 q A_xz Cl v_y (y - v_y u)`,
+//! - a drag `-q Cd Area u` with the exposed area `max(A_yz |v_x|, A_xz |v_y|, A_xy |v_z|)`,
+//! - a force across the airstream `-2 q A_xz Cl v_y (y - v_y u)`,
 //! - a moment `-2 q A_xz l Cm v_y (u x y)`,
 //!
-//! which are model.md's sums over the x and z axes, since `x x^T + z z^T = 1 - y y^T`.
+//! which equal the sums over the x and z axes in model.md, since `x x^T + z z^T = 1 - y y^T`.
 //!
-//! This module is the plain form, segment by segment. [`compiled`] collects what depends on the posture
-//! alone; [`arch`] is the arch factor on the drag; [`free_fly`] what the direction of the stream changes beyond belly flight.
+//! This module is the plain form, segment by segment. [`compiled`] precomputes what depends on the posture alone;
+//! [`arch`] is the factor of the arch on the drag; [`free_fly`] adds the dependence on the direction of the airstream
+//! beyond belly flight.
 
 pub mod arch;
 pub mod compiled;
@@ -30,22 +31,22 @@ use load_model::{LoadModel, end_drag};
 /// Maximum coefficients of a segment (dimensionless), paper eq. (params).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Coefficients<T> {
-    /// Drag along the stream, Cd.
+    /// Drag along the airstream, Cd.
     pub drag: T,
-    /// Force across the stream, Cl.
+    /// Force across the airstream, Cl.
     pub lift: T,
     /// Moment, Cm.
     pub moment: T,
 }
 
-/// Factor on the drag for the arch of the body, paper eq. (arch_eq).
+/// Factor of the body's arch on the drag, paper eq. (arch_eq).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ArchFactor<T> {
-    /// The same for every posture.
+    /// The same factor for every posture.
     Fixed(T),
-    /// From the arch area of the posed body.
+    /// The factor follows from the arch area of the posed body.
     FromPosture,
-    /// The same, its distance from one this many times as large.
+    /// As [`ArchFactor::FromPosture`], with the factor's deviation from one multiplied by this number.
     Scaled(T),
 }
 
@@ -54,9 +55,9 @@ pub enum ArchFactor<T> {
 pub struct Aerodynamics<T> {
     /// Coefficients of each segment.
     pub coefficients: SegmentArray<Coefficients<T>>,
-    /// Factor on the drag.
+    /// Arch factor on the drag.
     pub arch: ArchFactor<T>,
-    /// How loads depend on the direction of the stream.
+    /// Dependence of the loads on the direction of the airstream.
     pub model: LoadModel,
 }
 
@@ -71,7 +72,7 @@ pub const PAPER_COEFFICIENTS: Coefficients<f64> = Coefficients {
 };
 
 impl<T: Real> Aerodynamics<T> {
-    /// The same coefficients on every segment.
+    /// Uses the same coefficients for every segment.
     pub fn uniform(coefficients: Coefficients<T>, arch: ArchFactor<T>) -> Self {
         Self {
             coefficients: SegmentArray::from_fn(|_| coefficients),
@@ -80,7 +81,7 @@ impl<T: Real> Aerodynamics<T> {
         }
     }
 
-    /// The paper's coefficients, paper eq. (params), with the arch factor from the posture.
+    /// Uses the paper's coefficients, eq. (params), with the arch factor from the posture.
     pub fn paper() -> Self {
         let Coefficients { drag, lift, moment } = PAPER_COEFFICIENTS;
         let coefficients = Coefficients {
@@ -91,7 +92,7 @@ impl<T: Real> Aerodynamics<T> {
         Self::uniform(coefficients, ArchFactor::FromPosture)
     }
 
-    /// The same parameters in another precision.
+    /// Converts the parameters to another precision.
     pub fn cast<U: Real>(&self) -> Aerodynamics<U> {
         let scalar = |value: T| U::of(value.to_f64());
         Aerodynamics {
@@ -110,10 +111,10 @@ impl<T: Real> Aerodynamics<T> {
     }
 }
 
-/// Angles of attack and sideslip of a velocity through the air in body or segment axes (rad),
-/// paper eqs. (alfabeta), (alfabetaI) in the `atan2` form of notes that holds in every direction.
+/// Angles of attack and sideslip (rad) of a velocity through the air in body or segment axes, paper eqs. (alfabeta),
+/// (alfabetaI), in an `atan2` form that holds in every direction.
 ///
-/// `alpha = atan2(-V, W)`, `beta = -asin(U / |V|)`; both 0 for a body at rest.
+/// `alpha = atan2(-V, W)`, `beta = -asin(U / |V|)`; both are 0 for a body at rest.
 pub fn flow_angles<T: Real>(velocity: &Vector3<T>) -> (T, T) {
     let transverse = (velocity.y * velocity.y + velocity.z * velocity.z).root();
     (
@@ -122,7 +123,7 @@ pub fn flow_angles<T: Real>(velocity: &Vector3<T>) -> (T, T) {
     )
 }
 
-/// Velocity through the air as the formulas want it: direction and dynamic pressure.
+/// Velocity through the air in the form that the load formulas use: direction and dynamic pressure.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Flow<T: Real> {
     /// Unit vector of the velocity through the air, body axes; zero at rest.
@@ -132,7 +133,7 @@ pub struct Flow<T: Real> {
 }
 
 impl<T: Real> Flow<T> {
-    /// From the velocity through the air (m/s, body axes) and the density (kg/m3).
+    /// Computes the flow from the velocity through the air (m/s, body axes) and the density (kg/m3).
     #[inline]
     pub fn new(velocity: &Vector3<T>, density: T) -> Self {
         let square = velocity.norm_squared();
@@ -149,20 +150,21 @@ impl<T: Real> Flow<T> {
     }
 }
 
-/// A segment as the air sees it, body axes; coefficients and areas are multiplied out once per posture.
+/// A segment as exposed to the air, in body axes; coefficients and areas are multiplied once per posture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ExposedSegment<T: Real> {
     /// Silhouette vectors: each segment axis times the area normal to it (m2).
     pub silhouette: [Vector3<T>; 3],
     /// Dorsal axis y of the segment.
     pub dorsal: Vector3<T>,
-    /// Where the force acts: the segment's centre of gravity, from the origin (m).
+    /// Point at which the force acts: the segment's centre of gravity, from the origin (m).
     pub centre: Vector3<T>,
-    /// Drag coefficient with the arch factor, `f_arch Cd`; without it in [`free_fly`], where the stream decides.
+    /// Drag coefficient including the arch factor, `f_arch Cd`. With [`free_fly`] the arch is not included, because
+    /// its effect depends on the airstream.
     pub drag: T,
-    /// `2 A_xz Cl` (m2).
+    /// Area of the force across the airstream, `2 A_xz Cl` (m2).
     pub lift_area: T,
-    /// `2 A_xz l Cm` (m3).
+    /// Volume of the moment, `2 A_xz l Cm` (m3).
     pub moment_volume: T,
 }
 
@@ -178,7 +180,7 @@ pub struct SegmentLoad<T: Real> {
 }
 
 impl<T: Real> ExposedSegment<T> {
-    /// Nothing that the air could see.
+    /// A segment without any exposed area.
     pub(crate) fn hidden() -> Self {
         let zero = Vector3::zeros();
         Self {
@@ -191,7 +193,7 @@ impl<T: Real> ExposedSegment<T> {
         }
     }
 
-    /// Total area exposed to the stream (m2), paper eq. (area) with the components of `v`.
+    /// Total area exposed to the airstream (m2), paper eq. (area) with the components of `v`.
     #[inline]
     pub fn exposed_area(&self, direction: &Vector3<T>) -> T {
         let [x, y, z] = self.silhouette.map(|axis| axis.dot(direction).abs());
@@ -199,7 +201,7 @@ impl<T: Real> ExposedSegment<T> {
         if xy > z { xy } else { z }
     }
 
-    /// The silhouette vector that faces the stream: its product with the direction is the exposed area.
+    /// Returns the silhouette vector that faces the airstream; its product with the direction is the exposed area.
     #[inline]
     pub fn facing(&self, direction: &Vector3<T>) -> Vector3<T> {
         let [x, y, z] = self.silhouette.map(|axis| {
@@ -214,14 +216,15 @@ impl<T: Real> ExposedSegment<T> {
         if xy.1 > z.1 { xy.0 } else { z.0 }
     }
 
-    /// Force and moment for one direction of the stream, paper eqs. (limbf), (limbm) with the coefficients
-    /// (coeffCl), (cm), in the form of model.md.
+    /// Force and moment for a direction of the airstream, paper eqs. (limbf), (limbm) with the coefficients (coeffCl),
+    /// (cm), in the form of model.md.
     #[inline]
     pub fn load(&self, direction: &Vector3<T>) -> SegmentLoad<T> {
         self.load_on_area(direction, self.exposed_area(direction), T::one())
     }
 
-    /// [`ExposedSegment::load`] with the exposed area (m2) known for this direction, and a factor on all but the drag.
+    /// Same as [`ExposedSegment::load`], with the exposed area (m2) for this direction already known and a factor on
+    /// everything but the drag.
     #[inline]
     pub fn load_on_area(
         &self,
@@ -229,7 +232,7 @@ impl<T: Real> ExposedSegment<T> {
         exposed_area: T,
         across: T,
     ) -> SegmentLoad<T> {
-        // The component along y of paper eq. (unityVloclimb).
+        // Component along y of paper eq. (unityVloclimb).
         let normal = self.dorsal.dot(direction);
         let felt = normal * across;
         let across = self.lift_area * felt;
@@ -244,7 +247,7 @@ impl<T: Real> ExposedSegment<T> {
     }
 }
 
-/// Force and moment on the whole body without damping and muscle input.
+/// Force and moment on the whole body, without damping and muscle input.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Loads<T: Real> {
     /// Sum of exposed areas (m2).
@@ -255,7 +258,8 @@ pub struct Loads<T: Real> {
     pub moment: Vector3<T>,
 }
 
-/// All segments as the air sees them; for [`LoadModel::FreeFly`] a stream then leaves some of it, see [`free_fly::Felt`].
+/// Computes how all segments are exposed to the air. With [`LoadModel::FreeFly`] the direction of the airstream scales
+/// the loads further, see [`free_fly::Felt`].
 pub fn expose<T: Real>(
     body: &Body<T>,
     posed: &SegmentArray<PosedSegment<T>>,
@@ -266,7 +270,7 @@ pub fn expose<T: Real>(
     exposed
 }
 
-/// [`expose`] where the segments are kept.
+/// In-place form of [`expose`].
 pub(crate) fn expose_into<T: Real>(
     body: &Body<T>,
     posed: &SegmentArray<PosedSegment<T>>,
@@ -308,7 +312,7 @@ pub(crate) fn expose_into<T: Real>(
     }
 }
 
-/// Sum of the loads of all segments, paper eqs. (sum_f), (sum_m), segment by segment.
+/// Sums the loads of all segments, paper eqs. (sum_f), (sum_m).
 pub fn total_load<T: Real>(segments: &SegmentArray<ExposedSegment<T>>, flow: &Flow<T>) -> Loads<T> {
     let zero = Vector3::zeros();
     let mut sum = Loads {
@@ -327,10 +331,10 @@ pub fn total_load<T: Real>(segments: &SegmentArray<ExposedSegment<T>>, flow: &Fl
     sum
 }
 
-/// Moment that resists rotation is `-coefficient * angular_velocity`; this is that coefficient per axis
-/// (N m s): `0.005 density A |V|^2 H Cm_damp`, paper eq. (sum_m).
+/// Coefficient of the damping moment per axis (N m s), `0.005 density A |V|^2 H Cm_damp`, paper eq. (sum_m); the
+/// moment that resists rotation is `-coefficient * angular_velocity`.
 ///
-/// `damping` is Cm_damp, `height` the stature (m).
+/// `damping` is Cm_damp; `height` is the stature (m).
 #[inline]
 pub fn damping_rate<T: Real>(
     damping: &AxisCoefficients<T>,
@@ -394,8 +398,8 @@ mod tests {
     proptest! {
         #[test]
         fn the_dorsal_form_is_the_paper_s_in_angles(angle in -3.1f64..3.1) {
-            // The paper's angles for a stream in the Y-Z plane of a segment, eqs. (limbf) to (cm): magnitude by
-            // sin(2 alpha), force across the stream on the side of z where the stream is, moment along v x n.
+            // The paper's angles for an airstream in the Y-Z plane of a segment, eqs. (limbf) to (cm): the magnitude
+            // follows sin(2 alpha), the force across has the sign of v along z, and the moment is along v x n.
             let body = reference_body();
             let posed = pose(&body, &crate::Posture::h_pose());
             let segment = expose(&body, &posed, &Aerodynamics::uniform(PAPER_COEFFICIENTS, ArchFactor::Fixed(1.0)))

@@ -1,22 +1,22 @@
-//! The air: density and its own motion.
+//! The air: its density and its velocity.
 
 use crate::frame::{Inertial, Vector};
 use crate::math::{Real, clamp};
 
-/// Standard gravity acceleration used throughout (m/s2), the value of the reference numbers.
+/// Gravitational acceleration used throughout (m/s2), as in the reference numbers.
 pub const GRAVITY: f64 = 9.81;
 
 /// Density of the air.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Density<T> {
-    /// The same everywhere (kg/m3).
+    /// Constant density (kg/m3).
     Constant(T),
-    /// Standard atmosphere; the inertial origin lies this high above sea level (m).
+    /// Standard atmosphere, with the inertial origin at a given altitude.
     StandardAtmosphere {
         /// Altitude of the inertial origin above sea level (m).
         origin_altitude: T,
     },
-    /// Changes with the height by the same share for each metre.
+    /// Density linear in the height.
     Linear {
         /// Density at the reference height (kg/m3).
         density: T,

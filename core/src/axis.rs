@@ -1,13 +1,12 @@
-//! Coefficients that a skydiver has one of for each axis of the body.
+//! A set of coefficients, one for each axis of the body.
 
 use nalgebra::Vector3;
 
 use crate::math::Real;
 
-/// One coefficient for each axis of the body, in the order of the axes X, Y, Z.
+/// One coefficient for each axis of the body, in the order X, Y, Z.
 ///
-/// Wherever such coefficients stand in a row (states, tables, columns of files, messages) they stand in this order:
-/// pitch, yaw, roll.
+/// All sequences of such coefficients (states, tables, columns of files, messages) use this order: pitch, yaw, roll.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Deserialize, serde::Serialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -24,22 +23,22 @@ pub struct AxisCoefficients<T> {
 pub const AXIS_NAMES: [&str; 3] = ["pitch", "yaw", "roll"];
 
 impl<T> AxisCoefficients<T> {
-    /// From the coefficients about X, Y and Z.
+    /// Creates a set from the coefficients about X, Y and Z.
     pub const fn new(pitch: T, yaw: T, roll: T) -> Self {
         Self { pitch, yaw, roll }
     }
 
-    /// The coefficients about X, Y and Z.
+    /// Returns the coefficients about X, Y and Z.
     pub fn to_array(self) -> [T; 3] {
         [self.pitch, self.yaw, self.roll]
     }
 
-    /// Each coefficient changed by `change`.
+    /// Applies `change` to each coefficient.
     pub fn map<U>(self, change: impl FnMut(T) -> U) -> AxisCoefficients<U> {
         self.to_array().map(change).into()
     }
 
-    /// The coefficients of two sets joined by `join`, axis by axis.
+    /// Combines two sets with `join`, axis by axis.
     pub fn zip_map<U, V>(
         self,
         other: AxisCoefficients<U>,
@@ -54,34 +53,34 @@ impl<T> AxisCoefficients<T> {
 }
 
 impl<T: Real> AxisCoefficients<T> {
-    /// Zero about every axis: relaxed, or undamped.
+    /// Returns zero about every axis: relaxed, or undamped.
     pub fn zero() -> Self {
         Self::repeat(T::zero())
     }
 
-    /// The same coefficient about every axis.
+    /// Returns the same coefficient about every axis.
     pub fn repeat(value: T) -> Self {
         Self::new(value, value, value)
     }
 
-    /// Whether every coefficient is zero.
+    /// Returns whether every coefficient is zero.
     pub fn is_zero(&self) -> bool {
         *self == Self::zero()
     }
 
-    /// Components along X, Y and Z of the body frame.
+    /// Returns the coefficients as components along X, Y and Z of the body frame.
     pub fn to_vector(self) -> Vector3<T> {
         self.to_array().into()
     }
 
-    /// The same coefficients in another precision.
+    /// Converts the coefficients to another precision.
     pub fn cast<U: Real>(self) -> AxisCoefficients<U> {
         self.map(|value| U::of(value.to_f64()))
     }
 }
 
 impl<T> From<[T; 3]> for AxisCoefficients<T> {
-    /// From pitch, yaw, roll.
+    /// Creates a set from pitch, yaw and roll.
     fn from([pitch, yaw, roll]: [T; 3]) -> Self {
         Self { pitch, yaw, roll }
     }

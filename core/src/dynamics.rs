@@ -1,11 +1,11 @@
-//! Equations of motion: the state of a falling body and how a step takes it forward.
+//! Equations of motion: the state of a falling body and how a step advances it.
 //!
-//! [`Dynamics`] is everything that stays the same during a flight; a [`PostureSample`] is everything that
-//! depends on the posture alone, made once for each interval between two recorded postures; a [`State`] is
-//! the rest. [`step`] holds the integrator, [`equations_of_motion`] the rates in the exact and in the
-//! published form, [`muscle_input`] the skydiver's conscious inputs, [`residual`] loads that nothing accounts for,
-//! [`applied_load`] loads by description, [`trim`] the steady belly fall, [`steady`] those in other attitudes,
-//! [`point_mass`] a fall of which the posture is not known.
+//! [`Dynamics`] holds everything that stays the same during a flight; a [`PostureSample`] holds everything that
+//! depends on the posture alone, computed once for each interval between two recorded postures; a [`State`] holds the
+//! rest. [`step`] is the integrator, [`equations_of_motion`] gives the rates in their exact and their published form,
+//! [`muscle_input`] models the skydiver's conscious inputs, [`residual`] loads that nothing else accounts for,
+//! [`applied_load`] user-defined loads. [`trim`] finds the steady belly fall, [`steady`] steady falls in other
+//! attitudes, and [`point_mass`] is a fall without known posture.
 
 pub mod applied_load;
 pub mod equations_of_motion;
@@ -34,25 +34,25 @@ use crate::math::{Real, inverse_symmetric};
 use muscle_input::MuscleModel;
 use residual::ResidualLoad;
 
-/// What stays the same during a flight.
+/// Everything that stays the same during a flight.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Dynamics<T: Real> {
-    /// The person with equipment.
+    /// The person with all equipment.
     pub body: Body<T>,
     /// Aerodynamic coefficients.
     pub aerodynamics: Aerodynamics<T>,
     /// Air density and motion.
     pub air: Air<T>,
-    /// Changes of the stream at single segments.
+    /// Effects on the local airstream at single segments.
     pub stream: Stream<T>,
-    /// Limbs that act on muscle input.
+    /// Limbs that produce the muscle input.
     pub muscles: MuscleModel,
-    /// Acceleration of gravity, downwards (m/s2).
+    /// Gravitational acceleration, positive downwards (m/s2).
     pub gravity: T,
 }
 
 impl<T: Real> Dynamics<T> {
-    /// The paper's coefficients in still air of one density (kg/m3).
+    /// Creates a model with the paper's coefficients in still air of constant density (kg/m3).
     pub fn paper(body: Body<T>, density: T) -> Self {
         Self {
             body,
@@ -64,7 +64,7 @@ impl<T: Real> Dynamics<T> {
         }
     }
 
-    /// The same parameters in another precision.
+    /// Converts the parameters to another precision.
     pub fn cast<U: Real>(&self) -> Dynamics<U> {
         Dynamics {
             body: self.body.cast(),
@@ -76,8 +76,8 @@ impl<T: Real> Dynamics<T> {
         }
     }
 
-    /// Loads of the air on each segment of a moving body (body axes, moments about the origin), without damping
-    /// and muscle input.
+    /// Aerodynamic load on each segment of a moving body, without damping and muscle input (body axes, moments about
+    /// the origin).
     pub fn segment_loads(
         &self,
         posture: &Posture<T>,
@@ -103,8 +103,8 @@ impl<T: Real> Dynamics<T> {
         self.sample(posture, &PostureRate::zero())
     }
 
-    /// The interval of `duration` (s) in which the body moves from one posture to the next: geometry of the
-    /// middle, constant joint rates.
+    /// Creates the sample of an interval of `duration` (s) in which the body moves from one posture to the next, with
+    /// the geometry at its middle and constant joint rates.
     pub fn between(&self, from: &Posture<T>, to: &Posture<T>, duration: T) -> PostureSample<T> {
         let mut sample = PostureSample::blank();
         self.between_into(from, to, duration, &mut sample);
@@ -123,7 +123,8 @@ impl<T: Real> Dynamics<T> {
         self.sample_into(&middle, &PostureRate::between(from, to, duration), sample);
     }
 
-    /// The loads of the moment [`Stream::lag`] earlier, on the body as it is now. Kept out of line: flights without lag do not pay for it.
+    /// Uses the aerodynamics of the posture [`Stream::lag`] earlier. Kept out of line so that flights without lag do
+    /// not pay for it.
     #[cold]
     #[inline(never)]
     fn late_sample_into(
@@ -141,7 +142,7 @@ impl<T: Real> Dynamics<T> {
         sample.aerodynamics = aerodynamics;
     }
 
-    /// A posture with its joint rates.
+    /// Creates the sample of a posture with its joint rates.
     pub fn sample(&self, posture: &Posture<T>, rate: &PostureRate<T>) -> PostureSample<T> {
         let mut sample = PostureSample::blank();
         self.sample_into(posture, rate, &mut sample);
@@ -162,7 +163,8 @@ impl<T: Real> Dynamics<T> {
         sample.mass = MassProperties::of(&self.body, &posed);
         sample.motion = MassMotion::of(&self.body, &posed, rate);
         sample.inertia = sample.mass.inertia_about_cg();
-        // A body of positive masses is never singular; the identity keeps the step finite for invalid input.
+        // The inertia of a body with positive masses is never singular; the identity keeps the step finite for invalid
+        // input.
         sample.inverse_inertia =
             inverse_symmetric(&sample.inertia).unwrap_or_else(Matrix3::identity);
         sample.relative_angular_momentum = sample
@@ -173,25 +175,25 @@ impl<T: Real> Dynamics<T> {
     }
 }
 
-/// Everything that depends on the posture alone, body axes; shared by all runs over the same interval.
+/// Everything that depends on the posture alone, in body axes; shared by all runs over the same interval.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PostureSample<T: Real> {
-    /// Mass, centre of gravity, inertia about the origin.
+    /// Mass, centre of gravity and inertia about the origin.
     pub mass: MassProperties<T>,
-    /// Rates of these.
+    /// Rates of the mass properties.
     pub motion: MassMotion<T>,
     /// Inertia about the centre of gravity (kg m2).
     pub inertia: Matrix3<T>,
-    /// Its inverse.
+    /// Inverse of the inertia about the centre of gravity (1/(kg m2)).
     pub inverse_inertia: Matrix3<T>,
     /// Angular momentum of the segments relative to the body frame, about the centre of gravity (kg m2/s).
     pub relative_angular_momentum: Vector3<T>,
-    /// Aerodynamic sums.
+    /// Aerodynamic sums over the segments.
     pub aerodynamics: CompiledAerodynamics<T>,
 }
 
 impl<T: Real> PostureSample<T> {
-    /// An empty sample, to be filled by [`Dynamics::sample_into`].
+    /// Creates an empty sample, to be filled by [`Dynamics::sample_into`].
     pub fn blank() -> Self {
         Self {
             mass: MassProperties {
@@ -216,12 +218,12 @@ pub struct Inputs<T: Real> {
     pub muscle: AxisCoefficients<T>,
     /// Damping moment coefficients Cm_damp (dimensionless).
     pub damping: AxisCoefficients<T>,
-    /// Load that the posture does not account for; none in the paper.
+    /// Load that the model does not account for; zero in the paper.
     pub residual: ResidualLoad<T>,
 }
 
 impl<T: Real> Inputs<T> {
-    /// No muscle input and the paper's damping of belly turns, eq. (params).
+    /// No muscle input, with the paper's damping of belly turns, eq. (params).
     pub fn belly_turn() -> Self {
         Self {
             muscle: AxisCoefficients::zero(),
@@ -230,7 +232,7 @@ impl<T: Real> Inputs<T> {
         }
     }
 
-    /// The same inputs in another precision.
+    /// Converts the inputs to another precision.
     pub fn cast<U: Real>(&self) -> Inputs<U> {
         Inputs {
             muscle: self.muscle.cast(),
@@ -240,8 +242,8 @@ impl<T: Real> Inputs<T> {
     }
 }
 
-/// State in momentum form (model.md, notes on the exact equations): no posture acceleration is needed, and
-/// momentum is kept exactly where nothing acts.
+/// State in momentum form (model.md, notes on the exact equations). It needs no posture acceleration, and conserves
+/// momentum exactly where no force acts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Deserialize, serde::Serialize))]
 pub struct State<T: Real> {
@@ -255,7 +257,7 @@ pub struct State<T: Real> {
     pub angular_momentum: Vector<T, Inertial>,
 }
 
-/// Motion of the body frame, as sensors and the paper see it.
+/// Motion of the body frame, as sensors measure it and as the paper describes it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Deserialize, serde::Serialize))]
 pub struct Motion<T: Real> {
@@ -263,19 +265,19 @@ pub struct Motion<T: Real> {
     pub inertial_from_body: Rotation<T, Inertial, BodyFrame>,
     /// Position of the pelvic joint (m).
     pub position: Vector<T, Inertial>,
-    /// Velocity of the pelvic joint (m/s), body axes; [U, V, W] of the paper.
+    /// Velocity of the pelvic joint (m/s), body axes; [U, V, W] in the paper.
     pub velocity: Vector<T, BodyFrame>,
-    /// Angular velocity of the body frame (rad/s), body axes; [P, Q, R] of the paper.
+    /// Angular velocity of the body frame (rad/s), body axes; [P, Q, R] in the paper.
     pub angular_velocity: Vector<T, BodyFrame>,
 }
 
 impl<T: Real> Motion<T> {
-    /// Velocity of the pelvic joint over ground (m/s).
+    /// Velocity of the pelvic joint over the ground (m/s).
     pub fn velocity_inertial(&self) -> Vector<T, Inertial> {
         self.inertial_from_body * self.velocity
     }
 
-    /// The same motion in another precision.
+    /// Converts the motion to another precision.
     pub fn cast<U: Real>(&self) -> Motion<U> {
         Motion {
             inertial_from_body: self.inertial_from_body.cast(),
@@ -287,7 +289,7 @@ impl<T: Real> Motion<T> {
 }
 
 impl<T: Real> State<T> {
-    /// At rest at the origin, body axes along the inertial ones.
+    /// At rest at the origin, with the body axes along the inertial axes.
     pub fn at_rest() -> Self {
         Self {
             inertial_from_body: Rotation::identity(),
@@ -297,7 +299,7 @@ impl<T: Real> State<T> {
         }
     }
 
-    /// Whether every number is finite.
+    /// Returns whether every number is finite.
     pub fn is_finite(&self) -> bool {
         self.inertial_from_body
             .quaternion()
@@ -309,7 +311,7 @@ impl<T: Real> State<T> {
             && self.angular_momentum.is_finite()
     }
 
-    /// The same state in another precision.
+    /// Converts the state to another precision.
     pub fn cast<U: Real>(&self) -> State<U> {
         State {
             inertial_from_body: self.inertial_from_body.cast(),

@@ -1,28 +1,27 @@
-//! The only numeric tricks of the crate: elementary functions with the same bits everywhere, and small
-//! solvers of fixed cost.
+//! Elementary functions with bit-identical results on every machine, and small solvers of fixed cost.
 //!
-//! `f32` uses polynomials of its own (single precision hardware needs no soft double), `f64` the `libm`
-//! crate. Square roots are correctly rounded in both. Nothing here calls platform maths.
+//! `f32` uses its own polynomials (single-precision hardware needs no soft double); `f64` uses the `libm` crate.
+//! Square roots are correctly rounded in both. Nothing in this module calls the platform's maths library.
 
 use nalgebra::{Matrix3, RealField, UnitQuaternion, Vector3};
 
 /// A scalar of the model: `f32` on the unit, `f64` for reference runs.
 pub trait Real: RealField + Copy + Default {
-    /// The scalar nearest to `value`.
+    /// Returns the scalar nearest to `value`.
     fn of(value: f64) -> Self;
-    /// A number of a table that the unit reads while it flies: no double precision is involved in `f32`.
+    /// Converts a number from a table that the unit reads in flight; for `f32` this involves no double precision.
     fn single(value: f32) -> Self;
-    /// The value in double precision.
+    /// Returns the value in double precision.
     fn to_f64(self) -> f64;
-    /// Sine and cosine of an angle (rad). Absolute error below 1.2e-7 for |angle| < 1000 in `f32`.
+    /// Sine and cosine of an angle (rad). In `f32` the absolute error is below 1.2e-7 for |angle| < 1000.
     fn sine_cosine(self) -> (Self, Self);
-    /// Angle of the point (`x`, `self`) (rad, -pi to pi), 0 for the origin. Error below 3e-7 rad in `f32`.
+    /// Angle of the point (`x`, `self`) (rad, -pi to pi); 0 for the origin. In `f32` the error is below 3e-7 rad.
     fn arctangent2(self, x: Self) -> Self;
-    /// Non-negative square root, 0 for negative arguments.
+    /// Non-negative square root; 0 for negative arguments.
     fn root(self) -> Self;
-    /// `self` to the power `exponent`, for a positive base.
+    /// Raises `self`, which must be positive, to the power `exponent`.
     fn power(self, exponent: Self) -> Self;
-    /// Nearest whole number, halves away from zero.
+    /// Nearest integer, with halves rounded away from zero.
     fn nearest(self) -> Self;
 }
 
@@ -133,13 +132,13 @@ impl Real for f32 {
     }
 }
 
-/// Arc sine (rad), arguments beyond +-1 are clamped.
+/// Arc sine (rad); arguments beyond +-1 are clamped.
 pub fn arcsine<T: Real>(x: T) -> T {
     let x = clamp(x, -T::one(), T::one());
     x.arctangent2(((T::one() - x) * (T::one() + x)).root())
 }
 
-/// `value` limited to `low..=high`; `low` where `value` is not a number.
+/// Limits `value` to `low..=high`; returns `low` if `value` is NaN.
 pub fn clamp<T: Real>(value: T, low: T, high: T) -> T {
     if value >= high {
         high
@@ -150,7 +149,7 @@ pub fn clamp<T: Real>(value: T, low: T, high: T) -> T {
     }
 }
 
-/// The same angle in -pi..=pi (rad), without a loop; arguments that are not finite give 0.
+/// Wraps an angle to -pi..=pi (rad) without a loop; returns 0 for arguments that are not finite.
 pub fn wrap_angle<T: Real>(angle: T) -> T {
     if !angle.is_finite() {
         return T::zero();
@@ -160,13 +159,13 @@ pub fn wrap_angle<T: Real>(angle: T) -> T {
 
 /// Solves `matrix * x = rhs` for a symmetric positive definite 3x3 matrix by its adjugate.
 ///
-/// Only the lower triangle is read. A singular matrix gives `None`.
+/// Reads only the lower triangle. Returns `None` if the matrix is singular.
 pub fn solve_symmetric<T: Real>(matrix: &Matrix3<T>, rhs: &Vector3<T>) -> Option<Vector3<T>> {
     let inverse = inverse_symmetric(matrix)?;
     Some(inverse * rhs)
 }
 
-/// Inverse of a symmetric 3x3 matrix from its lower triangle; `None` where it is singular or not finite.
+/// Inverts a symmetric 3x3 matrix given by its lower triangle; returns `None` if it is singular or not finite.
 pub fn inverse_symmetric<T: Real>(matrix: &Matrix3<T>) -> Option<Matrix3<T>> {
     let (a, b, c) = (matrix.m11, matrix.m21, matrix.m31);
     let (d, e, f) = (matrix.m22, matrix.m32, matrix.m33);
@@ -180,7 +179,7 @@ pub fn inverse_symmetric<T: Real>(matrix: &Matrix3<T>) -> Option<Matrix3<T>> {
     Some(Matrix3::new(aa, bb, cc, bb, dd, ee, cc, ee, ff) * inverse)
 }
 
-/// Rotation by the vector `angle` (rad): the series of the exponential, no trigonometry.
+/// Rotation by the vector `angle` (rad), by the series of the exponential, without trigonometry.
 ///
 /// The error is below 1e-9 rad up to 0.2 rad (48 rad/s for 1/240 s) and below 1e-6 rad up to 0.5 rad.
 pub fn small_rotation<T: Real>(angle: &Vector3<T>) -> UnitQuaternion<T> {
@@ -190,8 +189,8 @@ pub fn small_rotation<T: Real>(angle: &Vector3<T>) -> UnitQuaternion<T> {
     renormalized(nalgebra::Quaternion::from_parts(cosine, angle * half_sine))
 }
 
-/// The unit quaternion along one that is nearly so, such as a product of unit quaternions: one Newton step,
-/// neither root nor division. The norm is 1 within 4e-9 plus rounding; others are normalised in full.
+/// Normalises a nearly unit quaternion, such as a product of unit quaternions, by one Newton step without root or
+/// division. The norm is then 1 within 4e-9 plus rounding; quaternions further from unit norm are normalised in full.
 #[inline]
 pub fn renormalized<T: Real>(quaternion: nalgebra::Quaternion<T>) -> UnitQuaternion<T> {
     let excess = quaternion.coords.norm_squared() - T::one();
@@ -202,7 +201,7 @@ pub fn renormalized<T: Real>(quaternion: nalgebra::Quaternion<T>) -> UnitQuatern
     }
 }
 
-/// The unit quaternion along `quaternion`; identity where it has no direction.
+/// Normalises `quaternion`; returns the identity if its norm is zero.
 pub fn normalized<T: Real>(quaternion: nalgebra::Quaternion<T>) -> UnitQuaternion<T> {
     let scale = T::one() / quaternion.coords.norm_squared().root();
     if scale.is_finite() {
@@ -212,7 +211,7 @@ pub fn normalized<T: Real>(quaternion: nalgebra::Quaternion<T>) -> UnitQuaternio
     }
 }
 
-/// Cross product matrix: `skew(a) * b == a.cross(b)`.
+/// Cross-product matrix: `skew(a) * b == a.cross(b)`.
 pub fn skew<T: Real>(a: &Vector3<T>) -> Matrix3<T> {
     let zero = T::zero();
     Matrix3::new(zero, -a.z, a.y, a.z, zero, -a.x, -a.y, a.x, zero)

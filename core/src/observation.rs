@@ -1,10 +1,10 @@
-//! What can be seen of a motion from outside: the channels in which simulation and measurement are compared.
+//! Observable channels of a motion, in which simulation and measurement are compared.
 
 use crate::dynamics::Motion;
 use crate::frame::{AttitudeAngles, Body, Inertial, Vector};
 use crate::math::Real;
 
-/// The observable channels of one instant.
+/// The observable channels at one instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Deserialize, serde::Serialize))]
 pub struct Observation<T: Real> {

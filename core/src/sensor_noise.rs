@@ -1,6 +1,6 @@
-//! How noisy the sensors of a recording are, sample by sample.
+//! Noise of the sensors of a recording, sample by sample.
 
-/// Noise of the sensors, standard deviations.
+/// Standard deviations of the sensor noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SensorNoise {
     /// Attitude of the pelvis, each axis (rad).
@@ -11,12 +11,12 @@ pub struct SensorNoise {
     pub horizontal_velocity: f64,
     /// Vertical velocity (m/s).
     pub vertical_velocity: f64,
-    /// Each joint, each axis (rad): slow errors of the sensor fusion.
+    /// Each joint, each axis (rad): slowly varying errors of the sensor fusion.
     pub joint: f64,
 }
 
 impl SensorNoise {
-    /// Perfect sensors.
+    /// Sensors without noise.
     pub const NONE: Self = Self {
         attitude: 0.0,
         angular_velocity: 0.0,
@@ -25,9 +25,9 @@ impl SensorNoise {
         joint: 0.0,
     };
 
-    /// The paper's figures, sections "Measurements" and "Discussion": angles 0.01 rad, rates 0.03 rad/s,
-    /// velocity 0.1 m/s with GNSS and 1 m/s vertically. Joints are taken as exact: their error is a bias of
-    /// the posture, not noise.
+    /// The paper's figures, sections "Measurements" and "Discussion": angles 0.01 rad, rates 0.03 rad/s, velocity 0.1
+    /// m/s with GNSS and 1 m/s vertically. Joints are taken as exact, because their error is a bias of the posture and
+    /// not noise.
     pub const PAPER: Self = Self {
         attitude: 0.01,
         angular_velocity: 0.03,
@@ -36,7 +36,7 @@ impl SensorNoise {
         joint: 0.0,
     };
 
-    /// The same noise, larger or smaller.
+    /// Multiplies all standard deviations by `factor`.
     #[must_use]
     pub fn scaled(&self, factor: f64) -> Self {
         Self {

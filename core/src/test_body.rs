@@ -1,4 +1,4 @@
-//! A body and postures for the tests of this crate: the reference table of a 1.75 m, 75 kg person.
+//! A body and postures for the unit tests of this crate: the reference table of a 1.75 m, 75 kg person.
 
 use nalgebra::{Matrix3, Vector3};
 use proptest::prelude::*;
@@ -92,7 +92,7 @@ const TRUNK_AND_LEFT: [Row; 10] = [
     ),
 ];
 
-/// The body of the reference numbers, moment arms equal to the lengths.
+/// The body of the reference numbers, with moment arms equal to the lengths.
 pub(crate) fn reference_body() -> Body<f64> {
     let row = |segment: Segment| {
         use Segment as S;
@@ -131,7 +131,7 @@ pub(crate) fn reference_body() -> Body<f64> {
     }
 }
 
-/// Any posture with joints up to 1.5 rad about each axis.
+/// Any posture with joint rotations up to 1.5 rad about each axis.
 pub(crate) fn any_posture() -> impl Strategy<Value = Posture<f64>> {
     prop::collection::vec(-1.5f64..1.5, 48).prop_map(|angles| {
         Segment::ALL

@@ -1,8 +1,8 @@
-//! The arch of the body and its factor on the drag.
+//! The arch of the body and its effect on the drag.
 //!
-//! An arched body falls faster. The paper measures the arch by an area, without saying between which
-//! points; model.md settles it: the signed area between the mid-line head - spine - pelvis - knees, seen in
-//! the sagittal plane, and its chord, negative for an arch.
+//! An arched body falls faster. The paper measures the arch by an area without saying between which points. model.md
+//! defines it as the signed area, in the sagittal plane, between the mid-line head - spine - pelvis - knees and its
+//! chord; it is negative for an arch.
 
 use nalgebra::Vector3;
 
@@ -12,7 +12,8 @@ use crate::math::Real;
 
 /// Factor on the drag for an arch area (m2), paper eq. (arch_area).
 ///
-/// The cubic is fitted to areas of about -0.3 to 0.22 m2; beyond them the value at the end is kept.
+/// The cubic was fitted to areas of about -0.3 to 0.22 m2; it is evaluated from -0.45 to 0.35 m2 and held constant
+/// beyond.
 pub fn arch_factor<T: Real>(arch_area: T) -> T {
     let area = crate::math::clamp(arch_area, T::of(-0.45), T::of(0.35));
     T::of(1.055) + area * (T::of(0.5281) + area * (T::of(-0.0039) + area * T::of(2.8828)))
@@ -37,7 +38,7 @@ pub fn arch_area<T: Real>(body: &Body<T>, posed: &SegmentArray<PosedSegment<T>>)
     signed_area(&mid_line)
 }
 
-/// Area of the polygon closed by the chord, in the plane Y-Z (m2); positive where the line lies dorsal of it.
+/// Area in the Y-Z plane between a line and its chord (m2); positive where the line lies dorsal of the chord.
 fn signed_area<T: Real>(points: &[Vector3<T>]) -> T {
     let next = points.iter().skip(1).chain(points.first());
     points

@@ -1,8 +1,8 @@
-//! The compiled form: what the aerodynamic sums owe to the posture, collected once per posture sample.
+//! The compiled form: the part of the aerodynamic sums that depends on the posture, computed once per posture sample.
 //!
-//! Every term but the drag's maximum is a polynomial in the flow direction, so the sums over segments
-//! collapse to a few small matrices (model.md "Aerodynamics without angles", with `x x^T + z z^T = 1 - y y^T`).
-//! Equal to the plain form to rounding, by property test.
+//! Except for the maximum in the drag, every term is a polynomial in the flow direction, so the sums over segments
+//! collapse to a few small matrices (model.md "Aerodynamics without angles", with `x x^T + z z^T = 1 - y y^T`). A
+//! property test checks that it equals the plain form to rounding.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -17,23 +17,23 @@ use crate::math::{Real, outer, skew};
 /// Aerodynamics of one posture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CompiledAerodynamics<T: Real> {
-    /// The segments, for the drag's loop and for muscle inputs.
+    /// The segments, needed for the drag and for muscle input.
     pub segments: SegmentArray<ExposedSegment<T>>,
     forms: Forms<T>,
     free_fly: Option<FreeFly<T>>,
 }
 
-/// Which areas of a posture meet one stream.
+/// Areas of a posture that are exposed to a given airstream.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Seen<T: Real> {
-    /// Exposed area of each segment (m2), with what shelter and arch make of its drag.
+    /// Exposed area of each segment (m2), scaled by the effects of shelter and arch on its drag.
     pub areas: SegmentArray<T>,
-    /// Factor on forces across the stream and couples.
+    /// Factor on the forces across the airstream and on the couples.
     pub across: T,
 }
 
 impl<T: Real> Seen<T> {
-    /// Nothing yet.
+    /// No exposed areas, to be filled later.
     pub(crate) fn nothing() -> Self {
         Self {
             areas: SegmentArray::from_fn(|_| T::zero()),
@@ -41,7 +41,7 @@ impl<T: Real> Seen<T> {
         }
     }
 
-    /// Of segments in the paper's model.
+    /// Exposed areas in the paper's model.
     pub fn of(segments: &SegmentArray<ExposedSegment<T>>, direction: &Vector3<T>) -> Self {
         Self {
             areas: segments.map(|_, segment| segment.exposed_area(direction)),
@@ -50,25 +50,25 @@ impl<T: Real> Seen<T> {
     }
 }
 
-/// Everything but the drag.
+/// Precomputed sums for everything but the drag.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Forms<T: Real> {
-    /// `Sum 2 A_xz Cl y y^T` (m2): force across the stream.
+    /// `Sum 2 A_xz Cl y y^T` (m2): force across the airstream.
     lift: Matrix3<T>,
     /// `Sum 2 A_xz l Cm y y^T` (m3): couples.
     couple: Matrix3<T>,
-    /// `Sum 2 A_xz Cl [r]x y y^T` (m3): moment of the part of the force along y.
+    /// `Sum 2 A_xz Cl [r]x y y^T` (m3): moment of the component of the force along y.
     lift_moment: Matrix3<T>,
-    /// `Sum 2 A_xz Cl r_k y y^T` (m3) for k = x, y, z: centre of the part of the force along u.
+    /// `Sum 2 A_xz Cl r_k y y^T` (m3) for k = x, y, z: centre of the component of the force along u.
     lift_centre: [Matrix3<T>; 3],
 }
 
 /// Drag of all segments, divided by the dynamic pressure.
 struct Drag<T: Real> {
     exposed_area: T,
-    /// Areas times drag coefficients (m2).
+    /// Sum of areas times drag coefficients (m2).
     area: T,
-    /// The same times the centres (m3).
+    /// Sum of areas times drag coefficients times centres (m3).
     centre: Vector3<T>,
 }
 
@@ -122,7 +122,7 @@ impl<T: Real> Forms<T> {
         self
     }
 
-    /// `across` is a factor on all that is not drag.
+    /// Computes the loads; `across` scales everything but the drag.
     #[inline(always)]
     fn load(&self, flow: &Flow<T>, drag: &Drag<T>, across: T) -> Loads<T> {
         let u = &flow.direction;
@@ -141,7 +141,7 @@ impl<T: Real> Forms<T> {
 }
 
 impl<T: Real> CompiledAerodynamics<T> {
-    /// Collects the sums.
+    /// Computes the sums for these segments.
     pub fn new(segments: SegmentArray<ExposedSegment<T>>) -> Self {
         let forms = Forms::of(&segments);
         Self {
@@ -151,7 +151,7 @@ impl<T: Real> CompiledAerodynamics<T> {
         }
     }
 
-    /// Nothing that the air could see.
+    /// Aerodynamics of a body without any exposed area.
     pub(crate) fn hidden() -> Self {
         Self {
             segments: SegmentArray::new([ExposedSegment::hidden(); SEGMENT_COUNT]),
@@ -160,7 +160,7 @@ impl<T: Real> CompiledAerodynamics<T> {
         }
     }
 
-    /// Exposes a posed body where its segments are kept, and collects the sums.
+    /// Exposes a posed body in place and computes the sums.
     pub(crate) fn expose(
         &mut self,
         body: &Body<T>,
@@ -176,7 +176,7 @@ impl<T: Real> CompiledAerodynamics<T> {
         }
     }
 
-    /// Apart: who flies the paper's model has no stack for it.
+    /// Kept out of line so that the paper's model does not need its stack.
     #[cold]
     #[inline(never)]
     fn expose_free_fly(
@@ -188,14 +188,15 @@ impl<T: Real> CompiledAerodynamics<T> {
         self.free_fly = FreeFly::of(body, posed, aerodynamics);
     }
 
-    /// What a stream from `direction` (unit vector, body axes) leaves of the loads; `None` where that is all.
+    /// Factors on the loads for a velocity along `direction` (unit vector, body axes); `None` in the paper's model,
+    /// where all are one.
     #[inline]
     pub fn felt(&self, direction: &Vector3<T>) -> Option<Felt<T>> {
         let free_fly = self.free_fly.as_ref()?;
         Some(free_fly.felt(direction))
     }
 
-    /// What meets a stream from `direction` (unit vector, body axes).
+    /// Exposed areas for a velocity through the air along `direction` (unit vector, body axes).
     pub fn seen(&self, direction: &Vector3<T>) -> Seen<T> {
         let mut seen = Seen::of(&self.segments, direction);
         if let Some(felt) = self.felt(direction) {
@@ -207,7 +208,7 @@ impl<T: Real> CompiledAerodynamics<T> {
         seen
     }
 
-    /// Force and moment where segments feel streams of their own, see [`Stream::total_load`].
+    /// Force and moment where each segment has its own local airstream, see [`Stream::total_load`].
     #[cold]
     #[inline(never)]
     pub fn total_load_in(
@@ -229,13 +230,13 @@ impl<T: Real> CompiledAerodynamics<T> {
         }
     }
 
-    /// Force and moment on the body, as [`super::total_load`].
+    /// Force and moment on the body, equal to [`super::total_load`].
     #[inline]
     pub fn total_load(&self, flow: &Flow<T>) -> Loads<T> {
         self.total_load_seen(flow, &mut Seen::nothing())
     }
 
-    /// [`CompiledAerodynamics::total_load`]; `seen` becomes what met the stream, for who needs it again.
+    /// Same as [`CompiledAerodynamics::total_load`]; also stores the exposed areas in `seen` for reuse.
     #[inline]
     pub fn total_load_seen(&self, flow: &Flow<T>, seen: &mut Seen<T>) -> Loads<T> {
         if let Some(free_fly) = &self.free_fly {
@@ -252,7 +253,8 @@ impl<T: Real> CompiledAerodynamics<T> {
         self.forms.load(flow, &drag, T::one())
     }
 
-    /// The same where the direction of the stream decides. Apart, so that who flies the paper's model does not pay for it.
+    /// The same for loads that depend on the direction of the airstream. Kept out of line so that the paper's model
+    /// does not pay for it.
     #[cold]
     #[inline(never)]
     fn felt_load_seen(
@@ -273,7 +275,7 @@ impl<T: Real> CompiledAerodynamics<T> {
         self.forms.load(flow, &drag, across)
     }
 
-    /// The form for streams from about `direction` (unit vector, body axes).
+    /// Returns a form that is accurate for velocities near `direction` (unit vector, body axes).
     pub fn about(&self, direction: &Vector3<T>) -> FrozenAerodynamics<T> {
         let felt = self.felt(direction);
         let mut frozen = FrozenAerodynamics {
@@ -300,21 +302,21 @@ impl<T: Real> CompiledAerodynamics<T> {
     }
 }
 
-/// Share of the area at the reference below which frozen areas do not fall, however the stream turns.
+/// Lower bound of the frozen areas as a share of those at the reference direction, however the airstream turns.
 const LEAST_SHARE: f64 = 0.25;
 
-/// Aerodynamics of one posture without its segments: exact while each segment shows the stream the same
-/// face as at the reference direction, of first order beyond that.
+/// Aerodynamics of one posture without its segments: exact while each segment exposes the same face to the airstream
+/// as at the reference direction, first-order accurate beyond that.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FrozenAerodynamics<T: Real> {
     forms: Forms<T>,
-    /// Sum of the vectors of the faces (m2): its product with the direction is the exposed area.
+    /// Sum of the silhouette vectors that face the airstream (m2); its product with the direction is the exposed area.
     silhouette: Vector3<T>,
-    /// The same with drag coefficients (m2).
+    /// Sum of the same vectors times the drag coefficients (m2).
     drag_silhouette: Vector3<T>,
-    /// `Sum r (Cd a)^T` (m3): its product with the direction is the centre of the drag times its area.
+    /// `Sum r (Cd a)^T` (m3); its product with the direction is the centre of the drag times its area.
     drag_centre: Matrix3<T>,
-    /// Least exposed area and least drag area (m2).
+    /// Lower bounds of the exposed area and of the drag area (m2).
     least: [T; 2],
 }
 
@@ -372,13 +374,13 @@ mod tests {
             prop_assume!(velocity.norm() > 10.0);
             let reference = Flow::new(&velocity, 1.0);
             let frozen = compiled.about(&reference.direction);
-            // At the reference itself the faces are the same.
+            // At the reference direction the exposed faces are the same.
             let (a, b) = (compiled.total_load(&reference), frozen.total_load(&reference));
             let scale = reference.dynamic_pressure;
             prop_assert!((a.force - b.force).norm() < 1e-13 * scale);
             prop_assert!((a.moment - b.moment).norm() < 1e-13 * scale);
             prop_assert!((a.exposed_area - b.exposed_area).abs() < 1e-13);
-            // Away from it the exposed area falls short, by less than the turn of the stream.
+            // Away from it the frozen exposed area is too small, by less than the rotation of the airstream.
             let turned = Flow::new(&(velocity * (1.0 / velocity.norm()) + Vector3::from(change) * 0.1), 1.0);
             let (a, b) = (compiled.total_load(&turned), frozen.total_load(&turned));
             prop_assert!(b.exposed_area <= a.exposed_area + 1e-12);

@@ -1,18 +1,18 @@
-//! Loads by the direction of the stream: falls on the back, upright and head-down.
+//! Loads that depend on the direction of the airstream, for falls on the back, upright and head-down.
 //!
-//! The paper's coefficients are those of belly flight: each face of a segment has the drag of a cylinder across the
-//! stream, stacked segments all meet the whole stream, and forces across it are those of a body that lies flat. Flown
-//! upright or head-down such a body falls at 50 to 60 m/s, where people fall at 65 to 100. [`LoadModel::FreeFly`] adds
-//! what the direction changes and leaves belly flight as it is:
+//! The paper's coefficients apply to belly flight: each face of a segment has the drag of a cylinder across the
+//! airstream, stacked segments are all fully exposed, and forces across the airstream are those of a body that lies
+//! flat. With them a body flown upright or head-down falls at 50 to 60 m/s, where people fall at 65 to 100.
+//! [`LoadModel::FreeFly`] adds the effects of the direction and leaves belly flight unchanged:
 //!
-//! - the ends of segments have the drag of a cylinder along the stream ([`end_drag`](super::load_model::end_drag));
+//! - the ends of segments have the drag of a cylinder along the airstream ([`end_drag`](super::load_model::end_drag));
 //! - a segment in the wake of its neighbour loses drag ([`WAKES`], [`SHELTER`]);
-//! - an arch is felt by the side from which the stream comes;
-//! - forces across the stream and couples fade as the body turns its length into the stream.
+//! - the effect of the arch depends on the side from which the air comes;
+//! - forces across the airstream and couples fade as the body aligns lengthwise with the airstream.
 //!
-//! The drag of limbs does not fall with the speed: thighs, arms and trunk at 50 to 100 m/s are at Reynolds numbers of
-//! 3e5 to 2e6 in rough cloth, beyond the drag crisis of rough cylinders, where the coefficient is level. The
-//! exponent in [`Stream`](super::stream::Stream) is there for who measures another.
+//! The drag coefficient of the limbs does not decrease with speed: at 50 to 100 m/s thighs, arms and trunk in rough
+//! cloth are at Reynolds numbers of 3e5 to 2e6, beyond the drag crisis of rough cylinders, where the coefficient is
+//! constant. The exponent in [`Stream`](super::stream::Stream) allows for measurements that show otherwise.
 
 use core::f64::consts::FRAC_1_PI;
 
@@ -25,7 +25,7 @@ use crate::body::posture::PosedSegment;
 use crate::body::{Body, Segment, SegmentArray};
 use crate::math::Real;
 
-/// Neighbours of which the one ahead shelters the one behind, whichever way the stream comes.
+/// Pairs of neighbours; whichever is upstream shelters the other.
 pub const WAKES: [[Segment; 2]; 13] = [
     [Segment::Pelvis, Segment::Abdomen],
     [Segment::Abdomen, Segment::Thorax],
@@ -42,34 +42,36 @@ pub const WAKES: [[Segment; 2]; 13] = [
     [Segment::RightForearm, Segment::RightHand],
 ];
 
-/// Share of its drag that a segment wholly in a wake loses: bodies in tandem within two or three diameters lose all
-/// of it and more; a tenth is left for what a body shows beside its axis.
+/// Share of its drag that a segment fully inside a wake loses. Bodies in tandem within two or three diameters lose all
+/// of it or more; a tenth is kept for the parts of a segment that lie off its axis.
 pub const SHELTER: f64 = 0.9;
 
-/// What a posture has for streams from any direction.
+/// The data of a posture for airstreams from any direction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FreeFly<T: Real> {
-    /// Change of the drag by the arch, for streams to belly and back.
+    /// Change of the drag factor by the arch, for air coming from the belly side and from the back.
     arch: [T; 2],
-    /// One for each of [`WAKES`].
+    /// One wake for each pair of [`WAKES`].
     wakes: [Wake<T>; WAKES.len()],
 }
 
-/// Two neighbours, in units of the radius of their wake.
+/// Two neighbouring segments, with lengths in units of the radius of their wake.
 ///
-/// The square of that radius is the sum of the squares of both ends' radii: a wake that wide, which ends without a corner.
+/// The squared radius of the wake is the sum of the squared radii of both ends, so that the shelter ends smoothly.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Wake<T: Real> {
-    /// From the centre of the first to that of the second, body axes.
+    /// Vector from the centre of the first segment to that of the second, body axes.
     apart: Vector3<T>,
-    /// One less the square of that distance: with the square of its part along the stream, how deep in the wake the one behind lies.
+    /// One minus the squared length of `apart`. Adding the squared component of `apart` along the airstream gives the
+    /// depth in the wake of the downstream segment.
     depth: T,
-    /// Share of its drag that the first loses deep in the wake of the second, and the second in that of the first.
+    /// Share of its drag that the first segment loses deep in the wake of the second, and the second in that of the
+    /// first.
     loss: [T; 2],
 }
 
 impl<T: Real> Wake<T> {
-    /// No shelter.
+    /// Returns a wake without shelter.
     fn none() -> Self {
         Self {
             apart: Vector3::zeros(),
@@ -78,7 +80,7 @@ impl<T: Real> Wake<T> {
         }
     }
 
-    /// Of neighbours `apart` (m, body axes), whose ends have radii of these squares (m2).
+    /// Creates the wake of two neighbours `apart` (m, body axes) whose ends have these squared radii (m2).
     fn of(apart: &Vector3<T>, [first, second]: [T; 2]) -> Self {
         let (one, width) = (T::one(), first + second);
         if width <= T::zero() {
@@ -94,7 +96,7 @@ impl<T: Real> Wake<T> {
     }
 }
 
-/// Shares of the loads that one direction of the stream leaves.
+/// Factors on the loads for one direction of the airstream.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Felt<T: Real> {
     /// Factor on the drag of each segment: arch and shelter.
@@ -104,7 +106,7 @@ pub struct Felt<T: Real> {
 }
 
 impl<T: Real> Felt<T> {
-    /// All of them: the paper's model.
+    /// All factors one, as in the paper's model.
     #[inline]
     pub fn whole() -> Self {
         Self {
@@ -113,7 +115,7 @@ impl<T: Real> Felt<T> {
         }
     }
 
-    /// A segment as it feels this stream.
+    /// Applies the factors to a segment.
     #[must_use]
     pub fn by(&self, segment: Segment, exposed: &ExposedSegment<T>) -> ExposedSegment<T> {
         ExposedSegment {
@@ -126,7 +128,7 @@ impl<T: Real> Felt<T> {
 }
 
 impl<T: Real> FreeFly<T> {
-    /// Of a posed body; `None` where the paper's model is asked for.
+    /// Precomputes the data of a posed body; `None` with the paper's model.
     pub(crate) fn of(
         body: &Body<T>,
         posed: &SegmentArray<PosedSegment<T>>,
@@ -154,8 +156,8 @@ impl<T: Real> FreeFly<T> {
         })
     }
 
-    /// What a stream from `direction` (unit vector of the velocity through the air, body axes) leaves of the loads. Apart, so that who flies
-    /// the paper's model does not pay for it.
+    /// Factors on the loads for a velocity through the air along `direction` (unit vector, body axes). Kept out of
+    /// line so that the paper's model does not pay for it.
     #[cold]
     #[inline(never)]
     pub fn felt(&self, direction: &Vector3<T>) -> Felt<T> {
@@ -164,11 +166,12 @@ impl<T: Real> FreeFly<T> {
         felt
     }
 
-    /// [`FreeFly::felt`] where the shares of the drag are kept; the factor on forces across the stream.
+    /// In-place form of [`FreeFly::felt`]: stores the factors on the drag and returns the factor on forces across the
+    /// airstream.
     #[inline]
     pub(super) fn shares(&self, direction: &Vector3<T>, drag: &mut SegmentArray<T>) -> T {
         let (zero, one) = (T::zero(), T::one());
-        // Share of the stream that meets belly or back, as in the principle of cross-flow.
+        // Share of the airstream that meets belly or back, by the cross-flow principle.
         let flat = direction.y * direction.y;
         let [belly, back] = self.arch;
         let arch = one + flat * if direction.y < zero { belly } else { back };
@@ -219,7 +222,7 @@ mod tests {
         compiled
     }
 
-    /// Segment by segment.
+    /// The loads summed segment by segment.
     fn plain(posture: &Posture<f64>, flow: &Flow<f64>) -> crate::aerodynamics::Loads<f64> {
         let body = reference_body();
         let posed = pose(&body, posture);

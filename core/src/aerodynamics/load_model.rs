@@ -1,19 +1,19 @@
-//! Which model of the loads is flown, and the drag of a segment's end over that of its side.
+//! The choice of the load model, and the ratio of a segment's drag end-on to broadside-on.
 
 use crate::body::Segment;
 
-/// How loads depend on the direction of the stream.
+/// How loads depend on the direction of the airstream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum LoadModel {
-    /// The paper's, tuned for belly flight.
+    /// The paper's model, tuned for belly flight.
     #[default]
     Paper,
-    /// The paper's in belly flight, and falls in every other attitude at the speeds of free-flying.
+    /// The paper's model in belly flight, with realistic fall speeds in all other attitudes.
     FreeFly,
 }
 
 impl LoadModel {
-    /// Name in files.
+    /// Name used in files.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Paper => "paper",
@@ -21,7 +21,7 @@ impl LoadModel {
         }
     }
 
-    /// The model of that name.
+    /// Returns the model with this name, or `None` if there is none.
     pub fn from_name(name: &str) -> Option<Self> {
         [Self::Paper, Self::FreeFly]
             .into_iter()
@@ -29,16 +29,16 @@ impl LoadModel {
     }
 }
 
-/// Drag coefficient of a circular cylinder across the stream: the paper's Cd.
+/// Drag coefficient of a circular cylinder across the airstream: the paper's Cd.
 const BROADSIDE: f64 = 1.20;
-/// Of a blunt cylinder of two to four diameters along the stream.
+/// Drag coefficient of a blunt cylinder of two to four diameters along the airstream.
 const ALONG: f64 = 0.87;
-/// Of a rough sphere: the crown of a helmet.
+/// Drag coefficient of a rough sphere, for the crown of a helmet.
 const CROWN: f64 = 0.40;
 
-/// Drag coefficient of a segment's end over that of its side, from tables of cylinders and spheres.
+/// Ratio of a segment's drag coefficient end-on to broadside-on, from tables of cylinders and spheres.
 ///
-/// Soles are plates across the stream, whose coefficient (1.17) is that of a limb's side.
+/// Soles are plates across the airstream, whose coefficient (1.17) is about that of a limb broadside-on.
 pub const fn end_drag(segment: Segment) -> f64 {
     match segment {
         Segment::Head => CROWN / BROADSIDE,

@@ -1,7 +1,7 @@
-//! What the stream at a segment has beyond that of the body: effects that the paper's model leaves out.
+//! Local deviations of the airstream at single segments, which the paper's model leaves out.
 //!
-//! All are off unless an [effect](crate::effect) turns them on; then loads are summed segment by segment, each with
-//! the stream that it feels, in place of the compiled sums.
+//! All are off unless an [effect](crate::effect) turns them on. Loads are then summed segment by segment, each with
+//! its own local airstream, instead of using the compiled sums.
 
 use nalgebra::Vector3;
 
@@ -9,30 +9,31 @@ use super::{ExposedSegment, Flow, Loads};
 use crate::body::{Segment, SegmentArray};
 use crate::math::Real;
 
-/// Speed at which drag has its tabled coefficient (m/s).
+/// Speed at which the drag coefficients hold (m/s).
 pub const REYNOLDS_SPEED: f64 = 50.0;
 
-/// Distance from the line of the stream through the trunk at which half the shelter is left (m).
+/// Distance from the line of the airstream through the trunk at which half the shelter remains (m).
 pub const SHELTER_WIDTH: f64 = 0.25;
 
-/// Distance behind the middle of the trunk at which half the shelter is there (m): half the depth of a chest.
+/// Distance behind the middle of the trunk at which the shelter reaches half its value (m): half the depth of a chest.
 pub const SHELTER_DEPTH: f64 = 0.1;
 
-/// Changes of the local stream; zero is none.
+/// Deviations of the local airstream; zero means none.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stream<T> {
-    /// Share of the velocity `spin x r` that a segment feels from the rotation of the body.
+    /// Share of the velocity `spin x r` due to the body's rotation that a segment experiences; at zero the rotation is
+    /// ignored.
     pub rotation: T,
-    /// Exponent by which drag falls with the speed.
+    /// Exponent with which drag coefficients decrease with speed.
     pub reynolds: T,
-    /// Share of its load that a segment right behind the trunk loses.
+    /// Share of its load that a segment directly behind the trunk loses.
     pub shelter: T,
-    /// Time by which loads follow the joints (s).
+    /// Time by which the loads lag behind the joints (s).
     pub lag: T,
 }
 
 impl<T: Real> Stream<T> {
-    /// The paper's: the same stream for all.
+    /// The paper's assumption: the same airstream for all segments.
     pub fn uniform() -> Self {
         Self {
             rotation: T::zero(),
@@ -42,14 +43,14 @@ impl<T: Real> Stream<T> {
         }
     }
 
-    /// Whether all segments feel the stream of the body; they may do so late.
+    /// Returns whether all segments experience the same airstream; a lag is allowed.
     #[inline]
     pub fn is_uniform(&self) -> bool {
         let zero = T::zero();
         self.rotation == zero && self.reynolds == zero && self.shelter == zero
     }
 
-    /// The same changes in another precision.
+    /// Converts the values to another precision.
     pub fn cast<U: Real>(&self) -> Stream<U> {
         let scalar = |value: T| U::of(value.to_f64());
         Stream {
@@ -60,9 +61,9 @@ impl<T: Real> Stream<T> {
         }
     }
 
-    /// Force and moment of all segments, each in its own stream.
+    /// Sums force and moment of all segments, each in its local airstream.
     ///
-    /// `velocity` through the air (m/s) and `spin` (rad/s) in body axes, `density` in kg/m3.
+    /// `velocity` through the air (m/s) and `spin` (rad/s) are in body axes; `density` is in kg/m3.
     #[cold]
     #[inline(never)]
     pub fn total_load(
@@ -86,7 +87,7 @@ impl<T: Real> Stream<T> {
         sum
     }
 
-    /// The loads of [`Stream::total_load`] one by one.
+    /// The loads that [`Stream::total_load`] sums, by segment.
     pub fn segment_loads(
         &self,
         segments: &SegmentArray<ExposedSegment<T>>,
@@ -112,10 +113,10 @@ impl<T: Real> Stream<T> {
         })
     }
 
-    /// Drag over that at [`REYNOLDS_SPEED`].
+    /// Ratio of the drag coefficient to that at [`REYNOLDS_SPEED`].
     fn drag_factor(&self, velocity: &Vector3<T>) -> T {
         let ratio = velocity.norm_squared() * T::of(1.0 / (REYNOLDS_SPEED * REYNOLDS_SPEED));
-        // At rest the exponent has no meaning, and no force.
+        // At rest the exponent is meaningless, and there is no force.
         if self.reynolds == T::zero() || ratio < T::of(1e-4) {
             T::one()
         } else {
@@ -123,7 +124,7 @@ impl<T: Real> Stream<T> {
         }
     }
 
-    /// Share of the load that is left to a segment in the wake of the trunk.
+    /// Share of its load that a segment in the wake of the trunk keeps.
     fn unsheltered(
         &self,
         segment: Segment,
@@ -136,7 +137,7 @@ impl<T: Real> Stream<T> {
             Segment::Pelvis | Segment::Abdomen | Segment::Thorax
         );
         let offset = trunk - centre;
-        // The stream comes from where the body goes: behind is against the velocity.
+        // The air comes from the direction of the velocity, so behind means against the velocity.
         let behind = offset.dot(direction);
         if is_trunk || behind <= T::zero() {
             return T::one();
@@ -144,7 +145,7 @@ impl<T: Real> Stream<T> {
         let aside = (offset - direction * behind).norm_squared();
         let width = T::of(SHELTER_WIDTH * SHELTER_WIDTH);
         let depth = T::of(SHELTER_DEPTH * SHELTER_DEPTH);
-        // A wake begins at the trunk: without depth a limb beside it would lose its load in a jump.
+        // The wake starts at the trunk; without the depth term a limb beside it would lose its load abruptly.
         let inside = behind * behind / (behind * behind + depth);
         T::one() - self.shelter * inside * width / (width + aside)
     }
@@ -208,12 +209,12 @@ mod tests {
         let (trunk, down) = (Vector3::zeros(), -Vector3::z());
         let left =
             |place: Vector3<f64>| stream.unsheltered(Segment::LeftHand, &place, &trunk, &down);
-        // Falling down, above the trunk is behind it.
+        // When falling down, the region above the trunk is behind it.
         let inside = 0.25 / 0.26;
         assert!((left(Vector3::new(0.0, 0.0, 0.5)) - (1.0 - 0.6 * inside)).abs() < 1e-12);
         assert!((left(Vector3::new(0.0, 0.0, -0.5)) - 1.0).abs() < 1e-12);
         assert!((left(Vector3::new(0.25, 0.0, 0.5)) - (1.0 - 0.3 * inside)).abs() < 1e-12);
-        // A limb that passes the level of the trunk loses its load step by step.
+        // A limb that passes the level of the trunk loses its load gradually.
         let levels = (-50..50).map(|k| left(Vector3::new(0.1, 0.0, 0.01 * f64::from(k))));
         let levels: std::vec::Vec<f64> = levels.collect();
         assert!(

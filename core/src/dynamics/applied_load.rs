@@ -1,8 +1,9 @@
-//! Loads by description: a force or a moment along an axis, times a product of few [factors](factor).
+//! User-defined loads: a force or a moment along an axis, scaled by a product of a few [factors](factor).
 //!
-//! They stand for what no effect of the library is: a strap that flaps, a companion who pulls, a drogue. A list of them
-//! is bounded and needs no heap. Each step is enclosed by two half pushes (Strang 1968), one in the state before and one
-//! in the state after it: second order in time, and the step itself knows nothing of them.
+//! They model what no effect of the library covers: a flapping strap, a companion who pulls, a drogue. A list of loads
+//! has a fixed capacity and needs no heap. Each step is enclosed by two half impulses (Strang 1968), one applied to
+//! the state before it and one to the state after it: this is second order in time, and the step itself needs no
+//! knowledge of the loads.
 
 pub mod factor;
 pub mod instant;
@@ -21,10 +22,10 @@ use instant::Instant;
 
 pub use instant::Axis;
 
-/// Most loads that act at the same time.
+/// Maximum number of loads that act at the same time.
 pub const APPLIED_LOADS: usize = 12;
 
-/// Where a load points.
+/// Direction of a load.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Direction {
     /// Along an axis of the body: left, dorsal, cranial.
@@ -33,11 +34,11 @@ pub enum Direction {
     Segment(Segment, Axis),
     /// Along an inertial axis: north, west, up.
     World(Axis),
-    /// With the stream: the way drag points.
+    /// Along the airstream, the direction of drag.
     Stream,
 }
 
-/// Where a force acts.
+/// Point at which a force acts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Point {
     /// At the centre of gravity of the body.
@@ -46,12 +47,12 @@ pub enum Point {
     Segment(Segment),
 }
 
-/// What a load is.
+/// Kind of a load.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Kind {
     /// A force (N) at a point.
     Force(Point),
-    /// A moment (N m), which is the same about any point.
+    /// A moment (N m), which needs no point of application.
     Moment,
 }
 

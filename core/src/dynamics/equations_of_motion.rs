@@ -1,9 +1,9 @@
-//! Rates of velocity and angular velocity: the exact equations and those printed in the paper.
+//! Rates of velocity and angular velocity, in their exact form and as printed in the paper.
 //!
-//! Both are about the pelvic origin, in body axes. The exact ones (model.md "Equations of motion") are what
-//! [`step`](super::step) integrates in momentum form; here they stand as rates, for comparison and for tests
-//! against an independent implementation. The published ones drop `m cg''`, one `m W x cg'` and the
-//! segments' relative momentum `h`, and carry a spurious `cg' x m V`, which breaks Galilean invariance.
+//! Both forms are about the pelvic origin, in body axes. [`step`](super::step) integrates the exact equations
+//! (model.md "Equations of motion") in momentum form; this module gives them as rates, for comparison and for tests
+//! against an independent implementation. The published equations omit `m cg''`, one `m W x cg'` and the relative
+//! momentum `h` of the segments, and contain a spurious `cg' x m V`, which breaks Galilean invariance.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -12,16 +12,16 @@ use crate::body::mass_properties::{MassMotion, MassProperties};
 use crate::frame::{Body as BodyFrame, Vector};
 use crate::math::{Real, inverse_symmetric, small_rotation};
 
-/// Second derivatives that only the rate form needs, body axes.
+/// Second derivatives that only the rate form needs, in body axes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MassAcceleration<T: Real> {
-    /// Of the centre of gravity (m/s2).
+    /// Acceleration of the centre of gravity (m/s2).
     pub cg_acceleration: Vector3<T>,
     /// Rate of the relative angular momentum about the origin (N m).
     pub relative_angular_momentum_rate: Vector3<T>,
 }
 
-/// Force and moment about the origin that act on the body, gravity included, body axes.
+/// Force and moment about the origin acting on the body, including gravity, in body axes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Wrench<T: Real> {
     /// Force (N).
@@ -30,7 +30,7 @@ pub struct Wrench<T: Real> {
     pub moment: Vector3<T>,
 }
 
-/// Rates of the body's velocities, component rates in body axes.
+/// Rates of the body's velocities, as component rates in body axes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rates<T: Real> {
     /// Rate of the velocity of the origin (m/s2).
@@ -39,7 +39,7 @@ pub struct Rates<T: Real> {
     pub angular_velocity_rate: Vector3<T>,
 }
 
-/// Solves `F = m (V' + W' x c) + f`, `M = I W' + m c x V' + n` for the rates, f and n being all other terms.
+/// Solves `F = m (V' + W' x c) + f`, `M = I W' + m c x V' + n` for the rates, where f and n are all other terms.
 fn solve<T: Real>(
     mass: &MassProperties<T>,
     force: Vector3<T>,
@@ -54,9 +54,10 @@ fn solve<T: Real>(
     })
 }
 
-/// Exact Newton-Euler rates of a body whose segments move in a prescribed way.
+/// Exact Newton-Euler rates of a body whose segments follow a prescribed motion.
 ///
-/// `velocity` (m/s) of the origin and `angular_velocity` (rad/s) in body axes. `None` for a singular inertia.
+/// `velocity` (m/s) of the origin and `angular_velocity` (rad/s) are in body axes. Returns `None` if the inertia is
+/// singular.
 pub fn exact<T: Real>(
     mass: &MassProperties<T>,
     motion: &MassMotion<T>,
@@ -81,8 +82,8 @@ pub fn exact<T: Real>(
     solve(mass, force, moment)
 }
 
-/// Rates as printed in the paper, eqs. (eq_F_M), (force1), (moment1); (force2) and (moment2) are their
-/// components. Inertia about the origin, see model.md. `None` for a singular inertia.
+/// Rates as printed in the paper, eqs. (eq_F_M), (force1), (moment1); (force2) and (moment2) are their components. The
+/// inertia is about the origin, see model.md. Returns `None` if the inertia is singular.
 pub fn as_published<T: Real>(
     mass: &MassProperties<T>,
     cg_rate: &Vector3<T>,
@@ -100,20 +101,20 @@ pub fn as_published<T: Real>(
     solve(mass, force, moment)
 }
 
-/// Second-order low pass, 2 Hz with damping 0.7, by which the paper smooths `cg'` and `I'`.
+/// Second-order low-pass filter (2 Hz, damping ratio 0.7) with which the paper smooths `cg'` and `I'`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LowPass<T: Real> {
     value: Vector3<T>,
     slope: Vector3<T>,
 }
 
-/// Undamped frequency of the paper's low pass (rad/s).
+/// Undamped natural frequency of the paper's low-pass filter (rad/s).
 const LOW_PASS_FREQUENCY: f64 = 2.0 * core::f64::consts::TAU;
-/// Its damping ratio.
+/// Damping ratio of the paper's low-pass filter.
 const LOW_PASS_DAMPING: f64 = 0.7;
 
 impl<T: Real> LowPass<T> {
-    /// At rest at zero.
+    /// Creates a filter at rest with output zero.
     pub fn at_rest() -> Self {
         Self {
             value: Vector3::zeros(),
@@ -121,7 +122,7 @@ impl<T: Real> LowPass<T> {
         }
     }
 
-    /// Follows `input` for `duration` (s) and gives the smoothed value.
+    /// Advances the filter by `duration` (s) with constant `input` and returns the smoothed value.
     pub fn follow(&mut self, input: &Vector3<T>, duration: T) -> Vector3<T> {
         let frequency = T::of(LOW_PASS_FREQUENCY);
         let pull = (input - self.value) * frequency - self.slope * T::of(2.0 * LOW_PASS_DAMPING);
@@ -131,12 +132,12 @@ impl<T: Real> LowPass<T> {
     }
 }
 
-/// The published equations with their low-pass filters, stepped like [`Dynamics::step`].
+/// The published equations with their low-pass filters, stepped in the same way as [`Dynamics::step`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AsPublished<T: Real> {
     motion: Motion<T>,
     cg_rate: LowPass<T>,
-    /// Filters of the columns of the inertia's rate.
+    /// Filters for the columns of the inertia rate.
     inertia_rate: [LowPass<T>; 3],
 }
 
@@ -150,18 +151,18 @@ impl<T: Real> AsPublished<T> {
         }
     }
 
-    /// The present motion.
+    /// Returns the present motion.
     pub fn motion(&self) -> &Motion<T> {
         &self.motion
     }
 
-    /// Adds a velocity (m/s) and an angular velocity (rad/s), body axes.
+    /// Adds an increment of velocity (m/s) and of angular velocity (rad/s), body axes.
     pub fn push(&mut self, velocity: &Vector<T, BodyFrame>, spin: &Vector<T, BodyFrame>) {
         self.motion.velocity += *velocity;
         self.motion.angular_velocity += *spin;
     }
 
-    /// Steps the motion by `duration` (s): explicit midpoint, damping by the trapezium rule.
+    /// Advances the motion by `duration` (s): explicit midpoint rule, with the damping by the trapezium rule.
     pub fn step(
         &mut self,
         dynamics: &Dynamics<T>,
@@ -232,7 +233,7 @@ fn rates<T: Real>(
     // The printed equations are in body axes throughout.
     let (velocity, spin) = (&motion.velocity.components, &turn.components);
     let mut rates = as_published(&sample.mass, cg_rate, inertia_rate, velocity, spin, &wrench)?;
-    // Damping by the implicit rule keeps a coefficient of 24 stable.
+    // Treating the damping implicitly keeps a coefficient as large as 24 stable.
     let implicit = sample.inertia + Matrix3::from_diagonal(&damping) * duration;
     let resisted = inverse_symmetric(&implicit)?
         * (sample.inertia * rates.angular_velocity_rate - damping.component_mul(spin));
@@ -241,7 +242,7 @@ fn rates<T: Real>(
     Some(rates)
 }
 
-/// `start` moved for `duration` at the velocities of `at` and the given rates.
+/// Advances `start` by `duration` (s) with the velocities of `at` and the given rates.
 fn advanced<T: Real>(
     start: &Motion<T>,
     at: &Motion<T>,
@@ -271,7 +272,7 @@ pub enum Flight<T: Real> {
 }
 
 impl<T: Real> Flight<T> {
-    /// Steps by `duration` (s).
+    /// Advances the flight by `duration` (s).
     pub fn step(
         &mut self,
         dynamics: &Dynamics<T>,
@@ -285,7 +286,7 @@ impl<T: Real> Flight<T> {
         }
     }
 
-    /// Motion of the body in the posture of `sample`.
+    /// Returns the motion of the body in the posture of `sample`.
     pub fn motion(&self, sample: &PostureSample<T>) -> Motion<T> {
         match self {
             Self::Exact(state) => state.motion(sample),
@@ -312,7 +313,7 @@ mod tests {
             b in prop::array::uniform9(-1.0f64..1.0),
             c in prop::array::uniform9(-1.0f64..1.0),
         ) {
-            // GIVEN a body in motion and the rates that the vector form gives
+            // GIVEN a moving body and the rates from the vector form
             let at = |v: &Nine, k: usize| Vector3::new(v[k], v[k + 1], v[k + 2]);
             let cg = at(&a, 0) * 0.1;
             let mass = MassProperties {
@@ -356,7 +357,7 @@ mod tests {
                     + ixy * (q * q - p * p) + (iyy - ixx) * p * q + m * dx * v - m * dy * u
                     + m * x * (dv + u * r - p * w) + m * y * (-du + v * r - q * w),
             );
-            // THEN they give back the force and moment
+            // THEN they reproduce the force and moment
             prop_assert!((force - wrench.force).norm() < 1e-8 * (1.0 + force.norm()), "{force:?} {wrench:?}");
             prop_assert!((moment - wrench.moment).norm() < 1e-8 * (1.0 + velocity.norm() * m), "{moment:?} {wrench:?}");
         }

@@ -1,4 +1,4 @@
-//! A free run: the model alone, fed by a sequence of postures from a first measured motion.
+//! A free run: the model alone, driven by a sequence of postures from an initial measured motion.
 
 use super::applied_load::AppliedLoads;
 use super::equations_of_motion::{AsPublished, Flight};
@@ -11,10 +11,10 @@ use crate::math::Real;
 /// Which equations of motion a run uses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Equations {
-    /// Exact Newton-Euler, model.md.
+    /// The exact Newton-Euler equations of model.md.
     #[default]
     Exact,
-    /// As printed in the paper.
+    /// The equations as printed in the paper.
     AsPublished,
 }
 
@@ -25,11 +25,12 @@ pub struct FreeRun<T: Real> {
     posture: Posture<T>,
 }
 
-/// Longest time between two postures that is stepped through (s); the rest of a longer gap is skipped.
+/// Longest gap between two postures that is crossed in steps of [`TIME_STEP`] (s); longer gaps take the same number of
+/// longer steps.
 const LONGEST_GAP: f64 = 1.0;
 
 impl<T: Real> FreeRun<T> {
-    /// Starts from a motion in a posture whose joints move at `rate`.
+    /// Starts from a motion and a posture whose joints move at `rate`.
     pub fn new(
         dynamics: &Dynamics<T>,
         equations: Equations,
@@ -49,7 +50,7 @@ impl<T: Real> FreeRun<T> {
         }
     }
 
-    /// Advances to the next posture, `duration` (s) later, in steps of at most [`TIME_STEP`].
+    /// Advances to the next posture, `duration` (s) later, in steps of [`TIME_STEP`] or less for gaps of up to 1 s.
     pub fn advance(
         &mut self,
         dynamics: &Dynamics<T>,
@@ -61,7 +62,8 @@ impl<T: Real> FreeRun<T> {
         self.advance_under(nothing, dynamics, inputs, next, duration);
     }
 
-    /// [`FreeRun::advance`] under loads by description, from a time (s since the start of the flight) on.
+    /// Same as [`FreeRun::advance`], with user-defined loads; their time starts at the given value (s since the start
+    /// of the flight).
     pub fn advance_under(
         &mut self,
         (loads, time): (&AppliedLoads<T>, T),
@@ -93,21 +95,21 @@ impl<T: Real> FreeRun<T> {
         self.posture = *next;
     }
 
-    /// The motion at the present posture, whose joints move at `rate`.
+    /// Returns the motion in the present posture, whose joints move at `rate`.
     pub fn motion(&self, dynamics: &Dynamics<T>, rate: &PostureRate<T>) -> Motion<T> {
         self.flight.motion(&self.present(dynamics, rate))
     }
 
-    /// Everything about the present posture.
+    /// Returns the sample of the present posture, whose joints move at `rate`.
     pub fn present(&self, dynamics: &Dynamics<T>, rate: &PostureRate<T>) -> PostureSample<T> {
         dynamics.sample(&self.posture, rate)
     }
 }
 
-/// Number of steps for a time between postures (s).
+/// Number of steps for a time between two postures (s).
 fn steps_for(duration: f64) -> u32 {
     let wanted = duration.clamp(0.0, LONGEST_GAP) / TIME_STEP;
-    // A little slack, so that 1/240 s computed as a difference of times is one step.
+    // A small tolerance makes a difference of times that rounds to 1/240 s count as a single step.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,

@@ -1,6 +1,6 @@
-//! What a step needs to know of the interval it crosses: mass properties, their rates, and the loads.
+//! What a step needs to know about the interval it crosses: mass properties, their rates, and the loads.
 //!
-//! [`PostureSample`] is the full form; a filter may keep a smaller one. Both go through the same integrator.
+//! [`PostureSample`] is the full form; a filter may store a smaller one. Both use the same integrator.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -11,7 +11,7 @@ use crate::aerodynamics::{Flow, Loads, damping_rate};
 use crate::frame::{Body, Vector};
 use crate::math::Real;
 
-/// A body over one interval of time, body axes.
+/// A body during one time interval, in body axes.
 pub trait Interval<T: Real> {
     /// Mass (kg).
     fn mass(&self) -> T;
@@ -21,15 +21,15 @@ pub trait Interval<T: Real> {
     fn cg_rate(&self) -> Vector<T, Body>;
     /// Inertia about the centre of gravity (kg m2).
     fn inertia(&self) -> &Matrix3<T>;
-    /// Its inverse.
+    /// Inverse of the inertia about the centre of gravity (1/(kg m2)).
     fn inverse_inertia(&self) -> &Matrix3<T>;
     /// Angular momentum of the segments relative to the body frame, about the centre of gravity (kg m2/s).
     fn relative_angular_momentum(&self) -> Vector<T, Body>;
 
-    /// Force and moment about the origin on a moving body, body axes: air, muscle input, no gravity, no
-    /// damping; and the coefficient of the damping moment per axis (N m s).
+    /// Returns the force and the moment about the origin on a moving body, and the damping coefficient of each axis (N
+    /// m s). The loads include air and muscle input but neither gravity nor damping.
     ///
-    /// `velocity_through_air` in m/s and `spin`, the angular velocity, in rad/s; `density` in kg/m3.
+    /// `velocity_through_air` (m/s) and `spin`, the angular velocity (rad/s), are in body axes; `density` is in kg/m3.
     fn loads(
         &self,
         dynamics: &Dynamics<T>,
@@ -39,13 +39,13 @@ pub trait Interval<T: Real> {
         density: T,
     ) -> (Loads<T>, Vector3<T>);
 
-    /// Angular velocity (rad/s) that gives this angular momentum about the centre of gravity.
+    /// Returns the angular velocity (rad/s) that corresponds to this angular momentum about the centre of gravity.
     #[inline]
     fn angular_velocity(&self, angular_momentum: &Vector<T, Body>) -> Vector<T, Body> {
         self.inverse_inertia() * (*angular_momentum - self.relative_angular_momentum())
     }
 
-    /// Velocity of the origin (m/s) for a linear momentum and an angular velocity.
+    /// Returns the velocity of the origin (m/s) for a linear momentum and an angular velocity.
     #[inline]
     fn origin_velocity(
         &self,
@@ -121,7 +121,7 @@ impl<T: Real> Interval<T> for PostureSample<T> {
 }
 
 impl<T: Real> State<T> {
-    /// The state of a body that moves like this in this posture.
+    /// Converts a motion in the posture of `sample` to a state.
     pub fn from_motion(motion: &Motion<T>, sample: &impl Interval<T>) -> Self {
         let to_inertial = motion.inertial_from_body;
         let cg = sample.cg();
@@ -136,7 +136,7 @@ impl<T: Real> State<T> {
         }
     }
 
-    /// Motion of the body frame for this state in this posture.
+    /// Converts this state in the posture of `sample` to a motion of the body frame.
     pub fn motion(&self, sample: &impl Interval<T>) -> Motion<T> {
         let to_body = self.inertial_from_body.inverse();
         let spin = sample.angular_velocity(&(to_body * self.angular_momentum));

@@ -1,8 +1,8 @@
-//! Muscle input: moments and forces by which a skydiver resists the air, with the limbs that produce them
-//! as data per maneuver and skill. Paper "Modeling of the Input Moments".
+//! Muscle input: the moments and forces with which a skydiver resists the air. Which limbs produce them is data per
+//! maneuver and skill, paper "Modeling of the Input Moments".
 //!
-//! The input is one coefficient for each axis (dimensionless), in_pitch, in_yaw and in_roll of the paper: 1 cancels
-//! the aerodynamic moment on the limbs involved.
+//! The input is one dimensionless coefficient per axis, in_pitch, in_yaw and in_roll in the paper; a coefficient of 1
+//! cancels the aerodynamic moment on the limbs involved.
 
 use nalgebra::Vector3;
 
@@ -17,7 +17,7 @@ use crate::math::Real;
 pub struct Limbs(u16);
 
 impl Limbs {
-    /// The segments listed.
+    /// Creates a set from a list of segments.
     pub const fn of(segments: &[Segment]) -> Self {
         let (mut bits, mut rest) = (0, segments);
         while let [first, tail @ ..] = rest {
@@ -27,22 +27,22 @@ impl Limbs {
         Self(bits)
     }
 
-    /// No segment.
+    /// The empty set.
     pub const NONE: Self = Self(0);
 
-    /// Whether `segment` belongs to the set.
+    /// Returns whether `segment` belongs to the set.
     #[inline]
     pub const fn contains(self, segment: Segment) -> bool {
         self.0 & (1 << segment as u16) != 0
     }
 
-    /// The segments of both sets.
+    /// Returns the union of both sets.
     pub const fn and(self, other: Self) -> Self {
         Self(self.0 | other.0)
     }
 }
 
-/// Which limbs produce the inputs, paper eq. (eq1), and over which levers, eq. (eq1_1).
+/// Which limbs produce the inputs, paper eq. (eq1), and with which lever arms, eq. (eq1_1).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MuscleModel {
     /// Pitch: N_center.
@@ -59,26 +59,27 @@ pub struct MuscleModel {
     pub right: Limbs,
     /// Roll: left limbs.
     pub left: Limbs,
-    /// Characteristic lever arms l_1 to l_4 as shares of the stature. The paper gives no numbers: these are
-    /// the distances, in the neutral pose, from the pelvic joint to upper proximal limbs, to lower proximal
-    /// limbs, and sideways to proximal and to distal limbs.
+    /// Characteristic lever arms l_1 to l_4 as shares of the stature; longer arms give smaller forces. The paper gives
+    /// no numbers; these are distances in the neutral pose: from the pelvic joint to the upper and to the lower
+    /// proximal limbs, and sideways to the proximal and to the distal limbs.
     pub lever_arms: [f32; 4],
-    /// Whether the muscles' moments come with forces.
+    /// Whether muscle moments are accompanied by forces.
     pub forces: MuscleForces,
 }
 
-/// What muscle input does besides its moments.
+/// What muscle input causes besides its moments.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum MuscleForces {
-    /// Nothing: muscles are internal, and the air's load on a limb that is held is that of its posture.
+    /// No forces: muscles are internal, and the aerodynamic load on a limb that is held is already that of its
+    /// posture.
     #[default]
     Moment,
-    /// The forces of paper eq. (eq1_1), the moments over lever arms.
+    /// The forces of paper eq. (eq1_1), which are the moments divided by lever arms.
     Paper,
 }
 
 impl MuscleForces {
-    /// Name in files.
+    /// Name used in files.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Moment => "moment",
@@ -86,7 +87,7 @@ impl MuscleForces {
         }
     }
 
-    /// The choice of that name.
+    /// Returns the choice with this name, or `None` if there is none.
     pub fn from_name(name: &str) -> Option<Self> {
         [Self::Moment, Self::Paper]
             .into_iter()
@@ -102,7 +103,7 @@ const HEAD_AND_THORAX: Limbs = Limbs::of(&[Segment::Thorax, Segment::Head]);
 const RIGHT_LEG: Limbs = Limbs::of(&[Segment::RightThigh, Segment::RightShank]);
 const LEFT_LEG: Limbs = Limbs::of(&[Segment::LeftThigh, Segment::LeftShank]);
 
-/// Back-to-earth tracking, and the paper's model for transitions: all limbs.
+/// Back-to-earth tracking, and the paper's model for transitions: all limbs are used.
 pub const BACK_TRACKING: MuscleModel = MuscleModel {
     center: HEAD_AND_THORAX,
     upper_proximal: Limbs::of(&[
@@ -120,7 +121,7 @@ pub const BACK_TRACKING: MuscleModel = MuscleModel {
     forces: MuscleForces::Paper,
 };
 
-/// Belly-to-earth tracking by a proficient skydiver: no distal limbs in yaw; no limbs at all are left in roll.
+/// Belly-to-earth tracking by a proficient skydiver: no distal limbs in yaw and no limbs at all in roll.
 pub const BELLY_TRACKING: MuscleModel = MuscleModel {
     right_distal: Limbs::NONE,
     left_distal: Limbs::NONE,
@@ -129,14 +130,14 @@ pub const BELLY_TRACKING: MuscleModel = MuscleModel {
     ..BACK_TRACKING
 };
 
-/// Belly turns by an experienced skydiver: only the most efficient limbs; pitch by hips and legs.
+/// Belly turns by an experienced skydiver: only the most efficient limbs, with pitch by hips and legs.
 pub const EXPERIENCED_BELLY_TURNS: MuscleModel = MuscleModel {
     center: HIPS.and(LEGS),
     upper_proximal: HEAD_AND_THORAX,
     ..BELLY_TRACKING
 };
 
-/// Turns in an RW suit with booties: every axis by thighs and legs.
+/// Turns in an RW suit with booties: thighs and legs produce the input about every axis.
 pub const RW_SUIT_TURNS: MuscleModel = MuscleModel {
     center: HIPS.and(LEGS),
     upper_proximal: Limbs::NONE,
@@ -155,7 +156,7 @@ pub const LAYOUTS: MuscleModel = MuscleModel {
     ..BACK_TRACKING
 };
 
-/// The paper's limb groups by name, as presets and files call them.
+/// The paper's limb groups with the names used by presets and files.
 pub const MODELS: [(&str, MuscleModel); 5] = [
     ("back-tracking", BACK_TRACKING),
     ("belly-tracking", BELLY_TRACKING),
@@ -164,7 +165,7 @@ pub const MODELS: [(&str, MuscleModel); 5] = [
     ("layouts", LAYOUTS),
 ];
 
-/// Force and moment of a muscle input for one unit of each coefficient; both are linear in the coefficients.
+/// Force and moment of muscle input, linear in the coefficients.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MuscleLoad<T: Real> {
     /// Force (N), body axes.
@@ -176,18 +177,19 @@ pub struct MuscleLoad<T: Real> {
 /// Number of groups of limbs in a [`MuscleModel`].
 pub const GROUPS: usize = 7;
 
-/// Aerodynamic moment about the body origin that each group of limbs feels about its own axis (N m): the
-/// terms of paper eq. (eq1). Quadratic in the speed for one direction of the stream.
+/// Aerodynamic moment about the body origin that each group of limbs experiences about its own axis (N m): the terms
+/// of paper eq. (eq1). For a given direction of the airstream it is quadratic in the speed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GroupMoments<T>(
-    /// In the order of the fields of [`MuscleModel`].
+    /// Moments in the order of the limb groups in [`MuscleModel`].
     pub [T; GROUPS],
 );
 
 impl<T: Real> GroupMoments<T> {
-    /// Sums the limbs. `M_atot` of a limb is its `r x F + M` (no sum, see model.md's list of misprints).
+    /// Sums over the limbs of each group. `M_atot` of a limb is its `r x F + M` (not a sum, see the list of misprints
+    /// in model.md).
     ///
-    /// `seen` is what meets this flow. Groups whose input is zero are left at zero.
+    /// `seen` holds the areas exposed to this flow. Groups whose input is zero are left at zero.
     #[inline]
     pub fn of(
         model: &MuscleModel,
@@ -214,7 +216,8 @@ impl<T: Real> GroupMoments<T> {
         Self(moments)
     }
 
-    /// Muscle moment and force, paper eqs. (eq1) and (eq1_1), for [`MuscleModel::levers`].
+    /// Muscle moment and force, paper eqs. (eq1) and (eq1_1), for the reciprocal lever arms of
+    /// [`MuscleModel::levers`].
     #[inline]
     pub fn load(&self, input: &AxisCoefficients<T>, levers: &[T; 4]) -> MuscleLoad<T> {
         let [center, upper, lower, right_distal, left_distal, right, left] = self.0;
@@ -234,7 +237,7 @@ impl<T: Real> GroupMoments<T> {
     }
 }
 
-/// Muscle moment and force, paper eqs. (eq1) and (eq1_1), body axes; `seen` is what meets this flow,
+/// Muscle moment and force, paper eqs. (eq1) and (eq1_1), in body axes; `seen` holds the areas exposed to this flow,
 /// `height` is the stature (m).
 #[inline]
 pub fn muscle_load<T: Real>(
@@ -255,7 +258,7 @@ pub fn muscle_load<T: Real>(
 }
 
 impl MuscleModel {
-    /// The paper's limb groups of that name, see [`MODELS`].
+    /// Returns the paper's limb groups with this name, see [`MODELS`], or `None` if there are none.
     pub fn from_name(name: &str) -> Option<Self> {
         let mut models = MODELS.into_iter();
         models
@@ -263,7 +266,7 @@ impl MuscleModel {
             .map(|(_, model)| model)
     }
 
-    /// Name of the limb groups, whatever their forces; empty for a set that has none.
+    /// Name of the limb groups, regardless of their forces; empty for a combination without a name.
     pub fn name(&self) -> &'static str {
         let mut models = MODELS.into_iter();
         models
@@ -271,7 +274,7 @@ impl MuscleModel {
             .map_or("", |(name, _)| name)
     }
 
-    /// The groups with the axis about which each acts: 0 X, 1 Y, 2 Z.
+    /// Returns the groups, each with the axis about which it acts: 0 X, 1 Y, 2 Z.
     #[inline]
     const fn groups(&self) -> [(Limbs, usize); GROUPS] {
         [
@@ -285,15 +288,15 @@ impl MuscleModel {
         ]
     }
 
-    /// The same limbs with other forces.
+    /// Returns the same limbs with a different choice of forces.
     #[must_use]
     pub const fn with_forces(mut self, forces: MuscleForces) -> Self {
         self.forces = forces;
         self
     }
 
-    /// Reciprocals of the lever arms l_1 to l_4 of a person of this stature (1/m): what forces follow from
-    /// moments by; zero where there are none.
+    /// Reciprocals of the lever arms l_1 to l_4 for a person of this stature (1/m), which convert moments to forces;
+    /// zero if the model has no forces.
     #[inline]
     pub fn levers<T: Real>(&self, height: T) -> [T; 4] {
         match self.forces {
@@ -304,7 +307,7 @@ impl MuscleModel {
         }
     }
 
-    /// The segments that take part in inputs that are not zero.
+    /// Segments that contribute to the inputs that are not zero.
     #[inline]
     fn acting<T: Real>(&self, input: &AxisCoefficients<T>) -> Limbs {
         let yaw = self.upper_proximal.and(self.lower_proximal);

@@ -1,7 +1,7 @@
-//! A body without posture: what a lone GNSS receiver sees of a fall.
+//! A body without posture, for falls of which only GNSS data are known.
 //!
-//! Drag acts against the velocity through the air, on the area of a posture that is held belly to earth. Lift and
-//! moments, which need attitude and posture, are left out.
+//! Drag acts against the velocity through the air on the drag area of a posture held belly to earth. Lift and moments,
+//! which depend on attitude and posture, are omitted.
 
 use super::Dynamics;
 use super::trim::belly_drag_area;
@@ -13,18 +13,18 @@ use crate::math::Real;
 /// A falling body without posture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PointMass<T: Real> {
-    /// Density and motion of the air.
+    /// Density and velocity of the air.
     pub air: Air<T>,
-    /// Area times drag coefficient (m2).
+    /// Area times drag coefficient (m2); a larger value lowers the terminal speed.
     pub drag_area: T,
-    /// Mass that is accelerated (kg).
+    /// Mass (kg).
     pub mass: T,
-    /// Acceleration of gravity, downwards (m/s2).
+    /// Gravitational acceleration, positive downwards (m/s2).
     pub gravity: T,
 }
 
 impl<T: Real> PointMass<T> {
-    /// The body of `dynamics` in a posture held belly to earth.
+    /// Creates a point mass from the body of `dynamics` in a posture held belly to earth.
     pub fn of(dynamics: &Dynamics<T>, posture: &Posture<T>) -> Self {
         Self {
             air: dynamics.air,
@@ -34,7 +34,7 @@ impl<T: Real> PointMass<T> {
         }
     }
 
-    /// Acceleration (m/s2) at a position (m) and velocity (m/s) over ground.
+    /// Returns the acceleration (m/s2) at a position (m) and a velocity over the ground (m/s).
     pub fn acceleration(
         &self,
         position: &Vector<T, Inertial>,
@@ -60,7 +60,7 @@ mod tests {
     #[test]
     fn at_the_speed_of_a_trimmed_fall_nothing_accelerates() {
         let mut body = reference_body();
-        // Of the width of the limbs, as for any trim.
+        // Moment arms of about the width of the limbs, as in the other tests of the trim.
         for (_, segment) in body.segments.iter_mut() {
             segment.moment_arm *= 0.33;
         }
@@ -71,7 +71,7 @@ mod tests {
         let down = Vector::new(0.0, 0.0, -terminal);
         let rest = point.acceleration(&Vector::zero(), &down);
         assert!(rest.norm() < 1e-12);
-        // The trim is a little off belly to earth.
+        // The trimmed attitude differs slightly from belly to earth.
         let trim = trim(&dynamics, &posture, 0.0).unwrap();
         assert!((terminal / trim.terminal_speed - 1.0).abs() < 0.05);
     }

@@ -1,23 +1,23 @@
-//! Loads that the model does not account for, such as those of an error in the posture.
+//! Loads that the model does not account for, such as those caused by errors in the recorded posture.
 
 use crate::frame::{Body, Vector};
 use crate::math::Real;
 
-/// A force at the centre of gravity and a moment about it, both over the dynamic pressure, body axes.
+/// A force at the centre of gravity and a moment about it, both divided by the dynamic pressure, in body axes.
 ///
-/// Joints that are recorded slightly wrong cause such a load: it grows with the dynamic pressure, like every
+/// Small errors of the recorded joints cause such a load: it is proportional to the dynamic pressure, like every
 /// aerodynamic load, and changes slowly.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Deserialize, serde::Serialize))]
 pub struct ResidualLoad<T: Real> {
-    /// Force (N/Pa, m2).
+    /// Force divided by the dynamic pressure (N/Pa = m2).
     pub force: Vector<T, Body>,
-    /// Moment (N m/Pa, m3).
+    /// Moment divided by the dynamic pressure (N m/Pa = m3).
     pub moment: Vector<T, Body>,
 }
 
 impl<T: Real> ResidualLoad<T> {
-    /// The model accounts for everything.
+    /// No residual load.
     pub fn none() -> Self {
         Self {
             force: Vector::zero(),
@@ -25,13 +25,13 @@ impl<T: Real> ResidualLoad<T> {
         }
     }
 
-    /// Whether there is none.
+    /// Returns whether the residual load is zero.
     #[inline]
     pub fn is_none(&self) -> bool {
         *self == Self::none()
     }
 
-    /// The same load in another precision.
+    /// Converts the load to another precision.
     pub fn cast<U: Real>(&self) -> ResidualLoad<U> {
         ResidualLoad {
             force: self.force.cast(),

@@ -1,8 +1,8 @@
-//! Steady falls of a posture that is held, in any attitude: vertical where forces balance so, else a glide.
+//! Steady falls of a fixed posture in any attitude, vertical where the forces allow it and gliding otherwise.
 //!
-//! [`trim`](super::trim) bends the knees until a fall is vertical; here the posture stays as it is. The direction of the
-//! stream without pitching moment is found first; weight then opposes the force of the air, which gives attitude,
-//! speed and glide at once.
+//! [`trim`](super::trim) bends the knees until the fall is vertical; here the posture stays fixed. The search first
+//! finds the direction of the airstream with no pitching moment; balancing weight against the aerodynamic force then
+//! gives attitude, speed and glide at once.
 
 use nalgebra::Vector3;
 
@@ -19,19 +19,20 @@ pub struct Steady<T: Real> {
     pub motion: Motion<T>,
     /// Horizontal over vertical speed; positive towards the head.
     pub glide: T,
-    /// Turn of the body about its left axis from standing (rad): pi/2 is belly to earth, pi head-down.
+    /// Rotation of the body about its left axis from upright (rad): pi/2 is belly to earth, pi head-down.
     pub body_pitch: T,
 }
 
-/// How far from the direction asked a balance is searched (rad), and in how many intervals.
+/// Range of directions searched on either side of the requested one (rad), and the number of intervals in it.
 const SEARCHED: f64 = 1.2;
 const INTERVALS: u32 = 48;
 const HALVINGS: usize = 32;
 
-/// The steady fall of `posture`, symmetric about the sagittal plane, whose stream is nearest to that of a body turned by
-/// `near` (rad, see [`Steady::body_pitch`]) that falls straight down, with the pitch input of `inputs`; density in kg/m3.
+/// Finds the steady fall of `posture`, which must be symmetric about the sagittal plane, with the pitch input of
+/// `inputs` at `density` (kg/m3). Of several, it is the one whose airstream is nearest to that of a body pitched by
+/// `near` (rad, see [`Steady::body_pitch`]) that falls straight down.
 ///
-/// `None` where the pitching moment vanishes for no stream within 1.2 rad, or the air does not carry the body.
+/// Returns `None` if no direction within 1.2 rad is free of pitching moment, or if the air cannot carry the body.
 pub fn steady<T: Real>(
     dynamics: &Dynamics<T>,
     posture: &Posture<T>,
@@ -42,7 +43,7 @@ pub fn steady<T: Real>(
     let sample = dynamics.hold(posture);
     let moment = |angle: T| load(dynamics, &sample, inputs, angle, density).1;
     let step = T::of(SEARCHED) / T::of(f64::from(INTERVALS));
-    // Outwards, one interval on either side at a time: the first change of sign is the nearest.
+    // Search outwards, one interval on either side at a time, so that the first change of sign is the nearest.
     let found = (0..INTERVALS).find_map(|k| {
         let inner = step * T::of(f64::from(k));
         [T::one(), -T::one()].into_iter().find_map(|side| {
@@ -68,7 +69,7 @@ pub fn steady<T: Real>(
         velocity: velocity + attitude.inverse() * dynamics.air.velocity_at(&position),
         angular_velocity: Vector::zero(),
     };
-    // Cranial axis over ground: north or south of upright.
+    // Direction of the cranial axis over the ground: north or south.
     let headward = (attitude * Vector::new(T::zero(), T::zero(), T::one())).north();
     let along = over_ground.north()
         * if headward < T::zero() {
@@ -83,13 +84,13 @@ pub fn steady<T: Real>(
     })
 }
 
-/// Velocity through the air of a body turned by `angle` that falls straight down, body axes, one long.
+/// Unit vector of the velocity through the air, in body axes, of a body pitched by `angle` that falls straight down.
 fn stream<T: Real>(angle: T) -> Vector3<T> {
     let (sine, cosine) = angle.sine_cosine();
     Vector3::new(T::zero(), -sine, -cosine)
 }
 
-/// Force and pitching moment about the centre of gravity at 1 m/s.
+/// Force and pitching moment about the centre of gravity at a speed of 1 m/s.
 fn load<T: Real>(
     dynamics: &Dynamics<T>,
     sample: &PostureSample<T>,
@@ -103,7 +104,7 @@ fn load<T: Real>(
     (loads.force, moment.x)
 }
 
-/// A zero between two arguments, by halving.
+/// Finds a zero between two arguments by bisection.
 fn halved<T: Real>(low: T, high: T, at_low: T, function: &impl Fn(T) -> T) -> T {
     let (mut low, mut high) = (low, high);
     for _ in 0..HALVINGS {

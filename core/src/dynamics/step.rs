@@ -1,9 +1,9 @@
-//! One step of the momentum form: forces once, at the middle of the interval.
+//! One step of the momentum form, with the forces evaluated once, at the middle of the interval.
 //!
-//! The attitude is predicted to the middle, where posture and forces are evaluated, and then turned by the
-//! mean angular velocity of the whole interval: second order in posture and attitude. The damping
-//! moment enters by the trapezium rule, which is stable for any positive coefficient and keeps small
-//! negative ones usable. Momenta change by impulses alone, so without air they keep their bits.
+//! The attitude is predicted at the middle of the interval, where posture and forces are evaluated, and then rotated
+//! by the mean angular velocity over the whole interval: second order in posture and attitude. The damping moment is
+//! integrated by the trapezium rule, which is stable for any positive coefficient and tolerates small negative ones.
+//! Momenta change by impulses alone, so without loads they stay bit-identical.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -13,11 +13,11 @@ use crate::aerodynamics::Loads;
 use crate::frame::{Body as BodyFrame, Inertial, Rotation, Vector};
 use crate::math::{Real, renormalized, small_rotation, solve_symmetric};
 
-/// Step of simulation and filter (s), the Xsens sample interval.
+/// Time step of simulation and filter (s), the sample interval of Xsens recordings.
 pub const TIME_STEP: f64 = 1.0 / 240.0;
 
 impl<T: Real> Dynamics<T> {
-    /// Force, moment and damping on a posed body, see [`Interval::loads`].
+    /// Force, moment and damping of a posed body, see [`Interval::loads`].
     #[inline]
     pub fn loads(
         &self,
@@ -30,7 +30,7 @@ impl<T: Real> Dynamics<T> {
         interval.loads(self, inputs, velocity_through_air, spin, density)
     }
 
-    /// The state `duration` (s) later, while the body moves as `sample` says and the inputs are constant.
+    /// Advances `state` by `duration` (s) while the body moves as in `sample` and the inputs are constant.
     pub fn step(
         &self,
         state: &State<T>,
@@ -47,7 +47,7 @@ impl<T: Real> Dynamics<T> {
         self.air.density.at(state.cg_position.up())
     }
 
-    /// [`Dynamics::step`] with the density (kg/m3) known: many runs over a short time share it.
+    /// Same as [`Dynamics::step`] with a given density (kg/m3), which many runs over a short time can share.
     #[inline]
     pub fn step_at_density(
         &self,
@@ -59,16 +59,16 @@ impl<T: Real> Dynamics<T> {
     ) -> State<T> {
         let half = duration * T::of(0.5);
 
-        // Predict the attitude of the middle by half a turn at the present angular velocity.
+        // Predict the attitude at the middle of the interval from the present angular velocity.
         let momentum = state.inertial_from_body.inverse() * state.angular_momentum;
         let spin = sample.angular_velocity(&momentum);
         let inertial_from_middle = turned(&state.inertial_from_body, &spin, half);
 
-        // Forces of the middle. What is constant in inertial axes turns with the attitude.
+        // Forces at the middle of the interval. Vectors constant in inertial axes rotate with the attitude.
         let inertial_from_middle = inertial_from_middle.to_matrix();
         let middle_from_inertial = inertial_from_middle.inverse();
         let angular_momentum = &middle_from_inertial * state.angular_momentum;
-        // Momentum relative to the air: its velocity is turned along.
+        // Momentum relative to the air; the air's velocity is rotated into the body axes of the middle.
         let air = self.air.velocity_at(&state.cg_position);
         let relative_momentum = state.linear_momentum - air * sample.mass();
         let linear_momentum = &middle_from_inertial * relative_momentum;
@@ -107,7 +107,7 @@ impl<T: Real> Dynamics<T> {
     }
 }
 
-/// Attitude after turning at `angular_velocity` (rad/s) for `duration` (s), paper eq. (quat).
+/// Attitude after rotating at `angular_velocity` (rad/s) for `duration` (s), paper eq. (quat).
 #[inline]
 fn turned<T: Real>(
     inertial_from_body: &Rotation<T, Inertial, BodyFrame>,

@@ -1,8 +1,8 @@
 //! Trim: the steady vertical fall of a symmetric posture, paper "The Trim Condition".
 //!
-//! All rates are zero, so force and moment of the air balance the weight. For a posture that is symmetric
-//! about the sagittal plane three equations are left: forces along Y and Z, and the pitching moment. They
-//! give the terminal speed, the body's pitch and the bend of the knees; every other joint stays as it is.
+//! All rates are zero, so the aerodynamic force and moment balance the weight. For a posture that is symmetric about
+//! the sagittal plane three equations remain: forces along Y and Z, and the pitching moment. They determine the
+//! terminal speed, the pitch of the body and the bend of the knees; every other joint stays fixed.
 
 use nalgebra::Vector3;
 
@@ -12,7 +12,7 @@ use crate::body::Segment;
 use crate::body::posture::{Posture, joint_rotation};
 use crate::math::Real;
 
-/// A steady fall.
+/// A steady vertical fall.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Trim<T: Real> {
     /// Speed of the fall (m/s).
@@ -21,29 +21,29 @@ pub struct Trim<T: Real> {
     pub body_pitch: T,
     /// Bend of both knees (rad), 0 for straight legs.
     pub knee: T,
-    /// Slope of the pitching moment over pitch (N m/rad); negative where the fall is stable in pitch.
+    /// Derivative of the pitching moment with respect to pitch (N m/rad); negative if the fall is stable in pitch.
     pub pitch_stiffness: T,
 }
 
-/// Why there is no trim.
+/// Reason why no trim was found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TrimError {
-    /// No bend of the knees balances the posture within the range searched.
+    /// No bend of the knees within the range searched balances the posture.
     NoBalance,
-    /// The air does not carry the body: no density, no area, or a tunnel's stream.
+    /// The air cannot carry the body: there is no density, no area, or the airstream is that of a tunnel.
     NoSupport,
 }
 
-/// Bends of the knees that are searched (rad).
+/// Range of knee bends searched (rad).
 const KNEE_RANGE: (f64, f64) = (0.0, 2.4);
-/// Pitch that is searched (rad): belly to earth within 40 deg.
+/// Range of pitch searched (rad): belly to earth within 40 deg.
 const PITCH_RANGE: (f64, f64) = (0.87, 2.27);
-/// Intervals of a range that are tried for a change of sign.
+/// Number of intervals of a range that are checked for a change of sign.
 const INTERVALS: usize = 24;
-/// Halvings of the interval found: to 1e-8 rad.
+/// Number of bisections of the interval found, to a precision of 1e-8 rad.
 const HALVINGS: usize = 24;
 
-/// `posture` with both knees bent by `knee` (rad).
+/// Returns `posture` with both knees bent by `knee` (rad).
 pub fn with_knees<T: Real>(posture: &Posture<T>, knee: T) -> Posture<T> {
     let bend = joint_rotation(T::zero(), T::zero(), -knee);
     posture
@@ -51,18 +51,18 @@ pub fn with_knees<T: Real>(posture: &Posture<T>, knee: T) -> Posture<T> {
         .with(Segment::RightShank, bend)
 }
 
-/// Steady fall of `posture` with the knees left free, at the air density at height `altitude` (m, inertial).
+/// Finds the steady fall of `posture`, adjusting the knees, at the air density at height `altitude` (m, inertial).
 ///
 /// # Errors
-/// Returns an error if no balance exists in the range of a human knee, or nothing carries the body.
+/// Returns an error if no knee bend in the human range gives a balance, or if the air cannot carry the body.
 pub fn trim<T: Real>(
     dynamics: &Dynamics<T>,
     posture: &Posture<T>,
     altitude: T,
 ) -> Result<Trim<T>, TrimError> {
     let balance = |pitch: T, knee: T| Balance::of(dynamics, &with_knees(posture, knee), pitch);
-    // Forces have kinks where another side of a segment becomes the largest, so no slopes: halving, first
-    // for the pitch without glide, then for the knees without moment.
+    // Forces have kinks where a different face of a segment becomes the largest, so bisection is used instead of
+    // derivatives: first for the pitch without glide, then for the knee bend without moment.
     let pitch_for = |knee: T| zero(PITCH_RANGE, |pitch| Some(balance(pitch, knee).glide));
     let moment_at = |knee: T| Some(balance(pitch_for(knee)?, knee).moment);
     let knee = zero(KNEE_RANGE, moment_at).ok_or(TrimError::NoBalance)?;
@@ -86,12 +86,12 @@ pub fn trim<T: Real>(
     })
 }
 
-/// Area times drag coefficient of a posture that falls belly to earth (m2).
+/// Drag area (area times drag coefficient, m2) of a posture that falls belly to earth.
 pub(super) fn belly_drag_area<T: Real>(dynamics: &Dynamics<T>, posture: &Posture<T>) -> T {
     Balance::of(dynamics, posture, T::of(core::f64::consts::FRAC_PI_2)).support
 }
 
-/// Balance of a vertical fall, all per dynamic pressure.
+/// Balance of a vertical fall; all loads are divided by the dynamic pressure.
 struct Balance<T: Real> {
     /// Force upwards (m2).
     support: T,

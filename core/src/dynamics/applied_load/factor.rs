@@ -1,10 +1,10 @@
-//! What a load by description may be multiplied by. Every factor has no unit: a quantity over a reference of its unit.
+//! Factors of a user-defined load; each is dimensionless, a quantity divided by a reference value.
 
 use super::instant::{Axis, Instant};
 use crate::body::Segment;
 use crate::math::{Real, wrap_angle};
 
-/// Most factors of a load.
+/// Maximum number of factors of a load.
 pub const FACTORS: usize = 3;
 
 /// A factor of a load.
@@ -15,30 +15,30 @@ pub enum Factor<T> {
         /// Speed at which the factor is one (m/s).
         reference: T,
     },
-    /// Its square.
+    /// Square of the speed through the air.
     SpeedSquared {
         /// Speed at which the factor is one (m/s).
         reference: T,
     },
-    /// Turn of a joint, a component of its rotation vector in the axes of the parent.
+    /// Rotation of a joint: one component of its rotation vector in the parent's axes.
     Joint {
-        /// The segment beyond the joint.
+        /// Segment at the distal end of the joint.
         segment: Segment,
-        /// Component.
+        /// Component of the rotation vector.
         axis: Axis,
-        /// Turn at which the factor is zero (rad).
+        /// Rotation at which the factor is zero (rad).
         from: T,
-        /// Turn beyond that at which the factor is one (rad).
+        /// Rotation beyond `from` at which the factor is one (rad).
         reference: T,
     },
     /// Angular velocity of the body about one of its axes.
     Turn {
-        /// Axis.
+        /// Axis of the component.
         axis: Axis,
         /// Angular velocity at which the factor is one (rad/s).
         reference: T,
     },
-    /// Height, inertial.
+    /// Height above the inertial origin.
     Height {
         /// Height at which the factor is zero (m).
         from: T,

@@ -1,4 +1,4 @@
-//! An instant of a flight, as far as a load may depend on it.
+//! The conditions at one instant of a flight that a load may depend on.
 
 use nalgebra::Vector3;
 
@@ -9,19 +9,19 @@ use crate::math::Real;
 /// An axis of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Axis {
-    /// The first.
+    /// The first axis.
     X,
-    /// The second.
+    /// The second axis.
     Y,
-    /// The third.
+    /// The third axis.
     Z,
 }
 
 impl Axis {
-    /// All three.
+    /// All three axes.
     pub const ALL: [Self; 3] = [Self::X, Self::Y, Self::Z];
 
-    /// The component along it.
+    /// Returns the component of `vector` along this axis.
     pub fn of<T: Real>(self, vector: &Vector3<T>) -> T {
         match self {
             Self::X => vector.x,
@@ -30,7 +30,7 @@ impl Axis {
         }
     }
 
-    /// The unit vector along it.
+    /// Returns the unit vector along this axis.
     pub fn unit<T: Real>(self) -> Vector3<T> {
         match self {
             Self::X => Vector3::x(),
@@ -40,14 +40,14 @@ impl Axis {
     }
 }
 
-/// What a load may depend on at one instant.
+/// Everything a load may depend on at one instant.
 pub struct Instant<'a, T: Real> {
-    /// Since the start of the flight (s).
+    /// Time since the start of the flight (s).
     pub time: T,
     /// Motion of the body.
     pub motion: &'a Motion<T>,
-    /// Its posture.
+    /// Posture of the body.
     pub posture: &'a Posture<T>,
-    /// Velocity through the air (m/s), body axes.
+    /// Velocity of the body through the air (m/s), body axes.
     pub through_air: Vector3<T>,
 }

@@ -1,4 +1,4 @@
-//! Loads by description against what is known of them.
+//! Tests of user-defined loads against closed-form results.
 
 use nalgebra::Vector3;
 use proptest::prelude::*;
@@ -33,7 +33,7 @@ fn loads(load: AppliedLoad<f64>) -> AppliedLoads<f64> {
     AppliedLoads::none().with(load).unwrap()
 }
 
-/// Without air and gravity.
+/// A model without air and gravity.
 fn empty_space() -> Dynamics<f64> {
     Dynamics {
         gravity: 0.0,
@@ -206,7 +206,7 @@ fn a_pulse_comes_once_or_again() {
 
 #[test]
 fn pushing_is_second_order_in_the_step() {
-    // A moment that swings about one axis of a body that hardly turns: its integral is known.
+    // A moment that oscillates about one axis of a body that hardly rotates: its integral is known.
     let sine = Factor::Sine {
         frequency: 3.0,
         phase: 0.7,
@@ -236,7 +236,7 @@ fn the_list_is_bounded() {
 }
 
 proptest! {
-    /// Whatever the numbers, nothing panics, and both precisions agree where they are plausible.
+    /// No input panics, and both precisions agree for plausible values.
     #[test]
     fn any_numbers_are_taken(
         numbers in prop::array::uniform4(prop_oneof![
