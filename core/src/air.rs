@@ -22,7 +22,7 @@ pub enum Density<T> {
         density: T,
         /// Reference height (m, inertial).
         height: T,
-        /// Share by which it grows for each metre up (1/m).
+        /// Relative change of the density per metre of height, as a share of the reference density (1/m).
         slope: T,
     },
 }
@@ -48,10 +48,9 @@ impl<T: Real> Density<T> {
     }
 }
 
-/// Density of the U.S. Standard Atmosphere 1976, troposphere (kg/m3), for a geometric altitude above sea
-/// level (m).
+/// Density of the U.S. Standard Atmosphere 1976, troposphere (kg/m3), at a geometric altitude above sea level (m).
 ///
-/// Altitudes outside -500 to 11000 m take the value at the nearer end.
+/// Altitudes outside -500 to 11000 m are clamped to that range.
 pub fn standard_density<T: Real>(altitude: T) -> T {
     let altitude = clamp(altitude, T::of(-500.0), T::of(11_000.0));
     let earth_radius = T::of(6_356_766.0);
@@ -60,8 +59,8 @@ pub fn standard_density<T: Real>(altitude: T) -> T {
     T::of(1.225) * temperature_ratio.power(T::of(4.255_88))
 }
 
-/// Density (kg/m3) at a height above ground (m) where pressure (Pa) and temperature (K) of the ground are known: dry air
-/// that cools by 6.5 K for each kilometre, as the troposphere of the U.S. Standard Atmosphere 1976 does.
+/// Density of dry air (kg/m3) at a height above ground (m), from pressure (Pa) and temperature (K) at ground level.
+/// The temperature falls by 6.5 K per kilometre, as in the troposphere of the U.S. Standard Atmosphere 1976.
 pub fn density_above_ground<T: Real>(pressure: T, temperature: T, height: T) -> T {
     const GAS_CONSTANT: f64 = 287.053;
     let cooled = clamp(
@@ -72,31 +71,31 @@ pub fn density_above_ground<T: Real>(pressure: T, temperature: T, height: T) -> 
     pressure / (T::of(GAS_CONSTANT) * temperature) * cooled.power(T::of(4.255_88))
 }
 
-/// Density and motion of the air around the body.
+/// Density and velocity of the air around the body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Air<T: Real> {
     /// Density.
     pub density: Density<T>,
-    /// Velocity of the air (m/s): wind, or the upward stream of a tunnel.
+    /// Velocity of the air (m/s): wind, or the upward flow of a wind tunnel.
     pub velocity: Vector<T, Inertial>,
-    /// Share of the velocity that is lost for each square metre of horizontal distance from the vertical axis
-    /// through the origin (1/m2): the profile of a tunnel, zero for a wind.
+    /// Share of the velocity lost per square metre of horizontal distance from the vertical axis through the origin
+    /// (1/m2); models the profile of a wind tunnel, zero for natural wind.
     pub profile: T,
-    /// Wind that changes with the height, on top of the velocity.
+    /// Wind shear, added to the velocity.
     pub shear: Option<Shear<T>>,
 }
 
-/// Wind that changes with the height.
+/// Wind that changes linearly with height.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Shear<T: Real> {
-    /// What is added to the velocity for each metre up (1/s).
+    /// Change of the wind per metre of height (1/s).
     pub per_metre: Vector<T, Inertial>,
-    /// Height at which nothing is added (m, inertial).
+    /// Height at which the shear adds no wind (m, inertial).
     pub height: T,
 }
 
 impl<T: Real> Air<T> {
-    /// Still air of one density (kg/m3).
+    /// Still air of constant density (kg/m3).
     pub fn still(density: T) -> Self {
         Self {
             density: Density::Constant(density),
@@ -106,7 +105,7 @@ impl<T: Real> Air<T> {
         }
     }
 
-    /// Velocity of the air at a place (m, inertial).
+    /// Velocity of the air at a position (m, inertial).
     #[inline]
     pub fn velocity_at(&self, position: &Vector<T, Inertial>) -> Vector<T, Inertial> {
         if self.profile == T::zero() && self.shear.is_none() {
@@ -115,7 +114,7 @@ impl<T: Real> Air<T> {
         self.uneven_velocity_at(position)
     }
 
-    /// Kept out of line: even air does not pay for it.
+    /// Kept out of line so that uniform air does not pay for it.
     #[cold]
     #[inline(never)]
     fn uneven_velocity_at(&self, position: &Vector<T, Inertial>) -> Vector<T, Inertial> {
@@ -128,7 +127,7 @@ impl<T: Real> Air<T> {
         })
     }
 
-    /// The same air in another precision.
+    /// Converts the air to another precision.
     pub fn cast<U: Real>(&self) -> Air<U> {
         let scalar = |value: T| U::of(value.to_f64());
         Air {

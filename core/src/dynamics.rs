@@ -98,7 +98,7 @@ impl<T: Real> Dynamics<T> {
             .segment_loads(&exposed, &through_air.components, spin, density)
     }
 
-    /// A body that keeps `posture`.
+    /// Creates the sample of a body that holds `posture`.
     pub fn hold(&self, posture: &Posture<T>) -> PostureSample<T> {
         self.sample(posture, &PostureRate::zero())
     }

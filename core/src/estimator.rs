@@ -1,12 +1,12 @@
-//! Estimation of a skydiver's conscious inputs from recorded motion: the paper's modified unscented Kalman
-//! filter, and a reduced form of it for the unit.
+//! Estimation of a skydiver's conscious inputs from recorded motion: the paper's modified unscented Kalman filter, and
+//! a reduced form of it for the unit.
 //!
-//! Both are an [`Estimator`]; they differ in how sigma points become predicted measurements
-//! ([`propagation`]): [`PaperFilter`] flies the whole model thirteen times ([`full`]), [`ReducedFilter`] a
-//! smaller one seven times ([`reduced`]) and checks what it finds ([`check`]). The algebra is in [`unscented`],
-//! what is measured in [`measurement`], tunings by name in [`preset`], what is published in [`status`].
-//! [`ranges`] declares what every number may be and in which fixed-point format it would fit; [`trace`] is a
-//! flight whose bits are the same on every machine. [`motion`] is the other filter, of the whole motion.
+//! Both are an [`Estimator`]; they differ in how they predict a measurement for each sigma point ([`propagation`]).
+//! [`PaperFilter`] runs the whole model thirteen times ([`full`]); [`ReducedFilter`] runs a smaller model seven times
+//! ([`reduced`]) and checks the result ([`check`]). The algebra is in [`unscented`], the measured quantities in
+//! [`measurement`], named tunings in [`preset`], and the published results in [`status`]. [`ranges`] declares the
+//! range of every number and the fixed-point format it fits; [`trace`] is a flight with bit-identical results on every
+//! machine. [`motion`] is a different filter, which estimates the whole motion.
 //!
 //! ```text
 //!      coefficients of k, motion of k                          measurement of k + N_pred
@@ -14,7 +14,7 @@
 //!                  |--- solution window, N_solve ---|   then k becomes k + N_solve
 //! ```
 //!
-//! No call allocates, panics, or takes longer for some data than for others.
+//! No call allocates or panics, and the execution time does not depend on the data.
 
 pub mod check;
 pub mod coefficients;
@@ -57,13 +57,13 @@ use window::Window;
 /// The paper's filter, with room for the paper's window of 60 samples, 0.25 s at 240 Hz.
 pub type PaperFilter<T, const INTERVALS: usize = 60> = Estimator<T, Full, INTERVALS>;
 
-/// The filter for the unit; 30 intervals of two samples are the same 0.25 s.
+/// The filter for the unit, whose 30 intervals of two samples also make 0.25 s at 240 Hz.
 pub type ReducedFilter<T, const INTERVALS: usize = 30> = Estimator<T, Reduced, INTERVALS>;
 
-/// A filter fed with one posture and one measurement at a time.
+/// A filter that takes one posture and one measurement at a time.
 ///
-/// There is room for a prediction window of `INTERVALS` intervals of [`Propagation::STRIDE`] samples each; the
-/// preset says how long it is. The model is the estimator's own, with the limbs of the preset.
+/// `INTERVALS` is the capacity of the prediction window, in intervals of [`Propagation::STRIDE`] samples each; the
+/// preset sets its length. The estimator owns its model, which uses the limbs of the preset.
 #[derive(Debug, Clone)]
 pub struct Estimator<T: Real, P: Propagation<T>, const INTERVALS: usize> {
     dynamics: Dynamics<T>,
@@ -71,18 +71,18 @@ pub struct Estimator<T: Real, P: Propagation<T>, const INTERVALS: usize> {
     noise: SVector<T, CHANNELS>,
     /// Duration of an interval (s).
     duration: T,
-    /// Intervals that a prediction crosses.
+    /// Number of intervals in the prediction window.
     prediction_intervals: usize,
-    /// Intervals that the solution step crosses.
+    /// Number of intervals in the solution window.
     solution_intervals: usize,
     filter: Unscented<T, STATES>,
     /// Reconstructed motion at the start of the window.
     skydiver: State<T>,
-    /// Predicted motion at its end, where new intervals begin.
+    /// Predicted motion at the end of the window, where new intervals are added.
     front: State<T>,
     window: Deque<P::Interval, INTERVALS>,
     posture: Posture<T>,
-    /// The last interval in full: kept here for its size, not on the stack of an update.
+    /// The last interval in full. Its size keeps it here rather than on the stack of an update.
     sample: Option<PostureSample<T>>,
     /// Samples since the last interval ended.
     waiting: usize,
@@ -94,11 +94,11 @@ pub struct Estimator<T: Real, P: Propagation<T>, const INTERVALS: usize> {
 }
 
 impl<T: Real, P: Propagation<T>, const INTERVALS: usize> Estimator<T, P, INTERVALS> {
-    /// Starts with the motion and posture of sample 0.
+    /// Creates an estimator that starts with the motion and posture of sample 0.
     ///
     /// # Errors
-    /// Returns an error for a preset that cannot be run safely, a window that is no multiple of the stride, a prediction window
-    /// for which there is no room, a solution window that is longer, or a start that is not finite.
+    /// Returns an error if the preset is unsafe, a window is not a multiple of the stride, the prediction window
+    /// exceeds the capacity or is shorter than the solution window, or the start is not finite.
     pub fn new(
         preset: &Preset,
         dynamics: &Dynamics<T>,
@@ -147,12 +147,12 @@ impl<T: Real, P: Propagation<T>, const INTERVALS: usize> Estimator<T, P, INTERVA
         })
     }
 
-    /// Starts over from another motion, keeping coefficients and covariance: after a gap in the recording, or
-    /// where [`Health::Inconsistent`] says that the reconstructed motion is lost. The motion and posture are
-    /// those of the sample pushed last.
+    /// Restarts from another motion, keeping coefficients and covariance: after a gap in the recording, or when
+    /// [`Health::Inconsistent`] reports that the reconstructed motion is lost. Motion and posture must be those of the
+    /// sample pushed last.
     ///
     /// # Errors
-    /// Returns an error if motion or posture are not finite; the estimator is left as it was.
+    /// Returns an error if motion or posture is not finite; the estimator is then unchanged.
     pub fn restart(
         &mut self,
         motion: &Motion<T>,
@@ -167,27 +167,27 @@ impl<T: Real, P: Propagation<T>, const INTERVALS: usize> Estimator<T, P, INTERVA
         Ok(())
     }
 
-    /// Time from the sample an estimate refers to until the measurement that brings it (s): the prediction
-    /// window.
+    /// Time (s) from the sample that an estimate refers to until the measurement that completes it: the length of the
+    /// prediction window.
     pub fn delay(&self) -> T {
         self.duration * T::of(f64::from(count(self.prediction_intervals)))
     }
 
-    /// Samples of the prediction window, N_pred.
+    /// Number of samples in the prediction window, N_pred.
     pub const fn prediction_window(&self) -> usize {
         self.prediction_intervals * P::STRIDE
     }
 
-    /// The coefficients and their covariance, in the order of paper eq. (ukf_state).
+    /// Returns the coefficients and their covariance, in the order of paper eq. (ukf_state).
     pub fn filter(&self) -> &Unscented<T, STATES> {
         &self.filter
     }
 
-    /// Takes the next sample: the posture, and what was measured at the same instant. An estimate comes with
-    /// the sample that fills the window, then once for each solution window.
+    /// Processes the next sample: a posture and the measurement of the same instant. Returns an estimate with the
+    /// sample that fills the window, and then once per solution window.
     ///
-    /// A posture or a measurement that is not finite or absurd changes neither coefficients nor covariance:
-    /// the last good posture is held, channels are left out, and [`Estimate::faults`] tells.
+    /// A posture or measurement that is not finite or not plausible changes neither coefficients nor covariance: the
+    /// last good posture is held, the affected channels are left out, and [`Estimate::faults`] reports it.
     pub fn push(&mut self, posture: &Posture<T>, measured: &Measurement<T>) -> Option<Estimate<T>> {
         self.samples = self.samples.wrapping_add(1);
         self.waiting += 1;
@@ -202,16 +202,16 @@ impl<T: Real, P: Propagation<T>, const INTERVALS: usize> Estimator<T, P, INTERVA
         Some(self.update(measured))
     }
 
-    /// A place for posture samples; apart, since it is made on the stack first.
+    /// Creates an empty posture sample. Kept out of line, since it is built on the stack first.
     #[cold]
     #[inline(never)]
     fn make_room(&mut self) {
         self.sample = Some(PostureSample::blank());
     }
 
-    /// Adds the interval from the last posture to this one at the end of the window.
+    /// Appends the interval from the last posture to this one to the window.
     ///
-    /// Not inlined: its stack frame must not add to that of the update.
+    /// Not inlined, so that its stack frame does not add to that of the update.
     #[inline(never)]
     fn append(&mut self, posture: &Posture<T>) {
         if self.sample.is_none() {
@@ -234,7 +234,7 @@ impl<T: Real, P: Propagation<T>, const INTERVALS: usize> Estimator<T, P, INTERVA
         let interval = P::keep(dynamics, sample, &velocity);
         let inputs = inputs_of_filter(self.filter.state());
         self.front = dynamics.step(&self.front, sample, &inputs, self.duration);
-        // There is room: every update shortens the window.
+        // There is room, because every update shortens the window.
         let _ = self.window.push_back(interval);
     }
 
@@ -339,7 +339,7 @@ impl<T: Real, P: Propagation<T>, const INTERVALS: usize> Estimator<T, P, INTERVA
         });
         let interval = self.duration * T::of(f64::from(count(self.solution_intervals)));
         if innovation.fused {
-            // About a second of memory.
+            // The mean covers about one second.
             let mean = innovation.normalised_square / used;
             let share = if interval < T::one() {
                 interval
@@ -378,7 +378,7 @@ impl<T: Real, P: Propagation<T>, const INTERVALS: usize> Estimator<T, P, INTERVA
     }
 }
 
-/// State of a skydiver who moves like this.
+/// State of a skydiver with this motion.
 fn start<T: Real>(
     dynamics: &Dynamics<T>,
     motion: &Motion<T>,
@@ -392,7 +392,7 @@ fn start<T: Real>(
     }
 }
 
-/// A sample count.
+/// Converts a number of samples.
 fn count(samples: usize) -> u32 {
     u32::try_from(samples).unwrap_or(u32::MAX)
 }

@@ -8,21 +8,21 @@ use crate::math::Real;
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Deserialize, serde::Serialize))]
 pub struct Observation<T: Real> {
-    /// Heading, pitch, roll (rad), paper eq. (ypr).
+    /// Heading, pitch and roll (rad), paper eq. (ypr).
     pub angles: AttitudeAngles<T>,
-    /// Rate of turn about the vertical, positive from above counter-clockwise (rad/s): the rate of the heading
-    /// where the body is level, paper eq. (meas_turns).
+    /// Rate of rotation about the vertical, positive counter-clockwise seen from above (rad/s); equals the rate of the
+    /// heading if the body is level, paper eq. (meas_turns).
     pub yaw_rate: T,
-    /// Angular velocity (rad/s).
+    /// Angular velocity in body axes (rad/s).
     pub angular_velocity: Vector<T, Body>,
-    /// Speed over ground (m/s), paper eq. (vel).
+    /// Speed over the ground (m/s), paper eq. (vel).
     pub horizontal_speed: T,
     /// Vertical velocity, positive up (m/s).
     pub vertical_velocity: T,
 }
 
 impl<T: Real> Observation<T> {
-    /// Observes a motion.
+    /// Computes the channels of a motion.
     pub fn of(motion: &Motion<T>) -> Self {
         let spin = motion.inertial_from_body * motion.angular_velocity;
         let velocity = motion.velocity_inertial();
@@ -36,7 +36,7 @@ impl<T: Real> Observation<T> {
     }
 }
 
-/// Horizontal part of a velocity (m/s), paper eq. (vel).
+/// Magnitude of the horizontal part of a velocity (m/s), paper eq. (vel).
 pub fn horizontal_speed<T: Real>(velocity: &Vector<T, Inertial>) -> T {
     let (north, west) = (velocity.north(), velocity.west());
     (north * north + west * west).root()
@@ -50,7 +50,7 @@ mod tests {
 
     #[test]
     fn a_tilted_glide_is_seen_as_such() {
-        // Belly to earth, heading north, turned by 0.3 rad to the left, gliding north-west.
+        // Belly to earth, heading north, turned left by 0.3 rad, gliding north-west.
         let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), 0.3);
         let attitude = Rotation::<_, Inertial, Inertial>::from_quaternion(turn)
             * facing_north(core::f64::consts::FRAC_PI_2);

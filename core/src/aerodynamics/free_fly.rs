@@ -99,9 +99,9 @@ impl<T: Real> Wake<T> {
 /// Factors on the loads for one direction of the airstream.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Felt<T: Real> {
-    /// Factor on the drag of each segment: arch and shelter.
+    /// Factor on the drag of each segment, from arch and shelter.
     pub drag: SegmentArray<T>,
-    /// Factor on forces across the stream and couples.
+    /// Factor on the forces across the airstream and on the couples.
     pub across: T,
 }
 

@@ -56,26 +56,26 @@ pub enum Kind {
     Moment,
 }
 
-/// A force or a moment by description.
+/// A user-defined force or moment.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AppliedLoad<T> {
-    /// Force or moment.
+    /// Whether the load is a force or a moment.
     pub kind: Kind,
-    /// Where it points.
+    /// Direction of the load.
     pub direction: Direction,
-    /// Its size where every factor is one (N or N m).
+    /// Size when every factor is one (N or N m).
     pub size: T,
-    /// What it is multiplied by.
+    /// Factors that multiply the size.
     pub factors: [Option<Factor<T>>; FACTORS],
 }
 
-/// Loads that act at the same time.
+/// A list of loads that act at the same time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AppliedLoads<T> {
     loads: [Option<AppliedLoad<T>>; APPLIED_LOADS],
 }
 
-/// A force at the centre of gravity and the moment about it, body axes.
+/// A force at the centre of gravity and a moment about it, in body axes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Push<T: Real> {
     /// Force (N).
@@ -84,7 +84,7 @@ pub struct Push<T: Real> {
     pub moment: Vector<T, BodyFrame>,
 }
 
-/// More than [`APPLIED_LOADS`] loads.
+/// Error for a list that already has [`APPLIED_LOADS`] loads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TooManyLoads;
 
@@ -97,35 +97,35 @@ impl core::fmt::Display for TooManyLoads {
 impl core::error::Error for TooManyLoads {}
 
 impl<T: Real> AppliedLoads<T> {
-    /// None.
+    /// An empty list.
     pub const fn none() -> Self {
         Self {
             loads: [None; APPLIED_LOADS],
         }
     }
 
-    /// With one more.
+    /// Returns the list with one more load.
     ///
     /// # Errors
-    /// Returns an error if there are [`APPLIED_LOADS`] already.
+    /// Returns an error if the list already has [`APPLIED_LOADS`] loads.
     pub fn with(mut self, load: AppliedLoad<T>) -> Result<Self, TooManyLoads> {
         let place = self.loads.iter_mut().find(|place| place.is_none());
         *place.ok_or(TooManyLoads)? = Some(load);
         Ok(self)
     }
 
-    /// One after another.
+    /// Iterates over the loads.
     pub fn iter(&self) -> impl Iterator<Item = &AppliedLoad<T>> {
         self.loads.iter().flatten()
     }
 
-    /// Whether there is none.
+    /// Returns whether the list is empty.
     #[inline]
     pub fn is_empty(&self) -> bool {
         self.loads.iter().all(Option::is_none)
     }
 
-    /// The same loads in another precision.
+    /// Converts the loads to another precision.
     pub fn cast<U: Real>(&self) -> AppliedLoads<U> {
         AppliedLoads {
             loads: self.loads.map(|load| {
@@ -139,8 +139,8 @@ impl<T: Real> AppliedLoads<T> {
         }
     }
 
-    /// What they do to a body that moves like this `time` (s) after the start of the flight; `cg` (m) is its centre of
-    /// gravity, body axes.
+    /// Returns the sum of all loads on a body with this motion, `time` (s) after the start of the flight; `cg` (m) is
+    /// its centre of gravity in body axes.
     pub fn at(
         &self,
         dynamics: &Dynamics<T>,
@@ -182,7 +182,8 @@ impl<T: Real> AppliedLoads<T> {
         push
     }
 
-    /// Pushes a body in `posture` for `duration` (s) from `time` (s) on, which leaves it where it is.
+    /// Changes the momenta of a body in `posture` by the loads at `time` (s) acting for `duration` (s); position and
+    /// attitude stay the same.
     pub fn push(
         &self,
         dynamics: &Dynamics<T>,
@@ -203,7 +204,7 @@ impl<T: Real> AppliedLoads<T> {
 }
 
 impl<T: Real> AppliedLoad<T> {
-    /// Its size with all factors.
+    /// Size of the load with all factors applied.
     pub fn strength(&self, now: &Instant<'_, T>) -> T {
         let factors = self.factors.iter().flatten();
         factors.fold(self.size, |size, factor| size * factor.at(now))
@@ -214,7 +215,7 @@ impl<T: Real> AppliedLoad<T> {
             || matches!(self.direction, Direction::Segment(..))
     }
 
-    /// The unit vector along which it points, body axes; zero where there is no stream to point with.
+    /// Unit vector of the load's direction, in body axes; zero for a load along the airstream if there is none.
     fn along(
         &self,
         now: &Instant<'_, T>,
@@ -243,7 +244,7 @@ impl<T: Real> AppliedLoad<T> {
 }
 
 impl<T: Real> Flight<T> {
-    /// As [`AppliedLoads::push`], under either set of equations.
+    /// Same as [`AppliedLoads::push`], for either set of equations.
     pub fn push(
         &mut self,
         dynamics: &Dynamics<T>,

@@ -17,7 +17,7 @@ use crate::math::Real;
 pub struct Steady<T: Real> {
     /// Motion of the body, facing north.
     pub motion: Motion<T>,
-    /// Horizontal over vertical speed; positive towards the head.
+    /// Ratio of horizontal to vertical speed; positive when gliding towards the head.
     pub glide: T,
     /// Rotation of the body about its left axis from upright (rad): pi/2 is belly to earth, pi head-down.
     pub body_pitch: T,

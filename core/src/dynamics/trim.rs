@@ -15,9 +15,9 @@ use crate::math::Real;
 /// A steady vertical fall.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Trim<T: Real> {
-    /// Speed of the fall (m/s).
+    /// Terminal speed (m/s).
     pub terminal_speed: T,
-    /// Turn of the body about its left axis from standing (rad): pi/2 is belly to earth.
+    /// Rotation of the body about its left axis from upright (rad): pi/2 is belly to earth.
     pub body_pitch: T,
     /// Bend of both knees (rad), 0 for straight legs.
     pub knee: T,

@@ -1,11 +1,11 @@
-//! What the reduced filter does beyond the paper's: an update is flown before it is accepted, and the covariance
-//! is inflated where the filter has lost the motion.
+//! Checks that the reduced filter adds to the paper's: every update is tested by a run of the model before it is
+//! accepted, and the covariance is inflated when the filter has lost the motion.
 //!
-//! In rolls and flips the measurement is far from linear in the coefficients. There the filter would step too
-//! far, or be too sure of coefficients that were right a moment before; the reconstructed motion then takes
-//! another branch, for seconds. Both checks cost the same whatever they find.
+//! In rolls and flips the measurement is far from linear in the coefficients. The filter could then step too far, or
+//! be overconfident in coefficients that were right a moment before, and the reconstructed motion would follow another
+//! branch for seconds. Both checks cost the same whatever they find.
 //!
-//! A filter that is lost is one of [`Health::Inconsistent`](super::status::Health). Fading earlier
+//! A filter is lost if it is [`Health::Inconsistent`](super::status::Health). Inflating the covariance earlier
 //! reconstructs flips better, but makes every flight sensitive to the last bit of rounding.
 
 use nalgebra::SVector;
@@ -19,32 +19,32 @@ use crate::dynamics::State;
 use crate::dynamics::interval::Interval;
 use crate::math::{Real, clamp};
 
-/// Largest factor by which a lost filter inflates its variances with each update.
+/// Largest factor by which a lost filter inflates its variances per update.
 const FADING: f64 = 2.0;
 
-/// An update, to be checked.
+/// An update to be checked.
 #[derive(Debug)]
 pub struct Check<'a, T: Real> {
-    /// What is measured.
+    /// The measured quantities.
     pub model: &'a MeasurementModel,
-    /// The measurement at the window's end.
+    /// The measurement at the end of the window.
     pub observation: &'a SVector<T, CHANNELS>,
-    /// Diagonal of R.
+    /// Diagonal of the measurement noise covariance R.
     pub noise: &'a SVector<T, CHANNELS>,
-    /// Channels that were used.
+    /// Which channels were used.
     pub usable: &'a [bool; CHANNELS],
     /// Coefficients before the update.
     pub before: &'a StateVector<T>,
-    /// What the update found.
+    /// Innovation of the update.
     pub innovation: &'a Innovation<T, CHANNELS>,
-    /// Mean normalised innovation per channel of the last second.
+    /// Mean normalised innovation per channel over the last second.
     pub mean_normalised_innovation: T,
 }
 
 impl<T: Real> Check<'_, T> {
-    /// Flies the window from `start` with the updated coefficients, to the state at its end. Where that misses
-    /// the measurement by more than the prediction did, the filter goes halfway back. Where it is lost, its
-    /// variances grow.
+    /// Runs the model over the window from `start` with the updated coefficients and returns the state at its end. If
+    /// that misses the measurement by more than the prediction did, the filter goes halfway back. If the filter is
+    /// lost, its variances are inflated.
     pub fn apply<I: Interval<T>, const N: usize>(
         &self,
         filter: &mut Unscented<T, STATES>,
@@ -54,7 +54,7 @@ impl<T: Real> Check<'_, T> {
         let [end] = window.run(start, &[inputs_of_filter(filter.state())]);
         let seen = window.observe(&end, self.model);
         let missed = self.misfit(&self.model.difference(self.observation, &seen));
-        // NaN is never better.
+        // The comparison is false for NaN.
         let better = missed <= self.misfit(&self.innovation.innovation);
         if !better {
             filter.hold_back(self.before);
@@ -64,7 +64,7 @@ impl<T: Real> Check<'_, T> {
         end
     }
 
-    /// Sum of squares in deviations of the measurement.
+    /// Sum of squares, in units of the standard deviation of each channel.
     fn misfit(&self, difference: &SVector<T, CHANNELS>) -> T {
         let mut sum = T::zero();
         for (k, usable) in self.usable.iter().enumerate() {
@@ -90,7 +90,7 @@ mod tests {
         Filter::new(TRACKING_ON_BACK.settings(Root::Cholesky).unwrap()).unwrap()
     }
 
-    /// A filter that has taken in a measurement of all its states.
+    /// A filter that has processed a measurement of all its states.
     fn sure(noise: f64) -> Filter {
         let mut filter = filter();
         let points = filter.sigma_points();

@@ -1,4 +1,4 @@
-//! What the windowed filters estimate: a coefficient of muscle input and one of damping for each axis of the body.
+//! The states of the windowed filters: a coefficient of muscle input and one of damping for each axis of the body.
 
 use nalgebra::SVector;
 
@@ -7,17 +7,17 @@ use crate::dynamics::Inputs;
 use crate::dynamics::residual::ResidualLoad;
 use crate::math::Real;
 
-/// Number of coefficients, n.
+/// Number of estimated coefficients, n.
 pub const STATES: usize = 6;
 
-/// Coefficients: muscle input in pitch, yaw, roll, then damping in pitch, yaw, roll, each in the order of
-/// [`AxisCoefficients`].
+/// The estimated coefficients: muscle input in pitch, yaw, roll, then damping in pitch, yaw, roll, each in the order
+/// of [`AxisCoefficients`].
 ///
-/// Paper eq. (ukf_state) has yaw before pitch in both halves; the filter computes in that order, which `in_other_order`
-/// takes to this one where a state comes out.
+/// Paper eq. (ukf_state) has yaw before pitch in both halves. The filter computes in that order; `in_other_order`
+/// converts a state when it is published.
 pub type StateVector<T> = SVector<T, STATES>;
 
-/// The inputs that a state vector stands for.
+/// Converts a state vector to inputs.
 #[inline]
 pub fn inputs_of<T: Real>(state: &StateVector<T>) -> Inputs<T> {
     let [pitch, yaw, roll, pitch_damping, yaw_damping, roll_damping] = (*state).into();
@@ -28,10 +28,10 @@ pub fn inputs_of<T: Real>(state: &StateVector<T>) -> Inputs<T> {
     }
 }
 
-/// A state in the order of paper eq. (ukf_state), from that of [`StateVector`], or the way back: pitch and yaw change places
-/// in both halves.
+/// Converts a state between the orders of paper eq. (ukf_state) and [`StateVector`], in either direction, by swapping
+/// pitch and yaw in both halves.
 ///
-/// The filter keeps the paper's order because another one is another filter: a Cholesky root spreads its sigma points by
+/// The filter keeps the paper's order because the order matters: a Cholesky root spreads its sigma points depending on
 /// the order of the states.
 #[inline]
 pub(super) fn in_other_order<T: Real>(state: &StateVector<T>) -> StateVector<T> {
@@ -39,13 +39,13 @@ pub(super) fn in_other_order<T: Real>(state: &StateVector<T>) -> StateVector<T> 
     [b, a, roll, d, c, roll_damping].into()
 }
 
-/// The inputs that a state stands for that is in the filter's own order.
+/// Converts a state in the filter's own order to inputs.
 #[inline]
 pub(super) fn inputs_of_filter<T: Real>(state: &StateVector<T>) -> Inputs<T> {
     inputs_of(&in_other_order(state))
 }
 
-/// Muscle input and damping in the order of [`StateVector`].
+/// Returns muscle input and damping in the order of [`StateVector`].
 pub fn input_coefficients<T: Real>(inputs: &Inputs<T>) -> [T; STATES] {
     let [[a, b, c], [d, e, f]] = [inputs.muscle, inputs.damping].map(AxisCoefficients::to_array);
     [a, b, c, d, e, f]

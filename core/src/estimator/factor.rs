@@ -1,14 +1,14 @@
-//! Factors of small symmetric matrices at a fixed cost: no pivoting, no convergence test, no failure.
+//! Factors of small symmetric matrices at a fixed cost, without pivoting, convergence tests or failure.
 //!
-//! A covariance that rounding has left slightly indefinite is answered by the factor of a nearby positive
-//! definite one, relative to its own scale, and by a count of how often that was needed.
+//! If rounding has left a covariance slightly indefinite, the result is the factor of a nearby positive definite
+//! matrix (relative to its own scale) and a count of the corrections made.
 
 use nalgebra::SMatrix;
 
 use crate::math::Real;
 
-/// Sweeps of the Jacobi method that reach rounding for six rows, by test: it converges quadratically, so
-/// twice the digits cost a sweep more.
+/// Number of Jacobi sweeps that reach rounding accuracy for six rows, found by test. Convergence is quadratic, so
+/// twice the digits take one more sweep.
 fn sweeps<T: Real>() -> usize {
     if T::default_epsilon() > T::of(1e-10) {
         5
@@ -17,8 +17,8 @@ fn sweeps<T: Real>() -> usize {
     }
 }
 
-/// Share of a diagonal element below which a Cholesky pivot, or of the largest eigenvalue below which an
-/// eigenvalue, counts as lost to rounding.
+/// Threshold below which a value is lost to rounding: for a Cholesky pivot as a share of its diagonal element, for an
+/// eigenvalue as a share of the largest.
 fn rounding_share<T: Real>() -> T {
     T::default_epsilon() * T::of(16.0)
 }
@@ -27,13 +27,13 @@ fn rounding_share<T: Real>() -> T {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cholesky<T: Real, const N: usize> {
     lower: SMatrix<T, N, N>,
-    /// Reciprocals of the diagonal: a division costs as much as fourteen products on the unit.
+    /// Reciprocals of the diagonal; a division costs as much as fourteen multiplications on the unit.
     inverse_diagonal: [T; N],
     repaired: usize,
 }
 
 impl<T: Real, const N: usize> Cholesky<T, N> {
-    /// Factors a symmetric matrix from its lower triangle. Pivots below rounding are raised to it.
+    /// Factors a symmetric matrix given by its lower triangle. Pivots below rounding are raised to the threshold.
     #[inline]
     pub fn new(matrix: &SMatrix<T, N, N>) -> Self {
         let mut lower = SMatrix::<T, N, N>::zeros();
@@ -45,14 +45,14 @@ impl<T: Real, const N: usize> Cholesky<T, N> {
             for k in 0..j {
                 pivot -= lower[(j, k)] * lower[(j, k)];
             }
-            // NaN fails the comparison.
+            // The comparison is false for NaN.
             let sound = pivot > floor;
             if !sound {
                 pivot = floor;
                 repaired += 1;
             }
             let diagonal = pivot.root();
-            // Root and reciprocal side by side, not one after the other.
+            // Root and reciprocal are independent, so that they can be computed in parallel.
             let inverse = diagonal * (T::one() / pivot);
             lower[(j, j)] = diagonal;
             inverse_diagonal[j] = inverse;
@@ -71,18 +71,19 @@ impl<T: Real, const N: usize> Cholesky<T, N> {
         }
     }
 
-    /// The factor.
+    /// Returns the factor.
     #[inline]
     pub fn lower(&self) -> &SMatrix<T, N, N> {
         &self.lower
     }
 
-    /// How many pivots had to be raised.
+    /// Returns the number of pivots that had to be raised.
     pub fn repaired(&self) -> usize {
         self.repaired
     }
 
-    /// `rhs L^-T`: for a cross covariance C_xz and `C_z = L L^T` the factor U with `K C_z K^T = U U^T`.
+    /// Computes `rhs L^-T`: for a cross covariance C_xz and `C_z = L L^T` this is the factor U with `K C_z K^T = U
+    /// U^T`.
     #[inline]
     pub fn solve_transposed<const R: usize>(&self, rhs: &SMatrix<T, R, N>) -> SMatrix<T, R, N> {
         let mut solution = *rhs;
@@ -102,7 +103,7 @@ impl<T: Real, const N: usize> Cholesky<T, N> {
     }
 }
 
-/// Symmetric `S` with `S S = matrix`, by the cyclic Jacobi method. Negative eigenvalues count as zero.
+/// Returns the symmetric `S` with `S S = matrix`, by the cyclic Jacobi method. Negative eigenvalues are taken as zero.
 pub fn symmetric_root<T: Real, const N: usize>(matrix: &SMatrix<T, N, N>) -> SMatrix<T, N, N> {
     let mut diagonalised = *matrix;
     let mut vectors = SMatrix::<T, N, N>::identity();
@@ -187,7 +188,7 @@ mod tests {
 
     type Six = SMatrix<f64, 6, 6>;
 
-    /// Positive definite, with a spread of scales as that of the paper's covariance.
+    /// A positive definite matrix with a spread of scales like that of the paper's covariance.
     fn any_covariance() -> impl Strategy<Value = Six> {
         (
             prop::array::uniform32(-1.0f64..1.0),

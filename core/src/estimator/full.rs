@@ -1,4 +1,4 @@
-//! The paper's prediction: every sigma point flies the whole model over the whole window.
+//! The paper's prediction: the whole model is run over the whole window for every sigma point.
 
 use super::coefficients::{STATES, inputs_of_filter};
 use super::propagation::Propagation;
@@ -12,14 +12,14 @@ use crate::math::Real;
 /// Number of sigma points, 2 n + 1.
 const POINTS: usize = 2 * STATES + 1;
 
-/// Thirteen runs of the full model, one step for each sample.
+/// Thirteen runs of the full model, with one step per sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Full;
 
 impl<T: Real> Propagation<T> for Full {
     type Interval = PostureSample<T>;
     const STRIDE: usize = 1;
-    /// The paper's.
+    /// The symmetric root, as in the paper.
     const ROOT: Root = Root::Symmetric;
 
     fn keep(_: &Dynamics<T>, sample: &PostureSample<T>, _: &Vector<T, Body>) -> PostureSample<T> {

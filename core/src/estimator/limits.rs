@@ -1,14 +1,13 @@
-//! The range that a reconstructed motion is kept in.
+//! Limits of the reconstructed motion.
 
 use crate::dynamics::State;
 use crate::dynamics::interval::Interval;
 use crate::math::Real;
 
-/// Largest speed of the reconstructed motion (m/s) and largest angular velocity (rad/s); beyond them it is
-/// limited.
+/// Maximum speed (m/s) and maximum angular velocity (rad/s) of the reconstructed motion; larger values are clamped.
 pub const MOTION_LIMITS: [f32; 2] = [100.0, 35.0];
 
-/// Limits speed and angular velocity to [`MOTION_LIMITS`]; whether that changed anything.
+/// Clamps speed and angular velocity to [`MOTION_LIMITS`]; returns whether anything changed.
 pub(super) fn limit<T: Real>(state: &mut State<T>, interval: &impl Interval<T>) -> bool {
     let mut motion = state.motion(interval);
     let mut changed = false;

@@ -1,6 +1,6 @@
-//! What the filter compares: measured against predicted, channel by channel, with the paper's noise.
+//! The quantities that the filter compares, measured against predicted, channel by channel, with the paper's noise.
 //!
-//! A [`MeasurementModel`] is data: which quantities, with which standard deviation. Angles are compared by
+//! A [`MeasurementModel`] is data: a list of quantities with their standard deviations. Angles are compared by their
 //! wrapped differences to an anchor, never by their raw values.
 
 use nalgebra::{SVector, Vector3};
@@ -10,13 +10,13 @@ use crate::frame::{AttitudeAngles, Vector};
 use crate::math::{Real, wrap_angle};
 use crate::observation::horizontal_speed;
 
-/// Largest number of channels of a measurement.
+/// Maximum number of channels of a measurement.
 pub const CHANNELS: usize = 4;
 
 /// A quantity that can be measured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quantity {
-    /// Speed of the pelvic joint over ground, paper eq. (vel).
+    /// Speed of the pelvic joint over the ground, paper eq. (vel).
     HorizontalSpeed,
     /// Heading of the cranial axis, paper eq. (ypr).
     Heading,
@@ -26,18 +26,18 @@ pub enum Quantity {
     Roll,
     /// Rate of the heading, paper eq. (meas_turns).
     YawRate,
-    /// Vertical velocity of the pelvic joint, positive up; not measured in the paper.
+    /// Vertical velocity of the pelvic joint, positive up; not used in the paper.
     VerticalVelocity,
-    /// Share of the vertical along the body's X axis, see [`Measurement::vertical`].
+    /// Component of the unit vertical along the body's X axis, see [`Measurement::vertical`].
     VerticalLeft,
-    /// Share of the vertical along the body's Y axis: 1 belly to earth, -1 back to earth.
+    /// Component of the unit vertical along the body's Y axis: 1 belly to earth, -1 back to earth.
     VerticalDorsal,
-    /// Share of the vertical along the body's Z axis: 1 upright, -1 head down.
+    /// Component of the unit vertical along the body's Z axis: 1 upright, -1 head down.
     VerticalCranial,
 }
 
 impl Quantity {
-    /// Name in tables and files, with the unit.
+    /// Name used in tables and files, with the unit.
     pub const fn name(self) -> &'static str {
         match self {
             Self::HorizontalSpeed => "v_hor_mps",
@@ -52,16 +52,16 @@ impl Quantity {
         }
     }
 
-    /// Whether values a full turn apart are the same.
+    /// Returns whether the quantity is an angle, for which values a full turn apart are equal.
     pub const fn is_angle(self) -> bool {
         matches!(self, Self::Heading | Self::Pitch | Self::Roll)
     }
 
-    /// Size beyond which a value cannot be meant (SI).
+    /// Magnitude (SI) beyond which a value is implausible.
     pub const fn limit(self) -> f32 {
         match self {
             Self::HorizontalSpeed | Self::VerticalVelocity => 120.0,
-            // Headings may come unwrapped, from ten turns to either side.
+            // Headings may be unwrapped, up to ten turns either way.
             Self::Heading | Self::Pitch | Self::Roll => 20.0 * core::f32::consts::PI,
             Self::YawRate => 35.0,
             // Noise may lengthen a unit vector.
@@ -70,10 +70,10 @@ impl Quantity {
     }
 }
 
-/// One value of each quantity: measured, or predicted from a motion. Not a number where it is not known.
+/// One value for each quantity, either measured or predicted from a motion; NaN where unknown.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Measurement<T> {
-    /// Speed over ground (m/s).
+    /// Speed over the ground (m/s).
     pub horizontal_speed: T,
     /// Heading (rad).
     pub heading: T,
@@ -85,13 +85,13 @@ pub struct Measurement<T> {
     pub yaw_rate: T,
     /// Vertical velocity, positive up (m/s).
     pub vertical_velocity: T,
-    /// Direction of the vertical, positive up, in body axes (unit vector): pitch and roll without a heading, and
-    /// without the jump of the roll where the cranial axis passes the vertical. Not measured in the paper.
+    /// Direction of the vertical, positive up, in body axes (unit vector). It carries pitch and roll without a heading
+    /// and without the jump of the roll where the cranial axis passes the vertical. Not used in the paper.
     pub vertical: Vector3<T>,
 }
 
 impl<T: Real> Measurement<T> {
-    /// What sensors would see of a motion, paper eqs. (xyz) to (vel).
+    /// Computes what sensors would measure of a motion, paper eqs. (xyz) to (vel).
     pub fn of(motion: &Motion<T>) -> Self {
         let AttitudeAngles {
             heading,
@@ -113,7 +113,7 @@ impl<T: Real> Measurement<T> {
         }
     }
 
-    /// Nothing measured.
+    /// A measurement in which every value is unknown.
     pub fn none() -> Self {
         let unknown = T::single(f32::NAN);
         Self {
@@ -127,7 +127,7 @@ impl<T: Real> Measurement<T> {
         }
     }
 
-    /// The value of one quantity.
+    /// Returns the value of one quantity.
     pub fn value(&self, quantity: Quantity) -> T {
         match quantity {
             Quantity::HorizontalSpeed => self.horizontal_speed,
@@ -142,7 +142,7 @@ impl<T: Real> Measurement<T> {
         }
     }
 
-    /// The same values in another precision.
+    /// Converts the values to another precision.
     pub fn cast<U: Real>(&self) -> Measurement<U> {
         let scalar = |value: T| U::of(value.to_f64());
         Measurement {
@@ -157,10 +157,10 @@ impl<T: Real> Measurement<T> {
     }
 }
 
-/// Rate of the heading (rad/s), from attitude and angular velocity: nothing is differentiated.
+/// Rate of the heading (rad/s), from attitude and angular velocity, without numerical differentiation.
 ///
-/// The cranial axis moves at `spin x axis`; the heading is the angle of its horizontal part. Towards the
-/// vertical, where a heading has no meaning, the rate is kept finite by a floor on that part (3 degrees).
+/// The cranial axis moves at `spin x axis`, and the heading is the direction of its horizontal part. Near the
+/// vertical, where the heading is undefined, a lower bound on the horizontal part (3 degrees) keeps the rate finite.
 pub fn heading_rate<T: Real>(motion: &Motion<T>) -> T {
     let spin = motion.inertial_from_body * motion.angular_velocity;
     let cranial = Vector::new(T::zero(), T::zero(), T::one());
@@ -176,10 +176,10 @@ pub fn heading_rate<T: Real>(motion: &Motion<T>) -> T {
     (axis.x() * rate.y() - axis.y() * rate.x()) / horizontal
 }
 
-/// Quantities with their standard deviations (SI), in the order of the measurement vector.
+/// A list of quantities with their standard deviations (SI), in the order of the measurement vector.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MeasurementModel {
-    /// Channels in use; the rest of the vector stays empty.
+    /// Channels in use; the remaining elements of the vector stay zero.
     pub channels: [Option<(Quantity, f32)>; CHANNELS],
 }
 
@@ -193,7 +193,7 @@ pub const TRACKING: MeasurementModel = MeasurementModel {
     ],
 };
 
-/// Transitions, paper eq. (meas_flips): no satellites, so a heading of 1.5 rad.
+/// Transitions, paper eq. (meas_flips): without satellite data, so the heading has a standard deviation of 1.5 rad.
 pub const TRANSITIONS: MeasurementModel = MeasurementModel {
     channels: [
         Some((Quantity::Heading, 1.5)),
@@ -203,8 +203,8 @@ pub const TRANSITIONS: MeasurementModel = MeasurementModel {
     ],
 };
 
-/// Transitions with satellites: horizontal speed as in tracking, vertical velocity to the 1 m/s that the paper
-/// finds. Without them nothing holds the speed of the fall, which the muscle forces carry away.
+/// Transitions with satellite data: horizontal speed as in tracking, and vertical velocity with the paper's 1 m/s.
+/// Without them nothing constrains the fall speed, which the muscle forces would carry away.
 pub const TRANSITIONS_WITH_GNSS: MeasurementModel = MeasurementModel {
     channels: [
         Some((Quantity::VerticalVelocity, 1.0)),
@@ -214,8 +214,8 @@ pub const TRANSITIONS_WITH_GNSS: MeasurementModel = MeasurementModel {
     ],
 };
 
-/// The vertical in body axes, for flips: in the angles of [`TRANSITIONS`] a flip is a jump of half a turn, which tells
-/// the filter nothing of which way and how far to go.
+/// The vertical in body axes, for flips. In the angles of [`TRANSITIONS`] a flip is a jump of half a turn, which does
+/// not show the filter its direction or extent.
 pub const VERTICAL: MeasurementModel = MeasurementModel {
     channels: [
         Some((Quantity::VerticalLeft, 0.01)),
@@ -236,13 +236,13 @@ pub const TURNING: MeasurementModel = MeasurementModel {
 };
 
 impl MeasurementModel {
-    /// The quantities in use.
+    /// Iterates over the quantities in use.
     pub fn quantities(&self) -> impl Iterator<Item = Quantity> {
         let channels = self.channels.into_iter().flatten();
         channels.map(|(quantity, _)| quantity)
     }
 
-    /// The measurement vector; zero in empty channels.
+    /// Returns the measurement vector, with zero in unused channels.
     pub fn vector<T: Real>(&self, values: &Measurement<T>) -> SVector<T, CHANNELS> {
         SVector::from(self.channels.map(|channel| match channel {
             Some((quantity, _)) => values.value(quantity),
@@ -250,7 +250,7 @@ impl MeasurementModel {
         }))
     }
 
-    /// Diagonal of R, one in empty channels.
+    /// Returns the diagonal of R, with one in unused channels.
     pub fn noise<T: Real>(&self) -> SVector<T, CHANNELS> {
         SVector::from(self.channels.map(|channel| {
             let deviation = channel.map_or(1.0, |(_, deviation)| deviation);
@@ -258,17 +258,17 @@ impl MeasurementModel {
         }))
     }
 
-    /// Which channels hold a value that can be meant.
+    /// Returns which channels hold a plausible value.
     pub fn usable<T: Real>(&self, values: &Measurement<T>) -> [bool; CHANNELS] {
         self.channels.map(|channel| {
             channel.is_some_and(|(quantity, _)| {
-                // NaN fails the comparison.
+                // The comparison is false for NaN.
                 values.value(quantity).abs() <= T::single(quantity.limit())
             })
         })
     }
 
-    /// `values - anchor`, angles on the short way.
+    /// Computes `values - anchor`, with angles wrapped to the shorter way.
     pub fn difference<T: Real>(
         &self,
         values: &SVector<T, CHANNELS>,
@@ -339,7 +339,7 @@ mod tests {
 
     #[test]
     fn the_rate_of_a_vertical_axis_is_finite() {
-        // Head up: the heading is undefined.
+        // Head up, where the heading is undefined.
         let upright = motion(UnitQuaternion::identity(), Vector3::new(2.0, 3.0, 4.0));
         assert!(heading_rate(&upright).is_finite());
     }

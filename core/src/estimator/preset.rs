@@ -1,4 +1,4 @@
-//! Tunings by name, as data: what is measured, how the filter starts, its bounds, windows and limbs.
+//! Named tunings as data: measured quantities, initial state, bounds, windows and limbs.
 
 use nalgebra::SVector;
 
@@ -12,45 +12,45 @@ use crate::dynamics::muscle_input::{
 };
 use crate::math::Real;
 
-/// Samples a second of an Xsens recording (Hz).
+/// Sample rate of Xsens recordings (Hz).
 pub const SAMPLE_RATE: f32 = 240.0;
 
-/// Everything that tunes an estimator. Vectors are in the order of [`StateVector`](super::StateVector): muscle input in pitch, yaw, roll,
-/// then damping in pitch, yaw, roll.
+/// All tuning parameters of an estimator. Vectors are in the order of [`StateVector`](super::StateVector): muscle
+/// input in pitch, yaw, roll, then damping in pitch, yaw, roll.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Preset {
-    /// Name in commands.
+    /// Name used in commands.
     pub name: &'static str,
-    /// What is measured, with R.
+    /// Measured quantities with their noise R; a larger noise gives the measurements less weight.
     pub measurement: MeasurementModel,
-    /// Limbs that act on the muscle input; the [`Dynamics`](crate::dynamics::Dynamics) has to use the same.
+    /// Limbs that produce the muscle input; the [`Dynamics`](crate::dynamics::Dynamics) must use the same.
     pub muscles: MuscleModel,
-    /// State at the start.
+    /// Initial state.
     pub state: [f32; STATES],
-    /// Standard deviation at the start.
+    /// Initial standard deviation; a larger one lets the first measurements change the state more.
     pub deviation: [f32; STATES],
-    /// Process noise per second, Q / dt.
+    /// Process noise per second, Q / dt; a larger one follows changes faster and gives noisier estimates.
     pub process_noise_rate: [f32; STATES],
-    /// Lower bounds.
+    /// Lower bounds of the state.
     pub low: [f32; STATES],
-    /// Upper bounds.
+    /// Upper bounds of the state.
     pub high: [f32; STATES],
-    /// W_0.
+    /// Weight of the central sigma point, W_0; a larger one spreads the other points wider.
     pub central_weight: f32,
-    /// k of paper eq. (movepukf).
+    /// Reflection factor k of paper eq. (movepukf).
     pub reflection: f32,
-    /// Samples a second (Hz).
+    /// Sample rate (Hz).
     pub sample_rate: f32,
-    /// N_pred: samples from the start of a prediction to the measurement it meets.
+    /// N_pred: number of samples from the start of a prediction to the measurement it is compared with.
     pub prediction_window: usize,
-    /// N_solve: samples from one update to the next.
+    /// N_solve: number of samples from one update to the next.
     pub solution_window: usize,
 }
 
-/// Bound of damping that lets a skydiver push a rotation on, paper "Transition Maneuvers".
+/// Lower bound of damping that allows a skydiver to drive a rotation, paper "Transition Maneuvers".
 pub const NEGATIVE_DAMPING_BOUND: f32 = -0.25;
 
-/// Tracking back to earth, the paper's full example.
+/// Tracking back to earth, the full example of the paper.
 pub const TRACKING_ON_BACK: Preset = Preset {
     name: "tracking",
     measurement: TRACKING,
@@ -77,16 +77,16 @@ const NEGATIVE_BOUNDS: [f32; STATES] = [
     NEGATIVE_DAMPING_BOUND,
 ];
 
-/// For inputs that change within half a second, as in flips and barrel rolls. A prediction assumes constant inputs:
-/// over the paper's window of 0.25 s it turns too early and too little, and the paper's process noise lets the
-/// coefficients follow in seconds.
+/// For inputs that change within half a second, as in flips and barrel rolls. A prediction assumes constant inputs, so
+/// over the paper's window of 0.25 s it rotates too late and too little, and with the paper's process noise the
+/// coefficients need seconds to follow.
 const AGILE: Preset = Preset {
     process_noise_rate: [4.0, 4.0, 4.0, 64.0, 64.0, 64.0],
     prediction_window: 20,
     ..TRACKING_ON_BACK
 };
 
-/// All presets. The link names them by their place: new ones go to the end.
+/// All presets. The link identifies them by position, so new ones must be appended.
 pub const PRESETS: [Preset; 11] = [
     TRACKING_ON_BACK,
     Preset {
@@ -147,19 +147,19 @@ pub const PRESETS: [Preset; 11] = [
     Preset {
         name: "transitions-agile",
         measurement: VERTICAL,
-        // The paper's 0.5 does slightly worse here, docs/benchmarks.md.
+        // The paper's 0.5 gives slightly worse results here, see docs/benchmarks.md.
         central_weight: 0.3,
         ..AGILE
     },
 ];
 
 impl Preset {
-    /// The preset of that name.
+    /// Returns the preset with this name, or `None` if there is none.
     pub fn from_name(name: &str) -> Option<&'static Self> {
         PRESETS.iter().find(|preset| preset.name == name)
     }
 
-    /// Multiplies the process noise Q, the measurement noise R and the variances at the start P0.
+    /// Multiplies the process noise Q, the measurement noise R and the initial variances P0.
     pub fn scale(&mut self, process: f32, measurement: f32, start: f32) {
         self.process_noise_rate = self.process_noise_rate.map(|rate| rate * process);
         self.deviation = self.deviation.map(|deviation| deviation * start.root());
@@ -173,17 +173,17 @@ impl Preset {
         T::one() / T::single(self.sample_rate)
     }
 
-    /// Settings of the unscented filter in the order of paper eq. (ukf_state), with the square root that a propagation
-    /// wants.
+    /// Returns the settings of the unscented filter in the order of paper eq. (ukf_state), with the given square root
+    /// of the covariance.
     ///
     /// # Errors
-    /// Returns an error for settings that cannot be run safely.
+    /// Returns an error if the settings are unsafe to run.
     pub fn settings<T: Real>(&self, root: Root) -> Result<Settings<T, STATES>, SettingsError> {
         let vector = |values: [f32; STATES]| in_other_order(&values.map(T::single).into());
         let settings = Settings {
             state: vector(self.state),
             variance: vector(self.deviation.map(|d| d * d)),
-            // The paper adds Q dt once an update, whatever the solution window.
+            // The paper adds Q dt once per update, whatever the length of the solution window.
             process_noise: vector(self.process_noise_rate) * self.time_step::<T>(),
             low: vector(self.low),
             high: vector(self.high),

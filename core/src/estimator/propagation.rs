@@ -1,4 +1,5 @@
-//! How sigma points become predicted measurements: the seam between the paper's filter and the reduced one.
+//! How sigma points become predicted measurements: the interface that separates the paper's filter from the reduced
+//! one.
 
 use super::check::Check;
 use super::coefficients::STATES;
@@ -10,24 +11,25 @@ use crate::dynamics::{Dynamics, PostureSample, State};
 use crate::frame::{Body, Vector};
 use crate::math::Real;
 
-/// A way to predict the measurement at the end of the window for every sigma point.
+/// A method that predicts the measurement at the end of the window for every sigma point.
 pub trait Propagation<T: Real> {
-    /// What the ring keeps of an interval.
+    /// The data stored for each interval of the window.
     type Interval: Interval<T>;
-    /// Samples that one interval spans.
+    /// Number of samples in one interval.
     const STRIDE: usize;
-    /// Square root of the covariance that spreads the sigma points.
+    /// Which square root of the covariance spreads the sigma points.
     const ROOT: Root;
 
-    /// What to keep of an interval that the central run crosses at about `velocity` (m/s, through the air).
+    /// Extracts the data to store for an interval that the central run crosses at about `velocity` (m/s, through the
+    /// air).
     fn keep(
         dynamics: &Dynamics<T>,
         sample: &PostureSample<T>,
         velocity: &Vector<T, Body>,
     ) -> Self::Interval;
 
-    /// Moments of the sigma points with their predictions from `start`, and the central run's state at the
-    /// window's end.
+    /// Returns the moments of the sigma points and their predictions from `start`, and the state of the central run at
+    /// the end of the window.
     fn predict<const N: usize>(
         filter: &Unscented<T, STATES>,
         points: &SigmaPoints<T, STATES>,
@@ -36,8 +38,8 @@ pub trait Propagation<T: Real> {
         model: &MeasurementModel,
     ) -> (Moments<T, STATES, CHANNELS>, State<T>);
 
-    /// Hook that may check an update before it is accepted. Returns the state at the window's end; by default the
-    /// update is kept, and the state is `front`.
+    /// Hook that may check an update before it is accepted. Returns the state at the end of the window; by default the
+    /// update is kept and the state is `front`.
     fn settle<const N: usize>(
         _check: &Check<'_, T>,
         _filter: &mut Unscented<T, STATES>,

@@ -1,7 +1,7 @@
-//! What every number of the dynamics and the filter may be, and the 32-bit fixed-point format it fits.
+//! The range of every number in the dynamics and the filter, and the 32-bit fixed-point format it fits.
 //!
-//! The table is the declaration behind "fixed-point-safe": the formats follow from the ranges, tests fly
-//! whole flights against it, and [`quantised`] rounds a state to it as a fixed-point unit would.
+//! This table defines what "fixed-point-safe" means here: the formats follow from the ranges, tests fly whole flights
+//! against them, and [`quantised`] rounds a state as a fixed-point unit would.
 
 use core::fmt;
 
@@ -11,21 +11,21 @@ use crate::dynamics::State;
 use crate::frame::{Inertial, Rotation, Vector};
 use crate::math::{Real, normalized};
 
-/// A number with its range.
+/// The range of a number.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Range {
     /// Name.
     pub name: &'static str,
     /// Unit.
     pub unit: &'static str,
-    /// Largest size it may take, either sign.
+    /// Largest magnitude allowed, for either sign.
     pub limit: f64,
-    /// Standard deviation of the sensor that sees it, in the same unit; 0 where none does.
+    /// Standard deviation of the sensor that measures the number, in the same unit; 0 if none does.
     pub sensor_noise: f64,
 }
 
 impl Range {
-    /// Bits right of the point: a sign, the range, one guard bit, and the rest of 32.
+    /// Number of fractional bits: what remains of 32 after the sign, the range and one guard bit.
     pub const fn fraction_bits(&self) -> u32 {
         let mut whole = 0;
         let mut reach = 1.0;
@@ -36,7 +36,7 @@ impl Range {
         30 - whole
     }
 
-    /// Value of the last bit.
+    /// Value of the least significant bit.
     pub fn last_bit(&self) -> f64 {
         let mut bit = 1.0;
         for _ in 0..self.fraction_bits() {
@@ -45,19 +45,19 @@ impl Range {
         bit
     }
 
-    /// Whether `value` is finite and in range.
+    /// Returns whether `value` is finite and in range.
     pub fn holds<T: Real>(&self, value: T) -> bool {
         value.abs() <= T::of(self.limit)
     }
 
-    /// `value` rounded to the last bit.
+    /// Rounds `value` to the least significant bit.
     pub fn rounded<T: Real>(&self, value: T) -> T {
         let bit = T::of(self.last_bit());
         (value / bit).nearest() * bit
     }
 }
 
-/// A row of the table: name, format, range, last bit, and the sensor's noise in last bits.
+/// A row of the table: name, format, range, last bit, and the sensor noise in units of the last bit.
 impl fmt::Display for Range {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let fraction = self.fraction_bits();
@@ -104,7 +104,7 @@ pub const ANGULAR_MOMENTUM: Range = range("angular momentum", "kg m2/s", 1024.0,
 pub const CENTRE: Range = range("centre of gravity", "m", 1.0, 0.0);
 /// Element of the inertia about the centre of gravity.
 pub const INERTIA: Range = range("inertia", "kg m2", 64.0, 0.0);
-/// Element of its inverse.
+/// Element of the inverse inertia about the centre of gravity.
 pub const INVERSE_INERTIA: Range = range("inverse inertia", "1/(kg m2)", 8.0, 0.0);
 /// Force.
 pub const FORCE: Range = range("force", "N", 16_000.0, 0.0);
@@ -126,7 +126,7 @@ pub const HORIZONTAL_SPEED: Range = range("measured speed", "m/s", 128.0, 0.1);
 /// Component of the vertical in body axes.
 pub const VERTICAL: Range = range("measured vertical", "1", 1.5, 0.01);
 
-/// The table.
+/// The table of all ranges.
 pub const RANGES: [Range; 18] = [
     ATTITUDE,
     POSITION,
@@ -148,12 +148,12 @@ pub const RANGES: [Range; 18] = [
     VERTICAL,
 ];
 
-/// Head of the table in Markdown; rows are [`Range`]s as text.
+/// Head of the table in Markdown; the rows are the text of the [`Range`]s.
 pub const TABLE_HEAD: &str = "\
 | number | unit | range | format | last bit | sensor noise in last bits |
 |---|---|---|---|---|---|";
 
-/// A state rounded to the formats of the table, as fixed-point memory would hold it.
+/// Returns a state rounded to the formats of the table, as fixed-point memory would hold it.
 pub fn quantised<T: Real>(state: &State<T>) -> State<T> {
     let vector = |v: &Vector<T, Inertial>, range: &Range| v.map(|c| range.rounded(c));
     let [w, x, y, z] = state.inertial_from_body.wxyz().map(|c| ATTITUDE.rounded(c));

@@ -1,11 +1,10 @@
-//! The reduced prediction, for a unit without memory or time to spare.
+//! The reduced prediction, for a unit with little memory and time.
 //!
-//! Four things make it cheap. One run at the state and one to a side for each coefficient give the slope of
-//! the measurement; the moments of all thirteen bounded sigma points follow from it without running them.
-//! A step spans two samples: the integrator is of second order and its damping implicit. An interval keeps no
-//! segments: aerodynamics with the faces that the central run shows to the stream
-//! ([`FrozenAerodynamics`]), and the moments of the muscle groups linear about its velocity. All runs share
-//! them.
+//! Four simplifications make it cheap. One run at the state and one run to one side for each coefficient give the
+//! slope of the measurement; the moments of all thirteen bounded sigma points follow from that slope without further
+//! runs. A step spans two samples, because the integrator is of second order and treats damping implicitly. An
+//! interval stores no segments, but the aerodynamics of the faces exposed in the central run ([`FrozenAerodynamics`])
+//! and the moments of the muscle groups linearised about its velocity. All runs share the intervals.
 
 use nalgebra::{SMatrix, SVector, Vector3};
 
@@ -25,11 +24,11 @@ use crate::frame::{Body, Vector};
 use crate::math::Real;
 use nalgebra::Matrix3;
 
-/// Seven runs over intervals of two samples, and one of the [check](super::check).
+/// Seven runs over intervals of two samples, and one more for the [check](super::check).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Reduced;
 
-/// An interval without its segments.
+/// An interval stored without its segments.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ReducedInterval<T: Real> {
     mass: T,
@@ -43,21 +42,22 @@ pub struct ReducedInterval<T: Real> {
     levers: [T; 4],
 }
 
-/// Moments of the muscle groups about a reference velocity, per density.
+/// Moments of the muscle groups about a reference velocity, divided by the density.
 ///
-/// They are quadratic in the speed, so `f(V) = J (V - V_0 / 2)` meets both value and slope at `V_0`.
+/// They are quadratic in the speed, so `f(V) = J (V - V_0 / 2)` matches both value and slope at `V_0`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct LinearGroups<T: Real> {
     slope: [Vector3<T>; GROUPS],
     half_velocity: Vector3<T>,
 }
 
-/// Turn of the stream (rad) over which the slope is taken; sigma points differ by about as much.
+/// Rotation of the airstream (rad) over which the slope is taken, about as large as the differences between sigma
+/// points.
 const STREAM_TURN: f64 = 0.05;
 
 impl<T: Real> LinearGroups<T> {
-    /// From the loads at the reference and at two streams turned by [`STREAM_TURN`]; along the reference the
-    /// slope follows from the square of the speed.
+    /// Linearises from the loads at the reference and at two airstreams rotated by [`STREAM_TURN`]; along the
+    /// reference the slope follows from the quadratic dependence on the speed.
     fn about(dynamics: &Dynamics<T>, sample: &PostureSample<T>, velocity: &Vector3<T>) -> Self {
         let one = T::one();
         let unit = AxisCoefficients::repeat(one);
@@ -96,9 +96,9 @@ impl<T: Real> LinearGroups<T> {
     }
 }
 
-/// A unit vector across a unit vector.
+/// Returns a unit vector perpendicular to a unit vector.
 fn across<T: Real>(along: &Vector3<T>) -> Vector3<T> {
-    // The axis least aligned: its cross product is never short.
+    // The cross product with the least aligned axis is never short.
     let axis = if along.x.abs() < T::of(0.7) {
         Vector3::x()
     } else {
@@ -214,8 +214,8 @@ impl<T: Real> Propagation<T> for Reduced {
     }
 }
 
-/// For each coefficient the distance of its run from the state: as far as a sigma point would go if no other
-/// coefficient varied, to the side with more room in the bounds.
+/// Step of the run for each coefficient: the distance that a sigma point would have if no other coefficient varied,
+/// towards the side with more room within the bounds.
 fn one_sided<T: Real>(filter: &Unscented<T, STATES>) -> StateVector<T> {
     let (settings, state) = (filter.settings(), filter.state());
     let spread = filter.spread();

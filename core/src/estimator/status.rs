@@ -1,4 +1,4 @@
-//! What an update publishes: the estimate, each channel as autopilots log it, and the filter's health.
+//! What an update publishes: the estimate, each channel in the form that autopilots log, and the health of the filter.
 
 use nalgebra::SMatrix;
 
@@ -7,53 +7,53 @@ use super::measurement::{CHANNELS, Measurement, Quantity};
 use crate::dynamics::{Inputs, Motion};
 use crate::math::Real;
 
-/// Mean normalised innovation per channel above which predictions and measurements do not belong together.
+/// Mean normalised innovation per channel above which predictions and measurements are considered inconsistent.
 pub(super) const INCONSISTENT: f64 = 100.0;
 
-/// Deviations from the prediction at which the test ratio is one.
+/// Number of standard deviations at which the test ratio is one.
 pub const TEST_RATIO_GATE: f64 = 5.0;
 
-/// One channel of a measurement at an update.
+/// One channel of a measurement in an update.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Channel<T> {
-    /// What is measured; `None` for a channel that the measurement model does not have.
+    /// Measured quantity; `None` for a channel that the measurement model does not use.
     pub quantity: Option<Quantity>,
     /// Measured value (SI).
     pub observation: T,
     /// Predicted value (SI).
     pub predicted: T,
-    /// Measured less predicted, angles on the short way; zero where it was not used.
+    /// Measured minus predicted, with angles wrapped; zero if the channel was not used.
     pub innovation: T,
-    /// Variance of the innovation, with R.
+    /// Variance of the innovation, including R.
     pub variance: T,
-    /// Square of the innovation over that of [`TEST_RATIO_GATE`] deviations.
+    /// Squared innovation divided by the square of [`TEST_RATIO_GATE`] standard deviations.
     pub test_ratio: T,
-    /// Whether the channel was usable and taken in; otherwise it was rejected.
+    /// Whether the channel was usable and fused; otherwise it was rejected.
     pub fused: bool,
 }
 
-/// What went wrong since the last estimate. All of it leaves a finite state behind.
+/// Faults since the last estimate. The state remains finite after any of them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Faults {
-    /// A posture was not finite or not of unit quaternions: the last good one was held.
+    /// A posture was not finite or not made of unit quaternions; the last good one was held.
     pub posture: bool,
-    /// A channel of the measurement at the window's end was not finite or absurd: it was not used.
+    /// A channel of the measurement at the end of the window was not finite or not plausible; it was not used.
     pub measurement: bool,
-    /// The prediction or the update was not finite: state and covariance were left as they were.
+    /// The prediction or the update was not finite; state and covariance were left unchanged.
     pub update: bool,
-    /// The covariance had to be kept from degenerating.
+    /// The covariance had to be corrected to stay positive definite.
     pub covariance: bool,
-    /// The reconstructed motion left its range and was limited, or was not finite and was held.
+    /// The reconstructed motion left its limits and was clamped, or was not finite and was held.
     pub motion: bool,
 }
 
 impl Faults {
-    /// Whether nothing went wrong.
+    /// Returns whether there was no fault.
     pub fn none(self) -> bool {
         self == Self::default()
     }
 
-    /// The faults as bits, in the order of the fields from the lowest bit: for links and logs.
+    /// Returns the faults as bits in the order of the fields, lowest bit first, for links and logs.
     pub fn bits(self) -> u8 {
         let Self {
             posture,
@@ -70,14 +70,14 @@ impl Faults {
     }
 }
 
-/// How much an estimate can be trusted.
+/// How far an estimate can be trusted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Health {
-    /// Fewer updates than fill a second since the start: the coefficients still come from the start values.
+    /// Less than one second of updates since the start; the coefficients still depend on their initial values.
     Settling,
     /// Predictions follow the measurements.
     Good,
-    /// Predictions miss the measurements by far more than their variance, for seconds.
+    /// Predictions have missed the measurements by far more than their variance allows, for seconds.
     Inconsistent,
     /// The last update was not accepted.
     Failing,
@@ -86,33 +86,33 @@ pub enum Health {
 /// Coefficients and reconstructed motion after an update.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Estimate<T: Real> {
-    /// Sample from which on the coefficients act; sample 0 is the start. The measurement that brought the
-    /// estimate is [`delay`](super::Estimator::delay) later.
+    /// First sample at which the coefficients apply; sample 0 is the start. The measurement that completed the
+    /// estimate was taken [`delay`](super::Estimator::delay) later.
     pub sample: u32,
-    /// The coefficients.
+    /// Estimated coefficients.
     pub inputs: Inputs<T>,
     /// The coefficients in the order of paper eq. (ukf_state).
     pub state: StateVector<T>,
-    /// Their standard deviations.
+    /// Standard deviations of the coefficients.
     pub deviation: StateVector<T>,
     /// Sample at which the solution step ended.
     pub solved_sample: u32,
-    /// Motion there, as the model reconstructs it.
+    /// Motion at the solved sample, as reconstructed by the model.
     pub motion: Motion<T>,
-    /// What sensors would have seen of it.
+    /// What sensors would have measured of that motion.
     pub reconstructed: Measurement<T>,
-    /// The channels of the measurement at the window's end.
+    /// The channels of the measurement at the end of the window.
     pub channels: [Channel<T>; CHANNELS],
     /// Covariance of the innovation, C_z.
     pub innovation_covariance: SMatrix<T, CHANNELS, CHANNELS>,
     /// Normalised innovation squared, summed over the channels used.
     pub normalised_innovation: T,
-    /// Its mean over about a second, per channel. One where model and noise match reality; the paper's
-    /// filter sits at 5 to 20, because the reconstructed motion has errors of its own that R and P do not
-    /// know.
+    /// Mean of the normalised innovation over about a second, per channel. It is one where model and noise match
+    /// reality; the paper's filter reaches 5 to 20, because the reconstructed motion has errors that R and P do not
+    /// include.
     pub mean_normalised_innovation: T,
-    /// How much the estimate can be trusted.
+    /// How far the estimate can be trusted.
     pub health: Health,
-    /// What went wrong since the last estimate.
+    /// Faults since the last estimate.
     pub faults: Faults,
 }

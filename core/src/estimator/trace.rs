@@ -1,8 +1,8 @@
-//! A flight whose bits are the same on every machine, and a number that stands for all of them.
+//! A flight with bit-identical results on every machine, summarised by a hash.
 //!
-//! Posture kinematics, dynamics, filter and trigonometry of the crate run in single precision over a script;
-//! every number that comes out goes into a hash. Host tests hold the hash of the reference body; the unit
-//! runs the same function on the same body and must find the same number.
+//! The posture kinematics, dynamics, filter and trigonometry of the crate run in single precision over a script, and
+//! every resulting number enters a hash. Host tests pin the hash for the reference body; the unit runs the same
+//! function on the same body and must obtain the same hash.
 
 use nalgebra::Vector3;
 
@@ -23,7 +23,7 @@ use crate::math::{Real, small_rotation};
 /// Offset and prime of the 64-bit Fowler-Noll-Vo hash (FNV-1a).
 const FNV: [u64; 2] = [0xcbf2_9ce4_8422_2325, 0x0000_0100_0000_01b3];
 
-/// Hash of a sequence of numbers by their bits.
+/// Hash of a sequence of numbers, computed from their bits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TraceHash(u64);
 
@@ -34,20 +34,20 @@ impl Default for TraceHash {
 }
 
 impl TraceHash {
-    /// Takes in a number.
+    /// Adds a number to the hash.
     pub fn add(&mut self, value: f32) {
         for byte in value.to_bits().to_le_bytes() {
             self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(FNV[1]);
         }
     }
 
-    /// The hash of what was taken in.
+    /// Returns the hash of all numbers added so far.
     pub fn value(self) -> u64 {
         self.0
     }
 }
 
-/// Posture of the script at sample `k`: arms and legs swing, each in its own time.
+/// Posture of the script at sample `k`: arms and legs swing with different periods.
 fn posture(k: u16) -> Posture<f32> {
     let time = f32::from(k) * f32::of(TIME_STEP);
     let swing = |rate: f32, size: f32| (rate * time).sine_cosine().0 * size;
@@ -62,10 +62,9 @@ fn posture(k: u16) -> Posture<f32> {
         )
 }
 
-/// Flies `updates` updates of an estimator over the script and gives the hash of all it published.
+/// Runs an estimator for `updates` updates over the script and returns the hash of everything it published.
 ///
-/// The estimator follows measurements of a second flight of the model, with inputs of its own. Takes as long
-/// as the updates take; the stack holds one estimator.
+/// The measurements come from a second run of the model with different inputs. The stack holds a single estimator.
 ///
 /// # Errors
 /// Returns an error if the estimator cannot start on this body.
@@ -90,7 +89,7 @@ pub fn hash<P: Propagation<f32>, const INTERVALS: usize>(
         velocity: attitude.inverse() * Vector::new(4.0, -6.0, -45.0),
         angular_velocity: Vector::new(0.1, -0.2, 0.05),
     };
-    // Where it is made, it stays: to move one takes the stack of two.
+    // The estimator is not moved, since a move would take the stack of two.
     let mut made = Estimator::<f32, P, INTERVALS>::new(&preset, &dynamics, &start, &posture(0));
     let estimator = made.as_mut().map_err(|error| *error)?;
     let mut flown = State::from_motion(&start, &dynamics.hold(&posture(0)));
@@ -121,7 +120,7 @@ pub fn hash<P: Propagation<f32>, const INTERVALS: usize>(
     Ok(hash.value())
 }
 
-/// Takes in everything an estimate publishes.
+/// Adds all published numbers of an estimate.
 fn add(hash: &mut TraceHash, estimate: &Estimate<f32>) {
     let numbers = estimate.state.iter().chain(&estimate.deviation);
     let numbers = numbers.chain(&estimate.innovation_covariance);
@@ -149,7 +148,7 @@ mod tests {
 
     #[test]
     fn the_trace_keeps_its_bits() {
-        // If these numbers change, so does what a unit computes: update them only with a reason.
+        // A change of these numbers means that the results of a unit change: update them only for a reason.
         let body = reference_body().cast();
         let reduced = hash::<Reduced, 30>(&body, 100).unwrap();
         let full = hash::<Full, 60>(&body, 8).unwrap();

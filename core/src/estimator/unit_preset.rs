@@ -1,24 +1,24 @@
-//! The presets that a unit knows, by the numbers that the link gives them.
+//! The presets that a unit supports, by the numbers that the link uses for them.
 
 use super::motion::settings::{MOTION, MotionPreset};
 use super::preset::{PRESETS, Preset};
 use crate::dynamics::muscle_input::{MODELS, MuscleForces, MuscleModel};
 
-/// What a unit can be asked to run.
+/// A filter that a unit can be asked to run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum UnitPreset {
-    /// The paper's filter, reduced.
+    /// The reduced form of the paper's filter.
     Windows(Preset),
-    /// The motion filter, reduced, with the limbs that act.
+    /// The reduced motion filter, with the limbs that produce the muscle input.
     Motion(MotionPreset, MuscleModel),
 }
 
-/// Name of the motion filter's presets.
+/// Common name of the motion filter's presets.
 pub const MOTION_NAME: &str = "auto";
 
 impl UnitPreset {
-    /// The preset of a number: those of [`PRESETS`] first, then the motion filter with each of the limb groups of
-    /// [`MODELS`]. New ones go to the end.
+    /// Returns the preset with this number: first those of [`PRESETS`], then the motion filter with each of the limb
+    /// groups of [`MODELS`]. New presets must be appended.
     pub fn of(number: usize) -> Option<Self> {
         if let Some(preset) = PRESETS.get(number) {
             return Some(Self::Windows(*preset));
@@ -30,7 +30,7 @@ impl UnitPreset {
         ))
     }
 
-    /// The number of a preset by name; `auto` is that of the motion filter with `muscles`.
+    /// Returns the number of a preset by name; `auto` is the motion filter with `muscles`.
     pub fn number(name: &str, muscles: &MuscleModel) -> Option<usize> {
         if name == MOTION_NAME {
             let mut models = MODELS.iter();
@@ -40,7 +40,7 @@ impl UnitPreset {
         PRESETS.iter().position(|preset| preset.name == name)
     }
 
-    /// Name in commands.
+    /// Name used in commands.
     pub const fn name(&self) -> &'static str {
         match self {
             Self::Windows(preset) => preset.name,
@@ -48,7 +48,7 @@ impl UnitPreset {
         }
     }
 
-    /// Limbs that act on the muscle input.
+    /// Limbs that produce the muscle input.
     pub const fn muscles(&self) -> &MuscleModel {
         match self {
             Self::Windows(preset) => &preset.muscles,
@@ -56,7 +56,7 @@ impl UnitPreset {
         }
     }
 
-    /// Most samples from one update to the next.
+    /// Maximum number of samples from one update to the next.
     pub const fn longest_solution_window(&self) -> usize {
         match self {
             Self::Windows(preset) => preset.prediction_window,
@@ -64,7 +64,7 @@ impl UnitPreset {
         }
     }
 
-    /// Samples from one update to the next, as a rule.
+    /// Default number of samples from one update to the next.
     pub const fn solution_window(&self) -> usize {
         match self {
             Self::Windows(preset) => preset.solution_window,
@@ -72,7 +72,7 @@ impl UnitPreset {
         }
     }
 
-    /// The same at another rate (Hz) and solution window (samples).
+    /// Returns the preset with another sample rate (Hz) and solution window (samples).
     #[must_use]
     pub const fn at_rates(mut self, sample_rate: f32, solution_window: usize) -> Self {
         match &mut self {
@@ -89,7 +89,7 @@ impl UnitPreset {
     }
 }
 
-/// Of the motion filter: a quarter of a second at 240 Hz.
+/// Longest solution window of the motion filter: a quarter of a second at 240 Hz.
 const LONGEST_SOLUTION_WINDOW: usize = 60;
 
 #[cfg(test)]

@@ -1,11 +1,11 @@
-//! The unscented filter of parameters that only noise moves: sigma points in bounds, moments, update.
+//! An unscented filter for parameters that change by process noise alone: bounded sigma points, moments, update.
 //!
-//! Paper section "The Modified Unscented Kalman Filter", without the model: whoever owns the model takes
-//! [`Unscented::sigma_points`], predicts a measurement for each, and hands [`Moments`] to
-//! [`Unscented::update`]. `N` states, `M` measurement channels, everything on the stack, every call at a
-//! fixed cost. Safe in `f32`: weights are never negative, sums are taken about the central point, the
-//! covariance is reduced by a product `U U^T` and cannot lose its symmetry, variances have a floor and a
-//! ceiling relative to where they started.
+//! Implements the paper's section "The Modified Unscented Kalman Filter" without the model: the caller gets
+//! [`Unscented::sigma_points`], predicts a measurement for each, and passes the [`Moments`] to [`Unscented::update`].
+//! The filter has `N` states and `M` measurement channels, lives on the stack, and every call has a fixed cost. It is
+//! safe in `f32`: weights are never negative, sums are taken about the central point, the covariance is reduced by a
+//! product `U U^T` and cannot lose its symmetry, and variances have a floor and a ceiling relative to their initial
+//! values.
 
 mod settings;
 
@@ -16,11 +16,10 @@ pub use settings::{Root, Settings, SettingsError};
 use super::factor::{Cholesky, symmetric_root};
 use crate::math::{Real, clamp};
 
-/// Points at which the model is run: the state, and a pair of points on both sides for each column of the
-/// root.
+/// Points at which the model is run: the state, and for each column of the root one point on either side of it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SigmaPoints<T: Real, const N: usize> {
-    /// The state itself, of weight W_0.
+    /// The state itself, with weight W_0.
     pub centre: SVector<T, N>,
     /// The points on the positive side.
     pub plus: [SVector<T, N>; N],
@@ -28,54 +27,55 @@ pub struct SigmaPoints<T: Real, const N: usize> {
     pub minus: [SVector<T, N>; N],
 }
 
-/// Mean and covariances of sigma points and of what they predict.
+/// Mean and covariances of the sigma points and of their predictions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Moments<T: Real, const N: usize, const M: usize> {
-    /// Mean of the points, X_k+1/k.
+    /// Mean of the sigma points, X_k+1/k.
     pub state: SVector<T, N>,
-    /// Their covariance, without process noise.
+    /// Covariance of the sigma points, without process noise.
     pub covariance: SMatrix<T, N, N>,
     /// Mean prediction, Zpred.
     pub prediction: SVector<T, M>,
     /// Covariance of the predictions, without measurement noise.
     pub prediction_covariance: SMatrix<T, M, M>,
-    /// Covariance of points with predictions, C_xz.
+    /// Cross covariance of points and predictions, C_xz.
     pub cross_covariance: SMatrix<T, N, M>,
 }
 
-/// What an update found.
+/// Innovation of an update.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Innovation<T: Real, const M: usize> {
-    /// Measured less predicted; zero in channels that are not used.
+    /// Measured minus predicted; zero in channels that are not used.
     pub innovation: SVector<T, M>,
-    /// Its covariance C_z with measurement noise; one on the diagonal of channels that are not used.
+    /// Covariance of the innovation, C_z, including measurement noise; one on the diagonal of channels that are not
+    /// used.
     pub covariance: SMatrix<T, M, M>,
-    /// Normalised innovation squared, the sum over used channels; its mean is their number where model and
-    /// noise match reality.
+    /// Normalised innovation squared, summed over the channels used; its mean equals their number if model and noise
+    /// match reality.
     pub normalised_square: T,
-    /// Whether state and covariance were updated by it.
+    /// Whether the update was applied to state and covariance.
     pub fused: bool,
-    /// Whether the covariance had to be kept from degenerating.
+    /// Whether the covariance had to be corrected to stay positive definite.
     pub repaired: bool,
 }
 
-/// State and covariance of `N` parameters.
+/// State and covariance of a filter with `N` parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Unscented<T: Real, const N: usize> {
     settings: Settings<T, N>,
-    /// Distance of sigma points from the state in columns of the root.
+    /// Distance of the sigma points from the state, as a factor on the columns of the root.
     spread: T,
-    /// Weight of each point but the central one, W_i of paper eq. (sigpukf).
+    /// Weight of each point except the central one, W_i of paper eq. (sigpukf).
     pair_weight: T,
     state: SVector<T, N>,
     covariance: SMatrix<T, N, N>,
 }
 
 impl<T: Real, const N: usize> Unscented<T, N> {
-    /// Starts from the settings.
+    /// Creates a filter from its settings.
     ///
     /// # Errors
-    /// Returns an error for settings that cannot be run safely, see [`SettingsError`].
+    /// Returns an error if the settings are unsafe to run, see [`SettingsError`].
     pub fn new(settings: Settings<T, N>) -> Result<Self, SettingsError> {
         settings.check()?;
         let pairs = T::one() - settings.central_weight;
@@ -88,27 +88,27 @@ impl<T: Real, const N: usize> Unscented<T, N> {
         })
     }
 
-    /// The settings.
+    /// Returns the settings.
     pub fn settings(&self) -> &Settings<T, N> {
         &self.settings
     }
 
-    /// The state, X_k/k.
+    /// Returns the state, X_k/k.
     pub fn state(&self) -> &SVector<T, N> {
         &self.state
     }
 
-    /// Its covariance, P_k/k.
+    /// Returns the covariance of the state, P_k/k.
     pub fn covariance(&self) -> &SMatrix<T, N, N> {
         &self.covariance
     }
 
-    /// Distance of sigma points from the state in columns of the root, paper eq. (sigpukf).
+    /// Distance of the sigma points from the state, as a factor on the columns of the root, paper eq. (sigpukf).
     pub fn spread(&self) -> T {
         self.spread
     }
 
-    /// Bounded sigma points, paper eqs. (sigpukf), (minmax), (movepukf).
+    /// Computes the bounded sigma points, paper eqs. (sigpukf), (minmax), (movepukf).
     #[inline]
     pub fn sigma_points(&self) -> SigmaPoints<T, N> {
         let spread = self.spread;
@@ -131,7 +131,8 @@ impl<T: Real, const N: usize> Unscented<T, N> {
         points
     }
 
-    /// Element `k` of a sigma point `offset` away from the state. Without branches: most points are within.
+    /// Element `k` of a sigma point `offset` away from the state. Computed without branches, since most points are
+    /// within the bounds.
     #[inline(always)]
     fn bounded(&self, k: usize, offset: T) -> T {
         let (low, high) = (self.settings.low[k], self.settings.high[k]);
@@ -147,10 +148,10 @@ impl<T: Real, const N: usize> Unscented<T, N> {
         clamp(point, low, high)
     }
 
-    /// Moments of sigma points and their predictions.
+    /// Computes the moments of sigma points and their predictions.
     ///
-    /// `central` is what the central point predicts; `plus` and `minus` are the differences of the other
-    /// predictions to it, so that angles can be wrapped by whoever knows which channels they are.
+    /// `central` is the prediction of the central point; `plus` and `minus` are the differences of the other
+    /// predictions from it, so that the caller, which knows the channels, can wrap angles.
     #[inline]
     pub fn moments<const M: usize>(
         &self,
@@ -169,8 +170,8 @@ impl<T: Real, const N: usize> Unscented<T, N> {
         sums.moments(points, central, self.pair_weight)
     }
 
-    /// Moments where predictions depend on the state along a straight line: `central` for the state itself
-    /// and `slope` (M x N) for changes of it.
+    /// Computes the moments for predictions that are linear in the state: `central` is the prediction of the state
+    /// itself and `slope` (M x N) its derivative.
     #[inline]
     pub fn linear_moments<const M: usize>(
         &self,
@@ -193,10 +194,10 @@ impl<T: Real, const N: usize> Unscented<T, N> {
         }
     }
 
-    /// Takes in a measurement, paper "Update Step".
+    /// Applies a measurement, paper "Update Step".
     ///
-    /// `innovation` is measured less `moments.prediction`; `noise` the diagonal of R; channels that are not
-    /// `used` have no effect. Where any number is not finite, nothing changes and `fused` is false.
+    /// `innovation` is the measurement minus `moments.prediction`; `noise` is the diagonal of R; channels that are not
+    /// `used` have no effect. If any number is not finite, the filter is unchanged and `fused` is false.
     #[inline]
     pub fn update<const M: usize>(
         &mut self,
@@ -249,12 +250,12 @@ impl<T: Real, const N: usize> Unscented<T, N> {
         }
     }
 
-    /// Goes halfway back to the state from before an update.
+    /// Moves the state halfway back to its value before an update.
     pub fn hold_back(&mut self, before: &SVector<T, N>) {
         self.state = (self.state + before) * T::of(0.5);
     }
 
-    /// Inflates the covariance by a factor, up to the variances at the start.
+    /// Inflates the covariance by a factor, up to the initial variances.
     pub fn fade(&mut self, factor: T) {
         let scale = SVector::<T, N>::from_fn(|k, _| {
             let most = self.settings.variance[k] / self.covariance[(k, k)];
@@ -273,7 +274,7 @@ impl<T: Real, const N: usize> Unscented<T, N> {
     }
 }
 
-/// Weighted sums of differences to the central point.
+/// Weighted sums of the differences from the central point.
 struct Sums<T: Real, const N: usize, const M: usize> {
     state: SVector<T, N>,
     prediction: SVector<T, M>,
@@ -297,7 +298,7 @@ impl<T: Real, const N: usize, const M: usize> Sums<T, N, M> {
     fn add(&mut self, state: &SVector<T, N>, prediction: &SVector<T, M>) {
         self.state += state;
         self.prediction += prediction;
-        // Whole columns: half of the products are spare, but they run side by side.
+        // Whole columns are summed; half of the products are redundant, but they run in parallel.
         for j in 0..N {
             for i in 0..N {
                 self.covariance[(i, j)] += state[i] * state[j];
@@ -313,8 +314,8 @@ impl<T: Real, const N: usize, const M: usize> Sums<T, N, M> {
         }
     }
 
-    /// `Sum W (x - mean)(x - mean)^T = Sum W d d^T - dm dm^T` with differences d to the centre: at most
-    /// half of the sum is taken away, so no digits are lost.
+    /// `Sum W (x - mean)(x - mean)^T = Sum W d d^T - dm dm^T` with differences d from the centre: at most half of the
+    /// sum is subtracted, so no digits are lost.
     #[inline]
     fn moments(
         &self,
@@ -353,8 +354,8 @@ impl<T: Real, const N: usize, const M: usize> Sums<T, N, M> {
     }
 }
 
-/// A count as a number.
+/// Converts a count to a number.
 fn count(n: usize) -> f64 {
-    // States are counted in tens.
+    // Numbers of states are small, so the conversion never saturates.
     f64::from(u32::try_from(n).unwrap_or(u32::MAX))
 }

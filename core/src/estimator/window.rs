@@ -1,4 +1,4 @@
-//! The prediction window, and runs over it.
+//! The prediction window, and model runs over it.
 
 use heapless::Deque;
 use nalgebra::SVector;
@@ -8,10 +8,10 @@ use crate::dynamics::interval::Interval;
 use crate::dynamics::{Dynamics, Inputs, State};
 use crate::math::Real;
 
-/// The prediction window: intervals in order of time, and what every run over them shares.
+/// The prediction window: its intervals in order of time, and the data that every run over them shares.
 #[derive(Debug)]
 pub struct Window<'a, T: Real, I, const N: usize> {
-    /// What stays the same during a flight.
+    /// Everything that stays the same during a flight.
     pub dynamics: &'a Dynamics<T>,
     /// The intervals, earliest first.
     pub intervals: &'a Deque<I, N>,
@@ -22,9 +22,10 @@ pub struct Window<'a, T: Real, I, const N: usize> {
 }
 
 impl<T: Real, I: Interval<T>, const N: usize> Window<'_, T, I, N> {
-    /// States at the window's end of `R` runs from the same start with constant inputs each.
+    /// Returns the states at the end of the window for `R` runs from the same start, each with its own constant
+    /// inputs.
     ///
-    /// All runs cross an interval before any crosses the next: its data are fetched once.
+    /// All runs cross an interval before any of them crosses the next, so that its data are fetched only once.
     pub fn run<const R: usize>(&self, start: &State<T>, inputs: &[Inputs<T>; R]) -> [State<T>; R] {
         let mut states = [*start; R];
         for interval in self.intervals {
@@ -35,14 +36,14 @@ impl<T: Real, I: Interval<T>, const N: usize> Window<'_, T, I, N> {
         states
     }
 
-    /// One step over one interval.
+    /// Crosses one interval in one step.
     #[inline]
     pub fn step(&self, state: &State<T>, interval: &I, inputs: &Inputs<T>) -> State<T> {
         self.dynamics
             .step_at_density(state, interval, inputs, self.duration, self.density)
     }
 
-    /// Predicted measurement vector of a state at the window's end.
+    /// Returns the predicted measurement vector of a state at the end of the window.
     pub fn observe(&self, state: &State<T>, model: &MeasurementModel) -> SVector<T, CHANNELS> {
         match self.intervals.back() {
             Some(last) => model.vector(&Measurement::of(&state.motion(last))),

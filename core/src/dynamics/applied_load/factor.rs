@@ -42,7 +42,7 @@ pub enum Factor<T> {
     Height {
         /// Height at which the factor is zero (m).
         from: T,
-        /// Height above that at which the factor is one (m).
+        /// Height above `from` at which the factor is one (m).
         reference: T,
     },
     /// Sine of the time since the start of the flight.
@@ -52,19 +52,19 @@ pub enum Factor<T> {
         /// Phase at the start (rad).
         phase: T,
     },
-    /// One for some time, zero otherwise.
+    /// One during a pulse, zero otherwise.
     Pulse {
-        /// When it begins (s after the start of the flight).
+        /// Time at which the pulse begins (s after the start of the flight).
         start: T,
-        /// How long it lasts (s).
+        /// Duration of the pulse (s).
         duration: T,
-        /// Time from one beginning to the next (s); zero where it comes once.
+        /// Time from the start of one pulse to the start of the next (s); zero for a single pulse.
         period: T,
     },
 }
 
 impl<T: Real> Factor<T> {
-    /// Its value.
+    /// Returns the value of the factor.
     pub fn at(&self, now: &Instant<'_, T>) -> T {
         match *self {
             Self::Speed { reference } => now.through_air.norm_squared().root() / reference,
@@ -80,7 +80,7 @@ impl<T: Real> Factor<T> {
                 let joint = now.posture.parent_from_segment(segment);
                 let imaginary = joint.imag();
                 let sine = imaginary.norm_squared().root();
-                // Twice the half angle, along the axis; the limit is twice the imaginary part.
+                // The rotation vector is twice the half angle along the axis; its limit is twice the imaginary part.
                 let stretch = if sine > T::of(1e-6) {
                     wrap_angle(sine.arctangent2(joint.w) * T::of(2.0)) / sine
                 } else {
@@ -116,7 +116,7 @@ impl<T: Real> Factor<T> {
         }
     }
 
-    /// The same factor in another precision.
+    /// Converts the factor to another precision.
     pub fn cast<U: Real>(&self) -> Factor<U> {
         let scalar = |value: T| U::of(value.to_f64());
         match *self {
@@ -162,7 +162,7 @@ impl<T: Real> Factor<T> {
     }
 }
 
-/// The whole part of a number that is not negative.
+/// Integer part of a number that is not negative.
 fn whole<T: Real>(value: T) -> T {
     let near = value.nearest();
     if near > value { near - T::one() } else { near }

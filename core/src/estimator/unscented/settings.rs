@@ -1,70 +1,70 @@
-//! What tunes the filter, what it refuses, and the limits its state and covariance keep.
+//! Settings of the unscented filter, their validation, and the limits of its state and covariance.
 
 use nalgebra::{SMatrix, SVector};
 
 use crate::math::{Real, clamp};
 
-/// Floor and ceiling of a variance as shares of the variance at the start.
+/// Floor and ceiling of a variance, as shares of its initial value.
 const VARIANCE_RANGE: [f64; 2] = [1e-8, 1e4];
 
-/// Which square root of the covariance spreads the sigma points.
+/// The square root of the covariance that spreads the sigma points.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Root {
-    /// Symmetric, `S S = P`, as in the paper.
+    /// The symmetric root, `S S = P`, as in the paper.
     Symmetric,
-    /// Lower triangular, `L L^T = P`: a quarter of the cost, the spread depends on the order of the states.
+    /// The lower triangular root, `L L^T = P`: a quarter of the cost, but the spread depends on the order of the
+    /// states.
     Cholesky,
 }
 
-/// What tunes the filter of `N` states.
+/// Settings of a filter with `N` states.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settings<T: Real, const N: usize> {
-    /// State at the start.
+    /// Initial state.
     pub state: SVector<T, N>,
-    /// Variance at the start, diagonal of P.
+    /// Initial variance, diagonal of P.
     pub variance: SVector<T, N>,
-    /// Variance that the process adds with each update, diagonal of Q.
+    /// Variance added per update, diagonal of Q; a larger one follows changes faster and gives noisier estimates.
     pub process_noise: SVector<T, N>,
     /// Lower bounds of the state, paper eq. (minmax).
     pub low: SVector<T, N>,
-    /// Upper bounds.
+    /// Upper bounds of the state.
     pub high: SVector<T, N>,
-    /// Weight of the central point, W_0.
+    /// Weight of the central point, W_0; a larger one spreads the other points wider.
     pub central_weight: T,
-    /// Share by which a point beyond a bound that the state sits on goes to the other side, k of paper
+    /// Share by which a point beyond a bound is reflected to the other side if the state is at that bound, k of paper
     /// eq. (movepukf).
     pub reflection: T,
-    /// Square root of the covariance.
+    /// Which square root of the covariance spreads the sigma points.
     pub root: Root,
 }
 
-/// Why settings are refused.
+/// Reason why settings are rejected.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SettingsError {
-    /// The central weight is not in 0 to 0.99: negative weights make covariances indefinite in single
-    /// precision.
+    /// The central weight is not in 0 to 0.99; negative weights make covariances indefinite in single precision.
     CentralWeight,
-    /// A variance at the start is not finite and positive.
+    /// An initial variance is not finite and positive.
     Variance,
-    /// The largest variance at the start is more than 1e12 times the smallest.
+    /// The largest initial variance is more than 1e12 times the smallest.
     VarianceSpread,
-    /// A process noise is negative, not finite, or above a hundred times the variance at the start.
+    /// A process noise is negative, not finite, or more than a hundred times the initial variance.
     ProcessNoise,
     /// A lower bound is not below its upper bound.
     Bounds,
-    /// The state at the start is outside its bounds or not finite.
+    /// The initial state is outside its bounds or not finite.
     State,
     /// The reflection is not in 0 to 1.
     Reflection,
     /// A measurement noise is not finite and positive.
     MeasurementNoise,
-    /// The solution window is empty, longer than the prediction window, or no multiple of the stride.
+    /// The solution window is empty, longer than the prediction window, or not a multiple of the stride.
     SolutionWindow,
-    /// The prediction window is empty, longer than the estimator has room for, or no multiple of the stride.
+    /// The prediction window is empty, longer than the capacity of the estimator, or not a multiple of the stride.
     PredictionWindow,
     /// The time step is not positive, or an interval is longer than 0.05 s.
     TimeStep,
-    /// Motion or posture at the start are not finite.
+    /// The initial motion or posture is not finite.
     Start,
 }
 
@@ -96,10 +96,10 @@ impl core::fmt::Display for SettingsError {
 impl core::error::Error for SettingsError {}
 
 impl<T: Real, const N: usize> Settings<T, N> {
-    /// Whether a filter may run on these settings.
+    /// Checks whether a filter may run with these settings.
     ///
     /// # Errors
-    /// Returns an error that names the first rule that is broken.
+    /// Returns an error for the first rule that is broken.
     pub fn check(&self) -> Result<(), SettingsError> {
         let (zero, one) = (T::zero(), T::one());
         let within = |value: T, low: T, high: T| value >= low && value <= high;
@@ -137,13 +137,13 @@ impl<T: Real, const N: usize> Settings<T, N> {
 }
 
 impl<T: Real, const N: usize> Settings<T, N> {
-    /// `state` limited to the bounds.
+    /// Clamps `state` to the bounds.
     #[inline]
     pub(super) fn limited(&self, state: &SVector<T, N>) -> SVector<T, N> {
         state.zip_zip_map(&self.low, &self.high, clamp)
     }
 
-    /// Keeps variances within their range and correlations below one; mirrors the lower triangle. Whether
+    /// Keeps variances within their range and correlations below one, and mirrors the lower triangle. Returns whether
     /// anything had to be changed.
     #[inline]
     pub(super) fn keep_positive(&self, covariance: &mut SMatrix<T, N, N>) -> bool {
