@@ -1,15 +1,16 @@
-//! The motion filter: a Kalman filter of the whole motion and of what acts on it.
+//! The motion filter: a Kalman filter of the whole motion and of the inputs and loads that cause it.
 //!
-//! The paper's filter ([`Estimator`](super::Estimator)) estimates six coefficients and lets the motion run open
-//! loop, so whatever the model has wrong ends in the coefficients. This one has the motion in its state, and
-//! beside muscle input and damping a residual load: the effect of joints that are recorded slightly wrong. Its size follows from the model ([`posture_error`]) and from the joints' error, which is data.
-//! Inputs return to their mean with a spread of their own, so what no measurement sees stays there; no bound
-//! lies where the truth may be. An axis on which the angular velocity runs away from its prediction is
-//! awake ([`activity`]): its inputs may then change quickly.
+//! The paper's filter ([`Estimator`](super::Estimator)) estimates six coefficients and lets the motion run open loop,
+//! so every model error ends up in the coefficients. This filter also has the motion in its state and, besides muscle
+//! input and damping, a residual load: the effect of small errors in the recorded joints. The size of that load
+//! follows from the model ([`posture_error`]) and from the joint error, which is a setting. Inputs return to their
+//! mean with a given spread, so those that no measurement observes stay there; no bound lies where the truth may be.
+//! An axis whose angular velocity departs from its prediction is awake ([`activity`]): its inputs may then change
+//! quickly.
 //!
-//! Errors are 21 small numbers ([`state`]) that cross an interval by derivatives flown with the model
-//! ([`transition`]), and meet measurements channel by channel ([`measurement`], [`update`]), each behind a
-//! gate. [`watch`] compares the innovations with their error bars and says when they cannot be trusted.
+//! The errors are 21 coordinates ([`state`]). They are propagated over an interval by derivatives that the model
+//! supplies ([`transition`]) and updated channel by channel ([`measurement`], [`update`]), each channel behind a gate.
+//! [`watch`] compares the innovations with their error bars and reports when the error bars cannot be trusted.
 
 pub mod activity;
 pub mod estimate;
@@ -48,36 +49,36 @@ use state::{
 use transition::MotionSlope;
 use watch::Watch;
 
-/// The motion filter with the whole model, a step for each sample.
+/// The motion filter with the whole model and one step per sample.
 pub type FullMotionFilter<T> = MotionFilter<T, Full>;
 
-/// The motion filter for the unit, a step for two samples.
+/// The motion filter for the unit, with one step for every two samples.
 pub type ReducedMotionFilter<T> = MotionFilter<T, Reduced>;
 
-/// Innovations in a row beyond the gate after which a channel is believed again: the filter, not the sensor, is
-/// then the one that is wrong.
+/// Number of consecutive innovations beyond the gate after which a channel is accepted again, because then the filter
+/// is wrong rather than the sensor.
 const LONGEST_REJECTION: u16 = 60;
 
-/// A filter of the motion, fed with one posture and one measurement at a time.
+/// A filter of the whole motion that takes one posture and one measurement at a time.
 #[derive(Debug, Clone)]
 pub struct MotionFilter<T: Real, P: Propagation<T>> {
     dynamics: Dynamics<T>,
     process: Process<T>,
     noise: Noise<T>,
-    /// Square of the deviations beyond which a channel is rejected.
+    /// Squared number of standard deviations beyond which a channel is rejected.
     gate: T,
     activity: Activity<T>,
     duration: T,
-    /// Intervals from one estimate to the next.
+    /// Number of intervals from one estimate to the next.
     intervals: usize,
     state: FlightState<T>,
     covariance: Covariance<T>,
     slope: MotionSlope<T>,
     posture_error: PostureError<T>,
     interval: Option<P::Interval>,
-    /// A motion to start from, until an interval says how the joints move.
+    /// Motion to start from, until the first interval gives the joint rates.
     start: Option<Motion<T>>,
-    /// The last interval in full: kept here for its size, not on the stack of an update.
+    /// The last interval in full. Its size keeps it here rather than on the stack of an update.
     sample: PostureSample<T>,
     posture: Posture<T>,
     /// Samples since the last interval ended.
@@ -87,16 +88,16 @@ pub struct MotionFilter<T: Real, P: Propagation<T>> {
     samples: u32,
     watch: Watch<T>,
     repeats: Repeats<T>,
-    /// Sum of normalised innovations squared since the last estimate, and their number.
+    /// Sum and number of the normalised innovations squared since the last estimate.
     squares: [T; 2],
     faults: Faults,
 }
 
 impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
-    /// Starts with the motion and posture of sample 0, whose errors are those of the sensors.
+    /// Creates a filter that starts with the motion and posture of sample 0, whose errors are those of the sensors.
     ///
     /// # Errors
-    /// Returns an error for settings that cannot be run, and for a start that is not finite.
+    /// Returns an error if the settings are invalid or the start is not finite.
     pub fn new(
         preset: &MotionPreset,
         dynamics: &Dynamics<T>,
@@ -108,11 +109,11 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         Ok(filter)
     }
 
-    /// A filter that ignores samples until [`MotionFilter::restart`] gives it a motion. Two filters do not fit on a
-    /// unit's stack, so the unit places one first and starts it there.
+    /// Creates a filter that ignores samples until [`MotionFilter::restart`] gives it a motion. Two filters do not fit
+    /// on a unit's stack, so the unit creates one in place first and starts it there.
     ///
     /// # Errors
-    /// Returns an error for settings that cannot be run.
+    /// Returns an error if the settings are invalid.
     pub fn unstarted(preset: &MotionPreset, dynamics: &Dynamics<T>) -> Result<Self, SettingsError> {
         let duration = preset.duration(P::STRIDE);
         if !(duration > T::zero() && duration <= T::of(0.05)) {
@@ -151,33 +152,33 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         })
     }
 
-    /// The model.
+    /// Returns the model.
     pub fn dynamics(&self) -> &Dynamics<T> {
         &self.dynamics
     }
 
-    /// The model, mutable: limb groups may change during a flight.
+    /// Returns the model for changes: the limb groups may change during a flight.
     pub fn dynamics_mut(&mut self) -> &mut Dynamics<T> {
         &mut self.dynamics
     }
 
-    /// Motion and inputs after the last interval.
+    /// Returns motion and inputs after the last interval.
     pub fn state(&self) -> &FlightState<T> {
         &self.state
     }
 
-    /// Covariance of their errors.
+    /// Returns the covariance of the state's errors.
     pub fn covariance(&self) -> &Covariance<T> {
         &self.covariance
     }
 
-    /// How much each axis is moved on purpose, 0 to 1: pitch, yaw, roll.
+    /// Degree to which each axis is moved deliberately, 0 to 1: pitch, yaw, roll.
     pub fn activity(&self) -> [T; 3] {
         self.activity.level()
     }
 
-    /// Pushes the body as it is now for `duration` (s) by loads that are known; `time` (s since the start of the flight)
-    /// is the middle of it. Nothing happens before the first interval.
+    /// Applies known loads to the present state for `duration` (s); `time` (s since the start of the flight) is the
+    /// middle of that period. Has no effect before the first interval.
     pub fn apply(&mut self, loads: &AppliedLoads<T>, time: T, duration: T) {
         if let Some(interval) = &self.interval {
             let body = (&self.posture, interval);
@@ -185,11 +186,11 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         }
     }
 
-    /// Takes the next sample: the posture, and what was measured at the same instant. An estimate for that
-    /// instant comes once for each solution window.
+    /// Processes the next sample: a posture and the measurement of the same instant. Returns an estimate for that
+    /// instant once per solution window.
     ///
-    /// A posture that is not usable is replaced by the last good one, channels that were not measured or lie
-    /// beyond the gate are left out, and [`MotionEstimate::faults`] and the channels tell.
+    /// An invalid posture is replaced by the last good one; channels that were not measured or lie beyond the gate are
+    /// left out. [`MotionEstimate::faults`] and the channels report it.
     pub fn push(
         &mut self,
         posture: &Posture<T>,
@@ -198,7 +199,7 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         self.push_recorded(posture, measured, &mut ())
     }
 
-    /// [`MotionFilter::push`] with a recorder that sees each step.
+    /// Same as [`MotionFilter::push`], with a recorder that is called for each update.
     pub fn push_recorded(
         &mut self,
         posture: &Posture<T>,
@@ -224,20 +225,20 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         Some(self.publish(channels))
     }
 
-    /// Goes on to the next posture: first what the posture says, then the flight. Neither keeps its own on the stack for the
-    /// other.
+    /// Advances to the next posture: first the posture's data, then the motion. They are separate functions so that
+    /// their stack frames do not add up.
     fn cross(&mut self, posture: &Posture<T>) {
         let motion = self.motion();
         self.follow_posture(posture, &motion);
         self.fly(&motion);
     }
 
-    /// Brings the interval, and what is known of the joints' errors, up to the next posture.
+    /// Updates the interval and the effect of joint errors for the next posture.
     #[inline(never)]
     fn follow_posture(&mut self, posture: &Posture<T>, motion: &Motion<T>) {
         let good = posture.is_valid();
         self.faults.posture |= !good;
-        // Once per estimate on the unit, so every update costs the same.
+        // Once per estimate on the unit, so that every update costs the same.
         if self.since == 0 || P::STRIDE == 1 {
             let next = if good { posture } else { &self.posture };
             self.posture_error
@@ -251,7 +252,7 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         }
     }
 
-    /// Flies the interval.
+    /// Propagates state and covariance over the interval.
     #[inline(never)]
     fn fly(&mut self, motion: &Motion<T>) {
         let velocity = self.velocity_through_air(motion);
@@ -289,7 +290,7 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         self.interval = Some(interval);
     }
 
-    /// What joints' errors may do in this interval.
+    /// Updates the process noise for the effect of joint errors in this interval.
     #[inline(never)]
     fn follow_joints(&mut self, motion: &Motion<T>, velocity: &Vector3<T>) {
         let length = |vector: Vector3<T>| vector.norm_squared().root();
@@ -305,7 +306,7 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         self.process.set_turning(&turning);
     }
 
-    /// Fuses what was measured.
+    /// Fuses a measurement.
     #[inline(never)]
     fn take(
         &mut self,
@@ -338,7 +339,7 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
             let normalised = innovation.value / innovation.variance.root();
             let square = normalised * normalised;
             let within = square <= self.gate;
-            // NaN is not within the gate, so it is rejected too.
+            // NaN is not within the gate either, so it is rejected.
             let rejected = !within;
             self.watch.take(k, normalised, rejected, self.duration);
             self.activity.take(k, normalised);
@@ -369,7 +370,7 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         channels
     }
 
-    /// Compares the residual load with what joints can do.
+    /// Compares the residual load with the load that joint errors can cause.
     fn watch_residual(&mut self) {
         let inputs = input_vector(&self.state.inputs);
         let residual = inputs.fixed_rows::<6>(RESIDUAL_FORCE - MOTION_STATES);
@@ -443,7 +444,8 @@ mod tests {
         }
     }
 
-    /// Flies `seconds` with an input in pitch from one second on, and filters what is measured of it without noise.
+    /// Flies for `seconds` with a pitch input that starts after one second, and filters noise-free measurements of the
+    /// flight.
     fn filtered(
         seconds: u32,
         pitch: f64,
@@ -474,7 +476,7 @@ mod tests {
         let estimate = estimate.unwrap();
         assert!(estimate.inputs.muscle.to_vector().norm() < 1e-6);
         assert_eq!(estimate.consistency, Consistency::Consistent);
-        // Nothing moves in roll and nothing sees its damping: it stays at its mean, with its own width.
+        // Nothing moves in roll, so its damping is not observed: it stays at its mean with its initial spread.
         let damping = estimate.inputs.damping.roll - f64::from(MOTION.damping[2]);
         assert!(damping.abs() < 1e-3, "{damping}");
         assert!(estimate.deviation[DAMPING + 2] > 0.9 * f64::from(MOTION.damping_deviation[2]));
@@ -513,7 +515,7 @@ mod tests {
     fn a_sensor_that_repeats_itself_is_told_and_not_believed() {
         let mut held = None;
         let (filter, estimate) = filtered(6, 0.3, |k, seen, _| {
-            // Noise of a sensor: the last bits.
+            // The noise of a sensor, in the last bits only.
             let jitter = 1e-9 * f64::from(k % 7);
             seen.velocity = seen.velocity.map(|v| v + Vector::new(jitter, 0.0, 0.0));
             if k > 480 {

@@ -1,8 +1,8 @@
-//! Which axes the skydiver moves on purpose, and when an angular velocity is informative about damping.
+//! Detects which axes the skydiver moves deliberately, and when an angular velocity is informative about damping.
 //!
-//! Muscle input is mostly zero, and sometimes a push within a tenth of a second. No single spread fits both, so
-//! inputs are quiet until the innovations of an axis' angular velocity have the
-//! same sign for some samples, or lean to one side for a second, by more than chance allows.
+//! Muscle input is mostly zero, with occasional pushes within a tenth of a second, which no single spread fits. Inputs
+//! are therefore quiet until the innovations of an axis' angular velocity have the same sign for several samples, or a
+//! mean over a second that differs from zero by more than chance allows.
 
 use nalgebra::Vector3;
 
@@ -10,15 +10,16 @@ use super::measurement::RATE_CHANNELS;
 use super::settings::MotionPreset;
 use crate::math::{Real, clamp};
 
-/// Time over which innovations are averaged (s).
+/// Time over which innovations are averaged (s); a longer one detects smaller inputs, but later.
 const WINDOW: f64 = 0.05;
-/// The same for what begins slowly, and the deviations of that mean at which an axis wakes up.
+/// Averaging time for inputs that start slowly (s), and the number of standard deviations of that mean at which an
+/// axis wakes up.
 const LONG_WINDOW: f64 = 1.0;
 const LONG_THRESHOLD: f64 = 4.5;
-/// Time constant of the angular velocity that damping is looked for in (s).
+/// Time constant of the smoothed angular velocity that is compared to infer damping (s).
 const SLOW: f64 = 0.3;
 
-/// What is known of each axis: pitch, yaw, roll.
+/// Activity of each axis: pitch, yaw, roll.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Activity<T: Real> {
     mean: [T; 3],
@@ -28,7 +29,7 @@ pub struct Activity<T: Real> {
     share: T,
     long_share: T,
     decay: T,
-    /// Squares of the means at which an axis wakes up.
+    /// Squared means at which an axis wakes up.
     threshold: T,
     long_threshold: T,
     slow: Vector3<T>,
@@ -37,7 +38,7 @@ pub struct Activity<T: Real> {
 }
 
 impl<T: Real> Activity<T> {
-    /// No axis active, for intervals of `duration` (s).
+    /// Creates the state with no axis active, for intervals of `duration` (s).
     pub fn new(preset: &MotionPreset, duration: T) -> Self {
         let within = |share: T| clamp(share, T::zero(), T::of(0.9));
         let share = within(duration / T::of(WINDOW));
@@ -61,17 +62,18 @@ impl<T: Real> Activity<T> {
         }
     }
 
-    /// Starts at an angular velocity (rad/s, body axes).
+    /// Initialises the smoothed angular velocity (rad/s, body axes).
     pub fn start(&mut self, spin: &Vector3<T>) {
         self.slow = *spin;
     }
 
-    /// How much each axis is moved, 0 to 1.
+    /// Degree to which each axis is moved deliberately, 0 to 1.
     pub fn level(&self) -> [T; 3] {
         self.level
     }
 
-    /// Takes in an innovation over its deviation; only those of the angular velocity count.
+    /// Processes an innovation divided by its standard deviation; only channels of the angular velocity have an
+    /// effect.
     pub fn take(&mut self, channel: usize, normalised: T) {
         if !RATE_CHANNELS.contains(&channel) || !normalised.is_finite() {
             return;
@@ -89,12 +91,12 @@ impl<T: Real> Activity<T> {
         };
     }
 
-    /// How much an angular velocity (rad/s, with its variance) is trusted to inform the damping, 0 to 1.
+    /// Degree to which an angular velocity (rad/s, with its variance) is trusted to inform the damping, 0 to 1.
     ///
-    /// Damping is inferred from the decay of the angular velocity. Where that is mostly noise, the noise enters both
-    /// sides of the comparison and slowly biases the damping. So a quiet axis is looked at by
-    /// an angular velocity of some time before, which does not know of the noise of now, and only where it is
-    /// well above its own deviation.
+    /// Damping is inferred from the decay of the angular velocity. If that is mostly noise, the noise enters both
+    /// sides of the comparison and slowly biases the damping. A quiet axis is therefore judged by a smoothed earlier
+    /// angular velocity, which is independent of the present noise, and only if the present one is well above its
+    /// standard deviation.
     pub fn damping_trust(&mut self, spin: &Vector3<T>, variance: &Vector3<T>) -> [T; 3] {
         let mut trust = [T::zero(); 3];
         for (axis, trust) in trust.iter_mut().enumerate() {

@@ -1,4 +1,4 @@
-//! What the motion filter publishes, and what it shows to who watches it.
+//! The output of the motion filter, and the interface for observing it from outside.
 
 use nalgebra::SVector;
 
@@ -10,23 +10,23 @@ use crate::dynamics::{Inputs, Motion};
 use crate::estimator::status::Faults;
 use crate::math::Real;
 
-/// One channel at the last interval.
+/// One channel in the last interval.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ChannelEstimate<T> {
-    /// Measured less predicted; zero where nothing was measured.
+    /// Measured minus predicted; zero if nothing was measured.
     pub innovation: T,
-    /// Its variance; zero where nothing was measured.
+    /// Variance of the innovation; zero if nothing was measured.
     pub variance: T,
-    /// Whether it was fused.
+    /// Whether the channel was fused.
     pub fused: bool,
-    /// Whether it was beyond the gate.
+    /// Whether the innovation was beyond the gate.
     pub rejected: bool,
 }
 
-/// The filter's output after a sample.
+/// Output of the filter after a sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MotionEstimate<T: Real> {
-    /// The sample it stands for, the one just taken in; sample 0 is the start.
+    /// The sample that the estimate refers to, which is the one just processed; sample 0 is the start.
     pub sample: u32,
     /// Inputs at that sample.
     pub inputs: Inputs<T>,
@@ -36,20 +36,19 @@ pub struct MotionEstimate<T: Real> {
     pub motion: Motion<T>,
     /// Channels at that sample.
     pub channels: [ChannelEstimate<T>; CHANNELS],
-    /// Normalised innovation squared, the mean of a channel since the last estimate; one where model and noise
-    /// match reality.
+    /// Mean normalised innovation squared per channel since the last estimate; one if model and noise match reality.
     pub normalised_innovation: T,
     /// Consistency of each channel.
     pub watch: Watch<T>,
-    /// The worst of them.
+    /// Consistency of the worst channel or of the residual load.
     pub consistency: Consistency,
-    /// What went wrong since the last estimate.
+    /// Faults since the last estimate.
     pub faults: Faults,
 }
 
-/// What goes on inside a filter, for who wants to watch. A filter without one costs no more.
+/// Callbacks from inside a filter. A filter without a recorder costs no more.
 pub trait Recorder<T: Real> {
-    /// A channel was taken in; `spread` is the covariance of the errors with the channel.
+    /// Called when a channel was fused; `spread` is the covariance of the errors with the channel.
     fn taken(&mut self, _row: &Row<T>, _innovation: &Innovation<T>, _spread: &Difference<T>) {}
 }
 

@@ -1,4 +1,4 @@
-//! What is measured of the motion: channels one by one, each with its place among the error coordinates.
+//! Measurements of the motion: single channels, each with its derivative by the error coordinates.
 
 use nalgebra::{SVector, Vector3};
 
@@ -28,7 +28,7 @@ pub const NAMES: [&str; CHANNELS] = [
     "horizontal_speed_mps",
 ];
 
-/// Standard deviations of the sensors.
+/// Standard deviations of the sensors; larger values give the measurements less weight.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Noise<T> {
     /// Attitude, each axis (rad).
@@ -39,12 +39,12 @@ pub struct Noise<T> {
     pub horizontal_velocity: T,
     /// Vertical velocity (m/s).
     pub vertical_velocity: T,
-    /// Horizontal speed from satellites (m/s).
+    /// Horizontal speed from GNSS (m/s).
     pub horizontal_speed: T,
 }
 
 impl Noise<f32> {
-    /// The same in the precision of the filter.
+    /// Converts the values to the precision of the filter.
     pub fn of<T: Real>(&self) -> Noise<T> {
         Noise {
             attitude: T::single(self.attitude),
@@ -57,10 +57,10 @@ impl Noise<f32> {
 }
 
 impl<T: Real> Noise<T> {
-    /// Variance of a channel of a body that turns with `spin` (rad/s, body axes).
+    /// Returns the variance of a channel for a body rotating at `spin` (rad/s, body axes).
     ///
-    /// Recordings have the angular velocity in inertial axes. Who turns it into body axes does so by the measured attitude, and
-    /// its error `n` makes it wrong by `n x spin`: in a fast turn more than the gyroscopes' own noise.
+    /// Recordings give the angular velocity in inertial axes. It is rotated into body axes by the measured attitude,
+    /// whose error `n` adds an error of `n x spin`: in a fast turn more than the noise of the gyroscopes.
     #[inline]
     pub fn variance(&self, channel: usize, spin: &Vector3<T>) -> T {
         let deviation = match channel {
@@ -80,21 +80,21 @@ impl<T: Real> Noise<T> {
     }
 }
 
-/// What sensors say of one instant; `None` where they say nothing.
+/// Sensor data of one instant; `None` for a quantity that was not measured.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MotionMeasurement<T: Real> {
     /// Attitude of the body frame.
     pub inertial_from_body: Option<Rotation<T, Inertial, Body>>,
-    /// Angular velocity (rad/s).
+    /// Angular velocity in body axes (rad/s).
     pub angular_velocity: Option<Vector<T, Body>>,
-    /// Velocity of the pelvic joint over ground (m/s).
+    /// Velocity of the pelvic joint over the ground (m/s).
     pub velocity: Option<Vector<T, Inertial>>,
-    /// Horizontal speed of satellites (m/s): the horizontal part of the velocity is then not used.
+    /// Horizontal speed from GNSS (m/s). If present, it is used instead of the horizontal part of the velocity.
     pub horizontal_speed: Option<T>,
 }
 
 impl<T: Real> MotionMeasurement<T> {
-    /// Nothing measured.
+    /// A measurement without any data.
     pub fn none() -> Self {
         Self {
             inertial_from_body: None,
@@ -104,7 +104,7 @@ impl<T: Real> MotionMeasurement<T> {
         }
     }
 
-    /// Everything of a motion.
+    /// Returns a complete measurement of a motion.
     pub fn of(motion: &Motion<T>) -> Self {
         Self {
             inertial_from_body: Some(motion.inertial_from_body),
@@ -116,7 +116,7 @@ impl<T: Real> MotionMeasurement<T> {
 }
 
 impl<T: Real> MotionMeasurement<T> {
-    /// The same in another precision.
+    /// Converts the values to another precision.
     pub fn cast<U: Real>(&self) -> MotionMeasurement<U> {
         MotionMeasurement {
             inertial_from_body: self.inertial_from_body.map(|attitude| attitude.cast()),
@@ -127,17 +127,17 @@ impl<T: Real> MotionMeasurement<T> {
     }
 }
 
-/// A channel at a state: measured less predicted, and the derivative of the prediction.
+/// A channel at a given state: innovation, and derivative of the prediction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Row<T: Real> {
-    /// Measured less predicted.
+    /// Measured minus predicted.
     pub innovation: T,
-    /// By the error coordinates of attitude, velocity and angular velocity.
+    /// Derivative by the error coordinates of attitude, velocity and angular velocity.
     pub slope: SVector<T, 9>,
 }
 
 impl<T: Real> Row<T> {
-    /// The derivative times a vector of error coordinates.
+    /// Returns the derivative times a vector of error coordinates.
     #[inline]
     pub fn along(&self, difference: &SVector<T, STATES>) -> T {
         let mut sum = T::zero();
@@ -148,20 +148,21 @@ impl<T: Real> Row<T> {
     }
 }
 
-/// What a state predicts, ready to be compared.
+/// The prediction of a state, against which channels are compared.
 #[derive(Debug, Clone, Copy)]
 pub struct Prediction<T: Real> {
     /// The motion of the pelvic joint.
     pub motion: Motion<T>,
     velocity: Vector3<T>,
     rotation: nalgebra::Matrix3<T>,
-    /// By the turn of the attitude, in body axes.
+    /// Velocity of the centre of gravity relative to the pelvic joint, in body axes, for the derivative by the
+    /// attitude.
     offset: Vector3<T>,
     cg: Vector3<T>,
 }
 
 impl<T: Real> Prediction<T> {
-    /// Of a state in the posture of `interval`.
+    /// Predicts from a state in the posture of `interval`.
     pub fn of(state: &FlightState<T>, interval: &impl Interval<T>) -> Self {
         let motion = state.motion.motion(interval);
         Self {
@@ -177,7 +178,7 @@ impl<T: Real> Prediction<T> {
         }
     }
 
-    /// A channel compared with what was measured; `None` where nothing was, or nothing that can be meant.
+    /// Compares a channel with its measurement; `None` if it was not measured or is not plausible.
     pub fn row(&self, channel: usize, measured: &MotionMeasurement<T>) -> Option<Row<T>> {
         let mut slope = SVector::<T, 9>::zeros();
         let axis = channel % 3;
@@ -205,7 +206,7 @@ impl<T: Real> Prediction<T> {
                 let speed = measured.horizontal_speed?;
                 let [x, y] = [self.velocity.x, self.velocity.y];
                 let predicted = (x * x + y * y).root();
-                // Straight down there is no direction in which a speed could be measured.
+                // For a vertical fall the speed has no horizontal direction to be measured along.
                 let inverse = if predicted > T::of(0.1) {
                     T::one() / predicted
                 } else {
@@ -221,8 +222,8 @@ impl<T: Real> Prediction<T> {
         innovation.is_finite().then_some(Row { innovation, slope })
     }
 
-    /// Derivative of the pelvic joint's velocity along an inertial direction: the centre of gravity's, less
-    /// what the body's turning and the limbs add.
+    /// Derivative of the pelvic joint's velocity along an inertial direction: that of the centre of gravity, minus the
+    /// contributions of rotation and limb motion.
     fn velocity_slope(&self, direction: &Vector3<T>, slope: &mut SVector<T, 9>) {
         let along = self.rotation.transpose() * direction;
         // -(turn x offset) . along, and -(spin x cg) . along.
@@ -286,7 +287,7 @@ mod tests {
             let with_speed = MotionMeasurement { horizontal_speed: Some(speed), ..measured };
             let row = prediction.row(CHANNELS - 1, &with_speed).unwrap();
             prop_assert!((row.innovation - row.along(&difference)).abs() < 2e-6);
-            // Satellites stand in for the horizontal part of the velocity.
+            // GNSS speed replaces the horizontal part of the velocity.
             prop_assert!(prediction.row(6, &with_speed).is_none());
             prop_assert!(prediction.row(8, &with_speed).is_some());
         }

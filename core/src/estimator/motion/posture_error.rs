@@ -1,4 +1,4 @@
-//! How joints that are recorded slightly wrong change the loads: the source of the residual load, from the model.
+//! Effect of errors in the recorded joints on the loads, from the model; this is the source of the residual load.
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
@@ -9,28 +9,29 @@ use crate::body::posture::Posture;
 use crate::dynamics::{Dynamics, Motion, PostureSample};
 use crate::math::{Real, small_rotation};
 
-/// Joint axes, three for each segment but the pelvis.
+/// Number of joint axes, three for each segment except the pelvis.
 pub const JOINT_AXES: usize = 45;
 
-/// Variance of each component besides (m4, m6).
+/// Variance added to each component (m4, m6).
 const COVARIANCE_FLOOR: f64 = 1e-6;
 
-/// Turn of a joint by which the loads are compared (rad).
+/// Joint rotation for which the loads are compared (rad).
 const TURN: f64 = 0.03;
 
-/// Force and moment over the dynamic pressure for each joint axis that is off by 1 rad, of the air alone, and what the
-/// joints do to the inertia.
+/// Sensitivity of force and moment, divided by the dynamic pressure, to an error of 1 rad in each joint axis, from the
+/// aerodynamic loads alone, and the effect of the joints on the inertia.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PostureError<T: Real> {
     columns: [SVector<T, 6>; JOINT_AXES],
     covariance: SMatrix<T, 6, 6>,
-    /// Covariance of the inertia (kg2 m4): xx, xy, xz, yy, yz, zz; and what is summed up for the next.
+    /// Covariance of the inertia (kg2 m4), in the order xx, xy, xz, yy, yz, zz, and the sum under way for the next
+    /// one.
     inertia: [SMatrix<T, 6, 6>; 2],
     next: usize,
 }
 
 impl<T: Real> PostureError<T> {
-    /// Nothing yet.
+    /// An empty value, before anything is computed.
     pub fn none() -> Self {
         Self {
             columns: [SVector::zeros(); JOINT_AXES],
@@ -40,13 +41,13 @@ impl<T: Real> PostureError<T> {
         }
     }
 
-    /// Covariance of the aerodynamic load where every joint axis has a deviation of 1 rad.
+    /// Covariance of the aerodynamic load if every joint axis has a standard deviation of 1 rad.
     pub fn covariance(&self) -> &SMatrix<T, 6, 6> {
         &self.covariance
     }
 
-    /// Covariance of the moment that the body's turning needs, over the dynamic pressure (m6), where every joint axis has a
-    /// deviation of 1 rad: in fast turns more than what the air does.
+    /// Covariance of the moment that the body's rotation requires, divided by the dynamic pressure (m6), if every
+    /// joint axis has a standard deviation of 1 rad. In fast turns it exceeds that of the aerodynamic moment.
     pub fn turning_covariance(&self, dynamics: &Dynamics<T>, motion: &Motion<T>) -> Matrix3<T> {
         let spin = motion.angular_velocity.components;
         let scale = T::one() / flow(dynamics, motion).dynamic_pressure;
@@ -59,7 +60,7 @@ impl<T: Real> PostureError<T> {
         by_inertia * self.inertia[0] * by_inertia.transpose()
     }
 
-    /// All axes anew, for a posture in motion.
+    /// Recomputes all axes, for a posture in motion.
     pub fn renew(
         &mut self,
         dynamics: &Dynamics<T>,
@@ -73,7 +74,7 @@ impl<T: Real> PostureError<T> {
         }
     }
 
-    /// Recomputes one axis, the next in turn. `sample` is scratch space.
+    /// Recomputes the next axis in cyclic order. `sample` is scratch space.
     pub fn renew_next(
         &mut self,
         dynamics: &Dynamics<T>,
@@ -92,7 +93,8 @@ impl<T: Real> PostureError<T> {
         self.keep(index, &column, &inertia);
     }
 
-    /// What an axis does, apart from the work that finds it: a unit's stack does not hold both.
+    /// Stores the effect of an axis. Kept out of line, because a unit's stack cannot hold both this and the
+    /// computation.
     #[inline(never)]
     fn keep(&mut self, index: usize, column: &SVector<T, 6>, inertia: &SVector<T, 6>) {
         if column.iter().all(|v| v.is_finite()) {
@@ -109,8 +111,8 @@ impl<T: Real> PostureError<T> {
     }
 }
 
-/// Load ([`load`]) for each joint axis that is off by 1 rad: those of a segment in a row, in the order of [`Segment::ALL`]
-/// without the pelvis.
+/// Load ([`load`]) per radian of error in each joint axis: three consecutive columns per segment, in the order of
+/// [`Segment::ALL`] without the pelvis.
 pub fn columns<T: Real>(
     dynamics: &Dynamics<T>,
     posture: &Posture<T>,
@@ -124,21 +126,21 @@ pub fn columns<T: Real>(
     })
 }
 
-/// Covariance of a load where every joint axis has a deviation of 1 rad.
+/// Covariance of a load if every joint axis has a standard deviation of 1 rad.
 pub fn covariance_of<T: Real>(columns: &[SVector<T, 6>; JOINT_AXES]) -> SMatrix<T, 6, 6> {
     let mut covariance = SMatrix::<T, 6, 6>::zeros();
     for column in columns {
         covariance += column * column.transpose();
     }
-    // Keeps it invertible where no joint changes a component.
+    // Keeps the matrix invertible if no joint affects a component.
     for k in 0..6 {
         covariance[(k, k)] += T::of(COVARIANCE_FLOOR);
     }
     covariance
 }
 
-/// Force, and moment about the centre of gravity, over the dynamic pressure (m2, m3) of a posture in motion, less what the
-/// body's turning needs. `sample` is a place to work in.
+/// Force and moment about the centre of gravity divided by the dynamic pressure (m2, m3) for a posture in motion,
+/// minus the moment that the body's rotation requires. `sample` is scratch space.
 pub fn load<T: Real>(
     dynamics: &Dynamics<T>,
     posture: &Posture<T>,
@@ -154,7 +156,7 @@ pub fn load<T: Real>(
     load
 }
 
-/// A posture with one joint axis off.
+/// Returns a posture with one joint axis rotated.
 #[inline(never)]
 fn turned<T: Real>(posture: &Posture<T>, axis: usize) -> Posture<T> {
     let segment = Segment::ALL[1 + axis / 3];
@@ -166,7 +168,7 @@ fn turned<T: Real>(posture: &Posture<T>, axis: usize) -> Posture<T> {
     )
 }
 
-/// Moment that turning needs (N m).
+/// Moment that rotation at `spin` requires (N m).
 fn turning<T: Real>(inertia: &Matrix3<T>, spin: &Vector3<T>) -> Vector3<T> {
     spin.cross(&(inertia * spin))
 }
@@ -193,7 +195,7 @@ fn flow<T: Real>(dynamics: &Dynamics<T>, motion: &Motion<T>) -> Flow<T> {
     Flow::new(&velocity.components, density)
 }
 
-/// What the air does, over the dynamic pressure.
+/// Aerodynamic load divided by the dynamic pressure.
 fn aerodynamic<T: Real>(
     dynamics: &Dynamics<T>,
     motion: &Motion<T>,

@@ -1,17 +1,17 @@
-//! Whether a sensor still measures: one that has noise never says the same number twice for long.
+//! Detects stuck sensors: a sensor with noise never repeats the same value for long.
 
 use super::measurement::{CHANNELS, MotionMeasurement};
 use crate::math::Real;
 
-/// Time for which a sensor may say the same and be believed (s).
+/// Time for which a sensor may repeat the same value and still be used (s).
 pub const BELIEVED: f32 = 0.25;
 
-/// Attitude, angular velocity, velocity.
+/// Number of sensors watched: attitude, angular velocity, velocity.
 const SENSORS: usize = 3;
 
-/// For how long each sensor has repeated itself.
+/// Time for which each sensor has repeated its value.
 ///
-/// The speed of satellites is not looked at: receivers repeat it until they have the next.
+/// GNSS speed is not checked, since receivers repeat it until the next solution.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Repeats<T> {
     last: [[T; 4]; SENSORS],
@@ -19,7 +19,7 @@ pub struct Repeats<T> {
 }
 
 impl<T: Real> Repeats<T> {
-    /// Nothing measured.
+    /// Creates the state before any measurement.
     pub fn new() -> Self {
         Self {
             last: [[T::zero(); 4]; SENSORS],
@@ -27,7 +27,7 @@ impl<T: Real> Repeats<T> {
         }
     }
 
-    /// Takes in what was measured `duration` (s) after the last.
+    /// Processes a measurement taken `duration` (s) after the last one.
     pub fn take(&mut self, measured: &MotionMeasurement<T>, duration: T) {
         let vector = |[x, y, z]: [T; 3]| [x, y, z, T::zero()];
         let values = [
@@ -55,7 +55,7 @@ impl<T: Real> Repeats<T> {
         }
     }
 
-    /// For how long the sensor of a channel has said the same (s).
+    /// Returns the time for which the sensor of a channel has repeated its value (s).
     pub fn time(&self, channel: usize) -> T {
         if channel + 1 < CHANNELS {
             self.times[channel / 3]

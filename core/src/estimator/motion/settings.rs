@@ -1,4 +1,4 @@
-//! What tunes the motion filter, as data, and what follows from it for one rate.
+//! Settings of the motion filter as data, and the process noise that follows from them at a given rate.
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
@@ -11,51 +11,54 @@ use crate::estimator::preset::SAMPLE_RATE;
 use crate::estimator::unscented::SettingsError;
 use crate::math::Real;
 
-/// Everything that tunes a motion filter. Three numbers are pitch, yaw, roll.
+/// All settings of a motion filter. Arrays of three are in the order pitch, yaw, roll.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MotionPreset {
-    /// Standard deviations of what is measured.
+    /// Standard deviations of the sensors; larger values give the measurements less weight.
     pub noise: Noise<f32>,
-    /// Standard deviation of the muscle input; its mean is zero.
+    /// Standard deviation of the quiet muscle input, whose mean is zero; a larger one lets more of the motion be
+    /// explained by muscles.
     pub muscle: [f32; 3],
-    /// Correlation time of the muscle input (s).
+    /// Correlation time of the muscle input (s); a longer one makes the estimate smoother and slower.
     pub muscle_time: f32,
     /// Mean of the damping coefficients.
     pub damping: [f32; 3],
-    /// Their standard deviation.
+    /// Standard deviations of the damping coefficients.
     pub damping_deviation: [f32; 3],
     /// Correlation time of the damping (s).
     pub damping_time: f32,
-    /// Standard deviation of muscle input and of damping while an axis is moved on purpose.
+    /// Standard deviations of muscle input and of damping while an axis is moved deliberately.
     pub awake: [f32; 2],
-    /// Time in which inputs then change, and for which an axis stays active (s).
+    /// Time constant of the inputs of an awake axis, and time for which an axis stays awake (s).
     pub awake_time: f32,
-    /// Deviations of the mean innovation of the angular velocity at which an axis wakes up.
+    /// Number of standard deviations of the mean innovation at which an axis wakes up; a lower one reacts earlier and
+    /// has more false alarms.
     pub awake_threshold: f32,
-    /// Deviations that an angular velocity must have from zero before it tells of the damping.
+    /// Number of standard deviations by which an angular velocity must differ from zero to inform the damping.
     pub damping_threshold: f32,
-    /// Standard deviation of the recorded joints, each axis (rad).
+    /// Standard deviation of the recorded joints, each axis (rad); a larger one attributes more of the loads to joint
+    /// errors.
     pub joint_error: f32,
-    /// Time in which the joints' errors change (s).
+    /// Correlation time of the joint errors (s).
     pub joint_error_time: f32,
-    /// Share of the joints' load that a turn of the stream about the body makes another (1/rad).
+    /// Rate at which the joints' load decorrelates as the airstream turns about the body (1/rad).
     pub turn_rate: f32,
-    /// Acceleration that the model does not know, as white noise (m/s2 over the root of Hz).
+    /// Acceleration that the model misses, as white noise (m/s2 per root Hz).
     pub acceleration_noise: f32,
-    /// Angular acceleration that the model does not know (rad/s2 over the root of Hz).
+    /// Angular acceleration that the model misses, as white noise (rad/s2 per root Hz).
     pub angular_acceleration_noise: f32,
-    /// Innovation gate: deviations from the prediction beyond which a channel is rejected.
+    /// Innovation gate: number of standard deviations from the prediction beyond which a channel is rejected.
     pub gate: f32,
-    /// Samples a second (Hz).
+    /// Sample rate (Hz).
     pub sample_rate: f32,
-    /// Samples from one estimate to the next.
+    /// Number of samples from one estimate to the next.
     pub solution_window: usize,
 }
 
-/// The default: sensors as in the paper, joints 2 degrees off.
+/// The default settings: sensor noise as in the paper, joint errors of 2 degrees.
 ///
-/// The spread of quiet muscle input and its time, the time of the joints' errors, and the thresholds were chosen on
-/// synthetic flights of seed 101, with joints 2 degrees off and with exact ones.
+/// The spread and time of quiet muscle input, the time of the joint errors, and the thresholds were chosen on
+/// synthetic flights of seed 101, with joints 2 degrees off and with exact joints.
 pub const MOTION: MotionPreset = MotionPreset {
     noise: Noise {
         attitude: 0.01,
@@ -84,8 +87,8 @@ pub const MOTION: MotionPreset = MotionPreset {
 };
 
 impl MotionPreset {
-    /// Multiplies the process noise, the measurement noise and the start, as variances. Inputs start with the spread
-    /// that they come back to, so the factor of the start counts among those of the process.
+    /// Multiplies process noise, measurement noise and initial covariance, as variances. Inputs start with their
+    /// long-run spread, so the factor for the start also applies to the process.
     pub fn scale(&mut self, process: f32, measurement: f32, start: f32) {
         let root = |factor: f32| factor.root();
         for spread in self.muscle.iter_mut().chain(&mut self.damping_deviation) {
@@ -116,42 +119,43 @@ impl MotionPreset {
     }
 }
 
-/// Share of the time in which muscles act on purpose, by guess, and deviations at which that is noticed.
+/// Assumed share of time in which muscles act deliberately, and the number of standard deviations at which that is
+/// noticed.
 const ON_PURPOSE: f64 = 0.25;
 const NOTICED: f64 = 2.0;
 
-/// How the inputs evolve over one interval: they return to their mean, and wander.
+/// Evolution of the inputs over one interval: they decay to their mean and are driven by noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Process<T: Real> {
     centre: SVector<T, INPUT_STATES>,
     decay: SVector<T, INPUT_STATES>,
-    /// Variance of muscle input and damping in the long run.
+    /// Long-run variance of muscle input and damping.
     spread: SVector<T, 6>,
-    /// Variance that an interval adds to velocity and angular velocity.
+    /// Variance added per interval to velocity and angular velocity.
     motion: [T; 2],
-    /// Variance that an interval adds to muscle input and damping of an axis that is awake, and its ceiling.
+    /// Variance added per interval to muscle input and damping of an awake axis, each with its ceiling.
     awake: [[T; 2]; 2],
-    /// Pitch, yaw, roll: one where an axis has just woken up.
+    /// Activity of pitch, yaw and roll; one for an axis that has just woken up.
     activity: [T; 3],
-    /// Share of the distance from the mean that an interval takes from muscle input, from damping, and from both where an axis is
-    /// awake.
+    /// Decay of the distance from the mean per interval, as a share: of muscle input, of damping, and additionally of
+    /// both for an awake axis.
     rates: [T; 3],
-    /// Share of the residual load that an interval forgets, and that a turn of the stream does (1/rad).
+    /// Decay of the residual load, as a share per interval and per rotation of the airstream (1/rad).
     joint_rate: T,
     turn_rate: T,
-    /// Square of the joints' error (rad2).
+    /// Variance of the joint errors (rad2).
     joint_variance: T,
-    /// Share of the residual load that stays, by time and by turns of the stream.
+    /// Share of the residual load that remains after an interval, allowing for time and rotation of the airstream.
     joint_kept: T,
-    /// Covariance of the residual load for joints that are off by 1 rad.
+    /// Covariance of the residual load for joint errors of 1 rad.
     sensitivity: SMatrix<T, 6, 6>,
-    /// What of its moment is the body's own turning, and the variance that a change of it brings.
+    /// Part of the moment's variance that is due to the body's own rotation, and the variance added when it changes.
     turning: Vector3<T>,
     turned: Vector3<T>,
 }
 
 impl<T: Real> Process<T> {
-    /// For intervals of `duration` (s).
+    /// Creates the process for intervals of `duration` (s).
     ///
     /// # Errors
     /// Returns an error if a number is not finite or has the wrong sign.
@@ -210,23 +214,23 @@ impl<T: Real> Process<T> {
         })
     }
 
-    /// The mean that inputs return to.
+    /// Returns the mean to which the inputs decay.
     pub fn centre(&self) -> SVector<T, INPUT_STATES> {
         self.centre
     }
 
-    /// Share of the distance from the mean that is left after an interval.
+    /// Returns the share of the distance from the mean that remains after an interval.
     pub fn decay(&self) -> SVector<T, INPUT_STATES> {
         self.decay
     }
 
-    /// Takes the covariance of the residual load for joints that are off by 1 rad.
+    /// Sets the covariance of the residual load for joint errors of 1 rad.
     pub fn set_sensitivity(&mut self, sensitivity: &SMatrix<T, 6, 6>) {
         self.sensitivity = *sensitivity;
     }
 
-    /// Sets by how much the stream turned about the body in this interval (rad): what joints do to the loads
-    /// is another load from another side.
+    /// Sets the rotation of the airstream relative to the body in this interval (rad): the effect of joint errors on
+    /// the loads changes with the direction of the airstream.
     pub fn set_turn(&mut self, turn: T) {
         self.joint_kept = decay_over(self.joint_rate + turn * self.turn_rate);
         for k in RESIDUAL_FORCE - MUSCLE..INPUT_STATES {
@@ -235,11 +239,11 @@ impl<T: Real> Process<T> {
         self.turned = Vector3::zeros();
     }
 
-    /// Adds what the body's own turning needs to the covariance of the residual load: `covariance` for joints that are off by
-    /// 1 rad. Call it after [`Process::set_sensitivity`] and [`Process::set_turn`].
+    /// Adds the moment that the body's own rotation requires to the covariance of the residual load; `covariance` is
+    /// for joint errors of 1 rad. Call it after [`Process::set_sensitivity`] and [`Process::set_turn`].
     ///
-    /// Where a body begins to turn faster, its moments come to what is there already; where it turns slower, what is left of the
-    /// residual moment is the share that is expected of it.
+    /// If the body rotates faster than before, the additional moment increases the variance; if it rotates slower, the
+    /// residual moment decays to its expected share.
     pub fn set_turning(&mut self, covariance: &Matrix3<T>) {
         for axis in 0..3 {
             let air = self.sensitivity[(3 + axis, 3 + axis)];
@@ -262,7 +266,7 @@ impl<T: Real> Process<T> {
         }
     }
 
-    /// Sets how much each axis is moved on purpose, 0 to 1: pitch, yaw, roll.
+    /// Sets the degree to which each axis is moved deliberately, 0 to 1: pitch, yaw, roll.
     pub fn set_activity(&mut self, activity: [T; 3]) {
         self.activity = activity;
         let [muscle, damping, awake] = self.rates;
@@ -272,13 +276,13 @@ impl<T: Real> Process<T> {
         }
     }
 
-    /// How much each axis is moved on purpose in this interval, 0 to 1: pitch, yaw, roll.
+    /// Degree to which each axis is moved deliberately in this interval, 0 to 1: pitch, yaw, roll.
     pub fn activity(&self) -> [T; 3] {
         self.activity
     }
 
-    /// Standard deviations to state: the covariance knows quiet input alone, so where little is seen of an input, what may be done
-    /// on purpose without being noticed is added.
+    /// Returns the standard deviations to publish. The covariance covers quiet input only, so where an input is poorly
+    /// observed, the variance of deliberate input that could go unnoticed is added.
     pub fn stated(&self, covariance: &SMatrix<T, STATES, STATES>) -> SVector<T, STATES> {
         let mut variance = covariance.diagonal();
         for axis in 0..3 {
@@ -288,11 +292,12 @@ impl<T: Real> Process<T> {
         variance.map(Real::root)
     }
 
-    /// Variance of muscle input on purpose that goes unnoticed about an axis with this `activity`, 0 to 1, where quiet input has
-    /// the variance `known`.
+    /// Returns the variance of deliberate muscle input that goes unnoticed about an axis with this `activity` (0 to
+    /// 1), if quiet input has the variance `known`.
     ///
-    /// With `left` of the spread of quiet input, measurements told `(1 - left) / known`, and the estimate falls short of an input
-    /// by the share `left`. Inputs larger than some deviations of what was told wake the axis up.
+    /// Let `left` be the ratio of `known` to the variance of quiet input. The measurements then contributed the
+    /// information `(1 - left) / known`, and the estimate falls short of an input by the share `left`. An input larger
+    /// than a few standard deviations of what was measured wakes the axis up.
     pub fn unnoticed(&self, axis: usize, known: T, activity: T) -> T {
         let one = T::one();
         let quiet = (one - activity) * T::of(ON_PURPOSE);
@@ -309,12 +314,12 @@ impl<T: Real> Process<T> {
         }
     }
 
-    /// Covariance of the residual load in the long run.
+    /// Returns the long-run covariance of the residual load.
     pub fn residual_covariance(&self) -> SMatrix<T, 6, 6> {
         self.sensitivity * self.joint_variance
     }
 
-    /// Covariance before anything is measured but the motion, with these errors.
+    /// Returns the initial covariance for a motion measured with these errors and inputs that are not yet observed.
     pub fn start(&self, noise: &Noise<T>) -> SMatrix<T, STATES, STATES> {
         let mut covariance = SMatrix::<T, STATES, STATES>::zeros();
         let squares = |values: [T; 3]| values.map(|value| value * value);
@@ -338,7 +343,7 @@ impl<T: Real> Process<T> {
         covariance
     }
 
-    /// Adds the process noise of an interval.
+    /// Adds the process noise of one interval.
     pub fn add_noise(&self, covariance: &mut SMatrix<T, STATES, STATES>) {
         let one = T::one();
         for (first, variance) in [VELOCITY, SPIN].into_iter().zip(self.motion) {
@@ -373,7 +378,7 @@ impl<T: Real> Process<T> {
     }
 }
 
-/// `exp(-x)` for small `x`, between 0 and 1 for any that is positive.
+/// `exp(-x)` for small `x`; between 0 and 1 for any positive `x`.
 fn decay_over<T: Real>(x: T) -> T {
     let two = T::of(2.0);
     if x < two {
@@ -398,10 +403,10 @@ mod tests {
             let known = deviation * deviation;
             (known + process.unnoticed(1, known, activity)).root()
         };
-        // Nothing was seen: three, a quarter of the time.
+        // Nothing was observed: an input of three, a quarter of the time.
         let unseen = stated(0.3, 0.0);
         assert!((1.4..1.6).contains(&unseen), "{unseen}");
-        // What is known to a tenth is hardly less known, and an axis that is awake expects much already.
+        // An input known to a tenth becomes hardly less certain, and an awake axis already expects large inputs.
         let seen = stated(0.1, 0.0);
         assert!((0.1..0.103).contains(&seen), "{seen}");
         assert!((stated(1.0, 1.0) - 1.0).abs() < 1e-9);

@@ -1,4 +1,4 @@
-//! Starting a motion filter, for the first time or over again.
+//! Starting and restarting a motion filter.
 
 use super::MotionFilter;
 use super::state::{MOTION_STATES, STATES};
@@ -11,11 +11,11 @@ use crate::estimator::unscented::SettingsError;
 use crate::math::Real;
 
 impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
-    /// Starts from a motion: for the first time, or over again after a gap in the recording, keeping what is known of the
-    /// inputs. The motion and posture are those of the sample pushed last.
+    /// Starts from a motion, either for the first time or again after a gap in the recording. A restart keeps the
+    /// estimated inputs. Motion and posture must be those of the sample pushed last.
     ///
     /// # Errors
-    /// Returns an error for a motion or posture that is not finite; the filter is left as it was.
+    /// Returns an error if motion or posture is not finite; the filter is then unchanged.
     pub fn restart(
         &mut self,
         motion: &Motion<T>,
@@ -57,7 +57,8 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         self.posture = *posture;
         self.interval = None;
         self.activity.start(&motion.angular_velocity.components);
-        // All axes at once take a unit longer than it has between two estimates: starting over, they follow one by one.
+        // All axes at once take a unit longer than the time between two estimates, so a restart leaves them to be
+        // renewed one by one.
         if is_first {
             self.posture_error
                 .renew(&self.dynamics, posture, motion, &mut self.sample);

@@ -1,4 +1,4 @@
-//! What the filter knows: the motion and what acts on it, and how far two of them are apart.
+//! The state of the filter, which is the motion and its inputs, and the difference of two states.
 
 use nalgebra::{SMatrix, SVector, Vector3};
 
@@ -10,33 +10,33 @@ use crate::math::{Real, clamp, normalized, small_rotation};
 
 /// Number of error coordinates.
 pub const STATES: usize = 21;
-/// Those of the motion come first.
+/// Number of error coordinates of the motion, which come first.
 pub const MOTION_STATES: usize = 9;
-/// The others change by themselves alone.
+/// Number of error coordinates of the inputs, whose evolution does not depend on the motion.
 pub const INPUT_STATES: usize = STATES - MOTION_STATES;
 
-/// Where the turn of the attitude begins (rad, body axes).
+/// Index of the attitude error, a rotation (rad, body axes).
 pub const ATTITUDE: usize = 0;
-/// Where the velocity of the centre of gravity begins (m/s, inertial axes).
+/// Index of the velocity of the centre of gravity (m/s, inertial axes).
 pub const VELOCITY: usize = 3;
-/// Where the angular velocity begins (rad/s, body axes).
+/// Index of the angular velocity (rad/s, body axes).
 pub const SPIN: usize = 6;
-/// Where muscle input begins: pitch, yaw, roll.
+/// Index of the muscle input: pitch, yaw, roll.
 pub const MUSCLE: usize = 9;
-/// Where damping begins: pitch, yaw, roll.
+/// Index of the damping: pitch, yaw, roll.
 pub const DAMPING: usize = 12;
-/// Where the residual force begins (m2, body axes).
+/// Index of the residual force (m2, body axes).
 pub const RESIDUAL_FORCE: usize = 15;
-/// Where the residual moment begins (m3, body axes).
+/// Index of the residual moment (m3, body axes).
 pub const RESIDUAL_MOMENT: usize = 18;
 
-/// A small difference of two states, in the order of the constants of this module.
+/// A small difference of two states, with the indices of the constants of this module.
 pub type Difference<T> = SVector<T, STATES>;
 
 /// Covariance of the error coordinates.
 pub type Covariance<T> = SMatrix<T, STATES, STATES>;
 
-/// Limits of muscle input and damping: so far from where they are ever found that they bias nothing.
+/// Limits of muscle input and damping, far enough from any real value that they cause no bias.
 const INPUT_LIMITS: [[f32; 2]; 2] = [[-12.0, 12.0], [-0.5, 30.0]];
 
 /// Motion and inputs at one instant.
@@ -44,11 +44,11 @@ const INPUT_LIMITS: [[f32; 2]; 2] = [[-12.0, 12.0], [-0.5, 30.0]];
 pub struct FlightState<T: Real> {
     /// Motion of the body.
     pub motion: State<T>,
-    /// Muscle input, damping, and the load that nothing else accounts for.
+    /// Muscle input, damping and residual load.
     pub inputs: Inputs<T>,
 }
 
-/// The inputs in the order of the error coordinates.
+/// Returns the inputs in the order of the error coordinates.
 pub fn input_vector<T: Real>(inputs: &Inputs<T>) -> SVector<T, INPUT_STATES> {
     let Inputs {
         muscle,
@@ -68,7 +68,7 @@ pub fn input_vector<T: Real>(inputs: &Inputs<T>) -> SVector<T, INPUT_STATES> {
     vector
 }
 
-/// The inputs that [`input_vector`] made a vector of.
+/// Converts a vector made by [`input_vector`] back to inputs.
 pub fn inputs_of<T: Real>(vector: &SVector<T, INPUT_STATES>) -> Inputs<T> {
     let part = |k: usize| Vector3::new(vector[3 * k], vector[3 * k + 1], vector[3 * k + 2]);
     let axes = |k: usize| [vector[3 * k], vector[3 * k + 1], vector[3 * k + 2]].into();
@@ -83,7 +83,7 @@ pub fn inputs_of<T: Real>(vector: &SVector<T, INPUT_STATES>) -> Inputs<T> {
 }
 
 impl<T: Real> FlightState<T> {
-    /// The state that differs from this one by `difference`, in the posture of `interval`.
+    /// Returns the state that differs from this one by `difference`, in the posture of `interval`.
     pub fn moved(&self, difference: &Difference<T>, interval: &impl Interval<T>) -> Self {
         let motion = difference.fixed_rows::<MOTION_STATES>(0).into_owned();
         let inputs = difference.fixed_rows::<INPUT_STATES>(MUSCLE).into_owned();
@@ -93,7 +93,7 @@ impl<T: Real> FlightState<T> {
         }
     }
 
-    /// The difference by which `other` is [moved](FlightState::moved) from this state.
+    /// Returns the difference by which `other` is [moved](FlightState::moved) from this state.
     pub fn difference(&self, other: &Self, interval: &impl Interval<T>) -> Difference<T> {
         let mut difference = Difference::<T>::zeros();
         difference
@@ -105,7 +105,7 @@ impl<T: Real> FlightState<T> {
         difference
     }
 
-    /// Keeps muscle input and damping within their limits.
+    /// Clamps muscle input and damping to their limits.
     pub fn limit_inputs(&mut self) {
         let within =
             |[low, high]: [f32; 2]| move |value: T| clamp(value, T::single(low), T::single(high));
@@ -114,7 +114,7 @@ impl<T: Real> FlightState<T> {
         self.inputs.damping = self.inputs.damping.map(damping);
     }
 
-    /// The same state in another precision.
+    /// Converts the state to another precision.
     pub fn cast<U: Real>(&self) -> FlightState<U> {
         FlightState {
             motion: self.motion.cast(),
@@ -122,13 +122,13 @@ impl<T: Real> FlightState<T> {
         }
     }
 
-    /// Whether every number is finite.
+    /// Returns whether every number is finite.
     pub fn is_finite(&self) -> bool {
         self.motion.is_finite() && input_vector(&self.inputs).iter().all(|v| v.is_finite())
     }
 }
 
-/// The motion that differs by `change`: the body is turned, with its angular velocity, and pushed.
+/// Applies `change` to a motion: rotates the body together with its angular velocity, and changes the velocities.
 pub(super) fn moved_motion<T: Real>(
     state: &State<T>,
     change: &SVector<T, MOTION_STATES>,
@@ -148,7 +148,7 @@ pub(super) fn moved_motion<T: Real>(
     }
 }
 
-/// The change by which `to` is moved from `from`.
+/// Returns the change that takes `from` to `to`, the inverse of [`moved_motion`].
 pub(super) fn motion_difference<T: Real>(
     from: &State<T>,
     to: &State<T>,
@@ -169,8 +169,8 @@ pub(super) fn motion_difference<T: Real>(
     change
 }
 
-/// The small turn (rad, body axes) that takes one attitude to another: exact to third order, and on the short
-/// way however far they are apart.
+/// Small rotation (rad, body axes) that takes one attitude to another: accurate to third order, and along the shorter
+/// way however far apart they are.
 pub(super) fn turn_between<T: Real, A, B>(
     from: &Rotation<T, A, B>,
     to: &Rotation<T, A, B>,
@@ -178,7 +178,7 @@ pub(super) fn turn_between<T: Real, A, B>(
     let turn = *(from.quaternion().inverse() * to.quaternion());
     let imaginary = turn.imag();
     let square = imaginary.norm_squared();
-    // 2 asin(s) / s to fourth order.
+    // The series of 2 asin(s) / s to fourth order.
     let factor = T::of(2.0) + square * (T::of(1.0 / 3.0) + square * T::of(3.0 / 20.0));
     if turn.w < T::zero() {
         -imaginary * factor

@@ -1,7 +1,7 @@
-//! How a state and its errors cross an interval.
+//! Propagation of the state and its covariance over an interval.
 //!
-//! The motion is flown by the model once as it is and once for each error coordinate that the model maps in a
-//! way of its own; what a residual load does is known without flying.
+//! The model is run once for the motion as it is and once for each error coordinate with an effect of its own; the
+//! effect of a residual load is computed without a run.
 
 use nalgebra::{SMatrix, SVector};
 
@@ -14,14 +14,14 @@ use crate::dynamics::interval::Interval;
 use crate::dynamics::{Dynamics, Inputs, State};
 use crate::math::Real;
 
-/// Derivatives of the motion at the end of an interval by everything at its start.
+/// Derivatives of the motion at the end of an interval with respect to all error coordinates at its start.
 pub type MotionSlope<T> = SMatrix<T, MOTION_STATES, STATES>;
 
-/// Size of the error by which each coordinate is flown: turn (rad), velocity (m/s), angular velocity (rad/s),
-/// muscle input, damping.
+/// Size of the step for each derivative: rotation (rad), velocity (m/s), angular velocity (rad/s), muscle input,
+/// damping.
 const ERRORS: [f32; 5] = [0.01, 0.5, 0.05, 0.25, 0.5];
 
-/// Flies `start` over an interval of `duration` (s): the state at its end, and the slope there.
+/// Runs the model from `start` over an interval of `duration` (s); gives the state at its end and the derivatives.
 #[inline(never)]
 pub fn fly<T: Real>(
     dynamics: &Dynamics<T>,
@@ -63,7 +63,7 @@ pub fn fly<T: Real>(
     }
 }
 
-/// A residual load pushes and turns the body for as long as the interval lasts.
+/// Columns of the residual load, which changes the momenta for the duration of the interval.
 fn residual_columns<T: Real>(
     dynamics: &Dynamics<T>,
     interval: &impl Interval<T>,
@@ -97,7 +97,7 @@ fn residual_columns<T: Real>(
     }
 }
 
-/// Dynamic pressure of the stream (Pa).
+/// Dynamic pressure of the airstream (Pa).
 fn dynamic_pressure<T: Real>(
     dynamics: &Dynamics<T>,
     interval: &impl Interval<T>,
@@ -109,7 +109,7 @@ fn dynamic_pressure<T: Real>(
     T::of(0.5) * density * velocity.norm_squared()
 }
 
-/// The covariance after the interval, in place: `Phi P Phi^T + Q` with what is known of Phi.
+/// Propagates the covariance over the interval in place, `Phi P Phi^T + Q`, using the structure of Phi.
 #[inline(never)]
 pub fn spread<T: Real>(
     covariance: &mut SMatrix<T, STATES, STATES>,
@@ -117,7 +117,7 @@ pub fn spread<T: Real>(
     process: &Process<T>,
 ) {
     let decay = process.decay();
-    // Rows of the motion: Phi_m P, then that by the decay of each input, and by Phi_m^T.
+    // Rows of the motion: Phi_m P, which is then multiplied by the decay of each input and by Phi_m^T.
     #[expect(
         clippy::op_ref,
         reason = "by value it is copied first, onto a unit's stack"
@@ -198,7 +198,7 @@ mod tests {
             let found = end.difference(&side, &interval);
             let expected = slope * error;
             for row in 0..MOTION_STATES {
-                // A residual load is taken to be undamped over one interval.
+                // The derivative by a residual load neglects the damping over one interval.
                 let tolerance = 0.06 * expected.norm() + 1e-9;
                 let gap = (found[row] - expected[row]).abs();
                 assert!(

@@ -1,4 +1,4 @@
-//! Taking in a measurement, channel by channel.
+//! Measurement update, channel by channel.
 
 use nalgebra::{SMatrix, SVector};
 
@@ -6,19 +6,19 @@ use super::measurement::Row;
 use super::state::{Difference, STATES};
 use crate::math::Real;
 
-/// Least variance of an error coordinate.
+/// Lower bound of the variance of an error coordinate.
 const VARIANCE_FLOOR: f64 = 1e-12;
 
-/// An innovation with its variance, noise included.
+/// An innovation with its variance, including measurement noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Innovation<T> {
-    /// Measured less predicted.
+    /// Measured minus predicted.
     pub value: T,
-    /// Its variance.
+    /// Variance of the innovation.
     pub variance: T,
 }
 
-/// What a channel says about a state that is `moved` from where the row was taken.
+/// Computes the innovation of a channel at a state that is `moved` from the one its row was computed for.
 pub fn innovation<T: Real>(
     covariance: &SMatrix<T, STATES, STATES>,
     moved: &Difference<T>,
@@ -39,12 +39,12 @@ pub fn innovation<T: Real>(
     (Innovation { value, variance }, spread)
 }
 
-/// Keeps every variance above the floor; whether one was below.
+/// Raises every variance to the lower bound; returns whether any was below it.
 pub fn keep_positive<T: Real>(covariance: &mut SMatrix<T, STATES, STATES>) -> bool {
     let floor = T::of(VARIANCE_FLOOR);
     let mut changed = false;
     for k in 0..STATES {
-        // NaN is never above.
+        // The comparison is false for NaN.
         let positive = covariance[(k, k)] > floor;
         if !positive {
             covariance[(k, k)] = floor;
@@ -54,7 +54,7 @@ pub fn keep_positive<T: Real>(covariance: &mut SMatrix<T, STATES, STATES>) -> bo
     changed
 }
 
-/// Takes the innovation into difference and covariance; `spread` is that of [`innovation`].
+/// Updates difference and covariance with an innovation; `spread` is the one returned by [`innovation`].
 pub fn take<T: Real>(
     covariance: &mut SMatrix<T, STATES, STATES>,
     moved: &mut Difference<T>,

@@ -1,31 +1,31 @@
-//! Whether the filter's error bars are right, judged by its innovations over about a second, channel by channel.
+//! Judges whether the filter's error bars are right, from about a second of innovations of each channel.
 //!
-//! Where model and noise match reality, normalised innovations have a mean square of one and are independent of
-//! one another. A mean square above one means that an error bar is too small; correlation means that something
-//! acts that is missing from the filter. Both are watched by exponential means. A sensor that says the same
-//! again and again ([`repeats`](super::repeats)) measures nothing.
+//! If model and noise match reality, normalised innovations have a mean square of one and are independent of each
+//! other. A mean square above one means that an error bar is too small; correlation means that the filter lacks
+//! something that acts on the body. Both are tracked by exponential means. A sensor that keeps repeating its value
+//! ([`repeats`](super::repeats)) measures nothing.
 
 use super::measurement::CHANNELS;
 use super::repeats::BELIEVED;
 use crate::math::Real;
 
-/// Time over which means are taken (s).
+/// Time constant of the means (s).
 pub const WINDOW: f64 = 1.0;
 
-/// How well the filter's own error bars agree with the measurements.
+/// Agreement of the filter's error bars with the measurements.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
 pub enum Consistency {
-    /// Estimates lie within their error bars as far as measurements can tell.
+    /// As far as measurements show, estimates lie within their error bars.
     #[default]
     Consistent,
-    /// Error bars are too small, or something acts that is missing from the filter: use with care.
+    /// Error bars are too small, or the filter lacks something that acts on the body: use with care.
     Doubtful,
     /// Predictions do not follow the measurements: do not use.
     Lost,
 }
 
 impl Consistency {
-    /// Name in files.
+    /// Name used in files.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Consistent => "consistent",
@@ -34,37 +34,37 @@ impl Consistency {
         }
     }
 
-    /// What a mean normalised innovation squared says, by channel: of any filter.
+    /// Returns the consistency for a mean normalised innovation squared per channel, of any filter.
     pub fn of_mean_square<T: Real>(mean_square: T) -> Self {
         above(mean_square, MEAN_SQUARE)
     }
 }
 
-/// Mean normalised innovation squared above which a channel is doubtful and lost.
+/// Mean normalised innovation squared above which a channel is doubtful, and above which it is lost.
 pub const MEAN_SQUARE: [f32; 2] = [2.0, 6.0];
-/// Correlation of an innovation with the one before, above which a channel is doubtful and lost.
+/// Correlation of consecutive innovations above which a channel is doubtful, and above which it is lost.
 const CORRELATION: [f32; 2] = [0.4, 0.8];
-/// Share of rejected innovations, likewise.
+/// Share of rejected innovations, with the same meaning.
 const REJECTED: [f32; 2] = [0.05, 0.3];
-/// Time for which the sensor has said the same (s), likewise.
+/// Time for which the sensor has repeated its value (s), with the same meaning.
 const REPEATED: [f32; 2] = [BELIEVED, 1.0];
 
-/// What is known of one channel.
+/// Statistics of one channel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ChannelWatch<T> {
-    /// Mean normalised innovation squared; one is right.
+    /// Mean normalised innovation squared; one if the error bars are right.
     pub mean_square: T,
-    /// Mean product of neighbours over the mean square: zero is right.
+    /// Correlation of consecutive innovations; zero if the filter is complete.
     pub correlation: T,
     /// Share of innovations beyond the gate.
     pub rejected: T,
     product: T,
     last: T,
-    /// Time for which the sensor has said the same (s).
+    /// Time for which the sensor has repeated its value (s).
     pub repeated: T,
-    /// Innovations in a row beyond the gate.
+    /// Number of consecutive innovations beyond the gate.
     pub streak: u16,
-    /// Whether anything was measured yet.
+    /// Whether anything has been measured yet.
     pub seen: bool,
 }
 
@@ -82,11 +82,11 @@ impl<T: Real> ChannelWatch<T> {
         }
     }
 
-    /// Takes in an innovation over its deviation; `share` is the weight of one in the means.
+    /// Processes an innovation divided by its standard deviation; `share` is its weight in the means.
     fn take(&mut self, normalised: T, rejected: bool, share: T) {
         self.seen = true;
         let one = T::one();
-        // A wild value counts no more than a rejected one.
+        // A wild value has no more effect than a rejected one.
         let limit = T::of(10.0);
         let value = crate::math::clamp(normalised, -limit, limit);
         self.mean_square += (value * value - self.mean_square) * share;
@@ -106,7 +106,7 @@ impl<T: Real> ChannelWatch<T> {
         };
     }
 
-    /// What the channel says.
+    /// Returns the consistency of the channel.
     pub fn consistency(&self) -> Consistency {
         Consistency::of_mean_square(self.mean_square)
             .max(above(self.correlation, CORRELATION))
@@ -115,19 +115,19 @@ impl<T: Real> ChannelWatch<T> {
     }
 }
 
-/// All channels, and the residual load.
+/// Statistics of all channels and of the residual load.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Watch<T> {
-    /// By channel.
+    /// Statistics by channel.
     pub channels: [ChannelWatch<T>; CHANNELS],
-    /// Square of the residual load over its expected covariance, by number: six are expected.
+    /// Mean square of the residual load relative to its expected covariance, by component; one is expected.
     pub residual: T,
 }
 
-/// Mean square of the residual load, by component, above which the model lacks something.
+/// Mean square of the residual load by component above which the model is doubtful, and above which it is lost.
 const RESIDUAL: [f32; 2] = [4.0, 16.0];
 
-/// What a number says that should not be above these limits; not a number is above both.
+/// Compares a number with its two limits; NaN is above both.
 fn above<T: Real>(value: T, [doubtful, lost]: [f32; 2]) -> Consistency {
     if value <= T::single(doubtful) {
         Consistency::Consistent
@@ -139,7 +139,7 @@ fn above<T: Real>(value: T, [doubtful, lost]: [f32; 2]) -> Consistency {
 }
 
 impl<T: Real> Watch<T> {
-    /// Nothing seen.
+    /// Creates statistics without any data.
     pub fn new() -> Self {
         Self {
             channels: [ChannelWatch::new(); CHANNELS],
@@ -147,7 +147,7 @@ impl<T: Real> Watch<T> {
         }
     }
 
-    /// The same in another precision.
+    /// Converts the statistics to another precision.
     pub fn cast<U: Real>(&self) -> Watch<U> {
         let scalar = |value: T| U::of(value.to_f64());
         Watch {
@@ -165,25 +165,25 @@ impl<T: Real> Watch<T> {
         }
     }
 
-    /// Takes in an innovation over its deviation, `duration` (s) after the last.
+    /// Processes an innovation divided by its standard deviation, `duration` (s) after the last one.
     pub fn take(&mut self, channel: usize, normalised: T, rejected: bool, duration: T) {
         let share = duration / T::of(WINDOW);
         self.channels[channel].take(normalised, rejected, share);
     }
 
-    /// Takes in the mean square of the residual load by component.
+    /// Processes the mean square of the residual load by component.
     pub fn take_residual(&mut self, mean_square: T, duration: T) {
         if mean_square.is_finite() {
             self.residual += (mean_square - self.residual) * (duration / T::of(WINDOW));
         }
     }
 
-    /// What the residual load says.
+    /// Returns the consistency of the residual load.
     pub fn residual_consistency(&self) -> Consistency {
         above(self.residual, RESIDUAL)
     }
 
-    /// What the worst of them says.
+    /// Returns the worst consistency of all channels and of the residual load.
     pub fn consistency(&self) -> Consistency {
         self.channels
             .iter()
@@ -205,7 +205,7 @@ mod tests {
 
     use super::*;
 
-    /// Numbers of mean zero and variance one, the same each time.
+    /// Numbers with mean zero and variance one, the same in each run.
     fn noise() -> impl Iterator<Item = f64> {
         let mut state = 1u64;
         std::iter::repeat_with(move || {
@@ -235,7 +235,7 @@ mod tests {
         assert_eq!(watched(|value| 0.1 * value), Consistency::Consistent);
         assert_eq!(watched(|value| 1.7 * value), Consistency::Doubtful);
         assert_eq!(watched(|value| 4.0 * value), Consistency::Lost);
-        // A steady pull: the mean square hardly grows, but neighbouring innovations correlate.
+        // A steady disturbance hardly raises the mean square, but makes consecutive innovations correlate.
         assert_eq!(watched(|value| value + 0.95), Consistency::Doubtful);
     }
 
