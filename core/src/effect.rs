@@ -1,9 +1,9 @@
-//! Effects that the model may lack: each a change of the model by a few named parameters.
+//! Effects that the model may lack, each of which changes the model by a few named parameters.
 //!
-//! An [`Effect`] changes a [`Model`] before a flight begins: the segment table, the coefficients, the air, the
-//! stream at single segments, the conscious inputs, or what the sensors make of the motion. The step itself
-//! does not know of effects, effects compose by being applied one after another, and a model without effects
-//! keeps its bits. What an effect is, how it shows and what it is confused with is data, [`Description`].
+//! An [`Effect`] changes a [`Model`] before a flight begins: the segment table, the coefficients, the air, the local
+//! airstream at segments, the conscious inputs, or the errors of the sensors. The integration step needs no knowledge
+//! of effects, effects combine by being applied in sequence, and a model without effects gives bit-identical results.
+//! What an effect is, how it shows and what it is confused with is data, see [`Description`].
 //!
 //! To add one, copy a file of this folder and add its row to the table below. `docs/effects.md` lists them all.
 
@@ -69,7 +69,7 @@ macro_rules! effects {
             /// All effects.
             pub const ALL: &'static [Self] = &[$( Self::$variant, )*];
 
-            /// What the effect is.
+            /// Returns the description of the effect.
             pub const fn description(self) -> &'static Description {
                 match self { $( Self::$variant => &$module::EFFECT, )* }
             }
@@ -158,12 +158,12 @@ effects! {
     RateLag = rate_lag,
 }
 
-/// A parameter value that an effect does not accept.
+/// A parameter value that an effect rejects.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EffectError {
-    /// The parameter.
+    /// Parameter that is out of range.
     pub parameter: &'static Parameter,
-    /// Its value.
+    /// Value found.
     pub found: f64,
 }
 
@@ -179,7 +179,7 @@ impl fmt::Display for EffectError {
 impl core::error::Error for EffectError {}
 
 impl Effect {
-    /// The effect of that name.
+    /// Returns the effect with this name, or `None` if there is none.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL
             .iter()
@@ -187,7 +187,7 @@ impl Effect {
             .find(|effect| effect.description().name == name)
     }
 
-    /// The values at which the effect is absent, zero beyond its parameters.
+    /// Returns the values at which the effect is absent, padded with zeros.
     pub fn neutral(self) -> [f64; PARAMETER_COUNT] {
         let mut values = [0.0; PARAMETER_COUNT];
         for (value, parameter) in values.iter_mut().zip(self.description().parameters) {
@@ -196,10 +196,10 @@ impl Effect {
         values
     }
 
-    /// Changes `model` by the effect; `values` in the order of its parameters, those beyond are not read.
+    /// Applies the effect to `model`, with `values` in the order of its parameters; superfluous values are ignored.
     ///
     /// # Errors
-    /// Returns an error if a value is not a number or outside its plausible range; then the model is unchanged.
+    /// Returns an error if a value is not a number or outside its plausible range; the model is then unchanged.
     pub fn apply<T: Real>(
         self,
         values: &[f64; PARAMETER_COUNT],

@@ -35,7 +35,7 @@
 //!
 //! # Serial links
 //!
-//! [`link`] is the protocol between host and unit and counts every lost frame; [`xbus`] reads Xsens MTi sensors. Both
+//! [`link`] is the protocol between host and unit and accounts for every loss; [`xbus`] reads Xsens MTi sensors. Both
 //! work on plain bytes, whatever the transport.
 //!
 //! # Features

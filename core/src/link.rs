@@ -1,13 +1,12 @@
-//! The serial link between a host and the unit: messages, framing, losses counted exactly.
+//! The serial link between a host and the unit: messages, framing, and an exact account of losses.
 //!
-//! A frame is `00 | COBS(header, body, CRC-32C) | 00`. The delimiter on both sides is one byte that keeps
-//! a cut frame from taking the next good one with it. All numbers are little-endian, every message has
-//! one fixed length, and nothing is accepted that is not complete, whole, of this version and in range.
-//! `docs/link.md` lists every byte; its tables are checked against [`MESSAGES`].
+//! A frame is `00 | COBS(header, body, CRC-32C) | 00`. The delimiter on both sides costs one byte and prevents a
+//! truncated frame from corrupting the next good one. All numbers are little-endian, every message has one fixed
+//! length, and only frames that are complete, undamaged, of this version and in range are accepted. `docs/link.md`
+//! lists every byte; its tables are checked against [`MESSAGES`].
 //!
-//! Nothing here does input or output: [`Message::encode`] fills a buffer, [`Decoder::push`] takes bytes
-//! from wherever they come. A [`Ledger`] accounts for every sequence number, and [`fault::Injector`]
-//! breaks a link on purpose.
+//! This module does no I/O: [`Message::encode`] fills a buffer, and [`Decoder::push`] accepts bytes from any
+//! transport. A [`Ledger`] accounts for every sequence number, and [`fault::Injector`] simulates a faulty link.
 //!
 //! ```
 //! use bodyflight_core::link::{Decoder, Event, Header, Message, Stop, MAX_FRAME_LENGTH};

@@ -1,8 +1,7 @@
-//! Scripts of maneuvers: posture patterns and conscious inputs over time, as data.
+//! Maneuver scripts: posture patterns and conscious inputs over time, as data.
 //!
-//! A script moves from knot to knot along smooth steps, so joints start and stop without a jerk. The first
-//! seven are the paper's basic maneuvers ("Experimental modalities"); the others fly in other orientations
-//! and need muscle input.
+//! A script moves from knot to knot in smooth steps, so joints start and stop without a jerk. The first seven are the
+//! paper's basic maneuvers ("Experimental modalities"); the others fly in other orientations and need muscle input.
 
 mod base;
 pub mod scripts;
@@ -18,36 +17,36 @@ use crate::dynamics::residual::ResidualLoad;
 use crate::frame::{Body, Inertial, Rotation, facing_north};
 use crate::math::{Real, clamp};
 
-/// A value over time: (time in s, value), rising in time; constant before the first and after the last knot.
+/// A value over time, as (time in s, value) with increasing times; constant before the first and after the last knot.
 pub type Knots<V> = &'static [(f64, V)];
 
-/// A pattern of joint angles whose amount (rad) follows the knots.
+/// A pattern of joint angles with an amount (rad) that follows the knots.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Track {
-    /// What moves.
+    /// The pattern that is moved.
     pub pattern: &'static JointAngles,
-    /// By how much (rad of the pattern).
+    /// Amount of the pattern (rad).
     pub amount: Knots<f64>,
 }
 
-/// A maneuver from its first to its last second.
+/// A maneuver, from start to end.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Maneuver {
-    /// Name in commands.
+    /// Name used in commands.
     pub name: &'static str,
-    /// What happens, in a line.
+    /// One-line summary.
     pub summary: &'static str,
-    /// Length (s).
+    /// Duration (s).
     pub duration: f64,
-    /// Posture on which the tracks act.
+    /// Posture that the tracks modify.
     pub base: &'static JointAngles,
-    /// Turn about the left axis at the start (rad): pi/2 belly to earth, 0 upright.
+    /// Initial rotation about the left axis from upright (rad): pi/2 is belly to earth, 0 upright.
     pub start_pitch: f64,
-    /// Speed at the start over that of the trimmed fall.
+    /// Initial speed as a ratio to that of the trimmed fall.
     pub start_speed: f64,
-    /// Speed over ground to the north at the start (m/s): that of an aircraft.
+    /// Initial speed over the ground, towards north (m/s): that of the aircraft.
     pub start_forward: f64,
-    /// Movements.
+    /// Movements of the joints.
     pub tracks: &'static [Track],
     /// Muscle input.
     pub muscle: Knots<AxisCoefficients<f64>>,
@@ -58,7 +57,7 @@ pub struct Maneuver {
 }
 
 impl Maneuver {
-    /// Posture at `time` (s).
+    /// Returns the posture at `time` (s).
     pub fn posture<T: Real>(&self, time: f64) -> Posture<T> {
         self.tracks
             .iter()
@@ -68,7 +67,7 @@ impl Maneuver {
             })
     }
 
-    /// Conscious inputs at `time` (s).
+    /// Returns the conscious inputs at `time` (s).
     pub fn inputs<T: Real>(&self, time: f64) -> Inputs<T> {
         let at_time = |knots: Knots<AxisCoefficients<f64>>| {
             follow(knots, time, |value| value.to_array())
@@ -82,13 +81,13 @@ impl Maneuver {
         }
     }
 
-    /// Attitude at the start, facing north.
+    /// Returns the initial attitude, facing north.
     pub fn start_attitude<T: Real>(&self) -> Rotation<T, Inertial, Body> {
         facing_north(T::of(self.start_pitch))
     }
 }
 
-/// Value of knots at `time`: smooth steps `3 s^2 - 2 s^3` between them; zero where there are none.
+/// Value of the knots at `time`, with smooth steps `3 s^2 - 2 s^3` between them; zero if there are none.
 fn follow<V, const N: usize>(
     knots: Knots<V>,
     time: f64,

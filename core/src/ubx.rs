@@ -1,8 +1,9 @@
-//! UBX, the protocol of u-blox receivers, as far as a flight needs it: `NAV-PVT`, position, velocity and time in one.
+//! The part of u-blox's UBX protocol that a flight needs: `NAV-PVT`, which combines position, velocity and time.
 //!
-//! A frame is `B5 62 | class | number | length | payload | two checksums`, little-endian. [`Decoder`] finds frames of `NAV-PVT` in
-//! bytes of any quality and steps over all others; of a solution that the receiver itself does not vouch for nothing is used.
-//! Source: u-blox 8 / M8 receiver description, UBX-13003221, chapter 32; layouts of 84 bytes (protocol 14) and 92 bytes.
+//! A frame is `B5 62 | class | number | length | payload | two checksums`, little-endian. [`Decoder`] finds `NAV-PVT`
+//! frames in arbitrary bytes and skips all others; a solution that the receiver itself marks as invalid is not used.
+//! Source: u-blox 8 / M8 receiver description, UBX-13003221, chapter 32; layouts of 84 bytes (protocol 14) and 92
+//! bytes.
 //!
 //! ```
 //! use bodyflight_core::ubx::Decoder;
@@ -13,42 +14,43 @@
 
 use nalgebra::Vector3;
 
-/// Start of a frame.
+/// Bytes at the start of a frame.
 const SYNC: [u8; 2] = [0xb5, 0x62];
 
-/// Class and number of `NAV-PVT`.
+/// Message class and number of `NAV-PVT`.
 const NAV_PVT: [u8; 2] = [0x01, 0x07];
 
-/// Lengths of its payload, of older and of younger receivers; the younger adds at the end.
+/// Lengths of the payload in older and newer receivers (bytes); newer ones append fields.
 const LENGTHS: [usize; 2] = [84, 92];
 
-/// Longest payload that is kept.
+/// Longest payload that is stored (bytes).
 const LONGEST: usize = 92;
 
-/// A kind of fix in three dimensions, alone or with dead reckoning.
+/// Three-dimensional kinds of fix, without and with dead reckoning.
 const THREE_DIMENSIONS: [u8; 2] = [3, 4];
 
-/// A solution of the receiver.
+/// A navigation solution of the receiver.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NavPvt {
-    /// Time of the week of GPS (ms).
+    /// GPS time of week (ms).
     pub time_of_week_ms: u32,
-    /// Kind of fix: 0 none, 2 and 3 in so many dimensions, 4 with dead reckoning, 5 time only.
+    /// Kind of fix: 0 none, 1 dead reckoning only, 2 two-dimensional, 3 three-dimensional, 4 with dead reckoning, 5
+    /// time only.
     pub fix: u8,
-    /// The receiver holds its solution to be within its own limits.
+    /// Whether the receiver reports the solution to be within its accuracy limits.
     pub is_valid: bool,
     /// Height above the ellipsoid (m).
     pub height_m: f32,
     /// Velocity in inertial axes: north, west, up (m/s).
     pub velocity_mps: Vector3<f32>,
-    /// Speed over ground (m/s).
+    /// Speed over the ground (m/s).
     pub ground_speed_mps: f32,
-    /// Standard deviation of the speed, as the receiver sees it (m/s).
+    /// Standard deviation of the speed as estimated by the receiver (m/s).
     pub speed_accuracy_mps: f32,
 }
 
 impl NavPvt {
-    /// Velocity in inertial axes (m/s), where the fix has three dimensions and the receiver vouches for it.
+    /// Returns the velocity in inertial axes (m/s) if the fix is three-dimensional and the receiver marks it as valid.
     pub fn velocity(&self) -> Option<Vector3<f32>> {
         (self.is_valid && THREE_DIMENSIONS.contains(&self.fix)).then_some(self.velocity_mps)
     }
@@ -58,14 +60,14 @@ impl NavPvt {
             let bytes = payload.get(at..)?.first_chunk::<4>()?;
             Some(i32::from_le_bytes(*bytes))
         };
-        // Millimetres, exact up to 16 km.
+        // Millimetres fit exactly in single precision up to 16 km.
         let metres = |at: usize| Some(word(at)? as f32 / 1e3);
         Some(Self {
             time_of_week_ms: word(0)?.cast_unsigned(),
             fix: *payload.get(20)?,
             is_valid: payload.get(21)? & 1 != 0,
             height_m: metres(32)?,
-            // The receiver says north, east, down.
+            // The receiver's axes are north, east, down.
             velocity_mps: Vector3::new(metres(48)?, -metres(52)?, -metres(56)?),
             ground_speed_mps: metres(60)?,
             speed_accuracy_mps: word(68)?.cast_unsigned() as f32 / 1e3,
@@ -73,7 +75,7 @@ impl NavPvt {
     }
 }
 
-/// Where in a frame the next byte belongs.
+/// Position of the next byte in a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Place {
     Sync,
@@ -87,18 +89,18 @@ enum Place {
     SecondChecksum,
 }
 
-/// What a decoder has seen since it was made. All counters wrap.
+/// Counters of a decoder since its creation. All of them wrap.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Counters {
-    /// Solutions given out.
+    /// Solutions decoded.
     pub solutions: u32,
-    /// Whole frames of other kinds.
+    /// Undamaged frames of other kinds.
     pub others: u32,
-    /// Frames whose checksums differ.
+    /// Frames whose checksums do not match.
     pub bad_checksum: u32,
 }
 
-/// Takes bytes as they come and gives solutions.
+/// Decodes a stream of bytes to solutions.
 #[derive(Debug)]
 pub struct Decoder {
     place: Place,
@@ -118,7 +120,7 @@ impl Default for Decoder {
 }
 
 impl Decoder {
-    /// Nothing received yet.
+    /// Creates a decoder that waits for its first frame.
     pub const fn new() -> Self {
         Self {
             place: Place::Sync,
@@ -136,12 +138,12 @@ impl Decoder {
         }
     }
 
-    /// What was seen so far.
+    /// Returns the counters.
     pub const fn counters(&self) -> &Counters {
         &self.counters
     }
 
-    /// Takes one byte; a solution where it completed one.
+    /// Processes one byte; returns a solution if the byte completed one.
     pub fn push(&mut self, byte: u8) -> Option<NavPvt> {
         let [first, second] = SYNC;
         self.place = match self.place {
@@ -169,7 +171,8 @@ impl Decoder {
             Place::HighLength => {
                 self.length |= usize::from(byte) << 8;
                 let next = self.cover(byte, Place::Payload);
-                // Of a frame of another kind nothing is kept, so its length may be anything; of this kind it may not.
+                // Frames of other kinds are not stored, so they may have any length; a `NAV-PVT` frame must have a
+                // known one.
                 match (self.kind == NAV_PVT, self.length) {
                     (true, length) if !LENGTHS.contains(&length) => Place::Sync,
                     (_, 0) => Place::FirstChecksum,
@@ -200,7 +203,7 @@ impl Decoder {
         None
     }
 
-    /// Adds a byte to the checksums of Fletcher's kind.
+    /// Adds a byte to the Fletcher checksums.
     fn cover(&mut self, byte: u8, next: Place) -> Place {
         let [a, b] = &mut self.sums;
         *a = a.wrapping_add(byte);

@@ -1,9 +1,9 @@
 //! Xbus, the serial protocol of Xsens MTi sensors, and MTData2, its measurement message.
 //!
-//! Two levels. [`Decoder`] finds packets in bytes of any quality; [`Packet::items`] walks the measurements
-//! of one packet where they lie, and [`Item`] is one of them understood. Items the table does not know are
-//! stepped over by their size. [`Command`] and [`PacketWriter`] make the packets that go to a sensor.
-//! `docs/xbus.md` says what is understood. Source: MT Low Level Communication Protocol, MT0101P.
+//! There are two levels. [`Decoder`] finds packets in arbitrary bytes; [`Packet::items`] iterates over the
+//! measurements of a packet in place, and [`Item`] is a decoded measurement. Items of unknown type are skipped by
+//! their size. [`Command`] and [`PacketWriter`] create the packets sent to a sensor. `docs/xbus.md` lists what is
+//! supported. Source: MT Low Level Communication Protocol, MT0101P.
 //!
 //! ```
 //! use bodyflight_core::xbus::{Decoder, Item};

@@ -10,7 +10,7 @@ pub(super) const EFFECT: Description = Description {
     parameters: &[
         parameter("pitch_factor", 1.0, -0.1, 4.0),
         parameter("yaw_factor", 1.0, -0.1, 4.0),
-        // Roll has the smallest inertia: with less than no damping it runs away within seconds.
+        // Roll has the smallest inertia: with negative damping it diverges within seconds.
         parameter("roll_factor", 1.0, 0.0, 4.0),
     ],
     source: "paper eq. (sum_m)",

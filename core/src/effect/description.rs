@@ -1,12 +1,12 @@
-//! What an effect is, as data.
+//! The description of an effect, as data.
 
-/// Most parameters that an effect has.
+/// Maximum number of parameters of an effect.
 pub const PARAMETER_COUNT: usize = 3;
 
 /// A parameter of an effect.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Parameter {
-    /// Name in files, with its unit as suffix unless dimensionless.
+    /// Name used in files, with the unit as a suffix unless dimensionless.
     pub name: &'static str,
     /// Value at which the effect is absent.
     pub neutral: f64,
@@ -17,17 +17,19 @@ pub struct Parameter {
 }
 
 impl Parameter {
-    /// Whether it can only be larger than where it does nothing.
+    /// Returns whether no value below the neutral one is plausible.
     pub fn is_one_sided(&self) -> bool {
         self.low >= self.neutral
     }
 
-    /// The value a share of the way from neutral to an end of the range: the low end where `share` is negative.
+    /// Returns the value at `share` of the way from neutral to an end of the range; a negative `share` leads to the
+    /// low end.
     pub fn towards_end(&self, share: f64) -> f64 {
         self.neutral + share.abs() * (self.end(share) - self.neutral)
     }
 
-    /// The share of the way to its end that a value has gone, never negative; zero where there is no way.
+    /// Returns the share of the way from neutral to its end of the range at which `value` lies, never negative; zero
+    /// if the range has no extent on that side.
     pub fn share_of_range(&self, value: f64) -> f64 {
         let away = value - self.neutral;
         let way = self.end(away) - self.neutral;
@@ -39,16 +41,16 @@ impl Parameter {
     }
 }
 
-/// Where an effect acts.
+/// What an effect acts on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
-    /// On the body: the motion itself changes.
+    /// The body: the motion itself changes.
     Physics,
-    /// On what is recorded of it.
+    /// The recording of the motion.
     Measurement,
 }
 
-/// A row of [`Description::parameters`].
+/// Creates a row of [`Description::parameters`].
 pub(super) const fn parameter(name: &'static str, neutral: f64, low: f64, high: f64) -> Parameter {
     Parameter {
         name,
@@ -58,23 +60,23 @@ pub(super) const fn parameter(name: &'static str, neutral: f64, low: f64, high: 
     }
 }
 
-/// What an effect is, in words and ranges.
+/// Description of an effect in words and ranges.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Description {
-    /// Name in files and reports.
+    /// Name used in files and reports.
     pub name: &'static str,
-    /// Where it acts.
+    /// What the effect acts on.
     pub kind: Kind,
-    /// What it does to the model.
+    /// Change of the model.
     pub form: &'static str,
     /// Its parameters, at most [`PARAMETER_COUNT`].
     pub parameters: &'static [Parameter],
-    /// Where the form comes from.
+    /// Source of the form.
     pub source: &'static str,
-    /// What it looks like in a flight.
+    /// How the effect shows in a flight.
     pub signature: &'static str,
-    /// Names of the effects that it is confused with.
+    /// Names of the effects that look similar in a flight.
     pub confused_with: &'static [&'static str],
-    /// The maneuver that tells them apart.
+    /// The maneuver that distinguishes them.
     pub separated_by: &'static str,
 }

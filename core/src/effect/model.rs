@@ -1,4 +1,4 @@
-//! The model that effects change.
+//! The model that effects modify.
 
 use nalgebra::Vector3;
 
@@ -11,25 +11,25 @@ use crate::dynamics::applied_load::AppliedLoads;
 use crate::dynamics::{Dynamics, Inputs};
 use crate::math::Real;
 
-/// Body, coefficients, air, conscious inputs and sensors, as an [`Effect`](super::Effect) finds them.
+/// Body, coefficients, air, conscious inputs and sensors, as modified by an [`Effect`](super::Effect).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Model<T: Real> {
     /// Body, coefficients and air.
     pub dynamics: Dynamics<T>,
-    /// Muscle input in addition to the skydiver's (dimensionless).
+    /// Muscle input added to the skydiver's (dimensionless).
     pub muscle: AxisCoefficients<T>,
-    /// Loads by description.
+    /// User-defined loads.
     pub applied: AppliedLoads<T>,
     /// Factors on the damping coefficients.
     pub damping_factor: AxisCoefficients<T>,
-    /// What sensors make of the motion.
+    /// Errors of the sensors.
     pub sensors: Sensors<T>,
     /// Height at which the flight starts (m, inertial).
     pub start_height: T,
 }
 
 impl<T: Real> Model<T> {
-    /// The model without effects, for a flight that starts at `start_height` (m, inertial).
+    /// Creates a model without effects, for a flight that starts at `start_height` (m, inertial).
     pub fn new(dynamics: Dynamics<T>, start_height: T) -> Self {
         Self {
             dynamics,
@@ -41,7 +41,7 @@ impl<T: Real> Model<T> {
         }
     }
 
-    /// What the skydiver's inputs become.
+    /// Returns the inputs that result from the skydiver's inputs.
     pub fn inputs(&self, inputs: &Inputs<T>) -> Inputs<T> {
         Inputs {
             muscle: inputs.muscle.zip_map(self.muscle, |own, more| own + more),
@@ -62,7 +62,7 @@ pub(super) enum Group {
 }
 
 impl Group {
-    /// Trunk and head, arms, legs.
+    /// Returns the group of a segment.
     const fn of(segment: Segment) -> Self {
         match segment {
             Segment::Head => Self::Trunk,
@@ -78,7 +78,7 @@ impl Group {
     }
 }
 
-/// Multiplies a coefficient of each segment by the factor of its group: trunk and head, arms, legs.
+/// Multiplies a coefficient of each segment by the factor for its group: trunk and head, arms, legs.
 pub(super) fn scale_group<T: Real>(
     values: &[T; PARAMETER_COUNT],
     model: &mut Model<T>,
@@ -95,7 +95,7 @@ pub(super) fn scale_group<T: Real>(
     }
 }
 
-/// Multiplies the drag coefficients of segments on the left and on the right.
+/// Multiplies the drag coefficients of a group's segments on the left and on the right.
 pub(super) fn scale_sides<T: Real>(
     values: &[T; PARAMETER_COUNT],
     model: &mut Model<T>,
@@ -108,7 +108,7 @@ pub(super) fn scale_sides<T: Real>(
     }
 }
 
-/// Multiplies the areas of a group's segments, seen along each of their axes.
+/// Multiplies the areas of a group's segments seen along each of their axes.
 pub(super) fn scale_areas<T: Real>(
     values: &[T; PARAMETER_COUNT],
     model: &mut Model<T>,
@@ -122,7 +122,7 @@ pub(super) fn scale_areas<T: Real>(
     }
 }
 
-/// Whether a segment belongs to the trunk.
+/// Returns whether a segment belongs to the trunk.
 pub(super) const fn is_trunk(segment: Segment) -> bool {
     matches!(
         segment,

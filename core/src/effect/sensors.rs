@@ -1,4 +1,4 @@
-//! What sensors make of a motion: the effects that act on the recording.
+//! Errors of the sensors: the effects that change the recording rather than the motion.
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
@@ -6,26 +6,26 @@ use crate::dynamics::Motion;
 use crate::frame::{Body as BodyFrame, Inertial, Rotation, Vector};
 use crate::math::{Real, small_rotation};
 
-/// Errors of the sensors; zero is none.
+/// Errors of the sensors; zero means none.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sensors<T: Real> {
-    /// Turn of the measured body axes about X, Y, Z (rad), small.
+    /// Rotation of the measured body axes about X, Y, Z (rad); must be small.
     pub mounting: Vector3<T>,
-    /// Angular velocity added (rad/s).
+    /// Offset added to the angular velocity (rad/s).
     pub gyro_bias: Vector<T, BodyFrame>,
     /// Rate at which the heading drifts (rad/s).
     pub heading_drift: T,
-    /// Velocity added from the start (m/s), to the position too.
+    /// Velocity offset from the start (m/s); the position drifts accordingly.
     pub velocity_offset: Vector<T, Inertial>,
-    /// Time by which postures are recorded too late (s). Who flies the model reads postures that much later.
+    /// Time by which postures are recorded late (s). The model must be run with postures read this much later.
     pub posture_delay: T,
-    /// Time by which the velocity is measured too late (s).
+    /// Time by which the velocity is measured late (s).
     pub velocity_latency: T,
-    /// Time by which the angular velocity is measured too late (s).
+    /// Time by which the angular velocity is measured late (s).
     pub rate_lag: T,
 }
 
-/// The part of a motion that sensors may report late.
+/// The quantities of a motion that sensors may report late.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Moving<T: Real> {
     /// Velocity (m/s).
@@ -35,7 +35,7 @@ pub struct Moving<T: Real> {
 }
 
 impl<T: Real> Moving<T> {
-    /// Of a motion.
+    /// Extracts the quantities from a motion.
     pub fn of(motion: &Motion<T>) -> Self {
         Self {
             velocity: motion.velocity_inertial(),
@@ -43,7 +43,7 @@ impl<T: Real> Moving<T> {
         }
     }
 
-    /// Linear interpolation towards `other` by `share`; shares outside 0 to 1 extrapolate.
+    /// Interpolates linearly towards `other` by `share`; shares outside 0 to 1 extrapolate.
     pub fn towards(&self, other: &Self, share: T) -> Self {
         Self {
             velocity: self.velocity.towards(&other.velocity, share),
@@ -55,7 +55,7 @@ impl<T: Real> Moving<T> {
 }
 
 impl<T: Real> Sensors<T> {
-    /// Sensors without error.
+    /// Sensors without errors.
     pub fn perfect() -> Self {
         Self {
             mounting: Vector3::zeros(),
@@ -68,8 +68,8 @@ impl<T: Real> Sensors<T> {
         }
     }
 
-    /// What is measured of `motion`, `time` (s) after the start of the flight. `past` gives the moving a delay (s)
-    /// earlier, later where negative; it is asked only for what is late.
+    /// Returns the measurement of `motion`, `time` (s) after the start of the flight. `past` returns the quantities of
+    /// a given delay (s) earlier, or later if negative; it is called only for quantities that are late.
     pub fn observe(&self, motion: &Motion<T>, past: impl Fn(T) -> Moving<T>, time: T) -> Motion<T> {
         if *self == Self::perfect() {
             return *motion;
@@ -89,7 +89,7 @@ impl<T: Real> Sensors<T> {
         let inertial_from_body = drifted * motion.inertial_from_body * body_from_measured;
         Motion {
             inertial_from_body,
-            // What misses a velocity from the start misses the way that it makes.
+            // A constant velocity offset accumulates in the position.
             position: motion.position + self.velocity_offset * time,
             velocity: inertial_from_body.inverse() * velocity,
             angular_velocity: body_from_measured.inverse() * spin + self.gyro_bias,
@@ -98,8 +98,8 @@ impl<T: Real> Sensors<T> {
 }
 
 impl<T: Real> Sensors<T> {
-    /// The motion that was measured as `seen`, `time` (s) after the start of the flight: [`Sensors::observe`] the other
-    /// way round, but for what is late.
+    /// Returns the motion that was measured as `seen`, `time` (s) after the start of the flight: the inverse of
+    /// [`Sensors::observe`] except for delays.
     pub fn corrected(&self, seen: &Motion<T>, time: T) -> Motion<T> {
         let body_from_measured =
             Rotation::<T, BodyFrame, BodyFrame>::from_quaternion(small_rotation(&self.mounting));
@@ -116,7 +116,7 @@ impl<T: Real> Sensors<T> {
     }
 }
 
-/// A turn of any size about the vertical (rad).
+/// Rotation of any size about the vertical (rad).
 fn turn_about_up<T: Real>(angle: T) -> Rotation<T, Inertial, Inertial> {
     let (sine, cosine) = (angle * T::of(0.5)).sine_cosine();
     let turn = Quaternion::new(cosine, T::zero(), T::zero(), sine);

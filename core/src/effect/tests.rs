@@ -1,4 +1,4 @@
-//! Tests of the library as a whole.
+//! Tests of all effects of the library.
 
 extern crate std;
 
@@ -21,10 +21,10 @@ fn plain() -> Model<f64> {
     Model::new(dynamics, 0.0)
 }
 
-/// What is measured after two seconds of a fall that turns about all axes.
-/// Samples of a flight; few where each takes seconds.
+/// Number of samples of a flight; fewer under Miri, where each takes seconds.
 const SAMPLES: usize = if cfg!(miri) { 2 } else { 480 };
 
+/// Returns the measurement at the end of a fall that turns about all axes.
 fn flown(model: &Model<f64>) -> Motion<f64> {
     let (posture, rate) = (Posture::h_pose(), PostureRate::zero());
     let start = Motion {
@@ -92,11 +92,12 @@ fn neutral_values_keep_every_bit() {
 fn every_parameter_moves_the_flight() {
     for &effect in Effect::ALL {
         for (index, parameter) in effect.description().parameters.iter().enumerate() {
-            // These need joints that move; here they do not.
+            // These effects need moving joints, which this flight does not have.
             if [Effect::PostureDelay, Effect::ForceLag].contains(&effect) {
                 continue;
             }
-            // Of a segment the face that shows most is felt; here not every face of each group is that.
+            // Only the most exposed face of a segment has an effect, and this flight does not expose every face of
+            // each group.
             if [Effect::TrunkShape, Effect::ArmShape, Effect::LegShape].contains(&effect) {
                 continue;
             }
@@ -190,7 +191,7 @@ fn a_force_lag_is_felt_while_joints_move_and_by_the_air_alone() {
         dynamics.between(&from, &to, 0.1),
     );
     assert_eq!((late.mass, late.inertia), (plain.mass, plain.inertia));
-    // A tenth of a second before the middle is half an interval before its beginning.
+    // A tenth of a second before the middle of the interval is half an interval before its start.
     let before = pattern::arched(&pattern::neutral(), -0.025);
     let expected = dynamics.hold(&before).aerodynamics;
     let flow = Flow::new(&Vector3::new(1.0, -50.0, 3.0), 1.0);
@@ -201,7 +202,7 @@ fn a_force_lag_is_felt_while_joints_move_and_by_the_air_alone() {
 
 proptest::proptest! {
     #![proptest_config(proptest::prelude::ProptestConfig::with_cases(400))]
-    /// Anywhere in its plausible range an effect leaves a flight that flies, in both precisions.
+    /// Within its plausible range, an effect leaves a flight of finite numbers, in both precisions.
     #[test]
     fn plausible_effects_leave_a_flight_of_finite_numbers(
         index in 0..Effect::ALL.len(),

@@ -1,10 +1,10 @@
-//! The arch factor on the drag over the link: where it comes from, and a number.
+//! Encoding of the arch factor on the drag: its source and a number.
 
 use super::message::{ArchSource, Configure};
 use crate::aerodynamics::ArchFactor;
 
 impl ArchSource {
-    /// The fields `arch_source` and `arch` for a factor.
+    /// Returns the fields `arch_source` and `arch` for a factor.
     pub const fn of(factor: ArchFactor<f32>) -> (Self, f32) {
         match factor {
             ArchFactor::FromPosture => (Self::Posture, 1.0),
@@ -15,7 +15,7 @@ impl ArchSource {
 }
 
 impl Configure {
-    /// The factor that the fields stand for.
+    /// Returns the factor that the fields describe.
     pub const fn arch_factor(&self) -> ArchFactor<f32> {
         match self.arch_source {
             ArchSource::Posture => ArchFactor::FromPosture,

@@ -1,21 +1,21 @@
-//! Blocks of a log: packets of the link, each without what it has in common with the one of its type before it.
+//! Blocks of a log: packets of the link, each stored as its difference from the previous packet of the same type.
 //!
-//! A block stands for itself: whatever becomes of the others, its packets are read, and each brings its checksum. A packet
-//! is its type, then the exclusive or with the packet of the same type before it in the block (of samples and estimates;
-//! zeros stand for the first), with runs of zeros shortened: a byte `0x80 + n` for `n + 1` zeros, a byte `n` below
-//! `0x80` before `n + 1` bytes as they are.
+//! A block is self-contained: its packets can be read whatever happens to other blocks, and each includes its
+//! checksum. A packet is stored as its type followed by the exclusive or with the previous packet of that type in the
+//! block (for samples and estimates; the first is combined with zeros), with runs of zeros shortened: a byte `0x80 +
+//! n` stands for `n + 1` zeros, and a byte `n` below `0x80` precedes `n + 1` literal bytes.
 
 use super::decode_error::DecodeError;
 use super::frame::{self, Header, MAX_PACKET_LENGTH};
 use super::message::Message;
 
-/// Most bytes of a block: four of them, with what a storage adds, fit a sector of 4 KiB.
+/// Maximum length of a block (bytes): four blocks, with what the storage adds, fit a sector of 4 KiB.
 pub const BLOCK_LENGTH: usize = 1008;
 
-/// Longest run that one byte stands for.
+/// Longest run that one byte can describe.
 const LONGEST_RUN: usize = 0x80;
 
-/// The packet of each recurring type before the next one.
+/// The last packet of each recurring type.
 #[derive(Debug, Clone)]
 struct Before([[u8; MAX_PACKET_LENGTH]; 2]);
 
@@ -34,7 +34,7 @@ impl Before {
     }
 }
 
-/// A block that is being filled.
+/// A block under construction.
 #[derive(Debug, Clone)]
 pub struct BlockWriter {
     bytes: [u8; BLOCK_LENGTH],
@@ -49,7 +49,7 @@ impl Default for BlockWriter {
 }
 
 impl BlockWriter {
-    /// Empty.
+    /// Creates an empty block.
     pub const fn new() -> Self {
         Self {
             bytes: [0; BLOCK_LENGTH],
@@ -58,23 +58,23 @@ impl BlockWriter {
         }
     }
 
-    /// What was filled.
+    /// Returns the bytes written so far.
     pub fn bytes(&self) -> &[u8] {
         self.bytes.get(..self.length).unwrap_or_default()
     }
 
-    /// Whether nothing was.
+    /// Returns whether the block is empty.
     pub const fn is_empty(&self) -> bool {
         self.length == 0
     }
 
-    /// Begins the next block.
+    /// Starts the next block.
     pub fn clear(&mut self) {
         self.length = 0;
         self.before = Before::new();
     }
 
-    /// Adds a message; `false` where it has no room, and the block is as it was.
+    /// Adds a message. Returns `false` if it does not fit; the block is then unchanged.
     pub fn push(&mut self, header: &Header, message: &Message) -> bool {
         let mut packet = [0; MAX_PACKET_LENGTH];
         let Some(length) = frame::write_packet(header, message, &mut packet) else {
@@ -104,7 +104,7 @@ fn exclusive_or(packet: &mut [u8; MAX_PACKET_LENGTH], before: &[u8; MAX_PACKET_L
     }
 }
 
-/// Writes the type and runs; how many bytes it took, `None` where the room ends.
+/// Writes the type and the runs; returns the number of bytes written, or `None` if they do not fit.
 fn shorten(code: u8, mut change: &[u8], room: &mut [u8]) -> Option<usize> {
     let mut output = room.iter_mut();
     let before = output.len();
@@ -115,7 +115,7 @@ fn shorten(code: u8, mut change: &[u8], room: &mut [u8]) -> Option<usize> {
             .take(LONGEST_RUN)
             .take_while(|byte| **byte == 0);
         let zeros = zeros.count();
-        // One zero between others is as short as it is.
+        // A single zero between other bytes is not worth a run of its own.
         if zeros > 1 || zeros == change.len() {
             *output.next()? = run_code(zeros) | 0x80;
             change = change.get(zeros..)?;
@@ -133,12 +133,12 @@ fn shorten(code: u8, mut change: &[u8], room: &mut [u8]) -> Option<usize> {
     Some(before - output.len())
 }
 
-/// A length of at most [`LONGEST_RUN`], from one, in seven bits.
+/// Encodes a length of 1 to [`LONGEST_RUN`] in seven bits.
 fn run_code(length: usize) -> u8 {
     u8::try_from(length - 1).unwrap_or_default()
 }
 
-/// Reads a block, whatever bytes it has: messages until it ends, or one error where it is damaged.
+/// Reads a block from arbitrary bytes: yields messages until the block ends, or one error where it is damaged.
 #[derive(Debug, Clone)]
 pub struct BlockReader<'a> {
     rest: &'a [u8],
@@ -146,7 +146,7 @@ pub struct BlockReader<'a> {
 }
 
 impl<'a> BlockReader<'a> {
-    /// From the first packet on.
+    /// Starts at the first packet.
     pub const fn new(block: &'a [u8]) -> Self {
         Self {
             rest: block,
@@ -171,7 +171,7 @@ impl<'a> BlockReader<'a> {
                 continue;
             }
             let (plain, tail) = rest.split_at_checked(count).ok_or(DecodeError::TooShort)?;
-            // In this order: the other takes a place too many.
+            // The order matters: the other way round, `zip` would consume one place too many.
             for (byte, place) in plain.iter().zip(places.by_ref()) {
                 *place = *byte;
             }
@@ -195,7 +195,7 @@ impl Iterator for BlockReader<'_> {
         }
         let packet = self.packet();
         if packet.is_err() {
-            // What comes after it cannot be told.
+            // Nothing after a damaged packet can be decoded.
             self.rest = &[];
         }
         Some(packet)
@@ -217,7 +217,7 @@ mod tests {
     use crate::math::small_rotation;
     use nalgebra::Vector3;
 
-    /// A sample of a wearer who turns, in one posture.
+    /// A sample of a skydiver who turns in a fixed posture.
     fn sample(number: u32) -> (Header, Message) {
         let time = f32::from(u16::try_from(number).unwrap()) / 240.0;
         let attitude = Rotation::from_quaternion(small_rotation(&Vector3::new(
@@ -260,7 +260,7 @@ mod tests {
             number += 1;
         }
         let full = block.bytes().to_vec();
-        // Shorter messages may have room still.
+        // Shorter messages may still fit.
         let stop = Message::from(Stop { sent: number });
         let header = Header::default();
         let had_room = block.push(&header, &stop);

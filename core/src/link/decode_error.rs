@@ -1,48 +1,48 @@
-//! Why frames are refused.
+//! Reasons why frames are rejected.
 
 use core::fmt;
 
 use super::layout::PROTOCOL_VERSION;
 
-/// Why a frame was refused.
+/// Reason why a frame was rejected.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum DecodeError {
-    /// The bytes end before the frame does.
+    /// The bytes end before the frame is complete.
     Incomplete,
-    /// Not COBS: a delimiter inside a run, as after a lost or changed byte.
+    /// The frame is not valid COBS: there is a delimiter inside a run, as after a lost or changed byte.
     Cobs,
-    /// Longer than any message.
+    /// The frame is longer than any message.
     TooLong,
-    /// Shorter than header and checksum.
+    /// The frame is shorter than header and checksum.
     TooShort,
-    /// The checksum differs.
+    /// The checksum does not match.
     Checksum,
-    /// Another protocol version.
+    /// The frame has another protocol version.
     Version {
         /// The version in the frame.
         found: u8,
     },
-    /// No message has this type.
+    /// No message has the type of the frame.
     UnknownType {
         /// The type in the frame.
         code: u8,
     },
-    /// The body has not the length of its type.
+    /// The length of the body does not match its type.
     Length {
-        /// Bytes in the frame.
+        /// Length of the body (bytes).
         found: usize,
-        /// Bytes of the type.
+        /// Length expected for the type (bytes).
         expected: usize,
     },
-    /// A number is infinite or not a number.
+    /// A number is infinite or NaN.
     NotFinite {
-        /// Which one.
+        /// Name of the field.
         field: &'static str,
     },
-    /// A value is outside the range in the byte table.
+    /// A value is outside the range given in the byte table.
     OutOfRange {
-        /// Which one.
+        /// Name of the field.
         field: &'static str,
     },
 }

@@ -1,4 +1,4 @@
-//! Bytes to messages: a state machine that never gets stuck and counts what it refuses.
+//! Decodes bytes to messages with a state machine that always resynchronises and counts what it rejects.
 
 use cobs::{DecodeResult, DecoderState};
 
@@ -6,42 +6,42 @@ use super::decode_error::DecodeError;
 use super::frame::{self, Header, MAX_PACKET_LENGTH};
 use super::message::Message;
 
-/// What a byte completed.
+/// What a received byte completed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Event {
-    /// A good message.
+    /// A valid message.
     Frame(Header, Message),
-    /// Something that began as a frame and is none.
+    /// Something that began as a frame but is invalid.
     Refused(DecodeError),
 }
 
-/// What a decoder has seen since it was made. All counters wrap.
+/// Counters of a decoder since its creation. All of them wrap.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Counters {
-    /// Bytes taken in.
+    /// Bytes received.
     pub bytes: u32,
-    /// Good frames.
+    /// Valid frames.
     pub frames: u32,
-    /// Frames whose checksum differs.
+    /// Frames whose checksum does not match.
     pub crc_bad: u32,
-    /// Frames that are no COBS, or shorter than a header.
+    /// Frames that are not valid COBS or shorter than a header.
     pub cobs_bad: u32,
     /// Frames longer than any message.
     pub too_long: u32,
-    /// Whole frames of another protocol version.
+    /// Undamaged frames of another protocol version.
     pub wrong_version: u32,
-    /// Whole frames of a type that is not known.
+    /// Undamaged frames of an unknown type.
     pub unknown_type: u32,
-    /// Whole frames whose body has not the length of its type.
+    /// Undamaged frames whose body length does not match their type.
     pub wrong_length: u32,
-    /// Whole frames with a number that is not finite.
+    /// Undamaged frames with a number that is not finite.
     pub not_finite: u32,
-    /// Whole frames with a value out of range.
+    /// Undamaged frames with a value out of range.
     pub out_of_range: u32,
 }
 
 impl Counters {
-    /// Frames damaged on the way: their sequence numbers are not known.
+    /// Number of frames damaged in transit, whose sequence numbers are unknown.
     pub const fn damaged(&self) -> u32 {
         self.crc_bad
             .wrapping_add(self.cobs_bad)
@@ -65,16 +65,16 @@ impl Counters {
     }
 }
 
-/// Takes bytes as they come, in pieces of any size, and gives messages.
+/// Decodes bytes, supplied in pieces of any size, to messages.
 ///
-/// Whatever the bytes are, the decoder resynchronises at the next delimiter: a frame whose two delimiters
-/// arrive is judged on its own bytes alone.
+/// Whatever the input, the decoder resynchronises at the next delimiter: a frame that arrives with both delimiters is
+/// judged on its own bytes alone.
 #[derive(Debug)]
 pub struct Decoder {
     packet: [u8; MAX_PACKET_LENGTH],
     length: usize,
     stuffing: DecoderState,
-    /// The frame is too long: nothing counts until the next delimiter.
+    /// Whether the present frame is too long; its bytes are ignored up to the next delimiter.
     skipping: bool,
     counters: Counters,
 }
@@ -86,7 +86,7 @@ impl Default for Decoder {
 }
 
 impl Decoder {
-    /// Ready for the first frame.
+    /// Creates a decoder that waits for its first frame.
     pub const fn new() -> Self {
         Self {
             packet: [0; MAX_PACKET_LENGTH],
@@ -108,20 +108,20 @@ impl Decoder {
         }
     }
 
-    /// What was seen so far.
+    /// Returns the counters.
     pub const fn counters(&self) -> &Counters {
         &self.counters
     }
 
-    /// Discards a partial frame, as after a receiver error; the counters stay.
+    /// Discards a partial frame, for example after a receiver error; the counters are kept.
     pub fn discard_partial(&mut self) {
         self.stuffing = DecoderState::Idle;
         self.length = 0;
-        // Only a delimiter marks where the next frame begins.
+        // Only a delimiter marks the start of the next frame.
         self.skipping = true;
     }
 
-    /// Takes one byte; an event when it completed a frame.
+    /// Processes one byte; returns an event if it completed a frame.
     pub fn push(&mut self, byte: u8) -> Option<Event> {
         self.counters.bytes = self.counters.bytes.wrapping_add(1);
         if self.skipping {
@@ -166,10 +166,10 @@ impl Decoder {
 }
 
 impl Message {
-    /// The message in one whole frame, delimiters included or not.
+    /// Decodes one whole frame, with or without its delimiters.
     ///
     /// # Errors
-    /// Returns why the frame is refused; [`DecodeError::Incomplete`] if there is no frame.
+    /// Returns an error if the frame is rejected; [`DecodeError::Incomplete`] means that there is no frame.
     pub fn decode(frame: &[u8]) -> Result<(Header, Self), DecodeError> {
         let mut decoder = Decoder::new();
         frame

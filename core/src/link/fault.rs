@@ -1,27 +1,27 @@
-//! Injected faults: a link that loses, damages, repeats and reorders frames, reproducibly for each seed.
+//! Fault injection: a link that loses, damages, duplicates and reorders frames, reproducibly for each seed.
 
 use super::frame::MAX_FRAME_LENGTH;
 
-/// How often each fault strikes a frame, 0 to 1; at most one strikes a frame, besides reordering.
+/// Probability of each fault per frame, 0 to 1; besides reordering, at most one fault affects a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Faults {
-    /// The frame vanishes.
+    /// The frame is lost.
     pub drop: f32,
     /// One bit is inverted.
     pub corrupt: f32,
-    /// The frame comes twice.
+    /// The frame is sent twice.
     pub duplicate: f32,
-    /// The frame comes after the next one.
+    /// The frame is sent after the next one.
     pub reorder: f32,
     /// A run of 2 to 32 bytes is overwritten.
     pub burst: f32,
-    /// The frame ends early.
+    /// The end of the frame is cut off.
     pub truncate: f32,
-    /// One byte vanishes.
+    /// One byte is lost.
     pub slip: f32,
 }
 
-/// How many frames each fault has struck.
+/// Number of frames affected by each fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[expect(missing_docs, reason = "as in Faults")]
 pub struct Struck {
@@ -34,15 +34,15 @@ pub struct Struck {
     pub slip: u32,
 }
 
-/// Random numbers by PCG-XSH-RR 64/32 (O'Neill 2014).
+/// Random number generator, PCG-XSH-RR 64/32 (O'Neill 2014).
 ///
-/// Ten lines here instead of a crate: a seed in a bug report names one run for good, whatever versions
-/// the crates have by then.
+/// It is implemented here rather than taken from a crate so that a seed in a bug report reproduces the same run
+/// whatever the crate versions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Random(u64);
 
 impl Random {
-    /// The sequence of `seed`.
+    /// Creates the generator for `seed`.
     pub const fn new(seed: u64) -> Self {
         let mut random = Self(seed.wrapping_add(Self::INCREMENT));
         random.0 = random.0.wrapping_mul(Self::MULTIPLIER);
@@ -52,7 +52,7 @@ impl Random {
     const MULTIPLIER: u64 = 6_364_136_223_846_793_005;
     const INCREMENT: u64 = 1_442_695_040_888_963_407;
 
-    /// 32 random bits.
+    /// Returns 32 random bits.
     #[expect(
         clippy::cast_possible_truncation,
         reason = "the generator folds 64 bits to 32"
@@ -66,14 +66,14 @@ impl Random {
         folded.rotate_right((state >> 59) as u32)
     }
 
-    /// A number below `bound`, 0 where that is 0. The bias is below `bound` / 2^32.
+    /// Returns a number below `bound`, or 0 if `bound` is 0. The bias is below `bound` / 2^32.
     pub const fn below(&mut self, bound: usize) -> usize {
         ((self.bits() as u64).wrapping_mul(bound as u64) >> 32) as usize
     }
 
-    /// True with the given probability.
+    /// Returns true with the given probability.
     pub fn chance(&mut self, probability: f32) -> bool {
-        // 24 bits are what a single precision number holds.
+        // A single-precision number holds 24 bits.
         #[expect(clippy::cast_precision_loss, reason = "24 bits")]
         let drawn = (self.bits() >> 8) as f32 / 16_777_216.0;
         drawn < probability
@@ -90,7 +90,7 @@ enum Kind {
     Slip,
 }
 
-/// Passes frames on with faults.
+/// Passes on frames with injected faults.
 #[derive(Debug, Clone)]
 pub struct Injector {
     faults: Faults,
@@ -101,7 +101,7 @@ pub struct Injector {
 }
 
 impl Injector {
-    /// The faults of `seed`.
+    /// Creates an injector whose faults are determined by `seed`.
     pub const fn new(faults: Faults, seed: u64) -> Self {
         Self {
             faults,
@@ -120,12 +120,12 @@ impl Injector {
         }
     }
 
-    /// What was done so far.
+    /// Returns the number of frames affected so far.
     pub const fn struck(&self) -> &Struck {
         &self.struck
     }
 
-    /// Sends one frame; `line` gets what comes out, in none, one or more pieces.
+    /// Sends one frame; `line` is called for each piece of output, of which there may be none.
     pub fn pass(&mut self, frame: &[u8], mut line: impl FnMut(&[u8])) {
         if self.held_length > 0 {
             self.strike(frame, &mut line);
@@ -141,7 +141,7 @@ impl Injector {
         }
     }
 
-    /// Sends a frame still held back, as at the end of a stream.
+    /// Sends a frame that is still held back, to be called at the end of a stream.
     pub fn flush(&mut self, mut line: impl FnMut(&[u8])) {
         let length = core::mem::take(&mut self.held_length);
         if length > 0 {

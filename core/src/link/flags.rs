@@ -1,39 +1,39 @@
-//! Sets of bits in messages. A bit without a name is refused: it is from another version or from noise.
+//! Bit sets in messages; an undefined bit is rejected, since it comes from another version or from noise.
 
 use bitflags::bitflags;
 
 use super::wire::{BadValue, Reader, Wire, Writer};
 
 bitflags! {
-    /// What to know about an [`Estimate`](super::Estimate) before using it.
+    /// Conditions to check before using an [`Estimate`](super::Estimate).
     #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
     pub struct EstimateFlags: u16 {
-        /// The measurement was fused and predictions follow the measurements.
+        /// The measurement was fused, and predictions follow the measurements.
         const VALID = 1 << 0;
         /// The measurement was not fused.
         const NOT_TAKEN_IN = 1 << 1;
-        /// Samples were missing; the model bridged them.
+        /// Samples were missing and were bridged by the model.
         const BRIDGED = 1 << 2;
-        /// Later than one period of the updates after its sample. About timing, not about the filter.
+        /// The estimate came later than one update period after its sample. This concerns timing, not the filter.
         const LATE = 1 << 3;
-        /// The reconstructed motion began anew since the last estimate: at the start, after a gap, or where
-        /// predictions and measurements had parted.
+        /// The reconstructed motion was restarted since the last estimate: at the start, after a gap, or because
+        /// predictions and measurements had diverged.
         const RESTARTED = 1 << 4;
-        /// Predictions miss the measurements by far.
+        /// Predictions miss the measurements by far more than their variance allows.
         const INCONSISTENT = 1 << 5;
-        /// Still settling: less than a second since the start.
+        /// The filter is still settling: less than a second has passed since the start.
         const SETTLING = 1 << 6;
-        /// The estimator met a fault, see `Faults`.
+        /// The estimator reported a fault, see `Faults`.
         const FAULT = 1 << 7;
-        /// Error bars are too small, or something acts that is missing from the filter.
+        /// Error bars are too small, or the filter lacks something that acts on the body.
         const DOUBTFUL = 1 << 8;
-        /// Predictions do not follow the measurements: not to be used.
+        /// Predictions do not follow the measurements: the estimate must not be used.
         const LOST = 1 << 9;
     }
 }
 
 bitflags! {
-    /// Which parts of a [`Sample`](super::Sample) hold a measurement.
+    /// Parts of a [`Sample`](super::Sample) that hold a measurement.
     #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
     pub struct Validity: u8 {
         /// The 15 joint rotations.
@@ -94,7 +94,7 @@ mod tests {
     use super::*;
     use std::format;
 
-    /// Asserts that the byte table names each bit, and gives how many there are.
+    /// Asserts that the byte table names every bit, and returns the number of bits.
     fn named_bits<F: bitflags::Flags<Bits: Into<u64>>>(kind: &str) -> usize {
         for flag in F::FLAGS {
             let bits: u64 = flag.value().bits().into();

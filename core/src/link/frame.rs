@@ -1,4 +1,4 @@
-//! One frame: header, checksum, stuffing.
+//! Encoding and decoding of a single frame: header, checksum and byte stuffing.
 
 use core::fmt;
 
@@ -9,19 +9,19 @@ use super::layout::PROTOCOL_VERSION;
 use super::message::{LAYOUTS, Message};
 use super::wire::{Reader, Wire, Writer};
 
-/// CRC-32C by a table of 1 KiB. It detects every error of up to 5 bits in a frame of this length.
+/// CRC-32C with a table of 1 KiB. It detects every error of up to 5 bits in a frame of this length.
 static CHECKSUM: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISCSI);
 
 const HEADER_LENGTH: usize = 16;
 const CHECKSUM_LENGTH: usize = 4;
 
-/// Longest packet before stuffing: header, body, checksum.
+/// Length of the longest packet before stuffing (bytes): header, body, checksum.
 pub const MAX_PACKET_LENGTH: usize = HEADER_LENGTH + longest_body() + CHECKSUM_LENGTH;
 
-/// Longest frame on the wire, both delimiters included.
+/// Length of the longest frame on the wire (bytes), including both delimiters.
 pub const MAX_FRAME_LENGTH: usize = cobs::max_encoding_length(MAX_PACKET_LENGTH) + 2;
 
-// Up to 253 bytes the stuffing costs exactly one byte, so every message has one length on the wire.
+// Up to 253 bytes, stuffing costs exactly one byte, so every message has a fixed length on the wire.
 const _: () = assert!(MAX_PACKET_LENGTH < 254);
 
 const fn longest_body() -> usize {
@@ -35,19 +35,19 @@ const fn longest_body() -> usize {
     longest
 }
 
-/// What every message carries besides its body and type.
+/// Data that every message carries besides its type and body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Header {
-    /// Session chosen by the host.
+    /// Session number chosen by the host.
     pub session: u16,
-    /// Number among the frames of this type in the session, from 0; wraps.
+    /// Number of the frame among those of its type in the session, from 0; wraps.
     pub sequence: u32,
-    /// Sensor time of a sample and of its estimate, the sender's clock otherwise (us).
+    /// Sensor time for a sample and its estimate, the sender's clock otherwise (us).
     pub time: u64,
 }
 
-/// The buffer is too short for the frame.
+/// Error for a buffer that is too short for the frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct EncodeError;
 
@@ -62,7 +62,7 @@ impl fmt::Display for EncodeError {
 
 impl core::error::Error for EncodeError {}
 
-/// CRC-32C of several pieces.
+/// Computes the CRC-32C over several pieces.
 pub(super) fn checksum<'a>(pieces: impl IntoIterator<Item = &'a [u8]>) -> u32 {
     let mut digest = CHECKSUM.digest();
     for piece in pieces {
@@ -72,10 +72,10 @@ pub(super) fn checksum<'a>(pieces: impl IntoIterator<Item = &'a [u8]>) -> u32 {
 }
 
 impl Message {
-    /// A whole frame with its delimiters into `frame`; returns its length.
+    /// Writes a whole frame with its delimiters to `frame` and returns its length (bytes).
     ///
     /// # Errors
-    /// Returns [`EncodeError`] if `frame` is too short. [`MAX_FRAME_LENGTH`] bytes always suffice.
+    /// Returns an error if `frame` is too short. [`MAX_FRAME_LENGTH`] bytes are always enough.
     pub fn encode(&self, header: &Header, frame: &mut [u8]) -> Result<usize, EncodeError> {
         let mut packet = [0; MAX_PACKET_LENGTH];
         let length = write_packet(header, self, &mut packet).ok_or(EncodeError)?;
@@ -88,13 +88,13 @@ impl Message {
     }
 }
 
-/// Bytes of a packet of this type: header, body, checksum; `None` where there is no such type.
+/// Length of a packet of this type (bytes): header, body, checksum; `None` if there is no such type.
 pub(super) fn packet_length(code: u8) -> Option<usize> {
     let layout = LAYOUTS.iter().find(|layout| layout.code == code)?;
     Some(HEADER_LENGTH + layout.size + CHECKSUM_LENGTH)
 }
 
-/// A packet before stuffing; its length, `None` where it has no room.
+/// Writes a packet before stuffing and returns its length (bytes), or `None` if it does not fit.
 pub(super) fn write_packet(header: &Header, message: &Message, packet: &mut [u8]) -> Option<usize> {
     let mut writer = Writer::new(packet);
     PROTOCOL_VERSION.put(&mut writer)?;
@@ -110,7 +110,7 @@ pub(super) fn write_packet(header: &Header, message: &Message, packet: &mut [u8]
     Some(covered + CHECKSUM_LENGTH)
 }
 
-/// The message in an unstuffed packet: checksum first, then version, type, length and values.
+/// Decodes an unstuffed packet, checking first the checksum and then version, type, length and values.
 pub(super) fn open(packet: &[u8]) -> Result<(Header, Message), DecodeError> {
     let (covered, sum) = packet
         .split_last_chunk::<CHECKSUM_LENGTH>()

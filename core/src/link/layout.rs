@@ -1,6 +1,6 @@
-//! Rows of the byte table: what lies where in a message.
+//! Types for the rows of the byte table: the position of every field in a message.
 
-/// Version in the first byte of each frame; another one is refused and counted.
+/// Protocol version in the first byte of each frame; frames of other versions are rejected and counted.
 pub const PROTOCOL_VERSION: u8 = 1;
 
 /// One field of a message.
@@ -8,29 +8,29 @@ pub const PROTOCOL_VERSION: u8 = 1;
 pub struct FieldLayout {
     /// Name.
     pub name: &'static str,
-    /// Number type of one element.
+    /// Number type of an element.
     pub kind: &'static str,
     /// Number of elements.
     pub count: usize,
-    /// Bytes of all elements.
+    /// Total size of all elements (bytes).
     pub size: usize,
     /// Unit of one count.
     pub unit: &'static str,
-    /// Accepted range, empty where any (finite) value is.
+    /// Accepted range; empty if any finite value is accepted.
     pub range: &'static str,
-    /// What it says.
+    /// Meaning of the field.
     pub meaning: &'static str,
 }
 
-/// One message type.
+/// A message type.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct MessageLayout {
     /// Name.
     pub name: &'static str,
     /// Second byte of the header.
     pub code: u8,
-    /// Bytes of the body.
+    /// Length of the body (bytes).
     pub size: usize,
-    /// The fields in wire order.
+    /// The fields in the order on the wire.
     pub fields: &'static [FieldLayout],
 }

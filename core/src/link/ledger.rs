@@ -1,44 +1,44 @@
-//! The ledger: what became of every sample, exactly.
+//! The ledger, an exact account of the fate of every sample.
 //!
-//! Every sequence number from the first to the last sent has one fate:
+//! Every sequence number from the first to the last one sent has exactly one fate:
 //!
 //! `sent == used + rejected + dropped_oldest + queued + late + damaged + lost`
 //!
-//! A duplicate is a second arrival of a number that has its fate already, so it stands on the side of the
-//! frames: `sent + duplicate` frames were carried. Damaged and lost together are the numbers that never
-//! arrived; a damaged frame does not tell its number, so as many of them as damaged frames were seen are
-//! called damaged. All sums hold modulo 2^32: counters and numbers wrap together.
+//! A duplicate is a second arrival of a number whose fate is already known, so it is counted with the frames: `sent +
+//! duplicate` frames were carried. Damaged and lost together are the numbers that never arrived. A damaged frame does
+//! not reveal its number, so as many missing numbers as there were damaged frames are counted as damaged. All sums
+//! hold modulo 2^32: counters and numbers wrap together.
 
 use core::fmt;
 
-/// Numbers back from the newest for which a first arrival can be told from a second.
+/// How far back from the newest number a first arrival can be distinguished from a second.
 const WINDOW: u32 = u128::BITS;
 
-/// What a sequence number says about a sample that arrived.
+/// What a sequence number shows about a sample that arrived.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Arrival {
-    /// Newer than all before; `skipped` numbers are missing in front of it.
+    /// The sample is newer than all before; `skipped` numbers in front of it are missing.
     New {
-        /// Missing numbers.
+        /// Number of skipped numbers.
         skipped: u32,
     },
-    /// Overtaken by a later one: too late for a filter that goes forward.
+    /// A later sample arrived first: too late for a filter that only moves forward.
     Late,
-    /// Came before.
+    /// The sample arrived before.
     Duplicate,
-    /// Too old to know; its number stays missing.
+    /// The sample is too old to be identified; its number remains missing.
     Stale,
 }
 
-/// What became of the samples of one session, on the receiving side.
+/// Fates of the samples of one session, on the receiving side.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Ledger {
     first: u32,
-    /// The number expected next.
+    /// The next number expected.
     next: u32,
-    /// Bit k: number `next - 1 - k` has arrived.
+    /// Bit k is set if number `next - 1 - k` has arrived.
     arrived: u128,
-    /// Numbers that are due, at most [`WINDOW`]: older ones belong to no one.
+    /// Count of the numbers that belong to the session, at most [`WINDOW`].
     due: u32,
     fresh: u32,
     used: u32,
@@ -51,27 +51,27 @@ pub struct Ledger {
     gap_events: u32,
 }
 
-/// The fates in numbers, see the [module](self).
+/// Counts of the fates, see the [module](self).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Account {
-    /// Given to the filter.
+    /// Samples used by the filter.
     pub used: u32,
-    /// Refused by the estimator.
+    /// Samples rejected by the estimator.
     pub rejected: u32,
-    /// Gave way to newer ones in the queue.
+    /// Samples removed from the queue in favour of newer ones.
     pub dropped_oldest: u32,
-    /// Arrived and waiting.
+    /// Samples that arrived and are waiting.
     pub queued: u32,
-    /// Overtaken.
+    /// Samples overtaken by later ones.
     pub late: u32,
-    /// Never arrived, and a damaged frame was seen for it.
+    /// Samples that never arrived and are matched by a damaged frame.
     pub damaged: u32,
-    /// Never arrived, without a trace.
+    /// Samples that never arrived and left no trace.
     pub lost: u32,
 }
 
 impl Account {
-    /// The sum of all fates.
+    /// Returns the sum of all fates.
     pub const fn total(&self) -> u32 {
         self.used
             .wrapping_add(self.rejected)
@@ -83,12 +83,12 @@ impl Account {
     }
 }
 
-/// The fates do not add up to what was sent.
+/// Error for fates that do not add up to the number of samples sent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Imbalance {
     /// Samples sent.
     pub sent: u32,
-    /// The account as it stands.
+    /// The account at that time.
     pub account: Account,
 }
 
@@ -108,7 +108,7 @@ impl Default for Ledger {
 }
 
 impl Ledger {
-    /// A session whose first sample has the number `first`.
+    /// Creates the ledger of a session whose first sample has the number `first`.
     pub const fn new(first: u32) -> Self {
         Self {
             first,
@@ -127,8 +127,8 @@ impl Ledger {
         }
     }
 
-    /// Books the arrival of `sequence`. Only [`Arrival::New`] goes on to the filter, and then its fate is
-    /// booked by [`Ledger::use_one`], [`Ledger::reject_one`] or [`Ledger::drop_oldest`].
+    /// Records the arrival of `sequence`. Only [`Arrival::New`] is passed on to the filter; its fate must then be
+    /// recorded by [`Ledger::use_one`], [`Ledger::reject_one`] or [`Ledger::drop_oldest`].
     pub fn receive(&mut self, sequence: u32) -> Arrival {
         let ahead = sequence.wrapping_sub(self.next);
         if ahead.cast_signed() >= 0 {
@@ -157,22 +157,23 @@ impl Ledger {
         Arrival::Late
     }
 
-    /// The filter used a sample.
+    /// Records that the filter used a sample.
     pub fn use_one(&mut self) {
         self.used = self.used.wrapping_add(1);
     }
 
-    /// The estimator refused a sample.
+    /// Records that the estimator rejected a sample.
     pub fn reject_one(&mut self) {
         self.rejected = self.rejected.wrapping_add(1);
     }
 
-    /// A queued sample gave way to a newer one.
+    /// Records that a queued sample was dropped in favour of a newer one.
     pub fn drop_oldest(&mut self) {
         self.dropped_oldest = self.dropped_oldest.wrapping_add(1);
     }
 
-    /// The source says how many samples it sent: numbers after the newest are missing too.
+    /// Closes the session: the source reports how many samples it sent, so any numbers after the newest are missing
+    /// too.
     pub fn close(&mut self, sent: u32) {
         let tail = self.first.wrapping_add(sent).wrapping_sub(self.next);
         if tail.cast_signed() > 0 {
@@ -182,7 +183,7 @@ impl Ledger {
         }
     }
 
-    /// The fates, with `damaged_frames` seen by the decoder in the session.
+    /// Returns the fates, given the number of damaged frames that the decoder saw in the session.
     pub fn account(&self, damaged_frames: u32) -> Account {
         let damaged = damaged_frames.min(self.missing);
         Account {
@@ -200,14 +201,13 @@ impl Ledger {
         }
     }
 
-    /// The account of a closed session.
+    /// Returns the account of a closed session.
     ///
     /// # Errors
-    /// Returns [`Imbalance`] if the fates do not add up to `sent`: a sample was invented or the source
-    /// miscounted.
+    /// Returns an error if the fates do not add up to `sent`: a sample was invented or the source miscounted.
     pub fn balance(&self, sent: u32, damaged_frames: u32) -> Result<Account, Imbalance> {
         let account = self.account(damaged_frames);
-        // More waiting than ever arrived means a fate was booked twice.
+        // More samples waiting than ever arrived means that a fate was recorded twice.
         if account.total() == sent && account.queued <= self.fresh {
             Ok(account)
         } else {
@@ -215,27 +215,27 @@ impl Ledger {
         }
     }
 
-    /// Samples of the session up to the newest that arrived, whatever became of them; wraps.
+    /// Number of samples of the session up to the newest that arrived, whatever their fate; wraps.
     pub const fn expected(&self) -> u32 {
         self.next.wrapping_sub(self.first)
     }
 
-    /// Second arrivals.
+    /// Number of second arrivals.
     pub const fn duplicate(&self) -> u32 {
         self.duplicate
     }
 
-    /// Arrivals too old to tell a first from a second.
+    /// Number of arrivals too old to distinguish a first from a second.
     pub const fn stale(&self) -> u32 {
         self.stale
     }
 
-    /// Numbers that have not arrived.
+    /// Number of samples that have not arrived.
     pub const fn missing(&self) -> u32 {
         self.missing
     }
 
-    /// Times at which numbers were skipped.
+    /// Number of times that sequence numbers were skipped.
     pub const fn gap_events(&self) -> u32 {
         self.gap_events
     }

@@ -1,4 +1,4 @@
-//! The messages. Commands are absolute and may be repeated: a lost answer is cured by asking again.
+//! The messages; commands are absolute and may be repeated, so a lost answer is resolved by asking again.
 
 use super::decode_error::DecodeError;
 use super::flags::{EstimateFlags, Validity};
@@ -319,7 +319,7 @@ body! {
     }
 }
 
-/// Bytes of a block in one [`LogPiece`].
+/// Number of block bytes in one [`LogPiece`].
 pub const PIECE_LENGTH: usize = 96;
 
 body! {
@@ -368,7 +368,7 @@ macro_rules! messages {
                 match self { $( Self::$name(body) => body.put(writer), )* }
             }
 
-            /// The message of type `code` from a body that passed its checksum.
+            /// Decodes a message of type `code` from a body whose checksum is correct.
             pub(super) fn take(code: u8, body: &[u8]) -> Result<Self, DecodeError> {
                 match code {
                     $( $code => take_body(body).map(Self::$name), )*

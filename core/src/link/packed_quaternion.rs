@@ -5,19 +5,19 @@ use nalgebra::{Quaternion, UnitQuaternion};
 use super::wire::{BadValue, Reader, Wire, Writer};
 use crate::math::{self, Real};
 
-/// Counts for the largest value a component other than the largest can have, 1/sqrt(2).
+/// Counts for the largest magnitude of a component other than the largest, 1/sqrt(2).
 const COMPONENT_COUNTS: i32 = 16_383;
 /// Counts for a component of one.
 const COUNTS_PER_UNIT: f32 = 23_169.06;
-/// In a unit quaternion the three components beside the largest have squares of at most 3/4 together;
-/// rounding each to half a count adds less than the second term.
+/// In a unit quaternion, the squares of the three components other than the largest sum to at most 3/4; rounding each
+/// to half a count adds less than the second term.
 const SQUARES_MAX: i32 = COMPONENT_COUNTS * COMPONENT_COUNTS / 2 * 3 + 40_000;
 
 /// A rotation in 48 bits: the three smaller components of its quaternion in 15 bits each.
 ///
-/// Bits 0-14, 15-29 and 30-44 hold the components beside the largest in the order w, x, y, z as counts of
-/// 1/23169.06 plus 16383, bits 45-46 which one is the largest (made positive), bit 47 is zero. The
-/// rotation error is at most 1.5e-4 rad (0.009 deg).
+/// Bits 0-14, 15-29 and 30-44 hold the other three components in the order w, x, y, z, in counts of 1/23169.06 offset
+/// by 16383; bits 45-46 hold the index of the largest component (made positive), and bit 47 is zero. The rotation
+/// error is at most 1.5e-4 rad (0.009 deg).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct PackedQuaternion([u8; 6]);
@@ -29,9 +29,9 @@ impl Default for PackedQuaternion {
 }
 
 impl PackedQuaternion {
-    /// The nearest packed rotation.
+    /// Packs the rotation, rounding it to the nearest representable one.
     pub fn pack(rotation: &UnitQuaternion<f32>) -> Self {
-        // The bound of the error holds for unit length, and a joint may be off by 1e-3.
+        // The error bound holds for unit norm, and a joint's norm may be off by 1e-3.
         let unit = math::normalized(**rotation);
         let wxyz = [unit.w, unit.i, unit.j, unit.k];
         let (largest, value) =
@@ -56,7 +56,7 @@ impl PackedQuaternion {
         Self::from_parts(largest, counts)
     }
 
-    /// The rotation.
+    /// Returns the rotation.
     pub fn unpack(self) -> UnitQuaternion<f32> {
         let (largest, counts) = self.parts();
         #[expect(clippy::cast_precision_loss, reason = "15 bits")]
@@ -105,7 +105,7 @@ impl Wire for PackedQuaternion {
     }
 }
 
-/// The components beside the one numbered `largest`, in order.
+/// Returns the components except the one numbered `largest`, in order.
 fn others(largest: u8, [w, x, y, z]: [f32; 4]) -> [f32; 3] {
     match largest {
         0 => [x, y, z],
@@ -156,7 +156,7 @@ pub(super) mod tests {
         fn both_signs_pack_alike_and_packing_again_changes_nothing(rotation in any_rotation()) {
             let packed = PackedQuaternion::pack(&rotation);
             let opposite = UnitQuaternion::new_unchecked(-*rotation);
-            // Components equally large may lead either way.
+            // If components are equally large, either may be packed as the largest.
             prop_assert!(
                 rotation_error(&PackedQuaternion::pack(&opposite).unpack(), &packed.unpack()) < 3.0e-4
             );
@@ -179,7 +179,7 @@ pub(super) mod tests {
 
     #[test]
     fn the_worst_corner_meets_the_bound() {
-        // All components equal: the error of the three goes fully into the fourth.
+        // All components are equal, so the error of the three goes fully into the fourth.
         let mut worst = 0.0f64;
         for a in 0..40u8 {
             for b in 0..40u8 {

@@ -1,4 +1,4 @@
-//! Samples: posture and pelvis motion in 111 bytes. Quantisation happens here and nowhere else.
+//! Samples: posture and pelvis motion in 111 bytes; this module is the only place where quantisation happens.
 
 use nalgebra::{UnitQuaternion, Vector3};
 
@@ -12,12 +12,12 @@ use crate::frame::{Body, Inertial, Rotation, Vector};
 const ANGULAR_VELOCITY_COUNTS: f32 = 1024.0;
 const SPEED_COUNTS: f32 = 256.0;
 
-/// Motion of the pelvis as far as it is measured.
+/// Motion of the pelvis; `None` for a quantity that was not measured.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Motion {
-    /// Angular velocity relative to the inertial frame, in body axes (rad/s), below 32 in each.
+    /// Angular velocity relative to the inertial frame, in body axes (rad/s), each component below 32.
     pub angular_velocity: Option<Vector<f32, Body>>,
-    /// Velocity relative to the inertial frame (m/s), below 128 in each.
+    /// Velocity relative to the inertial frame (m/s), each component below 128.
     pub velocity: Option<Vector<f32, Inertial>>,
     /// Horizontal speed from GNSS (m/s), below 256.
     pub horizontal_speed: Option<f32>,
@@ -26,7 +26,7 @@ pub struct Motion {
 impl Sample {
     /// Quantises a posture, an attitude and a motion.
     ///
-    /// What is not finite or beyond the scale is marked as absent: a receiver never sees a value that was
+    /// Values that are not finite or out of scale are marked as absent, so that a receiver never sees a value that was
     /// not measured.
     pub fn new(
         posture: &Posture<f32>,
@@ -75,7 +75,7 @@ impl Sample {
         sample
     }
 
-    /// The posture; the H-pose where it is not valid.
+    /// Returns the posture, or the H-pose if it is not valid.
     pub fn posture(&self) -> Posture<f32> {
         let mut posture = Posture::h_pose();
         for (segment, packed) in Segment::ALL.into_iter().zip(self.rotations) {
@@ -84,13 +84,13 @@ impl Sample {
         posture
     }
 
-    /// The attitude of the pelvis; identity where it is not valid.
+    /// Returns the attitude of the pelvis, or the identity if it is not valid.
     pub fn inertial_from_body(&self) -> Rotation<f32, Inertial, Body> {
         let [attitude, ..] = self.rotations;
         Rotation::from_quaternion(attitude.unpack())
     }
 
-    /// The motion of the pelvis.
+    /// Returns the motion of the pelvis.
     pub fn motion(&self) -> Motion {
         let vector = |counts: [i16; 3], part: Validity, scale: f32| {
             self.valid
@@ -119,10 +119,10 @@ fn is_unit(rotation: &UnitQuaternion<f32>) -> bool {
     (size - 1.0).abs() < 2e-3
 }
 
-/// Counts of all three components, `None` where one is not finite or off the scale.
+/// Counts of all three components; `None` if one is not finite or out of scale.
 fn counts_of(vector: Option<Vector3<f32>>, scale: f32) -> Option<[i16; 3]> {
     let [x, y, z]: [f32; 3] = vector?.into();
-    // NaN would become 0 in the cast, so it is refused here.
+    // NaN would become 0 in the cast, so it is rejected here.
     let count = |value: f32| {
         value
             .is_finite()

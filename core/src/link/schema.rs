@@ -3,7 +3,7 @@
 use super::layout::{FieldLayout, MessageLayout, PROTOCOL_VERSION};
 use super::message::LAYOUTS;
 
-/// The header that starts every frame.
+/// The header at the start of every frame.
 pub const HEADER: &[FieldLayout] = &[
     header_field("version", "u8", 1, "", "Protocol version"),
     header_field("type", "u8", 1, "", "Message type"),
@@ -33,7 +33,7 @@ pub const HEADER: &[FieldLayout] = &[
 /// All message types.
 pub const MESSAGES: &[MessageLayout] = LAYOUTS;
 
-/// Fingerprint of version, names, types, units and ranges. Both sides refuse to stream where it differs.
+/// Hash of version, names, types, units and ranges. Both sides refuse to stream if their hashes differ.
 pub const SCHEMA_HASH: u64 = schema_hash();
 
 const fn header_field(
@@ -54,14 +54,14 @@ const fn header_field(
     }
 }
 
-// FNV-1a: the one hash short enough to run in a constant. It guards against mistakes, not attacks.
+// FNV-1a is short enough to run in a constant. The hash guards against mistakes, not attacks.
 const fn fold(mut hash: u64, bytes: &[u8]) -> u64 {
     let mut rest = bytes;
     while let [byte, tail @ ..] = rest {
         hash = (hash ^ *byte as u64).wrapping_mul(0x0000_0100_0000_01B3);
         rest = tail;
     }
-    // A separator no text contains: "ab" + "c" and "a" + "bc" differ.
+    // A separator that no text contains makes "ab" + "c" differ from "a" + "bc".
     (hash ^ 0xFF).wrapping_mul(0x0000_0100_0000_01B3)
 }
 

@@ -1,4 +1,4 @@
-//! The segment table over the link: one row a message, whole only when all rows and the digest agree.
+//! The segment table on the link: one row per message, accepted only when all rows and the digest agree.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -24,7 +24,7 @@ impl Wire for Segment {
 }
 
 impl SegmentValues {
-    /// The row for `segment`.
+    /// Creates the row for `segment`.
     pub fn new(
         segment: Segment,
         parameters: &SegmentParameters<f32>,
@@ -51,7 +51,7 @@ impl SegmentValues {
         }
     }
 
-    /// The values of the row.
+    /// Returns the segment parameters of the row.
     pub fn parameters(&self) -> SegmentParameters<f32> {
         let [xx, yy, zz, xy, xz, yz] = self.inertia;
         SegmentParameters {
@@ -65,13 +65,13 @@ impl SegmentValues {
         }
     }
 
-    /// The coefficients of the row.
+    /// Returns the aerodynamic coefficients of the row.
     pub const fn coefficients(&self) -> Coefficients<f32> {
         let [drag, lift, moment] = self.coefficients;
         Coefficients { drag, lift, moment }
     }
 
-    /// A segment that weighs nothing and offers nothing to the air.
+    /// A segment without mass and without area.
     fn massless(segment: Segment) -> Self {
         Self {
             segment,
@@ -88,12 +88,13 @@ impl SegmentValues {
 
     fn bytes(&self) -> [u8; <Self as super::wire::Body>::SIZE] {
         let mut bytes = [0; <Self as super::wire::Body>::SIZE];
-        // The buffer has the size of the body, so nothing is cut.
+        // The buffer has the size of the body, so nothing is truncated.
         let _ = self.put(&mut Writer::new(&mut bytes));
         bytes
     }
 
-    /// Whether the row is a rigid body: no inertia without mass, otherwise a positive definite one.
+    /// Returns whether the row is a possible rigid body: no inertia without mass, otherwise a positive definite
+    /// inertia.
     fn is_rigid_body(&self) -> bool {
         if self.mass <= 0.0 {
             return self.inertia.iter().all(|value| value.abs() <= 0.0);
@@ -105,7 +106,7 @@ impl SegmentValues {
     }
 }
 
-/// Rows received so far. Rows may come in any order and again; the last one counts.
+/// The rows received so far. Rows may arrive in any order and repeatedly; the last one counts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SegmentTable {
     rows: SegmentArray<Option<SegmentValues>>,
@@ -118,14 +119,14 @@ impl Default for SegmentTable {
 }
 
 impl SegmentTable {
-    /// No rows.
+    /// Creates an empty table.
     pub const fn new() -> Self {
         Self {
             rows: SegmentArray::new([None; SEGMENT_COUNT]),
         }
     }
 
-    /// The table of `body` in the air.
+    /// Creates the table of `body` with its aerodynamic coefficients.
     pub fn of(body: &Body<f32>, aerodynamics: &Aerodynamics<f32>) -> Self {
         Self {
             rows: body.segments.map(|segment, parameters| {
@@ -135,9 +136,9 @@ impl SegmentTable {
         }
     }
 
-    /// Takes one row in.
+    /// Stores one row.
     pub fn insert(&mut self, row: SegmentValues) {
-        // By search, not by index: for a segment read from the wire the compiler keeps the bounds check.
+        // Found by search rather than by index: for a segment read from the wire the compiler keeps the bounds check.
         let place = self
             .rows
             .iter_mut()
@@ -147,27 +148,27 @@ impl SegmentTable {
         }
     }
 
-    /// The rows there are, in order.
+    /// Iterates over the rows received, in order.
     pub fn rows(&self) -> impl Iterator<Item = &SegmentValues> {
         self.rows.values().flatten()
     }
 
-    /// Which rows there are, bit 0 for the first segment.
+    /// Returns which rows were received, bit 0 for the first segment.
     pub fn received(&self) -> u16 {
         self.rows()
             .fold(0, |bits, row| bits | 1 << (row.segment as u16))
     }
 
-    /// CRC-32C over the rows in order: the same table on both sides has the same digest.
+    /// Returns the CRC-32C over the rows in order, which both sides compare.
     pub fn digest(&self) -> u32 {
         let rows = self.rows.map(|_, row| row.map(|row| row.bytes()));
         checksum(rows.values().flatten().map(<[u8; _]>::as_slice))
     }
 
-    /// The body of stature `height` (m), if the table is the one with `digest`.
+    /// Returns the body of stature `height` (m), if the table is complete and matches `digest`.
     ///
     /// # Errors
-    /// Returns the verdict to send back.
+    /// Returns an error with the verdict to send back.
     pub fn body(&self, height: f32, digest: u32) -> Result<Body<f32>, Verdict> {
         if self.received() != u16::MAX {
             return Err(Verdict::Incomplete);
@@ -183,7 +184,7 @@ impl SegmentTable {
         Ok(Body { segments, height })
     }
 
-    /// Coefficients of the segments, of a table that is whole.
+    /// Returns the coefficients of all segments of a complete table.
     pub fn coefficients(&self) -> SegmentArray<Coefficients<f32>> {
         self.of_segment(SegmentValues::coefficients)
     }

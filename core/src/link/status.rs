@@ -1,11 +1,11 @@
-//! The once-a-second report, filled from the counters of the link.
+//! The status report sent once a second, filled from the counters of the link.
 
 use super::decoder::Counters;
 use super::ledger::Ledger;
 use super::message::Status;
 
 impl Status {
-    /// What decoder and ledger have counted up to `uptime` (us); the rest is 0 and for the caller to fill.
+    /// Fills in the counts of decoder and ledger up to `uptime` (us); the rest is 0, to be filled in by the caller.
     pub fn new(uptime: u64, counters: &Counters, ledger: &Ledger) -> Self {
         let account = ledger.account(counters.damaged());
         Self {
@@ -44,7 +44,7 @@ impl Status {
         }
     }
 
-    /// Samples whose fate the unit knows.
+    /// Number of samples whose fate the unit knows.
     pub const fn accounted(&self) -> u32 {
         self.used
             .wrapping_add(self.rejected)

@@ -1,4 +1,4 @@
-//! One example of every message, used by the tests below.
+//! Examples of every message, shared by the tests below.
 
 extern crate std;
 
@@ -26,7 +26,7 @@ fn equal_quaternion() -> nalgebra::UnitQuaternion<f32> {
 
 fn sample() -> Sample {
     let half = core::f32::consts::FRAC_1_SQRT_2;
-    // Exact in single precision on every machine: identity, half turns, and four equal components.
+    // These are exact in single precision on every machine: identity, half turns, and four equal components.
     let quarter = nalgebra::Quaternion::new(half, -half, 0.0, 0.0);
     let unit = nalgebra::UnitQuaternion::new_unchecked;
     let posture = Posture::h_pose()
@@ -154,7 +154,7 @@ fn examples() -> [Message; 15] {
     ]
 }
 
-/// The frame of a message, as it goes over the wire.
+/// The frame of a message as sent over the wire.
 fn frame_of(header: &Header, message: &Message) -> heapless::Vec<u8, MAX_FRAME_LENGTH> {
     let mut frame = heapless::Vec::new();
     frame.resize_default(MAX_FRAME_LENGTH).unwrap();
@@ -163,7 +163,7 @@ fn frame_of(header: &Header, message: &Message) -> heapless::Vec<u8, MAX_FRAME_L
     frame
 }
 
-/// A frame around arbitrary header and body bytes, with a good checksum.
+/// A frame with arbitrary header and body bytes and a correct checksum.
 fn sealed(content: &[u8]) -> std::vec::Vec<u8> {
     let mut packet = content.to_vec();
     packet.extend(frame::checksum([content]).to_le_bytes());

@@ -1,15 +1,15 @@
-//! How each kind of number is encoded, and the one macro that makes messages.
+//! The encoding of each kind of number, and the macro that defines messages.
 
 use super::layout::FieldLayout;
 
-/// What is wrong with a value of an undamaged frame.
+/// Why a value of an undamaged frame is invalid.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum BadValue {
     NotFinite,
     OutOfRange,
 }
 
-/// Bytes still to be written; every step is checked, so no buffer is too short to be safe.
+/// Writes bytes to a buffer; every write is checked, so a short buffer causes no panic.
 pub(super) struct Writer<'a> {
     rest: &'a mut [u8],
     written: usize,
@@ -36,7 +36,7 @@ impl<'a> Writer<'a> {
     }
 }
 
-/// Bytes still to be read. Lengths are checked before reading, so missing bytes read as zero.
+/// Reads bytes from a buffer. Lengths are checked beforehand; missing bytes read as zero.
 pub(super) struct Reader<'a>(&'a [u8]);
 
 impl<'a> Reader<'a> {
@@ -60,18 +60,18 @@ impl<'a> Reader<'a> {
 
 /// A value of fixed size on the wire.
 pub(super) trait Wire: Copy {
-    /// Bytes.
+    /// Size on the wire (bytes).
     const SIZE: usize;
     /// Number type in the byte table.
     const KIND: &'static str;
-    /// How many of them.
+    /// Number of elements.
     const COUNT: usize = 1;
 
-    /// Appends the value; `None` where the buffer ends.
+    /// Appends the value; returns `None` if the buffer is full.
     fn put(self, writer: &mut Writer<'_>) -> Option<()>;
-    /// The next value.
+    /// Reads the next value.
     fn take(reader: &mut Reader<'_>) -> Result<Self, BadValue>;
-    /// Whether the value lies in `low..=high`; only floating point fields have a range.
+    /// Checks that the value lies in `low..=high`; only floating-point fields have a range.
     fn check(&self, _low: f32, _high: f32) -> Result<(), BadValue> {
         Ok(())
     }
@@ -134,19 +134,19 @@ impl<V: Wire + Default, const N: usize> Wire for [V; N] {
 
 /// The body of one message type.
 pub(super) trait Body: Sized {
-    /// Bytes.
+    /// Size on the wire (bytes).
     const SIZE: usize;
-    /// The fields in wire order.
+    /// The fields in the order on the wire.
     const FIELDS: &'static [FieldLayout];
     fn put(&self, writer: &mut Writer<'_>) -> Option<()>;
-    /// The body, or the name of the field that is wrong and why.
+    /// Reads the body, or returns the name of the invalid field and the reason.
     fn take(reader: &mut Reader<'_>) -> Result<Self, (&'static str, BadValue)>;
 }
 
-/// A message body: the structure, its codec and its rows in the byte table from one list of fields.
+/// Defines a message body: the struct, its codec and its rows in the byte table, from one list of fields.
 ///
-/// `/// meaning` `name: type = "unit"` and, for floats, `in low..=high`. Without a range a float only has
-/// to be finite.
+/// Each field is `/// meaning` `name: type = "unit"`, followed by `in low..=high` for floats. A float without a range
+/// only has to be finite.
 macro_rules! body {
     (
         $(#[$attribute:meta])*
@@ -206,7 +206,7 @@ macro_rules! body {
     };
 }
 
-/// The line on the unit in the documentation of a field, none for a plain number.
+/// The line about the unit in the documentation of a field; empty for a plain number.
 macro_rules! unit_text {
     ("") => {
         ""
@@ -216,7 +216,7 @@ macro_rules! unit_text {
     };
 }
 
-/// A number with named values; any other number is refused.
+/// Defines a number with named values; any other number is rejected.
 macro_rules! code {
     (
         $(#[$attribute:meta])*

@@ -1,4 +1,4 @@
-//! What scripts build on.
+//! Building blocks of the scripts.
 
 use core::f64::consts::FRAC_PI_2;
 
@@ -8,12 +8,12 @@ use crate::axis::AxisCoefficients;
 use crate::body::pattern::NEUTRAL;
 use crate::dynamics::muscle_input::BACK_TRACKING;
 
-/// Coefficients about the axes X, Y and Z of the body.
+/// Returns coefficients about the axes X, Y and Z of the body.
 pub(super) const fn about(pitch: f64, yaw: f64, roll: f64) -> AxisCoefficients<f64> {
     AxisCoefficients::new(pitch, yaw, roll)
 }
 
-/// Neutral fall, on which the others build.
+/// Neutral fall, the basis of the other scripts.
 pub(super) const BELLY: Maneuver = Maneuver {
     name: "neutral-fall",
     summary: "falls straight down in the neutral pose",

@@ -11,15 +11,15 @@ use crate::body::pattern::{
 };
 use crate::dynamics::muscle_input::LAYOUTS;
 
-/// Arms from beside the body to straight ahead of the shoulders.
+/// Moves the arms from the sides of the body to straight ahead of the shoulders.
 const ARMS_AHEAD: &JointAngles = &[
     (Segment::LeftUpperArm, [0.0, 0.0, 1.0]),
     (Segment::RightUpperArm, [0.0, 0.0, 1.0]),
 ];
-/// Straight, arms beside the body.
+/// Straight body, arms at the sides.
 const STRAIGHT: &JointAngles = &[];
 
-/// One way for some seconds, then the other.
+/// One way for some seconds, then the other way.
 const TO_AND_FRO: Knots<f64> = &[
     (1.0, 0.0),
     (2.0, 0.25),
@@ -33,7 +33,7 @@ const TO_AND_FRO: Knots<f64> = &[
     (26.0, 0.0),
 ];
 
-/// All maneuvers, the paper's seven basic ones first.
+/// All maneuvers, starting with the paper's seven basic ones.
 pub const MANEUVERS: &[Maneuver] = &[
     BELLY,
     Maneuver {
@@ -367,7 +367,7 @@ pub const MANEUVERS: &[Maneuver] = &[
 ];
 
 impl Maneuver {
-    /// The maneuver of that name.
+    /// Returns the maneuver with this name, or `None` if there is none.
     pub fn from_name(name: &str) -> Option<&'static Self> {
         MANEUVERS.iter().find(|maneuver| maneuver.name == name)
     }

@@ -1,4 +1,4 @@
-//! What an expert and a novice do: turns in a suit with booties, and rocking from side to side.
+//! Maneuvers of an expert and of a novice: turns in a suit with booties, and rocking from side to side.
 
 use super::base::{BELLY, about};
 use super::{Maneuver, Track};
@@ -7,13 +7,13 @@ use crate::body::Segment;
 use crate::body::pattern::{JointAngles, TURN};
 use crate::dynamics::muscle_input;
 
-/// One arm and the leg of the same side pressed down into the stream.
+/// Presses one arm and the leg on the same side down into the airstream.
 const LEFT_SIDE_DOWN: &JointAngles = &[
     (Segment::LeftUpperArm, [0.0, 0.0, -1.0]),
     (Segment::LeftThigh, [0.0, 0.0, 1.0]),
 ];
 
-/// Turns of a competitor, paper "Skydiver Conscious Inputs During Basic Maneuvers".
+/// Turns of a competitive skydiver, paper "Skydiver Conscious Inputs During Basic Maneuvers".
 pub const RW_SUIT_TURNS: Maneuver = Maneuver {
     name: "rw-suit-turns",
     summary: "turns fast by arms, thighs and shanks, as in a suit with booties",
@@ -55,7 +55,7 @@ pub const RW_SUIT_TURNS: Maneuver = Maneuver {
     ..BELLY
 };
 
-/// Paper "Pitch and Roll oscillations experienced by novices": without damping about the long axis the body rocks more and more.
+/// Paper "Pitch and Roll oscillations experienced by novices": without damping about the long axis the rocking grows.
 pub const ROLL_OSCILLATION: Maneuver = Maneuver {
     name: "roll-oscillation",
     summary: "rocks from side to side, tensed up with one arm and one leg down, and calms down relaxed",

@@ -1,7 +1,8 @@
 //! The paper's fourteen transitions between belly and back to earth, in its order ("Transition Maneuvers").
 //!
-//! One pulse of posture, muscle input and damping each. Their sizes were searched by one thing only: that the body goes over once,
-//! in the direction that the paper names, and comes to rest, for people of 62 to 90 kg, with rig and without, who sway.
+//! Each is one pulse of posture, muscle input and damping. The only criteria in the search for their sizes were that
+//! the body goes over once, in the direction named by the paper, and comes to rest, for people of 62 to 90 kg who
+//! sway, with and without a rig.
 
 use super::base::{BELLY, about};
 use super::{Maneuver, Track};
@@ -9,19 +10,19 @@ use crate::axis::AxisCoefficients;
 use crate::body::Segment;
 use crate::body::pattern::{DRAW_IN_LEFT, JointAngles, STRETCH, TO_BACK};
 
-/// Time of the first (s), and from one to the next.
+/// Time of the first transition, and from each to the next (s).
 const FIRST: f64 = 2.0;
 const EVERY: f64 = 3.2;
-/// Time in which a pulse rises and falls (s).
+/// Rise and fall time of a pulse (s).
 const RISE: f64 = 0.3;
 
-/// How the body goes over: radians of the patterns of [`TRACKS`], and inputs.
+/// How the body goes over: amounts of the patterns of [`TRACKS`] (rad), and inputs.
 #[derive(Clone, Copy)]
 struct Way {
     joints: [f64; 5],
     muscle: AxisCoefficients<f64>,
     damping: AxisCoefficients<f64>,
-    /// Time at full size (s).
+    /// Duration at full size (s).
     hold: f64,
 }
 
@@ -63,7 +64,7 @@ const FRONT_FLIP: Way = way(
     [1.6, 3.0, 6.0],
     1.3,
 );
-/// About the long axis.
+/// Back to belly about the long axis.
 const ROLL_TO_BELLY: Way = way(
     [0.0, 0.0, -1.04, 0.0, 0.0],
     [0.0, 3.8],
@@ -76,7 +77,7 @@ const ROLL_TO_BACK: Way = way(
     [3.0, 3.0, 0.1],
     0.64,
 );
-/// Begun as a layout and ended as a roll: damping in pitch and yaw is negative, as the paper finds.
+/// Started as a layout and ended as a roll; damping in pitch and yaw is negative, as found in the paper.
 const FAILED_LAYOUT: Way = way(
     [-0.15, 0.3, 1.09, 0.1, 0.17],
     [1.0, 3.7],
@@ -84,7 +85,7 @@ const FAILED_LAYOUT: Way = way(
     0.75,
 );
 
-/// A change between belly and back to earth.
+/// A transition between belly and back to earth.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Transition {
     /// Belly to back through the legs.
@@ -99,7 +100,7 @@ pub enum Transition {
     RollToBelly,
     /// Belly to back about the long axis.
     RollToBack,
-    /// Begun as a layout and ended as a roll.
+    /// Started as a layout and ended as a roll.
     FailedLayout,
 }
 
@@ -117,7 +118,7 @@ impl Transition {
     }
 }
 
-/// The paper's order, begun belly to earth.
+/// The paper's order, starting belly to earth.
 pub const ORDER: [Transition; 14] = {
     use Transition::{
         BackFlip, FailedLayout, FrontFlip, FrontLoop, Layout, RollToBack, RollToBelly,
@@ -144,7 +145,7 @@ const fn begin(number: usize) -> f64 {
     FIRST + EVERY * number as f64
 }
 
-/// What is added for the pulses; `value` 0 to 4 is that of a joint.
+/// Knots of a joint's pulses; `which` (0 to 4) selects the pattern.
 const fn joint(which: usize) -> [(f64, f64); 56] {
     let mut knots = [(0.0, 0.0); 56];
     let mut k = 0;
@@ -160,7 +161,7 @@ const fn joint(which: usize) -> [(f64, f64); 56] {
     knots
 }
 
-/// Muscle input or damping: `rest` between the pulses.
+/// Knots of muscle input or damping, with the value `rest` between the pulses.
 const fn inputs(damping: bool, rest: AxisCoefficients<f64>) -> [(f64, AxisCoefficients<f64>); 56] {
     let mut knots = [(0.0, rest); 56];
     let mut k = 0;
@@ -177,7 +178,7 @@ const fn inputs(damping: bool, rest: AxisCoefficients<f64>) -> [(f64, AxisCoeffi
     knots
 }
 
-/// Share of the posture that is stable back to earth.
+/// Knots of the share of the posture that is stable back to earth.
 const fn on_back() -> [(f64, f64); 28] {
     let mut knots = [(0.0, 0.0); 28];
     let mut k = 0;
@@ -190,17 +191,17 @@ const fn on_back() -> [(f64, f64); 28] {
     knots
 }
 
-/// Both shoulders turned outwards: bent arms go up.
+/// Rotates both shoulders outwards, so that the bent forearms go up.
 const ARMS_UP: &JointAngles = &[
     (Segment::LeftUpperArm, [0.0, 0.0, 1.0]),
     (Segment::RightUpperArm, [0.0, 0.0, 1.0]),
 ];
-/// Both thighs towards the belly.
+/// Moves both thighs towards the belly.
 const HIPS_BENT: &JointAngles = &[
     (Segment::LeftThigh, [0.0, 0.0, 1.0]),
     (Segment::RightThigh, [0.0, 0.0, 1.0]),
 ];
-/// Both arms drawn in to the body.
+/// Draws both arms in to the body.
 const DRAW_IN: &JointAngles = &[
     (Segment::LeftUpperArm, [0.0, -1.0, 0.0]),
     (Segment::RightUpperArm, [0.0, 1.0, 0.0]),
@@ -221,7 +222,7 @@ const TRACKS: &[Track] = &[
     track(STRETCH, &const { joint(4) }),
 ];
 
-/// 48 s, begun belly to earth and ended so.
+/// Duration 48 s, starting and ending belly to earth.
 pub const FOURTEEN_TRANSITIONS: Maneuver = Maneuver {
     name: "fourteen-transitions",
     summary: "the paper's order of flips, loops, rolls and layouts, one of which fails",

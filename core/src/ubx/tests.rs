@@ -1,4 +1,4 @@
-//! Frames as receivers send them, and what becomes of them on a line.
+//! Tests with frames as sent by receivers, intact and damaged.
 
 extern crate std;
 
@@ -9,7 +9,7 @@ use proptest::prelude::*;
 
 use super::*;
 
-/// A frame with its checksums, by the receiver description's own algorithm.
+/// A frame with its checksums, computed by the algorithm of the receiver description.
 fn frame(kind: [u8; 2], payload: &[u8]) -> Vec<u8> {
     let mut covered = kind.to_vec();
     covered.extend(u16::try_from(payload.len()).unwrap().to_le_bytes());
@@ -34,7 +34,7 @@ fn decoded(bytes: &[u8]) -> (Vec<NavPvt>, Counters) {
     (found, *decoder.counters())
 }
 
-/// A fall at 53 m/s, with a drift of 12 m/s north and 5 m/s east.
+/// A fall at 53 m/s that drifts at 12 m/s north and 5 m/s east.
 fn payload(length: usize) -> Vec<u8> {
     let mut payload = vec![0; length];
     let mut put = |at: usize, value: i32| payload[at..at + 4].copy_from_slice(&value.to_le_bytes());
@@ -69,7 +69,7 @@ fn a_solution_is_read_field_by_field_in_both_lengths() {
     }
 }
 
-/// The poll request of `MON-VER`, and the acknowledgement of `CFG-PRT`, byte for byte as u-blox's own tools show them.
+/// The poll request of `MON-VER` and the acknowledgement of `CFG-PRT`, byte for byte as shown by u-blox's own tools.
 #[test]
 fn checksums_are_those_of_published_frames() {
     let version = [0xb5, 0x62, 0x0a, 0x04, 0x00, 0x00, 0x0e, 0x34];
@@ -115,7 +115,7 @@ proptest! {
         for byte in bytes {
             let _ = decoder.push(byte);
         }
-        // At the worst a frame of 65 535 bytes of another kind has begun.
+        // In the worst case a frame of another kind with 65 535 bytes has begun.
         for _ in 0..=0xffff + 8 {
             let _ = decoder.push(0);
         }

@@ -1,15 +1,15 @@
-//! Sensor time that does not wrap.
+//! Sensor time without wrap-around.
 
-/// Ticks of `SampleTimeFine` in a day, at which 10- and 100-series sensors wrap.
+/// Ticks of `SampleTimeFine` per day, after which 10- and 100-series sensors wrap.
 const DAY: u32 = 864_000_000;
 /// Length of a tick (us).
 const TICK: u64 = 100;
 
 /// Unwraps `SampleTimeFine` into a continuous time.
 ///
-/// Some sensors wrap at 2^32 ticks, some after a day; the clock takes the reading nearest to the last
-/// one. A GNSS solution carries an earlier time than the packets around it and does not disturb the
-/// clock. Pauses of up to half a day are bridged.
+/// Some sensors wrap at 2^32 ticks, some after a day; the clock chooses the reading nearest to the last one. The time
+/// of a GNSS solution, which is earlier than that of the packets around it, does not disturb the clock. Gaps of up to
+/// half a day are bridged.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct SampleClock {
     /// Latest reading and its unwrapped ticks.
@@ -17,12 +17,12 @@ pub struct SampleClock {
 }
 
 impl SampleClock {
-    /// A clock that starts with its first reading.
+    /// Creates a clock that starts with its first reading.
     pub const fn new() -> Self {
         Self { latest: None }
     }
 
-    /// Time of a reading (us). It starts with the first reading's own value and never jumps at a wrap.
+    /// Returns the time of a reading (us). It starts at the value of the first reading and never jumps at a wrap.
     pub fn time(&mut self, fine: u32) -> u64 {
         let (last, ticks) = self.latest.unwrap_or((fine, u64::from(fine)));
         let step = nearest_step(last, fine);
@@ -34,7 +34,7 @@ impl SampleClock {
     }
 }
 
-/// Ticks from `last` to `fine`, the short way round whichever wrap there was.
+/// Ticks from `last` to `fine`, along the shorter way for either kind of wrap.
 fn nearest_step(last: u32, fine: u32) -> i64 {
     let full = i64::from(fine.wrapping_sub(last).cast_signed());
     if last >= DAY || fine >= DAY {
@@ -65,7 +65,7 @@ mod tests {
             for packet in 0..4 {
                 let ticks = start + packet * 100;
                 assert_eq!(clock.time(reading(ticks)), ticks * 100, "{wrap} {packet}");
-                // A solution 2.49 s old in between.
+                // A GNSS solution 2.49 s old, in between.
                 let old = ticks - 24_906;
                 assert_eq!(clock.time(reading(old)), old * 100, "{wrap} {packet}");
             }

@@ -1,12 +1,12 @@
-//! Packets to a sensor, and packets like those of a sensor for tests and simulations.
+//! Commands to a sensor, and packets like those of a sensor for tests and simulations.
 
 use super::item::DataId;
 use super::packet::{EXTENDED, MAX_DATA_LENGTH, MessageId, PREAMBLE, checksum};
 
-/// Bus address of the only sensor on the line.
+/// Bus address of a sensor that is alone on the line.
 const MASTER: u8 = 0xFF;
 
-/// Speed of the line (bit/s) and its code.
+/// Baud rate (bit/s) and its code.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[expect(missing_docs, reason = "the names say it")]
 #[repr(u8)]
@@ -19,17 +19,17 @@ pub enum Baudrate {
     B4000000 = 0x0D,
 }
 
-/// One line of an output configuration.
+/// One entry of an output configuration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct OutputSetting {
-    /// What to send.
+    /// Data to send.
     pub id: DataId,
-    /// How often (Hz); 0xFFFF with every packet, as counters and times are.
+    /// Output rate (Hz); 0xFFFF means with every packet, as for counters and times.
     pub rate_hz: u16,
 }
 
 impl OutputSetting {
-    /// The item in every packet.
+    /// Requests the item in every packet.
     pub const fn always(id: DataId) -> Self {
         Self {
             id,
@@ -38,27 +38,27 @@ impl OutputSetting {
     }
 }
 
-/// Commands to a sensor. Configuration is only taken in the configuration state.
+/// Commands to a sensor. The configuration can only be changed in the configuration state.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Command<'a> {
-    /// Stop measuring and take configuration.
+    /// Stop measuring and enter the configuration state.
     GotoConfig,
-    /// Measure with what was configured.
+    /// Start measuring with the present configuration.
     GotoMeasurement,
-    /// Ask who is there.
+    /// Request the device ID.
     RequestDeviceId,
-    /// Answer to the sensor's greeting after power-up: stay in configuration.
+    /// Answer to the sensor's wake-up message after power-up: stay in the configuration state.
     WakeUpAck,
-    /// Restart.
+    /// Restart the sensor.
     Reset,
-    /// Speed of the line after the next reset.
+    /// Set the baud rate that applies after the next reset.
     SetBaudrate(Baudrate),
-    /// What to send how often.
+    /// Set which data to send at which rates.
     SetOutputConfiguration(&'a [OutputSetting]),
 }
 
 impl Command<'_> {
-    /// The packet into `packet`; its length, `None` where it does not fit.
+    /// Writes the packet to `packet` and returns its length (bytes), or `None` if it does not fit.
     pub fn encode(&self, packet: &mut [u8]) -> Option<usize> {
         let id = match self {
             Self::GotoConfig => MessageId::GOTO_CONFIG,
@@ -84,17 +84,17 @@ impl Command<'_> {
     }
 }
 
-/// Builds one packet in a buffer.
+/// Builds a packet in a buffer.
 #[derive(Debug)]
 pub struct PacketWriter<'a> {
     packet: &'a mut [u8],
     message_id: MessageId,
-    /// Data bytes so far; they lie behind a header without extended length.
+    /// Number of data bytes so far, stored after a header without extended length.
     length: usize,
 }
 
 impl<'a> PacketWriter<'a> {
-    /// An empty packet of the kind `message_id`.
+    /// Starts an empty packet of the kind `message_id`.
     pub const fn new(packet: &'a mut [u8], message_id: MessageId) -> Self {
         Self {
             packet,
@@ -103,7 +103,7 @@ impl<'a> PacketWriter<'a> {
         }
     }
 
-    /// Appends data; `None` where it does not fit.
+    /// Appends data; returns `None` if it does not fit.
     pub fn data(&mut self, bytes: &[u8]) -> Option<()> {
         let start = 4 + self.length;
         self.packet
@@ -113,7 +113,7 @@ impl<'a> PacketWriter<'a> {
         Some(())
     }
 
-    /// Appends an item; `None` where it does not fit or is longer than 255 bytes.
+    /// Appends an item; returns `None` if it does not fit or is longer than 255 bytes.
     pub fn item(&mut self, id: DataId, bytes: &[u8]) -> Option<()> {
         let size = u8::try_from(bytes.len()).ok()?;
         self.data(&id.0.to_be_bytes())?;
@@ -121,7 +121,7 @@ impl<'a> PacketWriter<'a> {
         self.data(bytes)
     }
 
-    /// Appends an item of single precision numbers.
+    /// Appends an item of single-precision numbers; returns `None` if it does not fit.
     pub fn reals(&mut self, id: DataId, numbers: &[f32]) -> Option<()> {
         let size = u8::try_from(numbers.len() * 4).ok()?;
         self.data(&id.0.to_be_bytes())?;
@@ -131,7 +131,7 @@ impl<'a> PacketWriter<'a> {
             .try_for_each(|number| self.data(&number.to_be_bytes()))
     }
 
-    /// Writes header and checksum; the length of the packet, `None` where it does not fit.
+    /// Writes header and checksum and returns the length of the packet (bytes), or `None` if it does not fit.
     pub fn finish(self) -> Option<usize> {
         let Self {
             packet,
@@ -150,7 +150,7 @@ impl<'a> PacketWriter<'a> {
                     .ok()
                     .filter(|_| length <= MAX_DATA_LENGTH)?;
                 let [high, low] = long.to_be_bytes();
-                // The data moves on to make room for the two bytes.
+                // Move the data to make room for the two bytes of extended length.
                 let moved = packet.get_mut(4..length + 6)?;
                 moved.copy_within(..length, 2);
                 packet.get_mut(..6)?.copy_from_slice(&[

@@ -1,34 +1,34 @@
-//! Bytes to packets.
+//! Decodes bytes to packets.
 
 use super::packet::{Candidate, MAX_PACKET_LENGTH, PREAMBLE, Packet, judge, view};
 
-/// What a decoder has seen since it was made. All counters wrap.
+/// Counters of a decoder since its creation. All of them wrap.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Counters {
-    /// Packets given out.
+    /// Packets decoded.
     pub packets: u32,
     /// Bytes that belong to no packet.
     pub skipped_bytes: u32,
-    /// Preambles whose packet had a wrong checksum.
+    /// Candidate packets with a wrong checksum.
     pub bad_checksum: u32,
-    /// Preambles whose length cannot be or does not fit the buffer.
+    /// Candidate packets whose length is impossible or exceeds the buffer.
     pub bad_length: u32,
-    /// MTData2 packets whose items do not fill them.
+    /// MTData2 packets whose items do not fill them exactly.
     pub bad_items: u32,
 }
 
-/// Takes bytes in pieces of any size and gives packets out.
+/// Decodes bytes, supplied in pieces of any size, to packets.
 ///
-/// After a false packet it goes on **one byte** behind the false preamble, with the bytes it has kept, so a
-/// damaged packet never takes the following ones with it. `N` is the longest packet accepted:
-/// [`MAX_PACKET_LENGTH`](super::MAX_PACKET_LENGTH) for all, 512 for any MTData2 of one sensor. At least 16.
+/// After a false packet the search resumes **one byte** after the false preamble, in the bytes already stored, so that
+/// a damaged packet never takes the following ones with it. `N` is the longest packet accepted (bytes):
+/// [`MAX_PACKET_LENGTH`](super::MAX_PACKET_LENGTH) for all packets, 512 for any MTData2 of one sensor, at least 16.
 #[derive(Debug)]
 pub struct Decoder<const N: usize> {
     buffer: [u8; N],
-    /// Bytes in `start..end` are not judged yet.
+    /// Bytes in `start..end` have not been examined yet.
     start: usize,
     end: usize,
-    /// Bytes of the packet given out last; they go with the next call.
+    /// Length of the packet returned last; its bytes are released by the next call.
     given: usize,
     counters: Counters,
 }
@@ -40,7 +40,7 @@ impl<const N: usize> Default for Decoder<N> {
 }
 
 impl<const N: usize> Decoder<N> {
-    /// Nothing received yet.
+    /// Creates a decoder that waits for its first packet.
     pub const fn new() -> Self {
         const { assert!(N >= 16 && N <= MAX_PACKET_LENGTH) };
         Self {
@@ -58,21 +58,21 @@ impl<const N: usize> Decoder<N> {
         }
     }
 
-    /// What was seen so far.
+    /// Returns the counters.
     pub const fn counters(&self) -> &Counters {
         &self.counters
     }
 
-    /// Bytes of a packet that has begun.
+    /// Number of bytes stored of an incomplete packet.
     pub const fn pending(&self) -> usize {
         self.end
             .saturating_sub(self.start)
             .saturating_sub(self.given)
     }
 
-    /// The next packet; `input` is shortened by what was taken. `None` when all of it is taken.
+    /// Returns the next packet and advances `input` past the bytes it used, or returns `None` once all input is used.
     ///
-    /// Call it until it gives `None`: one piece of input may complete several packets.
+    /// Call this until it returns `None`, since one piece of input may complete several packets.
     pub fn next(&mut self, input: &mut &[u8]) -> Option<Packet<'_>> {
         self.start += core::mem::take(&mut self.given);
         let total = loop {
@@ -109,10 +109,10 @@ impl<const N: usize> Decoder<N> {
         view(self.buffer.get(self.start..self.end)?)
     }
 
-    /// Abandons the packet that has begun, as after silence on the line or a receiver error.
+    /// Abandons an incomplete packet, for example after a silence on the line or a receiver error.
     ///
-    /// The bytes behind its preamble are still searched: call [`Decoder::next`] with no input until it gives
-    /// `None`, and again while [`Decoder::pending`] is not 0.
+    /// The bytes after its preamble are still searched: call [`Decoder::next`] with no input until it returns `None`,
+    /// and repeat while [`Decoder::pending`] is not 0.
     pub fn give_up(&mut self) {
         self.start += core::mem::take(&mut self.given);
         if self.start < self.end {
@@ -138,7 +138,7 @@ impl<const N: usize> Decoder<N> {
         }
     }
 
-    /// Takes bytes in until `total` of them lie at `start`, or the input ends.
+    /// Reads input until `total` bytes are stored from `start` on, or the input ends.
     fn fill(&mut self, total: usize, input: &mut &[u8]) {
         if self.start + total > N {
             let kept = self.end.saturating_sub(self.start);
@@ -174,7 +174,7 @@ mod tests {
     use proptest::prelude::*;
     use std::vec::Vec;
 
-    /// A measurement packet of `items` vectors with the counter `number`.
+    /// A measurement packet with `items` vectors and the counter value `number`.
     fn measurement(number: u16, items: usize) -> Vec<u8> {
         let mut packet = [0; MAX_PACKET_LENGTH];
         let mut writer = PacketWriter::new(&mut packet, MessageId::MT_DATA2);
@@ -182,7 +182,7 @@ mod tests {
             .item(DataId::PACKET_COUNTER, &number.to_be_bytes())
             .unwrap();
         for _ in 0..items {
-            // -125.0 and 3.1e35 have preambles in their bytes.
+            // The bytes of -125.0 and 3.1e35 contain preambles.
             writer
                 .reals(DataId::ACCELERATION, &[f32::from(number), -125.0, 3.1e35])
                 .unwrap();
@@ -191,7 +191,7 @@ mod tests {
         packet[..total].to_vec()
     }
 
-    /// Data of all packets in `bytes`, given in pieces of `piece` bytes, the rest given up.
+    /// Data of all packets in `bytes`, supplied in pieces of `piece` bytes; the remainder is abandoned.
     fn read<const N: usize>(bytes: &[u8], piece: usize) -> (Vec<Vec<u8>>, Counters) {
         let mut decoder = Decoder::<N>::new();
         let mut packets = Vec::new();

@@ -1,9 +1,9 @@
-//! GNSS position, velocity and time as the sensor passes it on from its receiver.
+//! GNSS position, velocity and time as forwarded by the sensor.
 
-/// The 94 bytes of item 0x7010, in the receiver's whole numbers.
+/// The 94 bytes of item 0x7010, as integers in the receiver's units.
 ///
-/// Position, speed and course mean nothing while `fix_type` is 0. The packet's sample time is that of the
-/// GNSS solution, older than the inertial packets around it.
+/// Position, speed and course are meaningless while `fix_type` is 0. The sample time of the packet is that of the GNSS
+/// solution, which is older than the inertial packets around it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct GnssPvt {
     /// GPS time of week (ms).
@@ -18,19 +18,20 @@ pub struct GnssPvt {
     pub hour: u8,
     /// UTC minute.
     pub minute: u8,
-    /// UTC second, 60 in a leap second.
+    /// UTC second, 60 during a leap second.
     pub second: u8,
-    /// Bit 0 date valid, 1 time of day valid, 2 time fully resolved.
+    /// Validity: bit 0 date, 1 time of day, 2 time fully resolved.
     pub valid: u8,
     /// Time accuracy (ns).
     pub time_accuracy_ns: u32,
-    /// Fraction of the second (ns), may be negative.
+    /// Fraction of the second (ns); may be negative.
     pub nanosecond: i32,
-    /// 0 none, 1 dead reckoning, 2 two-dimensional, 3 three-dimensional, 4 with dead reckoning, 5 time only.
+    /// Kind of fix: 0 none, 1 dead reckoning, 2 two-dimensional, 3 three-dimensional, 4 with dead reckoning, 5 time
+    /// only.
     pub fix_type: u8,
-    /// Bit 0 fix within limits, 1 differential, 5 heading of vehicle valid.
+    /// Flags: bit 0 fix within limits, 1 differential, 5 heading of vehicle valid.
     pub flags: u8,
-    /// Satellites used.
+    /// Number of satellites used.
     pub satellites: u8,
     /// Longitude (1e-7 deg).
     pub longitude_e7: i32,
@@ -46,7 +47,7 @@ pub struct GnssPvt {
     pub vertical_accuracy_mm: u32,
     /// Velocity north, east, down (mm/s).
     pub velocity_ned_mmps: [i32; 3],
-    /// Speed over ground (mm/s).
+    /// Speed over the ground (mm/s).
     pub ground_speed_mmps: i32,
     /// Heading of motion (1e-5 deg).
     pub heading_motion_e5: i32,
@@ -61,7 +62,7 @@ pub struct GnssPvt {
 }
 
 impl GnssPvt {
-    /// Bytes of the item.
+    /// Length of the item (bytes).
     pub const SIZE: usize = 94;
 
     pub(super) fn read(bytes: &[u8; Self::SIZE]) -> Self {
@@ -99,12 +100,12 @@ impl GnssPvt {
         }
     }
 
-    /// Whether there is a fix in three dimensions within the receiver's limits.
+    /// Returns whether there is a three-dimensional fix within the receiver's limits.
     pub const fn has_fix(&self) -> bool {
         self.fix_type >= 3 && self.fix_type <= 4 && self.flags & 1 != 0
     }
 
-    /// Speed over ground (m/s), if there is a fix.
+    /// Returns the speed over the ground (m/s), or `None` if there is no fix.
     #[expect(clippy::cast_precision_loss, reason = "exact up to 16 km/s")]
     pub fn horizontal_speed(&self) -> Option<f32> {
         self.has_fix()
@@ -112,7 +113,7 @@ impl GnssPvt {
     }
 }
 
-/// Big-endian fields in a row. The length is known, so nothing is ever missing.
+/// Reads consecutive big-endian fields. The length is known, so no field is ever missing.
 struct Fields<'a>(&'a [u8]);
 
 impl Fields<'_> {

@@ -40,12 +40,12 @@ impl DataId {
 }
 
 impl DataId {
-    /// The identifier without coordinate system and number format.
+    /// Returns the identifier without coordinate system and number format.
     pub const fn kind(self) -> Self {
         Self(self.0 & 0xFFF0)
     }
 
-    /// The coordinate system, where the item has one.
+    /// Returns the coordinate system, or `None` if the identifier has an invalid one.
     pub const fn coordinate_system(self) -> Option<CoordinateSystem> {
         match self.0 & 0xC {
             0x0 => Some(CoordinateSystem::EastNorthUp),
@@ -55,14 +55,14 @@ impl DataId {
         }
     }
 
-    /// The same item in another coordinate system and number format.
+    /// Returns the same item in another coordinate system and number format.
     #[must_use]
     pub const fn with(self, system: CoordinateSystem, format: NumberFormat) -> Self {
         Self(self.kind().0 | system as u16 | format as u16)
     }
 }
 
-/// Axes of the earth-fixed frame a sensor refers to.
+/// Axes of the earth-fixed frame that a sensor refers to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[repr(u16)]
 pub enum CoordinateSystem {
@@ -70,12 +70,12 @@ pub enum CoordinateSystem {
     EastNorthUp = 0x0,
     /// X north, Y east, Z down.
     NorthEastDown = 0x4,
-    /// X north, Y west, Z up; the inertial frame of the model.
+    /// X north, Y west, Z up, which is the inertial frame of the model.
     NorthWestUp = 0x8,
 }
 
 impl CoordinateSystem {
-    /// Turns components in these axes to the model's inertial axes.
+    /// Returns the rotation from these axes to the model's inertial axes.
     pub fn inertial_from_earth(self) -> UnitQuaternion<f32> {
         let half = core::f32::consts::FRAC_1_SQRT_2;
         let [w, x, y, z] = match self {
@@ -87,7 +87,7 @@ impl CoordinateSystem {
     }
 }
 
-/// UTC as the sensor knows it.
+/// UTC time according to the sensor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[expect(missing_docs, reason = "the names say it")]
 pub struct UtcTime {
@@ -98,41 +98,41 @@ pub struct UtcTime {
     pub hour: u8,
     pub minute: u8,
     pub second: u8,
-    /// Bit 0 date, 1 time of day, 2 fully resolved.
+    /// Validity: bit 0 date, 1 time of day, 2 fully resolved.
     pub flags: u8,
 }
 
-/// Status word, or status byte in its lowest bits.
+/// The status word, or the status byte in its lowest bits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Status(pub u32);
 
 impl Status {
-    /// The self-test was passed; MTi-600 sensors always give 0.
+    /// Returns whether the self-test passed; MTi-600 sensors always report 0.
     pub const fn self_test_passed(self) -> bool {
         self.0 & 1 != 0
     }
 
-    /// The orientation filter is valid.
+    /// Returns whether the orientation filter is valid.
     pub const fn filter_valid(self) -> bool {
         self.0 & 1 << 1 != 0
     }
 
-    /// GNSS has a fix.
+    /// Returns whether GNSS has a fix.
     pub const fn gnss_fix(self) -> bool {
         self.0 & 1 << 2 != 0
     }
 
-    /// Axes X, Y, Z at which the accelerometer was beyond its range.
+    /// Returns for each of the axes X, Y, Z whether the accelerometer exceeded its range.
     pub const fn accelerometer_clipped(self) -> [bool; 3] {
         self.axes(8)
     }
 
-    /// Axes X, Y, Z at which the gyroscope was beyond its range.
+    /// Returns for each of the axes X, Y, Z whether the gyroscope exceeded its range.
     pub const fn gyroscope_clipped(self) -> [bool; 3] {
         self.axes(11)
     }
 
-    /// Axes X, Y, Z at which the magnetometer was beyond its range.
+    /// Returns for each of the axes X, Y, Z whether the magnetometer exceeded its range.
     pub const fn magnetometer_clipped(self) -> [bool; 3] {
         self.axes(14)
     }
@@ -146,14 +146,14 @@ impl Status {
     }
 }
 
-/// One item understood. Vectors are x, y, z; quaternions w, x, y, z.
+/// A decoded item. Vectors are x, y, z; quaternions are w, x, y, z.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Item<'a> {
     /// Temperature inside the sensor (degC).
     Temperature(Reals<'a, 1>),
     /// Time of day.
     UtcTime(UtcTime),
-    /// Number of the packet, wraps at 65536.
+    /// Packet counter, which wraps at 65536.
     PacketCounter(u16),
     /// Sensor time in ticks of 0.1 ms, see [`SampleClock`](super::SampleClock).
     SampleTimeFine(u32),
@@ -161,9 +161,9 @@ pub enum Item<'a> {
     SampleTimeCoarse(u32),
     /// Rotation from sensor axes to earth axes.
     Quaternion(CoordinateSystem, Reals<'a, 4>),
-    /// The same as a matrix, row by row.
+    /// The same rotation as a matrix, row by row.
     RotationMatrix(CoordinateSystem, Reals<'a, 9>),
-    /// The same as roll, pitch, yaw (deg).
+    /// The same rotation as roll, pitch, yaw (deg).
     EulerAngles(CoordinateSystem, Reals<'a, 3>),
     /// Pressure (Pa).
     BaroPressure(u32),
@@ -181,7 +181,7 @@ pub enum Item<'a> {
     PositionEcef(Reals<'a, 3>),
     /// Latitude and longitude (deg).
     LatLon(Reals<'a, 2>),
-    /// Solution of the GNSS receiver.
+    /// Navigation solution of the GNSS receiver.
     GnssPvt(GnssPvt),
     /// Angular velocity in sensor axes (rad/s).
     RateOfTurn(Reals<'a, 3>),
@@ -189,24 +189,24 @@ pub enum Item<'a> {
     DeltaQ(Reals<'a, 4>),
     /// Angular velocity at the full rate of the sensor (rad/s).
     RateOfTurnHr(Reals<'a, 3>),
-    /// Magnetic field, 1 at calibration.
+    /// Magnetic field, normalised to 1 at calibration.
     MagneticField(Reals<'a, 3>),
     /// Velocity in earth axes (m/s).
     VelocityXyz(CoordinateSystem, Reals<'a, 3>),
-    /// Status, eight bits of it.
+    /// The lowest eight bits of the status.
     StatusByte(Status),
-    /// Status, all of it.
+    /// The whole status.
     StatusWord(Status),
     /// Any other item.
     Unknown(RawItem<'a>),
 }
 
-/// A known item with impossible data.
+/// Error for an item of known type with invalid data.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct BadItem {
-    /// Which one.
+    /// Identifier of the item.
     pub id: DataId,
-    /// Bytes of its data.
+    /// Length of the data found (bytes).
     pub found: usize,
 }
 
@@ -222,20 +222,20 @@ impl fmt::Display for BadItem {
 
 impl core::error::Error for BadItem {}
 
-/// An item, borrowed from the packet.
+/// An undecoded item, borrowed from the packet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct RawItem<'a> {
-    /// What it is.
+    /// Identifier of the item.
     pub id: DataId,
-    /// Its data.
+    /// Data of the item.
     pub data: &'a [u8],
 }
 
 impl<'a> RawItem<'a> {
-    /// The item understood; [`Item::Unknown`] where the identifier is not in the table.
+    /// Decodes the item; returns [`Item::Unknown`] if its identifier is not supported.
     ///
     /// # Errors
-    /// Returns [`BadItem`] if the data has not the size that its identifier says, or the coordinate system is invalid.
+    /// Returns an error if the size of the data does not match the identifier, or if the coordinate system is invalid.
     pub fn decode(&self) -> Result<Item<'a>, BadItem> {
         self.understood().ok_or(BadItem {
             id: self.id,
@@ -253,7 +253,7 @@ impl<'a> RawItem<'a> {
             DataId::QUATERNION => Item::Quaternion(self.system()?, self.reals()?),
             DataId::ROTATION_MATRIX => Item::RotationMatrix(self.system()?, self.reals()?),
             DataId::EULER_ANGLES => Item::EulerAngles(self.system()?, self.reals()?),
-            // Whole pascals, whatever the format bits say: sensors do set them.
+            // Always whole pascals, whatever the format bits are: sensors do set them.
             DataId::BARO_PRESSURE => Item::BaroPressure(self.word()?),
             DataId::DELTA_V => Item::DeltaV(self.reals()?),
             DataId::ACCELERATION => Item::Acceleration(self.reals()?),
@@ -321,7 +321,7 @@ impl<'a> RawItem<'a> {
     }
 }
 
-/// The items of a packet in the order they were sent, which is not fixed.
+/// Iterator over the items of a packet in the order sent, which is not fixed.
 #[derive(Debug, Clone)]
 pub struct Items<'a> {
     rest: &'a [u8],
@@ -332,7 +332,7 @@ impl<'a> Items<'a> {
         Self { rest: data }
     }
 
-    /// Whether the items fill `data` to the last byte.
+    /// Returns whether the items fill `data` exactly.
     pub(super) fn fill(data: &[u8]) -> bool {
         let mut items = Items::new(data);
         while items.next().is_some() {}

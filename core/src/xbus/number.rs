@@ -1,13 +1,13 @@
-//! The four number formats, read in place.
+//! The four number formats, decoded in place.
 
-/// Format of the real numbers of an item, the two lowest bits of its identifier.
+/// Format of the real numbers of an item, given by the two lowest bits of its identifier.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum NumberFormat {
     /// IEEE single precision.
     Float32,
-    /// Fixed point, 32 bits, 20 of them behind the point.
+    /// Fixed point with 32 bits, of which 20 are fractional.
     Fp1220,
-    /// Fixed point, 48 bits, 32 of them behind the point, the fraction first.
+    /// Fixed point with 48 bits, of which 32 are fractional; the fraction comes first.
     Fp1632,
     /// IEEE double precision.
     Float64,
@@ -23,7 +23,7 @@ impl NumberFormat {
         }
     }
 
-    /// Bytes of one number.
+    /// Size of one number (bytes).
     pub const fn size(self) -> usize {
         match self {
             Self::Float32 | Self::Fp1220 => 4,
@@ -33,11 +33,11 @@ impl NumberFormat {
     }
 }
 
-/// `N` real numbers as received. They become floats of the wanted precision when asked for.
+/// `N` real numbers as received, which are converted to a floating-point format on demand.
 ///
-/// Single precision is made by whole-number operations from every format, so a processor without a
-/// double precision unit never needs one; the result is the nearest `f32`. Positions need
-/// [`Reals::to_f64`]: a single precision latitude is good to 0.4 m.
+/// Conversion to single precision uses integer operations for every format, so a processor without double-precision
+/// hardware never needs it; the result is the nearest `f32`. Positions need [`Reals::to_f64`], because a latitude in
+/// single precision is accurate to 0.4 m only.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Reals<'a, const N: usize> {
     bytes: &'a [u8],
@@ -45,17 +45,17 @@ pub struct Reals<'a, const N: usize> {
 }
 
 impl<'a, const N: usize> Reals<'a, N> {
-    /// `None` where `bytes` has not the size of `N` numbers.
+    /// Returns `None` if `bytes` does not have the size of `N` numbers.
     pub(super) fn new(bytes: &'a [u8], format: NumberFormat) -> Option<Self> {
         (bytes.len() == N * format.size()).then_some(Self { bytes, format })
     }
 
-    /// The format on the wire.
+    /// Returns the number format on the wire.
     pub const fn format(&self) -> NumberFormat {
         self.format
     }
 
-    /// The numbers in single precision.
+    /// Converts the numbers to single precision.
     pub fn to_f32(&self) -> [f32; N] {
         match self.format {
             NumberFormat::Float32 => self.read(f32::from_be_bytes),
@@ -67,7 +67,7 @@ impl<'a, const N: usize> Reals<'a, N> {
         }
     }
 
-    /// The numbers in double precision, exact in every format.
+    /// Converts the numbers to double precision, which is exact for every format.
     pub fn to_f64(&self) -> [f64; N] {
         match self.format {
             NumberFormat::Float32 => self.read(|bytes| f64::from(f32::from_be_bytes(bytes))),
@@ -92,13 +92,13 @@ impl<'a, const N: usize> Reals<'a, N> {
     }
 }
 
-/// Counts of 2^-32: the fraction comes first, then the signed whole part.
+/// Decodes to counts of 2^-32: the fraction comes first, then the signed integer part.
 fn fp1632([f0, f1, f2, f3, w0, w1]: [u8; 6]) -> i64 {
     let fraction = u32::from_be_bytes([f0, f1, f2, f3]);
     i64::from(i16::from_be_bytes([w0, w1])) << 32 | i64::from(fraction)
 }
 
-/// The `f32` nearest to `counts` / 2^`places`. The division is exact: it only moves the exponent.
+/// The `f32` nearest to `counts` / 2^`places`. The division is exact, as it only changes the exponent.
 #[expect(
     clippy::cast_precision_loss,
     reason = "rounding once to single is the purpose"
@@ -107,7 +107,7 @@ fn nearest(counts: i64, places: u32) -> f32 {
     counts as f32 * f32::from_bits((127 - places) << 23)
 }
 
-/// The `f32` nearest to a double given by its bits, halves to even, as `as f32` does.
+/// The `f32` nearest to a double given by its bits, rounding halves to even, as `as f32` does.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "each value is masked or shifted to fit"
@@ -117,13 +117,13 @@ const fn narrow(bits: u64) -> f32 {
     let exponent = (bits >> 52) as i32 & 0x7FF;
     let fraction = bits & 0x000F_FFFF_FFFF_FFFF;
     let size = if exponent == 0x7FF {
-        // Infinity or a quiet NaN.
+        // An infinity or a quiet NaN.
         0x7F80_0000 | if fraction != 0 { 0x0040_0000 } else { 0 }
     } else if exponent > 1023 + 127 {
         0x7F80_0000
     } else if exponent >= 1023 - 126 {
         let truncated = ((exponent - (1023 - 127)) as u32) << 23 | (fraction >> 29) as u32;
-        // A carry out of the fraction moves the exponent, which is right, up to infinity.
+        // A carry out of the fraction increments the exponent, as it should, up to infinity.
         truncated + round_up(fraction, 29)
     } else if exponent >= 1023 - 150 {
         let shift = (1023 - 126 + 29 - exponent) as u32;
@@ -135,7 +135,7 @@ const fn narrow(bits: u64) -> f32 {
     f32::from_bits(sign | size)
 }
 
-/// 1 where the `shift` bits that are cut off round up, to even on a half.
+/// Returns 1 if the `shift` bits that are cut off round up, with halves rounding to even.
 const fn round_up(value: u64, shift: u32) -> u32 {
     let (rest, half) = (value & ((1 << shift) - 1), 1u64 << (shift - 1));
     let odd = value >> shift & 1 == 1;
@@ -153,7 +153,7 @@ mod tests {
 
     #[test]
     fn the_fraction_comes_first() {
-        // einride log 3: 57.6794421 deg north.
+        // From einride log 3: 57.6794421 deg north.
         let bytes = [0xAD, 0xEF, 0xEB, 0xA2, 0x00, 0x39];
         let [latitude] = of::<1>(&bytes, NumberFormat::Fp1632).to_f64();
         assert!((latitude - 57.679_442_1).abs() < 1e-7);

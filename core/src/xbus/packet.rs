@@ -1,21 +1,21 @@
-//! One packet: preamble, addresses, length, data, checksum.
+//! A single packet: preamble, addresses, length, data, checksum.
 
 use super::item::Items;
 
-/// First byte of every packet. It also occurs in data.
+/// First byte of every packet; it may also occur in the data.
 pub(super) const PREAMBLE: u8 = 0xFA;
-/// Length byte that announces two bytes of extended length.
+/// Length byte which indicates that two bytes of extended length follow.
 pub(super) const EXTENDED: u8 = 0xFF;
 
-/// Bus addresses a sensor on its own uses. Any other one is a preamble by chance.
+/// Bus addresses of a sensor that is alone on the line. With any other address the preamble occurred by chance.
 const ADDRESSES: [u8; 2] = [0xFF, 0x01];
 
-/// Most data bytes of a packet.
+/// Maximum number of data bytes in a packet.
 pub const MAX_DATA_LENGTH: usize = 2048;
-/// Bytes of the longest packet.
+/// Length of the longest packet (bytes).
 pub const MAX_PACKET_LENGTH: usize = MAX_DATA_LENGTH + 7;
 
-/// What a packet is about. An answer has the number of the question plus one.
+/// Kind of a packet. The kind of an answer is that of the request plus one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct MessageId(pub u8);
 
@@ -40,19 +40,19 @@ impl MessageId {
     pub const OUTPUT_CONFIGURATION_ACK: Self = Self(0xC1);
 }
 
-/// A packet whose checksum holds, borrowed from the buffer.
+/// A packet with a correct checksum, borrowed from the buffer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Packet<'a> {
-    /// Bus address, 0xFF or 0x01 for a sensor on its own.
+    /// Bus address, 0xFF or 0x01 for a sensor that is alone on the line.
     pub bus_id: u8,
-    /// What it is about.
+    /// Kind of the packet.
     pub message_id: MessageId,
-    /// Data without header and checksum.
+    /// Data, without header and checksum.
     pub data: &'a [u8],
 }
 
 impl<'a> Packet<'a> {
-    /// The measurements of an MTData2 packet; none of another one.
+    /// Iterates over the measurements of an MTData2 packet; empty for any other packet.
     pub fn items(&self) -> Items<'a> {
         Items::new(if self.message_id == MessageId::MT_DATA2 {
             self.data
@@ -62,24 +62,24 @@ impl<'a> Packet<'a> {
     }
 }
 
-/// What the bytes at a preamble turn out to be.
+/// Result of examining the bytes at a preamble.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Candidate {
-    /// So far a packet; it takes at least `total` bytes.
+    /// A packet so far; it needs at least `total` bytes.
     Incomplete { total: usize },
-    /// A packet of `total` bytes.
+    /// A complete packet of `total` bytes.
     Whole { total: usize },
-    /// The address is none of a sensor on its own.
+    /// The address is not that of a sensor alone on the line.
     BadAddress,
-    /// The checksum differs.
+    /// The checksum does not match.
     BadChecksum,
     /// The length is impossible.
     BadLength,
-    /// The checksum holds, but the items do not fill the data.
+    /// The checksum matches, but the items do not fill the data.
     BadItems,
 }
 
-/// Judges `bytes`, which begin with a preamble.
+/// Examines `bytes`, which start with a preamble.
 pub(super) fn judge(bytes: &[u8]) -> Candidate {
     if let [_, address, ..] = bytes
         && !ADDRESSES.contains(address)
@@ -97,8 +97,8 @@ pub(super) fn judge(bytes: &[u8]) -> Candidate {
     if checksum(covered) != 0 {
         return Candidate::BadChecksum;
     }
-    // A sum of 8 bits passes one damaged packet in 256, and a preamble by chance inside one may then cover
-    // the next. The address above and items that fill the data exactly are two more checks, free of charge.
+    // The 8-bit sum accepts one damaged packet in 256, and a chance preamble inside such a packet could hide the next
+    // packet. The address above and items that fill the data exactly are two additional checks at no cost.
     match view(bytes) {
         Some(packet) if packet.message_id == MessageId::MT_DATA2 && !Items::fill(packet.data) => {
             Candidate::BadItems
@@ -107,7 +107,7 @@ pub(super) fn judge(bytes: &[u8]) -> Candidate {
     }
 }
 
-/// The packet `bytes` begin with, without any check of its contents.
+/// Returns the packet at the start of `bytes`, without checking its contents.
 pub(super) fn view(bytes: &[u8]) -> Option<Packet<'_>> {
     let (header, length) = extent(bytes).ok()?;
     Some(Packet {
@@ -117,12 +117,12 @@ pub(super) fn view(bytes: &[u8]) -> Option<Packet<'_>> {
     })
 }
 
-/// Sum of all bytes modulo 256: 0 over a packet without its preamble.
+/// Sum of all bytes modulo 256; 0 over a whole packet without its preamble.
 pub(super) fn checksum(bytes: &[u8]) -> u8 {
     bytes.iter().fold(0, |sum, &byte| sum.wrapping_add(byte))
 }
 
-/// Bytes of the header and of the data.
+/// Lengths of header and data (bytes).
 fn extent(bytes: &[u8]) -> Result<(usize, usize), Candidate> {
     match bytes {
         [_, _, _, EXTENDED, high, low, ..] => {

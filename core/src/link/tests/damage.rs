@@ -1,4 +1,4 @@
-//! Damaged frames, exhaustively: nothing false comes out and the next good frame always does.
+//! Exhaustive tests of damaged frames: no false message is accepted, and the next good frame always is.
 
 use std::vec::Vec;
 
@@ -6,7 +6,7 @@ use proptest::prelude::*;
 
 use super::*;
 
-/// What a fresh decoder makes of `bytes`.
+/// Decodes `bytes` with a new decoder.
 fn decoded(bytes: &[u8]) -> (Vec<(Header, Message)>, Counters) {
     let mut decoder = Decoder::new();
     let messages = bytes
@@ -19,7 +19,7 @@ fn decoded(bytes: &[u8]) -> (Vec<(Header, Message)>, Counters) {
     (messages, *decoder.counters())
 }
 
-/// Asserts that of a damaged frame and a good one after it only good ones come out, the last for sure.
+/// Asserts that a damaged frame followed by a good one yields only genuine messages, and certainly the last one.
 fn check(damaged: &[u8], whole: &(Header, Message), next: &(Header, Message), what: &str) {
     let mut stream = damaged.to_vec();
     stream.extend_from_slice(&frame_of(&next.0, &next.1));
@@ -74,7 +74,7 @@ fn every_one_bit_and_adjacent_two_bit_error_is_found() {
                     *byte ^= shifted[i - bit / 8];
                 }
                 check(&damaged, &whole, &next(), "bits");
-                // In front of the last delimiter nothing changed may pass.
+                // Any change before the last delimiter must be rejected.
                 if (8..(frame.len() - 1) * 8 - 1).contains(&bit) {
                     assert_ne!(Message::decode(&damaged), Ok(whole));
                 }
@@ -287,7 +287,7 @@ proptest! {
         content.extend([0; 14]);
         content.extend(body);
         if let Ok((header, message)) = Message::decode(&sealed(&content)) {
-            // What is accepted is sent back as the same bytes.
+            // Whatever is accepted encodes to the same bytes.
             let frame = frame_of(&header, &message);
             prop_assert_eq!(&frame[..], &sealed(&content)[..]);
         }

@@ -1,4 +1,4 @@
-//! `docs/link.md` says byte by byte what the code does: its tables are compared with the code's.
+//! Compares the tables of `docs/link.md`, which describe every byte, with the code's.
 
 use std::format;
 use std::string::String;
@@ -79,7 +79,7 @@ fn sizes_in_the_table_are_sizes_on_the_wire() {
 
 #[test]
 fn samples_fit_the_line() {
-    // 460800 baud carries 46080 bytes a second; 70 % of it is the budget at 240 Hz.
+    // 460800 baud carries 46080 bytes per second, 70 % of which is the budget at 240 Hz.
     assert_eq!(frame_of(&header(), &Message::Sample(sample())).len(), 134);
 }
 

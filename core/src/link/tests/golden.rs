@@ -1,4 +1,5 @@
-//! Frames made by an independent implementation from the byte table: the wire never changes by accident.
+//! Golden frames made by an independent implementation from the byte table, so that the wire format never changes by
+//! accident.
 
 use super::*;
 

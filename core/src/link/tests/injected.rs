@@ -1,4 +1,4 @@
-//! A faulty link end to end: the ledger is exact whatever the faults.
+//! End-to-end tests over a faulty link: the ledger stays exact whatever the faults.
 
 use std::vec::Vec;
 
@@ -14,7 +14,7 @@ struct Outcome {
     new_or_late: u32,
 }
 
-/// Sends `count` samples from `first` on; every third new one is rejected, the rest is used.
+/// Sends `count` samples starting with `first`; every third new one is rejected, the rest are used.
 fn stream(faults: Faults, seed: u64, first: u32, count: u32) -> Outcome {
     let mut injector = Injector::new(faults, seed);
     let mut line = Vec::new();
@@ -99,7 +99,7 @@ fn each_fault_is_found_in_the_books() {
     });
     let account = swapped.ledger.balance(count, 0).unwrap();
     assert!(swapped.struck.reorder > 150);
-    // A frame held back at the very end is overtaken by nothing.
+    // A frame held back at the very end is not overtaken by any other.
     assert!(swapped.struck.reorder - account.late <= 1);
     assert_eq!(account.lost, 0);
 }
@@ -122,7 +122,7 @@ fn the_same_seed_breaks_the_same_frames() {
 
 #[test]
 fn the_random_numbers_are_those_of_the_reference() {
-    // PCG-XSH-RR 64/32 in an independent implementation, seeded alike.
+    // Numbers from an independent implementation of PCG-XSH-RR 64/32 with the same seed.
     let mut random = fault::Random::new(42);
     let numbers: [u32; 4] = core::array::from_fn(|_| random.bits());
     assert_eq!(numbers, [0x5B8F6EB4, 0x1E85B251, 0xF9BE7E40, 0x0B390A49]);
