@@ -40,7 +40,7 @@ impl<T: Real> Density<T> {
                 height: reference,
                 slope,
             } => {
-                // Never negative, however far the fall goes.
+                // Keeps the density positive, however far the fall goes.
                 let share = T::one() + slope * (height - reference);
                 density * clamp(share, T::of(0.05), T::of(20.0))
             }
@@ -74,7 +74,7 @@ pub fn density_above_ground<T: Real>(pressure: T, temperature: T, height: T) -> 
 /// Density and velocity of the air around the body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Air<T: Real> {
-    /// Density.
+    /// Density of the air.
     pub density: Density<T>,
     /// Velocity of the air (m/s): wind, or the upward flow of a wind tunnel.
     pub velocity: Vector<T, Inertial>,

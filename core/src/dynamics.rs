@@ -41,7 +41,7 @@ pub struct Dynamics<T: Real> {
     pub body: Body<T>,
     /// Aerodynamic coefficients.
     pub aerodynamics: Aerodynamics<T>,
-    /// Air density and motion.
+    /// Density and velocity of the air.
     pub air: Air<T>,
     /// Effects on the local airstream at single segments.
     pub stream: Stream<T>,

@@ -48,11 +48,11 @@ pub struct Maneuver {
     pub start_forward: f64,
     /// Movements of the joints.
     pub tracks: &'static [Track],
-    /// Muscle input.
+    /// Muscle input over time.
     pub muscle: Knots<AxisCoefficients<f64>>,
-    /// Damping coefficients.
+    /// Damping coefficients over time.
     pub damping: Knots<AxisCoefficients<f64>>,
-    /// Limbs that act on the muscle input.
+    /// Limbs that produce the muscle input.
     pub muscles: MuscleModel,
 }
 

@@ -80,7 +80,7 @@ impl Real for f32 {
                 * square
                 * (4.166_664_6e-2 + square * (-1.388_731_6e-3 + square * 2.443_315_7e-5));
         let quadrant = quarter_turns - 4.0 * (quarter_turns * 0.25 - 0.375).nearest();
-        // quadrant is 0, 1, 2 or 3 (as a float: no integer overflow for large angles).
+        // quadrant is 0, 1, 2 or 3, kept as a float so that large angles cause no integer overflow.
         let (sine, cosine) = if quadrant < 0.5 {
             (sine, cosine)
         } else if quadrant < 1.5 {

@@ -181,7 +181,7 @@ mod tests {
             let body = reference_body();
             let (before, after) = (a.interpolated(&b, 0.3 - STEP), a.interpolated(&b, 0.3 + STEP));
             let middle = pose(&body, &a.interpolated(&b, 0.3));
-            // WHEN its joint rates are taken over a short time (2e-5 s of a one second motion)
+            // WHEN its joint rates are taken over a short time (2e-5 s of a one-second motion)
             let rate = PostureRate::between(&before, &after, 2.0 * STEP);
             let motion = MassMotion::of(&body, &middle, &rate);
             // THEN the sums change at these rates

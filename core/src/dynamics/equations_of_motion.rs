@@ -326,8 +326,8 @@ mod tests {
             let wrench = Wrench { force: at(&c, 6) * 100.0, moment: at(&c, 3) * 50.0 };
             let rates =
                 as_published(&mass, &cg_rate, &inertia_rate, &velocity, &spin, &wrench).unwrap();
-            // WHEN they are put into the printed components, eqs. (force2) and (moment2), with the misprint
-            // R (Q z - P y) of the Y force read as R (Q z - R y), and I_xy = sum m x y (minus the matrix entry)
+            // WHEN they are inserted into the printed components, eqs. (force2) and (moment2), reading the misprint R
+            // (Q z - P y) of the Y force as R (Q z - R y), and with I_xy = sum m x y (minus the matrix entry)
             let (m, [x, y, z], [dx, dy, dz]) = (mass.mass, cg.into(), cg_rate.into());
             let ([u, v, w], [p, q, r]): ([f64; 3], [f64; 3]) = (velocity.into(), spin.into());
             let [du, dv, dw]: [f64; 3] = rates.velocity_rate.into();

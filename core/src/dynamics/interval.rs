@@ -15,7 +15,7 @@ use crate::math::Real;
 pub trait Interval<T: Real> {
     /// Mass (kg).
     fn mass(&self) -> T;
-    /// Centre of gravity (m).
+    /// Position of the centre of gravity (m).
     fn cg(&self) -> Vector<T, Body>;
     /// Rate of the centre of gravity (m/s).
     fn cg_rate(&self) -> Vector<T, Body>;

@@ -45,19 +45,19 @@ impl Limbs {
 /// Which limbs produce the inputs, paper eq. (eq1), and with which lever arms, eq. (eq1_1).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MuscleModel {
-    /// Pitch: N_center.
+    /// Limbs that produce pitch, N_center in the paper.
     pub center: Limbs,
-    /// Yaw: upper body proximal limbs.
+    /// Proximal limbs of the upper body, which produce yaw.
     pub upper_proximal: Limbs,
-    /// Yaw: lower body proximal limbs.
+    /// Proximal limbs of the lower body, which produce yaw.
     pub lower_proximal: Limbs,
-    /// Yaw: right distal limbs.
+    /// Right distal limbs, which produce yaw.
     pub right_distal: Limbs,
-    /// Yaw: left distal limbs.
+    /// Left distal limbs, which produce yaw.
     pub left_distal: Limbs,
-    /// Roll: right limbs.
+    /// Right limbs, which produce roll.
     pub right: Limbs,
-    /// Roll: left limbs.
+    /// Left limbs, which produce roll.
     pub left: Limbs,
     /// Characteristic lever arms l_1 to l_4 as shares of the stature; longer arms give smaller forces. The paper gives
     /// no numbers; these are distances in the neutral pose: from the pelvic joint to the upper and to the lower

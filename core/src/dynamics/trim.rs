@@ -95,7 +95,7 @@ pub(super) fn belly_drag_area<T: Real>(dynamics: &Dynamics<T>, posture: &Posture
 struct Balance<T: Real> {
     /// Force upwards (m2).
     support: T,
-    /// Horizontal force in the sagittal plane (m2).
+    /// Horizontal force in the sagittal plane (m2); zero for a vertical fall.
     glide: T,
     /// Moment about the body's left axis through the centre of gravity (m3).
     moment: T,
@@ -105,7 +105,7 @@ impl<T: Real> Balance<T> {
     fn of(dynamics: &Dynamics<T>, posture: &Posture<T>, pitch: T) -> Self {
         let sample = dynamics.hold(posture);
         let (sine, cosine) = pitch.sine_cosine();
-        // Down, in body axes.
+        // The downward direction in body axes.
         let down = Vector3::new(T::zero(), -sine, -cosine);
         let flow = Flow {
             direction: down,
@@ -122,7 +122,7 @@ impl<T: Real> Balance<T> {
     }
 }
 
-/// A zero of a continuous function within `range`: the first change of sign from its lower end; `None` where
+/// Finds a zero of a continuous function within `range`, at the first change of sign from its lower end; `None` if
 /// there is none.
 fn zero<T: Real>(range: (f64, f64), function: impl Fn(T) -> Option<T>) -> Option<T> {
     let width = (range.1 - range.0) / INTERVALS as f64;

@@ -1,4 +1,4 @@
-//! Added mass: air that is carried along.
+//! Added mass: air that accelerates with the body.
 
 use super::{Description, Kind, Model, PARAMETER_COUNT, parameter};
 use crate::math::Real;

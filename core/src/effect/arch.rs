@@ -1,4 +1,4 @@
-//! An arch that changes the drag by more or less than the paper finds.
+//! A stronger or weaker effect of the arch on the drag than in the paper.
 
 use super::{Description, Kind, Model, PARAMETER_COUNT, parameter};
 use crate::aerodynamics::ArchFactor;

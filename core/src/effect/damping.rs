@@ -1,4 +1,4 @@
-//! Damping that differs from the model's, or is negative.
+//! Damping that differs from the model's; it may be negative.
 
 use super::{Description, Kind, Model, PARAMETER_COUNT, parameter};
 use crate::math::Real;

@@ -1,4 +1,4 @@
-//! Density that changes with the altitude.
+//! Air density that changes with altitude.
 
 use super::{Description, Kind, Model, PARAMETER_COUNT, parameter};
 use crate::air::Density;

@@ -69,7 +69,7 @@ pub struct Description {
     pub kind: Kind,
     /// Change of the model.
     pub form: &'static str,
-    /// Its parameters, at most [`PARAMETER_COUNT`].
+    /// Parameters of the effect, at most [`PARAMETER_COUNT`].
     pub parameters: &'static [Parameter],
     /// Source of the form.
     pub source: &'static str,

@@ -1,4 +1,4 @@
-//! Drag coefficients of segment groups that are off.
+//! Errors of the drag coefficients of segment groups.
 
 use super::scale_group;
 use super::{Description, Kind, Model, PARAMETER_COUNT, parameter};

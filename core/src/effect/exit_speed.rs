@@ -1,4 +1,4 @@
-//! Speed of the aircraft that the recording does not know: its velocity starts from zero.
+//! Speed of the aircraft at exit, which is missing in recordings whose velocity starts from zero.
 
 use super::{Description, Kind, Model, PARAMETER_COUNT, parameter};
 use crate::frame::Vector;

@@ -1,4 +1,4 @@
-//! Unsteady flow: loads that follow the posture late.
+//! Unsteady flow: loads that lag behind the posture.
 
 use super::{Description, Kind, Model, PARAMETER_COUNT, parameter};
 use crate::math::Real;

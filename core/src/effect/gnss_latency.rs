@@ -1,4 +1,4 @@
-//! Velocity that comes late.
+//! Delay of the measured velocity.
 
 use super::{Description, Kind, Model, PARAMETER_COUNT, parameter};
 use crate::math::Real;

@@ -1,4 +1,4 @@
-//! A constant error of the angular velocity.
+//! A constant error of the measured angular velocity.
 
 use super::{Description, Kind, Model, PARAMETER_COUNT, parameter};
 use crate::math::Real;

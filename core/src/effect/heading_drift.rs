@@ -1,4 +1,4 @@
-//! A heading that drifts.
+//! Drift of the measured heading.
 
 use super::{Description, Kind, Model, PARAMETER_COUNT, parameter};
 use crate::math::Real;

@@ -1,4 +1,4 @@
-//! Coefficients of the force across the stream that are off.
+//! Errors of the coefficients of the force across the airstream.
 
 use super::scale_group;
 use super::{Description, Kind, Model, PARAMETER_COUNT, parameter};

@@ -1,4 +1,4 @@
-//! A wrong mass, spread as the body's.
+//! An error of the mass, distributed in proportion to the segment masses.
 
 use super::{Description, Kind, Model, PARAMETER_COUNT, parameter};
 use crate::math::Real;

@@ -53,7 +53,7 @@ impl<T: Real> Model<T> {
     }
 }
 
-/// Segments that share a factor.
+/// Groups of segments that share a factor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Group {
     Trunk,

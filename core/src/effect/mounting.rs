@@ -1,4 +1,4 @@
-//! The sensor of the pelvis is mounted askew.
+//! Misalignment of the sensor on the pelvis.
 
 use super::{Description, Kind, Model, PARAMETER_COUNT, parameter};
 use crate::math::Real;

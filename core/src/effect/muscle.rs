@@ -1,4 +1,4 @@
-//! The same muscle input all along.
+//! A constant muscle input during the whole flight.
 
 use super::{Description, Kind, Model, PARAMETER_COUNT, parameter};
 use crate::math::Real;

@@ -1,4 +1,4 @@
-//! Postures that come late beside the inertial data.
+//! Delay of the postures relative to the inertial data.
 
 use super::{Description, Kind, Model, PARAMETER_COUNT, parameter};
 use crate::math::Real;

@@ -1,4 +1,4 @@
-//! Angular velocity that is low-pass filtered.
+//! Low-pass filtering of the measured angular velocity.
 
 use super::{Description, Kind, Model, PARAMETER_COUNT, parameter};
 use crate::math::Real;

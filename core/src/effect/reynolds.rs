@@ -1,4 +1,4 @@
-//! Drag that falls with the speed, as near the drag crisis.
+//! Drag coefficients that decrease with speed, as near the drag crisis.
 
 use super::{Description, Kind, Model, PARAMETER_COUNT, parameter};
 use crate::math::Real;

@@ -1,4 +1,4 @@
-//! The rig on the back: mass and area that the table lacks.
+//! The rig on the back: mass and area missing in the segment table.
 
 use super::{Description, Kind, Model, PARAMETER_COUNT, parameter};
 use crate::body::Segment;

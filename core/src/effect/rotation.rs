@@ -1,4 +1,4 @@
-//! Local flow from rotation: a turning body's far segments feel another stream.
+//! Local flow from rotation: outlying segments of a rotating body meet a different airstream.
 
 use super::{Description, Kind, Model, PARAMETER_COUNT, parameter};
 use crate::math::Real;

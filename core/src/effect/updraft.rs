@@ -1,4 +1,4 @@
-//! Air that rises or sinks; in a tunnel, a stream that is not as fast as the file says.
+//! Vertical wind; in a tunnel, an error of the airspeed given in the file.
 
 use super::{Description, Kind, Model, PARAMETER_COUNT, parameter};
 use crate::frame::Vector;

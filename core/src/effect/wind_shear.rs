@@ -1,4 +1,4 @@
-//! Horizontal wind that changes with the height.
+//! Horizontal wind that changes with height.
 
 use super::{Description, Kind, Model, PARAMETER_COUNT, parameter};
 use crate::air::Shear;

@@ -82,8 +82,8 @@ impl<T: Real, const N: usize> Cholesky<T, N> {
         self.repaired
     }
 
-    /// Computes `rhs L^-T`: for a cross covariance C_xz and `C_z = L L^T` this is the factor U with `K C_z K^T = U
-    /// U^T`.
+    /// Computes `rhs L^-T`: for a cross covariance C_xz and `C_z = L L^T` this is the factor U with
+    /// `K C_z K^T = U U^T`.
     #[inline]
     pub fn solve_transposed<const R: usize>(&self, rhs: &SMatrix<T, R, N>) -> SMatrix<T, R, N> {
         let mut solution = *rhs;

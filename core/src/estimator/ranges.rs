@@ -14,9 +14,9 @@ use crate::math::{Real, normalized};
 /// The range of a number.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Range {
-    /// Name.
+    /// Name of the number.
     pub name: &'static str,
-    /// Unit.
+    /// Unit of the number.
     pub unit: &'static str,
     /// Largest magnitude allowed, for either sign.
     pub limit: f64,

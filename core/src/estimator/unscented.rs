@@ -34,7 +34,7 @@ pub struct Moments<T: Real, const N: usize, const M: usize> {
     pub state: SVector<T, N>,
     /// Covariance of the sigma points, without process noise.
     pub covariance: SMatrix<T, N, N>,
-    /// Mean prediction, Zpred.
+    /// Mean of the predictions, Zpred.
     pub prediction: SVector<T, M>,
     /// Covariance of the predictions, without measurement noise.
     pub prediction_covariance: SMatrix<T, M, M>,

@@ -2,8 +2,8 @@
 //!
 //! A block is self-contained: its packets can be read whatever happens to other blocks, and each includes its
 //! checksum. A packet is stored as its type followed by the exclusive or with the previous packet of that type in the
-//! block (for samples and estimates; the first is combined with zeros), with runs of zeros shortened: a byte `0x80 +
-//! n` stands for `n + 1` zeros, and a byte `n` below `0x80` precedes `n + 1` literal bytes.
+//! block (for samples and estimates; the first is combined with zeros), with runs of zeros shortened: a byte
+//! `0x80 + n` stands for `n + 1` zeros, and a byte `n` below `0x80` precedes `n + 1` literal bytes.
 
 use super::decode_error::DecodeError;
 use super::frame::{self, Header, MAX_PACKET_LENGTH};

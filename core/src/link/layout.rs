@@ -6,7 +6,7 @@ pub const PROTOCOL_VERSION: u8 = 1;
 /// One field of a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FieldLayout {
-    /// Name.
+    /// Name of the field.
     pub name: &'static str,
     /// Number type of an element.
     pub kind: &'static str,
@@ -25,9 +25,9 @@ pub struct FieldLayout {
 /// A message type.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct MessageLayout {
-    /// Name.
+    /// Name of the message.
     pub name: &'static str,
-    /// Second byte of the header.
+    /// Type code, the second byte of the header.
     pub code: u8,
     /// Length of the body (bytes).
     pub size: usize,

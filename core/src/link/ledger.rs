@@ -4,8 +4,8 @@
 //!
 //! `sent == used + rejected + dropped_oldest + queued + late + damaged + lost`
 //!
-//! A duplicate is a second arrival of a number whose fate is already known, so it is counted with the frames: `sent +
-//! duplicate` frames were carried. Damaged and lost together are the numbers that never arrived. A damaged frame does
+//! A duplicate is a second arrival of a number whose fate is already known, so it is counted with the frames:
+//! `sent + duplicate` frames were carried. Damaged and lost together are the numbers that never arrived. A damaged frame does
 //! not reveal its number, so as many missing numbers as there were damaged frames are counted as damaged. All sums
 //! hold modulo 2^32: counters and numbers wrap together.
 

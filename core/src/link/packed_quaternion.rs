@@ -7,7 +7,7 @@ use crate::math::{self, Real};
 
 /// Counts for the largest magnitude of a component other than the largest, 1/sqrt(2).
 const COMPONENT_COUNTS: i32 = 16_383;
-/// Counts for a component of one.
+/// Counts for a component equal to one.
 const COUNTS_PER_UNIT: f32 = 23_169.06;
 /// In a unit quaternion, the squares of the three components other than the largest sum to at most 3/4; rounding each
 /// to half a count adds less than the second term.

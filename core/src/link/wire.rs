@@ -132,7 +132,7 @@ impl<V: Wire + Default, const N: usize> Wire for [V; N] {
     }
 }
 
-/// The body of one message type.
+/// The body of a message type.
 pub(super) trait Body: Sized {
     /// Size on the wire (bytes).
     const SIZE: usize;

@@ -1,4 +1,4 @@
-//! The scripts.
+//! The maneuver scripts.
 
 use super::base::{BELLY, about};
 use super::skill::{ROLL_OSCILLATION, RW_SUIT_TURNS};

@@ -7,7 +7,7 @@ use super::packet::{Candidate, MAX_PACKET_LENGTH, PREAMBLE, Packet, judge, view}
 pub struct Counters {
     /// Packets decoded.
     pub packets: u32,
-    /// Bytes that belong to no packet.
+    /// Bytes that are not part of any packet.
     pub skipped_bytes: u32,
     /// Candidate packets with a wrong checksum.
     pub bad_checksum: u32,

@@ -185,7 +185,7 @@ pub enum Item<'a> {
     GnssPvt(GnssPvt),
     /// Angular velocity in sensor axes (rad/s).
     RateOfTurn(Reals<'a, 3>),
-    /// Rotation over the sample.
+    /// Rotation over the sample, as a quaternion.
     DeltaQ(Reals<'a, 4>),
     /// Angular velocity at the full rate of the sensor (rad/s).
     RateOfTurnHr(Reals<'a, 3>),

@@ -1,4 +1,4 @@
-//! Measured men, random persons, refused persons.
+//! Tests with measured men, random persons, and persons that must be rejected.
 
 extern crate std;
 
@@ -14,7 +14,7 @@ fn body(height: f64, mass: f64) -> Body<f64> {
     Person::new(height, mass, Sex::Male).body().unwrap()
 }
 
-/// Height of the cg below the vertex as a share of the stature, and the inertia about the cg.
+/// Depth of the centre of gravity below the vertex as a share of the stature, and the inertia about it.
 fn whole(body: &Body<f64>, posture: &Posture<f64>) -> (f64, Matrix3<f64>) {
     let posed = pose(body, posture);
     let sums = MassProperties::of(body, &posed);
@@ -22,7 +22,7 @@ fn whole(body: &Body<f64>, posture: &Posture<f64>) -> (f64, Matrix3<f64>) {
     ((head - sums.cg.z) / body.height, sums.inertia_about_cg())
 }
 
-/// Arms and legs away from the sides by these angles (rad).
+/// Arms and legs held away from the sides by these angles (rad).
 fn abducted(arms: f64, legs: f64) -> Posture<f64> {
     Posture::h_pose()
         .with_angles(Segment::LeftUpperArm, 0.0, arms, 0.0)
@@ -31,7 +31,7 @@ fn abducted(arms: f64, legs: f64) -> Posture<f64> {
         .with_angles(Segment::RightThigh, 0.0, -legs, 0.0)
 }
 
-/// Three men of Santschi et al. 1963: cg from the vertex, inertia about the AP, ML and long axes.
+/// Three men of Santschi et al. 1963: centre of gravity from the vertex, inertia about the AP, ML and long axes.
 #[test]
 fn whole_body_inertia_is_that_of_measured_men() {
     let postures = [
