@@ -84,77 +84,77 @@ macro_rules! effects {
 effects! {
     /// Horizontal wind.
     Wind = wind,
-    /// Horizontal wind that changes with the height.
+    /// Horizontal wind that changes with height.
     WindShear = wind_shear,
     /// Vertical wind.
     Updraft = updraft,
-    /// Density that changes with the altitude.
+    /// Air density that changes with altitude.
     DensityGradient = density,
     /// Velocity profile of a wind tunnel.
     TunnelProfile = tunnel,
-    /// The rig on the back.
+    /// Mass and area of the rig on the back.
     Rig = rig,
     /// A mass at the hips.
     WeightBelt = belt,
-    /// Centre of gravity of the trunk elsewhere.
+    /// Displaced centre of gravity of the trunk.
     CgOffset = cg_offset,
-    /// The person is heavier or lighter.
+    /// Error of the person's mass.
     Mass = mass,
-    /// More area on the lower legs.
+    /// Booties: more area on shanks and feet.
     Booties = booties,
-    /// Drag coefficients of segment groups.
+    /// Errors of the drag coefficients of segment groups.
     Drag = drag,
-    /// Drag of the upper arms by side.
+    /// Drag of the upper arms, left and right separately.
     UpperArmDrag = upper_arm_drag,
-    /// Drag of forearms and hands by side.
+    /// Drag of forearms and hands, left and right separately.
     ForearmDrag = forearm_drag,
-    /// Drag of the thighs by side.
+    /// Drag of the thighs, left and right separately.
     ThighDrag = thigh_drag,
-    /// Drag of the shanks by side.
+    /// Drag of the shanks, left and right separately.
     ShankDrag = shank_drag,
-    /// Drag of the feet by side.
+    /// Drag of the feet, left and right separately.
     FootDrag = foot_drag,
-    /// Size of the rig.
+    /// Area and drag added by the rig.
     RigSize = rig_size,
-    /// Areas of trunk and head by axis.
+    /// Areas of trunk and head along each axis.
     TrunkShape = trunk_shape,
-    /// Areas of the arms by axis.
+    /// Areas of the arms along each axis.
     ArmShape = arm_shape,
-    /// Areas of the legs by axis.
+    /// Areas of the legs along each axis.
     LegShape = leg_shape,
-    /// Lift coefficients of segment groups.
+    /// Errors of the lift coefficients of segment groups.
     Lift = lift,
-    /// Moment coefficients of segment groups.
+    /// Errors of the moment coefficients of segment groups.
     Moment = moment,
-    /// Stronger or weaker effect of the arch.
+    /// Stronger or weaker effect of the arch on the drag.
     Arch = arch,
-    /// Air carried along.
+    /// Air that accelerates with the body.
     AddedMass = added_mass,
-    /// Drag that falls with the speed.
+    /// Drag coefficients that decrease with speed.
     Reynolds = reynolds,
-    /// Limbs in the wake of the trunk.
+    /// Shelter of limbs in the wake of the trunk.
     Shelter = shelter,
-    /// Local flow from rotation.
+    /// Local airstream due to the body's rotation.
     LocalFlow = rotation,
     /// Loads that lag behind the posture.
     ForceLag = force_lag,
     /// Constant muscle input.
     Muscle = muscle,
-    /// Damping changed, or negative.
+    /// Changed or negative damping.
     Damping = damping,
-    /// Speed of the aircraft unknown.
+    /// Unknown speed of the aircraft at exit.
     ExitSpeed = exit_speed,
-    /// Misaligned sensor of the pelvis.
+    /// Misalignment of the sensor on the pelvis.
     Mounting = mounting,
-    /// Constant error of the angular velocity.
+    /// Constant error of the measured angular velocity.
     GyroBias = gyro_bias,
-    /// Heading that drifts.
+    /// Drift of the measured heading.
     HeadingDrift = heading_drift,
-    /// Late postures.
+    /// Delay of the recorded postures.
     PostureDelay = posture_delay,
-    /// Late velocity.
+    /// Delay of the measured velocity.
     GnssLatency = gnss_latency,
-    /// Angular velocity filtered.
+    /// Low-pass filtering of the measured angular velocity.
     RateLag = rate_lag,
 }
 

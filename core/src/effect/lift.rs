@@ -1,4 +1,4 @@
-//! Errors of the coefficients of the force across the airstream.
+//! Errors of the lift coefficients of segment groups, which scale the force across the airstream.
 
 use super::scale_group;
 use super::{Description, Kind, Model, PARAMETER_COUNT, parameter};

@@ -1,4 +1,4 @@
-//! An error of the mass, distributed in proportion to the segment masses.
+//! An error of the mass: one factor on the masses and inertias of all segments.
 
 use super::{Description, Kind, Model, PARAMETER_COUNT, parameter};
 use crate::math::Real;
