@@ -392,7 +392,7 @@ fn start<T: Real>(
     }
 }
 
-/// Converts a number of samples.
+/// Converts a number of samples to `u32`, saturating.
 fn count(samples: usize) -> u32 {
     u32::try_from(samples).unwrap_or(u32::MAX)
 }

@@ -354,7 +354,7 @@ impl<T: Real, const N: usize, const M: usize> Sums<T, N, M> {
     }
 }
 
-/// Converts a count to a number.
+/// Converts a count to `f64`.
 fn count(n: usize) -> f64 {
     // Numbers of states are small, so the conversion never saturates.
     f64::from(u32::try_from(n).unwrap_or(u32::MAX))
