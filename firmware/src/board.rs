@@ -1,14 +1,14 @@
-//! What the application asks of a board.
+//! The interface between the application and a board.
 
 use crate::recorder::Recorder;
 
-/// Bytes that a board's receiver should hold while an update runs.
+/// Bytes that a board's receiver should be able to buffer during an update.
 pub const RECEIVER_BYTES: usize = 1024;
 
-/// Bytes of the place of a panic.
+/// Length of the location of a panic (bytes).
 pub const PLACE_BYTES: usize = 24;
 
-/// A board under the application. Its ports are given to [`run`](crate::run()) apart.
+/// The hardware that the application runs on. Ports are passed to [`run`](crate::run()) separately.
 pub trait Board {
     /// Time since the start (us).
     fn now(&self) -> u64 {
@@ -18,63 +18,64 @@ pub trait Board {
     /// Processor cycles, wraps.
     fn cycles(&self) -> u32;
 
-    /// Bytes of stack that were never touched.
+    /// Bytes of stack that were never used.
     fn stack_free(&self) -> u32;
 
-    /// Overruns and other errors of the host's line since the start.
+    /// Number of overruns and of other errors on the host's line since the start.
     fn line_errors(&self) -> [u32; 2];
 
-    /// The same of the sensor's line, where there is one.
+    /// Number of overruns and of other errors on the sensor's line, if there is one.
     fn sensor_errors(&self) -> [u32; 2] {
         [0; 2]
     }
 
-    /// Voltage of the battery (mV), 0 where none is measured.
+    /// Voltage of the battery (mV), 0 if not measured.
     fn battery(&self) -> u16 {
         0
     }
 
-    /// Switches the light on or off, where there is one; [`light`](crate::light) says what it shows.
+    /// Switches the light on or off, if there is one; [`light`](crate::light) defines its patterns.
     fn shine(&self, _on: bool) {}
 
-    /// Tells the watchdog that the application goes on.
+    /// Feeds the watchdog.
     fn feed_watchdog(&self);
 
-    /// What keeps a log on board, where there is storage.
+    /// The recorder of the on-board log; `None` without storage.
     fn recorder(&self) -> Option<&Recorder> {
         None
     }
 
-    /// Notes which sample is in work, for the record that survives a fault.
+    /// Notes the sample being processed, for the fault record.
     fn note(&self, sequence: u32);
 }
 
-/// Voltage of a battery (mV) behind a divider by so many, as a converter of 12 bits counts it at 3.3 V.
+/// Converts a reading of a 12-bit converter with a reference of 3.3 V to the voltage of a battery (mV) behind a
+/// divider.
 pub fn millivolts(count: u16, divider: u16) -> u16 {
     let scaled = u32::from(count) * u32::from(divider) * 3300 / 4095;
     u16::try_from(scaled).unwrap_or(u16::MAX)
 }
 
-/// Who the unit is and why it started.
+/// Identity of the unit and cause of its last start.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Identity {
-    /// Build: the first bytes of the source revision, zero where unknown.
+    /// Build: the first bytes of the source revision, zero if unknown.
     pub build: [u8; 8],
     /// Changes at each start.
     pub boot_id: u32,
     /// Why the unit started: 0 power, 1 fault, 2 watchdog, 3 other, 4 brown-out.
     pub reset_cause: u8,
-    /// Starts after a fault since power was applied.
+    /// Number of starts after a fault since power was applied.
     pub fault_resets: u16,
     /// The last fault: 0 none, else a [`Kind`](crate::fault::Kind).
     pub fault_kind: u8,
-    /// Program counter at the last fault, 0 where it is not known; for a panic the address of its location.
+    /// Program counter at the last fault, 0 if unknown; for a panic, the address of its location.
     pub fault_address: u32,
-    /// Sequence number of the sample in work at the last fault.
+    /// Sequence number of the sample being processed at the last fault.
     pub fault_sequence: u32,
-    /// End of file and line of the last fault where it was a panic.
+    /// End of `file:line` of the last fault if it was a panic.
     pub fault_place: [u8; PLACE_BYTES],
-    /// Starts by the watchdog.
+    /// Number of starts by the watchdog.
     pub watchdog_resets: u32,
 }
 

@@ -1,7 +1,7 @@
 //! The filter behind the link: samples in, estimates out.
 //!
-//! No input, output or clock: what comes out depends on the samples and their sensor times alone, so the
-//! desktop that runs a [`Computer`] over the same samples finds the same bits as the unit.
+//! No input, output or clock: results depend only on the samples and their sensor times, so a desktop that runs a
+//! [`Computer`] over the same samples gets the same bits as the unit.
 
 mod filter;
 
@@ -17,20 +17,20 @@ use bodyflight_core::{Posture, Real};
 
 use filter::Filter;
 
-/// Most samples from one to the next that the model bridges, with postures in between; after a longer gap the
-/// reconstructed motion starts anew from the sample that ends it.
+/// Largest step in sample numbers that the model bridges, with interpolated postures; after a longer gap the
+/// reconstructed motion is reset to the next sample.
 pub const LONGEST_BRIDGE: u16 = 12;
 
-/// Velocity that is assumed until one is measured: north, west, up (m/s).
+/// Velocity assumed until one is measured: north, west, up (m/s).
 const ASSUMED_FALL: [f32; 3] = [0.0, 0.0, -50.0];
 
-/// Samples of one interval of the filter: an update takes a multiple of it.
+/// Samples per interval of the filter; the number of samples per update is a multiple of it.
 const STRIDE: usize = 2;
 
-/// Lowest rate of samples (Hz): an interval of the filter is at most 50 ms.
+/// Lowest sample rate (Hz): an interval of the filter is at most 50 ms.
 const LOWEST_RATE: f32 = 40.0;
 
-/// What to compute.
+/// Configuration of the computation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Configuration {
     preset: UnitPreset,
@@ -40,10 +40,9 @@ pub struct Configuration {
 }
 
 impl Configuration {
-    /// What a host asked for, with the segment table that came beside it.
+    /// Checks a host's request together with the segment table sent with it.
     ///
-    /// # Errors
-    /// Returns the verdict to send back.
+    /// Returns the verdict to send to the host if the request is not usable.
     pub fn new(asked: &Configure, table: &SegmentTable) -> Result<Self, Verdict> {
         let preset = UnitPreset::of(usize::from(asked.preset)).ok_or(Verdict::UnknownPreset)?;
         let samples = (asked.sample_rate / asked.update_rate).nearest();
@@ -84,7 +83,7 @@ impl Configuration {
     }
 }
 
-/// A number that is not negative, without its fraction.
+/// Truncates a non-negative number to an integer.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
@@ -94,16 +93,16 @@ fn whole(value: f32) -> u32 {
     value as u32
 }
 
-/// What became of a sample.
+/// Result of processing a sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Outcome {
-    /// Used; with an answer where it brought an update.
+    /// Used; with an estimate if it triggered an update.
     Used(Option<link::Estimate>),
-    /// Not used: no configuration, no motion to start from, or a time that does not go forward.
+    /// Not used: there is no configuration, no motion to start from, or the time does not advance.
     Rejected,
 }
 
-/// What is remembered of the last sample.
+/// State kept from the last sample.
 #[derive(Debug, Clone, Copy)]
 struct Last {
     time: u64,
@@ -111,15 +110,15 @@ struct Last {
     velocity: Vector<f32, Inertial>,
 }
 
-/// Runs the unit's filter over samples.
+/// Runs the unit's filter on samples.
 #[derive(Debug)]
 pub struct Computer {
     configuration: Option<Configuration>,
     filter: Option<Filter>,
     last: Option<Last>,
-    /// To be told with the next estimate.
+    /// Flags to be reported with the next estimate.
     pending: EstimateFlags,
-    /// Updates in a row that were inconsistent.
+    /// Number of consecutive inconsistent updates.
     inconsistent: u32,
 }
 
@@ -130,7 +129,7 @@ impl Default for Computer {
 }
 
 impl Computer {
-    /// Without a configuration every sample is rejected.
+    /// Creates a computer without a configuration, which rejects every sample.
     pub const fn new() -> Self {
         Self {
             configuration: None,
@@ -141,7 +140,7 @@ impl Computer {
         }
     }
 
-    /// Takes a configuration; the filter starts anew. The one in force goes on undisturbed.
+    /// Sets the configuration and restarts the filter. Setting the current configuration again changes nothing.
     pub fn configure(&mut self, configuration: Configuration) {
         if self.configuration != Some(configuration) {
             self.configuration = Some(configuration);
@@ -149,12 +148,12 @@ impl Computer {
         }
     }
 
-    /// The configuration in force.
+    /// The current configuration, if any.
     pub const fn configuration(&self) -> Option<&Configuration> {
         self.configuration.as_ref()
     }
 
-    /// The filter starts anew with the next sample.
+    /// Restarts the filter with the next sample.
     pub fn reset(&mut self) {
         self.filter = None;
         self.last = None;
@@ -162,7 +161,7 @@ impl Computer {
         self.inconsistent = 0;
     }
 
-    /// Takes the next sample; `sequence` and `time` (us) are those of its header.
+    /// Processes the next sample; `sequence` and `time` (us) are those of its header.
     pub fn sample(&mut self, sequence: u32, time: u64, sample: &Sample) -> Outcome {
         let Some(configuration) = &self.configuration else {
             return Outcome::Rejected;
@@ -187,7 +186,7 @@ impl Computer {
             velocity: motion.velocity_inertial(),
         });
         if steps > LONGEST_BRIDGE {
-            // Coefficients and covariance stay.
+            // Coefficients and covariance are kept.
             if filter.restart(&motion, &posture).is_ok() {
                 self.pending |= EstimateFlags::RESTARTED;
             }
@@ -212,7 +211,7 @@ impl Computer {
         Outcome::Used(Some(answer))
     }
 
-    /// The first sample: the motion to start from.
+    /// Starts from the motion of the first sample.
     fn start(&mut self, time: u64, sample: &Sample) -> Outcome {
         let needed = [Validity::POSTURE, Validity::ATTITUDE];
         let complete = needed.iter().all(|&part| sample.valid.contains(part));
@@ -236,7 +235,7 @@ impl Computer {
         Outcome::Used(None)
     }
 
-    /// Starts the reconstructed motion anew where predictions have missed the measurements for a second.
+    /// Resets the reconstructed motion if predictions have disagreed with the measurements for a second.
     fn watch(
         &mut self,
         is_lost: bool,
@@ -265,14 +264,14 @@ impl Computer {
     }
 }
 
-/// Sample periods from one time to the next (us), to the nearest; 0 where time does not go forward.
+/// Number of sample periods between two times (us), rounded; 0 if time does not advance.
 fn steps_between(last: u64, time: u64, sample_rate: f32) -> u16 {
     let elapsed = u32::try_from(time.saturating_sub(last)).unwrap_or(u32::MAX);
     let steps = (elapsed as f32 * sample_rate * 1e-6).nearest();
     u16::try_from(whole(steps)).unwrap_or(u16::MAX)
 }
 
-/// Motion of the pelvis as far as it is known; `velocity` stands in where none is measured.
+/// Motion of the pelvis as far as it is known; `velocity` is used if none is measured.
 fn motion_of(sample: &Sample, velocity: Vector<f32, Inertial>) -> Motion<f32> {
     let measured = sample.motion();
     let inertial_from_body = sample.inertial_from_body();

@@ -1,12 +1,12 @@
-//! The motion of the pelvis in whole numbers, for logs and displays on the unit.
+//! The motion of the pelvis in integers, for logs and displays on the unit.
 //!
-//! Roots are micromath's: fast, and up to 6 % off. Nothing here goes back into the filter.
+//! Square roots are micromath's, which are fast but up to 6 % off; no result here is used by the filter.
 
 use bodyflight_core::frame::AttitudeAngles;
 use bodyflight_core::link::Sample;
 use micromath::F32Ext;
 
-/// What a person can read at a glance.
+/// Motion rounded for display.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Glance {
     /// Heading (deg).
@@ -15,12 +15,12 @@ pub struct Glance {
     pub pitch: i16,
     /// Roll (deg).
     pub roll: i16,
-    /// Size of the angular velocity (deg/s), to 6 %; 0 where it is not measured.
+    /// Magnitude of the angular velocity (deg/s), to 6 %; 0 if not measured.
     pub turn: i16,
 }
 
 impl Glance {
-    /// From a sample.
+    /// Converts the motion of a sample.
     pub fn of(sample: &Sample) -> Self {
         let AttitudeAngles {
             heading,
@@ -33,7 +33,7 @@ impl Glance {
             heading: degrees(heading),
             pitch: degrees(pitch),
             roll: degrees(roll),
-            // By path: where the standard library is linked its own method would win.
+            // Called by path: with the standard library linked, its own method would take precedence.
             turn: degrees(F32Ext::sqrt(square)),
         }
     }
@@ -54,7 +54,7 @@ mod tests {
 
     #[test]
     fn a_turn_on_the_belly_is_read_off() {
-        // On the belly with the head to the north, where headings begin; then a turn to the left.
+        // Belly to earth with the head to the north, where the heading is zero; then a turn to the left.
         let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), 0.524);
         let attitude = Rotation::<_, Inertial, Inertial>::from_quaternion(turn)
             * facing_north(core::f32::consts::FRAC_PI_2);

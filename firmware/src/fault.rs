@@ -1,57 +1,56 @@
-//! What survives a fault: a record in memory that a reset leaves alone, with a checksum.
+//! The fault record: data with a checksum in memory that a reset does not clear.
 //!
-//! The board keeps the words and hands them over; whether they are a record or what power-on left behind is
-//! decided here.
+//! The board stores the words; this module decides whether they are a valid record or random contents after power-on.
 
 use crc::{CRC_32_ISCSI, Crc, Table};
 
 use crate::board::{Identity, PLACE_BYTES};
 
-/// Words of a record.
+/// Length of a record in words.
 pub const WORDS: usize = 13;
 
 static CHECKSUM: Crc<u32, Table<0>> = Crc::<u32, Table<0>>::new(&CRC_32_ISCSI);
 
-/// Why a unit stopped.
+/// Kind of a fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Kind {
-    /// The program found itself in a state that cannot be.
+    /// A panic.
     Panic = 1,
-    /// The processor could not go on, for none of the reasons below.
+    /// A processor fault for none of the reasons below.
     HardFault = 2,
-    /// The stack had no room left.
+    /// Stack overflow.
     StackOverflow = 3,
-    /// There is nothing at an address.
+    /// Bus error: there is nothing at the address.
     Bus = 4,
-    /// An instruction that the processor does not have.
+    /// Undefined instruction.
     Undefined = 5,
-    /// Two words at once from an address that is not a multiple of four.
+    /// Unaligned access, such as two words at once from an address that is not a multiple of four.
     Unaligned = 6,
-    /// An integer was divided by zero.
+    /// Integer division by zero.
     DivisionByZero = 7,
-    /// Memory that may not be used so, such as instructions where there are none.
+    /// Memory protection violation, such as executing from a region without instructions.
     Memory = 8,
-    /// The watchdog was not fed: the unit hung.
+    /// Watchdog: the unit hung.
     Watchdog = 9,
 }
 
-/// What started the unit, as the chip tells it.
+/// Cause of a reset, as reported by the chip.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Reset {
     /// Power was applied.
     Power,
-    /// Power was too low for a moment.
+    /// Brown-out: the supply voltage was too low for a moment.
     BrownOut,
-    /// The program asked for it, as it does after a fault.
+    /// Requested by the program, as after a fault.
     Software,
     /// The watchdog was not fed.
     Watchdog,
-    /// The pin, or something else.
+    /// The reset pin, or another cause.
     Other,
 }
 
-/// What is known of the starts since power was applied.
+/// History of the starts since power was applied.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Record {
     starts: u32,
@@ -59,7 +58,7 @@ pub struct Record {
     kind: u8,
     /// Why the unit started last, as in [`Identity`].
     cause: u8,
-    /// A fault was written down and the start after it has not come yet.
+    /// Whether a fault was recorded and the start after it has not happened yet.
     pending: bool,
     address: u32,
     sequence: u32,
@@ -68,7 +67,7 @@ pub struct Record {
 }
 
 impl Record {
-    /// The record in `words`; an empty one where they are none, as after power-on.
+    /// Decodes the record in `words`; returns an empty one if they are not valid, as after power-on.
     pub fn read(words: &[u32; WORDS]) -> Self {
         let [
             starts,
@@ -101,7 +100,7 @@ impl Record {
         }
     }
 
-    /// The record with its checksum.
+    /// Encodes the record with its checksum.
     pub fn words(&self) -> [u32; WORDS] {
         let [low, high] = self.fault_resets.to_le_bytes();
         let mut words = [0; WORDS];
@@ -122,7 +121,7 @@ impl Record {
         words
     }
 
-    /// One more start; `sequence` is the sample that was in work before it.
+    /// Records a start; `sequence` is the sample that was being processed before it.
     pub fn start(&mut self, reset: Reset, sequence: u32) {
         if reset == Reset::Power {
             *self = Self::default();
@@ -136,7 +135,7 @@ impl Record {
         };
         if reset == Reset::Watchdog {
             self.watchdog_resets = self.watchdog_resets.wrapping_add(1);
-            // A fault whose handler hung is told as what it was.
+            // A fault whose handler hung keeps its original kind.
             if !self.pending {
                 (self.kind, self.address) = (Kind::Watchdog as u8, 0);
                 (self.sequence, self.place) = (sequence, [0; PLACE_BYTES]);
@@ -146,7 +145,7 @@ impl Record {
         self.starts = self.starts.wrapping_add(1);
     }
 
-    /// A fault, at `address` of the program where it is known, with the sample that was in work.
+    /// Records a fault at `address`, 0 if unknown, and the sample that was being processed.
     pub fn fault(&mut self, kind: Kind, address: u32, sequence: u32) {
         self.sequence = sequence;
         self.fault_resets = self.fault_resets.saturating_add(1);
@@ -156,7 +155,7 @@ impl Record {
         self.pending = true;
     }
 
-    /// Where a panic happened: the end of `file:line`, as far as it has room.
+    /// Records the location of a panic: the end of `file:line`, as much as fits.
     pub fn place(&mut self, file: &str, line: u32) {
         let mut places = self.place.iter_mut().rev();
         let mut rest = line;
@@ -173,7 +172,7 @@ impl Record {
         }
     }
 
-    /// What the unit says of itself after this start.
+    /// The identity that the unit reports after this start.
     pub fn identity(&self, build: [u8; 8], boot_id: u32) -> Identity {
         Identity {
             build,

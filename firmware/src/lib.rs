@@ -1,8 +1,8 @@
-//! The unit's application, the same on every board: the serial link, the reduced filter, reports.
+//! The unit's application, the same on every board: the serial link, the filters, status reports and the log.
 //!
-//! A board gives ports (`embedded_io_async`), a time driver (`embassy_time`) and a [`Board`]; [`run()`] does the
-//! rest. [`Unit`] is the same without ports, for tests and simulations in virtual time, and [`Computer`] is what
-//! it computes, for whoever wants to check the answers. `docs/unit.md` shows how to add a board.
+//! A board provides ports (`embedded_io_async`), a time driver (`embassy_time`) and a [`Board`]; [`run()`] does the
+//! rest. [`Unit`] is the same application without ports, for tests and simulations in virtual time. [`Computer`] is its
+//! computation alone, with which a host can verify the unit's answers. `docs/unit.md` shows how to add a board.
 #![no_std]
 #![forbid(unsafe_code)]
 

@@ -1,31 +1,32 @@
-//! What a light on the unit says, in steps of [`STEP_MS`]: how the filter fares, without a screen.
+//! Patterns of the unit's status light, in steps of [`STEP_MS`].
 //!
 //! | light | meaning |
 //! |---|---|
-//! | a short flash every 2 s | waits for a host or a sensor |
-//! | two short flashes every 2 s | the same, and the last start came after a fault |
+//! | a short flash every 2 s | waiting for a host or a sensor |
+//! | two short flashes every 2 s | the same, and the last reset was caused by a fault |
 //! | three short flashes every 2 s | the same, and the battery is nearly empty |
-//! | slow, half on and half off | estimates settle |
+//! | slow, half on and half off | estimates are settling |
 //! | on | estimates agree with the measurements |
-//! | on with short gaps | the same, and measurements were not taken in |
-//! | two times a second | estimates are doubtful or disagree with the measurements |
-//! | five times a second | the motion was lost, or the filter has failed |
+//! | on with short gaps | the same, and measurements were rejected |
+//! | two times a second | estimates are doubtful or inconsistent with the measurements |
+//! | five times a second | the reconstruction is lost, or the filter has failed |
 
 use bodyflight_core::link::EstimateFlags;
 
-/// Time of one step (ms).
+/// Duration of one step (ms).
 pub const STEP_MS: u64 = 100;
 
-/// Steps after which the pattern begins anew.
+/// Length of a pattern (steps).
 const STEPS: u32 = 20;
 
-/// After this many steps without an estimate the unit waits.
+/// Steps without an estimate after which the unit counts as waiting.
 const SILENCE: u32 = 20;
 
-/// After this many steps a measurement that was not taken in is shown no more.
+/// Steps for which a rejected measurement is shown.
 const REMEMBERED: u32 = 20;
 
-/// Flags, of which the first that is set says the pattern; a set bit is a step with light, the first step lowest.
+/// Flags with their patterns, of which the first flag that is set applies; a set bit is a step with light, the first
+/// step lowest.
 const PATTERNS: [(EstimateFlags, u32); 6] = [
     (EstimateFlags::FAULT, FAST),
     (EstimateFlags::LOST, FAST),
@@ -44,25 +45,25 @@ const GAPS: u32 = 0b1111_0111_1111_1111_0111;
 const TWICE: u32 = 0b0001_1000_1100_0110_0011;
 const FAST: u32 = 0b0101_0101_0101_0101_0101;
 
-/// A cell of lithium below this voltage (mV) has minutes left; charged again above the other.
+/// Below the first voltage (mV) a lithium cell has minutes left; above the second it counts as charged again.
 const EMPTY: u16 = 3500;
 const CHARGED: u16 = 3600;
 
-/// Follows what the unit finds.
+/// Tracks the state of the unit and controls the light.
 #[derive(Debug, Clone, Copy)]
 pub struct Light {
     flags: EstimateFlags,
-    /// Steps since the last estimate, and since the last measurement that was not taken in.
+    /// Steps since the last estimate, and since the last rejected measurement.
     silent: u32,
     taken_in: u32,
-    /// The last start came after a fault.
+    /// Whether the last start came after a fault.
     after_fault: bool,
     battery_low: bool,
     step: u32,
 }
 
 impl Light {
-    /// Waiting.
+    /// Creates a light that shows waiting.
     pub const fn new(after_fault: bool) -> Self {
         Self {
             flags: EstimateFlags::empty(),
@@ -74,7 +75,7 @@ impl Light {
         }
     }
 
-    /// Takes in what an estimate says of itself.
+    /// Updates with the flags of an estimate.
     pub fn see(&mut self, flags: EstimateFlags) {
         self.flags = flags;
         self.silent = 0;
@@ -83,13 +84,13 @@ impl Light {
         }
     }
 
-    /// Takes in the voltage of the battery (mV), 0 where none is measured.
+    /// Updates with the voltage of the battery (mV), 0 if not measured.
     pub fn see_battery(&mut self, voltage: u16) {
         let limit = if self.battery_low { CHARGED } else { EMPTY };
         self.battery_low = voltage > 0 && voltage < limit;
     }
 
-    /// Goes on by a step; whether there is light in it.
+    /// Advances by a step; returns whether the light is on.
     pub fn advance(&mut self) -> bool {
         let pattern = self.pattern();
         let is_on = pattern >> self.step & 1 != 0;
@@ -122,7 +123,7 @@ mod tests {
 
     use super::*;
 
-    /// Two seconds of light, `#` for on, with estimates of these flags all the time.
+    /// Two seconds of light, `#` for on, with a constant stream of estimates with these flags.
     fn shown(light: &mut Light, flags: Option<EstimateFlags>) -> String {
         (0..STEPS)
             .map(|_| {

@@ -1,4 +1,4 @@
-//! Logs by defmt where the board wants them, nothing otherwise.
+//! Logging through defmt if the board enables it, otherwise disabled.
 
 #[cfg(feature = "defmt")]
 macro_rules! info {

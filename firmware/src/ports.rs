@@ -1,11 +1,11 @@
-//! What boards make ports of: receivers that count their errors, and two lines to the host as one.
+//! Building blocks for a board's ports: receivers that count their errors, and two host lines combined into one.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
 use embassy_futures::select::{Either, select};
 use embedded_io_async::{ErrorType, Read, Write};
 
-/// Errors of a receiver since the start: bytes that were lost, and others.
+/// Error counters of a receiver since the start: overruns (lost bytes), and others.
 #[derive(Debug, Default)]
 pub struct LineErrors {
     overruns: AtomicU32,
@@ -13,7 +13,7 @@ pub struct LineErrors {
 }
 
 impl LineErrors {
-    /// None yet.
+    /// Creates counters at zero.
     pub const fn new() -> Self {
         Self {
             overruns: AtomicU32::new(0),
@@ -21,7 +21,7 @@ impl LineErrors {
         }
     }
 
-    /// Overruns, and other errors.
+    /// Returns the number of overruns and of other errors.
     pub fn counted(&self) -> [u32; 2] {
         [&self.overruns, &self.others].map(|counter| counter.load(Ordering::Relaxed))
     }
@@ -32,7 +32,7 @@ impl LineErrors {
         } else {
             &self.others
         };
-        // Not every processor adds in one step; only one task counts.
+        // Not every processor has atomic addition; only one task counts.
         counter.store(
             counter.load(Ordering::Relaxed).wrapping_add(1),
             Ordering::Relaxed,
@@ -40,7 +40,7 @@ impl LineErrors {
     }
 }
 
-/// A receiver that counts its errors; the application goes on behind them.
+/// A receiver that counts its errors and passes them on.
 #[derive(Debug)]
 pub struct Counted<R: Read> {
     receiver: R,
@@ -49,7 +49,7 @@ pub struct Counted<R: Read> {
 }
 
 impl<R: Read> Counted<R> {
-    /// Counts in `errors`; `is_overrun` tells bytes that were lost from other errors.
+    /// Wraps `receiver` and counts its errors in `errors`; `is_overrun` distinguishes overruns from other errors.
     pub const fn new(
         receiver: R,
         errors: &'static LineErrors,
@@ -74,18 +74,18 @@ impl<R: Read> Read for Counted<R> {
     }
 }
 
-/// A line that a host opens and closes, such as USB serial.
+/// A line that a host program opens and closes, such as USB serial.
 pub trait Opened {
-    /// Whether a program of the host has it open.
+    /// Whether a host program has the line open.
     fn is_open(&self) -> bool;
 }
 
-/// A line that counts while it is open, and one that counts otherwise, as one: what a second line says while the
-/// first is open, for example noise on a pin that is not connected, is dropped.
+/// Combines two lines: the first is used while it is open, the second otherwise. Input on the second while the first is
+/// open, for example noise on an unconnected pin, is dropped.
 #[derive(Debug)]
 pub struct Preferred<A, B>(pub A, pub B);
 
-/// An error of one of two lines.
+/// An error of either line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct LineError(embedded_io_async::ErrorKind);
 
@@ -113,7 +113,7 @@ impl<A, B> ErrorType for Preferred<A, B> {
     type Error = LineError;
 }
 
-/// Bytes taken from a line at once: a packet of USB.
+/// Bytes read from a line at once: one USB packet.
 const PACKET: usize = 64;
 
 impl<A: Read + Opened, B: Read> Read for Preferred<A, B> {

@@ -1,8 +1,8 @@
-//! A queue in which the oldest gives way.
+//! A queue that drops its oldest item when it is full.
 
 use heapless::Deque;
 
-/// Holds at most `N`; one more makes the oldest fall out, and that is counted.
+/// A queue of at most `N` items. Pushing to a full queue drops the oldest item and counts it.
 #[derive(Debug)]
 pub(crate) struct Queue<V, const N: usize> {
     items: Deque<V, N>,
@@ -17,7 +17,7 @@ impl<V, const N: usize> Default for Queue<V, N> {
 }
 
 impl<V, const N: usize> Queue<V, N> {
-    /// Empty.
+    /// Creates an empty queue.
     pub(crate) const fn new() -> Self {
         Self {
             items: Deque::new(),
@@ -26,7 +26,7 @@ impl<V, const N: usize> Queue<V, N> {
         }
     }
 
-    /// Adds an item; the oldest one where it had to give way.
+    /// Adds an item; returns the oldest one if it was dropped.
     pub(crate) fn push(&mut self, item: V) -> Option<V> {
         let oldest = if self.items.is_full() {
             self.dropped = self.dropped.wrapping_add(1);
@@ -34,38 +34,38 @@ impl<V, const N: usize> Queue<V, N> {
         } else {
             None
         };
-        // There is room now, unless `N` is 0.
+        // There is room now unless `N` is 0.
         let _ = self.items.push_back(item);
         self.high_water = self.high_water.max(self.len());
         oldest
     }
 
-    /// The oldest item.
+    /// Removes and returns the oldest item.
     pub(crate) fn pop(&mut self) -> Option<V> {
         self.items.pop_front()
     }
 
-    /// Forgets all items; the counters stay.
+    /// Removes all items; the counters are kept.
     pub(crate) fn clear(&mut self) {
         self.items.clear();
     }
 
-    /// Items waiting.
+    /// Number of items in the queue.
     pub(crate) fn len(&self) -> u32 {
         u32::try_from(self.items.len()).unwrap_or(u32::MAX)
     }
 
-    /// Whether nothing waits.
+    /// Whether the queue is empty.
     pub(crate) fn is_empty(&self) -> bool {
         self.items.is_empty()
     }
 
-    /// Items that gave way, wraps.
+    /// Number of items dropped; wraps.
     pub(crate) const fn dropped(&self) -> u32 {
         self.dropped
     }
 
-    /// Most items that ever waited.
+    /// Largest number of items ever in the queue.
     pub(crate) const fn high_water(&self) -> u32 {
         self.high_water
     }

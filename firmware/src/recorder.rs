@@ -1,10 +1,10 @@
-//! The log on board: samples and estimates of a flight, in blocks that outlive a loss of power.
+//! The on-board log: samples and estimates of a flight, in blocks that survive a loss of power.
 //!
-//! The unit notes what it computes with and what it found; [`Recorder`] packs that into blocks
-//! ([`bodyflight_core::link::BlockWriter`]). From the exit to the landing they are written; before the exit the youngest are
-//! kept, so that the log begins before the flight was told. Where no vertical velocity is known, everything is written.
-//! A flight begins with its configuration: a log is complete by itself. [`FlightLog`](storage::FlightLog) is the task that writes and reads
-//! them.
+//! The unit records its configuration, inputs and results; [`Recorder`] packs them into blocks
+//! ([`bodyflight_core::link::BlockWriter`]). Blocks are written to storage from the exit to the landing. Before the
+//! exit the most recent blocks are kept in memory, so that the log begins before the exit was detected. If the vertical
+//! velocity is unknown, everything is written. Each flight begins with its configuration, so a log is self-contained.
+//! [`FlightLog`](storage::FlightLog) is the task that reads and writes storage.
 
 mod phase;
 pub mod serial_flash;
@@ -20,13 +20,13 @@ use embassy_sync::signal::Signal;
 
 pub use phase::{Phase, Watch};
 
-/// Longest time that a block takes in (us): what is lost with the power besides what is being written.
+/// Longest time that a block covers (us). This much may be lost with the power, in addition to the block being written.
 const LONGEST_BLOCK: u64 = 250_000;
 
-/// Blocks of the configuration: 18 messages.
+/// Number of blocks that hold the configuration, which is 18 messages.
 const PREAMBLE: usize = 3;
 
-/// A block and its length.
+/// A block of packed messages.
 #[derive(Debug, Clone, Copy)]
 pub struct Block {
     bytes: [u8; BLOCK_LENGTH],
@@ -34,13 +34,13 @@ pub struct Block {
 }
 
 impl Block {
-    /// Without bytes.
+    /// An empty block.
     pub const EMPTY: Self = Self {
         bytes: [0; BLOCK_LENGTH],
         length: 0,
     };
 
-    /// Its bytes.
+    /// The bytes in use.
     pub fn bytes(&self) -> &[u8] {
         self.bytes.get(..self.length).unwrap_or_default()
     }
@@ -53,20 +53,20 @@ impl Block {
     }
 }
 
-/// What is between the unit and its storage, see the [module](self).
+/// Buffers the log between the unit and its storage; see the [module documentation](self).
 pub struct Recorder {
     state: RefCell<State>,
-    /// There is something to write, or to read.
+    /// Set when there may be something to write or read.
     changed: Signal<NoopRawMutex, ()>,
 }
 
-/// How long a flight is written.
+/// Phase of the flight at which logging ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Until {
-    /// To the landing.
+    /// Log until landing.
     #[default]
     Landing,
-    /// To the canopy: storage in which the way down under it would take the place of the fall.
+    /// Log until the canopy opens, for small storage in which the canopy ride would overwrite the fall.
     Canopy,
 }
 
@@ -77,29 +77,29 @@ struct State {
     /// Time of the first message in the open block (us).
     opened: u64,
     preamble: [Block; PREAMBLE],
-    /// Blocks of the preamble that are filled, and that were taken to be written.
+    /// Number of preamble blocks that are filled, and of those already taken for writing.
     filled: usize,
     taken: usize,
     ring: Ring,
     recording: bool,
     until: Until,
-    /// Blocks that gave way before they were written.
+    /// Number of blocks dropped before they were written.
     lost: u32,
     asked: Option<(LogAction, u32)>,
 }
 
-/// Closed blocks; the oldest gives way.
+/// Ring buffer of closed blocks; the oldest is dropped when it is full.
 #[derive(Debug)]
 struct Ring {
     blocks: &'static mut [Block],
     oldest: usize,
     length: usize,
-    /// The oldest so many are to be written.
+    /// Number of blocks to be written, counted from the oldest.
     due: usize,
 }
 
 impl Ring {
-    /// Adds a block; whether one had to give way that was to be written.
+    /// Adds a block. Returns whether a block was dropped that should have been written.
     fn push(&mut self, bytes: &[u8], is_due: bool) -> bool {
         let room = self.blocks.len();
         if room == 0 {
@@ -127,7 +127,7 @@ impl Ring {
         self.due = self.due.saturating_sub(1);
     }
 
-    /// Takes the oldest that is to be written.
+    /// Moves the oldest block to be written into `block`; returns `false` if there is none.
     fn take(&mut self, block: &mut Block) -> bool {
         let Some(oldest) = self.blocks.get(self.oldest).filter(|_| self.due > 0) else {
             return false;
@@ -139,8 +139,8 @@ impl Ring {
 }
 
 impl Recorder {
-    /// Keeps closed blocks in `blocks`: as many as are needed before the exit is told (4 s, about 40), and while the storage is
-    /// busy.
+    /// Creates a recorder that buffers closed blocks in `blocks`. They must cover the time until the exit is detected
+    /// (4 s, about 40 blocks) and the time for which the storage is busy.
     pub fn new(blocks: &'static mut [Block]) -> Self {
         let ring = Ring {
             blocks,
@@ -166,14 +166,14 @@ impl Recorder {
         }
     }
 
-    /// The same, for a flight that is written so long.
+    /// Sets the phase at which logging ends.
     #[must_use]
     pub fn until(self, until: Until) -> Self {
         self.state.borrow_mut().until = until;
         self
     }
 
-    /// A session begins with its configuration: these messages, in this order.
+    /// Begins a session with the messages of its configuration, in this order.
     pub fn begin(&self, messages: impl IntoIterator<Item = (Header, Message)>) {
         let state = &mut *self.state.borrow_mut();
         state.finish();
@@ -187,13 +187,13 @@ impl Recorder {
             }
         }
         state.keep_preamble(&writer);
-        // Not to be written until the flight begins.
+        // Marked as taken, so that they are written only when a flight begins.
         state.taken = state.filled;
         state.watch = Watch::default();
         self.changed.signal(());
     }
 
-    /// Notes a sample that was worked on, or what was found of it.
+    /// Records a processed sample or a result for it.
     pub fn note(&self, header: &Header, message: &Message) {
         let state = &mut *self.state.borrow_mut();
         if let Message::Sample(sample) = message {
@@ -216,19 +216,19 @@ impl Recorder {
         }
     }
 
-    /// The session ends.
+    /// Ends the session.
     pub fn end(&self) {
         self.state.borrow_mut().finish();
         self.changed.signal(());
     }
 
-    /// A host asks for a block, or to erase the log.
+    /// Queues a host's request to read a block or erase the log.
     pub fn ask(&self, action: LogAction, block: u32) {
         self.state.borrow_mut().asked = Some((action, block));
         self.changed.signal(());
     }
 
-    /// Blocks that gave way before they were written: the storage is too slow.
+    /// Number of blocks dropped before they were written, because the storage was too slow; wraps.
     pub fn lost(&self) -> u32 {
         self.state.borrow().lost
     }
@@ -238,22 +238,22 @@ impl Recorder {
         *lost = lost.wrapping_add(1);
     }
 
-    /// What the flight is doing.
+    /// Current phase of the jump.
     pub fn phase(&self) -> Phase {
         self.state.borrow().watch.phase()
     }
 
-    /// Whether a block is to be written.
+    /// Whether there is a block to write.
     fn is_due(&self) -> bool {
         self.state.borrow().is_due()
     }
 
-    /// What a host asks for.
+    /// Takes the host's pending request.
     fn asked(&self) -> Option<(LogAction, u32)> {
         self.state.borrow_mut().asked.take()
     }
 
-    /// The next block to be written.
+    /// Moves the next block to be written into `block`; returns `false` if there is none.
     fn take(&self, block: &mut Block) -> bool {
         let state = &mut *self.state.borrow_mut();
         let filled = state.preamble.get(..state.filled).unwrap_or_default();
@@ -267,7 +267,7 @@ impl Recorder {
 }
 
 impl State {
-    /// Whether there is something to be written.
+    /// Whether there is a block to write.
     fn is_due(&self) -> bool {
         self.ring.due > 0 || self.taken < self.filled
     }
@@ -279,7 +279,7 @@ impl State {
         }
     }
 
-    /// Begins and ends with the flight.
+    /// Starts and stops recording with the phase of the jump.
     fn follow(&mut self, phase: Phase) {
         let recording = match phase {
             Phase::Unknown | Phase::Fall => true,
@@ -288,7 +288,7 @@ impl State {
         };
         if recording && !self.recording {
             self.taken = 0;
-            // What came before goes with it.
+            // The blocks kept from before the exit are written too.
             self.ring.due = self.ring.length;
         } else if !recording && self.recording {
             self.close();
@@ -296,7 +296,7 @@ impl State {
         self.recording = recording;
     }
 
-    /// Closes the open block.
+    /// Closes the open block and adds it to the ring.
     fn close(&mut self) {
         if self.writer.is_empty() {
             return;
@@ -310,7 +310,7 @@ impl State {
     fn finish(&mut self) {
         self.close();
         self.recording = false;
-        // What was not to be written belongs to no flight.
+        // Blocks not marked for writing belong to no flight.
         self.ring.length = self.ring.due;
     }
 }

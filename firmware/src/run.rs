@@ -1,8 +1,8 @@
-//! The tasks: receiving, estimating, transmitting, reporting, side by side in one executor.
+//! The tasks: receiving, estimating, transmitting and reporting, in one executor.
 //!
-//! Tasks that wait for I/O yield to the others. Nothing else runs during an update, so a board's
-//! receiver must hold what arrives meanwhile: 5 ms at 460800 baud are 240 bytes,
-//! [`RECEIVER_BYTES`](crate::RECEIVER_BYTES) is ample.
+//! Tasks waiting for I/O yield to the others, but nothing else runs during an update. A board's receiver must buffer
+//! the bytes that arrive meanwhile: 240 in 5 ms at 460800 baud, for which [`RECEIVER_BYTES`](crate::RECEIVER_BYTES) is
+//! ample.
 
 use core::cell::RefCell;
 
@@ -21,33 +21,33 @@ use crate::log::info;
 use crate::recorder::storage::Log;
 use crate::unit::Unit;
 
-/// Longest time that a frame may take to leave; then it counts as dropped.
+/// Transmission timeout of a frame, after which it counts as dropped.
 const LINE_TIMEOUT: Duration = Duration::from_millis(250);
 
-/// Watchdogs are fed at this interval.
+/// Interval of heartbeats, which feed the watchdog.
 const HEARTBEAT: Duration = Duration::from_millis(250);
 
-/// Heartbeats from one report to the next.
+/// Number of heartbeats between reports.
 const HEARTBEATS_A_REPORT: u32 = 4;
 
-/// Errors in a row after which a receiver lets the other tasks go on before it is read again. At once is best: until it is
-/// read again it is off, and every byte that comes is one more error.
+/// Number of consecutive errors after which a failed receiver yields to the other tasks. Until then it is read again at
+/// once, because it is off until the next read and every byte that arrives meanwhile is another error.
 const ERRORS_AT_ONCE: u32 = 4;
 
-/// Pause after a port that was closed, or a transmitter that failed.
+/// Pause after a port was closed or a transmitter failed.
 const RECEIVER_PAUSE: Duration = Duration::from_millis(5);
 
-/// What the tasks share.
+/// State shared by the tasks.
 struct Shared<'a, B: Board> {
     unit: &'a RefCell<Unit<B>>,
-    /// Bytes came in: there may be samples.
+    /// Set after bytes were received: there may be samples.
     arrived: Signal<NoopRawMutex, ()>,
-    /// There may be frames to send.
+    /// Set when there may be frames to send.
     outgoing: Signal<NoopRawMutex, ()>,
 }
 
-/// Runs the unit on its ports, for ever. `sensor` is the port of the inertial sensor, [`NoPort`] where there is none; `log`
-/// keeps a log on board, [`NoLog`](crate::recorder::storage::NoLog) where there is no storage.
+/// Runs the unit on its ports forever. `sensor` is the port of the inertial sensor, or [`NoPort`] without one; `log`
+/// keeps the on-board log, or is [`NoLog`](crate::recorder::storage::NoLog) without storage.
 pub async fn run<B: Board>(
     unit: &RefCell<Unit<B>>,
     receiver: impl Read,
@@ -197,7 +197,7 @@ impl<B: Board> Shared<'_, B> {
     }
 }
 
-/// After an error of a receiver.
+/// Handles an error of a receiver.
 async fn after_error(errors: &mut u32) {
     *errors += 1;
     if errors.is_multiple_of(ERRORS_AT_ONCE) {
@@ -205,7 +205,7 @@ async fn after_error(errors: &mut u32) {
     }
 }
 
-/// The port of a sensor that is not there.
+/// Placeholder for the port of a sensor that is not connected.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct NoPort;
 

@@ -1,9 +1,9 @@
-//! The inertial sensor on the unit's own port: Xbus packets become samples.
+//! The inertial sensor on the unit's second port: converts Xbus packets to samples.
 //!
-//! An MTi at the pelvis gives attitude, angular velocity and, with a receiver, velocity; the posture stays as
-//! the host set it. The sensor is set up beforehand to send MTData2 with packet counter, sample time,
-//! orientation and rate of turn; see `docs/unit.md`. Solutions of a u-blox receiver on the same port, `NAV-PVT` of UBX, give
-//! velocity and speed to the next sample that has none of its own.
+//! An MTi at the pelvis provides attitude, angular velocity and, with a receiver, velocity; the posture stays as the
+//! host set it. The sensor must be configured beforehand to send MTData2 with packet counter, sample time, orientation
+//! and rate of turn; see `docs/unit.md`. `NAV-PVT` solutions (UBX) of a u-blox receiver on the same port provide
+//! velocity and speed for the next sample that has none of its own.
 
 use bodyflight_core::Posture;
 use bodyflight_core::frame::{Rotation, Vector};
@@ -13,10 +13,10 @@ use bodyflight_core::ubx;
 use bodyflight_core::xbus::{Decoder, Item, Packet, SampleClock};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
-/// Longest packet of a sensor.
+/// Longest packet accepted from a sensor (bytes).
 const LONGEST: usize = 512;
 
-/// Bytes to samples.
+/// Converts bytes of the sensor to samples.
 #[derive(Debug)]
 pub struct Sensor {
     decoder: Decoder<LONGEST>,
@@ -24,23 +24,23 @@ pub struct Sensor {
     clock: SampleClock,
     body_from_sensor: UnitQuaternion<f32>,
     posture: Posture<f32>,
-    /// Speed from satellites that no sample has carried yet (m/s).
+    /// Latest speed from satellites that has not been attached to a sample (m/s).
     speed: Option<f32>,
-    /// The same for the velocity, in inertial axes (m/s).
+    /// Latest velocity that has not been attached to a sample, in inertial axes (m/s).
     velocity: Option<Vector3<f32>>,
-    /// Sensor's counter and our number of the last packet.
+    /// The sensor's counter and our sequence number of the last packet.
     last: Option<(u16, u32)>,
 }
 
-/// What a packet says.
+/// The content of a packet.
 #[derive(Debug, Clone, Copy, Default)]
 struct Reading {
     counter: Option<u16>,
     fine_time: Option<u32>,
     inertial_from_sensor: Option<UnitQuaternion<f32>>,
-    /// Sensor axes (rad/s).
+    /// In sensor axes (rad/s).
     angular_velocity: Option<Vector3<f32>>,
-    /// Inertial axes (m/s).
+    /// In inertial axes (m/s).
     velocity: Option<Vector3<f32>>,
     speed: Option<f32>,
 }
@@ -52,7 +52,7 @@ impl Default for Sensor {
 }
 
 impl Sensor {
-    /// Mounted along the body axes, on a body in the H-pose.
+    /// Creates a sensor aligned with the body axes, on a body in the H-pose.
     pub fn new() -> Self {
         Self {
             decoder: Decoder::new(),
@@ -66,26 +66,26 @@ impl Sensor {
         }
     }
 
-    /// How the sensor is mounted: sensor axes to body axes.
+    /// Sets the mounting: the rotation from sensor axes to body axes.
     pub fn mount(&mut self, body_from_sensor: UnitQuaternion<f32>) {
         self.body_from_sensor = body_from_sensor;
     }
 
-    /// Takes the posture of a sample, if it has one.
+    /// Adopts the posture of a sample if it has one.
     pub fn set_posture(&mut self, sample: &Sample) {
         if sample.valid.contains(Validity::POSTURE) {
             self.posture = sample.posture();
         }
     }
 
-    /// Numbers begin anew.
+    /// Restarts the sequence numbers and forgets pending solutions.
     pub fn restart(&mut self) {
         self.last = None;
         self.speed = None;
         self.velocity = None;
     }
 
-    /// Takes bytes for the solutions of a receiver among them.
+    /// Searches bytes for the solutions of a receiver.
     pub fn receive_solutions(&mut self, bytes: &[u8]) {
         for &byte in bytes {
             let Some(solution) = self.receiver.push(byte) else {
@@ -98,8 +98,8 @@ impl Sensor {
         }
     }
 
-    /// The next sample; `input` is shortened by what was taken. `now` (us) stands in for a sensor time that is
-    /// not sent.
+    /// Returns the next sample, and advances `input` past the bytes used; `None` if more bytes are needed. `now` (us)
+    /// replaces a missing sensor time.
     pub fn next(&mut self, input: &mut &[u8], now: u64) -> Option<(Header, Sample)> {
         loop {
             let reading = Reading::of(&self.decoder.next(input)?);
@@ -155,7 +155,7 @@ impl Reading {
                 Ok(Item::Quaternion(system, values)) => {
                     let [w, x, y, z] = values.to_f32();
                     let sent = Quaternion::new(w, x, y, z);
-                    // Sensors send unit length to a few digits; anything else is no rotation.
+                    // Sensors send a norm of one to a few digits; anything else is not a rotation.
                     let is_rotation = (sent.norm_squared() - 1.0).abs() < 0.02;
                     reading.inertial_from_sensor =
                         is_rotation.then(|| system.inertial_from_earth() * normalized(sent));

@@ -1,4 +1,4 @@
-//! A short flight for the tests of this crate, as samples.
+//! A short flight, as samples, for the tests of this crate.
 
 use bodyflight_core::aerodynamics::Aerodynamics;
 use bodyflight_core::body::anthropometry::{Person, Sex};
@@ -10,7 +10,7 @@ use bodyflight_core::math::small_rotation;
 use bodyflight_core::{Body, Posture};
 use nalgebra::Vector3;
 
-/// Samples a second.
+/// Sample rate (Hz).
 pub(crate) const RATE: f32 = 240.0;
 
 pub(crate) fn body() -> Body<f32> {
@@ -46,7 +46,7 @@ fn posture(k: u16) -> Posture<f32> {
     pattern::arched(&pattern::neutral(), swing)
 }
 
-/// A fall of `count` samples by the model itself.
+/// A fall of `count` samples, simulated by the model.
 pub(crate) fn samples(count: u16) -> std::vec::Vec<Sample> {
     let dynamics = Dynamics::paper(body(), 1.0);
     let turn = small_rotation(&Vector3::new(0.5, 0.0, 0.0));

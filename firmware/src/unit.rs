@@ -1,8 +1,8 @@
 //! The unit without its ports: bytes in, frames out.
 //!
-//! [`Unit`] holds the conversation with the host (`docs/link.md`), the queue of samples and the filter. It is
-//! driven by whoever has ports: the tasks of [`run`](crate::run()), or a test in virtual time. Every command
-//! is absolute, so a lost answer is cured by asking again; whatever bytes come, it goes on answering.
+//! [`Unit`] implements the protocol (`docs/link.md`), the queue of samples and the filter. It is driven by the tasks of
+//! [`run`](crate::run()), or by a test in virtual time. Every command is absolute, so after a lost answer the host can
+//! ask again. No input stops the unit from answering.
 
 mod logging;
 mod outbox;
@@ -22,24 +22,24 @@ use crate::sensor::Sensor;
 use outbox::Outbox;
 use session::Session;
 
-/// Samples that wait for the filter; in paced mode the oldest gives way.
+/// Capacity of the sample queue; in paced mode the oldest sample is dropped when it is full.
 pub const SAMPLES: u16 = 32;
 
-/// A sample that waits.
+/// A queued sample.
 #[derive(Debug, Clone, Copy)]
 struct Waiting {
     header: Header,
     sample: Sample,
-    /// When it arrived (us).
+    /// Arrival time (us), by the board's clock.
     arrived: u64,
 }
 
-/// The unit, see the [module](self).
+/// The unit; see the [module documentation](self).
 #[derive(Debug)]
 pub struct Unit<B: Board> {
     board: B,
     identity: Identity,
-    /// A host with the same messages was greeted; nothing else is served.
+    /// Whether a host with the same schema hash has sent `HELLO`; until then all other messages are ignored.
     greeted: bool,
     decoder: Decoder,
     table: SegmentTable,
@@ -55,12 +55,13 @@ pub struct Unit<B: Board> {
     deadline_missed: u32,
     cycles_max: u32,
     not_taken_in: u32,
-    /// Samples worked off, and how many it were at the last heartbeat.
+    /// Number of samples processed: now, and at the last heartbeat.
     worked: [u32; 2],
 }
 
 impl<B: Board> Unit<B> {
-    /// Just started, and waiting for a host. Built in place: most of it is room that nothing has filled yet.
+    /// Creates a unit that waits for a host. Inlined so that it is built in place: most of it is buffers that are still
+    /// empty.
     #[inline(always)]
     pub fn new(board: B, identity: Identity) -> Self {
         Self {
@@ -85,12 +86,12 @@ impl<B: Board> Unit<B> {
         }
     }
 
-    /// The board.
+    /// The board that the unit runs on.
     pub fn board(&self) -> &B {
         &self.board
     }
 
-    /// Takes bytes that the host sent.
+    /// Processes bytes received from the host.
     pub fn receive(&mut self, bytes: &[u8]) {
         for &byte in bytes {
             if let Some(Event::Frame(header, message)) = self.decoder.push(byte) {
@@ -99,12 +100,12 @@ impl<B: Board> Unit<B> {
         }
     }
 
-    /// The receiver lost bytes: what had begun is no frame.
+    /// Discards a partial frame after the receiver lost bytes.
     pub fn line_error(&mut self) {
         self.decoder.discard_partial();
     }
 
-    /// Takes bytes of the inertial sensor; used in sessions that listen to it.
+    /// Processes bytes received from the inertial sensor; ignored except in sessions in sensor mode.
     pub fn receive_sensor(&mut self, bytes: &[u8]) {
         let now = self.board.now();
         self.sensor.receive_solutions(bytes);
@@ -119,12 +120,12 @@ impl<B: Board> Unit<B> {
         }
     }
 
-    /// The next frame for the line into `frame`; its length.
+    /// Writes the next outgoing frame to `frame` and returns its length, or `None` if there is none.
     pub fn transmit(&mut self, frame: &mut [u8; MAX_FRAME_LENGTH]) -> Option<usize> {
         self.outbox.next(self.board.now(), frame)
     }
 
-    /// The line did not take a frame.
+    /// Counts a frame that could not be sent.
     pub fn transmit_failed(&mut self) {
         self.outbox.count_dropped();
     }
@@ -156,7 +157,7 @@ impl<B: Board> Unit<B> {
                 Some(recorder) => recorder.ask(*action, *block),
                 None => self.answer_log(*block, &[]),
             },
-            // What units say.
+            // Sent by units only.
             Message::HelloAcknowledge(_)
             | Message::Configured(_)
             | Message::Credit(_)
@@ -166,7 +167,7 @@ impl<B: Board> Unit<B> {
         }
     }
 
-    /// Queues a message; `time` (us) is that of its header.
+    /// Queues a message with `time` (us) in its header.
     fn send(&mut self, time: u64, message: impl Into<Message>) {
         let session = self.session.as_ref().map_or(0, |session| session.number);
         self.outbox.push(session, time, message.into());
@@ -177,7 +178,7 @@ impl<B: Board> Unit<B> {
         self.introduce();
     }
 
-    /// Says its name, as it does after each start.
+    /// Queues `HELLO_ACK`, as after each start.
     pub fn introduce(&mut self) {
         let identity = self.identity;
         let answer = HelloAcknowledge {
@@ -219,7 +220,7 @@ impl<B: Board> Unit<B> {
         let running = self.session.as_ref();
         if !running.is_some_and(|session| session.number == number && session.runs(mode)) {
             if self.computer.configuration().is_none() {
-                // Nothing to compute with: say what is missing.
+                // Without a configuration, answer with what is missing.
                 if let Some(asked) = self.asked {
                     self.configure(asked);
                 }
@@ -243,7 +244,7 @@ impl<B: Board> Unit<B> {
         }
     }
 
-    /// A sample from the host.
+    /// Accepts a sample from the host.
     fn take(&mut self, header: Header, sample: Sample) {
         let session = self.session.as_mut();
         let Some(session) = session.filter(|s| s.number == header.session && !s.is_closed()) else {
@@ -257,7 +258,7 @@ impl<B: Board> Unit<B> {
         match session.ledger.receive(header.sequence) {
             Arrival::New { .. } => self.enqueue(header, sample),
             Arrival::Late => {}
-            // The host asks what it may send.
+            // A repeated sample asks for the current credit.
             Arrival::Duplicate | Arrival::Stale => self.grant(true),
         }
     }
@@ -274,7 +275,7 @@ impl<B: Board> Unit<B> {
         }
     }
 
-    /// Gives the filter the oldest sample that waits; whether there was one.
+    /// Processes the oldest queued sample; returns whether there was one.
     pub fn work(&mut self) -> bool {
         let Some(waiting) = self.samples.pop() else {
             return false;
@@ -317,7 +318,7 @@ impl<B: Board> Unit<B> {
         true
     }
 
-    /// Grants credit for what has been worked off, where it is worth a frame or the host `asked`.
+    /// Grants credit for processed samples if there is enough to justify a frame, or if the host `asked`.
     fn grant(&mut self, asked: bool) {
         let waiting = self.samples.len();
         let session = self.session.as_mut();
@@ -326,7 +327,7 @@ impl<B: Board> Unit<B> {
         }
     }
 
-    /// Reports once a closed session has been worked off.
+    /// Reports once all samples of a closed session have been processed.
     fn report_end(&mut self) {
         let closed = self.session.as_ref().is_some_and(Session::is_closed);
         if closed && self.samples.is_empty() {
@@ -337,7 +338,7 @@ impl<B: Board> Unit<B> {
         }
     }
 
-    /// Queues a report of what happened so far, where a host listens, and notes it in the log; the report.
+    /// Queues a status report if a host is connected, and writes it to the log. Returns the report.
     pub fn report(&mut self) -> Status {
         let status = self.status();
         self.light.see_battery(status.battery);
@@ -348,8 +349,9 @@ impl<B: Board> Unit<B> {
         status
     }
 
-    /// A heartbeat: feeds the watchdog, unless samples wait and none was worked off since the last heartbeat. One such
-    /// heartbeat proves nothing, the sample may just have come; the watchdog bites after a few.
+    /// Handles a heartbeat: feeds the watchdog unless samples are waiting and none was processed since the last
+    /// heartbeat. A single such heartbeat is harmless, since the sample may just have arrived; the watchdog resets the
+    /// chip after several.
     pub fn feed_watchdog(&mut self) {
         let [worked, before] = self.worked;
         self.worked[1] = worked;
@@ -358,13 +360,13 @@ impl<B: Board> Unit<B> {
         }
     }
 
-    /// The next step of the light.
+    /// Advances the light by one step.
     pub fn shine(&mut self) {
         let is_on = self.light.advance();
         self.board.shine(is_on);
     }
 
-    /// What happened so far.
+    /// Current counters and state.
     pub fn status(&self) -> Status {
         let session = self.session.as_ref();
         let ledger = session.map(|session| session.ledger).unwrap_or_default();
@@ -389,7 +391,7 @@ impl<B: Board> Unit<B> {
         }
     }
 
-    /// The sample that was worked on last.
+    /// The sample that was processed last, or `None` before the first.
     pub fn last_sample(&self) -> Option<&Sample> {
         self.last.as_ref().map(|(_, sample)| sample)
     }

@@ -1,4 +1,4 @@
-//! The two filters that a unit has, behind one interface: what they take of a sample, and what they answer.
+//! The unit's two filters behind one interface: their inputs from a sample, and their outputs for the link.
 
 use bodyflight_core::Posture;
 use bodyflight_core::dynamics::{Dynamics, Motion};
@@ -16,7 +16,7 @@ use bodyflight_core::estimator::unscented::SettingsError;
 use bodyflight_core::estimator::{ReducedFilter, input_coefficients};
 use bodyflight_core::link::{self, EstimateFlags, Sample, Validity};
 
-/// One of the two filters.
+/// Either of the two filters.
 #[derive(Debug)]
 #[expect(
     clippy::large_enum_variant,
@@ -27,7 +27,7 @@ pub(super) enum Filter {
     Motion(ReducedMotionFilter<f32>),
 }
 
-/// What one of them says.
+/// The result of an update.
 #[expect(
     clippy::large_enum_variant,
     reason = "there is one at a time, and nowhere to box it"
@@ -40,8 +40,8 @@ pub(super) enum Answer {
 impl Filter {
     /// Starts the filter of a preset in `slot`, which is left empty if the preset or the start is refused.
     ///
-    /// Each kind is moved into its place once, and the motion filter started there: a filter is too large for a unit's
-    /// stack to hold several.
+    /// Each kind is moved to its place only once, and the motion filter is started in place: a filter is too large for
+    /// a unit's stack to hold several.
     pub(super) fn start_in(
         slot: &mut Option<Self>,
         preset: &UnitPreset,
@@ -75,7 +75,7 @@ impl Filter {
         }
     }
 
-    /// Takes a posture, and the sample that it is from with its motion; none where it is bridged.
+    /// Processes a posture and the sample that it comes from, with its motion; `None` for a bridged posture.
     pub(super) fn push(
         &mut self,
         posture: &Posture<f32>,
@@ -122,7 +122,7 @@ fn motion_in(
 }
 
 impl Answer {
-    /// Whether predictions and measurements have parted.
+    /// Whether predictions are inconsistent with the measurements.
     pub(super) fn is_lost(&self) -> bool {
         match self {
             Self::Windows(estimate) => estimate.health == Health::Inconsistent,
@@ -139,7 +139,7 @@ impl Answer {
     }
 }
 
-/// What the sample measured; not a number where it did not.
+/// The measurement in the sample; NaN for channels that it lacks.
 fn measurement_of(sample: &Sample, motion: &Motion<f32>) -> Measurement<f32> {
     let all = Measurement::of(motion);
     let mut seen = Measurement::none();
@@ -157,14 +157,14 @@ fn measurement_of(sample: &Sample, motion: &Motion<f32>) -> Measurement<f32> {
         seen.vertical_velocity = all.vertical_velocity;
         seen.horizontal_speed = all.horizontal_speed;
     }
-    // Satellites measure speed, inertial sensors integrate it.
+    // Satellites measure speed directly, while inertial sensors integrate it, so satellites take precedence.
     if let Some(speed) = sample.motion().horizontal_speed {
         seen.horizontal_speed = speed;
     }
     seen
 }
 
-/// The same for the motion filter.
+/// The measurement in the sample for the motion filter.
 fn motion_measurement_of(sample: &Sample) -> MotionMeasurement<f32> {
     let measured = sample.motion();
     MotionMeasurement {
@@ -178,8 +178,8 @@ fn motion_measurement_of(sample: &Sample) -> MotionMeasurement<f32> {
     }
 }
 
-/// What goes over the link of the motion filter: as measurement the speed over ground, heading, pitch and roll of its
-/// motion.
+/// Output of the motion filter for the link. The measurement fields are the ground speed, heading, pitch and roll of
+/// its motion.
 fn motion_answer(
     estimate: &MotionEstimate<f32>,
     sequence: u32,
@@ -212,7 +212,7 @@ fn motion_answer(
     }
 }
 
-/// What goes over the link. The processor's cycles are for the caller to fill in.
+/// Output for the link; the caller fills in the processor's cycles.
 fn answer(estimate: &Estimate<f32>, sequence: u32, pending: EstimateFlags) -> link::Estimate {
     let taken_in = estimate.channels.iter().any(|channel| channel.fused);
     let health = estimate.health;

@@ -1,4 +1,4 @@
-//! The filter behind the link does what the filter does, and says what it bridged.
+//! The computer gives the same estimates as the filter alone, and reports bridged samples.
 
 use std::vec::Vec;
 
@@ -76,7 +76,7 @@ fn nothing_is_computed_before_it_is_known_what() {
     let mut computer = computer();
     assert_eq!(computer.sample(0, 0, &nothing), Outcome::Rejected);
     assert_eq!(computer.sample(1, 0, &samples[0]), Outcome::Used(None));
-    // Time stands still, or goes back.
+    // Time does not advance, or goes back.
     assert_eq!(computer.sample(2, 0, &samples[1]), Outcome::Rejected);
     assert_eq!(
         computer.sample(3, time(1), &samples[1]),
@@ -97,7 +97,7 @@ fn missing_samples_are_bridged_and_told() {
     let told = |answer: &&link::Estimate| answer.flags.contains(EstimateFlags::BRIDGED);
     assert_eq!(whole.iter().filter(told).count(), 0);
     assert!(bridged.iter().filter(told).count() > 10);
-    // Close to the estimates of the whole flight, in deviations.
+    // Close to the estimates from the complete flight, in deviations.
     let (a, b) = (whole.last().unwrap(), bridged.last().unwrap());
     for i in 0..6 {
         let apart = (a.state[i] - b.state[i]).abs() / a.variance[i].sqrt();

@@ -1,4 +1,4 @@
-//! Lines of packets, as boards have them.
+//! Simulated lines that deliver packets, as boards have them.
 
 use core::cell::Cell;
 use std::collections::VecDeque;
@@ -9,7 +9,7 @@ use embedded_io_async::ErrorKind;
 
 use super::*;
 
-/// A line of packets: what it will hear, and what it was told.
+/// A simulated line: packets that it will receive, and bytes that were sent to it.
 #[derive(Default)]
 struct Line<'a> {
     hears: VecDeque<Result<Vec<u8>, ErrorKind>>,
@@ -65,7 +65,7 @@ impl Write for Line<'_> {
     }
 }
 
-/// Everything that the line hears without waiting.
+/// Reads everything that is available without waiting.
 fn heard(line: &mut impl Read) -> Vec<u8> {
     let mut all = Vec::new();
     let mut bytes = [0; 128];

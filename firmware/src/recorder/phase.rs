@@ -1,26 +1,27 @@
-//! What a jump is doing, told from the vertical velocity alone.
+//! Detects the phase of a jump from the vertical velocity alone.
 
 /// Part of a jump.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Phase {
-    /// No vertical velocity was ever known: it cannot be told.
+    /// Unknown, because no vertical velocity was ever available.
     #[default]
     Unknown,
-    /// On the ground, or level.
+    /// On the ground, or in level flight.
     Ground,
-    /// On the way up.
+    /// Climbing in the aircraft.
     Climb,
-    /// Out of the aircraft, before the canopy carries.
+    /// In free fall, until the canopy is open.
     Fall,
-    /// Under the canopy.
+    /// Under canopy.
     Canopy,
 }
 
-/// A change: from, to, mean vertical velocity between (m/s, up) for so long (s).
+/// A transition: the phases before and after, the range of mean vertical velocity that triggers it (m/s, up), and for
+/// how long (s).
 struct Change(Phase, Phase, f32, f32, f32);
 
-/// What makes one phase of another. Aircraft climb at 3 to 15 m/s and dive at up to 25 m/s only with nobody in the door;
-/// a fall passes 10 m/s within 1 s and a canopy never stays above it.
+/// All transitions. Aircraft climb at 3 to 15 m/s and dive at up to 25 m/s only with nobody in the door; a fall exceeds
+/// 10 m/s within 1 s, and a canopy never stays above it.
 const CHANGES: [Change; 8] = [
     Change(Phase::Unknown, Phase::Ground, -1e9, 1e9, 0.0),
     Change(Phase::Ground, Phase::Fall, -1e9, -12.0, 1.0),
@@ -35,26 +36,26 @@ const CHANGES: [Change; 8] = [
 /// Time over which the vertical velocity is averaged (s).
 const MEMORY: f32 = 0.5;
 
-/// Longest time between samples that counts (s).
+/// Upper limit of the time step between samples (s).
 const LONGEST_STEP: f32 = 1.0;
 
-/// Follows a jump.
+/// Tracks the phase of a jump.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Watch {
     phase: Phase,
     /// Mean vertical velocity (m/s, up).
     mean: Option<f32>,
-    /// How long each change has been due (s).
+    /// Time for which the condition of each transition has held (s).
     due: [f32; CHANGES.len()],
     /// Time of the last sample (us).
     last: Option<u64>,
 }
 
 impl Watch {
-    /// The phase after a sample at `time` (us), with its vertical velocity (m/s, up) where it is known.
+    /// Updates with a sample at `time` (us) and its vertical velocity (m/s, up), `None` if unknown. Returns the phase.
     pub fn update(&mut self, time: u64, velocity_up: Option<f32>) -> Phase {
         let elapsed = time.saturating_sub(self.last.unwrap_or(time));
-        // Whole microseconds below a second are exact.
+        // Exact: integers below 1e6 fit the mantissa.
         let step = (u32::try_from(elapsed).unwrap_or(u32::MAX) as f32 * 1e-6).min(LONGEST_STEP);
         self.last = Some(time);
         let Some(velocity) = velocity_up else {
@@ -78,7 +79,7 @@ impl Watch {
         self.phase
     }
 
-    /// The phase.
+    /// The current phase.
     pub const fn phase(&self) -> Phase {
         self.phase
     }
@@ -91,14 +92,15 @@ mod tests {
 
     use super::*;
 
-    /// Phases of a flight of pieces, each at a vertical velocity for so many seconds: phase and when it began (s).
+    /// Phases of a flight given as pieces of constant vertical velocity and duration (s). Returns each phase with its
+    /// start time (s).
     fn phases(pieces: &[(f32, f32)]) -> Vec<(Phase, f32)> {
         let mut watch = Watch::default();
         let (mut time, mut seen) = (0_u64, Vec::new());
         let mut velocity = 0.0_f32;
         for &(target, seconds) in pieces {
             for _ in 0..(seconds * 240.0) as u32 {
-                // Nobody changes speed faster than a canopy opens.
+                // Limits acceleration to that of a canopy opening.
                 velocity += (target - velocity).clamp(-9.8 / 240.0, 30.0 / 240.0);
                 let phase = watch.update(time, Some(velocity));
                 if seen.last().is_none_or(|(last, _)| *last != phase) {

@@ -1,5 +1,5 @@
-//! NOR flash on SPI, as boards have it beside the processor: sectors of 4 KiB, pages of 256 bytes, and the commands that the
-//! chips of all makers share (JEDEC's basic ones, addresses of three bytes).
+//! Driver for SPI NOR flash: sectors of 4 KiB, pages of 256 bytes, and the commands common to all makers (JEDEC's basic
+//! ones, with addresses of three bytes).
 
 use embedded_hal::digital::OutputPin;
 use embedded_hal::spi::SpiBus;
@@ -12,10 +12,10 @@ use sequential_storage::cache::page_states::ArrayPageStates;
 use sequential_storage::cache::{Cache, Uncached};
 use sequential_storage::queue::{QueueConfig, QueueStorage};
 
-/// Bytes of a sector, which is erased at once.
+/// Size of a sector, the unit of erasing (bytes).
 pub const SECTOR: u32 = 4096;
 
-/// Bytes of a page, the most that are written at once.
+/// Size of a page, the most that one command can write (bytes).
 const PAGE: u32 = 256;
 
 const READ: u8 = 0x03;
@@ -26,21 +26,21 @@ const STATUS: u8 = 0x05;
 const IDENTIFY: u8 = 0x9f;
 const WAKE: u8 = 0xab;
 
-/// Of the status: it writes or erases.
+/// Status bit: a write or erase is in progress.
 const BUSY: u8 = 1;
 
-/// Time that a chip takes to wake (us).
+/// Time that a chip needs to wake up (us).
 const WAKING: u32 = 50;
 
-/// Looks at the status while a page is written and while a sector is erased: time from one to the next (us), and how many.
-/// Chips take 3 ms and 400 ms at most; a watchdog bites after a second.
+/// Polling intervals (us) and numbers of polls while a page is written and while a sector is erased. Chips take 3 ms
+/// and 400 ms at most; the watchdog resets the unit after a second.
 const WRITING: [u32; 2] = [100, 100];
 const ERASING: [u32; 2] = [2_000, 225];
 
-/// Base-two logarithms of capacities that three bytes address and that hold a log.
+/// Base-two logarithms of the capacities that three address bytes can reach and that hold a log.
 const CAPACITIES: core::ops::RangeInclusive<u8> = 16..=24;
 
-/// A chip behind its own select pin.
+/// A flash chip with its own select pin.
 #[derive(Debug)]
 pub struct SerialFlash<B, P, D> {
     bus: B,
@@ -49,21 +49,21 @@ pub struct SerialFlash<B, P, D> {
     capacity: u32,
 }
 
-/// Bytes that a log uses, and their sectors, which are kept in mind.
+/// Bytes used for the log, and the number of sectors whose state is cached.
 const LOG: u32 = 2 << 20;
 const SECTORS: usize = (LOG / SECTOR) as usize;
 
-/// What is kept in mind of the sectors, so that a block is written without a search.
+/// Cache of sector states, so that a block is written without a search.
 pub type Sectors = Cache<ArrayPageStates<SECTORS>, ArrayPagePointers<SECTORS>, Uncached>;
 
-/// What went wrong.
+/// Errors of the chip.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FlashError {
-    /// The bus or the pin refused.
+    /// The bus or the select pin failed.
     Bus,
-    /// The chip is still busy after the longest time that it may take.
+    /// The chip stayed busy longer than it may.
     Busy,
-    /// Beyond the end of the chip.
+    /// The address is beyond the end of the chip.
     OutOfBounds,
 }
 
@@ -77,7 +77,7 @@ impl NorFlashError for FlashError {
 }
 
 impl<B: SpiBus, P: OutputPin, D: DelayNs> SerialFlash<B, P, D> {
-    /// Wakes the chip and asks what it is; `None` where none answers.
+    /// Wakes the chip and reads its identity; returns `None` if no chip answers.
     pub async fn find(bus: B, select: P, delay: D) -> Option<Self> {
         let mut flash = Self {
             bus,
@@ -87,7 +87,7 @@ impl<B: SpiBus, P: OutputPin, D: DelayNs> SerialFlash<B, P, D> {
         };
         flash.command(&[WAKE], &[], &mut []).ok()?;
         flash.delay.delay_us(WAKING).await;
-        // A chip that goes on erasing after a reset of the processor says nothing until it is done.
+        // A chip that is still erasing after a processor reset does not answer until it is done.
         let [interval, looks] = ERASING;
         for _ in 0..looks {
             let mut identity = [0; 3];
@@ -102,7 +102,7 @@ impl<B: SpiBus, P: OutputPin, D: DelayNs> SerialFlash<B, P, D> {
         None
     }
 
-    /// The chip as a queue of blocks, for a [`FlightLog`](super::storage::FlightLog).
+    /// Turns the chip into a queue of blocks, for a [`FlightLog`](super::storage::FlightLog).
     pub fn queue(self) -> QueueStorage<Self, Sectors> {
         let end = self.capacity.min(LOG);
         let kept = Cache::new(ArrayPageStates::new(), ArrayPagePointers::new(), Uncached);
@@ -121,7 +121,7 @@ impl<B: SpiBus, P: OutputPin, D: DelayNs> SerialFlash<B, P, D> {
         done.map_err(|_| FlashError::Bus)
     }
 
-    /// Waits until the chip is ready; other tasks go on meanwhile.
+    /// Waits until the chip is ready, while other tasks run.
     async fn finish(&mut self, [interval, looks]: [u32; 2]) -> Result<(), FlashError> {
         for _ in 0..looks {
             let mut status = [BUSY];
@@ -145,7 +145,7 @@ impl<B: SpiBus, P: OutputPin, D: DelayNs> SerialFlash<B, P, D> {
     }
 }
 
-/// A command with its address.
+/// Encodes a command with a three-byte address.
 fn at(command: u8, address: u32) -> [u8; 4] {
     let [_, high, middle, low] = address.to_be_bytes();
     [command, high, middle, low]
@@ -186,7 +186,7 @@ impl<B: SpiBus, P: OutputPin, D: DelayNs> NorFlash for SerialFlash<B, P, D> {
         self.check(offset, bytes.len())?;
         let (mut place, mut rest) = (offset, bytes);
         while !rest.is_empty() {
-            // A page ends where it ends, wherever writing began.
+            // Writes must not cross a page boundary, wherever they begin.
             let room = (PAGE - place % PAGE) as usize;
             let (piece, after) = rest.split_at_checked(room).unwrap_or((rest, &[]));
             self.command(&[ENABLE_WRITING], &[], &mut [])?;

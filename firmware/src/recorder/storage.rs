@@ -1,4 +1,4 @@
-//! Blocks to and from storage that outlives a loss of power.
+//! Reads and writes blocks in storage that survives a loss of power.
 
 use bodyflight_core::link::{BLOCK_LENGTH, LogAction};
 use embedded_storage_async::nor_flash::NorFlash;
@@ -10,12 +10,12 @@ use super::{Block, Recorder};
 
 /// A task that keeps a log.
 pub trait Log {
-    /// Writes what is to be written and gives what is asked for to `answer`, for ever: the number of a block and its bytes, none
-    /// where there is no such block.
+    /// Runs forever: writes blocks, and passes requested ones to `answer` as block number and bytes. The bytes are
+    /// empty if there is no such block.
     fn run(self, answer: impl FnMut(u32, &[u8])) -> impl Future<Output = ()>;
 }
 
-/// No log.
+/// A log without storage, which discards everything.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct NoLog;
 
@@ -25,7 +25,7 @@ impl Log for NoLog {
     }
 }
 
-/// A log where there is storage.
+/// A log if there is storage, none otherwise.
 impl<L: Log> Log for Option<L> {
     async fn run(self, answer: impl FnMut(u32, &[u8])) {
         match self {
@@ -35,25 +35,26 @@ impl<L: Log> Log for Option<L> {
     }
 }
 
-/// A log in a queue of blocks; the oldest give way. A block that the power cut in half is no block: its checksum says so.
+/// A log in a queue of blocks; the oldest are overwritten. A block that was cut short by a loss of power is ignored,
+/// since its checksum is wrong.
 pub struct FlightLog<'a, S: NorFlash, C: CacheImpl<()>> {
     recorder: &'a Recorder,
     storage: QueueStorage<S, C>,
 }
 
 impl<'a, S: NorFlash, C: CacheImpl<()>> FlightLog<'a, S, C> {
-    /// The log of this recorder in this storage.
+    /// Creates the log of `recorder` in `storage`.
     pub const fn new(recorder: &'a Recorder, storage: QueueStorage<S, C>) -> Self {
         Self { recorder, storage }
     }
 
-    /// Writes what is to be written.
+    /// Writes all blocks that are due.
     async fn write(&mut self) {
         let mut block = Block::EMPTY;
         while self.recorder.take(&mut block) {
             let mut written = self.storage.push(block.bytes(), true).await;
             if matches!(written, Err(Error::Corrupted { .. })) {
-                // Not even the queue's own repair found its way: what is there is lost, what comes need not be.
+                // The queue could not repair itself: give up its contents so that new blocks can be stored.
                 let _ = self.storage.erase_all().await;
                 written = self.storage.push(block.bytes(), true).await;
             }
@@ -63,8 +64,8 @@ impl<'a, S: NorFlash, C: CacheImpl<()>> FlightLog<'a, S, C> {
         }
     }
 
-    /// Reads a block and those after it as long as a host asks for them in order and nothing is to be written; what it asks for
-    /// then.
+    /// Reads `block`, then further blocks for as long as the host asks for them in order and nothing has to be written.
+    /// Returns the request that ended this, if any.
     async fn read(
         &mut self,
         block: u32,
@@ -100,18 +101,18 @@ impl<'a, S: NorFlash, C: CacheImpl<()>> FlightLog<'a, S, C> {
     }
 }
 
-/// Blocks in their order.
+/// Reads blocks in order.
 struct Reader<'s, S: NorFlash, C: CacheImpl<()>> {
     iterator: QueueIterator<'s, S, C>,
     buffer: [u8; BLOCK_LENGTH],
-    /// Of the block read last.
+    /// Length of the block read last.
     length: usize,
-    /// Number of the block after it.
+    /// Number of the following block.
     next: u32,
 }
 
 impl<S: NorFlash, C: CacheImpl<()>> Reader<'_, S, C> {
-    /// The bytes of a block, which is the one read last or a later one; none where the log ends before it.
+    /// Returns the bytes of a block, which must be the one read last or a later one; empty if the log ends before it.
     async fn seek(&mut self, number: u32) -> &[u8] {
         while self.next <= number {
             let read = self.iterator.next(&mut self.buffer).await;

@@ -1,4 +1,4 @@
-//! A log on a chip whose power goes at any moment.
+//! A log on a chip whose power fails at any moment.
 #![allow(clippy::cast_possible_truncation, reason = "small numbers of a test")]
 
 mod battery;
@@ -27,12 +27,12 @@ use super::*;
 const SECTOR: usize = 4096;
 const SECTORS: usize = 48;
 
-/// NOR flash whose power goes after so many bytes: what is being written or erased then is in part.
+/// NOR flash whose power fails after a given number of bytes: the write or erase in progress is then only partly done.
 struct Flash {
     bytes: Vec<u8>,
-    /// Bytes that are written or erased before the power goes.
+    /// Bytes that can still be written or erased before the power fails.
     power: usize,
-    /// For what a cell holds that lost its power in the middle.
+    /// Random contents of cells that lost power during a change.
     noise: u32,
 }
 
@@ -45,7 +45,7 @@ impl NorFlashError for NoPower {
     }
 }
 
-/// The chip, which stays where it is when the unit has lost its power.
+/// The chip, which outlives the unit when the power fails.
 #[derive(Clone)]
 struct Chip(Rc<RefCell<Flash>>);
 
@@ -69,7 +69,7 @@ impl Chip {
 }
 
 impl Flash {
-    /// How many of `length` bytes have power, and whether that is all of them.
+    /// How many of `length` bytes are processed before the power fails, and whether that is all of them.
     fn spend(&mut self, length: usize) -> usize {
         let powered = self.power.min(length);
         if self.power != usize::MAX {
@@ -117,7 +117,7 @@ impl NorFlash for Chip {
         let length = (to - from) as usize;
         let powered = flash.spend(length);
         for place in 0..length {
-            // A sector is erased at once: without power in the middle its cells are anything.
+            // A sector is erased as a whole: if power fails during the erase, its cells are random.
             let noise = flash.noise();
             let cell = &mut flash.bytes[from as usize + place];
             *cell = if powered == length {
@@ -149,7 +149,7 @@ impl NorFlash for Chip {
     }
 }
 
-/// Exit, and landing under a canopy that opens after 60 s (s).
+/// Times of the exit, and of the landing under a canopy that opens after 60 s (s).
 const EXIT: f32 = 3.0;
 const OPENING: f32 = 45.0;
 const LANDING: f32 = 60.0;
@@ -186,7 +186,8 @@ fn preamble() -> [(Header, Message); 1] {
     [(Header::default(), start.into())]
 }
 
-/// Flies `seconds` of the jump with a log on this chip, or until the power goes; the number of the sample then in work.
+/// Flies `seconds` of the jump with a log on this chip, or until the power fails. Returns the number of the sample
+/// processed last.
 fn fly(chip: &Chip, seconds: f32) -> u32 {
     let recorder = Recorder::new(vec![Block::EMPTY; 64].leak());
     fly_with(&recorder, chip, seconds)
@@ -210,7 +211,7 @@ fn fly_with(recorder: &Recorder, chip: &Chip, seconds: f32) -> u32 {
     last
 }
 
-/// What a log holds, as a host reads it: through the task, block by block.
+/// Contents of a log as a host reads them: through the task, block by block.
 fn read(chip: &Chip) -> Vec<(Header, Message)> {
     chip.0.borrow_mut().power = usize::MAX;
     let recorder = Recorder::new(&mut []);
@@ -232,7 +233,7 @@ fn read(chip: &Chip) -> Vec<(Header, Message)> {
     messages.map(|read| read.expect("a whole block")).collect()
 }
 
-/// Numbers of the samples, every one of which is as it was noted.
+/// Numbers of the samples, after checking that each is as it was recorded.
 fn samples_of(log: &[(Header, Message)]) -> Vec<u32> {
     let samples = log
         .iter()
@@ -256,7 +257,7 @@ fn a_jump_is_written_from_before_its_exit_to_after_its_landing() {
         found[0] as f32 / 240.0,
         *found.last().unwrap() as f32 / 240.0,
     );
-    // The ring holds about half a minute, and the oldest give way.
+    // The ring holds about half a minute; the oldest blocks are dropped.
     assert!(
         first > EXIT && (68.0..75.0).contains(&last),
         "{first} to {last} s"
@@ -278,7 +279,7 @@ fn small_storage_keeps_the_fall_and_not_the_way_down_under_the_canopy() {
     fly_with(&recorder, &chip, 90.0);
     let found = samples_of(&read(&chip));
     let last = *found.last().unwrap() as f32 / 240.0;
-    // It is told from the fall 3 s after its speed.
+    // The canopy is detected after 3 s below the fall's speed.
     assert!((OPENING + 3.0..OPENING + 8.0).contains(&last), "{last} s");
 }
 
@@ -330,7 +331,7 @@ fn blocks_are_read_in_any_order_and_again() {
     );
 }
 
-/// The sample that tells the fall.
+/// The sample at which the fall is detected.
 fn told() -> u32 {
     let mut watch = Watch::default();
     let falls = |number: &u32| {
@@ -343,9 +344,9 @@ fn told() -> u32 {
     (0..).find(falls).unwrap()
 }
 
-/// Power goes at random, two hundred times, in every second flight over what the one before has left: what was noted a second
-/// before and earlier is read, and nothing else. The exception is the moment in which the exit is told, when the seconds
-/// before it are written.
+/// Power fails at random, two hundred times, with every second flight over the remains of the one before. Everything
+/// recorded up to a second before the failure is read back, and nothing else. The exception is the moment at which the
+/// exit is detected, when the seconds before it are written.
 #[test]
 fn power_that_goes_takes_a_second_at_most() {
     let mut random = Flash {
@@ -362,7 +363,7 @@ fn power_that_goes_takes_a_second_at_most() {
     let (mut cut, mut latest) = (0, 0);
     for round in 0..200_u32 {
         let chance = (0..4).fold(0_usize, |sum, _| sum << 8 | usize::from(random.noise()));
-        // Every second flight is written over what the one before left.
+        // Every second flight is written over the remains of the one before.
         let chip = if round % 2 == 0 {
             Chip::new(0, round)
         } else {
@@ -377,7 +378,7 @@ fn power_that_goes_takes_a_second_at_most() {
             let last = *found.last().expect("samples");
             latest = latest.max(at - last);
             assert!(at - last <= 240, "cut at sample {at}, read to {last}");
-            // Numbers begin anew with each flight.
+            // Numbers restart with each flight.
             let anew = |pair: &[u32]| pair[1] == pair[0] + 1 || pair[1] < pair[0];
             assert!(found.windows(2).all(anew), "a gap");
         }

@@ -1,4 +1,5 @@
-//! Axes of the sensor and of the earth become those of the model; a receiver's solutions go with its samples.
+//! Axes of the sensor and of the earth are converted to those of the model; a receiver's solutions are attached to
+//! samples.
 
 use bodyflight_core::xbus::{CoordinateSystem, DataId, MessageId, NumberFormat, PacketWriter};
 use std::vec::Vec;
@@ -27,7 +28,7 @@ fn packet(system: CoordinateSystem, wxyz: [f32; 4], turn: [f32; 3], velocity: [f
 
 #[test]
 fn every_earth_frame_is_turned_to_the_models() {
-    // The same attitude and velocity, 30 m/s to the north, as each kind of sensor tells them: X to the north.
+    // The same attitude and velocity, 30 m/s to the north, in the convention of each kind of sensor: X to the north.
     let half = core::f32::consts::FRAC_1_SQRT_2;
     for (system, wxyz, velocity) in [
         (
@@ -62,7 +63,7 @@ fn every_earth_frame_is_turned_to_the_models() {
 
 #[test]
 fn the_mounting_turns_attitude_and_angular_velocity() {
-    // The sensor's X looks along the body's Z.
+    // The sensor's X points along the body's Z.
     let body_from_sensor =
         UnitQuaternion::from_axis_angle(&Vector3::y_axis(), -core::f32::consts::FRAC_PI_2);
     let mut sensor = Sensor::new();
@@ -76,7 +77,7 @@ fn the_mounting_turns_attitude_and_angular_velocity() {
     let (_, sample) = sensor.next(&mut bytes.as_slice(), 0).unwrap();
     let spin = sample.motion().angular_velocity.unwrap().components;
     assert!((spin - Vector3::z()).norm() < 2e-3, "{spin}");
-    // The body's Z lies where the sensor's X does: to the north.
+    // The body's Z points where the sensor's X does: to the north.
     let up = sample.inertial_from_body().quaternion() * Vector3::z();
     assert!((up - Vector3::x()).norm() < 1e-3, "{up}");
 }
@@ -89,7 +90,7 @@ fn packets_without_an_attitude_are_no_samples() {
     let length = writer.finish().unwrap();
     let mut sensor = Sensor::new();
     assert!(sensor.next(&mut &bytes[..length], 0).is_none());
-    // Not a rotation at all.
+    // Not a rotation.
     let bytes = packet(CoordinateSystem::NorthWestUp, [0.0; 4], [0.0; 3], [0.0; 3]);
     assert!(sensor.next(&mut bytes.as_slice(), 0).is_none());
 }
@@ -115,7 +116,7 @@ fn a_receivers_solution_goes_with_the_next_sample() {
     let attitude = DataId::QUATERNION.with(CoordinateSystem::NorthWestUp, NumberFormat::Float32);
     writer.reals(attitude, &[1.0, 0.0, 0.0, 0.0]).unwrap();
     let length = writer.finish().unwrap();
-    // Between two packets of the sensor, and in pieces.
+    // Between two packets of the sensor, and split.
     let mut found = Vec::new();
     for line in [
         &bytes[..length],

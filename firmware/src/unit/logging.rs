@@ -1,4 +1,4 @@
-//! What of the conversation goes into the log on board, and comes out of it.
+//! Connects the protocol to the on-board log.
 
 use bodyflight_core::link::{Header, Message, Start, Status, StreamMode};
 
@@ -8,7 +8,7 @@ use super::session::Session;
 use crate::board::Board;
 
 impl<B: Board> Unit<B> {
-    /// A log begins with what is computed with.
+    /// Begins a log with the configuration.
     pub(super) fn begin_log(&self, session: u16, mode: StreamMode) {
         let (Some(recorder), Some(asked)) = (self.board.recorder(), self.asked) else {
             return;
@@ -25,21 +25,21 @@ impl<B: Board> Unit<B> {
         recorder.begin(messages.map(|message| (header, message)));
     }
 
-    /// Sends a block of the log, none where there is none of this number.
+    /// Sends a block of the log; empty if there is no block of this number.
     pub(crate) fn answer_log(&mut self, block: u32, bytes: &[u8]) {
         for piece in pieces(block, bytes) {
             self.send(self.board.now(), piece);
         }
     }
 
-    /// Notes a message in the log, where there is one.
+    /// Records a message if there is a log.
     pub(super) fn note(&self, header: &Header, message: impl Into<Message>) {
         if let Some(recorder) = self.board.recorder() {
             recorder.note(header, &message.into());
         }
     }
 
-    /// Notes a report, at the time of the sample before it: times of a log are the sensor's.
+    /// Records a status report at the time of the preceding sample, since times in a log are the sensor's.
     pub(super) fn note_status(&self, status: Status) {
         let running = self.session.as_ref().is_some_and(Session::is_open);
         if let Some((header, _)) = self.last.as_ref().filter(|_| running) {

@@ -1,19 +1,20 @@
-//! Frames that wait for the line.
+//! Frames waiting for transmission.
 
 use bodyflight_core::link::{Header, LogPiece, MAX_FRAME_LENGTH, Message, PIECE_LENGTH};
 
 use crate::queue::Queue;
 
-/// Frames that wait; the oldest gives way, so a host that does not read never stops the unit.
+/// Capacity of the queue. When it is full the oldest frame is dropped, so a host that does not read never blocks the
+/// unit.
 const FRAMES: usize = 24;
 
-/// Message types, by their code.
+/// Number of message type codes.
 const TYPES: usize = 0x14;
 
 #[derive(Debug)]
 pub(super) struct Outbox {
     frames: Queue<(Header, Message), FRAMES>,
-    /// Numbers of the next frame of each type.
+    /// Next sequence number of each message type.
     sequences: [u32; TYPES],
     failed: u32,
 }
@@ -27,7 +28,7 @@ impl Outbox {
         }
     }
 
-    /// Numbers begin anew; what waits still goes.
+    /// Restarts the sequence numbers; queued frames are still sent.
     pub(super) fn begin_session(&mut self) {
         self.sequences = [0; TYPES];
     }
@@ -46,7 +47,7 @@ impl Outbox {
         self.frames.push((header, message));
     }
 
-    /// The oldest frame; a clock comparison leaves with the time `now` (us).
+    /// Takes the oldest frame; a clock comparison is stamped with the time `now` (us).
     pub(super) fn next(&mut self, now: u64, frame: &mut [u8; MAX_FRAME_LENGTH]) -> Option<usize> {
         let (header, mut message) = self.frames.pop()?;
         if let Message::TimeSync(answer) = &mut message {
@@ -59,13 +60,13 @@ impl Outbox {
         self.failed = self.failed.wrapping_add(1);
     }
 
-    /// Frames that were never sent whole.
+    /// Number of frames that were not sent completely.
     pub(super) fn dropped(&self) -> u32 {
         self.frames.dropped().wrapping_add(self.failed)
     }
 }
 
-/// A block of the log as it goes over the link; one empty piece where there is none of this number.
+/// Splits a block of the log into link messages; a single empty piece if there is no block of this number.
 pub(super) fn pieces(block: u32, bytes: &[u8]) -> impl Iterator<Item = LogPiece> {
     let length = u16::try_from(bytes.len()).unwrap_or(u16::MAX);
     let count = bytes.len().div_ceil(PIECE_LENGTH).max(1);

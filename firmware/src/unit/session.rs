@@ -1,29 +1,29 @@
-//! A session: one stream of samples from its start to its stop.
+//! A session: one stream of samples from `START` to `STOP`.
 
 use bodyflight_core::link::{Ledger, StreamMode};
 
 use crate::board::RECEIVER_BYTES;
 
-/// The session that runs or ran last.
+/// The current or most recent session.
 #[derive(Debug)]
 pub(super) struct Session {
     pub(super) number: u16,
     pub(super) ledger: Ledger,
     mode: StreamMode,
     closed: bool,
-    /// Credit granted last.
+    /// Total credit granted last.
     granted: u32,
 }
 
-/// Longest frame of a sample.
+/// Length of a sample's frame (bytes).
 const SAMPLE_BYTES: usize = 134;
 
-/// Samples that may be under way: while an update runs the board's receiver must hold them. The unit works off as
-/// many in two updates, so that whoever keeps to the credit is in time.
+/// Number of samples that may be in transit: the board's receiver must hold them during an update. The unit processes
+/// as many in two updates, so a host that respects the credit is never late.
 #[expect(clippy::cast_possible_truncation, reason = "a few")]
 const UNDER_WAY: u32 = (RECEIVER_BYTES / SAMPLE_BYTES) as u32;
 
-/// Credit is worth a frame from this many samples on.
+/// Smallest increase of credit for which a frame is sent.
 const WORTH: u32 = UNDER_WAY / 2;
 
 impl Session {
@@ -50,7 +50,7 @@ impl Session {
         !self.closed
     }
 
-    /// The host has sent all its samples.
+    /// Closes the session; the host has sent `sent` samples.
     pub(super) fn close(&mut self, sent: u32) {
         if self.mode != StreamMode::Sensor {
             self.ledger.close(sent);
@@ -58,7 +58,7 @@ impl Session {
         self.closed = true;
     }
 
-    /// What may have been sent in all while so many samples wait, where the host should hear of it.
+    /// Returns the total credit with `waiting` samples queued, or `None` if the host need not be told.
     pub(super) fn grant(&mut self, waiting: u32, asked: bool) -> Option<u32> {
         let free = UNDER_WAY.saturating_sub(waiting);
         let granted = self.ledger.expected().wrapping_add(free);

@@ -1,4 +1,4 @@
-//! The conversation, in virtual time.
+//! Tests of the protocol, in virtual time.
 
 mod credit;
 
@@ -12,7 +12,7 @@ use proptest::prelude::*;
 use super::*;
 use crate::test_flight::{configure, samples, table, time};
 
-/// A clock that is set, and goes on a little with each look.
+/// A settable clock that advances slightly each time it is read.
 struct Bench {
     now: Cell<u64>,
     step: u64,
@@ -220,7 +220,7 @@ fn an_overrun_drops_the_oldest_and_is_counted() {
     let status = unit.status();
     assert_eq!(status.used + status.dropped_oldest, 50);
     assert_eq!(status.queue_high_water, waiting);
-    // The end is told when all is worked off.
+    // The end is reported when all samples are processed.
     let last = heard(&mut unit).pop().unwrap().1;
     assert!(matches!(last, Message::Status(end) if end.used == status.used));
 }
@@ -251,7 +251,7 @@ fn a_host_that_does_not_read_never_stops_the_unit() {
     let status = unit.status();
     assert_eq!(status.used, 400);
     assert!(status.transmit_dropped > 40);
-    // What waits is the newest.
+    // The newest samples are queued.
     let last = estimates(&heard(&mut unit)).last().unwrap().sample_sequence;
     assert!(last > 390);
 }
@@ -262,7 +262,7 @@ fn commands_may_be_repeated() {
     let samples = samples(120);
     for (k, sample) in (0..).zip(&samples) {
         tell_numbered(&mut unit, SESSION, k, time(k), *sample);
-        // A host that has lost its answers asks again in mid-stream.
+        // A host that has lost its answers asks again during the stream.
         tell(&mut unit, SESSION, hello());
         tell(&mut unit, SESSION, configure());
         tell(
@@ -281,7 +281,7 @@ fn commands_may_be_repeated() {
     tell_numbered(&mut unit, SESSION, 120, time(120), samples[119]);
     while unit.work() {}
     assert_eq!(unit.status().used, 121);
-    // Another session begins anew.
+    // Another session starts from scratch.
     tell(
         &mut unit,
         SESSION + 1,
@@ -315,7 +315,7 @@ fn a_sensor_on_its_own_port_feeds_the_filter() {
     let mut unit = running(StreamMode::Sensor);
     let samples = samples(120);
     for (k, sample) in (0u16..).zip(&samples) {
-        // The host sets the posture now and then.
+        // The host sets the posture occasionally.
         if k % 24 == 0 {
             tell_numbered(&mut unit, SESSION, u32::from(k / 24), 0, *sample);
         }
@@ -374,7 +374,7 @@ proptest! {
         while unit.work() {}
         heard(&mut unit);
         tell(&mut unit, SESSION, hello());
-        // The frame may have been whole but for its end, which the greeting brings.
+        // The frame may have lacked only its delimiter, which the greeting supplies.
         let last = heard(&mut unit).pop();
         prop_assert!(matches!(last, Some((_, Message::HelloAcknowledge(_)))), "{last:?}");
     }

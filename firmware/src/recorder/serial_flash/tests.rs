@@ -1,5 +1,5 @@
-//! The driver on a chip that forgives nothing: writing needs to be enabled each time, wraps within its page and takes bits away
-//! only; while it is busy it hears nothing but questions for its status.
+//! The driver on a strict simulated chip: each write must be enabled, wraps within its page and only clears bits; while
+//! busy, the chip answers only status requests.
 #![allow(clippy::cast_possible_truncation, reason = "small numbers of a test")]
 
 use core::cell::RefCell;
@@ -19,12 +19,12 @@ struct Chip {
     cells: Vec<u8>,
     identity: [u8; 3],
     selected: bool,
-    /// What came since the chip was selected.
+    /// Bytes received since the chip was selected.
     heard: Vec<u8>,
     writable: bool,
-    /// Time that it is busy for (us).
+    /// Remaining busy time (us).
     busy: u32,
-    /// Time that erasing takes (us).
+    /// Duration of an erase (us).
     erasing: u32,
 }
 
@@ -50,7 +50,7 @@ impl Pins {
 }
 
 impl Chip {
-    /// A byte comes, and one goes.
+    /// Exchanges one byte.
     fn exchange(&mut self, byte: u8) -> u8 {
         assert!(self.selected, "nobody is selected");
         self.heard.push(byte);
@@ -193,7 +193,7 @@ fn a_queue_of_blocks_lives_on_the_chip() {
         while let Some(entry) = iterator.next(&mut buffer).await.unwrap() {
             found.push(entry[0]);
         }
-        // Three or four to a sector; the oldest gave way.
+        // Three or four fit a sector; the oldest were overwritten.
         assert_eq!(found.last(), Some(&99));
         assert!((45..=64).contains(&found.len()), "{}", found.len());
         assert!(found.windows(2).all(|pair| pair[1] == pair[0] + 1));

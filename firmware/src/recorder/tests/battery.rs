@@ -1,4 +1,4 @@
-//! What a unit with a log writes of itself.
+//! The status that a unit with a log records.
 
 use bodyflight_core::link::{Hello, MAX_FRAME_LENGTH, SCHEMA_HASH, Stop};
 
@@ -63,7 +63,7 @@ fn what_a_unit_reports_of_its_battery_is_in_the_log() {
     let mode = StreamMode::Paced;
     tell(0, Start { mode }.into());
     for (sequence, mut sample) in (0..).zip(test_flight::samples(3)) {
-        // Where it cannot tell a flight, everything is written.
+        // If the phase is unknown, everything is written.
         sample.valid.remove(Validity::VELOCITY);
         assert_eq!(tell(sequence, sample.into()).battery, 3712);
     }

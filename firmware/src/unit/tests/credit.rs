@@ -1,8 +1,8 @@
-//! Credit: what the host may send.
+//! Credit: the number of samples that the host may send.
 
 use super::*;
 
-/// The credit heard last.
+/// The credit received last.
 fn credit(unit: &mut Unit<Bench>) -> Option<u32> {
     heard(unit)
         .into_iter()
@@ -13,7 +13,7 @@ fn credit(unit: &mut Unit<Bench>) -> Option<u32> {
         })
 }
 
-/// Streams 240 samples as credit allows, and the last credit; after each burst the unit works.
+/// Streams 240 samples as credit allows, with the unit working after each burst. Returns the last credit.
 fn streamed_on_credit(work: impl Fn(&mut Unit<Bench>)) -> (Unit<Bench>, u32) {
     let mut unit = running(StreamMode::Credit);
     let mut granted = credit(&mut unit).unwrap();
@@ -26,7 +26,7 @@ fn streamed_on_credit(work: impl Fn(&mut Unit<Bench>)) -> (Unit<Bench>, u32) {
         }
         work(&mut unit);
         granted = credit(&mut unit).unwrap_or(granted);
-        // Once all is worked off there is more to send.
+        // Once all are processed, more credit is granted.
         assert!(granted > sent || !unit.samples.is_empty());
     }
     while unit.work() {}
@@ -38,12 +38,12 @@ fn streamed_on_credit(work: impl Fn(&mut Unit<Bench>)) -> (Unit<Bench>, u32) {
 #[test]
 fn credit_is_a_total_that_follows_what_is_worked_off() {
     let (mut unit, granted) = streamed_on_credit(|unit| while unit.work() {});
-    // A repeated sample asks again.
+    // A repeated sample asks for the credit again.
     tell_numbered(&mut unit, SESSION, 239, time(239), samples(240)[239]);
     assert!(credit(&mut unit) >= Some(granted));
 }
 
-/// However slowly the unit gets to it, the host does not fill its queue, in which samples would be late.
+/// However slow the unit is, the host does not overfill its queue, which would make samples late.
 #[test]
 fn credit_keeps_the_queue_short() {
     let (unit, _) = streamed_on_credit(|unit| assert!(unit.work()));
