@@ -1,14 +1,14 @@
-//! Density of the air at a height: by the standard atmosphere, or by pressure and temperature of the ground.
+//! Air density at a height, from the standard atmosphere or from pressure and temperature on the ground.
 
 use bodyflight_core::air::{density_above_ground, standard_density};
 
-/// How the density is told.
+/// Source of the air density.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Atmosphere {
     /// U.S. Standard Atmosphere 1976.
     #[default]
     Standard,
-    /// Measured on the ground; the temperature falls with the height as in the standard atmosphere.
+    /// Measured on the ground; the temperature decreases with height as in the standard atmosphere.
     Ground {
         /// Pressure (Pa).
         pressure: f64,

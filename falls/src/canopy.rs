@@ -1,33 +1,33 @@
-//! The wind under an open canopy: on a circle the velocity over ground goes around that of the air.
+//! The wind under an open canopy: while the canopy circles, its velocity over ground circles about the wind velocity.
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 use crate::Sample;
 use crate::wind::Wind;
 
-/// Length of the parts in which circles are looked for, and time from one to the next (s).
+/// Length of the parts in which circles are searched for, and the distance between their starts (s).
 const PART: f64 = 30.0;
 const STRIDE: f64 = 15.0;
 
-/// Widest gap between headings of a circle (rad).
+/// Widest gap between the headings of a circle (rad).
 const GAP: f64 = 1.4;
 
-/// Airspeeds across that a canopy has (m/s).
+/// Range of a canopy's horizontal airspeed (m/s).
 const SPEEDS: [f64; 2] = [4.0, 25.0];
 
-/// Time after which the errors of a circle are others (s): a canopy speeds up and slows down as it turns.
+/// Correlation time of the errors on a circle (s), since a canopy speeds up and slows down as it turns.
 const KEPT: f64 = 5.0;
 
-/// Wind and airspeed from a circle.
+/// Wind and airspeed determined from a circle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Circle {
-    /// The wind, at the middle height.
+    /// The wind at the mean height of the circle.
     pub wind: Wind,
-    /// Airspeed across (m/s).
+    /// Horizontal airspeed (m/s).
     pub airspeed: f64,
 }
 
-/// The circles of a part of the track under canopy.
+/// Finds the circles in the part of the track under canopy.
 pub fn circles(samples: &[Sample]) -> Vec<Circle> {
     let Some(first) = samples.first() else {
         return Vec::new();
@@ -44,12 +44,12 @@ pub fn circles(samples: &[Sample]) -> Vec<Circle> {
     circles
 }
 
-/// The circle through the velocities of a part, by least squares; `None` where they do not go around.
+/// Fits a circle to the velocities of a part by least squares; `None` if they do not go all the way round.
 fn circle(part: &[Sample]) -> Option<Circle> {
     if part.len() < 8 {
         return None;
     }
-    // Of |v|^2 = 2 v.c + (r^2 - |c|^2), linear in what is looked for.
+    // The equation |v|^2 = 2 v.c + (r^2 - |c|^2) is linear in the unknowns.
     let mut normal = Matrix3::zeros();
     let mut right = Vector3::zeros();
     for sample in part {

@@ -1,39 +1,41 @@
-//! Rows of a receiver that cannot be: heights far from where the velocities lead, jumps of the velocity, other times.
+//! Removes impossible rows of a receiver: heights inconsistent with the velocities, jumps of the velocity, gaps in
+//! time.
 //!
-//! Receivers that were switched on late, or lie against metal, give heights of 10 km for some seconds around the exit
-//! and are right before and after. A single limit cannot tell that: rows are judged by their neighbours.
+//! Receivers that were switched on late or lie against metal may give heights of 10 km for some seconds around the
+//! exit, with good values before and after. A single limit cannot detect that, so rows are compared with their
+//! neighbours.
 
 use crate::{Sample, median};
 
-/// Time on either side in which neighbours are asked (s).
+/// Time on either side in which neighbours are used (s).
 const NEIGHBOURS: f64 = 10.0;
 
-/// Farthest that a height may be from where its neighbours and their velocities say (m).
+/// Largest difference of a height from the value predicted by its neighbours and their velocities (m).
 const HEIGHT: f64 = 80.0;
 
-/// Farthest that a velocity may be from the middle of its next neighbours (m/s).
+/// Largest difference of a velocity from the median of its neighbours (m/s).
 const VELOCITY: f64 = 15.0;
 
 /// Time on either side of a row in which velocities are compared (s): shorter than any opening.
 const VELOCITY_NEIGHBOURS: f64 = 0.5;
 
-/// Longest gap within a jump (s). A longer one is another flight, or a clock that was set between two rows.
+/// Longest gap within a jump (s). A longer one means another flight, or a clock that was set between two rows.
 const LONGEST_GAP: f64 = 60.0;
 
-/// Rows that were taken out.
+/// Rows that were removed.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct TakenOut {
-    /// How many.
+    /// Number of rows.
     pub count: usize,
-    /// Time of the first (s).
+    /// Time of the first removed row (s).
     pub first_time: Option<f64>,
 }
 
-/// The rows between long gaps that lose the most height, where they agree with their neighbours.
+/// Returns the section between long gaps that loses the most height, without rows that disagree with their neighbours.
 pub fn cleaned(samples: &[Sample]) -> (Vec<Sample>, TakenOut) {
     let whole = samples;
     let samples = jump_without_gaps(whole);
-    // What is left of the height after the way that was fallen: nearly constant.
+    // Height plus the distance fallen, which should be nearly constant.
     let mut way = 0.0;
     let mut left: Vec<f64> = Vec::with_capacity(samples.len());
     for (index, sample) in samples.iter().enumerate() {
@@ -72,7 +74,7 @@ pub fn cleaned(samples: &[Sample]) -> (Vec<Sample>, TakenOut) {
     (kept, out)
 }
 
-/// The rows between two gaps that lose the most height.
+/// The section between two gaps that loses the most height.
 fn jump_without_gaps(samples: &[Sample]) -> &[Sample] {
     let lost = |part: &[Sample]| {
         let heights = || part.iter().map(Sample::height);
@@ -85,7 +87,7 @@ fn jump_without_gaps(samples: &[Sample]) -> &[Sample] {
         .map_or(&[], |(_, part)| part)
 }
 
-/// The first row of the whole that is not in the part.
+/// The first row of `whole` that is not in `part`.
 fn outside<'a>(whole: &'a [Sample], part: &[Sample]) -> Option<&'a Sample> {
     let begin = part.first()?.time;
     whole.iter().find(|sample| sample.time < begin).or_else(|| {
@@ -94,7 +96,7 @@ fn outside<'a>(whole: &'a [Sample], part: &[Sample]) -> Option<&'a Sample> {
     })
 }
 
-/// Indices of the samples within `reach` (s) of one, itself among them.
+/// Indices of the samples within `reach` (s) of a sample, including it.
 fn neighbours(samples: &[Sample], index: usize, reach: f64) -> core::ops::Range<usize> {
     let time = samples[index].time;
     let first = samples[..index].partition_point(|sample| sample.time < time - reach);

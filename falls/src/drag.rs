@@ -1,9 +1,9 @@
-//! Drag and lift of a fall over time, and its pieces of one posture.
+//! Drag and lift of a fall over time, and its division into pieces of constant posture.
 //!
-//! Over a second the velocity changes by what gravity, drag and lift add up to: each block of the track gives a drag
-//! factor, area times coefficient over mass (m2/kg), and nothing is differentiated. Postures change, so the blocks are
-//! divided into pieces of one drag factor each; of all divisions the one with the least squares is found by dynamic
-//! programming, and every piece has its price, so that the data choose how many there are.
+//! Over a second, the change of velocity is the sum of gravity, drag and lift. So each block of the track gives a drag
+//! factor, area times coefficient over mass (m2/kg), without differentiation. Since postures change, the blocks are
+//! divided into pieces of constant drag factor. Dynamic programming finds the division with the least squares; every
+//! piece has a penalty, so the data determine the number of pieces.
 
 use bodyflight_core::air::GRAVITY;
 use nalgebra::Vector3;
@@ -15,56 +15,56 @@ use crate::{Sample, median};
 /// Length of a block (s).
 const BLOCK: f64 = 1.0;
 
-/// Longest time between samples inside of a block (s).
+/// Longest time between samples within a block (s).
 const GAP: f64 = 1.5;
 
-/// Share of the drag that changes from block to block without a new posture.
+/// Variation of the drag between blocks within one posture, as a fraction.
 const JITTER: f64 = 0.03;
 
-/// Least length of a piece (s).
+/// Shortest length of a piece (s).
 const LEAST: f64 = 3.0;
 
-/// Price of a piece: so many logarithms of the number of blocks for each value that is fitted.
+/// Penalty of a piece: number of logarithms of the number of blocks per fitted value.
 const PRICE: f64 = 3.0;
 
-/// From this glide on, across over down, lift is a part of what is fitted: tracking suits, wingsuits.
+/// Glide ratio from which lift is fitted too: tracking suits, wingsuits.
 const GLIDES: f64 = 0.4;
 
-/// A second of the fall.
+/// One second of the fall.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Block {
-    /// Middle of it (s).
+    /// Time of its middle (s).
     pub time: f64,
     /// Length (s).
     pub duration: f64,
-    /// Height above mean sea level, mean (m).
+    /// Mean height above mean sea level (m).
     pub height: f64,
     /// Drag factor: area times coefficient over mass (m2/kg).
     pub drag: f64,
-    /// Lift factor upwards across the stream, likewise (m2/kg).
+    /// Lift factor, upwards across the stream: area times coefficient over mass (m2/kg).
     pub lift: f64,
-    /// Standard deviation of both as far as the receiver goes (m2/kg).
+    /// Standard deviation of both from receiver noise (m2/kg).
     pub deviation: f64,
-    /// Speed through the air, mean (m/s).
+    /// Mean airspeed (m/s).
     pub airspeed: f64,
-    /// Speed downwards, mean (m/s).
+    /// Mean downward speed (m/s).
     pub down: f64,
-    /// Speed across, through the air, mean (m/s).
+    /// Mean horizontal airspeed (m/s).
     pub across: f64,
 }
 
 /// A piece of the fall with one posture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Piece {
-    /// From and to (s).
+    /// Start and end (s).
     pub time: [f64; 2],
     /// Drag factor (m2/kg).
     pub drag: f64,
-    /// Standard deviation of it (m2/kg).
+    /// Standard deviation of the drag factor (m2/kg).
     pub deviation: f64,
-    /// Lift factor (m2/kg); zero where the fall does not glide.
+    /// Lift factor (m2/kg); zero if the fall does not glide.
     pub lift: f64,
-    /// Across over down, through the air.
+    /// Glide ratio through the air: horizontal over downward speed.
     pub glide: f64,
 }
 
@@ -146,13 +146,13 @@ fn block(
     })
 }
 
-/// The direction across a stream that points up most; `None` for a stream straight up or down.
+/// The direction across a stream that points up most; `None` for a vertical stream.
 pub fn upwards(stream: &Vector3<f64>) -> Option<Vector3<f64>> {
     let along = stream.try_normalize(1e-6)?;
     (Vector3::z() - along * along.z).try_normalize(1e-2)
 }
 
-/// Whether a fall glides enough for its lift to be told.
+/// Whether a fall glides enough to determine its lift.
 pub fn glides(blocks: &[Block]) -> bool {
     let glide = median(
         blocks
@@ -162,7 +162,7 @@ pub fn glides(blocks: &[Block]) -> bool {
     glide.is_some_and(|glide| glide > GLIDES)
 }
 
-/// Sums over the first blocks, of which differences give the squares of any piece.
+/// Cumulative sums over the blocks; their differences give the sum of squares of any piece.
 #[derive(Default, Clone, Copy)]
 struct Sums {
     weight: f64,
@@ -178,7 +178,7 @@ impl Sums {
         self
     }
 
-    /// Squares around the mean, between two places; the mean, and its standard deviation.
+    /// Returns the sum of squares about the mean between two places, the mean, and its standard deviation.
     fn between(from: &Self, to: &Self) -> (f64, f64, f64) {
         let weight = to.weight - from.weight;
         let value = to.value - from.value;
@@ -191,7 +191,7 @@ impl Sums {
     }
 }
 
-/// Variance of each block's value, besides what one posture keeps; as large as values next to each other say.
+/// Variance of each block's value within one posture, scaled up to the scatter between neighbouring values.
 fn variances(values: &[f64], blocks: &[Block]) -> Vec<f64> {
     let usual = median(blocks.iter().map(|block| block.drag.abs())).unwrap_or(0.0);
     let own = |block: &Block| block.deviation.powi(2) + (JITTER * usual).powi(2);
@@ -206,7 +206,7 @@ fn variances(values: &[f64], blocks: &[Block]) -> Vec<f64> {
     blocks.iter().map(|block| own(block) * scale).collect()
 }
 
-/// The pieces of a fall; none where there is no block.
+/// The pieces of a fall; empty if there are no blocks.
 pub fn pieces(blocks: &[Block]) -> Vec<Piece> {
     let glides = glides(blocks);
     let mut series: Vec<Vec<f64>> = vec![blocks.iter().map(|block| block.drag).collect()];
@@ -229,7 +229,7 @@ pub fn pieces(blocks: &[Block]) -> Vec<Piece> {
         let duration: f64 = blocks[from..to].iter().map(|block| block.duration).sum();
         duration >= LEAST || (from == 0 && to == count)
     };
-    // For each place, the cheapest division up to it, and where its last piece begins.
+    // For each place, the cost of the best division up to it, and the start of its last piece.
     let mut best = vec![(f64::INFINITY, 0); count + 1];
     best[0] = (0.0, 0);
     for to in 1..=count {
@@ -272,7 +272,7 @@ pub fn pieces(blocks: &[Block]) -> Vec<Piece> {
     pieces
 }
 
-/// Noise of one component of a velocity (m/s): from what is left beside a parabola through four samples.
+/// Noise of one component of a velocity (m/s), from the third differences of four consecutive samples.
 pub fn velocity_noise(samples: &[Sample]) -> f64 {
     const LEAST_NOISE: f64 = 0.1;
     let left = samples.windows(4).flat_map(|four| {
@@ -280,7 +280,7 @@ pub fn velocity_noise(samples: &[Sample]) -> f64 {
             four[3].velocity - four[2].velocity * 3.0 + four[1].velocity * 3.0 - four[0].velocity;
         [third.x.abs(), third.y.abs(), third.z.abs()]
     });
-    // Of a normal distribution the median is 0.6745 deviations; the third difference has the variance of twenty.
+    // For a normal distribution the median is 0.6745 deviations; the third difference has the variance of twenty.
     let noise = median(left).map_or(0.0, |middle| middle / 0.6745 / 20.0_f64.sqrt());
     noise.max(LEAST_NOISE)
 }

@@ -1,4 +1,4 @@
-//! A jump as a whole: its numbers as a skydiver reads them, and whether they are to be believed.
+//! The analysis of a whole jump: its numbers as a skydiver reads them, and how far they can be trusted.
 
 use bodyflight_core::air::GRAVITY;
 use nalgebra::Vector3;
@@ -15,26 +15,25 @@ use crate::verdict::{Evidence, LEAST, PLAUSIBLE, Verdict, judged};
 use crate::wind::{Profile, Wind, wind};
 use crate::{Sample, median, slopes};
 
-/// Rounds of wind from drag and drag from wind.
+/// Number of iterations of estimating wind from drag and drag from wind.
 const ROUNDS: usize = 4;
 
-/// Time after the exit in which the fall still gathers speed (s).
+/// Time after the exit in which the fall still accelerates (s).
 const GATHERS: f64 = 10.0;
 
-/// Length of the shortest part of a fall of which a last third is predicted on trial, and time from one such part to the
-/// next (s).
+/// Length of the shortest part of a fall used for a trial prediction, and the increment between parts (s).
 const FIRST_TRIAL: f64 = 24.0;
 const TRIAL_EVERY: f64 = 3.0;
 
 /// Vertical acceleration below which a fall is steady (m/s2).
 const STEADY: f64 = 1.5;
 
-/// What is known besides the track.
+/// Inputs besides the track.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settings {
     /// Density over the height.
     pub atmosphere: Atmosphere,
-    /// Height in the standard atmosphere to which fall rates are normalised (m).
+    /// Height in the standard atmosphere to which fall rates are normalised (m above mean sea level).
     pub reference_height: f64,
 }
 
@@ -47,67 +46,67 @@ impl Default for Settings {
     }
 }
 
-/// The fall and the canopy in numbers.
+/// Results of the analysis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Jump {
-    /// Verdict, and why.
+    /// Verdict on the fall.
     pub verdict: Verdict,
-    /// Why, in a sentence.
+    /// Reason for the verdict, in a sentence.
     pub reason: String,
     /// Phases of the whole track.
     pub stretches: Vec<Stretch>,
     /// Times of the fall (s, as in the samples).
     pub times: Times,
-    /// Rows that were not used.
+    /// Rows that were removed.
     pub taken_out: TakenOut,
-    /// The samples that were.
+    /// The samples used.
     pub samples: Vec<Sample>,
-    /// Acceleration at each (m/s2).
+    /// Acceleration at each sample (m/s2).
     pub accelerations: Vec<Vector3<f64>>,
-    /// First sample of the fall, and the one after its last.
+    /// Indices of the first sample of the fall, and of the one after its last.
     pub fall: [usize; 2],
     /// Standard deviation of one component of a velocity (m/s).
     pub noise: f64,
-    /// Seconds of the fall.
+    /// Drag and lift for each second of the fall.
     pub blocks: Vec<Block>,
-    /// Pieces of one posture.
+    /// Pieces of constant posture.
     pub pieces: Vec<Piece>,
-    /// Wind through the fall.
+    /// Wind during the fall.
     pub wind: Profile,
     /// Wind under canopy.
     pub circles: Vec<Circle>,
-    /// The fall flown again: velocity at each of its samples (m/s).
+    /// Velocity of the simulated fall at each sample of the fall (m/s).
     pub flown: Vec<Vector3<f64>>,
-    /// Root mean square of the gap between both, vertical (m/s).
+    /// Root mean square difference of the vertical velocity between simulated and measured fall (m/s).
     pub gap: f64,
     /// Mean drag factor of the steady part (m2/kg).
     pub drag: f64,
-    /// Standard deviation of the drag between the seconds of the steady part (m2/kg).
+    /// Standard deviation of the drag factor between the seconds of the steady part (m2/kg).
     pub drag_spread: f64,
-    /// Fall rate at the reference height (m/s), and the fastest as flown.
+    /// Fall rate normalised to the reference height (m/s).
     pub normalised_rate: f64,
-    /// Largest speed downwards (m/s).
+    /// Largest downward speed (m/s).
     pub fastest: f64,
-    /// Across over down through the air: fall, canopy.
+    /// Glide ratios of the fall (through the air) and under canopy (over ground); `None` if unknown.
     pub glide: [Option<f64>; 2],
-    /// Prediction of the last third; `None` where the fall is thin.
+    /// Prediction of the last third; `None` if the fall is thin.
     pub prediction: Option<Prediction>,
 }
 
-/// The opening.
+/// The opening of the canopy.
 #[derive(Debug, Clone, Copy, PartialEq, JsonSchema, Serialize)]
 pub struct Opening {
-    /// Height at which it begins (m above mean sea level).
+    /// Height at its start (m above mean sea level).
     pub height_m: f64,
-    /// Until the canopy carries (s).
+    /// Time until the canopy is open (s).
     pub duration_s: f64,
-    /// Height that is lost (m).
+    /// Height lost (m).
     pub lost_m: f64,
-    /// Largest specific force along the way (multiples of gravity), as far as the receiver resolves it.
+    /// Largest specific force along the flight path (multiples of gravity), as far as the receiver resolves it.
     pub largest_g: f64,
 }
 
-/// Analyses a track. `None` where no fall is on it.
+/// Analyses a track; returns `None` if it contains no fall.
 pub fn analysed(samples: &[Sample], settings: &Settings) -> Option<Jump> {
     let (samples, taken_out) = cleaned(samples);
     let stretches = divided(&samples);
@@ -128,7 +127,7 @@ pub fn analysed(samples: &[Sample], settings: &Settings) -> Option<Jump> {
     let drags = || steady.iter().map(|block| block.drag);
     let drag =
         median(drags()).unwrap_or_else(|| told.pieces.last().map_or(0.0, |piece| piece.drag));
-    // Of a normal distribution, the median distance from the middle is 0.6745 deviations.
+    // For a normal distribution, the median distance from the median is 0.6745 deviations.
     let drag_spread = median(drags().map(|value| (value - drag).abs())).unwrap_or(0.0) / 0.6745;
     let flown = flown(falling, &told, &settings.atmosphere);
     let gap = root_mean_square(falling, &flown);
@@ -175,17 +174,18 @@ pub fn analysed(samples: &[Sample], settings: &Settings) -> Option<Jump> {
     Some(jump)
 }
 
-/// What the first part of a fall, or all of it, tells.
+/// Estimates from a fall or its first part.
 struct Told {
     blocks: Vec<Block>,
     pieces: Vec<Piece>,
     wind: Profile,
 }
 
-/// Drag from wind and wind from drag, in turns.
+/// Estimates drag from wind and wind from drag, alternately.
 ///
-/// A fall that glides goes where it is steered: it says nothing of the wind, and its drag is told in still air. While the
-/// fall gathers speed, the aircraft's speed is in it, and the lift of whatever attitude it was left in.
+/// A gliding fall goes where it is steered, so it carries no information about the wind; its drag is computed for still
+/// air. The time in which the fall gathers speed is left out: the velocity still contains the aircraft's speed, and the
+/// lift of an arbitrary exit attitude.
 fn told(falling: &[Sample], has_exit: bool, atmosphere: &Atmosphere, noise: f64) -> Told {
     let mut profile = Profile::still(falling);
     let mut seconds = blocks(falling, &profile, atmosphere, noise);
@@ -216,7 +216,7 @@ fn told(falling: &[Sample], has_exit: bool, atmosphere: &Atmosphere, noise: f64)
     }
 }
 
-/// The velocity that the first second of a part begins with (m/s): of a line through it.
+/// The velocity at the start of a part (m/s), from a line through its first second.
 fn first_velocity(part: &[Sample]) -> Vector3<f64> {
     let slope = slopes(part, 0.5)
         .first()
@@ -255,7 +255,7 @@ fn root_mean_square(falling: &[Sample], flown: &[Vector3<f64>]) -> f64 {
     (squares / falling.len().max(1) as f64).sqrt()
 }
 
-/// Predicts the last third of the fall; `pieces` are those of all of it.
+/// Predicts the last third of the fall; `pieces` are those of the whole fall.
 fn predicted(
     falling: &[Sample],
     has_exit: bool,
@@ -296,7 +296,7 @@ fn predicted(
     Some(Prediction::judged(&whole, &late, first, trials))
 }
 
-/// Speed downwards at the reference height (m/s): that of the steady part, by the root of the density.
+/// Downward speed at the reference height (m/s): that of the steady part, scaled by the square root of the density.
 fn normalised_rate(
     falling: &[Sample],
     accelerations: &[Vector3<f64>],
@@ -318,7 +318,7 @@ fn normalised_rate(
         .unwrap_or(0.0)
 }
 
-/// From the open canopy to the landing, or to the end.
+/// The samples from the open canopy to the landing, or to the end of the track.
 fn canopy_part<'a>(samples: &'a [Sample], times: &Times) -> &'a [Sample] {
     let Some(open) = times.canopy else {
         return &[];
@@ -329,7 +329,7 @@ fn canopy_part<'a>(samples: &'a [Sample], times: &Times) -> &'a [Sample] {
     samples.get(first..end.max(first)).unwrap_or(&[])
 }
 
-/// Across over down through the air, in the second half of a fall.
+/// Glide ratio through the air in the second half of a fall.
 fn glide(blocks: &[Block]) -> Option<f64> {
     let late = blocks.get(blocks.len() / 2..)?;
     let down: f64 = late.iter().map(|block| block.down).sum();
@@ -337,7 +337,7 @@ fn glide(blocks: &[Block]) -> Option<f64> {
     (down > 0.0).then(|| across / down)
 }
 
-/// Over ground, of all of the flight under canopy: the wind is in it.
+/// Glide ratio over ground of the whole canopy flight, which includes the effect of wind.
 fn canopy_glide(part: &[Sample]) -> Option<f64> {
     let across = median(part.iter().map(Sample::across))?;
     let down = median(part.iter().map(|sample| -sample.velocity.z))?;
@@ -345,12 +345,12 @@ fn canopy_glide(part: &[Sample]) -> Option<f64> {
 }
 
 impl Jump {
-    /// From the exit to the opening (s).
+    /// Duration from the exit to the opening (s).
     pub fn duration(&self) -> f64 {
         self.times.fall[1] - self.times.fall[0]
     }
 
-    /// The sample at a time (s).
+    /// Returns the sample at a time (s).
     pub fn sample_at(&self, time: f64) -> Option<&Sample> {
         let place = self
             .samples
@@ -358,7 +358,7 @@ impl Jump {
         self.samples.get(place).or(self.samples.last())
     }
 
-    /// The opening, where it is on the track.
+    /// The opening, if it is on the track.
     pub fn opening(&self) -> Option<Opening> {
         let (begin, end) = (self.times.opening?, self.times.canopy?);
         let [from, to] = [begin, end].map(|time| self.sample_at(time).map(Sample::height));
@@ -376,8 +376,8 @@ impl Jump {
         })
     }
 
-    /// How far the wind of the highest circle is from that at the end of the fall, in deviations of both and of what a
-    /// wind may change over the height between.
+    /// Difference between the wind of the highest circle and that at the end of the fall, in deviations; they include
+    /// both estimates and the possible change of wind over the height between.
     pub fn winds_apart(&self) -> Option<f64> {
         let circle: &Wind = &self.circles.first()?.wind;
         let fall = self.wind.values.last()?;

@@ -1,10 +1,11 @@
-//! What the track of a logger says of a jump: a receiver of satellites sees where a skydiver is and how fast, not the
-//! posture.
+//! Analysis of a jump from a logger's track: a satellite receiver measures position and velocity of a skydiver, but not
+//! the posture.
 //!
-//! The steps, one file each: rows that cannot be are taken out ([`cleaning`]), the track is divided into phases
-//! ([`phases`]), the wind is told from the way the fall drifts ([`wind`]), drag and lift over time are divided into
-//! pieces of one posture ([`drag`]), circles under the canopy give the wind again ([`canopy`]), and the last third of
-//! the fall is predicted from the first two ([`prediction`]). [`fall`] puts them together, and [`verdict`] judges the whole.
+//! The steps, one file each: impossible rows are removed ([`cleaning`]), the track is divided into phases ([`phases`]),
+//! the wind is estimated from the drift of the fall ([`wind`]), drag and lift over time are divided into pieces of
+//! constant posture ([`drag`]), circles under canopy give a second estimate of the wind ([`canopy`]), and the last
+//! third of the fall is predicted from the first two ([`prediction`]). [`fall`] combines them, and [`verdict`] judges
+//! the result.
 #![forbid(unsafe_code)]
 
 pub mod atmosphere;
@@ -24,9 +25,9 @@ use nalgebra::Vector3;
 /// One fix of a receiver.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sample {
-    /// Time (s), from any moment on.
+    /// Time (s), from an arbitrary origin.
     pub time: f64,
-    /// North and west of any place, height above mean sea level (m).
+    /// North and west of an arbitrary origin, and height above mean sea level (m).
     pub position: Vector3<f64>,
     /// Velocity over ground, north, west, up (m/s).
     pub velocity: Vector3<f64>,
@@ -38,13 +39,13 @@ impl Sample {
         self.position.z
     }
 
-    /// Speed over ground, without the vertical (m/s).
+    /// Horizontal speed over ground (m/s).
     pub fn across(&self) -> f64 {
         self.velocity.xy().norm()
     }
 }
 
-/// The middle of values; `None` where there are none.
+/// The median; `None` if there are no values.
 pub fn median(values: impl IntoIterator<Item = f64>) -> Option<f64> {
     let mut values: Vec<f64> = values.into_iter().collect();
     values.sort_by(f64::total_cmp);
@@ -57,7 +58,7 @@ pub fn median(values: impl IntoIterator<Item = f64>) -> Option<f64> {
     })
 }
 
-/// Slopes of values over time by least squares within `reach` (s) of each sample: the acceleration of a velocity.
+/// Slopes of values over time by least squares within `reach` (s) of each sample; for velocities, the acceleration.
 pub fn slopes(samples: &[Sample], reach: f64) -> Vec<Vector3<f64>> {
     let mut slopes = Vec::with_capacity(samples.len());
     let (mut first, mut last) = (0, 0);
@@ -68,7 +69,7 @@ pub fn slopes(samples: &[Sample], reach: f64) -> Vec<Vector3<f64>> {
         while last < samples.len() && samples[last].time <= sample.time + reach {
             last += 1;
         }
-        // One neighbour on each side at least, where there is one.
+        // At least one neighbour on each side, if there is one.
         let from = first.min(index.saturating_sub(1));
         let to = last.max((index + 2).min(samples.len()));
         slopes.push(slope(&samples[from..to]));

@@ -1,8 +1,8 @@
 //! The phases of a jump: aircraft, exit, fall, opening, canopy, ground.
 //!
-//! No threshold ends a phase. Each phase has ranges of what it looks like, in a table, and the phases follow one
-//! another as on a jump; of all ways to divide the track, the one that fits best as a whole is found by dynamic
-//! programming (a hidden Markov chain, Viterbi). Its borders are then put where the vertical velocity has its kinks.
+//! Phases are not separated by thresholds. A table gives each phase a range for each feature, and phases follow one
+//! another as on a jump. Of all ways to divide the track, dynamic programming finds the one that fits best as a whole
+//! (a hidden Markov chain, Viterbi). Boundaries are then placed at the kinks of the vertical velocity.
 
 use bodyflight_core::air::GRAVITY;
 use nalgebra::{DMatrix, DVector, Vector3};
@@ -20,7 +20,7 @@ pub enum Phase {
     Ground,
     /// In the aircraft.
     Aircraft,
-    /// After leaving it, gathering speed downwards.
+    /// After leaving the aircraft, accelerating downwards.
     Exit,
     /// Free fall, or flight in a wingsuit.
     Fall,
@@ -57,26 +57,26 @@ impl Phase {
     }
 }
 
-/// What phases are told by: vertical velocity, speed across, speed (m/s), vertical acceleration (m/s2), angle of the
-/// way below the horizon (rad), logarithm of the drag factor (of m2/kg).
+/// Features that distinguish phases: vertical velocity, horizontal speed, speed (m/s), vertical acceleration (m/s2),
+/// angle of the flight path below the horizon (rad), logarithm of the drag factor (of m2/kg).
 const FEATURES: usize = 6;
 
-/// How far outside of its range a feature costs one.
+/// Distance of each feature from its range that has a cost of one.
 const SCALES: [f64; FEATURES] = [2.0, 4.0, 4.0, 1.2, 0.09, 0.15];
 
-/// Most that one feature of one sample costs: a sample that is wrong decides nothing alone.
+/// Largest cost of one feature of one sample, so that no single bad sample is decisive.
 const MOST: f64 = 12.0;
 
 const ANY: [f64; 2] = [-1e9, 1e9];
 
-/// Largest drag factor of a body and least of an opening canopy (m2/kg), as logarithm: 0.016.
+/// Logarithm of the drag factor (m2/kg) that separates a body from an opening canopy: 0.016.
 const OPENED: f64 = -4.135;
 
 /// Ranges of the features in each phase: wide enough for slow and fast falls, wingsuits, helicopters and swoops.
 const RANGES: [[[f64; 2]; FEATURES]; COUNT] = [
     // Ground: at rest or walking.
     [[-0.8, 0.8], [0.0, 6.0], ANY, [-0.6, 0.6], ANY, ANY],
-    // Aircraft: a flat way, steady.
+    // Aircraft: a flat, steady path.
     [
         [-14.0, 20.0],
         [25.0, 110.0],
@@ -85,9 +85,9 @@ const RANGES: [[[f64; 2]; FEATURES]; COUNT] = [
         [-0.45, 0.22],
         ANY,
     ],
-    // Exit: nothing carries.
+    // Exit: nearly weightless.
     [[-45.0, 3.0], ANY, ANY, [-12.0, -4.5], ANY, [-1e9, OPENED]],
-    // Fall: a steep way, fast, with the drag of a body.
+    // Fall: a steep path, fast, with the drag of a body.
     [
         [-140.0, -5.0],
         ANY,
@@ -96,7 +96,7 @@ const RANGES: [[[f64; 2]; FEATURES]; COUNT] = [
         [0.2, 1.6],
         [-1e9, OPENED],
     ],
-    // Opening: slowed down hard, by more than a body.
+    // Opening: decelerated by more drag than a body has.
     [
         [-140.0, -3.0],
         ANY,
@@ -105,7 +105,7 @@ const RANGES: [[[f64; 2]; FEATURES]; COUNT] = [
         ANY,
         [OPENED, 1e9],
     ],
-    // Canopy: slow, carried.
+    // Canopy: slow, in steady flight.
     [
         [-32.0, 2.0],
         ANY,
@@ -116,7 +116,7 @@ const RANGES: [[[f64; 2]; FEATURES]; COUNT] = [
     ],
 ];
 
-/// Cost of going from one phase (row) to another (column), in the order of [`Phase::ALL`].
+/// Cost of the transition from one phase (row) to another (column), in the order of [`Phase::ALL`].
 const STEPS: [[f64; COUNT]; COUNT] = {
     const USUAL: f64 = 8.0;
     const SELDOM: f64 = 60.0;
@@ -136,24 +136,24 @@ const STEPS: [[f64; COUNT]; COUNT] = {
 /// Time around a sample from which its acceleration is taken (s).
 const REACH: f64 = 0.6;
 
-/// Samples a second that the costs of the steps are made for.
+/// Sample rate for which the transition costs are defined (Hz).
 const RATE: f64 = 5.0;
 
-/// Longest time that one sample stands for (s).
+/// Longest time that one sample represents (s).
 const LONGEST: f64 = 1.0;
 
-/// A phase over a part of the track.
+/// A part of the track in one phase.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Stretch {
-    /// Which one.
+    /// The phase.
     pub phase: Phase,
-    /// First sample.
+    /// Index of the first sample.
     pub first: usize,
-    /// The sample after the last.
+    /// Index after the last sample.
     pub end: usize,
 }
 
-/// A track divided into phases.
+/// Divides a track into phases.
 pub fn divided(samples: &[Sample]) -> Vec<Stretch> {
     let accelerations = slopes(samples, REACH);
     let mut costs = [0.0; COUNT];
@@ -196,7 +196,7 @@ pub fn divided(samples: &[Sample]) -> Vec<Stretch> {
     stretches
 }
 
-/// What a sample costs in each phase.
+/// Cost of a sample in each phase.
 fn emission(sample: &Sample, acceleration: &Vector3<f64>) -> [f64; COUNT] {
     let (up, across) = (sample.velocity.z, sample.across());
     let speed = sample.velocity.norm();
@@ -218,21 +218,21 @@ fn emission(sample: &Sample, acceleration: &Vector3<f64>) -> [f64; COUNT] {
 /// The times of a jump (s); `None` for what the track does not show.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Times {
-    /// The aircraft is left.
+    /// Exit from the aircraft.
     pub exit: Option<f64>,
-    /// First and last moment of the fall that are on the track.
+    /// Start and end of the fall, as far as it is on the track.
     pub fall: [f64; 2],
-    /// The fall begins to be slowed down by the canopy.
+    /// Start of the deceleration by the canopy.
     pub opening: Option<f64>,
-    /// The canopy carries.
+    /// The canopy is open.
     pub canopy: Option<f64>,
-    /// The canopy has landed.
+    /// Landing under canopy.
     pub landing: Option<f64>,
 }
 
-/// The times of the longest fall of a track; `None` where it has none.
+/// The times of the longest fall of a track; `None` if there is none.
 pub fn times(samples: &[Sample], stretches: &[Stretch]) -> Option<Times> {
-    // Who is slowed down as by a canopy and falls on has pulled out of a dive, with a wingsuit.
+    // A deceleration as by a canopy that is followed by further fall is a wingsuit pulling out of a dive.
     let falls = |place: usize| match stretches[place].phase {
         Phase::Exit | Phase::Fall => true,
         Phase::Opening => stretches
@@ -254,7 +254,7 @@ pub fn times(samples: &[Sample], stretches: &[Stretch]) -> Option<Times> {
     let [first, end] = falling
         .into_iter()
         .max_by(|a, b| duration(a).total_cmp(&duration(b)))?;
-    // A head-down flyer who bails out looks like a second exit: only what comes after an aircraft is one.
+    // A head-down flyer who changes to belly flight resembles a second exit, so an exit must follow an aircraft phase.
     let before = first.checked_sub(1).map(|place| stretches[place].phase);
     let begin = time(stretches[first].first);
     let exit = match before {
@@ -291,16 +291,16 @@ pub fn times(samples: &[Sample], stretches: &[Stretch]) -> Option<Times> {
     })
 }
 
-/// On which side of a kink the slope is another one.
+/// Side of a kink on which the slope changes.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Side {
     Before,
     After,
 }
 
-/// Where two lines of the vertical velocity meet, near a time (s): the kink that leaves the least squares.
+/// Time near `near` (s) at which two lines fitted to the vertical velocity meet with the least squares.
 ///
-/// The line is fitted over `reach` (s) before and after.
+/// The lines are fitted over `reach` (s) before and after.
 fn kink(samples: &[Sample], near: f64, reach: [f64; 2], side: Side) -> Option<f64> {
     const STEP: f64 = 0.05;
     let within = |sample: &&Sample| (near - reach[0]..=near + reach[1]).contains(&sample.time);

@@ -1,4 +1,4 @@
-//! A fall flown again, with the drag, lift and wind that were told from it or from its first part.
+//! Simulates a fall with the drag, lift and wind determined from it or from its first part.
 
 use bodyflight_core::air::{Air, GRAVITY};
 use bodyflight_core::dynamics::point_mass::PointMass;
@@ -15,56 +15,57 @@ use crate::wind::Profile;
 /// Longest step (s).
 const STEP: f64 = 0.05;
 
-/// How near a prediction is that holds: share of the fall rate.
+/// Largest error of a prediction that `held`, as a fraction of the fall rate.
 const HOLDS: f64 = 0.05;
 
-/// Least change of the drag, or of the lift beside it, that is another posture: a tenth, for a twentieth of the fall rate.
+/// Smallest change of drag, or of lift as a fraction of the drag, that counts as another posture: a tenth, which
+/// changes the fall rate by a twentieth.
 const CHANGE: f64 = 0.1;
 
-/// So many deviations of both pieces a change must be apart.
+/// Smallest such change in combined deviations of both pieces.
 const CERTAIN: f64 = 3.0;
 
-/// What the drag of one posture does to the fall rate from one minute to the next: share of it.
+/// Variation of the fall rate from one minute to the next within one posture, as a fraction.
 const BREATH: f64 = 0.02;
 
-/// What a change of posture does to the fall rate where none was seen yet: share of it. Public falls are at about 53 m/s
-/// belly to earth and from 71 m/s on upright; half of that.
+/// Assumed change of the fall rate by a change of posture if none has been seen yet, as a fraction. Public falls are at
+/// about 53 m/s belly to earth and from 71 m/s on upright; this is half of that.
 const UNSEEN: f64 = 0.17;
 
-/// What became of a prediction.
+/// Outcome of a prediction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, JsonSchema, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Outcome {
-    /// The last third was flown as predicted.
+    /// The prediction agrees with the last third of the fall.
     Held,
-    /// It was flown in another posture, of which the first two thirds say nothing but how often that happens.
+    /// The posture changed in the last third; the first two thirds determine only how often that happens.
     PostureChanged,
-    /// It was flown in the same posture, and otherwise than predicted.
+    /// The posture was kept, but the fall rate differs from the prediction.
     Missed,
 }
 
-/// A fall rate that was predicted from what was flown before, and nothing else.
+/// A fall rate predicted from the preceding part of the fall alone.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Forecast {
-    /// When the part that is predicted begins (s).
+    /// Start of the predicted part (s).
     pub from: f64,
-    /// Mean speed downwards over that part, predicted (m/s).
+    /// Predicted mean downward speed over that part (m/s).
     pub rate: f64,
-    /// Standard deviation of it (m/s): as far as postures changed before.
+    /// Standard deviation of the prediction (m/s), from earlier posture changes.
     pub deviation: f64,
-    /// As it was (m/s).
+    /// Measured mean downward speed (m/s).
     pub measured: f64,
-    /// The piece that goes on in the prediction.
+    /// The piece that the prediction continues.
     pub made_with: Piece,
-    /// How often the posture changed before, once the fall had gathered speed.
+    /// Number of earlier posture changes, after the fall had gathered speed.
     pub changes: usize,
-    /// Chance that it stays over the part that is predicted, if it goes on changing as often.
+    /// Probability that the posture stays over the predicted part, if changes continue at the same rate.
     pub kept_chance: f64,
 }
 
 impl Forecast {
-    /// Predicts the fall rate of `after`, of which only times and the first `velocity` (m/s) are used, with the last of the
-    /// `pieces` flown before; what came before `steady` (s) is no posture yet. `None` without pieces or samples.
+    /// Predicts the fall rate of `after`, of which only times and the first `velocity` (m/s) are used, from the last of
+    /// the `pieces` before it. Pieces before `steady` (s) do not count as postures. `None` without pieces or samples.
     pub fn made(
         pieces: &[Piece],
         wind: &Profile,
@@ -83,7 +84,7 @@ impl Forecast {
         let velocities = flown.velocities(after, velocity);
         let mean = |sum: f64| sum / after.len() as f64;
         let rate = mean(velocities.iter().map(|velocity| -velocity.z).sum());
-        // What postures did before, they may do again.
+        // Posture changes are assumed to continue as before.
         let (mut squares, mut time, mut changes) = (0.0, 0.0, 0);
         let before: Vec<&Piece> = pieces
             .iter()
@@ -99,7 +100,7 @@ impl Forecast {
         }
         let postures = (squares / f64::max(time, 1.0)).min(1.0);
         let own = (0.5 * made_with.deviation / made_with.drag).powi(2);
-        // Half a change more than was seen: none in a short time says little.
+        // Half a change is added to those seen, since seeing none in a short time is weak evidence.
         let often = (changes as f64 + 0.5) / f64::max(time, 1.0);
         let kept_chance = (-often * (until - from)).exp();
         let unseen = (1.0 - kept_chance) * UNSEEN * UNSEEN;
@@ -114,34 +115,34 @@ impl Forecast {
         })
     }
 
-    /// How far the measured rate is from the predicted one: share of it, and in deviations.
+    /// Difference between measured and predicted rate, as a fraction and in deviations.
     fn off(&self) -> [f64; 2] {
         let off = self.measured - self.rate;
         [off / self.measured, off / self.deviation]
     }
 }
 
-/// Speed at which a piece sinks when it is steady, but for mass and density: by drag and lift together.
+/// Steady sink speed of a piece, up to a factor of mass and density, from drag and lift together.
 fn sinks(piece: &Piece) -> f64 {
     let drag = piece.drag.max(1e-4);
     drag / drag.hypot(piece.lift).powf(1.5)
 }
 
-/// Predictions on trial, at many moments of one fall: whether their error bars are true.
+/// Trial predictions at many times of one fall, which test whether their error bars are accurate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, JsonSchema, Serialize)]
 pub struct Trials {
-    /// How many were made.
+    /// Number of predictions made.
     pub made: usize,
-    /// Of them, within 5 % of the fall rate.
+    /// Number of those within 5 % of the fall rate.
     pub held: usize,
-    /// Within one deviation.
+    /// Number within one deviation.
     pub within_one: usize,
-    /// Within two deviations.
+    /// Number within two deviations.
     pub within_two: usize,
 }
 
 impl Trials {
-    /// Counts a prediction in, where one was made.
+    /// Counts a prediction if one was made.
     pub fn add(&mut self, forecast: Option<&Forecast>) {
         let Some(forecast) = forecast else {
             return;
@@ -154,29 +155,29 @@ impl Trials {
     }
 }
 
-/// The last third of the fall, predicted from what the first two tell.
+/// The last third of the fall, predicted from the first two.
 #[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct Prediction {
-    /// What became of it.
+    /// Outcome of the prediction.
     pub outcome: Outcome,
-    /// That in a sentence.
+    /// The outcome in a sentence.
     pub sentence: String,
-    /// Mean speed downwards of the last third, predicted for the posture going on (m/s).
+    /// Predicted mean downward speed in the last third if the posture stays (m/s).
     pub predicted_mps: f64,
-    /// Standard deviation of it, as far as postures changed before (m/s).
+    /// Standard deviation of the prediction, from earlier posture changes (m/s).
     pub deviation_mps: f64,
-    /// As it was (m/s).
+    /// Measured mean downward speed (m/s).
     pub measured_mps: f64,
-    /// How often the posture changed in the first two thirds.
+    /// Number of posture changes in the first two thirds.
     pub changes_before: usize,
-    /// Chance that it stays over the last third, if it goes on changing as often.
+    /// Probability that the posture stays over the last third, if changes continue at the same rate.
     pub kept_chance: f64,
-    /// The same with the fall ended earlier, again and again.
+    /// Predictions for the fall ended earlier, at many times.
     pub trials: Trials,
 }
 
 impl Prediction {
-    /// A prediction, judged by the pieces of the last third; `begin` is the start of the fall (s).
+    /// Judges a prediction by the pieces of the last third; `begin` is the start of the fall (s).
     pub fn judged(forecast: &Forecast, late: &[Piece], begin: f64, trials: Trials) -> Self {
         let made_with = &forecast.made_with;
         let [share, deviations] = forecast.off();
@@ -216,19 +217,19 @@ impl Prediction {
     }
 }
 
-/// Whether two pieces are of different postures.
+/// Whether two pieces have different postures.
 fn is_other(one: &Piece, other: &Piece) -> bool {
     let least = (CHANGE * one.drag).max(CERTAIN * one.deviation.hypot(other.deviation));
     (other.drag - one.drag).abs() > least || (other.lift - one.lift).abs() > least
 }
 
-/// What a fall is flown with.
+/// Parameters of the simulation of a fall.
 pub struct Flown<'a> {
-    /// Drag and lift over time; the last goes on.
+    /// Drag and lift over time; the last piece continues.
     pub pieces: &'a [Piece],
-    /// Wind over the height; the lowest goes on.
+    /// Wind over height; the lowest value continues to the ground.
     pub wind: &'a Profile,
-    /// Density over the height.
+    /// Air density over height.
     pub atmosphere: &'a Atmosphere,
 }
 
@@ -268,7 +269,7 @@ impl Flown<'_> {
         dragged.components + lift
     }
 
-    /// Velocities at the times of `samples`, from the first of them on, started at `velocity` (m/s).
+    /// Simulated velocities at the times of `samples`, starting at the first with `velocity` (m/s).
     pub fn velocities(&self, samples: &[Sample], velocity: Vector3<f64>) -> Vec<Vector3<f64>> {
         let mut velocities = Vec::with_capacity(samples.len());
         let Some(first) = samples.first() else {

@@ -1,27 +1,27 @@
-//! A jump as a point flies it, for tests: aircraft, fall of several postures in a wind that changes with the height,
-//! opening, canopy in circles, ground.
+//! A synthetic jump of a point mass, for tests: aircraft, a fall with several postures in a wind that changes with
+//! height, opening, circles under canopy, ground.
 
 use bodyflight_core::air::{GRAVITY, standard_density};
 use nalgebra::Vector3;
 
 use crate::Sample;
 
-/// What is flown.
+/// Parameters of a synthetic jump.
 #[derive(Debug, Clone)]
 pub(crate) struct Jump {
     /// Drag factor (m2/kg) from each time after the exit on (s).
     pub(crate) drag: Vec<(f64, f64)>,
     /// Wind at 4000 m and at the ground (m/s).
     pub(crate) wind: [Vector3<f64>; 2],
-    /// Fixes a second.
+    /// Rate of fixes (Hz).
     pub(crate) rate: f64,
     /// Noise of the velocity (m/s).
     pub(crate) noise: f64,
-    /// When the opening begins, after the exit (s).
+    /// Start of the opening, after the exit (s).
     pub(crate) opening: f64,
 }
 
-/// Exit after the start of the track (s).
+/// Time of the exit after the start of the track (s).
 pub(crate) const EXIT: f64 = 60.0;
 
 impl Default for Jump {
@@ -36,7 +36,7 @@ impl Default for Jump {
     }
 }
 
-/// Noise that repeats: the same numbers for every test.
+/// Reproducible noise: the same numbers for every test.
 struct Noise(u64);
 
 impl Noise {

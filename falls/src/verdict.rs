@@ -1,4 +1,4 @@
-//! Whether a fall is explained: what it takes, and the sentence that says why.
+//! Decides whether a fall is explained, and gives the reason.
 
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -8,45 +8,46 @@ use crate::drag::Piece;
 /// Shortest fall that is judged (s).
 pub const LEAST: f64 = 8.0;
 
-/// Fewest seconds of a fall in which drag was told.
+/// Fewest seconds of a fall with a drag estimate.
 const LEAST_BLOCKS: usize = 6;
 
-/// Largest gap between the fall and the fall flown again, root mean square of the vertical velocity: share of the speed.
+/// Largest difference between the measured and the simulated fall: root mean square of the vertical velocity, as a
+/// fraction of the speed.
 const LARGEST_GAP: f64 = 0.06;
 
-/// Drag factors that a body or a wingsuit can have (m2/kg): a diver of speed to a wide suit on a light person.
+/// Plausible drag factors of a body or a wingsuit (m2/kg): from a speed skydiver to a wide suit on a light person.
 pub const PLAUSIBLE: [f64; 2] = [0.000_9, 0.016];
 
 /// Whether the fall is explained.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, JsonSchema, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
-    /// Drag, lift and wind that a body can have fly the fall again.
+    /// A simulation with plausible drag, lift and wind reproduces the fall.
     Explained,
-    /// Too short to be judged.
+    /// The fall is too short to be judged.
     Thin,
-    /// Nothing that a body can have flies it.
+    /// No plausible drag, lift and wind reproduce the fall.
     Unexplained,
 }
 
-/// What a fall is judged by.
+/// The numbers by which a fall is judged.
 #[derive(Debug, Clone, Copy)]
 pub struct Evidence<'a> {
     /// Length of the fall (s).
     pub duration: f64,
-    /// When it begins (s).
+    /// Start of the fall (s).
     pub begin: f64,
-    /// Seconds of it in which drag was told.
+    /// Number of seconds with a drag estimate.
     pub seconds: usize,
-    /// Its pieces of one posture.
+    /// Its pieces of constant posture.
     pub pieces: &'a [Piece],
-    /// Gap to the fall flown again, root mean square of the vertical velocity (m/s).
+    /// Difference from the simulated fall: root mean square of the vertical velocity (m/s).
     pub gap: f64,
     /// Mean speed (m/s).
     pub speed: f64,
 }
 
-/// The verdict, and why.
+/// Returns the verdict and the reason.
 pub fn judged(evidence: &Evidence<'_>) -> (Verdict, String) {
     let duration = evidence.duration;
     if duration < LEAST || evidence.seconds < LEAST_BLOCKS {

@@ -1,25 +1,25 @@
-//! The wind over the height, from the way a fall drifts.
+//! The wind over height, from the drift of a fall.
 //!
-//! Across the fall, drag pulls the velocity towards that of the air; what the skydiver steers, or is turned by, pulls it
-//! away for some seconds. Both are states of a Kalman filter for each axis: velocity, wind that changes with the height,
-//! and a drive that fades. How strong drive and changes of the wind are is chosen by likelihood, so a fall that is
-//! steered has a wind with wide errors. A smoother goes back over the fall.
+//! Horizontally, drag pulls the velocity towards that of the air, while steering, intended or not, pulls it away for
+//! some seconds. For each axis a Kalman filter has the states velocity, wind that changes with height, and a decaying
+//! drive. The strengths of drive and wind changes are chosen by maximum likelihood, so a steered fall gives a wind with
+//! wide error bars. A smoother then runs back over the fall.
 
 use nalgebra::{Matrix3, RowVector3, Vector2, Vector3};
 
 use crate::Sample;
 
-/// Time after which a drive has faded (s).
+/// Time constant of the decay of a drive (s).
 const FADES: f64 = 8.0;
 
-/// Strengths of the drive that are tried (m/s2): a belly flyer who is still, to a wingsuit.
+/// Candidate strengths of the drive (m/s2), from a still belly flyer to a wingsuit.
 const DRIVES: [f64; 7] = [0.15, 0.3, 0.6, 1.2, 2.4, 4.8, 9.6];
 
-/// Changes of the wind that are tried, over [`LAYER`] of height (m/s).
+/// Candidate changes of the wind over [`LAYER`] of height (m/s).
 const CHANGES: [f64; 3] = [1.0, 2.0, 4.0];
 const LAYER: f64 = 500.0;
 
-/// What the wind may be before anything is measured (m/s, one axis).
+/// Prior standard deviation of the wind, per axis (m/s).
 const PRIOR: f64 = 10.0;
 
 /// Longest step of the filter (s).
@@ -36,17 +36,17 @@ pub struct Wind {
     pub deviation: Vector2<f64>,
 }
 
-/// Wind over the height, downwards: one value for each sample of the fall.
+/// Wind over height, from the top down: one value for each sample of the fall.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Profile {
     /// In the order of the fall.
     pub values: Vec<Wind>,
-    /// Strength of the drive that was chosen (m/s2).
+    /// Chosen strength of the drive (m/s2); 0 if the wind was not estimated.
     pub drive: f64,
 }
 
 impl Profile {
-    /// No wind that is known.
+    /// A profile of unknown wind.
     pub fn still(samples: &[Sample]) -> Self {
         let unknown = |sample: &Sample| Wind {
             height: sample.height(),
@@ -59,7 +59,7 @@ impl Profile {
         }
     }
 
-    /// The same with the wind of its top for samples above it, less certain the higher they are.
+    /// Extends the profile upwards with its topmost wind, whose uncertainty grows with height.
     #[must_use]
     pub fn from_above(mut self, above: &[Sample]) -> Self {
         if let Some(top) = self.values.first().copied() {
@@ -79,19 +79,19 @@ impl Profile {
         self
     }
 
-    /// The wind at the sample next to a height (m).
+    /// The wind at the sample nearest to a height (m); `None` if the profile is empty.
     pub fn at(&self, height: f64) -> Option<&Wind> {
         let off = |wind: &&Wind| (wind.height - height).abs();
         self.values.iter().min_by(|a, b| off(a).total_cmp(&off(b)))
     }
 
-    /// Whether the fall told it, and it is not only what a wind may be.
+    /// Whether the wind was estimated from the fall, rather than being only the prior.
     pub fn is_told(&self) -> bool {
         self.drive > 0.0
     }
 
-    /// How far the winds that two falls told are from one another, in deviations of both, root mean square over full layers
-    /// of the height (m) that both went through; and how many layers those are. `None` where there is none.
+    /// Root mean square difference between the winds of two falls, in combined deviations, over the full layers of
+    /// height (m) that both crossed; and the number of these layers. `None` if there are none.
     pub fn apart(&self, other: &Self, thickness: f64) -> Option<(f64, usize)> {
         if !(self.is_told() && other.is_told()) {
             return None;
@@ -116,7 +116,7 @@ impl Profile {
         (layers > 0).then(|| ((0.5 * squares / layers as f64).sqrt(), layers))
     }
 
-    /// The wind at each full layer of the height (m) that the fall went through, from the top.
+    /// The wind at each full layer of height (m) that the fall crossed, from the top.
     pub fn layers(&self, thickness: f64) -> Vec<Wind> {
         let (Some(first), Some(last)) = (self.values.first(), self.values.last()) else {
             return Vec::new();
@@ -131,7 +131,7 @@ impl Profile {
     }
 }
 
-/// What one axis is filtered with.
+/// Process noise for one axis.
 #[derive(Clone, Copy)]
 struct Strengths {
     drive: f64,
@@ -139,8 +139,8 @@ struct Strengths {
     noise: f64,
 }
 
-/// The wind of a fall. `pull` is the rate (1/s) at which drag pulls each sample's velocity towards that of the air, `noise`
-/// the standard deviation of a velocity (m/s).
+/// Estimates the wind of a fall. `pull` is the rate (1/s) at which drag pulls each sample's velocity towards that of
+/// the air, `noise` the standard deviation of a velocity (m/s).
 pub fn wind(samples: &[Sample], pull: &[f64], noise: f64) -> Profile {
     let mut best: Option<(f64, Strengths)> = None;
     for drive in DRIVES {
@@ -174,14 +174,14 @@ pub fn wind(samples: &[Sample], pull: &[f64], noise: f64) -> Profile {
     }
 }
 
-/// A step of the filter: how it came from the one before, what was expected and what was made of the measurement.
+/// A step of the filter: transition, prediction and update.
 struct Filtered {
     transition: Matrix3<f64>,
     expected: (Vector3<f64>, Matrix3<f64>),
     corrected: (Vector3<f64>, Matrix3<f64>),
 }
 
-/// The filter over one axis: velocity, wind, drive; and the logarithm of the likelihood.
+/// Filters one axis with the states velocity, wind, drive; also returns the log-likelihood.
 fn filtered(
     samples: &[Sample],
     pull: &[f64],
@@ -240,7 +240,7 @@ fn filtered(
     (steps, likelihood)
 }
 
-/// Wind and its standard deviation at each step, seen from the end of the fall.
+/// Wind and its standard deviation at each step, smoothed from the end of the fall.
 fn smoothed(steps: Vec<Filtered>) -> Vec<(f64, f64)> {
     let mut winds = Vec::with_capacity(steps.len());
     let mut after: Option<(Vector3<f64>, Matrix3<f64>, Filtered)> = None;

@@ -1,5 +1,5 @@
-//! What images call themselves: the revision of the source, or the version where there is none. And whether the
-//! processor is one that watches its stack.
+//! Sets the build name of images, which is the source revision, or the version if there is none; and detects whether
+//! the processor has a stack limit.
 
 use std::process::Command;
 

@@ -42,6 +42,7 @@ pub struct Configuration {
 impl Configuration {
     /// Checks a host's request together with the segment table sent with it.
     ///
+    /// # Errors
     /// Returns the verdict to send to the host if the request is not usable.
     pub fn new(asked: &Configure, table: &SegmentTable) -> Result<Self, Verdict> {
         let preset = UnitPreset::of(usize::from(asked.preset)).ok_or(Verdict::UnknownPreset)?;

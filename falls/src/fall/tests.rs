@@ -1,4 +1,4 @@
-//! Jumps that were flown in tests, found again.
+//! Analyses of synthetic jumps.
 
 use super::*;
 use crate::prediction::Outcome;
@@ -53,7 +53,7 @@ fn postures_that_change_are_pieces() {
 
 #[test]
 fn where_the_posture_changes_nothing_is_predicted_and_that_is_said() {
-    // Brakes and a dive in the last third, and one that begins just before it.
+    // Braking and a dive in the last third, and a dive that begins just before it.
     for (from, factor) in [(38.0, 1.0 / 100.0), (38.0, 1.0 / 260.0), (32.0, 1.0 / 90.0)] {
         let flying = Flying {
             drag: vec![(0.0, 1.0 / 153.0), (from, factor)],
@@ -69,12 +69,12 @@ fn where_the_posture_changes_nothing_is_predicted_and_that_is_said() {
         let (_, said) = prediction.sentence.split_once("posture changed ").unwrap();
         let said: f64 = said.split(' ').next().unwrap().parse().unwrap();
         assert!((said - from).abs() < 3.0, "{}", prediction.sentence);
-        // It could not be known, but that it may happen is in the error bar.
+        // The change could not be predicted, but its probability is in the error bar.
         let off = (prediction.measured_mps - prediction.predicted_mps).abs();
         assert!(off < 3.0 * prediction.deviation_mps, "{prediction:?}");
         assert!(prediction.kept_chance < 0.9, "{prediction:?}");
     }
-    // A wind that turns with the height is no posture.
+    // A wind that turns with height is not a change of posture.
     for speed in [0.0, 15.0, 25.0] {
         let flying = Flying {
             wind: [

@@ -1,4 +1,4 @@
-//! Panics and faults: written down where a reset does not reach, then a new start.
+//! Handlers of panics and faults: they record the fault in memory that survives a reset, then restart.
 
 use core::panic::PanicInfo;
 
@@ -12,12 +12,12 @@ use crate::stack::marks;
 #[unsafe(link_section = ".uninit.record")]
 static RECORD: Retained<WORDS> = Retained::new();
 
-/// The sample in work.
+/// The sample being processed.
 #[allow(unsafe_code, reason = "placed where the start-up code does not write")]
 #[unsafe(link_section = ".uninit.sequence")]
 static SEQUENCE: Retained<1> = Retained::new();
 
-/// Configuration and control: a division by zero faults.
+/// Bit of the configuration and control register: division by zero faults.
 const DIVISION_TRAP: u32 = 1 << 4;
 
 /// Causes in the configurable fault status: memory, bus and usage faults.
@@ -26,7 +26,7 @@ const BUS: u32 = 0x0000_FF00;
 const UNDEFINED: u32 = 1 << 16;
 const UNALIGNED: u32 = 1 << 24;
 const DIVISION: u32 = 1 << 25;
-/// The stack took no frame on entry to an exception, or its end was passed where the processor watches it.
+/// Stacking failed on entry to an exception, or the stack limit was passed.
 const STACKING: u32 = 1 << 4 | 1 << 12 | 1 << 20;
 
 /// The source revision that the image was built from.
@@ -38,9 +38,9 @@ pub fn build() -> [u8; 8] {
     build
 }
 
-/// Counts this start and tells what is known of those before.
+/// Counts this start and returns the history of starts.
 pub fn begin(reset: Reset) -> Record {
-    // SAFETY: only makes a fault of what gives a wrong quotient otherwise.
+    // SAFETY: only turns a division with a wrong quotient into a fault.
     #[allow(unsafe_code, reason = "a register of the processor")]
     unsafe {
         (*SCB::PTR).ccr.modify(|control| control | DIVISION_TRAP);
@@ -52,12 +52,12 @@ pub fn begin(reset: Reset) -> Record {
     record
 }
 
-/// Notes the sample in work.
+/// Notes the sample being processed.
 pub fn note(sequence: u32) {
     SEQUENCE.store([sequence]);
 }
 
-/// Writes a fault down.
+/// Records a fault.
 fn write_down(kind: Kind, address: u32, place: Option<(&str, u32)>) {
     let mut record = Record::read(&RECORD.load());
     record.fault(kind, address, SEQUENCE.load()[0]);
@@ -73,14 +73,14 @@ fn panic(info: &PanicInfo<'_>) -> ! {
     let place = info.location();
     let address = place.map_or(0, |place| core::ptr::from_ref(place) as u32);
     let place = place.map(|place| (place.file(), place.line()));
-    // Before the log, which may panic itself.
+    // Recorded before logging, which may panic itself.
     write_down(Kind::Panic, address, place);
     defmt::error!("{}", defmt::Display2Format(info));
     SCB::sys_reset()
 }
 
-/// A fault of the processor. Where the stack pointer is near the end of the stack or outside, the handler gets the
-/// stack anew: it would fault itself, and the processor lock up.
+/// Handler of processor faults. If the stack pointer is near the end of the stack or outside it, the handler resets it
+/// first: otherwise it would fault itself, and the processor would lock up.
 #[allow(unsafe_code, reason = "the stack pointer may be anywhere")]
 #[unsafe(export_name = "HardFault")]
 #[unsafe(naked)]
@@ -105,10 +105,10 @@ unsafe extern "C" fn enter_hard_fault() -> ! {
     )
 }
 
-/// Room that the handler needs on the stack (bytes).
+/// Stack space that the handler needs (bytes).
 const ROOM: u32 = 512;
 
-/// Bytes of the frame that the processor pushes, and where the program counter lies in it.
+/// Length of the exception frame, and the offset of the program counter in it (bytes).
 const FRAME: u32 = 32;
 const PROGRAM_COUNTER: u32 = 24;
 

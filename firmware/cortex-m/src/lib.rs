@@ -1,5 +1,5 @@
-//! What the Cortex-M boards share: panics and faults that are told after the next start, and the stack's
-//! high water. Linking it brings the handlers of panics and hard faults.
+//! Shared code of the Cortex-M boards: panics and faults that are reported after the next start, and the stack's
+//! high-water mark. Linking it provides the handlers of panics and hard faults.
 #![cfg(target_os = "none")]
 #![no_std]
 
@@ -9,7 +9,7 @@ pub mod faults;
 mod retained;
 pub mod stack;
 
-/// Starts the counter of cycles.
+/// Starts the cycle counter.
 pub fn count_cycles() {
     if let Some(mut core) = Peripherals::take() {
         core.DCB.enable_trace();

@@ -1,14 +1,14 @@
-//! Words that a reset leaves alone.
+//! Memory that survives a reset.
 
 use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
 
-/// `N` words in memory that the start-up code does not write. After power-on they are whatever power left there, so
-/// they are only ever read and written volatile, word by word.
+/// `N` words in memory that the start-up code does not initialise. After power-on their contents are arbitrary, so they
+/// are only accessed by volatile reads and writes, word by word.
 #[repr(transparent)]
 pub(crate) struct Retained<const N: usize>(UnsafeCell<MaybeUninit<[u32; N]>>);
 
-// SAFETY: a word is read and written whole; who needs several of them to agree checks their sum.
+// SAFETY: words are read and written whole; consistency between several words is checked by a checksum.
 #[allow(unsafe_code, reason = "shared like an atomic")]
 unsafe impl<const N: usize> Sync for Retained<N> {}
 

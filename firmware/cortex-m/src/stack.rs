@@ -1,14 +1,14 @@
-//! The stack's high water.
+//! Measures the stack's high-water mark.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
-/// What the stack is filled with before the start.
+/// Pattern that fills the stack before the start.
 const PAINT: u32 = 0xCCCC_CCCC;
 
-/// Untouched bytes below the high water after which nothing deeper is looked for: as long as the longest frame.
+/// Number of untouched bytes after which the search for the high-water mark ends: the length of the longest frame.
 const LONGEST_FRAME: u32 = 4096;
 
-/// Lowest address that was found touched; 0 before the first look.
+/// Lowest touched address found so far; 0 before the first search.
 static LOWEST: AtomicU32 = AtomicU32::new(0);
 
 #[allow(unsafe_code, reason = "the linker's marks of the stack")]
@@ -23,13 +23,13 @@ pub(crate) mod marks {
         &raw const _stack_end as u32
     }
 
-    /// Where the stack begins, growing down.
+    /// The highest address of the stack, which grows down.
     pub(crate) fn top() -> u32 {
         &raw const _stack_start as u32
     }
 }
 
-/// Lets the processor itself watch the end of the stack: whatever would write below it faults.
+/// Sets the processor's stack limit, so that a write below the stack faults.
 #[cfg(armv8m)]
 pub fn guard() {
     // SAFETY: the stack pointer is above the end of the stack.
@@ -39,10 +39,10 @@ pub fn guard() {
     }
 }
 
-/// Bytes of stack that were never touched.
+/// Number of stack bytes that were never used.
 ///
-/// The first look goes over all of it; later ones go down from the lowest touched word until they have met as much
-/// paint as the longest frame could leave untouched.
+/// The first call searches the whole stack. Later calls continue down from the lowest touched word until they have
+/// found as much untouched memory as the longest frame may skip.
 pub fn free() -> u32 {
     let bottom = marks::bottom();
     let pointer = cortex_m::register::msp::read().clamp(bottom, marks::top());

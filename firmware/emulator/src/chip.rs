@@ -1,4 +1,4 @@
-//! The emulator as a process, told what to do by lines of JSON.
+//! The emulator as a process, controlled by lines of JSON.
 
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
@@ -10,24 +10,24 @@ use serde_json::{Value, json};
 
 use crate::Result;
 
-/// How the chip is made.
+/// Options of the emulated chip.
 #[derive(Debug, Clone)]
 pub struct Options {
-    /// The image; from `BODYFLIGHT_F405_IMAGE` unless told otherwise.
+    /// The image; by default the one named by `BODYFLIGHT_F405_IMAGE`.
     pub image: PathBuf,
     /// Whether the crystal starts.
     pub crystal: bool,
-    /// Seed of what power-on leaves in memory, and of the random numbers.
+    /// Seed of the memory contents after power-on, and of the random numbers.
     pub seed: u64,
     /// Voltage of the battery (mV).
     pub battery: u16,
 }
 
 impl Options {
-    /// A chip in good order.
+    /// Options of a chip without faults.
     ///
     /// # Panics
-    /// Where `BODYFLIGHT_F405_IMAGE` is not set.
+    /// Panics if `BODYFLIGHT_F405_IMAGE` is not set.
     pub fn new() -> Self {
         let image = std::env::var_os("BODYFLIGHT_F405_IMAGE");
         Self {
@@ -47,16 +47,16 @@ impl Default for Options {
     }
 }
 
-/// What the chip did.
+/// An event on the chip.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Event {
-    /// Bytes left a port; `at` is the time of the last (us).
+    /// Bytes were sent by a port; `at` is the time of the last (us).
     Sent {
         /// Time (us).
         at: u64,
         /// `host` or `sensor`.
         port: String,
-        /// What left.
+        /// The bytes.
         bytes: Vec<u8>,
     },
     /// The chip was reset.
@@ -68,30 +68,30 @@ pub enum Event {
     },
 }
 
-/// What the chip has counted and how it is set up.
+/// Counters and configuration of the chip.
 #[derive(Debug, Clone, Deserialize)]
 pub struct Look {
     /// Time (us).
     pub now: u64,
     /// Instructions executed.
     pub instructions: u64,
-    /// Cycles in which the processor did not sleep, at the mean cycles of an instruction.
+    /// Cycles in which the processor did not sleep, from the mean number of cycles per instruction.
     pub busy: u64,
     /// Bytes lost by the receivers of host and sensor.
     pub overruns: [u32; 2],
     /// FLASH.ACR.
     pub flash_control: u32,
-    /// Of the processor (Hz).
+    /// Clock frequency of the processor (Hz).
     pub frequency: u32,
     /// RCC.CSR.
     pub reset_flags: u32,
-    /// Priorities of the interrupts that are enabled, by their number.
+    /// Priorities of the enabled interrupts, by interrupt number.
     pub priorities: std::collections::BTreeMap<String, u8>,
     /// The independent watchdog.
     pub watchdog: Watchdog,
-    /// Where the stack pointer is.
+    /// Stack pointer.
     pub stack_pointer: u32,
-    /// A fault within the handler of faults.
+    /// Whether a fault occurred within the fault handler.
     pub locked_up: bool,
     /// Program counter.
     pub pc: u32,
@@ -102,31 +102,31 @@ pub struct Look {
 pub struct Watchdog {
     /// Whether it runs.
     pub started: bool,
-    /// How often it was fed since the reset.
+    /// Number of times it was fed since the reset.
     pub fed: u32,
 }
 
-/// What a stretch of the program cost, by the model of `stm32f405/cycles.py`.
+/// Cost of a part of the program, by the model of `stm32f405/cycles.py`.
 #[derive(Debug, Clone, Copy, Deserialize)]
 pub struct Cost {
     /// Instructions.
     pub instructions: u64,
-    /// Cycles without any wait for flash.
+    /// Cycles with no wait states for flash.
     pub cycles: u64,
-    /// Cycles with flash as it is after a reset.
+    /// Cycles with the flash settings after a reset.
     pub plain: u64,
     /// Cycles with prefetch and caches.
     pub accelerated: u64,
 }
 
-/// A fault that was provoked.
+/// An injected fault.
 #[derive(Debug, Clone, Copy, Deserialize)]
 pub struct Provoked {
-    /// Where the program failed; 0 for a panic.
+    /// Address of the fault; 0 for a panic.
     pub address: u32,
-    /// When (us).
+    /// Time (us).
     pub at: u64,
-    /// Exceptions that were active.
+    /// Number of active exceptions.
     pub nested: u32,
 }
 
@@ -153,7 +153,8 @@ pub struct Chip {
 }
 
 impl Chip {
-    /// Starts the emulator with power on. `BODYFLIGHT_F405_PYTHON` is a Python that has what it needs.
+    /// Starts the emulator with power on. `BODYFLIGHT_F405_PYTHON` names the Python interpreter that has the required
+    /// packages.
     ///
     /// # Errors
     /// Returns an error if the emulator does not start.
@@ -199,7 +200,7 @@ impl Chip {
         self.now
     }
 
-    /// Puts bytes on the line to a port, from a time on (us).
+    /// Sends bytes to a port, starting at a time (us).
     ///
     /// # Errors
     /// Returns an error if the emulator has ended.
@@ -207,7 +208,8 @@ impl Chip {
         self.send_broken(at, port, bytes, "", false)
     }
 
-    /// The same with an error on each byte: `noise`, `framing`, `overrun`. `at_once`: among what comes already.
+    /// Like [`send`](Self::send), with an error on each byte: `noise`, `framing`, `overrun`. With `at_once` the bytes
+    /// are mixed with those already arriving.
     ///
     /// # Errors
     /// Returns an error if the emulator has ended.
@@ -226,7 +228,7 @@ impl Chip {
         Ok(())
     }
 
-    /// Lets time pass until `until` (us).
+    /// Runs until `until` (us).
     ///
     /// # Errors
     /// Returns an error if the emulator has ended.
@@ -236,7 +238,7 @@ impl Chip {
         found.events.into_iter().map(RawEvent::parse).collect()
     }
 
-    /// Lets time pass until `until` (us), counting every cycle; slow.
+    /// Runs until `until` (us), counting every cycle; slow.
     ///
     /// # Errors
     /// Returns an error if the emulator has ended.
@@ -245,8 +247,8 @@ impl Chip {
         self.ask(&json!({"do": "trace", "until": until}))
     }
 
-    /// Makes something go wrong now: `undefined`, `bus`, `division`, `unaligned`, `stack`, `panic`, `hang`;
-    /// `within` a `task`, an `interrupt`, or wherever the processor is.
+    /// Injects a fault now: `undefined`, `bus`, `division`, `unaligned`, `stack`, `panic`, `hang`; `within` a `task`,
+    /// an `interrupt`, or wherever the processor is.
     ///
     /// # Errors
     /// Returns an error if the emulator has ended.
@@ -254,7 +256,7 @@ impl Chip {
         self.ask(&json!({"do": "provoke", "kind": kind, "within": within}))
     }
 
-    /// Power fails (`power-on`, `brown-out`), or somebody pulls the reset pin (`pin`).
+    /// Interrupts the power (`power-on`, `brown-out`) or pulls the reset pin (`pin`).
     ///
     /// # Errors
     /// Returns an error if the emulator has ended.
@@ -264,7 +266,7 @@ impl Chip {
         Ok(())
     }
 
-    /// What the chip has counted and how it is set up.
+    /// Counters and configuration of the chip.
     ///
     /// # Errors
     /// Returns an error if the emulator has ended.

@@ -1,4 +1,4 @@
-//! The host at the line of the chip, in the chip's time.
+//! A host connected to the emulated chip, in the chip's time.
 
 use bodyflight::formats::flight as file;
 use bodyflight::formats::subject::Subject;
@@ -17,10 +17,10 @@ use bodyflight_core::sensor_noise::SensorNoise;
 use crate::Result;
 use crate::chip::{Chip, Cost, Event, Options};
 
-/// Samples a second.
+/// Sample rate (Hz).
 pub const RATE: u64 = 240;
 
-/// A flight as samples, and what the unit must know of it.
+/// A flight as samples, with the configuration that the unit needs.
 #[derive(Debug, Clone)]
 pub struct Flight {
     configure: Configure,
@@ -29,7 +29,7 @@ pub struct Flight {
 }
 
 impl Flight {
-    /// The bundled maneuver of that name, flown with the paper's sensor noise, for a unit that runs `preset`.
+    /// Flies the bundled maneuver of this name with the paper's sensor noise, for a unit that runs `preset`.
     ///
     /// # Errors
     /// Returns an error if there is no such maneuver or preset.
@@ -67,20 +67,20 @@ impl Flight {
     }
 }
 
-/// How long the host waits (us).
+/// Timeouts of the host (us).
 #[derive(Debug, Clone, Copy)]
 pub struct Limits;
 
 impl Limits {
-    /// For an answer before it asks again.
+    /// Time without an answer after which the host repeats a request.
     pub const ANSWER: u64 = 50_000;
-    /// For a unit that has gone away, before it gives up.
+    /// Time without a sign of the unit after which the host gives up.
     pub const RETURN: u64 = 10_000_000;
-    /// Between two looks at what came.
+    /// Polling interval.
     const LOOK: u64 = 1_000;
 }
 
-/// A host with a chip at its line.
+/// A host connected to an emulated chip.
 pub struct Host {
     /// The chip.
     pub chip: Chip,
@@ -91,25 +91,25 @@ pub struct Host {
     sent: u32,
     /// Time of the next sample (us).
     due: u64,
-    /// Estimates of this session, with the time at which they came (us).
+    /// Estimates of this session, with their arrival time (us).
     pub estimates: Vec<(u64, Estimate)>,
     /// The last greeting.
     pub greeting: Option<HelloAcknowledge>,
-    /// When it came (us), and how many did.
+    /// Arrival time of the last greeting (us), and the number of greetings.
     pub greeted: (u64, u32),
     /// The last report.
     pub status: Option<Status>,
     configured: Option<(Verdict, u16)>,
     started: bool,
-    /// The block of the log that was asked for, in pieces and whole.
+    /// The requested block of the log, in pieces and complete.
     pieces: Pieces,
     block: Option<Vec<u8>>,
-    /// Resets, with their time (us).
+    /// Resets and their times (us).
     pub resets: Vec<(u64, String)>,
 }
 
 impl Host {
-    /// Powers a chip and waits for nothing.
+    /// Powers a chip, without waiting for it.
     ///
     /// # Errors
     /// Returns an error if the emulator does not start.
@@ -134,7 +134,7 @@ impl Host {
         })
     }
 
-    /// Lets time pass (us) and takes in what comes.
+    /// Runs the chip until a time (us) and processes what it sends.
     ///
     /// # Errors
     /// Returns an error if the emulator has ended.
@@ -185,7 +185,7 @@ impl Host {
             time,
         };
         let mut frame = vec![0; MAX_FRAME_LENGTH];
-        // The buffer suffices for every message.
+        // The buffer is large enough for every message.
         let length = message.encode(&header, &mut frame).unwrap_or(0);
         frame.truncate(length);
         frame
@@ -197,7 +197,7 @@ impl Host {
         self.chip.send(self.chip.now(), "host", &frame)
     }
 
-    /// Asks until `answered`.
+    /// Repeats a request until `answered`.
     fn ask(
         &mut self,
         what: &str,
@@ -233,7 +233,7 @@ impl Host {
             schema_hash: SCHEMA_HASH,
             max_frame_length: u16::try_from(MAX_FRAME_LENGTH).unwrap_or(u16::MAX),
         };
-        // The first may be what the unit says by itself after its start, before it has heard anything.
+        // The first greeting may be the unsolicited one that the unit sends after its start.
         for _ in 0..2 {
             let greetings = self.greeted.1;
             self.ask("a greeting", hello, |host| host.greeted.1 > greetings)?;
@@ -257,7 +257,7 @@ impl Host {
         Ok(())
     }
 
-    /// The next sample as a frame, due at a time (us).
+    /// The next sample as a frame, with the time at which it is due (us).
     fn next_sample(&mut self) -> (u64, Vec<u8>) {
         let sequence = self.sent;
         let samples = &self.flight.samples;
@@ -272,7 +272,7 @@ impl Host {
         (due, frame)
     }
 
-    /// Sends samples at the rate of the flight and takes in what comes meanwhile.
+    /// Sends samples in real time and processes what arrives meanwhile.
     ///
     /// # Errors
     /// Returns an error if the emulator has ended.
@@ -280,7 +280,8 @@ impl Host {
         self.fly_harmed(samples, |_, frame| Some(frame))
     }
 
-    /// The same, each frame as `harm` leaves it; frames that it drops the desktop does not see either.
+    /// Like [`fly`](Self::fly), with each frame modified by `harm`; frames that it drops are withheld from the desktop
+    /// too.
     ///
     /// # Errors
     /// Returns an error if the emulator has ended.
@@ -300,7 +301,7 @@ impl Host {
         Ok(())
     }
 
-    /// Flies so many samples and counts every cycle meanwhile; the time (us).
+    /// Flies this number of samples, counting every cycle; returns the cost and the elapsed time (us).
     ///
     /// # Errors
     /// Returns an error if the emulator has ended.
@@ -316,16 +317,16 @@ impl Host {
         Ok((self.chip.trace(end)?, end - begin))
     }
 
-    /// Samples that the unit misses in this session, by its own account of now.
+    /// Number of samples missing in this session, by the unit's own current count.
     ///
     /// # Errors
     /// Returns an error if the unit does not answer.
     pub fn missing(&mut self) -> Result<u32> {
         self.status = None;
-        // A start that is repeated is answered by a report.
+        // The unit answers a repeated `START` with a report.
         let mode = StreamMode::Paced;
         self.ask("for a report", Start { mode }, |host| host.status.is_some())?;
-        // Meanwhile no samples were due.
+        // No samples were due in the meantime.
         self.due += self.chip.now().saturating_sub(self.next_due());
         Ok(self.status.map_or(0, |status| status.missing))
     }
@@ -335,12 +336,12 @@ impl Host {
         self.due + u64::from(self.sent) * 1_000_000 / RATE
     }
 
-    /// Samples sent in this session.
+    /// Number of samples sent in this session.
     pub fn sent(&self) -> u32 {
         self.sent
     }
 
-    /// Ends the session; the unit's account of it.
+    /// Ends the session and returns the unit's final report.
     ///
     /// # Errors
     /// Returns an error if the unit does not answer, or cannot account for every sample.
@@ -373,13 +374,13 @@ impl Host {
         Ok(log::flights(&blocks))
     }
 
-    /// How the estimates of the session compare with the desktop's.
+    /// Compares the estimates of the session with the desktop's.
     pub fn agreement(&self) -> Agreement {
         self.twin.agreement()
     }
 }
 
-/// Samples whose fate is known.
+/// Number of samples whose outcome is known.
 fn accounted(status: &Status) -> u32 {
     [
         status.used,

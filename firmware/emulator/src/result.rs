@@ -1,4 +1,4 @@
-//! What went wrong, told by every part.
+//! The error type of all parts.
 
-/// What went wrong, in a sentence.
+/// A result with an error message in one sentence.
 pub type Result<T> = core::result::Result<T, String>;

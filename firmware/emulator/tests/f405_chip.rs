@@ -1,9 +1,9 @@
-//! How the image sets up its chip, what its line costs and forgives, and what the unit tells of itself.
+//! How the image configures its chip, what its line costs and tolerates, and what the unit reports of itself.
 
 use bodyflight_core::link::StreamMode;
 use bodyflight_emulator::{Chip, Flight, Host, Options, RATE};
 
-/// Mean cycles of an instruction by which the emulator's clock goes, the default of `stm32f405/__main__.py`.
+/// Mean cycles per instruction of the emulator's clock, the default of `stm32f405/__main__.py`.
 const CYCLES: f64 = 2.3;
 
 /// Interrupts of the receivers, the transmitter and the clock.
@@ -67,7 +67,7 @@ fn the_load_at_240_hz_is_below_45_percent_by_the_cycle_model() {
         100.0 * load(cost.plain as f64),
         100.0 * load(clock),
     );
-    // The emulator's clock is on the careful side of the model.
+    // The emulator's clock is slower than the model, on the safe side.
     assert!(mean(cost.accelerated) <= CYCLES, "{cost:?}");
     assert!(load(cost.accelerated as f64) <= 0.45, "{cost:?}");
 }
@@ -131,7 +131,7 @@ fn the_watchdog_runs_before_the_clocks() {
         ..Options::new()
     };
     let mut chip = Chip::start(&options).unwrap();
-    // Its memory is zeroed, which takes 20 ms, and it still waits for the crystal.
+    // The start zeroes memory, which takes 20 ms, and then waits for the crystal.
     chip.run(30_000).unwrap();
     let look = chip.look().unwrap();
     assert_eq!(look.frequency, 16_000_000);
@@ -190,7 +190,7 @@ fn the_voltage_of_the_battery_is_told() {
             ..Options::new()
         };
         let found = flying(&options, 20).stop().unwrap().battery;
-        // A count of the converter is 1.6 mV.
+        // One count of the converter is 1.6 mV.
         assert!(found.abs_diff(battery) <= 3, "{found} of {battery} mV");
     }
 }
@@ -204,7 +204,7 @@ fn flights_are_kept_in_the_memory_chip_through_a_loss_of_power() {
     assert_eq!((status.missing, status.deadline_missed), (0, 0));
     assert!(host.agreement().holds(), "{:?}", host.agreement());
     let estimates = host.estimates.len();
-    // The next one ends with its power.
+    // The next flight ends when the power fails.
     host.listen(host.chip.now() + 200_000).unwrap();
     host.connect(StreamMode::Paced).unwrap();
     host.fly(samples).unwrap();

@@ -1,5 +1,5 @@
-//! Everything that can go wrong goes wrong, twenty times at random moments: the unit is back within two seconds, and it
-//! tells rightly what it was.
+//! Injects every kind of fault twenty times at random moments: the unit must be back within two seconds and report the
+//! right cause.
 
 use std::fmt::Write as _;
 use std::sync::Mutex;
@@ -9,29 +9,29 @@ use bodyflight_core::link::{HelloAcknowledge, StreamMode};
 use bodyflight_emulator::{Flight, Host, Options, Provoked, RATE};
 use bodyflight_firmware::fault::Kind;
 
-/// Times that each thing goes wrong.
+/// Repetitions of each fault.
 const TIMES: u32 = 20;
 /// The unit must be back within this time (us).
 const BACK: u64 = 2_000_000;
-/// Samples until the filter has filled its window and answers.
+/// Samples until the filter has filled its window and returns estimates.
 const WINDOW: u32 = 64;
 
-/// What goes wrong.
+/// Kinds of faults.
 #[derive(Clone, Copy, PartialEq)]
 enum Wrong {
-    /// Of the program, at a random place or within a task or an interrupt.
+    /// A program fault, at a random place or within a task or an interrupt.
     Program(&'static str, &'static str),
-    /// Of the power or the pin; whether memory is kept.
+    /// A power failure or reset by the pin; whether memory is kept.
     Power(&'static str, bool),
-    /// Errors that the receiver reports.
+    /// Errors reported by the receiver.
     Line(&'static str),
-    /// A frame that does not arrive.
+    /// A lost frame.
     Drop,
-    /// The cable is pulled and put back.
+    /// The cable is unplugged and plugged in again.
     Replug,
 }
 
-/// What the unit must tell after it has started anew.
+/// What the unit must report after the restart.
 struct Told {
     cause: u8,
     kind: Option<Kind>,
@@ -146,7 +146,7 @@ fn the_unit_is_back_within_two_seconds_and_tells_what_it_was() {
     let cases: Vec<&Case> = CASES.iter().chain([&REPLUG]).collect();
     let left = Mutex::new((0..cases.len()).collect::<Vec<_>>());
     let rows = Mutex::new(Vec::new());
-    // Two at a time.
+    // Two in parallel.
     std::thread::scope(|scope| {
         for _ in 0..2 {
             scope.spawn(|| {
@@ -193,7 +193,7 @@ fn table(rows: &[(usize, Row)]) -> String {
     text
 }
 
-/// One thing going wrong again and again, on a chip of its own.
+/// Repeats one fault on its own chip.
 fn round(case: &Case, seed: u64, flight: &Flight) -> Row {
     let mut row = Row {
         name: case.name,
@@ -225,7 +225,7 @@ fn round(case: &Case, seed: u64, flight: &Flight) -> Row {
             }
             Err(what) => {
                 failed(what);
-                // The next one begins on a chip in order.
+                // The next repetition begins with a fresh chip.
                 host = Host::power(&options, flight).unwrap();
                 host.connect(StreamMode::Paced).unwrap();
                 host.fly(WINDOW).unwrap();
@@ -239,7 +239,7 @@ fn below(random: &mut Random, bound: usize) -> u32 {
     u32::try_from(random.below(bound)).unwrap()
 }
 
-/// Makes it go wrong; the time until the next estimate (us), and the samples that are missing.
+/// Injects the fault; returns the time until the next estimate (us) and the number of missing samples.
 fn go_wrong(case: &Case, host: &mut Host, random: &mut Random) -> Result<(u64, u32), String> {
     let offset = u64::from(below(random, 1_000_000 / RATE as usize));
     host.listen(host.chip.now() + offset)?;
@@ -282,7 +282,7 @@ fn go_wrong(case: &Case, host: &mut Host, random: &mut Random) -> Result<(u64, u
             back(host, begin, 0)
         }
         Wrong::Line(error) => {
-            // Some bytes of a frame are hit.
+            // Some bytes of a frame are damaged.
             let at = begin + u64::from(below(random, 3_000));
             let noise: Vec<u8> = (0..=below(random, 3))
                 .map(|_| random.bits() as u8)
@@ -337,7 +337,7 @@ fn go_wrong(case: &Case, host: &mut Host, random: &mut Random) -> Result<(u64, u
     }
 }
 
-/// Whether the unit tells rightly what happened.
+/// Checks that the unit reports the right cause.
 fn check(
     case: &Case,
     before: &HelloAcknowledge,
@@ -366,14 +366,14 @@ fn check(
     if known && now.fault_address != address || kind == Kind::Panic && now.fault_address == 0 {
         return wrong("the address");
     }
-    // The unit works on what came last.
+    // The unit is processing the most recent samples.
     if now.fault_sequence >= sent || now.fault_sequence + 8 < sent {
         return wrong("the sample in work");
     }
     Ok(())
 }
 
-/// How long it took to the first estimate after `begin`.
+/// Time from `begin` to the first estimate.
 fn back(host: &Host, begin: u64, missing: u32) -> Result<(u64, u32), String> {
     let first = host.estimates.iter().find(|(at, _)| *at > begin);
     let (at, _) = first.ok_or("no estimate after it")?;

@@ -1,4 +1,4 @@
-//! A flight at its own rate: everything arrives, in time, and every estimate is the desktop's.
+//! A flight in real time: everything arrives in time, and every estimate equals the desktop's.
 
 use bodyflight_core::link::StreamMode;
 use bodyflight_emulator::{Flight, Host, Options, RATE};

@@ -1,4 +1,4 @@
-//! What ends an image that goes wrong: the code by which QEMU exits says which of the two it was.
+//! Handlers that end a failed image: QEMU's exit code tells a panic from a hard fault.
 
 use core::panic::PanicInfo;
 

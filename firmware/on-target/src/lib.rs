@@ -1,8 +1,8 @@
-//! The core on a processor of a board: hashes of traces, to be compared with the host's bit for bit, and exact
-//! instruction counts of what the unit does for each sample.
+//! The core on a board's processor: hashes of traces, to be compared with the host's bit for bit, and exact instruction
+//! counts of the unit's work per sample.
 //!
-//! Images call `run`, which prints lines `name value` over semihosting; `cargo xtask on-target` runs them in QEMU, whose
-//! virtual time goes by instructions. Linking it brings the handlers of panics and hard faults.
+//! Images call `run`, which prints lines `name value` over semihosting; `cargo xtask on-target` runs them in QEMU,
+//! whose virtual time is counted in instructions. Linking this crate provides the handlers of panics and hard faults.
 #![cfg(target_os = "none")]
 #![no_std]
 
@@ -35,19 +35,19 @@ use semihosting::println;
 /// Largest value of the SysTick counter.
 const RELOAD: u32 = 0x00ff_ffff;
 
-/// How SysTick goes by instructions.
+/// Ratio of SysTick ticks to instructions.
 #[derive(Debug, Clone, Copy)]
 pub struct Pace {
-    /// Ticks…
+    /// Number of SysTick ticks…
     pub ticks: u32,
-    /// …of so many instructions.
+    /// …per this number of instructions.
     pub instructions: u32,
 }
 
 struct Counter {
     timer: SYST,
     pace: Pace,
-    /// Ticks of an empty measurement.
+    /// Overhead: ticks of an empty measurement.
     empty: u32,
 }
 
@@ -74,7 +74,7 @@ impl Counter {
         start.wrapping_sub(end) & RELOAD
     }
 
-    /// Instructions of a piece of work, at most six million.
+    /// Counts the instructions of `work`, at most six million.
     fn instructions<R>(&mut self, work: impl FnOnce() -> R) -> u32 {
         let ticks = self.ticks(work).saturating_sub(self.empty);
         let Pace {
@@ -89,7 +89,7 @@ impl Counter {
 const PAINTED: u32 = 10 * 1024;
 const PAINT: u32 = 0xcccc_cccc;
 
-/// Bytes of stack that a piece of work takes.
+/// Measures the stack that `work` uses (bytes).
 #[allow(
     unsafe_code,
     reason = "looks at the unused stack below this frame, where nothing lives"
@@ -112,7 +112,7 @@ fn stack_of(work: &mut dyn FnMut()) -> u32 {
         .map_or(0, |word| top - word)
 }
 
-/// The person that host and unit both compute from measures.
+/// The person whose body both host and unit compute from measurements.
 fn body() -> Option<Body<f32>> {
     Person::new(1.75, 75.0, Sex::Male).body().ok()
 }
@@ -128,13 +128,13 @@ fn falling() -> Motion<f32> {
     }
 }
 
-/// Flush subnormals to zero, and one pattern for all that is not a number: bits 24 and 25 of the FPSCR.
+/// Bits 24 and 25 of the FPSCR: flush subnormals to zero, and a single bit pattern for NaN.
 const FLUSH_AND_DEFAULT: u32 = 3 << 24;
 
-/// Does `work` with subnormals flushed and a default NaN, as other processors and settings may.
+/// Runs `work` with subnormals flushed and a default NaN, as other processors and settings may.
 ///
-/// The mode changes in the same block of assembly that calls `work`: around a call that it does not see into, the compiler
-/// moves no arithmetic, and none of it runs in a mode that it does not expect.
+/// The mode is changed in the same block of assembly that calls `work`: the compiler moves no arithmetic across an
+/// opaque call, so none of it runs in an unexpected mode.
 #[allow(
     unsafe_code,
     reason = "the mode of the floating-point unit has no other door"
@@ -164,7 +164,7 @@ fn flushed<R, W: FnOnce() -> R>(work: W) -> Option<R> {
     job.result
 }
 
-/// What is called in another mode, and what it gives.
+/// The work to be done in another mode, and its result.
 struct Job<R, W> {
     work: Option<W>,
     result: Option<R>,
@@ -177,20 +177,21 @@ extern "C" fn run_job<R, W: FnOnce() -> R>(job: *mut Job<R, W>) {
     job.result = job.work.take().map(|work| work());
 }
 
-// Estimators live on the stack, one at a time: each in a frame of its own.
+// Estimators live on the stack, one at a time, each in its own frame.
 
 #[inline(never)]
 fn reduced_trace(body: &Body<f32>) -> Option<u64> {
     trace::hash::<Reduced, 30>(body, 40).ok()
 }
 
-/// The paper's filter over a window of 12 samples: that of 60 is larger than the memory of this board.
+/// The paper's filter with a window of 12 samples, since one of 60 exceeds the memory of this board.
 #[inline(never)]
 fn paper_trace(body: &Body<f32>) -> Option<u64> {
     trace::hash::<Full, 12>(body, 8).ok()
 }
 
-/// Instructions of a push that only adds an interval and of one that updates, and the stack of the latter.
+/// Instructions of a push that only adds an interval and of one that triggers an update, and the stack use of the
+/// latter.
 #[inline(never)]
 fn pushes<P: Propagation<f32>, const INTERVALS: usize>(
     counter: &mut Counter,
@@ -206,7 +207,7 @@ fn pushes<P: Propagation<f32>, const INTERVALS: usize>(
     let estimator = made.as_mut().ok()?;
     let seen = Measurement::of(&motion);
     let (mut quiet, mut update) = (0, 0);
-    // Past the first update every fourth push updates; the largest of each kind counts.
+    // After the first update every fourth push updates; the largest count of each kind is kept.
     for _ in 0..estimator.prediction_window() + 24 {
         let mut estimated = false;
         let cost = counter.instructions(|| {
@@ -225,7 +226,8 @@ fn pushes<P: Propagation<f32>, const INTERVALS: usize>(
     Some([quiet, update, stack])
 }
 
-/// Instructions of the motion filter from one estimate to the next, postures included, and the most stack of a push.
+/// Instructions of the motion filter from one estimate to the next, postures included, and the largest stack use of a
+/// push.
 #[inline(never)]
 fn motion_pushes(
     counter: &mut Counter,
@@ -254,8 +256,8 @@ fn motion_pushes(
     Some([most, stack])
 }
 
-/// By how many thousandths the dearest update is dearer than the cheapest, over postures, rates and innovations that
-/// differ from one to the next.
+/// Spread of the cost of an update: how much the most expensive exceeds the cheapest, in thousandths, over varying
+/// postures, rates and innovations.
 #[inline(never)]
 fn spread(counter: &mut Counter, dynamics: &Dynamics<f32>) -> Option<u32> {
     let neutral = pattern::neutral::<f32>();
@@ -264,7 +266,7 @@ fn spread(counter: &mut Counter, dynamics: &Dynamics<f32>) -> Option<u32> {
         Estimator::<f32, Reduced, 30>::new(&TRACKING_ON_BACK, dynamics, &motion, &neutral).ok()?;
     let (mut least, mut most) = (u32::MAX, 0);
     for k in 0..estimator.prediction_window() + 160 {
-        // Numbers between -1 and 1 that go through all of it.
+        // Numbers that sweep the range from -1 to 1.
         let swing = |period: usize| {
             let place = (k % period) as f32 / period as f32;
             (place * 4.0 - 2.0).abs() - 1.0
@@ -298,7 +300,7 @@ fn paper_pushes<const INTERVALS: usize>(
     pushes::<Full, INTERVALS>(counter, dynamics, posture)
 }
 
-/// Instructions of what a simulation does in each step.
+/// Instructions of one step of a simulation.
 #[inline(never)]
 fn steps(counter: &mut Counter, dynamics: &Dynamics<f32>, posture: &Posture<f32>) {
     let step = f32::of(TIME_STEP);
@@ -321,7 +323,8 @@ fn steps(counter: &mut Counter, dynamics: &Dynamics<f32>, posture: &Posture<f32>
     );
 }
 
-/// Instructions of the loads of a model, flat on the stream and straight along it with every segment in a wake but the first.
+/// Instructions of a model's loads, lying flat on the stream and aligned with it, when every segment but the first is
+/// in a wake.
 #[inline(never)]
 fn loads(counter: &mut Counter, dynamics: &Dynamics<f32>, model: LoadModel) -> [u32; 2] {
     let inputs = Inputs::belly_turn();
@@ -337,7 +340,7 @@ fn loads(counter: &mut Counter, dynamics: &Dynamics<f32>, model: LoadModel) -> [
     })
 }
 
-/// Prints what there is to compare; `None` where the core refuses the person or a preset.
+/// Prints all results; returns `None` if the core refuses the person or a preset.
 pub fn run(timer: SYST, pace: Pace) -> Option<()> {
     let body = body()?;
     println!("trace_reduced {:#018x}", reduced_trace(&body)?);
@@ -365,8 +368,8 @@ pub fn run(timer: SYST, pace: Pace) -> Option<()> {
     let [estimate, stack] = motion_pushes(&mut counter, &dynamics, &posture)?;
     println!("motion_estimate {estimate}");
     println!("stack_of_motion_estimate {stack}");
-    // The paper's window of 60 samples does not fit this board: its cost follows from two shorter ones, since
-    // every sample of the window takes the same.
+    // The paper's window of 60 samples does not fit this board. Its cost is extrapolated from two shorter ones, since
+    // every sample of the window costs the same.
     let [_, of_8, _] = paper_pushes::<8>(&mut counter, &dynamics, &posture)?;
     let [_, of_12, _] = paper_pushes::<12>(&mut counter, &dynamics, &posture)?;
     println!("paper_update {}", of_12 + (of_12 - of_8) * 12);

@@ -130,7 +130,7 @@ impl Answer {
         }
     }
 
-    /// What goes over the link.
+    /// Output for the link.
     pub(super) fn over_the_link(&self, sequence: u32, pending: EstimateFlags) -> link::Estimate {
         match self {
             Self::Windows(estimate) => answer(estimate, sequence, pending),

@@ -1,4 +1,4 @@
-//! USB serial (CDC-ACM) as a line to the host, on any chip with a driver of `embassy_usb`.
+//! A USB serial port (CDC-ACM) to the host, for any chip with an `embassy_usb` driver.
 #![cfg(target_os = "none")]
 #![no_std]
 
@@ -13,7 +13,7 @@ use static_cell::StaticCell;
 /// Bytes of a packet at full speed.
 const PACKET: usize = 64;
 
-/// Vendor and product for projects without numbers of their own, by pid.codes. Not for sale.
+/// USB vendor and product id of pid.codes for projects without their own. Not for sale.
 const IDENTITY: [u16; 2] = [0x1209, 0x0001];
 
 static CONFIGURATION: StaticCell<[u8; 128]> = StaticCell::new();
@@ -21,13 +21,14 @@ static CONTROL: StaticCell<[u8; 64]> = StaticCell::new();
 static SERIAL: StaticCell<State<'static>> = StaticCell::new();
 static RECEIVED: StaticCell<[u8; PACKET]> = StaticCell::new();
 
-/// From the host.
+/// Receives bytes from the host.
 pub struct Receiver<D: Driver<'static>>(BufferedReceiver<'static, D>);
 
-/// To the host.
+/// Sends bytes to the host.
 pub struct Transmitter<D: Driver<'static>>(Sender<'static, D>);
 
-/// The device, to be run beside the application, and both directions of its line. To be called once.
+/// Creates the device, which must run beside the application, and both directions of its port. Must be called only
+/// once.
 pub fn start<D: Driver<'static>>(
     driver: D,
 ) -> (UsbDevice<'static, D>, Receiver<D>, Transmitter<D>) {

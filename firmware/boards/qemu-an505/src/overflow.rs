@@ -1,5 +1,5 @@
-//! A stack that overflows where the processor watches its end: at the second start the image prints what was written
-//! down of the first. `cargo xtask on-target` runs it.
+//! A stack overflow on a processor with a stack limit: at the second start the image prints the fault record of the
+//! first. `cargo xtask on-target` runs it.
 #![no_std]
 #![no_main]
 
@@ -12,10 +12,10 @@ use cortex_m_rt::entry;
 use defmt_semihosting as _;
 use semihosting::{println, process};
 
-/// The sample that is in work when the stack overflows.
+/// The sample being processed when the stack overflows.
 const SEQUENCE: u32 = 4711;
 
-/// Far deeper than the stack, and not in a loop that the compiler makes of it.
+/// Recurses far deeper than the stack, in a way that the compiler cannot turn into a loop.
 #[inline(never)]
 fn deeper(depth: u32) -> u32 {
     if black_box(depth) == u32::MAX {

@@ -34,11 +34,11 @@ bind_interrupts!(struct Interrupts {
 
 /// Rate of both lines (baud).
 const BAUD: u32 = 460_800;
-/// The watchdog bites after this long without a heartbeat, four of them.
+/// Watchdog timeout: four heartbeats.
 const WATCHDOG: Duration = Duration::from_secs(1);
-/// The supply (VSYS) goes through a divider.
+/// Ratio of the divider at the supply (VSYS).
 const DIVIDER: u16 = 3;
-/// Written where only a loss of power or the RUN pin erases it.
+/// Mark in memory that only a loss of power or the RUN pin clears.
 const STARTED: u32 = 0xb0d7_f117;
 
 static HOST_ERRORS: LineErrors = LineErrors::new();
@@ -80,7 +80,7 @@ impl Board for Pico2 {
     }
 }
 
-/// Why the chip started. A reset by the program leaves all flags of the start before it, but also the mark.
+/// Cause of the chip's reset. A reset by the program keeps all flags of the previous start, but also the mark.
 fn reset(watchdog: &mut Watchdog) -> Reset {
     let flags = POWMAN.chip_reset().read();
     let marked = watchdog.get_scratch(0) == STARTED;

@@ -1,4 +1,4 @@
-//! What the chip needs before and beside its ports: watchdog, clocks, flash, the memory chip, battery, chance.
+//! Chip set-up besides the ports: watchdog, clocks, flash, the memory chip, battery, random numbers.
 
 use bodyflight_firmware::fault::Reset;
 use bodyflight_firmware::millivolts;
@@ -15,16 +15,17 @@ use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_stm32::{Config, Peri, rcc};
 use embassy_time::Delay;
 
-/// The watchdog bites after this long without a heartbeat, four of them (us).
+/// Watchdog timeout: four heartbeats (us).
 const WATCHDOG: u32 = 1_000_000;
 
-/// Looks at a crystal that starts, some 100 ms at the 16 MHz of the start; crystals take 2 ms.
+/// Number of polls while the crystal starts, some 100 ms at the initial 16 MHz; crystals take 2 ms.
 const CRYSTAL_LOOKS: u32 = 100_000;
 
-/// Looks at a random number that is made in 40 cycles of its clock.
+/// Number of polls for a random number, which is generated in 40 cycles of its clock.
 const RANDOM_LOOKS: u32 = 10_000;
 
-/// Why the chip started. The flags add up until they are cleared, and power-on sets those of weaker causes too.
+/// Cause of the chip's reset. The flags accumulate until they are cleared, and power-on sets those of weaker causes
+/// too.
 pub(crate) fn reset() -> Reset {
     let flags = RCC.csr().read();
     RCC.csr().modify(|csr| csr.set_rmvf(true));
@@ -41,21 +42,21 @@ pub(crate) fn reset() -> Reset {
     }
 }
 
-/// Starts the watchdog. It runs on an oscillator of its own, so it may go first.
+/// Starts the watchdog, which can be done first since it has its own oscillator.
 #[allow(
     unsafe_code,
     reason = "before the clocks there are no peripherals to own"
 )]
 pub(crate) fn watchdog() -> IndependentWatchdog<'static, IWDG> {
-    // SAFETY: nobody else takes the watchdog.
+    // SAFETY: nothing else uses the watchdog.
     let peripheral = unsafe { IWDG::steal() };
     let mut watchdog = IndependentWatchdog::new(peripheral, WATCHDOG);
     watchdog.unleash();
     watchdog
 }
 
-/// 168 MHz, from a crystal of 12 MHz, or from the chip's own oscillator of 16 MHz where no crystal starts: that one is
-/// within 1 % at room temperature, close enough for the lines.
+/// 168 MHz, from a crystal of 12 MHz, or from the chip's internal oscillator of 16 MHz if no crystal starts. That one
+/// is within 1 % at room temperature, close enough for the lines.
 pub(crate) fn clocks() -> Config {
     RCC.cr().modify(|control| control.set_hseon(true));
     let crystal = (0..CRYSTAL_LOOKS).any(|_| RCC.cr().read().hserdy());
@@ -87,7 +88,7 @@ pub(crate) fn clocks() -> Config {
     config
 }
 
-/// Switches on what makes flash with five wait states nearly as fast as one without: prefetch and both caches.
+/// Enables prefetch and both caches, which make flash with five wait states nearly as fast as with none.
 pub(crate) fn accelerate_flash() {
     FLASH.acr().modify(|control| {
         control.set_prften(true);
@@ -96,7 +97,8 @@ pub(crate) fn accelerate_flash() {
     });
 }
 
-/// What is received goes before what is sent, and both before the clock, whose interrupts may wait for 30 ms.
+/// Gives reception priority over transmission, and both priority over the clock, whose interrupts may be delayed by 30
+/// ms.
 pub(crate) fn order_interrupts() {
     // SAFETY: there are no critical sections by priority that this could break.
     interrupt::USART3.set_priority(Priority::P2);
@@ -117,7 +119,7 @@ pub(crate) struct FlashPins {
     pub(crate) select: Peri<'static, PA15>,
 }
 
-/// Finds the memory chip; a page goes over in 0.1 ms.
+/// Finds the memory chip; transferring a page takes 0.1 ms.
 pub(crate) async fn flash(spi: Peri<'static, SPI3>, pins: FlashPins) -> Option<Flash> {
     let mut config = spi::Config::default();
     config.frequency = Hertz::mhz(21);
@@ -142,7 +144,8 @@ impl Battery {
         }
     }
 
-    /// Its voltage (mV). Takes 24 us: the divider is of 100 kOhm, so the converter listens for as long as it can.
+    /// Measures the voltage (mV). Takes 24 us: the divider has 100 kOhm, so the converter uses its longest sampling
+    /// time.
     pub(crate) fn millivolts(&mut self) -> u16 {
         let count = self
             .converter
@@ -151,7 +154,7 @@ impl Battery {
     }
 }
 
-/// A number that nobody can foresee, or `None` where the generator does not work.
+/// An unpredictable random number, or `None` if the generator does not work.
 pub(crate) fn random() -> Option<u32> {
     RCC.ahb2enr().modify(|enabled| enabled.set_rngen(true));
     RNG.cr().modify(|control| control.set_rngen(true));
@@ -159,7 +162,7 @@ pub(crate) fn random() -> Option<u32> {
         let ready = (0..RANDOM_LOOKS).any(|_| RNG.sr().read().drdy());
         ready.then(|| RNG.dr().read())
     };
-    // The first is not to be used.
+    // The first number after a reset must not be used.
     let number = next().and_then(|_| next());
     RNG.cr().modify(|control| control.set_rngen(false));
     number

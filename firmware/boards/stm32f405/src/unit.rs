@@ -1,6 +1,6 @@
-//! The unit on an STM32F405: USB serial (PA11, PA12) or USART3 to the host (PB10 out, PB11 in, 460800 baud), USART6 from an
-//! inertial sensor (PC7 in, 460800 baud), a log in a memory chip (PB3, PB4, PB5, PA15), the voltage of the battery (PA3, half of it), a light (PC1), logs by RTT, a
-//! crystal of 12 MHz. The chip itself is in `chip.rs`.
+//! The unit on an STM32F405: USB serial (PA11, PA12) or USART3 to the host (PB10 out, PB11 in, 460800 baud), USART6
+//! from an inertial sensor (PC7 in, 460800 baud), a log in a memory chip (PB3, PB4, PB5, PA15), half the voltage of the
+//! battery (PA3), a light (PC1), logs by RTT, a crystal of 12 MHz. The chip itself is in `chip.rs`.
 #![no_std]
 #![no_main]
 
@@ -37,7 +37,7 @@ bind_interrupts!(struct Interrupts {
 /// Rate of both lines (baud).
 const BAUD: u32 = 460_800;
 
-/// Room for what comes by USB: a packet for each of its two ends, and one of the line's control.
+/// Buffer for USB reception: a packet for each of its two endpoints, and one for line control.
 const FROM_USB_BYTES: usize = 256;
 
 static HOST_ERRORS: LineErrors = LineErrors::new();
@@ -93,7 +93,7 @@ type Usb = usb::Driver<'static, USB_OTG_FS>;
 
 static UNIT: StaticCell<RefCell<Unit<Stm32f405>>> = StaticCell::new();
 static RECORDER: StaticCell<Recorder> = StaticCell::new();
-/// What flew in the seconds before the exit is told.
+/// Blocks from the seconds before the exit is detected.
 static BLOCKS: ConstStaticCell<[Block; 48]> = ConstStaticCell::new([Block::EMPTY; 48]);
 static FROM_HOST: StaticCell<[u8; RECEIVER_BYTES]> = StaticCell::new();
 static FROM_USB: StaticCell<[u8; FROM_USB_BYTES]> = StaticCell::new();

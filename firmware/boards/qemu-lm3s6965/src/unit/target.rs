@@ -1,4 +1,4 @@
-//! The image: ports, clock, watch over faults, and the application on top.
+//! The image: ports, clock, fault handling, and the application on top.
 
 mod time;
 mod uart;
@@ -23,7 +23,7 @@ use uart::{Receiver, Transmitter, UART0, UART1};
 struct Lm3s6965;
 
 impl Board for Lm3s6965 {
-    /// Ticks of the processor's clock. QEMU has no cycle counter; SysTick runs at the same 12.5 MHz.
+    /// Ticks of the processor's clock. QEMU has no cycle counter, but SysTick runs at the same 12.5 MHz.
     fn cycles(&self) -> u32 {
         time::ticks()
     }
@@ -69,7 +69,7 @@ async fn application(unit: &'static RefCell<Unit<Lm3s6965>>) {
 
 #[entry]
 fn main() -> ! {
-    // The machine starts with its power, or after a fault; nothing else resets it.
+    // The machine starts by power-on or after a fault; nothing else resets it.
     let record = faults::begin(Reset::Software);
     if let Some(mut peripherals) = Peripherals::take() {
         time::start(&mut peripherals.SYST);
@@ -77,7 +77,7 @@ fn main() -> ! {
             port.start();
         }
     }
-    // The counter is somewhere else at each start of the machine.
+    // The counter has a different value at each start of the machine.
     let identity = record.identity(faults::build(), SYST::get_current() << 8);
     let unit = UNIT.init_with(|| RefCell::new(Unit::new(Lm3s6965, identity)));
     let executor = EXECUTOR.init_with(|| Executor::new(core::ptr::null_mut()));
@@ -91,8 +91,8 @@ fn main() -> ! {
         unsafe {
             executor.poll();
         }
-        // QEMU treats WFE as a pause of nothing, so embassy's own executor would spin; WFI sleeps. With
-        // interrupts masked nothing is lost between the look and the sleep.
+        // QEMU treats WFE as a no-op, so embassy's own executor would spin; WFI sleeps. With interrupts masked no
+        // wake-up is lost between the check and the sleep.
         cortex_m::interrupt::free(|_| {
             if !PENDED.swap(false, Ordering::Acquire) {
                 cortex_m::asm::wfi();

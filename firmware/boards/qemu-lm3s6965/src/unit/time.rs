@@ -1,4 +1,4 @@
-//! Time from SysTick: a tick each millisecond, microseconds read off the counter.
+//! Time from SysTick: an interrupt each millisecond, with microseconds from the counter.
 
 use core::cell::RefCell;
 use core::task::Waker;
@@ -14,7 +14,7 @@ use embassy_time_queue_utils::Queue;
 const MILLISECOND: u32 = 12_500;
 /// Ticks of two microseconds.
 const TWO_MICROSECONDS: u64 = 25;
-/// The counter wrapped and the interrupt has not run: bit of the ICSR.
+/// Bit of the ICSR: the counter has wrapped and the interrupt has not run yet.
 const PENDING: u32 = 1 << 26;
 /// Interrupt control and state register.
 const ICSR: *const u32 = 0xE000_ED04 as *const u32;
@@ -73,7 +73,7 @@ impl Driver for Time {
     fn schedule_wake(&self, at: u64, waker: &Waker) {
         self.with(|clock| {
             if clock.queue.schedule_wake(at, waker) {
-                // The next tick looks at the queue; what is due already is woken here.
+                // The next tick checks the queue; tasks that are already due are woken here.
                 let now = clock.microseconds();
                 clock.queue.next_expiration(now);
             }

@@ -1,4 +1,4 @@
-//! The PL011 UARTs of the board, by interrupt.
+//! Interrupt-driven driver for the board's PL011 UARTs.
 
 use core::convert::Infallible;
 use core::future::poll_fn;
@@ -94,7 +94,7 @@ impl Port {
     }
 
     fn on_interrupt(&self) {
-        // First, so that what arrives from here on asks again.
+        // Cleared first, so that bytes arriving from here on raise a new interrupt.
         self.write(INTERRUPT_CLEAR, RECEIVED | PAUSE | ROOM);
         while self.read(FLAGS) & RECEIVE_EMPTY == 0 {
             self.take_fifo();
@@ -105,7 +105,7 @@ impl Port {
         }
     }
 
-    /// Moves what the FIFO holds to the pipe.
+    /// Moves the contents of the FIFO to the pipe.
     fn take_fifo(&self) {
         let mut bytes = [0; FIFO];
         let mut count = 0;
@@ -120,7 +120,7 @@ impl Port {
             add(&self.overruns, u32::from(word & OVERRUN != 0));
         }
         let mut received = bytes.get(..count).unwrap_or_default();
-        // At its seam the pipe takes them in two pieces.
+        // Where the pipe wraps around, it accepts the bytes in two pieces.
         while let Ok(taken @ 1..) = self.received.try_write(received) {
             received = received.get(taken..).unwrap_or_default();
         }
@@ -128,7 +128,7 @@ impl Port {
     }
 }
 
-/// One context writes each counter.
+/// Adds to a counter, which only one context writes.
 fn add(counter: &AtomicU32, more: u32) {
     counter.store(
         counter.load(Ordering::Relaxed).wrapping_add(more),
@@ -185,7 +185,7 @@ impl Write for Transmitter {
 }
 
 mod handlers {
-    //! By name, as the vector table has them.
+    //! Interrupt handlers, with the names of the vector table.
 
     use lm3s6965::interrupt;
 
