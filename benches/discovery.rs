@@ -1,10 +1,11 @@
-//! How often discovery is right: every effect in every family of errors, flights in which nothing is missing, things
+//! Success rates of discovery: every effect in every family of errors, flights with nothing missing, disturbances
 //! outside the library, loads drawn from the grammar, two effects at once, scripts of `synth` with their inputs.
 //!
 //! `cargo xtask discovery-bench --seeds 1 --first-seed 40` runs it and writes docs/discovery.json, the tables of
-//! docs/discovery.md and docs/discovery-bench.svg. Rows that are in the file are not flown again, so a run that was cut
-//! short goes on; `--fresh` begins anew, `--only clean,wind` and `--family wide` look at some groups, names or joints and write nothing,
-//! `--rows FILE` keeps rows elsewhere and writes no page, `--table` makes tables and figure again.
+//! docs/discovery.md and docs/discovery-bench.svg. Rows already in the file are not flown again, so an interrupted run
+//! can be continued; `--fresh` starts over. `--only clean,wind` and `--family wide` select groups, names or joint
+//! errors and write nothing, `--rows FILE` keeps rows elsewhere and writes no page, `--table` regenerates tables and
+//! figure.
 #![expect(clippy::expect_used, reason = "a bench may end with a panic")]
 
 #[path = "discovery/cases.rs"]
@@ -66,7 +67,7 @@ fn main() {
     due.retain(is_due);
     println!("{} pairs of flights, {} to fly", cases.len(), due.len());
     let (due, rows) = (Mutex::new(due.into_iter()), Mutex::new(rows));
-    // A pair on each thread: its own parts are too short to keep all cores busy.
+    // One pair per thread: the parts of a pair are too short to keep all cores busy.
     let work = || {
         let alone = ThreadPoolBuilder::new().num_threads(1).build();
         let alone = alone.expect("a thread starts");
@@ -93,7 +94,7 @@ fn main() {
     }
 }
 
-/// A row for whoever waits.
+/// Prints a row as progress.
 fn say(row: &Value) {
     println!(
         "{} {} {} seed {} noise {}: {} {} {} truth {} misfit {} {} s",
@@ -115,7 +116,7 @@ fn say(row: &Value) {
     );
 }
 
-/// In an order of which any beginning is a sample of the whole: steps of the golden section.
+/// Orders cases so that any prefix is a representative sample, in steps of the golden section.
 fn spread(cases: &[Case]) -> Vec<&Case> {
     let place = |k: usize| (k as f64 * 0.618_034).fract();
     let mut order: Vec<(usize, &Case)> = cases.iter().enumerate().collect();
@@ -123,12 +124,12 @@ fn spread(cases: &[Case]) -> Vec<&Case> {
     order.into_iter().map(|(_, case)| case).collect()
 }
 
-/// The next case, for whoever asks first.
+/// Takes the next case.
 fn next<'a>(due: &Mutex<impl Iterator<Item = &'a Case>>) -> Option<&'a Case> {
     due.lock().expect("no flight ends with a panic").next()
 }
 
-/// Whether a row came of this case.
+/// Whether a row is the result of this case.
 fn is_of(row: &Value, case: &Case) -> bool {
     row["group"] == case.group
         && row["name"] == case.name
@@ -140,7 +141,7 @@ fn docs() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../docs")
 }
 
-/// Where rows are kept.
+/// Path of the file of rows.
 fn place() -> PathBuf {
     value("--rows").map_or_else(|| docs().join("discovery.json"), PathBuf::from)
 }

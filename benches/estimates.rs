@@ -1,10 +1,10 @@
-//! How good estimates are on flights whose inputs are known: every maneuver of `synth`, by constant coefficients, the
-//! paper's filter and its reduced form with a preset of the paper, and the motion filter and its smoother.
+//! Accuracy of estimates on flights with known inputs: every maneuver of `synth`, with constant coefficients, the
+//! paper's filter and its reduced form with one of the paper's presets, and the motion filter and its smoother.
 //!
 //! `cargo bench -p bodyflight-benches --bench estimates` prints the tables of `docs/benchmarks.md`. `--from SEED` and
-//! `--seeds NUMBER` choose the flights, `--only NAME` some maneuvers, `--by NAME` some methods; `--noise`, `--joints`
-//! and `--wander` (degrees) vary what the flights suffer. Unless one of the last two is given, a third table has all maneuvers with
-//! exact and with wandering joints.
+//! `--seeds NUMBER` select the flights, `--only NAME` maneuvers, `--by NAME` methods; `--noise`, `--joints` and
+//! `--wander` (degrees) change the errors of the flights. Unless one of the last two is given, a third table shows all
+//! maneuvers with exact and with drifting joints.
 #![expect(clippy::expect_used, reason = "a bench may end with a panic")]
 
 #[path = "estimates/score.rs"]
@@ -36,35 +36,35 @@ const METHODS: [&str; 6] = [
     "smoother",
 ];
 
-/// Those that go by the motion filter.
+/// Methods based on the motion filter.
 const MOTION_METHODS: Range<usize> = 3..METHODS.len();
 
 /// The name of all maneuvers together.
 const ALL: &str = "all";
 
-/// Length of flight for which times are told (s).
+/// Length of flight for which computing times are given (s).
 const LENGTH: f64 = 40.0;
 
-/// Other joints: what they are off by throughout, and what they wander by (degrees).
+/// Other joint errors: constant part and drift (degrees).
 const FAMILIES: [(&str, f64, f64); 2] = [
     ("all, exact joints", 0.0, 0.0),
     ("all, joints wander by 1", 1.0, 1.0),
 ];
 
-/// What all flights have in common.
+/// Settings common to all flights.
 #[derive(Clone)]
 struct Laboratory {
     subject: Subject,
     noise: SensorNoise,
     joint_error: JointError,
-    /// Part of the names of methods that are looked at.
+    /// Part of the names of the methods to run.
     by: String,
-    /// And among which.
+    /// Range of methods from which they are selected.
     among: Range<usize>,
 }
 
 impl Laboratory {
-    /// Flies a maneuver and estimates its inputs by each method; none where a method is not looked at.
+    /// Flies a maneuver and estimates its inputs by each method; `None` for methods that are not selected.
     fn scores(&self, maneuver: &'static Maneuver, seed: u64, folder: &Path) -> Vec<Option<Score>> {
         let request = Request {
             maneuver,
@@ -79,7 +79,7 @@ impl Laboratory {
         let folder = folder.join(format!("{}-{seed}", maneuver.name));
         let written = synthesize(&request, &folder, |_| ()).expect("a flight");
         let mut flight = Flight::read(&written.flight).expect("the flight");
-        // What was put in is what is looked for.
+        // The true inputs are withheld, since they are to be estimated.
         flight.inputs = None;
         let truth = |time: f64| {
             let inputs = maneuver.inputs::<f64>(time);
@@ -157,7 +157,7 @@ fn scores(
     scores
 }
 
-/// Sums the scores of a method over the flights `among` which they are asked for.
+/// Sums the scores of a method over those flights `among` which it was run.
 fn summed(
     flights: &[(&Maneuver, u64)],
     scores: &[Vec<Option<Score>>],
@@ -175,7 +175,7 @@ fn summed(
     (!sum.is_empty()).then_some(sum)
 }
 
-/// Prints a row for each maneuver and method, and how long the methods take.
+/// Prints a row for each maneuver and method, and the computing times of the methods.
 fn tables(laboratory: &Laboratory, flights: &[(&'static Maneuver, u64)]) {
     let scores = scores(laboratory, flights);
     let mut reconstruction = vec![RECONSTRUCTION.to_owned()];
@@ -205,7 +205,7 @@ fn tables(laboratory: &Laboratory, flights: &[(&'static Maneuver, u64)]) {
     println!("\n{}", times.join("\n"));
 }
 
-/// Prints how well inputs are known with other joints, by the motion filter and its smoother.
+/// Prints the accuracy of inputs with other joint errors, by the motion filter and its smoother.
 fn families(laboratory: &Laboratory, flights: &[(&'static Maneuver, u64)]) {
     println!("\n{INPUTS}");
     for (name, calibration, wander) in FAMILIES {

@@ -1,4 +1,4 @@
-//! Whole flights: 55 s of tracking with a solution window of 12 samples, posture work included.
+//! Cost of whole flights: 55 s of tracking with a solution window of 12 samples, posture computation included.
 
 use core::hint::black_box;
 

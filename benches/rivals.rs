@@ -1,5 +1,5 @@
-//! One estimation problem, given to this crate's filter and to others: six constant states, four channels that
-//! see polynomials of them, the paper's weights (W_0 = 0.5; as scaled weights alpha 1, beta 0, kappa 6).
+//! One estimation problem for this crate's filter and for others: six constant states, four channels that measure
+//! polynomials of them, the paper's weights (W_0 = 0.5; as scaled weights alpha 1, beta 0, kappa 6).
 
 use core::ops::{Add, Mul};
 
@@ -10,15 +10,15 @@ use minikalman::prelude::*;
 use multicalc::{Numeric, UnscentedKalmanFilter, VectorFn};
 use nalgebra::SVector;
 
-/// Variance of the start.
+/// Initial variance.
 pub const VARIANCE: [f32; 6] = [0.0625, 0.0625, 0.0625, 36.0, 36.0, 36.0];
-/// State at the start.
+/// Initial state.
 pub const START: [f32; 6] = [0.5, 0.5, 0.5, 6.0, 6.0, 6.0];
 /// Process noise of an update.
 pub const PROCESS_NOISE: [f32; 6] = [0.001, 0.001, 0.001, 0.004, 0.004, 0.004];
 /// Measurement noise.
 pub const NOISE: [f32; 4] = [0.01, 0.0025, 0.0001, 0.0001];
-/// What the measurements come from.
+/// True state.
 pub const TRUTH: [f32; 6] = [1.0, 0.6, 0.8, 4.0, 8.0, 5.0];
 
 /// The measurement model.
@@ -32,7 +32,7 @@ pub fn seen<S: Copy + Add<Output = S> + Mul<Output = S>>(x: &[S; 6], share: S) -
     ]
 }
 
-/// Share of the damping in what is seen.
+/// Weight of the damping in the measurements.
 const SHARE: f32 = 0.05;
 
 /// Measurement number `k`: the truth with a fixed pattern of noise.
@@ -48,19 +48,19 @@ pub fn measurement(k: usize) -> [f32; 4] {
 
 /// A filter of the problem.
 pub trait Filter {
-    /// Predicts and takes in a measurement; whether that worked.
+    /// Predicts and updates with a measurement; returns whether that succeeded.
     fn update(&mut self, measurement: &[f32; 4]) -> bool;
     /// The state.
     fn state(&self) -> [f32; 6];
 }
 
-/// This crate's, with bounds as wide as no others.
+/// This crate's filter, with bounds that never apply.
 pub struct Own {
     filter: Unscented<f32, 6>,
 }
 
 impl Own {
-    /// At the start, with either root.
+    /// Creates the filter at the initial state, with either matrix root.
     pub fn new(root: Root) -> Option<Self> {
         let settings = Settings {
             state: START.into(),
@@ -196,7 +196,7 @@ impl Filter for Kfilter {
     }
 }
 
-/// `minikalman`, as a closure that updates and gives the state: its types do not want to be named.
+/// `minikalman`, as a closure that updates and returns the state, because its types are impractical to name.
 pub fn minikalman() -> impl FnMut(&[f32; 4]) -> [f32; 6] {
     const POINTS: usize = 13;
     let builder = minikalman::unscented::builder::KalmanFilterBuilder::<6, f32>::default();
@@ -248,7 +248,7 @@ pub fn minikalman() -> impl FnMut(&[f32; 4]) -> [f32; 6] {
 mod tests {
     use super::*;
 
-    /// What a filter sees of where it has got to: states are only weakly told apart.
+    /// Error in terms of the measurements, since the states are only weakly distinguishable.
     fn misfit(state: &[f32; 6]) -> f32 {
         let pairs = seen(state, SHARE).into_iter().zip(seen(&TRUTH, SHARE));
         pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)

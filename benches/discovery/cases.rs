@@ -1,4 +1,4 @@
-//! What is flown: effects in families of errors, and flights in which nothing is missing.
+//! The cases: effects in families of errors, and flights without a missing effect.
 
 use bodyflight_core::effect::Effect;
 use bodyflight_core::maneuver::Maneuver;
@@ -7,7 +7,7 @@ use bodyflight_discovery::laboratory::drawn::drawn;
 use bodyflight_discovery::laboratory::outside::Outside;
 use bodyflight_discovery::laboratory::{Hidden, JointErrors, strength};
 
-/// What the suit has wrong with the joints.
+/// A family of joint errors of the suit.
 pub(super) struct Family {
     pub(super) name: &'static str,
     pub(super) joints: JointErrors,
@@ -33,13 +33,13 @@ pub(super) const FAMILIES: [Family; 4] = [
     family("wide", [2.9, 2.3, 0.08]),
 ];
 
-/// Joints as they are: those of `synth`.
+/// Default joint errors, which are those of `synth`.
 const EXACT: Family = family("exact", [0.0; 3]);
 
-/// Noise of the sensors over the paper's: from the least to the most, evenly in its logarithm.
+/// Range of sensor noise relative to the paper's, sampled evenly in its logarithm.
 const SENSOR_NOISE: [f64; 2] = [0.5, 2.0];
 
-/// What flies.
+/// The movements of a flight.
 pub(super) enum Flown {
     /// Movements of the laboratory, drawn by the seed.
     Laboratory(Vec<Hidden>),
@@ -54,14 +54,14 @@ pub(super) struct Case {
     pub(super) name: String,
     pub(super) flown: Flown,
     pub(super) seed: u64,
-    /// Seed of body, movements and errors: another one in every case.
+    /// Seed of body, movements and errors, different in every case.
     pub(super) flight_seed: u64,
-    /// Noise of the sensors over the paper's.
+    /// Sensor noise relative to the paper's.
     pub(super) sensor_noise: f64,
 }
 
 impl Case {
-    /// What is hidden.
+    /// The hidden disturbance.
     pub(super) fn hidden(&self) -> &[Hidden] {
         match &self.flown {
             Flown::Laboratory(hidden) => hidden,
@@ -69,7 +69,7 @@ impl Case {
         }
     }
 
-    /// Names of what is hidden.
+    /// Names of the hidden effects.
     pub(super) fn names(&self) -> Vec<&'static str> {
         let name = |hidden: &Hidden| match hidden {
             Hidden::Effect(effect, _) => effect.description().name,
@@ -84,7 +84,7 @@ fn effect(effect: Effect, seed: u64) -> Hidden {
     Hidden::Effect(effect, strength(effect, seed, None))
 }
 
-/// Effects that are hidden together.
+/// Pairs of effects that are hidden together.
 const PAIRS: [(Effect, Effect); 5] = [
     (Effect::Wind, Effect::Mass),
     (Effect::Drag, Effect::GyroBias),
@@ -93,12 +93,12 @@ const PAIRS: [(Effect, Effect); 5] = [
     (Effect::Damping, Effect::Mounting),
 ];
 
-/// Loads drawn from the grammar for each seed, and flights without anything in each family.
+/// Number of loads drawn from the grammar for each seed, and of flights without any effect in each family.
 const LOADS: u64 = 6;
 const CLEAN: u64 = 2;
 
-/// All cases of a seed, in four passes: each has every effect once, in a family that the next pass changes, and its
-/// share of everything else.
+/// All cases of a seed, in four passes. Each pass has every effect once, in a family that changes with the pass, and a
+/// quarter of everything else.
 fn of_seed(seed: u64) -> Vec<Case> {
     let first = seed;
     let mut cases = Vec::new();
@@ -107,7 +107,7 @@ fn of_seed(seed: u64) -> Vec<Case> {
         let mut add = |group, family, name: &str, flown, seed: u64| {
             let [least, most]: [f64; 2] = SENSOR_NOISE;
             let flight_seed = first * 1000 + cases.len() as u64;
-            // The golden section spreads evenly whatever the number of cases is.
+            // The golden section spreads evenly for any number of cases.
             let place = (cases.len() as f64 * 0.618_034 + seed as f64 * 0.414_214).fract();
             let sensor_noise = if group == "maneuver" || group == "tunnel" {
                 1.0
@@ -130,7 +130,7 @@ fn of_seed(seed: u64) -> Vec<Case> {
                 add("clean", family, "clean", Flown::Laboratory(vec![]), seed);
             }
         }
-        // A profile of the stream acts in a tunnel only, and these flights fall through still air.
+        // A flow profile acts only in a tunnel, and these flights fall through still air.
         let felt = |effect: &&Effect| **effect != Effect::TunnelProfile;
         for (k, &one) in Effect::ALL.iter().filter(felt).enumerate() {
             let hidden = vec![effect(one, seed)];
@@ -143,7 +143,7 @@ fn of_seed(seed: u64) -> Vec<Case> {
             add("outside", turned(k), name, Flown::Laboratory(hidden), seed);
         }
         for (k, load) in (0..LOADS).enumerate() {
-            // Every pass has loads of its own: there are as many as one likes.
+            // Every pass draws its own loads, of which there is no limited supply.
             let seed = (seed * 4 + pass as u64) * LOADS + load;
             let hidden = vec![Hidden::Load(drawn(seed))];
             add("load", turned(k), "load", Flown::Laboratory(hidden), seed);
@@ -153,7 +153,7 @@ fn of_seed(seed: u64) -> Vec<Case> {
             let hidden = vec![effect(a, seed), effect(b, seed + 77)];
             add("pair", turned(k), &name, Flown::Laboratory(hidden), seed);
         }
-        // Three seeds of every script, and one pass in the tunnel.
+        // Three seeds of every script, and one pass in a tunnel.
         for maneuver in MANEUVERS {
             let (group, seed) = match pass {
                 3 => ("tunnel", seed * 3),
@@ -166,7 +166,7 @@ fn of_seed(seed: u64) -> Vec<Case> {
     cases
 }
 
-/// Cases of some seeds, those of some names or groups where there are any.
+/// Cases of the given seeds, restricted to names or groups if any are given.
 pub(super) fn cases(seeds: core::ops::Range<u64>, only: &[String]) -> Vec<Case> {
     let asked = |case: &Case| {
         let is = |word: &String| *word == case.name || word == case.group;

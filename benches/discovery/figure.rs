@@ -1,4 +1,4 @@
-//! The rows of a run as a figure: by what acts and by family, how often the answer was right.
+//! Draws the results of a run: how often the answer was right, by effect and by family.
 
 use std::fmt::Write as _;
 
@@ -12,7 +12,7 @@ const WIDTH: f64 = 300.0;
 const LINE: f64 = 17.0;
 const TOP: f64 = 44.0;
 
-/// A bar with a share of its width, and a number beside it.
+/// A bar filled to a fraction of its width, with a number beside it.
 fn bar(svg: &mut String, place: (f64, f64), share: f64, words: &str) {
     let (x, y) = place;
     let _ = writeln!(
@@ -26,7 +26,7 @@ fn bar(svg: &mut String, place: (f64, f64), share: f64, words: &str) {
     );
 }
 
-/// As SVG.
+/// Renders the figure as SVG.
 pub(super) fn figure(rows: &[Value]) -> String {
     let second = LEFT + WIDTH + 110.0;
     let mut lines = String::new();

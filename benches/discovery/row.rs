@@ -1,4 +1,4 @@
-//! One line of JSON for each pair of flights: what was found, whether that is right, and how far numbers are off.
+//! One line of JSON for each pair of flights: what was found, whether it is right, and the errors of parameters.
 
 use std::path::Path;
 use std::time::Instant;
@@ -21,10 +21,10 @@ use serde_json::{Value, json};
 
 use super::cases::{Case, Flown};
 
-/// Standard errors that a parameter is within in 95 of 100 flights where errors are normal.
+/// Number of standard errors that covers 95 % of normally distributed errors.
 const NORMAL: f64 = 1.96;
 
-/// Flies a pair, looks for what is hidden, and judges what was found.
+/// Flies a pair, searches for the hidden effect, and judges the result.
 pub(super) fn row(case: &Case) -> Value {
     let tracks = [0, 1 << 32].map(|further| flown(case, further));
     let [flight, other] = tracks.map(|track| track.expect("flights can be flown"));
@@ -60,7 +60,7 @@ fn flown(case: &Case, further: u64) -> Result<Track> {
             let seed = case.seed + further;
             let folder = std::env::temp_dir().join(format!("{name}-{}-{seed}", case.group));
             let track = scripted(maneuver, *tunnel, seed, &folder);
-            // What is left behind is in a folder for such.
+            // Remaining files are in a temporary folder.
             let _ = std::fs::remove_dir_all(&folder);
             track
         }
@@ -90,7 +90,7 @@ fn in_laboratory(case: &Case, hidden: &[Hidden], seed: u64) -> Track {
     Track::new(&flight, dynamics, |_| inputs)
 }
 
-/// A script of `synth`, written and read as people do.
+/// A script of `synth`, written and read as by a user.
 fn scripted(maneuver: &'static Maneuver, tunnel: bool, seed: u64, folder: &Path) -> Result<Track> {
     let request = Request {
         maneuver,
@@ -106,7 +106,7 @@ fn scripted(maneuver: &'static Maneuver, tunnel: bool, seed: u64, folder: &Path)
     read_track(&Flight::read(&written.flight)?, Options::default())
 }
 
-/// Time that this thread had a processor (s), where the system tells.
+/// CPU time of this thread (s), if the system reports it.
 fn on_processor() -> Option<f64> {
     let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
     let nanoseconds: f64 = text.split_whitespace().next()?.parse().ok()?;
@@ -159,7 +159,7 @@ fn judged(case: &Case, report: &Report) -> Value {
     })
 }
 
-/// Whether a name, or one of those that cannot be told from it, is hidden.
+/// Whether a name, or one indistinguishable from it, is hidden.
 fn covers(case: &Case, named: &Named) -> bool {
     let hidden = case.names();
     hidden.contains(&named.name)
@@ -169,7 +169,7 @@ fn covers(case: &Case, named: &Named) -> bool {
             .any(|rival| hidden.contains(&rival.name))
 }
 
-/// Whether the names found are those hidden; one of several that cannot be told apart counts.
+/// Whether the names found are those hidden; any of several indistinguishable ones counts.
 fn is_right(case: &Case, report: &Report) -> bool {
     match case.group {
         "clean" | "maneuver" | "tunnel" => {
@@ -196,7 +196,7 @@ fn is_right(case: &Case, report: &Report) -> bool {
     }
 }
 
-/// Of the parameters of effects that were hidden and named: how many, and how many within their 95 % intervals.
+/// For the parameters of correctly named effects: their number, and how many lie within their 95 % intervals.
 fn covered(case: &Case, report: &Report) -> (u64, u64) {
     let (mut all, mut within) = (0, 0);
     for hidden in case.hidden() {

@@ -1,10 +1,10 @@
-//! The tables of `docs/discovery.md`, from the rows of a run.
+//! Generates the tables of `docs/discovery.md` from the rows of a run.
 
 use std::fmt::Write as _;
 
 use serde_json::Value;
 
-/// Groups in their order, with what they are.
+/// Groups in order, with descriptions.
 pub(super) const GROUPS: [(&str, &str); 7] = [
     ("single", "one effect"),
     ("pair", "two effects"),
@@ -15,7 +15,7 @@ pub(super) const GROUPS: [(&str, &str); 7] = [
     ("load", "a load drawn from the grammar"),
 ];
 
-/// Families in their order.
+/// Families in order.
 pub(super) const FAMILIES: [&str; 5] = ["exact", "constant", "wander", "mixed", "wide"];
 
 pub(super) fn of<'a>(rows: &'a [Value], group: &str, family: &str) -> Vec<&'a Value> {
@@ -42,7 +42,7 @@ fn percent(part: f64, all: f64) -> String {
     format!("{:.0} %", 100.0 * part / all)
 }
 
-/// All of them: by group and family, and what was wrong.
+/// All tables: by group and family, and the wrong answers.
 pub(super) fn tables(rows: &[Value]) -> String {
     let mut text = String::from(
         "| what acts | joints | pairs | right | false names | parameters within 95 % intervals | misfit: median, 5 % and 95 % of pairs | processor time of a pair: median, 95 % |\n|---|---|---|---|---|---|---|---|\n",
@@ -93,7 +93,7 @@ fn line(text: &mut String, words: &str, family: &str, rows: &[&Value]) {
     );
 }
 
-/// What is not in the library: how much of it descriptions do in flights held out.
+/// For disturbances outside the library: the share that descriptions explain in held-out flights.
 fn described(text: &mut String, rows: &[Value]) {
     let outside = |row: &&Value| row["group"] == "outside" || row["group"] == "load";
     let all: Vec<&Value> = rows.iter().filter(outside).collect();
@@ -110,7 +110,7 @@ fn described(text: &mut String, rows: &[Value]) {
     );
 }
 
-/// What was wrong, a line each.
+/// Wrong answers, one line each.
 fn wrong(text: &mut String, rows: &[Value]) {
     let wrong: Vec<&Value> = rows.iter().filter(|row| row["right"] != true).collect();
     if wrong.is_empty() {

@@ -1,4 +1,4 @@
-//! What is known of a method over several flights, and the rows of the tables.
+//! Accumulated errors of a method over several flights, and the rows of the tables.
 
 use bodyflight::replay::comparison::{Channel, PerChannel};
 use bodyflight::verbs::estimate::Estimation;
@@ -27,16 +27,16 @@ pub(crate) const INPUTS: &str = "\
 | maneuver | by | in 2 sd, % | error, RMS: muscle, damping | of it offset | zero muscle input, mean error (share stated so well, %) | consistent, doubtful, lost, % | refused | unflagged (s) |
 |---|---|---|---|---|---|---|---|---|";
 
-/// Sums over flights. Three numbers are pitch, yaw, roll; six are muscle input, then damping.
+/// Sums over flights. Three components are pitch, yaw, roll; six are muscle input, then damping.
 #[derive(Default, Clone)]
 pub(crate) struct Score {
     squares: [f64; 6],
     flights: f64,
     inside: [f64; 6],
     square_error: [f64; 6],
-    /// Square of the mean error of a flight, times its points.
+    /// Square of the mean error of a flight, times its number of points.
     square_offset: [f64; 6],
-    /// Errors of muscle inputs that are zero and stated to better than [`OBSERVED`], and their number.
+    /// Sum of squared errors of zero muscle inputs stated to better than [`OBSERVED`], and their number.
     zero: [[f64; 2]; 3],
     points: f64,
     nis: Vec<f64>,
@@ -44,12 +44,12 @@ pub(crate) struct Score {
     /// Longest time with an error above four deviations that was not flagged (s).
     unflagged: f64,
     refused: f64,
-    /// Time of computing for a second of flight, by flight (s).
+    /// Computing time per second of flight, by flight (s).
     paces: Vec<f64>,
 }
 
 impl Score {
-    /// Of a flight with constant coefficients.
+    /// The score of a flight with constant coefficients.
     pub(crate) fn constant(rms: &PerChannel) -> Self {
         Self {
             squares: SHOWN.map(|channel| rms.get(channel) * rms.get(channel)),
@@ -58,7 +58,7 @@ impl Score {
         }
     }
 
-    /// Of a flight with estimated inputs, of which the truth is known.
+    /// The score of a flight with estimated inputs whose truth is known.
     pub(crate) fn of(estimation: &Estimation, truth: impl Fn(f64) -> [f64; 6]) -> Self {
         let mut score = Self::constant(&estimation.report.rms);
         let (mut sums, mut runs, mut last) = ([0.0; 6], [0.0; 6], 0.0);
@@ -90,7 +90,7 @@ impl Score {
             score.points += 1.0;
         }
         score.square_offset = sums.map(|sum| sum * sum / score.points.max(1.0));
-        // The motion filter says the mean of a channel, the paper's the sum of its four.
+        // The motion filter gives the mean over channels, the paper's the sum over its four.
         let seen = |nis: &f64| nis.is_finite();
         let by_channel = estimation
             .points
@@ -128,7 +128,7 @@ impl Score {
         self.flights == 0.0
     }
 
-    /// Time of computing for `flight` (s): of the quickest flight and of that in the middle, since machines are busy.
+    /// Computing time for `flight` (s): minimum and median over flights, since machines are busy.
     pub(crate) fn time(&self, flight: f64) -> Option<[f64; 2]> {
         let mut paces = self.paces.clone();
         paces.sort_by(f64::total_cmp);

@@ -1,8 +1,8 @@
-//! The hidden-effect laboratory: flights with an effect that nothing in the files mentions.
+//! The hidden-effect laboratory: simulated flights with an effect that the files do not mention.
 //!
-//! What flies is not what the files say: masses, inertias and areas are a few percent off, joints are recorded
-//! with a calibration error of some degrees, sensors have the paper's noise, and the truth is computed in four
-//! times finer steps. So the model is never exactly right, and an effect has to be found beside all that.
+//! The simulated body differs from the files: masses, inertias and areas are a few percent off, joints are recorded
+//! with a calibration error of some degrees, sensors have the paper's noise, and the truth is computed with four times
+//! finer steps. So the model is never exactly right, and an effect must be found in spite of these errors.
 
 pub mod drawn;
 pub mod outside;
@@ -26,45 +26,45 @@ use outside::Outside;
 pub use suit::JointErrors;
 use suit::{Scale, Suit};
 
-/// Frames a second.
+/// Frame rate (Hz).
 pub const FRAME_RATE: f64 = 240.0;
 
-/// Steps of the truth between two frames at the usual rate.
+/// Number of steps of the truth per frame at the usual rate.
 const FINER: f64 = 4.0;
 
-/// Told from the seed of a flight of the same number.
+/// Distinguishes the seed of a person from that of a flight with the same number.
 const PERSON: u64 = 0xb0d1;
 
 /// Height at the start (m, inertial).
 const START_HEIGHT: f64 = 4000.0;
 
-/// What is hidden in a flight.
+/// A hidden disturbance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Hidden {
     /// An effect of the library with its parameters.
     Effect(Effect, [f64; PARAMETER_COUNT]),
     /// A load by description.
     Load(AppliedLoad<f64>),
-    /// Something that the library does not have.
+    /// A disturbance outside the library.
     Outside(Outside),
 }
 
-/// How the laboratory flies.
+/// Options of a flight.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settings {
     /// Seed of everything random.
     pub seed: u64,
-    /// Seed of the body that flies, which flights of one person share; that of the flight where there is none.
+    /// Seed of the simulated body, shared by flights of one person; `None` uses the seed of the flight.
     pub person: Option<u64>,
     /// Length (s).
     pub duration: f64,
-    /// Sensor noise and errors of subject and joints, as a share of the usual.
+    /// Factor on sensor noise and errors of subject and joints.
     pub noise: f64,
-    /// Sensor noise as a share of what `noise` makes of it.
+    /// Additional factor on the sensor noise.
     pub sensor_noise: f64,
     /// Joint errors of the suit, before `noise` scales them.
     pub joints: JointErrors,
-    /// Frames a second.
+    /// Frame rate (Hz).
     pub rate: f64,
 }
 
@@ -82,11 +82,11 @@ impl Default for Settings {
     }
 }
 
-/// Deviation of mass, inertia and each area of the body flown from the body in the files (share).
+/// Standard deviation of mass, inertia and each area of the simulated body from the body in the files (fraction).
 pub const SUBJECT_DEVIATION: f64 = 0.03;
 
-/// A strength of an effect that can be hidden: a share of its plausible range, between 40 and 80 % by the seed where
-/// none is given; either way where it has two.
+/// A strength at which an effect can be hidden: a fraction of its plausible range, chosen by the seed between 40 and 80
+/// % if `share` is `None`, with either sign if the range has both.
 pub fn strength(effect: Effect, seed: u64, share: Option<f64>) -> [f64; PARAMETER_COUNT] {
     let of_effect = effect.description().name.bytes();
     let mixed = of_effect.fold(seed ^ 0x5eed, |mixed, byte| {
@@ -103,7 +103,7 @@ pub fn strength(effect: Effect, seed: u64, share: Option<f64>) -> [f64; PARAMETE
     values
 }
 
-/// Movements of the laboratory's skydiver, one after another in a random order.
+/// Movements of the laboratory's skydiver, performed in a random order.
 const MOVEMENTS: [(&JointAngles, f64); 8] = [
     (pattern::ARCH, 0.5),
     (pattern::ARCH, -0.5),
@@ -143,10 +143,10 @@ const SHOULDERS: &JointAngles = &[
     (Segment::RightUpperArm, [0.0, 0.0, -1.0]),
 ];
 
-/// Time from one movement to the next (s).
+/// Interval between movements (s).
 const PERIOD: f64 = 2.5;
 
-/// What the skydiver does, by a seed.
+/// The sequence of movements for a seed.
 #[derive(Debug, Clone)]
 struct Script {
     movements: Vec<(&'static JointAngles, f64, bool)>,
@@ -183,7 +183,7 @@ impl Script {
     }
 }
 
-/// Flies the model of `dynamics`, with what is hidden: what the recording says.
+/// Flies the model of `dynamics` with the hidden disturbance; returns the recording.
 pub fn fly(
     dynamics: &Dynamics<f64>,
     inputs: &Inputs<f64>,
@@ -217,7 +217,7 @@ pub fn fly(
         },
     );
     let (flown, history) = truth(&model, &script, inputs, hidden, settings);
-    // Sensors may be late by any time, so they see the flight when it is over.
+    // Sensors may have any delay, so they are evaluated after the flight.
     let frames = flown.iter().map(|(time, motion)| {
         let past = |delay: f64| {
             history
@@ -231,7 +231,7 @@ pub fn fly(
     frames.collect()
 }
 
-/// What happens: time and motion at each frame, and the motion over time.
+/// The true flight: time and motion at each frame, and the motion over time.
 fn truth(
     model: &Model<f64>,
     script: &Script,
@@ -283,7 +283,7 @@ fn truth(
     (flown, history)
 }
 
-/// Belly to earth at terminal speed.
+/// Initial motion: belly to earth at terminal speed.
 fn start() -> Motion<f64> {
     let inertial_from_body = facing_north(core::f64::consts::FRAC_PI_2);
     Motion {
@@ -294,7 +294,7 @@ fn start() -> Motion<f64> {
     }
 }
 
-/// The body that flies is not quite the one in the files.
+/// Perturbs the simulated body relative to the one in the files.
 fn perturb(dynamics: &mut Dynamics<f64>, random: &mut ChaCha8Rng, noise: f64) {
     let mut factor = || 1.0 + random.sample::<f64, _>(StandardNormal) * SUBJECT_DEVIATION * noise;
     let (mass, inertia) = (factor(), factor());

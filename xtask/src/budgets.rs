@@ -1,4 +1,4 @@
-//! `budgets.toml`: what the unit may cost.
+//! `budgets.toml`: the budgets of the unit.
 
 use std::collections::BTreeMap;
 
@@ -6,14 +6,14 @@ use serde::Deserialize;
 
 use crate::run::{Result, root};
 
-/// The file.
+/// The content of the file.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Budgets {
     tolerance: f64,
     board: BTreeMap<String, Board>,
     image: BTreeMap<String, Image>,
-    /// Most of what is measured, by the board and its name: instructions and bytes of stack.
+    /// Budgets of measured costs, by board and name: instructions and bytes of stack.
     cost: BTreeMap<String, BTreeMap<String, u64>>,
 }
 
@@ -21,20 +21,20 @@ pub(crate) struct Budgets {
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Board {
-    /// Where flash begins: the vector table must lie there.
+    /// Start address of flash, where the vector table must lie.
     pub(crate) flash_origin: u64,
-    /// RAM of the board.
+    /// Size of the board's RAM (bytes).
     pub(crate) ram_bytes: u64,
 }
 
-/// What an image may take.
+/// Budget of an image.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Image {
     board: String,
-    /// Most of the flash.
+    /// Budget of flash (bytes).
     pub(crate) flash_bytes: u64,
-    /// Most of the RAM that static data may take.
+    /// Budget of RAM for static data (bytes).
     pub(crate) static_ram_bytes: u64,
 }
 
@@ -47,7 +47,7 @@ impl Budgets {
         toml::from_str(&text).map_err(|error| format!("budgets.toml: {error}"))
     }
 
-    /// What an image may take, and its board.
+    /// The budget of an image, and its board.
     pub(crate) fn image(&self, name: &str) -> Result<(&Image, &Board)> {
         let image = self
             .image
@@ -60,7 +60,7 @@ impl Budgets {
         Ok((image, board))
     }
 
-    /// Most of what is measured on a board, by its name.
+    /// Budgets of the costs measured on a board, by name.
     pub(crate) fn costs(&self, board: &str) -> Result<&BTreeMap<String, u64>> {
         let costs = self.cost.get(board);
         costs.ok_or_else(|| format!("budgets.toml has no costs of {board}"))

@@ -1,4 +1,4 @@
-//! `cargo xtask f405`: the image for the STM32F405 on an emulated chip, flown and broken.
+//! `cargo xtask f405`: flies the STM32F405's image on an emulated chip and injects faults.
 
 use std::path::Path;
 
@@ -7,10 +7,10 @@ use crate::page;
 use crate::python;
 use crate::run::{Result, cargo_in, root, target_folder};
 
-/// What the emulator needs of Python.
+/// Python packages that the emulator needs.
 const REQUIREMENTS: &str = "firmware/emulator/requirements.txt";
 
-/// Every test on the emulated chip; `write` puts its table of faults into the documents.
+/// Runs every test on the emulated chip; `write` puts the table of faults into the documentation.
 pub(crate) fn f405(write: bool) -> Result<()> {
     let image = image::build_board("stm32f405", "unit")?;
     image::check(&image, "unit-stm32f405")?;
@@ -23,7 +23,7 @@ pub(crate) fn f405(write: bool) -> Result<()> {
     Ok(())
 }
 
-/// A flight at its own rate: nothing lost, nothing late, every estimate the desktop's.
+/// Streams a flight in real time: nothing may be lost or late, and every estimate must equal the desktop's.
 pub(crate) fn paced(seconds: u32) -> Result<()> {
     let image = image::build_board("stm32f405", "unit")?;
     test(
@@ -33,7 +33,7 @@ pub(crate) fn paced(seconds: u32) -> Result<()> {
     )
 }
 
-/// Runs tests on the chip. They are built with the workspace, so what its tests have built is not built again.
+/// Runs tests on the chip. They are built with the workspace, so that earlier builds are reused.
 fn test(name: &str, image: &Path, variables: &[(&str, String)]) -> Result<()> {
     let mut all = vec![
         ("BODYFLIGHT_F405_IMAGE", image.display().to_string()),

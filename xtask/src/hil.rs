@@ -11,7 +11,7 @@ use crate::on_target::install_qemu;
 use crate::run::{Result, build_program, run, say, target_folder};
 use crate::unit::unit;
 
-/// What a stream reports, as far as it is judged here.
+/// The fields of a stream's report that are checked here.
 #[derive(Deserialize)]
 struct Report {
     sent: u32,
@@ -50,15 +50,15 @@ impl Unit {
     }
 }
 
-/// Both filters: the motion filter, and the paper's, reduced.
+/// Presets of both filters: the motion filter, and the paper's reduced one.
 const PRESETS: [&str; 2] = ["auto", "tracking"];
 
-/// Times the machine is stopped, and for how long: more samples come meanwhile than the unit has places.
+/// Number and duration of pauses of the machine; more samples arrive during a pause than the unit can queue.
 const HALTS: u32 = 3;
 const HALT: Duration = Duration::from_millis(300);
 
-/// Streams a flight to the unit in QEMU and to the virtual unit, at its own rate and then through faults; QEMU also
-/// with halts, which a busy desktop is full of.
+/// Streams a flight to the unit in QEMU and to the virtual unit, in real time and then with faults; in QEMU also with
+/// pauses, as on a busy desktop.
 pub(crate) fn hil(seconds: u32) -> Result<()> {
     let image = unit()?.qemu;
     install_qemu()?;
@@ -93,10 +93,10 @@ pub(crate) fn hil(seconds: u32) -> Result<()> {
     Ok(())
 }
 
-/// The flight at its own rate.
+/// Streams the flight in real time.
 fn stream_well(arguments: &[&str], flight: &Path) -> Result<()> {
     let mut report = stream(arguments, flight)?;
-    // A process of a busy machine may be stopped for longer than a deadline; a machine of its own is not.
+    // On a busy machine a process may be paused for longer than a deadline, so a second attempt is allowed.
     for _ in 0..2 {
         if is_virtual(arguments) && report.unit.was_behind() {
             say("the unit was behind: the machine is busy, once more");
@@ -106,7 +106,7 @@ fn stream_well(arguments: &[&str], flight: &Path) -> Result<()> {
     judge(arguments, &report)
 }
 
-/// The flight on a machine that halts, and through damaged, lost and overtaken frames; the desktop is given the same.
+/// Streams the flight on a machine with pauses, with damaged, lost and reordered frames; the desktop receives the same.
 fn stream_badly(mut arguments: Vec<&str>, flight: &Path) -> Result<()> {
     if !is_virtual(&arguments) {
         let running = Running::start(&arguments, flight)?;
@@ -131,7 +131,7 @@ fn is_virtual(arguments: &[&str]) -> bool {
     arguments.contains(&"--virtual")
 }
 
-/// The flight at its own rate: everything arrives, in time, and is logged.
+/// Checks a stream in real time: everything arrives in time, and is logged.
 fn judge(arguments: &[&str], report: &Report) -> Result<()> {
     let name = if is_virtual(arguments) {
         "virtual"
@@ -181,7 +181,7 @@ fn stream(arguments: &[&str], flight: &Path) -> Result<Report> {
     Running::start(arguments, flight)?.report()
 }
 
-/// The program that was built, as it runs.
+/// A running instance of the program.
 struct Running {
     line: String,
     child: Child,
@@ -201,7 +201,7 @@ impl Running {
         Ok(Self { line, child })
     }
 
-    /// Stops the machine that the program has started, now and then.
+    /// Pauses the machine that the program has started, repeatedly.
     fn halt_machine(&self) -> Result<()> {
         let process = self.child.id();
         let signal = |name| {
@@ -217,13 +217,13 @@ impl Running {
         Ok(())
     }
 
-    /// What it prints.
+    /// Returns its output.
     fn output(self) -> Result<String> {
         self.end()
             .and_then(|(printed, failure)| failure.map_or(Ok(printed), Err))
     }
 
-    /// What it reports, where it succeeds or the unit dropped samples, which is for the caller to judge.
+    /// Returns its report if it succeeds or if the unit dropped samples, which the caller judges.
     fn report(self) -> Result<Report> {
         let (printed, failure) = self.end()?;
         let report: core::result::Result<Report, _> = serde_json::from_str(&printed);
@@ -235,7 +235,7 @@ impl Running {
         }
     }
 
-    /// What it prints, and how it failed.
+    /// Returns its output, and the error if it failed.
     fn end(self) -> Result<(String, Option<String>)> {
         let Self { line, child } = self;
         let output = child

@@ -1,4 +1,4 @@
-//! Images for the unit: building, and looking into them.
+//! Builds and inspects images for the unit.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -14,7 +14,7 @@ const M4: &str = "thumbv7em-none-eabihf";
 /// A Cortex-M33 with single precision hardware.
 const M33: &str = "thumbv8m.main-none-eabihf";
 
-/// Builds an image of the workspace, for a Cortex-M4, and gives its path.
+/// Builds an image of the workspace for a Cortex-M4 and returns its path.
 pub(crate) fn build(package: &str, name: &str) -> Result<PathBuf> {
     install_target(M4)?;
     let package = ["--package", package, "--bin", name];
@@ -24,7 +24,7 @@ pub(crate) fn build(package: &str, name: &str) -> Result<PathBuf> {
     Ok(target_folder()?.join(M4).join("firmware").join(name))
 }
 
-/// Builds an image of a board that is a workspace of its own, in a folder of its own below `boards`: images of several
+/// Builds an image of a board with its own workspace, in a separate folder below `boards`, since images of several
 /// boards have the same name.
 pub(crate) fn build_board(board: &str, name: &str) -> Result<PathBuf> {
     let processor = match board {
@@ -55,7 +55,7 @@ pub(crate) fn build_board(board: &str, name: &str) -> Result<PathBuf> {
     Ok(image)
 }
 
-/// A target of the compiler, by rustup where it is missing.
+/// Installs a compiler target with rustup if it is missing.
 pub(crate) fn install_target(target: &str) -> Result<()> {
     let installed = Command::new("rustup")
         .args(["target", "list", "--installed"])
@@ -69,12 +69,12 @@ pub(crate) fn install_target(target: &str) -> Result<()> {
             Ok(())
         }
         Ok(_) => run("rustup", &["target", "add", target]),
-        // Without rustup the compiler may still have the target; the build will tell.
+        // Without rustup the compiler may still have the target; otherwise the build fails with a clear error.
         Err(_) => Ok(()),
     }
 }
 
-/// Checks an image against its budget: vectors where flash begins, sizes, nothing in double precision.
+/// Checks an image against its budget: vector table at the start of flash, sizes, no double precision.
 pub(crate) fn check(path: &Path, name: &str) -> Result<()> {
     let budgets = Budgets::read()?;
     let (budget, board) = budgets.image(name)?;
@@ -111,7 +111,8 @@ pub(crate) fn check(path: &Path, name: &str) -> Result<()> {
     if flash > budget.flash_bytes || static_ram > budget.static_ram_bytes {
         return Err("the image is larger than budgets.toml allows".into());
     }
-    // The images of the tests make their body from measures, by tables in double precision; the unit is sent its body.
+    // Test images compute their body from measurements, with tables in double precision; the unit receives its body
+    // from the host.
     if name.starts_with("on-target") {
         return Ok(());
     }

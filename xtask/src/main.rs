@@ -34,53 +34,55 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Verb {
-    /// Pass every test: on this machine, and for the unit's processor. Installs what is missing.
+    /// Run every test, on this machine and for the unit's processor. Installs what is missing.
     Test,
-    /// Run the core on the boards' processors in QEMU: same bits as here, cost within the budgets.
+    /// Run the core on the boards' processors in QEMU: same bits as on this machine, cost within the budgets.
     OnTarget,
-    /// Build the images of the unit for all boards, check their sizes, and make what is flashed without a probe.
+    /// Build the unit's images for all boards, check their sizes, and write files for flashing without a probe.
     Unit,
-    /// Run the image for the STM32F405 on an emulated chip: the desktop's estimates, and back after every fault.
+    /// Run the image for the STM32F405 on an emulated chip: it must give the desktop's estimates and recover from every
+    /// fault.
     F405 {
         /// Write the table of faults into docs/unit.md.
         #[arg(long)]
         table: bool,
     },
-    /// Hide effects, look for them, and write how often they were found: docs/discovery.json, its tables and figure.
+    /// Hide effects, search for them, and write the success rates: docs/discovery.json, its tables and figure.
     DiscoveryBench {
-        /// Seeds, of some 280 pairs of flights each.
+        /// Number of seeds, each of some 280 pairs of flights.
         #[arg(long, default_value_t = 1)]
         seeds: u32,
-        /// The first of them.
+        /// First seed.
         #[arg(long, default_value_t = 0)]
         first_seed: u32,
-        /// Forget the pairs that were flown before.
+        /// Discard the results of earlier runs.
         #[arg(long)]
         fresh: bool,
     },
-    /// Build the viewer's page, which the program takes in when it is built next.
+    /// Build the viewer's page, which the next build of the program includes.
     Viewer {
-        /// Pass its tests in a browser too.
+        /// Also run its tests in a browser.
         #[arg(long)]
         test: bool,
-        /// Make the pictures of the README too.
+        /// Also make the pictures of the README.
         #[arg(long)]
         pictures: bool,
     },
-    /// Stream a flight to the unit in QEMU, on the emulated STM32F405 and to the virtual unit: nothing lost, nothing late,
-    /// the same bits.
+    /// Stream a flight to the unit in QEMU, on the emulated STM32F405 and to the virtual unit: nothing may be lost or
+    /// late, and the bits must be the same.
     Hil {
-        /// Seconds of flight, at the rate of the recording.
+        /// Seconds of flight, in real time.
         #[arg(long, default_value_t = 30)]
         seconds: u32,
     },
     /// Build the Python package, install its wheel in an environment of its own, and run its tests.
     Python,
-    /// Fuzz what takes bytes of strangers, by coverage: a minute each. Installs a nightly compiler and cargo-fuzz.
+    /// Fuzz all parsers of untrusted bytes, guided by coverage, for a minute each. Installs a nightly compiler and
+    /// cargo-fuzz.
     Fuzz {
-        /// Targets; all where none is named.
+        /// Targets; all if none is named.
         targets: Vec<String>,
-        /// Inputs for each, in place of a minute.
+        /// Number of inputs for each, instead of a minute.
         #[arg(long)]
         runs: Option<u64>,
         /// Seconds for each.
@@ -89,22 +91,22 @@ enum Verb {
     },
     /// Run tests of the core in miri, little-endian and big-endian. Installs a nightly compiler.
     Miri,
-    /// Hours of streaming in virtual time through faults, restarts and clocks that wrap; killed processes, full disks.
+    /// Stream for hours of virtual time through faults, restarts and wrapping clocks; kill processes, fill disks.
     Soak {
         /// Hours of flight.
         #[arg(long, default_value_t = 1)]
         hours: u32,
-        /// Write what estimates were worth by the hour into docs/unit.md.
+        /// Write the quality of the estimates by the hour into docs/unit.md.
         #[arg(long)]
         table: bool,
     },
-    /// Build everything that is handed out: programs, man pages, wheel, images, list of parts, checksums.
+    /// Build everything that is published: programs, man pages, wheel, images, bill of materials, checksums.
     Release,
-    /// Build the pages as a book, and follow its links.
+    /// Build the pages as a book and check its links.
     Book,
-    /// Check lock files, licences and sources of what the program is made of, and list it: sbom.json.
+    /// Check lock files, licences and sources of all dependencies, and list them in sbom.json.
     Supply {
-        /// Look up known holes too, which needs a network.
+        /// Also check for known vulnerabilities, which needs a network.
         #[arg(long)]
         advisories: bool,
     },

@@ -1,4 +1,4 @@
-//! Fuzzing and miri: what needs a nightly compiler.
+//! Fuzzing and miri, which need a nightly compiler.
 
 use crate::run::{Result, root, run, run_in, say, target_folder};
 use crate::tool::tool;
@@ -6,7 +6,7 @@ use crate::tool::tool;
 /// Toolchain of these tasks; the project itself is built with the pinned stable one.
 const TOOLCHAIN: &str = "nightly";
 
-/// Most memory of a fuzz target (MiB), and longest time for one input (s).
+/// Memory limit of a fuzz target (MiB), and time limit of one input (s).
 const MEMORY_MIB: u32 = 1024;
 const SLOWEST_S: u32 = 5;
 
@@ -17,13 +17,13 @@ pub(crate) enum Effort {
     Runs(u64),
 }
 
-/// A sentence for whoever has no network, or no rustup.
+/// An error message for users without network or rustup.
 fn without(what: &str) -> impl FnOnce(String) -> String {
     let help = format!("this task needs {what}; installing it needs rustup and a network");
     move |error| format!("{error}\n{help}")
 }
 
-/// Environment in which cargo and its tools take the nightly toolchain.
+/// Environment variables that make cargo and its tools use the nightly toolchain.
 fn variables() -> Vec<(&'static str, String)> {
     vec![
         ("RUSTUP_TOOLCHAIN", TOOLCHAIN.to_owned()),
@@ -39,7 +39,7 @@ fn install_toolchain(components: &[&str]) -> Result<()> {
     let is_there = run("rustup", &["run", TOOLCHAIN, "rustc", "--version"]).is_ok()
         && components.iter().all(|component| {
             let program = format!("cargo-{component}");
-            // Sources are no program; what needs them says so.
+            // Sources are not a program; tools that need them report when they are missing.
             *component == "rust-src"
                 || run("rustup", &["which", "--toolchain", TOOLCHAIN, &program]).is_ok()
         });
@@ -49,7 +49,7 @@ fn install_toolchain(components: &[&str]) -> Result<()> {
     run("rustup", &arguments).map_err(without("a nightly toolchain"))
 }
 
-/// Fuzzes every target, or those named; what is found is a file in `fuzz/artifacts`.
+/// Fuzzes every target, or those named; inputs that fail are written to `fuzz/artifacts`.
 pub(crate) fn fuzz(names: &[String], effort: Effort) -> Result<()> {
     install_toolchain(&[])?;
     let program = tool("cargo-fuzz", "0.13.2", &[], &variables())?
@@ -75,12 +75,12 @@ pub(crate) fn fuzz(names: &[String], effort: Effort) -> Result<()> {
         .iter()
         .filter(|name| names.is_empty() || names.contains(name))
     {
-        // New entries go to the first folder; those of the repository are only read.
+        // New entries go to the first folder; the repository's corpora are only read.
         let new = found_before.join(name);
         std::fs::create_dir_all(&new).map_err(|error| format!("{}: {error}", new.display()))?;
         let new = new.display().to_string();
         let kept = root().join("fuzz/corpus").join(name).display().to_string();
-        // Everything under test is safe code, and several times as fast without a sanitizer.
+        // All code under test is safe, and runs several times as fast without a sanitizer.
         let mut arguments = vec!["fuzz", "run", "--sanitizer", "none", name, &new, &kept];
         arguments.extend(["--", &end]);
         arguments.extend(limits.iter().map(String::as_str));
@@ -91,7 +91,7 @@ pub(crate) fn fuzz(names: &[String], effort: Effort) -> Result<()> {
     Ok(())
 }
 
-/// Names of the targets: their programs.
+/// Names of the fuzz targets, which are those of their programs.
 fn targets() -> Result<Vec<String>> {
     let folder = root().join("fuzz/fuzz_targets");
     let entries =
@@ -106,7 +106,7 @@ fn targets() -> Result<Vec<String>> {
     Ok(names)
 }
 
-/// Parts of the core that miri runs, and for how many cases of each property: it is a thousand times as slow.
+/// Parts of the core to run in miri, and the number of cases for each property: miri is a thousand times as slow.
 const PARTS: [&str; 7] = [
     "link::",
     "xbus::",
@@ -118,7 +118,8 @@ const PARTS: [&str; 7] = [
 ];
 const CASES: &str = "4";
 
-/// Exhaustive tests, which take hours there: every length, every damaged bit, flights. What they call is called by others too.
+/// Exhaustive tests, which would take hours in miri: every length, every damaged bit, flights. Other tests cover the
+/// same functions.
 const SLOW: [&str; 4] = [
     "every_parameter_moves_the_flight",
     "written_packets_of_every_length",
@@ -126,14 +127,14 @@ const SLOW: [&str; 4] = [
     "link::tests::injected",
 ];
 
-/// A little-endian and a big-endian machine, on both of which `libm` has no assembly: miri runs none.
+/// A little-endian and a big-endian target on which `libm` has no assembly, which miri cannot run.
 const MACHINES: [&str; 2] = ["riscv64gc-unknown-linux-gnu", "s390x-unknown-linux-gnu"];
 
-/// Tests of the core's parsers, algebra and effects in miri, in either order of bytes.
+/// Runs tests of the core's parsers, algebra and effects in miri, in both byte orders.
 pub(crate) fn miri() -> Result<()> {
     install_toolchain(&["miri", "rust-src"])?;
     let mut variables = variables();
-    // Clocks and random seeds of the property tests are the machine's.
+    // Property tests need the machine's clock and random seeds.
     variables.push(("MIRIFLAGS", "-Zmiri-disable-isolation".to_owned()));
     variables.push(("PROPTEST_CASES", CASES.to_owned()));
     for machine in MACHINES {

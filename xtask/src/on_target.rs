@@ -1,5 +1,5 @@
-//! `cargo xtask on-target`: the core in QEMU, on each kind of processor: its bits against the host's and its cost against the
-//! budgets.
+//! `cargo xtask on-target`: runs the core in QEMU on each kind of processor, compares its bits with the host's and its
+//! cost with the budgets.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -19,7 +19,7 @@ use crate::run::{Result, run, say};
 const QEMU: &str = "qemu-system-arm";
 const LONGEST_RUN: Duration = Duration::from_secs(120);
 
-/// A machine of QEMU, by what chooses it.
+/// A QEMU machine and the options that select it.
 struct Machine {
     board: &'static str,
     arguments: &'static [&'static str],
@@ -54,7 +54,7 @@ fn judge(budgets: &Budgets, machine: &Machine, image: &Path) -> Result<()> {
     compare_costs(budgets.costs(machine.board)?, budgets, &found)
 }
 
-/// A stack that overflows on a processor that watches it: told as what it was, with the sample that was in work.
+/// A stack overflow on a processor with a stack limit must be reported as such, with the sample being processed.
 fn overflow() -> Result<()> {
     let image = image::build_board(M33.board, "overflow")?;
     let found = run_image(&M33, &image)?;
@@ -66,7 +66,7 @@ fn overflow() -> Result<()> {
     Ok(())
 }
 
-/// QEMU for ARM, by apt-get where it is missing.
+/// Installs QEMU for ARM with apt-get if it is missing.
 pub(crate) fn install_qemu() -> Result<()> {
     let version = Command::new(QEMU)
         .arg("--version")
@@ -81,7 +81,7 @@ pub(crate) fn install_qemu() -> Result<()> {
     run("apt-get", &["install", "-y", "-qq", "qemu-system-arm"]).map_err(advice)
 }
 
-/// Lines `name value` that the image prints. One instruction takes 128 ns of virtual time.
+/// Runs an image and returns its output lines `name value`. One instruction takes 128 ns of virtual time.
 fn run_image(machine: &Machine, image: &Path) -> Result<BTreeMap<String, String>> {
     say(&format!("$ {QEMU} … {}", image.display()));
     let mut child = Command::new(QEMU)
@@ -100,7 +100,7 @@ fn run_image(machine: &Machine, image: &Path) -> Result<BTreeMap<String, String>
         .stderr(Stdio::piped())
         .spawn()
         .map_err(|error| format!("cannot start {QEMU}: {error}"))?;
-    // A wrong memory map shows as an image that never ends.
+    // With a wrong memory map the image never ends.
     let begin = Instant::now();
     while child
         .try_wait()
@@ -143,7 +143,7 @@ fn compare_traces(found: &BTreeMap<String, String>) -> Result<()> {
     for (name, here) in [
         ("trace_reduced", reduced),
         ("trace_paper", paper),
-        // No number of the filter is subnormal, so flushing them changes nothing.
+        // No number in the filter is subnormal, so flushing subnormals changes nothing.
         ("trace_reduced_flushed", reduced),
     ] {
         let here = format!("{here:#018x}");

@@ -1,13 +1,13 @@
-//! Tables in the documents that runs make.
+//! Inserts generated tables into the documentation.
 
 use std::path::Path;
 
 use crate::run::{Result, root};
 
-/// The page of the unit.
+/// The page with generated tables.
 const PAGE: &str = "docs/unit.md";
 
-/// Puts the text of a file between the marks of that name in the page of the unit.
+/// Replaces the text between the markers `name` on the page by the content of a file.
 pub(crate) fn put(name: &str, file: &Path) -> Result<()> {
     let read = |path: &Path| {
         std::fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))

@@ -1,10 +1,10 @@
-//! `cargo xtask python`: the Python package, its wheel and its tests; and environments for what needs Python.
+//! `cargo xtask python`: the Python package, its wheel and its tests; and Python environments for other tasks.
 
 use std::path::{Path, PathBuf};
 
 use crate::run::{Result, build_program, root, run, run_in, target_folder};
 
-/// What building and testing the package needs of Python.
+/// Python packages needed to build and test the package.
 const REQUIREMENTS: &str = "python/requirements-test.txt";
 
 /// Builds the wheel, installs it in an environment of its own, and runs the package's tests with it.
@@ -36,12 +36,12 @@ pub(crate) fn python() -> Result<()> {
     )
 }
 
-/// Builds the wheel alone; its path.
+/// Builds the wheel alone and returns its path.
 pub(crate) fn build_wheel() -> Result<PathBuf> {
     wheel(&environment("python", REQUIREMENTS)?)
 }
 
-/// The wheel, in `wheels` of the target folder.
+/// Builds the wheel in `wheels` of the target folder.
 fn wheel(python: &Path) -> Result<PathBuf> {
     let target = target_folder()?;
     let folder = target.join("wheels");
@@ -61,7 +61,7 @@ fn wheel(python: &Path) -> Result<PathBuf> {
     found.ok_or_else(|| format!("{out}: maturin left no wheel there"))
 }
 
-/// Python with what a file of requirements lists, in an environment of its own in the target folder.
+/// Creates an environment in the target folder with the packages of a requirements file; returns its Python.
 pub(crate) fn environment(name: &str, requirements: &str) -> Result<PathBuf> {
     let folder = target_folder()?.join("environments").join(name);
     let python = folder.join("bin/python");

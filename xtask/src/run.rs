@@ -1,4 +1,4 @@
-//! Running other programs, visibly.
+//! Runs other programs and shows what is run.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -7,10 +7,10 @@ use std::sync::OnceLock;
 
 use serde::Deserialize;
 
-/// What went wrong, in a sentence.
+/// A result with an error message in one sentence.
 pub(crate) type Result<T> = core::result::Result<T, String>;
 
-/// Writes a line for the person who started the task.
+/// Prints a line for the user.
 pub(crate) fn say(line: &str) {
     let _ = writeln!(std::io::stderr(), "{line}");
 }
@@ -20,7 +20,7 @@ pub(crate) fn root() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
-/// The folder that cargo builds into: `target`, unless the environment or cargo's configuration names another.
+/// The folder that cargo builds into: `target`, unless the environment or cargo's configuration names another one.
 pub(crate) fn target_folder() -> Result<&'static Path> {
     static FOLDER: OnceLock<Result<PathBuf>> = OnceLock::new();
     let folder = FOLDER.get_or_init(|| ask_for_target_folder(&[]));
@@ -79,15 +79,15 @@ pub(crate) fn cargo(arguments: &[&str]) -> Result<()> {
     cargo_in(&root(), arguments, &[])
 }
 
-/// Builds the program, `debug/bodyflight` in the [folder of the target](target_folder).
+/// Builds the program, `debug/bodyflight` in the [target folder](target_folder).
 pub(crate) fn build_program() -> Result<()> {
     build_as_tested(&["--bin", "bodyflight"])
 }
 
-/// Builds a part of the workspace as `cargo test --workspace` does: what that has built is not built again.
+/// Builds a part of the workspace like `cargo test --workspace`, so that its builds are reused.
 pub(crate) fn build_as_tested(part: &[&str]) -> Result<()> {
     let workspace = ["build", "--locked", "--profile", "test", "--workspace"];
-    // With one of the tests: what tests depend on switches on features of what the program depends on.
+    // Together with one of the tests, since their dependencies enable features of the program's dependencies.
     let a_test = ["--test", "cli"];
     cargo(&[&workspace[..], part, &a_test].concat())
 }
@@ -113,7 +113,7 @@ mod tests {
     fn the_target_folder_is_the_one_that_cargo_builds_into() {
         let found = ask_for_target_folder(&[("CARGO_TARGET_DIR", "/elsewhere/built")]);
         assert_eq!(found, Ok(PathBuf::from("/elsewhere/built")));
-        // As `build.target-dir` of cargo's configuration, over which CARGO_TARGET_DIR wins.
+        // Passed as `build.target-dir` of cargo's configuration, over which CARGO_TARGET_DIR takes precedence.
         if std::env::var_os("CARGO_TARGET_DIR").is_none() {
             let found = ask_for_target_folder(&[("CARGO_BUILD_TARGET_DIR", "/elsewhere/built")]);
             assert_eq!(found, Ok(PathBuf::from("/elsewhere/built")));

@@ -7,17 +7,17 @@ use std::time::Duration;
 use crate::page;
 use crate::run::{Result, build_program, cargo_in, root, say, target_folder};
 
-/// Programs that are killed.
+/// Number of programs to kill.
 const KILLS: u32 = 100;
 
-/// Longest time that one of them is left to live (ms).
+/// Longest time before a program is killed (ms).
 const LIFE_MS: u32 = 1500;
 
-/// Room on the small disk (KiB): less than a flight takes.
+/// Sizes of the small disks (KiB), all smaller than a flight.
 const ROOM_KIB: [u32; 4] = [16, 64, 256, 1024];
 
-/// Kills programs at work and fills disks, then streams for hours of virtual time: through faults and restarts, and with
-/// clocks that wrap. `write` puts the table of the latter into the documents.
+/// Kills running programs and fills disks, then streams for hours of virtual time through faults, restarts and wrapping
+/// clocks. `write` puts the table of the streaming test into the documentation.
 pub(crate) fn soak(hours: u32, write: bool) -> Result<()> {
     build_program()?;
     kill()?;
@@ -49,7 +49,8 @@ fn program() -> Result<Command> {
     Ok(Command::new(target_folder()?.join("debug/bodyflight")))
 }
 
-/// Every file under `folder` that has its name is whole: a recording ends with its last tag, others with a line's end.
+/// Checks that every file under `folder` with a final name is complete: a recording ends with its last tag, others with
+/// a newline. Returns the number of files.
 fn check_whole(folder: &Path) -> Result<u32> {
     let mut whole = 0;
     let entries =
@@ -62,7 +63,7 @@ fn check_whole(folder: &Path) -> Result<u32> {
         }
         let name = entry.file_name().to_string_lossy().into_owned();
         if name.starts_with(".tmp") {
-            // A killed process cannot tidy up; nobody takes these for a result.
+            // A killed process cannot clean up; a temporary file is not mistaken for a result.
             continue;
         }
         let text = std::fs::read_to_string(&path)
@@ -80,7 +81,7 @@ fn check_whole(folder: &Path) -> Result<u32> {
     Ok(whole)
 }
 
-/// Kills programs that write, at times spread over their lives.
+/// Kills writing programs at times spread over their lives.
 fn kill() -> Result<()> {
     let folder = target_folder()?.join("soak");
     let _ = std::fs::remove_dir_all(&folder);
@@ -103,7 +104,7 @@ fn kill() -> Result<()> {
             .stderr(Stdio::null())
             .spawn()
             .map_err(|error| format!("cannot start bodyflight: {error}"))?;
-        // A step that is prime to the length of a life spreads the moments over it.
+        // A step coprime to the lifetime spreads the moments over it.
         std::thread::sleep(Duration::from_millis(u64::from(round * 397 % LIFE_MS)));
         let _ = child.kill();
         child
@@ -118,7 +119,7 @@ fn kill() -> Result<()> {
     Ok(())
 }
 
-/// Writes to disks that are too small: an error, and no part of a file.
+/// Writes to disks that are too small: there must be an error and no partial file.
 fn fill_disks() -> Result<()> {
     let folder = target_folder()?.join("soak/disk");
     std::fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;

@@ -1,4 +1,4 @@
-//! What the program is made of: licences, sources, and a list of parts.
+//! Dependencies of the program: licences, sources, and a bill of materials.
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -30,11 +30,11 @@ struct Package {
     name: String,
     version: String,
     license: Option<String>,
-    /// `None` for the parts of this project.
+    /// `None` for the crates of this project.
     source: Option<String>,
 }
 
-/// Writes the list of parts, `sbom.json` in the target folder; its path.
+/// Writes the bill of materials, `sbom.json` in the target folder, as CycloneDX, and returns its path.
 pub(crate) fn list_parts() -> Result<PathBuf> {
     let mut packages = BTreeSet::new();
     for manifest in MANIFESTS {
@@ -48,8 +48,8 @@ pub(crate) fn list_parts() -> Result<PathBuf> {
     Ok(file)
 }
 
-/// Checks that lock files are up to date, and licences and sources against `deny.toml`; writes the list of parts, `sbom.json` in
-/// the folder of the target, as CycloneDX. With `advisories` known holes are looked up too, which needs a network.
+/// Checks that lock files are up to date, and licences and sources against `deny.toml`, and writes the bill of materials. With
+/// `advisories`, known vulnerabilities are checked too, which needs a network.
 pub(crate) fn supply(advisories: bool) -> Result<()> {
     list_parts()?;
     let program = tool("cargo-deny", "0.20.2", &[], &[])?
@@ -73,7 +73,7 @@ pub(crate) fn supply(advisories: bool) -> Result<()> {
     Ok(())
 }
 
-/// What cargo knows of a workspace; fails where its lock file is not up to date.
+/// Cargo's metadata of a workspace; fails if its lock file is not up to date.
 fn metadata(manifest: &str) -> Result<Metadata> {
     let output = Command::new("cargo")
         .args([
@@ -94,7 +94,7 @@ fn metadata(manifest: &str) -> Result<Metadata> {
         .map_err(|error| format!("{manifest}: what cargo metadata says: {error}"))
 }
 
-/// CycloneDX 1.5: every crate by name, version, licence and where it comes from.
+/// A bill of materials in CycloneDX 1.5: every crate with name, version, licence and source.
 fn bill_of_materials(packages: &BTreeSet<Package>) -> serde_json::Value {
     let components: Vec<_> = packages
         .iter()

@@ -7,12 +7,12 @@ use crate::python::python;
 use crate::run::{Result, cargo};
 use crate::viewer;
 
-/// Flight streamed in real time, to each kind of unit (s).
+/// Duration of the flight streamed in real time to each kind of unit (s).
 const SECONDS_OF_STREAM: u32 = 10;
 
-/// Every test of the project.
+/// Runs every test of the project.
 pub(crate) fn test() -> Result<()> {
-    // First: the program takes the page in.
+    // First, since the program includes the page.
     viewer::build()?;
     cargo(&["test", "--workspace", "--locked"])?;
     on_target()?;

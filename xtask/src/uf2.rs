@@ -1,7 +1,7 @@
-//! Images without a probe: UF2 files, which a board takes by being dropped on its drive, and what flash holds, byte for byte,
-//! for a boot program that writes it by USB (DFU).
+//! Files for flashing without a probe: UF2 files, which are copied to a board's USB drive, and raw flash contents,
+//! which a boot loader writes over USB (DFU).
 //!
-//! The format of UF2 is <https://github.com/microsoft/uf2>: blocks of 512 bytes, each with its address.
+//! UF2 is specified at <https://github.com/microsoft/uf2>: blocks of 512 bytes, each with its address.
 
 use std::path::{Path, PathBuf};
 
@@ -14,27 +14,27 @@ use crate::run::Result;
 /// Family of secure ARM images for the RP2350.
 pub(crate) const RP2350: u32 = 0xe48b_ff59;
 
-/// First, second and last word of a block.
+/// First, second and last word of a block (magic numbers).
 const MAGIC: [u32; 3] = [0x0a32_4655, 0x9e5d_5157, 0x0ab1_6f30];
 
-/// The block has a family.
+/// Flag: the block has a family id.
 const HAS_FAMILY: u32 = 0x2000;
 
-/// Bytes of the image in a block: a page of flash, which is written whole.
+/// Bytes of the image in a block: a flash page, which is written as a whole.
 const PAGE: u32 = 256;
 
-/// Bytes of a block before its last word.
+/// Length of a block before its last word (bytes).
 const BLOCK: usize = 508;
 
-/// What erased flash reads.
+/// Value of erased flash.
 const ERASED: u8 = 0xff;
 
-/// Writes `image.uf2` beside an image and gives its path.
+/// Writes `image.uf2` beside an image and returns its path.
 pub(crate) fn convert(image: &Path, family: u32) -> Result<PathBuf> {
     write(&image.with_extension("uf2"), &blocks(&read(image)?, family))
 }
 
-/// Writes `image.bin` beside an image, from the first byte of flash that it loads to the last, and gives its path.
+/// Writes `image.bin` beside an image, from the first to the last byte of flash that it loads, and returns its path.
 pub(crate) fn flatten(image: &Path) -> Result<PathBuf> {
     write(&image.with_extension("bin"), &flat(&read(image)?))
 }
@@ -62,7 +62,7 @@ fn pages(image: &[u8]) -> object::Result<Vec<Page>> {
         if segment.p_type(endian) != PT_LOAD {
             continue;
         }
-        // Where it is loaded, which for initial values of RAM is not where it is used.
+        // The load address, which for initial values of RAM is not the address in use.
         let begin = segment.p_paddr(endian);
         let bytes = segment.data(endian, image).unwrap_or_default();
         for (address, byte) in (begin..).zip(bytes) {
@@ -75,7 +75,7 @@ fn pages(image: &[u8]) -> object::Result<Vec<Page>> {
     Ok(pages.into_iter().collect())
 }
 
-/// Pages with erased ones between them.
+/// Fills gaps between pages with erased ones.
 fn flat(pages: &[Page]) -> Vec<u8> {
     let mut bytes = Vec::new();
     let first = pages.first().map_or(0, |(address, _)| *address);
@@ -119,7 +119,7 @@ fn blocks(pages: &[Page], family: u32) -> Vec<u8> {
 mod tests {
     use super::*;
 
-    /// An ELF file with these segments: address where it is loaded, bytes.
+    /// An ELF file with the given segments: load address and bytes.
     fn elf(segments: &[(u32, &[u8])]) -> Vec<u8> {
         let words = |words: &[u32]| -> Vec<u8> {
             words.iter().flat_map(|word| word.to_le_bytes()).collect()

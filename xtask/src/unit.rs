@@ -1,4 +1,4 @@
-//! `cargo xtask unit`: the images of the unit, and what is flashed without a probe.
+//! `cargo xtask unit`: the images of the unit, and files for flashing without a probe.
 
 use std::path::PathBuf;
 
@@ -6,7 +6,7 @@ use crate::image;
 use crate::run::{Result, say};
 use crate::uf2;
 
-/// Boards that are workspaces of their own: name, its name for people.
+/// Boards that are workspaces of their own: identifier and display name.
 const BOARDS: [[&str; 2]; 2] = [
     ["stm32f405", "STM32F405"],
     ["rp2350-pico2", "Raspberry Pi Pico 2"],
@@ -14,9 +14,9 @@ const BOARDS: [[&str; 2]; 2] = [
 
 /// Images of the unit.
 pub(crate) struct Images {
-    /// The one that QEMU runs.
+    /// Image that QEMU runs.
     pub(crate) qemu: PathBuf,
-    /// Those of boards, each as ELF and as what its boot program takes, in a folder of the board's name.
+    /// Images of the boards, each as ELF and in the format of its bootloader, in a folder named after the board.
     pub(crate) flashed: Vec<PathBuf>,
 }
 

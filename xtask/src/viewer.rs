@@ -6,20 +6,20 @@ use std::process::{Command, Stdio};
 use crate::image::install_target;
 use crate::run::{Result, build_as_tested, build_program, cargo, root, run, run_in, target_folder};
 
-/// Oldest Node that builds the page.
+/// Oldest version of Node that can build the page.
 const LEAST_NODE: u32 = 20;
 
-/// The page's target of the compiler.
+/// Compiler target of the page.
 const TARGET: &str = "wasm32-unknown-unknown";
 
-/// Names of the browser.
+/// Names of the browser's executable.
 const BROWSERS: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
 
 fn folder() -> PathBuf {
     root().join("host/viewer")
 }
 
-/// Builds the page into `host/viewer/dist`; the program takes it in when it is built next.
+/// Builds the page into `host/viewer/dist`, from where the next build of the program includes it.
 pub(crate) fn build() -> Result<()> {
     install_node()?;
     install_target(TARGET)?;
@@ -44,7 +44,7 @@ pub(crate) fn build() -> Result<()> {
     run_in(&folder, "npm", &["run", "--silent", "build"], &variables)
 }
 
-/// Passes the page's tests in a browser; pictures are left in `pictures` of the target folder.
+/// Runs the page's tests in a browser; screenshots are left in `pictures` of the target folder.
 pub(crate) fn test() -> Result<()> {
     let browser = install_browser()?;
     build_program()?;
@@ -93,7 +93,7 @@ fn output_of(program: &str) -> Option<String> {
         .then(|| String::from_utf8_lossy(&output.stdout).into_owned())
 }
 
-/// Node with npm, by apt-get where it is missing.
+/// Installs Node with npm by apt-get if it is missing.
 fn install_node() -> Result<()> {
     let version = || {
         let text = output_of("node")?;
@@ -117,7 +117,7 @@ fn install_node() -> Result<()> {
     }
 }
 
-/// Chromium, by apt-get where it is missing.
+/// Installs Chromium by apt-get if it is missing.
 fn install_browser() -> Result<String> {
     let found = || {
         BROWSERS

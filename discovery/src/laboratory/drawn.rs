@@ -1,4 +1,4 @@
-//! Loads of the grammar drawn by a seed: what is hidden without anybody having chosen it.
+//! Draws loads from the grammar by a seed, so that hidden loads are not hand-picked.
 
 use bodyflight_core::Segment;
 use bodyflight_core::dynamics::applied_load::factor::{FACTORS, Factor};
@@ -39,7 +39,7 @@ pub fn drawn(seed: u64) -> AppliedLoad<f64> {
     let size = between(&mut random, sizes) * one_of(&mut random, &[-1.0, 1.0]);
     let mut factors = [None; FACTORS];
     factors[0] = Some(factor(&mut random));
-    // Every other load follows the speed too, as those of the air do.
+    // Half of the loads also depend on the speed, as aerodynamic loads do.
     if random.random::<bool>() {
         factors[1] = Some(Factor::SpeedSquared { reference: 50.0 });
     }

@@ -1,24 +1,24 @@
-//! Disturbances that are not in the library, to test whether they are mistaken for something that is. They belong
-//! here, not to the model.
+//! Disturbances outside the library, to test whether they are mistaken for something inside it. They belong here, not
+//! to the model.
 
 use bodyflight_core::dynamics::{Motion, State};
 use bodyflight_core::frame::Vector;
 
-/// A push that no effect of the library makes.
+/// A disturbance that no effect of the library produces.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outside {
     /// Gusts of the air: a horizontal force that comes and goes every few seconds.
     Gusts,
-    /// A strap that flaps: a moment about the long axis at four times a second.
+    /// A flapping strap: a moment about the long axis at four times a second.
     Flapping,
-    /// Another skydiver who grips now and then and pulls.
+    /// Another skydiver who occasionally grips and pulls.
     Grip,
-    /// A pilot chute that tows from the back, in bursts.
+    /// A pilot chute that pulls at the back, in bursts.
     Tow,
 }
 
 impl Outside {
-    /// All of them.
+    /// All disturbances.
     pub const ALL: [Self; 4] = [Self::Gusts, Self::Flapping, Self::Grip, Self::Tow];
 
     /// Name in commands and tables.
@@ -31,12 +31,12 @@ impl Outside {
         }
     }
 
-    /// The one of that name.
+    /// The disturbance of this name, if any.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|outside| outside.name() == name)
     }
 
-    /// Pushes for `duration` (s) from `time` (s) on.
+    /// Applies the disturbance for `duration` (s) from `time` (s) on.
     pub fn push(self, state: &mut State<f64>, motion: &Motion<f64>, time: f64, duration: f64) {
         let about_body =
             |left, dorsal, cranial| motion.inertial_from_body * Vector::new(left, dorsal, cranial);

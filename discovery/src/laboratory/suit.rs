@@ -1,4 +1,4 @@
-//! The suit and its sensors: what is recorded of a flight.
+//! The suit and its sensors, which record a flight.
 
 use bodyflight_core::dynamics::Motion;
 use bodyflight_core::frame::{Rotation, Vector};
@@ -12,25 +12,25 @@ use rand_distr::StandardNormal;
 
 use crate::track::Frame;
 
-/// Calibration error of each joint about each axis (rad): 2 degrees in all.
+/// Standard deviation of the calibration error of each joint about each axis (rad): 2 degrees in total.
 const JOINT_DEVIATION: f64 = 0.02;
 
-/// Shares of what suit and sensors usually have wrong.
+/// Factors on the usual errors of suit and sensors.
 pub(super) struct Scale {
     pub(super) errors: f64,
     pub(super) sensors: f64,
 }
 
-/// What the suit has wrong with a joint about each axis, standard deviations.
+/// Standard deviations of the suit's errors of a joint about each axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JointErrors {
-    /// The same all through the flight (degrees).
+    /// Constant part (degrees).
     pub constant_deg: f64,
-    /// Wandering (degrees).
+    /// Drift (degrees).
     pub wander_deg: f64,
-    /// How fast it wanders (Hz).
+    /// Rate of the drift (Hz).
     pub wander_hz: f64,
-    /// Growing with the bend of the joint (share).
+    /// Part proportional to the joint angle (fraction).
     pub gain: f64,
 }
 
@@ -54,7 +54,8 @@ impl JointErrors {
         gain: 0.0,
     };
 
-    /// From `constant:2,wander:1.5@0.3,gain:0.05`: degrees, degrees at a rate in Hz, a share. What is not named is none.
+    /// Parses `constant:2,wander:1.5@0.3,gain:0.05`: degrees, degrees at a rate in Hz, a fraction. Parts that are not
+    /// named are zero.
     ///
     /// # Errors
     /// Returns an error if a part is none of these or a number is not plausible.
@@ -89,10 +90,10 @@ impl JointErrors {
     }
 }
 
-/// Waves that a wander is made of.
+/// Number of waves that make up a drift.
 const WAVES: usize = 4;
 
-/// What a joint has wrong.
+/// The errors of a joint.
 struct JointError {
     constant: Vector3<f64>,
     /// Amplitudes of sine and cosine (rad), and rate (rad/s).
@@ -118,7 +119,7 @@ pub(super) struct Suit {
 }
 
 impl Suit {
-    /// A suit with such errors of the joints.
+    /// Creates a suit with these joint errors.
     pub(super) fn new(random: ChaCha8Rng, joints: &JointErrors, scale: Scale) -> Self {
         let mut suit = Self {
             random,
@@ -131,7 +132,7 @@ impl Suit {
             let wave = (joints.wander_deg.to_radians() * share) / (WAVES as f64).sqrt();
             JointError {
                 constant,
-                // Suits without a wander draw as they always did.
+                // Suits without drift draw the same random numbers as before drift was added.
                 waves: core::array::from_fn(|_| {
                     if wave == 0.0 {
                         return (Vector3::zeros(), Vector3::zeros(), 0.0);
@@ -151,12 +152,12 @@ impl Suit {
         suit
     }
 
-    /// Random numbers of these standard deviations.
+    /// Normal random numbers with these standard deviations.
     fn vector(&mut self, deviations: [f64; 3]) -> Vector3<f64> {
         Vector3::from(deviations.map(|d| self.random.sample::<f64, _>(StandardNormal) * d))
     }
 
-    /// What is recorded of a posture and a motion.
+    /// The recorded frame for a posture and a motion.
     pub(super) fn recorded(
         &mut self,
         time: f64,
