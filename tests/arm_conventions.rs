@@ -34,7 +34,7 @@ fn the_arm_convention_makes_no_difference() {
             .collect::<Vec<_>>()
             .join(" ")
     };
-    // Without calibration frames, which would be in the other convention.
+    // Without calibration frames, which would use the other convention.
     let first = text.find("<frame time=\"0\" tc").expect("calibration");
     let normal = text
         .find("<frame time=\"0\" index")
@@ -105,7 +105,7 @@ fn real_files_agree_with_their_own_skeleton() {
     assert!(problem.message.contains("RightUpperArm"), "{problem}");
 }
 
-/// Orientations of the file's segments, arms in its convention; the posture leads back to them.
+/// Orientations of the file's segments, arms in the file's convention, checked to convert back to the posture.
 fn orientations_of(
     header: &Header,
     frame: &Frame,
@@ -135,7 +135,8 @@ fn orientations_of(
     orientations
 }
 
-/// Largest distance (m) of a segment's place in the file from where the joints put it, from the pelvis outwards.
+/// Largest distance (m) between a segment's position in the file and the position that follows from the joints,
+/// outwards from the pelvis.
 fn joint_gap(
     header: &Header,
     frame: &Frame,
@@ -171,7 +172,7 @@ fn joint_gap(
     largest
 }
 
-/// In the calibration, whatever the file's convention.
+/// In the calibration frames, regardless of the file's convention.
 fn arms_are_straight_out(path: &Path, name: &str) {
     let recording = Recording::open(path, Options::default()).expect("a flight");
     let t_pose = recording.calibration(FrameKind::Tpose).expect("a T-pose");

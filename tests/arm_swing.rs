@@ -1,4 +1,4 @@
-//! A skydiver who falls and swings an arm, flown by the model, for tests of the unit.
+//! A falling skydiver who swings an arm, simulated by the model, for tests of the unit.
 
 use bodyflight_core::body::anthropometry::{Person, Sex};
 use bodyflight_core::body::pattern;
@@ -8,14 +8,14 @@ use bodyflight_core::link::{self, Sample};
 use bodyflight_core::{Body, Real};
 use nalgebra::{UnitQuaternion, Vector3};
 
-/// Samples a second.
+/// Sample rate (Hz).
 pub const RATE: u32 = 240;
 
-/// Who flies: 1.75 m, 75 kg.
+/// The skydiver: 1.75 m, 75 kg.
 ///
 /// # Panics
 ///
-/// Never: the measures are a person's.
+/// Never, since the measurements are plausible.
 pub fn body<T: Real>() -> Body<T> {
     Person::new(T::of(1.75), T::of(75.0), Sex::Male)
         .body()

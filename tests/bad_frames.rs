@@ -1,4 +1,4 @@
-//! Bad frames and gaps in an otherwise good recording: bridged and counted, or refused with their place.
+//! Bad frames and gaps in an otherwise good recording: bridged and counted, or refused with their location.
 
 use bodyflight_core::Segment;
 use bodyflight_tests::small_recording::{is_usable, read, survey, with_numbers, written};
@@ -157,7 +157,7 @@ fn runs_of_bad_frames_are_bridged_up_to_a_tenth_of_a_second() {
         "{problem}"
     );
     assert!(problem.line.is_some());
-    // At the ends there is nothing to lie between.
+    // At the ends there is nothing to interpolate between.
     let (frames, quality) = read(broken(0..5).as_bytes()).expect("left out");
     assert_eq!(
         (frames.len(), frames[0].index, quality.dropped_frames),

@@ -32,7 +32,7 @@ fn fails(arguments: &[&str], code: i32) -> String {
     let message = text(&output.stderr);
     assert_eq!(output.status.code(), Some(code), "{arguments:?}: {message}");
     assert!(!message.contains("panicked"), "{message}");
-    // Lines of a terminal may break anywhere: compare without breaks.
+    // Terminal output may wrap anywhere: compare without line breaks.
     message
         .split_whitespace()
         .filter(|word| *word != "│")
@@ -76,7 +76,7 @@ fn a_synthetic_flight_is_reconstructed_to_the_noise() {
     let report = json(&["simulate", &flight]);
     let rms = |channel: &str| report["rms"][channel].as_f64().expect(channel);
     let amplitude = |channel: &str| report["amplitude"][channel].as_f64().expect(channel);
-    // Noise of the paper: 0.01 rad, 0.03 rad/s an axis, 0.1 and 1 m/s.
+    // The paper's noise: 0.01 rad, 0.03 rad/s per axis, 0.1 and 1 m/s.
     assert!(
         rms("roll_rad") < 0.02 && rms("pitch_rad") < 0.02,
         "{report}"
@@ -97,7 +97,7 @@ fn a_synthetic_flight_is_reconstructed_to_the_noise() {
     assert_eq!(report["frames"], 7200);
     assert!((report["duration_s"].as_f64().expect("a number") - 30.0).abs() < 1e-9);
     assert!(report["steps_per_second"].as_f64().expect("a number") > 240.0);
-    // The unit's precision sees the same flight.
+    // The unit's precision gives the same flight.
     let single = json(&["simulate", &flight, "--precision", "single"]);
     let difference = single["rms"]["heading_rad"].as_f64().expect("a number") - rms("heading_rad");
     assert!(difference.abs() < 5e-3, "{difference}");
@@ -130,7 +130,7 @@ fn perfect_sensors_leave_no_gap() {
         let flight = synth(maneuver, &folder.path().join(maneuver), &["--noise", "0"]);
         let report = json(&["simulate", &flight]);
         let rms = |channel: &str| report["rms"][channel].as_f64().expect(channel);
-        // What is left comes from the six decimals of the file; flips make it grow with their rates.
+        // The remaining error comes from the six decimals of the file; it grows with the rates of flips.
         let largest = report["amplitude"]["angular_velocity_radps"].as_f64();
         let bound = 0.02_f64.max(0.0025 * largest.expect("an amplitude"));
         assert!(
@@ -206,7 +206,7 @@ fn estimated_inputs_reconstruct_what_constant_ones_cannot() {
     assert_eq!(report["flags"]["update"], 0);
     let svg = std::fs::read_to_string(svg).expect("the plot");
     assert!(svg.contains("muscle input coefficients") && svg.contains("without"));
-    // The estimate is an input history like any other.
+    // The estimate can be used as any input history.
     let text = std::fs::read_to_string(&flight).expect("the flight");
     std::fs::write(&flight, text.replace("inputs.csv", "est.csv")).expect("written");
     let again = json(&["simulate", &flight]);
@@ -236,7 +236,7 @@ fn tuning_finds_back_and_repeats_itself() {
         "5",
     ];
     let (first, second) = (json(&arguments), json(&arguments));
-    // THEN both answers are the same, better, and better on the flight that was not used
+    // THEN both results are equal, better, and better on the held-out flight
     assert_eq!(first, second);
     let better =
         |before: &Value, after: &Value| after.as_f64().expect("n") < before.as_f64().expect("n");

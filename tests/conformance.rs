@@ -1,4 +1,4 @@
-//! The core against numbers of an independent implementation, in both precisions.
+//! Compares the core with an independent implementation, in both precisions.
 
 use bodyflight_core::aerodynamics::compiled::CompiledAerodynamics;
 use bodyflight_core::aerodynamics::{
@@ -142,7 +142,7 @@ fn check_aerodynamics<T: Precision>() {
         let exposed = expose(&body, &pose(&body, &posture.cast()), &aerodynamics);
         let velocity = vector(&case["velocity"]);
         let flow = Flow::new(&cast::<T>(&velocity), scalar("rho"));
-        // Single segments nearly cancel in the sums: the scale of rounding is that of the segments.
+        // Segments nearly cancel in the sums: rounding errors scale with the segments' values.
         let scale = 0.5 * number("rho") * velocity.norm_squared();
         let tolerance = T::TOLERANCE;
         for row in case["segments"].as_array().into_iter().flatten() {
@@ -241,7 +241,7 @@ fn check_equations_of_motion<T: Precision>() {
             tolerance,
             &what,
         );
-        // q' = q (0, W) / 2, paper eq. (quat): checked by a short turn.
+        // q' = q (0, W) / 2, paper eq. (quat): checked by a small rotation.
         let expected = numbers(&case["q_rate"]);
         let q_rate = (attitude.into_inner()
             * nalgebra::Quaternion::from_imag(vector(&case["angular_velocity"])))

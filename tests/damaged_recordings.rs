@@ -1,5 +1,5 @@
-//! Damaged, foreign and hostile MVNX through reader and inspection: refused with a place, never a panic, never a
-//! frame made of bad numbers.
+//! Damaged, foreign and hostile MVNX in the reader and in inspection: refused with the location of the error, without a
+//! panic and without a frame of bad numbers.
 
 use std::io::{BufReader, Read};
 use std::path::Path;
@@ -38,7 +38,7 @@ fn cut_at_every_byte() {
         }
     }
     assert_eq!(read(&text.as_bytes()[..end]).expect("whole").0.len(), 2);
-    // The number of good frames is said.
+    // The number of good frames is reported.
     let second = text.find("index=\"1\"").expect("the second") + 200;
     let problem = read(&text.as_bytes()[..second])
         .expect_err("cut")
@@ -90,7 +90,7 @@ fn foreign_files_are_named_for_what_they_are() {
         let again = survey(&bytes).expect_err(part);
         assert_eq!(again.with_causes(), problem.with_causes());
     }
-    // By its extension; but text that only has the wrong extension is read.
+    // Refused by its extension; but text that merely has the wrong extension is read.
     let problem = read_as(b"\x01\x02", "a.MVN", Options::default()).expect_err("container");
     assert!(problem.help.expect("a way out").contains(".mvnx"));
     assert!(read_as(text.as_bytes(), "a.mvn", Options::default()).is_ok());
@@ -153,7 +153,7 @@ fn hostile_xml_is_refused() {
     }
 }
 
-/// Text without end: the reader must stop by itself.
+/// Endless text: the reader must stop by itself.
 #[test]
 fn an_endless_text_ends_the_reading_within_its_limit() {
     let text = written(1);
@@ -193,7 +193,7 @@ fn unusual_but_good_files_are_read() {
         let plain = text.replace(&format!("index=\"{index}\" "), "");
         again(&plain);
     }
-    // Joints by points of the same name, where none are listed.
+    // Joints are found by points of the same name if none are listed.
     let (from, to) = (
         text.find("<joints>").expect("joints"),
         text.find("</joints>").expect("end"),

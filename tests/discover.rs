@@ -1,4 +1,4 @@
-//! Hiding and discovering with the real binary.
+//! Hides and discovers effects with the real binary.
 #![expect(clippy::expect_used, reason = "tests may panic: that is how they fail")]
 
 use std::path::Path;
@@ -17,7 +17,7 @@ fn json(arguments: &[&str]) -> Value {
     serde_json::from_slice(&output.stdout).expect("standard output is JSON")
 }
 
-/// Two flights with something hidden; their `flight.toml`.
+/// Makes two flights with a hidden effect; returns their `flight.toml`.
 fn hide(effect: &str, seconds: &str, folder: &Path) -> [String; 2] {
     let out = folder.to_str().expect("a plain path");
     let written = json(&[
@@ -67,7 +67,7 @@ fn a_hidden_effect_is_named_and_closes_the_gap_of_another_flight() {
     let closed = report["held_out"][0]["gap"]["closed_share"].as_f64();
     assert!(closed.expect("a number") > 0.9, "{report}");
 
-    // The free run takes the model that was written, where it is all that is wrong.
+    // The free run accepts the written model and agrees, since nothing else is wrong.
     let exact = folder.path().join("exact");
     let exact = exact.to_str().expect("a plain path");
     let exact = [
@@ -93,7 +93,7 @@ fn a_hidden_effect_is_named_and_closes_the_gap_of_another_flight() {
     let after = gap(&["simulate", short, "--model", model]);
     assert!(after < 0.5 * before, "{before} to {after}");
 
-    // The filter takes it too; with another model it says that it is not to be trusted.
+    // The filter accepts it too; with another model it reports that it cannot be trusted.
     json(&["estimate", &other, "--model", model]);
     let wind = folder.path().join("wind.toml");
     std::fs::write(&wind, "[[effect]]\nname = \"wind\"\nnorth_mps = 3.0\n").expect("a file");
@@ -137,7 +137,7 @@ fn nothing_is_named_where_nothing_is_hidden_or_the_flight_is_short() {
     let folder = tempfile::tempdir().expect("a folder");
     let [flight, other] = hide("clean", "15", &folder.path().join("clean"));
     let report = json(&["discover", &flight, "--hold-out", &other]);
-    // Joints and subject are off by what suits and scales leave open, and nothing is missing.
+    // Joints and subject have the usual errors of suits and scales, and no effect is missing.
     assert_eq!(report["verdict"], "calibrated", "{report}");
     assert_eq!(report["model"].as_array().map(Vec::len), Some(0));
 
@@ -189,7 +189,7 @@ fn what_is_not_in_the_library_is_described_and_not_given_a_name() {
     let closed = report["held_out"][0]["gap"]["closed_share"].as_f64();
     assert!(closed.expect("a number") > 0.7, "{report}");
 
-    // The free run takes the loads that were written.
+    // The free run accepts the written loads.
     let model = folder.path().join("found/model.toml");
     let text = std::fs::read_to_string(&model).expect("a model");
     assert!(text.contains("moment_nm") && text.contains("frequency_hz"));
@@ -201,7 +201,7 @@ fn what_is_not_in_the_library_is_described_and_not_given_a_name() {
     ]);
 }
 
-/// Rows of a FlySight 1 on a body of 75 kg that falls through a wind, with one row that is cut off.
+/// Rows of a FlySight 1 on a body of 75 kg that falls through a wind, with one truncated row.
 fn fall(wind_north: f64) -> String {
     let mut text = "time,lat,lon,hMSL,velN,velE,velD,hAcc,vAcc,sAcc,gpsFix,numSV\n".to_owned();
     let (mut north, mut down, mut height) = (35.0_f64, 16.0_f64, 4000.0_f64);
@@ -248,7 +248,7 @@ fn the_track_of_a_flysight_shows_wind() {
     let model = std::fs::read_to_string(folder.path().join("found/model.toml")).expect("a model");
     assert!(model.contains("name = \"wind\""), "{model}");
 
-    // Nobody falls on the ground.
+    // There is no fall on the ground.
     let ground = fall(0.0).lines().take(20).collect::<Vec<_>>().join("\n");
     std::fs::write(path("G.CSV"), ground).expect("a file");
     let refused = Command::new(env!("CARGO_BIN_EXE_bodyflight"))

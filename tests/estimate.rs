@@ -1,4 +1,4 @@
-//! Estimation by the real binary: what it says of flights whose inputs are known, and of itself.
+//! Estimation by the real binary: its results for flights with known inputs, and its assessment of itself.
 #![expect(clippy::expect_used, reason = "tests may panic: that is how they fail")]
 
 use std::path::Path;
@@ -32,7 +32,7 @@ fn fails(arguments: &[&str], code: i32) -> String {
     let message = text(&output.stderr);
     assert_eq!(output.status.code(), Some(code), "{arguments:?}: {message}");
     assert!(!message.contains("panicked"), "{message}");
-    // Lines of a terminal may break anywhere: compare without breaks.
+    // Terminal output may wrap anywhere: compare without line breaks.
     message
         .split_whitespace()
         .filter(|word| *word != "│")
@@ -55,7 +55,7 @@ fn an_estimate_that_is_worse_than_constant_coefficients_says_so() {
         said.contains("worse than") && said.contains("--preset auto"),
         "{said}"
     );
-    // What does better: nothing is put in, and nothing is found.
+    // The default preset does better: there is no input, and none is found.
     let csv = folder.path().join("found.csv");
     let csv = csv.to_str().expect("plain");
     let report = json(&["estimate", &flight, "--out", csv]);
@@ -75,7 +75,7 @@ fn an_estimate_that_is_worse_than_constant_coefficients_says_so() {
     }
 }
 
-/// Text between two marks, and what is around it.
+/// The text between two markers, and the text around it.
 fn cut<'a>(text: &'a str, from: &str, to: &str) -> Option<(&'a str, &'a str, &'a str)> {
     let begin = text.find(from)? + from.len();
     let end = begin + text[begin..].find(to)?;
@@ -88,7 +88,7 @@ fn sensors_that_freeze_are_told() {
     let flight = synth("neutral-fall", folder.path(), &["--seed", "3"]);
     let recording = folder.path().join("flight.mvnx");
     let text = std::fs::read_to_string(&recording).expect("the recording");
-    // From 10 s to 15 s the pelvis, or all that is recorded, says the same.
+    // From 10 s to 15 s the pelvis, or everything recorded, repeats the same values.
     let frames: Vec<&str> = text.split_inclusive("</frame>").collect();
     let held: Vec<Option<String>> = ["orientation", "velocity", "angularVelocity"]
         .iter()
@@ -183,7 +183,7 @@ fn a_smoothed_estimate_flies_the_flight_again() {
     }
 }
 
-/// Muscle input over time, of a table of `estimate`.
+/// Muscle input over time, from a table of `estimate`.
 fn muscle_inputs(table: &Path) -> Vec<[f64; 3]> {
     let text = std::fs::read_to_string(table).expect("the table");
     text.lines()
@@ -209,7 +209,7 @@ fn the_whole_flight_tells_joints_from_muscle_input() {
             &folder,
             &["--seed", seed, "--joint-error-deg", "2"],
         );
-        // No input was put in: what is found is the error.
+        // There is no true input, so the estimate is the error.
         for (method, sum) in [("filter", &mut filtered), ("smooth", &mut smoothed)] {
             let table = folder.join(format!("{method}.csv"));
             let out = table.to_str().expect("plain");

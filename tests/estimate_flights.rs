@@ -1,7 +1,8 @@
-//! Estimation on the flights of an independent simulator: its own code, its own errors of joints, sensors and subject.
+//! Estimation on flights of an independent simulator, with its own code and its own errors of joints, sensors and
+//! subject.
 //!
-//! The flights are not part of the repository: they are expected in `shared/flights` beside it, packed with xz. Where
-//! they or the `xz` program are absent the test says so and ends. Nothing is tuned on them.
+//! The flights are not part of the repository: they are expected in `shared/flights` beside it, compressed with xz. If
+//! they or the `xz` program are absent, the test reports that and ends. Nothing is tuned on them.
 #![expect(clippy::expect_used, reason = "tests may panic: that is how they fail")]
 
 use std::path::{Path, PathBuf};
@@ -9,10 +10,10 @@ use std::process::Command;
 
 use serde_json::Value;
 
-/// Longest time with an error above four deviations that is not flagged (s).
+/// Longest allowed time with an unflagged error above four deviations (s).
 const LONGEST: f64 = 2.0;
 
-/// Unpacks a flight; its `flight.toml`. None without `xz`.
+/// Unpacks a flight and returns its `flight.toml`; `None` without `xz`.
 fn unpacked(from: &Path, to: &Path) -> Option<PathBuf> {
     for name in ["flight.toml", "subject.toml", "segments.json"] {
         std::fs::copy(from.join(name), to.join(name)).expect("a file of the flight");
@@ -27,7 +28,7 @@ fn unpacked(from: &Path, to: &Path) -> Option<PathBuf> {
     Some(to.join("flight.toml"))
 }
 
-/// Inputs and damping that acted: pitch, yaw, roll each.
+/// True muscle input and damping: pitch, yaw, roll each.
 fn truth(flight: &Path) -> [f64; 6] {
     let text = std::fs::read_to_string(flight.join("truth.json")).expect("the truth");
     let truth: Value = serde_json::from_str(&text).expect("the truth is JSON");
@@ -36,8 +37,8 @@ fn truth(flight: &Path) -> [f64; 6] {
     [pitch, 0.0, 0.0, 3.0 * damping, 0.5 * damping, 6.0 * damping]
 }
 
-/// Runs the estimate: whether it doubts itself, and the longest time with an error above four deviations in a row that is
-/// called consistent (s), by input.
+/// Runs the estimate. Returns whether it reports doubt, and for each input the longest uninterrupted time with an error
+/// above four deviations that is reported as consistent (s).
 fn judged(flight: &Path, truth: [f64; 6], method: &str) -> (bool, f64) {
     let table = flight.with_file_name(format!("{method}.csv"));
     let output = Command::new(env!("CARGO_BIN_EXE_bodyflight"))

@@ -1,6 +1,6 @@
-//! The estimator on synthetic flights: how well it reconstructs them, and what bad input does to it.
+//! The estimator on synthetic flights: accuracy of the reconstruction, and the effect of bad input.
 //!
-//! `BODYFLIGHT_SEEDS` sets the number of noise seeds (default 3; the figures in docs/benchmarks are of 50).
+//! `BODYFLIGHT_SEEDS` sets the number of noise seeds (default 3; docs/benchmarks.md uses 50).
 
 use bodyflight_core::Real;
 use bodyflight_core::body::Body;
@@ -22,7 +22,7 @@ use bodyflight_tests::estimator_flights::{
 use bodyflight_tests::transitions::STYLES;
 use bodyflight_tests::{reference, reference_body};
 
-/// Sums of squares of reconstructed less flown; [`Misfit::rms`] makes root mean squares of them.
+/// Sums of squared reconstruction errors; [`Misfit::rms`] converts them to root mean squares.
 #[derive(Debug, Clone, Copy, Default)]
 struct Misfit {
     horizontal_speed: f64,
@@ -81,7 +81,7 @@ fn seeds() -> u64 {
     std::env::var("BODYFLIGHT_SEEDS").map_or(3, |n| n.parse().unwrap())
 }
 
-/// Runs an estimator over a flight; what it reconstructs against what was flown.
+/// Runs an estimator over a flight and compares the reconstruction with the true flight.
 fn estimate<T: Real, P: Propagation<T>, const N: usize>(
     record: &Record,
     preset: &Preset,
@@ -109,7 +109,7 @@ fn estimate<T: Real, P: Propagation<T>, const N: usize>(
     misfit
 }
 
-/// The same over several seeds.
+/// Runs an estimator over several seeds.
 fn over_seeds<P: Propagation<f32>, const N: usize>(record: &Record, preset: &Preset) -> Misfit {
     let mut all = Misfit::default();
     for seed in 1..=seeds() {
@@ -118,8 +118,8 @@ fn over_seeds<P: Propagation<f32>, const N: usize>(record: &Record, preset: &Pre
     all
 }
 
-/// Medians over seeds, nine at least. In some seeds an unstable motion takes another branch for a second; which seeds
-/// these are hangs on last bits, and they dominate a mean.
+/// Medians over at least nine seeds. In some seeds an unstable motion takes another branch for a second; which seeds
+/// depends on the last bits, and they would dominate a mean.
 fn typical<P: Propagation<f32>, const N: usize>(record: &Record, preset: &Preset) -> Misfit {
     let each: Vec<Misfit> = (1..=seeds().max(9))
         .map(|seed| estimate::<f32, P, N>(record, preset, seed, |_| ()).rms())
@@ -138,7 +138,7 @@ fn typical<P: Propagation<f32>, const N: usize>(record: &Record, preset: &Preset
     }
 }
 
-/// The flight without estimation: the paper's constant coefficients of belly turns.
+/// Reconstruction without estimation, with the paper's constant coefficients of belly turns.
 fn constant(record: &Record) -> Misfit {
     let inputs = Inputs::belly_turn();
     let dynamics = &record.dynamics;
@@ -170,7 +170,7 @@ fn compare(flight: &Flight, preset: &Preset) -> Option<Comparison> {
     compare_all(core::slice::from_ref(flight), preset)
 }
 
-/// The means over several flights.
+/// Means over several flights.
 fn compare_all(flights: &[Flight], preset: &Preset) -> Option<Comparison> {
     let body = body()?;
     let fly = |flight: &Flight| flight.fly(&body, BACK_TRACKING);
@@ -278,8 +278,8 @@ fn flips_and_rolls_are_reconstructed() {
     let Some(found) = compare(&FLIPS_AND_ROLLS, &preset("transitions")) else {
         return;
     };
-    // Roll jumps by half a turn when the body passes the vertical: a flip that passes it a few samples early
-    // or late dominates the mean. Flips are unstable motions, too: a last bit can choose another branch.
+    // Roll jumps by half a turn when the body passes the vertical, so a flip that passes it a few samples early or late
+    // dominates the mean. Flips are also unstable motions: the last bit can select another branch.
     for estimated in [found.paper, found.reduced] {
         assert!(estimated.pitch < 0.2 && estimated.pitch < found.constant.pitch);
         assert!(estimated.roll < found.constant.roll / 3.0);
@@ -318,7 +318,7 @@ fn a_negative_damping_bound_improves_a_spin_that_feeds_itself() {
     assert!(free.reduced.yaw_rate < 0.8 * bounded.reduced.yaw_rate);
 }
 
-/// Root mean square of single less double precision: paper's filter, reduced filter.
+/// Root mean square difference between single and double precision: paper's filter, reduced filter.
 fn precisions_apart(record: &Record, preset: &Preset) -> [Misfit; 2] {
     fn reconstructed<T: Real, P: Propagation<T>, const N: usize>(
         record: &Record,
@@ -350,7 +350,7 @@ fn precisions_apart(record: &Record, preset: &Preset) -> [Misfit; 2] {
 #[test]
 fn single_precision_reconstructs_as_double_does() {
     let Some(body) = body() else { return };
-    // Not in transitions: flips are unstable motions, and a last bit chooses another branch, docs/benchmarks.md.
+    // Not for transitions: flips are unstable motions in which the last bit selects another branch, docs/benchmarks.md.
     for (flight, name) in [
         (&TURNS, "turning"),
         (&ANGLE_FLYING, "tracking"),
@@ -366,9 +366,9 @@ fn single_precision_reconstructs_as_double_does() {
                 "{name}, {filter}, f32 less f64: horizontal speed {:.1e} m/s, pitch {:.1e}, roll {:.1e} rad, yaw rate {:.1e} rad/s",
                 found.horizontal_speed, found.pitch, found.roll, found.yaw_rate
             );
-            // A tenth of the deviations of R, as near as rounding comes in flights that do not amplify it; angle
-            // flying over the paper's window of 0.25 s does, and stays within R, docs/benchmarks.md. Where a preset
-            // does not measure the yaw rate, R says nothing of it.
+            // A tenth of the deviations of R, as close as rounding gets in flights that do not amplify it. Angle flying
+            // over the paper's window of 0.25 s does, and stays within R, docs/benchmarks.md. If a preset does not
+            // measure the yaw rate, R does not apply to it.
             let share = if name == "tracking" { 1.0 } else { 0.1 };
             let yaw_rate = if name == "turning" {
                 0.01 * share

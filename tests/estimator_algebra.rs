@@ -1,4 +1,5 @@
-//! The unscented algebra alone: against a Kalman filter, its consistency, and what no input may do to it.
+//! The unscented algebra alone: compared with a Kalman filter, tested for consistency and for robustness against any
+//! input.
 
 use bodyflight_core::Real;
 use bodyflight_core::estimator::unscented::{Moments, Root, Settings, SettingsError, Unscented};
@@ -8,7 +9,7 @@ use nalgebra::{SMatrix, SVector};
 type State<T> = SVector<T, 6>;
 type Seen<T> = SVector<T, 4>;
 
-/// The paper's tuning of tracking, without bounds that matter.
+/// The paper's tuning for tracking, with bounds that do not matter.
 fn settings<T: Real>(root: Root) -> Settings<T, 6> {
     let vector = |values: [f64; 6]| State::from(values.map(T::of));
     Settings {
@@ -42,7 +43,7 @@ fn slope(noise: &mut Noise) -> SMatrix<f64, 4, 6> {
 
 #[test]
 fn on_a_linear_model_it_is_a_kalman_filter() {
-    // Three hundred updates with a new slope each, so that a wrong factor cannot hide.
+    // Three hundred updates with a new slope each, so that a wrong factor cannot go unnoticed.
     for root in [Root::Symmetric, Root::Cholesky] {
         let mut noise = Noise::new(7);
         let mut worst = 0.0f64;
@@ -53,7 +54,7 @@ fn on_a_linear_model_it_is_a_kalman_filter() {
         for _ in 0..300 {
             let h = slope(&mut noise);
             let z = Seen::from_fn(|_, _| noise.normal(2.0));
-            // Kalman, with the paper's order: the process noise comes with the update.
+            // A Kalman filter in the paper's order: process noise is added at the update.
             let s = h * p * h.transpose() + SMatrix::from_diagonal(&r);
             let gain = p * h.transpose() * s.try_inverse().unwrap();
             let innovation = z - h * x;
@@ -123,7 +124,7 @@ fn channels_left_out_have_no_effect() {
     assert!(!found.fused && partial == before);
 }
 
-/// A model that bends a little: what the unscented transform is exact for to second order.
+/// A slightly nonlinear model, for which the unscented transform is exact to second order.
 fn bent<T: Real>(h: &SMatrix<T, 4, 6>, x: &State<T>) -> Seen<T> {
     let straight = h * x;
     straight + straight.component_mul(&straight) * T::of(1e-3)
@@ -131,7 +132,8 @@ fn bent<T: Real>(h: &SMatrix<T, 4, 6>, x: &State<T>) -> Seen<T> {
 
 #[test]
 fn two_hundred_runs_on_a_matched_model_are_consistent() {
-    // Truth starts within the filter's start covariance and moves by its process noise; measurements carry R.
+    // The truth starts within the filter's initial covariance and moves by its process noise; measurements have noise
+    // R.
     const RUNS: u32 = 200;
     const UPDATES: u32 = 50;
     let r = Seen::<f64>::from([0.01, 0.0025, 1e-4, 1e-4]);
@@ -173,7 +175,7 @@ fn two_hundred_runs_on_a_matched_model_are_consistent() {
 
 #[test]
 fn no_configuration_and_no_input_leaves_a_broken_filter() {
-    // Random scales over many decades, outliers to 1e6, and not-a-numbers, in single precision.
+    // Random scales over many decades, outliers to 1e6, and NaN, in single precision.
     let runs = std::env::var("BODYFLIGHT_FUZZ").map_or(2_000, |n| n.parse().unwrap());
     let (mut refused, mut rejected, mut stuck) = (0, 0, 0);
     for run in 0..runs {
@@ -243,7 +245,7 @@ fn no_configuration_and_no_input_leaves_a_broken_filter() {
 
 #[test]
 fn the_bounds_hold_and_points_do_not_collapse() {
-    // A state on its bounds: points beyond go to the other side, by half.
+    // A state on its bounds: points beyond are reflected to the other side, by half.
     let mut tuning = settings::<f64>(Root::Symmetric);
     tuning.low = State::from([0.5, 0.0, 0.0, 0.01, 0.01, 0.01]);
     tuning.high = State::from([6.5, 0.5, 6.5, 24.0, 24.0, 24.0]);

@@ -1,4 +1,4 @@
-//! Synthetic flights for the estimator: postures and conscious inputs that vary in time, flown by the core in
+//! Synthetic flights for the estimator: postures and conscious inputs that vary in time, simulated by the core in
 //! double precision at twice the filter's rate, and measured with the paper's noise.
 
 use std::borrow::Cow;
@@ -12,7 +12,7 @@ use bodyflight_core::estimator::measurement::Measurement;
 use bodyflight_core::frame::{Vector, facing_north};
 use bodyflight_core::{Body, Posture, Segment};
 
-/// Phases of the slow wandering of muscle input and damping, which also set its speeds (rad).
+/// Phases of the slow drift of muscle input and damping, which also set its speeds (rad).
 const WANDER_PHASES: [f64; 6] = [1.0, 0.0, 2.0, 3.0, 4.0, 5.0];
 /// Time in which a pulse rises and falls (s).
 const RISE: f64 = 0.5;
@@ -26,9 +26,9 @@ pub struct Pulse {
     pub muscle: [f64; 3],
     /// Damping added [pitch, yaw, roll].
     pub damping: [f64; 3],
-    /// Joints moved, by radians of a pattern.
+    /// Joints moved, as multiples (rad) of a pattern.
     pub joints: Option<(&'static JointAngles, f64)>,
-    /// Whether it falls as soon as the body has changed sides.
+    /// Whether it ends as soon as the body has changed sides.
     pub until_over: bool,
 }
 
@@ -47,15 +47,15 @@ pub struct Flight {
     pub muscle: [f64; 3],
     /// Damping between the pulses [pitch, yaw, roll].
     pub damping: [f64; 3],
-    /// Size of the slow wandering of inputs (share).
+    /// Amplitude of the slow drift of inputs (fraction).
     pub wander: f64,
-    /// Speed of that wandering (1/s).
+    /// Rate of that drift (1/s).
     pub rate: f64,
-    /// Size of the slow swaying of the arms by which a skydiver keeps and changes direction (rad).
+    /// Amplitude of the slow arm movements with which a skydiver keeps and changes direction (rad).
     pub sway: f64,
     /// Joints moved while the back faces the earth.
     pub on_back: &'static JointAngles,
-    /// What is done.
+    /// The pulses.
     pub pulses: Cow<'static, [Pulse]>,
 }
 
@@ -109,8 +109,8 @@ pub const ANGLE_FLYING: Flight = Flight {
     pulses: Cow::Borrowed(&[roll(30.0, 1.8, -10.0, 1.2), roll(43.0, 1.8, -10.0, 1.2)]),
 };
 
-/// Seven flips and seven rolls by the clock: the body tumbles through some and does not follow others, and changes
-/// sides eight times.
+/// Seven flips and seven rolls at fixed times: the body tumbles through some, does not follow others, and changes sides
+/// eight times.
 pub const FLIPS_AND_ROLLS: Flight = Flight {
     name: "flips and rolls",
     duration: 45.0,
@@ -162,8 +162,8 @@ pub const TURNS: Flight = Flight {
     ]),
 };
 
-/// A spin that feeds itself: set off by the arms, then kept up by negative damping about the yaw axis, which
-/// the paper sees where its failed layout turns into a roll.
+/// A self-sustaining spin: started by the arms, then driven by negative damping about the yaw axis, which the paper
+/// observes where its failed layout turns into a roll.
 pub const FED_SPIN: Flight = Flight {
     name: "self-feeding spin",
     duration: 12.0,
@@ -187,21 +187,21 @@ pub const FED_SPIN: Flight = Flight {
     ]),
 };
 
-/// A rise from 0 to 1 without a corner, for `x` from 0 to 1.
+/// A smooth rise from 0 to 1, for `x` from 0 to 1.
 fn smooth(x: f64) -> f64 {
     let x = x.clamp(0.0, 1.0);
     x * x * (3.0 - 2.0 * x)
 }
 
 impl Pulse {
-    /// Share of the pulse at `time` (s).
+    /// Fraction of the pulse at `time` (s).
     fn share(&self, time: f64) -> f64 {
         let [begin, end] = self.during;
         smooth((time - begin) / RISE) * smooth((end - time) / RISE)
     }
 }
 
-/// A script as it is flown: the ends of its pulses that depend on the motion are settled as the flight goes on.
+/// A script in flight: pulse ends that depend on the motion are determined during the flight.
 #[derive(Debug, Clone)]
 pub struct Course {
     script: Flight,
@@ -209,8 +209,8 @@ pub struct Course {
 }
 
 impl Course {
-    /// Times at which the body had changed sides, belly or back to earth: its dorsal axis is within 60 degrees of
-    /// the vertical, on the other side than before (s).
+    /// Times at which the body had changed sides, belly or back to earth (s): its dorsal axis is within 60 degrees of
+    /// the vertical, on the other side than before.
     pub fn changes_of_side(&self) -> &[f64] {
         &self.changes
     }
@@ -219,7 +219,7 @@ impl Course {
         self.changes.len() % 2 == 1
     }
 
-    /// Sees the motion at `time` (s). What follows from it changes nothing before.
+    /// Updates with the motion at `time` (s). This does not affect earlier times.
     fn see(&mut self, time: f64, motion: &Motion<f64>) {
         let dorsal = Measurement::of(motion).vertical.y;
         let over = if self.on_back() {
@@ -334,12 +334,12 @@ impl Flight {
     }
 }
 
-/// What was flown, sample by sample.
+/// The true flight, sample by sample.
 #[derive(Debug, Clone)]
 pub struct Record {
-    /// The model that flew.
+    /// The model used.
     pub dynamics: Dynamics<f64>,
-    /// The script as it was flown.
+    /// The script with its final pulse ends.
     pub course: Course,
     /// Postures.
     pub postures: Vec<Posture<f64>>,
@@ -347,7 +347,7 @@ pub struct Record {
     pub motions: Vec<Motion<f64>>,
 }
 
-/// Normal deviates by summing twelve uniform ones of a 64-bit congruential generator: the same everywhere.
+/// Normal deviates as sums of twelve uniform ones of a 64-bit congruential generator: the same on every platform.
 #[derive(Debug, Clone)]
 pub struct Noise(u64);
 
@@ -373,7 +373,7 @@ impl Noise {
 }
 
 impl Record {
-    /// What sensors saw, with the paper's noise of tracking and turning.
+    /// The measurements of the sensors, with the paper's noise for tracking and turning.
     pub fn measured(&self, seed: u64) -> Vec<Measurement<f64>> {
         let mut noise = Noise::new(seed);
         let mut noise_of_vertical = Noise::new(!seed);

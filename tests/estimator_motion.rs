@@ -17,10 +17,10 @@ use nalgebra::Vector3;
 
 /// Length of the flight (s).
 const LENGTH: u32 = 600;
-/// Muscle input in pitch that never ends.
+/// Constant muscle input in pitch.
 const PITCH: f64 = 0.4;
 
-/// A motion seen through the paper's sensors, as recordings have it: the angular velocity in inertial axes.
+/// A motion measured with the paper's noise, as in recordings: the angular velocity is in inertial axes.
 fn seen(motion: &Motion<f64>, noise: &mut Noise) -> MotionMeasurement<f64> {
     let mut vector = |sizes: [f64; 3]| Vector3::from(sizes.map(|size| noise.normal(size)));
     let tilt = small_rotation(&vector([0.01; 3]));

@@ -1,4 +1,4 @@
-//! Declared ranges: their page, flights within them, and what rounding to their formats would do.
+//! Declared ranges: their page, flights within them, and the effect of rounding to their formats.
 
 use bodyflight_core::dynamics::muscle_input::BACK_TRACKING;
 use bodyflight_core::dynamics::step::TIME_STEP;
@@ -16,7 +16,7 @@ use bodyflight_tests::transitions::STYLES;
 use bodyflight_tests::{reference, reference_body};
 use nalgebra::Vector3;
 
-/// The page as it must be.
+/// The expected content of the page.
 fn page() -> String {
     let mut text = String::from(
         "# Ranges\n\n\
@@ -118,7 +118,8 @@ fn coarse(sample: &PostureSample<f64>) -> PostureSample<f64> {
 
 #[test]
 fn rounding_every_state_to_its_format_does_not_show() {
-    // A quarter second from every half second of flight, exact and with all states and postures rounded.
+    // Predictions over a quarter second, starting every half second of flight, exact and with all states and postures
+    // rounded.
     for flight in [ANGLE_FLYING, FLIPS_AND_ROLLS, STYLES[0].flight(), TURNS] {
         let mut windows: Vec<(State<f64>, State<f64>)> = Vec::new();
         let mut worst = [0.0f64; 4];
@@ -126,7 +127,7 @@ fn rounding_every_state_to_its_format_does_not_show() {
             if k % 60 == 0 {
                 for (exact, rounded) in windows.drain(..) {
                     let [a, b] = [exact, rounded].map(|s| Measurement::of(&s.motion(sample)));
-                    // Near the vertical heading and roll have no meaning.
+                    // Near the vertical, heading and roll are undefined.
                     if a.pitch.abs() < 1.3 {
                         let differences = [
                             a.horizontal_speed - b.horizontal_speed,

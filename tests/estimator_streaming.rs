@@ -1,4 +1,4 @@
-//! The estimator sample by sample: timing, restart, and what bad input does to it.
+//! The estimator sample by sample: timing, restart, and the effect of bad input.
 
 use bodyflight_core::Real;
 use bodyflight_core::body::Body;
@@ -16,7 +16,7 @@ use bodyflight_core::estimator::{Estimator, PaperFilter, ReducedFilter};
 use bodyflight_tests::estimator_flights::{FLIPS_AND_ROLLS, Flight, Noise, Record, TURNS};
 use bodyflight_tests::{reference, reference_body};
 
-/// Runs of the last test.
+/// Number of runs of the last test.
 const RUNS: u64 = 12;
 
 fn body() -> Option<Body<f64>> {
@@ -60,7 +60,7 @@ fn come_on_time(record: &Record, preset: &Preset, window: usize) {
         }
     }
     assert_eq!(arrivals[..4], [0, 4, 8, 12].map(|k| window + k));
-    // After a restart the window fills anew, coefficients are kept.
+    // After a restart the window fills again; coefficients are kept.
     let kept = *estimator.filter().state();
     let (motion, posture) = (record.motions[100].cast(), record.postures[100].cast());
     estimator.restart(&motion, &posture).unwrap();
@@ -91,7 +91,7 @@ fn bad_input_raises_a_flag_and_changes_nothing() {
         let mut measured = *measured;
         let dead = (600..720).contains(&k);
         if dead {
-            // Every channel of the measurement is nonsense for half a second.
+            // Every channel of the measurement is garbage for half a second.
             (measured.yaw_rate, measured.pitch, measured.roll) =
                 (f32::NAN, 1e30, f32::NEG_INFINITY);
         }

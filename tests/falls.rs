@@ -1,4 +1,4 @@
-//! Falls of a logger, through the real binary.
+//! Analysis of logger tracks by the real binary.
 #![expect(
     clippy::expect_used,
     clippy::panic,
@@ -19,7 +19,7 @@ fn bodyflight(arguments: &[&str]) -> Output {
         .expect("the binary starts")
 }
 
-/// Standard output as JSON, and the exit code.
+/// Returns the standard output as JSON, and the exit code.
 fn json(arguments: &[&str]) -> (Value, Option<i32>) {
     let output = bodyflight(&[arguments, &["--json"]].concat());
     let value = serde_json::from_slice(&output.stdout);
@@ -29,7 +29,7 @@ fn json(arguments: &[&str]) -> (Value, Option<i32>) {
     )
 }
 
-/// What is said where it fails, with the exit code; lines of a terminal may break anywhere.
+/// Returns the error message and the exit code; terminal output may wrap anywhere.
 fn fails(arguments: &[&str]) -> (String, Option<i32>) {
     let output = bodyflight(arguments);
     let message = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -105,8 +105,8 @@ fn jump(seed: u64) -> String {
     text
 }
 
-/// The same jump as a FlySight 2 writes it: `TRACK.CSV`, and `SENSOR.CSV` with accelerometer and barometer, whose clock counts
-/// from another moment. The ground's pressure is `pressure` (Pa), the force of the opening 4.2 times that of gravity.
+/// The same jump as a FlySight 2 writes it: `TRACK.CSV`, and `SENSOR.CSV` with accelerometer and barometer, whose clock
+/// has another origin. The ground pressure is `pressure` (Pa), the opening force 4.2 times gravity.
 fn second_generation(folder: &Path, pressure: f64) -> String {
     let mut track =
         "$FLYS,1\n$COL,GNSS,time,lat,lon,hMSL,velN,velE,velD,hAcc,vAcc,sAcc,gpsFix,numSV\n$DATA\n"
@@ -229,7 +229,7 @@ fn falls_are_validated_beside_the_flights() {
         said.contains("ground.csv") && said.contains("no free fall"),
         "{said}"
     );
-    // A stone is no body.
+    // A stone does not have a body's drag factor.
     let stone: String = jump(1)
         .lines()
         .map(|line| {
@@ -293,7 +293,7 @@ fn a_fall_is_told_as_it_was_flown() {
         let blows = [6.0 * number(&wind["height_m"]) / 4000.0, 3.0_f64];
         let from = number(&wind["from_rad"]);
         let speed = number(&wind["speed_mps"]);
-        // North and west of where it blows to.
+        // Velocity of the air, north and west: opposite to the direction it blows from.
         let found = [-speed * from.cos(), speed * from.sin()];
         let apart = (found[0] - blows[0]).hypot(found[1] - blows[1]);
         assert!(apart < 3.5 * number(&wind["deviation_mps"]) + 0.3, "{wind}");
@@ -365,8 +365,8 @@ fn public_tracks() -> Option<PathBuf> {
     None
 }
 
-/// Exit and opening as read off the plots in docs/falls.md: when the vertical velocity leaves that of the aircraft, and
-/// when the deployment begins to slow the fall down (s).
+/// Exit and opening as read from the plots in docs/falls.md: when the vertical velocity departs from that of the
+/// aircraft, and when the deployment begins to decelerate the fall (s).
 const MARKED: [(&str, f64, f64); 3] = [
     ("_703_14-41-39.CSV", 515.6, 619.6),
     ("fs2-track.csv", 338.4, 461.2),
@@ -388,7 +388,7 @@ fn public_falls_are_divided_as_a_person_does_and_explained() {
             let off = (number(&report[moment]["time_s"]) - marked).abs();
             assert!(off < 1.0, "{name}, {moment}: {}", report[moment]);
         }
-        // The speed skydiver brakes, the second wingsuit dives: neither was flown before.
+        // The speed skydiver brakes and the second wingsuit dives, which neither did before.
         let prediction = &report["prediction"];
         let expected = if name.starts_with("_703") {
             "held"
@@ -396,7 +396,8 @@ fn public_falls_are_divided_as_a_person_does_and_explained() {
             "posture-changed"
         };
         assert_eq!(prediction["outcome"], expected, "{name}: {prediction}");
-        // Nobody could know, but the error bar says that it may happen: no prediction is certain and wrong.
+        // This could not be predicted, but the error bar includes its probability: no prediction is confident and
+        // wrong.
         let named = |name: &str| number(&prediction[name]);
         let off = named("measured_mps") - named("predicted_mps");
         assert!(off.abs() < 2.0 * named("deviation_mps"), "{prediction}");

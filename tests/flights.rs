@@ -1,7 +1,8 @@
-//! Discovery on the flights of an independent simulator: its own code, its own errors of joints, sensors and subject.
+//! Discovery on flights of an independent simulator, with its own code and its own errors of joints, sensors and
+//! subject.
 //!
-//! The flights are not part of the repository: they are expected in `shared/flights` beside it, packed with xz. Where
-//! they or the `xz` program are absent the test says so and ends.
+//! The flights are not part of the repository: they are expected in `shared/flights` beside it, compressed with xz. If
+//! they or the `xz` program are absent, the test reports that and ends.
 #![expect(
     clippy::expect_used,
     clippy::panic,
@@ -14,7 +15,7 @@ use std::time::Instant;
 
 use serde_json::Value;
 
-/// Unpacks both flights of a pair; their `flight.toml`. None without `xz`.
+/// Unpacks both flights of a pair and returns their `flight.toml`; `None` without `xz`.
 fn unpacked(pair: &Path, folder: &Path) -> Option<[PathBuf; 2]> {
     let flights = [0, 1].map(|k| format!("flight-{k}"));
     for flight in &flights {
@@ -44,7 +45,7 @@ fn named<'a>(report: &'a Value, name: &str) -> Option<&'a Value> {
     named.iter().find(|effect| effect["name"] == name)
 }
 
-/// Whether parameters of a named effect are within so many standard errors of what acts.
+/// Whether the parameters of a named effect are within a number of standard errors of the truth.
 fn is_near(effect: &Value, truth: &[(&str, f64)], deviations: f64) -> bool {
     truth.iter().all(|(parameter, truth)| {
         let value = number(&effect["parameters"][parameter]);
@@ -150,7 +151,7 @@ fn flights_of_another_simulator_are_judged_rightly() {
             "{name}: {} {} misfit {misfit:.2}, {seconds:.1} s",
             report["verdict"], report["model"]
         );
-        // Where something is missing still, errors take it in.
+        // If an effect is still missing, errors absorb it.
         assert!((0.9..1.1).contains(&misfit), "{name}: misfit {misfit}");
         if !is_right(&name, &report) {
             wrong.push(format!(

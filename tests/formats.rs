@@ -20,7 +20,7 @@ const PAGE: &str = include_str!("../docs/formats.md");
 const BY_NAME: [&str; 2] = ["parameters", "standard_errors"];
 const COPIES: [&str; 2] = ["model", "corrections"];
 
-/// What stands between backticks in the part of the page below a heading that holds `title`.
+/// Texts between backticks in the section of the page whose heading contains `title`.
 fn names_below(title: &str) -> BTreeSet<&'static str> {
     let part = PAGE
         .split("\n## ")
@@ -64,12 +64,12 @@ fn paths(value: &Value, path: &str, found: &mut BTreeSet<String>) {
     }
 }
 
-/// What an effect has in whichever list it stands.
+/// Fields that an effect has in every list.
 fn as_effect(path: &str) -> String {
     path.replacen("nearest[].", "effects[].", 1)
 }
 
-/// Whether the page names a path: whole, or by its beginning and, beside it, the rest.
+/// Whether the page names a path: in full, or by its beginning with the remainder beside it.
 fn is_named(path: &str, names: &BTreeSet<&str>) -> bool {
     names.contains(path)
         || path.match_indices('.').any(|(at, _)| {

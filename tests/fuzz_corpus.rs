@@ -1,11 +1,11 @@
-//! The corpora of `fuzz/`, replayed on stable, and small changes of each entry.
+//! Replays the corpora of `fuzz/` on stable, with small changes to each entry.
 
 use std::path::PathBuf;
 
 use bodyflight_core::link::fault::Random;
 use bodyflight_tests::fuzz_targets::TARGETS;
 
-/// Changed copies of each entry that are tried too.
+/// Number of changed copies of each entry.
 const CHANGED: usize = 24;
 
 fn corpus(target: &str) -> Vec<(PathBuf, Vec<u8>)> {
@@ -27,7 +27,7 @@ fn corpus(target: &str) -> Vec<(PathBuf, Vec<u8>)> {
         .collect()
 }
 
-/// A copy with a few bytes changed, gone or come.
+/// A copy with a few bytes changed, removed or inserted.
 fn changed(bytes: &[u8], random: &mut Random) -> Vec<u8> {
     let mut bytes = bytes.to_vec();
     for _ in 0..=random.below(4) {
@@ -44,7 +44,7 @@ fn changed(bytes: &[u8], random: &mut Random) -> Vec<u8> {
     bytes
 }
 
-/// Runs what is tried on `bytes`; says which entry it was where it fails.
+/// Runs a target on `bytes`; on failure, reports the entry.
 fn run(target: fn(&[u8]), bytes: &[u8], what: &str) {
     let outcome = std::panic::catch_unwind(|| target(bytes));
     assert!(

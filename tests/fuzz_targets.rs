@@ -1,6 +1,6 @@
-//! What is fuzzed: one function for each border over which bytes of strangers come.
+//! Fuzz targets: one function for each interface that receives untrusted bytes.
 //!
-//! Each takes any bytes and panics where something that must hold does not. `fuzz/` drives them by coverage (nightly), the test
+//! Each accepts any bytes and panics if an invariant is violated. `fuzz/` drives them by coverage (nightly); the test
 //! `fuzz_corpus` replays the corpora on stable.
 
 mod choices;
@@ -23,10 +23,10 @@ pub const TARGETS: [(&str, Target); 7] = [
     ("csv", files::csv),
 ];
 
-/// Runs the target of that name.
+/// Runs the target of this name.
 ///
 /// # Panics
-/// Where there is none, or where it finds something.
+/// Panics if there is none, or if it finds a fault.
 pub fn run(name: &str, bytes: &[u8]) {
     let (_, target) = TARGETS
         .iter()

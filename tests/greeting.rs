@@ -1,10 +1,10 @@
-//! How a host greets a unit, and what it configures, for tests of the unit.
+//! The greeting and configuration that a host sends, for tests of the unit.
 
 use bodyflight_core::link::{
     ArchSource, Configure, Hello, PackedQuaternion, SCHEMA_HASH, SegmentTable,
 };
 
-/// The greeting of a host that takes short frames.
+/// The greeting of a host that accepts only short frames.
 pub fn hello() -> Hello {
     Hello {
         schema_hash: SCHEMA_HASH,
@@ -12,7 +12,8 @@ pub fn hello() -> Hello {
     }
 }
 
-/// 240 samples and 60 updates a second, of a person of 1.75 m in still air; `preset` by its number.
+/// A configuration for 240 samples and 60 updates a second, a person of 1.75 m in still air, and the `preset` of this
+/// number.
 pub fn configure(preset: u16, table: &SegmentTable) -> Configure {
     Configure {
         preset,

@@ -1,4 +1,4 @@
-//! Motion of other systems through the real binary: a known flight written in each format returns.
+//! Import by the real binary: a known flight, written in each format, is recovered.
 #![expect(clippy::expect_used, reason = "tests may panic: that is how they fail")]
 
 #[path = "imports/bvh.rs"]
@@ -20,7 +20,7 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 use known::{PROGRAM, RETURNS, acrobatics, imported, known, largest, turned};
 
-/// Rows of quaternions of all segments, `columns` of each by name, by a function of the frame.
+/// Rows of quaternions of all segments, as `of` gives them for each frame, with a column for each component in `parts`.
 fn quaternions(
     parts: &str,
     of: impl Fn(&FlightFrame) -> SegmentArray<UnitQuaternion<f64>>,
@@ -57,7 +57,7 @@ fn quaternions(
     text
 }
 
-/// A mapping of all segments to their quaternions.
+/// A mapping from all segments to their quaternions.
 fn mapping(head: &str, parts: &str) -> String {
     let mut text = format!(
         "kind = \"quaternions\"\n[time]\ncolumn = \"time_ms\"\nunit_s = 0.001\n[position]\ncolumns = [\"x\", \"y\", \"z\"]\n{head}\n"
@@ -80,7 +80,7 @@ fn mapping(head: &str, parts: &str) -> String {
 #[test]
 fn a_flight_returns_through_quaternions_of_either_hand_and_order() {
     let folder = tempfile::tempdir().expect("a folder");
-    // As a suit gives them: from the T-pose, X forward, Y left, Z up, scalar first, into the axes of the earth.
+    // As from a suit: relative to the T-pose, X forward, Y left, Z up, scalar first, into earth axes.
     let table = quaternions("wxyz", |frame| {
         xsens::mvn_orientations(frame.pelvis.inertial_from_body, &frame.posture)
             .map(|_, turned| *turned.quaternion())
@@ -94,7 +94,7 @@ fn a_flight_returns_through_quaternions_of_either_hand_and_order() {
         "{angles:?}, {places} m"
     );
 
-    // As a game engine gives them: left-handed, X right, Y up, Z forward, scalar last, into the axes of the parent.
+    // As from a game engine: left-handed, X right, Y up, Z forward, scalar last, into the axes of the parent.
     let body_axes = Matrix3::from_columns(&[-Vector3::x(), Vector3::z(), -Vector3::y()]);
     let world_axes = Matrix3::from_columns(&[-Vector3::y(), Vector3::z(), Vector3::x()]);
     let table = quaternions("xyzw", |frame| {
@@ -112,7 +112,7 @@ fn a_flight_returns_through_quaternions_of_either_hand_and_order() {
     let file = written(folder.path(), "engine.csv", &table);
     let head = "[world]\naxes = [\"east\", \"up\", \"north\"]\n[body]\naxes = [\"right\", \"up\", \"forward\"]\nrest = \"h-pose\"\n\
                 [quaternions]\norder = \"xyzw\"\nrelative_to = \"parent\"\n";
-    // Places stay in the axes of the earth in this table, so only attitudes are compared.
+    // Positions in this table stay in earth axes, so only attitudes are compared.
     let map = written(folder.path(), "engine.toml", &mapping(head, "xyzw"));
     let (angles, _) = imported(folder.path(), &[&file, "--mapping", &map]);
     assert!(largest(&angles) < RETURNS, "{angles:?}");
@@ -135,7 +135,7 @@ fn points() -> (Vec<String>, Vec<Vec<[f64; 3]>>) {
                 Segment::LeftFoot | Segment::RightFoot => -Vector3::y(),
                 _ => -Vector3::z(),
             };
-            // What a point to the left is further along the segment says nothing.
+            // The position of the left point along the segment does not matter.
             let left = Vector3::x() * 0.1 + to * 0.03;
             [Vector3::zeros(), to * 0.4, left].map(|way| {
                 let in_body = posed[segment].joint + posed[segment].body_from_segment * way;
@@ -228,14 +228,14 @@ fn joint_angles_of_a_laboratory_are_its_flight() {
             | Segment::RightForearm
             | Segment::LeftHand
             | Segment::RightHand => 1.0,
-            // The abdomen has no angles: it goes half-way.
+            // The abdomen has no angles: it takes half of the rotation.
             Segment::Abdomen => 15.0,
             _ => RETURNS,
         };
         assert!(*angle < most, "{segment:?}: {angle}");
     }
     assert!(places < 1e-3, "{places} m");
-    // What was imported flies as what was recorded, and nothing is odd about either but their length.
+    // The imported flight simulates like the recorded one, without warnings except for their length.
     let imported = folder.path().join("out/flight.toml");
     for flight in [imported, acrobatics("flight-1.toml")] {
         let report = PROGRAM.json(&["simulate", plain(&flight)]);
@@ -268,7 +268,7 @@ fn a_mistake_in_axes_is_seen() {
         said.contains("not above the hips") && said.contains("[body] axes"),
         "{said}"
     );
-    // Knees that are bent forwards: a sign is wrong.
+    // Knees bent forwards: a sign is wrong.
     let table = "knee,x,y,z\n90,0,0,0\n91,0,0,0\n92,0,0,0\n".to_owned();
     let table = written(folder.path(), "sit.csv", &table);
     for (column, is_wrong) in [("knee", false), ("-knee", true)] {

@@ -1,8 +1,8 @@
-//! Statistics of the link under faults: nothing false is delivered, and a fault takes at most one good
-//! frame besides the one it hits.
+//! Statistics of the link under faults: no false delivery, and a fault destroys at most one good frame besides the
+//! damaged one.
 //!
-//! `BODYFLIGHT_FAULTED_FRAMES=100000000 cargo test --release -p bodyflight-tests --test link_faults`
-//! runs the number a release is judged by; `BODYFLIGHT_FAULT_SEED` repeats a run.
+//! `BODYFLIGHT_FAULTED_FRAMES=100000000 cargo test --release -p bodyflight-tests --test link_faults` runs the number
+//! required for a release; `BODYFLIGHT_FAULT_SEED` repeats a run.
 #![expect(
     clippy::expect_used,
     clippy::panic,
@@ -123,7 +123,7 @@ fn flip(bytes: &mut [u8], bit: usize) {
     bytes[bit / 8] ^= 1 << (bit % 8);
 }
 
-/// What a receiver of 8N1 makes of two frames back to back, with `hits` inverted line bits in the first.
+/// Bytes that an 8N1 receiver decodes from two frames back to back, with `hits` inverted line bits in the first.
 fn over_the_line(first: &[u8], second: &[u8], hits: usize, random: &mut Random) -> Vec<u8> {
     let mut line = Vec::with_capacity((first.len() + second.len()) * 10 + 20);
     for byte in first.iter().chain(second) {
@@ -131,7 +131,7 @@ fn over_the_line(first: &[u8], second: &[u8], hits: usize, random: &mut Random) 
         line.extend((0..8).map(|bit| byte >> bit & 1 == 1));
         line.push(true);
     }
-    // The line rests after the second frame.
+    // The line is idle after the second frame.
     line.extend([true; 20]);
     for _ in 0..hits {
         let at = random.below(first.len() * 10);
@@ -145,7 +145,7 @@ fn over_the_line(first: &[u8], second: &[u8], hits: usize, random: &mut Random) 
             bytes.push((0..8).fold(0, |byte, bit| byte | u8::from(line[at + 1 + bit]) << bit));
             at += 10;
         } else {
-            // Framing error: the byte is lost, and the next start is the next fall of the line.
+            // Framing error: the byte is lost, and the next start bit is the next falling edge.
             at += 9;
             while at < line.len() && !line[at] {
                 at += 1;
@@ -155,7 +155,7 @@ fn over_the_line(first: &[u8], second: &[u8], hits: usize, random: &mut Random) 
     bytes
 }
 
-/// The damaged bytes of `frame`; the line faults are made elsewhere.
+/// The damaged bytes of `frame`; line faults are applied elsewhere.
 fn damage(kind: usize, frame: &[u8], random: &mut Random, out: &mut Vec<u8>) {
     out.clear();
     out.extend_from_slice(frame);
@@ -232,7 +232,7 @@ fn a_fault_delivers_nothing_false_and_takes_at_most_one_good_frame() {
     let began = Instant::now();
 
     for trial in 0..trials {
-        // New contents now and then; three frames at random from the pool in each trial.
+        // Contents are renewed occasionally; each trial uses three random frames of the pool.
         if trial % 4096 == 0 {
             pool = (0..64)
                 .map(|_| any_message(&mut random))

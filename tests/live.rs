@@ -1,4 +1,4 @@
-//! Live streams through the real binary, the network and pseudo terminals of this machine.
+//! Live streams through the real binary, over the network and pseudo-terminals of this machine.
 #![expect(
     clippy::expect_used,
     clippy::panic,
@@ -36,7 +36,7 @@ fn plain(path: &Path) -> &str {
     path.to_str().expect("a plain path")
 }
 
-/// A file of the recordings, or a visible note that it is not there.
+/// A file of the recordings, or `None` with a visible notice if it is absent.
 fn shared(name: &str) -> Option<PathBuf> {
     let path: PathBuf = [env!("CARGO_MANIFEST_DIR"), "../../shared/data", name]
         .iter()

@@ -1,4 +1,4 @@
-//! Loads by description through the real binary: hidden, simulated and estimated.
+//! Loads by description in the real binary: hidden, simulated and estimated.
 #![expect(clippy::expect_used, reason = "tests may panic: that is how they fail")]
 
 use std::path::Path;

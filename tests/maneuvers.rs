@@ -1,4 +1,4 @@
-//! The scripts do what their names say, flown by the default subject.
+//! The scripts perform the maneuvers of their names, flown by the default subject.
 
 use bodyflight::formats::flight::Flight;
 use bodyflight::formats::recording::FlightFrame;
@@ -10,12 +10,12 @@ use bodyflight_core::math::wrap_angle;
 use bodyflight_core::observation::Observation;
 use bodyflight_core::sensor_noise::SensorNoise;
 
-/// What is seen of a maneuver, frame by frame, without noise and sway, flown with the paper's muscle forces.
+/// The channels of a maneuver, frame by frame, without noise and sway, flown with the paper's muscle forces.
 fn seen(name: &str) -> Vec<(f64, Observation<f64>)> {
     flown(name, MuscleForces::Paper)
 }
 
-/// The same with moments alone, as `synth` flies.
+/// The channels of a maneuver flown with moments alone, like `synth`.
 fn seen_of_synth(name: &str) -> Vec<(f64, Observation<f64>)> {
     flown(name, MuscleForces::Moment)
 }

@@ -1,4 +1,4 @@
-//! Memory while reading: a process of its own, so that the peak is that of the reader.
+//! Memory use while reading, in a separate process so that the peak is the reader's.
 
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
@@ -41,7 +41,7 @@ fn written(count: u64) -> Vec<u8> {
     writer.complete().expect("complete")
 }
 
-/// A recording of any length that is made while it is read.
+/// A recording of any length, generated while it is read.
 struct Endless {
     head: Vec<u8>,
     frame: Vec<u8>,
@@ -70,7 +70,7 @@ impl Endless {
         }
     }
 
-    /// Bytes of one frame.
+    /// Size of one frame (bytes).
     fn frame_length(&self) -> usize {
         self.frame.len()
     }
@@ -99,7 +99,7 @@ impl Read for Endless {
     }
 }
 
-/// Peak memory of this process (MB), or `None` with a visible notice where the system does not tell.
+/// Peak memory of this process (MB), or `None` with a visible notice if the system does not report it.
 fn peak_memory_mb() -> Option<u64> {
     let Ok(status) = std::fs::read_to_string("/proc/self/status") else {
         eprintln!("skipped: peak memory, /proc/self/status is absent");

@@ -1,4 +1,4 @@
-//! Mistakes that people make, and what the program says: the table of docs/mistakes.md, row by row.
+//! Common mistakes and the program's messages: the table of docs/mistakes.md, row by row.
 #![expect(clippy::expect_used, reason = "tests may panic: that is how they fail")]
 
 #[path = "mistakes/calls.rs"]

@@ -1,4 +1,4 @@
-//! What the program writes: never over what it reads, never unasked over what is there, and whole or with an error.
+//! Output files: never over an input, never over existing files unless asked, and complete or with an error.
 
 #![cfg(unix)]
 #![expect(clippy::expect_used, reason = "tests may panic: that is how they fail")]
@@ -28,7 +28,7 @@ fn done(arguments: &[&str]) {
     );
 }
 
-/// Words of the message of a command that ends with this code.
+/// Words of the error message of a command that ends with this code.
 fn fails(arguments: &[&str], code: i32) -> String {
     let output = bodyflight(arguments);
     let message = text(&output.stderr);
@@ -111,7 +111,7 @@ fn no_output_takes_the_place_of_anything_that_is_read() {
     symlink("flight-0/flight.mvnx", place.path("link.mvnx")).expect("a link");
     let link = place.at("link.mvnx");
     let preset = place.written("preset.toml", "joint_error_deg = 0.5\n");
-    // A figure has the name of one; what it leads to is what counts.
+    // A link with the name of a figure: its target decides.
     let drawn = |target: &str| {
         let name = format!("{}.svg", target.replace('/', "-"));
         symlink(target, place.path(&name)).expect("a link");
@@ -230,7 +230,7 @@ fn outputs_go_through_links_and_not_into_devices() {
     }
     let kind = std::fs::metadata(&pipe).expect("it").file_type();
     assert!(kind.is_fifo());
-    // As inputs they would give nothing, or no end.
+    // As inputs they would provide no data, or never end.
     for input in [&pipe, "/dev/zero"] {
         for verb in ["simulate", "inspect", "fall"] {
             let message = fails(&[verb, input], 2);
@@ -253,7 +253,7 @@ fn files_of_settings_and_tables_have_a_largest_size() {
     ] {
         let path = place.at(name);
         let file = std::fs::File::create(&path).expect("a file");
-        // Without a block on the disk.
+        // Without allocating a block on the disk.
         file.set_len(3 << 30).expect("a hole");
         let mut program = Command::new(env!("CARGO_BIN_EXE_bodyflight"));
         let mut child = program
@@ -272,7 +272,7 @@ fn files_of_settings_and_tables_have_a_largest_size() {
     }
 }
 
-/// Most memory of a process up to its end (bytes).
+/// Peak memory of a process (bytes).
 fn largest_memory(child: &mut std::process::Child) -> u64 {
     let status = format!("/proc/{}/status", child.id());
     let mut most = 0;
