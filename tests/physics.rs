@@ -1,4 +1,4 @@
-//! Laws that any right model obeys: momentum without air, the cat's turn, stiff damping, invariance.
+//! Laws that any correct model obeys: momentum without air, the falling cat, stiff damping, invariance.
 
 use bodyflight_core::aerodynamics::{Aerodynamics, ArchFactor, Coefficients};
 use bodyflight_core::air::standard_density;
@@ -17,7 +17,7 @@ use bodyflight_core::{AxisCoefficients, Body, Posture, Segment};
 use bodyflight_tests::{reference, reference_body};
 use nalgebra::{UnitQuaternion, Vector3};
 
-/// The reference body in vacuum without weight.
+/// The reference body in vacuum without gravity.
 fn adrift<T: Real>(body: Body<f64>) -> Dynamics<T> {
     Dynamics {
         gravity: T::zero(),
@@ -29,7 +29,7 @@ fn body() -> Option<Body<f64>> {
     reference("segments.json").map(|table| reference_body(&table))
 }
 
-/// Limbs in busy motion: every joint swings about two axes.
+/// Limbs in constant motion: every joint swings about two axes.
 fn busy_posture(time: f64) -> Posture<f64> {
     let mut posture = Posture::h_pose();
     for (index, segment) in (0..16u32).zip(Segment::ALL).skip(1) {
@@ -40,7 +40,7 @@ fn busy_posture(time: f64) -> Posture<f64> {
     posture
 }
 
-/// Linear and angular momentum about the inertial origin from where mass is and was: no formula of the
+/// Linear and angular momentum about the inertial origin, from the positions of mass over time; no formula of the
 /// integrator is used.
 fn measured_momentum(
     body: &Body<f64>,
@@ -53,7 +53,7 @@ fn measured_momentum(
     for (segment, parameters) in body.segments.iter() {
         let inertia = parameters.inertia.diagonal();
         for axis in 0..3 {
-            // Six points stand for the segment's mass and inertia.
+            // Six points represent the segment's mass and inertia.
             let spread = (3.0 * (0.5 * inertia.sum() - inertia[axis]) / parameters.mass).sqrt();
             for sign in [-1.0, 1.0] {
                 let mut local = parameters.cg;
@@ -151,7 +151,7 @@ fn the_state_keeps_its_momenta_in_single_precision() {
     assert!((state.angular_momentum - angular).norm() < 1e-4 * angular.norm());
 }
 
-/// Turn of the pelvis (deg) while the right arm rises by 170 deg in 0.5 s, from a fall at `velocity` (m/s).
+/// Rotation of the pelvis (deg) while the right arm is raised by 170 deg in 0.5 s, in a fall at `velocity` (m/s).
 fn cat_turn(body: &Body<f64>, velocity: Vector3<f64>) -> (f64, f64) {
     let dynamics = adrift::<f64>(*body);
     let angle = |time: f64| {
@@ -181,7 +181,7 @@ fn cat_turn(body: &Body<f64>, velocity: Vector3<f64>) -> (f64, f64) {
 
 #[test]
 fn a_raised_arm_turns_the_pelvis_at_any_speed() {
-    // The person of notes/biomechanics.md, whose pelvis turns by 6.782 deg with tables of its own.
+    // The person of notes/biomechanics.md, whose pelvis turns by 6.782 deg with its own tables.
     let body = Person::new(1.755, 75.5, Sex::Male)
         .body()
         .expect("a valid person");
@@ -198,7 +198,7 @@ fn a_raised_arm_turns_the_pelvis_at_any_speed() {
 
 #[test]
 fn the_published_equations_break_galilean_invariance() {
-    // The reason for the exact form: at 55 m/s the same arm makes the published body spin.
+    // The reason for the exact form: at 55 m/s the same arm movement makes the published body spin.
     let Some(body) = body() else { return };
     let dynamics = adrift::<f64>(body);
     let at = |k: i32| {
@@ -220,7 +220,7 @@ fn the_published_equations_break_galilean_invariance() {
     assert!(spin > 1.0, "expected the known fault, found {spin} rad/s");
 }
 
-/// A neutral fall with a spin, at one damping coefficient on all axes; largest angular velocity (rad/s).
+/// Largest angular velocity (rad/s) of a neutral fall with a spin, with one damping coefficient on all axes.
 fn spin_under_damping<T: Real>(body: &Body<f64>, damping: f64, seconds: i32) -> (T, T) {
     let dynamics = Dynamics::<T>::paper(body.cast(), T::of(1.225));
     let sample = dynamics.hold(&pattern::neutral());
@@ -314,7 +314,7 @@ fn terminal_speed_is_plausible_for_many_bodies() {
 
 #[test]
 fn a_tunnel_is_a_fall_seen_from_the_ground_of_the_fall() {
-    // GIVEN the same spin, falling through still air and held by a stream from below
+    // GIVEN the same spin, in a fall through still air and held by an upward flow
     let Some(body) = body() else { return };
     let sample = |dynamics: &Dynamics<f64>| dynamics.hold(&pattern::neutral());
     let belly = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), 1.5);
@@ -330,7 +330,7 @@ fn a_tunnel_is_a_fall_seen_from_the_ground_of_the_fall() {
     tunnel.air.velocity = Vector::new(1.0, -2.0, 48.0);
     let mut falling = State::from_motion(&motion(Vector3::new(-1.0, 2.0, -48.0)), &sample(&fall));
     let mut floating = State::from_motion(&motion(Vector3::zeros()), &sample(&tunnel));
-    // WHEN both go on for two seconds
+    // WHEN both continue for two seconds
     for _ in 0..480 {
         falling = fall.step(&falling, &sample(&fall), &Inputs::belly_turn(), TIME_STEP);
         floating = tunnel.step(
@@ -340,7 +340,7 @@ fn a_tunnel_is_a_fall_seen_from_the_ground_of_the_fall() {
             TIME_STEP,
         );
     }
-    // THEN they turn alike, and their velocities differ by that of the air
+    // THEN they rotate equally, and their velocities differ by that of the air
     let (a, b) = (
         falling.motion(&sample(&fall)),
         floating.motion(&sample(&tunnel)),
@@ -360,7 +360,7 @@ fn a_tunnel_is_a_fall_seen_from_the_ground_of_the_fall() {
 
 #[test]
 fn damping_never_adds_energy() {
-    // Only the damping acts: no weight, no drag, no force across the stream, no couples.
+    // Only the damping acts: no gravity, no drag, no force across the flow, no couples.
     let Some(body) = body() else { return };
     let none = Coefficients {
         drag: 0.0,
@@ -403,7 +403,7 @@ fn damping_never_adds_energy() {
             largest = largest.max(energy(&state));
         }
         let (at, last) = (format!("Cm_damp {damping} at {speed} m/s"), energy(&state));
-        // A free body's energy wavers with the attitude error of a step, at 12 rad/s and 120 Hz by 0.5 %.
+        // The energy of a free body varies with the attitude error of a step, at 12 rad/s and 120 Hz by 0.5 %.
         assert!(largest <= first * 1.01, "{at}: {first} to {largest} J");
         if damping >= 1.0 && speed >= 10.0 {
             assert!(last < 0.97 * first, "{at}: {first} to {last} J");

@@ -1,4 +1,5 @@
-//! Speeds of every pose against published ones: the free-fly model meets them, the paper's only on belly and back.
+//! Speeds of every pose compared with published ones: the free-fly model meets them all, the paper's only on belly and
+//! back.
 
 #[path = "poses/flyer.rs"]
 mod flyer;
@@ -62,19 +63,19 @@ fn the_page_has_the_tables() {
     }
 }
 
-/// What became of a pose in a minute.
+/// Result of holding a pose for a minute.
 #[derive(Debug)]
 struct Held {
-    /// Until the trunk leaned by 40 degrees from the attitude of the pose (s).
+    /// Time until the trunk leaned by 40 degrees from the attitude of the pose (s).
     time: f64,
-    /// Farthest lean (deg).
+    /// Largest lean (deg).
     lean: f64,
     /// Largest correction (deg).
     correction: f64,
 }
 
-/// A minute in a pose, begun in its attitude at its speed: one forearm and one shank wander, and the left forearm is pushed by
-/// 0.3 rad for half a second after 30 s. A flyer corrects, or nobody.
+/// A minute in a pose, starting with its attitude and speed: one forearm and one shank sway, and the left forearm is
+/// moved by 0.3 rad for half a second after 30 s. With or without a flyer who corrects.
 fn held(
     dynamics: &Dynamics<f64>,
     pose: &Pose,
@@ -188,7 +189,7 @@ fn small_corrections_hold_a_sit_that_else_falls_over() {
             if damping == FIRM {
                 assert!(flown.time >= 60.0 && flown.lean < 10.0, "{flown:?}");
             } else {
-                // Little damping: one of the four swings ever further.
+                // With low damping, one of the four oscillates with growing amplitude.
                 assert!(flown.time > 8.0 * alone.time, "{flown:?}");
             }
             let down = held(&dynamics, pose("head-down"), damping, true);

@@ -1,11 +1,11 @@
-//! The real binary, for tests of the command line: its answers as JSON, what it says where it fails.
+//! The real binary, for tests of the command line: its JSON output and its error messages.
 
 use std::path::Path;
 use std::process::{Command, Output};
 
 use serde_json::Value;
 
-/// The program, by its path: only a package's own tests are given that of its binary.
+/// The program, by its path, since Cargo gives it only to tests of its own package.
 #[derive(Debug, Clone, Copy)]
 pub struct Program(pub &'static str);
 
@@ -18,7 +18,7 @@ impl Program {
             .unwrap_or_else(|error| panic!("{}: {error}", self.0))
     }
 
-    /// Standard output as JSON, and the exit code.
+    /// Returns the standard output as JSON, and the exit code.
     pub fn answer(self, arguments: &[&str]) -> (Value, Option<i32>) {
         let output = self.run(&[arguments, &["--json"]].concat());
         let value = serde_json::from_slice(&output.stdout)
@@ -27,7 +27,7 @@ impl Program {
         (value, output.status.code())
     }
 
-    /// Standard output as JSON, of a run that succeeds.
+    /// Returns the standard output of a successful run as JSON.
     pub fn json(self, arguments: &[&str]) -> Value {
         let output = self.run(&[arguments, &["--json"]].concat());
         assert!(
@@ -71,24 +71,24 @@ impl Program {
         Some(format!("{name}, {}: {error}", error.instance_path()))
     }
 
-    /// What it says where it fails with this exit code.
+    /// Returns the error message of a run that fails with this exit code.
     pub fn fails(self, arguments: &[&str], code: i32) -> String {
         let (message, found) = self.says(arguments);
         assert_eq!(found, Some(code), "{arguments:?}: {message}");
         message
     }
 
-    /// Its standard error without the breaks of lines, and its exit code.
+    /// Returns the standard error without line breaks, and the exit code.
     pub fn says(self, arguments: &[&str]) -> (String, Option<i32>) {
         let output = self.run(arguments);
         let message = text(&output.stderr);
         assert!(!message.contains("panicked"), "{message}");
-        // Lines of a terminal may break anywhere: compare without breaks.
+        // Terminal output may wrap anywhere: compare without line breaks.
         let words = message.split_whitespace().filter(|word| *word != "│");
         (words.collect::<Vec<_>>().join(" "), output.status.code())
     }
 
-    /// Synthesises a maneuver into a folder; its `flight.toml`.
+    /// Synthesises a maneuver into a folder; returns its `flight.toml`.
     pub fn synth(self, maneuver: &str, folder: &Path, extra: &[&str]) -> String {
         let report = self.json(&[&["synth", maneuver, "--out", plain(folder)], extra].concat());
         let flight = report["flight"].as_str();
@@ -96,7 +96,7 @@ impl Program {
     }
 }
 
-/// Presses Ctrl-C for a process.
+/// Sends a process the signal of Ctrl-C.
 pub fn ctrl_c(process: u32) {
     let sent = Command::new("kill")
         .args(["-INT", &process.to_string()])
@@ -104,7 +104,7 @@ pub fn ctrl_c(process: u32) {
     assert!(sent.is_ok_and(|status| status.success()), "kill is there");
 }
 
-/// What a program wrote.
+/// The output of a program.
 pub fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
@@ -122,7 +122,7 @@ pub fn number(value: &Value) -> f64 {
         .unwrap_or_else(|| panic!("a number: {value}"))
 }
 
-/// Writes a file into a folder; its path.
+/// Writes a file into a folder; returns its path.
 pub fn written(folder: &Path, name: &str, content: &str) -> String {
     let path = folder.join(name);
     std::fs::write(&path, content).unwrap_or_else(|error| panic!("{}: {error}", path.display()));

@@ -1,4 +1,4 @@
-//! Real flights, and what recordings and tracks beside them may be, through the real binary.
+//! Real flights, and variants of recordings and tracks, through the real binary.
 #![expect(
     clippy::expect_used,
     clippy::panic,
@@ -20,7 +20,7 @@ fn bodyflight(arguments: &[&str]) -> Output {
         .expect("the binary starts")
 }
 
-/// Standard output as JSON, and the exit code.
+/// Returns the standard output as JSON, and the exit code.
 fn json(arguments: &[&str]) -> (Value, Option<i32>) {
     let output = bodyflight(&[arguments, &["--json"]].concat());
     let value = serde_json::from_slice(&output.stdout);
@@ -30,7 +30,7 @@ fn json(arguments: &[&str]) -> (Value, Option<i32>) {
     )
 }
 
-/// What is said where it fails, with the exit code; lines of a terminal may break anywhere.
+/// Returns the error message and the exit code; terminal output may wrap anywhere.
 fn fails(arguments: &[&str]) -> (String, Option<i32>) {
     let output = bodyflight(arguments);
     let message = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -88,7 +88,8 @@ fn written(folder: &Path, name: &str, text: &str) -> String {
     path.to_str().expect("plain").to_owned()
 }
 
-/// A FlySight 2's track of a recorded flight, its start `shift` and a second (s) ahead of its clock: 5 rows a second, with the noise of a receiver.
+/// The track of a FlySight 2 for a recorded flight, whose clock is ahead of the recording's by `shift` and a second
+/// (s): 5 rows a second, with a receiver's noise.
 fn track_of(recording: &Path, shift: f64) -> String {
     let frames: Vec<FlightFrame> = Recording::open(recording, Options::default())
         .expect("a flight")
@@ -112,7 +113,7 @@ fn track_of(recording: &Path, shift: f64) -> String {
     let last = frames[frames.len() - 1].time;
     let mut time = -1.0 - shift;
     while time <= last + 1.0 {
-        // A receiver's own filter: the mean of a tenth of a second.
+        // The receiver's filter: the mean over a tenth of a second.
         let near = |frame: &&FlightFrame| (frame.time - time.clamp(0.0, last)).abs() <= 0.05;
         let velocities: Vec<_> = frames
             .iter()
@@ -128,7 +129,7 @@ fn track_of(recording: &Path, shift: f64) -> String {
             ]
         });
         let [north, west, up] = mean.map(|sum| sum / count);
-        // The first row of a track is the origin of its times.
+        // The first row of a track is the origin of its time.
         let since = time + 1.0 + shift;
         let (minute, second) = ((since / 60.0).floor(), since % 60.0);
         let _ = writeln!(
@@ -143,7 +144,7 @@ fn track_of(recording: &Path, shift: f64) -> String {
     text
 }
 
-/// A recording with each triple of numbers of an element changed.
+/// A recording with each triple of numbers in an element modified.
 fn changed(good: &str, element: &str, change: &dyn Fn(usize, &[f64]) -> Vec<f64>) -> String {
     let (open, close) = (format!("<{element}>"), format!("</{element}>"));
     let mut text = String::new();
@@ -166,7 +167,7 @@ fn changed(good: &str, element: &str, change: &dyn Fn(usize, &[f64]) -> Vec<f64>
     text + rest
 }
 
-/// Share of estimated inputs that are within two stated deviations of the true ones.
+/// Fraction of estimated inputs within two stated deviations of the truth.
 fn within_two_deviations(estimates: &Path, truth: &Path) -> f64 {
     let text = |path: &Path| std::fs::read_to_string(path).expect("a table");
     let numbers = |line: &str| -> Vec<f64> {
@@ -203,7 +204,7 @@ fn a_track_beside_a_suit_is_brought_to_its_clock_and_serves_as_its_velocity() {
     let recording = folder.path().join("flight.mvnx");
     let flight = folder.path().join("flight.toml");
     let text = std::fs::read_to_string(&flight).expect("the flight");
-    // A suit's own velocity drifts: it is only good for its changes.
+    // A suit's own velocity drifts: only its changes are accurate.
     let good = std::fs::read_to_string(&recording).expect("the recording");
     let drifted = changed(&good, "velocity", &|frame, numbers| {
         let time = frame as f64 / 240.0;
@@ -237,7 +238,7 @@ fn a_track_beside_a_suit_is_brought_to_its_clock_and_serves_as_its_velocity() {
     let own = estimated(flight.to_str().expect("plain"), "own.csv");
     let by_track = estimated(&with_track, "by-track.csv");
     for (channel, own) in own.as_object().expect("channels") {
-        // Against a receiver's velocity, its own noise counts.
+        // For comparisons with a receiver's velocity, the receiver's noise applies.
         let noise = if channel.ends_with("velocity_mps") {
             0.1
         } else {
@@ -251,7 +252,7 @@ fn a_track_beside_a_suit_is_brought_to_its_clock_and_serves_as_its_velocity() {
     }
 }
 
-/// A file packed, with names for it.
+/// Compresses a file, with names for it.
 fn packed(plain: &[u8]) -> [(&'static str, Vec<u8>); 2] {
     let mut gzip = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
     gzip.write_all(plain).expect("in memory");
@@ -299,7 +300,7 @@ fn recordings_are_read_packed_from_standard_input_and_by_their_folder() {
             by_input["frames"], own["frames"],
             "{name} on standard input"
         );
-        // What is cut off is said, and by its name.
+        // Truncated data are reported, with the file name.
         std::fs::write(&path, &bytes[..bytes.len() / 2]).expect("written");
         let (message, code) = fails(&["simulate", path.to_str().expect("plain")]);
         assert!(code.is_some_and(|code| code != 0), "{message}");
@@ -390,7 +391,7 @@ fn broken_recordings_get_their_sentence() {
     let said = report["flight"]["warnings"].to_string();
     assert!(said.contains("s without frames"), "{said}");
 
-    // Two seconds are the least that is judged.
+    // Two seconds are the shortest length that is judged.
     let (begun, _) = good.split_once("<frame time=\"1500\"").expect("a frame");
     let path = written(
         folder.path(),
@@ -401,10 +402,10 @@ fn broken_recordings_get_their_sentence() {
     let warnings = &report["flight"]["warnings"];
     let said = warnings.to_string();
     assert!(said.contains("the flight ends after 1.50 s"), "{said}");
-    // Frame and number are named.
+    // Frame and number are reported.
     assert_eq!(warnings[0]["frame"], 359, "{said}");
 
-    // A file without the points of the joints does not tell how its arms are meant.
+    // Without joint points a file does not reveal the convention of its arms.
     let pointless = without_points(&good);
     let path = written(folder.path(), "pointless.mvnx", &pointless);
     let (message, code) = fails(&["simulate", &path]);

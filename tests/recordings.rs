@@ -1,4 +1,4 @@
-//! Real and synthetic MVNX files through the reader: conventions, geometry, refusals, memory.
+//! Real and synthetic MVNX files in the reader: conventions, geometry, refusals, memory.
 
 use std::collections::HashMap;
 use std::io::BufReader;
@@ -86,8 +86,8 @@ fn raw_frames(path: &Path) -> (Vec<Raw>, Reader<BufReader<std::fs::File>>) {
 
 #[test]
 fn postures_reproduce_recorded_orientations() {
-    // The long axis and the front of legs, trunk and head, and the long axis of arms, as the file has them
-    // and as the posture poses them.
+    // The long and front axes of legs, trunk and head, and the long axis of arms, as given by the file and as given by
+    // the posture.
     for name in [VERSION_3, VERSION_4] {
         let Some(path) = real(name) else { return };
         let (raws, _) = raw_frames(&path);
@@ -99,7 +99,7 @@ fn postures_reproduce_recorded_orientations() {
                 let label = MvnSegment::leading(segment).label();
                 let is_arm = label.contains("Arm") || label.contains("Hand");
                 if is_arm && isb {
-                    // The older file gives arms in other axes; the closure test covers them.
+                    // The older file has arms in other axes; the closure test covers them.
                     continue;
                 }
                 let recorded = raw.orientation[label];
@@ -136,11 +136,11 @@ fn body_of(raw: &Raw) -> Body<f64> {
             continue;
         };
         let [child, parent] = [segment, parent].map(|s| MvnSegment::leading(s).label());
-        // In the axes of the parent, as the file has it in this frame.
+        // In the axes of the parent in this frame of the file.
         let offset =
             raw.orientation[parent].inverse() * (raw.position[child] - raw.position[parent]);
         body.segments[segment].joint_offset = match segment {
-            // Hanging straight down in the H-pose, whatever axes the file gives arms.
+            // Hanging straight down in the H-pose, regardless of the file's convention for arms.
             Segment::LeftForearm
             | Segment::LeftHand
             | Segment::RightForearm
@@ -157,7 +157,7 @@ fn forward_kinematics_reproduce_recorded_joints() {
     let (raws, _) = raw_frames(&path);
     let mut worst = 0.0f64;
     for (raw, frame) in raws.iter().zip(frames(&path)) {
-        // Legs, whose links our model keeps one to one: their offsets must not depend on the frame.
+        // Legs, whose segments correspond one to one to ours: their offsets must not depend on the frame.
         let body = body_of(&raws[0]);
         let posed = pose(&body, &frame.posture);
         let attitude = frame.pelvis.inertial_from_body.quaternion();
@@ -277,7 +277,7 @@ fn what_is_written_is_read_again() {
     }
 }
 
-/// The global frame of MVN, X north, Y west, Z up, is the inertial frame: no number of it is turned.
+/// MVN's global frame, X north, Y west, Z up, is the inertial frame: none of its numbers is rotated.
 #[test]
 fn north_west_and_up_are_the_axes_of_the_file() {
     let bytes = written(2);
@@ -303,7 +303,7 @@ fn north_west_and_up_are_the_axes_of_the_file() {
 
 #[test]
 fn the_older_generation_cut_anywhere_is_refused() {
-    // Our writer makes version 4, whose cuts tests/damaged_recordings.rs covers byte by byte.
+    // Our writer produces version 4, whose truncation tests/damaged_recordings.rs covers byte by byte.
     let Some(path) = real(VERSION_3) else { return };
     let bytes = std::fs::read(&path).expect("the file");
     assert_eq!(read(&bytes).expect("whole").len(), 4);

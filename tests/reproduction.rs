@@ -1,4 +1,4 @@
-//! The paper's experiments by command: flights, tunnel, sensitivity, search by segment.
+//! The paper's experiments by their commands: flights, tunnel, sensitivity, search by segment.
 
 use std::path::{Path, PathBuf};
 
@@ -135,14 +135,14 @@ fn thirty_per_cent_matter_in_a_free_run_and_not_to_a_reconstruction() {
             .expect("filtered")
             .get(Channel::YawRate);
         let more = (gap - plain.get(Channel::YawRate)) / measured.get(Channel::YawRate);
-        // Nearly the paper's 1 %: Cl less 30 % costs 1.5 %.
+        // Nearly the paper's 1 %: reducing Cl by 30 % costs 1.5 %.
         assert!(more < 0.02, "{:?}: {more}", effect.parameter);
     }
 }
 
 #[test]
 fn segments_keep_what_is_their_own_and_get_more_where_asked() {
-    // GIVEN a subject whose shanks have a coefficient of their own
+    // GIVEN a subject whose shanks have their own coefficient
     let path = folder("own").join("own.toml");
     std::fs::create_dir_all(folder("own")).expect("a folder");
     let text =
@@ -162,7 +162,7 @@ fn segments_keep_what_is_their_own_and_get_more_where_asked() {
         tune(&flights, &flights, search, Options::default(), || {}).expect("a report")
     };
     let (common, by_segment) = (searched(false), searched(true));
-    // THEN the shank keeps twice the common drag, and sides are alike
+    // THEN the shank keeps twice the common drag, and left and right are equal
     let [shank] = common.segments.as_slice() else {
         panic!("{:?}", common.segments);
     };

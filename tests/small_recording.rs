@@ -1,4 +1,4 @@
-//! A small recording in memory, ways to damage its text, and how it is read.
+//! A small recording in memory, functions that damage its text, and functions that read it.
 
 use std::path::Path;
 
@@ -37,7 +37,7 @@ pub fn flight(count: u64) -> impl Iterator<Item = FlightFrame> {
     })
 }
 
-/// Those frames as a file.
+/// The text of a file with these frames.
 pub fn written(count: u64) -> String {
     let description = Description {
         subject_label: "A <B> & \"C\"".into(),
@@ -54,7 +54,7 @@ pub fn written(count: u64) -> String {
     String::from_utf8(writer.complete().expect("complete")).expect("text")
 }
 
-/// Frames of a recording, and what reading met.
+/// Frames of a recording, and the problems found while reading.
 pub type Flown = (Vec<FlightFrame>, Quality);
 
 /// Reads a recording as a whole.
@@ -67,7 +67,7 @@ pub fn read_as(bytes: &[u8], name: &str, options: Options) -> Result<Flown, Prob
     Ok((frames, recording.quality().clone()))
 }
 
-/// As [`read_as`], with the usual name and options.
+/// Same as [`read_as`] with the default name and options.
 ///
 /// # Errors
 /// Returns an error if it is refused.
@@ -75,7 +75,7 @@ pub fn read(bytes: &[u8]) -> Result<Flown, Problem> {
     read_as(bytes, NAME, Options::default())
 }
 
-/// What inspection says of a recording.
+/// Returns the result of inspecting a recording.
 ///
 /// # Errors
 /// Returns an error if it is refused.
@@ -83,14 +83,14 @@ pub fn survey(bytes: &[u8]) -> Result<Report, Problem> {
     inspect_input(bytes, Path::new(NAME))
 }
 
-/// The text with the first `from` after `anchor` replaced; fails where it is not there.
+/// Replaces the first `from` after `anchor` in the text; panics if it is not found.
 pub fn replaced(text: &str, anchor: &str, from: &str, to: &str) -> String {
     let start = text.find(anchor).expect("the anchor");
     let at = start + text[start..].find(from).expect("what is replaced");
     format!("{}{to}{}", &text[..at], &text[at + from.len()..])
 }
 
-/// The text of an element of the frame with that index.
+/// Text of an element of the frame with this index.
 pub fn element<'a>(text: &'a str, index: usize, name: &str) -> &'a str {
     let start = text.find(&format!("index=\"{index}\"")).expect("the frame");
     let start = start
@@ -101,7 +101,7 @@ pub fn element<'a>(text: &'a str, index: usize, name: &str) -> &'a str {
     &text[start + name.len() + 2..start + end]
 }
 
-/// The text with the numbers of one element of one frame changed.
+/// Modifies the numbers of one element of one frame in the text.
 pub fn with_numbers(
     text: &str,
     index: usize,
@@ -117,7 +117,7 @@ pub fn with_numbers(
     )
 }
 
-/// A frame that is usable: finite, with unit quaternions.
+/// Whether a frame is usable: finite, with unit quaternions.
 pub fn is_usable(frame: &FlightFrame) -> bool {
     let pelvis = &frame.pelvis;
     let rates = [

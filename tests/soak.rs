@@ -1,7 +1,7 @@
-//! Hours of streaming in virtual time: the unit's application behind a bad line, with restarts on both sides.
+//! Hours of streaming in virtual time: the unit's application on a bad line, with restarts on both sides.
 //!
-//! The host here keeps a ledger of its own and never forgets a sample: each is used, rejected, late, missing, or was sent in a
-//! session that a restart cut off. `cargo xtask soak --hours H` flies for hours; the test alone for minutes.
+//! The host here keeps its own ledger and never forgets a sample: each is used, rejected, late, missing, or was sent in
+//! a session that a restart cut off. `cargo xtask soak --hours H` runs for hours; this test for minutes.
 
 mod soak {
     pub mod host;
@@ -13,15 +13,15 @@ use bodyflight_tests::arm_swing::RATE;
 use soak::host::{Host, Totals};
 use soak::memory::resident;
 
-/// Chances of a minute to bring each of these.
+/// Probability per minute of each of these events.
 const UNIT_RESTARTS: f32 = 0.2;
 const HOST_RESTARTS: f32 = 0.2;
 const NEW_FAULTS: f32 = 0.5;
 
-/// Minutes after which memory has all it needs.
+/// Minutes after which memory use should no longer grow.
 const WARM_UP: u32 = 10;
 
-/// Faults of a minute: none, some of all kinds, or a line that is hardly usable.
+/// Faults in a minute: none, some of all kinds, or a hardly usable line.
 fn faults(random: &mut Random) -> Faults {
     let most = [0.0, 0.001, 0.01, 0.05][random.below(4)];
     let mut share = || {
@@ -40,7 +40,7 @@ fn faults(random: &mut Random) -> Faults {
     }
 }
 
-/// Flies for so many minutes; the totals, and the memory (bytes) after the warm-up and at most.
+/// Runs for this many minutes; returns the totals, and the memory use (bytes) after the warm-up and at its peak.
 fn fly(
     minutes: u32,
     seed: u64,
@@ -53,7 +53,7 @@ fn fly(
         if random.chance(NEW_FAULTS) {
             host.set_faults(faults(&mut random));
         }
-        // Somewhere within the minute.
+        // At a random time within the minute.
         let unit_at = random
             .chance(UNIT_RESTARTS)
             .then(|| random.below(60 * RATE as usize));

@@ -16,7 +16,7 @@ fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
-/// A synthetic flight; its `flight.toml`.
+/// Makes a synthetic flight; returns its `flight.toml`.
 fn flight(folder: &Path) -> String {
     let out = folder.join("flight");
     let output = bodyflight()
@@ -151,7 +151,7 @@ fn a_unit_outlives_its_hosts() {
     let unit = Unit::start();
     let arguments = [&flight, "--port", &unit.port, "--speed", "max"];
     for _ in 0..3 {
-        // A host that is killed in mid-stream, then one that begins anew on the same port.
+        // A host that is killed during the stream, then one that starts over on the same port.
         let mut killed = bodyflight()
             .args(["stream", &flight, "--port", &unit.port])
             .stdout(Stdio::null())
@@ -161,7 +161,7 @@ fn a_unit_outlives_its_hosts() {
         std::thread::sleep(Duration::from_millis(400));
         killed.kill().expect("it runs");
         killed.wait().expect("it ends");
-        // What somebody else writes to the port in between.
+        // Bytes that another program writes to the port in between.
         let mut port = std::fs::OpenOptions::new()
             .write(true)
             .open(&unit.port)
@@ -201,7 +201,7 @@ fn what_is_wrong_is_told() {
 fn a_port_that_is_no_unit_is_told() {
     let folder = tempfile::tempdir().expect("a folder");
     let flight = flight(folder.path());
-    // A terminal at which nobody answers.
+    // A terminal without a unit.
     let (_silent, port) = serialport::TTYPort::pair().expect("a pseudo-terminal");
     let name = serialport::SerialPort::name(&port).expect("it has a name");
     drop(port);
@@ -211,7 +211,7 @@ fn a_port_that_is_no_unit_is_told() {
     assert!(message.contains("does not answer"), "{message}");
 }
 
-/// `bodyflight unit log`, what it reports.
+/// Runs `bodyflight unit log`; returns its report.
 fn log(unit: &Unit, arguments: &[&str]) -> Value {
     let output = bodyflight()
         .args(["--json", "unit", "log", "--port", &unit.port])
@@ -237,7 +237,7 @@ fn a_flight_that_a_unit_kept_is_read_back_as_a_recording() {
         "5",
     ]));
     let first = log(&unit, &["--out", &path("first")]);
-    // Power is lost: the log is not.
+    // Power is lost, but the log is kept.
     drop(unit);
     let unit = Unit::start_with(&["--flash", &flash]);
     let read = log(&unit, &["--out", &path("second")]);
@@ -247,7 +247,7 @@ fn a_flight_that_a_unit_kept_is_read_back_as_a_recording() {
     assert_eq!(flights.len(), 1, "{read}");
     assert_eq!(flights[0]["frames"], sent["sent"]);
     assert_eq!(flights[0]["estimates"], sent["estimates"]["expected"]);
-    // What was read is flown by the filter here again.
+    // The recording from the log is filtered again here.
     let again = flights[0]["flight"].as_str().expect("a path");
     let recording = again.replace("flight.toml", "flight.mvnx");
     let output = bodyflight()
@@ -282,7 +282,7 @@ fn an_image_that_is_not_whole_goes_nowhere() {
         folder.path().join("INFO_UF2.TXT"),
     );
     std::fs::write(&info, "Board-ID: RP2350\r\n").expect("a drive");
-    // The first word of a UF2 file, and not even all of a block.
+    // The first word of a UF2 file, less than a block.
     std::fs::write(&image, b"UF2\n and no more").expect("a file");
     let output = bodyflight()
         .args(["unit", "flash"])

@@ -1,4 +1,4 @@
-//! Support of the end-to-end tests: where the shared data lie, and the reference numbers as core types.
+//! Support for the end-to-end tests: location of the shared data, and the reference numbers as core types.
 
 pub mod arm_swing;
 pub mod estimator_flights;
@@ -15,8 +15,8 @@ use bodyflight_core::{Body, Posture, Real, Segment, SegmentArray, SegmentParamet
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use serde_json::Value;
 
-/// The folder of reference numbers: `BODYFLIGHT_REFERENCE`, or `../shared/reference` beside the checkout.
-/// `None`, with a visible notice, where neither exists.
+/// The folder of reference numbers: `BODYFLIGHT_REFERENCE`, or `../shared/reference` beside the checkout. `None`, with
+/// a visible notice, if neither exists.
 pub fn reference_folder() -> Option<PathBuf> {
     let folder = match std::env::var_os("BODYFLIGHT_REFERENCE") {
         Some(folder) => PathBuf::from(folder),
@@ -42,14 +42,14 @@ fn present(folder: PathBuf) -> Option<PathBuf> {
     None
 }
 
-/// One reference file, parsed; `None` where the folder is absent. Panics where the file is not readable.
+/// Parses a reference file; `None` if the folder is absent. Panics if the file is not readable.
 pub fn reference(name: &str) -> Option<Value> {
     let path = reference_folder()?.join(name);
     let text = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
     Some(serde_json::from_str(&text).unwrap_or_else(|e| panic!("{}: {e}", path.display())))
 }
 
-/// The numbers of an array, however nested.
+/// The numbers of an array with any nesting.
 pub fn numbers(value: &Value) -> Vec<f64> {
     match value {
         Value::Array(items) => items.iter().flat_map(numbers).collect(),

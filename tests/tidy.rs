@@ -1,4 +1,4 @@
-//! The rules of the house, kept by a machine: sizes, module pages, the architecture map and the equation map.
+//! The project's rules as tests: sizes, module pages, the architecture map and the equation map.
 
 mod tidy {
     pub(crate) mod circles;
@@ -10,9 +10,9 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Longest source file (lines before its tests). Longer ones are usually two things.
+/// Longest source file (lines before its tests). Longer ones usually combine two things.
 const LINE_LIMIT: usize = 430;
-/// Folders with nothing of ours in them.
+/// Folders without our own sources.
 const FOREIGN: [&str; 3] = ["target", "node_modules", ".git"];
 
 fn root() -> PathBuf {
@@ -137,7 +137,7 @@ fn every_path_on_the_architecture_page_exists() {
         missing.is_empty(),
         "ARCHITECTURE.md names what is not there: {missing:?}"
     );
-    // The README's commands leave folders, which git does not see.
+    // The README's commands create folders, which git ignores.
     let ignored = fs::read_to_string(root().join(".gitignore")).expect(".gitignore");
     for folder in fs::read_dir(root()).expect("the root").flatten() {
         let name = folder.file_name().into_string().expect("a plain name");
@@ -152,7 +152,7 @@ fn every_path_on_the_architecture_page_exists() {
     }
 }
 
-/// A row of docs/equations.md: where an equation lives and what tests it.
+/// A row of docs/equations.md: where an equation is implemented and tested.
 struct Row {
     file: String,
     item: String,
@@ -183,7 +183,7 @@ fn equation_map() -> BTreeMap<String, Row> {
     map
 }
 
-/// Labels of the paper's equations, `eq:` cut off; `None` where the paper is absent.
+/// Labels of the paper's equations without `eq:`; `None` if the paper is absent.
 fn paper_labels() -> Option<Vec<String>> {
     let path = root().join("../shared/paper/skydiver-model.tex");
     let Ok(text) = fs::read_to_string(&path) else {

@@ -1,4 +1,4 @@
-//! What the documentation shows is what the program does: transcripts in the pages, examples in each `--help`.
+//! The program behaves as documented: transcripts in the pages, examples in each `--help`.
 #![expect(clippy::expect_used, reason = "tests may panic: that is how they fail")]
 
 use std::fmt::Write as _;
@@ -50,9 +50,9 @@ fn transcripts_of_the_documentation_are_true() {
         let page = fs::read_to_string(&path).expect("readable");
         transcripts += page.matches("```console").count();
         let copy = folder.path().join(path.file_name().expect("a name"));
-        // What the program prints is compared with slashes for backslashes.
+        // The program's output is compared with slashes for backslashes.
         fs::write(&copy, page.replace('\\', "/")).expect("written");
-        // Commands run beside what the page describes.
+        // Commands run in a folder with the files that the page describes.
         let place = copy.with_extension("in");
         fs::create_dir(&place).expect("a folder");
         if path.ends_with("subject.md") {

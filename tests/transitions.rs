@@ -7,12 +7,12 @@ use bodyflight_core::maneuver::transitions::{ORDER, Transition};
 
 use crate::estimator_flights::{FLIPS_AND_ROLLS, Flight, Pulse};
 
-/// How a skydiver does each kind of transition. The numbers were searched by one thing only: that the body changes sides
-/// once in each of the fourteen.
+/// How a skydiver performs each kind of transition. The numbers were searched with one criterion: that the body changes
+/// sides once in each of the fourteen.
 #[derive(Debug, Clone, Copy)]
 pub struct Style {
-    /// Muscle input, damping, and radians of a pattern, each added for the time of a transition: back flip and
-    /// layout about the left axis by [`PRESS`], rolls to belly and to back by [`DRAW_IN_LEFT`].
+    /// Muscle input, damping, and multiples (rad) of a pattern, each added for the duration of a transition: back flip
+    /// and layout about the left axis by [`PRESS`], rolls to belly and to back by [`DRAW_IN_LEFT`].
     moves: [[f64; 3]; 4],
     sway: f64,
     /// Damping between transitions [pitch, yaw, roll].
@@ -27,7 +27,7 @@ const fn style(moves: [[f64; 3]; 4], sway: f64, damping: [f64; 3]) -> Style {
     }
 }
 
-/// Every style that a search of thirteen minutes found. The agile presets were tuned on eleven others.
+/// All styles found by a search of thirteen minutes. The agile presets were tuned on eleven others.
 pub const STYLES: [Style; 10] = [
     style(
         [
@@ -131,7 +131,7 @@ pub const STYLES: [Style; 10] = [
     ),
 ];
 
-/// Which of a style's moves does a transition.
+/// The move of a style for each transition.
 const fn move_for(transition: Transition) -> usize {
     match transition {
         Transition::BackFlip | Transition::FrontLoop => 0,
@@ -141,12 +141,12 @@ const fn move_for(transition: Transition) -> usize {
     }
 }
 
-/// Time from one transition to the next, and the longest that one is tried (s).
+/// Interval between transitions, and the longest time for which one is attempted (s).
 const EVERY: f64 = 3.0;
 const TRIED: f64 = 2.6;
 
 impl Style {
-    /// The script: 45 s, begun belly to earth.
+    /// The script: 45 s, starting belly to earth.
     pub fn flight(&self) -> Flight {
         let pulses = (0u32..).zip(ORDER).map(|(number, transition)| {
             let which = move_for(transition);

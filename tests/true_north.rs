@@ -1,4 +1,4 @@
-//! North is north from a file to a report: a flight of the independent simulator in a wind that its truth names.
+//! North stays north from file to report: a flight of the independent simulator in a wind that its truth states.
 #![expect(clippy::expect_used, reason = "tests may panic: that is how they fail")]
 
 use std::path::{Path, PathBuf};
@@ -9,7 +9,7 @@ use serde_json::Value;
 const FLIGHT: &str = "wind-slow-104/flight-0";
 const RECORDING: &str = "flight.mvnx";
 
-/// The flight, unpacked into `folder`; `None` with a visible notice where it or `xz` is absent.
+/// Unpacks the flight into `folder`; `None`, with a visible notice, if it or `xz` is absent.
 fn unpacked(folder: &Path) -> Option<PathBuf> {
     let source: PathBuf = [env!("CARGO_MANIFEST_DIR"), "../../shared/flights", FLIGHT]
         .iter()
@@ -42,14 +42,14 @@ fn json(arguments: &[&Path]) -> Value {
     serde_json::from_slice(&output.stdout).expect("standard output is JSON")
 }
 
-/// The wind that acts, north and west (m/s).
+/// The true wind, north and west (m/s).
 fn truth(folder: &Path) -> [f64; 2] {
     let text = std::fs::read_to_string(folder.join("truth.json")).expect("the truth");
     let truth: Value = serde_json::from_str(&text).expect("JSON");
     [0, 1].map(|axis| truth["wind"][axis].as_f64().expect("a number"))
 }
 
-/// Gap of the horizontal velocity (m/s) where the model has this wind.
+/// Gap of the horizontal velocity (m/s) if the model has this wind.
 fn gap_in(folder: &Path, flight: &Path, [north, west]: [f64; 2]) -> f64 {
     let model = folder.join("model.toml");
     let text =
@@ -76,7 +76,7 @@ fn a_flight_fits_in_the_wind_that_blew_and_in_no_other_direction() {
     }
 }
 
-/// As a velocity that the recording misses the wind has the other sign.
+/// The wind has the opposite sign if it is taken as a velocity that the recording misses.
 #[test]
 fn discover_names_the_direction_of_the_wind() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -1,4 +1,4 @@
-//! The unit behind a bad line, in virtual time: it recovers, and it never stops answering.
+//! The unit on a bad line, in virtual time: it recovers and always answers.
 
 use std::cell::Cell;
 
@@ -76,7 +76,7 @@ fn running() -> Unit<Bench> {
     unit
 }
 
-/// Streams a flight; from `bad.0` to `bad.1` (s) through faults. The estimates, and the unit at the end.
+/// Streams a flight, with faults from `bad.0` to `bad.1` (s). Returns the estimates and the unit.
 fn fly(
     samples: &[Sample],
     faults: Faults,
@@ -137,7 +137,7 @@ fn estimates_are_back_within_noise_half_a_second_after_the_faults() {
         assert_eq!(status.accounted(), sent);
         assert!(status.missing > 30 && status.crc_bad > 10);
         assert!(found.iter().all(|e| e.state.iter().all(|x| x.is_finite())));
-        // Half a second of clean samples later; updates may fall on other samples than in the clean flight.
+        // Half a second of clean samples later; updates may refer to other samples than in the clean flight.
         let from = 5 * RATE + RATE / 2;
         let mut compared = 0;
         for estimate in found.iter().filter(|e| e.sample_sequence >= from) {
@@ -156,7 +156,7 @@ fn estimates_are_back_within_noise_half_a_second_after_the_faults() {
 
 #[test]
 fn ten_minutes_of_garbage_leave_the_unit_answering() {
-    // What a line of 460800 baud carries in ten minutes, unless the environment asks for less or more.
+    // As many bytes as a line of 460800 baud carries in ten minutes, unless the environment sets another amount.
     let minutes = std::env::var("BODYFLIGHT_GARBAGE_MIN").map_or(10, |text| text.parse().unwrap());
     let mut unit = running();
     let mut random = Random::new(4);
@@ -167,7 +167,7 @@ fn ten_minutes_of_garbage_leave_the_unit_answering() {
         }
         unit.receive(&bytes);
         assert!(!unit.work());
-        // Nothing random is taken for a command.
+        // Random bytes are never taken for a command.
         assert_eq!(heard(&mut unit), []);
     }
     let status = unit.status();
@@ -193,7 +193,7 @@ fn the_host_may_start_anew_in_mid_stream() {
     let mut unit = running();
     let mut last = None;
     for session in [SESSION, SESSION + 1, SESSION + 2] {
-        // The host was killed within a frame, and begins again with its greeting.
+        // The host was killed within a frame and starts over with its greeting.
         unit.receive(&frame(&Header::default(), samples[0])[..50]);
         tell(&mut unit, hello());
         let header = Header {
@@ -218,7 +218,7 @@ fn the_host_may_start_anew_in_mid_stream() {
             while unit.work() {}
             estimates.extend(heard(&mut unit));
         }
-        // The same flight, the same answers: nothing of the last session is left.
+        // The same flight gives the same answers: nothing of the last session remains.
         assert!(last.is_none_or(|last| last == estimates));
         last = Some(estimates);
     }

@@ -1,9 +1,9 @@
-//! A long flight in virtual time: books that balance, clocks and counters that wrap without a trace, and estimates that are as
-//! good at the end as at the beginning.
+//! A long flight in virtual time: ledgers that balance, clocks and counters that wrap without effect, and estimates
+//! that stay as good as at the beginning.
 //!
-//! Two units with the motion filter are given the same samples. One starts with all its clocks at zero; the clocks of the other
-//! wrap while it flies: sequence numbers, milliseconds and microseconds of 32 bits, and the counter of cycles, which a
-//! processor at 168 MHz wraps every 26 s. What they say must be the same. `cargo xtask soak --hours 24` flies a day.
+//! Two units with the motion filter receive the same samples. One starts with all clocks at zero. The clocks of the
+//! other wrap during the flight: sequence numbers, milliseconds and microseconds of 32 bits, and the cycle counter,
+//! which wraps every 26 s at 168 MHz. Their answers must be the same. `cargo xtask soak --hours 24` simulates a day.
 #![allow(clippy::cast_possible_truncation, reason = "small numbers of a test")]
 
 mod unit_soak {
@@ -26,18 +26,18 @@ use unit_soak::quality::Quality;
 use unit_soak::wearer::Wearer;
 
 const SESSION: u16 = 11;
-/// Cycles of every update, more than one is given.
+/// Cycles of every update, more than an update may take.
 const CYCLES: u32 = 312_345;
-/// Flight where the environment asks for none (h).
+/// Default duration of the flight (h).
 const HOURS: f64 = 0.1;
-/// Parts of the flight that are looked at each for itself.
+/// Number of parts of the flight that are evaluated separately.
 const PARTS: u32 = 6;
-/// Every so many samples one is lost, comes twice, or comes behind the next.
+/// Interval, in samples, at which one is lost, duplicated, or swapped with the next.
 const LOST: u32 = 997;
 const TWICE: u32 = 1009;
 const SWAPPED: u32 = 1013;
 
-/// A board whose clocks begin anywhere.
+/// A board whose clocks start at any value.
 struct Bench {
     now: Cell<u64>,
     cycles: Cell<u32>,
@@ -60,7 +60,7 @@ impl Board for Bench {
     fn note(&self, _: u32) {}
 }
 
-/// Where clocks and counters begin.
+/// Initial values of clocks and counters.
 #[derive(Debug, Clone, Copy, Default)]
 struct Origin {
     /// The unit's clock and the sensor's (us).
@@ -72,7 +72,8 @@ struct Origin {
 }
 
 impl Origin {
-    /// Milliseconds wrap after a minute, the sensor's microseconds after half of it, sequence numbers after 20 s, cycles at once.
+    /// Milliseconds wrap after a minute, the sensor's microseconds after half a minute, sequence numbers after 20 s,
+    /// cycles at once.
     fn about_to_wrap() -> Self {
         let wrap = 1_u64 << 32;
         Self {
@@ -114,7 +115,7 @@ impl Flying {
         flying
     }
 
-    /// Goes to the first number of the flight, in steps of which none is back for whom numbers wrap.
+    /// Advances to the first sequence number of the flight, in steps that wrapping numbers do not take for steps back.
     fn go_ahead(&mut self, first: Sample) {
         let ahead = self.origin.sequence;
         if ahead > 0 {
@@ -127,7 +128,7 @@ impl Flying {
         self.heard();
     }
 
-    /// Numbers count from the first of the flight.
+    /// Numbers are counted from the first of the flight.
     fn tell(&mut self, number: u32, message: impl Into<Message>) {
         let since = u64::from(number.cast_signed().max(0).cast_unsigned());
         let header = Header {
@@ -140,7 +141,7 @@ impl Flying {
         self.unit.receive(&frame[..length]);
     }
 
-    /// Estimates with their times, both as if clocks and numbers began at zero.
+    /// Estimates with their times, both relative to the initial clocks and numbers.
     fn heard(&mut self) -> Vec<(u64, Estimate)> {
         let mut bytes = [0; MAX_FRAME_LENGTH];
         let mut estimates = Vec::new();
@@ -157,7 +158,7 @@ impl Flying {
         estimates
     }
 
-    /// Gives the unit a sample of two, faults of the line included.
+    /// Sends the unit a sample, with faults of the line.
     fn sample(&mut self, number: u32, [here, next]: [Sample; 2]) -> Vec<(u64, Estimate)> {
         let since = u64::from(number) * 1_000_000 / u64::from(RATE);
         let now = self.origin.clock + since;
@@ -168,7 +169,7 @@ impl Flying {
                 self.tell(n + 1, next);
                 self.tell(n, here);
             }
-            // It came before the one before it.
+            // It arrived before its predecessor.
             n if n % SWAPPED == 8 => {}
             n => self.tell(n, here),
         }
@@ -183,7 +184,7 @@ impl Flying {
         self.heard()
     }
 
-    /// Ends the flight of so many samples; the ledger balances.
+    /// Ends the flight of this many samples; the ledger must balance.
     fn finish(&mut self, samples: u32) -> Status {
         let sent = samples.wrapping_add(self.origin.sequence);
         self.tell(samples, Stop { sent });
@@ -220,7 +221,7 @@ fn a_long_flight_leaves_no_trace_of_its_length() {
     let status = plain.finish(samples);
     let wrapped = wrapping.finish(samples);
     check_ledger(samples, &status);
-    // The two samples that came before its flight, and what they skipped.
+    // The two samples sent before the flight, and the numbers they skipped.
     let skipped = Origin::about_to_wrap().sequence - 2;
     assert_eq!(wrapped.used, status.used + 2);
     assert_eq!(wrapped.missing, status.missing.wrapping_add(skipped));
@@ -243,10 +244,10 @@ fn a_long_flight_leaves_no_trace_of_its_length() {
     }
 }
 
-/// What was lost, swapped and doubled is what the ledger says.
+/// The ledger's numbers of lost, swapped and duplicated samples are correct.
 fn check_ledger(samples: u32, status: &Status) {
     let every = |period: u32, phase: u32| (samples + period - 1 - phase) / period;
-    // One that is lost may be the one that is swapped, so some are both.
+    // A lost sample may also be due for swapping, so some are both.
     let slack = 2 + samples / 100_000;
     for (found, expected) in [
         (status.missing, every(LOST, 5)),

@@ -18,7 +18,7 @@ use bodyflight_core::xbus::{
     Decoder, Item, MAX_PACKET_LENGTH, MessageId, PacketWriter, SampleClock,
 };
 
-/// A file of the recordings, or a visible note that it is not there.
+/// A file of the recordings, or `None` with a visible notice if it is absent.
 fn recording(name: &str) -> Option<Vec<u8>> {
     let path: PathBuf = [env!("CARGO_MANIFEST_DIR"), "../../shared/data", name]
         .iter()
@@ -38,7 +38,7 @@ struct Read {
     data: Vec<u8>,
 }
 
-/// All packets of `bytes` in pieces whose sizes come from `piece`, and the bytes skipped.
+/// All packets decoded from `bytes` in chunks of sizes from `piece`, and the number of skipped bytes.
 fn read_in_pieces(bytes: &[u8], mut piece: impl FnMut() -> usize) -> (Vec<Read>, u32) {
     let mut decoder = Decoder::<MAX_PACKET_LENGTH>::new();
     let (mut packets, mut rest) = (Vec::new(), bytes);
@@ -60,7 +60,7 @@ fn read(bytes: &[u8]) -> (Vec<Read>, u32) {
     read_in_pieces(bytes, || usize::MAX)
 }
 
-/// The items of one packet as name and numbers, in the order sent.
+/// The items of a packet as name and numbers, in the order sent.
 fn items(packet: &Read) -> Vec<(u16, usize, Item<'_>)> {
     bodyflight_core::xbus::Packet {
         bus_id: packet.bus_id,
@@ -112,7 +112,7 @@ fn close(found: f64, expected: f64, tolerance: f64) -> bool {
     (found - expected).abs() <= tolerance * expected.abs().max(1e-30)
 }
 
-/// Numbers against text of so many digits, and single precision against double.
+/// Compares numbers with text of limited digits, and single precision with double.
 fn assert_numbers(item: &Item<'_>, expected: &[f64], tolerance: f64) {
     let (double, single) = numbers(item);
     assert_eq!(double.len(), expected.len(), "{item:?}");
@@ -197,8 +197,8 @@ fn any_changed_byte_costs_at_most_the_packet_it_is_in() {
             return;
         };
         let (packets, _) = read(&bytes);
-        // The packet with a solution, the longest kind, and the one after it; enough behind them to end any
-        // false length.
+        // The packet with a solution, which is the longest kind, and the one after it; with enough bytes after them to
+        // complete any false length.
         let solution = |p: &Read| {
             items(p)
                 .iter()
@@ -225,7 +225,7 @@ fn any_changed_byte_costs_at_most_the_packet_it_is_in() {
                     .filter(|packet| !found.contains(packet))
                     .count();
                 assert_eq!(lost, 0, "log {log}, byte {at}, mask {mask:#04x}");
-                // A sum of 8 bits may make some other packet of damaged bytes, but never a measurement.
+                // An 8-bit checksum may accept damaged bytes as another packet, but never as a measurement.
                 let odd = found.iter().filter(|packet| !others.contains(packet));
                 for packet in odd {
                     assert_ne!(

@@ -1,6 +1,6 @@
-//! Bytes that choose what a target does.
+//! Input bytes as choices of a target.
 
-/// What is left of an input; zeros follow it.
+/// The rest of an input, followed by zeros.
 pub(super) struct Choices<'a>(pub(super) &'a [u8]);
 
 impl<'a> Choices<'a> {
@@ -14,7 +14,7 @@ impl<'a> Choices<'a> {
         u16::from_le_bytes([self.byte(), self.byte()])
     }
 
-    /// As many bytes as are left, at most `count`.
+    /// The next bytes, at most `count`.
     pub(super) fn bytes(&mut self, count: usize) -> &'a [u8] {
         let (bytes, rest) = self.0.split_at(count.min(self.0.len()));
         self.0 = rest;

@@ -1,4 +1,4 @@
-//! Tables and settings.
+//! Parsers of tables and settings.
 
 use std::path::Path;
 
@@ -11,13 +11,13 @@ use bodyflight::formats::subject::Subject;
 use bodyflight::formats::track;
 use bodyflight::verbs::fall::{Conditions, fall};
 
-/// Nothing is there, so that inputs name no file of this machine.
+/// A folder that does not exist, so that inputs cannot name a file of this machine.
 const NOWHERE: &str = "/nowhere/of/fuzz";
 
-/// Longest track that is judged too: that is slower than reading.
+/// Longest track that is also analysed, which is slower than reading.
 const LONGEST_JUDGED: usize = 2000;
 
-/// A track of a FlySight.
+/// Reads a FlySight track.
 pub(super) fn flysight(input: &[u8]) {
     let path = Path::new(NOWHERE).join("TRACK.CSV");
     if let Ok(track) = Track::parse(input, &path) {
@@ -30,7 +30,7 @@ pub(super) fn flysight(input: &[u8]) {
     judged(input, &path);
 }
 
-/// Any track as `bodyflight fall` takes it, and a history of inputs.
+/// Reads any track accepted by `bodyflight fall`, and a history of inputs.
 pub(super) fn csv(input: &[u8]) {
     let path = Path::new(NOWHERE).join("track.csv");
     judged(input, &path);
@@ -55,7 +55,7 @@ fn judged(input: &[u8], path: &Path) {
     }
 }
 
-/// Settings of every kind.
+/// Reads settings of every kind.
 pub(super) fn toml(input: &[u8]) {
     let Ok(text) = core::str::from_utf8(input) else {
         return;
@@ -76,6 +76,6 @@ pub(super) fn toml(input: &[u8]) {
             "a file that was read has no value out of range"
         );
     }
-    // Refused or taken, either will do.
+    // Both refusing and accepting are correct.
     let _ = Tuning::parse(text, &path);
 }

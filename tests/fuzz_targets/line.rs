@@ -1,4 +1,4 @@
-//! The serial line of the unit, and that of its sensor.
+//! The serial lines of the unit and its sensor.
 
 use std::cell::Cell;
 
@@ -38,14 +38,14 @@ impl Board for Bench {
     fn note(&self, _: u32) {}
 }
 
-/// Packets of a sensor: the same whether the bytes come at once or one by one.
+/// Packets of a sensor are the same whether the bytes arrive at once or one by one.
 pub(super) fn xbus(input: &[u8]) {
     let mut at_once = Decoder::<512>::new();
     let mut found = Vec::new();
     let mut rest = input;
     while let Some(packet) = at_once.next(&mut rest) {
         for item in packet.items() {
-            // Refused or read, either will do.
+            // Both refusing and reading are correct.
             let _ = item.decode();
         }
         found.push((packet.message_id, packet.data.to_vec()));
@@ -62,11 +62,11 @@ pub(super) fn xbus(input: &[u8]) {
     assert_eq!(at_once.counters(), one_by_one.counters());
 }
 
-/// Samples that the filter gets of one input: it is the slow part.
+/// Number of samples of one input that reach the filter, which is the slow part.
 const MOST_SAMPLES: u32 = 48;
 
-/// The unit in virtual time: commands in any order, frames and samples damaged as the input says, noise in between. Whatever
-/// comes, its frames are whole, its estimates finite and its ledger adds up.
+/// The unit in virtual time: commands in any order, frames and samples damaged as the input chooses, noise in between.
+/// In all cases its frames are whole, its estimates finite and its ledger balances.
 pub(super) fn unit(input: &[u8]) {
     let mut choices = Choices(input);
     let mut host = Host::new();
@@ -83,7 +83,7 @@ pub(super) fn unit(input: &[u8]) {
     assert!(status.queue_high_water <= bodyflight_firmware::unit::SAMPLES.into());
 }
 
-/// What a host knows, good and bad.
+/// Valid and invalid messages of a host.
 struct Host {
     unit: Unit<Bench>,
     table: SegmentTable,
@@ -117,7 +117,7 @@ impl Host {
         }
     }
 
-    /// Everything up to a running session.
+    /// Sends everything up to a running session.
     fn begin(&mut self) {
         for message in self.greeting(0, 240.0, 60.0) {
             self.send(message, None);
@@ -139,7 +139,7 @@ impl Host {
         messages
     }
 
-    /// Sends a frame, with one byte changed where that is asked for.
+    /// Sends a frame, with one byte changed if requested.
     fn send(&mut self, message: Message, damage: Option<(u8, u8)>) {
         let mut bytes = [0; MAX_FRAME_LENGTH];
         let length = message.encode(&self.header, &mut bytes).expect("it fits");
@@ -219,7 +219,7 @@ impl Host {
         }
     }
 
-    /// Every frame of the unit is whole, and what it estimates are numbers.
+    /// Every frame of the unit is whole, and its estimates are finite.
     fn listen(&mut self) {
         let mut bytes = [0; MAX_FRAME_LENGTH];
         while let Some(length) = self.unit.transmit(&mut bytes) {

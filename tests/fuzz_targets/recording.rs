@@ -9,14 +9,14 @@ use bodyflight::formats::subject::Subject;
 use super::choices::Choices;
 use crate::small_recording::{NAME, is_usable, read_as, survey, written};
 
-/// Longest input that is read (bytes): more says nothing new, and slowly.
+/// Longest input that is read (bytes): longer ones are slow and find nothing new.
 const LONGEST: usize = 48 << 10;
 
-/// Edits of the small recording.
+/// Number of edits of the small recording.
 const MOST_EDITS: usize = 8;
 
-/// An input is a file where it begins with `<`; else the edits of a small recording: where, how much goes, what comes.
-/// It is inspected and read, and what was read is written and read again.
+/// An input that begins with `<` is a file; otherwise it is a list of edits of a small recording: position, number of
+/// bytes removed, bytes inserted. The file is inspected and read, and the result is written and read again.
 pub(super) fn mvnx(input: &[u8]) {
     let input = &input[..input.len().min(LONGEST)];
     if input.starts_with(b"<") {
@@ -48,7 +48,7 @@ fn edited(input: &[u8]) -> Vec<u8> {
 
 fn check(text: &[u8]) {
     if let Ok(report) = survey(text) {
-        // What people see of it can be made.
+        // The human-readable output can be produced.
         assert!(!report.to_string().is_empty());
         assert!(report.duration_s.is_finite() && report.frame_rate_hz >= 1.0);
     }
@@ -72,7 +72,7 @@ fn check(text: &[u8]) {
     }
 }
 
-/// The frames as a file; `None` where they cannot be written.
+/// Writes the frames as a file; `None` if they cannot be written.
 fn rewritten(frames: &[FlightFrame]) -> Option<Vec<u8>> {
     let description = Description {
         subject_label: "fuzz".to_owned(),
@@ -85,7 +85,7 @@ fn rewritten(frames: &[FlightFrame]) -> Option<Vec<u8>> {
     let mut writer = Writer::new(Vec::new(), NAME.as_ref(), description, &body).ok()?;
     let first = frames.first()?;
     for (index, frame) in (first.index..).zip(frames) {
-        // Gaps would be bridged, and frames come back that were not sent.
+        // Gaps would be bridged, which would add frames that were not written.
         let frame = FlightFrame { index, ..*frame };
         writer.write(&frame).ok()?;
     }

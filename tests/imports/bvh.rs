@@ -39,7 +39,7 @@ const JOINTS: [(Segment, &str); 16] = [
     (Segment::RightFoot, "RightFoot"),
 ];
 
-/// A BVH file of the known flight in centimetres, its joints named by `name`, at rest in a posture.
+/// A BVH file of the known flight in centimetres, with joints named by `name` and the given rest posture.
 pub(crate) fn written(rest: &Posture<f64>, name: impl Fn(&str) -> String) -> String {
     let [body_axes, world_axes] = bvh_axes();
     let at_rest = pose(&Subject::default().body(), rest);
@@ -110,7 +110,7 @@ fn children(of: Segment) -> impl Iterator<Item = Segment> {
         .filter(move |segment| segment.parent() == Some(of))
 }
 
-/// Angles about Z, X, Y of a joint and of those that hang on it (degrees).
+/// Angles about Z, X, Y of a joint and its children (degrees).
 fn write_turns(text: &mut String, world_from_joint: &SegmentArray<Matrix3<f64>>, segment: Segment) {
     let parent = segment
         .parent()
@@ -127,7 +127,7 @@ fn write_turns(text: &mut String, world_from_joint: &SegmentArray<Matrix3<f64>>,
     }
 }
 
-/// The T-pose with its arms let down.
+/// The T-pose with arms lowered.
 fn arms_down() -> Posture<f64> {
     let t_pose = xsens::t_pose().body_from_segments();
     Posture::from_body_rotations(&t_pose.map(|segment, rotation| {
@@ -150,7 +150,7 @@ fn a_flight_returns_through_bvh_whatever_its_rest_posture_and_names() {
         let file = program::written(folder.path(), "jump.bvh", &file);
         let (angles, places) = imported(folder.path(), &[&file]);
         assert!(largest(&angles) < RETURNS, "{angles:?}");
-        // Hips that stand aside of the middle of the thighs are not where the body is.
+        // Hips that are not midway between the thighs are not the position of the body.
         assert!(places < 0.02, "{places} m");
     }
     let picture = std::fs::read_to_string(folder.path().join("out/first-frame.svg"));

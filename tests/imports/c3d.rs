@@ -1,7 +1,7 @@
-//! Points written as a C3D file: one header, parameters, floats of an Intel.
+//! Writes points as a C3D file: one header, parameters, floats in Intel format.
 
 const BLOCK: usize = 512;
-/// Second byte of a file.
+/// The second byte of a C3D file.
 const KEY: u8 = 0x50;
 
 /// Name, kind, sizes and values of a parameter.

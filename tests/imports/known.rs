@@ -1,4 +1,4 @@
-//! The known flight, and how far what is imported of it is from it.
+//! The known flight, and the difference of an imported flight from it.
 
 use std::path::{Path, PathBuf};
 
@@ -9,7 +9,7 @@ use nalgebra::UnitQuaternion;
 
 pub(crate) const PROGRAM: Program = Program(env!("CARGO_BIN_EXE_bodyflight"));
 
-/// Largest difference of an attitude that comes back (degrees).
+/// Largest difference of a recovered attitude (degrees).
 pub(crate) const RETURNS: f64 = 0.5;
 
 pub(crate) fn acrobatics(name: &str) -> PathBuf {
@@ -28,13 +28,14 @@ pub(crate) fn known() -> Vec<FlightFrame> {
     frames(&acrobatics("flight-1.mvnx.gz"))
 }
 
-/// Inertial axes from those of each segment.
+/// Rotations from segment axes to inertial axes.
 pub(crate) fn turned(frame: &FlightFrame) -> SegmentArray<UnitQuaternion<f64>> {
     let attitude = *frame.pelvis.inertial_from_body.quaternion();
     (frame.posture.body_from_segments()).map(|_, segment| attitude * segment)
 }
 
-/// Imports a file and compares it with the known flight: the largest angle of each segment (degrees), and of places (m).
+/// Imports a file and compares it with the known flight; returns the largest angle of each segment (degrees), and the
+/// largest difference of positions (m).
 pub(crate) fn imported(folder: &Path, arguments: &[&str]) -> (SegmentArray<f64>, f64) {
     let out = folder.join("out");
     let report =

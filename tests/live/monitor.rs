@@ -1,4 +1,4 @@
-//! Serial ports and what is read from them.
+//! Serial ports and the data read from them.
 
 use std::io::{BufRead, BufReader, Write};
 use std::process::{Command, Stdio};
@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use crate::{BINARY, bodyflight, fails, plain, shared};
 
-/// Standard output, one JSON object a line.
+/// Returns the standard output, one JSON object per line.
 fn lines(arguments: &[&str]) -> Vec<Value> {
     let output = bodyflight(&[arguments, &["--json"]].concat());
     let message = String::from_utf8_lossy(&output.stderr);
@@ -95,7 +95,7 @@ fn monitor_reads_a_terminal_until_ctrl_c() {
     use serialport::{SerialPort, TTYPort};
     let (mut device, terminal) = TTYPort::pair().expect("a pseudo terminal");
     let name = terminal.name().expect("a name");
-    // The binary wants it for itself.
+    // The binary needs exclusive access.
     drop(terminal);
     let mut monitor = Command::new(BINARY)
         .args(["monitor", "--xbus", &name, "--json"])

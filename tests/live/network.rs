@@ -1,4 +1,4 @@
-//! The network stream of MVN: through the library on a loopback, and through the binary.
+//! MVN's network stream: through the library on loopback, and through the binary.
 
 use std::io::{BufRead, BufReader};
 use std::net::UdpSocket;
@@ -52,7 +52,7 @@ fn assert_same_posture(sent: &FlightFrame, received: &FlightFrame) {
         .rotation_to(received.pelvis.inertial_from_body.quaternion());
     assert!(turn.imag().norm() < 1e-6);
     let gap = sent.pelvis.position - received.pelvis.position;
-    // Single precision holds the height to 1e-7 of itself.
+    // Single precision represents the height to a relative 1e-7.
     assert!(gap.norm() <= 2e-7 * sent.pelvis.position.norm() + 1e-6);
 }
 
@@ -66,7 +66,7 @@ fn round_trip(sent: &[FlightFrame]) -> Vec<FlightFrame> {
     let address = source.local_address().expect("an address").to_string();
     let mut sink = sink_to(&address);
     let mut received = Vec::new();
-    // In small lots: a socket holds only so much.
+    // In small batches, since a socket's buffer is limited.
     for (lot, frames) in sent.chunks(4).enumerate() {
         for frame in frames {
             sink.send(frame).expect("sent");
@@ -154,7 +154,7 @@ fn lost_repeated_and_swapped_datagrams_harm_no_other() {
     }
     let (mut faulty, mut repeated, mut dropped) = (Vec::new(), 0, 0);
     for (number, datagram) in datagrams.iter().enumerate() {
-        // The first half second is left whole: it tells which kinds there are.
+        // The first half second is not damaged, since it determines which kinds are sent.
         let at_work = number > 360;
         if at_work && number % 37 == 0 {
             dropped += 1;
@@ -185,7 +185,7 @@ fn lost_repeated_and_swapped_datagrams_harm_no_other() {
     let counters = receiver.counters();
     assert_eq!(counters.repeated_datagrams, repeated, "{counters:?}");
     assert_eq!(counters.late_datagrams, 0, "{counters:?}");
-    // A sample is lost with its pose and with nothing else.
+    // A sample is lost if and only if its pose is lost.
     let sent_count = sent.len() as u64 - 1;
     let lost = sent_count - received.len() as u64;
     assert!(lost > 0 && lost <= dropped, "{counters:?}");

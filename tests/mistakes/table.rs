@@ -1,14 +1,14 @@
-//! The mistakes: what is made of a folder with a good flight, what is called, what is said. Here those in files.
+//! The table of mistakes in files: the change to a folder with a good flight, the command, and the expected message.
 
-/// What is done to a folder with a good flight before the program is called.
+/// A change to a folder with a good flight before the program is run.
 #[derive(Clone, Copy)]
 pub(crate) enum Made {
     Nothing,
-    /// A file of this content.
+    /// Writes a file with this content.
     File(&'static str, &'static [u8]),
-    /// A text in a file, and what stands there instead.
+    /// Replaces a text in a file.
     Edit(&'static str, &'static str, &'static str),
-    /// The recording by a function.
+    /// Modifies the recording by a function.
     Recording(fn(String) -> Vec<u8>),
     Folder(&'static str),
     /// Standard output is a full disk.
@@ -20,13 +20,13 @@ pub(crate) enum Made {
 use Made::{Edit, File, Folder, Nothing, Recording};
 
 pub(crate) struct Mistake {
-    /// As in the table.
+    /// The situation, as in the table of the page.
     pub(crate) what: &'static str,
     pub(crate) made: Made,
-    /// Files of the folder begin with `@`.
+    /// Arguments of the program; files of the folder begin with `@`.
     pub(crate) call: &'static str,
     pub(crate) code: i32,
-    /// Part of what is said.
+    /// Part of the expected message.
     pub(crate) says: &'static str,
 }
 

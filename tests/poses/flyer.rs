@@ -1,7 +1,7 @@
-//! A flyer who holds a pose by small corrections, late and limited as a person's are.
+//! A flyer who holds a pose by small corrections, delayed and limited like a person's.
 //!
-//! What the air does with a pose is known to him: how the body tips, and how much each of his limbs turns it. What the body does he
-//! sees late, and his limbs are slow. Nothing is tuned to a pose or a person.
+//! He knows the aerodynamics of a pose: how the body tips, and how much each limb turns it. He sees the body's motion
+//! late, and his limbs are slow. Nothing is tuned to a pose or a person.
 
 use std::collections::VecDeque;
 
@@ -13,7 +13,7 @@ use bodyflight_core::frame::{Rotation, Vector, facing_north};
 use bodyflight_core::{Posture, Segment};
 use nalgebra::Vector3;
 
-/// What corrections are made with: in the sagittal plane, and sideways.
+/// Limbs used for corrections: in the sagittal plane, and sideways.
 const LIMBS: [[&JointAngles; 3]; 2] = [
     [THIGHS_FORWARD, pattern::ARMS_DOWN, pattern::STRETCH],
     [LEGS_LEFT, LEFT_ARM_UP, pattern::TURN],
@@ -33,59 +33,60 @@ const LEFT_ARM_UP: &JointAngles = &[
 
 /// Largest correction (rad): 20 degrees.
 const REACH: f64 = 0.35;
-/// Time until what the body does is answered, and in which limbs follow (s).
+/// Reaction time, and time constant of the limbs (s).
 const LATE: f64 = 0.2;
 const LAG: f64 = 0.15;
-/// How fast a body that is held would swing without delay (rad/s), and the share of critical damping.
+/// Natural frequency of the controlled body without delay (rad/s), and damping ratio.
 const SWING: f64 = 1.7;
 const DAMPED: f64 = 1.1;
-/// Time in which a tilt that stays is worked off (s).
+/// Time constant for removing a constant tilt (s).
 const PATIENCE: f64 = 4.0;
-/// Angle by which effects are tried (rad); smaller ones than the second are none (N m/rad).
+/// Angle by which effects are measured (rad); effects below the second number are ignored (N m/rad).
 const SMALL: f64 = 0.15;
 const LEAST_EFFECT: f64 = 10.0;
 
-/// What a tilt about one axis is answered with.
+/// Controller for tilt about one axis.
 #[derive(Debug, Clone)]
 struct Answer {
     axis: Vector3<f64>,
     /// Moment for a tilt (N m/rad) and for its rate (N m s/rad).
     stiffness: f64,
     damping: f64,
-    /// Moment that the pose lacks for its balance, and for tilts that stayed (N m).
+    /// Moment that the pose lacks for balance and for constant tilts (N m).
     trim: f64,
     limbs: [&'static JointAngles; 3],
-    /// Angle of each for a moment (rad/N m): together they give it, with the least angles.
+    /// Angle of each limb per moment (rad/N m): together they produce it with the smallest angles.
     shares: [f64; 3],
-    /// Angles now (rad).
+    /// Current angles (rad).
     angles: [f64; 3],
 }
 
-/// Who holds a pose.
+/// A flyer who holds a pose.
 #[derive(Debug, Clone)]
 pub(crate) struct Flyer {
-    /// Upwards in the attitude that is held, body axes.
+    /// The upward direction in the attitude to be held, body axes.
     up: Vector3<f64>,
     answers: Vec<Answer>,
-    /// Tilt and angular velocity of the last moments, body axes.
+    /// Recent tilts and angular velocities, body axes.
     seen: VecDeque<[Vector3<f64>; 2]>,
 }
 
-/// Upwards in the attitude of a body.
+/// The upward direction in body axes.
 fn upwards(
     attitude: &Rotation<f64, bodyflight_core::frame::Inertial, bodyflight_core::frame::Body>,
 ) -> Vector3<f64> {
     (attitude.inverse() * Vector::new(0.0, 0.0, 1.0)).components
 }
 
-/// Moment of the air about the centre of gravity (N m), body axes.
+/// Aerodynamic moment about the centre of gravity (N m), body axes.
 fn turned_by(sample: &PostureSample<f64>, stream: &Flow<f64>) -> Vector3<f64> {
     let load = sample.aerodynamics.total_load(stream);
     load.moment - sample.mass.cg.cross(&load.force)
 }
 
 impl Flyer {
-    /// For a posture that falls straight down, turned by `pitch` about its left axis from standing (rad).
+    /// Creates a flyer for a posture that falls straight down, rotated by `pitch` about its left axis from standing
+    /// (rad).
     pub(crate) fn of(dynamics: &Dynamics<f64>, posture: &Posture<f64>, pitch: f64) -> Self {
         let up = upwards(&facing_north(pitch));
         let sample = dynamics.hold(posture);
@@ -108,18 +109,18 @@ impl Flyer {
         }
     }
 
-    /// How far the body is from the attitude that is held (rad).
+    /// Angle between the body and the attitude to be held (rad).
     pub(crate) fn tilt(&self, motion: &Motion<f64>) -> f64 {
         upwards(&motion.inertial_from_body).angle(&self.up)
     }
 
-    /// Largest angle by which a limb corrects now (rad).
+    /// Largest current correction of a limb (rad).
     pub(crate) fn correction(&self) -> f64 {
         let angles = self.answers.iter().flat_map(|answer| answer.angles);
         angles.fold(0.0, |most, angle| most.max(angle.abs()))
     }
 
-    /// Sees a motion, and gives the posture of a step later.
+    /// Observes a motion and returns the posture one step later.
     pub(crate) fn hold(&mut self, posture: &Posture<f64>, motion: &Motion<f64>) -> Posture<f64> {
         let tilt = upwards(&motion.inertial_from_body).cross(&self.up);
         self.seen
@@ -128,7 +129,7 @@ impl Flyer {
         self.answers.iter_mut().fold(*posture, |posture, answer| {
             let held = answer.stiffness * answer.axis.dot(&tilt);
             let turn = answer.trim - held - answer.damping * answer.axis.dot(&rate);
-            // What limbs cannot give is not asked for later.
+            // A moment that the limbs cannot produce is not accumulated.
             if answer.shares.iter().all(|s| (s * turn).abs() < REACH) {
                 answer.trim -= held * TIME_STEP / PATIENCE;
             }
@@ -144,7 +145,7 @@ impl Flyer {
     }
 }
 
-/// What is missing of the stiffness about `axis`, and the limbs that give it; `None` where nothing is missing.
+/// The missing stiffness about `axis`, and the limbs that provide it; `None` if none is missing.
 fn answer(
     dynamics: &Dynamics<f64>,
     posture: &Posture<f64>,
@@ -154,7 +155,7 @@ fn answer(
 ) -> Option<Answer> {
     let sample = dynamics.hold(posture);
     let rest = turned_by(&sample, stream).dot(&axis);
-    // No more than both ways have in common.
+    // Limited to the effect that both directions share.
     let effects = limbs.map(|limb| {
         let [one, other] = [SMALL, -SMALL].map(|angle| {
             let moved = dynamics.hold(&pattern::moved(posture, limb, angle));
@@ -167,7 +168,7 @@ fn answer(
             0.0
         }
     });
-    // Turned with the body by a small angle, the stream turns the other way.
+    // When the body turns by a small angle, the flow turns the other way in body axes.
     let [low, high] = [-SMALL, SMALL].map(|angle| {
         let turned = Flow {
             direction: stream.direction - axis.cross(&stream.direction) * angle,

@@ -1,4 +1,4 @@
-//! A host that streams through faults in virtual time, and counts what becomes of every sample.
+//! A host that streams through faults in virtual time and tracks the outcome of every sample.
 
 use std::cell::Cell;
 use std::fmt;
@@ -16,13 +16,13 @@ use bodyflight_firmware::{Board, Identity, Unit};
 use bodyflight_tests::arm_swing::{self, RATE};
 use bodyflight_tests::greeting;
 
-/// Samples of the flight that is flown again and again.
+/// Samples of the flight, which is repeated.
 const FLIGHT: u32 = 60 * RATE;
 
-/// Samples of a session.
+/// Number of samples in a session.
 const SESSION: u32 = 10 * RATE;
 
-/// How often an answer is asked for: the line loses questions and answers.
+/// Number of attempts for an answer, since the line loses requests and answers.
 const ATTEMPTS: usize = 200;
 
 /// A board whose clock is the simulation's.
@@ -46,7 +46,7 @@ impl Board for Bench {
     fn note(&self, _: u32) {}
 }
 
-/// What became of all samples.
+/// Outcomes of all samples.
 #[derive(Debug, Default, Clone, Copy)]
 pub struct Totals {
     pub sent: u64,
@@ -55,12 +55,12 @@ pub struct Totals {
     pub dropped: u64,
     pub late: u64,
     pub missing: u64,
-    /// Sent in sessions that a restart ended without a report.
+    /// Samples of sessions that a restart ended without a report.
     pub cut_off: u64,
     pub sessions: u64,
     pub unit_restarts: u64,
     pub host_restarts: u64,
-    /// Estimates that came back, and those that are not the desktop's bit for bit.
+    /// Number of estimates received, and of those that differ from the desktop's.
     pub estimates: u64,
     pub different: u64,
     /// Estimates that the line brought once more.
@@ -69,7 +69,7 @@ pub struct Totals {
 }
 
 impl Totals {
-    /// Samples whose fate is known.
+    /// Number of samples whose outcome is known.
     pub fn accounted(&self) -> u64 {
         self.used + self.rejected + self.dropped + self.late + self.missing + self.cut_off
     }
@@ -94,7 +94,7 @@ impl fmt::Display for Totals {
     }
 }
 
-/// The host, the lines both ways, and the unit at their end.
+/// The host, the lines in both directions, and the unit at their end.
 pub struct Host {
     unit: Unit<Bench>,
     boots: u32,
@@ -105,7 +105,7 @@ pub struct Host {
     decoder: Decoder,
     twin: Twin,
     table: SegmentTable,
-    /// The paper's filter and the motion filter, by turns.
+    /// The paper's filter and the motion filter, alternating.
     presets: [u16; 2],
     flight: Vec<Sample>,
     session: u16,
@@ -157,13 +157,13 @@ impl Host {
     }
 
     fn renew_injectors(&mut self) {
-        // A frame that one of them still holds is lost: so it is on a line.
+        // A frame still in transit is lost, as on a real line.
         self.seed = self.seed.wrapping_add(1);
         self.to_unit = Injector::new(self.faults, self.seed);
         self.to_host = Injector::new(self.faults, !self.seed);
     }
 
-    /// Power is cut and comes back.
+    /// Cuts and restores the power.
     pub fn restart_unit(&mut self) {
         self.boots += 1;
         self.totals.unit_restarts += 1;
@@ -176,7 +176,7 @@ impl Host {
         self.unit.introduce();
     }
 
-    /// The host's process is killed within a frame, and another one begins.
+    /// Kills the host's process within a frame and starts another one.
     pub fn restart_host(&mut self) {
         self.totals.host_restarts += 1;
         let frame = self.frame(self.flight[0].into());
@@ -187,7 +187,7 @@ impl Host {
         self.begin();
     }
 
-    /// One sample's time.
+    /// Advances by one sample period.
     pub fn tick(&mut self) {
         self.time += 1_000_000 / u64::from(RATE);
         self.unit.board().0.set(self.time);
@@ -209,7 +209,7 @@ impl Host {
         }
     }
 
-    /// Ends the last session; the totals.
+    /// Ends the last session; returns the totals.
     pub fn finish(mut self) -> Totals {
         self.end();
         self.totals
@@ -227,7 +227,7 @@ impl Host {
         frame
     }
 
-    /// Over the line to the unit, what is left of it to the twin too.
+    /// Sends over the line to the unit; what arrives goes to the twin too.
     fn send(&mut self, frame: &[u8]) {
         let (unit, twin) = (&mut self.unit, &mut self.twin);
         self.to_unit.pass(frame, |piece| {
@@ -236,7 +236,7 @@ impl Host {
         });
     }
 
-    /// What the unit says, as far as the line lets it through.
+    /// Receives the unit's answers, as far as the line lets them through.
     fn listen(&mut self) {
         let mut bytes = [0; MAX_FRAME_LENGTH];
         let mut came = Vec::new();
@@ -254,7 +254,7 @@ impl Host {
     fn hear(&mut self, header: &Header, message: &Message) {
         match message {
             Message::HelloAcknowledge(unit) => {
-                // Only a power-on brings another number: the session is gone with the old one.
+                // Only a power-on changes the number: the session ended with the previous boot.
                 if self
                     .greeted
                     .is_some_and(|before| before.boot_id != unit.boot_id)
@@ -275,7 +275,7 @@ impl Host {
         }
     }
 
-    /// A session in which every sample is new.
+    /// Starts a session in which every sample is new.
     fn begin(&mut self) {
         self.session = self.session.wrapping_add(1);
         self.sequence = 0;
@@ -287,8 +287,8 @@ impl Host {
             self.presets[usize::from(self.session.is_multiple_of(2))],
             &self.table,
         );
-        // The commands go over a line without faults: how they are asked again is the session's own test. A twin must hear
-        // the very same ones.
+        // Commands are sent without faults: repeating them is tested elsewhere, and the twin must receive exactly the
+        // same ones.
         let mut commands: Vec<Message> = vec![hello.into(), configure.into()];
         commands.extend(self.table.rows().map(|row| Message::from(*row)));
         let mode = StreamMode::Paced;
@@ -301,11 +301,11 @@ impl Host {
             }
         }
         self.listen();
-        // A boot that was only heard of now ended the session before, not this one.
+        // A boot that is only reported now ended the previous session, not this one.
         self.running = true;
     }
 
-    /// Asks for the end until the unit accounts for every sample.
+    /// Repeats `STOP` until the unit accounts for every sample.
     fn end(&mut self) {
         let sent = self.sequence;
         for _ in 0..ATTEMPTS {
@@ -326,7 +326,7 @@ impl Host {
                 return;
             }
         }
-        // The unit has started anew and nobody has heard it say so: it knows nothing of the session.
+        // The unit has restarted without the host noticing: it does not know the session.
         self.cut_off();
     }
 

@@ -1,6 +1,6 @@
-//! Memory of this process.
+//! Memory use of this process.
 
-/// Bytes that are in memory now; 0 where the system does not tell.
+/// Resident memory (bytes); 0 if the system does not report it.
 pub fn resident() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));

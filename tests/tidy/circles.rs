@@ -1,4 +1,5 @@
-//! No circles of imports: files that need each other are one thing in two files, or hold what belongs elsewhere.
+//! No import cycles: files that depend on each other are one thing in two files, or contain something that belongs
+//! elsewhere.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -11,13 +12,13 @@ use serde_json::Value;
 
 use crate::tidy::modules::{Crate, Import};
 
-/// Environment variable with the name of the one package to look at.
+/// Environment variable that restricts the test to one package.
 const ONLY: &str = "TIDY_PACKAGE";
 
 /// Workspaces of the project.
 const MANIFESTS: [&str; 2] = ["Cargo.toml", "firmware/boards/stm32f405/Cargo.toml"];
 
-/// The first files of all crates, with the names of their packages.
+/// Root files of all crates, with the names of their packages.
 fn crates() -> Vec<(String, PathBuf)> {
     let mut found = Vec::new();
     for manifest in MANIFESTS {
@@ -43,7 +44,7 @@ fn crates() -> Vec<(String, PathBuf)> {
     found
 }
 
-/// Groups of files that name each other, with the imports among them.
+/// Groups of files that depend on each other, with the imports among them.
 fn circles(imports: &[Import]) -> Vec<Vec<&Import>> {
     let mut graph = DiGraph::<&Path, ()>::new();
     let mut nodes = BTreeMap::new();
@@ -137,7 +138,7 @@ fn crate_of(files: &[(&str, &str)]) -> (tempfile::TempDir, Crate) {
     (folder, tree)
 }
 
-/// Lines `from -> to` of imports that make a circle.
+/// Imports that form a cycle, as lines `from -> to`.
 fn found(files: &[(&str, &str)]) -> Vec<String> {
     let (folder, tree) = crate_of(files);
     let imports = tree.imports();
@@ -193,7 +194,7 @@ fn a_parent_and_its_child_are_a_circle_where_each_uses_the_other() {
 
 #[test]
 fn a_name_leads_to_the_file_that_defines_it() {
-    // The root re-exports both; that is no use of its own.
+    // The root re-exports both, which does not count as a dependency.
     let lib = ("lib.rs", "mod a; mod b; pub use a::A; pub use b::B;");
     let a = ("a.rs", "pub struct A;");
     let b = ("b.rs", "use crate::A; pub struct B(A);");

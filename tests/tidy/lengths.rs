@@ -1,4 +1,4 @@
-//! Functions that read as their own summary: those of TypeScript are measured by the page's linter.
+//! Length limits of functions; those of TypeScript are measured by the page's linter.
 
 use std::ffi::OsStr;
 use std::path::Path;
@@ -8,9 +8,9 @@ use syn::visit::{self, Visit};
 
 use super::modules::is_cfg_test;
 
-/// Longest function, from its opening brace to its closing one. Longer ones are usually several.
+/// Longest function, from opening to closing brace. Longer ones usually do several things.
 const LINE_LIMIT: usize = 75;
-/// Longest function of a test: a table of cases reads well in one piece.
+/// Longest function of a test, where a long table of cases is acceptable.
 const TEST_LINE_LIMIT: usize = 120;
 
 /// A function and its length.
@@ -71,7 +71,7 @@ impl<'a> Visit<'a> for Functions {
     }
 }
 
-/// The functions of a file of the project.
+/// Functions of a source file.
 fn functions(path: &Path, text: &str) -> Vec<Function> {
     let syntax =
         syn::parse_file(text).unwrap_or_else(|error| panic!("{}: {error}", path.display()));

@@ -1,4 +1,4 @@
-//! The files of every crate as modules, and which of them names which: the imports of a file as the compiler sees them.
+//! The module tree of every crate, and which files refer to which, with imports resolved like the compiler does.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -7,15 +7,15 @@ use std::path::{Path, PathBuf};
 use proc_macro2::{Span, TokenStream, TokenTree};
 use syn::visit::{self, Visit};
 
-/// Longest chain of re-exports that is followed.
+/// Longest chain of re-exports to follow.
 const LONGEST_CHAIN: usize = 16;
 
-/// A place where one file names another.
+/// A reference from one file to another.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Import {
-    /// The file that names.
+    /// The referring file.
     pub(crate) from: PathBuf,
-    /// The file that defines what is named.
+    /// The file that defines the item.
     pub(crate) to: PathBuf,
     /// Line in `from`, from 1.
     pub(crate) line: usize,
@@ -32,15 +32,15 @@ struct Module {
     items: BTreeSet<String>,
     aliases: BTreeMap<String, Vec<String>>,
     globs: Vec<Vec<String>>,
-    /// What the module names.
+    /// Paths that the module refers to.
     named: Vec<Named>,
 }
 
-/// A path that a module names.
+/// A path that a module refers to.
 struct Named {
     path: Vec<String>,
     line: usize,
-    /// Whether a path of one word may be a module; a variable of the same name is more likely in an expression.
+    /// Whether a path of one word may be a module; in an expression it is more likely a variable of the same name.
     may_be_module: bool,
 }
 
@@ -49,7 +49,7 @@ pub(crate) struct Crate {
     modules: Vec<Module>,
 }
 
-/// What a name stands for: a module, or an item that a module defines.
+/// The meaning of a name: a module, or an item defined in a module.
 enum Meaning {
     Module(usize),
     Item(usize),
@@ -72,7 +72,7 @@ impl Crate {
         files.collect()
     }
 
-    /// Every place where one file of the crate names what another one defines.
+    /// All references from one file of the crate to another.
     pub(crate) fn imports(&self) -> Vec<Import> {
         let mut imports = Vec::new();
         for (module, content) in self.modules.iter().enumerate() {
@@ -117,7 +117,7 @@ impl Crate {
         self.modules.len() - 1
     }
 
-    /// Takes the items of a module; files of its children lie in `folder`.
+    /// Adds the items of a module; files of its children lie in `folder`.
     fn fill(&mut self, module: usize, folder: &Path, items: &[syn::Item]) {
         for item in items {
             if let syn::Item::Mod(child) = item {
@@ -135,7 +135,7 @@ impl Crate {
     fn add_child(&mut self, parent: usize, folder: &Path, item: &syn::ItemMod) {
         let name = item.ident.to_string();
         let child = if let Some((_, items)) = &item.content {
-            // Tests in a file import for the tests only. Tests in files of their own are files as all others.
+            // Test modules within a file import for tests only. Tests in separate files are treated like other files.
             if is_cfg_test(&item.attrs) {
                 return;
             }
@@ -159,7 +159,7 @@ impl Crate {
         self.modules[parent].children.insert(name, child);
     }
 
-    /// What a path stands for that `module` names.
+    /// Resolves a path in `module`.
     fn meaning(&self, module: usize, path: &[String], chain: usize) -> Option<Meaning> {
         let (first, mut rest) = path.split_first()?;
         let mut place = match first.as_str() {
@@ -177,7 +177,7 @@ impl Crate {
                 name => match self.lookup(place, name, after.is_empty(), chain) {
                     Some(Meaning::Module(place)) => place,
                     Some(item) => return Some(item),
-                    // From a macro or an extern crate: whoever has it is not known, the module at hand is named.
+                    // From a macro or an extern crate: the owner is unknown, so the current module is assumed.
                     None => return Some(Meaning::Item(place)),
                 },
             };
@@ -186,7 +186,7 @@ impl Crate {
         Some(Meaning::Module(place))
     }
 
-    /// What a name stands for in a module; `last` where nothing follows it in its path.
+    /// Resolves a name in a module; `last` if it ends its path.
     fn lookup(&self, module: usize, name: &str, last: bool, chain: usize) -> Option<Meaning> {
         let chain = chain.checked_sub(1)?;
         let content = &self.modules[module];
@@ -217,7 +217,7 @@ impl Crate {
     }
 }
 
-/// Collects what the items of a module name.
+/// Collects the paths that the items of a module refer to.
 struct Names<'a> {
     module: &'a mut Module,
 }
@@ -261,14 +261,14 @@ impl Names<'_> {
     }
 
     fn alias(&mut self, name: String, path: Vec<String>, at: Span) {
-        // `use name;` of an extern crate would stand for itself.
+        // `use name;` of an extern crate would resolve to itself.
         if path.as_slice() != [name.clone()] {
             self.module.aliases.insert(name, path.clone());
         }
         self.name(path, at, true);
     }
 
-    /// Paths in the tokens of a macro, which the parser leaves alone.
+    /// Paths in macro tokens, which the parser does not process.
     fn tokens(&mut self, tokens: TokenStream, of_item: bool) {
         let mut path: Vec<String> = Vec::new();
         let mut begin = None;
@@ -300,7 +300,7 @@ impl Names<'_> {
 
     fn end_of(&mut self, path: &mut Vec<String>, begin: Option<Span>, of_item: bool) {
         let path = core::mem::take(path);
-        // Such a word alone says who sees an item.
+        // Such a word alone is a visibility.
         let of_visibility = matches!(path.as_slice(), [word] if word == "super" || word == "crate");
         if let (Some(span), false, false) = (begin, path.is_empty(), of_visibility) {
             self.name(path, span, of_item);
@@ -333,7 +333,7 @@ impl<'a> Visit<'a> for Names<'_> {
         self.tokens(item.mac.tokens.clone(), true);
     }
 
-    // `pub(in path)` and attributes name nothing that is used.
+    // Paths in `pub(in path)` and attributes are not dependencies.
     fn visit_visibility(&mut self, _: &'a syn::Visibility) {}
     fn visit_attribute(&mut self, _: &'a syn::Attribute) {}
 }
@@ -350,7 +350,7 @@ pub(crate) fn is_cfg_test(attributes: &[syn::Attribute]) -> bool {
     })
 }
 
-/// The file that `#[path = "…"]` names.
+/// The file given by `#[path = "…"]`.
 fn path_attribute(attributes: &[syn::Attribute]) -> Option<String> {
     attributes.iter().find_map(|attribute| {
         let syn::Meta::NameValue(pair) = &attribute.meta else {

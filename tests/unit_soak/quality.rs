@@ -1,4 +1,4 @@
-//! What estimates of a part of a flight are worth.
+//! Quality of the estimates over a part of a flight.
 
 use std::fmt;
 
@@ -21,7 +21,7 @@ impl Quality {
     pub const HEAD: &str = "estimates | doubtful, lost, % | NIS of a channel | muscle input: error, stated | damping: error, stated |";
     pub const RULE: &str = "---|---|---|---|---|";
 
-    /// Takes in an estimate of these true inputs: muscle input, then damping.
+    /// Adds an estimate with its true inputs: muscle input, then damping.
     pub fn take(&mut self, estimate: &Estimate, truth: &[f64; 6]) {
         self.estimates += 1;
         let has = |flag| u32::from(estimate.flags.contains(flag));
@@ -39,19 +39,19 @@ impl Quality {
         sum / f64::from(self.estimates)
     }
 
-    /// Root mean square of an axis.
+    /// Root mean square over an axis.
     fn of_axes(&self, sum: f64) -> f64 {
         (self.mean(sum) / 3.0).sqrt()
     }
 
-    /// Whether estimates are as good as in the first part of the flight, which has the start in it.
+    /// Checks that estimates are as good as in the first part of the flight, which includes the start.
     ///
     /// # Panics
-    /// Panics if not.
+    /// Panics if they are not.
     pub fn check(&self, first: &Self) {
         assert_eq!(self.lost, 0, "{self:?}");
         assert!(self.doubtful * 20 <= self.estimates, "{self:?}");
-        // One, where noise is what the filter takes it for.
+        // One, if the noise is what the filter assumes.
         assert!(
             (0.8..1.2).contains(&self.mean(self.innovations)),
             "{self:?}"

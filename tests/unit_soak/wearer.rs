@@ -1,4 +1,4 @@
-//! A wearer in belly flight who moves an arm for ever, flown by the model, as noisy sensors see it.
+//! A wearer in belly flight who moves an arm continuously, simulated by the model, as noisy sensors measure it.
 
 use bodyflight_core::Posture;
 use bodyflight_core::aerodynamics::Aerodynamics;
@@ -14,7 +14,7 @@ use nalgebra::Vector3;
 
 const STEP: f64 = 1.0 / RATE as f64;
 
-/// Samples from one swing of the arm to the next.
+/// Period of the arm's swing (samples).
 const SWING: u32 = 750;
 
 pub struct Wearer {
@@ -35,12 +35,12 @@ impl Wearer {
         }
     }
 
-    /// What a unit must know of the wearer.
+    /// Configuration of a unit for the wearer.
     pub fn table() -> SegmentTable {
         SegmentTable::of(&arm_swing::body::<f32>(), &Aerodynamics::paper())
     }
 
-    /// What the wearer's muscles and the air's damping do all the time: pitch, yaw, roll of both.
+    /// The constant muscle input and damping: pitch, yaw, roll of both.
     pub fn truth() -> [f64; 6] {
         let Inputs {
             muscle, damping, ..
@@ -80,7 +80,7 @@ impl Wearer {
         Sample::new(&posture(self.number - 1), &attitude.cast(), &seen)
     }
 
-    /// Twelve uniform numbers make one that is as good as normal here.
+    /// The sum of twelve uniform numbers is close enough to normal here.
     fn noise(&mut self, deviation: [f64; 3]) -> Vector3<f64> {
         let mut normal = || (0..12).map(|_| f64::from(self.random.bits())).sum::<f64>();
         let whole = f64::from(u32::MAX);

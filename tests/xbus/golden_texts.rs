@@ -1,4 +1,4 @@
-//! Five logs of a real sensor against the texts another decoder made of them.
+//! Compares five logs of a real sensor with the output of another decoder.
 
 use bodyflight_core::xbus::{GnssPvt, Item, UtcTime};
 
@@ -118,7 +118,7 @@ fn five_recordings_decode_to_their_golden_texts() {
             assert_eq!(lines.next(), None, "log {log}: an item was not decoded");
         }
     }
-    // As many as there are titles in the golden texts.
+    // As many as the golden texts have titles.
     assert_eq!((compared, solutions), (5_588, 19));
 }
 
@@ -139,7 +139,7 @@ fn assert_golden(item: &Item<'_>, values: &[&str]) {
             assert_eq!(u32::from_str_radix(values[0], 2), Ok(status.0));
         }
         Item::GnssPvt(pvt) => assert_eq!(pvt_fields(pvt), whole()),
-        // Satellites are stepped over by size: here only that the item is whole.
+        // Satellites are skipped by size: this only checks that the item is complete.
         Item::Unknown(raw) => assert_eq!(raw.data.len(), 8 + 4 * usize::from(raw.data[4])),
         _ => {
             let expected: Vec<f64> = values

@@ -27,7 +27,7 @@ fn every_known_packet_decodes_to_its_known_contents() {
         assert_eq!(vector["mid"], packet.message_id.0, "{name}");
         assert_eq!(vector["len"], packet.data.len(), "{name}");
 
-        // The writer makes the same bytes.
+        // The writer produces the same bytes.
         let mut again = [0; MAX_PACKET_LENGTH];
         let mut writer = PacketWriter::new(&mut again, packet.message_id);
         writer.data(&packet.data).expect("it fits");
