@@ -27,6 +27,7 @@ mod tune;
 mod unit;
 mod validate;
 mod view;
+mod watch;
 
 use std::process::ExitCode;
 

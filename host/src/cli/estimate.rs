@@ -87,7 +87,7 @@ Ends with exit code 5, and a sentence, where a channel is reconstructed worse th
 consistency is lost for more than a second, or doubtful for a quarter of the time; files are written all the same.";
 
 #[derive(clap::ValueEnum, Clone, Copy)]
-enum MethodName {
+pub(super) enum MethodName {
     /// Forward, as the unit does.
     Filter,
     /// What later measurements say of earlier inputs: error bars are smaller, and nothing comes late.
@@ -96,7 +96,7 @@ enum MethodName {
 
 impl MethodName {
     /// The method of the library.
-    const fn method(self) -> Method {
+    pub(super) const fn method(self) -> Method {
         match self {
             Self::Filter => Method::Filter,
             Self::Smooth => Method::Smooth,

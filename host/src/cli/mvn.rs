@@ -1,7 +1,7 @@
 //! `bodyflight mvn`.
 
 use std::net::IpAddr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use bodyflight::diagnostic::{Problem, Result};
@@ -9,15 +9,19 @@ use bodyflight::formats::flight::Flight;
 use bodyflight::formats::mvn_network::{
     AngularUnit, Options, Receiver, Sink, Source, Speed, replay,
 };
-use bodyflight::formats::recording;
+use bodyflight::formats::recording::{self, FlightFrame};
 use bodyflight::interrupt;
+use bodyflight::verbs::view::live::{LiveView, Received};
 use clap::Subcommand;
 use serde_json::json;
 
 use super::terminal;
+use super::watch::Watch;
 
 /// Time between two lines of rates.
 const REPORT_PERIOD: Duration = Duration::from_secs(1);
+/// Time between two pictures of a page.
+const LOOK_PERIOD: Duration = Duration::from_millis(33);
 /// Longest wait between looks at the clock.
 const PATIENCE: Duration = Duration::from_millis(100);
 
@@ -55,7 +59,8 @@ struct Send {
 #[command(
     after_help = "In MVN: Options, Network Streamer, this machine's address, port 9763, quaternions (02);\n\
                   add linear and angular segment kinematics for exact velocities.\n\
-                  Example: bodyflight mvn listen --bind :9763 --json"
+                  Examples:\n  bodyflight mvn listen --bind :9763 --json\n  \
+                  bodyflight mvn listen --view --flight flight.toml   (a simulated body beside the measured one)"
 )]
 struct Listen {
     /// Where to listen: HOST:PORT, or :PORT on all networks. MVN on another machine needs one of these.
@@ -73,6 +78,11 @@ struct Listen {
     /// End after this many frames.
     #[arg(long)]
     frames: Option<u64>,
+    /// Who is listened to, and in what air, for --view: a flight.toml; a default person where absent.
+    #[arg(long, requires = "view", value_name = "TOML")]
+    flight: Option<PathBuf>,
+    #[command(flatten)]
+    watch: Watch,
 }
 
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
@@ -135,11 +145,23 @@ fn listen(args: &Listen, json: bool) -> Result<()> {
     } else {
         terminal::line(&format!("listening at {address}"))
     };
+    let flight = match &args.flight {
+        Some(path) => Flight::read(path)?,
+        None => Flight::bare(Path::new("MVN")),
+    };
+    let mut page = Page {
+        view: args.watch.begin(&flight, args.flight.as_ref())?,
+        shown: Instant::now(),
+    };
     let mut reported = (Instant::now(), 0);
     let mut frames = 0;
     while goes_on && !interrupt::requested() && args.frames.is_none_or(|limit| frames < limit) {
         match source.next_within(PATIENCE) {
-            Ok(frame) => frames += u64::from(frame.is_some()),
+            Ok(None) => {}
+            Ok(Some(frame)) => {
+                frames += 1;
+                page.take(&frame, frames, source.receiver())?;
+            }
             // Here Ctrl-C is the regular end.
             Err(_) if interrupt::requested() => break,
             Err(problem) => return Err(problem),
@@ -162,6 +184,34 @@ fn listen(args: &Listen, json: bool) -> Result<()> {
         }
     }
     print_totals(frames, source.receiver(), json)
+}
+
+/// Samples that never came, or not whole.
+fn lost(receiver: &Receiver) -> u64 {
+    let counters = receiver.counters();
+    (counters.samples + counters.missing_samples).saturating_sub(counters.frames)
+}
+
+/// The page, where there is one, and when it was last shown something.
+struct Page {
+    view: Option<LiveView>,
+    shown: Instant,
+}
+
+impl Page {
+    /// Takes the page on to a frame, the last of so many.
+    fn take(&mut self, frame: &FlightFrame, frames: u64, receiver: &Receiver) -> Result<()> {
+        let Some(view) = &mut self.view else {
+            return Ok(());
+        };
+        view.follow(frame)?;
+        if self.shown.elapsed() < LOOK_PERIOD {
+            return Ok(());
+        }
+        self.shown = Instant::now();
+        let lost = lost(receiver);
+        view.show(frame, None, Some(Received { frames, lost }))
+    }
 }
 
 /// What was received in all.
@@ -201,7 +251,7 @@ fn unit(unit: AngularUnit) -> &'static str {
 fn summary(frames: u64, receiver: &Receiver) -> String {
     let counters = receiver.counters();
     let expected = counters.samples + counters.missing_samples;
-    let lost = expected.saturating_sub(counters.frames);
+    let lost = lost(receiver);
     #[expect(clippy::cast_precision_loss, reason = "counts of samples")]
     let share = if expected > 0 {
         100.0 * lost as f64 / expected as f64

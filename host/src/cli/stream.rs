@@ -1,5 +1,6 @@
 //! `bodyflight stream`.
 
+use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -12,12 +13,10 @@ use bodyflight::unit::monitor::Defmt;
 use bodyflight::unit::stream::connection::{DEFAULT_BAUD, Target};
 use bodyflight::unit::stream::report::Report;
 use bodyflight::unit::stream::{Pace, Settings, stream};
-use bodyflight::verbs::view::live::LiveView;
-use bodyflight::verbs::view::page::Provenance;
 use bodyflight_core::link::fault::Faults;
 
 use super::simulate::Reading;
-use super::view::{command, open};
+use super::watch::Watch;
 use super::{estimate, terminal};
 
 /// Stream a flight to a unit, and compare its estimates with the same filter here, bit for bit.
@@ -77,12 +76,8 @@ pub(super) struct Args {
     /// Effects to extend the model by: a model.toml; those that change the body.
     #[arg(long, value_name = "TOML")]
     model: Option<PathBuf>,
-    /// Show the stream as it goes: a page for a browser on this machine.
-    #[arg(long)]
-    view: bool,
-    /// Open that page in a browser.
-    #[arg(long, requires = "view")]
-    open: bool,
+    #[command(flatten)]
+    watch: Watch,
     #[command(flatten)]
     reading: Reading,
 }
@@ -195,7 +190,15 @@ fn run_frames(
 ) -> Result<()> {
     // The image itself says what the unit's logs mean.
     let mut logs = args.qemu.as_deref().map(Defmt::open).transpose()?;
-    let mut view = args.view.then(|| live_view(args, flight)).transpose()?;
+    // Every frame moves the simulated body of the page, every look shows it.
+    let view = RefCell::new(args.watch.begin(flight, args.flight.as_ref())?);
+    let frames = frames.map(|frame| {
+        let frame = frame?;
+        if let Some(view) = &mut *view.borrow_mut() {
+            view.follow(&frame)?;
+        }
+        Ok(frame)
+    });
     let spinner = terminal::spinner("streaming");
     let report = stream(
         flight,
@@ -203,8 +206,8 @@ fn run_frames(
         frames,
         settings,
         |live, frame| {
-            if let Some(view) = &mut view {
-                view.show(live, frame)?;
+            if let Some(view) = &*view.borrow() {
+                view.show(frame, Some(*live), None)?;
             }
             spinner.set_message(format!(
                 "{:.0} s, {} sent, {} estimates, {:.1} ms, missing {}, dropped {}, late {}",
@@ -234,27 +237,6 @@ fn run_frames(
         print_report(&report);
     }
     report.verdict()
-}
-
-/// Opens the page and waits until a browser shows it.
-fn live_view(args: &Args, flight: &Flight) -> Result<LiveView> {
-    let name = args.flight.as_ref().and_then(|path| path.file_name());
-    let title = name.map_or_else(
-        || "MVN".to_owned(),
-        |name| name.to_string_lossy().into_owned(),
-    );
-    let files: Vec<&Path> = args.flight.iter().map(PathBuf::as_path).collect();
-    let view = LiveView::start(flight, title, Provenance::of(command(), &files)?)?;
-    terminal::note(&format!(
-        "live at {} (the stream waits for the page)",
-        view.url()
-    ));
-    let doorway = args.open.then(|| view.doorway()).transpose()?;
-    if let Some(doorway) = &doorway {
-        open(doorway.path());
-    }
-    view.await_page()?;
-    Ok(view)
 }
 
 fn print_report(report: &Report) {

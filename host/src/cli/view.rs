@@ -8,12 +8,14 @@ use bodyflight::formats::input;
 use bodyflight::formats::model_file::Effects;
 use bodyflight::formats::recording::Options;
 use bodyflight::output::files::write_file;
+use bodyflight::verbs::view::estimated::estimated;
 use bodyflight::verbs::view::page::{PageData, Provenance, html};
 use bodyflight::verbs::view::run::{Run, fly};
 use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::Value;
 
+use super::estimate::MethodName;
 use super::outputs::Outputs;
 use super::several::name_of;
 use super::simulate::Reading;
@@ -23,6 +25,7 @@ use super::terminal::{self, FlightBar};
 #[derive(clap::Args)]
 #[command(
     after_help = "Examples:\n  bodyflight view flight.toml --out flight.html --open\n  \
+                  bodyflight view turn-1 turn-2 --estimate\n  \
                   bodyflight view flight.toml --model found/model.toml --discovery found/report.json\n\n\
                   With --model a second run with the effects is shown beside the plain one."
 )]
@@ -39,6 +42,9 @@ pub(super) struct Args {
     /// The report.json of bodyflight discover, shown beside the flights.
     #[arg(long, value_name = "JSON")]
     discovery: Option<PathBuf>,
+    /// Estimate muscle input and damping, and show them with two standard deviations; =smooth takes the whole flight at once.
+    #[arg(long, value_enum, value_name = "METHOD", num_args = 0..=1, require_equals = true, default_missing_value = "filter")]
+    estimate: Option<MethodName>,
     /// Open the page in a browser.
     #[arg(long)]
     open: bool,
@@ -102,7 +108,14 @@ fn page(args: &Args) -> Result<PageData> {
             files.push(flight.recording.clone());
         }
         let name = name_of(path);
-        runs.push(flown(&name, &flight, options)?);
+        let mut run = flown(&name, &flight, options)?;
+        if let Some(method) = args.estimate {
+            let bar = FlightBar::new("estimating", &flight);
+            let found = estimated(&flight, method.method(), options, |time| bar.at(time));
+            bar.end();
+            run.estimated = Some(found?);
+        }
+        runs.push(run);
         if let Some(effects) = &effects {
             flight.effects = effects.clone();
             let name = format!("{name}, extended model");

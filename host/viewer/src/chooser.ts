@@ -12,7 +12,7 @@ export function chooser(all: PlotSpec[], plots: Plots): HTMLElement {
   };
   for (const spec of all) {
     const box = element("input", { type: "checkbox", "aria-label": `show ${spec.title}` });
-    box.checked = true;
+    box.checked = !spec.aside;
     box.addEventListener("change", apply);
     const item = element("li", { "data-key": spec.key });
     const move = (name: string, sign: string, by: (item: Element) => void) =>

@@ -66,6 +66,17 @@ export async function unpack(packed: Packed): Promise<Columns> {
   return columns;
 }
 
+/** The last of growing times that is not after a time; the first where all are. */
+export function rowAt(times: ArrayLike<number>, time: number): number {
+  let [low, high] = [0, times.length - 1];
+  while (low < high) {
+    const middle = (low + high + 1) >> 1;
+    if (times[middle] <= time) low = middle;
+    else high = middle - 1;
+  }
+  return low;
+}
+
 /** The short way between two angles. */
 export function wrapped(angle: number): number {
   return angle - 2 * Math.PI * Math.round(angle / (2 * Math.PI));

@@ -1,6 +1,6 @@
 // A run of the replay, decoded: numbers at rows, and the picture between them.
 import { unwrapped, unwrappedBeside } from "./channels";
-import { type Columns, unpack, wrapped } from "./data";
+import { type Columns, rowAt, unpack, wrapped } from "./data";
 import { between, type Picture, type Quaternion, type Vector } from "./figure";
 import { CHANNELS, type Run } from "./types";
 
@@ -10,12 +10,15 @@ export class Flight {
   private constructor(
     readonly run: Run,
     readonly columns: Columns,
+    /** Estimated inputs, at times of their own. */
+    readonly estimated: Columns | null,
   ) {
     this.time = this.list("time_s")[0];
   }
 
   static async of(run: Run): Promise<Flight> {
-    return new Flight(run, await unpack(run.series));
+    const estimated = run.estimated && (await unpack(run.estimated.series));
+    return new Flight(run, await unpack(run.series), estimated);
   }
 
   list(name: string): Float64Array[] {
@@ -26,15 +29,8 @@ export class Flight {
     return this.time[this.time.length - 1];
   }
 
-  /** The last row at or before a time. */
   row(time: number): number {
-    let [low, high] = [0, this.time.length - 1];
-    while (low < high) {
-      const middle = (low + high + 1) >> 1;
-      if (this.time[middle] <= time) low = middle;
-      else high = middle - 1;
-    }
-    return low;
+    return rowAt(this.time, time);
   }
 
   /** A channel as it is plotted: angles go on where they would jump. */

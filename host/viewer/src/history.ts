@@ -1,6 +1,7 @@
 // What a live stream has shown so far, to plot and to scroll back.
+import type { Layout } from "./layout";
 import type { PlotSpec } from "./plots";
-import type { Live } from "./types";
+import { CHANNELS, type Look } from "./types";
 
 /** Looks that are kept. */
 const KEPT = 30 * 60 * 10;
@@ -8,10 +9,14 @@ const STATES = ["muscle pitch", "muscle yaw", "muscle roll", "damping pitch", "d
 /** Time over which the rate of looks is taken (ms). */
 const RATE_SPAN = 2000;
 
+/** Channels shown, by their place in CHANNELS: of the measured body and the simulated one. */
+const SHOWN = [2, 1, 0, 5, 6];
+
 export class LiveHistory {
-  readonly looks: Live[] = [];
+  readonly looks: Look[] = [];
   readonly frames: Float32Array[] = [];
   private readonly latency: number[] = [];
+  private readonly bodies = SHOWN.map(() => ({ measured: [] as number[], simulated: [] as number[] }));
   private readonly states = STATES.map(() => ({ value: [] as number[], spread: [] as number[] }));
   private arrived: number[] = [];
 
@@ -19,13 +24,21 @@ export class LiveHistory {
     this.frames.push(frame);
   }
 
-  take(look: Live): void {
+  constructor(private readonly layout: Layout) {}
+
+  take(look: Look): void {
     if (this.looks.length >= KEPT) this.forgetFirst();
     this.looks.push(look);
-    this.latency.push(look.latency_ms ?? NaN);
+    this.latency.push(look.stream?.latency_ms ?? NaN);
+    const frame = this.frames[this.frames.length - 1];
+    for (const [n, { measured, simulated }] of this.bodies.entries()) {
+      measured.push(frame ? this.layout.part(frame, "measured")[SHOWN[n]] : NaN);
+      simulated.push(frame && look.avatar ? this.layout.part(frame, "observation")[SHOWN[n]] : NaN);
+    }
+    const estimate = look.stream?.estimate;
     for (const [k, list] of this.states.entries()) {
-      const value = look.estimate?.state[k] ?? NaN;
-      const sigma = Math.sqrt(look.estimate?.variance[k] ?? NaN);
+      const value = estimate?.state[k] ?? NaN;
+      const sigma = Math.sqrt(estimate?.variance[k] ?? NaN);
       list.value.push(value);
       list.spread.push(2 * sigma);
     }
@@ -59,11 +72,28 @@ export class LiveHistory {
         lines: [{ label: "estimate", ink: "simulated", values: value, spread }],
       };
     });
-    return [latency, ...states];
+    const bodies = SHOWN.map((k, n): PlotSpec => {
+      const { key, label: title, unit } = CHANNELS[k];
+      const { measured, simulated } = this.bodies[n];
+      return {
+        key,
+        title,
+        unit,
+        lines: [
+          { label: "measured", ink: "measured", values: measured },
+          { label: "simulated", ink: "simulated", dash: [6, 3], values: simulated },
+        ],
+      };
+    });
+    const isUnit = this.looks.some((look) => look.stream);
+    return isUnit ? [...bodies, latency, ...states] : bodies;
   }
 
   private forgetFirst(): void {
-    const lists = this.states.flatMap(({ value, spread }) => [value, spread]);
+    const lists = [
+      ...this.states.flatMap(({ value, spread }) => [value, spread]),
+      ...this.bodies.flatMap(({ measured, simulated }) => [measured, simulated]),
+    ];
     for (const list of [this.looks, this.frames, this.latency, ...lists]) list.shift();
   }
 }

@@ -40,7 +40,12 @@ export class Layout {
         position: vector("position_m"),
         attitude: [...this.part(frame, "inertial_from_body")] as Quaternion,
       },
-      measured: null,
+      measured: this.places.has("measured_attitude")
+        ? {
+            position: vector("measured_position_m"),
+            attitude: [...this.part(frame, "measured_attitude")] as Quaternion,
+          }
+        : null,
       segments: { attitude: each("body_from_segment", 4), cg: each("cg_m", 3), force: each("force_n", 3) },
       cg: vector("cg_m"),
       wind: vector("air_velocity_mps"),

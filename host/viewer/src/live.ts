@@ -1,4 +1,4 @@
-// Live: what bodyflight stream --view sends while it streams.
+// Live: what bodyflight stream --view and mvn listen --view send while they go on, with a simulated body beside the measured one.
 
 import { button, element } from "./dom";
 import { CAMERA_KEYS, help } from "./help";
@@ -8,7 +8,7 @@ import { Layout } from "./layout";
 import { Plots } from "./plots";
 import { provenance, shell } from "./shell";
 import { Stage } from "./stage";
-import type { FlyData, Live, PageData } from "./types";
+import type { FlyData, Look, PageData } from "./types";
 
 /** Plots are slower than the picture: one in so many milliseconds. */
 const PLOT_INTERVAL = 500;
@@ -24,8 +24,8 @@ export function live(data: PageData): void {
 
 /** The page of a stream. */
 class LiveView {
-  private readonly history = new LiveHistory();
   private readonly layout: Layout;
+  private readonly history: LiveHistory;
   private readonly stage: Stage;
   private readonly instruments = new Instruments();
   private readonly numbers = element("dl", { id: "numbers" });
@@ -41,6 +41,7 @@ class LiveView {
   private readonly cost = element("span", { class: "faint", id: "cost" });
   private readonly place = element("div");
   private plots: Plots | null = null;
+  private socket: WebSocket | null = null;
   private plotted = 0;
   /** The look that is shown. */
   private shown = 0;
@@ -51,14 +52,21 @@ class LiveView {
   constructor(data: PageData, flight: FlyData) {
     const { header, main, aside, footer } = shell(data);
     this.layout = new Layout(flight);
-    this.stage = new Stage(main, flight, false);
+    this.history = new LiveHistory(this.layout);
+    this.stage = new Stage(main, flight, true);
     this.stage.listenToKeys();
     this.hold = button("pause", "Stop the picture; the stream goes on", () => this.stop(!this.paused));
     this.slider.addEventListener("input", () => {
       this.stop(true);
       this.shown = Number(this.slider.value);
     });
-    header.append(this.state, element("span", { style: "flex:1" }), help(["Picture", CAMERA_KEYS]));
+    const again = "The simulated body takes the measured motion once more, and flies on by itself";
+    header.append(
+      this.state,
+      element("span", { style: "flex:1" }),
+      button("begin anew", again, () => this.socket?.send(new Uint8Array([1]))),
+      help(["Picture", CAMERA_KEYS]),
+    );
     main.append(this.instruments.place);
     footer.append(this.hold, this.slider, this.cost);
     aside.append(this.numbers, this.place, provenance(data));
@@ -67,6 +75,7 @@ class LiveView {
   listen(): void {
     const socket = new WebSocket(`ws://${location.host}${location.pathname}socket`);
     socket.binaryType = "arraybuffer";
+    this.socket = socket;
     socket.onopen = () => {
       this.state.textContent = "streaming";
     };
@@ -76,10 +85,12 @@ class LiveView {
     socket.onmessage = (event) => {
       if (event.data instanceof ArrayBuffer) {
         this.history.takeFrame(new Float32Array(event.data));
-      } else {
-        this.history.take(JSON.parse(String(event.data)) as Live);
-        this.dirty = true;
+        return;
       }
+      const told = JSON.parse(String(event.data)) as Look | { note: string };
+      if ("note" in told) return;
+      this.history.take(told);
+      this.dirty = true;
     };
   }
 
@@ -113,7 +124,8 @@ class LiveView {
       this.ground ??= picture.simulated.position[2] - GROUND_BELOW;
       this.stage.drawer.ground = this.ground;
       this.stage.draw(picture);
-      this.instruments.show(reading(this.layout.part(frame, "observation")), null);
+      const measured = reading(this.layout.part(frame, "measured"));
+      this.instruments.show(reading(this.layout.part(frame, "observation")), measured, [said(look)]);
     }
     this.numbers.replaceChildren(...rows(look, rate));
     this.cost.textContent = `${this.stage.cost.toFixed(1)} ms to draw`;
@@ -123,7 +135,7 @@ class LiveView {
     }
   }
 
-  private plot(look: Live): void {
+  private plot(look: Look): void {
     const time = this.history.time;
     if (this.plots) this.plots.update(time);
     else if (time.length > 1) this.plots = new Plots({ place: this.place, time, seek: () => {} }, this.history.specs());
@@ -131,19 +143,28 @@ class LiveView {
   }
 }
 
+/** What the simulated body is. */
+function said({ time_s, avatar }: Look): string {
+  if (!avatar) return "no simulated body: the stream has no velocities yet";
+  const again = avatar.restarts ? `, begun anew ${avatar.restarts} times` : "";
+  return `simulated from the postures alone for ${(time_s - avatar.since_s).toFixed(0)} s${again}`;
+}
+
 /** The numbers of a look, as rows of a list. */
-function rows(look: Live, rate: number): HTMLElement[] {
-  const numbers: [string, string][] = [
-    ["time", `${look.time_s.toFixed(1)} s`],
-    ["samples sent", String(look.sent)],
-    ["estimates", String(look.estimates)],
-    ["latency", look.latency_ms === null ? "none yet" : `${look.latency_ms.toFixed(2)} ms`],
-    ["missing", String(look.missing)],
-    ["dropped", String(look.dropped)],
-    ["deadlines missed", String(look.deadline_missed)],
-    ["NIS", look.estimate ? look.estimate.nis.toFixed(2) : ""],
-    ["frames a second", rate.toFixed(1)],
-  ];
+function rows({ time_s, stream, received }: Look, rate: number): HTMLElement[] {
+  const numbers: [string, string][] = [["time", `${time_s.toFixed(1)} s`]];
+  if (received) numbers.push(["frames received", String(received.frames)], ["samples lost", String(received.lost)]);
+  if (stream)
+    numbers.push(
+      ["samples sent", String(stream.sent)],
+      ["estimates", String(stream.estimates)],
+      ["latency", stream.latency_ms === null ? "none yet" : `${stream.latency_ms.toFixed(2)} ms`],
+      ["missing", String(stream.missing)],
+      ["dropped", String(stream.dropped)],
+      ["deadlines missed", String(stream.deadline_missed)],
+      ["NIS", stream.estimate ? stream.estimate.nis.toFixed(2) : ""],
+    );
+  numbers.push(["frames a second", rate.toFixed(1)]);
   return numbers.flatMap(([name, value]) => [
     element("dt", {}, name),
     element("dd", { id: name.replaceAll(" ", "-") }, value),

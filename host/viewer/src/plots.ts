@@ -2,6 +2,7 @@
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
 import { type Shown, shown } from "./channels";
+import { rowAt } from "./data";
 import { button, colour, element } from "./dom";
 import { span, ticks, written } from "./ticks";
 
@@ -22,6 +23,8 @@ export interface PlotSpec {
   unit: string;
   note?: string;
   lines: Line[];
+  /** Whether it is plotted only where it is chosen. */
+  aside?: boolean;
 }
 /** Where plots are, what they share. */
 export interface Frame {
@@ -54,7 +57,7 @@ export class Plots {
     private readonly all: PlotSpec[],
   ) {
     this.time = frame.time;
-    this.specs = all;
+    this.specs = all.filter((spec) => !spec.aside);
     frame.place.append(this.head, this.body);
     this.build();
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.build());
@@ -76,7 +79,7 @@ export class Plots {
   /** Marks the time shown. */
   mark(time: number): void {
     this.now = time;
-    const row = this.rowAt(time);
+    const row = rowAt(this.time, time);
     for (const [k, plot] of this.plots.entries()) {
       this.place(k, plot);
       if (plot.cursor.idx == null || (plot.cursor.left ?? -1) < 0) this.read(k, row);
@@ -157,16 +160,6 @@ export class Plots {
     return shown(this.specs[k].unit, this.degrees);
   }
 
-  private rowAt(time: number): number {
-    let [low, high] = [0, this.time.length - 1];
-    while (low < high) {
-      const middle = (low + high + 1) >> 1;
-      if (this.time[middle] <= time) low = middle;
-      else high = middle - 1;
-    }
-    return low;
-  }
-
   /** Moves the mark of a plot to the time shown. */
   private place(k: number, plot: uPlot): void {
     const left = plot.valToPos(this.now, "x");
@@ -237,7 +230,7 @@ export class Plots {
         ready: [(plot) => this.place(k, plot)],
         setSize: [(plot) => this.place(k, plot)],
         setScale: [(plot, scale) => scale === "x" && this.place(k, plot)],
-        setCursor: [(plot) => this.read(k, plot.cursor.idx != null ? plot.cursor.idx : this.rowAt(this.now))],
+        setCursor: [(plot) => this.read(k, plot.cursor.idx != null ? plot.cursor.idx : rowAt(this.time, this.now))],
       },
       bands,
       series: [

@@ -1,6 +1,7 @@
 // Replay: one timeline for the body, the plots and the exports.
 
 import { chooser } from "./chooser";
+import { rowAt } from "./data";
 import { type Discovery, discoveryPanel } from "./discovery";
 import { button, element } from "./dom";
 import { film, saveCsv, savePng, saveSvg, strip } from "./exports";
@@ -206,6 +207,8 @@ function plotSpecs(flights: Flight[]): PlotSpec[] {
       key: group === 0 ? "muscle" : "damping",
       title: group === 0 ? "muscle input" : "damping coefficients",
       unit: "1",
+      // Beside estimated ones they are for whoever knows what was flown.
+      aside: first.estimated !== null,
       lines: names.map((label, k) => ({
         label: label.split(" ")[1],
         ink: AXES[k],
@@ -214,7 +217,35 @@ function plotSpecs(flights: Flight[]): PlotSpec[] {
       })),
     }),
   );
-  return [...channels, ...inputs];
+  return [...channels, ...inputs, ...flights.flatMap((flight) => estimates(flight, first))];
+}
+
+/** What was estimated of a flight, with its bands, at the times of the first. */
+function estimates(flight: Flight, first: Flight): PlotSpec[] {
+  const { estimated, run } = flight;
+  if (!estimated) return [];
+  const times = estimated.get("time_s")?.[0] ?? new Float64Array();
+  const rows = Int32Array.from(first.time, (time) => rowAt(times, time));
+  const list = (name: string, k: number) => {
+    const values = estimated.get(name)?.[k] ?? new Float64Array();
+    return Float64Array.from(rows, (row) => values[row] ?? NaN);
+  };
+  const whose = flight === first ? "" : `, ${run.name}`;
+  return INPUTS.map(
+    (names, group): PlotSpec => ({
+      key: `estimated-${group === 0 ? "muscle" : "damping"}${whose}`,
+      title: `${group === 0 ? "estimated muscle input" : "estimated damping"}${whose}`,
+      unit: "1",
+      note: run.estimated?.doubt ? "not to be trusted: see estimate" : "",
+      lines: names.map((label, k) => ({
+        label: label.split(" ")[1],
+        ink: AXES[k],
+        dash: k ? [6, 3 * k] : undefined,
+        values: list("inputs", 3 * group + k),
+        spread: list("deviation", 3 * group + k).map((deviation) => 2 * deviation),
+      })),
+    }),
+  );
 }
 
 /** Numbers of a flight at the times of another. */

@@ -1,7 +1,7 @@
 // Made by a test of host/src/verbs/view/typescript.rs, which also says how to make it anew.
 
 /** Version of the data. */
-export const SCHEMA = 2;
+export const SCHEMA = 3;
 
 /** Channels of a flight, in the order of its series. */
 export const CHANNELS = [
@@ -108,6 +108,19 @@ rows: number,
 data: string, };
 
 /**
+ * Estimated inputs over time.
+ */
+export type Estimated = {
+/**
+ * Columns over time.
+ */
+series: Packed,
+/**
+ * Why they are not to be trusted.
+ */
+doubt: string | null, };
+
+/**
  * A run as the page shows it.
  */
 export type Run = {
@@ -142,7 +155,11 @@ air_velocity_mps: [number, number, number],
 /**
  * What there is to see.
  */
-series: Packed, };
+series: Packed,
+/**
+ * Inputs that were estimated, where that was asked for.
+ */
+estimated: Estimated | null, };
 
 /**
  * What the page needs to fly by itself.
@@ -298,3 +315,50 @@ deadline_missed: number,
  * The last estimate.
  */
 estimate: LiveEstimate | null, };
+
+/**
+ * What came over a network.
+ */
+export type Received = {
+/**
+ * Frames.
+ */
+frames: number,
+/**
+ * Samples that never came, or not whole.
+ */
+lost: number, };
+
+/**
+ * What the page is told of the simulated body.
+ */
+export type AvatarState = {
+/**
+ * Time since which it flies by itself (s).
+ */
+since_s: number,
+/**
+ * Times it began anew: asked to, after a gap of the stream, or since it had left every plausible range.
+ */
+restarts: number, };
+
+/**
+ * What goes with a picture.
+ */
+export type Look = {
+/**
+ * Time of the flight (s).
+ */
+time_s: number,
+/**
+ * Progress of a stream to a unit.
+ */
+stream: Live | null,
+/**
+ * Progress of a stream that is only listened to.
+ */
+received: Received | null,
+/**
+ * The simulated body, once it flies.
+ */
+avatar: AvatarState | null, };

@@ -4,7 +4,7 @@ import { after, before, test } from "node:test";
 import { begin, browser, colours, inked, open, run, scratch, shot } from "./browser.mjs";
 
 const folder = scratch("live");
-const SECONDS = 8;
+const SECONDS = 14;
 let chromium;
 
 before(async () => {
@@ -27,6 +27,8 @@ test("a stream is seen while it goes: body, latency, counters, estimates", async
   const { page, wrong } = await open(chromium, url);
   await page.waitForSelector("html[data-ready=live]");
   await page.waitForFunction(() => Number(document.querySelector("#estimates")?.textContent) > 100);
+  await page.click('button:text-is("begin anew")');
+  await page.waitForFunction(() => document.querySelector("#legend").textContent.includes("begun anew 1 times"));
   await page.waitForSelector("[data-plot=latency] canvas");
   await page.waitForTimeout(1500);
   const number = async (name) => Number.parseFloat(await page.textContent(`#${name}`));
@@ -36,7 +38,13 @@ test("a stream is seen while it goes: body, latency, counters, estimates", async
   assert.ok(latency > 0 && latency < 1000, `latency ${latency} ms`);
   const dropped = await number("dropped");
   assert.ok((await colours(page, "main > canvas")) > 100);
-  assert.equal(await page.locator(".plot").count(), 7);
+  assert.equal(await page.locator(".plot").count(), 12);
+  // Two bodies, one of which flies by itself.
+  const remark = await page.textContent("#legend");
+  assert.match(remark, /simulated from the postures alone for \d+ s/);
+  assert.match(remark, /fall rate \d+\.\d \(measured \d+\.\d\)/);
+  const both = ["measured", "simulated"].map((ink) => inked(page, "[data-plot=vertical_velocity_mps] canvas", ink));
+  for (const count of await Promise.all(both)) assert.ok(count > 30, "both fall rates are drawn");
   assert.ok((await inked(page, "[data-plot=latency] canvas", "measured")) > 30, "the latency is drawn");
   assert.ok((await inked(page, '[data-plot="muscle pitch"] canvas', "simulated")) > 30, "the estimate is drawn");
   await page.click('footer button:text-is("pause")');
@@ -58,6 +66,38 @@ test("a stream is seen while it goes: body, latency, counters, estimates", async
     slider.dispatchEvent(new Event("input"));
   });
   await page.waitForFunction(() => Number.parseFloat(document.querySelector("#time").textContent) < 1);
+  assert.deepEqual(wrong, []);
+  await page.close();
+});
+
+test("a suit that only streams is seen beside a simulated body", async () => {
+  const program = begin(
+    "--json",
+    "mvn",
+    "listen",
+    "--bind",
+    "127.0.0.1:0",
+    "--frames",
+    "1200",
+    "--view",
+    "--flight",
+    join(folder, "flight.toml"),
+  );
+  const address = await program.line(/"listening":\s*"([^"]+)"/);
+  const url = await program.line(/(http:\/\/127\.0\.0\.1:\S+)/);
+  const { page, wrong } = await open(chromium, url);
+  await page.waitForSelector("html[data-ready=live]");
+  const sender = begin("mvn", "send", join(folder, "flight.mvnx"), "--to", address);
+  await page.waitForFunction(() => Number(document.querySelector("#frames-received")?.textContent) > 700);
+  assert.match(await page.textContent("#legend"), /simulated from the postures alone for \d+ s/);
+  assert.equal(await page.locator(".plot").count(), 5);
+  assert.equal(await page.locator("#latency").count(), 0);
+  assert.ok((await colours(page, "main > canvas")) > 100);
+  await shot(page, "listen");
+  const { code, out } = await program.end;
+  assert.equal(code, 0, out);
+  sender.child.kill();
+  await sender.end;
   assert.deepEqual(wrong, []);
   await page.close();
 });

@@ -24,7 +24,7 @@ const PAGE: &str = include_str!(concat!(env!("OUT_DIR"), "/viewer.html"));
 const MARK: &str = "<script type=\"application/json\" id=\"bodyflight-data\">null</script>";
 
 /// Version of the data; a page refuses those it does not know.
-pub const SCHEMA: u32 = 2;
+pub const SCHEMA: u32 = 3;
 
 /// What a page does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]

@@ -5,7 +5,8 @@ use bodyflight_core::dynamics::Dynamics;
 use bodyflight_viewer::frame::{SEGMENT_NUMBERS, frame, place};
 use serde::Serialize;
 
-use super::series::{Packed, Series};
+use super::estimated::Estimated;
+use super::series::{Packed, RATE, Series};
 use super::shape::{Shape, Worn, shapes};
 use crate::diagnostic::Result;
 use crate::formats::flight::Flight;
@@ -13,9 +14,6 @@ use crate::formats::recording::Options;
 use crate::interrupt;
 use crate::replay::comparison::{Channel, Comparison, PerChannel};
 use crate::replay::steps::{Replay, Step};
-
-/// Rows a second; the page shows what is between them on straight lines.
-pub const RATE: f64 = 30.0;
 
 /// The columns of a run, with the numbers of a row and their steps.
 ///
@@ -58,6 +56,8 @@ pub struct Run {
     pub air_velocity_mps: [f64; 3],
     /// What there is to see.
     pub series: Packed,
+    /// Inputs that were estimated, where that was asked for.
+    pub estimated: Option<Estimated>,
 }
 
 /// Flies a recording, for the page.
@@ -85,6 +85,7 @@ pub fn fly(
         frames: comparison.count(),
         air_velocity_mps: air.velocity.to_array(),
         series: series.packed(),
+        estimated: None,
     })
 }
 

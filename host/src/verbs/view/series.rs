@@ -8,6 +8,9 @@ use flate2::Compression;
 use flate2::write::GzEncoder;
 use serde::Serialize;
 
+/// Rows a second of a flight; the page shows what is between them on straight lines.
+pub const RATE: f64 = 30.0;
+
 /// What a column of the series is.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]

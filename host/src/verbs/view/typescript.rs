@@ -5,6 +5,9 @@ use std::path::PathBuf;
 
 use ts_rs::{Config, TS};
 
+use super::avatar::AvatarState;
+use super::estimated::Estimated;
+use super::live::{Look, Received};
 use super::page::{FlyData, Input, Mode, PageData, Provenance, SCHEMA};
 use super::run::Run;
 use super::series::{Column, Packed};
@@ -43,6 +46,7 @@ fn types() -> String {
     declare::<Worn>(&mut text, &config);
     declare::<Column>(&mut text, &config);
     declare::<Packed>(&mut text, &config);
+    declare::<Estimated>(&mut text, &config);
     declare::<Run>(&mut text, &config);
     declare::<FlyData>(&mut text, &config);
     declare::<Mode>(&mut text, &config);
@@ -51,6 +55,9 @@ fn types() -> String {
     declare::<PageData>(&mut text, &config);
     declare::<LiveEstimate>(&mut text, &config);
     declare::<Live>(&mut text, &config);
+    declare::<Received>(&mut text, &config);
+    declare::<AvatarState>(&mut text, &config);
+    declare::<Look>(&mut text, &config);
     let lines = text.lines().map(|line| format!("{}\n", line.trim_end()));
     lines.collect()
 }
