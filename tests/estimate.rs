@@ -142,6 +142,8 @@ fn a_plot_shows_what_the_filter_watches() {
         "angular velocity",
         "residual load",
         "lost above",
+        "roll (degrees)",
+        "yaw rate (degrees/s)",
         "consistent ",
     ] {
         assert!(svg.contains(label), "{label}");

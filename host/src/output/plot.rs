@@ -41,7 +41,7 @@ pub struct Panel {
     pub bands: Vec<Band>,
     /// Later ones lie above.
     pub curves: Vec<Curve>,
-    /// Whether values are angles that jump from one end of their range to the other.
+    /// Whether values are angles (degrees) that jump from one end of their range to the other.
     pub wraps: bool,
 }
 
@@ -127,9 +127,10 @@ pub fn drawn(
 pub fn comparison_svg(title: &str, comparison: &Comparison) -> Result<String> {
     let rms = comparison.rms();
     let panels = Channel::ALL.map(|channel| {
-        let (label, unit) = channel.label();
+        let ((label, _), (unit, factor)) = (channel.label(), channel.drawn());
+        let gap = factor * rms.get(channel);
         Panel {
-            caption: format!("{label} ({unit}): RMS gap {:.3}", rms.get(channel)),
+            caption: format!("{label} ({unit}): RMS gap {gap:.2}"),
             curves: vec![
                 measured_curve(channel, comparison.series()),
                 simulated_curve(channel, comparison.series(), SIMULATED),
@@ -141,22 +142,24 @@ pub fn comparison_svg(title: &str, comparison: &Comparison) -> Result<String> {
     figure_svg(title, &panels)
 }
 
-/// The measured side of a channel.
+/// The measured side of a channel, in the unit of figures.
 pub fn measured_curve(channel: Channel, series: &[Pair]) -> Curve {
+    let factor = channel.drawn().1;
     let points = series
         .iter()
-        .map(|pair| (pair.time, channel.value(&pair.measured)));
+        .map(|pair| (pair.time, factor * channel.value(&pair.measured)));
     Curve {
         line: MEASURED,
         points: points.collect(),
     }
 }
 
-/// The simulated side of a channel.
+/// The simulated side of a channel, in the unit of figures.
 pub fn simulated_curve(channel: Channel, series: &[Pair], line: Line) -> Curve {
+    let factor = channel.drawn().1;
     let points = series
         .iter()
-        .map(|pair| (pair.time, channel.value(&pair.simulated)));
+        .map(|pair| (pair.time, factor * channel.value(&pair.simulated)));
     Curve {
         line,
         points: points.collect(),

@@ -69,6 +69,16 @@ impl Channel {
         }
     }
 
+    /// Unit in figures, and the factor to it: degrees for what turns.
+    pub const fn drawn(self) -> (&'static str, f64) {
+        const DEGREES: f64 = 180.0 / core::f64::consts::PI;
+        match self {
+            Self::Roll | Self::Pitch | Self::Heading => ("degrees", DEGREES),
+            Self::YawRate | Self::AngularVelocity => ("degrees/s", DEGREES),
+            Self::HorizontalVelocity | Self::VerticalVelocity => ("m/s", 1.0),
+        }
+    }
+
     /// Whether values are angles.
     pub const fn is_angle(self) -> bool {
         matches!(self, Self::Roll | Self::Pitch | Self::Heading)

@@ -101,10 +101,10 @@ fn reconstruction(title: &str, preset: &Preset, estimation: &Estimation) -> Resu
         [Channel::HorizontalVelocity, Channel::Pitch, Channel::Roll]
     };
     let panels = channels.map(|channel| {
-        let (label, unit) = channel.label();
-        let gap = estimation.report.rms.get(channel);
+        let ((label, _), (unit, factor)) = (channel.label(), channel.drawn());
+        let gap = factor * estimation.report.rms.get(channel);
         Panel {
-            caption: format!("{label} ({unit}): RMS gap {gap:.3}"),
+            caption: format!("{label} ({unit}): RMS gap {gap:.2}"),
             curves: vec![
                 measured_curve(channel, estimation.estimated.series()),
                 simulated_curve(channel, estimation.estimated.series(), ESTIMATED),

@@ -24,10 +24,13 @@ pub(super) fn thinned(points: &[(f64, f64)], width: f64) -> Vec<(f64, f64)> {
     shown
 }
 
+/// Half of what an angle jumps by (degrees).
+const HALF_TURN: f64 = 180.0;
+
 /// Parts of a curve between jumps of an angle from one end of its range to the other.
 pub(super) fn unwrapped_parts(wraps: bool, points: &[(f64, f64)]) -> Vec<&[(f64, f64)]> {
     let jumps = |pair: &[(f64, f64)]| match pair {
-        [a, b] => wraps && (b.1 - a.1).abs() > std::f64::consts::PI,
+        [a, b] => wraps && (b.1 - a.1).abs() > HALF_TURN,
         _ => false,
     };
     let mut parts = Vec::new();
@@ -48,7 +51,7 @@ mod tests {
 
     #[test]
     fn an_angle_is_cut_where_it_wraps() {
-        let points = [(0.0, 3.0), (1.0, 3.1), (2.0, -3.1), (3.0, -3.0)];
+        let points = [(0.0, 170.0), (1.0, 179.0), (2.0, -179.0), (3.0, -170.0)];
         let parts = unwrapped_parts(true, &points);
         assert_eq!(parts, [&points[..2], &points[2..]]);
         assert_eq!(unwrapped_parts(false, &points).len(), 1);

@@ -75,13 +75,13 @@ impl Estimation {
             Channel::YawRate,
         ];
         let reconstructed = channels.map(|channel| {
-            let (label, unit) = channel.label();
+            let ((label, _), (unit, factor)) = (channel.label(), channel.drawn());
             let (rms, constant) = (&self.report.rms, &self.report.rms_constant);
             Panel {
                 caption: format!(
-                    "{label} ({unit}): RMS gap {:.3} with estimation, {:.3} without",
-                    rms.get(channel),
-                    constant.get(channel)
+                    "{label} ({unit}): RMS gap {:.2} with estimation, {:.2} without",
+                    factor * rms.get(channel),
+                    factor * constant.get(channel)
                 ),
                 curves: vec![
                     measured_curve(channel, self.estimated.series()),
