@@ -147,17 +147,45 @@ fn nothing_is_named_where_nothing_is_hidden_or_the_flight_is_short() {
     assert_eq!(report["model"].as_array().map(Vec::len), Some(0));
 }
 
+/// Fast turns on purpose: the flight's inputs say what the skydiver does, so nothing is missing.
+#[test]
+fn scripts_with_their_inputs_get_no_name() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for maneuver in ["barrel-roll", "aggressive-turns"] {
+        let [flight, other] = [5, 6].map(|seed: u64| {
+            let out = folder.path().join(format!("{maneuver}-{seed}"));
+            let out = out.to_str().expect("a plain path").to_owned();
+            json(&[
+                "synth",
+                maneuver,
+                "--seed",
+                &seed.to_string(),
+                "--out",
+                &out,
+            ]);
+            format!("{out}/flight.toml")
+        });
+        let report = json(&["discover", &flight, "--hold-out", &other]);
+        let verdict = report["verdict"].as_str().expect("a verdict");
+        assert!(
+            ["none", "calibrated", "thin"].contains(&verdict),
+            "{maneuver}: {report}"
+        );
+        assert_eq!(report["model"].as_array().map(Vec::len), Some(0));
+    }
+}
+
 #[cfg(unix)]
 #[test]
 fn ctrl_c_ends_a_search_within_a_second() {
     let folder = tempfile::tempdir().expect("a folder");
-    let [flight, other] = hide("clean", "30", folder.path());
+    let [flight, other] = hide("wind", "60", folder.path());
     let mut search = Command::new(env!("CARGO_BIN_EXE_bodyflight"))
         .args(["discover", &flight, "--hold-out", &other])
         .stdout(std::process::Stdio::null())
         .spawn()
         .expect("the binary starts");
-    std::thread::sleep(std::time::Duration::from_secs(4));
+    std::thread::sleep(std::time::Duration::from_secs(3));
     let running = search.try_wait().expect("a state");
     assert!(running.is_none(), "the search was over before Ctrl-C");
     let pressed = std::time::Instant::now();

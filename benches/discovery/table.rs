@@ -42,10 +42,23 @@ fn percent(part: f64, all: f64) -> String {
     format!("{:.0} %", 100.0 * part / all)
 }
 
+/// A share, and the interval that has it in 95 of 100 runs (Wilson 1927).
+fn share(part: usize, all: usize) -> String {
+    let (part, all, square) = (part as f64, all as f64, 1.96_f64.powi(2));
+    let middle = (part + 0.5 * square) / (all + square);
+    let half = (square * (part * (all - part) / all + 0.25 * square)).sqrt() / (all + square);
+    format!(
+        "{} ({:.0} to {:.0})",
+        percent(part, all),
+        100.0 * (middle - half).max(0.0),
+        100.0 * (middle + half).min(1.0)
+    )
+}
+
 /// All tables: by group and family, and the wrong answers.
 pub(super) fn tables(rows: &[Value]) -> String {
     let mut text = String::from(
-        "| what acts | joints | pairs | right | false names | parameters within 95 % intervals | misfit: median, 5 % and 95 % of pairs | processor time of a pair: median, 95 % |\n|---|---|---|---|---|---|---|---|\n",
+        "| what acts | joints | pairs | right (95 % interval) | false names | parameters within 95 % intervals | misfit: median, 5 % and 95 % of pairs | processor time of a pair: median, 95 % |\n|---|---|---|---|---|---|---|---|\n",
     );
     for (group, words) in GROUPS {
         for family in FAMILIES {
@@ -55,6 +68,8 @@ pub(super) fn tables(rows: &[Value]) -> String {
             }
         }
     }
+    everything(&mut text, rows);
+    clean(&mut text, rows);
     described(&mut text, rows);
     wrong(&mut text, rows);
     text
@@ -83,7 +98,7 @@ fn line(text: &mut String, words: &str, family: &str, rows: &[&Value]) {
     let _ = writeln!(
         text,
         "| {words} | {family} | {all} | {right}, {} | {} | {within} | {:.2}, {:.2} to {:.2} | {:.1} s, {:.1} s |",
-        percent(right as f64, all as f64),
+        share(right, all),
         count(rows, "false_name"),
         at(&misfits, 0.5),
         at(&misfits, 0.05),
@@ -91,6 +106,57 @@ fn line(text: &mut String, words: &str, family: &str, rows: &[&Value]) {
         at(&times, 0.5),
         at(&times, 0.95),
     );
+}
+
+/// Of all pairs together: right, named falsely, within intervals.
+fn everything(text: &mut String, rows: &[Value]) {
+    if rows.is_empty() {
+        return;
+    }
+    let all: Vec<&Value> = rows.iter().collect();
+    let single: Vec<&Value> = rows.iter().filter(|row| row["group"] == "single").collect();
+    let mut lines = vec![
+        ("Right, all pairs", count(&all, "right"), all.len()),
+        (
+            "False names, all pairs",
+            count(&all, "false_name"),
+            all.len(),
+        ),
+    ];
+    if !single.is_empty() {
+        lines.push(("Right, one effect", count(&single, "right"), single.len()));
+    }
+    text.push('\n');
+    for (words, part, of) in lines {
+        let _ = writeln!(text, "- {words}: {part} of {of}, {}.", share(part, of));
+    }
+}
+
+/// Misfit where nothing acts, by family and noise of the sensors.
+fn clean(text: &mut String, rows: &[Value]) {
+    let is_clean = |row: &&Value| row["group"] == "clean";
+    if !rows.iter().any(|row| is_clean(&row)) {
+        return;
+    }
+    text.push_str("\n| misfit where nothing acts, least and most | sensors 0.5 to 1 of the paper's noise | 1 to 2 |\n|---|---|---|\n");
+    for family in FAMILIES {
+        let own = of(rows, "clean", family);
+        if own.is_empty() {
+            continue;
+        }
+        let range = |noisy: bool| {
+            let is_so = |row: &&Value| (row["sensor_noise"].as_f64() > Some(1.0)) == noisy;
+            let part: Vec<&Value> = own.iter().copied().filter(is_so).collect();
+            let misfits = sorted(&part, "misfit");
+            match (misfits.first(), misfits.last()) {
+                (Some(least), Some(most)) => {
+                    format!("{least:.2} to {most:.2}, {} pairs", part.len())
+                }
+                _ => String::new(),
+            }
+        };
+        let _ = writeln!(text, "| {family} | {} | {} |", range(false), range(true));
+    }
 }
 
 /// For disturbances outside the library: the share that descriptions explain in held-out flights.

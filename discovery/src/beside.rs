@@ -1,5 +1,6 @@
 //! Everything fitted anew beside an effect, and once more without it.
 
+use super::challenge::{CHALLENGERS, challenging};
 use super::contest::{Candidate, Scene, precision};
 use super::effect_set::{EffectSet, between, furthest, moved, parameters_of};
 use super::error::Result;
@@ -8,7 +9,6 @@ use super::fitted::Fitted;
 use super::linearization::Belief;
 use super::problem::Problem;
 use super::progress::{begin, check};
-use super::report::Rival;
 use super::search::{Found, Name, Search};
 use super::whitened::Quadratic;
 
@@ -18,6 +18,9 @@ const ROUNDS: usize = 8;
 const SETTLED: f64 = 0.4;
 const SLOPES: usize = 3;
 
+/// Gain of a flight held out, with slopes of its own, from which on they are computed anew.
+const ANEW: f64 = 20.0;
+
 /// Change of the likelihood that is worth another move, or half of one where it is a loss, and how often one is halved.
 const WORTH: f64 = 2.0;
 const HALVED: usize = 3;
@@ -26,32 +29,20 @@ const HALVED: usize = 3;
 /// was found, once around those of the flights without it.
 const STARTS: [f64; 3] = [1.0, 2.2, 1.0];
 
-/// Share of the best gain from which on another candidate is fitted too, the difference to it that a sketch may be wrong
-/// by, how many are fitted, and by how much one must be better to take its place.
-const CHALLENGES: f64 = 0.4;
-const CLOSE: f64 = 25.0;
-const CHALLENGERS: usize = 4;
-const BETTER: f64 = 1.0;
-
-/// A challenger is given up where the fitted flights are less likely with it by more than this, and more than this share of
-/// what the best gains: fits that settle move by tens.
-const HOPELESS: f64 = 100.0;
-const HOPELESS_SHARE: f64 = 0.3;
-
 /// Gain of flights fitted once more without an effect from which on others are thought of anew.
 const RETHOUGHT: f64 = 10.0;
 
 /// Flights fitted around effects.
-struct Round {
-    fitted: Vec<Fitted>,
-    effects: EffectSet,
+pub(super) struct Round {
+    pub(super) fitted: Vec<Fitted>,
+    pub(super) effects: EffectSet,
     /// Where the effects go next, and how far that is (standard errors).
     next: EffectSet,
     moved: f64,
 }
 
 impl Round {
-    fn likelihood(&self) -> f64 {
+    pub(super) fn likelihood(&self) -> f64 {
         self.fitted.iter().map(|fit| fit.errors.likelihood).sum()
     }
 
@@ -64,22 +55,6 @@ impl Round {
     fn errors(&self) -> Vec<Option<&Errors>> {
         self.fitted.iter().map(|fit| Some(&fit.errors)).collect()
     }
-}
-
-/// A candidate with the flights fitted beside it.
-struct Challenger<'a> {
-    candidate: Candidate,
-    scene: Scene<'a>,
-}
-
-/// Candidates that seem good enough to be tried against one.
-fn challenging(candidates: &[Candidate], one: &Candidate) -> Vec<Candidate> {
-    let best = one.promise();
-    let least = f64::min(CHALLENGES * best, best - CLOSE).max(0.0);
-    let others = candidates
-        .iter()
-        .filter(|other| other.effect != one.effect && other.matters() && other.promise() > least);
-    others.take(CHALLENGERS).cloned().collect()
 }
 
 impl<'a> Search<'a> {
@@ -129,37 +104,62 @@ impl<'a> Search<'a> {
         let (mut fitted, effects) = self.with_new_slopes(round)?;
         let held_out = self.problems.iter().skip(self.count);
         for (problem, (_, alone)) in held_out.zip(&scene.held_out) {
-            let belief = Belief {
-                effects: effects.clone(),
-                ..Belief::files()
-            };
-            let Some(fit) = problem.fit(&belief, alone.plausible_errors(), 2, self.progress)?
-            else {
+            let Some(fit) = self.held_out_beside(problem, alone, &effects)? else {
                 return Ok(None);
             };
-            fitted.push(problem.settled(fit, self.progress)?);
+            fitted.push(fit);
         }
         Ok(Some(self.scene(fitted, effects)))
     }
 
-    /// A challenger that was fitted with the slopes of another, with its own.
-    fn finished(&self, challenger: Challenger<'a>) -> Result<Option<Scene<'a>>> {
-        let scene = challenger.scene;
-        let fitted = scene.fitted.into_iter().map(|(_, fitted)| fitted);
-        let round = self.round(fitted.collect(), scene.effects)?;
-        let (mut fitted, effects) = self.with_new_slopes(round)?;
-        for (problem, fit) in &scene.held_out {
-            let belief = fit.belief_with(&effects);
-            let Some(fit) = problem.fit(&belief, Some(&fit.errors), 1, self.progress)? else {
-                return Ok(None);
-            };
-            fitted.push(problem.settled(fit, self.progress)?);
+    /// A flight held out with its errors fitted beside effects.
+    ///
+    /// Constants of the flight without them may do a part of what they do, and those of the files may be far from those that
+    /// the flight has: what is likelier goes on.
+    fn held_out_beside(
+        &self,
+        problem: &Problem<'a>,
+        alone: &Fitted,
+        effects: &EffectSet,
+    ) -> Result<Option<Fitted>> {
+        let files = Belief {
+            effects: effects.clone(),
+            ..Belief::files()
+        };
+        let starts = [
+            problem.fit(&files, alone.plausible_errors(), 1, self.progress)?,
+            problem.fit_with_slopes_of(alone, &alone.belief_with(effects), self.progress)?,
+        ];
+        let mut best: Option<Fitted> = None;
+        for start in starts.into_iter().flatten() {
+            let start = problem.settled(start, self.progress)?;
+            let likelihood = start.errors.likelihood;
+            if best
+                .as_ref()
+                .is_none_or(|best| likelihood > best.errors.likelihood)
+            {
+                best = Some(start);
+            }
         }
-        Ok(Some(self.scene(fitted, effects)))
+        let Some(mut best) = best else {
+            return Ok(None);
+        };
+        for _ in 0..SLOPES {
+            let before = best.errors.likelihood;
+            let belief = best.belief_with(effects);
+            let Some(next) = problem.fit(&belief, Some(&best.errors), 1, self.progress)? else {
+                break;
+            };
+            best = problem.settled(next, self.progress)?;
+            if best.errors.likelihood < before + ANEW {
+                break;
+            }
+        }
+        Ok(Some(best))
     }
 
     /// Errors and effects fitted with slopes of their own, until the effects do not move.
-    fn with_new_slopes(&self, mut round: Round) -> Result<(Vec<Fitted>, EffectSet)> {
+    pub(super) fn with_new_slopes(&self, mut round: Round) -> Result<(Vec<Fitted>, EffectSet)> {
         for _ in 0..SLOPES {
             let Some(fitted) = self.fitted(&round.beliefs(), &round.errors())? else {
                 break;
@@ -223,117 +223,6 @@ impl<'a> Search<'a> {
         Ok((name, Some(next)))
     }
 
-    /// Others fitted as well as the candidate that was found: a better one takes its place, those as good are its rivals.
-    fn challenge(
-        &self,
-        scene: &Scene<'a>,
-        next: &mut Scene<'a>,
-        name: &mut Name,
-        mut others: Vec<Candidate>,
-    ) -> Result<()> {
-        let mut beaten: Vec<Candidate> = Vec::new();
-        loop {
-            let mut tried = self.challengers(scene, next, &others)?;
-            let is_better =
-                |other: &Challenger<'_>| other.candidate.total() > name.candidate.total() + BETTER;
-            if tried.first().is_some_and(is_better) {
-                let best = tried.swap_remove(0);
-                let before = best.candidate.clone();
-                others.retain(|other| other.effect != before.effect);
-                if let Some(with) = self.finished(best)? {
-                    let best = before.compared(scene, &with);
-                    if best.total() > name.candidate.total() {
-                        beaten.push(core::mem::replace(&mut name.candidate, best));
-                        *next = with;
-                        continue;
-                    }
-                    beaten.push(best);
-                }
-            }
-            let best = &name.candidate;
-            let rivals = tried
-                .iter()
-                .map(|other| &other.candidate)
-                .chain(&beaten)
-                .filter(|other| other.effect != best.effect && other.is_rival_of(best));
-            name.rivals = rivals
-                .map(|other| Rival {
-                    name: other.effect.description().name,
-                    share: other.total() / best.total(),
-                })
-                .collect();
-            return Ok(());
-        }
-    }
-
-    /// Likelihood of the fitted flights below which a challenger of the best is given up.
-    fn hopeless(&self, scene: &Scene<'a>, next: &Scene<'a>) -> f64 {
-        let of = |scene: &Scene<'a>| -> f64 {
-            let each = scene.fitted.iter();
-            each.map(|(_, fit)| fit.errors.likelihood).sum()
-        };
-        let best = of(next);
-        best - f64::max(HOPELESS, HOPELESS_SHARE * (best - of(scene)))
-    }
-
-    /// Other candidates with everything fitted beside them, the best first.
-    fn challengers(
-        &self,
-        scene: &Scene<'a>,
-        next: &Scene<'a>,
-        others: &[Candidate],
-    ) -> Result<Vec<Challenger<'a>>> {
-        let mut tried = Vec::new();
-        for other in others {
-            let what = other.effect.description().name;
-            begin(self.progress, &format!("errors beside {what}"))?;
-            if let Some(other) = self.challenged(scene, next, other)? {
-                tried.push(other);
-            }
-        }
-        tried.sort_by(|a, b| b.candidate.total().total_cmp(&a.candidate.total()));
-        Ok(tried)
-    }
-
-    /// Another candidate with everything fitted beside it, by the slopes of a fit beside the best.
-    fn challenged(
-        &self,
-        scene: &Scene<'a>,
-        next: &Scene<'a>,
-        other: &Candidate,
-    ) -> Result<Option<Challenger<'a>>> {
-        let of = |flights: &[(&Problem<'a>, Fitted)], effects: &EffectSet| {
-            let each = flights.iter().map(|(problem, fitted)| {
-                let belief = fitted.belief_with(effects);
-                problem.fit_with_slopes_of(fitted, &belief, self.progress)
-            });
-            each.collect::<Result<Option<Vec<Fitted>>>>()
-        };
-        let settled =
-            |(problem, fitted): (&Problem<'a>, Fitted)| problem.settled(fitted, self.progress);
-        let Some(first) = of(&next.fitted, &other.effects)? else {
-            return Ok(None);
-        };
-        let round = self.round(first, other.effects.clone())?;
-        let round = self.with_same_slopes(round)?;
-        if round.likelihood() < self.hopeless(scene, next) {
-            return Ok(None);
-        }
-        let Round {
-            fitted, effects, ..
-        } = round;
-        let Some(held_out) = of(&next.held_out, &effects)? else {
-            return Ok(None);
-        };
-        let each = self.problems.iter().zip(fitted.into_iter().chain(held_out));
-        let fitted = each.map(settled).collect::<Result<Vec<_>>>()?;
-        let with = self.scene(fitted, effects);
-        Ok(Some(Challenger {
-            candidate: other.compared(scene, &with),
-            scene: with,
-        }))
-    }
-
     fn fitted(
         &self,
         beliefs: &[Belief],
@@ -351,7 +240,7 @@ impl<'a> Search<'a> {
     }
 
     /// Where the effects go from a fit, by one step of Gauss and Newton.
-    fn round(&self, fitted: Vec<Fitted>, effects: EffectSet) -> Result<Round> {
+    pub(super) fn round(&self, fitted: Vec<Fitted>, effects: EffectSet) -> Result<Round> {
         let parameters = parameters_of(effects.iter().map(|(effect, _)| *effect));
         let columns: Vec<usize> = (0..parameters.len()).collect();
         let precision = precision(&self.settings.tolerances, &effects);
@@ -377,7 +266,7 @@ impl<'a> Search<'a> {
     }
 
     /// Errors and effects fitted in turn until neither moves.
-    fn with_same_slopes(&self, mut round: Round) -> Result<Round> {
+    pub(super) fn with_same_slopes(&self, mut round: Round) -> Result<Round> {
         let (mut halved, mut gained) = (0, f64::INFINITY);
         for _ in 0..ROUNDS {
             // Where errors are large because the effect is not there yet, standard errors are too.

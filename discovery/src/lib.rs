@@ -11,6 +11,7 @@
 
 pub mod adjustment;
 mod beside;
+mod challenge;
 pub mod contest;
 mod criteria;
 pub mod description;
