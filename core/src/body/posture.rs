@@ -147,6 +147,22 @@ pub fn joint_rotation<T: Real>(psi: T, theta: T, phi: T) -> UnitQuaternion<T> {
     UnitQuaternion::new_unchecked(product)
 }
 
+/// The paper's angles psi, theta, phi about Z, Y, X (rad) of a joint rotation, the inverse of [`joint_rotation`].
+///
+/// theta is within a quarter turn; at its ends psi and phi turn about the same axis, and psi is given as 0.
+pub fn joint_angles<T: Real>(rotation: &UnitQuaternion<T>) -> [T; 3] {
+    let turn = rotation_matrix(rotation);
+    let (xx, xy) = (turn[(0, 0)], turn[(0, 1)]);
+    let level = (xx * xx + xy * xy).root();
+    let theta = -turn[(0, 2)].arctangent2(level);
+    if level < T::of(1e-6) {
+        return [T::zero(), theta, -turn[(2, 1)].arctangent2(turn[(1, 1)])];
+    }
+    let psi = xy.arctangent2(xx);
+    let phi = turn[(1, 2)].arctangent2(turn[(2, 2)]);
+    [psi, theta, phi]
+}
+
 /// Pose of one segment, in body axes with the origin at the pelvic joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PosedSegment<T: Real> {
@@ -222,7 +238,27 @@ mod tests {
         assert!((arched - Vector3::new(0.0, libm::sin(0.3), libm::cos(0.3))).norm() < 1e-12);
     }
 
+    #[test]
+    fn angles_at_a_quarter_turn_are_those_of_the_same_rotation() {
+        for (theta, sum) in [(1.0, 0.4), (-1.0, -2.0)] {
+            let rotation = joint_rotation(0.0, theta * core::f64::consts::FRAC_PI_2, sum);
+            let [psi, theta, phi] = joint_angles(&rotation);
+            let again = joint_rotation(psi, theta, phi);
+            assert!(rotation.rotation_to(&again).coords.xyz().norm() < 1e-7);
+        }
+    }
+
     proptest! {
+        #[test]
+        fn angles_give_the_rotation_back(posture in any_posture()) {
+            for segment in Segment::ALL {
+                let rotation = posture.parent_from_segment(segment);
+                let [psi, theta, phi] = joint_angles(rotation);
+                let again = joint_rotation(psi, theta, phi);
+                prop_assert!(rotation.rotation_to(&again).coords.xyz().norm() < 1e-9);
+            }
+        }
+
         #[test]
         fn chains_and_joints_agree(posture in any_posture()) {
             let rebuilt = Posture::from_body_rotations(&posture.body_from_segments());
