@@ -10,6 +10,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use bodyflight::replay::comparison::Channel;
+use bodyflight_core::Segment;
 use bodyflight_tests::program::{Program, plain};
 use serde_json::Value;
 
@@ -133,6 +134,10 @@ fn every_field_and_column_of_a_flight_is_on_the_page() {
     let (estimate, _) = PROGRAM.answer(&["estimate", &out, "--out", &found]);
     check("`estimate`", &estimate);
 
+    let exported = named("exported.csv");
+    let arguments = ["export", &out, "--estimates", "--out", &exported];
+    check("Others", &PROGRAM.answer(&arguments).0);
+
     let inputs = names_below("`inputs.csv`");
     for column in header(&at("flight/inputs.csv")) {
         assert!(inputs.contains(&*column), "{column}");
@@ -150,6 +155,37 @@ fn every_field_and_column_of_a_flight_is_on_the_page() {
             .iter()
             .find_map(|side| column.strip_prefix(side));
         assert!(channels.contains(channel.unwrap_or(&column)), "{column}");
+    }
+    check_exported(&header(&at("exported.csv")), &channels);
+}
+
+/// The page names every exported column, that of a segment with `*` for its name, and none besides.
+fn check_exported(columns: &[String], channels: &BTreeSet<&str>) {
+    let named = names_below("`export`");
+    let mut found = BTreeSet::new();
+    for column in columns {
+        let of_segment = Segment::ALL.iter().find_map(|segment| {
+            let tail = column.strip_prefix(segment.name())?;
+            tail.starts_with('_').then(|| format!("*{tail}"))
+        });
+        let name = of_segment.unwrap_or_else(|| column.clone());
+        let side = ["measured_", "simulated_"].map(|side| name.strip_prefix(side));
+        let is_channel = side.iter().flatten().any(|tail| channels.contains(tail));
+        assert!(is_channel || named.contains(&*name), "{column}");
+        found.insert(name);
+    }
+    let is_column = |name: &&&str| {
+        let ends = ["_m", "_mps", "_radps", "_rad", "_n", "_nm", "_m2", "_m3"];
+        let begins = ["*_", "simulated_", "measured_", "estimated_"];
+        let sides = ["measured_*", "simulated_*"].contains(*name);
+        !sides
+            && begins.iter().any(|begin| name.starts_with(begin))
+            && ends.iter().any(|end| name.ends_with(end))
+    };
+    for name in named.iter().filter(is_column) {
+        // Arrays stand in the text below, and have no parts.
+        let is_array = *name == "measured_position_m";
+        assert!(is_array || found.contains(*name), "{name} is no column");
     }
 }
 

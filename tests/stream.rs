@@ -145,6 +145,28 @@ fn faults_are_counted_and_the_desktop_agrees() {
 }
 
 #[test]
+fn what_is_streamed_is_kept_as_a_flight() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let flight = flight(folder.path());
+    let kept = folder.path().join("kept.mvnx").display().to_string();
+    let arguments = [&flight, "--virtual", "--speed", "max", "--seconds", "3"];
+    let report = report(&stream(&[&arguments[..], &["--out", &kept]].concat()));
+    assert_eq!(report["kept"]["frames"], report["sent"], "{report}");
+    assert_eq!(report["kept"]["frame_rate_hz"], 240.0);
+    let simulated = bodyflight()
+        .args(["simulate", "--json", &kept])
+        .output()
+        .expect("the binary starts");
+    let simulated = self::report(&simulated);
+    assert_eq!(
+        simulated["frames"].as_u64(),
+        report["sent"].as_u64().map(|sent| sent - 1)
+    );
+    let again = stream(&[&arguments[..], &["--out", &kept]].concat());
+    assert!(text(&again.stderr).contains("--force"));
+}
+
+#[test]
 fn a_unit_outlives_its_hosts() {
     let folder = tempfile::tempdir().expect("a folder");
     let flight = flight(folder.path());

@@ -3,9 +3,11 @@
 mod demo;
 mod discover;
 mod estimate;
+mod export;
 mod fall;
 mod figures;
 mod fly;
+mod fmu;
 mod hide;
 mod import;
 mod inspect;
@@ -29,7 +31,7 @@ mod validate;
 mod view;
 mod watch;
 
-use std::process::ExitCode;
+use std::ffi::OsString;
 
 use bodyflight::diagnostic::{Kind, Problem, Result};
 use bodyflight::interrupt;
@@ -60,6 +62,7 @@ enum Verb {
     Reproduce(reproduce::Args),
     Sensitivity(sensitivity::Args),
     Estimate(estimate::Args),
+    Export(export::Args),
     Trim(trim::Args),
     Synth(synth::Args),
     Tune(tune::Args),
@@ -69,6 +72,7 @@ enum Verb {
     Fall(fall::Args),
     Fly(fly::Args),
     Figures(figures::Args),
+    Fmu(fmu::Args),
     Stream(stream::Args),
     Unit(unit::Args),
     Validate(validate::Args),
@@ -80,9 +84,11 @@ enum Verb {
     Man(shell::Man),
 }
 
-/// Runs the verb that the arguments ask for.
-pub(crate) fn main() -> ExitCode {
-    let cli = match Cli::try_parse() {
+/// Runs the verb that the arguments ask for, with the program's name as the first argument, and returns the exit code. Help
+/// and wrong usage end the process.
+pub fn main(arguments: impl IntoIterator<Item = OsString>) -> u8 {
+    let arguments = terminal::keep_arguments(arguments);
+    let cli = match Cli::try_parse_from(arguments) {
         Ok(cli) => cli,
         Err(error) => return terminal::print_usage(&error),
     };
@@ -90,12 +96,12 @@ pub(crate) fn main() -> ExitCode {
     interrupt::listen(move || terminal::print_problem(Problem::interrupted(), json));
     match run(&cli).and_then(|()| terminal::finish()) {
         // What goes on until Ctrl-C ends well by it, and a script that calls it ends too.
-        Ok(()) if interrupt::requested() => ExitCode::from(Kind::Interrupted.exit_code()),
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(()) if interrupt::requested() => Kind::Interrupted.exit_code(),
+        Ok(()) => 0,
         Err(problem) => {
             let code = problem.kind.exit_code();
             terminal::print_problem(problem, json);
-            ExitCode::from(code)
+            code
         }
     }
 }
@@ -109,6 +115,7 @@ fn run(cli: &Cli) -> Result<()> {
         Verb::Reproduce(args) => reproduce::run(args, cli.json),
         Verb::Sensitivity(args) => sensitivity::run(args, cli.json),
         Verb::Estimate(args) => estimate::run(args, cli.json),
+        Verb::Export(args) => export::run(args, cli.json),
         Verb::Trim(args) => trim::run(args, cli.json),
         Verb::Synth(args) => synth::run(args, cli.json),
         Verb::Tune(args) => tune::run(args, cli.json),
@@ -118,6 +125,7 @@ fn run(cli: &Cli) -> Result<()> {
         Verb::Fall(args) => fall::run(args, cli.json),
         Verb::Fly(args) => fly::run(args, cli.json),
         Verb::Figures(args) => figures::run(args, cli.json),
+        Verb::Fmu(args) => fmu::run(args, cli.json),
         Verb::Stream(args) => stream::run(args, cli.json),
         Verb::Validate(args) => validate::run(args, cli.json),
         Verb::Unit(args) => unit::run(args, cli.json),

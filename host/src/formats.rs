@@ -1,7 +1,9 @@
 //! What is read and written: recordings, tracks, the MVN stream, and the files of a person, a flight and a model.
 
+pub mod columns;
 pub mod flight;
 pub mod flysight;
+pub mod foxglove;
 pub mod import;
 pub mod input;
 pub mod input_history;

@@ -1,9 +1,7 @@
 //! The command line.
 
-mod cli;
-
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    cli::main()
+    ExitCode::from(bodyflight::cli::main(std::env::args_os()))
 }

@@ -3,8 +3,10 @@
 pub mod bifurcation;
 pub mod discover;
 pub mod estimate;
+pub mod export;
 pub mod fall;
 pub mod figures;
+pub mod fmu;
 pub mod hide;
 pub mod import;
 pub mod inspect;

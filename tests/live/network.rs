@@ -245,6 +245,75 @@ fn the_binary_sends_and_listens() {
     assert!((rate - 240.0).abs() < 2.0, "{totals}");
 }
 
+/// Ends a process as Ctrl-C does.
+fn interrupt(process: &std::process::Child) {
+    let sent = Command::new("kill")
+        .args(["-INT", &process.id().to_string()])
+        .status();
+    assert!(sent.expect("kill is there").success());
+}
+
+#[test]
+fn what_was_received_until_ctrl_c_is_a_flight() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let flight = synthetic_flight(folder.path());
+    let subject = folder.path().join("subject.toml");
+    let out = folder.path().join("kept.mvnx");
+    let options = ["--out", plain(&out), "--subject", plain(&subject)];
+    let mut listener = Command::new(BINARY)
+        .args(["mvn", "listen", "--bind", "127.0.0.1:0", "--json"])
+        .args(options)
+        .stdout(Stdio::piped())
+        .spawn()
+        .expect("the binary starts");
+    let output = BufReader::new(listener.stdout.take().expect("a pipe"));
+    let mut lines = output.lines().map_while(Result::ok);
+    let first: Value = serde_json::from_str(&lines.next().expect("a line")).expect("JSON");
+    let address = first["listening"].as_str().expect("an address").to_owned();
+    let to = ["--to", &address, "--speed", "2"];
+    let mut sender = Command::new(BINARY)
+        .args(["mvn", "send", plain(&flight)])
+        .args(to)
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("the binary starts");
+    // Three seconds of flight have come when the first rates are told, and the second ones.
+    let _ = (lines.next(), lines.next());
+    interrupt(&listener);
+    sender.kill().expect("ended");
+    sender.wait().expect("ended");
+    let last = lines.last().expect("what was kept");
+    assert!(listener.wait().expect("ended").success());
+    let kept = &serde_json::from_str::<Value>(&last).expect("JSON")["kept"];
+    let count = kept["frames"].as_u64().expect("frames");
+    assert!(count > 240 && kept["frame_rate_hz"] == 240.0, "{kept}");
+
+    // Single precision on the network, six decimals in the file.
+    let sent = frames(&flight, usize::MAX);
+    let received = frames(&out, usize::MAX);
+    assert_eq!(received.len() as u64, count);
+    let offset = sent
+        .iter()
+        .position(|frame| (frame.pelvis.position - received[0].pelvis.position).norm() < 1e-3);
+    let offset = offset.expect("where it began");
+    for received in &received {
+        // What the network lost is a gap in the recording too.
+        let index = usize::try_from(received.index).expect("small");
+        let sent = &sent[offset + index];
+        let gap = (sent.pelvis.position - received.pelvis.position).norm();
+        assert!(gap < 1e-3, "frame {}: {gap}", received.index);
+        let hand = |frame: &FlightFrame| *frame.posture.parent_from_segment(Segment::LeftForearm);
+        assert!(hand(sent).angle_to(&hand(received)) < 1e-4);
+    }
+    let looked = bodyflight(&["inspect", plain(&out), "--json"]);
+    assert!(looked.status.success());
+    let report = bodyflight(&["simulate", plain(&out), "--json"]);
+    assert!(report.status.success());
+    let report: Value = serde_json::from_slice(&report.stdout).expect("JSON");
+    assert_eq!(report["frames"].as_u64(), Some(count - 1));
+}
+
 #[test]
 fn wrong_addresses_are_told() {
     assert!(fails(&["mvn", "listen", "--bind", "nowhere"], 3).contains("HOST:PORT"));

@@ -12,11 +12,10 @@ use bodyflight::formats::flysight;
 use bodyflight::interrupt;
 use bodyflight::output::files::write_file;
 use bodyflight::verbs::discover::{
-    calibration_toml, figure, model_toml, problem, read_track, refuse_same,
+    Request, calibration_toml, discover_flights, figure, model_toml, refuse_same_flights,
 };
 use bodyflight_discovery::progress::Progress;
 use bodyflight_discovery::report::{CHANNEL_NAMES, Outcome, Report};
-use bodyflight_discovery::search::{Settings, discover};
 use indicatif::ProgressBar;
 
 use super::terminal;
@@ -24,17 +23,14 @@ pub(super) use args::Args;
 use output::{print_conclusion, print_gap, print_names, write_all};
 
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
-    let fitted = Flight::read(args.flight())?;
-    for held_out in &args.hold_out {
-        let held_out = Flight::read(held_out)?.recording;
-        for flight in &args.flights {
-            refuse_same(&Flight::read(flight)?.recording, &held_out)?;
-        }
-    }
+    let read = |path: &PathBuf| Flight::read(path);
+    let flights = args.flights.iter().map(read).collect::<Result<Vec<_>>>()?;
+    let held_out = args.hold_out.iter().map(read).collect::<Result<Vec<_>>>()?;
     if let Some(folder) = &args.out {
         args.outputs.check_in(folder, output::FILES)?;
     }
-    if flysight::is_flysight(&fitted.recording) {
+    let fitted = flights.first();
+    if fitted.is_some_and(|flight| flysight::is_flysight(&flight.recording)) {
         if let Some(second) = args.flights.get(1) {
             return Err(
                 Problem::bad_input("expected one recording of a point to be fitted")
@@ -42,31 +38,21 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
                     .help("give the others after --hold-out"),
             );
         }
+        refuse_same_flights(&flights, &held_out)?;
         return point::run(args, json);
     }
-    terminal::note_assumed_subject(&fitted);
-    let read = |path: &PathBuf| {
-        let flight = Flight::read(path)?;
-        if flysight::is_flysight(&flight.recording) {
-            return Err(Problem::bad_input(
-                "expected an MVNX recording, found that of a point (CSV)",
-            )
-            .in_file(&flight.recording)
-            .help("flights that are held out must be of the kind that effects are fitted to"));
-        }
-        read_track(&flight, args.reading.options())
-    };
-    let flights = args.flights.iter().map(read).collect::<Result<Vec<_>>>()?;
-    let held_out = args.hold_out.iter().map(read).collect::<Result<Vec<_>>>()?;
-    let settings = Settings {
+    if let Some(flight) = fitted {
+        terminal::note_assumed_subject(flight);
+    }
+    let request = Request {
         max_effects: args.max_effects,
         seed: args.seed,
-        tolerances: fitted.tolerances,
     };
+    let options = args.reading.options();
     let bar = terminal::share_bar("discovering");
-    let report = discover(&flights, &held_out, &settings, &Stages(&bar));
+    let report = discover_flights(&flights, &held_out, |_| options, request, &Stages(&bar));
     bar.finish_and_clear();
-    let report = report.map_err(problem)?;
+    let report = report?;
     if let Some(folder) = &args.out {
         write(&report, folder, args.flight())?;
     }

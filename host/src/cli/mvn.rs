@@ -9,12 +9,15 @@ use bodyflight::formats::flight::Flight;
 use bodyflight::formats::mvn_network::{
     AngularUnit, Options, Receiver, Sink, Source, Speed, replay,
 };
+use bodyflight::formats::mvnx::live::LiveRecording;
 use bodyflight::formats::recording::{self, FlightFrame};
+use bodyflight::formats::subject::Subject;
 use bodyflight::interrupt;
 use bodyflight::verbs::view::live::{LiveView, Received};
 use clap::Subcommand;
 use serde_json::json;
 
+use super::outputs::{Outputs, print_kept};
 use super::terminal;
 use super::watch::Watch;
 
@@ -60,7 +63,8 @@ struct Send {
     after_help = "In MVN: Options, Network Streamer, this machine's address, port 9763, quaternions (02);\n\
                   add linear and angular segment kinematics for exact velocities.\n\
                   Examples:\n  bodyflight mvn listen --bind :9763 --json\n  \
-                  bodyflight mvn listen --view --flight flight.toml   (a simulated body beside the measured one)"
+                  bodyflight mvn listen --view --flight flight.toml   (a simulated body beside the measured one)\n  \
+                  bodyflight mvn listen --bind :9763 --out jump.mvnx --subject subject.toml"
 )]
 struct Listen {
     /// Where to listen: HOST:PORT, or :PORT on all networks. MVN on another machine needs one of these.
@@ -83,6 +87,14 @@ struct Listen {
     flight: Option<PathBuf>,
     #[command(flatten)]
     watch: Watch,
+    /// Keep the frames as a recording, whole after Ctrl-C.
+    #[arg(long, value_name = "MVNX")]
+    out: Option<PathBuf>,
+    /// The person in that recording: a subject.toml.
+    #[arg(long, value_name = "TOML", requires = "out")]
+    subject: Option<PathBuf>,
+    #[command(flatten)]
+    outputs: Outputs,
 }
 
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
@@ -138,6 +150,10 @@ fn listen(args: &Listen, json: bool) -> Result<()> {
         angular_unit: None,
         sender: args.from,
     };
+    let subject = args.subject.as_deref().map(Subject::read).transpose()?;
+    let mut kept = args
+        .outputs
+        .live(&args.out, || subject.unwrap_or_default().body())?;
     let mut source = Source::with_options(&args.bind, options)?;
     let address = source.local_address()?.to_string();
     let mut goes_on = if json {
@@ -161,6 +177,9 @@ fn listen(args: &Listen, json: bool) -> Result<()> {
             Ok(Some(frame)) => {
                 frames += 1;
                 page.take(&frame, frames, source.receiver())?;
+                if let Some(kept) = &mut kept {
+                    keep(kept, &frame, source.receiver())?;
+                }
             }
             // Here Ctrl-C is the regular end.
             Err(_) if interrupt::requested() => break,
@@ -183,7 +202,28 @@ fn listen(args: &Listen, json: bool) -> Result<()> {
             };
         }
     }
-    print_totals(frames, source.receiver(), json)
+    print_totals(frames, source.receiver(), json)?;
+    let kept = kept.map(LiveRecording::finish).transpose()?.flatten();
+    match &kept {
+        Some(kept) if json => terminal::json_line(&json!({ "kept": kept })).map(|_| ()),
+        Some(kept) => {
+            print_kept(kept);
+            Ok(())
+        }
+        None => Ok(()),
+    }
+}
+
+/// Adds a frame to a recording, with the person's name as far as it is known.
+fn keep(
+    kept: &mut LiveRecording,
+    frame: &recording::FlightFrame,
+    receiver: &Receiver,
+) -> Result<()> {
+    if let Some(name) = receiver.information().name() {
+        kept.name(name);
+    }
+    kept.push(frame)
 }
 
 /// Samples that never came, or not whole.

@@ -3,8 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use bodyflight::diagnostic::Result;
+use bodyflight::formats::mvnx::live::{Kept, LiveRecording};
 use bodyflight::output::destination;
 use bodyflight::output::figure::{Format, write_figure};
+use bodyflight_core::Body;
+
+use super::terminal;
 
 use super::several::output_of;
 
@@ -66,8 +70,36 @@ impl Outputs {
         self.check(paths)
     }
 
+    /// A recording of what is received, where one was asked for.
+    pub(super) fn live(
+        self,
+        path: &Option<PathBuf>,
+        body: impl FnOnce() -> Body<f64>,
+    ) -> Result<Option<LiveRecording>> {
+        self.check([path])?;
+        let path = path.as_deref();
+        path.map(|path| LiveRecording::new(path, body()))
+            .transpose()
+    }
+
     /// Checks files of these names in a folder, which may not be there yet.
     pub(super) fn check_in(self, folder: &Path, names: &[&str]) -> Result<()> {
         destination::check_in(folder, names, self.force)
+    }
+}
+
+/// Says what is in a recording of what was received.
+pub(super) fn print_kept(kept: &Kept) {
+    terminal::print(&format!(
+        "written: {} ({} frames at {} Hz)",
+        kept.file.display(),
+        kept.frames,
+        kept.frame_rate_hz
+    ));
+    if kept.left_out > 0 {
+        terminal::note(&format!(
+            "the sender began anew; {} frames after that are another flight and not in the recording",
+            kept.left_out
+        ));
     }
 }

@@ -8,6 +8,7 @@ use bodyflight::diagnostic::{Problem, Result};
 use bodyflight::formats::flight::Flight;
 use bodyflight::formats::model_file::Effects;
 use bodyflight::formats::mvn_network::Source;
+use bodyflight::formats::mvnx::live::LiveRecording;
 use bodyflight::formats::recording::FlightFrame;
 use bodyflight::unit::monitor::Defmt;
 use bodyflight::unit::stream::connection::{DEFAULT_BAUD, Target};
@@ -15,6 +16,7 @@ use bodyflight::unit::stream::report::Report;
 use bodyflight::unit::stream::{Pace, Settings, stream};
 use bodyflight_core::link::fault::Faults;
 
+use super::outputs::{Outputs, print_kept};
 use super::simulate::Reading;
 use super::watch::Watch;
 use super::{estimate, terminal};
@@ -28,7 +30,7 @@ use super::{estimate, terminal};
                   bodyflight stream flight.toml --port /dev/ttyACM0 --speed max\n  \
                   bodyflight stream flight.toml --qemu --drop 0.05 --corrupt 0.05 --reorder 0.02\n  \
                   bodyflight stream flight.toml --virtual --view --open\n  \
-                  bodyflight stream --mvn :9763 --port /dev/ttyACM0"
+                  bodyflight stream --mvn :9763 --port /dev/ttyACM0 --out jump.mvnx"
 )]
 pub(super) struct Args {
     /// A flight.toml, or an MVNX file alone; with --mvn the flight whose subject and air are meant.
@@ -76,6 +78,11 @@ pub(super) struct Args {
     /// Effects to extend the model by: a model.toml; those that change the body.
     #[arg(long, value_name = "TOML")]
     model: Option<PathBuf>,
+    /// Keep what is streamed as a recording, whole after Ctrl-C.
+    #[arg(long, value_name = "MVNX")]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    outputs: Outputs,
     #[command(flatten)]
     watch: Watch,
     #[command(flatten)]
@@ -190,16 +197,20 @@ fn run_frames(
 ) -> Result<()> {
     // The image itself says what the unit's logs mean.
     let mut logs = args.qemu.as_deref().map(Defmt::open).transpose()?;
+    let mut kept = args.outputs.live(&args.out, || flight.subject.body())?;
     // Every frame moves the simulated body of the page, every look shows it.
     let view = RefCell::new(args.watch.begin(flight, args.flight.as_ref())?);
+    let spinner = terminal::spinner("streaming");
     let frames = frames.map(|frame| {
         let frame = frame?;
         if let Some(view) = &mut *view.borrow_mut() {
             view.follow(&frame)?;
         }
+        if let Some(kept) = &mut kept {
+            kept.push(&frame)?;
+        }
         Ok(frame)
     });
-    let spinner = terminal::spinner("streaming");
     let report = stream(
         flight,
         frame_rate,
@@ -228,7 +239,13 @@ fn run_frames(
         },
     );
     spinner.finish_and_clear();
+    // Whatever became of the stream, what came in is kept.
+    let kept = kept.map(LiveRecording::finish).transpose();
+    if let (Ok(Some(Some(kept))), false) = (&kept, json) {
+        print_kept(kept);
+    }
     let mut report = report?;
+    report.kept = kept?.flatten();
     report.log_lines = logs.as_ref().map(|logs| logs.totals().lines);
     report.log_malformed = logs.as_ref().map(|logs| logs.totals().malformed_frames);
     if json {

@@ -9,7 +9,6 @@ use std::error::Error;
 use std::ffi::OsString;
 use std::io::{ErrorKind, Write};
 use std::path::PathBuf;
-use std::process::ExitCode;
 use std::sync::OnceLock;
 
 pub(super) use bars::{FlightBar, Stages, bar, set_share, share_bar, spinner};
@@ -24,6 +23,19 @@ use visible::{json_without_controls, visible, visible_problem};
 
 /// The first failure to write to standard output, other than that its reader has gone away.
 static FAILED: OnceLock<std::io::Error> = OnceLock::new();
+
+/// What the program was called with.
+static ARGUMENTS: OnceLock<Vec<OsString>> = OnceLock::new();
+
+/// Keeps what the program was called with, for what tells where a file comes from.
+pub(super) fn keep_arguments(given: impl IntoIterator<Item = OsString>) -> &'static [OsString] {
+    ARGUMENTS.get_or_init(|| given.into_iter().collect())
+}
+
+/// What the program was called with.
+pub(super) fn arguments() -> &'static [OsString] {
+    ARGUMENTS.get().map_or(&[], Vec::as_slice)
+}
 
 /// Writes a line to standard output. A reader that has gone away is no failure; others end the command, see [`finish`].
 pub(super) fn print(text: &str) {
@@ -59,10 +71,10 @@ struct MadeBy {
 /// # Errors
 /// Returns an error if the result cannot be written as JSON.
 pub(super) fn print_json(result: &(impl Serialize + JsonSchema)) -> Result<()> {
-    let lossy = |argument: OsString| argument.to_string_lossy().into_owned();
+    let lossy = |argument: &OsString| argument.to_string_lossy().into_owned();
     let made_by = MadeBy {
         version: env!("CARGO_PKG_VERSION"),
-        arguments: std::env::args_os().skip(1).map(lossy).collect(),
+        arguments: arguments().iter().skip(1).map(lossy).collect(),
         inputs: input::claimed(),
     };
     print_plain_json(&Answer { made_by, result })
@@ -151,8 +163,8 @@ pub(super) fn print_problem(problem: Problem, json: bool) {
 }
 
 /// Writes what was wrong with the arguments, or the help that was asked for.
-pub(super) fn print_usage(error: &clap::Error) -> ExitCode {
-    let is_json = std::env::args_os().any(|word| word == "--json");
+pub(super) fn print_usage(error: &clap::Error) -> u8 {
+    let is_json = arguments().iter().any(|word| word == "--json");
     if is_json && error.use_stderr() {
         let text = error.render().to_string();
         let (message, help) = text.split_once("\n\n").unwrap_or((&text, ""));
@@ -163,7 +175,7 @@ pub(super) fn print_usage(error: &clap::Error) -> ExitCode {
         // A reader that has gone away is no failure.
         let _ = error.print();
     }
-    ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(2))
+    u8::try_from(error.exit_code()).unwrap_or(2)
 }
 
 /// A problem for machines.

@@ -144,12 +144,15 @@ fn flown(name: &str, flight: &Flight, options: Options) -> Result<Run> {
 
 /// The command, without the folders of this machine.
 pub(super) fn command() -> String {
-    let bare = |word: std::ffi::OsString| {
-        let path = PathBuf::from(&word);
-        let name = path.file_name().map_or(word, std::ffi::OsStr::to_owned);
+    let bare = |word: &std::ffi::OsString| {
+        let name = Path::new(word).file_name().unwrap_or(word);
         name.to_string_lossy().into_owned()
     };
-    std::env::args_os().map(bare).collect::<Vec<_>>().join(" ")
+    terminal::arguments()
+        .iter()
+        .map(bare)
+        .collect::<Vec<_>>()
+        .join(" ")
 }
 
 fn report(path: &Path) -> Result<Value> {

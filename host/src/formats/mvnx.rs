@@ -9,6 +9,7 @@ pub mod field;
 pub mod frame;
 pub mod header;
 pub mod length;
+pub mod live;
 mod number;
 pub mod reader;
 mod scanner;

@@ -7,7 +7,9 @@ use std::path::Path;
 use bodyflight_discovery::description::told::Described;
 use bodyflight_discovery::error::Error;
 use bodyflight_discovery::point::track as point;
-use bodyflight_discovery::report::ByName;
+use bodyflight_discovery::progress::Progress;
+use bodyflight_discovery::report::{ByName, Report};
+use bodyflight_discovery::search::{self, Settings};
 use bodyflight_discovery::track::{Frame, Track};
 use bodyflight_falls::Sample;
 use bodyflight_falls::phases::{divided, times};
@@ -56,6 +58,65 @@ pub fn refuse_same(recording: &Path, held_out: &Path) -> Result<()> {
     ))
     .in_file(held_out)
     .help("hold out another flight of the same person"))
+}
+
+/// As [`refuse_same`], each held-out flight from each fitted one.
+///
+/// # Errors
+/// Same as [`refuse_same`].
+pub fn refuse_same_flights(fitted: &[Flight], held_out: &[Flight]) -> Result<()> {
+    for held_out in held_out {
+        for flight in fitted {
+            refuse_same(&flight.recording, &held_out.recording)?;
+        }
+    }
+    Ok(())
+}
+
+/// What is searched for in flights.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Request {
+    /// Most effects that are named.
+    pub max_effects: usize,
+    /// Seed of what is drawn.
+    pub seed: u64,
+}
+
+/// Names what the model misses in flights, checked on those that are held out; tolerances are the first flight's.
+/// `options` are how each flight is read, the fitted ones first.
+///
+/// # Errors
+/// Returns an error if a flight is held out from itself, a file is not usable or no recording of a whole body, or the search
+/// finds no fall in it.
+pub fn discover_flights(
+    fitted: &[Flight],
+    held_out: &[Flight],
+    options: impl Fn(usize) -> Options,
+    request: Request,
+    progress: &dyn Progress,
+) -> Result<Report> {
+    refuse_same_flights(fitted, held_out)?;
+    let mut tracks = Vec::new();
+    for (place, flight) in fitted.iter().chain(held_out).enumerate() {
+        if flysight::is_flysight(&flight.recording) {
+            return Err(Problem::bad_input(
+                "expected an MVNX recording, found that of a point (CSV)",
+            )
+            .in_file(&flight.recording)
+            .help("flights that are held out must be of the kind that effects are fitted to"));
+        }
+        tracks.push(read_track(flight, options(place))?);
+    }
+    let settings = Settings {
+        max_effects: request.max_effects,
+        seed: request.seed,
+        tolerances: fitted
+            .first()
+            .map(|flight| flight.tolerances)
+            .unwrap_or_default(),
+    };
+    let (fitted, held_out) = tracks.split_at(fitted.len());
+    search::discover(fitted, held_out, &settings, progress).map_err(problem)
 }
 
 /// Cuts a track to its fall: exit and opening are no fall of one posture.

@@ -11,6 +11,7 @@ use super::session::Session;
 use super::settings::Settings;
 use super::twin::Agreement;
 use crate::diagnostic::{Problem, Result};
+use crate::formats::mvnx::live::Kept;
 
 /// The progress of a stream.
 #[derive(Debug, Clone, Copy, PartialEq, JsonSchema, Serialize)]
@@ -207,6 +208,8 @@ pub struct Report {
     pub log_lines: Option<u64>,
     /// Log frames that could not be read.
     pub log_malformed: Option<u64>,
+    /// The recording of what was streamed, where one was asked for.
+    pub kept: Option<Kept>,
 }
 
 impl Report {
@@ -237,6 +240,7 @@ impl Report {
             unit,
             log_lines: None,
             log_malformed: None,
+            kept: None,
         }
     }
 

@@ -54,6 +54,8 @@ pub enum Origin {
     Simulated,
     /// A unit logged them on board.
     Logged,
+    /// They were received as they were flown.
+    Live,
     /// Another system recorded them.
     Imported {
         /// Whether it says where the body is; otherwise there are no velocities and accelerations.
@@ -66,6 +68,7 @@ impl Origin {
         match self {
             Self::Simulated => "simulated",
             Self::Logged => "logged",
+            Self::Live => "live",
             Self::Imported { .. } => "imported",
         }
     }

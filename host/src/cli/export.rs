@@ -1,0 +1,120 @@
+//! `bodyflight export`.
+
+use std::path::PathBuf;
+
+use bodyflight::diagnostic::{Problem, Result};
+use bodyflight::formats::flight::Flight;
+use bodyflight::formats::model_file::Effects;
+use bodyflight::verbs::estimate::motion::Method;
+use bodyflight::verbs::export::{Format, Report, export};
+
+use super::outputs::Outputs;
+use super::simulate::Reading;
+use super::terminal;
+use super::view::name_of;
+
+/// Write every frame of a flight and its model for other programs: poses, velocities, joint angles, loads of each segment.
+#[derive(clap::Args)]
+#[command(
+    after_help = "docs/formats.md names the columns. Open .mcap files in Foxglove, in a 3D panel that follows simulated/pelvis.\n\n\
+                  Examples:\n  bodyflight export flight.toml --format parquet\n  \
+                  bodyflight export flight.toml --out run.mcap\n  \
+                  bodyflight export flight.toml --out run.npz --estimates smooth"
+)]
+pub(super) struct Args {
+    /// A flight.toml, or an MVNX file alone.
+    flight: PathBuf,
+    /// Kind of file; by default as the name after --out ends.
+    #[arg(long, value_enum, required_unless_present = "out")]
+    format: Option<FormatName>,
+    /// File to write; by default named after the flight, in this folder.
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// Add inputs as estimated, with their deviations: forward as on the unit, or from the whole flight.
+    #[arg(long, value_enum, value_name = "METHOD", num_args = 0..=1, default_missing_value = "filter")]
+    estimates: Option<MethodName>,
+    /// Effects to extend the model by: a model.toml.
+    #[arg(long, value_name = "TOML")]
+    model: Option<PathBuf>,
+    #[command(flatten)]
+    outputs: Outputs,
+    #[command(flatten)]
+    reading: Reading,
+}
+
+#[derive(clap::ValueEnum, Clone, Copy)]
+enum FormatName {
+    /// Columns with units, for pandas, polars, MATLAB.
+    Parquet,
+    /// Columns as text.
+    Csv,
+    /// A moving body, for Foxglove.
+    Mcap,
+    /// Arrays, for NumPy.
+    Npz,
+}
+
+#[derive(clap::ValueEnum, Clone, Copy)]
+enum MethodName {
+    /// Forward, as the unit does.
+    Filter,
+    /// The whole flight at once.
+    Smooth,
+}
+
+pub(super) fn run(args: &Args, json: bool) -> Result<()> {
+    let mut flight = Flight::read(&args.flight)?;
+    if let Some(model) = &args.model {
+        flight.effects = Effects::read(model)?;
+    }
+    let format = args.format.map(|name| match name {
+        FormatName::Parquet => Format::Parquet,
+        FormatName::Csv => Format::Csv,
+        FormatName::Mcap => Format::Mcap,
+        FormatName::Npz => Format::Npz,
+    });
+    let (path, format) = match (&args.out, format) {
+        (Some(path), Some(format)) => (path.clone(), format),
+        (Some(path), None) => (path.clone(), Format::of(path)?),
+        (None, format) => {
+            let format = format.unwrap_or(Format::Parquet);
+            let name = format!("{}.{}", name_of(&args.flight), format.name());
+            (PathBuf::from(name), format)
+        }
+    };
+    args.outputs.check([&Some(path.clone())])?;
+    let estimates = args.estimates.map(|name| match name {
+        MethodName::Filter => Method::Filter,
+        MethodName::Smooth => Method::Smooth,
+    });
+    let spinner = terminal::spinner("exporting");
+    let progress = |time: f64| spinner.set_message(format!("exporting, {time:.0} s"));
+    let options = args.reading.options();
+    let report = export(&flight, options, (&path, format), estimates, progress);
+    spinner.finish_and_clear();
+    let report = report?;
+    terminal::note_assumed_subject(&flight);
+    print_report(&report, json)?;
+    match report.doubt {
+        None => Ok(()),
+        Some(sentence) => Err(Problem::doubt(sentence)
+            .in_file(&args.flight)
+            .help("the file is written; do not trust the estimates in it")),
+    }
+}
+
+fn print_report(report: &Report, json: bool) -> Result<()> {
+    if json {
+        return terminal::print_json(report);
+    }
+    #[expect(clippy::cast_precision_loss, reason = "bytes of a file")]
+    let megabytes = report.bytes as f64 / 1e6;
+    terminal::print(&format!(
+        "written: {} ({} frames, {:.1} s, {} columns, {megabytes:.1} MB)",
+        report.file.display(),
+        report.frames,
+        report.duration_s,
+        report.columns
+    ));
+    Ok(())
+}

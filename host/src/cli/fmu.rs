@@ -1,0 +1,47 @@
+//! `bodyflight fmu`.
+
+use std::path::PathBuf;
+
+use bodyflight::diagnostic::Result;
+use bodyflight::verbs::fmu::{library, read, write};
+
+use super::outputs::Outputs;
+use super::terminal;
+
+/// Make a skydiver a co-simulation unit (FMI 3.0) for Simulink, OpenModelica and others.
+#[derive(clap::Args)]
+#[command(
+    after_help = "Inputs are joint angles, muscle input, damping and wind; outputs motion and loads: docs/fmu.md.\n\n\
+                  Example: bodyflight fmu subject.toml --out skydiver.fmu"
+)]
+pub(super) struct Args {
+    /// A subject.toml, or a flight.toml whose person, air and limb groups are meant.
+    subject: PathBuf,
+    /// File to write.
+    #[arg(long, value_name = "FMU", default_value = "skydiver.fmu")]
+    out: PathBuf,
+    /// The library of the unit for this platform; by default the one beside the program.
+    #[arg(long, value_name = "FILE")]
+    library: Option<PathBuf>,
+    #[command(flatten)]
+    outputs: Outputs,
+}
+
+pub(super) fn run(args: &Args, json: bool) -> Result<()> {
+    let flight = read(&args.subject)?;
+    let library = library(args.library.as_deref())?;
+    args.outputs.check([&Some(args.out.clone())])?;
+    let report = write(&flight, &library, &args.out)?;
+    if json {
+        return terminal::print_json(&report);
+    }
+    terminal::note_assumed_subject(&flight);
+    terminal::print(&format!(
+        "written: {} ({} variables, for {}, {:.1} MB)",
+        report.file.display(),
+        report.variables,
+        report.platform,
+        report.bytes as f64 / 1e6
+    ));
+    Ok(())
+}

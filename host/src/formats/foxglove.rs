@@ -1,0 +1,5 @@
+//! Flights as MCAP files of JSON messages in Foxglove's schemas: a body that moves, and everything else as numbers to plot.
+
+pub mod messages;
+pub mod recording;
+pub mod schemas;

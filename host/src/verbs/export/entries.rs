@@ -1,0 +1,421 @@
+//! What is exported: one table of quantities, each with how it is taken from a frame.
+
+use bodyflight_core::Segment;
+use bodyflight_core::aerodynamics::Loads;
+use bodyflight_core::axis::AXIS_NAMES;
+use bodyflight_core::body::SegmentArray;
+use bodyflight_core::body::posture::{PosedSegment, joint_angles, pose};
+use bodyflight_core::dynamics::{Dynamics, Inputs, Motion};
+use bodyflight_core::frame::Vector;
+use nalgebra::UnitQuaternion;
+
+use crate::formats::columns::quantity::{Of, Quantity, Unit};
+use crate::replay::comparison::Channel;
+use crate::replay::steps::Step;
+use crate::verbs::estimate::report::Point;
+
+const INERTIAL: &[&str] = &["north", "west", "up"];
+const BODY: &[&str] = &["left", "dorsal", "cranial"];
+const ROTATION: &[&str] = &["w", "x", "y", "z"];
+const AXES: &[&str] = &AXIS_NAMES;
+const ONE: &[&str] = &[];
+
+/// A frame with everything that is known of it.
+pub(super) struct Seen<'a> {
+    step: &'a Step,
+    posed: SegmentArray<PosedSegment<f64>>,
+    turned: SegmentArray<UnitQuaternion<f64>>,
+    loads: SegmentArray<Loads<f64>>,
+    air_velocity: [f64; 3],
+    cg: [f64; 3],
+    estimate: Option<&'a Point>,
+}
+
+impl<'a> Seen<'a> {
+    /// A frame of a flight that `dynamics` flies, with the estimate that holds there.
+    pub(super) fn of(
+        dynamics: &Dynamics<f64>,
+        step: &'a Step,
+        estimate: Option<&'a Point>,
+    ) -> Self {
+        let posed = pose(&dynamics.body, &step.posture);
+        let mut cg = Vector::zero();
+        for (segment, placed) in posed.iter() {
+            cg += Vector::<_, bodyflight_core::frame::Body>::from_components(placed.cg)
+                * dynamics.body.segments[segment].mass;
+        }
+        Self {
+            step,
+            turned: step.posture.body_from_segments(),
+            loads: dynamics.segment_loads(&step.posture, &step.simulated),
+            air_velocity: dynamics
+                .air
+                .velocity_at(&step.simulated.position)
+                .to_array(),
+            cg: (cg / dynamics.body.mass()).to_array(),
+            posed,
+            estimate,
+        }
+    }
+
+    /// Numbers of each segment.
+    fn each<const N: usize>(&self, numbers: impl Fn(Segment) -> [f64; N], row: &mut Vec<f64>) {
+        for segment in Segment::ALL {
+            row.extend(numbers(segment));
+        }
+    }
+
+    /// Numbers of the estimate; missing before the first, and where nothing is estimated.
+    fn estimated<const N: usize>(&self, numbers: impl Fn(&Point) -> [f64; N], row: &mut Vec<f64>) {
+        row.extend(self.estimate.map_or([f64::NAN; N], numbers));
+    }
+}
+
+type Take = Box<dyn Fn(&Seen<'_>, &mut Vec<f64>)>;
+
+/// A quantity, and how it is taken from a frame.
+pub(super) struct Entry {
+    /// The quantity.
+    pub(super) quantity: Quantity,
+    take: Take,
+}
+
+impl Entry {
+    fn new(
+        of: Of,
+        name: impl Into<String>,
+        (parts, unit): (&'static [&'static str], Unit),
+        meaning: &'static str,
+        take: impl Fn(&Seen<'_>, &mut Vec<f64>) + 'static,
+    ) -> Self {
+        Self {
+            quantity: Quantity {
+                name: name.into(),
+                unit,
+                parts,
+                of,
+                meaning,
+            },
+            take: Box::new(take),
+        }
+    }
+
+    /// Adds the numbers of a frame.
+    pub(super) fn take(&self, seen: &Seen<'_>, row: &mut Vec<f64>) {
+        (self.take)(seen, row);
+    }
+}
+
+/// Everything that is exported, in order; the estimates only where there are some.
+pub(super) fn entries(with_estimates: bool) -> Vec<Entry> {
+    let time = Entry::new(
+        Of::Body,
+        "time",
+        (ONE, Unit::SECOND),
+        "time since frame 0 of the recording",
+        |seen, row| row.push(seen.step.time),
+    );
+    let mut entries = vec![time];
+    entries.extend(channels());
+    for side in [MEASURED, SIMULATED] {
+        entries.extend(motion(side));
+    }
+    entries.extend(of_model());
+    entries.extend(of_segments());
+    if with_estimates {
+        entries.extend(estimates());
+    }
+    entries
+}
+
+/// The channels in which flights are compared, with the names that `simulate --out` gives them.
+fn channels() -> impl Iterator<Item = Entry> {
+    Channel::ALL.into_iter().flat_map(|channel| {
+        ["measured", "simulated"].map(|side| {
+            let (name, unit) = match channel {
+                Channel::Roll | Channel::Pitch | Channel::Heading => ("_rad", Unit::RADIAN),
+                Channel::YawRate | Channel::AngularVelocity => ("_radps", Unit::RADIAN_PER_SECOND),
+                Channel::HorizontalVelocity | Channel::VerticalVelocity => {
+                    ("_mps", Unit::METRE_PER_SECOND)
+                }
+            };
+            let key = channel.key();
+            let name = format!("{side}_{}", key.strip_suffix(name).unwrap_or(key));
+            let take = move |seen: &Seen<'_>, row: &mut Vec<f64>| {
+                let pair = &seen.step.pair;
+                let observation = if side == "measured" {
+                    &pair.measured
+                } else {
+                    &pair.simulated
+                };
+                row.push(channel.value(observation));
+            };
+            let meaning = "a channel of the comparison; the model's as its sensors see it";
+            Entry::new(Of::Body, name, (ONE, unit), meaning, take)
+        })
+    })
+}
+
+/// One of the two motions of a frame.
+#[derive(Clone, Copy)]
+struct Side {
+    name: &'static str,
+    motion: fn(&Step) -> &Motion<f64>,
+}
+
+const MEASURED: Side = Side {
+    name: "measured",
+    motion: |step| &step.measured,
+};
+const SIMULATED: Side = Side {
+    name: "simulated",
+    motion: |step| &step.simulated,
+};
+
+/// The motion of the pelvis, and where it takes the segments.
+fn motion(Side { name, motion }: Side) -> [Entry; 6] {
+    let named = |what: &str| format!("{name}_{what}");
+    [
+        Entry::new(
+            Of::Body,
+            named("position"),
+            (INERTIAL, Unit::METRE),
+            "position of the pelvic joint, world axes",
+            move |seen, row| row.extend(motion(seen.step).position.to_array()),
+        ),
+        Entry::new(
+            Of::Body,
+            named("velocity"),
+            (INERTIAL, Unit::METRE_PER_SECOND),
+            "velocity of the pelvic joint over ground, world axes",
+            move |seen, row| row.extend(motion(seen.step).velocity_inertial().to_array()),
+        ),
+        Entry::new(
+            Of::Body,
+            named("attitude"),
+            (ROTATION, Unit::ONE),
+            "attitude of the body, quaternion world from body",
+            move |seen, row| row.extend(motion(seen.step).inertial_from_body.wxyz()),
+        ),
+        Entry::new(
+            Of::Body,
+            named("body_rate"),
+            (AXES, Unit::RADIAN_PER_SECOND),
+            "angular velocity of the body, body axes left, dorsal, cranial",
+            move |seen, row| row.extend(motion(seen.step).angular_velocity.to_array()),
+        ),
+        Entry::new(
+            Of::Segments,
+            named("position"),
+            (INERTIAL, Unit::METRE),
+            "position of the segment's joint, world axes",
+            move |seen, row| {
+                let motion = motion(seen.step);
+                let joint = |segment: Segment| {
+                    let joint = Vector::from_components(seen.posed[segment].joint);
+                    (motion.position + motion.inertial_from_body * joint).to_array()
+                };
+                seen.each(joint, row);
+            },
+        ),
+        Entry::new(
+            Of::Segments,
+            named("attitude"),
+            (ROTATION, Unit::ONE),
+            "attitude of the segment, quaternion world from segment",
+            move |seen, row| {
+                let body = *motion(seen.step).inertial_from_body.quaternion();
+                let attitude = |segment: Segment| wxyz(&(body * seen.turned[segment]));
+                seen.each(attitude, row);
+            },
+        ),
+    ]
+}
+
+/// What acts on the model.
+fn of_model() -> [Entry; 6] {
+    let inputs = |take: fn(&Inputs<f64>) -> [f64; 3]| {
+        move |seen: &Seen<'_>, row: &mut Vec<f64>| row.extend(take(&seen.step.inputs))
+    };
+    [
+        Entry::new(
+            Of::Body,
+            "muscle",
+            (AXES, Unit::ONE),
+            "muscle input coefficient that the model flies with",
+            inputs(|inputs| inputs.muscle.to_array()),
+        ),
+        Entry::new(
+            Of::Body,
+            "damping",
+            (AXES, Unit::ONE),
+            "damping coefficient that the model flies with",
+            inputs(|inputs| inputs.damping.to_array()),
+        ),
+        Entry::new(
+            Of::Body,
+            "residual",
+            (BODY, Unit::SQUARE_METRE),
+            "force that is not in the model, over dynamic pressure, body axes",
+            inputs(|inputs| inputs.residual.force.to_array()),
+        ),
+        Entry::new(
+            Of::Body,
+            "residual",
+            (AXES, Unit::CUBIC_METRE),
+            "moment that is not in the model, over dynamic pressure",
+            inputs(|inputs| inputs.residual.moment.to_array()),
+        ),
+        Entry::new(
+            Of::Body,
+            "cg",
+            (BODY, Unit::METRE),
+            "centre of gravity from the pelvic joint, body axes",
+            |seen, row| row.extend(seen.cg),
+        ),
+        Entry::new(
+            Of::Body,
+            "air_velocity",
+            (INERTIAL, Unit::METRE_PER_SECOND),
+            "velocity of the air at the model's pelvis, world axes",
+            |seen, row| row.extend(seen.air_velocity),
+        ),
+    ]
+}
+
+/// Posture and loads of each segment.
+fn of_segments() -> [Entry; 6] {
+    [
+        Entry::new(
+            Of::Segments,
+            "joint",
+            (ROTATION, Unit::ONE),
+            "rotation of the joint, quaternion parent from segment; none in the H-pose",
+            |seen, row| seen.each(|s| wxyz(seen.step.posture.parent_from_segment(s)), row),
+        ),
+        Entry::new(
+            Of::Segments,
+            "joint",
+            (&["psi", "theta", "phi"], Unit::RADIAN),
+            "angles of the joint about its Z, Y and X axes, as the paper turns them",
+            |seen, row| {
+                let angles = |s| joint_angles(seen.step.posture.parent_from_segment(s));
+                seen.each(angles, row);
+            },
+        ),
+        Entry::new(
+            Of::Segments,
+            "cg",
+            (BODY, Unit::METRE),
+            "centre of gravity of the segment from the pelvic joint, body axes",
+            |seen, row| seen.each(|s| seen.posed[s].cg.into(), row),
+        ),
+        Entry::new(
+            Of::Segments,
+            "force",
+            (BODY, Unit::NEWTON),
+            "force of the air on the segment, body axes of the model's motion",
+            |seen, row| seen.each(|s| seen.loads[s].force.into(), row),
+        ),
+        Entry::new(
+            Of::Segments,
+            "moment",
+            (AXES, Unit::NEWTON_METRE),
+            "moment of the air on the segment about the pelvic joint, body axes",
+            |seen, row| seen.each(|s| seen.loads[s].moment.into(), row),
+        ),
+        Entry::new(
+            Of::Segments,
+            "exposed_area",
+            (ONE, Unit::SQUARE_METRE),
+            "area of the segment that is exposed to the stream",
+            |seen, row| seen.each(|s| [seen.loads[s].exposed_area], row),
+        ),
+    ]
+}
+
+/// What `estimate` finds; each holds from its time on.
+fn estimates() -> Vec<Entry> {
+    let [coefficients, deviations] = [
+        (
+            "estimated",
+            "coefficient as estimated; missing before the first estimate",
+            (|point: &Point| point.inputs.columns()) as fn(&Point) -> [f64; 7],
+        ),
+        (
+            "estimated_sd",
+            "standard deviation of the estimated coefficient",
+            |point: &Point| point.deviation.columns(),
+        ),
+    ]
+    .map(|(name, meaning, columns)| {
+        // The first column is the time.
+        let part = |from: usize| {
+            move |seen: &Seen<'_>, row: &mut Vec<f64>| {
+                let three = |point: &Point| core::array::from_fn(|k| columns(point)[from + k]);
+                seen.estimated::<3>(three, row);
+            }
+        };
+        let damping = format!("{name}_damp");
+        [
+            Entry::new(Of::Body, name, (AXES, Unit::ONE), meaning, part(1)),
+            Entry::new(Of::Body, damping, (AXES, Unit::ONE), meaning, part(4)),
+        ]
+    });
+    coefficients
+        .into_iter()
+        .chain(deviations)
+        .chain(estimated_rest())
+        .collect()
+}
+
+/// What an estimate has besides the coefficients.
+fn estimated_rest() -> [Entry; 3] {
+    [
+        Entry::new(
+            Of::Body,
+            "estimated_residual",
+            (BODY, Unit::SQUARE_METRE),
+            "force that is not in the model, over dynamic pressure, as estimated",
+            |seen, row| {
+                let force = |point: &Point| {
+                    let row = &point.inputs;
+                    [
+                        row.residual_left_m2,
+                        row.residual_dorsal_m2,
+                        row.residual_cranial_m2,
+                    ]
+                };
+                seen.estimated(force, row);
+            },
+        ),
+        Entry::new(
+            Of::Body,
+            "estimated_residual",
+            (AXES, Unit::CUBIC_METRE),
+            "moment that is not in the model, over dynamic pressure, as estimated",
+            |seen, row| {
+                let moment = |point: &Point| {
+                    let row = &point.inputs;
+                    [
+                        row.residual_pitch_m3,
+                        row.residual_yaw_m3,
+                        row.residual_roll_m3,
+                    ]
+                };
+                seen.estimated(moment, row);
+            },
+        ),
+        Entry::new(
+            Of::Body,
+            "estimated_nis",
+            (ONE, Unit::ONE),
+            "normalised innovation squared of the estimate, 1 where model and noise are right",
+            |seen, row| seen.estimated(|point| [point.normalised_innovation], row),
+        ),
+    ]
+}
+
+fn wxyz(rotation: &UnitQuaternion<f64>) -> [f64; 4] {
+    [rotation.w, rotation.i, rotation.j, rotation.k]
+}

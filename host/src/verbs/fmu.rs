@@ -1,0 +1,202 @@
+//! `bodyflight fmu`: a skydiver as a co-simulation unit of FMI 3.0, for Simulink, OpenModelica and others.
+//!
+//! A unit is an archive: `modelDescription.xml`, the library of the crate bodyflight-fmu for this platform, and the person and
+//! the air as resources, which the library reads when it is loaded.
+
+mod description;
+pub mod skydiver;
+pub mod variables;
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+use sha2::{Digest, Sha256};
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, ZipWriter};
+
+use self::description::description;
+use self::variables::variables;
+use crate::diagnostic::{Problem, Result};
+use crate::formats::flight::{DensityChoice, Flight};
+use crate::formats::input;
+use crate::formats::subject::{SEGMENTS_FILE, Subject};
+use crate::output::files::AtomicFile;
+
+/// Name of the library in the unit, without its ending; what FMI calls the model's identifier.
+const IDENTIFIER: &str = "bodyflight";
+/// Where a program looks for the library before it looks beside itself.
+const LIBRARY_VARIABLE: &str = "BODYFLIGHT_FMU";
+
+/// What was written.
+#[derive(Debug, Clone, Serialize)]
+pub struct Report {
+    /// The unit.
+    pub file: PathBuf,
+    /// Its token.
+    pub token: String,
+    /// The platform of its library, as FMI names it.
+    pub platform: String,
+    /// Inputs, parameters and outputs.
+    pub variables: usize,
+    /// Size of the file (bytes).
+    pub bytes: u64,
+}
+
+/// The flight that a file means: a `flight.toml`, or a `subject.toml` in still air.
+///
+/// # Errors
+/// Returns an error if the file is neither, or not usable.
+pub fn read(path: &Path) -> Result<Flight> {
+    let is_flight = path.is_dir() || {
+        let table: Option<toml::Table> = input::text(path)?.parse().ok();
+        table.is_none_or(|table| table.contains_key("recording"))
+    };
+    if is_flight {
+        return Flight::read(path);
+    }
+    Ok(Flight {
+        subject: Subject::read(path)?,
+        has_subject: true,
+        ..Flight::bare(Path::new("none.mvnx"))
+    })
+}
+
+/// The library of units: as given, as the environment says, or beside the program.
+///
+/// # Errors
+/// Returns an error if there is none.
+pub fn library(given: Option<&Path>) -> Result<PathBuf> {
+    if let Some(path) = given {
+        return Ok(path.to_path_buf());
+    }
+    if let Some(path) = std::env::var_os(LIBRARY_VARIABLE) {
+        return Ok(PathBuf::from(path));
+    }
+    let name = format!(
+        "{}bodyflight_fmu{}",
+        std::env::consts::DLL_PREFIX,
+        std::env::consts::DLL_SUFFIX
+    );
+    let beside = std::env::current_exe().map(|program| program.with_file_name(&name));
+    beside.ok().filter(|path| path.is_file()).ok_or_else(|| {
+        Problem::bad_input(format!("the library of the unit, {name}, is not beside the program"))
+            .help("it comes with the Python package; or build it in fmu/, cargo build --release, and give it with --library")
+    })
+}
+
+/// The platform as FMI 3.0 names it: architecture and system.
+fn platform() -> String {
+    let system = match std::env::consts::OS {
+        "macos" => "darwin",
+        other => other,
+    };
+    format!("{}-{system}", std::env::consts::ARCH)
+}
+
+/// The files of the unit that the library reads: the flight without its recording.
+fn resources(flight: &Flight) -> Result<Vec<(&'static str, String)>> {
+    let [north, west, up] = flight.air_velocity;
+    let density = match flight.density {
+        DensityChoice::Constant(density) => format!("density = {density:?}"),
+        DensityChoice::FirstFrameAltitude(altitude) => format!("altitude_m = {altitude:?}"),
+    };
+    let text = format!(
+        "recording = \"none.mvnx\"\nsubject = \"subject.toml\"\nmuscles = \"{}\"\nmuscle_forces = \"{}\"\n\n\
+         [air]\n{density}\nvelocity = [{north:?}, {west:?}, {up:?}]\n",
+        flight.muscles.name(),
+        flight.muscles.forces.name()
+    );
+    let mut files = vec![
+        ("flight.toml", text),
+        ("subject.toml", flight.subject.to_toml()?),
+    ];
+    if let Some(table) = flight.subject.segments_json() {
+        files.push((SEGMENTS_FILE, table.to_owned()));
+    }
+    Ok(files)
+}
+
+/// Writes the unit of a flight's person and air with a library.
+///
+/// # Errors
+/// Returns an error if the library cannot be read or the disk refuses; then no file is left.
+pub fn write(flight: &Flight, library: &Path, path: &Path) -> Result<Report> {
+    let binary = std::fs::read(library).map_err(|error| Problem::system("read", library, error))?;
+    let resources = resources(flight)?;
+    let variables = variables(flight);
+    let mut hasher = Sha256::new();
+    hasher.update(&binary);
+    for (_, text) in &resources {
+        hasher.update(text);
+    }
+    let digest = hasher.finalize();
+    let token: String = digest.iter().map(|byte| format!("{byte:02x}")).collect();
+    let platform = platform();
+    let end = std::env::consts::DLL_SUFFIX;
+    let mut entries = vec![
+        (
+            "modelDescription.xml".to_owned(),
+            description(IDENTIFIER, &token, &variables).into_bytes(),
+        ),
+        (format!("binaries/{platform}/{IDENTIFIER}{end}"), binary),
+    ];
+    let resource = |(name, text): (&str, String)| (format!("resources/{name}"), text.into_bytes());
+    entries.extend(resources.into_iter().map(resource));
+    let file = archive(path, AtomicFile::create(path)?, &entries)?;
+    file.finish()?;
+    let size = std::fs::metadata(path).map_err(|error| Problem::system("read", path, error))?;
+    Ok(Report {
+        file: path.to_path_buf(),
+        token,
+        platform,
+        variables: variables.len(),
+        bytes: size.len(),
+    })
+}
+
+/// An archive of whole files.
+fn archive(path: &Path, file: AtomicFile, entries: &[(String, Vec<u8>)]) -> Result<AtomicFile> {
+    let refused = |error: zip::result::ZipError| {
+        Problem::refused("cannot write the unit")
+            .in_file(path)
+            .caused_by(error)
+    };
+    let options = SimpleFileOptions::default()
+        .compression_method(CompressionMethod::Deflated)
+        .unix_permissions(0o755);
+    let mut archive = ZipWriter::new(file);
+    for (name, content) in entries {
+        archive.start_file(name, options).map_err(refused)?;
+        archive
+            .write_all(content)
+            .map_err(|error| Problem::system("write", path, error))?;
+    }
+    archive.finish().map_err(refused)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_unit_has_the_person_and_the_air_of_its_flight() {
+        let flight = Flight {
+            air_velocity: [1.0, -2.5, 0.0],
+            density: DensityChoice::FirstFrameAltitude(1200.0),
+            ..Flight::bare(Path::new("none.mvnx"))
+        };
+        let folder = tempfile::tempdir().unwrap();
+        for (name, text) in resources(&flight).unwrap() {
+            std::fs::write(folder.path().join(name), text).unwrap();
+        }
+        let again = Flight::read(folder.path()).unwrap();
+        assert_eq!(again.dynamics(3.0), flight.dynamics(3.0));
+    }
+
+    #[test]
+    fn a_library_that_is_not_there_is_told() {
+        let problem = library(None).unwrap_err();
+        assert!(problem.help.unwrap().contains("--library"));
+    }
+}
