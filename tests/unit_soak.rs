@@ -158,7 +158,8 @@ impl Flying {
         estimates
     }
 
-    /// Sends the unit a sample, with faults of the line.
+    /// Sends the unit sample number `number`, which is `here`, with the line's faults; `next` is sent first if the two
+    /// are swapped.
     fn sample(&mut self, number: u32, [here, next]: [Sample; 2]) -> Vec<(u64, Estimate)> {
         let since = u64::from(number) * 1_000_000 / u64::from(RATE);
         let now = self.origin.clock + since;

@@ -143,7 +143,7 @@ fn of_seed(seed: u64) -> Vec<Case> {
             add("outside", turned(k), name, Flown::Laboratory(hidden), seed);
         }
         for (k, load) in (0..LOADS).enumerate() {
-            // Every pass draws its own loads, of which there is no limited supply.
+            // Every pass draws its own loads, since their supply is unlimited.
             let seed = (seed * 4 + pass as u64) * LOADS + load;
             let hidden = vec![Hidden::Load(drawn(seed))];
             add("load", turned(k), "load", Flown::Laboratory(hidden), seed);

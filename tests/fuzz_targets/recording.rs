@@ -12,7 +12,7 @@ use crate::small_recording::{NAME, is_usable, read_as, survey, written};
 /// Longest input that is read (bytes): longer ones are slow and find nothing new.
 const LONGEST: usize = 48 << 10;
 
-/// Number of edits of the small recording.
+/// Largest number of edits of the small recording.
 const MOST_EDITS: usize = 8;
 
 /// An input that begins with `<` is a file; otherwise it is a list of edits of a small recording: position, number of

@@ -155,7 +155,7 @@ fn answer(
 ) -> Option<Answer> {
     let sample = dynamics.hold(posture);
     let rest = turned_by(&sample, stream).dot(&axis);
-    // Limited to the effect that both directions share.
+    // The smaller of the effects in both directions is used.
     let effects = limbs.map(|limb| {
         let [one, other] = [SMALL, -SMALL].map(|angle| {
             let moved = dynamics.hold(&pattern::moved(posture, limb, angle));

@@ -20,25 +20,25 @@ def ticks(microseconds):
 
 
 class Server:
-    """One command a line on the input, one answer a line on the output."""
+    """Reads one command per line and writes one answer per line."""
 
     def __init__(self, chip):
         self.chip = chip
 
     def send(self, at, port, bytes, error="", at_once=False):
-        """Puts bytes on a line from a time on (us), all of them with an error where one is named."""
+        """Sends bytes to a port, starting at a time (us), each with an error if one is given."""
         self.chip.send(ticks(at), port, __builtins__.bytes.fromhex(bytes), FLAGS[error], at_once)
         return {}
 
     def run(self, until):
-        """Lets time pass (us); what left the ports, and resets."""
+        """Runs until a time (us); returns bytes sent by the ports, and resets."""
         self.chip.run_until(ticks(until))
         events = sorted([*self.chip.left(), *self.chip.log], key=lambda event: event["at"])
         self.chip.log.clear()
         return {"events": events}
 
     def trace(self, until):
-        """Lets time pass (us) and counts every cycle by the model of cycles.py; slow."""
+        """Runs until a time (us), counting every cycle by the model of cycles.py; slow."""
         unicorn, model = self.chip.unicorn, Model(self.chip.unicorn.mem_read)
         hooks = [
             unicorn.hook_add(UC_HOOK_CODE, lambda _, address, *__: model.execute(address)),
@@ -50,7 +50,7 @@ class Server:
         return model.result()
 
     def provoke(self, kind, within=""):
-        """A fault; `within` waits up to a tenth of a second for the processor to be in a task or an interrupt."""
+        """Injects a fault; `within` waits up to a tenth of a second for the processor to be in a task or an interrupt."""
         chip = self.chip
         limit = chip.now + TICKS // 10
         while within and chip.now < limit and bool(chip.active) != (within == "interrupt"):
@@ -58,7 +58,7 @@ class Server:
         return {"address": chip.provoke(kind), "at": chip.microseconds(), "nested": len(chip.active)}
 
     def power(self, cause, keep_memory=False):
-        """Power on, brown-out or the reset pin."""
+        """Resets by power-on, brown-out or the reset pin."""
         (self.chip.reset if keep_memory else self.chip.power_on)(cause)
         return {}
 
@@ -67,7 +67,7 @@ class Server:
         return {"words": [int.from_bytes(data[4 * i : 4 * i + 4], "little") for i in range(words)]}
 
     def look(self):
-        """What the chip has counted and how it is set up."""
+        """Returns counters and configuration of the chip."""
         chip = self.chip
         return {
             "now": chip.microseconds(),

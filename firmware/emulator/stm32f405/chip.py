@@ -1,4 +1,4 @@
-"""The STM32F405 as a whole: memories, the map of its peripherals, time, resets, and what is done to it on purpose."""
+"""The STM32F405 as a whole: memories, the map of its peripherals, time, resets, and fault injection."""
 
 import collections
 import heapq
@@ -15,7 +15,7 @@ from .lines import Dma, Usart
 from .peripherals import NEVER, TICKS, Converter, Random, Rcc, Registers, Timer, Usb, Watchdog
 
 FLASH, CCM, RAM = (0x0800_0000, 0x10_0000), (0x1000_0000, 0x1_0000), (0x2000_0000, 0x2_0000)
-# Not programmed by any image; what is done on purpose finds place here.
+# Not used by any image; code for injected faults is placed here.
 SCRATCH = 0x080F_FF00
 # Instructions from one look at the peripherals to the next: few after the processor slept, since Unicorn does not say how
 # many it ran before it sleeps again.
@@ -64,7 +64,7 @@ class Chip(cpu.Processor):
     # Power and resets.
 
     def power_on(self, cause="power-on"):
-        """Memory holds whatever power leaves in it."""
+        """Fills memory with the random contents of power-on."""
         for begin, length in (CCM, RAM):
             self.unicorn.mem_write(begin, self.random.randbytes(length))
         self.reset(cause)
@@ -212,11 +212,11 @@ class Chip(cpu.Processor):
         return min(times)
 
     def send(self, at, port, data, flags, at_once):
-        """Bytes on their way to a port, from a time on (ticks)."""
+        """Sends bytes to a port, starting at a time (ticks)."""
         heapq.heappush(self.sends, (at, next(self.numbers), port, data, flags, at_once))
 
     def left(self):
-        """Bytes that have left, with port and time (us) of the last of each piece."""
+        """Returns the bytes sent, with the port and the time (us) of the last byte of each piece."""
         for name, port in self.ports.items():
             pieces = collections.deque()
             for at, byte in port.left:
@@ -229,7 +229,7 @@ class Chip(cpu.Processor):
                 yield {"at": at * 1_000_000 // TICKS, "port": name, "sent": data.hex()}
 
     def step(self, limit):
-        """One slice: the peripherals come to the present, then the processor runs until something may happen."""
+        """Runs one slice: updates the peripherals, then runs the processor until the next possible event."""
         while self.sends and self.sends[0][0] <= self.now:
             at, _, port, data, flags, at_once = heapq.heappop(self.sends)
             self.ports[port].feed(at, data, flags, at_once)
@@ -261,10 +261,10 @@ class Chip(cpu.Processor):
         while self.now < limit:
             self.step(limit)
 
-    # On purpose.
+    # Fault injection.
 
     def provoke(self, kind, argument=0):
-        """Makes something go wrong here and now; the address at which it does."""
+        """Injects a fault now; returns its address."""
         code = {
             "undefined": b"\x00\xde",
             "bus": b"\x01\x68",
@@ -276,7 +276,7 @@ class Chip(cpu.Processor):
         if kind == "panic":
             return self.panic()
         if kind == "stack":
-            # A frame that begins in the last bytes of the stack and pushes what does not fit.
+            # A frame that begins in the last bytes of the stack and pushes more than fits.
             write(cpu.arm.UC_ARM_REG_SP, self.symbols["_stack_end"] + 8)
             code = {"stack": b"\x2d\xe9\xf0\x4f"}
         write(cpu.arm.UC_ARM_REG_R0, {"bus": 0x6000_0000, "unaligned": RAM[0] + 2}.get(kind, 1))
@@ -295,7 +295,7 @@ class Chip(cpu.Processor):
         return SCRATCH
 
     def panic(self):
-        """As if line 1234 of a file had indexed past the end of its array."""
+        """Panics as if line 1234 of a file had indexed past the end of its array."""
         name = next(name for name in self.symbols if "panic_bounds_check" in name)
         place, file = SCRATCH + 0x40, b"firmware/src/provoked.rs"
         self.unicorn.mem_write(place, struct.pack("<IIII", place + 16, len(file), 1234, 5) + file)

@@ -18,7 +18,7 @@ MANY = ("ldm", "stm", "push", "pop", "vldm", "vstm", "vpush", "vpop")
 
 
 class Lines:
-    """The lines used last."""
+    """Cache of the most recently used lines."""
 
     def __init__(self, count):
         self.count, self.lines = count, collections.OrderedDict()
@@ -34,7 +34,7 @@ class Lines:
 
 
 class Decoder:
-    """The cycles of each instruction without flash, and whether it loads or stores one word."""
+    """Returns the cycles of each instruction without flash, and whether it loads or stores one word."""
 
     def __init__(self, memory):
         self.memory, self.known = memory, {}
@@ -85,7 +85,7 @@ class Model:
     def execute(self, address):
         cycles, single, size = self.decoder.of(address)
         if single and self.single:
-            # Loads and stores of one word after each other overlap.
+            # Consecutive loads and stores of one word overlap.
             cycles -= cycles > 1
         taken = self.follows is not None and address != self.follows
         if taken:

@@ -20,7 +20,7 @@ class SerialFlash:
         self.writable, self.busy_until = False, 0
 
     def power_on(self):
-        """What was being written is written: power that goes in the middle is the subject of other tests."""
+        """Completes a pending write; other tests cover power loss during a write."""
         self.selected, self.writable, self.busy_until = False, False, 0
         self.heard.clear()
 
@@ -35,7 +35,7 @@ class SerialFlash:
         return int.from_bytes(self.heard[1:4], "big") % BYTES
 
     def exchange(self, byte):
-        """A byte comes, and one goes."""
+        """Exchanges one byte."""
         if not self.selected:
             return 0xFF
         self.heard.append(byte)
@@ -71,7 +71,7 @@ class SerialFlash:
 
 
 class Spi(Registers):
-    """SPI in full duplex [28.3]: bytes take no time, which is theirs to take from the processor; flags as after each byte."""
+    """SPI in full duplex [28.3]: bytes take no time; flags are those after each byte."""
 
     SR, DR = 0x08, 0x0C
     RECEIVED, EMPTY = 1 << 0, 1 << 1

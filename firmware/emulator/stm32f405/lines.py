@@ -43,10 +43,10 @@ class Dma:
             number, register = divmod(offset - 0x10, 0x18)
             stream, field = self.streams[number], self.FIELDS[register // 4]
             if field == "cr" and value & 1 and not stream["cr"] & 1:
-                # The count is loaded again with what was written last [10.5.6].
+                # The count is reloaded with the value written last [10.5.6].
                 stream["index"], stream["ndtr"] = 0, stream["length"]
             elif field == "cr" and stream["cr"] & 1 and not value & 1:
-                # Switching a stream off counts as its end [10.3.17].
+                # Disabling a stream counts as its end [10.3.17].
                 stream["flags"] |= self.COMPLETE
             if field == "ndtr":
                 stream["length"] = value
@@ -60,7 +60,7 @@ class Dma:
         return None
 
     def step(self, stream):
-        """Moves one byte: its address in memory."""
+        """Moves one byte; returns its address in memory."""
         address = stream["m0ar"] + stream["index"]
         stream["index"] += 1
         stream["ndtr"] -= 1
@@ -75,7 +75,7 @@ class Dma:
         return address
 
     def until_flag(self, stream):
-        """Bytes until a flag that interrupts."""
+        """Number of bytes until a flag that raises an interrupt."""
         waits = [stream["ndtr"]] if stream["cr"] & 0x10 else []
         half = stream["length"] // 2
         if stream["cr"] & 8 and stream["ndtr"] > half:
@@ -110,7 +110,7 @@ class Usart:
         return (self.registers.get(self.BRR, 0) or 1) * 10 * self.divider
 
     def feed(self, at, data, flags=0, at_once=False):
-        """Bytes that come from time `at` on, with error flags; `at_once` pays no heed to those that come already."""
+        """Receives bytes from time `at` on, with error flags; with `at_once` they may overlap bytes already arriving."""
         time = at if at_once else max(at, self.last_coming)
         for byte in data:
             time += self.byte_time()
@@ -152,14 +152,14 @@ class Usart:
         self.take()
 
     def take(self):
-        """Direct memory access takes a received byte."""
+        """Moves a received byte by direct memory access."""
         stream = self.receiver_stream() if self.flags & self.RECEIVED else None
         if stream is not None:
             self.chip.store_byte(self.dma.step(stream), self.data)
             self.flags &= ~self.RECEIVED
 
     def transmit(self):
-        """Sends what is to be sent by now."""
+        """Sends all bytes that are due."""
         while self.sent_at <= self.chip.now:
             stream = self.dma.find(self.base + 4, 1) if self.registers.get(self.CR3, 0) & 0x80 else None
             if stream is None:
@@ -174,13 +174,13 @@ class Usart:
         self.flags &= ~self.SENT
 
     def start_transmitting(self):
-        """Wakes a transmitter that sleeps, where there is something to send."""
+        """Wakes a sleeping transmitter if there is something to send."""
         if self.sent_at == NEVER and self.registers.get(self.CR1, 0) & 0x2008 == 0x2008:
             self.sent_at = self.chip.now
             self.transmit()
 
     def next(self):
-        """When the interrupt of the line, or of its direct memory access, may rise."""
+        """Time at which the interrupt of the line, or of its direct memory access, may be raised."""
         control, control3 = self.registers.get(self.CR1, 0), self.registers.get(self.CR3, 0)
         time = NEVER
         if self.coming:
@@ -204,7 +204,7 @@ class Usart:
         return time
 
     def first_remark(self, control, control3):
-        """The first error or pause among the bytes that come."""
+        """The first error or pause among the arriving bytes."""
         pause = self.byte_time()
         previous = self.idle_at - pause if self.idle_at != NEVER else None
         for time, _, flags in self.coming:
@@ -227,7 +227,7 @@ class Usart:
         if offset == self.SR:
             return self.flags
         if offset == self.DR:
-            # After a look at SR this clears the errors and the pause too; the unit always looks first.
+            # After a read of SR this clears the errors and the pause too; the unit always reads SR first.
             self.flags &= ~(self.ERRORS | self.IDLE | self.RECEIVED)
             return self.data
         return self.registers.get(offset, 0)

@@ -61,7 +61,7 @@ class Rcc(Registers):
         return self.HSI
 
     def frequency(self):
-        """Of the processor (Hz)."""
+        """Clock frequency of the processor (Hz)."""
         source = self.read(self.CFGR) & 3
         if source == 0:
             return self.HSI
@@ -141,7 +141,7 @@ class Timer:
         elif offset == self.EGR:
             self.count, self.since = 0, self.chip.now
             self.prescaler = self.registers.get(self.PSC, 0)
-            # An update by software is silent where only overflows are asked for [18.4.1].
+            # An update by software raises no interrupt if only overflows are enabled [18.4.1].
             self.flags |= 0 if self.registers.get(self.CR1, 0) & 4 else 1
         else:
             if offset == self.CR1 and value & 1 and not self.running():
@@ -176,7 +176,7 @@ class Watchdog:
 
 
 class Converter(Registers):
-    """ADC1 [13]: a conversion that software starts is done at once, of the battery at half of its voltage, at 3.3 V."""
+    """ADC1 [13]: a conversion started by software finishes at once; it reads half the voltage of the battery, at 3.3 V."""
 
     SR, CR2, DR = 0x00, 0x08, 0x4C
     STARTED, DONE, ON, START = 1 << 4, 1 << 1, 1 << 0, 1 << 30
@@ -204,7 +204,7 @@ class Converter(Registers):
 
 
 class Usb(Registers):
-    """USB OTG FS [34] without a host: its core is idle, what is flushed is empty, and nothing ever comes or interrupts."""
+    """USB OTG FS [34] without a host: its core is idle, its FIFOs are empty, and there are never data or interrupts."""
 
     GOTGINT, GRSTCTL, GINTSTS, CID = 0x04, 0x10, 0x14, 0x3C
     IDLE, REQUESTS = 1 << 31, 0x33

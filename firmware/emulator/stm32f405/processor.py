@@ -23,7 +23,7 @@ SAVED = (arm.UC_ARM_REG_R0, arm.UC_ARM_REG_R1, arm.UC_ARM_REG_R2, arm.UC_ARM_REG
 # Halfwords of the instructions that sleep or signal.
 WFE, WFI, SEV = 0xBF20, 0xBF30, 0xBF40
 SELF_BRANCH = b"\xfe\xe7"
-# What Unicorn calls an undefined instruction and a return from an exception.
+# Unicorn's codes for an undefined instruction and a return from an exception.
 INTERRUPT_UNDEFINED, INTERRUPT_RETURN = 1, 8
 
 
@@ -35,11 +35,11 @@ class Processor:
         self.unicorn.ctl_set_cpu_model(arm.UC_CPU_ARM_CORTEX_M4)
         self.unicorn.hook_add(UC_HOOK_INTR, self.on_interrupt)
         self.stop = None
-        # Places of instructions that fault where Unicorn does not: address to cause.
+        # Addresses of instructions that fault but not in Unicorn, with the cause.
         self.traps = {}
 
     def watch(self, begin, code):
-        """Looks for instructions that sleep, signal or never end."""
+        """Finds instructions that sleep, signal or never end."""
         for offset in range(0, len(code) - 1, 2):
             if code[offset] | code[offset + 1] << 8 in (WFE, WFI, SEV):
                 self.trap(begin + offset, None)
@@ -49,7 +49,7 @@ class Processor:
         self.unicorn.hook_add(UC_HOOK_CODE, self.on_trap, begin=address, end=address)
 
     def restart(self):
-        """The state after a reset."""
+        """Sets the state after a reset."""
         self.enabled = [0] * 3
         self.software_pending = set()
         self.priorities = bytearray(96)
@@ -65,7 +65,7 @@ class Processor:
         stack, start = struct.unpack("<II", self.unicorn.mem_read(0x0800_0000, 8))
         write(arm.UC_ARM_REG_SP, stack)
         write(arm.UC_ARM_REG_LR, 0xFFFF_FFFF)
-        # The unit switches its floating point on before it uses it; Unicorn has it on from the start.
+        # The unit enables floating point before it uses it; in Unicorn it is enabled from the start.
         write(arm.UC_ARM_REG_C1_C0_2, 0xF << 20)
         write(arm.UC_ARM_REG_FPEXC, 0x4000_0000)
         self.pc = start & ~1
@@ -73,18 +73,18 @@ class Processor:
     # Interrupts.
 
     def priority(self, exception):
-        """Smaller goes first."""
+        """Priority; smaller values take precedence."""
         if exception == HARD_FAULT:
             return -1
         return self.priorities[exception - 16] if exception >= 16 else 0
 
     def wanted(self, levels):
-        """Interrupts that are enabled and wait."""
+        """Interrupts that are enabled and pending."""
         waiting = self.software_pending.union(levels)
         return [irq for irq in waiting if self.enabled[irq >> 5] >> (irq & 31) & 1]
 
     def take(self, levels):
-        """Enters the most urgent exception that may interrupt; whether there was one."""
+        """Enters the exception of highest priority that may interrupt; returns whether there was one."""
         wanted = self.wanted(levels)
         if not wanted:
             return False
@@ -100,7 +100,7 @@ class Processor:
         return True
 
     def enter(self, exception):
-        """Entry to an exception [B1.5.6]. Where the stack takes no frame the handler runs without one."""
+        """Entry to an exception [B1.5.6]. If the stack cannot hold a frame the handler runs without one."""
         read, write = self.unicorn.reg_read, self.unicorn.reg_write
         control = read(arm.UC_ARM_REG_CONTROL)
         floating = control >> 2 & 1
@@ -155,7 +155,7 @@ class Processor:
     # Faults.
 
     def fault(self, cause, address=None):
-        """Writes the cause down and enters the handler, or locks up where that is a handler of faults itself [B1.5.15]."""
+        """Records the cause and enters the handler, or locks up if that is itself a fault handler [B1.5.15]."""
         self.faults.append((self.pc, cause))
         self.system[CFSR] = self.system.get(CFSR, 0) | cause
         if address is not None:
@@ -182,7 +182,7 @@ class Processor:
         self.unicorn.emu_stop()
 
     def run(self, count):
-        """Runs at most so many instructions; how many it were, to the middle of where they stopped."""
+        """Runs at most this many instructions; returns how many ran, estimated after an error."""
         self.stop = None
         before = self.pc
         try:
@@ -195,7 +195,7 @@ class Processor:
         pc = self.unicorn.reg_read(arm.UC_ARM_REG_PC)
         self.pc = pc & ~1
         if self.stop is None:
-            # A branch to itself does nothing but wait for an interrupt.
+            # A branch to itself only waits for an interrupt.
             if self.pc == before and self.unicorn.mem_read(before, 2) == SELF_BRANCH:
                 self.asleep = True
             return count
@@ -203,7 +203,7 @@ class Processor:
         return max(1, count // 2)
 
     def broken(self, error):
-        """Unicorn could not go on."""
+        """Handles an error of Unicorn."""
         address = self.unicorn.reg_read(arm.UC_ARM_REG_PC)
         if "fetch" in str(error).lower():
             self.pc = address & ~1
@@ -238,7 +238,7 @@ class Processor:
             self.asleep = True
 
     def trapped(self, cause):
-        """An instruction that faults on this processor and not in Unicorn."""
+        """Handles an instruction that faults on this processor but not in Unicorn."""
         if cause == DIVISION and not self.system.get(CCR, 0) & DIVISION_TRAP:
             self.pc += 4
         else:
