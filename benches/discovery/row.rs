@@ -60,7 +60,7 @@ fn flown(case: &Case, further: u64) -> Result<Track> {
             let seed = case.seed + further;
             let folder = std::env::temp_dir().join(format!("{name}-{}-{seed}", case.group));
             let track = scripted(maneuver, *tunnel, seed, &folder);
-            // Remaining files are in a temporary folder.
+            // If removal fails, the rest stays in the folder for temporary files.
             let _ = std::fs::remove_dir_all(&folder);
             track
         }
