@@ -26,7 +26,7 @@ def fly(env, policies, seed):
     count = len(policies)
     seen, _ = env.reset(seed=seed)
     reward, errors = np.zeros(env.num_envs), []
-    steps = env._flights.limit
+    steps = env.episode_steps
     actions = np.zeros(env.action_space.shape, dtype=np.float32)
     weights = np.repeat(policies, EPISODES, axis=0)
     for step in range(steps):

@@ -1,10 +1,8 @@
 //! What the model misses.
 
-use bodyflight::diagnostic::Result;
 use bodyflight::interrupt;
-use bodyflight::verbs::discover::{problem, read_track, refuse_same};
+use bodyflight::verbs::discover::{Request, discover_flights};
 use bodyflight_discovery::progress::Progress;
-use bodyflight_discovery::search::{self, Settings};
 use pyo3::prelude::*;
 
 use crate::flight::Flight;
@@ -32,28 +30,13 @@ pub(crate) fn discover(
     max_effects: usize,
     seed: u64,
 ) -> PyResult<Py<PyAny>> {
+    let options: Vec<_> = flights.iter().chain(&hold_out).map(|f| f.options).collect();
+    let files = |flights: Vec<Flight>| flights.into_iter().map(|f| f.inner).collect::<Vec<_>>();
+    let (flights, held_out) = (files(flights), files(hold_out));
+    let request = Request { max_effects, seed };
     let report = long_aside(py, || {
-        for held_out in &hold_out {
-            for flight in &flights {
-                refuse_same(&flight.inner.recording, &held_out.inner.recording)?;
-            }
-        }
-        let read = |flights: &[Flight]| -> Result<Vec<_>> {
-            let tracks = flights.iter();
-            tracks
-                .map(|flight| read_track(&flight.inner, flight.options))
-                .collect()
-        };
-        let (fitted, held_out) = (read(&flights)?, read(&hold_out)?);
-        let settings = Settings {
-            max_effects,
-            seed,
-            tolerances: flights
-                .first()
-                .map(|flight| flight.inner.tolerances)
-                .unwrap_or_default(),
-        };
-        search::discover(&fitted, &held_out, &settings, &Cancelled).map_err(problem)
+        let options = |place: usize| options.get(place).copied().unwrap_or_default();
+        discover_flights(&flights, &held_out, options, request, &Cancelled)
     })?;
     dictionary(py, &report)
 }

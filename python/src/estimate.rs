@@ -15,7 +15,7 @@ use pyo3::prelude::*;
 use crate::arrays::rows;
 use crate::flight::Flight;
 use crate::long::long;
-use crate::problem::{DoubtWarning, dictionary, raise, unknown};
+use crate::problem::{dictionary, raise, unknown, warn_of_doubt};
 use crate::simulate::is_single;
 
 /// Number of the estimated coefficients.
@@ -100,11 +100,7 @@ pub(crate) fn estimate(
             request.run::<f64>(&flight.inner, flight.options, progress)
         }
     })?;
-    if let Some(sentence) = &found.report.doubt {
-        let category = py.get_type::<DoubtWarning>();
-        let text = std::ffi::CString::new(sentence.replace('\0', " "))?;
-        PyErr::warn(py, &category, &text, 1)?;
-    }
+    warn_of_doubt(py, found.report.doubt.as_deref())?;
     let points = &found.points;
     let of = |row: &Row| -> [f64; INPUTS] {
         let [_, columns @ ..] = row.columns();

@@ -4,10 +4,12 @@
 mod arrays;
 mod discover;
 mod estimate;
+mod export;
 mod flight;
 mod long;
 mod problem;
 mod simulate;
+mod skydiver;
 mod skydivers;
 mod subject;
 mod sweep;
@@ -27,6 +29,9 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<skydivers::Skydivers>()?;
     module.add_function(wrap_pyfunction!(simulate::simulate, module)?)?;
     module.add_function(wrap_pyfunction!(estimate::estimate, module)?)?;
+    module.add_function(wrap_pyfunction!(export::export, module)?)?;
+    module.add_function(wrap_pyfunction!(export::fmu, module)?)?;
+    module.add_function(wrap_pyfunction!(export::program, module)?)?;
     module.add_function(wrap_pyfunction!(discover::discover, module)?)?;
     module.add_function(wrap_pyfunction!(sweep::sweep, module)?)?;
     module.add_function(wrap_pyfunction!(sweep::tune, module)?)?;

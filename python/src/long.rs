@@ -33,11 +33,7 @@ pub(crate) fn long<R: Send>(
             }
         })
     });
-    if let Some(error) = raised {
-        interrupt::forget();
-        return Err(error);
-    }
-    result.map_err(raise)
+    ended(raised, result)
 }
 
 /// Runs `work` on another thread and without the lock, looking for signals meanwhile: for work that cannot call back.
@@ -61,11 +57,15 @@ pub(crate) fn long_aside<R: Send>(
         }
         worker.join()
     });
-    if let Some(error) = raised {
-        interrupt::forget();
-        return Err(error);
-    }
-    result
-        .unwrap_or_else(|_| Err(Problem::internal("a thread of this call panicked")))
-        .map_err(raise)
+    let panicked = || Problem::internal("a thread of this call panicked");
+    ended(raised, result.unwrap_or_else(|_| Err(panicked())))
+}
+
+/// The result of work that has ended. What was raised on the way had asked it to end, and comes first.
+fn ended<R>(raised: Option<PyErr>, result: Result<R>) -> PyResult<R> {
+    let Some(error) = raised else {
+        return result.map_err(raise);
+    };
+    interrupt::forget();
+    Err(error)
 }

@@ -90,3 +90,13 @@ pub(crate) fn dictionary(py: Python<'_>, report: &impl Serialize) -> PyResult<Py
         .map_err(|error| raise(Problem::internal("cannot write a report").caused_by(error)))?;
     Ok(py.import("json")?.call_method1("loads", (text,))?.unbind())
 }
+
+/// Warns of a result that is not to be trusted, with the sentence that says why.
+pub(crate) fn warn_of_doubt(py: Python<'_>, doubt: Option<&str>) -> PyResult<()> {
+    let Some(sentence) = doubt else {
+        return Ok(());
+    };
+    let category = py.get_type::<DoubtWarning>();
+    let text = std::ffi::CString::new(sentence.replace('\0', " "))?;
+    PyErr::warn(py, &category, &text, 1)
+}

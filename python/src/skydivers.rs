@@ -4,17 +4,17 @@ use bodyflight::diagnostic::Problem;
 use bodyflight::formats::flight::DEFAULT_DENSITY;
 use bodyflight::formats::subject;
 use bodyflight::verbs::view::page::setup;
-use bodyflight_core::dynamics::step::TIME_STEP;
+use bodyflight_core::dynamics::{Motion, PostureSample};
 use bodyflight_core::frame::{Inertial, Vector};
 use bodyflight_core::math::Real;
 use bodyflight_core::observation::Observation;
-use bodyflight_viewer::cockpit::{CONTROLS, Cockpit, STARTS};
-use bodyflight_viewer::setup::Setup;
+use bodyflight_viewer::cockpit::{CONTROLS, STARTS};
 use numpy::{PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use rayon::prelude::*;
 
 use crate::problem::{raise, unknown};
+use crate::skydiver::{Course, Skydiver};
 use crate::subject::Subject;
 
 /// Names of what is observed, with units.
@@ -41,10 +41,8 @@ const OBSERVED: [&str; 16] = [
 /// joints follow as fast as a person's.
 #[pyclass(module = "bodyflight")]
 pub(crate) struct Skydivers {
-    setup: Setup,
-    start: usize,
-    substeps: u32,
-    flights: Vec<Cockpit>,
+    course: Course,
+    flights: Vec<Skydiver>,
 }
 
 #[pymethods]
@@ -59,20 +57,18 @@ impl Skydivers {
         substeps: u32,
     ) -> PyResult<Self> {
         let names = STARTS.map(|start| start.name);
-        let place = names.iter().position(|name| *name == start);
-        let start = place.ok_or_else(|| unknown("start", start, &names))?;
+        let found = STARTS.iter().find(|known| known.name == start);
+        let start = found.ok_or_else(|| unknown("start", start, &names))?;
         if !(density > 0.0 && density <= 2.0) || substeps == 0 {
             return Err(raise(Problem::bad_input(format!(
                 "expected a density above 0 and up to 2 kg/m3 and at least one substep, found {density} and {substeps}"
             ))));
         }
         let subject = subject.map_or_else(subject::Subject::default, |subject| subject.inner);
-        let setup = setup(&subject, density);
+        let course = Course::new(&setup(&subject, density), start, substeps);
         Ok(Self {
-            setup,
-            start,
-            substeps,
-            flights: (0..count).map(|_| Cockpit::new(&setup, start)).collect(),
+            flights: vec![course.begun(); count],
+            course,
         })
     }
 
@@ -97,7 +93,7 @@ impl Skydivers {
     /// Time from one action to the next (s).
     #[getter]
     fn time_step(&self) -> f64 {
-        f64::from(self.substeps) * TIME_STEP
+        self.course.duration()
     }
 
     fn __len__(&self) -> usize {
@@ -112,20 +108,13 @@ impl Skydivers {
         which: Option<PyReadonlyArray1<'_, bool>>,
     ) -> PyResult<Bound<'py, PyArray2<f32>>> {
         match which {
-            None => {
-                let fresh = Cockpit::new(&self.setup, self.start);
-                self.flights.fill(fresh);
-            }
+            None => self.flights.fill(self.course.begun()),
             Some(which) => {
                 let which = which.as_slice()?;
                 self.expect_rows("which", which.len())?;
-                for (flight, _) in self
-                    .flights
-                    .iter_mut()
-                    .zip(which)
-                    .filter(|(_, again)| **again)
-                {
-                    *flight = Cockpit::new(&self.setup, self.start);
+                let pairs = self.flights.iter_mut().zip(which);
+                for (flight, _) in pairs.filter(|(_, again)| **again) {
+                    *flight = self.course.begun();
                 }
             }
         }
@@ -146,20 +135,14 @@ impl Skydivers {
                 "expected actions of {width} columns"
             ))));
         }
-        let substeps = self.substeps;
-        let flights = &mut self.flights;
+        let (course, flights) = (&self.course, &mut self.flights);
         py.detach(|| {
             flights
                 .par_iter_mut()
-                .with_min_len(16)
+                .with_min_len(64)
                 .zip(actions.par_chunks_exact(width))
-                .for_each(|(flight, action)| {
-                    for (control, share) in action.iter().enumerate() {
-                        flight.command(control, share.clamp(-1.0, 1.0));
-                    }
-                    for _ in 0..substeps {
-                        flight.step();
-                    }
+                .for_each_init(PostureSample::blank, |sample, (flight, action)| {
+                    course.fly(flight, action, sample);
                 });
         });
         self.observe(py)
@@ -167,7 +150,11 @@ impl Skydivers {
 
     /// What there is to observe; n by 16.
     fn observe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
-        let observed: Vec<[f32; OBSERVED.len()]> = self.flights.iter().map(observation).collect();
+        let observed: Vec<[f32; OBSERVED.len()]> = self
+            .flights
+            .iter()
+            .map(|flight| observation(&flight.motion))
+            .collect();
         let count = observed.len();
         let flat = numpy::PyArray1::from_vec(py, observed.into_flattened());
         flat.reshape([count, OBSERVED.len()])
@@ -187,9 +174,8 @@ impl Skydivers {
 }
 
 /// In the order of [`OBSERVED`].
-fn observation(flight: &Cockpit) -> [f32; OBSERVED.len()] {
-    let motion = flight.motion();
-    let seen = Observation::of(&motion);
+fn observation(motion: &Motion<f32>) -> [f32; OBSERVED.len()] {
+    let seen = Observation::of(motion);
     let up = motion.inertial_from_body.inverse() * Vector::<f32, Inertial>::new(0.0, 0.0, 1.0);
     let (sin, cos) = seen.angles.heading.sine_cosine();
     let [ul, ud, uc] = up.to_array();

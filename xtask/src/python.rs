@@ -2,13 +2,18 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::run::{Result, build_program, root, run, run_in, target_folder};
+use crate::run::{Result, build_program, cargo_in, root, run, run_in, target_folder};
+use crate::viewer;
 
 /// Python packages needed to build and test the package.
 const REQUIREMENTS: &str = "python/requirements-test.txt";
 
 /// Builds the wheel, installs it in an environment of its own, and runs the package's tests with it.
 pub(crate) fn python() -> Result<()> {
+    // The program in the wheel takes the page in.
+    if !root().join("host/viewer/dist/viewer.html").is_file() {
+        viewer::build()?;
+    }
     let python = environment("python", REQUIREMENTS)?;
     let wheel = wheel(&python)?;
     let python = python.display().to_string();
@@ -53,12 +58,28 @@ fn wheel(python: &Path) -> Result<PathBuf> {
         "CARGO_TARGET_DIR",
         target.join("python").display().to_string(),
     )];
+    // Both at once: chosen one by one, their dependencies would have other features and be built twice.
+    let feature = "--features=bodyflight-python/extension-module";
+    let both = ["build", "--release", "--locked", "--workspace", feature];
+    cargo_in(&root().join("python"), &both, &variables)?;
+    take_library(&target.join("python/release"))?;
     let arguments = ["build", "--release", "--locked", "--out", &out];
     run_in(&root().join("python"), &maturin, &arguments, &variables)?;
     let entries = std::fs::read_dir(&folder).map_err(|error| format!("{out}: {error}"))?;
     let mut wheels = entries.filter_map(|entry| Some(entry.ok()?.path()));
     let found = wheels.find(|path| path.extension().is_some_and(|end| end == "whl"));
     found.ok_or_else(|| format!("{out}: maturin left no wheel there"))
+}
+
+/// Copies the library of co-simulation units to the package's files.
+fn take_library(built: &Path) -> Result<()> {
+    use std::env::consts::{DLL_PREFIX, DLL_SUFFIX};
+    let name = format!("{DLL_PREFIX}bodyflight_fmu{DLL_SUFFIX}");
+    let to = root().join("python/lib/bodyflight").join(&name);
+    let from = built.join(&name);
+    std::fs::copy(&from, &to)
+        .map(|_| ())
+        .map_err(|error| format!("{}: {error}", from.display()))
 }
 
 /// Creates an environment in the target folder with the packages of a requirements file; returns its Python.

@@ -8,7 +8,14 @@ that the verb prints with ``--json``. Problems are exceptions with ``file``, ``l
 4...
 """
 
-from ._native import (
+import os as _os
+from pathlib import Path as _Path
+
+# The library of co-simulation units, where it comes with the package; the program looks for it by this name too.
+for _library in _Path(__file__).parent.glob("*bodyflight_fmu.*"):
+    _os.environ.setdefault("BODYFLIGHT_FMU", str(_library))
+
+from ._native import (  # noqa: E402
     BadInput,
     BodyflightError,
     Disagreement,
@@ -24,6 +31,8 @@ from ._native import (
     __version__,
     discover,
     estimate,
+    export,
+    fmu,
     simulate,
     sweep,
     synth,
@@ -49,6 +58,8 @@ __all__ = [
     "discover",
     "estimate",
     "estimation_frame",
+    "export",
+    "fmu",
     "run_frame",
     "simulate",
     "sweep",

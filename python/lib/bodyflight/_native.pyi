@@ -142,6 +142,17 @@ def estimate(
     precision: Literal["double", "single"] = "double",
     progress: _Progress = None,
 ) -> Estimation: ...
+def export(
+    flight: Flight,
+    out: _Path,
+    *,
+    format: Literal["parquet", "csv", "mcap", "npz"] | None = None,
+    estimates: Literal["filter", "smooth"] | None = None,
+    force: bool = False,
+    progress: _Progress = None,
+) -> dict[str, Any]: ...
+def fmu(subject: _Path, out: _Path, *, library: _Path | None = None, force: bool = False) -> dict[str, Any]: ...
+def program(arguments: Sequence[str]) -> int: ...
 def discover(
     flights: Sequence[Flight], *, hold_out: Sequence[Flight] = (), max_effects: int = 3, seed: int = 1
 ) -> dict[str, Any]: ...

@@ -154,6 +154,8 @@ class SkydiverVectorEnv(VectorEnv):
         self._ended = np.zeros(num_envs, dtype=bool)
         self.single_action_space = self._flights.action_space
         self.single_observation_space = self._flights.observation_space
+        #: Steps of an episode that is not ended before.
+        self.episode_steps = self._flights.limit
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
 

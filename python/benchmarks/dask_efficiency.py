@@ -1,0 +1,49 @@
+"""How much of two processes a sweep on a Dask cluster uses, against one process alone.
+
+    python benchmarks/dask_efficiency.py [--flights 400]
+
+Both fly the same runs in chunks through a cluster on this machine, one thread a process.
+"""
+
+import argparse
+import os
+import tempfile
+import time
+from pathlib import Path
+
+os.environ["RAYON_NUM_THREADS"] = "1"
+
+import bodyflight
+import numpy as np
+from bodyflight import scale
+from distributed import Client, LocalCluster
+
+
+def seconds(workers, flight, factors, chunk):
+    """Time of a sweep by so many processes, which are there before it begins."""
+    with LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None) as cluster, Client(cluster) as client:
+        client.wait_for_workers(workers)
+        scale.sweep(client, flight, factors[: 2 * workers], chunk=1)
+        begin = time.perf_counter()
+        result = scale.sweep(client, flight, factors, chunk=chunk)
+        return time.perf_counter() - begin, result
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--flights", type=int, default=400)
+    parser.add_argument("--chunk", type=int, default=10)
+    arguments = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        bodyflight.synth("aggressive-turns", folder, seed=3)
+        flight = Path(folder) / "flight.toml"
+        factors = np.random.default_rng(1).normal(1.0, 0.1, (arguments.flights, 3))
+        alone, wanted = seconds(1, flight, factors, arguments.chunk)
+        together, found = seconds(2, flight, factors, arguments.chunk)
+    assert found.tobytes() == wanted.tobytes()
+    print(f"one process {alone:.1f} s, two {together:.1f} s: efficiency {100 * alone / (2 * together):.0f} %")
+    print(f"{arguments.flights / alone:.1f} flights a second and process; 10^6 flights: {1e6 * alone / arguments.flights / 3600:.0f} core hours")
+
+
+if __name__ == "__main__":
+    main()

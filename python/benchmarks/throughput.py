@@ -1,0 +1,181 @@
+"""Steps a second against MuJoCo and pinocchio, in one run on one core, and environment steps with 1,024 environments.
+
+    pip install mujoco pin
+    python benchmarks/throughput.py [--seconds 3]
+
+All three move 16 segments of the same masses and lengths, joined as the person's, in steps of 1/240 s. They do not compute the same: joints are
+given here, as a recording or a policy gives them, and the air acts on every segment; the others solve for 45 accelerations of joints, with ellipsoids in
+a fluid (MuJoCo) or without air (pinocchio). The table says what a flight costs in each, not which is the better program.
+"""
+
+import argparse
+import os
+import time
+
+# Before the package is loaded: its threads are made once.
+os.environ.setdefault("RAYON_NUM_THREADS", "1")
+
+import bodyflight
+import numpy as np
+
+STEP = 1.0 / 240.0
+PARENTS = {
+    "abdomen": "pelvis",
+    "thorax": "abdomen",
+    "head": "thorax",
+    "upperarm": "thorax",
+    "forearm": "upperarm",
+    "hand": "forearm",
+    "thigh": "pelvis",
+    "shank": "thigh",
+    "foot": "shank",
+}
+
+
+def parent(segment):
+    side, _, limb = segment.partition("_")
+    if side not in ("l", "r"):
+        return PARENTS[segment]
+    above = PARENTS[limb]
+    return f"{side}_{above}" if above in PARENTS and above != "thorax" else above
+
+
+def rate(work, seconds):
+    """Steps a second of `work`, which returns how many it made; the best third of the time, as other programs run too."""
+    work()
+    rates, end = [], time.perf_counter() + seconds
+    while time.perf_counter() < end:
+        begin = time.perf_counter()
+        steps = work()
+        rates.append(steps / (time.perf_counter() - begin))
+    return float(np.quantile(rates, 0.83))
+
+
+def of_bodyflight(count, seconds):
+    """Steps of `count` flights together."""
+    flights = bodyflight.Skydivers(count)
+    flights.reset()
+    random = np.random.default_rng(0)
+    actions = random.uniform(-1.0, 1.0, (64, count, len(flights.controls))).astype(np.float32)
+    substeps = round(flights.time_step / STEP)
+
+    def work():
+        # A person tumbles after a while: begin anew.
+        flights.reset()
+        calls = 64 if count > 1 else 240
+        for call in range(calls):
+            flights.step(actions[call % 64])
+        return calls * count * substeps
+
+    return rate(work, seconds)
+
+
+def of_mujoco(seconds):
+    import mujoco
+
+    table = dict(zip(bodyflight.Subject.segments, bodyflight.Subject().segment_table()))
+    children = {segment: [] for segment in table}
+    for segment in table:
+        if segment != "pelvis":
+            children[parent(segment)].append(segment)
+
+    def body(segment):
+        mass, length = table[segment]
+        half = max(0.02, 0.5 * length)
+        joint = "<freejoint/>" if segment == "pelvis" else '<joint type="ball" damping="5" stiffness="50"/>'
+        geom = f'<geom type="ellipsoid" size="0.06 0.06 {half}" pos="0 0 {-half}" mass="{mass}" contype="0" conaffinity="0"/>'
+        inner = "".join(body(child) for child in children[segment])
+        return f'<body name="{segment}" pos="0 0 {-2 * half}">{joint}{geom}{inner}</body>'
+
+    text = f'<mujoco><option timestep="{STEP}" density="1.0" integrator="Euler"/><worldbody>{body("pelvis")}</worldbody></mujoco>'
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    assert model.nv == 6 + 45
+
+    def single():
+        mujoco.mj_resetData(model, data)
+        for _ in range(2000):
+            mujoco.mj_step(model, data)
+        return 2000
+
+    from mujoco import rollout
+
+    states = np.zeros((64, mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)))
+    mujoco.mj_resetData(model, data)
+    mujoco.mj_getState(model, data, states[0], mujoco.mjtState.mjSTATE_FULLPHYSICS)
+    states[:] = states[0]
+
+    def batched():
+        rollout.rollout([model] * 64, [data], states, nstep=100)
+        return 64 * 100
+
+    return rate(single, seconds), rate(batched, seconds)
+
+
+def of_pinocchio(seconds):
+    import pinocchio as pin
+
+    table = dict(zip(bodyflight.Subject.segments, bodyflight.Subject().segment_table()))
+    model, ids = pin.Model(), {}
+    for segment, (mass, length) in table.items():
+        if segment == "pelvis":
+            above, joint, place = 0, pin.JointModelFreeFlyer(), pin.SE3.Identity()
+        else:
+            above, joint = ids[parent(segment)], pin.JointModelSpherical()
+            place = pin.SE3(np.eye(3), np.array([0.0, 0.0, -table[parent(segment)][1]]))
+        ids[segment] = model.addJoint(above, joint, place, segment)
+        inertia = pin.Inertia.FromEllipsoid(mass, 0.06, 0.06, max(0.02, 0.5 * length))
+        model.appendBodyToJoint(ids[segment], inertia, pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.5 * length])))
+    data = model.createData()
+    assert model.nv == 6 + 45
+    torque = np.zeros(model.nv)
+
+    def single():
+        q, v = pin.neutral(model), np.zeros(model.nv)
+        for _ in range(2000):
+            v = v + STEP * pin.aba(model, data, q, v, torque)
+            q = pin.integrate(model, q, STEP * v)
+        return 2000
+
+    return rate(single, seconds)
+
+
+def of_environments(seconds):
+    """Environment steps a second of 1,024 environments, with observation and reward."""
+    from bodyflight.gym import SkydiverVectorEnv
+
+    env = SkydiverVectorEnv(1024, task="turn")
+    env.reset(seed=0)
+    actions = np.random.default_rng(0).uniform(-1.0, 1.0, (16, *env.action_space.shape)).astype(np.float32)
+
+    def work():
+        for action in actions:
+            env.step(action)
+        return len(actions) * env.num_envs
+
+    return rate(work, seconds)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seconds", type=float, default=3.0)
+    seconds = parser.parse_args().seconds
+    threads = os.environ["RAYON_NUM_THREADS"]
+    print(f"steps of 1/240 s a second, {threads} thread(s)")
+    single, batched = of_bodyflight(1, seconds), of_bodyflight(1024, seconds)
+    print(f"| bodyflight | {single:,.0f} | {batched:,.0f} |")
+    try:
+        alone, together = of_mujoco(seconds)
+        print(f"| MuJoCo | {alone:,.0f} | {together:,.0f} |")
+        print(f"bodyflight over MuJoCo: {single / alone:.1f}, batched {batched / together:.1f}")
+    except ImportError:
+        print("MuJoCo is not installed")
+    try:
+        print(f"| pinocchio | {of_pinocchio(seconds):,.0f} | |")
+    except ImportError:
+        print("pinocchio is not installed")
+    print(f"environment steps a second, 1,024 environments: {of_environments(seconds):,.0f}")
+
+
+if __name__ == "__main__":
+    main()

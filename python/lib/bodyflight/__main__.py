@@ -1,0 +1,14 @@
+"""The program itself: ``bodyflight`` after ``pip install``, or ``python -m bodyflight``."""
+
+import sys
+
+from ._native import program
+
+
+def main() -> None:
+    """Runs the verb that the arguments ask for, and ends with its exit code."""
+    sys.exit(program(["bodyflight", *sys.argv[1:]]))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,73 @@
+//! Every frame of a flight as a file for other programs, and the program itself.
+
+use std::ffi::OsString;
+use std::path::PathBuf;
+
+use bodyflight::output::destination;
+use bodyflight::verbs::estimate::motion::Method;
+use bodyflight::verbs::export::{self as exports, Format};
+use bodyflight::verbs::fmu as units;
+use pyo3::prelude::*;
+
+use crate::flight::Flight;
+use crate::long::long;
+use crate::problem::{dictionary, raise, unknown, warn_of_doubt};
+
+/// Writes every frame of a flight and its model; the dictionary of `bodyflight export --json`.
+///
+/// `format` is "parquet", "csv", "mcap" or "npz", by default as the name ends; `estimates` None, "filter" or "smooth". Warns with
+/// DoubtWarning where the estimates are not to be trusted.
+#[pyfunction]
+#[pyo3(signature = (flight, out, *, format = None, estimates = None, force = false, progress = None))]
+pub(crate) fn export(
+    py: Python<'_>,
+    flight: Flight,
+    out: PathBuf,
+    format: Option<&str>,
+    estimates: Option<&str>,
+    force: bool,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Py<PyAny>> {
+    let names = Format::ALL.map(Format::name);
+    let format = match format {
+        None => Format::of(&out).map_err(raise)?,
+        Some(name) => Format::from_name(name).ok_or_else(|| unknown("format", name, &names))?,
+    };
+    let method = match estimates {
+        None => None,
+        Some("filter") => Some(Method::Filter),
+        Some("smooth") => Some(Method::Smooth),
+        Some(name) => return Err(unknown("method", name, &["filter", "smooth"])),
+    };
+    destination::check([&out], force).map_err(raise)?;
+    let report = long(py, progress, |progress| {
+        let to = (out.as_path(), format);
+        exports::export(&flight.inner, flight.options, to, method, progress)
+    })?;
+    warn_of_doubt(py, report.doubt.as_deref())?;
+    dictionary(py, &report)
+}
+
+/// Writes a co-simulation unit of a subject.toml, or of a flight.toml with its air; the dictionary of `bodyflight fmu --json`.
+///
+/// `library` is that of the unit, by default the one that comes with the package.
+#[pyfunction]
+#[pyo3(signature = (subject, out, *, library = None, force = false))]
+pub(crate) fn fmu(
+    py: Python<'_>,
+    subject: PathBuf,
+    out: PathBuf,
+    library: Option<PathBuf>,
+    force: bool,
+) -> PyResult<Py<PyAny>> {
+    let flight = units::read(&subject).map_err(raise)?;
+    let library = units::library(library.as_deref()).map_err(raise)?;
+    destination::check([&out], force).map_err(raise)?;
+    dictionary(py, &units::write(&flight, &library, &out).map_err(raise)?)
+}
+
+/// Runs the program with its arguments, its name first; the exit code. Help and wrong usage end the process.
+#[pyfunction]
+pub(crate) fn program(py: Python<'_>, arguments: Vec<OsString>) -> u8 {
+    py.detach(|| bodyflight::cli::main(arguments))
+}
