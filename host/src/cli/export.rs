@@ -9,9 +9,9 @@ use bodyflight::verbs::estimate::motion::Method;
 use bodyflight::verbs::export::{Format, Report, export};
 
 use super::outputs::Outputs;
+use super::several::name_of;
 use super::simulate::Reading;
 use super::terminal;
-use super::view::name_of;
 
 /// Write every frame of a flight and its model for other programs: poses, velocities, joint angles, loads of each segment.
 #[derive(clap::Args)]

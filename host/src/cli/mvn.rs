@@ -215,11 +215,7 @@ fn listen(args: &Listen, json: bool) -> Result<()> {
 }
 
 /// Adds a frame to a recording, with the person's name as far as it is known.
-fn keep(
-    kept: &mut LiveRecording,
-    frame: &recording::FlightFrame,
-    receiver: &Receiver,
-) -> Result<()> {
+fn keep(kept: &mut LiveRecording, frame: &FlightFrame, receiver: &Receiver) -> Result<()> {
     if let Some(name) = receiver.information().name() {
         kept.name(name);
     }

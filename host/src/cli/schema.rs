@@ -27,7 +27,7 @@ pub(super) struct Args {
 type Row = (&'static str, fn() -> Value);
 
 /// Answers as one value. `monitor` and `mvn listen` print lines without end, which docs/formats.md describes.
-const ANSWERS: [Row; 26] = [
+const ANSWERS: [Row; 28] = [
     ("demo", answer::<verbs::simulate::Report>),
     ("discover", answer::<bodyflight_discovery::report::Report>),
     (
@@ -40,8 +40,10 @@ const ANSWERS: [Row; 26] = [
         "estimate-several",
         answer::<Several<verbs::estimate::report::Report>>,
     ),
+    ("export", answer::<verbs::export::Report>),
     ("fall", answer::<verbs::fall::Report>),
     ("figures", answer::<figures::Written>),
+    ("fmu", answer::<verbs::fmu::Report>),
     ("hide", answer::<hide::Written>),
     ("import", answer::<verbs::import::Report>),
     ("inspect", answer::<verbs::inspect::Report>),

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use bodyflight_core::Segment;
 use bodyflight_viewer::frame::half_extents;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use self::entries::{Entry, Seen, entries};
@@ -25,7 +26,7 @@ use crate::verbs::estimate::report::Point;
 use crate::verbs::estimate::request;
 
 /// A kind of file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, JsonSchema, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Format {
     /// Columns, compressed.
@@ -72,7 +73,7 @@ impl Format {
 }
 
 /// What was written.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, JsonSchema, Serialize)]
 pub struct Report {
     /// The file.
     pub file: PathBuf,

@@ -10,6 +10,7 @@ pub mod variables;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use schemars::JsonSchema;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 use zip::write::SimpleFileOptions;
@@ -29,7 +30,7 @@ const IDENTIFIER: &str = "bodyflight";
 const LIBRARY_VARIABLE: &str = "BODYFLIGHT_FMU";
 
 /// What was written.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, JsonSchema, Serialize)]
 pub struct Report {
     /// The unit.
     pub file: PathBuf,

@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 
 use bodyflight_core::Segment;
 use mcap::records::MessageHeader;
-use mcap::{Compression, McapError, WriteOptions, Writer};
+use mcap::{McapError, WriteOptions, Writer};
 use serde::Serialize;
 
 use super::messages::{
@@ -121,7 +121,7 @@ impl McapRecording {
     pub fn create(path: &Path, quantities: Vec<Quantity>, solids: Vec<Solid>) -> Result<Self> {
         let refused = |error| refused(path, error);
         let options = WriteOptions::new()
-            .compression(Some(Compression::Lz4))
+            .compression(None)
             .library(concat!("bodyflight ", env!("CARGO_PKG_VERSION")));
         let file = AtomicFile::create(path)?;
         let mut writer = options.create(file).map_err(refused)?;

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use bodyflight_core::Body;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::writer::{Description, Origin, Writer};
@@ -20,7 +21,7 @@ const NEAR: f64 = 0.02;
 const USUAL_RATE: f64 = RATES[0];
 
 /// What was kept.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct Kept {
     /// The recording.
     pub file: PathBuf,
