@@ -22,6 +22,15 @@ pub(super) fn name_of(path: &Path) -> String {
     }
 }
 
+/// The file that a flight is read from: that of a folder, or the one that is named.
+pub(super) fn file_of(flight: &Path) -> PathBuf {
+    if flight.is_dir() {
+        flight.join("flight.toml")
+    } else {
+        flight.to_path_buf()
+    }
+}
+
 /// The name of a flight, also of one that is called by where it is, such as `.`.
 fn name(flight: &Path) -> String {
     name_of(

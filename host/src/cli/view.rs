@@ -17,7 +17,7 @@ use serde_json::Value;
 
 use super::estimate::MethodName;
 use super::outputs::Outputs;
-use super::several::name_of;
+use super::several::{file_of, name_of};
 use super::simulate::Reading;
 use super::terminal::{self, FlightBar};
 
@@ -103,7 +103,7 @@ fn page(args: &Args) -> Result<PageData> {
     let discovery = args.discovery.as_deref().map(report).transpose()?;
     args.outputs.check([&Some(args.out.clone())])?;
     for (path, mut flight) in flights {
-        files.push(path.clone());
+        files.push(file_of(path));
         if flight.recording != *path {
             files.push(flight.recording.clone());
         }

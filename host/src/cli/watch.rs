@@ -7,6 +7,7 @@ use bodyflight::formats::flight::Flight;
 use bodyflight::verbs::view::live::LiveView;
 use bodyflight::verbs::view::page::Provenance;
 
+use super::several::file_of;
 use super::terminal;
 use super::view::{command, open};
 
@@ -32,7 +33,8 @@ impl Watch {
             || "MVN".to_owned(),
             |name| name.to_string_lossy().into_owned(),
         );
-        let files: Vec<&Path> = file.into_iter().map(PathBuf::as_path).collect();
+        let files: Vec<PathBuf> = file.map(|path| file_of(path)).into_iter().collect();
+        let files: Vec<&Path> = files.iter().map(PathBuf::as_path).collect();
         let view = LiveView::start(flight, title, Provenance::of(command(), &files)?)?;
         terminal::note(&format!(
             "live at {} (the stream waits for the page)",

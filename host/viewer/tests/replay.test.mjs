@@ -433,3 +433,24 @@ test("without WebGL the body is sticks, and the rest works", async () => {
     await plain.close();
   }
 });
+
+test("estimated inputs have bands, and the known ones can be chosen beside them", async () => {
+  const estimated = join(folder, "estimated.html");
+  await run("view", join(folder, "flight.toml"), "--estimate", "--out", estimated);
+  const { page, wrong } = await open(chromium, `file://${estimated}`);
+  await ready(page);
+  assert.equal(await page.locator(".plot").count(), 9);
+  assert.equal(await page.locator('[data-plot="muscle"]').count(), 0);
+  // Bands tint the lines: what they show is read off, and that much is drawn.
+  const damping = (await page.locator('[data-plot="estimated-damping"] .value').allTextContents()).map(Number);
+  for (const [k, known] of [3, 0.5, 6].entries()) assert.ok(Math.abs(damping[k] - known) < 1, `${damping}`);
+  for (const key of ["estimated-muscle", "estimated-damping"])
+    assert.ok((await colours(page, `[data-plot="${key}"] canvas`)) > 20, key);
+  assert.match(await page.textContent("#plot-legend"), /yaw ± 2 sd/);
+  await page.click(".choose summary");
+  await page.click('#channels [data-key="muscle"] input');
+  assert.equal(await page.locator('[data-plot="muscle"]').count(), 1);
+  await shot(page, "estimated");
+  assert.deepEqual(wrong, []);
+  await page.close();
+});
