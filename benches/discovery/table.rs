@@ -150,7 +150,7 @@ fn clean(text: &mut String, rows: &[Value]) {
             let misfits = sorted(&part, "misfit");
             match (misfits.first(), misfits.last()) {
                 (Some(least), Some(most)) => {
-                    format!("{least:.2} to {most:.2}, {} pairs", part.len())
+                    format!("{least:.2} to {most:.2}, pairs: {}", part.len())
                 }
                 _ => String::new(),
             }
