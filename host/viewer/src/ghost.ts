@@ -1,11 +1,9 @@
 // The measured body over the simulated one: its outline, and a veil inside it. Neither cuts into what is below.
 import {
-  AlwaysStencilFunc,
   Color,
-  EqualStencilFunc,
-  IncrementStencilOp,
   MeshBasicMaterial,
   type MeshBasicMaterialParameters,
+  NotEqualStencilFunc,
   ReplaceStencilOp,
 } from "three";
 import { colour } from "./dom";
@@ -32,16 +30,12 @@ export class Ghost extends Person {
   private readonly outline: MeshBasicMaterial;
 
   constructor(surface: Surface) {
-    const shadow = layer({
-      colorWrite: false,
-      stencilRef: 1,
-      stencilFunc: AlwaysStencilFunc,
-      stencilZPass: ReplaceStencilOp,
-    });
-    super(surface, shadow, false);
-    const once = { stencilFunc: EqualStencilFunc, stencilZPass: IncrementStencilOp };
-    this.veil = layer({ ...once, stencilRef: 1, opacity: 0.16 });
-    this.outline = layer({ ...once, stencilRef: 0, opacity: 0.95 });
+    // Whatever comes first at a place marks it, and nothing is drawn there any more.
+    const once = { stencilRef: 1, stencilFunc: NotEqualStencilFunc, stencilZPass: ReplaceStencilOp };
+    const veil = layer({ ...once, opacity: 0.16 });
+    super(surface, veil, false, 11);
+    this.veil = veil;
+    this.outline = layer({ ...once, opacity: 0.95 });
     this.outline.onBeforeCompile = (shader) => {
       shader.uniforms.outlineWidth = this.width;
       shader.vertexShader = `uniform float outlineWidth;\n${shader.vertexShader}`.replace(
@@ -49,7 +43,6 @@ export class Ghost extends Person {
         "#include <begin_vertex>\n transformed += normal * outlineWidth;",
       );
     };
-    this.add(this.veil, 11);
     this.add(this.outline, 12);
     this.recolour();
   }

@@ -64,6 +64,7 @@ export class Person {
     private readonly surface: Surface,
     material: Material,
     dressed: boolean,
+    order = 0,
   ) {
     const { shapes, worn, made } = surface;
     this.bones = shapes.map(() => new Group());
@@ -76,7 +77,7 @@ export class Person {
     this.geometry.setAttribute("normal", moving(made.normals));
     this.geometry.setAttribute("color", surface.colours);
     this.geometry.setIndex(surface.triangles);
-    this.add(material, 0);
+    this.add(material, order);
     if (dressed) this.root.add(...this.bones);
     if (dressed && worn.rig) {
       const chest = shapes.findIndex((shape) => kind(shape.name) === "thorax");
