@@ -62,7 +62,7 @@ const LONG: [&str; 14] = [
 #[test]
 fn ctrl_c_ends_every_verb_within_a_second() {
     let folder = tempfile::tempdir().expect("a folder");
-    let long = flight(folder.path(), "120");
+    let long = flight(folder.path(), "300");
     let mut wrong = Vec::new();
     for call in LONG {
         let place = tempfile::tempdir().expect("a folder");
@@ -71,7 +71,7 @@ fn ctrl_c_ends_every_verb_within_a_second() {
         let mut child = begun(place.path(), &words);
         // The best so far is there after the first draws only.
         let is_search = call.starts_with("tune");
-        std::thread::sleep(Duration::from_millis(if is_search { 3000 } else { 900 }));
+        std::thread::sleep(Duration::from_millis(if is_search { 3000 } else { 600 }));
         if let Some(status) = child.try_wait().expect("a state") {
             wrong.push(format!("{call}: over before Ctrl-C, {status}"));
             continue;

@@ -35,7 +35,7 @@ use std::ffi::OsString;
 
 use bodyflight::diagnostic::{Kind, Problem, Result};
 use bodyflight::interrupt;
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
 /// Simulate, estimate and stream human body flight.
 #[derive(Parser)]
@@ -133,7 +133,7 @@ fn run(cli: &Cli) -> Result<()> {
         Verb::Monitor(args) => monitor::run(args, cli.json),
         Verb::Mvn(args) => mvn::run(args, cli.json),
         Verb::Schema(args) => schema::run(args, cli.json),
-        Verb::Completions(args) => shell::completions(args),
-        Verb::Man(args) => shell::man(args, cli.json),
+        Verb::Completions(args) => shell::completions(args, Cli::command()),
+        Verb::Man(args) => shell::man(args, Cli::command(), cli.json),
     }
 }

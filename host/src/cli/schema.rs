@@ -15,9 +15,7 @@ use super::{estimate, figures, hide, unit, view};
 
 /// Print the JSON Schema of a verb's `--json`.
 #[derive(clap::Args)]
-#[command(
-    after_help = "Examples: bodyflight schema\n          bodyflight schema simulate > simulate.schema.json"
-)]
+#[command(after_help = "Examples: bodyflight schema\n          bodyflight schema simulate")]
 pub(super) struct Args {
     /// Verb, as `simulate` or `unit-log`; all names where none is given.
     verb: Option<String>,

@@ -4,16 +4,16 @@ use std::path::PathBuf;
 
 use bodyflight::diagnostic::{Problem, Result};
 use bodyflight::output::files::write_file;
-use clap::{Command, CommandFactory};
+use clap::Command;
 use clap_complete::Shell;
 
 use super::outputs::Outputs;
-use super::{Cli, terminal};
+use super::terminal;
 
 /// Print a shell's completions.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Example: bodyflight completions bash > ~/.local/share/bash-completion/completions/bodyflight"
+    after_help = "Example: bodyflight completions bash\n\nBash reads it from ~/.local/share/bash-completion/completions/bodyflight, for instance."
 )]
 pub(super) struct Completions {
     /// Shell.
@@ -22,7 +22,9 @@ pub(super) struct Completions {
 
 /// Write a man page for each verb.
 #[derive(clap::Args)]
-#[command(after_help = "Example: bodyflight man --out ~/.local/share/man/man1")]
+#[command(
+    after_help = "Example: bodyflight man --out man1\n\nIt is found in ~/.local/share/man/man1, for instance."
+)]
 pub(super) struct Man {
     /// Folder of the pages.
     #[arg(long, value_name = "DIR")]
@@ -31,22 +33,23 @@ pub(super) struct Man {
     outputs: Outputs,
 }
 
-/// Prints the completions; there is no JSON of them.
-pub(super) fn completions(args: &Completions) -> Result<()> {
+/// Prints the completions of `program`; there is no JSON of them.
+pub(super) fn completions(args: &Completions, mut program: Command) -> Result<()> {
     let mut script = Vec::new();
-    clap_complete::generate(args.shell, &mut Cli::command(), "bodyflight", &mut script);
+    clap_complete::generate(args.shell, &mut program, "bodyflight", &mut script);
     terminal::verbatim(&String::from_utf8_lossy(&script));
     Ok(())
 }
 
-/// Writes the pages.
-pub(super) fn man(args: &Man, json: bool) -> Result<()> {
-    let mut program = Cli::command();
+/// Writes the pages of `program`.
+pub(super) fn man(args: &Man, mut program: Command, json: bool) -> Result<()> {
     program.build();
     let mut pages = Vec::new();
     render(program, &mut pages)?;
     let names: Vec<&str> = pages.iter().map(|(name, _)| name.as_str()).collect();
     args.outputs.check_in(&args.out, &names)?;
+    std::fs::create_dir_all(&args.out)
+        .map_err(|error| Problem::system("create", &args.out, error))?;
     for (name, page) in &pages {
         write_file(&args.out.join(name), page)?;
     }
