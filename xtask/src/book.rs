@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use crate::run::{Result, root, run, say, target_folder};
 use crate::tool::tool;
 
-/// What the book is made of, beside the pages in `docs`.
+/// Single files of the book.
 const PARTS: [&str; 9] = [
     "ARCHITECTURE.md",
     "CHANGELOG.md",
@@ -19,6 +19,9 @@ const PARTS: [&str; 9] = [
     "python/examples/learn_turn.py",
 ];
 
+/// Folders that it has whole.
+const FOLDERS: [&str; 2] = ["docs", "python/notebooks"];
+
 /// Gathers the pages as they lie in the repository, builds the book, and follows every link in it.
 pub(crate) fn book() -> Result<()> {
     let folder = target_folder()?.join("book");
@@ -29,7 +32,9 @@ pub(crate) fn book() -> Result<()> {
     for part in PARTS {
         copy(&root().join(part), &sources.join(part))?;
     }
-    copy_folder(&root().join("docs"), &sources.join("docs"))?;
+    for folder in FOLDERS {
+        copy_folder(&root().join(folder), &sources.join(folder))?;
+    }
     copy(&root().join("docs/SUMMARY.md"), &sources.join("SUMMARY.md"))?;
     copy(&root().join("docs/book.toml"), &folder.join("book.toml"))?;
     // Nobody edits it while it is served: what only that needs is not built.

@@ -120,7 +120,8 @@ const CASES: &str = "4";
 
 /// Exhaustive tests, which would take hours in miri: every length, every damaged bit, flights. Other tests cover the
 /// same functions.
-const SLOW: [&str; 5] = [
+const SLOW: [&str; 6] = [
+    "neutral_values_keep_every_bit",
     "plausible_effects_leave_a_flight_of_finite_numbers",
     "every_parameter_moves_the_flight",
     "written_packets_of_every_length",

@@ -15,6 +15,16 @@ pub(crate) fn test() -> Result<()> {
     // First, since the program includes the page.
     viewer::build()?;
     cargo(&["test", "--workspace", "--locked"])?;
+    // Features of the core that nothing here switches on.
+    let features = ["--package", "bodyflight-core", "--features", "serde,defmt"];
+    cargo(
+        &[
+            &["test", "--locked", "--lib"],
+            &features[..],
+            &["serialization"],
+        ]
+        .concat(),
+    )?;
     on_target()?;
     f405(false)?;
     hil(SECONDS_OF_STREAM)?;

@@ -21,9 +21,6 @@ fn plain() -> Model<f64> {
     Model::new(dynamics, 0.0)
 }
 
-/// Number of samples of a flight; fewer under Miri, where each takes seconds.
-const SAMPLES: usize = if cfg!(miri) { 2 } else { 480 };
-
 /// Returns the measurement at the end of a fall that turns about all axes.
 fn flown(model: &Model<f64>) -> Motion<f64> {
     let (posture, rate) = (Posture::h_pose(), PostureRate::zero());
@@ -39,7 +36,7 @@ fn flown(model: &Model<f64>) -> Motion<f64> {
     let mut run = FreeRun::new(dynamics, Equations::Exact, &start, &posture, &rate);
     let inputs = model.inputs(&Inputs::belly_turn());
     let mut before = start;
-    for _ in 0..SAMPLES {
+    for _ in 0..480 {
         before = run.motion(dynamics, &rate);
         run.advance(dynamics, &inputs, &posture, 1.0 / 240.0);
     }

@@ -18,7 +18,7 @@ before(async () => {
 after(async () => {
   await chromium?.close();
   program?.child.kill("SIGINT");
-  assert.equal((await program?.end)?.code, 0, "Ctrl-C is the way to end");
+  assert.equal((await program?.end)?.code, 130, "Ctrl-C is the way to end");
 });
 
 const ready = (page) => page.waitForSelector("html[data-ready=fly]");
