@@ -6,7 +6,7 @@
 //! can be continued; `--fresh` starts over. `--only clean,wind` and `--family wide` select groups, names or joint
 //! errors and write nothing, `--rows FILE` keeps rows elsewhere and writes no page, `--table` regenerates tables and
 //! figure.
-#![expect(clippy::expect_used, reason = "a bench may end with a panic")]
+#![expect(clippy::expect_used, reason = "a failing bench may panic")]
 
 #[path = "discovery/cases.rs"]
 mod cases;
@@ -43,7 +43,7 @@ fn main() {
         publish(&kept());
         return;
     }
-    // `cargo test` runs benches without asking for one.
+    // `cargo test` also runs benches, without any arguments.
     let seeds = number("--seeds", 0);
     if seeds == 0 {
         return;
@@ -70,11 +70,11 @@ fn main() {
     // One pair per thread: the parts of a pair are too short to keep all cores busy.
     let work = || {
         let alone = ThreadPoolBuilder::new().num_threads(1).build();
-        let alone = alone.expect("a thread starts");
+        let alone = alone.expect("the thread should start");
         while let Some(case) = next(&due) {
             let row = alone.install(|| row::row(case));
             say(&row);
-            let mut rows = rows.lock().expect("no flight ends with a panic");
+            let mut rows = rows.lock().expect("no flight should panic");
             rows.push(row);
             if !looks {
                 keep(&rows);
@@ -86,7 +86,7 @@ fn main() {
             scope.spawn(work);
         }
     });
-    let rows = rows.into_inner().expect("no flight ends with a panic");
+    let rows = rows.into_inner().expect("no flight should panic");
     if !looks && value("--rows").is_none() {
         publish(&rows);
     } else {
@@ -126,7 +126,7 @@ fn spread(cases: &[Case]) -> Vec<&Case> {
 
 /// Takes the next case.
 fn next<'a>(due: &Mutex<impl Iterator<Item = &'a Case>>) -> Option<&'a Case> {
-    due.lock().expect("no flight ends with a panic").next()
+    due.lock().expect("no flight should panic").next()
 }
 
 /// Whether a row is the result of this case.
@@ -149,13 +149,13 @@ fn place() -> PathBuf {
 /// Rows of an earlier run.
 fn kept() -> Vec<Value> {
     let rows = std::fs::read_to_string(place()).unwrap_or_else(|_| "[]".to_owned());
-    serde_json::from_str(&rows).expect("the rows are JSON")
+    serde_json::from_str(&rows).expect("the rows should be JSON")
 }
 
 fn keep(rows: &[Value]) {
     let lines: Vec<String> = rows.iter().map(Value::to_string).collect();
     let text = format!("[\n{}\n]\n", lines.join(",\n"));
-    std::fs::write(place(), text).expect("docs are writable");
+    std::fs::write(place(), text).expect("docs should be writable");
 }
 
 /// Writes tables and figure.
@@ -163,15 +163,15 @@ fn publish(rows: &[Value]) {
     let tables = table::tables(rows);
     println!("{tables}");
     let page = docs().join("discovery.md");
-    let text = std::fs::read_to_string(&page).expect("the page is there");
+    let text = std::fs::read_to_string(&page).expect("the page should exist");
     let (before, rest) = text
         .split_once("<!-- table -->\n")
-        .expect("the page marks its table");
+        .expect("the page should mark its table");
     let (_, after) = rest
         .split_once("<!-- end of the table -->")
-        .expect("the page marks the end");
+        .expect("the page should mark the end of the table");
     let text = format!("{before}<!-- table -->\n{tables}<!-- end of the table -->{after}");
-    std::fs::write(page, text).expect("docs are writable");
+    std::fs::write(page, text).expect("docs should be writable");
     std::fs::write(docs().join("discovery-bench.svg"), figure::figure(rows))
-        .expect("docs are writable");
+        .expect("docs should be writable");
 }

@@ -5,7 +5,7 @@
 //! `--seeds NUMBER` select the flights, `--only NAME` maneuvers, `--by NAME` methods; `--noise`, `--joints` and
 //! `--wander` (degrees) change the errors of the flights. Unless one of the last two is given, a third table shows all
 //! maneuvers with exact and with drifting joints.
-#![expect(clippy::expect_used, reason = "a bench may end with a panic")]
+#![expect(clippy::expect_used, reason = "a failing bench may panic")]
 
 #[path = "estimates/score.rs"]
 mod score;
@@ -99,7 +99,7 @@ impl Laboratory {
             })
         });
         let scores = scores.collect();
-        std::fs::remove_dir_all(folder).expect("a folder of our own");
+        std::fs::remove_dir_all(folder).expect("the temporary folder should be removable");
         scores
     }
 }
@@ -126,7 +126,7 @@ fn main() {
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
-        reason = "seeds"
+        reason = "seeds are small"
     )]
     let [from, seeds] = [
         number("--from", 401.0) as u64,
@@ -153,7 +153,7 @@ fn scores(
         .par_iter()
         .map(|(maneuver, seed)| laboratory.scores(maneuver, *seed, &folder))
         .collect();
-    std::fs::remove_dir_all(&folder).expect("a folder of our own");
+    std::fs::remove_dir_all(&folder).expect("the temporary folder should be removable");
     scores
 }
 
@@ -192,7 +192,7 @@ fn tables(laboratory: &Laboratory, flights: &[(&'static Maneuver, u64)]) {
             }
             if let (ALL, Some([least, middle])) = (name, sum.time(LENGTH)) {
                 times.push(format!(
-                    "{LENGTH} s of flight, {by}: {least:.2} s at the quickest, {middle:.2} s in the middle"
+                    "{LENGTH} s of flight, {by}: {least:.2} s minimum, {middle:.2} s median"
                 ));
             }
         }
@@ -239,7 +239,7 @@ fn run(flight: &Flight, method: usize) -> Estimation {
         };
         match filter {
             Filter::Paper => motion::estimate::<f64>(flight, &settings, options, |_| ()),
-            // As the unit does.
+            // The unit also uses the reduced filter in f32.
             Filter::Reduced => motion::estimate::<f32>(flight, &settings, options, |_| ()),
         }
     };

@@ -1,5 +1,5 @@
 //! Cost of the model: one posture sample, one step in both forms, a whole flight.
-#![expect(clippy::expect_used, reason = "a bench that cannot start must say so")]
+#![expect(clippy::expect_used, reason = "a bench that cannot start should panic")]
 
 use std::hint::black_box;
 
@@ -81,7 +81,7 @@ fn model<T: Real>(criterion: &mut Criterion, precision: &str) {
             )
         });
     });
-    group.bench_function("step, posture built anew", |b| {
+    group.bench_function("step, posture recomputed", |b| {
         b.iter(|| {
             let sample = case
                 .dynamics

@@ -115,7 +115,7 @@ impl VectorFn<6, 4> for See {
 }
 
 impl Multicalc {
-    /// At the start.
+    /// Creates the filter at the initial state.
     pub fn new() -> Option<Self> {
         let diagonal =
             |v: [f32; 6]| multicalc::Matrix::from_fn(|i, j| if i == j { v[i] } else { 0.0 });
@@ -165,7 +165,7 @@ impl kfilter::measurement::Measurement<f32, 6, 4> for KfilterSee {
 }
 
 impl Kfilter {
-    /// At the start.
+    /// Creates the filter at the initial state.
     pub fn new() -> Option<Self> {
         use nalgebra_034::SMatrix;
         let diagonal = |v: [f32; 6]| SMatrix::<f32, 6, 6>::from_diagonal(&v.into());

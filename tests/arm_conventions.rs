@@ -1,4 +1,4 @@
-//! Both conventions of the arms give the same postures, and real files agree with their own skeletons.
+//! The arm convention of a file does not affect the postures, and real files agree with their own skeletons.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use bodyflight_tests::data_folder;
 use bodyflight_tests::small_recording::{NAME, read, with_numbers, written};
 use nalgebra::{Quaternion, UnitQuaternion};
 
-/// Writes the arms of every frame in ISB axes, as version 3 does.
+/// Rewrites the arms of every frame in ISB axes, as in version 3.
 #[test]
 fn the_arm_convention_makes_no_difference() {
     let text = written(5);
@@ -34,7 +34,7 @@ fn the_arm_convention_makes_no_difference() {
             .collect::<Vec<_>>()
             .join(" ")
     };
-    // Without calibration frames, which would use the other convention.
+    // Drop the calibration frames, which would still use the other convention.
     let first = text.find("<frame time=\"0\" tc").expect("calibration");
     let normal = text
         .find("<frame time=\"0\" index")
@@ -105,7 +105,8 @@ fn real_files_agree_with_their_own_skeleton() {
     assert!(problem.message.contains("RightUpperArm"), "{problem}");
 }
 
-/// Orientations of the file's segments, arms in the file's convention, checked to convert back to the posture.
+/// Returns the orientations of the file's segments, with the arms in the file's convention, after asserting that the
+/// posture converts back to them.
 fn orientations_of(
     header: &Header,
     frame: &Frame,
@@ -135,8 +136,8 @@ fn orientations_of(
     orientations
 }
 
-/// Largest distance (m) between a segment's position in the file and the position that follows from the joints,
-/// outwards from the pelvis.
+/// Largest distance (m) between a segment's position in the file and its position computed along the joints, outwards
+/// from the pelvis.
 fn joint_gap(
     header: &Header,
     frame: &Frame,
@@ -172,7 +173,7 @@ fn joint_gap(
     largest
 }
 
-/// In the calibration frames, regardless of the file's convention.
+/// Asserts that the arms point straight out to the sides in the calibration frames, whatever the file's convention.
 fn arms_are_straight_out(path: &Path, name: &str) {
     let recording = Recording::open(path, Options::default()).expect("a flight");
     let t_pose = recording.calibration(FrameKind::Tpose).expect("a T-pose");

@@ -1,4 +1,4 @@
-//! The program while it works: what a terminal shows, Ctrl-C in every verb, several flights in one call.
+//! The running program: what a terminal shows, Ctrl-C in every verb, several flights in one call.
 #![cfg(unix)]
 #![expect(clippy::expect_used, reason = "tests may panic: that is how they fail")]
 
@@ -13,7 +13,7 @@ use serialport::{SerialPort, TTYPort};
 
 const PROGRAM: Program = Program(env!("CARGO_BIN_EXE_bodyflight"));
 
-/// Makes a flight of so many seconds.
+/// Makes a flight with a duration of `seconds`.
 fn flight(folder: &Path, seconds: &str) -> String {
     let out = plain(folder);
     let words = [
@@ -41,7 +41,7 @@ fn begun(place: &Path, words: &[&str]) -> Child {
     command.expect("the binary starts")
 }
 
-/// Calls whose work takes longer than a second, or has no end; `@` is a long flight.
+/// Calls that take longer than a second or never end on their own; `@` is replaced by a long flight.
 const LONG: [&str; 14] = [
     "estimate @",
     "estimate @ --method smooth",
@@ -69,7 +69,7 @@ fn ctrl_c_ends_every_verb_within_a_second() {
         let call = call.replace('@', &long);
         let words: Vec<&str> = call.split(' ').collect();
         let mut child = begun(place.path(), &words);
-        // The best so far is there after the first draws only.
+        // A search has a best result to save only after its first draws.
         let is_search = call.starts_with("tune");
         std::thread::sleep(Duration::from_millis(if is_search { 3000 } else { 600 }));
         if let Some(status) = child.try_wait().expect("a state") {
@@ -101,7 +101,7 @@ fn ctrl_c_ends_every_verb_within_a_second() {
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
-/// Names of all files in a folder, however deep.
+/// Names of all files in a folder and its subfolders.
 fn files(folder: &Path) -> Vec<String> {
     let entries = fs::read_dir(folder).expect("a folder").flatten();
     let each = entries.flat_map(|entry| match entry.path() {
@@ -116,7 +116,7 @@ fn files(folder: &Path) -> Vec<String> {
     each.collect()
 }
 
-/// What a terminal is shown while a call runs.
+/// Returns what a call shows on a terminal while it runs.
 fn shown(place: &Path, words: &[&str]) -> String {
     let (mut screen, terminal) = TTYPort::pair().expect("a pseudo terminal");
     let name = terminal.name().expect("a name");
@@ -165,7 +165,7 @@ fn a_terminal_shows_stages_rates_and_the_time_left() {
         (
             &["estimate", &long, "--method", "smooth"],
             &[
-                "estimating: are the joints 4 degrees off?",
+                "estimating: trying joint errors of 4 degrees",
                 "estimating: filtering",
                 "estimating: smoothing, pass 2 of 4",
                 " %, ",
@@ -193,7 +193,7 @@ fn a_terminal_shows_stages_rates_and_the_time_left() {
 }
 
 #[test]
-fn several_flights_are_worked_on_one_by_one() {
+fn several_flights_are_processed_one_by_one() {
     let folder = tempfile::tempdir().expect("a folder");
     let [one, two] = ["one", "two"].map(|name| {
         let made = folder.path().join(name);
@@ -203,7 +203,7 @@ fn several_flights_are_worked_on_one_by_one() {
         plain(&place).to_owned()
     });
     let out = plain(&folder.path().join("{}.csv")).to_owned();
-    // Each is as if it had been called alone.
+    // Each result is the same as from a call with that flight alone.
     let both = &PROGRAM.json(&["simulate", &one, &two, "--out", &out])["flights"];
     for (k, (flight, name)) in [(&one, "turn-one"), (&two, "turn-two")]
         .into_iter()
@@ -219,7 +219,7 @@ fn several_flights_are_worked_on_one_by_one() {
     let recordings = [&one, &two].map(|place| format!("{place}/flight.mvnx"));
     let told = PROGRAM.json(&["inspect", &recordings[0], &recordings[1]]);
     assert_eq!(told["flights"].as_array().map(Vec::len), Some(2));
-    // One that cannot be read does not keep the others from it.
+    // A flight that cannot be read does not stop the others.
     let absent = plain(&folder.path().join("absent.mvnx")).to_owned();
     let (estimates, code) = PROGRAM.answer(&["estimate", &one, &absent, &two]);
     assert_eq!(code, Some(3));
@@ -231,7 +231,7 @@ fn several_flights_are_worked_on_one_by_one() {
             "{estimates}"
         );
     }
-    // Names that are alike would be one file.
+    // Flights of the same name would share one output file.
     let again = PROGRAM.fails(&["simulate", &one, &one, "--out", &out, "--force"], 2);
-    assert!(again.contains("have one name"), "{again}");
+    assert!(again.contains("have the same name"), "{again}");
 }

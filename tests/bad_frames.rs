@@ -4,7 +4,7 @@ use bodyflight_core::Segment;
 use bodyflight_tests::small_recording::{is_usable, read, survey, with_numbers, written};
 
 #[test]
-fn bad_numbers_make_a_bad_frame_and_nothing_else() {
+fn bad_numbers_only_make_their_frame_bad() {
     let text = written(12);
     let first = |to: &'static str| {
         move |all: &str| format!("{to} {}", all.split_once(' ').expect("numbers").1)
@@ -39,7 +39,11 @@ fn bad_numbers_make_a_bad_frame_and_nothing_else() {
         (orientation(&first("-inf")), "orientation", "`-inf`"),
         (orientation(&first("1e400")), "orientation", "`1e400`"),
         (orientation(&first("1.#QNAN")), "orientation", "`1.#QNAN`"),
-        (orientation(&first("0,5")), "orientation", "decimal mark"),
+        (
+            orientation(&first("0,5")),
+            "orientation",
+            "decimal separator",
+        ),
         (orientation(&first("&#49;")), "orientation", "reference"),
         (orientation(&first("<b/>")), "orientation", "element"),
         (orientation(&scaled(0.0)), "orientation", "norm 0.000"),
@@ -89,7 +93,7 @@ fn bad_numbers_make_a_bad_frame_and_nothing_else() {
             "{fault:?}, frame in line {line}"
         );
         assert!(frames.iter().all(is_usable));
-        // Between its neighbours, not a copy of one of them.
+        // The bridged frame is interpolated, not a copy of a neighbour.
         assert!(frames[6].bridged);
         let fall = frames[6].pelvis.position.up();
         assert!(fall < frames[5].pelvis.position.up());
@@ -101,7 +105,7 @@ fn bad_numbers_make_a_bad_frame_and_nothing_else() {
 }
 
 #[test]
-fn a_sign_change_of_quaternions_is_no_motion() {
+fn a_sign_change_of_quaternions_is_not_a_motion() {
     let text = written(6);
     let flipped = with_numbers(&text, 3, "orientation", |all| {
         let numbers = all.split(' ').map(|n| n.parse::<f64>().expect("a number"));
@@ -143,7 +147,7 @@ fn runs_of_bad_frames_are_bridged_up_to_a_tenth_of_a_second() {
             with_numbers(&text, index, "orientation", |_| "x".into())
         })
     };
-    // 0.1 s at 240 Hz are 24 steps, with 23 frames between their ends.
+    // 0.1 s at 240 Hz is 24 steps, with 23 frames in between.
     let (frames, quality) = read(broken(20..43).as_bytes()).expect("bridged");
     assert_eq!((frames.len(), quality.bridged_frames), (60, 23));
     assert!(
@@ -157,7 +161,7 @@ fn runs_of_bad_frames_are_bridged_up_to_a_tenth_of_a_second() {
         "{problem}"
     );
     assert!(problem.line.is_some());
-    // At the ends there is nothing to interpolate between.
+    // At the start and the end there is no second neighbour to interpolate with.
     let (frames, quality) = read(broken(0..5).as_bytes()).expect("left out");
     assert_eq!(
         (frames.len(), frames[0].index, quality.dropped_frames),

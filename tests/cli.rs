@@ -97,7 +97,7 @@ fn a_synthetic_flight_is_reconstructed_to_the_noise() {
     assert_eq!(report["frames"], 7200);
     assert!((report["duration_s"].as_f64().expect("a number") - 30.0).abs() < 1e-9);
     assert!(report["steps_per_second"].as_f64().expect("a number") > 240.0);
-    // The unit's precision gives the same flight.
+    // Single precision, which the unit uses, gives the same flight.
     let single = json(&["simulate", &flight, "--precision", "single"]);
     let difference = single["rms"]["heading_rad"].as_f64().expect("a number") - rms("heading_rad");
     assert!(difference.abs() < 5e-3, "{difference}");
@@ -130,7 +130,7 @@ fn perfect_sensors_leave_no_gap() {
         let flight = synth(maneuver, &folder.path().join(maneuver), &["--noise", "0"]);
         let report = json(&["simulate", &flight]);
         let rms = |channel: &str| report["rms"][channel].as_f64().expect(channel);
-        // The remaining error comes from the six decimals of the file; it grows with the rates of flips.
+        // The remaining error comes from the six decimals of the file; it grows with the rotation rates of flips.
         let largest = report["amplitude"]["angular_velocity_radps"].as_f64();
         let bound = 0.02_f64.max(0.0025 * largest.expect("an amplitude"));
         assert!(
@@ -142,7 +142,7 @@ fn perfect_sensors_leave_no_gap() {
 }
 
 #[test]
-fn inspect_tells_what_a_recording_holds() {
+fn inspect_describes_a_recording() {
     let folder = tempfile::tempdir().expect("a folder");
     synth("neutral-fall", folder.path(), &[]);
     let file = folder.path().join("flight.mvnx");
@@ -206,7 +206,7 @@ fn estimated_inputs_reconstruct_what_constant_ones_cannot() {
     assert_eq!(report["flags"]["update"], 0);
     let svg = std::fs::read_to_string(svg).expect("the plot");
     assert!(svg.contains("muscle input coefficients") && svg.contains("without"));
-    // The estimate can be used as any input history.
+    // The estimate can be used like any other input history.
     let text = std::fs::read_to_string(&flight).expect("the flight");
     std::fs::write(&flight, text.replace("inputs.csv", "est.csv")).expect("written");
     let again = json(&["simulate", &flight]);
@@ -214,17 +214,17 @@ fn estimated_inputs_reconstruct_what_constant_ones_cannot() {
 }
 
 #[test]
-fn tuning_finds_back_and_repeats_itself() {
+fn tuning_recovers_the_truth_and_is_repeatable() {
     let folder = tempfile::tempdir().expect("a folder");
     let used = synth("rotations", &folder.path().join("a"), &["--seed", "1"]);
     let held_out = synth("vertical", &folder.path().join("b"), &["--seed", "2"]);
-    // GIVEN a guess that is off
+    // GIVEN a wrong guess
     let subject = folder.path().join("a/subject.toml");
     let right = std::fs::read_to_string(&subject).expect("the subject");
     std::fs::write(&subject, right.replace("cd = 1.2", "cd = 1.5")).expect("written");
     let other = folder.path().join("b/subject.toml");
     std::fs::copy(&subject, other).expect("copied");
-    // WHEN tuned twice with one seed
+    // WHEN it is tuned twice with the same seed
     let arguments = [
         "tune",
         &used,

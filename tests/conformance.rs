@@ -19,7 +19,7 @@ use bodyflight_tests::{
 use nalgebra::{Vector1, Vector3};
 use serde_json::Value;
 
-/// Relative tolerance of a precision (issue: 1e-6 for f64, 2e-5 for f32).
+/// A floating-point type with the relative tolerance required of it.
 trait Precision: Real {
     const TOLERANCE: f64;
 }
@@ -34,7 +34,7 @@ fn cast<T: Real>(v: &Vector3<f64>) -> Vector3<T> {
     v.map(T::of)
 }
 
-/// Three numbers in the order pitch, yaw, roll.
+/// Three numbers as coefficients, in the order pitch, yaw, roll.
 fn axis_coefficients<T: Real>(value: &Value) -> AxisCoefficients<T> {
     let [[x, y, z]] = vector(value).data.0;
     AxisCoefficients::new(x, y, z).cast()
@@ -142,7 +142,7 @@ fn check_aerodynamics<T: Precision>() {
         let exposed = expose(&body, &pose(&body, &posture.cast()), &aerodynamics);
         let velocity = vector(&case["velocity"]);
         let flow = Flow::new(&cast::<T>(&velocity), scalar("rho"));
-        // Segments nearly cancel in the sums: rounding errors scale with the segments' values.
+        // The loads of segments nearly cancel in the sums, so rounding errors scale with the individual loads.
         let scale = 0.5 * number("rho") * velocity.norm_squared();
         let tolerance = T::TOLERANCE;
         for row in case["segments"].as_array().into_iter().flatten() {
@@ -241,7 +241,7 @@ fn check_equations_of_motion<T: Precision>() {
             tolerance,
             &what,
         );
-        // q' = q (0, W) / 2, paper eq. (quat): checked by a small rotation.
+        // Paper eq. (quat): q' = q (0, W) / 2. The sign is free, since q and -q are the same rotation.
         let expected = numbers(&case["q_rate"]);
         let q_rate = (attitude.into_inner()
             * nalgebra::Quaternion::from_imag(vector(&case["angular_velocity"])))
@@ -266,7 +266,7 @@ fn exact_equations_of_motion() {
     check_equations_of_motion::<f32>();
 }
 
-/// RMS differences of a free run at 240 Hz: angular velocity (rad/s), velocity (m/s), attitude (rad).
+/// RMS deviations of a free run at 240 Hz from the reference: angular velocity (rad/s), velocity (m/s), attitude (rad).
 fn free_run<T: Real>(table: &Value, file: &Value) -> [f64; 3] {
     let number = |key: &str| file[key].as_f64().expect(key);
     let scalar = |key: &str| T::of(number(key));

@@ -12,7 +12,7 @@ use bodyflight_tests::small_recording::{
 use proptest::prelude::*;
 
 #[test]
-fn cut_at_every_byte() {
+fn every_truncation_is_handled() {
     let text = written(2);
     let partial = Options {
         allow_truncated: true,
@@ -47,7 +47,7 @@ fn cut_at_every_byte() {
 }
 
 #[test]
-fn foreign_files_are_named_for_what_they_are() {
+fn foreign_files_are_recognised_by_their_format() {
     let text = written(1);
     let utf_16: Vec<u8> = text.encode_utf16().flat_map(u16::to_le_bytes).collect();
     let marked: Vec<u8> = [0xFF, 0xFE]
@@ -90,7 +90,7 @@ fn foreign_files_are_named_for_what_they_are() {
         let again = survey(&bytes).expect_err(part);
         assert_eq!(again.with_causes(), problem.with_causes());
     }
-    // Refused by its extension; but text that merely has the wrong extension is read.
+    // A file that is not text is refused by its extension, but text that merely has the wrong extension is read.
     let problem = read_as(b"\x01\x02", "a.MVN", Options::default()).expect_err("container");
     assert!(problem.help.expect("a way out").contains(".mvnx"));
     assert!(read_as(text.as_bytes(), "a.mvn", Options::default()).is_ok());
@@ -153,9 +153,9 @@ fn hostile_xml_is_refused() {
     }
 }
 
-/// Endless text: the reader must stop by itself.
+/// The reader must stop on endless text.
 #[test]
-fn an_endless_text_ends_the_reading_within_its_limit() {
+fn an_endless_text_stops_the_reader_at_its_limit() {
     let text = written(1);
     let head = &text[..text.find("<comment>").expect("a comment") + "<comment>".len()];
     let endless = head.as_bytes().chain(std::io::repeat(b'x'));
@@ -193,7 +193,7 @@ fn unusual_but_good_files_are_read() {
         let plain = text.replace(&format!("index=\"{index}\" "), "");
         again(&plain);
     }
-    // Joints are found by points of the same name if none are listed.
+    // If no joints are listed, they are found from points of the same name.
     let (from, to) = (
         text.find("<joints>").expect("joints"),
         text.find("</joints>").expect("end"),
@@ -203,7 +203,7 @@ fn unusual_but_good_files_are_read() {
         &text[..from],
         &text[to + "</joints>".len()..]
     ));
-    // The centre of mass alone has 3 numbers in older files.
+    // In older files the centre of mass has only its 3 position components.
     let mut older = text.clone();
     for index in 0..5 {
         older = with_numbers(&older, index, "centerOfMass", |all| {
@@ -294,7 +294,7 @@ proptest! {
     }
 
     #[test]
-    fn moved_pieces_never_give_a_bad_frame(
+    fn moved_pieces_never_yield_a_bad_frame(
         from in any::<prop::sample::Index>(),
         length in 0usize..3000,
         to in any::<prop::sample::Index>(),

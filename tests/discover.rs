@@ -67,7 +67,7 @@ fn a_hidden_effect_is_named_and_closes_the_gap_of_another_flight() {
     let closed = report["held_out"][0]["gap"]["closed_share"].as_f64();
     assert!(closed.expect("a number") > 0.9, "{report}");
 
-    // The free run accepts the written model and agrees, since nothing else is wrong.
+    // The free run accepts the written model, and its gap shrinks, since nothing else is wrong.
     let exact = folder.path().join("exact");
     let exact = exact.to_str().expect("a plain path");
     let exact = [
@@ -102,7 +102,7 @@ fn a_hidden_effect_is_named_and_closes_the_gap_of_another_flight() {
         .output()
         .expect("the binary starts");
     assert_eq!(doubted.status.code(), Some(5));
-    assert!(String::from_utf8_lossy(&doubted.stderr).contains("the model misses something"));
+    assert!(String::from_utf8_lossy(&doubted.stderr).contains("the model lacks an effect"));
     let figure = std::fs::read_to_string(folder.path().join("found/report.svg")).expect("a figure");
     assert!(figure.contains("with the effects found"));
 }
@@ -133,11 +133,11 @@ fn the_strength_of_what_is_hidden_can_be_given() {
 }
 
 #[test]
-fn nothing_is_named_where_nothing_is_hidden_or_the_flight_is_short() {
+fn no_effect_is_named_if_none_is_hidden_or_the_flight_is_short() {
     let folder = tempfile::tempdir().expect("a folder");
     let [flight, other] = hide("clean", "15", &folder.path().join("clean"));
     let report = json(&["discover", &flight, "--hold-out", &other]);
-    // Joints and subject have the usual errors of suits and scales, and no effect is missing.
+    // Joints and subject have errors typical of suits and scales, but no effect is missing from the model.
     assert_eq!(report["verdict"], "calibrated", "{report}");
     assert_eq!(report["model"].as_array().map(Vec::len), Some(0));
 
@@ -147,7 +147,7 @@ fn nothing_is_named_where_nothing_is_hidden_or_the_flight_is_short() {
     assert_eq!(report["model"].as_array().map(Vec::len), Some(0));
 }
 
-/// Fast turns on purpose: the flight's inputs say what the skydiver does, so nothing is missing.
+/// Deliberate fast turns: the flight's inputs describe what the skydiver does, so no effect is missing.
 #[test]
 fn scripts_with_their_inputs_get_no_name() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -199,7 +199,7 @@ fn ctrl_c_ends_a_search_within_a_second() {
 }
 
 #[test]
-fn what_is_not_in_the_library_is_described_and_not_given_a_name() {
+fn loads_outside_the_library_are_described_and_not_named() {
     let folder = tempfile::tempdir().expect("a folder");
     let [flight, other] = hide("outside-flapping", "15", &folder.path().join("lab"));
     let out = folder.path().join("found");
@@ -207,7 +207,7 @@ fn what_is_not_in_the_library_is_described_and_not_given_a_name() {
     let report = json(&["discover", &flight, "--hold-out", &other, "--out", out]);
     assert_eq!(report["verdict"], "described", "{report}");
     assert_eq!(report["effects"].as_array().map(Vec::len), Some(0));
-    // 25 N m about the cranial axis, four times a second.
+    // The hidden load is 25 N m about the cranial axis, four times a second.
     let first = &report["description"]["loads"][0];
     let words = first["in_words"].as_str().expect("words");
     assert!(words.starts_with("moment about cranial"), "{words}");
@@ -229,7 +229,7 @@ fn what_is_not_in_the_library_is_described_and_not_given_a_name() {
     ]);
 }
 
-/// Rows of a FlySight 1 on a body of 75 kg that falls through a wind, with one truncated row.
+/// Rows of a FlySight 1 carried by a 75 kg body that falls through wind, with one truncated row.
 fn fall(wind_north: f64) -> String {
     let mut text = "time,lat,lon,hMSL,velN,velE,velD,hAcc,vAcc,sAcc,gpsFix,numSV\n".to_owned();
     let (mut north, mut down, mut height) = (35.0_f64, 16.0_f64, 4000.0_f64);
@@ -276,7 +276,7 @@ fn the_track_of_a_flysight_shows_wind() {
     let model = std::fs::read_to_string(folder.path().join("found/model.toml")).expect("a model");
     assert!(model.contains("name = \"wind\""), "{model}");
 
-    // There is no fall on the ground.
+    // The first few seconds are too short for a free fall.
     let ground = fall(0.0).lines().take(20).collect::<Vec<_>>().join("\n");
     std::fs::write(path("G.CSV"), ground).expect("a file");
     let refused = Command::new(env!("CARGO_BIN_EXE_bodyflight"))
@@ -285,4 +285,37 @@ fn the_track_of_a_flysight_shows_wind() {
         .expect("the binary starts");
     assert_eq!(refused.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&refused.stderr).contains("free fall"));
+}
+
+/// Only the strength of turbulence is known: each flight has its own path, and a model uses the mean.
+#[test]
+fn random_effects_are_hidden_with_their_strength_and_simulated_with_their_mean() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [flight, other] = hide("turbulence", "6", &folder.path().join("lab"));
+    let truth = folder.path().join("lab/truth.toml");
+    let text = std::fs::read_to_string(&truth).expect("the truth");
+    assert!(
+        text.contains("name = \"turbulence\"") && text.contains("gust_mps = "),
+        "{text}"
+    );
+    let simulate = |flight: &str, more: &[&str]| {
+        let output = Command::new(env!("CARGO_BIN_EXE_bodyflight"))
+            .args(["simulate", flight, "--json"])
+            .args(more)
+            .output()
+            .expect("the binary starts");
+        let warnings = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success(), "{warnings}");
+        let report: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+        (report["rms"].clone(), warnings)
+    };
+    let model = truth.to_str().expect("a plain path");
+    let (plain, quiet) = simulate(&flight, &[]);
+    let (mean, warned) = simulate(&flight, &["--model", model]);
+    assert_eq!(plain, mean);
+    assert!(
+        !quiet.contains("turbulence") && warned.contains("turbulence"),
+        "{warned}"
+    );
+    assert_ne!(simulate(&other, &[]).0, plain);
 }

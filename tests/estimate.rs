@@ -1,4 +1,4 @@
-//! Estimation by the real binary: its results for flights with known inputs, and its assessment of itself.
+//! Estimation by the real binary: its results for flights with known inputs, and its own assessment of them.
 #![expect(clippy::expect_used, reason = "tests may panic: that is how they fail")]
 
 use std::path::Path;
@@ -47,7 +47,7 @@ fn synth(maneuver: &str, folder: &Path, extra: &[&str]) -> String {
 }
 
 #[test]
-fn an_estimate_that_is_worse_than_constant_coefficients_says_so() {
+fn an_estimate_worse_than_constant_coefficients_is_flagged() {
     let folder = tempfile::tempdir().expect("a folder");
     let flight = synth("neutral-fall", folder.path(), &["--noise", "0"]);
     let said = fails(&["estimate", &flight, "--preset", "turning"], 5);
@@ -55,7 +55,7 @@ fn an_estimate_that_is_worse_than_constant_coefficients_says_so() {
         said.contains("worse than") && said.contains("--preset auto"),
         "{said}"
     );
-    // The default preset does better: there is no input, and none is found.
+    // The default preset does better: the flight has no muscle input, and none is estimated.
     let csv = folder.path().join("found.csv");
     let csv = csv.to_str().expect("plain");
     let report = json(&["estimate", &flight, "--out", csv]);
@@ -75,7 +75,7 @@ fn an_estimate_that_is_worse_than_constant_coefficients_says_so() {
     }
 }
 
-/// The text between two markers, and the text around it.
+/// Splits `text` into the parts before, between and after two markers, which stay with the outer parts.
 fn cut<'a>(text: &'a str, from: &str, to: &str) -> Option<(&'a str, &'a str, &'a str)> {
     let begin = text.find(from)? + from.len();
     let end = begin + text[begin..].find(to)?;
@@ -83,7 +83,7 @@ fn cut<'a>(text: &'a str, from: &str, to: &str) -> Option<(&'a str, &'a str, &'a
 }
 
 #[test]
-fn sensors_that_freeze_are_told() {
+fn frozen_sensors_are_reported() {
     let folder = tempfile::tempdir().expect("a folder");
     let flight = synth("neutral-fall", folder.path(), &["--seed", "3"]);
     let recording = folder.path().join("flight.mvnx");
@@ -185,7 +185,7 @@ fn a_smoothed_estimate_flies_the_flight_again() {
     }
 }
 
-/// Muscle input over time, from a table of `estimate`.
+/// Muscle input over time, from a table written by `estimate`.
 fn muscle_inputs(table: &Path) -> Vec<[f64; 3]> {
     let text = std::fs::read_to_string(table).expect("the table");
     text.lines()
@@ -201,7 +201,7 @@ fn muscle_inputs(table: &Path) -> Vec<[f64; 3]> {
 }
 
 #[test]
-fn the_whole_flight_tells_joints_from_muscle_input() {
+fn the_whole_flight_distinguishes_joints_from_muscle_input() {
     let folder = tempfile::tempdir().expect("a folder");
     let (mut filtered, mut smoothed) = (0.0, 0.0);
     for seed in ["7", "8"] {
@@ -211,7 +211,7 @@ fn the_whole_flight_tells_joints_from_muscle_input() {
             &folder,
             &["--seed", seed, "--joint-error-deg", "2"],
         );
-        // There is no true input, so the estimate is the error.
+        // The true input is zero, so the estimate is the error.
         for (method, sum) in [("filter", &mut filtered), ("smooth", &mut smoothed)] {
             let table = folder.join(format!("{method}.csv"));
             let out = table.to_str().expect("plain");

@@ -1,4 +1,4 @@
-//! Estimation on flights of an independent simulator, with its own code and its own errors of joints, sensors and
+//! Estimation on flights of an independent simulator, which has its own code and its own errors of joints, sensors and
 //! subject.
 //!
 //! The flights are not part of the repository: they are expected in `shared/flights` beside it, compressed with xz. If
@@ -10,7 +10,7 @@ use std::process::Command;
 
 use serde_json::Value;
 
-/// Longest allowed time with an unflagged error above four deviations (s).
+/// Longest allowed time with an unflagged error above four standard deviations (s).
 const LONGEST: f64 = 2.0;
 
 /// Unpacks a flight and returns its `flight.toml`; `None` without `xz`.
@@ -28,7 +28,7 @@ fn unpacked(from: &Path, to: &Path) -> Option<PathBuf> {
     Some(to.join("flight.toml"))
 }
 
-/// True muscle input and damping: pitch, yaw, roll each.
+/// True muscle input and damping, each [pitch, yaw, roll].
 fn truth(flight: &Path) -> [f64; 6] {
     let text = std::fs::read_to_string(flight.join("truth.json")).expect("the truth");
     let truth: Value = serde_json::from_str(&text).expect("the truth is JSON");
@@ -37,8 +37,8 @@ fn truth(flight: &Path) -> [f64; 6] {
     [pitch, 0.0, 0.0, 3.0 * damping, 0.5 * damping, 6.0 * damping]
 }
 
-/// Runs the estimate. Returns whether it reports doubt, and for each input the longest uninterrupted time with an error
-/// above four deviations that is reported as consistent (s).
+/// Runs the estimate. Returns whether it reports doubt, and the longest uninterrupted time (s) for which any input had
+/// an error above four standard deviations and was reported as consistent.
 fn judged(flight: &Path, truth: [f64; 6], method: &str) -> (bool, f64) {
     let table = flight.with_file_name(format!("{method}.csv"));
     let output = Command::new(env!("CARGO_BIN_EXE_bodyflight"))

@@ -118,8 +118,8 @@ fn over_seeds<P: Propagation<f32>, const N: usize>(record: &Record, preset: &Pre
     all
 }
 
-/// Medians over at least nine seeds. In some seeds an unstable motion takes another branch for a second; which seeds
-/// depends on the last bits, and they would dominate a mean.
+/// Medians over at least nine seeds. With some seeds an unstable motion takes another branch for a second, which would
+/// dominate a mean; which seeds these are depends on the last bits.
 fn typical<P: Propagation<f32>, const N: usize>(record: &Record, preset: &Preset) -> Misfit {
     let each: Vec<Misfit> = (1..=seeds().max(9))
         .map(|seed| estimate::<f32, P, N>(record, preset, seed, |_| ()).rms())
@@ -138,7 +138,7 @@ fn typical<P: Propagation<f32>, const N: usize>(record: &Record, preset: &Preset
     }
 }
 
-/// Reconstruction without estimation, with the paper's constant coefficients of belly turns.
+/// Misfit without estimation, with the paper's constant coefficients for belly turns.
 fn constant(record: &Record) -> Misfit {
     let inputs = Inputs::belly_turn();
     let dynamics = &record.dynamics;
@@ -170,7 +170,7 @@ fn compare(flight: &Flight, preset: &Preset) -> Option<Comparison> {
     compare_all(core::slice::from_ref(flight), preset)
 }
 
-/// Means over several flights.
+/// Compares the reconstructions of several flights together.
 fn compare_all(flights: &[Flight], preset: &Preset) -> Option<Comparison> {
     let body = body()?;
     let fly = |flight: &Flight| flight.fly(&body, BACK_TRACKING);
@@ -216,7 +216,7 @@ fn angle_flying_with_barrel_rolls_is_reconstructed() {
     for estimated in [means.paper, means.reduced] {
         assert!(estimated.horizontal_speed < means.constant.horizontal_speed / 3.0);
     }
-    // The paper's 0.45 m/s holds for its own filter in most seeds; the reduced one misses it, docs/benchmarks.md.
+    // With most seeds, the paper's filter reaches the paper's 0.45 m/s. The reduced one does not (docs/benchmarks.md).
     assert!(means.paper.horizontal_speed < 0.8);
     assert!(means.reduced.horizontal_speed < 0.6);
 }
@@ -318,7 +318,7 @@ fn a_negative_damping_bound_improves_a_spin_that_feeds_itself() {
     assert!(free.reduced.yaw_rate < 0.8 * bounded.reduced.yaw_rate);
 }
 
-/// Root mean square difference between single and double precision: paper's filter, reduced filter.
+/// Root mean square differences between single and double precision, for the paper's filter and for the reduced one.
 fn precisions_apart(record: &Record, preset: &Preset) -> [Misfit; 2] {
     fn reconstructed<T: Real, P: Propagation<T>, const N: usize>(
         record: &Record,
@@ -350,7 +350,8 @@ fn precisions_apart(record: &Record, preset: &Preset) -> [Misfit; 2] {
 #[test]
 fn single_precision_reconstructs_as_double_does() {
     let Some(body) = body() else { return };
-    // Not for transitions: flips are unstable motions in which the last bit selects another branch, docs/benchmarks.md.
+    // Not for transitions: flips are unstable motions in which the last bit selects another branch
+    // (docs/benchmarks.md).
     for (flight, name) in [
         (&TURNS, "turning"),
         (&ANGLE_FLYING, "tracking"),
@@ -366,9 +367,9 @@ fn single_precision_reconstructs_as_double_does() {
                 "{name}, {filter}, f32 less f64: horizontal speed {:.1e} m/s, pitch {:.1e}, roll {:.1e} rad, yaw rate {:.1e} rad/s",
                 found.horizontal_speed, found.pitch, found.roll, found.yaw_rate
             );
-            // A tenth of the deviations of R, as close as rounding gets in flights that do not amplify it. Angle flying
-            // over the paper's window of 0.25 s does, and stays within R, docs/benchmarks.md. If a preset does not
-            // measure the yaw rate, R does not apply to it.
+            // A tenth of the standard deviations in R, which is as close as rounding allows in flights that do not
+            // amplify it. Angle flying over the paper's window of 0.25 s does amplify it, but stays within R
+            // (docs/benchmarks.md). R does not apply to the yaw rate if a preset does not measure it.
             let share = if name == "tracking" { 1.0 } else { 0.1 };
             let yaw_rate = if name == "turning" {
                 0.01 * share

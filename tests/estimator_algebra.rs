@@ -1,5 +1,5 @@
-//! The unscented algebra alone: compared with a Kalman filter, tested for consistency and for robustness against any
-//! input.
+//! The unscented algebra in isolation: compared with a Kalman filter, tested for consistency and for robustness against
+//! any input.
 
 use bodyflight_core::Real;
 use bodyflight_core::estimator::unscented::{Moments, Root, Settings, SettingsError, Unscented};
@@ -9,7 +9,7 @@ use nalgebra::{SMatrix, SVector};
 type State<T> = SVector<T, 6>;
 type Seen<T> = SVector<T, 4>;
 
-/// The paper's tuning for tracking, with bounds that do not matter.
+/// The paper's tuning for tracking, with bounds too wide to have an effect.
 fn settings<T: Real>(root: Root) -> Settings<T, 6> {
     let vector = |values: [f64; 6]| State::from(values.map(T::of));
     Settings {
@@ -24,7 +24,7 @@ fn settings<T: Real>(root: Root) -> Settings<T, 6> {
     }
 }
 
-/// Predictions of every sigma point by `h`, and their moments.
+/// Predicts every sigma point with `h`; returns the moments.
 fn moments<T: Real>(
     filter: &Unscented<T, 6>,
     h: impl Fn(&State<T>) -> Seen<T>,
@@ -36,20 +36,20 @@ fn moments<T: Real>(
     filter.moments(&points, &central, &plus, &minus)
 }
 
-/// Observes mixtures of all states but the last, which stays unobserved.
+/// A random slope that observes mixtures of all states but the last.
 fn slope(noise: &mut Noise) -> SMatrix<f64, 4, 6> {
     SMatrix::from_fn(|_, j| if j == 5 { 0.0 } else { noise.normal(1.0) })
 }
 
 #[test]
 fn on_a_linear_model_it_is_a_kalman_filter() {
-    // Three hundred updates with a new slope each, so that a wrong factor cannot go unnoticed.
+    // Three hundred updates, each with a new slope, so that a wrong factor cannot go unnoticed.
     for root in [Root::Symmetric, Root::Cholesky] {
         let mut noise = Noise::new(7);
         let mut worst = 0.0f64;
         let mut filter = Unscented::<f64, 6>::new(settings(root)).unwrap();
         let (mut x, mut p) = (*filter.state(), *filter.covariance());
-        // Noise large enough that the plain form of the reference keeps its digits.
+        // The noise is large enough for the plain form of the reference to keep its digits.
         let r = Seen::<f64>::from([0.5, 0.3, 0.2, 0.4]);
         for _ in 0..300 {
             let h = slope(&mut noise);
@@ -62,7 +62,7 @@ fn on_a_linear_model_it_is_a_kalman_filter() {
             x += gain * innovation;
             p = p - gain * s * gain.transpose()
                 + SMatrix::from_diagonal(&filter.settings().process_noise);
-            // The filter, by sigma points and by the slope.
+            // The filter under test, with sigma points and with the slope.
             let by_points = moments(&filter, |x| h * x);
             let points = filter.sigma_points();
             let by_slope = filter.linear_moments(&points, &(h * points.centre), &h);
@@ -91,7 +91,7 @@ fn channels_left_out_have_no_effect() {
     let start = Unscented::<f64, 6>::new(settings(Root::Symmetric)).unwrap();
     let r = Seen::<f64>::from([0.01, 0.0025, 1e-4, 1e-4]);
     let z = Seen::from([1.0, f64::NAN, 2.0, f64::INFINITY]);
-    // Two channels out of four, against a measurement of only these two.
+    // An update with two channels out of four, compared with a measurement that has only these two.
     let mut partial = start;
     let all = moments(&partial, |x| h * x);
     let innovation = z - all.prediction;
@@ -118,7 +118,7 @@ fn channels_left_out_have_no_effect() {
     assert!((partial.state() - alone.state()).norm() < 1e-12);
     assert!((partial.covariance() - alone.covariance()).norm() < 1e-12);
     assert!((found.normalised_square - expected.normalised_square).abs() < 1e-12);
-    // None at all: nothing changes.
+    // Without any channel, nothing changes.
     let before = partial;
     let found = partial.update(&all, &innovation, &r, &[false; 4]);
     assert!(!found.fused && partial == before);
@@ -175,7 +175,7 @@ fn two_hundred_runs_on_a_matched_model_are_consistent() {
 
 #[test]
 fn no_configuration_and_no_input_leaves_a_broken_filter() {
-    // Random scales over many decades, outliers to 1e6, and NaN, in single precision.
+    // Random scales over many decades, outliers of up to 1e6, and NaN, in single precision.
     let runs = std::env::var("BODYFLIGHT_FUZZ").map_or(2_000, |n| n.parse().unwrap());
     let (mut refused, mut rejected, mut stuck) = (0, 0, 0);
     for run in 0..runs {
@@ -245,7 +245,7 @@ fn no_configuration_and_no_input_leaves_a_broken_filter() {
 
 #[test]
 fn the_bounds_hold_and_points_do_not_collapse() {
-    // A state on its bounds: points beyond are reflected to the other side, by half.
+    // A state on its bounds: points beyond a bound are reflected to the other side, at half the distance.
     let mut tuning = settings::<f64>(Root::Symmetric);
     tuning.low = State::from([0.5, 0.0, 0.0, 0.01, 0.01, 0.01]);
     tuning.high = State::from([6.5, 0.5, 6.5, 24.0, 24.0, 24.0]);
@@ -253,11 +253,11 @@ fn the_bounds_hold_and_points_do_not_collapse() {
     let points = filter.sigma_points();
     let spread = filter.spread();
     assert!((spread - 12f64.sqrt()).abs() < 1e-12);
-    // First state on its lower bound, second on its upper one.
+    // The first state is on its lower bound, the second on its upper one.
     assert!((points.plus[0][0] - (0.5 + 0.25 * spread)).abs() < 1e-12);
     assert!((points.minus[0][0] - (0.5 + 0.125 * spread)).abs() < 1e-12);
     assert!((points.plus[1][1] - (0.5 - 0.125 * spread).max(0.0)).abs() < 1e-12);
-    // Third within: clipped at its bound.
+    // The third is within its bounds; its point is clipped at the lower one.
     assert!((points.minus[2][2] - 0.0).abs() < 1e-12);
     let differences = SMatrix::<f64, 6, 12>::from_fn(|i, j| {
         let point = if j < 6 {

@@ -1,4 +1,4 @@
-//! Synthetic flights for the estimator: postures and conscious inputs that vary in time, simulated by the core in
+//! Synthetic flights for the estimator: postures and conscious inputs that vary over time, simulated by the core in
 //! double precision at twice the filter's rate, and measured with the paper's noise.
 
 use std::borrow::Cow;
@@ -12,27 +12,27 @@ use bodyflight_core::estimator::measurement::Measurement;
 use bodyflight_core::frame::{Vector, facing_north};
 use bodyflight_core::{Body, Posture, Segment};
 
-/// Phases of the slow drift of muscle input and damping, which also set its speeds (rad).
+/// Phases (rad) of the slow drift of muscle input and damping, which also determine how fast each of them drifts.
 const WANDER_PHASES: [f64; 6] = [1.0, 0.0, 2.0, 3.0, 4.0, 5.0];
-/// Time in which a pulse rises and falls (s).
+/// Rise time and fall time of a pulse (s).
 const RISE: f64 = 0.5;
 
 /// A pulse of muscle input, damping or posture: rises smoothly, holds, falls.
 #[derive(Debug, Clone, Copy)]
 pub struct Pulse {
-    /// Begin and end (s).
+    /// Start and end (s).
     pub during: [f64; 2],
     /// Muscle input added [pitch, yaw, roll].
     pub muscle: [f64; 3],
     /// Damping added [pitch, yaw, roll].
     pub damping: [f64; 3],
-    /// Joints moved, as multiples (rad) of a pattern.
+    /// Joint pattern added to the posture, with its amplitude (rad).
     pub joints: Option<(&'static JointAngles, f64)>,
-    /// Whether it ends as soon as the body has changed sides.
+    /// Whether the pulse ends as soon as the body has changed sides.
     pub until_over: bool,
 }
 
-/// A flight by script.
+/// A scripted flight.
 #[derive(Debug, Clone)]
 pub struct Flight {
     /// Name in reports.
@@ -41,7 +41,7 @@ pub struct Flight {
     pub duration: f64,
     /// Posture between the pulses.
     pub base: &'static JointAngles,
-    /// Turn about the left axis at the start (rad); pi/2 is belly to earth.
+    /// Rotation about the left axis at the start (rad); pi/2 is belly to earth.
     pub start_pitch: f64,
     /// Muscle input between the pulses [pitch, yaw, roll].
     pub muscle: [f64; 3],
@@ -51,9 +51,9 @@ pub struct Flight {
     pub wander: f64,
     /// Rate of that drift (1/s).
     pub rate: f64,
-    /// Amplitude of the slow arm movements with which a skydiver keeps and changes direction (rad).
+    /// Amplitude of the slow arm movements with which a skydiver holds and changes direction (rad).
     pub sway: f64,
-    /// Joints moved while the back faces the earth.
+    /// Joint pattern added while the back faces the earth.
     pub on_back: &'static JointAngles,
     /// The pulses.
     pub pulses: Cow<'static, [Pulse]>,
@@ -163,7 +163,7 @@ pub const TURNS: Flight = Flight {
 };
 
 /// A self-sustaining spin: started by the arms, then driven by negative damping about the yaw axis, which the paper
-/// observes where its failed layout turns into a roll.
+/// observes when its failed layout turns into a roll.
 pub const FED_SPIN: Flight = Flight {
     name: "self-feeding spin",
     duration: 12.0,
@@ -194,14 +194,14 @@ fn smooth(x: f64) -> f64 {
 }
 
 impl Pulse {
-    /// Fraction of the pulse at `time` (s).
+    /// Fraction of its amplitude that the pulse has at `time` (s).
     fn share(&self, time: f64) -> f64 {
         let [begin, end] = self.during;
         smooth((time - begin) / RISE) * smooth((end - time) / RISE)
     }
 }
 
-/// A script in flight: pulse ends that depend on the motion are determined during the flight.
+/// A script being flown: pulse ends that depend on the motion are determined during the flight.
 #[derive(Debug, Clone)]
 pub struct Course {
     script: Flight,
@@ -209,8 +209,8 @@ pub struct Course {
 }
 
 impl Course {
-    /// Times at which the body had changed sides, belly or back to earth (s): its dorsal axis is within 60 degrees of
-    /// the vertical, on the other side than before.
+    /// Times (s) at which the body had changed sides between belly and back to earth: its dorsal axis had come within
+    /// 60 degrees of the vertical, on the other side than before.
     pub fn changes_of_side(&self) -> &[f64] {
         &self.changes
     }
@@ -219,7 +219,7 @@ impl Course {
         self.changes.len() % 2 == 1
     }
 
-    /// Updates with the motion at `time` (s). This does not affect earlier times.
+    /// Updates the course with the motion at `time` (s), without affecting earlier times.
     fn see(&mut self, time: f64, motion: &Motion<f64>) {
         let dorsal = Measurement::of(motion).vertical.y;
         let over = if self.on_back() {
@@ -347,17 +347,17 @@ pub struct Record {
     pub motions: Vec<Motion<f64>>,
 }
 
-/// Normal deviates as sums of twelve uniform ones of a 64-bit congruential generator: the same on every platform.
+/// Normal deviates by the Box-Muller transform, from a 64-bit xorshift generator.
 #[derive(Debug, Clone)]
 pub struct Noise(u64);
 
 impl Noise {
-    /// A sequence for a seed.
+    /// Starts the sequence of a seed.
     pub fn new(seed: u64) -> Self {
         Self(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1)
     }
 
-    /// Uniform in 0 to 1.
+    /// A uniform deviate between 0 and 1.
     pub fn uniform(&mut self) -> f64 {
         self.0 ^= self.0 << 13;
         self.0 ^= self.0 >> 7;
@@ -365,7 +365,7 @@ impl Noise {
         (self.0 >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// Normal, of this standard deviation.
+    /// A normal deviate with this standard deviation.
     pub fn normal(&mut self, deviation: f64) -> f64 {
         let (radius, angle) = (self.uniform(), self.uniform());
         (-2.0 * (1.0 - radius).ln()).sqrt() * (core::f64::consts::TAU * angle).cos() * deviation

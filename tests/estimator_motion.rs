@@ -1,4 +1,4 @@
-//! The motion filter over a long time, in the precision and at the steps of the unit.
+//! The motion filter in the unit's precision and steps: a fast turn, and ten minutes of constant input.
 
 use bodyflight_core::body::pattern;
 use bodyflight_core::dynamics::muscle_input::{BACK_TRACKING, MuscleForces};
@@ -20,7 +20,7 @@ const LENGTH: u32 = 600;
 /// Constant muscle input in pitch.
 const PITCH: f64 = 0.4;
 
-/// A motion measured with the paper's noise, as in recordings: the angular velocity is in inertial axes.
+/// A motion measured with the paper's noise; as in recordings, the angular velocity is measured in inertial axes.
 fn seen(motion: &Motion<f64>, noise: &mut Noise) -> MotionMeasurement<f64> {
     let mut vector = |sizes: [f64; 3]| Vector3::from(sizes.map(|size| noise.normal(size)));
     let tilt = small_rotation(&vector([0.01; 3]));

@@ -104,7 +104,7 @@ fn whole_flights_stay_in_range() {
     }
 }
 
-/// Everything a step reads of a posture, rounded to its format.
+/// A posture sample with everything that a step reads of it rounded to its format.
 fn coarse(sample: &PostureSample<f64>) -> PostureSample<f64> {
     let vector = |v: &Vector3<f64>, range: &Range| v.map(|c| range.rounded(c));
     let mut coarse = *sample;
@@ -118,8 +118,7 @@ fn coarse(sample: &PostureSample<f64>) -> PostureSample<f64> {
 
 #[test]
 fn rounding_every_state_to_its_format_does_not_show() {
-    // Predictions over a quarter second, starting every half second of flight, exact and with all states and postures
-    // rounded.
+    // Predictions over successive quarter seconds of flight, exact and with all states and postures rounded.
     for flight in [ANGLE_FLYING, FLIPS_AND_ROLLS, STYLES[0].flight(), TURNS] {
         let mut windows: Vec<(State<f64>, State<f64>)> = Vec::new();
         let mut worst = [0.0f64; 4];
@@ -127,7 +126,7 @@ fn rounding_every_state_to_its_format_does_not_show() {
             if k % 60 == 0 {
                 for (exact, rounded) in windows.drain(..) {
                     let [a, b] = [exact, rounded].map(|s| Measurement::of(&s.motion(sample)));
-                    // Near the vertical, heading and roll are undefined.
+                    // Near a pitch of 90 degrees, heading and roll are undefined.
                     if a.pitch.abs() < 1.3 {
                         let differences = [
                             a.horizontal_speed - b.horizontal_speed,

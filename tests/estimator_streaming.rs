@@ -128,9 +128,9 @@ fn bad_input_raises_a_flag_and_changes_nothing() {
 }
 
 #[test]
-fn absurd_postures_and_measurements_never_stick() {
+fn absurd_postures_and_measurements_have_no_lasting_effect() {
     let Some(body) = body() else { return };
-    // A tumbling body, outliers within the limits and beyond, faults at random: single precision, both filters.
+    // A tumbling body, outliers within and beyond the limits, and random faults, in single precision with both filters.
     fn abuse<P: Propagation<f32>, const N: usize>(record: &Record, seed: u64) {
         let preset = *Preset::from_name("transitions-negative-damping").unwrap();
         let dynamics: Dynamics<f32> = record.dynamics.cast();

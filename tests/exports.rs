@@ -9,7 +9,7 @@ use serde_json::Value;
 
 const PROGRAM: Program = Program(env!("CARGO_BIN_EXE_bodyflight"));
 
-/// Columns of a CSV file by their names; empty fields are no numbers.
+/// Columns of a CSV file by name; empty fields become NaN.
 fn table(path: &Path) -> BTreeMap<String, Vec<f64>> {
     let text = std::fs::read_to_string(path).unwrap();
     let mut lines = text.lines();
@@ -24,13 +24,13 @@ fn table(path: &Path) -> BTreeMap<String, Vec<f64>> {
     names.zip(columns).collect()
 }
 
-/// Whether two numbers are the same but for what a file of `digits` rounds away.
+/// Whether two numbers agree to within the rounding of a file with the resolution `step`, or both are missing.
 fn is_near(a: f64, b: f64, step: f64) -> bool {
     (a - b).abs() <= 0.51 * step || (a.is_nan() && b.is_nan())
 }
 
 #[test]
-fn a_table_has_what_simulate_writes_and_the_air_carries_its_weight() {
+fn a_table_agrees_with_simulate_and_the_air_carries_the_weight() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let flight = PROGRAM.synth("aggressive-turns", &at("flight"), &["--seed", "3"]);
@@ -41,14 +41,13 @@ fn a_table_has_what_simulate_writes_and_the_air_carries_its_weight() {
     assert_eq!(report["columns"], exported.len());
     for (name, column) in &simulated {
         let ours = exported.get(name).unwrap_or_else(|| panic!("no {name}"));
-        // The first frame is where the run starts.
+        // `simulate` does not write the first frame, where the run starts.
         assert_eq!(ours.len(), column.len() + 1);
         for (a, b) in ours.iter().skip(1).zip(column) {
             assert!(is_near(*a, *b, 1e-6), "{name}: {a} and {b}");
         }
     }
-    // Newton: the forces of all segments, in world axes, change the velocity of the centre of gravity. At terminal speed they
-    // carry the weight.
+    // At terminal speed the forces on all segments carry the weight.
     let rows = exported["time_s"].len();
     let mean_lift: f64 = (0..rows)
         .map(|row| {
@@ -60,7 +59,7 @@ fn a_table_has_what_simulate_writes_and_the_air_carries_its_weight() {
             };
             let [w, x, y, z] = ["w", "x", "y", "z"]
                 .map(|part| exported[&format!("simulated_attitude_{part}")][row]);
-            // Third row of the matrix of the quaternion.
+            // Third row of the quaternion's rotation matrix.
             let up = [
                 2.0 * (x * z - w * y),
                 2.0 * (y * z + w * x),
@@ -188,7 +187,7 @@ fn estimates_stand_beside_the_frames_from_their_times_on() {
 }
 
 #[test]
-fn nothing_is_replaced_unasked_and_kinds_are_told_by_names() {
+fn nothing_is_replaced_without_force_and_names_select_the_format() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let flight = PROGRAM.synth("rotations", &at("flight"), &[]);

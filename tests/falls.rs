@@ -43,7 +43,7 @@ fn number(value: &Value) -> f64 {
         .unwrap_or_else(|| panic!("a number: {value}"))
 }
 
-/// Rows of a FlySight 1: an aircraft, a fall of 55 s belly to earth, an opening, a canopy that circles, the ground.
+/// Rows of a FlySight 1: the aircraft, 55 s of falling belly to earth, the opening, a circling canopy, the ground.
 fn jump(seed: u64) -> String {
     let mut text = "time,lat,lon,hMSL,velN,velE,velD,hAcc,vAcc,sAcc,gpsFix,numSV\n\
                     ,(deg),(deg),(m),(m/s),(m/s),(m/s),(m),(m),(m/s),,\n"
@@ -106,7 +106,7 @@ fn jump(seed: u64) -> String {
 }
 
 /// The same jump as a FlySight 2 writes it: `TRACK.CSV`, and `SENSOR.CSV` with accelerometer and barometer, whose clock
-/// has another origin. The ground pressure is `pressure` (Pa), the opening force 4.2 times gravity.
+/// has a different origin. The ground pressure is `pressure` (Pa), the opening force 4.2 times gravity.
 fn second_generation(folder: &Path, pressure: f64) -> String {
     let mut track =
         "$FLYS,1\n$COL,GNSS,time,lat,lon,hMSL,velN,velE,velD,hAcc,vAcc,sAcc,gpsFix,numSV\n$DATA\n"
@@ -114,7 +114,7 @@ fn second_generation(folder: &Path, pressure: f64) -> String {
     let mut sensors = "$FLYS,1\n$COL,BARO,time,pressure,temperature\n\
                        $COL,IMU,time,wx,wy,wz,ax,ay,az,temperature\n$COL,TIME,time,tow,week\n$DATA\n"
         .to_owned();
-    // 2024-06-01 is a Saturday: 518400 s of the week at its start, 12:10 is 43800 s later.
+    // 2024-06-01 is a Saturday, which begins 518400 s into the week; 12:10 is 43800 s later.
     const BEGIN: f64 = 518_400.0 + 43_800.0;
     const CLOCK: f64 = 1234.5;
     let _ = writeln!(sensors, "$TIME,{CLOCK},{BEGIN},2316");
@@ -159,7 +159,7 @@ fn accelerometer_and_barometer_of_a_second_flysight_are_used() {
     );
     assert!((named("largest_g") - 4.2).abs() < 0.05, "{sensors}");
     assert!((named("fall_g") - 1.0).abs() < 0.01, "{sensors}");
-    // Thin air: more drag area for the same fall. Standard pressure at 400 m is 96 611 Pa.
+    // In thinner air the same fall means a larger drag area. The standard pressure at 400 m is 96 611 Pa.
     std::fs::remove_file(folder.path().join("SENSOR.CSV")).expect("removed");
     let (standard, _) = json(&["fall", &track]);
     assert!(
@@ -174,7 +174,7 @@ fn accelerometer_and_barometer_of_a_second_flysight_are_used() {
 }
 
 #[test]
-fn two_people_of_one_load_fall_through_one_wind() {
+fn two_jumpers_of_one_load_fall_through_the_same_wind() {
     let folder = tempfile::tempdir().expect("a folder");
     let own = written(folder.path(), "one.csv", &jump(1));
     let other = written(folder.path(), "two.csv", &jump(9));
@@ -183,7 +183,7 @@ fn two_people_of_one_load_fall_through_one_wind() {
     let beside = &report["beside"];
     assert!(number(&beside["heights"]) >= 3.0, "{beside}");
     assert!(number(&beside["winds_apart"]) < 2.0, "{beside}");
-    // Another day: 20 m/s more from the west, over ground and in the air alike.
+    // On another day the wind from the west is 20 m/s stronger at every height.
     let blown: Vec<String> = jump(9)
         .lines()
         .map(|line| {
@@ -197,7 +197,7 @@ fn two_people_of_one_load_fall_through_one_wind() {
     let other = written(folder.path(), "three.csv", &(blown.join("\n") + "\n"));
     let (message, code) = fails(&["fall", &own, "--beside", &other]);
     assert_eq!(code, Some(4), "{message}");
-    assert!(message.contains("not of one load"), "{message}");
+    assert!(message.contains("not from one load"), "{message}");
 }
 
 #[test]
@@ -229,7 +229,7 @@ fn falls_are_validated_beside_the_flights() {
         said.contains("ground.csv") && said.contains("no free fall"),
         "{said}"
     );
-    // A stone does not have a body's drag factor.
+    // A stone falls four times as fast: no body has such a drag factor.
     let stone: String = jump(1)
         .lines()
         .map(|line| {
@@ -258,7 +258,7 @@ fn written(folder: &Path, name: &str, text: &str) -> String {
 }
 
 #[test]
-fn a_fall_is_told_as_it_was_flown() {
+fn a_fall_is_reported_as_it_was_flown() {
     let folder = tempfile::tempdir().expect("a folder");
     let track = written(folder.path(), "12-10-00.CSV", &jump(1));
     let plot = folder.path().join("fall.svg");
@@ -293,7 +293,7 @@ fn a_fall_is_told_as_it_was_flown() {
         let blows = [6.0 * number(&wind["height_m"]) / 4000.0, 3.0_f64];
         let from = number(&wind["from_rad"]);
         let speed = number(&wind["speed_mps"]);
-        // Velocity of the air, north and west: opposite to the direction it blows from.
+        // Velocity of the air, north and west, opposite to the direction that the wind blows from.
         let found = [-speed * from.cos(), speed * from.sin()];
         let apart = (found[0] - blows[0]).hypot(found[1] - blows[1]);
         assert!(apart < 3.5 * number(&wind["deviation_mps"]) + 0.3, "{wind}");
@@ -311,7 +311,7 @@ fn a_fall_is_told_as_it_was_flown() {
 }
 
 #[test]
-fn a_track_may_be_packed_and_come_from_standard_input_and_one_without_a_fall_is_refused() {
+fn a_track_may_be_compressed_or_piped_and_one_without_a_fall_is_refused() {
     let text = jump(2);
     let mut gzip = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
     gzip.write_all(text.as_bytes()).expect("in memory");
@@ -365,8 +365,8 @@ fn public_tracks() -> Option<PathBuf> {
     None
 }
 
-/// Exit and opening as read from the plots in docs/falls.md: when the vertical velocity departs from that of the
-/// aircraft, and when the deployment begins to decelerate the fall (s).
+/// Exit and opening (s) as read from the plots in docs/falls.md: when the vertical velocity departs from that of the
+/// aircraft, and when the deployment begins to decelerate the fall.
 const MARKED: [(&str, f64, f64); 3] = [
     ("_703_14-41-39.CSV", 515.6, 619.6),
     ("fs2-track.csv", 338.4, 461.2),
@@ -388,7 +388,7 @@ fn public_falls_are_divided_as_a_person_does_and_explained() {
             let off = (number(&report[moment]["time_s"]) - marked).abs();
             assert!(off < 1.0, "{name}, {moment}: {}", report[moment]);
         }
-        // The speed skydiver brakes and the second wingsuit dives, which neither did before.
+        // The speed skydiver brakes and the second wingsuit dives, which neither had done before.
         let prediction = &report["prediction"];
         let expected = if name.starts_with("_703") {
             "held"
@@ -396,8 +396,8 @@ fn public_falls_are_divided_as_a_person_does_and_explained() {
             "posture-changed"
         };
         assert_eq!(prediction["outcome"], expected, "{name}: {prediction}");
-        // This could not be predicted, but the error bar includes its probability: no prediction is confident and
-        // wrong.
+        // Such a change could not be predicted, but the error bar accounts for its probability: no prediction is both
+        // confident and wrong.
         let named = |name: &str| number(&prediction[name]);
         let off = named("measured_mps") - named("predicted_mps");
         assert!(off.abs() < 2.0 * named("deviation_mps"), "{prediction}");
@@ -408,7 +408,7 @@ fn public_falls_are_divided_as_a_person_does_and_explained() {
         let area = number(&report["drag_area_m2"]);
         assert!((0.08..0.9).contains(&area), "{name}: {area} m2");
     }
-    // A normal distribution has 68 and 95 % within one and two deviations.
+    // A normal distribution has 68 and 95 % within one and two standard deviations.
     let [made, within_one, within_two] = trials;
     assert!(made > 50.0, "{trials:?}");
     assert!((0.6..0.9).contains(&(within_one / made)), "{trials:?}");

@@ -1,4 +1,4 @@
-//! Discovery on flights of an independent simulator, with its own code and its own errors of joints, sensors and
+//! Discovery on flights of an independent simulator, which has its own code and its own errors of joints, sensors and
 //! subject.
 //!
 //! The flights are not part of the repository: they are expected in `shared/flights` beside it, compressed with xz. If
@@ -39,7 +39,7 @@ fn number(value: &Value) -> f64 {
     value.as_f64().expect("a number")
 }
 
-/// The effect of that name among those named.
+/// The named effect of this name, if there is one.
 fn named<'a>(report: &'a Value, name: &str) -> Option<&'a Value> {
     let named = report["effects"].as_array().expect("effects");
     named.iter().find(|effect| effect["name"] == name)
@@ -62,7 +62,7 @@ fn says(report: &Value, words: &[&str]) -> bool {
     words.iter().any(|word| text.contains(word))
 }
 
-/// Whether a report is right by the rules that come with the flights.
+/// Whether a report is correct by the rules that come with the flights.
 fn is_right(pair: &str, report: &Value) -> bool {
     let verdict = report["verdict"].as_str().expect("a verdict");
     let only = |name: &str, truth: &[(&str, f64)]| {
@@ -72,7 +72,7 @@ fn is_right(pair: &str, report: &Value) -> bool {
     match pair.split('-').next().expect("a family") {
         "none" => matches!(verdict, "none" | "calibrated"),
         "wind" => {
-            // The truth is in the axes of the recording; those of the model may be a quarter turn from them.
+            // The truth is in the axes of the recording, from which those of the model may differ by a quarter turn.
             let near = |wind: &Value| {
                 let [north, west] =
                     ["north_mps", "west_mps"].map(|name| number(&wind["parameters"][name]));
@@ -151,7 +151,7 @@ fn flights_of_another_simulator_are_judged_rightly() {
             "{name}: {} {} misfit {misfit:.2}, {seconds:.1} s",
             report["verdict"], report["model"]
         );
-        // If an effect is still missing, errors absorb it.
+        // Errors absorb any effect that is still missing, so the misfit stays near one.
         assert!((0.9..1.1).contains(&misfit), "{name}: misfit {misfit}");
         if !is_right(&name, &report) {
             wrong.push(format!(

@@ -17,7 +17,7 @@ use serde_json::Value;
 const PROGRAM: Program = Program(env!("CARGO_BIN_EXE_bodyflight"));
 const PAGE: &str = include_str!("../docs/formats.md");
 
-/// Fields whose content the page does not list: parameters of effects by name, and copies of files.
+/// Fields whose contents the page does not list: parameters of effects by name, and copies of files.
 const BY_NAME: [&str; 2] = ["parameters", "standard_errors"];
 const COPIES: [&str; 2] = ["model", "corrections"];
 
@@ -65,19 +65,19 @@ fn paths(value: &Value, path: &str, found: &mut BTreeSet<String>) {
     }
 }
 
-/// Fields that an effect has in every list.
+/// Maps the fields of `nearest` to those of `effects`, since the page lists them once for both.
 fn as_effect(path: &str) -> String {
     path.replacen("nearest[].", "effects[].", 1)
 }
 
-/// Whether the page names a path: in full, or by its beginning with the remainder beside it.
+/// Whether the page names a path: in full, or its beginning and the remainder separately.
 fn is_named(path: &str, names: &BTreeSet<&str>) -> bool {
     names.contains(path)
         || path.match_indices('.').any(|(at, _)| {
             let (whole, rest) = (&path[..at], &path[at + 1..]);
             names.contains(whole) && names.contains(rest)
         })
-        // Entries of a list that is explained in the sentence beside it.
+        // The same for a list and the fields of its entries.
         || path
             .split_once("[].")
             .is_some_and(|(list, rest)| names.contains(&*format!("{list}[]")) && names.contains(rest))
@@ -88,7 +88,7 @@ fn check(title: &str, answer: &Value) {
     let mut found = BTreeSet::new();
     paths(answer, "", &mut found);
     let before = found.len();
-    // It is the same in every result.
+    // `made_by` is the same in every result.
     found.retain(|path| !path.starts_with("made_by."));
     let is_problem = answer.get("error").is_some();
     assert!(
@@ -163,7 +163,7 @@ fn every_field_and_column_of_a_flight_is_on_the_page() {
     check_exported(&header(&at("exported.csv")), &channels);
 }
 
-/// The page names every exported column, that of a segment with `*` for its name, and none besides.
+/// Asserts that the page names every exported column and no others, with `*` for the name of a segment.
 fn check_exported(columns: &[String], channels: &BTreeSet<&str>) {
     let named = names_below("`export`");
     let mut found = BTreeSet::new();
@@ -187,9 +187,9 @@ fn check_exported(columns: &[String], channels: &BTreeSet<&str>) {
             && ends.iter().any(|end| name.ends_with(end))
     };
     for name in named.iter().filter(is_column) {
-        // Arrays stand in the text below, and have no parts.
+        // Arrays of the NumPy format are described below the table and are not columns.
         let is_array = *name == "measured_position_m";
-        assert!(is_array || found.contains(*name), "{name} is no column");
+        assert!(is_array || found.contains(*name), "{name} is not a column");
     }
 }
 
@@ -203,7 +203,7 @@ fn every_field_of_a_search_is_on_the_page() {
     let [fitted, held_out] = &flights;
     let report = PROGRAM.json(&["discover", fitted, "--hold-out", held_out]);
     check("`discover`", &report);
-    // The README's own example.
+    // This is the example of the README.
     assert_eq!(
         report["effects"][0]["name"], "wind",
         "{}",

@@ -1,7 +1,7 @@
 //! Fuzz targets: one function for each interface that receives untrusted bytes.
 //!
-//! Each accepts any bytes and panics if an invariant is violated. `fuzz/` drives them by coverage (nightly); the test
-//! `fuzz_corpus` replays the corpora on stable.
+//! Each accepts any bytes and panics if an invariant is violated. `fuzz/` runs them guided by coverage (nightly); the
+//! test `fuzz_corpus` replays the corpora on stable.
 
 mod choices;
 mod files;
@@ -9,7 +9,7 @@ mod line;
 mod network;
 mod recording;
 
-/// A target: it must not panic, whatever it is given.
+/// A target. It must not panic on any input.
 pub type Target = fn(&[u8]);
 
 /// All targets by name; each has a file in `fuzz/fuzz_targets` and a folder in `fuzz/corpus`.
@@ -26,7 +26,7 @@ pub const TARGETS: [(&str, Target); 7] = [
 /// Runs the target of this name.
 ///
 /// # Panics
-/// Panics if there is none, or if it finds a fault.
+/// Panics if there is no such target, or if it finds a fault.
 pub fn run(name: &str, bytes: &[u8]) {
     let (_, target) = TARGETS
         .iter()

@@ -12,7 +12,7 @@ pub fn hello() -> Hello {
     }
 }
 
-/// A configuration for 240 samples and 60 updates a second, a person of 1.75 m in still air, and the `preset` of this
+/// A configuration with 240 samples and 60 updates a second, a person of 1.75 m in still air, and the preset of this
 /// number.
 pub fn configure(preset: u16, table: &SegmentTable) -> Configure {
     Configure {

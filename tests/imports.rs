@@ -20,7 +20,8 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 use known::{PROGRAM, RETURNS, acrobatics, imported, known, largest, turned};
 
-/// Rows of quaternions of all segments, as `of` gives them for each frame, with a column for each component in `parts`.
+/// CSV rows with the quaternions of all segments that `of` returns for each frame, with a column for each component in
+/// `parts`.
 fn quaternions(
     parts: &str,
     of: impl Fn(&FlightFrame) -> SegmentArray<UnitQuaternion<f64>>,
@@ -57,7 +58,7 @@ fn quaternions(
     text
 }
 
-/// A mapping from all segments to their quaternions.
+/// A mapping that assigns every segment the columns of its quaternion.
 fn mapping(head: &str, parts: &str) -> String {
     let mut text = format!(
         "kind = \"quaternions\"\n[time]\ncolumn = \"time_ms\"\nunit_s = 0.001\n[position]\ncolumns = [\"x\", \"y\", \"z\"]\n{head}\n"
@@ -78,9 +79,9 @@ fn mapping(head: &str, parts: &str) -> String {
 }
 
 #[test]
-fn a_flight_returns_through_quaternions_of_either_hand_and_order() {
+fn a_flight_survives_quaternions_of_either_handedness_and_order() {
     let folder = tempfile::tempdir().expect("a folder");
-    // As from a suit: relative to the T-pose, X forward, Y left, Z up, scalar first, into earth axes.
+    // As a suit writes them: relative to the T-pose, X forward, Y left, Z up, scalar first, in earth axes.
     let table = quaternions("wxyz", |frame| {
         xsens::mvn_orientations(frame.pelvis.inertial_from_body, &frame.posture)
             .map(|_, turned| *turned.quaternion())
@@ -94,7 +95,7 @@ fn a_flight_returns_through_quaternions_of_either_hand_and_order() {
         "{angles:?}, {places} m"
     );
 
-    // As from a game engine: left-handed, X right, Y up, Z forward, scalar last, into the axes of the parent.
+    // As a game engine writes them: left-handed, X right, Y up, Z forward, scalar last, in the axes of the parent.
     let body_axes = Matrix3::from_columns(&[-Vector3::x(), Vector3::z(), -Vector3::y()]);
     let world_axes = Matrix3::from_columns(&[-Vector3::y(), Vector3::z(), Vector3::x()]);
     let table = quaternions("xyzw", |frame| {
@@ -118,7 +119,7 @@ fn a_flight_returns_through_quaternions_of_either_hand_and_order() {
     assert!(largest(&angles) < RETURNS, "{angles:?}");
 }
 
-/// Points at the ends of each segment and one to its left, by name, and where they are in each frame (mm).
+/// Names of the points at both ends of each segment and of one to its left, and their positions in each frame (mm).
 fn points() -> (Vec<String>, Vec<Vec<[f64; 3]>>) {
     let names = Segment::ALL.into_iter().flat_map(|segment| {
         ["from", "to", "left"].map(|point| format!("{}.{point}", segment.name()))
@@ -149,7 +150,7 @@ fn points() -> (Vec<String>, Vec<Vec<[f64; 3]>>) {
 }
 
 #[test]
-fn a_flight_returns_through_points() {
+fn a_flight_survives_conversion_to_points() {
     let folder = tempfile::tempdir().expect("a folder");
     let (names, frames) = points();
     let mut table = format!(
@@ -223,19 +224,19 @@ fn joint_angles_of_a_laboratory_are_its_flight() {
     let (angles, places) = imported(folder.path(), &arguments);
     for (segment, angle) in angles.iter() {
         let most = match segment {
-            // Elbows and wrists of the laboratory turn about two axes, which rounds its own conversion.
+            // The laboratory's elbows and wrists turn about two axes only, so its own conversion is approximate.
             Segment::LeftForearm
             | Segment::RightForearm
             | Segment::LeftHand
             | Segment::RightHand => 1.0,
-            // The abdomen has no angles: it takes half of the rotation.
+            // The table has no angles for the abdomen, which is put halfway between pelvis and thorax.
             Segment::Abdomen => 15.0,
             _ => RETURNS,
         };
         assert!(*angle < most, "{segment:?}: {angle}");
     }
     assert!(places < 1e-3, "{places} m");
-    // The imported flight simulates like the recorded one, without warnings except for their length.
+    // The imported flight simulates like the recorded one, with no warnings except those about their length.
     let imported = folder.path().join("out/flight.toml");
     for flight in [imported, acrobatics("flight-1.toml")] {
         let report = PROGRAM.json(&["simulate", plain(&flight)]);
@@ -247,11 +248,11 @@ fn joint_angles_of_a_laboratory_are_its_flight() {
 }
 
 #[test]
-fn a_mistake_in_axes_is_seen() {
+fn a_mistake_in_axes_is_detected() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = bvh::written(&xsens::t_pose(), str::to_owned);
     let out = plain(&folder.path().join("out")).to_owned();
-    // Y and Z exchanged, as another program would write it.
+    // Y and Z exchanged, as another program might write them.
     let tilted = file.replace("OFFSET ", "OFFSET  ");
     let tilted: String = tilted
         .lines()
@@ -268,7 +269,7 @@ fn a_mistake_in_axes_is_seen() {
         said.contains("not above the hips") && said.contains("[body] axes"),
         "{said}"
     );
-    // Knees bent forwards: a sign is wrong.
+    // Knees that bend forwards reveal a wrong sign.
     let table = "knee,x,y,z\n90,0,0,0\n91,0,0,0\n92,0,0,0\n".to_owned();
     let table = written(folder.path(), "sit.csv", &table);
     for (column, is_wrong) in [("knee", false), ("-knee", true)] {
@@ -294,12 +295,12 @@ fn a_mistake_in_axes_is_seen() {
         let said = text(&output.stdout);
         assert!(output.status.success(), "{}", text(&output.stderr));
         assert_eq!(said.contains("knees are bent forwards"), is_wrong, "{said}");
-        assert!(said.contains("no subject is given"), "{said}");
+        assert!(said.contains("no subject was given"), "{said}");
     }
 }
 
 #[test]
-fn broken_files_of_each_kind_get_their_sentence() {
+fn each_kind_of_broken_file_has_its_message() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = plain(&folder.path().join("out")).to_owned();
     let map = plain(&acrobatics("joint-angles.toml")).to_owned();
@@ -307,7 +308,7 @@ fn broken_files_of_each_kind_get_their_sentence() {
     let suit = written(folder.path(), "suit.toml", &mapping(head, "wxyz"));
     let good = quaternions("wxyz", turned);
     let long = good.lines().map(|line| {
-        // The first quaternion of the third row is too long.
+        // The first quaternion of the third row has a norm above one.
         let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
         if cells[0] == "10" {
             cells[4] = "1.5".to_owned();
@@ -329,7 +330,7 @@ fn broken_files_of_each_kind_get_their_sentence() {
             None,
             ["b.bvh", "Bone7"],
         ),
-        ("c.bvh", good.clone(), None, ["c.bvh:1", "no BVH file"]),
+        ("c.bvh", good.clone(), None, ["c.bvh:1", "not a BVH file"]),
         (
             "d.csv",
             good.replace("l_thigh.w", "thigh"),

@@ -155,7 +155,7 @@ fn over_the_line(first: &[u8], second: &[u8], hits: usize, random: &mut Random) 
     bytes
 }
 
-/// The damaged bytes of `frame`; line faults are applied elsewhere.
+/// Writes `frame` with a fault of this kind to `out`. Faults of line bits are applied by [`over_the_line`].
 fn damage(kind: usize, frame: &[u8], random: &mut Random, out: &mut Vec<u8>) {
     out.clear();
     out.extend_from_slice(frame);
@@ -222,7 +222,7 @@ struct Tally {
 }
 
 #[test]
-fn a_fault_delivers_nothing_false_and_takes_at_most_one_good_frame() {
+fn a_fault_delivers_no_wrong_frame_and_costs_at_most_one_good_one() {
     let trials = number("BODYFLIGHT_FAULTED_FRAMES", 5_000_000);
     let seed = number("BODYFLIGHT_FAULT_SEED", 1);
     let mut random = Random::new(seed);
@@ -232,7 +232,7 @@ fn a_fault_delivers_nothing_false_and_takes_at_most_one_good_frame() {
     let began = Instant::now();
 
     for trial in 0..trials {
-        // Contents are renewed occasionally; each trial uses three random frames of the pool.
+        // The pool is renewed occasionally; each trial uses two random frames from it.
         if trial % 4096 == 0 {
             pool = (0..64)
                 .map(|_| any_message(&mut random))

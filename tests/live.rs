@@ -36,7 +36,7 @@ fn plain(path: &Path) -> &str {
     path.to_str().expect("a plain path")
 }
 
-/// A file of the recordings, or `None` with a visible notice if it is absent.
+/// A file of the shared data, or `None` with a visible notice if it is absent.
 fn shared(name: &str) -> Option<PathBuf> {
     let path: PathBuf = [env!("CARGO_MANIFEST_DIR"), "../../shared/data", name]
         .iter()

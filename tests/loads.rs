@@ -1,4 +1,4 @@
-//! Loads by description in the real binary: hidden, simulated and estimated.
+//! Loads given by a description, in the real binary: hidden, simulated and estimated.
 #![expect(clippy::expect_used, reason = "tests may panic: that is how they fail")]
 
 use std::path::Path;
@@ -53,7 +53,7 @@ fn loads_are_hidden_simulated_and_estimated() {
 }
 
 #[test]
-fn a_load_of_other_units_is_refused_by_its_place() {
+fn a_load_in_other_units_is_refused_with_its_place() {
     let folder = tempfile::tempdir().expect("a folder");
     let [model, lab] = ["model.toml", "lab"].map(|name| path(folder.path(), name));
     let wrong = LOADS.replace("frequency_hz", "frequency_radps");

@@ -1,4 +1,4 @@
-//! The scripts perform the maneuvers of their names, flown by the default subject.
+//! The scripts perform the maneuvers that they are named after, flown by the default subject.
 
 use bodyflight::formats::flight::Flight;
 use bodyflight::formats::recording::FlightFrame;
@@ -15,7 +15,7 @@ fn seen(name: &str) -> Vec<(f64, Observation<f64>)> {
     flown(name, MuscleForces::Paper)
 }
 
-/// The channels of a maneuver flown with moments alone, like `synth`.
+/// The channels of a maneuver flown with moments alone, as by `synth`.
 fn seen_of_synth(name: &str) -> Vec<(f64, Observation<f64>)> {
     flown(name, MuscleForces::Moment)
 }

@@ -113,7 +113,7 @@ fn peak_memory_mb() -> Option<u64> {
 }
 
 #[test]
-fn memory_stays_small_whatever_comes() {
+fn memory_stays_small_for_any_input() {
     one_huge_event_is_refused_before_it_fills_memory();
     memory_does_not_grow_with_the_recording();
 }

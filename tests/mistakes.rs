@@ -44,7 +44,7 @@ fn make(folder: &Path, made: Made) {
     }
 }
 
-/// All that the program writes, without the breaks of lines, and its exit code.
+/// Everything that the program writes, without line breaks, and its exit code.
 fn said(made: Made, folder: &Path, call: &[&str]) -> (String, Option<i32>) {
     let mut command = Command::new(PROGRAM.0);
     command.args(call).stderr(Stdio::piped());
@@ -70,7 +70,7 @@ fn said(made: Made, folder: &Path, call: &[&str]) -> (String, Option<i32>) {
 }
 
 #[test]
-fn every_mistake_gets_its_sentence() {
+fn every_mistake_has_its_message() {
     let page = fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/mistakes.md"));
     let page = page.expect("docs/mistakes.md");
     let mut wrong = Vec::new();
@@ -101,7 +101,7 @@ fn every_mistake_gets_its_sentence() {
 }
 
 #[test]
-fn wrong_arguments_are_json_where_it_is_asked_for() {
+fn wrong_arguments_are_reported_as_json_on_request() {
     for (call, message) in [
         (
             &["simulate", "a", "--modle"][..],
@@ -122,7 +122,7 @@ fn wrong_arguments_are_json_where_it_is_asked_for() {
 }
 
 #[test]
-fn problems_are_json_where_results_are() {
+fn problems_are_json_if_results_are() {
     let said = PROGRAM.fails(&["simulate", "nowhere.mvnx", "--json"], 3);
     let said: serde_json::Value = serde_json::from_str(&said).expect("JSON");
     let error = &said["error"];

@@ -1,4 +1,4 @@
-//! Belly flight between decaying and growing oscillation in pitch: eigenvalues, compared with free runs.
+//! The boundary between decaying and growing pitch oscillations in belly flight: eigenvalues, compared with free runs.
 
 use std::path::Path;
 
@@ -6,7 +6,7 @@ use bodyflight::formats::flight::Flight;
 use bodyflight::verbs::bifurcation::{self, growth_of_run, map, oscillation};
 use bodyflight_core::dynamics::Dynamics;
 
-/// Damping at which the oscillation neither grows nor decays, interpolated between two computed ones.
+/// Damping at which the oscillation neither grows nor decays, interpolated between no damping and a damping of one.
 fn threshold(dynamics: &Dynamics<f64>, arms: f64) -> f64 {
     let growth = |damping: f64| {
         let point = oscillation(dynamics, arms, damping).expect("an oscillation");
@@ -27,9 +27,9 @@ fn damping_decides_and_lowered_arms_push_it_over_the_edge() {
     );
     // As in the paper: at some damping the neutral pose is stable and lowered arms make it oscillate.
     assert!(neutral + 0.01 < lowered);
-    // Unlike the paper: the window is narrow, and arms far down are stable again.
+    // Unlike in the paper, the window is narrow, and arms far down are stable again.
     assert!(lowered - neutral < 0.05 && far < neutral && raised < neutral);
-    // The paper's damping of belly turns is far from the edge.
+    // The paper's damping of belly turns is far from the threshold.
     assert!(
         map(&dynamics)
             .iter()
@@ -55,6 +55,6 @@ fn an_arched_body_is_still_at_small_damping_until_its_arms_go_down() {
         |arms: f64| bifurcation::threshold(&dynamics, 0.2, arms).expect("a damping that decides");
     let [still, rocking] = [threshold(0.0), threshold(0.4)];
     println!("arched: neutral {still:.3}, arms down {rocking:.3}");
-    // The paper's order holds at every damping between the two.
+    // Between the two thresholds, the pose behaves as in the paper at any damping.
     assert!(still + 0.03 < rocking);
 }

@@ -28,7 +28,7 @@ fn done(arguments: &[&str]) {
     );
 }
 
-/// Words of the error message of a command that ends with this code.
+/// Returns the error message, without line breaks, of a command that ends with this code.
 fn fails(arguments: &[&str], code: i32) -> String {
     let output = bodyflight(arguments);
     let message = text(&output.stderr);
@@ -40,7 +40,7 @@ fn fails(arguments: &[&str], code: i32) -> String {
 struct Place(tempfile::TempDir);
 
 impl Place {
-    /// A folder with a short flight in it.
+    /// Creates a folder with a short flight in it.
     fn new() -> Self {
         let place = Self(tempfile::tempdir().expect("a folder"));
         done(&["hide", "clean", "--duration", "2", "--out", &place.at("")]);
@@ -61,7 +61,7 @@ impl Place {
     }
 }
 
-/// All files of a folder and their bytes.
+/// All files in a folder with their contents.
 fn content(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
     let mut files = Vec::new();
     for entry in std::fs::read_dir(folder).expect("a folder").flatten() {
@@ -102,7 +102,7 @@ fn a_figure_has_the_format_of_its_name() {
 }
 
 #[test]
-fn no_output_takes_the_place_of_anything_that_is_read() {
+fn no_output_replaces_a_file_that_is_read() {
     let place = Place::new();
     let flight = place.at("flight-0/flight.toml");
     let model = place.written("model.toml", "effect = []\n");
@@ -111,7 +111,7 @@ fn no_output_takes_the_place_of_anything_that_is_read() {
     symlink("flight-0/flight.mvnx", place.path("link.mvnx")).expect("a link");
     let link = place.at("link.mvnx");
     let preset = place.written("preset.toml", "joint_error_deg = 0.5\n");
-    // A link with the name of a figure: its target decides.
+    // A link named like a figure: its target is what counts.
     let drawn = |target: &str| {
         let name = format!("{}.svg", target.replace('/', "-"));
         symlink(target, place.path(&name)).expect("a link");
@@ -173,7 +173,7 @@ fn no_output_takes_the_place_of_anything_that_is_read() {
 }
 
 #[test]
-fn what_is_there_is_replaced_only_by_force() {
+fn what_exists_is_replaced_only_with_force() {
     let place = Place::new();
     let flight = place.at("flight-0/flight.toml");
     let out = place.written("kept", "mine");
@@ -204,7 +204,7 @@ fn what_is_there_is_replaced_only_by_force() {
 }
 
 #[test]
-fn outputs_go_through_links_and_not_into_devices() {
+fn outputs_follow_links_and_refuse_devices() {
     let place = Place::new();
     let flight = place.at("flight-0/flight.toml");
     let real = place.written("real.csv", "old");
@@ -230,7 +230,7 @@ fn outputs_go_through_links_and_not_into_devices() {
     }
     let kind = std::fs::metadata(&pipe).expect("it").file_type();
     assert!(kind.is_fifo());
-    // As inputs they would provide no data, or never end.
+    // As inputs they would deliver no data, or never end.
     for input in [&pipe, "/dev/zero"] {
         for verb in ["simulate", "inspect", "fall"] {
             let message = fails(&[verb, input], 2);
@@ -253,7 +253,7 @@ fn files_of_settings_and_tables_have_a_largest_size() {
     ] {
         let path = place.at(name);
         let file = std::fs::File::create(&path).expect("a file");
-        // Without allocating a block on the disk.
+        // A sparse file, which occupies no blocks on the disk.
         file.set_len(3 << 30).expect("a hole");
         let mut program = Command::new(env!("CARGO_BIN_EXE_bodyflight"));
         let mut child = program
@@ -287,7 +287,7 @@ fn largest_memory(child: &mut std::process::Child) -> u64 {
 }
 
 #[test]
-fn a_disk_that_is_full_is_an_error_everywhere() {
+fn a_full_disk_is_an_error_everywhere() {
     let place = Place::new();
     let flight = place.at("flight-0/flight.toml");
     let recording = place.at("flight-0/flight.mvnx");
@@ -315,7 +315,7 @@ fn a_disk_that_is_full_is_an_error_everywhere() {
 }
 
 #[test]
-fn being_told_to_end_leaves_no_file_behind() {
+fn termination_leaves_no_file_behind() {
     let place = Place::new();
     for signal in ["TERM", "HUP", "INT"] {
         let out = place.path(signal);
@@ -346,7 +346,7 @@ fn being_told_to_end_leaves_no_file_behind() {
 }
 
 #[test]
-fn a_search_looks_at_its_folder_first() {
+fn a_search_checks_its_folder_first() {
     let place = Place::new();
     let [flight, other] = ["flight-0", "flight-1"].map(|name| place.at(name));
     let out = place.at("flight-0/flight.toml");

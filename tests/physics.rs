@@ -40,8 +40,8 @@ fn busy_posture(time: f64) -> Posture<f64> {
     posture
 }
 
-/// Linear and angular momentum about the inertial origin, from the positions of mass over time; no formula of the
-/// integrator is used.
+/// Linear momentum, and angular momentum about the inertial origin, from the positions of masses at two times, without
+/// any formula of the integrator.
 fn measured_momentum(
     body: &Body<f64>,
     motions: [&Motion<f64>; 2],
@@ -151,7 +151,8 @@ fn the_state_keeps_its_momenta_in_single_precision() {
     assert!((state.angular_momentum - angular).norm() < 1e-4 * angular.norm());
 }
 
-/// Rotation of the pelvis (deg) while the right arm is raised by 170 deg in 0.5 s, in a fall at `velocity` (m/s).
+/// Raises the right arm by 170 deg in 0.5 s, in a fall at `velocity` (m/s). Returns the rotation of the pelvis (deg)
+/// and its final angular velocity (rad/s).
 fn cat_turn(body: &Body<f64>, velocity: Vector3<f64>) -> (f64, f64) {
     let dynamics = adrift::<f64>(*body);
     let angle = |time: f64| {
@@ -181,7 +182,7 @@ fn cat_turn(body: &Body<f64>, velocity: Vector3<f64>) -> (f64, f64) {
 
 #[test]
 fn a_raised_arm_turns_the_pelvis_at_any_speed() {
-    // The person of notes/biomechanics.md, whose pelvis turns by 6.782 deg with its own tables.
+    // The person of notes/biomechanics.md, whose pelvis turns by 6.782 deg with the tables given there.
     let body = Person::new(1.755, 75.5, Sex::Male)
         .body()
         .expect("a valid person");
@@ -198,7 +199,7 @@ fn a_raised_arm_turns_the_pelvis_at_any_speed() {
 
 #[test]
 fn the_published_equations_break_galilean_invariance() {
-    // The reason for the exact form: at 55 m/s the same arm movement makes the published body spin.
+    // This is why the dynamics have the exact form: at 55 m/s the same arm movement makes the published body spin.
     let Some(body) = body() else { return };
     let dynamics = adrift::<f64>(body);
     let at = |k: i32| {
@@ -220,7 +221,8 @@ fn the_published_equations_break_galilean_invariance() {
     assert!(spin > 1.0, "expected the known fault, found {spin} rad/s");
 }
 
-/// Largest angular velocity (rad/s) of a neutral fall with a spin, with one damping coefficient on all axes.
+/// Largest and final angular velocity (rad/s) of a neutral fall that starts with a spin, with the same damping
+/// coefficient on all axes.
 fn spin_under_damping<T: Real>(body: &Body<f64>, damping: f64, seconds: i32) -> (T, T) {
     let dynamics = Dynamics::<T>::paper(body.cast(), T::of(1.225));
     let sample = dynamics.hold(&pattern::neutral());
@@ -275,7 +277,7 @@ fn inertia_of_any_posture_is_that_of_a_solid() {
 
 #[test]
 fn terminal_speed_is_plausible_for_many_bodies() {
-    // Belly pose with suit, helmet and a rig, half way down from 4000 m: 45 to 62 m/s for 50 to 85 kg.
+    // Belly pose with suit, helmet and a rig, halfway down from 4000 m: 45 to 62 m/s for 50 to 85 kg.
     for (sex, height, mass) in [
         (Sex::Female, 1.58, 50.0),
         (Sex::Female, 1.65, 60.0),
@@ -313,8 +315,8 @@ fn terminal_speed_is_plausible_for_many_bodies() {
 }
 
 #[test]
-fn a_tunnel_is_a_fall_seen_from_the_ground_of_the_fall() {
-    // GIVEN the same spin, in a fall through still air and held by an upward flow
+fn a_spin_in_a_tunnel_equals_one_in_free_fall() {
+    // GIVEN the same spin in a fall through still air, and held up by an upward flow
     let Some(body) = body() else { return };
     let sample = |dynamics: &Dynamics<f64>| dynamics.hold(&pattern::neutral());
     let belly = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), 1.5);
@@ -360,7 +362,7 @@ fn a_tunnel_is_a_fall_seen_from_the_ground_of_the_fall() {
 
 #[test]
 fn damping_never_adds_energy() {
-    // Only the damping acts: no gravity, no drag, no force across the flow, no couples.
+    // Only the damping acts: there is no gravity, and the drag, lift and moment coefficients are zero.
     let Some(body) = body() else { return };
     let none = Coefficients {
         drag: 0.0,
@@ -403,7 +405,7 @@ fn damping_never_adds_energy() {
             largest = largest.max(energy(&state));
         }
         let (at, last) = (format!("Cm_damp {damping} at {speed} m/s"), energy(&state));
-        // The energy of a free body varies with the attitude error of a step, at 12 rad/s and 120 Hz by 0.5 %.
+        // The attitude error of each step lets the energy of a free body vary, by 0.5 % at 12 rad/s and 120 Hz.
         assert!(largest <= first * 1.01, "{at}: {first} to {largest} J");
         if damping >= 1.0 && speed >= 10.0 {
             assert!(last < 0.97 * first, "{at}: {first} to {last} J");

@@ -1,5 +1,5 @@
-//! Speeds of every pose compared with published ones: the free-fly model meets them all, the paper's only on belly and
-//! back.
+//! Speeds of every pose compared with published ones: the free-fly model meets them all, the paper's model only those
+//! of belly and back.
 
 #[path = "poses/flyer.rs"]
 mod flyer;
@@ -66,7 +66,7 @@ fn the_page_has_the_tables() {
 /// Result of holding a pose for a minute.
 #[derive(Debug)]
 struct Held {
-    /// Time until the trunk leaned by 40 degrees from the attitude of the pose (s).
+    /// Time until the body leaned more than 40 degrees from the attitude of the pose (s); 60 if it never did.
     time: f64,
     /// Largest lean (deg).
     lean: f64,
@@ -74,8 +74,8 @@ struct Held {
     correction: f64,
 }
 
-/// A minute in a pose, starting with its attitude and speed: one forearm and one shank sway, and the left forearm is
-/// moved by 0.3 rad for half a second after 30 s. With or without a flyer who corrects.
+/// Holds a pose for a minute, starting with its attitude and speed, with or without a flyer who corrects. One forearm
+/// and one shank sway, and after 30 s the left forearm is moved by 0.3 rad for half a second.
 fn held(
     dynamics: &Dynamics<f64>,
     pose: &Pose,
@@ -135,7 +135,7 @@ fn held(
     held
 }
 
-/// 1.80 m with a rig, two smaller and a larger one.
+/// People from 1.62 m to 1.92 m, all but one with a rig.
 fn people() -> [Body<f64>; 4] {
     [
         (1.80, 80.0, Sex::Male, 10.0),
@@ -178,7 +178,7 @@ fn the_air_holds_head_down() {
 }
 
 #[test]
-fn small_corrections_hold_a_sit_that_else_falls_over() {
+fn small_corrections_hold_a_sit_that_otherwise_falls_over() {
     for body in people() {
         let dynamics = dynamics(body, LoadModel::FreeFly);
         for damping in [BELLY_TURN_DAMPING, FIRM] {
@@ -189,7 +189,7 @@ fn small_corrections_hold_a_sit_that_else_falls_over() {
             if damping == FIRM {
                 assert!(flown.time >= 60.0 && flown.lean < 10.0, "{flown:?}");
             } else {
-                // With low damping, one of the four oscillates with growing amplitude.
+                // With low damping, one of the four people oscillates with growing amplitude.
                 assert!(flown.time > 8.0 * alone.time, "{flown:?}");
             }
             let down = held(&dynamics, pose("head-down"), damping, true);
@@ -200,7 +200,7 @@ fn small_corrections_hold_a_sit_that_else_falls_over() {
 }
 
 #[test]
-fn the_paper_s_model_lets_sit_and_head_down_fall_over_whoever_corrects() {
+fn in_the_paper_s_model_sit_and_head_down_fall_over_despite_corrections() {
     let dynamics = dynamics(person().expect("a person"), LoadModel::Paper);
     for name in ["sit", "head-down"] {
         let flown = held(&dynamics, pose(name), FIRM, true);

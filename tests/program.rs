@@ -5,7 +5,7 @@ use std::process::{Command, Output};
 
 use serde_json::Value;
 
-/// The program, by its path, since Cargo gives it only to tests of its own package.
+/// The path of the program, which Cargo gives only to tests of the program's own package.
 #[derive(Debug, Clone, Copy)]
 pub struct Program(pub &'static str);
 
@@ -41,7 +41,7 @@ impl Program {
         value
     }
 
-    /// Every answer is what `bodyflight schema` says of the verb.
+    /// Asserts that an answer matches one of the schemas that `bodyflight schema` lists for the verb.
     fn check_schema(self, arguments: &[&str], value: &Value) {
         let verb = arguments[0];
         let listed = text(&self.run(&["schema"]).stdout);
@@ -60,7 +60,7 @@ impl Program {
         );
     }
 
-    /// What contradicts a schema, if anything does.
+    /// The first violation of a schema, if there is one.
     fn fault(self, name: &str, value: &Value) -> Option<String> {
         let schema = self.run(&["schema", name]).stdout;
         let schema: Value = serde_json::from_slice(&schema)
@@ -96,7 +96,7 @@ impl Program {
     }
 }
 
-/// Sends a process the signal of Ctrl-C.
+/// Sends a process the signal that Ctrl-C sends.
 pub fn ctrl_c(process: u32) {
     let sent = Command::new("kill")
         .args(["-INT", &process.to_string()])
@@ -104,7 +104,7 @@ pub fn ctrl_c(process: u32) {
     assert!(sent.is_ok_and(|status| status.success()), "kill is there");
 }
 
-/// The output of a program.
+/// The output of a program as text.
 pub fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
@@ -115,7 +115,7 @@ pub fn plain(path: &Path) -> &str {
         .unwrap_or_else(|| panic!("a plain path: {}", path.display()))
 }
 
-/// A number of a report.
+/// A number in a report.
 pub fn number(value: &Value) -> f64 {
     value
         .as_f64()

@@ -88,8 +88,8 @@ fn written(folder: &Path, name: &str, text: &str) -> String {
     path.to_str().expect("plain").to_owned()
 }
 
-/// The track of a FlySight 2 for a recorded flight, whose clock is ahead of the recording's by `shift` and a second
-/// (s): 5 rows a second, with a receiver's noise.
+/// The track that a FlySight 2 would record during a recorded flight: 5 rows a second, with a receiver's noise. Its
+/// clock is ahead of the recording's by `shift` plus one second (s).
 fn track_of(recording: &Path, shift: f64) -> String {
     let frames: Vec<FlightFrame> = Recording::open(recording, Options::default())
         .expect("a flight")
@@ -129,7 +129,7 @@ fn track_of(recording: &Path, shift: f64) -> String {
             ]
         });
         let [north, west, up] = mean.map(|sum| sum / count);
-        // The first row of a track is the origin of its time.
+        // The first row of a track is at time zero.
         let since = time + 1.0 + shift;
         let (minute, second) = ((since / 60.0).floor(), since % 60.0);
         let _ = writeln!(
@@ -144,7 +144,7 @@ fn track_of(recording: &Path, shift: f64) -> String {
     text
 }
 
-/// A recording with each triple of numbers in an element modified.
+/// A recording in which `change` modifies the numbers of each element of this name; it also gets the element's index.
 fn changed(good: &str, element: &str, change: &dyn Fn(usize, &[f64]) -> Vec<f64>) -> String {
     let (open, close) = (format!("<{element}>"), format!("</{element}>"));
     let mut text = String::new();
@@ -167,7 +167,7 @@ fn changed(good: &str, element: &str, change: &dyn Fn(usize, &[f64]) -> Vec<f64>
     text + rest
 }
 
-/// Fraction of estimated inputs within two stated deviations of the truth.
+/// Fraction of estimated inputs within two of their stated standard deviations of the truth.
 fn within_two_deviations(estimates: &Path, truth: &Path) -> f64 {
     let text = |path: &Path| std::fs::read_to_string(path).expect("a table");
     let numbers = |line: &str| -> Vec<f64> {
@@ -196,7 +196,7 @@ fn within_two_deviations(estimates: &Path, truth: &Path) -> f64 {
 }
 
 #[test]
-fn a_track_beside_a_suit_is_brought_to_its_clock_and_serves_as_its_velocity() {
+fn a_track_is_aligned_with_a_suit_and_replaces_its_velocity() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().to_str().expect("plain");
     let (made, code) = json(&["synth", "side-slides", "--seed", "4", "--out", out]);
@@ -204,7 +204,7 @@ fn a_track_beside_a_suit_is_brought_to_its_clock_and_serves_as_its_velocity() {
     let recording = folder.path().join("flight.mvnx");
     let flight = folder.path().join("flight.toml");
     let text = std::fs::read_to_string(&flight).expect("the flight");
-    // A suit's own velocity drifts: only its changes are accurate.
+    // A suit's own velocity drifts; only its changes are accurate.
     let good = std::fs::read_to_string(&recording).expect("the recording");
     let drifted = changed(&good, "velocity", &|frame, numbers| {
         let time = frame as f64 / 240.0;
@@ -238,7 +238,7 @@ fn a_track_beside_a_suit_is_brought_to_its_clock_and_serves_as_its_velocity() {
     let own = estimated(flight.to_str().expect("plain"), "own.csv");
     let by_track = estimated(&with_track, "by-track.csv");
     for (channel, own) in own.as_object().expect("channels") {
-        // For comparisons with a receiver's velocity, the receiver's noise applies.
+        // Velocities are compared with the receiver's, so its noise is added.
         let noise = if channel.ends_with("velocity_mps") {
             0.1
         } else {
@@ -252,7 +252,7 @@ fn a_track_beside_a_suit_is_brought_to_its_clock_and_serves_as_its_velocity() {
     }
 }
 
-/// Compresses a file, with names for it.
+/// Compresses a file in each format; returns file names and contents.
 fn packed(plain: &[u8]) -> [(&'static str, Vec<u8>); 2] {
     let mut gzip = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
     gzip.write_all(plain).expect("in memory");
@@ -266,7 +266,7 @@ fn packed(plain: &[u8]) -> [(&'static str, Vec<u8>); 2] {
 }
 
 #[test]
-fn recordings_are_read_packed_from_standard_input_and_by_their_folder() {
+fn recordings_are_read_compressed_from_standard_input_and_by_folder() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().to_str().expect("plain");
     json(&["synth", "rotations", "--seed", "1", "--out", out]);
@@ -317,10 +317,10 @@ fn recordings_are_read_packed_from_standard_input_and_by_their_folder() {
     );
     let output = bodyflight(&["simulate", plain.to_str().expect("plain")]);
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(said.contains("no subject is given"), "{said}");
+    assert!(said.contains("no subject was given"), "{said}");
 }
 
-/// A recording without the points of its segments.
+/// A recording with the points of its segments removed.
 fn without_points(good: &str) -> String {
     let mut text = String::new();
     let mut rest = good;
@@ -332,7 +332,7 @@ fn without_points(good: &str) -> String {
 }
 
 #[test]
-fn broken_recordings_get_their_sentence() {
+fn broken_recordings_have_their_messages() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().to_str().expect("plain");
     json(&["synth", "rotations", "--seed", "1", "--out", out]);
@@ -369,7 +369,7 @@ fn broken_recordings_get_their_sentence() {
     let (report, _) = json(&["inspect", &path]);
     let said = report["flight"]["warnings"].to_string();
     assert!(
-        said.contains("opposite ways") && said.contains("rises by"),
+        said.contains("opposite directions") && said.contains("rises by"),
         "{said}"
     );
 
@@ -379,7 +379,7 @@ fn broken_recordings_get_their_sentence() {
     let said = report["flight"]["warnings"].to_string();
     assert!(said.contains("the header 120.0"), "{said}");
 
-    // A tenth of a second and more without frames.
+    // A gap of 0.2 s without frames.
     let (before, after) = good.split_once("<frame time=\"1000\"").expect("a frame");
     let (_, after) = after.split_once("<frame time=\"1200\"").expect("a frame");
     let path = written(
@@ -391,7 +391,7 @@ fn broken_recordings_get_their_sentence() {
     let said = report["flight"]["warnings"].to_string();
     assert!(said.contains("s without frames"), "{said}");
 
-    // Two seconds are the shortest length that is judged.
+    // A flight must have at least two seconds to be judged.
     let (begun, _) = good.split_once("<frame time=\"1500\"").expect("a frame");
     let path = written(
         folder.path(),
@@ -402,10 +402,10 @@ fn broken_recordings_get_their_sentence() {
     let warnings = &report["flight"]["warnings"];
     let said = warnings.to_string();
     assert!(said.contains("the flight ends after 1.50 s"), "{said}");
-    // Frame and number are reported.
+    // The last frame is reported by its number.
     assert_eq!(warnings[0]["frame"], 359, "{said}");
 
-    // Without joint points a file does not reveal the convention of its arms.
+    // Without joint points, a file does not reveal its arm convention.
     let pointless = without_points(&good);
     let path = written(folder.path(), "pointless.mvnx", &pointless);
     let (message, code) = fails(&["simulate", &path]);
@@ -423,7 +423,7 @@ fn broken_recordings_get_their_sentence() {
     let (message, code) = fails(&["discover", flight, "--hold-out", flight]);
     assert_eq!(code, Some(2), "{message}");
     assert!(
-        message.contains("it is the one that effects are fitted to"),
+        message.contains("effects are also fitted to it"),
         "{message}"
     );
 }

@@ -45,7 +45,7 @@ fn both_generations_are_told_apart_by_their_joints() {
     }
 }
 
-/// Raw orientation and position of the segments in a frame, by label, and points of each segment.
+/// Raw orientations and positions of the segments in a frame, by label.
 struct Raw {
     orientation: HashMap<String, UnitQuaternion<f64>>,
     position: HashMap<String, Vector3<f64>>,
@@ -86,8 +86,8 @@ fn raw_frames(path: &Path) -> (Vec<Raw>, Reader<BufReader<std::fs::File>>) {
 
 #[test]
 fn postures_reproduce_recorded_orientations() {
-    // The long and front axes of legs, trunk and head, and the long axis of arms, as given by the file and as given by
-    // the posture.
+    // Compares axes as given by the file and as given by the posture: the long and front axes of legs, trunk and head,
+    // and the long axis of arms.
     for name in [VERSION_3, VERSION_4] {
         let Some(path) = real(name) else { return };
         let (raws, _) = raw_frames(&path);
@@ -128,7 +128,7 @@ fn postures_reproduce_recorded_orientations() {
     }
 }
 
-/// The reference body with the joints of a file: offsets between the joints that our segments keep.
+/// The default body with the joint offsets of a file, for the joints that our segments have.
 fn body_of(raw: &Raw) -> Body<f64> {
     let mut body = Subject::default().body();
     for segment in Segment::ALL {
@@ -136,11 +136,11 @@ fn body_of(raw: &Raw) -> Body<f64> {
             continue;
         };
         let [child, parent] = [segment, parent].map(|s| MvnSegment::leading(s).label());
-        // In the axes of the parent in this frame of the file.
+        // In the parent's axes, from this frame of the file.
         let offset =
             raw.orientation[parent].inverse() * (raw.position[child] - raw.position[parent]);
         body.segments[segment].joint_offset = match segment {
-            // Hanging straight down in the H-pose, regardless of the file's convention for arms.
+            // These hang straight down in the H-pose, whatever the file's arm convention.
             Segment::LeftForearm
             | Segment::LeftHand
             | Segment::RightForearm
@@ -157,7 +157,7 @@ fn forward_kinematics_reproduce_recorded_joints() {
     let (raws, _) = raw_frames(&path);
     let mut worst = 0.0f64;
     for (raw, frame) in raws.iter().zip(frames(&path)) {
-        // Legs, whose segments correspond one to one to ours: their offsets must not depend on the frame.
+        // The segments of the legs correspond one to one to ours, so their offsets must not depend on the frame.
         let body = body_of(&raws[0]);
         let posed = pose(&body, &frame.posture);
         let attitude = frame.pelvis.inertial_from_body.quaternion();
@@ -174,7 +174,7 @@ fn forward_kinematics_reproduce_recorded_joints() {
             let expected = raw.position[MvnSegment::leading(segment).label()];
             worst = worst.max((found - expected).norm());
         }
-        // Arms, from the shoulder outwards, as vectors: length and direction.
+        // Arms are compared from the shoulder outwards, as vectors: length and direction.
         for [upper, lower] in [
             [Segment::LeftUpperArm, Segment::LeftForearm],
             [Segment::LeftForearm, Segment::LeftHand],
@@ -194,7 +194,7 @@ fn forward_kinematics_reproduce_recorded_joints() {
 }
 
 #[test]
-fn a_container_is_refused_with_the_way_out() {
+fn a_container_is_refused_with_advice() {
     let Some(path) = real("mvn-container/Puppet.mvn") else {
         return;
     };
@@ -203,11 +203,11 @@ fn a_container_is_refused_with_the_way_out() {
     assert!(problem.help.expect("a way out").contains(".mvnx"));
 }
 
-/// Frames of a script at 240 Hz, from the first to `count`.
+/// The first `count` frames of a script at 240 Hz.
 fn script(count: u64) -> impl Iterator<Item = FlightFrame> {
     let maneuver = Maneuver::from_name("rotations").expect("known");
     (0..count).map(move |index| {
-        #[expect(clippy::cast_precision_loss, reason = "a few frames")]
+        #[expect(clippy::cast_precision_loss, reason = "only a few frames")]
         let time = index as f64 / 240.0;
         let turn = joint_rotation(0.3 * time, 0.1, -1.5);
         let fall = -50.0 * time;
@@ -257,7 +257,7 @@ fn largest_joint_error(a: &Posture<f64>, b: &Posture<f64>) -> f64 {
 }
 
 #[test]
-fn what_is_written_is_read_again() {
+fn written_files_are_read_back() {
     let bytes = written(200);
     let recording =
         Recording::new(&bytes[..], Path::new("synthetic.mvnx"), Options::default()).expect("good");
@@ -277,7 +277,7 @@ fn what_is_written_is_read_again() {
     }
 }
 
-/// MVN's global frame, X north, Y west, Z up, is the inertial frame: none of its numbers is rotated.
+/// MVN's global frame (X north, Y west, Z up) is the inertial frame, so none of its numbers is rotated.
 #[test]
 fn north_west_and_up_are_the_axes_of_the_file() {
     let bytes = written(2);

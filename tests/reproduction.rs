@@ -1,4 +1,4 @@
-//! The paper's experiments by their commands: flights, tunnel, sensitivity, search by segment.
+//! The paper's experiments with the program's commands: flights, tunnel, sensitivity, search by segment.
 
 use std::path::{Path, PathBuf};
 
@@ -51,7 +51,7 @@ fn an_experiment_is_flown_reconstructed_and_reported() {
         "| roll (rad)",
         "| head-down |",
         "oscillation-map.svg",
-        "What is missed, and why",
+        "What is not reconstructed, and why",
     ] {
         assert!(text.contains(part), "{part}:\n{text}");
     }
@@ -99,7 +99,7 @@ fn a_tunnel_flight_is_the_free_one_seen_from_its_air() {
 }
 
 #[test]
-fn thirty_per_cent_matter_in_a_free_run_and_not_to_a_reconstruction() {
+fn thirty_per_cent_matter_in_a_free_run_but_not_in_a_reconstruction() {
     let subject = Subject::default();
     let report = synthesized("sensitive", "rotations", &subject, false);
     let flight = Flight::read(&report.flight).expect("a flight");
@@ -141,7 +141,7 @@ fn thirty_per_cent_matter_in_a_free_run_and_not_to_a_reconstruction() {
 }
 
 #[test]
-fn segments_keep_what_is_their_own_and_get_more_where_asked() {
+fn segments_keep_their_own_coefficients_and_can_be_tuned_separately() {
     // GIVEN a subject whose shanks have their own coefficient
     let path = folder("own").join("own.toml");
     std::fs::create_dir_all(folder("own")).expect("a folder");

@@ -17,7 +17,7 @@ pub const NAME: &str = "flight.mvnx";
 /// A fall with a turning body and moving limbs, at 240 Hz.
 pub fn flight(count: u64) -> impl Iterator<Item = FlightFrame> {
     (0..count).map(|index| {
-        #[expect(clippy::cast_precision_loss, reason = "a few frames")]
+        #[expect(clippy::cast_precision_loss, reason = "only a few frames")]
         let time = index as f64 / 240.0;
         FlightFrame {
             index,
@@ -37,7 +37,7 @@ pub fn flight(count: u64) -> impl Iterator<Item = FlightFrame> {
     })
 }
 
-/// The text of a file with these frames.
+/// The text of a file with the first `count` frames of [`flight`].
 pub fn written(count: u64) -> String {
     let description = Description {
         subject_label: "A <B> & \"C\"".into(),
@@ -60,7 +60,7 @@ pub type Flown = (Vec<FlightFrame>, Quality);
 /// Reads a recording as a whole.
 ///
 /// # Errors
-/// Returns an error if it is refused.
+/// Returns an error if the recording is refused.
 pub fn read_as(bytes: &[u8], name: &str, options: Options) -> Result<Flown, Problem> {
     let mut recording = Recording::new(bytes, Path::new(name), options)?;
     let frames = recording.by_ref().collect::<Result<_, _>>()?;
@@ -70,7 +70,7 @@ pub fn read_as(bytes: &[u8], name: &str, options: Options) -> Result<Flown, Prob
 /// Same as [`read_as`] with the default name and options.
 ///
 /// # Errors
-/// Returns an error if it is refused.
+/// Returns an error if the recording is refused.
 pub fn read(bytes: &[u8]) -> Result<Flown, Problem> {
     read_as(bytes, NAME, Options::default())
 }
@@ -78,7 +78,7 @@ pub fn read(bytes: &[u8]) -> Result<Flown, Problem> {
 /// Returns the result of inspecting a recording.
 ///
 /// # Errors
-/// Returns an error if it is refused.
+/// Returns an error if the recording is refused.
 pub fn survey(bytes: &[u8]) -> Result<Report, Problem> {
     inspect_input(bytes, Path::new(NAME))
 }
@@ -90,7 +90,7 @@ pub fn replaced(text: &str, anchor: &str, from: &str, to: &str) -> String {
     format!("{}{to}{}", &text[..at], &text[at + from.len()..])
 }
 
-/// Text of an element of the frame with this index.
+/// Text of an element in the frame with this index.
 pub fn element<'a>(text: &'a str, index: usize, name: &str) -> &'a str {
     let start = text.find(&format!("index=\"{index}\"")).expect("the frame");
     let start = start
@@ -101,7 +101,7 @@ pub fn element<'a>(text: &'a str, index: usize, name: &str) -> &'a str {
     &text[start + name.len() + 2..start + end]
 }
 
-/// Modifies the numbers of one element of one frame in the text.
+/// Modifies the numbers of one element in one frame of the text.
 pub fn with_numbers(
     text: &str,
     index: usize,

@@ -1,7 +1,7 @@
 //! Hours of streaming in virtual time: the unit's application on a bad line, with restarts on both sides.
 //!
-//! The host here keeps its own ledger and never forgets a sample: each is used, rejected, late, missing, or was sent in
-//! a session that a restart cut off. `cargo xtask soak --hours H` runs for hours; this test for minutes.
+//! The host keeps a ledger of every sample: each is used, rejected, dropped, late, missing, or was sent in a session
+//! that a restart cut off. `cargo xtask soak --hours H` runs for hours, this test for minutes.
 
 mod soak {
     pub mod host;
@@ -13,7 +13,7 @@ use bodyflight_tests::arm_swing::RATE;
 use soak::host::{Host, Totals};
 use soak::memory::resident;
 
-/// Probability per minute of each of these events.
+/// Probability of each of these events per minute.
 const UNIT_RESTARTS: f32 = 0.2;
 const HOST_RESTARTS: f32 = 0.2;
 const NEW_FAULTS: f32 = 0.5;
@@ -21,11 +21,11 @@ const NEW_FAULTS: f32 = 0.5;
 /// Minutes after which memory use should no longer grow.
 const WARM_UP: u32 = 10;
 
-/// Faults in a minute: none, some of all kinds, or a hardly usable line.
+/// Faults for a minute: none, a few of all kinds, or a barely usable line.
 fn faults(random: &mut Random) -> Faults {
     let most = [0.0, 0.001, 0.01, 0.05][random.below(4)];
     let mut share = || {
-        #[expect(clippy::cast_precision_loss, reason = "thousandths")]
+        #[expect(clippy::cast_precision_loss, reason = "numbers below 1000 are exact")]
         let share = random.below(1000) as f32 * 1e-3;
         share * most
     };
@@ -89,10 +89,10 @@ fn check(totals: &Totals) {
 }
 
 #[test]
-fn minutes_of_faults_and_restarts_lose_nothing_uncounted() {
+fn every_loss_is_counted_in_minutes_of_faults_and_restarts() {
     let (totals, _) = fly(3, 8, |_, _, _| {});
     check(&totals);
-    // All of it happened: frames lost, frames brought twice, restarts on either side.
+    // Everything happened at least once: lost frames, repeated frames, restarts on both sides.
     let happened = [
         totals.missing,
         totals.repeated,

@@ -41,7 +41,7 @@ fn report(output: &Output) -> Value {
     serde_json::from_slice(&output.stdout).expect("standard output is JSON")
 }
 
-/// `bodyflight unit`, ended with the test.
+/// A running `bodyflight unit`, which ends with the test.
 struct Unit {
     process: Child,
     port: String,
@@ -79,7 +79,7 @@ impl Drop for Unit {
 }
 
 #[test]
-fn estimates_are_the_desktops_bit_for_bit() {
+fn estimates_equal_the_desktops_bit_for_bit() {
     let folder = tempfile::tempdir().expect("a folder");
     let flight = flight(folder.path());
     let report = report(&stream(&[&flight, "--virtual", "--seconds", "2"]));
@@ -121,11 +121,11 @@ fn the_unit_flies_with_effects() {
     );
     let refused = streamed("[[effect]]\nname = \"density-gradient\"\nper_km = 0.1\n");
     assert_eq!(refused.status.code(), Some(2));
-    assert!(text(&refused.stderr).contains("one density"));
+    assert!(text(&refused.stderr).contains("a single density"));
 }
 
 #[test]
-fn faults_are_counted_and_the_desktop_agrees() {
+fn faults_are_counted_and_estimates_still_agree() {
     let folder = tempfile::tempdir().expect("a folder");
     let flight = flight(folder.path());
     let faults = ["--drop", "0.05", "--corrupt", "0.05", "--reorder", "0.02"];
@@ -145,7 +145,7 @@ fn faults_are_counted_and_the_desktop_agrees() {
 }
 
 #[test]
-fn what_is_streamed_is_kept_as_a_flight() {
+fn a_stream_is_saved_as_a_flight() {
     let folder = tempfile::tempdir().expect("a folder");
     let flight = flight(folder.path());
     let kept = folder.path().join("kept.mvnx").display().to_string();
@@ -173,7 +173,7 @@ fn a_unit_outlives_its_hosts() {
     let unit = Unit::start();
     let arguments = [&flight, "--port", &unit.port, "--speed", "max"];
     for _ in 0..3 {
-        // A host that is killed during the stream, then one that starts over on the same port.
+        // A host that is killed during the stream, before another one starts over on the same port.
         let mut killed = bodyflight()
             .args(["stream", &flight, "--port", &unit.port])
             .stdout(Stdio::null())
@@ -201,7 +201,7 @@ fn a_unit_outlives_its_hosts() {
 }
 
 #[test]
-fn what_is_wrong_is_told() {
+fn mistakes_are_reported() {
     let folder = tempfile::tempdir().expect("a folder");
     let flight = flight(folder.path());
     for (arguments, code, part) in [
@@ -220,10 +220,10 @@ fn what_is_wrong_is_told() {
 }
 
 #[test]
-fn a_port_that_is_no_unit_is_told() {
+fn a_port_without_a_unit_is_reported() {
     let folder = tempfile::tempdir().expect("a folder");
     let flight = flight(folder.path());
-    // A terminal without a unit.
+    // A terminal with no unit behind it.
     let (_silent, port) = serialport::TTYPort::pair().expect("a pseudo-terminal");
     let name = serialport::SerialPort::name(&port).expect("it has a name");
     drop(port);
@@ -259,7 +259,7 @@ fn a_flight_that_a_unit_kept_is_read_back_as_a_recording() {
         "5",
     ]));
     let first = log(&unit, &["--out", &path("first")]);
-    // Power is lost, but the log is kept.
+    // The power is cut, but the log is kept.
     drop(unit);
     let unit = Unit::start_with(&["--flash", &flash]);
     let read = log(&unit, &["--out", &path("second")]);
@@ -269,7 +269,7 @@ fn a_flight_that_a_unit_kept_is_read_back_as_a_recording() {
     assert_eq!(flights.len(), 1, "{read}");
     assert_eq!(flights[0]["frames"], sent["sent"]);
     assert_eq!(flights[0]["estimates"], sent["estimates"]["expected"]);
-    // The recording from the log is filtered again here.
+    // The recording from the log can be streamed again.
     let again = flights[0]["flight"].as_str().expect("a path");
     let recording = again.replace("flight.toml", "flight.mvnx");
     let output = bodyflight()
@@ -297,14 +297,14 @@ fn a_unit_without_storage_has_an_empty_log() {
 }
 
 #[test]
-fn an_image_that_is_not_whole_goes_nowhere() {
+fn an_incomplete_image_is_not_copied() {
     let folder = tempfile::tempdir().expect("a folder");
     let (image, info) = (
         folder.path().join("unit.uf2"),
         folder.path().join("INFO_UF2.TXT"),
     );
     std::fs::write(&info, "Board-ID: RP2350\r\n").expect("a drive");
-    // The first word of a UF2 file, less than a block.
+    // The first word of a UF2 file, but less than a block.
     std::fs::write(&image, b"UF2\n and no more").expect("a file");
     let output = bodyflight()
         .args(["unit", "flash"])
@@ -315,6 +315,6 @@ fn an_image_that_is_not_whole_goes_nowhere() {
         .expect("the binary starts");
     let message = text(&output.stderr);
     assert_eq!(output.status.code(), Some(2), "{message}");
-    assert!(message.contains("it breaks off"), "{message}");
+    assert!(message.contains("it ends within"), "{message}");
     assert!(!folder.path().join("UNIT.UF2").exists());
 }

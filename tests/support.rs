@@ -49,7 +49,7 @@ pub fn reference(name: &str) -> Option<Value> {
     Some(serde_json::from_str(&text).unwrap_or_else(|e| panic!("{}: {e}", path.display())))
 }
 
-/// The numbers of an array with any nesting.
+/// The numbers of an array, however deeply nested.
 pub fn numbers(value: &Value) -> Vec<f64> {
     match value {
         Value::Array(items) => items.iter().flat_map(numbers).collect(),
@@ -62,7 +62,7 @@ pub fn vector(value: &Value) -> Vector3<f64> {
     Vector3::from_row_slice(&numbers(value))
 }
 
-/// Nine numbers by rows as a matrix.
+/// Nine numbers as a matrix, row by row.
 pub fn matrix(value: &Value) -> Matrix3<f64> {
     Matrix3::from_row_slice(&numbers(value))
 }
@@ -73,7 +73,7 @@ pub fn quaternion(value: &Value) -> UnitQuaternion<f64> {
     UnitQuaternion::new_normalize(Quaternion::new(q[0], q[1], q[2], q[3]))
 }
 
-/// The body of `segments.json`: moment arms equal to the lengths.
+/// The body of `segments.json`, with moment arms equal to the lengths.
 pub fn reference_body(table: &Value) -> Body<f64> {
     let find = |segment: Segment| {
         let rows = table["segments"]
@@ -102,7 +102,7 @@ pub fn reference_body(table: &Value) -> Body<f64> {
     }
 }
 
-/// A posture of the paper's angles by segment name.
+/// A posture from the paper's angles by segment name.
 pub fn posture_of_angles(angles: &Value) -> Posture<f64> {
     Segment::ALL
         .into_iter()
@@ -114,7 +114,7 @@ pub fn posture_of_angles(angles: &Value) -> Posture<f64> {
         })
 }
 
-/// Asserts that `actual` is `expected` within `tolerance` times the larger of `scale` and its size.
+/// Asserts that `actual` equals `expected` within `tolerance` times the larger of `scale` and the norm of `expected`.
 #[track_caller]
 pub fn assert_close<T: Real, const R: usize, const C: usize>(
     actual: &nalgebra::SMatrix<T, R, C>,

@@ -116,7 +116,7 @@ fn units_have_one_spelling() {
     assert!(faults.is_empty(), "{}", faults.join("\n"));
 }
 
-/// Words in back quotes that look like a path of the project.
+/// Words in backquotes that look like a path of the project.
 fn quoted_paths(text: &str) -> Vec<&str> {
     let quoted = text.split('`').skip(1).step_by(2);
     quoted

@@ -42,7 +42,7 @@ fn public_tracks_of_flysights_are_judged_or_refused_with_a_reason() {
     let negative = data.join("flysight/yoleg-flysight2csv/negative-microsecond-TRACK.CSV");
     let track = flysight::Track::read(&negative).expect("a track");
     assert_eq!((track.fixes.len(), track.skipped.count), (5, 0));
-    // With inertial sensor data on the same clock.
+    // This track has inertial sensor data on the same clock.
     let both = data.join("flysight/yoleg-flysight2csv/TRACK.CSV");
     let track = flysight::Track::read(&both).expect("a track");
     assert!(track.inertial.len() > 300);

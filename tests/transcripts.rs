@@ -5,9 +5,13 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use bodyflight_tests::program::{ctrl_c, text};
+
+/// Documented commands listen on fixed ports, so only one test runs them at a time.
+static COMMANDS: Mutex<()> = Mutex::new(());
 
 /// The program.
 const BODYFLIGHT: &str = env!("CARGO_BIN_EXE_bodyflight");
@@ -24,7 +28,7 @@ fn text_of(output: &Output) -> String {
     String::from_utf8_lossy(&output.stdout).into_owned()
 }
 
-/// Pages with transcripts, in folders of their own: README.md and docs/*.md.
+/// Pages that may contain transcripts: README.md and docs/*.md.
 fn pages() -> Vec<PathBuf> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let docs = fs::read_dir(root.join("docs")).expect("docs").flatten();
@@ -43,14 +47,14 @@ fn toml_block(page: &str) -> Option<&str> {
 }
 
 #[test]
-fn transcripts_of_the_documentation_are_true() {
+fn transcripts_in_the_documentation_are_reproduced() {
     let folder = tempfile::tempdir().expect("a folder");
     let mut transcripts = 0;
     for path in pages() {
         let page = fs::read_to_string(&path).expect("readable");
         transcripts += page.matches("```console").count();
         let copy = folder.path().join(path.file_name().expect("a name"));
-        // The program's output is compared with slashes for backslashes.
+        // The program's output is compared with backslashes replaced by slashes.
         fs::write(&copy, page.replace('\\', "/")).expect("written");
         // Commands run in a folder with the files that the page describes.
         let place = copy.with_extension("in");
@@ -67,7 +71,7 @@ fn transcripts_of_the_documentation_are_true() {
         .run();
 }
 
-/// Commands of this program in the examples of a help. Words in brackets after them are remarks; `&&` strings two together.
+/// Commands of this program in the examples of a help text. Words in brackets after them are remarks; `&&` joins two.
 fn examples(help: &str) -> Vec<Vec<String>> {
     let (_, rest) = help.split_once("Example").unwrap_or_default();
     let lines = rest.lines().flat_map(|line| line.split(" && "));
@@ -81,10 +85,10 @@ fn examples(help: &str) -> Vec<Vec<String>> {
         .collect()
 }
 
-/// Names of the commands that a help lists.
+/// Names of the commands that a help text lists.
 fn listed(help: &str) -> Vec<String> {
     let (_, rest) = help.split_once("Commands:").unwrap_or_default();
-    // Further lines of a description stand further in.
+    // Continuation lines of a description are indented further.
     let lines = rest.lines().skip(1).take_while(|line| !line.is_empty());
     lines
         .filter_map(|line| line.strip_prefix("  ")?.split(' ').next())
@@ -93,7 +97,7 @@ fn listed(help: &str) -> Vec<String> {
         .collect()
 }
 
-/// A falling point, ten times a second: 3 s of an aircraft, 40 s of fall, 40 s of a canopy.
+/// A falling point, ten times a second: 3 s in an aircraft, 40 s in free fall, 40 s under a canopy.
 fn track() -> String {
     let mut text = "time_s,north_m,east_m,height_m\n".to_owned();
     let (mut north, mut height, mut speed) = (0.0, 4000.0, [40.0, 0.0_f64]);
@@ -114,7 +118,7 @@ fn track() -> String {
     text
 }
 
-/// All files that examples name, but for ports, drives and images.
+/// Creates all files that the examples name, except for ports, drives and images.
 fn prepared(place: &Path) {
     let ends = |arguments: &[&str]| {
         let output = bodyflight(place, arguments);
@@ -167,7 +171,7 @@ fn prepared(place: &Path) {
     }
 }
 
-/// A folder of its own for an example, with all files.
+/// Copies a folder by hard links, for an example to run in.
 fn copied(from: &Path, to: &Path) {
     fs::create_dir(to).expect("a folder");
     for entry in fs::read_dir(from).expect("the folder").flatten() {
@@ -180,9 +184,9 @@ fn copied(from: &Path, to: &Path) {
     }
 }
 
-/// Runs an example; what goes on without end gets Ctrl-C after a while. Its exit code, and what it says.
+/// Runs an example, and returns its exit code and output. Endless ones get Ctrl-C after a while.
 fn tried(place: &Path, example: &[String]) -> (Option<i32>, String) {
-    // Nothing is plugged in here, whatever this machine has; there is no browser, and no QEMU.
+    // Devices of this machine are hidden, and so are browsers and QEMU.
     let words = example.iter().map(|word| {
         word.replace("/dev/", "absent/")
             .replace("/media/", "absent/")
@@ -216,8 +220,35 @@ fn tried(place: &Path, example: &[String]) -> (Option<i32>, String) {
     (output.status.code(), said)
 }
 
+/// Runs a documented command. Returns what is wrong with its outcome, if anything.
+fn complaint(place: &Path, example: &[String]) -> Option<String> {
+    let begin = Instant::now();
+    let (code, said) = tried(place, example);
+    let needs_more = example.iter().any(|word| {
+        let absent = ["/dev/", "/media/", "unit.", "--qemu"];
+        absent.iter().any(|part| word.contains(part))
+    });
+    let not_built = ["built without the viewer's page", "the unit's library"];
+    let not_built = not_built.iter().any(|part| said.contains(part));
+    let is_well = match code {
+        // Success, or a negative result.
+        Some(0 | 4 | 5) => true,
+        Some(3) => needs_more,
+        Some(2) => not_built,
+        Some(130) => true,
+        _ => false,
+    };
+    println!(
+        "{:.1} s: {example:?}, {code:?}",
+        begin.elapsed().as_secs_f64()
+    );
+    (!is_well || said.contains("panicked"))
+        .then(|| format!("{example:?} ended with {code:?}: {said}"))
+}
+
 #[test]
 fn the_examples_of_the_help_work() {
+    let _alone = COMMANDS.lock().unwrap_or_else(PoisonError::into_inner);
     let folder = tempfile::tempdir().expect("a folder");
     let base = folder.path().join("base");
     fs::create_dir(&base).expect("a folder");
@@ -241,33 +272,83 @@ fn the_examples_of_the_help_work() {
         for example in examples {
             let place = folder.path().join(format!("{run}"));
             copied(&base, &place);
-            let begin = Instant::now();
-            let (code, said) = tried(&place, &example);
-            let needs_more = example.iter().any(|word| {
-                let absent = ["/dev/", "/media/", "unit.", "--qemu"];
-                absent.iter().any(|part| word.contains(part))
-            });
-            let not_built = ["built without the viewer's page", "the library of the unit"];
-            let not_built = not_built.iter().any(|part| said.contains(part));
-            let is_well = match code {
-                // Done, or an answer that is no.
-                Some(0 | 4 | 5) => true,
-                Some(3) => needs_more,
-                Some(2) => not_built,
-                Some(130) => true,
-                _ => false,
-            };
-            if !is_well || said.contains("panicked") {
-                wrong.push(format!("{example:?} ended with {code:?}: {said}"));
-            }
-            println!(
-                "{:.1} s: {example:?}, {code:?}",
-                begin.elapsed().as_secs_f64()
-            );
+            wrong.extend(complaint(&place, &example));
             fs::remove_dir_all(&place).expect("removed");
             run += 1;
         }
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
     assert!(run >= 35, "only {run} examples were run");
+}
+
+/// The commands of this program in each block of shell commands on a page.
+fn shell_blocks(page: &str) -> Vec<Vec<Vec<String>>> {
+    let blocks = page.split("```sh\n").skip(1);
+    let starts = [
+        "bodyflight ",
+        "target/release/bodyflight ",
+        "cargo run --release -- ",
+    ];
+    let command = |line: &str| -> Option<Vec<String>> {
+        let (line, _remark) = line.split_once(" #").unwrap_or((line, ""));
+        let rest = starts.iter().find_map(|start| line.strip_prefix(start))?;
+        // Only empty words are quoted on these pages.
+        Some(
+            rest.split_whitespace()
+                .map(|word| word.replace('"', ""))
+                .collect(),
+        )
+    };
+    blocks
+        .filter_map(|block| block.split_once("```"))
+        .map(|(block, _)| {
+            let block = block.replace("\\\n", " ");
+            block.lines().filter_map(command).collect()
+        })
+        .collect()
+}
+
+/// Removes earlier output, since alternative commands on a page write to the same place.
+fn make_room(place: &Path, example: &[String]) {
+    let out = example.iter().skip_while(|word| *word != "--out").nth(1);
+    if let Some(out) = out.map(|out| place.join(out)) {
+        let _ = fs::remove_file(&out);
+        let _ = fs::remove_dir_all(&out);
+    }
+}
+
+#[test]
+fn the_commands_of_the_pages_work() {
+    let _alone = COMMANDS.lock().unwrap_or_else(PoisonError::into_inner);
+    let folder = tempfile::tempdir().expect("a folder");
+    let base = folder.path().join("base");
+    fs::create_dir(&base).expect("a folder");
+    prepared(&base);
+    let acrobatics = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/acrobatics");
+    copied(&acrobatics, &base.join("acrobatics"));
+    let mut wrong = Vec::new();
+    let mut run = 0;
+    for path in pages() {
+        let page = fs::read_to_string(&path).expect("readable");
+        for (k, block) in shell_blocks(&page).into_iter().enumerate() {
+            let name = path.file_stem().expect("a name").to_string_lossy();
+            let place = folder.path().join(format!("{name}-{k}"));
+            copied(&base, &place);
+            for mut example in block {
+                for word in &mut example {
+                    *word = word.replace("host/data/", "");
+                }
+                // BVH files are tested in tests/imports.
+                let elsewhere = |word: &String| word.ends_with(".bvh") || word == "OTHER/TRACK.CSV";
+                if example.iter().any(elsewhere) {
+                    continue;
+                }
+                make_room(&place, &example);
+                wrong.extend(complaint(&place, &example));
+                run += 1;
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    assert!(run >= 20, "only {run} commands were run");
 }

@@ -7,12 +7,12 @@ use bodyflight_core::maneuver::transitions::{ORDER, Transition};
 
 use crate::estimator_flights::{FLIPS_AND_ROLLS, Flight, Pulse};
 
-/// How a skydiver performs each kind of transition. The numbers were searched with one criterion: that the body changes
-/// sides once in each of the fourteen.
+/// How a skydiver performs each kind of transition. The numbers were found by a search with one criterion: that the
+/// body changes sides once in each of the fourteen.
 #[derive(Debug, Clone, Copy)]
 pub struct Style {
-    /// Muscle input, damping, and multiples (rad) of a pattern, each added for the duration of a transition: back flip
-    /// and layout about the left axis by [`PRESS`], rolls to belly and to back by [`DRAW_IN_LEFT`].
+    /// Muscle input, damping, and the amplitude (rad) of a joint pattern, each added for the duration of a transition:
+    /// back flip and layout about the left axis with [`PRESS`], rolls to belly and to back with [`DRAW_IN_LEFT`].
     moves: [[f64; 3]; 4],
     sway: f64,
     /// Damping between transitions [pitch, yaw, roll].
@@ -27,7 +27,7 @@ const fn style(moves: [[f64; 3]; 4], sway: f64, damping: [f64; 3]) -> Style {
     }
 }
 
-/// All styles found by a search of thirteen minutes. The agile presets were tuned on eleven others.
+/// All styles found by a thirteen-minute search. The agile presets were tuned on eleven others.
 pub const STYLES: [Style; 10] = [
     style(
         [
@@ -131,7 +131,7 @@ pub const STYLES: [Style; 10] = [
     ),
 ];
 
-/// The move of a style for each transition.
+/// Index of a style's move for each transition.
 const fn move_for(transition: Transition) -> usize {
     match transition {
         Transition::BackFlip | Transition::FrontLoop => 0,

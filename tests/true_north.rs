@@ -1,4 +1,4 @@
-//! North stays north from file to report: a flight of the independent simulator in a wind that its truth states.
+//! North stays north from file to report: a flight of the independent simulator in a known wind.
 #![expect(clippy::expect_used, reason = "tests may panic: that is how they fail")]
 
 use std::path::{Path, PathBuf};
@@ -49,7 +49,7 @@ fn truth(folder: &Path) -> [f64; 2] {
     [0, 1].map(|axis| truth["wind"][axis].as_f64().expect("a number"))
 }
 
-/// Gap of the horizontal velocity (m/s) if the model has this wind.
+/// Gap of the horizontal velocity (m/s) with a model that has this wind.
 fn gap_in(folder: &Path, flight: &Path, [north, west]: [f64; 2]) -> f64 {
     let model = folder.join("model.toml");
     let text =
@@ -76,7 +76,7 @@ fn a_flight_fits_in_the_wind_that_blew_and_in_no_other_direction() {
     }
 }
 
-/// The wind has the opposite sign if it is taken as a velocity that the recording misses.
+/// The wind may also be named as a velocity that the recording misses, which has the opposite sign.
 #[test]
 fn discover_names_the_direction_of_the_wind() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -88,7 +88,7 @@ fn discover_names_the_direction_of_the_wind() {
     let sign = match found["name"].as_str() {
         Some("wind") => 1.0,
         Some("exit-speed") => -1.0,
-        other => panic!("{other:?} is no wind: {report}"),
+        other => panic!("{other:?} is not a wind: {report}"),
     };
     let names = ["north_mps", "west_mps"];
     let found = names.map(|name| sign * found["parameters"][name].as_f64().expect("a number"));

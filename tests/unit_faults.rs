@@ -112,7 +112,7 @@ fn fly(
     (estimates, unit)
 }
 
-/// Largest distance of two estimates, in standard deviations of the states.
+/// Largest distance between two estimates, in standard deviations of the states.
 fn distance(a: &Estimate, b: &Estimate) -> f32 {
     (0..6)
         .map(|i| (a.state[i] - b.state[i]).abs() / a.variance[i].sqrt())
@@ -137,7 +137,7 @@ fn estimates_are_back_within_noise_half_a_second_after_the_faults() {
         assert_eq!(status.accounted(), sent);
         assert!(status.missing > 30 && status.crc_bad > 10);
         assert!(found.iter().all(|e| e.state.iter().all(|x| x.is_finite())));
-        // Half a second of clean samples later; updates may refer to other samples than in the clean flight.
+        // After half a second of clean samples. Updates may refer to other samples than in the clean flight.
         let from = 5 * RATE + RATE / 2;
         let mut compared = 0;
         for estimate in found.iter().filter(|e| e.sample_sequence >= from) {
@@ -167,7 +167,7 @@ fn ten_minutes_of_garbage_leave_the_unit_answering() {
         }
         unit.receive(&bytes);
         assert!(!unit.work());
-        // Random bytes are never taken for a command.
+        // Random bytes are never mistaken for a command.
         assert_eq!(heard(&mut unit), []);
     }
     let status = unit.status();
@@ -188,12 +188,12 @@ fn ten_minutes_of_garbage_leave_the_unit_answering() {
 }
 
 #[test]
-fn the_host_may_start_anew_in_mid_stream() {
+fn the_host_may_restart_in_mid_stream() {
     let samples = samples(2 * RATE);
     let mut unit = running();
     let mut last = None;
     for session in [SESSION, SESSION + 1, SESSION + 2] {
-        // The host was killed within a frame and starts over with its greeting.
+        // The host was killed in the middle of a frame and starts over with its greeting.
         unit.receive(&frame(&Header::default(), samples[0])[..50]);
         tell(&mut unit, hello());
         let header = Header {

@@ -26,13 +26,13 @@ use unit_soak::quality::Quality;
 use unit_soak::wearer::Wearer;
 
 const SESSION: u16 = 11;
-/// Cycles of every update, more than an update may take.
+/// Cycles that every update appears to take, more than a real one may take.
 const CYCLES: u32 = 312_345;
 /// Default duration of the flight (h).
 const HOURS: f64 = 0.1;
 /// Number of parts of the flight that are evaluated separately.
 const PARTS: u32 = 6;
-/// Interval, in samples, at which one is lost, duplicated, or swapped with the next.
+/// Intervals (samples) at which one is lost, duplicated, or swapped with the next.
 const LOST: u32 = 997;
 const TWICE: u32 = 1009;
 const SWAPPED: u32 = 1013;
@@ -73,7 +73,7 @@ struct Origin {
 
 impl Origin {
     /// Milliseconds wrap after a minute, the sensor's microseconds after half a minute, sequence numbers after 20 s,
-    /// cycles at once.
+    /// and cycles at once.
     fn about_to_wrap() -> Self {
         let wrap = 1_u64 << 32;
         Self {
@@ -115,7 +115,8 @@ impl Flying {
         flying
     }
 
-    /// Advances to the first sequence number of the flight, in steps that wrapping numbers do not take for steps back.
+    /// Advances to the first sequence number of the flight, in steps that wrapping arithmetic does not mistake for
+    /// steps back.
     fn go_ahead(&mut self, first: Sample) {
         let ahead = self.origin.sequence;
         if ahead > 0 {
@@ -128,7 +129,7 @@ impl Flying {
         self.heard();
     }
 
-    /// Numbers are counted from the first of the flight.
+    /// Sends a message; `number` is counted from the first sample of the flight.
     fn tell(&mut self, number: u32, message: impl Into<Message>) {
         let since = u64::from(number.cast_signed().max(0).cast_unsigned());
         let header = Header {
@@ -170,7 +171,7 @@ impl Flying {
                 self.tell(n + 1, next);
                 self.tell(n, here);
             }
-            // It arrived before its predecessor.
+            // It was sent before its predecessor.
             n if n % SWAPPED == 8 => {}
             n => self.tell(n, here),
         }
@@ -185,7 +186,7 @@ impl Flying {
         self.heard()
     }
 
-    /// Ends the flight of this many samples; the ledger must balance.
+    /// Ends the flight after this many samples; the ledger must balance.
     fn finish(&mut self, samples: u32) -> Status {
         let sent = samples.wrapping_add(self.origin.sequence);
         self.tell(samples, Stop { sent });
@@ -245,7 +246,7 @@ fn a_long_flight_leaves_no_trace_of_its_length() {
     }
 }
 
-/// The ledger's numbers of lost, swapped and duplicated samples are correct.
+/// Asserts that the ledger counts lost, swapped and duplicated samples correctly.
 fn check_ledger(samples: u32, status: &Status) {
     let every = |period: u32, phase: u32| (samples + period - 1 - phase) / period;
     // A lost sample may also be due for swapping, so some are both.
@@ -268,8 +269,8 @@ fn table(hours: f64, samples: u32, status: &Status, parts: &[Quality]) -> String
         ..
     } = status;
     let mut text = format!(
-        "{hours} h, {samples} samples: {used} used, {missing} missing, {late} late, none rejected or dropped, which is all of \
-         them; {duplicate} came twice.\n\n| hours | {}\n|---|{}\n",
+        "{hours} h, {samples} samples: {used} used, {missing} missing, {late} late, none rejected or dropped, which adds \
+         up; {duplicate} arrived twice.\n\n| hours | {}\n|---|{}\n",
         Quality::HEAD,
         Quality::RULE
     );

@@ -1,4 +1,4 @@
-//! Xbus decoder against recordings of real sensors and packets with known contents.
+//! The Xbus decoder on recordings of real sensors and on packets with known contents.
 #![expect(
     clippy::expect_used,
     clippy::panic,
@@ -18,7 +18,7 @@ use bodyflight_core::xbus::{
     Decoder, Item, MAX_PACKET_LENGTH, MessageId, PacketWriter, SampleClock,
 };
 
-/// A file of the recordings, or `None` with a visible notice if it is absent.
+/// A file of the shared data, or `None` with a visible notice if it is absent.
 fn recording(name: &str) -> Option<Vec<u8>> {
     let path: PathBuf = [env!("CARGO_MANIFEST_DIR"), "../../shared/data", name]
         .iter()
@@ -38,7 +38,7 @@ struct Read {
     data: Vec<u8>,
 }
 
-/// All packets decoded from `bytes` in chunks of sizes from `piece`, and the number of skipped bytes.
+/// All packets decoded from `bytes` in chunks whose sizes come from `piece`, and the number of skipped bytes.
 fn read_in_pieces(bytes: &[u8], mut piece: impl FnMut() -> usize) -> (Vec<Read>, u32) {
     let mut decoder = Decoder::<MAX_PACKET_LENGTH>::new();
     let (mut packets, mut rest) = (Vec::new(), bytes);
@@ -60,7 +60,7 @@ fn read(bytes: &[u8]) -> (Vec<Read>, u32) {
     read_in_pieces(bytes, || usize::MAX)
 }
 
-/// The items of a packet as name and numbers, in the order sent.
+/// The items of a packet as identifier, length and content, in the order sent.
 fn items(packet: &Read) -> Vec<(u16, usize, Item<'_>)> {
     bodyflight_core::xbus::Packet {
         bus_id: packet.bus_id,
@@ -112,7 +112,7 @@ fn close(found: f64, expected: f64, tolerance: f64) -> bool {
     (found - expected).abs() <= tolerance * expected.abs().max(1e-30)
 }
 
-/// Compares numbers with text of limited digits, and single precision with double.
+/// Compares numbers with those of a text with limited digits, and single precision with double.
 fn assert_numbers(item: &Item<'_>, expected: &[f64], tolerance: f64) {
     let (double, single) = numbers(item);
     assert_eq!(double.len(), expected.len(), "{item:?}");
@@ -133,7 +133,7 @@ fn assert_numbers(item: &Item<'_>, expected: &[f64], tolerance: f64) {
 const LONG: &str = "xbus/markvilar-xsensmti-py/20260503_204234_xsensmti_with_gnss_recording.bin";
 
 #[test]
-fn a_recording_that_starts_inside_a_packet_decodes_whole() {
+fn a_recording_that_starts_inside_a_packet_is_decoded_completely() {
     let Some(bytes) = recording(LONG) else { return };
     let (packets, skipped) = read(&bytes);
     assert_eq!((packets.len(), skipped), (4936, 22));
@@ -171,7 +171,7 @@ fn a_recording_that_starts_inside_a_packet_decodes_whole() {
         }
     }
     assert_eq!((solutions, measured), (190, 4746));
-    // 100 Hz without a gap.
+    // 100 Hz without gaps.
     assert!(times.windows(2).all(|pair| pair[1] - pair[0] == 10_000));
     assert_eq!(times[times.len() - 1] - times[0], 47_450_000);
 }
@@ -197,7 +197,7 @@ fn any_changed_byte_costs_at_most_the_packet_it_is_in() {
             return;
         };
         let (packets, _) = read(&bytes);
-        // The packet with a solution, which is the longest kind, and the one after it; with enough bytes after them to
+        // The packet with a solution, which is the longest kind, and the one after it, followed by enough bytes to
         // complete any false length.
         let solution = |p: &Read| {
             items(p)

@@ -85,12 +85,13 @@ fn effect(effect: Effect, seed: u64) -> Hidden {
 }
 
 /// Pairs of effects that are hidden together.
-const PAIRS: [(Effect, Effect); 5] = [
+const PAIRS: [(Effect, Effect); 6] = [
     (Effect::Wind, Effect::Mass),
     (Effect::Drag, Effect::GyroBias),
     (Effect::Lift, Effect::HeadingDrift),
     (Effect::Moment, Effect::Wind),
     (Effect::Damping, Effect::Mounting),
+    (Effect::Wind, Effect::Turbulence),
 ];
 
 /// Number of loads drawn from the grammar for each seed, and of flights without any effect in each family.

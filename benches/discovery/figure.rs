@@ -1,4 +1,4 @@
-//! Draws the results of a run: how often the answer was right, by effect and by family.
+//! Draws the results of a run: how often the answer was correct, by disturbance and family.
 
 use std::fmt::Write as _;
 
@@ -63,8 +63,8 @@ pub(super) fn figure(rows: &[Value]) -> String {
     format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{:.0}\" height=\"{:.0}\" font-family=\"sans-serif\" font-size=\"11\">\n\
          <rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n\
-         <text x=\"{LEFT}\" y=\"28\" font-weight=\"bold\">right</text>\
-         <text x=\"{second}\" y=\"28\" font-weight=\"bold\">parameters within their 95 % intervals</text>\n{lines}</svg>\n",
+         <text x=\"{LEFT}\" y=\"28\" font-weight=\"bold\">correct</text>\
+         <text x=\"{second}\" y=\"28\" font-weight=\"bold\">true parameters within 95 % intervals</text>\n{lines}</svg>\n",
         second + WIDTH + 90.0,
         y + 10.0,
     )

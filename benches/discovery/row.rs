@@ -189,11 +189,25 @@ fn is_right(case: &Case, report: &Report) -> bool {
                 report.effects.iter().any(meets)
             };
             let hidden = case.names();
-            report.verdict == Outcome::Named
+            let named = report.verdict == Outcome::Named
                 && report.effects.len() == hidden.len()
-                && hidden.iter().all(found)
+                && hidden.iter().all(found);
+            named || (hidden.len() == 1 && hidden.iter().all(|name| is_adjusted(name, report)))
         }
     }
+}
+
+/// Whether the flights are `calibrated` by an adjustment of just what is hidden: the mass or a coefficient.
+fn is_adjusted(name: &str, report: &Report) -> bool {
+    let is_of = |what: &String| match name {
+        "mass" => what.starts_with("mass of the body"),
+        _ => what.starts_with(&format!("{name}, ")),
+    };
+    report.verdict == Outcome::Calibrated
+        && report
+            .adjustments
+            .iter()
+            .any(|adjustment| is_of(&adjustment.what) || adjustment.not_told_from.iter().any(is_of))
 }
 
 /// For the parameters of correctly named effects: their number, and how many lie within their 95 % intervals.

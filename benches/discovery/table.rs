@@ -9,8 +9,8 @@ pub(super) const GROUPS: [(&str, &str); 7] = [
     ("single", "one effect"),
     ("pair", "two effects"),
     ("clean", "nothing"),
-    ("maneuver", "nothing, scripts of synth with their inputs"),
-    ("tunnel", "nothing, the same in a tunnel"),
+    ("maneuver", "nothing, synth scripts with their inputs"),
+    ("tunnel", "nothing, synth scripts in a tunnel"),
     ("outside", "something outside the library"),
     ("load", "a load drawn from the grammar"),
 ];
@@ -42,7 +42,7 @@ fn percent(part: f64, all: f64) -> String {
     format!("{:.0} %", 100.0 * part / all)
 }
 
-/// A share, and the interval that has it in 95 of 100 runs (Wilson 1927).
+/// A share with its 95 % confidence interval (Wilson 1927).
 fn share(part: usize, all: usize) -> String {
     let (part, all, square) = (part as f64, all as f64, 1.96_f64.powi(2));
     let middle = (part + 0.5 * square) / (all + square);
@@ -58,7 +58,7 @@ fn share(part: usize, all: usize) -> String {
 /// All tables: by group and family, and the wrong answers.
 pub(super) fn tables(rows: &[Value]) -> String {
     let mut text = String::from(
-        "| what acts | joints | pairs | right (95 % interval) | false names | parameters within 95 % intervals | misfit: median, 5 % and 95 % of pairs | processor time of a pair: median, 95 % |\n|---|---|---|---|---|---|---|---|\n",
+        "| hidden disturbance | joints | pairs | correct (95 % interval) | false names | true parameters within 95 % intervals | misfit: median, 5th and 95th percentile | processor time per pair: median, 95th percentile |\n|---|---|---|---|---|---|---|---|\n",
     );
     for (group, words) in GROUPS {
         for family in FAMILIES {
@@ -108,7 +108,7 @@ fn line(text: &mut String, words: &str, family: &str, rows: &[&Value]) {
     );
 }
 
-/// Of all pairs together: right, named falsely, within intervals.
+/// Summary of all pairs: correct answers and false names.
 fn everything(text: &mut String, rows: &[Value]) {
     if rows.is_empty() {
         return;
@@ -116,7 +116,7 @@ fn everything(text: &mut String, rows: &[Value]) {
     let all: Vec<&Value> = rows.iter().collect();
     let single: Vec<&Value> = rows.iter().filter(|row| row["group"] == "single").collect();
     let mut lines = vec![
-        ("Right, all pairs", count(&all, "right"), all.len()),
+        ("Correct, all pairs", count(&all, "right"), all.len()),
         (
             "False names, all pairs",
             count(&all, "false_name"),
@@ -124,7 +124,7 @@ fn everything(text: &mut String, rows: &[Value]) {
         ),
     ];
     if !single.is_empty() {
-        lines.push(("Right, one effect", count(&single, "right"), single.len()));
+        lines.push(("Correct, one effect", count(&single, "right"), single.len()));
     }
     text.push('\n');
     for (words, part, of) in lines {
@@ -132,13 +132,13 @@ fn everything(text: &mut String, rows: &[Value]) {
     }
 }
 
-/// Misfit where nothing acts, by family and noise of the sensors.
+/// Misfit of flights with nothing hidden, by family and sensor noise.
 fn clean(text: &mut String, rows: &[Value]) {
     let is_clean = |row: &&Value| row["group"] == "clean";
     if !rows.iter().any(|row| is_clean(&row)) {
         return;
     }
-    text.push_str("\n| misfit where nothing acts, least and most | sensors 0.5 to 1 of the paper's noise | 1 to 2 |\n|---|---|---|\n");
+    text.push_str("\n| misfit with nothing hidden, minimum to maximum | sensor noise 0.5 to 1 times the paper's | 1 to 2 times |\n|---|---|---|\n");
     for family in FAMILIES {
         let own = of(rows, "clean", family);
         if own.is_empty() {
@@ -170,7 +170,7 @@ fn described(text: &mut String, rows: &[Value]) {
     let enough = shares.iter().filter(|share| **share >= 0.7).count();
     let _ = writeln!(
         text,
-        "\nOutside the library, {} pairs: {} described, {enough} of them with at least 70 % of what any load could do in the flight held out.",
+        "\nDisturbances outside the library, {} pairs: {} described, {enough} of them explaining at least 70 % of what any load could in the held-out flight.",
         all.len(),
         shares.len(),
     );
@@ -182,7 +182,9 @@ fn wrong(text: &mut String, rows: &[Value]) {
     if wrong.is_empty() {
         return;
     }
-    text.push_str("\n| wrong | joints | seed | sensor noise | found |\n|---|---|---|---|---|\n");
+    text.push_str(
+        "\n| wrong answer | joints | seed | sensor noise | found |\n|---|---|---|---|---|\n",
+    );
     for (group, _) in GROUPS {
         for row in wrong.iter().filter(|row| row["group"] == group) {
             let names = row["effects"].as_array().map_or_else(String::new, |found| {

@@ -358,7 +358,7 @@ mod tests {
             posture in any_posture(),
             velocity in prop::array::uniform3(-60.0f64..60.0),
         ) {
-            // model.md: 2 q A_xz Cl [v_z (z - v_z u) + v_x (x - v_x u)] and likewise for the moment.
+            // model.md: 2 q A_xz Cl [v_z (z - v_z u) + v_x (x - v_x u)] and the same for the moment.
             let body = reference_body();
             let posed = pose(&body, &posture);
             let exposed = expose(&body, &posed, &Aerodynamics::paper());

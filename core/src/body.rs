@@ -23,7 +23,7 @@ pub const SEGMENT_COUNT: usize = 16;
 /// A rigid part of the body, ordered from the root outwards: a parent comes before its children.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[expect(missing_docs, reason = "the names say it")]
+#[expect(missing_docs, reason = "the names are self-explanatory")]
 pub enum Segment {
     Pelvis,
     Abdomen,
@@ -250,7 +250,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn parents_come_first_and_mirrors_return() {
+    fn parents_come_first_and_mirroring_twice_changes_nothing() {
         for segment in Segment::ALL {
             if let Some(parent) = segment.parent() {
                 assert!(parent < segment, "{segment:?}");

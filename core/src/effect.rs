@@ -14,6 +14,7 @@ mod belt;
 mod booties;
 mod cg_offset;
 mod damping;
+mod damping_over_time;
 mod density;
 mod description;
 mod drag;
@@ -31,7 +32,9 @@ mod model;
 mod moment;
 mod mounting;
 mod muscle;
+mod muscle_over_time;
 mod posture_delay;
+pub mod random;
 mod rate_lag;
 mod reynolds;
 mod rig;
@@ -43,6 +46,7 @@ mod shelter;
 mod thigh_drag;
 mod trunk_shape;
 mod tunnel;
+mod turbulence;
 mod updraft;
 mod upper_arm_drag;
 mod wind;
@@ -156,6 +160,12 @@ effects! {
     GnssLatency = gnss_latency,
     /// Low-pass filtering of the measured angular velocity.
     RateLag = rate_lag,
+    /// Velocity of the air that changes at random.
+    Turbulence = turbulence,
+    /// Muscle input that changes at random.
+    MuscleOverTime = muscle_over_time,
+    /// Damping that changes at random.
+    DampingOverTime = damping_over_time,
 }
 
 /// A parameter value that an effect rejects.
@@ -185,6 +195,12 @@ impl Effect {
             .iter()
             .copied()
             .find(|effect| effect.description().name == name)
+    }
+
+    /// Returns whether the effect changes at random, so that only its strength is known: a model uses its mean, which
+    /// has no effect.
+    pub const fn is_random(self) -> bool {
+        matches!(self.description().kind, Kind::Random)
     }
 
     /// Returns the values at which the effect is absent, padded with zeros.

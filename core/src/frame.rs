@@ -123,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_without_direction_are_no_rotation() {
+    fn numbers_without_direction_are_not_a_rotation() {
         for wxyz in [
             [0.0; 4],
             [f32::NAN, 0.0, 0.0, 1.0],

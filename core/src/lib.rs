@@ -92,3 +92,8 @@ const fn decimal(text: &str) -> u16 {
         Err(_) => 0,
     }
 }
+
+/// The README's own example is compiled and run.
+#[cfg(doctest)]
+#[doc = include_str!("../../README.md")]
+struct Readme;

@@ -49,7 +49,7 @@ mod tests {
     use nalgebra::{UnitQuaternion, Vector3};
 
     #[test]
-    fn a_tilted_glide_is_seen_as_such() {
+    fn a_tilted_glide_is_recognised() {
         // Belly to earth, heading north, turned left by 0.3 rad, gliding north-west.
         let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), 0.3);
         let attitude = Rotation::<_, Inertial, Inertial>::from_quaternion(turn)

@@ -117,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn every_type_returns_from_text() {
+    fn every_type_survives_the_round_trip_through_text() {
         let body: Body<f64> = reference_body();
         there_and_back(&body);
         let posture = pattern::moved(&pattern::neutral(), pattern::DRAW_IN_LEFT, 0.5);
@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_rotation_or_segment_is_refused() {
+    fn invalid_rotations_and_segments_are_refused() {
         for text in ["[0,0,0,0]", "[1,0,0]", "[1e39,0,0,0]"] {
             assert!(serde_json::from_str::<Joint<f32>>(text).is_err(), "{text}");
         }

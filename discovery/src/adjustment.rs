@@ -1,4 +1,5 @@
-//! Errors found in subject, suit and sensors, for people: each with its standard error, and those that are indistinguishable.
+//! Reports errors found in subject, suit and sensors: each with its standard error and the errors it cannot be
+//! distinguished from.
 
 use bodyflight_core::Segment;
 use bodyflight_core::effect::Effect;
@@ -11,7 +12,7 @@ use super::fitted::Fitted;
 use super::nuisance::{JOINTS, SUBJECT, described, twins};
 use super::problem::Problem;
 
-/// Deviations from which an adjustment is reported, and how many are.
+/// Number of standard errors above which an adjustment is reported, and the largest number of adjustments reported.
 const TOLD: f64 = 1.5;
 const MOST: usize = 8;
 
@@ -21,23 +22,23 @@ const CORRELATED: f64 = 0.7;
 /// A value in the files that the flights contradict.
 #[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct Adjustment {
-    /// What.
+    /// The quantity, in words.
     pub what: String,
-    /// The estimate from the flights alone.
+    /// Estimate from the flights alone.
     pub value: f64,
-    /// Standard error of that.
+    /// Standard error of `value`.
     pub standard_error: f64,
     /// Value in the files.
     pub in_files: f64,
-    /// The estimate from tolerance and flights together, as written to a corrected file.
+    /// Estimate from tolerances and flights combined, as written to a corrected file.
     pub corrected: f64,
-    /// Its significance: half the square of its deviations.
+    /// Significance: half the square of the correction, in its standard errors.
     pub gain: f64,
-    /// Others that are nearly equivalent in these flights.
+    /// Other quantities that these flights cannot separate from this one.
     pub not_told_from: Vec<String>,
 }
 
-/// Adjustments of subject and coefficients, the surest first.
+/// Adjustments of subject and coefficients, most significant first.
 pub fn adjustments(flights: &[(&Problem<'_>, Fitted)]) -> Vec<Adjustment> {
     let Some((problem, first)) = flights.first() else {
         return Vec::new();
@@ -79,7 +80,7 @@ pub fn adjustments(flights: &[(&Problem<'_>, Fitted)]) -> Vec<Adjustment> {
     found.truncate(MOST);
     let correlation = |j: usize, k: usize| {
         let covariance = |j: usize, k: usize| first.errors.covariance[(OWN + j, OWN + k)];
-        // Of what the flight alone says: the prior is taken off.
+        // The correlation of the flight's own information, with the prior removed.
         covariance(j, k) / (covariance(j, j) * covariance(k, k)).sqrt()
     };
     let names: Vec<(usize, String)> = found.iter().map(|(k, a)| (*k, a.what.clone())).collect();
@@ -96,7 +97,8 @@ pub fn adjustments(flights: &[(&Problem<'_>, Fitted)]) -> Vec<Adjustment> {
         .collect()
 }
 
-/// Mass and coefficients, estimated from tolerance and flights together, as effects; errors of sensors do not belong to the person.
+/// Mass and coefficients, estimated from tolerances and flights combined, as effects. Sensor errors are left out, since
+/// they do not belong to the person.
 pub fn corrections(fitted: &Fitted) -> EffectSet {
     let effects = [
         Effect::CgOffset,
@@ -119,18 +121,18 @@ pub fn corrections(fitted: &Fitted) -> EffectSet {
     effects.into_iter().map(of_effect).collect()
 }
 
-/// The joint whose calibration is off most surely.
+/// A joint with a significant calibration error.
 #[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct JointCalibration {
-    /// Segment behind the joint.
+    /// The segment this joint attaches to its parent.
     pub segment: &'static str,
-    /// Turn about x, y, z (degrees).
+    /// Rotation about x, y and z (degrees).
     pub turn_deg: [f64; 3],
     /// Standard errors (degrees).
     pub standard_errors_deg: [f64; 3],
 }
 
-/// Joints whose calibration is off, the surest first.
+/// Joints with a significant calibration error, most significant first.
 pub fn joint_calibrations(fitted: &Fitted) -> Vec<JointCalibration> {
     let errors = &fitted.errors;
     let mut joints: Vec<(f64, JointCalibration)> = (0..JOINTS / 3)

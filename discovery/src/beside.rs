@@ -1,4 +1,4 @@
-//! Everything fitted anew beside an effect, and once more without it.
+//! Refits all errors together with an effect, and once more without it.
 
 use super::challenge::{CHALLENGERS, challenging};
 use super::contest::{Candidate, Scene, precision};
@@ -12,31 +12,33 @@ use super::progress::{begin, check};
 use super::search::{Found, Name, Search};
 use super::whitened::Quadratic;
 
-/// Moves of an effect with the same slopes at most, how far the last one is (standard errors), and how often slopes are
-/// computed anew.
+/// Maximum number of iterations with fixed slopes, the step at which they have converged (standard errors), and how
+/// often the slopes are recomputed: usually, and at most while the flights gain from it.
 const ROUNDS: usize = 8;
 const SETTLED: f64 = 0.4;
 const SLOPES: usize = 3;
+const SLOPES_AT_MOST: usize = 10;
 
-/// Gain of a flight held out, with slopes of its own, from which on they are computed anew.
-const ANEW: f64 = 20.0;
+/// Gain from recomputed slopes above which they are recomputed once more.
+const AGAIN: f64 = 20.0;
 
-/// Change of the likelihood that is worth another move, or half of one where it is a loss, and how often one is halved.
+/// Change of the log-likelihood that justifies another step (or, for a loss, half a step), and how often a step is
+/// halved.
 const WORTH: f64 = 2.0;
 const HALVED: usize = 3;
 
-/// How strong an effect is at first, by the strength that it has to first order: twice around the constants with which it
-/// was found, once around those of the flights without it.
+/// Initial strengths of an effect, relative to its first-order estimate: two around the constants with which the effect
+/// was found, one around those of the flights without it.
 const STARTS: [f64; 3] = [1.0, 2.2, 1.0];
 
-/// Gain of flights fitted once more without an effect from which on others are thought of anew.
+/// Gain from refitting the flights without an effect above which the choice of effect is reconsidered.
 const RETHOUGHT: f64 = 10.0;
 
-/// Flights fitted around effects.
+/// Flights fitted around given effects.
 pub(super) struct Round {
     pub(super) fitted: Vec<Fitted>,
     pub(super) effects: EffectSet,
-    /// Where the effects go next, and how far that is (standard errors).
+    /// Effects after the next step, and the size of that step (standard errors).
     next: EffectSet,
     moved: f64,
 }
@@ -46,7 +48,7 @@ impl Round {
         self.fitted.iter().map(|fit| fit.errors.likelihood).sum()
     }
 
-    /// Errors fitted here, effects where they go next.
+    /// The fitted errors with the effects of the next step.
     fn beliefs(&self) -> Vec<Belief> {
         let each = self.fitted.iter();
         each.map(|fitted| fitted.belief_with(&self.next)).collect()
@@ -58,10 +60,10 @@ impl Round {
 }
 
 impl<'a> Search<'a> {
-    /// Everything refitted beside a candidate. `from` is the scene in which it was found.
+    /// Refits everything together with a candidate. `from` is the scene in which it was found.
     ///
-    /// Constants may absorb most of an effect, and a fit started from a weak effect may end in that local minimum. So a
-    /// stronger start is tried too.
+    /// Constants may absorb most of an effect, and a fit that starts from a weak effect may end in that local minimum.
+    /// A stronger start is therefore tried too.
     ///
     /// # Errors
     /// Returns an error if the search was cancelled.
@@ -112,11 +114,11 @@ impl<'a> Search<'a> {
         Ok(Some(self.scene(fitted, effects)))
     }
 
-    /// A flight held out with its errors fitted beside effects.
+    /// Fits the errors of a held-out flight together with given effects.
     ///
-    /// Constants of the flight without them may do a part of what they do, and those of the files may be far from those that
-    /// the flight has: what is likelier goes on.
-    fn held_out_beside(
+    /// Constants fitted without the effects may have absorbed part of them, and the constants of the files may be far
+    /// from those of the flight. Both starts are tried, and the more likely fit is kept.
+    pub(super) fn held_out_beside(
         &self,
         problem: &Problem<'a>,
         alone: &Fitted,
@@ -144,23 +146,24 @@ impl<'a> Search<'a> {
         let Some(mut best) = best else {
             return Ok(None);
         };
-        for _ in 0..SLOPES {
+        for _ in 0..SLOPES_AT_MOST {
             let before = best.errors.likelihood;
             let belief = best.belief_with(effects);
             let Some(next) = problem.fit(&belief, Some(&best.errors), 1, self.progress)? else {
                 break;
             };
             best = problem.settled(next, self.progress)?;
-            if best.errors.likelihood < before + ANEW {
+            if best.errors.likelihood < before + AGAIN {
                 break;
             }
         }
         Ok(Some(best))
     }
 
-    /// Errors and effects fitted with slopes of their own, until the effects do not move.
+    /// Fits errors and effects with recomputed slopes until the effects converge.
     pub(super) fn with_new_slopes(&self, mut round: Round) -> Result<(Vec<Fitted>, EffectSet)> {
-        for _ in 0..SLOPES {
+        for times in 1..=SLOPES_AT_MOST {
+            let before = round.likelihood();
             let Some(fitted) = self.fitted(&round.beliefs(), &round.errors())? else {
                 break;
             };
@@ -169,14 +172,17 @@ impl<'a> Search<'a> {
                 break;
             }
             round = self.with_same_slopes(round)?;
+            if times >= SLOPES && round.likelihood() < before + AGAIN {
+                break;
+            }
         }
         let each = self.problems.iter().zip(round.fitted);
         let fitted = each.map(|(problem, fitted)| problem.settled(fitted, self.progress));
         Ok((fitted.collect::<Result<Vec<_>>>()?, round.effects))
     }
 
-    /// The candidate that was found, or one of those that seemed almost as good and is better once everything is fitted
-    /// beside it; those that then gain as much are its rivals. And the flights fitted with it, if they can be.
+    /// Returns the candidate that was found, or a close competitor that proves better once everything is refitted with
+    /// it, together with the flights fitted with it if that succeeds. Competitors that gain as much become its rivals.
     ///
     /// # Errors
     /// Returns an error if the search was cancelled.
@@ -206,13 +212,13 @@ impl<'a> Search<'a> {
         }
         let first = name.candidate.effect;
         if self.retry_without(scene, &next)? > RETHOUGHT {
-            // What seemed best was so beside flights that were fitted badly.
-            let mut anew = scene.candidates(&[first], self.progress)?;
-            anew.retain(|other| other.matters() && other.promise() > 0.0);
-            anew.retain(|other| others.iter().all(|known| known.effect != other.effect));
-            anew.truncate(CHALLENGERS);
+            // The choice was made with poorly fitted flights, so look for competitors again.
+            let mut fresh = scene.candidates(&[first], self.progress)?;
+            fresh.retain(|other| other.matters() && other.promise() > 0.0);
+            fresh.retain(|other| others.iter().all(|known| known.effect != other.effect));
+            fresh.truncate(CHALLENGERS);
             others.truncate(CHALLENGERS / 2);
-            others.append(&mut anew);
+            others.append(&mut fresh);
         }
         name.candidate = name.candidate.compared(scene, &next);
         self.challenge(scene, &mut next, &mut name, others)?;
@@ -239,7 +245,7 @@ impl<'a> Search<'a> {
             .collect()
     }
 
-    /// Where the effects go from a fit, by one step of Gauss and Newton.
+    /// One Gauss-Newton step of the effects from a fit.
     pub(super) fn round(&self, fitted: Vec<Fitted>, effects: EffectSet) -> Result<Round> {
         let parameters = parameters_of(effects.iter().map(|(effect, _)| *effect));
         let columns: Vec<usize> = (0..parameters.len()).collect();
@@ -265,11 +271,12 @@ impl<'a> Search<'a> {
         })
     }
 
-    /// Errors and effects fitted in turn until neither moves.
+    /// Fits errors and effects alternately, with fixed slopes, until both converge.
     pub(super) fn with_same_slopes(&self, mut round: Round) -> Result<Round> {
         let (mut halved, mut gained) = (0, f64::INFINITY);
         for _ in 0..ROUNDS {
-            // Where errors are large because the effect is not there yet, standard errors are too.
+            // While an effect is still too weak, fitted errors and hence standard errors are large, so a small step
+            // alone is no sign of convergence.
             if round.moved < SETTLED && gained < WORTH {
                 break;
             }
@@ -289,12 +296,12 @@ impl<'a> Search<'a> {
         Ok(round)
     }
 
-    /// Flights fitted once more without what was found, from the errors beside it: what they gain by that alone is no
-    /// gain of the effect. How much they gain.
+    /// Refits the flights without the effect, starting from the errors found with it, and returns the gain. A better
+    /// minimum reached this way is not due to the effect.
     ///
     /// # Errors
     /// Returns an error if the search was cancelled.
-    fn retry_without(&self, scene: &mut Scene<'a>, with: &Scene<'a>) -> Result<f64> {
+    pub(super) fn retry_without(&self, scene: &mut Scene<'a>, with: &Scene<'a>) -> Result<f64> {
         let mut gained = 0.0;
         let effects = scene.effects.clone();
         let before = scene.fitted.iter_mut().chain(&mut scene.held_out);

@@ -1,4 +1,4 @@
-//! Candidates that seem nearly as good as the best, fitted beside it: a better one takes its place.
+//! Competitors nearly as good as the best candidate are refitted as well, and a better one replaces it.
 
 use super::contest::{Candidate, Scene};
 use super::effect_set::EffectSet;
@@ -9,25 +9,25 @@ use super::progress::begin;
 use super::report::Rival;
 use super::search::{Name, Search};
 
-/// Share of the best gain from which on another candidate is fitted too, the difference to it that a sketch may be wrong
-/// by, how many are fitted, and by how much one must be better to take its place.
+/// Share of the best gain above which a competitor is refitted too, the difference that a first-order estimate may be
+/// wrong by, how many competitors are refitted, and by how much one must be better to replace the best.
 const CHALLENGES: f64 = 0.4;
 const CLOSE: f64 = 25.0;
 pub(super) const CHALLENGERS: usize = 4;
 const BETTER: f64 = 1.0;
 
-/// A challenger is given up where the fitted flights are less likely with it by more than this, and more than this share of
-/// what the best gains: fits that settle move by tens.
+/// A competitor is dropped if the fitted flights are less likely with it by more than this, and by more than this share
+/// of the best gain: converging fits change by tens.
 const HOPELESS: f64 = 100.0;
 const HOPELESS_SHARE: f64 = 0.3;
 
-/// A candidate with the flights fitted beside it.
+/// A candidate with the flights fitted together with it.
 struct Challenger<'a> {
     candidate: Candidate,
     scene: Scene<'a>,
 }
 
-/// Candidates that seem good enough to be tried against one.
+/// Candidates that seem good enough to be compared with `one`.
 pub(super) fn challenging(candidates: &[Candidate], one: &Candidate) -> Vec<Candidate> {
     let best = one.promise();
     let least = f64::min(CHALLENGES * best, best - CLOSE).max(0.0);
@@ -38,7 +38,8 @@ pub(super) fn challenging(candidates: &[Candidate], one: &Candidate) -> Vec<Cand
 }
 
 impl<'a> Search<'a> {
-    /// Others fitted as well as the candidate that was found: a better one takes its place, those as good are its rivals.
+    /// Refits the competitors of the candidate that was found. A better one replaces it, equally good ones become its
+    /// rivals.
     pub(super) fn challenge(
         &self,
         scene: &Scene<'a>,
@@ -81,7 +82,7 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Likelihood of the fitted flights below which a challenger of the best is given up.
+    /// Log-likelihood of the fitted flights below which a competitor is dropped.
     fn hopeless(&self, scene: &Scene<'a>, next: &Scene<'a>) -> f64 {
         let of = |scene: &Scene<'a>| -> f64 {
             let each = scene.fitted.iter();
@@ -91,7 +92,7 @@ impl<'a> Search<'a> {
         best - f64::max(HOPELESS, HOPELESS_SHARE * (best - of(scene)))
     }
 
-    /// Other candidates with everything fitted beside them, the best first.
+    /// Competitors after refitting, best first.
     fn challengers(
         &self,
         scene: &Scene<'a>,
@@ -110,7 +111,7 @@ impl<'a> Search<'a> {
         Ok(tried)
     }
 
-    /// Another candidate with everything fitted beside it, by the slopes of a fit beside the best.
+    /// Refits everything together with a competitor, using the slopes of the best candidate's fit.
     fn challenged(
         &self,
         scene: &Scene<'a>,
@@ -147,7 +148,7 @@ impl<'a> Search<'a> {
         }))
     }
 
-    /// A challenger that was fitted with the slopes of another, with its own.
+    /// Recomputes the slopes of a competitor that was fitted with those of another candidate.
     fn finished(&self, challenger: Challenger<'a>) -> Result<Option<Scene<'a>>> {
         let scene = challenger.scene;
         let fitted = scene.fitted.into_iter().map(|(_, fitted)| fitted);

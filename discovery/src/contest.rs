@@ -1,5 +1,5 @@
-//! Which effect explains most: tries every effect of the library beside those named so far, on the fitted flights and
-//! on those held out.
+//! Ranks the effects of the library: each is tried in addition to those already named, on the fitted and on the
+//! held-out flights.
 
 use bodyflight_core::effect::{Effect, PARAMETER_COUNT};
 use nalgebra::{DMatrix, DVector};
@@ -20,28 +20,29 @@ use super::progress::{Progress, check};
 use super::statistics::deviations;
 use super::whitened::Quadratic;
 
-/// What a parameter must gain in all flights to be worth it (Schwarz, of some hundred independent numbers).
+/// Gain that each parameter costs (Schwarz criterion for a few hundred independent observations).
 pub const COST: f64 = 3.0;
 
-/// Effects that are fitted to convergence, and the share of what parameters cost that one must gain to first order.
+/// Number of effects fitted to convergence, and the first-order gain this requires, as a share of the cost of the
+/// parameters.
 const FOLLOWED: usize = 6;
 const WORTH_FOLLOWING: f64 = 0.5;
 
-/// Steps of Gauss and Newton in an effect, and the gain of one that is not worth another.
+/// Maximum number of Gauss-Newton steps, and the gain below which they stop.
 const STEPS: usize = 5;
 const SETTLED: f64 = 0.2;
 
-/// Random draws of the gain by chance.
+/// Number of draws from the null distribution.
 const DRAWS: usize = 999;
 
-/// Gain in the likelihood within which an effect is a rival of the best, and share of it.
+/// An effect is a rival of the best if its gain is within this difference, or within this share of the best gain.
 const RIVAL: f64 = 5.0;
 const RIVAL_SHARE: f64 = 0.02;
 
-/// Share of half the plausible range from which on an effect matters.
+/// Share of the way from neutral to the end of its range above which a parameter matters.
 const MATERIAL: f64 = 0.02;
 
-/// Flights with their errors fitted around the effects named so far.
+/// Flights with their errors fitted, given the effects named so far.
 pub struct Scene<'a> {
     /// Flights that effects are fitted to.
     pub fitted: Vec<(&'a Problem<'a>, Fitted)>,
@@ -49,53 +50,53 @@ pub struct Scene<'a> {
     pub held_out: Vec<(&'a Problem<'a>, Fitted)>,
     /// The effects named so far.
     pub effects: EffectSet,
-    /// Of subject and suit.
+    /// Tolerances of subject and suit.
     pub tolerances: Tolerances,
 }
 
-/// An effect beside those named, fitted.
+/// An effect fitted in addition to those named.
 #[derive(Debug, Clone)]
 pub struct Candidate {
     /// The effect.
     pub effect: Effect,
-    /// All effects with it.
+    /// All effects, this one included.
     pub effects: EffectSet,
     /// Covariance of all their parameters.
     pub covariance: DMatrix<f64>,
-    /// Gain of the likelihood in the fitted flights.
+    /// Gain of log-likelihood in the fitted flights.
     pub gain: f64,
-    /// In each of those held out.
+    /// Gain in each held-out flight.
     pub gains_held_out: Vec<f64>,
 }
 
 impl Candidate {
-    /// What it gains in all flights, less what its parameters cost.
+    /// Gain in all flights, less the cost of the parameters.
     pub fn total(&self) -> f64 {
         self.gain + self.gains_held_out.iter().sum::<f64>() - COST * freedom(self.effect)
     }
 
-    /// What it may gain in all flights once everything is fitted beside it. Where joints are far off, a flight held out may
-    /// seem to lose by what is its own error, so it cannot take more than half of what the fitted flights gain.
+    /// Gain to expect in all flights once everything is refitted. With large joint errors a held-out flight may seem to
+    /// lose because of its own errors, so its loss is limited to half the gain of the fitted flights.
     pub fn promise(&self) -> f64 {
         let held_out = self.gains_held_out.iter();
         let held_out: f64 = held_out.map(|gain| gain.max(-0.5 * self.gain)).sum();
         self.gain + held_out - COST * freedom(self.effect)
     }
 
-    /// Deviations of its gain from chance.
+    /// Significance of its gain, in standard deviations.
     pub fn deviations(&self) -> f64 {
         deviations(2.0 * self.gain.max(0.0), freedom(self.effect))
     }
 
-    /// The same of all flights together. A flight held out was not asked for the values, so by chance it loses; more than
-    /// the fitted flights gain does not count.
+    /// Significance of the gain in all flights together. Held-out flights did not take part in the fit and so lose by
+    /// chance; a gain beyond that of the fitted flights is not counted.
     pub fn deviations_together(&self) -> f64 {
         let held_out = self.gains_held_out.iter();
         let gain = self.gain + held_out.map(|gain| gain.min(self.gain)).sum::<f64>();
         deviations(2.0 * gain.max(0.0), freedom(self.effect))
     }
 
-    /// Its own parameters.
+    /// Parameters of this effect.
     pub fn values(&self) -> [f64; PARAMETER_COUNT] {
         let own = self
             .effects
@@ -104,7 +105,7 @@ impl Candidate {
         own.map_or_else(|| self.effect.neutral(), |(_, values)| *values)
     }
 
-    /// All effects, its own scaled by a factor.
+    /// All effects, with the strength of this one multiplied by `share`.
     pub fn stretched(&self, share: f64) -> EffectSet {
         let mut effects = self.effects.clone();
         for (effect, values) in &mut effects {
@@ -118,19 +119,16 @@ impl Candidate {
         effects
     }
 
-    /// Whether it is strong enough to act on.
+    /// Whether the effect is strong enough to matter.
     pub fn matters(&self) -> bool {
         let parameters = self.effect.description().parameters;
         parameters
             .iter()
             .zip(self.values())
-            .any(|(parameter, value)| {
-                let half = 0.5 * (parameter.high - parameter.low);
-                (value - parameter.neutral).abs() > MATERIAL * half
-            })
+            .any(|(parameter, value)| parameter.share_of_range(value) > MATERIAL)
     }
 
-    /// With its gain once everything is fitted with and without it.
+    /// The candidate with its gain after refitting, with and without it.
     pub fn compared(&self, without: &Scene<'_>, with: &Scene<'_>) -> Self {
         let gains =
             |before: &[(&Problem<'_>, Fitted)], after: &[(&Problem<'_>, Fitted)]| -> Vec<f64> {
@@ -147,13 +145,13 @@ impl Candidate {
         }
     }
 
-    /// Whether it is indistinguishable from the best.
+    /// Whether it is indistinguishable from `best`.
     pub fn is_rival_of(&self, best: &Self) -> bool {
         self.total() > best.total() - RIVAL.max(RIVAL_SHARE * best.total())
     }
 }
 
-/// Of subject and suit beside effects.
+/// Precision of subject and suit, given the effects.
 pub(super) fn precision(tolerances: &Tolerances, effects: &EffectSet) -> DVector<f64> {
     let held: Vec<usize> = effects
         .iter()
@@ -167,7 +165,7 @@ impl Scene<'_> {
         precision(&self.tolerances, effects)
     }
 
-    /// Deviations of the prior of parameters: as far as is plausible, wide for those named already.
+    /// Standard deviations of the parameters' prior.
     pub(super) fn prior(effects: &EffectSet) -> Vec<f64> {
         let parameters = parameters_of(effects.iter().map(|(effect, _)| *effect));
         parameters.iter().map(|id| id.prior_deviation()).collect()
@@ -178,7 +176,7 @@ impl Scene<'_> {
         numbers(effects) - numbers(&neutral)
     }
 
-    /// The best effects among those in question, best first.
+    /// The most promising effects, best first, without those in `out_of_question`.
     ///
     /// # Errors
     /// Returns an error if the search was cancelled.
@@ -196,7 +194,7 @@ impl Scene<'_> {
         let (here, there) = (of_flights(&self.fitted), of_flights(&self.held_out));
         let mut candidates: Vec<Candidate> = Effect::ALL
             .iter()
-            .filter(|effect| !out_of_question.contains(effect))
+            .filter(|effect| !effect.is_random() && !out_of_question.contains(effect))
             .filter(|effect| !self.effects.iter().any(|(named, _)| named == *effect))
             .filter_map(|effect| self.sketched(*effect, &here, &there))
             .collect();
@@ -218,7 +216,7 @@ impl Scene<'_> {
         Ok(followed)
     }
 
-    /// A first-order estimate of an effect.
+    /// First-order estimate of an effect.
     fn sketched(
         &self,
         effect: Effect,
@@ -268,7 +266,7 @@ impl Scene<'_> {
         })
     }
 
-    /// The residuals around some effects in flights of one subject, with the requested parameters.
+    /// The quadratic approximation for the requested parameters around `effects`, in flights of one subject.
     pub(super) fn around(
         &self,
         flights: &[&(&Problem<'_>, Fitted)],
@@ -284,8 +282,8 @@ impl Scene<'_> {
         Quadratic::joint(&reduced?, &columns, &self.precision(effects))
     }
 
-    /// Effects followed by Gauss and Newton from where a sketch leads. None where the model has no numbers on the way,
-    /// or where the search was cancelled.
+    /// Refines a first-order estimate by Gauss-Newton steps. Returns `None` if the simulation diverges or the search
+    /// was cancelled.
     pub fn followed(
         &self,
         sketch: &EffectSet,
@@ -304,12 +302,12 @@ impl Scene<'_> {
         };
         let left =
             |quadratic: &Quadratic, effects: &EffectSet| 0.5 * quadratic.square + penalty(effects);
-        // Started from zero, so that an estimate that overshoots is held back.
+        // Starts from zero, so that an estimate that overshoots is damped.
         let mut effects: EffectSet = self.effects.clone();
         if !effects.iter().any(|(known, _)| *known == effect) {
             effects.push((effect, effect.neutral()));
         }
-        // Without it, those named may move too.
+        // For a fair comparison, the effects already named may also move without the new one.
         let plain = self.around(
             &here,
             &self.effects,
@@ -363,7 +361,8 @@ impl Scene<'_> {
         })
     }
 
-    /// For random draws of the fitted errors: the deviations of the effect that gains most, in rising order.
+    /// The null distribution: the significance of the best effect in random draws of the fitted errors, in ascending
+    /// order.
     pub fn chance(&self, seed: u64) -> Vec<f64> {
         let here: Vec<DMatrix<f64>> = self.fitted.iter().map(|(_, f)| f.all_effects()).collect();
         let all = all_parameters();
@@ -372,7 +371,7 @@ impl Scene<'_> {
         else {
             return Vec::new();
         };
-        // Slopes of errors alone have the information as their covariance.
+        // The covariance of slopes caused by errors alone is the information matrix.
         let mut information = problem.information.clone();
         for k in 0..all.len() {
             information[(k, k)] *= 1.0 + 1e-9;
@@ -384,6 +383,7 @@ impl Scene<'_> {
         let lower = factor.l();
         let solvers: Vec<_> = Effect::ALL
             .iter()
+            .filter(|effect| !effect.is_random())
             .filter_map(|effect| {
                 let own: Vec<usize> = (0..all.len())
                     .filter(|k| all[*k].effect == *effect)

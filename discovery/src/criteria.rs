@@ -1,14 +1,14 @@
-//! Thresholds, shared by flights with postures and those of a point.
+//! Thresholds shared by the search in full flights and the search in tracks of a point.
 
-/// Deviations of the misfit beyond that of drawn flights, from which on the flight disagrees with the model.
+/// Standard deviations of excess misfit, compared with simulated flights, above which flight and model disagree.
 pub(crate) const DISAGREES: f64 = 5.0;
 
-/// Share of what there is to explain that the effects named must explain together.
+/// Share of the excess misfit that the named effects must explain together.
 pub(crate) const EXPLAINS: f64 = 0.6;
 
-/// Deviations of a gain beyond what drawn flights show, from which on it is significant where no flight held out has a
-/// vote. What joints have wrong is the same all through one flight, so its own halves cannot vote on that.
+/// Significance a gain must reach if no held-out flight can confirm it. Joint errors are constant throughout a flight,
+/// so its own halves cannot confirm each other.
 pub(crate) const SIGNIFICANT_ALONE: f64 = 9.0;
 
-/// Deviations by which a flight held out must gain.
+/// Standard deviations by which a held-out flight must gain.
 pub(crate) const VOTE: f64 = 2.0;

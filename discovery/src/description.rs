@@ -1,11 +1,11 @@
-//! What no effect of the library explains, described: a search over loads of a small grammar, with what there is to choose
-//! from paid for.
+//! Describes what no effect of the library explains: a search over loads of a small grammar, penalized by the number of
+//! alternatives.
 //!
-//! The errors of a flight say how much a force or a moment in each tenth of a second would gain ([`view`]). Products of a
-//! direction and few factors ([`dictionary`]) are compared by that, the best is joined by others that share its factors
-//! ([`group`]), fitted in flights of the model ([`fit`]), and the errors are fitted anew beside it. What it must gain is
-//! three for each number that is fitted (Schwarz) and the logarithm of what there was to choose from. Then the same is
-//! sought in what is left.
+//! The residuals of a flight show how much a force or a moment in each tenth of a second would gain ([`view`]).
+//! Products of a direction and a few factors ([`dictionary`]) are ranked by that gain. The best is extended by others
+//! that share its factors ([`group`]) and fitted in simulated flights ([`fit`]), and the errors are refitted. The gain
+//! must exceed three for each fitted parameter (Schwarz) plus the logarithm of the number of alternatives. The search
+//! is then repeated on the remaining residual.
 
 pub mod dictionary;
 pub mod fit;
@@ -32,30 +32,31 @@ use group::{best_group, shifted};
 use told::{Described, DescribedLoad};
 use view::View;
 
-/// Most groups of loads that are sought.
+/// Maximum number of groups of loads.
 const GROUPS: usize = 4;
 
-/// Share of what the groups before gained that one more must gain to matter.
+/// Share of the previous groups' gain that a further group must gain.
 const MATERIAL: f64 = 0.03;
 
-/// Standard errors that a load must be from nothing.
+/// Standard errors by which a load must differ from zero.
 const SURE: f64 = 4.0;
 
-/// Gain of a description beyond its cost, and in each flight held out.
+/// Gain that a description needs beyond its cost, and gain needed in each held-out flight.
 const BEYOND_COST: f64 = 12.0;
 const VOTE: f64 = 4.0;
 
-/// Share of what something that pushes could explain that a description must explain: where it was fitted, and elsewhere.
+/// Share of what arbitrary forces and moments could explain that a description must explain, in the fitted and in the
+/// held-out flights.
 const EXPLAINS: f64 = 0.6;
 const EXPLAINS_HELD_OUT: f64 = 0.5;
 
-/// A flight with loads and its errors fitted.
+/// A flight under given loads, with its errors fitted.
 struct Flown<'a> {
     problem: Problem<'a>,
     fitted: Fitted,
 }
 
-/// Fits the errors of a flight anew under loads. None where the model has no numbers.
+/// Refits the errors of a flight under given loads. Returns `None` if the simulation diverges.
 fn refitted<'a>(
     problem: &Problem<'a>,
     before: &Fitted,
@@ -71,7 +72,7 @@ fn refitted<'a>(
     Ok(fitted.map(|fitted| Flown { problem, fitted }))
 }
 
-/// Share of what anything that pushes could explain in a flight that its loads do.
+/// Share of what arbitrary forces and moments could explain in a flight that the loads explain.
 fn explained(
     before: (&Problem<'_>, &Fitted),
     after: &Flown<'_>,
@@ -87,7 +88,7 @@ fn explained(
     Ok(gained / could.max(gained).max(1e-9))
 }
 
-/// The same without loads that are not beyond their standard errors.
+/// Removes loads that are not significantly different from zero.
 fn pruned(
     problem: &Problem<'_>,
     fitted: &Fitted,
@@ -115,7 +116,7 @@ fn pruned(
     followed(problem, fitted, &kept).map(|(groups, _)| groups)
 }
 
-/// The description of what is missing in the first flight; none where nothing gains what it costs.
+/// Describes the residual of the first flight. Returns `None` if no load gains more than it costs.
 fn sought<'a>(
     bare: (&Problem<'a>, &Fitted),
     progress: &dyn Progress,
@@ -124,7 +125,7 @@ fn sought<'a>(
     let mut best: Option<Flown<'a>> = None;
     let mut gained = 0.0;
     while groups.len() < GROUPS {
-        begin(progress, "which load describes what is left")?;
+        begin(progress, "loads that describe the residual")?;
         let (problem, fitted) = best
             .as_ref()
             .map_or(bare, |flown| (&flown.problem, &flown.fitted));
@@ -158,7 +159,7 @@ fn sought<'a>(
     Ok(best.map(|flown| (groups, flown)))
 }
 
-/// Describes what the library does not explain; the report as it was where nothing does.
+/// Describes what the library does not explain. Returns the report unchanged if no load does.
 ///
 /// # Errors
 /// Returns an error if the search was cancelled.
@@ -175,7 +176,7 @@ pub fn described(bare: &Scene<'_>, report: Report, progress: &dyn Progress) -> R
     let gain = flown.fitted.errors.likelihood - fitted.errors.likelihood;
     let cost: f64 = groups.iter().map(group::Group::cost).sum();
     let share = explained((problem, fitted), &flown, progress)?;
-    begin(progress, "the description in other flights")?;
+    begin(progress, "the description in the other flights")?;
     let mut others = Vec::new();
     for (problem, fitted) in bare.fitted.iter().skip(1).chain(&bare.held_out) {
         let Some(view) = View::new(problem, fitted) else {
@@ -214,7 +215,7 @@ pub fn described(bare: &Scene<'_>, report: Report, progress: &dyn Progress) -> R
     Ok(Report {
         verdict: Outcome::Described,
         fly_next:
-            "the same load in another posture and at another speed: what it follows then shows"
+            "the same load in another posture and at another speed, to show what it depends on"
                 .to_owned(),
         remainders: vec![Remainder::new(
             &flown.problem,

@@ -1,7 +1,9 @@
-//! Effects with their parameters, the model extended by them, and each parameter as a column of a fit.
+//! Sets of effects with their parameters, the model extended by them, and parameters as columns of a fit.
 
 use bodyflight_core::effect::{Effect, Model, PARAMETER_COUNT, Parameter};
 use nalgebra::{DMatrix, DVector};
+
+use super::window::components;
 
 /// Effects with their parameters.
 pub type EffectSet = Vec<(Effect, [f64; PARAMETER_COUNT])>;
@@ -12,13 +14,13 @@ pub fn extended(model: &Model<f64>, effects: &EffectSet) -> Model<f64> {
     let mut sorted = effects.clone();
     sorted.sort_by_key(|(effect, _)| *effect);
     for (effect, values) in &sorted {
-        // Kept inside the plausible ranges.
+        // `apply` clamps to the plausible ranges.
         let _ = effect.apply(values, &mut model);
     }
     model
 }
 
-/// One parameter of an effect, a column of a fit.
+/// A parameter of an effect: one column of a fit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ParameterId {
     /// The effect.
@@ -33,17 +35,36 @@ impl ParameterId {
         &self.effect.description().parameters[self.index]
     }
 
-    /// Half of the plausible range: the deviation of the prior.
+    /// Half the plausible range: the standard deviation of the prior.
     pub fn prior_deviation(self) -> f64 {
         let parameter = self.parameter();
         0.5 * (parameter.high - parameter.low)
     }
 }
 
+/// Parameters of an effect that are fitted as columns; those of an effect that changes at random are variances instead.
+fn fitted(effect: Effect) -> &'static [Parameter] {
+    if effect.is_random() {
+        &[]
+    } else {
+        effect.description().parameters
+    }
+}
+
+/// Parameters of an effect that a search estimates: the strengths if it changes at random.
+pub fn estimated(effect: Effect) -> &'static [Parameter] {
+    let parameters = effect.description().parameters;
+    if effect.is_random() {
+        &parameters[..components(effect).len()]
+    } else {
+        parameters
+    }
+}
+
 /// All parameters of some effects, in order.
 pub fn parameters_of(effects: impl IntoIterator<Item = Effect>) -> Vec<ParameterId> {
     let parameters = |effect: Effect| {
-        let count = effect.description().parameters.len();
+        let count = fitted(effect).len();
         (0..count).map(move |index| ParameterId { effect, index })
     };
     effects.into_iter().flat_map(parameters).collect()
@@ -54,21 +75,21 @@ pub fn all_parameters() -> Vec<ParameterId> {
     parameters_of(Effect::ALL.iter().copied())
 }
 
-/// Number of parameters of an effect: the degrees of freedom of its gain.
+/// Number of estimated parameters of an effect, the degrees of freedom of its gain.
 pub fn freedom(effect: Effect) -> f64 {
-    effect.description().parameters.len() as f64
+    estimated(effect).len() as f64
 }
 
-/// The parameters of effects as numbers.
+/// The parameters of all effects as a vector.
 pub fn numbers(effects: &EffectSet) -> DVector<f64> {
     let each = effects.iter().flat_map(|(effect, values)| {
-        let count = effect.description().parameters.len();
+        let count = fitted(*effect).len();
         values[..count].to_vec()
     });
     DVector::from_vec(each.collect())
 }
 
-/// The largest move of a parameter, in its standard errors.
+/// The largest change of a parameter, in its standard errors.
 pub fn furthest(from: &EffectSet, to: &EffectSet, covariance: &DMatrix<f64>) -> f64 {
     let moves = numbers(to) - numbers(from);
     let each = moves.iter().enumerate();
@@ -76,17 +97,17 @@ pub fn furthest(from: &EffectSet, to: &EffectSet, covariance: &DMatrix<f64>) -> 
         .fold(0.0, f64::max)
 }
 
-/// Effects half way from some to others.
+/// The effects halfway between `from` and `to`.
 pub fn between(from: &EffectSet, to: &EffectSet) -> EffectSet {
     moved(from, &((numbers(to) - numbers(from)) * 0.5))
 }
 
-/// Effects with their parameters moved, kept in their plausible ranges.
+/// The effects after a step, clamped to their plausible ranges.
 pub fn moved(effects: &EffectSet, step: &DVector<f64>) -> EffectSet {
     let mut steps = step.iter();
     let mut moved = effects.clone();
     for (effect, values) in &mut moved {
-        for (value, parameter) in values.iter_mut().zip(effect.description().parameters) {
+        for (value, parameter) in values.iter_mut().zip(fitted(*effect)) {
             *value += steps.next().copied().unwrap_or(0.0);
             *value = value.clamp(parameter.low, parameter.high);
         }
@@ -94,9 +115,10 @@ pub fn moved(effects: &EffectSet, step: &DVector<f64>) -> EffectSet {
     moved
 }
 
-/// The plain model with effects of which one parameter is changed by a small step, and the step that was possible.
+/// The plain model with effects of which one parameter is changed by a small step, and the step that the plausible
+/// range allowed.
 ///
-/// Effects are applied from the plain model again: some multiply what is there, or take its place.
+/// Effects are applied to the plain model again, because some multiply existing values or replace them.
 pub(crate) fn changed(
     plain: &Model<f64>,
     effects: &EffectSet,

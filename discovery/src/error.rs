@@ -1,24 +1,24 @@
-//! Why a flight was not judged.
+//! Errors of a search.
 
-/// Why a search gave no report.
+/// Reasons why a search returned no report.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum Error {
     /// The flight is too short.
     #[error("expected at least {least_s} s of flight, found {found_s:.1} s")]
     TooShort {
-        /// Shortest flight that is judged (s).
+        /// Minimum duration of a flight (s).
         least_s: f64,
-        /// Length of the flight (s).
+        /// Duration of the flight (s).
         found_s: f64,
     },
-    /// No fall of the point is long enough.
+    /// No free fall in the track is long enough.
     #[error("expected at least {least_s} s of free fall, found {found_s:.1} s")]
     NoFreeFall {
-        /// Shortest fall that is judged (s).
+        /// Minimum duration of a fall (s).
         least_s: f64,
-        /// Length of the longest fall (s).
+        /// Duration of the longest fall (s).
         found_s: f64,
-        /// Speed of descent of a free fall, at least (m/s).
+        /// Minimum speed of descent that counts as free fall (m/s).
         descent_mps: f64,
     },
     /// The caller cancelled the search.

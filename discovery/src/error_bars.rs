@@ -1,7 +1,7 @@
-//! What standard errors of an effect have to be wider by than the linear problem says.
+//! Factors by which the standard errors of an effect exceed those of the linear problem.
 //!
-//! The wander of the joints is taken as drawn anew in every stretch, but lasts for seconds: what it pulls an effect by is alike
-//! in neighbouring stretches. And a linear problem does not know of its own errors, but flights held out show them.
+//! The joint wander is modelled as independent in every stretch but persists for seconds, so neighbouring stretches
+//! bias an effect alike. The linear problem also cannot see its own errors, but held-out flights reveal them.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -11,11 +11,11 @@ use super::fitted::Fitted;
 use super::problem::Problem;
 use super::progress::Progress;
 
-/// Stretches over which pulls may be alike (Newey and West 1987).
+/// Number of neighbouring stretches whose influence may be correlated (Newey and West 1987).
 const ALIKE: usize = 3;
 
 impl Scene<'_> {
-    /// Factors of the standard errors of a candidate's parameters, at least one.
+    /// Factors on the standard errors of a candidate's parameters, at least one.
     pub fn wider(&self, candidate: &Candidate, progress: &dyn Progress) -> Vec<f64> {
         let lasting = self.lasting(candidate, progress);
         let apart = self.apart(candidate, &lasting, progress);
@@ -24,7 +24,7 @@ impl Scene<'_> {
             .collect()
     }
 
-    /// How much larger variances are than those of pulls drawn anew in every stretch.
+    /// Ratio of the variances to those for independent stretches.
     fn lasting(&self, candidate: &Candidate, progress: &dyn Progress) -> Vec<f64> {
         let effects = &candidate.effects;
         let parameters = parameters_of(effects.iter().map(|(effect, _)| *effect));
@@ -60,8 +60,8 @@ impl Scene<'_> {
         .collect()
     }
 
-    /// How far flights held out are from a candidate's parameters, each in the standard errors of both estimates, and at
-    /// least one (Birge's ratio).
+    /// Deviation of held-out flights from a candidate's parameters, in the combined standard errors of both estimates;
+    /// at least one (Birge ratio).
     fn apart(&self, candidate: &Candidate, lasting: &[f64], progress: &dyn Progress) -> Vec<f64> {
         let effects = &candidate.effects;
         let parameters = parameters_of(effects.iter().map(|(effect, _)| *effect));
@@ -88,7 +88,7 @@ impl Scene<'_> {
 }
 
 impl Problem<'_> {
-    /// By stretch: the slope of the likelihood in some parameters, with the constants taken out.
+    /// Slope of the log-likelihood in some parameters for each stretch, with the constants marginalized out.
     fn pulls(
         &self,
         fitted: &Fitted,

@@ -1,8 +1,8 @@
-//! The errors of a flight, estimated from it: variance components by restricted likelihood.
+//! The errors of a flight, estimated from the flight itself: variance components by restricted maximum likelihood.
 //!
-//! Constants (calibration of the joints, their error with the bend, the gyroscope's scale, subject and sensors) have
-//! priors and are the same in all stretches. The wander of the joints, the noise of the sensors and what else pushes
-//! are drawn anew in every stretch: they are never fitted, only the sizes from which they are drawn.
+//! Constants (joint calibration, joint error proportional to the bend, gyroscope scale, subject and sensors) have
+//! priors and are the same in all stretches. The wander of the joints, sensor noise and unexplained forces and moments
+//! are drawn independently in every stretch: only their variances are fitted, never their values.
 
 use std::collections::BTreeMap;
 
@@ -18,20 +18,20 @@ use super::part::Part;
 use super::progress::Progress;
 use super::stretch::NUMBERS;
 
-/// Errors of a flight.
+/// The errors of a flight.
 #[derive(Debug, Clone)]
 pub struct Errors {
-    /// Variances.
+    /// Variance components.
     pub sizes: Components,
-    /// Of the constants.
+    /// Standard deviations of the constants.
     pub spread: Spread,
-    /// Constants.
+    /// Estimates of the constants.
     pub constants: DVector<f64>,
     /// Their covariance.
     pub covariance: DMatrix<f64>,
-    /// Logarithm of the likelihood, with constants integrated and the priors of the sizes.
+    /// Log-likelihood with the constants marginalized out, including the priors of the variances.
     pub likelihood: f64,
-    /// Squared residuals of each stretch, in deviations.
+    /// Sum of squared whitened residuals of each stretch.
     pub squares: Vec<f64>,
 }
 
@@ -45,12 +45,12 @@ impl Errors {
             .sqrt()
     }
 
-    /// Misfit by the number of what is compared.
+    /// Misfit per observation.
     pub fn misfit(&self) -> f64 {
         self.squares.iter().sum::<f64>() / (self.squares.len() * NUMBERS).max(1) as f64
     }
 
-    /// An estimate of the constants.
+    /// The constants as a point of linearization, with the effects of `before`.
     pub fn belief(&self, before: &Belief) -> Belief {
         let mut joints = JointErrors::none();
         joints.course[0].copy_from(&self.constants.rows(0, JOINTS));
@@ -63,7 +63,7 @@ impl Errors {
         }
     }
 
-    /// The likely wander of all stretches.
+    /// The most likely wander in each stretch.
     pub fn likely_wander(&self, parts: &[Part]) -> BTreeMap<usize, Course> {
         let each = parts.par_iter();
         each.filter_map(|part| Some((part.first, self.wander_in(part)?)))
@@ -81,21 +81,21 @@ impl Errors {
     }
 }
 
-/// Gain of a step below which the fit ends.
+/// Gain below which the fit stops.
 const SETTLED: f64 = 0.1;
 
-/// Errors, and what a flight is in them.
+/// The errors, and the flight weighted by them.
 pub struct Estimate {
     /// The errors.
     pub errors: Errors,
-    /// By stretch.
+    /// One for each stretch.
     pub(super) weighed: Vec<Weighed>,
-    /// Of the constants, without what is believed of them.
+    /// Information of the constants, without their prior.
     pub(super) information: DMatrix<f64>,
 }
 
-/// Fits the errors, from where another fit ended if there is one, in at most `steps` steps by slope and curvature, fewer
-/// where the search is cancelled. None where the numbers of a stretch have no covariance.
+/// Fits the errors in at most `steps` Newton steps, starting from `start` if given, and stops early if the search is
+/// cancelled. Returns `None` if a covariance is not positive definite.
 pub fn fit(
     parts: &[Part],
     prior: &Prior,

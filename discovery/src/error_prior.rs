@@ -1,47 +1,50 @@
-//! Priors on the errors of a flight.
+//! Priors of the errors of a flight.
 
 use nalgebra::{DVector, SVector};
 
 use super::nuisance::{GYRO, JOINTS, SUBJECT, Tolerances};
 
-/// Variance components: four groups of sensors, the wander of the joints by degree, moment and force that push.
-pub const COMPONENTS: usize = 9;
-/// The wander of the joints.
+/// Variance components: four groups of sensors, joint wander by degree, moments and forces in each window, and the
+/// strengths of [`varied`](super::varied).
+pub const COMPONENTS: usize = FIRST_RANDOM + 7;
+/// The first strength. All are zero unless an effect that changes at random is in the model.
+pub const FIRST_RANDOM: usize = 9;
+/// The components of joint wander.
 pub const WANDER: [usize; 3] = [4, 5, 6];
-/// Moment and force that push, each tenth of a second for itself.
+/// The components of moments and forces, which are independent in each tenth of a second.
 pub const PUSH: [usize; 2] = [7, 8];
-/// Constants of suit and gyroscope, which every flight has for itself.
+/// Number of constants of suit and gyroscope, which differ between flights.
 pub const OWN: usize = 2 * JOINTS + GYRO;
-/// All constants.
+/// Number of all constants.
 pub const CONSTANTS: usize = OWN + SUBJECT;
 
-/// A number for each component.
+/// A value for each variance component.
 pub type Components = SVector<f64, COMPONENTS>;
 
-/// Priors on errors.
+/// Priors of the errors.
 #[derive(Debug, Clone)]
 pub struct Prior {
-    /// Middle of the logarithm of each component's variance and its deviation; a deviation of zero holds it.
+    /// Mean and standard deviation of the logarithm of each variance. A deviation of zero fixes it.
     pub sizes: [(f64, f64); COMPONENTS],
-    /// Of the constants.
+    /// Tolerances of the constants.
     pub tolerances: Tolerances,
-    /// Numbers of the subject that an effect in the model stands for.
+    /// Parameters of the subject that are held fixed because an effect in the model replaces them.
     pub held: Vec<usize>,
 }
 
-/// Deviations of the logarithms of variances: sensors that are seen in the recording, velocities (whose slow errors no
-/// other sensor shows), wander, and what pushes.
+/// Standard deviations of the log-variances: sensors whose noise shows in the recording, velocities (whose slow errors
+/// no other sensor reveals), wander, and forces and moments.
 const SEEN: f64 = 0.25;
 const SEEN_VELOCITY: f64 = 0.7;
 const WANDERS: f64 = 1.5;
 const PUSHES: f64 = 2.0;
-/// Middle of the sizes of what pushes: N m and N in a tenth of a second.
+/// Prior scale of moments (N m) and forces (N) in a tenth of a second.
 const PUSHING: [f64; 2] = [0.3, 3.0];
-/// Start of the search for these sizes: it converges from above, but not from below.
+/// Starting values for these scales: the search converges from above, but not from below.
 const PUSHING_FIRST: [f64; 2] = [2.0, 20.0];
 
 impl Prior {
-    /// For sensors as noisy as they were recorded.
+    /// Creates the priors for sensors with the noise found in the recording.
     pub fn new(noise: &[f64; 4], tolerances: &Tolerances) -> Self {
         let wander = tolerances.wander_deg.to_radians();
         let logarithm = |deviation: f64| 2.0 * deviation.ln();
@@ -49,7 +52,8 @@ impl Prior {
             0 | 1 => (logarithm(noise[k]), SEEN),
             2 | 3 => (logarithm(noise[k]), SEEN_VELOCITY),
             4..=6 => (logarithm(wander * SHARES[k - 4]), WANDERS),
-            _ => (logarithm(PUSHING[k - 7]), PUSHES),
+            7 | 8 => (logarithm(PUSHING[k - 7]), PUSHES),
+            _ => (f64::NEG_INFINITY, 0.0),
         });
         Self {
             sizes,
@@ -58,7 +62,7 @@ impl Prior {
         }
     }
 
-    /// Start of the search for the sizes.
+    /// Starting values of the variances.
     pub fn start(&self) -> Components {
         Components::from_fn(|k, _| match k {
             7 | 8 if self.sizes[k].1 > 0.0 => PUSHING_FIRST[k - 7].powi(2),
@@ -66,7 +70,7 @@ impl Prior {
         })
     }
 
-    /// The same where nothing pushes.
+    /// The same priors without forces and moments.
     pub fn without_push(&self) -> Self {
         let mut prior = self.clone();
         for (k, size) in PUSH.into_iter().zip(PUSHING) {
@@ -86,15 +90,15 @@ impl Prior {
     }
 }
 
-/// Of the wander: what degrees zero, one and two have of it.
+/// Relative size of the wander's polynomials of degree zero, one and two.
 const SHARES: [f64; 3] = [1.0, 0.5, 0.15];
 
-/// Deviations of the constants: calibration and bend are estimated too.
+/// Standard deviations of calibration and bend errors, which are estimated too.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spread {
     /// Calibration of a joint (rad).
     pub calibration: f64,
-    /// Error of a joint with its bend (share).
+    /// Joint error proportional to the bend (fraction).
     pub bend: f64,
 }
 
@@ -106,7 +110,7 @@ impl Spread {
         }
     }
 
-    /// Of the constants that every flight has for itself.
+    /// Precision of the constants that differ between flights.
     pub fn own_precision(&self, tolerances: &Tolerances) -> DVector<f64> {
         DVector::from_fn(OWN, |k, _| {
             let deviation = match k {
@@ -119,7 +123,7 @@ impl Spread {
     }
 }
 
-/// Precision of the subject: what an effect in the model stands for is held.
+/// Precision of the subject's parameters. Those that an effect in the model replaces are held fixed.
 pub fn subject_precision(tolerances: &Tolerances, held: &[usize]) -> DVector<f64> {
     let mut precision = tolerances.of_subject().map(|deviation| deviation.powi(-2));
     for &k in held {

@@ -1,4 +1,4 @@
-//! A flight as a linear problem with its errors fitted.
+//! A flight as a linear problem with fitted errors.
 
 use std::collections::BTreeMap;
 
@@ -13,21 +13,21 @@ use super::nuisance::GYRO;
 use super::part::Part;
 use super::whitened::Whitened;
 
-/// A problem with its errors fitted, around some effects.
+/// A problem with its errors fitted, given some effects.
 pub struct Fitted {
-    /// Effects, and the constants around which the problem is linear.
+    /// The point of linearization: effects and constants.
     pub belief: Belief,
-    /// By stretch.
+    /// One for each stretch.
     pub parts: Vec<Part>,
     /// The errors.
     pub errors: Errors,
     pub(super) whitened: Whitened,
-    /// Wander beyond which the suit is no explanation (rad).
+    /// Joint wander above which the suit is no plausible explanation (rad).
     pub(super) wander_limit: f64,
 }
 
 impl Fitted {
-    /// All effects and what is missing, the last column, reduced.
+    /// The reduced problem with columns for all effects, then the residual.
     pub fn all_effects(&self) -> DMatrix<f64> {
         let columns: Vec<DMatrix<f64>> = self
             .parts
@@ -42,9 +42,9 @@ impl Fitted {
         self.whitened.reduced(&columns)
     }
 
-    /// Columns of every stretch in deviations, less what constants do of them.
+    /// Whitened columns of every stretch, with the constants marginalized out.
     ///
-    /// None where the numbers of a stretch have no covariance.
+    /// Returns `None` if a covariance is not positive definite.
     pub fn without_constants(&self, columns: &[DMatrix<f64>]) -> Option<Vec<DMatrix<f64>>> {
         let done = &self.errors.covariance * self.whitened.with_constants(columns);
         let each = self.parts.par_iter().zip(columns);
@@ -57,7 +57,7 @@ impl Fitted {
         .collect()
     }
 
-    /// What the flight says of constants, with other effects.
+    /// The point of linearization with the fitted constants and other effects.
     pub fn belief_with(&self, effects: &EffectSet) -> Belief {
         Belief {
             effects: effects.clone(),
@@ -66,20 +66,20 @@ impl Fitted {
         }
     }
 
-    /// How far constants are from those around which this is linear (standard errors, root mean square).
+    /// Distance of the fitted constants from the point of linearization (standard errors, root mean square).
     pub(super) fn moved(&self) -> f64 {
         let around = self.belief.constants();
         let of = |k: usize| {
             let moved = self.errors.constants[k] - around[k];
             moved * moved / self.errors.covariance[(k, k)]
         };
-        // What the gyroscope does is linear.
+        // The model is linear in the gyroscope's scale, so a change there needs no new linearization.
         let numbers = (0..OWN - GYRO).chain(OWN..CONSTANTS);
         let count = numbers.clone().count() as f64;
         (numbers.map(of).sum::<f64>() / count).sqrt()
     }
 
-    /// The same belief, with the likely wander.
+    /// The point of linearization with the most likely wander.
     pub fn belief_wandering(&self) -> Belief {
         Belief {
             wander: self.likely_wander(),
@@ -87,12 +87,12 @@ impl Fitted {
         }
     }
 
-    /// Whether joints can have wandered so far: where they cannot, they stand for something else.
+    /// Whether the joints can plausibly have wandered this far. If not, the wander has absorbed some other error.
     fn is_plausible(&self) -> bool {
         self.errors.wander() <= self.wander_limit
     }
 
-    /// None where it is not plausible: slopes there are those of no body.
+    /// Empty if the wander is not plausible: it would be linearized at an impossible posture.
     fn likely_wander(&self) -> BTreeMap<usize, Course> {
         if self.is_plausible() {
             self.errors.likely_wander(&self.parts)
@@ -101,7 +101,7 @@ impl Fitted {
         }
     }
 
-    /// Where a fit with other effects begins.
+    /// The point of linearization from which a fit with other effects starts.
     pub fn start_with(&self, effects: &EffectSet) -> Belief {
         let from = if self.is_plausible() {
             self.belief.clone()
@@ -114,7 +114,7 @@ impl Fitted {
         }
     }
 
-    /// The errors, unless they stand for something else.
+    /// The errors, unless the wander is implausible.
     pub fn plausible_errors(&self) -> Option<&Errors> {
         self.is_plausible().then_some(&self.errors)
     }

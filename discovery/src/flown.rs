@@ -1,10 +1,10 @@
-//! Flies the model over a stretch, as its sensors would see it.
+//! Simulates a stretch and the readings of its sensors.
 
 use std::rc::Rc;
 
 use bodyflight_core::Posture;
 use bodyflight_core::body::mass_properties::PostureRate;
-use bodyflight_core::dynamics::{Motion, PostureSample, State};
+use bodyflight_core::dynamics::{Inputs, Motion, PostureSample, State};
 use bodyflight_core::effect::Model;
 use bodyflight_core::effect::sensors::Moving;
 use bodyflight_core::frame::Vector;
@@ -14,15 +14,17 @@ use super::motion_history::MotionHistory;
 use super::nuisance::JointErrors;
 use super::stretch::{CHANNELS, Channels, NUMBERS, Stretch, difference, moved};
 use super::track::Track;
+use super::window::{Push, Varied};
 
-/// Steps to the true motion behind a measured one, at most, and the difference in all channels that is close enough.
+/// Maximum number of iterations to find the true motion for a measured one, and the difference over all channels at
+/// which they stop.
 const BEHIND_STEPS: usize = 12;
 const BEHIND_CLOSE: f64 = 1e-9;
 
-/// Longest delay of a sensor (s).
+/// Longest sensor delay (s).
 const LONGEST_DELAY: f64 = 0.33;
 
-/// The recorded posture at a place between frames, recorded `delay` (s) too late.
+/// The recorded posture at a fractional frame index, for a recording that lags by `delay` (s).
 fn posture(track: &Track, place: f64, delay: f64) -> Posture<f64> {
     let last = track.postures.len() - 1;
     let interval = track.duration() / last as f64;
@@ -40,44 +42,34 @@ fn posture(track: &Track, place: f64, delay: f64) -> Posture<f64> {
     track.postures[index].interpolated(&track.postures[(index + 1).min(last)], place - before)
 }
 
-/// How long the steps are.
+/// Length of the integration steps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Steps {
-    /// For comparison with the measurement.
+    /// For comparisons with the measurement.
     Short,
-    /// For differences of two flights, in which errors of the longer steps cancel.
+    /// For differences between two simulations, in which integration errors cancel.
     Long,
 }
 
-/// A force and a moment that act in one window of a stretch (body axes).
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Push {
-    /// Which window.
-    pub window: usize,
-    /// Force (N).
-    pub force: Vector3<f64>,
-    /// Moment (N m).
-    pub moment: Vector3<f64>,
-}
-
-/// A posture in the middle of an interval, and how it changes.
+/// The posture in the middle of an interval, and its rate of change.
 type Posed = (Posture<f64>, PostureRate<f64>);
 
-/// The intervals of a stretch in a model, ready to be flown from any start.
+/// The intervals of a stretch, prepared for simulation from any start.
 pub struct Prepared<'a> {
     track: &'a Track,
     stretch: &'a Stretch,
     model: Model<f64>,
     joints: JointErrors,
     steps: Steps,
-    /// Postures at the ends of the intervals, as recorded and as they are.
+    /// Postures at the ends of the intervals: recorded and corrected.
     ends: Rc<[[Posture<f64>; 2]]>,
     postures: Rc<[Posed]>,
     samples: Rc<[PostureSample<f64>]>,
+    varied: Option<Varied>,
 }
 
 impl<'a> Prepared<'a> {
-    /// Computes the intervals in a model with what joints have wrong.
+    /// Prepares the intervals for a model and given joint errors.
     pub fn new(
         track: &'a Track,
         stretch: &'a Stretch,
@@ -105,11 +97,12 @@ impl<'a> Prepared<'a> {
             steps,
             ends: (0..=count).map(at).collect(),
             postures: Rc::default(),
+            varied: None,
         };
         prepared.posed()
     }
 
-    /// Intervals between the postures that are there.
+    /// Derives the postures within the intervals from those at their ends.
     fn posed(mut self) -> Self {
         let frames = self.stretch.grid.frames();
         let first = self.stretch.first;
@@ -128,7 +121,7 @@ impl<'a> Prepared<'a> {
         self
     }
 
-    /// The same intervals in another model: what that does not change is kept.
+    /// The same intervals for another model. Whatever does not depend on the change is reused.
     pub fn changed_to(&self, model: &Model<f64>) -> Self {
         if self.model.sensors != model.sensors {
             return Self::new(self.track, self.stretch, model, &self.joints, self.steps);
@@ -151,7 +144,7 @@ impl<'a> Prepared<'a> {
         }
     }
 
-    /// The same model with other errors of one joint, by its place among the segments that have a parent.
+    /// The same model with other errors of one joint, given by its index among the segments that have a parent.
     pub fn with_joint(&self, joints: &JointErrors, joint: usize) -> Self {
         let count = self.ends.len() - 1;
         let changed = |(k, [recorded, posture]): (usize, &[Posture<f64>; 2])| {
@@ -169,7 +162,14 @@ impl<'a> Prepared<'a> {
         prepared.posed()
     }
 
-    /// Flies from the smoothed start changed by `start`, pushed in one window.
+    /// The same model with air or inputs that differ in one window.
+    pub fn with_varied(&self, varied: Varied) -> Self {
+        let mut other = self.changed_to(&self.model);
+        other.varied = Some(varied);
+        other
+    }
+
+    /// Simulates the stretch from its smoothed start, changed by `start`, with an optional push in one window.
     pub fn fly(&self, start: &Channels, push: Option<Push>) -> Flown {
         let grid = self.stretch.grid;
         let count = self.samples.len();
@@ -212,18 +212,13 @@ impl<'a> Prepared<'a> {
                 loads.push(dynamics, state, body, time, 0.5 * duration);
             };
             apply(&mut state, time(k));
-            state = dynamics.step(&state, sample, &inputs, duration);
+            let window = k * super::stretch::ROWS / count;
+            state = self.stepped(&state, sample, &inputs, window, duration);
             apply(&mut state, time(k + 1));
             if let Some(push) = push
-                && push.window == k * super::stretch::ROWS / count
+                && push.window == window
             {
-                let inertial = |body: Vector3<f64>| {
-                    (state.inertial_from_body * Vector::from_components(body * duration)).components
-                };
-                let (force, moment) = (inertial(push.force), inertial(push.moment));
-                state.linear_momentum.components += force;
-                state.angular_momentum.components += moment;
-                state.cg_position.components += force * (0.5 * duration / sample.mass.mass);
+                push.act_on(&mut state, sample, duration);
             }
             let motion = state.motion(sample);
             if late {
@@ -246,10 +241,29 @@ impl<'a> Prepared<'a> {
         Flown { seen, stride }
     }
 
-    /// The motion before a start: how much earlier (s), and the motion then.
+    /// The state after a step in a window of the stretch.
+    fn stepped(
+        &self,
+        state: &State<f64>,
+        sample: &PostureSample<f64>,
+        inputs: &Inputs<f64>,
+        window: usize,
+        duration: f64,
+    ) -> State<f64> {
+        let dynamics = &self.model.dynamics;
+        match &self.varied {
+            None => dynamics.step(state, sample, inputs, duration),
+            Some(varied) => {
+                let (dynamics, inputs) = varied.applied(window, dynamics, inputs);
+                dynamics.step(state, sample, &inputs, duration)
+            }
+        }
+    }
+
+    /// The motion before a start: by how much it is earlier (s), and the difference of velocities.
     ///
-    /// The model flies backwards. What was measured then would do as well but for its noise, which is in the first
-    /// comparisons too: a sensor would seem late because that follows the noise.
+    /// The motion comes from a simulation backwards in time. The measurement itself would not do, because its noise
+    /// also enters the first comparisons, and a sensor that follows this noise would seem late.
     fn past(&self, start: &Motion<f64>) -> Vec<(f64, [Vector3<f64>; 2])> {
         let grid = self.stretch.grid;
         let first = self.stretch.first;
@@ -311,7 +325,7 @@ impl<'a> Prepared<'a> {
     }
 }
 
-/// A motion changed by a velocity and an angular velocity.
+/// The motion with velocity and angular velocity changed.
 fn shifted(moving: &Moving<f64>, change: &[Vector3<f64>; 2]) -> Moving<f64> {
     Moving {
         velocity: Vector::from_components(moving.velocity.components + change[0]),
@@ -319,7 +333,7 @@ fn shifted(moving: &Moving<f64>, change: &[Vector3<f64>; 2]) -> Moving<f64> {
     }
 }
 
-/// The true motion behind a measured one: what sensors see of it, by `observe`, is the measured one.
+/// The true motion for which `observe` returns the measured one.
 pub(super) fn behind(
     measured: &Motion<f64>,
     observe: impl Fn(&Motion<f64>) -> Motion<f64>,
@@ -335,41 +349,41 @@ pub(super) fn behind(
     motion
 }
 
-/// Place of an end of intervals over a stretch, from -1 to 1.
+/// Position of an interval's end within the stretch, from -1 to 1.
 fn over_stretch(k: usize, count: usize) -> f64 {
     2.0 * k as f64 / count as f64 - 1.0
 }
 
-/// The part of loads and mass that postures determine.
+/// Samples the loads and mass properties that depend only on the postures.
 fn sampled(model: &Model<f64>, postures: &[Posed]) -> Rc<[PostureSample<f64>]> {
     let sample = |(posture, rate): &Posed| model.dynamics.sample(posture, rate);
     postures.iter().map(sample).collect()
 }
 
-/// What sensors see of a flown stretch.
+/// Sensor readings of a simulated stretch.
 #[derive(Debug, Clone)]
 pub struct Flown {
-    /// At the start and after each interval.
+    /// Readings at the start and after each interval.
     seen: Vec<Motion<f64>>,
-    /// Frames of an interval.
+    /// Number of frames in an interval.
     stride: usize,
 }
 
 impl Flown {
-    /// What was measured less what is seen here, averaged.
+    /// Averaged residuals: measured less simulated.
     pub fn missing(&self, track: &Track, stretch: &Stretch) -> DVector<f64> {
         let measured = |k: usize| &track.measured[stretch.first + k * self.stride];
         self.averaged(stretch.grid.window, |k, seen| difference(measured(k), seen))
     }
 
-    /// What is seen here less what is seen in `other`, of the same stride, averaged.
+    /// Averaged differences from another simulation with the same stride.
     pub fn less(&self, other: &Self, stretch: &Stretch) -> DVector<f64> {
         self.averaged(stretch.grid.window, |k, seen| {
             difference(seen, &other.seen[k])
         })
     }
 
-    /// The mean of the frames after the start of each window, linear between those that were flown.
+    /// Averages over the frames of each window after its start, with linear interpolation between simulated frames.
     fn averaged(
         &self,
         window: usize,

@@ -1,4 +1,5 @@
-//! The gap between simulation and measurement: by channel, before and after, here and in flights held out, and where.
+//! The gap between simulation and measurement: by channel and stretch, before and after, in this flight and in held-out
+//! flights.
 
 use bodyflight_core::dynamics::Motion;
 use nalgebra::DVector;
@@ -15,28 +16,28 @@ use super::stretch::{CHANNELS, Channels};
 /// Root mean squares of the residuals by channel.
 #[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct Gap {
-    /// Of the model as in the files.
+    /// The model as given by the files.
     pub before: [f64; CHANNELS],
-    /// With the effects named and with joints and subject adjusted.
+    /// With the named effects, and with joints and subject adjusted.
     pub after: [f64; CHANNELS],
-    /// The share of sensor noise and joint wander.
+    /// Expected from sensor noise and joint wander alone.
     pub floor: [f64; CHANNELS],
-    /// Share of the gap above the floor that was closed, all channels in units of their floor.
+    /// Share of the gap above the floor that was closed, over all channels in units of their floor.
     pub closed_share: f64,
 }
 
-/// Where the model disagrees: one stretch.
+/// The disagreement in one stretch.
 #[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct Spot {
-    /// Begin of the stretch (s).
+    /// Start of the stretch (s).
     pub time_s: f64,
-    /// Root mean square of each channel over its floor, of the model as in the files.
+    /// Root mean square of each channel divided by its floor, for the model as given by the files.
     pub over_floor: [f64; CHANNELS],
-    /// The same with effects, joints and subject.
+    /// The same with effects, joints and subject adjusted.
     pub over_floor_after: [f64; CHANNELS],
     /// Mean speed (m/s).
     pub speed_mps: f64,
-    /// Mean size of the angular velocity (rad/s).
+    /// Mean magnitude of the angular velocity (rad/s).
     pub turn_radps: f64,
     /// Mean height (m).
     pub height_m: f64,
@@ -61,7 +62,8 @@ fn all_missing(problem: &Problem<'_>, belief: &Belief) -> Vec<DVector<f64>> {
     problem.stretches.par_iter().map(of).collect()
 }
 
-/// Mean variance of each channel that the errors make, without those of joints and subject that stay the same.
+/// Root-mean-square residual of each channel expected from the errors, without the constant errors of joints and
+/// subject.
 fn floor(fitted: &Fitted) -> Channels {
     let each: Vec<DVector<f64>> = fitted
         .parts
@@ -77,12 +79,12 @@ fn floor(fitted: &Fitted) -> Channels {
     mean_square(&each).map(f64::sqrt)
 }
 
-/// The gap of a flight with what was found, and where it lies.
+/// The gap of a flight with what was found, and its distribution over the flight.
 pub fn gap(problem: &Problem<'_>, fitted: &Fitted, effects: &EffectSet) -> (Gap, Vec<Spot>) {
     gap_from(problem, problem, fitted, effects)
 }
 
-/// The same where the model as in the files is that of `files`: `problem` has loads beside it.
+/// The same if `files` holds the model as given by the files, and `problem` has additional loads.
 pub fn gap_from(
     files: &Problem<'_>,
     problem: &Problem<'_>,

@@ -6,6 +6,7 @@
 
 pub mod drawn;
 pub mod outside;
+mod paths;
 mod suit;
 
 use bodyflight_core::body::mass_properties::PostureRate;
@@ -23,6 +24,7 @@ use rand_distr::StandardNormal;
 use super::motion_history::MotionHistory;
 use super::track::Frame;
 use outside::Outside;
+use paths::Paths;
 pub use suit::JointErrors;
 use suit::{Scale, Suit};
 
@@ -43,7 +45,7 @@ const START_HEIGHT: f64 = 4000.0;
 pub enum Hidden {
     /// An effect of the library with its parameters.
     Effect(Effect, [f64; PARAMETER_COUNT]),
-    /// A load by description.
+    /// A load of the description grammar.
     Load(AppliedLoad<f64>),
     /// A disturbance outside the library.
     Outside(Outside),
@@ -171,7 +173,7 @@ impl Script {
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
-            reason = "a few movements"
+            reason = "only a few movements"
         )]
         let Some((pattern, amount, mirrored)) = self.movements.get(place as usize) else {
             return base;
@@ -200,7 +202,7 @@ pub fn fly(
     perturb(&mut model.dynamics, body, settings.noise);
     for hidden in hidden {
         match hidden {
-            // Strengths are within the plausible range.
+            // A strength outside the plausible range is clamped.
             Hidden::Effect(effect, values) => drop(effect.apply(values, &mut model)),
             Hidden::Load(load) => {
                 model.applied = model.applied.with(*load).unwrap_or(model.applied)
@@ -217,7 +219,7 @@ pub fn fly(
         },
     );
     let (flown, history) = truth(&model, &script, inputs, hidden, settings);
-    // Sensors may have any delay, so they are evaluated after the flight.
+    // Sensor delays are arbitrary, so readings are computed after the flight.
     let frames = flown.iter().map(|(time, motion)| {
         let past = |delay: f64| {
             history
@@ -242,6 +244,8 @@ fn truth(
     let finer = (FINER * FRAME_RATE / settings.rate).round().max(1.0);
     let step = 1.0 / (settings.rate * finer);
     let inputs = model.inputs(inputs);
+    let mut paths = Paths::new(&model.random, settings.seed);
+    let mut dynamics = model.dynamics;
     let mut state = State::from_motion(&start(), &model.dynamics.hold(&script.posture(0.0)));
     let mut flown = Vec::new();
     let mut history = MotionHistory::default();
@@ -270,7 +274,15 @@ fn truth(
                 loads.push(&model.dynamics, state, body, time, 0.5 * step);
             };
             apply(&mut state, now);
-            state = model.dynamics.step(&state, &interval, &inputs, step);
+            let acting = paths.as_mut().map_or(inputs, |paths| {
+                paths.advance(
+                    (motion.velocity_inertial() - dynamics.air.velocity).norm(),
+                    step,
+                );
+                dynamics.air.velocity = model.dynamics.air.velocity + paths.gust();
+                paths.changed(&inputs)
+            });
+            state = dynamics.step(&state, &interval, &acting, step);
             apply(&mut state, now + step);
             for hidden in hidden {
                 if let Hidden::Outside(outside) = hidden {

@@ -1,12 +1,14 @@
 //! Finds what a flight model misses in recorded flights: where simulation and measurement disagree, which effect is
 //! missing, and how much of the gap it closes.
 //!
-//! Flights come in memory and reports go out; files, figures and commands are the host's. The steps, one file each:
-//! the flight ([`track`]) and how noisy its sensors are ([`recorded_noise`]), short free runs and their residuals
-//! ([`stretch`], [`flown`]), what everything that may be wrong changes in them ([`linearization`], [`nuisance`]), how
-//! large the errors are that are wrong in this flight ([`error_model`], [`problem`], [`fitted`]), which effect makes the flights
-//! likelier ([`contest`]) and what that comes to once everything is fitted anew beside it, which load describes what none explains ([`description`]), what is left ([`remainder`]) and what files have wrong ([`adjustment`]). The [`search`]
-//! strings them together. [`point`] does without postures, and [`laboratory`] flies what is to be found.
+//! This crate works on flights in memory and returns reports; files, figures and commands belong to the host. Each step
+//! has its own module: the flight ([`track`]) and the noise of its sensors ([`recorded_noise`]); short simulations and
+//! their residuals ([`stretch`], [`flown`]); the derivatives of the residuals with respect to everything that may be
+//! wrong ([`linearization`], [`nuisance`]); the size of the errors in this flight ([`error_model`], [`problem`],
+//! [`fitted`]); the effect that makes the flights most likely ([`contest`]); a load that describes what no effect
+//! explains ([`description`]); the remaining residual ([`remainder`]); and errors in the files ([`adjustment`]). The
+//! [`search`] combines these steps. [`point`] works without postures, and [`laboratory`] simulates flights with hidden
+//! effects.
 #![forbid(unsafe_code)]
 
 pub mod adjustment;
@@ -38,12 +40,16 @@ pub mod recorded_noise;
 pub mod remainder;
 pub mod report;
 pub mod search;
+pub mod spectrum;
 pub mod statistics;
+mod strength;
 pub mod stretch;
 #[cfg(test)]
 mod test_subject;
 #[cfg(test)]
 mod tests;
 pub mod track;
+pub mod varied;
 mod verdict;
 pub mod whitened;
+pub mod window;

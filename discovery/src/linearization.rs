@@ -1,6 +1,6 @@
-//! The linear problem of a stretch: its residual, and the derivatives by everything that may be wrong.
+//! The linear problem of a stretch: its residual, and its derivatives with respect to everything that may be wrong.
 //!
-//! Every column is a difference of two flights of the model, so an effect needs no code here.
+//! Every column is the difference of two simulations, so a new effect needs no code here.
 
 use std::collections::BTreeMap;
 
@@ -9,29 +9,30 @@ use nalgebra::{DMatrix, DVector, Vector3};
 
 use super::effect_set::{EffectSet, ParameterId, changed, extended};
 use super::error_prior::{CONSTANTS, OWN};
-use super::flown::{Flown, Prepared, Push, Steps};
+use super::flown::{Flown, Prepared, Steps};
 use super::nuisance::{Angles, GYRO, JOINTS, JointErrors, SUBJECT, Subject, bend, legendre};
 use super::stretch::{CHANNELS, Channels, NUMBERS, ROWS, Stretch};
 use super::track::Track;
+use super::window::Push;
 
-/// The point of linearization: current values of everything that may be wrong.
+/// The point of linearization: current estimates of everything that may be wrong.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Belief {
     /// Effects.
     pub effects: EffectSet,
-    /// Subject and sensors.
+    /// Errors of subject and sensors.
     pub subject: Subject,
-    /// Calibration of the joints, and their error with the bend.
+    /// Joint calibration and joint errors proportional to the bend.
     pub joints: JointErrors,
-    /// The likely wander of the joints, by the first frame of a stretch; none where it is not known yet.
+    /// The most likely joint wander, by the first frame of a stretch. Empty until it has been estimated.
     pub wander: BTreeMap<usize, Course>,
 }
 
-/// Of the joints over a stretch: Legendre polynomials of degree 0, 1, 2 (rad).
+/// The course of joint errors over a stretch: coefficients of the Legendre polynomials of degree 0, 1, 2 (rad).
 pub type Course = [Angles; 3];
 
 impl Belief {
-    /// Everything as in the files.
+    /// The point at which the files are exact.
     pub fn files() -> Self {
         Self {
             effects: EffectSet::new(),
@@ -41,10 +42,11 @@ impl Belief {
         }
     }
 
-    /// What the joints have wrong in a stretch.
+    /// The joint errors in a stretch.
     ///
-    /// What an effect changes depends on the joints, so slopes at recorded joints have errors that go with those of the
-    /// comparison, and every load that follows the limbs would seem too weak (errors in variables).
+    /// The derivatives of an effect depend on the joints. Taken at the recorded joints, their errors would be
+    /// correlated with the residuals, and every load that follows the limbs would be underestimated (errors in
+    /// variables).
     pub fn joints_in(&self, stretch: &Stretch) -> JointErrors {
         let mut joints = self.joints.clone();
         if let Some(wander) = self.wander.get(&stretch.first) {
@@ -55,7 +57,7 @@ impl Belief {
         joints
     }
 
-    /// The constants as one column.
+    /// The constants as one vector.
     pub fn constants(&self) -> DVector<f64> {
         let mut constants = DVector::zeros(CONSTANTS);
         let calibration = &self.joints.course[0];
@@ -67,36 +69,36 @@ impl Belief {
         constants
     }
 
-    /// The model.
+    /// The plain model with subject and effects of this point.
     pub fn model(&self, plain: &Model<f64>) -> Model<f64> {
         self.subject.of(&extended(plain, &self.effects))
     }
 }
 
-/// Everything linear of a stretch.
+/// The residual of a stretch and its derivatives.
 #[derive(Debug, Clone)]
 pub struct Columns {
-    /// Measured less flown.
+    /// Residual: measured less simulated.
     pub missing: DVector<f64>,
-    /// Of the start, by channel.
+    /// With respect to the start, by channel.
     pub start: DMatrix<f64>,
-    /// Of the joints, by degree of their course over the stretch.
+    /// With respect to the joints, by degree of the course over the stretch.
     pub joints: [DMatrix<f64>; 3],
-    /// Of a share of the bend of the joints.
+    /// With respect to joint errors proportional to the bend.
     pub bend: DMatrix<f64>,
-    /// Of scale and misalignment of the gyroscope.
+    /// With respect to scale and misalignment of the gyroscope.
     pub gyro: DMatrix<f64>,
-    /// Of subject and sensors.
+    /// With respect to subject and sensors.
     pub subject: DMatrix<f64>,
-    /// Of a force in each window, three axes each.
+    /// With respect to a force in each window, three axes each.
     pub force: DMatrix<f64>,
-    /// Of a moment in each window.
+    /// With respect to a moment in each window.
     pub moment: DMatrix<f64>,
-    /// Of effects.
+    /// With respect to the effects.
     pub effects: DMatrix<f64>,
 }
 
-/// Steps of the differences.
+/// Steps of the finite differences.
 const START_STEP: [f64; CHANNELS] = [0.003, 0.003, 0.003, 0.01, 0.01, 0.01, 0.1, 0.1, 0.1];
 const JOINT_STEP: f64 = 0.02;
 const SUBJECT_STEP: f64 = 0.01;
@@ -112,7 +114,7 @@ fn collected(count: usize, column: impl Fn(usize) -> DVector<f64>) -> DMatrix<f6
 }
 
 impl Columns {
-    /// All of them; none if a flight diverges.
+    /// Computes all columns. Returns `None` if a simulation diverges.
     pub fn new(
         track: &Track,
         stretch: &Stretch,
@@ -213,7 +215,7 @@ pub fn missing(
     flight.fly(&Channels::zeros(), None).missing(track, stretch)
 }
 
-/// Derivatives by some parameters, and the residual in the last column.
+/// Derivatives with respect to some parameters, and the residual in the last column.
 pub fn effects_and_missing(
     track: &Track,
     stretch: &Stretch,
@@ -227,7 +229,7 @@ pub fn effects_and_missing(
     columns
 }
 
-/// Derivatives by some parameters.
+/// Derivatives with respect to some parameters.
 pub fn effects_alone(
     track: &Track,
     stretch: &Stretch,
@@ -258,7 +260,7 @@ fn effect_columns(
     })
 }
 
-/// Error of a gyroscope by element of its matrix; also at the start.
+/// Derivatives with respect to the elements of the gyroscope's error matrix, including their effect on the start.
 fn gyro(track: &Track, stretch: &Stretch, start: &DMatrix<f64>) -> DMatrix<f64> {
     let window = stretch.grid.window;
     let spin = |frame: usize| track.measured[frame].angular_velocity.components;
@@ -277,7 +279,7 @@ fn gyro(track: &Track, stretch: &Stretch, start: &DMatrix<f64>) -> DMatrix<f64> 
     })
 }
 
-/// How far the joints are bent over a stretch, by degree.
+/// How far the joints are bent over a stretch, by degree of the polynomial.
 fn bends(track: &Track, stretch: &Stretch) -> [Angles; 3] {
     let mut bends = [Angles::zeros(); 3];
     let mut norms = [0.0; 3];

@@ -1,4 +1,4 @@
-//! Likelihood, slopes and curvature of the errors for given sizes.
+//! Likelihood of the errors for given variances, with slope and curvature.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, SMatrix};
 use rayon::prelude::*;
@@ -9,23 +9,23 @@ use super::part::Part;
 use super::product::{product, product_transposed, transposed_product};
 use super::stretch::NUMBERS;
 
-/// Number of joints that the tolerance of the calibration is worth.
+/// Weight of the calibration tolerance, as a number of joints.
 const TOLERANCE_WEIGHT: f64 = 45.0;
 
-/// A stretch in the errors of its flight.
+/// A stretch weighted by the errors of its flight.
 pub(super) struct Weighed {
-    /// The inverse of its covariance.
+    /// Inverse of the covariance.
     pub(super) inverse: DMatrix<f64>,
-    /// The constants multiplied by it.
+    /// The columns of the constants, multiplied by the inverse.
     pub(super) pulled: DMatrix<f64>,
 }
 
-/// A stretch weighed, and its share of the sums.
+/// A weighted stretch and its contribution to the sums.
 struct Share {
     weighed: Weighed,
     information: DMatrix<f64>,
     slope: DVector<f64>,
-    /// Square of what is missing and logarithm of the determinant.
+    /// Whitened squared residual plus the logarithm of the determinant.
     sum: f64,
 }
 
@@ -43,14 +43,14 @@ impl Share {
     }
 }
 
-/// The inverse of a matrix that was factored: that of the triangle, squared.
+/// The inverse of a factored matrix, computed from the inverse of its triangle.
 fn inverse(factor: &Cholesky<f64, Dyn>) -> DMatrix<f64> {
     let lower = factor.l_dirty();
     let count = lower.nrows();
     let mut triangle = DMatrix::identity(count, count);
     for mut column in triangle.as_mut_slice().chunks_exact_mut(count) {
         let mut first = count - column.len();
-        // A column of the inverse is zero above the diagonal.
+        // A column of the inverse triangle is zero above the diagonal.
         while let Some((value, below)) = column.split_first_mut() {
             if *value != 0.0 {
                 let pivots = &lower.as_slice()[first * count + first..(first + 1) * count];
@@ -66,24 +66,24 @@ fn inverse(factor: &Cholesky<f64, Dyn>) -> DMatrix<f64> {
     transposed_product(&triangle, &triangle)
 }
 
-/// Sums over the stretches for given sizes.
+/// Sums over the stretches for given variances.
 pub(super) struct Moments {
     pub(super) likelihood: f64,
-    /// The same with what is believed of calibration and bend, which is what steps raise.
+    /// The likelihood with the prior of calibration and bend. The fit maximizes this.
     pub(super) objective: f64,
     pub(super) constants: DVector<f64>,
     pub(super) covariance: DMatrix<f64>,
-    /// Of the constants, without what is believed of them.
+    /// Information of the constants, without their prior.
     pub(super) information: DMatrix<f64>,
-    /// By stretch.
+    /// One for each stretch.
     pub(super) weighed: Vec<Weighed>,
 }
 
-/// Square root of the factor on a curvature that makes a step in the logarithm of one size end at the maximum.
+/// Square root of the factor on the curvature that makes a step in one log-variance end near the maximum.
 ///
-/// Where the numbers of a size are `r` times as large as it says, the slope is `n (r - 1) / 2` and the curvature `n r / 2`,
-/// so that a step overshoots by far where `r` is small. With half the slope less it is `2 (r - 1) / (r + 1)`, the logarithm
-/// of `r` to third order.
+/// If squared residuals are `r` times as large as a variance predicts, the slope is `n (r - 1) / 2` and the curvature
+/// `n r / 2`, so for small `r` a step overshoots by far. Subtracting half the slope from the curvature gives the step
+/// `2 (r - 1) / (r + 1)`, which is the logarithm of `r` to third order.
 fn scale(slope: f64, curvature: f64) -> f64 {
     if curvature > 0.0 {
         (1.0 - 0.5 * slope / curvature).max(0.25).sqrt()
@@ -92,7 +92,7 @@ fn scale(slope: f64, curvature: f64) -> f64 {
     }
 }
 
-/// What [`Moments::spread`] pays for sizes of calibration and bend away from the tolerances.
+/// Penalty of [`Moments::spread`] for deviations of calibration and bend that depart from the tolerances.
 fn penalty(spread: &Spread, prior: &Prior) -> f64 {
     let tolerance = Spread::new(&prior.tolerances);
     let of = |size: f64, middle: f64| size.ln() + 0.5 * (middle / size).powi(2);
@@ -145,11 +145,36 @@ impl Moments {
         })
     }
 
-    /// Slope and curvature of the likelihood in the logarithms of the sizes.
+    /// Slope and curvature of the likelihood in the log-variances.
     ///
-    /// The curvature is the mean of the expected and the observed one (Gilmour, Thompson and Cullis 1995), which takes
-    /// vectors where the others take products of matrices, scaled by [`scale`].
+    /// The curvature is the average of expected and observed information (Gilmour, Thompson and Cullis 1995), which
+    /// needs only matrix-vector products where the other two need products of matrices, scaled by [`scale`].
     pub(super) fn slopes(&self, parts: &[Part], prior: &Prior, sizes: &Components) -> Slopes {
+        let (mut slope, mut curvature) = self.by_variance(parts);
+        for j in 0..COMPONENTS {
+            for k in 0..COMPONENTS {
+                curvature[(j, k)] *= sizes[j] * sizes[k];
+            }
+        }
+        slope.component_mul_assign(sizes);
+        let scales = Components::from_fn(|k, _| scale(slope[k], curvature[(k, k)]));
+        curvature.component_mul_assign(&(scales * scales.transpose()));
+        for (k, (middle, deviation)) in prior.sizes.iter().enumerate() {
+            if *deviation > 0.0 {
+                slope[k] -= (sizes[k].ln() - middle) / (deviation * deviation);
+                curvature[(k, k)] += 1.0 / (deviation * deviation);
+            } else {
+                slope[k] = 0.0;
+                curvature.row_mut(k).fill(0.0);
+                curvature.column_mut(k).fill(0.0);
+                curvature[(k, k)] = 1.0;
+            }
+        }
+        (slope, curvature)
+    }
+
+    /// Slope and curvature of the likelihood in the sizes themselves, without their priors.
+    pub(super) fn by_variance(&self, parts: &[Part]) -> Slopes {
         let each: Vec<_> = parts
             .par_iter()
             .zip(&self.weighed)
@@ -161,7 +186,7 @@ impl Moments {
                 let share = 1.0 / part.weight;
                 let mut slope = Components::zeros();
                 let mut changes = DMatrix::zeros(NUMBERS, COMPONENTS);
-                for (k, kernel) in part.kernels.iter().enumerate() {
+                for (k, kernel) in part.kernels() {
                     let change = kernel * &left * share;
                     slope[k] = 0.5 * (left.dot(&change) - share * rest.dot(kernel));
                     changes.set_column(k, &change);
@@ -180,27 +205,12 @@ impl Moments {
             square += part_square;
         }
         square -= of_constants.tr_mul(&(&self.covariance * &of_constants));
-        let mut curvature = SMatrix::<f64, COMPONENTS, COMPONENTS>::from_fn(|j, k| {
-            0.5 * square[(j, k)] * sizes[j] * sizes[k]
-        });
-        slope.component_mul_assign(sizes);
-        let scales = Components::from_fn(|k, _| scale(slope[k], curvature[(k, k)]));
-        curvature.component_mul_assign(&(scales * scales.transpose()));
-        for (k, (middle, deviation)) in prior.sizes.iter().enumerate() {
-            if *deviation > 0.0 {
-                slope[k] -= (sizes[k].ln() - middle) / (deviation * deviation);
-                curvature[(k, k)] += 1.0 / (deviation * deviation);
-            } else {
-                slope[k] = 0.0;
-                curvature.row_mut(k).fill(0.0);
-                curvature.column_mut(k).fill(0.0);
-                curvature[(k, k)] = 1.0;
-            }
-        }
+        let curvature =
+            SMatrix::<f64, COMPONENTS, COMPONENTS>::from_fn(|j, k| 0.5 * square[(j, k)]);
         (slope, curvature)
     }
 
-    /// Sizes of calibration and bend by expectation and maximization, held by the tolerances.
+    /// Standard deviations of calibration and bend by expectation maximization, regularized by the tolerances.
     pub(super) fn spread(&self, prior: &Prior) -> Spread {
         let tolerance = Spread::new(&prior.tolerances);
         let share = |first: usize, before: f64| {

@@ -1,4 +1,4 @@
-//! What a motion was a while ago, for sensors that are late.
+//! A history of recent motion, for sensors that lag.
 
 use std::collections::VecDeque;
 
@@ -12,12 +12,13 @@ pub struct MotionHistory {
 }
 
 impl MotionHistory {
-    /// Adds the moving at `time` (s), later than all before.
+    /// Adds velocities at `time` (s), which must be later than all before.
     pub fn push(&mut self, time: f64, moving: Moving<f64>) {
         self.moments.push_back((time, moving));
     }
 
-    /// Adds a motion and forgets what is more than `span` (s) older, but for two moments.
+    /// Adds a motion and drops entries older than `span` (s), but keeps the one before that point and at least two in
+    /// all.
     pub fn push_within(&mut self, time: f64, motion: &Motion<f64>, span: f64) {
         self.push(time, Moving::of(motion));
         while self.moments.len() > 2 && self.moments[1].0 < time - span {
@@ -25,7 +26,7 @@ impl MotionHistory {
         }
     }
 
-    /// The moving at `time` (s): on the line between the moments around it, or through the two nearest.
+    /// The velocities at `time` (s), interpolated or extrapolated linearly from the two nearest entries.
     pub fn at(&self, time: f64) -> Option<Moving<f64>> {
         let last = self.moments.len().checked_sub(1)?;
         let after = self.moments.partition_point(|(moment, _)| *moment < time);
@@ -57,7 +58,7 @@ mod tests {
     }
 
     #[test]
-    fn a_moment_between_others_is_on_their_line_and_one_beyond_on_the_last() {
+    fn times_between_points_are_interpolated_and_later_ones_extrapolated() {
         let mut history = MotionHistory::default();
         assert!(history.at(0.0).is_none());
         history.push(0.0, moving(1.0));

@@ -1,10 +1,10 @@
-//! Normal equations of columns, nuisances and residuals, and the nuisances marginalized out of them by their prior.
+//! Normal equations of columns, nuisances and residuals, with the nuisances marginalized out using their prior.
 
 use core::ops::AddAssign;
 
 use nalgebra::{DMatrix, DVector};
 
-/// Derivatives of some numbers by the nuisances, each in deviations of its prior.
+/// Derivatives with respect to the nuisances, in standard deviations of their priors.
 #[derive(Debug, Clone)]
 pub struct NuisanceColumns {
     slopes: DMatrix<f64>,
@@ -13,7 +13,7 @@ pub struct NuisanceColumns {
 }
 
 impl NuisanceColumns {
-    /// As columns.
+    /// The derivatives.
     pub const fn slopes(&self) -> &DMatrix<f64> {
         &self.slopes
     }
@@ -28,7 +28,7 @@ impl From<DMatrix<f64>> for NuisanceColumns {
     }
 }
 
-/// The matrix of the normal equations over some stretches: products of columns and nuisances.
+/// The matrix of the normal equations, summed over stretches: products of columns and nuisances.
 #[derive(Debug, Clone)]
 pub struct NormalMatrix {
     /// Columns times columns.
@@ -40,7 +40,7 @@ pub struct NormalMatrix {
 }
 
 impl NormalMatrix {
-    /// Of one stretch.
+    /// The matrix of one stretch.
     pub fn of(columns: &DMatrix<f64>, nuisances: &NuisanceColumns) -> Self {
         Self {
             gg: columns.tr_mul(columns),
@@ -49,7 +49,7 @@ impl NormalMatrix {
         }
     }
 
-    /// Of no stretch, of so many columns and nuisances.
+    /// A zero matrix for this number of columns and nuisances.
     pub fn nothing(columns: usize, nuisances: usize) -> Self {
         Self {
             gg: DMatrix::zeros(columns, columns),
@@ -67,7 +67,7 @@ impl AddAssign<&Self> for NormalMatrix {
     }
 }
 
-/// Their right-hand side: products of both with a residual, over the same stretches.
+/// The right-hand side: products of columns and nuisances with a residual, over the same stretches.
 #[derive(Debug, Clone)]
 pub struct NormalVector {
     /// Columns times residual.
@@ -79,7 +79,7 @@ pub struct NormalVector {
 }
 
 impl NormalVector {
-    /// Of one stretch.
+    /// The right-hand side of one stretch.
     pub fn of(
         residual: &DVector<f64>,
         columns: &DMatrix<f64>,
@@ -92,7 +92,7 @@ impl NormalVector {
         }
     }
 
-    /// Of no stretch, for as many columns and nuisances as there are in `matrix`.
+    /// A zero right-hand side with the dimensions of `matrix`.
     pub fn nothing(matrix: &NormalMatrix) -> Self {
         Self {
             gr: DVector::zeros(matrix.gg.ncols()),
@@ -101,7 +101,7 @@ impl NormalVector {
         }
     }
 
-    /// Sum of squares of the whitened residual and of the nuisances where they stand, at `centre`.
+    /// Sum of squares of the whitened residual, and of the nuisances at their current values `centre`.
     pub fn misfit(&self, centre: &DVector<f64>) -> f64 {
         self.rr + centre.norm_squared()
     }
@@ -115,7 +115,7 @@ impl AddAssign<&Self> for NormalVector {
     }
 }
 
-/// `nothing`, and all parts.
+/// The sum of all parts, starting from `nothing`.
 pub fn sum<'a, T: AddAssign<&'a T> + 'a>(nothing: T, parts: impl IntoIterator<Item = &'a T>) -> T {
     parts.into_iter().fold(nothing, |mut sum, part| {
         sum += part;
@@ -123,7 +123,7 @@ pub fn sum<'a, T: AddAssign<&'a T> + 'a>(nothing: T, parts: impl IntoIterator<It
     })
 }
 
-/// Misfit, its slope and curvature in some parameters, after the nuisances have done what their priors allow.
+/// Misfit with slope and curvature in some parameters, after the nuisances have moved as far as their priors allow.
 #[derive(Debug, Clone)]
 pub struct Marginalized {
     /// Sum of squares of the whitened residual and of the nuisances at their optimum.
@@ -139,12 +139,13 @@ pub struct Marginalized {
 }
 
 impl Marginalized {
-    /// Takes the nuisances out, which stand at `centre`; they are in deviations, so their prior is one around zero.
+    /// Marginalizes the nuisances, whose current values are `centre`. They are in standard deviations, so their prior
+    /// is a unit normal distribution around zero.
     pub fn of(matrix: &NormalMatrix, vector: &NormalVector, centre: &DVector<f64>) -> Self {
         Self::damped(matrix, vector, centre, 0.0)
     }
 
-    /// The same where nuisances are held at `centre` by a share of their own curvature (Marquardt).
+    /// The same with the nuisances held near `centre` by a share of their own curvature (Marquardt).
     pub fn damped(
         matrix: &NormalMatrix,
         vector: &NormalVector,
@@ -178,7 +179,7 @@ impl Marginalized {
         }
     }
 
-    /// Of some of its columns alone.
+    /// The problem restricted to some of its columns.
     pub fn only(&self, columns: &[usize]) -> Self {
         Self {
             misfit: self.misfit,
@@ -191,7 +192,7 @@ impl Marginalized {
         }
     }
 
-    /// How far the nuisances go where the parameters make a step.
+    /// The change of the nuisances for a step of the parameters.
     pub fn nuisances(&self, step: &DVector<f64>) -> DVector<f64> {
         if step.len() == self.pull.ncols() {
             &self.taken - &self.pull * step
@@ -200,12 +201,12 @@ impl Marginalized {
         }
     }
 
-    /// The step that lowers the misfit most, and the covariance of the parameters; `priors` are deviations.
+    /// The step that minimizes the misfit, and the covariance of the parameters. `priors` are standard deviations.
     pub fn solved(&self, priors: &[f64]) -> Option<(DVector<f64>, DMatrix<f64>)> {
         self.solved_damped(priors, 0.0)
     }
 
-    /// The same with parameters held where they are by a share of their own curvature.
+    /// The same with the parameters held near their current values by a share of their own curvature.
     pub fn solved_damped(
         &self,
         priors: &[f64],
@@ -223,7 +224,7 @@ impl Marginalized {
         Some((factor.solve(&self.slope), factor.inverse()))
     }
 
-    /// Reduction of the misfit by these parameters, to first order.
+    /// First-order reduction of the misfit by these parameters.
     pub fn gain(&self, priors: &[f64]) -> f64 {
         self.solved(priors)
             .map_or(0.0, |(step, _)| step.dot(&self.slope))

@@ -1,31 +1,31 @@
-//! Errors of suit, subject and sensors that are no missing effect, each with a tolerance
-//! (Brynjarsdottir and O'Hagan: without priors a discrepancy and the parameters cannot be told apart).
+//! Errors of suit, subject and sensors that are not missing effects, each with a tolerance. Without priors, a
+//! discrepancy and the parameters could not be separated (Brynjarsdottir and O'Hagan).
 
 use bodyflight_core::effect::{Effect, Model, PARAMETER_COUNT};
 use bodyflight_core::math::small_rotation;
 use bodyflight_core::{Posture, Segment};
 use nalgebra::{DVector, SVector, Vector3};
 
-/// Standard deviations of what may be wrong, before a flight is seen.
+/// Standard deviations of possible errors, before a flight has been seen.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tolerances {
-    /// Calibration of a joint about one axis, the same all through a flight (degrees).
+    /// Calibration of a joint about one axis, constant throughout a flight (degrees).
     pub joint_deg: f64,
     /// Wander of a joint about one axis (degrees).
     pub wander_deg: f64,
-    /// Wander beyond which the suit no longer counts as an explanation (degrees).
+    /// Wander above which the suit no longer counts as an explanation (degrees).
     pub wander_limit_deg: f64,
-    /// Error of a joint that grows with its bend (share).
+    /// Joint error proportional to the bend (fraction).
     pub bend: f64,
-    /// Mass of the body and of each segment (share).
+    /// Mass of the body and of each segment (fraction).
     pub mass: f64,
-    /// Inertia (share).
+    /// Inertia (fraction).
     pub inertia: f64,
-    /// Area of each segment (share).
+    /// Area of each segment (fraction).
     pub area: f64,
-    /// Coefficients of drag, lift, moment and damping (share).
+    /// Coefficients of drag, lift, moment and damping (fraction).
     pub coefficients: f64,
-    /// Centre of gravity of the trunk (m).
+    /// Position of the trunk's centre of gravity (m).
     pub cg_m: f64,
 }
 
@@ -47,24 +47,24 @@ impl Default for Tolerances {
 
 const SEGMENTS: usize = bodyflight_core::body::SEGMENT_COUNT;
 
-/// Angles of the joints: three of each segment but the pelvis.
+/// Number of joint angles: three for each segment but the pelvis.
 pub const JOINTS: usize = 3 * (SEGMENTS - 1);
 
-/// Scale and misalignment of the gyroscope: a matrix.
+/// Number of elements of the gyroscope's scale and misalignment matrix.
 pub const GYRO: usize = 9;
 
-/// Standard deviation of each element of that matrix: data sheets give 0.1 to 1 %.
+/// Standard deviation of each element of that matrix; data sheets give 0.1 to 1 %.
 const GYRO_SCALE: f64 = 0.004;
 
 /// An angle of each joint (rad).
 pub type Angles = SVector<f64, JOINTS>;
 
-/// Joint errors of a stretch: the true joint is the recorded one times a small turn.
+/// Joint errors of a stretch. The true joint is the recorded one times a small rotation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct JointErrors {
     /// Legendre polynomials of degree 0, 1, 2 over the stretch (rad).
     pub course: [Angles; 3],
-    /// Share of the bend.
+    /// Error proportional to the bend (fraction).
     pub bend: Angles,
 }
 
@@ -77,7 +77,7 @@ impl JointErrors {
         }
     }
 
-    /// The true posture at `place`, from -1 to 1 over the stretch.
+    /// The true posture at `place`, which runs from -1 to 1 over the stretch.
     pub fn correct(&self, recorded: &Posture<f64>, place: f64) -> Posture<f64> {
         let mut posture = *recorded;
         for joint in 0..JOINTS / 3 {
@@ -86,7 +86,7 @@ impl JointErrors {
         posture
     }
 
-    /// One joint of the true posture, by its place among the segments that have a parent.
+    /// One joint of the true posture, given by its index among the segments that have a parent.
     pub fn correct_joint(
         &self,
         recorded: &Posture<f64>,
@@ -111,12 +111,12 @@ impl JointErrors {
     }
 }
 
-/// Legendre polynomials of degree 0, 1, 2.
+/// The Legendre polynomials of degree 0, 1, 2.
 pub fn legendre(x: f64) -> [f64; 3] {
     [1.0, x, 1.5 * x * x - 0.5]
 }
 
-/// How far all joints are bent (rad).
+/// Angles by which all joints are bent (rad).
 pub fn bend(posture: &Posture<f64>) -> Angles {
     let mut angles = Angles::zeros();
     for (k, &segment) in Segment::ALL.iter().skip(1).enumerate() {
@@ -126,7 +126,7 @@ pub fn bend(posture: &Posture<f64>) -> Angles {
     angles
 }
 
-/// Effects that are within a tolerance anywhere.
+/// Effects that are always present within a tolerance.
 const EFFECTS: [Effect; 9] = [
     Effect::Drag,
     Effect::Lift,
@@ -139,7 +139,7 @@ const EFFECTS: [Effect; 9] = [
     Effect::GnssLatency,
 ];
 
-/// Numbers of a [`Subject`]: mass, inertia, mass and area of each segment, effects within their tolerance.
+/// Number of parameters of a [`Subject`]: mass, inertia, mass and area of each segment, effects within their tolerance.
 pub const SUBJECT: usize = EFFECT + EFFECTS.len() * PARAMETER_COUNT;
 const MASS: usize = 0;
 const INERTIA: usize = 1;
@@ -151,7 +151,7 @@ impl Tolerances {
     fn of_effect(&self, effect: Effect) -> f64 {
         match effect {
             Effect::CgOffset => self.cg_m,
-            // Of the sensors: what data sheets leave open.
+            // Sensor errors that data sheets leave open.
             Effect::GyroBias => 0.002,
             Effect::Mounting => 0.01,
             Effect::PostureDelay | Effect::GnssLatency => 0.004,
@@ -159,7 +159,7 @@ impl Tolerances {
         }
     }
 
-    /// Of each number of a [`Subject`].
+    /// Standard deviation of each parameter of a [`Subject`].
     pub fn of_subject(&self) -> DVector<f64> {
         DVector::from_fn(SUBJECT, |k, _| match k {
             MASS => self.mass,
@@ -170,13 +170,13 @@ impl Tolerances {
         })
     }
 
-    /// Of the gyroscope's scale.
+    /// Standard deviation of the gyroscope's scale.
     pub const fn gyro_scale(&self) -> f64 {
         GYRO_SCALE
     }
 }
 
-/// Numbers of a [`Subject`] that are equivalent to an effect.
+/// Parameters of a [`Subject`] that are equivalent to an effect.
 pub fn twins(effect: Effect) -> Vec<usize> {
     if effect == Effect::Mass {
         return vec![MASS];
@@ -188,7 +188,7 @@ pub fn twins(effect: Effect) -> Vec<usize> {
     })
 }
 
-/// A number of a [`Subject`] in words, and the value at which the file is right.
+/// Description of a parameter of a [`Subject`], and its value if the file is exact.
 pub fn described(index: usize) -> Option<(String, f64)> {
     let segment = |k: usize| Segment::ALL[k].name();
     match index {
@@ -210,17 +210,17 @@ pub fn described(index: usize) -> Option<(String, f64)> {
     }
 }
 
-/// Errors of the subject's file and of the sensors: shares, or units of the effect.
+/// Errors of the subject's file and of the sensors: fractions, or units of the effect.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Subject(pub DVector<f64>);
 
 impl Subject {
-    /// As in the file.
+    /// No errors.
     pub fn as_in_file() -> Self {
         Self(DVector::zeros(SUBJECT))
     }
 
-    /// The nearest possible values.
+    /// Clamps the parameters to possible values.
     pub fn possible(mut self) -> Self {
         for (k, value) in self.0.iter_mut().enumerate() {
             if k < EFFECT {
@@ -236,7 +236,7 @@ impl Subject {
         self
     }
 
-    /// The model with the subject as it is.
+    /// The model with these errors applied.
     pub fn of(&self, model: &Model<f64>) -> Model<f64> {
         let mut other = *model;
         let share = |index: usize| 1.0 + self.0[index];
@@ -255,7 +255,7 @@ impl Subject {
             for (value, off) in values.iter_mut().zip(off.iter()) {
                 *value += off;
             }
-            // Kept inside the plausible ranges.
+            // `apply` clamps to the plausible ranges.
             let _ = effect.apply(&values, &mut other);
         }
         other

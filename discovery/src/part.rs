@@ -8,35 +8,38 @@ use super::error_prior::{COMPONENTS, CONSTANTS, Components};
 use super::linearization::{Belief, Columns};
 use super::product::product_transposed;
 use super::stretch::{CHANNELS, NUMBERS, Stretch};
+use super::varied::Varying;
 
-/// Groups of sensors, by channel.
+/// Sensor group of each channel.
 const GROUP: [usize; CHANNELS] = [0, 0, 0, 1, 1, 1, 2, 2, 3];
 
-/// Numbers of a stretch with all of which they are made.
+/// Residual and derivatives of a stretch, with everything that contributes to its covariance.
 #[derive(Clone)]
 pub struct Part {
     /// Residual at zero constants, to first order.
     pub missing: DVector<f64>,
-    /// Constants.
+    /// Derivatives with respect to the constants.
     pub constants: DMatrix<f64>,
-    /// Effects.
+    /// Derivatives with respect to the effects.
     pub effects: DMatrix<f64>,
-    /// Derivatives by a force and a moment in each window.
+    /// Derivatives with respect to a force and a moment in each window.
     pub pushes: [DMatrix<f64>; 2],
-    /// Covariance of each component at a size of one.
-    pub(super) kernels: Arc<[DMatrix<f64>]>,
-    /// Share of its weight that a stretch keeps.
+    /// Covariance of each component for a unit variance.
+    kernels: Arc<[DMatrix<f64>]>,
+    /// The effects that change at random, if the model has any.
+    pub varying: Option<Arc<Varying>>,
+    /// Weight of the stretch, less than one for outliers.
     pub weight: f64,
     /// First frame of the stretch.
     pub(super) first: usize,
-    /// The joints, by degree of their course.
+    /// Derivatives with respect to the joints, by degree of their course.
     pub(super) joints: [DMatrix<f64>; 3],
-    /// What the wander changes around which this is linear.
+    /// First-order effect of the wander at the point of linearization.
     pub wandered: DVector<f64>,
 }
 
 impl Part {
-    /// Of columns around a belief.
+    /// Creates the problem from derivatives at a point of linearization.
     pub fn new(stretch: &Stretch, columns: Columns, belief: &Belief) -> Self {
         let mut kernels = Vec::with_capacity(COMPONENTS);
         let averaged = 1.0 / stretch.grid.window as f64;
@@ -46,7 +49,8 @@ impl Part {
                 for row in (channel..NUMBERS).step_by(CHANNELS) {
                     kernel[(row, row)] += averaged;
                 }
-                // The measurement less the flight from a start that has a part of the same noise.
+                // The simulation starts from a smoothed motion that shares noise with the measurement it is compared
+                // to.
                 let start = columns.start.column(channel);
                 kernel += start * start.transpose() * stretch.start_variance;
                 for row in 0..NUMBERS {
@@ -78,6 +82,7 @@ impl Part {
             effects: columns.effects,
             pushes: [columns.force, columns.moment],
             kernels: kernels.into(),
+            varying: None,
             weight: 1.0,
             first: stretch.first,
             joints: columns.joints,
@@ -86,7 +91,7 @@ impl Part {
         part.around(&columns.missing, belief)
     }
 
-    /// The same slopes around another belief, where so much is missing.
+    /// The same derivatives at another point of linearization, with the residual found there.
     pub fn around(mut self, missing: &DVector<f64>, belief: &Belief) -> Self {
         self.wandered.fill(0.0);
         if let Some(wander) = belief.wander.get(&self.first) {
@@ -98,11 +103,18 @@ impl Part {
         self
     }
 
-    /// The covariance factored.
+    /// The components that this stretch has, with their covariance for a unit variance.
+    pub(super) fn kernels(&self) -> impl Iterator<Item = (usize, &DMatrix<f64>)> {
+        let varying = self.varying.iter().flat_map(|varying| &varying.kernels);
+        let varying = varying.map(|(k, kernel)| (*k, kernel));
+        self.kernels.iter().enumerate().chain(varying)
+    }
+
+    /// The factored covariance.
     pub fn covariance(&self, sizes: &Components) -> Option<Cholesky<f64, Dyn>> {
         let mut covariance = DMatrix::zeros(NUMBERS, NUMBERS);
-        for (kernel, size) in self.kernels.iter().zip(sizes) {
-            covariance += kernel * (*size / self.weight);
+        for (k, kernel) in self.kernels() {
+            covariance += kernel * (sizes[k] / self.weight);
         }
         covariance.cholesky()
     }

@@ -1,9 +1,10 @@
-//! Discovery in recordings of a point: satellites see where a skydiver is and how fast, not the posture.
+//! Discovery in the track of a point: satellite receivers record position and velocity, but no posture.
 //!
-//! The balance of momentum in integral form: over windows of two seconds the velocity changes by what gravity and
-//! drag add up to along the way that was measured. Nothing is differentiated. Drag area and lift of an unknown
-//! posture are nuisances, one draw for every ten seconds, so an effect gets a name only where it acts on the whole
-//! flight. Effects that need no posture are tried: drag area, wind, density over the height.
+//! The momentum balance is used in integral form: over windows of two seconds, the change of velocity must equal
+//! gravity and drag integrated along the measured path, and nothing is differentiated. Drag area and lift of the
+//! unknown posture are nuisance parameters, drawn independently every ten seconds, so an effect is named only if it
+//! acts throughout the fall. Only effects that need no posture are tried: drag area, wind and the change of density
+//! with height.
 
 mod candidate;
 mod fall;

@@ -1,4 +1,6 @@
-//! A flight as a linear problem: its errors fitted, and what columns of it come to once constants are taken out.
+//! A flight as a linear problem: fits its errors, and reduces columns by marginalizing the constants.
+
+use std::sync::Arc;
 
 use bodyflight_core::dynamics::applied_load::AppliedLoads;
 use bodyflight_core::effect::Model;
@@ -17,42 +19,48 @@ use super::progress::{Progress, check};
 use super::recorded_noise::recorded_noise;
 use super::stretch::{NUMBERS, Stretch, stretches};
 use super::track::Track;
+use super::varied::{Varying, random};
 use super::whitened::Whitened;
+use super::window::components;
 
-/// Steps of a fit of the errors: from nothing, and from a fit that is near.
+/// Maximum number of steps in a fit of the errors: from the prior, and from a similar fit.
 const FIRST_STEPS: usize = 20;
 const STEPS: usize = 8;
-/// The same where what is missing was flown anew with the slopes of another fit: such fits follow one another.
+/// The same if the slopes of another fit are reused: several such fits follow one another.
 const FURTHER_STEPS: usize = 3;
 
-/// Squares of a stretch by its numbers from which on it loses weight: what no distribution of errors makes.
+/// Squared residuals per observation above which a stretch loses weight, since no distribution of errors produces them.
 const OUTLYING: f64 = 3.0;
 
-/// Fits with the same slopes until constants stay, how far they still move then (standard errors, root mean square),
-/// and the share of the move before from which on another is not worth it.
+/// Maximum number of fits with fixed slopes until the constants converge, the step at which they have converged
+/// (standard errors, root mean square), and the ratio of successive steps above which the iteration is stopped.
 const SETTLING: usize = 8;
 const SETTLED: f64 = 0.1;
 const STAGNANT: f64 = 0.8;
+
+/// Maximum number of times slopes are recomputed, and the gain that this requires.
+const SLOPES: usize = 6;
+const AGAIN: f64 = 20.0;
 
 /// A flight to be explained.
 #[derive(Clone)]
 pub struct Problem<'a> {
     /// The flight.
     pub track: &'a Track,
-    /// The model as the files describe it.
+    /// The model as given by the files.
     pub plain: Model<f64>,
-    /// Where the model flies by itself.
+    /// The stretches that are simulated.
     pub stretches: Vec<Stretch>,
-    /// Noise of single frames as recorded.
+    /// Noise of single frames, estimated from the recording.
     pub noise: [f64; 4],
-    /// What is believed of errors.
+    /// Prior of the errors.
     pub prior: Prior,
-    /// Of each stretch.
+    /// Weight of each stretch.
     weights: Vec<f64>,
 }
 
 impl<'a> Problem<'a> {
-    /// Reads the noise of the sensors, and finds the stretches that have numbers.
+    /// Estimates the sensor noise and cuts the flight into stretches.
     pub fn new(track: &'a Track, tolerances: &Tolerances) -> Self {
         let plain = Model::new(track.dynamics, track.start_height());
         let noise = recorded_noise(track);
@@ -82,6 +90,9 @@ impl<'a> Problem<'a> {
                 let columns = Columns::new(self.track, stretch, &self.plain, belief, parameters)?;
                 let mut part = Part::new(stretch, columns, belief);
                 part.weight = *weight;
+                let random = random(&belief.effects);
+                let varying = Varying::new(self.track, stretch, &self.plain, belief, &random);
+                part.varying = varying.map(Arc::new);
                 Some(part)
             })
             .collect();
@@ -89,7 +100,7 @@ impl<'a> Problem<'a> {
         Ok(parts)
     }
 
-    /// Leaves out stretches that a belief cannot fly.
+    /// Drops stretches in which the simulation diverges.
     pub fn without_stretches_beyond_numbers(&mut self, belief: &Belief) {
         let flies = |stretch: &Stretch| {
             effects_and_missing(self.track, stretch, &self.plain, belief, &[])
@@ -100,18 +111,23 @@ impl<'a> Problem<'a> {
         self.weights = vec![1.0; self.stretches.len()];
     }
 
-    /// What belief of errors goes with effects: constants that do the same are held.
+    /// The prior given some effects: constants that would do the same are held fixed.
     pub fn prior_with(&self, effects: &EffectSet) -> Prior {
         let mut prior = self.prior.clone();
         prior.held = effects
             .iter()
             .flat_map(|(effect, _)| twins(*effect))
             .collect();
+        for (effect, values) in effects {
+            for (k, value) in components(*effect).zip(values) {
+                prior.sizes[k] = (2.0 * value.ln(), 0.0);
+            }
+        }
         prior
     }
 
-    /// Fits the errors around a belief, in so many linear problems one after another, from the errors of another fit if
-    /// there is one. None where the model has no numbers.
+    /// Fits the errors, relinearizing `rounds` times, starting from `errors` if given. Returns `None` if the simulation
+    /// diverges.
     ///
     /// # Errors
     /// Returns an error if the search was cancelled.
@@ -144,7 +160,8 @@ impl<'a> Problem<'a> {
         Ok(found)
     }
 
-    /// Fits the errors of the files as they are, with no effect in question. None where the model has no numbers.
+    /// Fits the errors of the model as given by the files, without any effect. Returns `None` if the simulation
+    /// diverges.
     ///
     /// # Errors
     /// Returns an error if the search was cancelled.
@@ -156,8 +173,8 @@ impl<'a> Problem<'a> {
         }
     }
 
-    /// Fits the errors around another belief with the slopes of a fit: what is missing is flown anew, which costs a
-    /// thirtieth of all slopes.
+    /// Fits the errors around another point, reusing the slopes of a fit. Only the residual is simulated again, which
+    /// is far cheaper than recomputing all slopes. Returns `None` if the simulation diverges.
     ///
     /// # Errors
     /// Returns an error if the search was cancelled.
@@ -192,8 +209,8 @@ impl<'a> Problem<'a> {
         }
     }
 
-    /// Fits the errors around the constants that they were found to have, until these stay: likelihoods around other
-    /// constants are not those of the flight.
+    /// Repeats the fit around the constants it found until they converge, because likelihoods at other points of
+    /// linearization cannot be compared.
     ///
     /// # Errors
     /// Returns an error if the search was cancelled.
@@ -211,6 +228,30 @@ impl<'a> Problem<'a> {
             let before = moved;
             (moved, best) = (next.moved(), next);
             if moved > STAGNANT * before {
+                break;
+            }
+        }
+        Ok(best)
+    }
+
+    /// Repeats the fit with recomputed slopes while the flight gains from it: any effect would seem to explain what a
+    /// fit that has not converged leaves.
+    ///
+    /// # Errors
+    /// Returns an error if the search was cancelled.
+    pub fn converged(&self, fitted: Fitted, progress: &dyn Progress) -> Result<Fitted> {
+        let mut best = self.settled(fitted, progress)?;
+        for _ in 0..SLOPES {
+            let belief = best.belief_with(&best.belief.effects);
+            let Some(next) = self.fit(&belief, Some(&best.errors), 1, progress)? else {
+                break;
+            };
+            let next = self.settled(next, progress)?;
+            let gained = next.errors.likelihood - best.errors.likelihood;
+            if gained > 0.0 {
+                best = next;
+            }
+            if gained < AGAIN {
                 break;
             }
         }
@@ -242,16 +283,17 @@ impl<'a> Problem<'a> {
         }))
     }
 
-    /// Stretches that no distribution of errors makes lose weight.
+    /// Reduces the weight of outlying stretches.
     pub fn weigh(&mut self, fitted: &Fitted) {
         for (weight, square) in self.weights.iter_mut().zip(&fitted.errors.squares) {
             *weight = (*weight * OUTLYING * NUMBERS as f64 / square).min(1.0);
         }
     }
 
-    /// What is missing and what parameters change around effects that need not be those of the fit, reduced by it.
+    /// The residual and the derivatives with respect to some parameters, around effects that may differ from those of
+    /// the fit, reduced by the fit.
     ///
-    /// The constants stay those of the fit. None where the model has no numbers, or where the search was cancelled.
+    /// The constants stay those of the fit. Returns `None` if the simulation diverges or the search was cancelled.
     pub fn around(
         &self,
         fitted: &Fitted,
@@ -263,7 +305,7 @@ impl<'a> Problem<'a> {
         Some(fitted.whitened.reduced(&columns))
     }
 
-    /// The same around the belief of the fit, where what is missing is known.
+    /// The same at the fit's own point of linearization, where the residual is known.
     pub fn slopes_here(
         &self,
         fitted: &Fitted,
@@ -287,7 +329,7 @@ impl<'a> Problem<'a> {
         Some(fitted.whitened.reduced(&columns?))
     }
 
-    /// The same by stretch, before it is reduced.
+    /// The same for each stretch, before the reduction.
     pub fn columns_around(
         &self,
         fitted: &Fitted,
@@ -310,7 +352,7 @@ impl<'a> Problem<'a> {
         })
     }
 
-    /// The same flight under loads by description.
+    /// The same flight under loads of the description grammar.
     #[must_use]
     pub fn under(&self, loads: &AppliedLoads<f64>) -> Self {
         let mut other = self.clone();
@@ -318,8 +360,8 @@ impl<'a> Problem<'a> {
         other
     }
 
-    /// Columns of every stretch around a belief, the last what is missing there, reduced by a fit. None where the model
-    /// has no numbers, or `columns` gives none.
+    /// Columns of every stretch around a point, the last being the residual, reduced by a fit. Returns `None` if the
+    /// simulation diverges or `columns` returns `None`.
     pub fn reduced_around(
         &self,
         fitted: &Fitted,

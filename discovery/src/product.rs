@@ -1,7 +1,7 @@
-//! Products of large matrices, in blocks that stay in the cache.
+//! Products of large matrices, computed in blocks that fit into the cache.
 //!
-//! The matrices' own products are plain loops: the feature that makes them fast would change the bits of the core,
-//! which shares them.
+//! The matrix library's own products are plain loops. Its feature that makes them fast would also change the
+//! last bits of the core's results, because features are shared.
 
 use nalgebra::DMatrix;
 use ndarray::linalg::general_mat_mul;

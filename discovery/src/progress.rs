@@ -7,16 +7,16 @@ pub trait Progress: Sync {
     /// A stage of the search begins.
     fn stage(&self, name: &str);
 
-    /// About so large a share of the search is done.
+    /// Reports that about this share of the search is done.
     fn reached(&self, _share: f64) {}
 
-    /// Whether the search shall end; asked now and then.
+    /// Whether the search should stop. Polled regularly.
     fn is_cancelled(&self) -> bool {
         false
     }
 }
 
-/// No progress wanted.
+/// Ignores progress and never cancels.
 impl Progress for () {
     fn stage(&self, _name: &str) {}
 }

@@ -1,4 +1,4 @@
-//! How noisy the sensors of a recording are, read from the recording itself.
+//! Estimates the noise of the sensors from the recording itself.
 
 use bodyflight_core::dynamics::Motion;
 use nalgebra::{UnitQuaternion, Vector3};
@@ -6,14 +6,14 @@ use nalgebra::{UnitQuaternion, Vector3};
 use super::statistics::quantile;
 use super::track::Track;
 
-/// Smallest credible noise of a frame: rounding of files and steps of the model.
+/// Smallest credible noise of a frame, given rounding in files and integration steps of the model.
 const LEAST: [f64; 4] = [2e-4, 1e-3, 5e-3, 5e-3];
 
 /// Standard deviations of single frames: attitude (rad), angular velocity (rad/s), horizontal and vertical velocity
 /// (m/s).
 ///
-/// Third differences over neighbouring frames: a motion that is smooth over four frames drops out of them. The angular
-/// velocity is taken off the turns first.
+/// Computed from third differences of neighbouring frames, in which a motion that is smooth over four frames cancels.
+/// Rotations are first reduced by the measured angular velocity.
 pub fn recorded_noise(track: &Track) -> [f64; 4] {
     let motions = &track.measured;
     let attitude: Vec<Vector3<f64>> = motions
@@ -43,13 +43,14 @@ pub fn recorded_noise(track: &Track) -> [f64; 4] {
         .iter()
         .map(|motion| motion.angular_velocity.components)
         .collect();
-    // Differences of frames once, then twice: three times in all.
+    // The attitudes are already first differences.
     let (attitude, spin, velocity) = (second(&attitude), third(&spin), third(&velocity));
     let axes = |values: &[Vector3<f64>], axes: &[usize]| -> f64 {
         let sizes = values
             .iter()
             .flat_map(|v| axes.iter().map(|axis| v[*axis].abs()));
-        // The median of a normal number's size is 0.6745 deviations; squares of the weights 1, 3, 3, 1 add up to 20.
+        // The median magnitude of a normal variable is 0.6745 standard deviations; the squared weights 1, 3, 3, 1 sum
+        // to 20.
         quantile(sizes.collect(), 0.5) / 0.6745 / 20.0f64.sqrt()
     };
     let found = [

@@ -1,5 +1,5 @@
-//! What is left once joints, subject and effects have done what they can: whether something pushes, about which axis
-//! and when.
+//! The residual after joints, subject and effects have been fitted: whether an unknown force or moment acts, about
+//! which axis and when.
 
 use nalgebra::{DVector, Vector3};
 use rayon::prelude::*;
@@ -14,47 +14,48 @@ use super::problem::Problem;
 use super::progress::{Progress, check};
 use super::stretch::{NUMBERS, ROWS};
 
-/// Gain in the likelihood from which on something pushes, beyond what sensors, joints and subject can do.
+/// Gain of log-likelihood above which an unknown force or moment acts beyond what sensors, joints and subject can
+/// explain.
 const PUSHES: f64 = 12.0;
 
-/// Moment and force in a tenth of a second below which it does not matter (N m, N).
+/// Moment (N m) and force (N) in a tenth of a second below which they do not matter.
 const IMMATERIAL: [f64; 2] = [1.5, 12.0];
 
-/// Noise over the recorded one, of attitude and angular velocity, beyond which it is not that of the sensors.
+/// Ratio of fitted to recorded noise of attitude and angular velocity above which the sensors no longer explain it.
 const NOISIER: f64 = 2.0;
 
-/// Stretches that are told.
+/// Maximum number of stretches reported.
 const MOST: usize = 5;
 
-/// Words for the axes of the body: left, dorsal, cranial.
+/// Names of the body axes: left, dorsal, cranial.
 const AXES: [&str; 3] = [
     "left-right axis (pitch)",
     "back-belly axis (yaw)",
     "head-foot axis (roll)",
 ];
 
-/// What is left in a flight.
+/// The residual of a flight.
 #[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct Remainder {
-    /// Whether more is left than sensors, joints and subject can make.
+    /// Whether the residual exceeds what sensors, joints and subject can explain.
     pub is_unexplained: bool,
-    /// By how much the logarithm of the likelihood rises where something may push.
+    /// Gain of log-likelihood if unknown forces and moments may act.
     pub gain: f64,
-    /// Root mean square of the moment that pushes, by body axis: left, dorsal, cranial (N m).
+    /// Root mean square of the unknown moment by body axis: left, dorsal, cranial (N m).
     pub moment_nm: [f64; 3],
-    /// Of the force (N).
+    /// Root mean square of the unknown force (N).
     pub force_n: [f64; 3],
-    /// Wander of a joint about an axis, root mean square (degrees).
+    /// Joint wander about an axis, root mean square (degrees).
     pub wander_deg: f64,
-    /// Whether the joints had to wander further than the suit plausibly does.
+    /// Whether the joints would have to wander further than a suit plausibly does.
     pub is_beyond_suit: bool,
-    /// Times of the stretches with most of it (s).
+    /// Times of the stretches with the largest residuals (s).
     pub times_s: Vec<f64>,
-    /// In words.
+    /// Summary in words.
     pub in_words: String,
 }
 
-/// The errors of a flight in which nothing pushes.
+/// The errors of a flight without unknown forces and moments.
 ///
 /// # Errors
 /// Returns an error if the search was cancelled.
@@ -70,7 +71,7 @@ pub fn without_push(
 }
 
 impl Remainder {
-    /// Of a fit; `quiet` are the errors of the same problem where nothing pushes.
+    /// Creates the summary of a fit. `quiet` holds the errors without unknown forces and moments.
     pub fn new(problem: &Problem<'_>, fitted: &Fitted, quiet: Option<&Errors>) -> Self {
         let errors = &fitted.errors;
         let pushes = pushes(fitted);
@@ -151,7 +152,7 @@ impl Remainder {
 /// Moments (N m) and forces (N) of the windows of a stretch, body axes.
 pub type Pushes = (Vec<Vector3<f64>>, Vec<Vector3<f64>>);
 
-/// Moments and forces that push, as far as they can be told, by stretch.
+/// Estimated moments and forces of each stretch.
 pub fn pushes(fitted: &Fitted) -> Vec<Pushes> {
     fitted
         .parts

@@ -1,4 +1,4 @@
-//! What discovery found, in numbers for people and machines.
+//! The report of a search, for people and machines.
 
 use std::collections::BTreeMap;
 
@@ -8,7 +8,7 @@ use serde::{Serialize, Serializer};
 
 use super::adjustment::{Adjustment, JointCalibration};
 use super::description::told::Described;
-use super::effect_set::EffectSet;
+use super::effect_set::{EffectSet, estimated};
 use super::error_model::PUSH;
 use super::fitted::Fitted;
 use super::gap::{Gap, Spot};
@@ -29,26 +29,26 @@ pub const CHANNEL_NAMES: [&str; CHANNELS] = [
     "velocity_up_mps",
 ];
 
-/// How a search ended.
+/// The outcome of a search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, JsonSchema, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Outcome {
-    /// Effects were found that explain the disagreement.
+    /// The effects found explain the disagreement.
     Named,
-    /// Model and data agree to the noise, as the files are.
+    /// Model and data agree to within the noise, with the files as they are.
     None,
     /// Model and data agree once joints, subject and coefficients are adjusted within their tolerances.
     Calibrated,
     /// A load that is not in the library explains the disagreement.
     Described,
-    /// There is a disagreement, and nothing in the library explains it.
+    /// There is a disagreement that nothing in the library explains.
     Unexplained,
     /// Not enough excitation to tell effects apart.
     Thin,
 }
 
 impl Outcome {
-    /// `agrees` says whether the plain model does, `explained` whether what was named explains enough.
+    /// `agrees` says whether the plain model agrees, `explained` whether the named effects explain enough.
     pub(super) const fn of(thin: bool, agrees: bool, named: &[Named], explained: bool) -> Self {
         match (thin, named.is_empty()) {
             (true, _) => Self::Thin,
@@ -58,7 +58,7 @@ impl Outcome {
         }
     }
 
-    /// Effects that were named, or what only came nearest.
+    /// Splits into effects that are named and those that only came nearest.
     pub(super) fn split(self, named: Vec<Named>) -> (Vec<Named>, Vec<Named>) {
         match self {
             Self::Named => (named, Vec::new()),
@@ -67,7 +67,7 @@ impl Outcome {
     }
 }
 
-/// Share of what there is to explain, the misfit of the plain model beyond the one expected, that a fit explains.
+/// Share of the excess misfit, that of the plain model above the expected one, that a fit explains.
 pub(super) fn share_explained(plain: f64, left: f64, expected: f64) -> f64 {
     let to_explain = plain - expected;
     if to_explain > 0.0 {
@@ -77,16 +77,16 @@ pub(super) fn share_explained(plain: f64, left: f64, expected: f64) -> f64 {
     }
 }
 
-/// Another effect that explains as much.
+/// Another effect that explains about as much.
 #[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct Rival {
     /// Its name.
     pub name: &'static str,
-    /// What it explains, over what the named one does.
+    /// Its gain relative to that of the named effect.
     pub share: f64,
 }
 
-/// Numbers by name as a map, in their order.
+/// Serializes pairs as a map, keeping their order.
 fn as_map<S: Serializer>(
     numbers: &[(&'static str, f64)],
     serializer: S,
@@ -94,22 +94,23 @@ fn as_map<S: Serializer>(
     serializer.collect_map(numbers.iter().copied())
 }
 
-/// Why an effect got its name.
+/// Evidence for a named effect.
 #[derive(Debug, Clone, Copy, PartialEq, JsonSchema, Serialize)]
 pub struct Evidence {
-    /// Deviations by which its gain is beyond chance.
+    /// Significance of its gain, in standard deviations.
     #[serde(rename = "confidence")]
     pub deviations: f64,
-    /// Probability that some effect of the library gains as much in a flight in which nothing is missing, where such
-    /// flights were drawn.
+    /// Probability that some effect of the library gains as much in a flight that lacks nothing, if such flights were
+    /// drawn.
     pub chance: Option<f64>,
-    /// Share of flights put together from blocks of this one in which it, or a rival, comes out first, where they were.
+    /// Share of bootstrap flights, assembled from blocks of this one, in which it or a rival ranks first, if they were
+    /// drawn.
     pub stability: Option<f64>,
-    /// Share of what was left to explain.
+    /// Share of the remaining disagreement that it explains.
     pub explains: f64,
 }
 
-/// An effect that was named.
+/// A named effect.
 #[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct Named {
     /// Its name.
@@ -122,16 +123,16 @@ pub struct Named {
     #[serde(serialize_with = "as_map")]
     #[schemars(with = "BTreeMap<String, f64>")]
     pub standard_errors: Vec<(&'static str, f64)>,
-    /// Why.
+    /// The evidence.
     #[serde(flatten)]
     pub evidence: Evidence,
-    /// Effects that cannot be told from it on this flight.
+    /// Effects that this flight cannot distinguish from it.
     pub rivals: Vec<Rival>,
     /// The maneuver that would tell them apart.
     pub separated_by: &'static str,
-    /// Whether a parameter stands at an end of its plausible range: then the effect is not all that is missing.
+    /// Whether a parameter is at a limit of its plausible range, so that the effect cannot be all that is missing.
     pub at_limit: bool,
-    /// Whether conscious muscle input or damping could imitate it, so that an estimator would take it for that.
+    /// Whether muscle input or damping could imitate it, so that an estimator would mistake it for those.
     pub imitated_by_inputs: bool,
     #[serde(skip)]
     effect: Effect,
@@ -156,13 +157,13 @@ impl Named {
         }
     }
 
-    /// With its parameters and their standard errors.
+    /// The effect with its parameters and their standard errors.
     pub(super) fn with_parameters(
         self,
         values: &[f64; PARAMETER_COUNT],
         errors: &[f64; PARAMETER_COUNT],
     ) -> Self {
-        let parameters = self.effect.description().parameters;
+        let parameters = estimated(self.effect);
         let names = parameters.iter().map(|p| p.name);
         Self {
             at_limit: parameters
@@ -176,22 +177,22 @@ impl Named {
     }
 }
 
-/// How large the errors of a flight were found to be.
+/// Estimated sizes of the errors in a flight.
 #[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct ErrorSizes {
     /// Noise of single frames: attitude (rad), angular velocity (rad/s), horizontal and vertical velocity (m/s).
     pub sensors: [f64; 4],
-    /// The same as neighbouring frames of the recording show it.
+    /// The same, estimated from differences of neighbouring frames.
     pub sensors_recorded: [f64; 4],
     /// Calibration of a joint about an axis (degrees).
     pub joint_calibration_deg: f64,
     /// Wander of a joint about an axis, root mean square (degrees).
     pub joint_wander_deg: f64,
-    /// Error of a joint with its bend (share).
+    /// Joint error proportional to the bend (fraction).
     pub joint_bend: f64,
-    /// Moment and force that push, each tenth of a second for itself (N m, N).
+    /// Unknown moment and force in each tenth of a second (N m, N).
     pub pushes: [f64; 2],
-    /// Misfit with these errors, by the number of what is compared: one where they are right.
+    /// Misfit per observation with these errors; one if they are right.
     pub misfit: f64,
 }
 
@@ -210,60 +211,61 @@ impl ErrorSizes {
     }
 }
 
-/// A flight that effects were not fitted to.
+/// A held-out flight.
 #[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct HeldOut {
-    /// By how much the effects named raise the logarithm of its likelihood.
+    /// Gain of log-likelihood with the named effects.
     pub gain: f64,
-    /// By channel.
+    /// The gap by channel.
     pub gap: Gap,
-    /// What is left in it.
+    /// Its residual.
     pub remainder: Remainder,
 }
 
-/// What discovery found.
+/// The report of a search.
 #[derive(Debug, Clone, JsonSchema, Serialize)]
 pub struct Report {
-    /// How it ended.
+    /// The outcome.
     pub verdict: Outcome,
-    /// Effects that were named, in the order in which they were found.
+    /// The named effects, in the order in which they were found.
     pub effects: Vec<Named>,
-    /// What came nearest where the verdict is not `named`; not in the model.
+    /// The closest candidates if the verdict is not `named`. They are not part of the model.
     pub nearest: Vec<Named>,
-    /// Share of what can be explained at all that the effects explain.
+    /// Share of the explainable disagreement that the effects explain.
     pub explained: f64,
-    /// Misfit of the model as in the files with the noise of the sensors alone, by the number of what is compared.
+    /// Misfit per observation of the model as given by the files, with sensor noise alone.
     pub misfit_unadjusted: f64,
-    /// Errors of the flights, each.
+    /// Error sizes of each flight.
     pub errors: Vec<ErrorSizes>,
-    /// What subject, coefficients and sensors have wrong, what is worth most first.
+    /// Errors found in subject, coefficients and sensors, most significant first.
     pub adjustments: Vec<Adjustment>,
-    /// Joints whose calibration is off, the surest first.
+    /// Joints with a significant calibration error, most significant first.
     pub joints: Vec<JointCalibration>,
-    /// Gap of the (first) flight.
+    /// The gap of the first flight.
     pub gap: Gap,
-    /// Flights held out.
+    /// The held-out flights.
     pub held_out: Vec<HeldOut>,
-    /// Where the model disagrees.
+    /// The disagreement in each stretch.
     pub residual_map: Vec<Spot>,
-    /// What is left of the flights, each.
+    /// The residual of each flight.
     pub remainders: Vec<Remainder>,
     /// Loads that describe what nothing in the library explains.
     pub description: Option<Described>,
-    /// Loads that come nearest to it and do not do enough, or not in the flights held out; not in the model.
+    /// The best description found if it does not explain enough, here or in the held-out flights. It is not part of the
+    /// model.
     pub nearest_description: Option<Described>,
-    /// What to fly next, in words.
+    /// What to fly next.
     pub fly_next: String,
-    /// The effects as in `model.toml`.
+    /// The effects as written to `model.toml`.
     pub model: Vec<ByName>,
-    /// What tolerance and flights together say of mass and coefficients, as effects of a `model.toml`.
+    /// Mass and coefficients, estimated from tolerances and flights combined, as effects of a `model.toml`.
     pub corrections: Vec<ByName>,
 }
 
 /// An effect with its parameters, by their names in files.
 pub type ByName = (&'static str, Vec<(&'static str, f64)>);
 
-/// The effect by name.
+/// An effect with its parameter names.
 pub fn by_name(effect: Effect, values: &[f64; PARAMETER_COUNT]) -> ByName {
     let description = effect.description();
     let parameters = description.parameters.iter().zip(values);
@@ -271,7 +273,7 @@ pub fn by_name(effect: Effect, values: &[f64; PARAMETER_COUNT]) -> ByName {
     (description.name, parameters.collect())
 }
 
-/// Effects by the names of files.
+/// Effects with their names as in files.
 pub(super) fn model_of(effects: &EffectSet) -> Vec<ByName> {
     let by_name = |(effect, values): &(Effect, _)| by_name(*effect, values);
     effects.iter().map(by_name).collect()

@@ -1,5 +1,5 @@
-//! The search: errors are estimated, and an effect is named if the flights are much more likely with it than without
-//! it, including those held out.
+//! The search: errors are estimated first, then an effect is named if the flights, including those held out, are much
+//! more likely with it than without it.
 
 use bodyflight_core::effect::Effect;
 
@@ -21,9 +21,9 @@ use super::track::Track;
 /// Settings of a search.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settings {
-    /// Largest number of effects to name.
+    /// Maximum number of effects to name.
     pub max_effects: usize,
-    /// Seed of what is drawn.
+    /// Seed of the random draws.
     pub seed: u64,
     /// Tolerances of suit, subject and sensors.
     pub tolerances: Tolerances,
@@ -39,42 +39,45 @@ impl Default for Settings {
     }
 }
 
-/// Shortest flight that is judged (stretches, s).
+/// Minimum duration of a flight (stretches, s).
 const SHORTEST: usize = 2;
 const LEAST_S: f64 = 4.0;
 
-/// Deviations by which a named effect must exceed the best effect of a hundred random draws, and the least in any case.
+/// Standard deviations by which a named effect must exceed the 99th percentile of the null distribution, and the least
+/// significance in any case.
 const BEYOND_CHANCE: f64 = 1.0;
 const LEAST: f64 = 4.5;
-/// Without a flight held out.
+/// Half the width of intervals that contain all of one, two or three parameters in 95 % of flights (standard errors).
+const INTERVALS: [f64; 3] = [1.96, 2.24, 2.39];
+/// Least significance without a held-out flight.
 const LEAST_ALONE: f64 = 7.0;
 
-/// Gain that a flight held out must have, and all flights together after what parameters cost.
-const VOTE: f64 = 2.0;
-const ALL_TOGETHER: f64 = 12.0;
+/// Gain required in each held-out flight, and in all flights together after the cost of the parameters.
+pub(super) const VOTE: f64 = 2.0;
+pub(super) const ALL_TOGETHER: f64 = 12.0;
 
-/// Difference of gains in the likelihood that says nothing.
+/// Difference of log-likelihood that is too small to rank effects.
 const EQUAL: f64 = 0.5;
 
-/// Effects that are given up before the search is.
+/// Number of rejected effects after which the search ends.
 const TRIED: usize = 3;
 
-/// Share of a search that the errors take, and of what is left that another effect leaves.
+/// Share of the progress taken by the errors, and share of the remaining progress left after each effect.
 const ERRORS: f64 = 0.4;
 const ANOTHER: f64 = 0.3;
 
-/// Searches for what the model misses in flights of one subject; the flights in `held_out` are not fitted, but must
-/// agree.
+/// Searches for effects that the model lacks in flights of one subject. The flights in `held_out` are not fitted, but
+/// must confirm the result.
 ///
 /// # Errors
-/// Returns an error if a flight is too short to be judged, or if the search was cancelled.
+/// Returns an error if a flight is too short, or if the search was cancelled.
 pub fn discover(
     flights: &[Track],
     held_out: &[Track],
     settings: &Settings,
     progress: &dyn Progress,
 ) -> Result<Report> {
-    begin(progress, "noise of the sensors")?;
+    begin(progress, "sensor noise")?;
     let problem = |track: &Track| -> Result<()> {
         let found_s = track.duration();
         let least_s = LEAST_S;
@@ -111,11 +114,11 @@ pub fn discover(
     search.run(alone)
 }
 
-/// A flight fitted as if nothing were missing.
+/// A flight fitted as if the model lacked nothing.
 struct Alone {
-    /// Linearized around the files: fitted constants cannot hide what is missing.
+    /// Linearized around the files, so that fitted constants cannot hide a missing effect.
     around_files: Fitted,
-    /// Around the constants of the flight itself.
+    /// Linearized around the flight's own constants.
     settled: Fitted,
 }
 
@@ -133,7 +136,7 @@ impl Alone {
             .fit(&first.belief_wandering(), Some(&first.errors), 1, progress)?
             .ok_or(too_short)?;
         let belief = around_files.belief_with(&EffectSet::new());
-        // Where the fitted constants cannot be flown, those of the files are kept.
+        // If the simulation diverges with the fitted constants, those of the files are kept.
         let settled = match problem.fit(&belief, Some(&around_files.errors), 1, progress)? {
             Some(settled) => settled,
             None => problem
@@ -142,46 +145,46 @@ impl Alone {
         };
         Ok(Self {
             around_files,
-            settled: problem.settled(settled, progress)?,
+            settled: problem.converged(settled, progress)?,
         })
     }
 }
 
-/// Whether a candidate is worth fitting everything anew beside it: errors that were fitted without it may take a part of
-/// what it does, so less than for a name is asked for.
+/// Whether a candidate is worth refitting everything with it. The threshold is lower than for a name, because errors
+/// fitted without the effect may have absorbed part of it.
 fn promises(candidate: &Candidate, chance: &[f64]) -> bool {
     candidate.promise() > 0.0 && candidate.deviations() > quantile_of_sorted(chance, 0.99)
 }
 
-/// A search in flights whose errors are known as far as nothing is missing.
+/// A search in flights whose errors have been fitted without any effect.
 pub(super) struct Search<'a> {
     pub(super) problems: &'a [Problem<'a>],
-    /// Flights that are fitted; the others are held out.
+    /// Number of fitted flights; the others are held out.
     pub(super) count: usize,
     pub(super) settings: &'a Settings,
     pub(super) progress: &'a dyn Progress,
 }
 
-/// What was named.
+/// A named effect.
 pub(super) struct Name {
     pub(super) candidate: Candidate,
-    /// Share of random draws in which an effect gains as much.
+    /// Share of random draws in which some effect gains as much.
     pub(super) chance: f64,
     pub(super) rivals: Vec<Rival>,
 }
 
-/// The candidate that seems best, and what it was chosen from.
+/// The best candidate, and the candidates from which it was chosen.
 pub(super) struct Found {
     pub(super) name: Name,
     /// Best first.
     pub(super) candidates: Vec<Candidate>,
     pub(super) chance: Vec<f64>,
-    /// Whether it was found around the files, and not around the constants of the flights.
+    /// Whether it was found around the files rather than around the flights' own constants.
     pub(super) around_files: bool,
     promises: bool,
 }
 
-/// The best candidate that matters; of equals, the one that comes first in the library.
+/// The best candidate that matters. Among equals, the first in the library.
 fn best(candidates: &[Candidate], chance: &[f64]) -> Option<Name> {
     let first = candidates.iter().find(|candidate| candidate.matters())?;
     let equals = candidates
@@ -211,7 +214,7 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Tells about what share is done where so many effects were tried, and a share of the next one.
+    /// Reports progress after `tried` effects and a share of the next one.
     fn reached(&self, tried: usize, share: f64) {
         let left =
             |tried: usize| (1.0 - ERRORS) * ANOTHER.powi(i32::try_from(tried).unwrap_or(i32::MAX));
@@ -234,10 +237,10 @@ impl<'a> Search<'a> {
         let mut nearest: Option<Name> = None;
         let mut out_of_question: Vec<Effect> = Vec::new();
         while names.len() < self.settings.max_effects && out_of_question.len() < TRIED {
-            begin(self.progress, "which effect explains most")?;
+            begin(self.progress, "comparing the effects of the library")?;
             let tried = names.len() + out_of_question.len();
-            // Constants may do most of what is missing once they are fitted, so the first name is sought around the files;
-            // but far from the files slopes may be others.
+            // Fitted constants may have absorbed most of a missing effect, so the first effect is sought around the
+            // files. The flights' own constants are tried next, because slopes may differ far from the files.
             let scenes = [&files, &scene];
             let found = self.sought(&scenes[names.len().min(1)..], &out_of_question)?;
             self.reached(tried, 0.3);
@@ -253,6 +256,7 @@ impl<'a> Search<'a> {
             self.reached(tried, 1.0);
             if let Some(next) = next
                 && self.deserves(&name.candidate, &chance)
+                && self.stands(&next, names.len())
             {
                 if plain.is_none() {
                     plain = self.quiet(&scene)?;
@@ -264,15 +268,20 @@ impl<'a> Search<'a> {
             out_of_question.push(name.candidate.effect);
             nearest.get_or_insert(name);
         }
-        begin(self.progress, "what is left")?;
+        begin(self.progress, "the remaining residual")?;
         let report = self.report(&scene, plain, unadjusted, names, nearest)?;
         if report.verdict != Outcome::Unexplained {
             return Ok(report);
         }
-        described(bare.as_ref().unwrap_or(&scene), report, self.progress)
+        let bare = bare.unwrap_or(scene);
+        let report = described(&bare, report, self.progress)?;
+        if report.verdict != Outcome::Unexplained {
+            return Ok(report);
+        }
+        self.by_strength(bare, report)
     }
 
-    /// What seems best in the first of some scenes in which it promises enough.
+    /// The best candidate in the first of several scenes in which it looks promising.
     fn sought(&self, scenes: &[&Scene<'a>], out_of_question: &[Effect]) -> Result<Option<Found>> {
         let mut found = None;
         for (place, from) in scenes.iter().enumerate() {
@@ -314,7 +323,27 @@ impl<'a> Search<'a> {
         gains && candidate.matters()
     }
 
-    /// Errors of the flights that are fitted where nothing pushes.
+    /// Whether the parameters of the last effect differ from neutral by more than their error bars, which are wider than
+    /// the gain suggests if stretches or held-out flights disagree. What the first effect leaves may look like another,
+    /// so further effects must be clear.
+    fn stands(&self, scene: &Scene<'a>, named: usize) -> bool {
+        let errors = self.standard_errors(scene);
+        let (Some((effect, values)), Some((_, errors))) = (scene.effects.last(), errors.last())
+        else {
+            return false;
+        };
+        let parameters = effect.description().parameters;
+        let least = match named {
+            0 => INTERVALS[parameters.len().clamp(1, INTERVALS.len()) - 1],
+            _ => LEAST,
+        };
+        parameters
+            .iter()
+            .zip(values.iter().zip(errors))
+            .any(|(parameter, (value, error))| (value - parameter.neutral).abs() > least * error)
+    }
+
+    /// Errors of the fitted flights without unknown forces and moments.
     ///
     /// # Errors
     /// Returns an error if the search was cancelled.

@@ -1,13 +1,12 @@
 //! Order statistics, significance and correlation.
 
-/// The value below which a share of the values lies: that of the element at the share of their number, rounded down.
-/// Zero where there are none.
+/// The quantile at `share`, without interpolation: the index is rounded down. Zero if there are no values.
 pub fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
     values.sort_by(f64::total_cmp);
     quantile_of_sorted(&values, share)
 }
 
-/// As [`quantile`], of values that rise.
+/// Same as [`quantile`], for values in ascending order.
 pub fn quantile_of_sorted(values: &[f64], share: f64) -> f64 {
     #[expect(
         clippy::cast_possible_truncation,
@@ -21,27 +20,27 @@ pub fn quantile_of_sorted(values: &[f64], share: f64) -> f64 {
         .unwrap_or(0.0)
 }
 
-/// A quantile of values that rise, on the line between its neighbours; `None` where there are no values.
+/// The quantile of ascending values, interpolated linearly. Returns `None` if there are no values.
 pub fn interpolated_quantile(values: &[f64], share: f64) -> Option<f64> {
     let last = values.len().checked_sub(1)?;
     let place = share * last as f64;
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
-        reason = "a place in a list"
+        reason = "an index within the list"
     )]
     let below = (place as usize).min(last);
     let (from, to) = (values[below], values[(below + 1).min(last)]);
     Some(from + (to - from) * (place - below as f64))
 }
 
-/// Deviations of a chi-squared number of `freedom` degrees from its mean, as of a normal one (Wilson and Hilferty).
+/// The normal deviate equivalent to a chi-squared value with `freedom` degrees (Wilson and Hilferty).
 pub fn deviations(chi_squared: f64, freedom: f64) -> f64 {
     let share = 2.0 / (9.0 * freedom);
     ((chi_squared / freedom).cbrt() - (1.0 - share)) / share.sqrt()
 }
 
-/// Correlation of two series; none where one does not change.
+/// Correlation of two series; zero if one of them is constant.
 pub fn correlation(a: &[f64], b: &[f64]) -> f64 {
     let count = a.len().min(b.len()).max(1) as f64;
     let mean = |values: &[f64]| values.iter().sum::<f64>() / count;
@@ -84,9 +83,9 @@ mod tests {
 
     #[test]
     fn a_chi_squared_number_is_at_its_mean_without_deviations() {
-        // The median of one degree of freedom is 0.455.
+        // The median of chi-squared with one degree of freedom is 0.455.
         assert!(deviations(0.455, 1.0).abs() < 0.03);
-        // A normal number is beyond 2.78 as seldom.
+        // The one-sided normal quantile with the same probability is 2.78.
         assert!((deviations(9.0, 1.0) - 2.78).abs() < 0.05);
     }
 

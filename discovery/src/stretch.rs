@@ -1,9 +1,9 @@
-//! Short free runs over the recorded postures, and the measurement's distance from them.
+//! Short simulations along the recorded postures, and their residuals.
 //!
-//! The flight is cut into stretches. In each, the model flies alone from the smoothed measurement at its start, so
-//! its loads do not depend on the noise of the sensors; the error of the start is one of the errors. Nothing is
-//! differentiated. Averages over a tenth of a second are compared: attitude, angular velocity and velocity, so that
-//! errors of the sensors and of the physics show in different rows.
+//! The flight is cut into stretches. In each, the model flies freely from the smoothed measurement at its start, so its
+//! loads do not depend on sensor noise; the error of the start is one of the modelled errors. Nothing is
+//! differentiated. Attitude, angular velocity and velocity are compared as averages over a tenth of a second, in which
+//! errors of sensors and errors of physics leave different patterns.
 
 use bodyflight_core::dynamics::Motion;
 use bodyflight_core::frame::{Rotation, Vector};
@@ -14,20 +14,21 @@ use super::track::Track;
 
 /// Channels of a comparison: attitude (body axes), angular velocity (body), velocity (north, west, up).
 pub const CHANNELS: usize = 9;
-/// Comparisons of a stretch, a tenth of a second each.
+/// Comparisons in a stretch, a tenth of a second each.
 pub const ROWS: usize = 6;
-/// Numbers of a stretch.
+/// Number of residuals in a stretch.
 pub const NUMBERS: usize = ROWS * CHANNELS;
-/// Length of a comparison (s).
+/// Length of a comparison window (s).
 const WINDOW: f64 = 0.1;
-/// Longest interval of a flight of which only what changes counts (s), and of one flown backwards.
+/// Longest integration step for simulations used in differences (s), and for simulations backwards in time.
 const LONG_STEP: f64 = 0.05;
 const BACK_STEP: f64 = 0.03;
-/// Longest step of a flight that is compared with the measurement (s).
+/// Longest integration step for simulations compared with the measurement (s).
 const SHORT_STEP: f64 = 1.0 / 239.0;
-/// Comparisons before the first stretch: as far as a plausible delay reaches.
+/// Comparison windows before the first stretch, enough for a plausible delay.
 const BEFORE: usize = 4;
-/// Longest time on both sides of the start that is smoothed (s), and the turn (rad) up to which a parabola follows.
+/// Longest time on either side of the start used for smoothing (s), and the rotation (rad) over which a parabola is
+/// adequate.
 const SMOOTHED: f64 = 0.1;
 const SMOOTHED_TURN: f64 = 0.7;
 
@@ -37,18 +38,18 @@ pub type Channels = SVector<f64, CHANNELS>;
 /// How a recording is cut into frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Grid {
-    /// Frames of a comparison.
+    /// Number of frames in a comparison window.
     pub window: usize,
-    /// Frames of a long step.
+    /// Number of frames in a long step.
     pub stride: usize,
-    /// Frames of a step backwards.
+    /// Number of frames in a step backwards.
     pub back: usize,
-    /// Short steps of a frame.
+    /// Number of short steps in a frame.
     pub parts: usize,
 }
 
 impl Grid {
-    /// For a recording of so many frames a second.
+    /// The grid for a frame rate (Hz).
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -70,7 +71,7 @@ impl Grid {
         }
     }
 
-    /// Frames of a stretch.
+    /// Number of frames in a stretch.
     pub fn frames(&self) -> usize {
         ROWS * self.window
     }
@@ -79,19 +80,19 @@ impl Grid {
 /// A stretch of a flight.
 #[derive(Debug, Clone)]
 pub struct Stretch {
-    /// Its first frame.
+    /// Index of its first frame.
     pub first: usize,
-    /// How it is cut.
+    /// Its grid.
     pub grid: Grid,
-    /// The smoothed motion there.
+    /// The smoothed motion at its start.
     pub start: Motion<f64>,
-    /// Variance of the start for a unit of variance of a frame.
+    /// Variance of the start for unit variance of a frame.
     pub start_variance: f64,
-    /// Covariance of the start with the first comparison for a unit of variance of a frame.
+    /// Covariance of the start with the first comparison for unit variance of a frame.
     pub start_covariance: f64,
 }
 
-/// Where stretches begin, and from which motion.
+/// Cuts a track into stretches.
 pub fn stretches(track: &Track) -> Vec<Stretch> {
     let grid = Grid::new(track.rate());
     let count = track.measured.len();
@@ -121,11 +122,11 @@ struct Smooth {
 }
 
 impl Smooth {
-    /// A parabola through the frames around one, over a time in which the body turns little.
+    /// Fits a parabola through the neighbouring frames, over a time in which the body turns little.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
-        reason = "a few frames"
+        reason = "only a few frames"
     )]
     fn new(track: &Track, grid: Grid, frame: usize) -> Self {
         let turn = track.measured[frame].angular_velocity.components.norm();
@@ -136,7 +137,7 @@ impl Smooth {
             frame.saturating_sub(half),
             (frame + half).min(track.measured.len() - 1),
         );
-        // Savitzky and Golay: value at zero of the parabola.
+        // Savitzky-Golay filter: the value of the parabola at zero.
         let offset = |k: usize| k as f64 - frame as f64;
         let power = |n: i32| (from..=to).map(|k| offset(k).powi(n)).sum::<f64>();
         let [p0, p1, p2, p3, p4] = [0, 1, 2, 3, 4].map(power);
@@ -151,7 +152,7 @@ impl Smooth {
         let mut mean = Channels::zeros();
         let mut carried = UnitQuaternion::identity();
         let add = |mean: &mut Channels, k: usize, carried: &UnitQuaternion<f64>| {
-            // What the body turned in between is taken back by its angular velocity.
+            // The rotation in between is removed using the angular velocity.
             let mut motion = track.measured[k];
             let velocity = motion.velocity_inertial();
             motion.inertial_from_body =
@@ -177,14 +178,14 @@ impl Smooth {
     }
 }
 
-/// The turn from a frame to the next one by the angular velocity.
+/// The rotation between two neighbouring frames according to the angular velocity.
 fn turned(track: &Track, from: usize, to: usize) -> UnitQuaternion<f64> {
     let spin = |k: usize| track.measured[k].angular_velocity.components;
     let duration = track.times[to] - track.times[from];
     UnitQuaternion::from_scaled_axis((spin(from) + spin(to)) * (0.5 * duration))
 }
 
-/// `motion` changed by a difference in all channels.
+/// Adds a difference in all channels to a motion.
 pub(super) fn moved(motion: &Motion<f64>, by: &Channels) -> Motion<f64> {
     let part = |from: usize| Vector3::new(by[from], by[from + 1], by[from + 2]);
     let turn = small_rotation(&part(0));
@@ -199,7 +200,7 @@ pub(super) fn moved(motion: &Motion<f64>, by: &Channels) -> Motion<f64> {
     }
 }
 
-/// `measured` less `predicted`.
+/// Difference `measured` less `predicted`.
 pub(super) fn difference(measured: &Motion<f64>, predicted: &Motion<f64>) -> Channels {
     let turn = predicted.inertial_from_body.quaternion().inverse()
         * measured.inertial_from_body.quaternion();

@@ -1,6 +1,7 @@
-//! The parts of the search, where the answer is known.
+//! Tests of the parts of the search, with known answers.
 
 mod neighbours;
+mod strengths;
 
 use bodyflight_core::dynamics::{Dynamics, Inputs};
 use bodyflight_core::effect::{Effect, Model};
@@ -33,7 +34,7 @@ fn flown(hidden: &[Hidden], settings: &laboratory::Settings) -> Track {
     })
 }
 
-/// A short one.
+/// A short flight.
 fn track(hidden: &[Hidden], noise: f64) -> Track {
     let settings = laboratory::Settings {
         seed: 3,
@@ -91,7 +92,7 @@ fn without_noise_the_model_flies_as_recorded_and_effects_are_felt() {
     }
 }
 
-/// Effects whose slope has kinks: drag takes the area of the face that shows most.
+/// Effects whose slope has kinks, because drag depends on the face with the largest projection.
 const SHAPES: [Effect; 3] = [Effect::TrunkShape, Effect::ArmShape, Effect::LegShape];
 
 #[test]
@@ -115,7 +116,7 @@ fn every_parameter_has_a_column_and_every_stretch_its_numbers() {
             *felt += column.norm_squared();
         }
     }
-    // All but the profile of a tunnel are felt in a fall through still air; of a shape the face that shows most.
+    // All but a tunnel's profile act in still air; a shape acts only through the face with the largest projection.
     let unfelt = [&[Effect::TunnelProfile], &SHAPES[..]].concat();
     for (id, felt) in all.iter().zip(felt) {
         let name = id.effect.description().name;
@@ -130,8 +131,8 @@ fn every_parameter_has_a_column_and_every_stretch_its_numbers() {
     }
 }
 
-/// Some effects add, some multiply, some take the place of what is there: columns have to be right for all, also
-/// where the effect acts already.
+/// Some effects add to a value, some multiply it, some replace it. The columns must be right for all, also if the
+/// effect already acts.
 #[test]
 fn columns_are_slopes_wherever_an_effect_stands() {
     let track = track(&[], 0.0);
@@ -170,7 +171,7 @@ fn columns_are_slopes_wherever_an_effect_stands() {
 }
 
 #[test]
-fn what_joints_have_wrong_is_taken_off() {
+fn joint_errors_are_removed() {
     let settings = laboratory::Settings {
         seed: 3,
         duration: 6.0,
@@ -203,7 +204,7 @@ fn what_joints_have_wrong_is_taken_off() {
         (after - floor).abs() < 0.05 * before,
         "{before} to {after}, floor {floor}"
     );
-    // With the bend: as much as the joint is bent.
+    // The error includes a part proportional to the bend.
     let corrected = errors.correct(&exact.postures[100], 0.3);
     assert_ne!(corrected, exact.postures[100]);
 }
@@ -268,7 +269,7 @@ fn the_wander_of_joints_is_found_and_leaves_the_misfit_at_one() {
     }
 }
 
-/// The slopes by which sizes are found are those of the likelihood.
+/// The analytic slopes agree with the likelihood.
 #[test]
 fn the_fit_of_errors_is_at_a_maximum() {
     let track = track(&[], 1.0);
@@ -332,9 +333,9 @@ fn the_same_seed_gives_the_same_answer() {
     assert_eq!(answer(), answer());
 }
 
-/// Belly to earth in one posture for long: a constant force can be anything.
+/// Belly to earth in one posture throughout: a constant force can have any cause.
 #[test]
-fn a_flight_in_which_nothing_moves_gets_no_name() {
+fn no_effect_is_named_in_a_flight_without_movement() {
     let settings = laboratory::Settings {
         duration: 15.0,
         noise: 0.0,
@@ -352,7 +353,7 @@ fn a_flight_in_which_nothing_moves_gets_no_name() {
 }
 
 #[test]
-fn a_flight_of_a_moment_is_refused() {
+fn a_flight_that_is_too_short_is_refused() {
     let settings = laboratory::Settings {
         duration: 1.0,
         ..laboratory::Settings::default()
@@ -362,7 +363,7 @@ fn a_flight_of_a_moment_is_refused() {
     assert!(problem.to_string().contains("4 s"), "{problem}");
 }
 
-/// Cancels after some stages.
+/// Cancels after a number of stages.
 struct Impatient(std::sync::atomic::AtomicUsize);
 
 impl Progress for Impatient {
@@ -376,7 +377,7 @@ impl Progress for Impatient {
 }
 
 #[test]
-fn a_search_can_be_ended() {
+fn a_search_can_be_cancelled() {
     let track = track(&[], 1.0);
     for stages in 1..3 {
         let impatient = Impatient(stages.into());
@@ -392,9 +393,8 @@ fn a_search_can_be_ended() {
 }
 
 #[test]
-fn nothing_wrong_changes_nothing_and_each_number_changes_the_model() {
-    let track = track(&[], 0.0);
-    let model = plain(&track);
+fn zero_errors_leave_the_model_unchanged_and_each_parameter_changes_it() {
+    let model = plain(&track(&[], 0.0));
     assert_eq!(Subject::as_in_file().of(&model), model);
     for k in 0..SUBJECT {
         let mut subject = Subject::as_in_file();

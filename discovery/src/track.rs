@@ -1,14 +1,14 @@
-//! A flight in memory, as discovery wants it.
+//! A flight in memory.
 
 use bodyflight_core::dynamics::{Dynamics, Inputs, Motion};
 use bodyflight_core::{Posture, Segment};
 use nalgebra::Vector3;
 
-/// Root mean square of joint angles and of the stream's direction below which nothing moves (rad): the jitter of
-/// suit and sensors.
+/// Root mean square of joint angles and of the direction of the stream below which a flight counts as motionless (rad):
+/// the jitter of suit and sensors.
 const STILL: f64 = 0.04;
 
-/// A recorded flight with the model that is meant to fly it.
+/// A recorded flight with its model.
 #[derive(Debug, Clone)]
 pub struct Track {
     /// Time of each frame (s).
@@ -17,9 +17,9 @@ pub struct Track {
     pub postures: Vec<Posture<f64>>,
     /// Recorded motion of the pelvis.
     pub measured: Vec<Motion<f64>>,
-    /// The model as the files describe it.
+    /// The model as given by the files.
     pub dynamics: Dynamics<f64>,
-    /// The skydiver's inputs as the files give them, at each frame.
+    /// The skydiver's inputs at each frame, as given by the files.
     pub inputs: Vec<Inputs<f64>>,
 }
 
@@ -35,7 +35,7 @@ pub struct Frame {
 }
 
 impl Track {
-    /// A flight of some frames, with the inputs at each time.
+    /// Creates a flight, with the inputs at each time.
     pub fn new(
         frames: &[Frame],
         dynamics: Dynamics<f64>,
@@ -50,19 +50,19 @@ impl Track {
         }
     }
 
-    /// Frames a second.
+    /// Frame rate (Hz).
     pub fn rate(&self) -> f64 {
         (self.times.len().max(2) - 1) as f64 / self.duration().max(1e-6)
     }
 
-    /// Length (s).
+    /// Duration (s).
     pub fn duration(&self) -> f64 {
         let ends = self.times.first().zip(self.times.last());
         ends.map_or(0.0, |(first, last)| last - first)
     }
 
-    /// Whether one posture is held in one attitude to the stream: then many effects are one constant force and
-    /// moment, and cannot be told apart however long the flight is.
+    /// Whether one posture is held at one attitude to the stream. Many effects then amount to one constant force and
+    /// moment, and cannot be separated however long the flight is.
     pub fn is_still(&self) -> bool {
         let (Some(first), count) = (self.postures.first(), self.postures.len().max(1) as f64)
         else {

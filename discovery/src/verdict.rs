@@ -1,4 +1,4 @@
-//! The outcome of a search: the verdict, and the report with what is left, what is adjusted and what to fly next.
+//! The outcome of a search: the verdict, and the report with residuals, adjustments and what to fly next.
 
 use bodyflight_core::effect::{Effect, PARAMETER_COUNT};
 
@@ -15,20 +15,23 @@ use super::search::{Name, Search};
 /// Shortest flight in which effects can be distinguished (stretches).
 const LEAST_STRETCHES: usize = 20;
 
-/// Share of what something that pushes could explain that names must explain.
+/// Share of what arbitrary forces and moments could explain that the named effects must explain.
 const EXPLAINS: f64 = 0.6;
 
-/// Misfit of the model as in the files, by the number of what is compared, up to which it is right as it is.
+/// Misfit per observation above which the fit has failed, so that names found with it mean nothing.
+const FAILED: f64 = 1.02;
+
+/// Misfit per observation below which the model as given by the files agrees with the data.
 const AGREES: f64 = 1.15;
 
-impl Search<'_> {
-    /// The report.
+impl<'a> Search<'a> {
+    /// Compiles the report.
     ///
     /// # Errors
     /// Returns an error if the search was cancelled.
     pub(super) fn report(
         &self,
-        scene: &Scene<'_>,
+        scene: &Scene<'a>,
         plain: Option<Vec<Errors>>,
         unadjusted: f64,
         names: Vec<Name>,
@@ -107,8 +110,8 @@ impl Search<'_> {
         })
     }
 
-    /// Standard errors of the effects named, by effect.
-    fn standard_errors(&self, scene: &Scene<'_>) -> EffectSet {
+    /// Standard errors of the named effects.
+    pub(super) fn standard_errors(&self, scene: &Scene<'a>) -> EffectSet {
         let Some((last, _)) = scene.effects.last() else {
             return EffectSet::new();
         };
@@ -131,7 +134,14 @@ impl Search<'_> {
         scene
             .effects
             .iter()
-            .map(|(effect, _)| (*effect, of(*effect)))
+            .map(|(effect, values)| {
+                let errors = if effect.is_random() {
+                    self.errors_of_strength(scene, *effect, values)
+                } else {
+                    of(*effect)
+                };
+                (*effect, errors)
+            })
             .collect()
     }
 }
@@ -148,11 +158,17 @@ fn outcome(
         .iter()
         .all(|(problem, _)| problem.stretches.len() < LEAST_STRETCHES || problem.track.is_still());
     let unexplained = remainders.iter().any(|left| left.is_unexplained);
+    // Joints that wander beyond the suit's limit, or a misfit above one, mean that the fit ended far from the truth.
+    let failed = remainders.iter().any(|left| left.is_beyond_suit)
+        || scene
+            .fitted
+            .iter()
+            .any(|(_, fitted)| fitted.errors.misfit() > FAILED);
     if thin {
         Outcome::Thin
-    } else if !names.is_empty() && (!unexplained || explained >= EXPLAINS) {
+    } else if !names.is_empty() && !failed && (!unexplained || explained >= EXPLAINS) {
         Outcome::Named
-    } else if unexplained {
+    } else if unexplained || failed {
         Outcome::Unexplained
     } else if unadjusted < AGREES {
         Outcome::None
@@ -161,7 +177,7 @@ fn outcome(
     }
 }
 
-/// A name with its values among the effects that are fitted, and their standard errors.
+/// A named effect with its fitted values and their standard errors.
 fn told(name: &Name, effects: &EffectSet, errors: &EffectSet, explained: f64) -> Named {
     let of = |set: &EffectSet| {
         let mut own = set.iter();
@@ -179,7 +195,7 @@ fn told(name: &Name, effects: &EffectSet, errors: &EffectSet, explained: f64) ->
         .with_parameters(&values, &of(errors).unwrap_or([0.0; PARAMETER_COUNT]))
 }
 
-/// What the names gain in each flight held out, and what they leave there.
+/// Gain of the named effects in each held-out flight, and what remains there.
 fn held_out(scene: &Scene<'_>, names: &[Name]) -> Vec<HeldOut> {
     let flights = scene.held_out.iter().enumerate();
     flights
@@ -196,13 +212,13 @@ fn held_out(scene: &Scene<'_>, names: &[Name]) -> Vec<HeldOut> {
         .collect()
 }
 
-/// What to fly next, in words.
+/// What to fly next.
 fn explain(outcome: Outcome, named: &[Named], remainders: &[Remainder]) -> String {
     match outcome {
         Outcome::Named => {
             let rivals = named.iter().find(|named| !named.rivals.is_empty());
             rivals.map_or_else(
-                || "nothing has to be flown to tell these effects from others".to_owned(),
+                || "no further flight is needed to separate these effects from others".to_owned(),
                 |named| {
                     format!(
                         "to tell {} from its rivals, fly {}",
@@ -211,7 +227,7 @@ fn explain(outcome: Outcome, named: &[Named], remainders: &[Remainder]) -> Strin
                 },
             )
         }
-        Outcome::None => "nothing: model and data agree".to_owned(),
+        Outcome::None => "nothing; model and data agree".to_owned(),
         Outcome::Calibrated => {
             "the same postures at another speed, belly, back and head-down: mass, area and drag \
             then do different things"
@@ -221,7 +237,7 @@ fn explain(outcome: Outcome, named: &[Named], remainders: &[Remainder]) -> Strin
             let words = remainders.iter().find(|left| left.is_unexplained);
             words.map_or_else(String::new, |left| {
                 format!(
-                    "the same again with more variety; look for {}",
+                    "a similar flight with more variety; look for {}",
                     left.in_words
                 )
             })

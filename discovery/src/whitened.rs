@@ -1,4 +1,4 @@
-//! Flights in deviations of their errors, with constants taken out.
+//! Whitened flights, with the constants marginalized out.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
@@ -9,20 +9,19 @@ use super::moments::Weighed;
 use super::nuisance::SUBJECT;
 use super::product::{product, transposed_product};
 
-/// A problem in deviations, with the constants of its flight ready to be taken out.
+/// A whitened problem, prepared for marginalizing the constants of its flight.
 pub(super) struct Whitened {
-    /// By stretch.
+    /// One for each stretch.
     weighed: Vec<Weighed>,
-    /// Information of the constants that the flight has for itself.
+    /// Information of the constants specific to the flight.
     own: Cholesky<f64, Dyn>,
     own_with_subject: DMatrix<f64>,
-    /// Information of the subject once these are taken out.
+    /// Information of the subject's parameters after marginalizing these.
     subject: DMatrix<f64>,
 }
 
 impl Whitened {
-    /// Of stretches weighed by the errors of their flight; `information` is that of the constants, without what is
-    /// believed of them.
+    /// Creates the problem from weighted stretches. `information` is that of the constants, without their prior.
     pub(super) fn new(
         weighed: Vec<Weighed>,
         information: &DMatrix<f64>,
@@ -48,7 +47,7 @@ impl Whitened {
         })
     }
 
-    /// Information that constants and columns share.
+    /// Cross information of constants and columns.
     pub(super) fn with_constants(&self, columns: &[DMatrix<f64>]) -> DMatrix<f64> {
         let count = columns.first().map_or(0, DMatrix::ncols);
         let mut with_constants = DMatrix::zeros(CONSTANTS, count);
@@ -58,7 +57,7 @@ impl Whitened {
         with_constants
     }
 
-    /// Information of subject and columns, with the constants of the flight taken out.
+    /// Information of subject and columns, with the constants of the flight marginalized out.
     pub(super) fn reduced(&self, columns: &[DMatrix<f64>]) -> DMatrix<f64> {
         let count = columns.first().map_or(0, DMatrix::ncols);
         let each: Vec<_> = self
@@ -99,20 +98,20 @@ impl Whitened {
     }
 }
 
-/// Information and slope of some columns and the square of what is missing: half of the square less is what the
-/// likelihood gains.
+/// Information and slope of some columns, and the squared residual. The log-likelihood gains half of what the square is
+/// reduced by.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Quadratic {
     /// Information.
     pub information: DMatrix<f64>,
     /// Slope.
     pub slope: DVector<f64>,
-    /// Square of what is missing.
+    /// Squared residual.
     pub square: f64,
 }
 
 impl Quadratic {
-    /// Of flights with one subject: some columns of their reduced problems, of which the last is what is missing.
+    /// Combines flights of one subject: some columns of their reduced problems, of which the last is the residual.
     pub fn joint(
         flights: &[DMatrix<f64>],
         columns: &[usize],
@@ -144,12 +143,13 @@ impl Quadratic {
         })
     }
 
-    /// What is left of half the square after a step.
+    /// Half the squared residual after a step.
     pub fn left(&self, step: &DVector<f64>) -> f64 {
         0.5 * self.square - step.dot(&self.slope) + 0.5 * step.dot(&(&self.information * step))
     }
 
-    /// The step that leaves least, with deviations of a prior about zero steps away from it, and its covariance.
+    /// The step that minimizes the squared residual, given standard deviations of a prior centred `from` away, and its
+    /// covariance.
     pub fn solved(
         &self,
         prior: &[f64],

@@ -102,7 +102,7 @@ mod tests {
     use crate::synthetic::{Jump, jump, wind_at};
 
     #[test]
-    fn circles_give_the_wind_that_was_flown_in() {
+    fn circles_give_the_wind_of_the_jump() {
         let jumped = Jump::default();
         let samples: Vec<Sample> = jump(&jumped)
             .into_iter()
@@ -118,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn a_straight_flight_gives_none() {
+    fn a_straight_flight_has_no_circles() {
         let straight: Vec<Sample> = (0..300)
             .map(|index| Sample {
                 time: f64::from(index) * 0.2,

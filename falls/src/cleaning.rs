@@ -137,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn a_good_jump_is_left_alone() {
+    fn a_good_jump_is_left_unchanged() {
         assert_eq!(cleaned(&jump(&Jump::default())).1, TakenOut::default());
     }
 }

@@ -345,7 +345,7 @@ mod tests {
     }
 
     #[test]
-    fn a_jump_is_divided_where_it_was_flown() {
+    fn a_jump_is_divided_at_its_true_phases() {
         let slow = Jump {
             rate: 1.0,
             ..Jump::default()

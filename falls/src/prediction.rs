@@ -314,7 +314,7 @@ mod tests {
     }
 
     #[test]
-    fn a_miss_is_put_down_to_the_posture_only_where_it_changed() {
+    fn a_miss_is_attributed_to_the_posture_only_if_it_changed() {
         let judged = |rate, measured, late: Piece| {
             let forecast = Forecast {
                 from: 40.0,

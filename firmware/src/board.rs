@@ -15,7 +15,7 @@ pub trait Board {
         embassy_time::Instant::now().as_micros()
     }
 
-    /// Processor cycles, wraps.
+    /// Processor cycles; wraps.
     fn cycles(&self) -> u32;
 
     /// Bytes of stack that were never used.
@@ -84,7 +84,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_battery_is_told_in_millivolts() {
+    fn a_battery_is_reported_in_millivolts() {
         assert_eq!(millivolts(0, 2), 0);
         // 3.7 V, halved.
         assert_eq!(millivolts(2296, 2), 3700);

@@ -53,7 +53,7 @@ mod tests {
     use nalgebra::{UnitQuaternion, Vector3};
 
     #[test]
-    fn a_turn_on_the_belly_is_read_off() {
+    fn the_display_shows_a_turn_on_the_belly() {
         // Belly to earth with the head to the north, where the heading is zero; then a turn to the left.
         let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), 0.524);
         let attitude = Rotation::<_, Inertial, Inertial>::from_quaternion(turn)

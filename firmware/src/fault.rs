@@ -206,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fault_is_told_after_the_reset() {
+    fn a_fault_is_reported_after_the_reset() {
         let mut record = Record::read(&[0xA5A5_A5A5; WORDS]);
         assert_eq!(record, Record::default());
         record.start(Reset::Power, 0);
@@ -241,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn every_reset_is_told_for_what_it_was() {
+    fn every_reset_is_reported_with_its_cause() {
         let mut record = Record::default();
         let mut told = |reset| {
             let mut now = again(&record);
@@ -270,7 +270,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_power_on_left_is_no_record(words in prop::array::uniform13(any::<u32>())) {
+        fn memory_after_power_on_is_not_a_valid_record(words in prop::array::uniform13(any::<u32>())) {
             prop_assume!(checksum(&words) != words[WORDS - 1]);
             prop_assert_eq!(Record::read(&words), Record::default());
         }

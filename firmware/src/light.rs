@@ -136,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn each_state_has_a_pattern_of_its_own() {
+    fn each_state_has_its_own_pattern() {
         let valid = EstimateFlags::VALID;
         let mut seen = std::collections::BTreeSet::new();
         for (flags, expected) in [
@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn the_worst_is_shown_and_a_lost_host_is_seen() {
+    fn the_worst_state_is_shown_and_a_lost_host_is_noticed() {
         let mut light = Light::new(false);
         let worst = EstimateFlags::VALID | EstimateFlags::SETTLING | EstimateFlags::LOST;
         assert_eq!(shown(&mut light, Some(worst)), "#.#.#.#.#.#.#.#.#.#.");
@@ -167,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn a_battery_that_is_nearly_empty_is_seen_until_it_is_charged() {
+    fn a_nearly_empty_battery_is_flagged_until_it_is_charged() {
         let mut light = Light::new(false);
         let mut waiting = |voltage| {
             light.see_battery(voltage);
@@ -186,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn a_measurement_that_was_not_taken_in_is_shown_for_two_seconds() {
+    fn a_rejected_measurement_is_shown_for_two_seconds() {
         let mut light = Light::new(false);
         light.see(EstimateFlags::VALID | EstimateFlags::NOT_TAKEN_IN);
         assert_eq!(

@@ -76,7 +76,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_oldest_gives_way_and_is_counted() {
+    fn the_oldest_item_is_dropped_and_counted() {
         let mut queue = Queue::<u8, 3>::new();
         assert!(queue.is_empty());
         for (item, gave_way) in [(1, None), (2, None), (3, None), (4, Some(1)), (5, Some(2))] {

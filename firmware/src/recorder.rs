@@ -77,7 +77,7 @@ struct State {
     /// Time of the first message in the open block (us).
     opened: u64,
     preamble: [Block; PREAMBLE],
-    /// Number of preamble blocks that are filled, and of those already taken for writing.
+    /// Number of preamble blocks that are filled, and number of these that are already being written.
     filled: usize,
     taken: usize,
     ring: Ring,

@@ -1,11 +1,11 @@
 //! The library of a skydiver as a co-simulation unit: the C functions of FMI 3.0 over
 //! [`bodyflight::verbs::fmu::skydiver::Skydiver`].
 //!
-//! `bodyflight fmu` packs it with a description of its variables. What the standard has besides (clocks, events, other types
-//! than 64-bit numbers, model exchange) answers with an error.
+//! `bodyflight fmu` packs it with a description of its variables. The rest of the standard (clocks, events, types other
+//! than 64-bit floats, model exchange) returns an error.
 #![expect(
     unsafe_code,
-    reason = "an interface of C: pointers come from the importer, who keeps to the standard"
+    reason = "a C interface: pointers come from the importer, which follows the standard"
 )]
 
 mod unsupported;
@@ -25,7 +25,7 @@ const ERROR: i32 = 3;
 
 type Log = unsafe extern "C" fn(*mut c_void, i32, *const c_char, *const c_char);
 
-/// A skydiver and who is told of problems.
+/// A skydiver, and the callback for error messages.
 pub struct Instance {
     skydiver: Skydiver,
     resources: PathBuf,
@@ -33,13 +33,13 @@ pub struct Instance {
     log: Option<Log>,
 }
 
-/// Tells the importer of a problem.
+/// Reports a problem to the importer.
 fn tell(environment: *mut c_void, log: Option<Log>, problem: &Problem) {
     let Some(log) = log else {
         return;
     };
     let text = CString::new(problem.with_causes().replace('\0', " ")).unwrap_or_default();
-    // SAFETY: the importer gave both, to be used with each other until the instance is freed.
+    // SAFETY: the importer passed both, to be used together until the instance is freed.
     unsafe {
         log(
             environment,
@@ -50,10 +50,10 @@ fn tell(environment: *mut c_void, log: Option<Log>, problem: &Problem) {
     };
 }
 
-/// Runs `work` on an instance; a problem is told.
+/// Runs `work` on an instance and reports any problem.
 ///
 /// # Safety
-/// `instance` is null or from [`fmi3InstantiateCoSimulation`] and not freed.
+/// `instance` must be null, or come from [`fmi3InstantiateCoSimulation`] and not have been freed.
 unsafe fn with(instance: *mut Instance, work: impl FnOnce(&mut Instance) -> Result<()>) -> i32 {
     // SAFETY: as above.
     let Some(instance) = (unsafe { instance.as_mut() }) else {
@@ -68,10 +68,10 @@ unsafe fn with(instance: *mut Instance, work: impl FnOnce(&mut Instance) -> Resu
     }
 }
 
-/// Numbers that an importer points to; none where there are none, whatever the pointer.
+/// The values that an importer points to. Empty if `count` is zero, whatever the pointer.
 ///
 /// # Safety
-/// `from` points to `count` numbers, where that is above 0.
+/// If `count` is above zero, `from` must point to that many values.
 unsafe fn numbers<'a, T>(from: *const T, count: usize) -> &'a [T] {
     if count == 0 || from.is_null() {
         return &[];
@@ -86,16 +86,16 @@ pub extern "C" fn fmi3GetVersion() -> *const c_char {
     c"3.0".as_ptr()
 }
 
-/// Everything that is told is told always.
+/// Accepts any setting: all messages are always sent.
 #[unsafe(no_mangle)]
 pub extern "C" fn fmi3SetDebugLogging(_: *mut Instance, _: bool) -> i32 {
     OK
 }
 
-/// A skydiver of the resources of the unit; null where they are not usable.
+/// Creates a skydiver from the resources of the unit. Returns null if they are not usable.
 ///
 /// # Safety
-/// `resources` is null or a text that ends with zero; `log` takes `environment`.
+/// `resources` must be null or a zero-terminated string, and `log` must accept `environment`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3InstantiateCoSimulation(
     _name: *const c_char,
@@ -116,7 +116,7 @@ pub unsafe extern "C" fn fmi3InstantiateCoSimulation(
         tell(environment, log, &problem);
         return ptr::null_mut();
     }
-    // SAFETY: a text by the standard, null was looked for.
+    // SAFETY: a string according to the standard; null was excluded above.
     let text = unsafe { CStr::from_ptr(resources) };
     let resources = PathBuf::from(text.to_string_lossy().into_owned());
     match Skydiver::read(&resources) {
@@ -133,22 +133,22 @@ pub unsafe extern "C" fn fmi3InstantiateCoSimulation(
     }
 }
 
-/// Ends an instance.
+/// Frees an instance.
 ///
 /// # Safety
-/// `instance` is null or from [`fmi3InstantiateCoSimulation`], and not used again.
+/// `instance` must be null, or come from [`fmi3InstantiateCoSimulation`] and not be used again.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3FreeInstance(instance: *mut Instance) {
     if !instance.is_null() {
-        // SAFETY: as above; it was made from a box.
+        // SAFETY: as above; it was created from a box.
         drop(unsafe { Box::from_raw(instance) });
     }
 }
 
-/// Begins at a time.
+/// Enters initialization and sets the start time.
 ///
 /// # Safety
-/// `instance` is from [`fmi3InstantiateCoSimulation`].
+/// `instance` must come from [`fmi3InstantiateCoSimulation`].
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3EnterInitializationMode(
     instance: *mut Instance,
@@ -162,10 +162,10 @@ pub unsafe extern "C" fn fmi3EnterInitializationMode(
     unsafe { with(instance, |instance| instance.skydiver.begin(start)) }
 }
 
-/// Begins anew with what was set meanwhile.
+/// Leaves initialization and starts with the values that have been set.
 ///
 /// # Safety
-/// `instance` is from [`fmi3InstantiateCoSimulation`].
+/// `instance` must come from [`fmi3InstantiateCoSimulation`].
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3ExitInitializationMode(instance: *mut Instance) -> i32 {
     let begin = |instance: &mut Instance| {
@@ -176,16 +176,16 @@ pub unsafe extern "C" fn fmi3ExitInitializationMode(instance: *mut Instance) -> 
     unsafe { with(instance, begin) }
 }
 
-/// Ends a flight.
+/// Terminates the simulation.
 #[unsafe(no_mangle)]
 pub extern "C" fn fmi3Terminate(_: *mut Instance) -> i32 {
     OK
 }
 
-/// As it was when it was made.
+/// Resets the instance to its state after creation.
 ///
 /// # Safety
-/// `instance` is from [`fmi3InstantiateCoSimulation`].
+/// `instance` must come from [`fmi3InstantiateCoSimulation`].
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3Reset(instance: *mut Instance) -> i32 {
     let reset = |instance: &mut Instance| {
@@ -196,10 +196,11 @@ pub unsafe extern "C" fn fmi3Reset(instance: *mut Instance) -> i32 {
     unsafe { with(instance, reset) }
 }
 
-/// Values of variables.
+/// Returns the values of variables.
 ///
 /// # Safety
-/// `instance` is from [`fmi3InstantiateCoSimulation`], the pointers point to as many entries as they are given with.
+/// `instance` must come from [`fmi3InstantiateCoSimulation`], and each pointer must point to the given number of
+/// entries.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3GetFloat64(
     instance: *mut Instance,
@@ -217,7 +218,7 @@ pub unsafe extern "C" fn fmi3GetFloat64(
         for (place, reference) in references.iter().enumerate() {
             let value = instance.skydiver.get(*reference as usize);
             let missing = || Problem::bad_input(format!("there is no variable {reference}"));
-            // SAFETY: within the values, whose number was looked at.
+            // SAFETY: within the values, whose number was checked.
             unsafe { values.add(place).write(value.ok_or_else(missing)?) };
         }
         Ok(())
@@ -229,7 +230,7 @@ pub unsafe extern "C" fn fmi3GetFloat64(
 /// Sets variables.
 ///
 /// # Safety
-/// As of [`fmi3GetFloat64`].
+/// Same as [`fmi3GetFloat64`].
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3SetFloat64(
     instance: *mut Instance,
@@ -256,10 +257,10 @@ pub unsafe extern "C" fn fmi3SetFloat64(
     unsafe { with(instance, set) }
 }
 
-/// Flies a step.
+/// Simulates one step.
 ///
 /// # Safety
-/// `instance` is from [`fmi3InstantiateCoSimulation`], the pointers are null or point to one entry each.
+/// `instance` must come from [`fmi3InstantiateCoSimulation`]; each pointer must be null or point to one entry.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3DoStep(
     instance: *mut Instance,
@@ -289,10 +290,11 @@ pub unsafe extern "C" fn fmi3DoStep(
     unsafe { with(instance, step) }
 }
 
-/// Keeps the state, in place of one that was kept before.
+/// Saves the state, replacing one saved before.
 ///
 /// # Safety
-/// `instance` is from [`fmi3InstantiateCoSimulation`]; `state` points to null or to a state of this function.
+/// `instance` must come from [`fmi3InstantiateCoSimulation`]; `state` must point to null or to a state from this
+/// function.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3GetFMUState(
     instance: *mut Instance,
@@ -301,7 +303,7 @@ pub unsafe extern "C" fn fmi3GetFMUState(
     let keep = |instance: &mut Instance| {
         // SAFETY: as above.
         let Some(state) = (unsafe { state.as_mut() }) else {
-            return Err(Problem::bad_input("expected a place for the state"));
+            return Err(Problem::bad_input("expected a pointer for the state"));
         };
         // SAFETY: as above.
         match unsafe { state.as_mut() } {
@@ -314,10 +316,10 @@ pub unsafe extern "C" fn fmi3GetFMUState(
     unsafe { with(instance, keep) }
 }
 
-/// Returns to a state.
+/// Restores a saved state.
 ///
 /// # Safety
-/// `instance` is from [`fmi3InstantiateCoSimulation`], `state` from [`fmi3GetFMUState`] and not freed.
+/// `instance` must come from [`fmi3InstantiateCoSimulation`], and `state` from [`fmi3GetFMUState`] and not be freed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3SetFMUState(instance: *mut Instance, state: *const Skydiver) -> i32 {
     let restore = |instance: &mut Instance| {
@@ -332,17 +334,17 @@ pub unsafe extern "C" fn fmi3SetFMUState(instance: *mut Instance, state: *const 
     unsafe { with(instance, restore) }
 }
 
-/// Forgets a state.
+/// Frees a saved state.
 ///
 /// # Safety
-/// `state` is null or points to a state of [`fmi3GetFMUState`], or to null.
+/// `state` must be null, or point to null or to a state from [`fmi3GetFMUState`].
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3FreeFMUState(_: *mut Instance, state: *mut *mut Skydiver) -> i32 {
     // SAFETY: as above.
     if let Some(state) = unsafe { state.as_mut() }
         && !state.is_null()
     {
-        // SAFETY: as above; it was made from a box.
+        // SAFETY: as above; it was created from a box.
         drop(unsafe { Box::from_raw(*state) });
         *state = ptr::null_mut();
     }

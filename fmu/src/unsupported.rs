@@ -1,6 +1,6 @@
-//! What the standard has besides: every function must be there, and these say that they are not supported.
+//! The rest of the standard: every function must exist, and these report that they are not supported.
 //!
-//! Arguments are not looked at: in C the caller puts them away.
+//! Arguments are ignored, since in C the caller removes them from the stack.
 
 use std::ffi::c_void;
 use std::ptr;
@@ -81,13 +81,13 @@ unsupported! {
     fmi3ActivateModelPartition
 }
 
-/// Not supported: a skydiver is a unit of co-simulation.
+/// Not supported: a skydiver is a co-simulation unit.
 #[unsafe(no_mangle)]
 pub extern "C" fn fmi3InstantiateModelExchange() -> *mut c_void {
     ptr::null_mut()
 }
 
-/// Not supported: a skydiver is a unit of co-simulation.
+/// Not supported: a skydiver is a co-simulation unit.
 #[unsafe(no_mangle)]
 pub extern "C" fn fmi3InstantiateScheduledExecution() -> *mut c_void {
     ptr::null_mut()

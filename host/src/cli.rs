@@ -1,4 +1,4 @@
-//! Verbs of the command line: one file each, arguments and output; the work is in the library.
+//! The command line: one file per verb, for its arguments and output. The work itself is in the library.
 
 mod demo;
 mod discover;
@@ -42,11 +42,11 @@ use clap::{CommandFactory, Parser, Subcommand};
 #[command(
     name = "bodyflight",
     version,
-    after_help = "Exit codes: 0 done, 2 bad input or usage, 3 refused by the system, 4 disagreement, 5 an estimate that is not to be trusted, 130 Ctrl-C.\n\
+    after_help = "Exit codes: 0 done, 2 bad input or usage, 3 refused by the system, 4 disagreement, 5 an estimate that should not be trusted, 130 Ctrl-C.\n\
                   Start with: bodyflight demo"
 )]
 struct Cli {
-    /// Print the result as JSON; a problem too, as one line on standard error.
+    /// Print the result as JSON, and errors as one line of JSON on standard error.
     #[arg(long, global = true)]
     json: bool,
     #[command(subcommand)]
@@ -84,8 +84,7 @@ enum Verb {
     Man(shell::Man),
 }
 
-/// Runs the verb that the arguments ask for, with the program's name as the first argument, and returns the exit code. Help
-/// and wrong usage end the process.
+/// Runs the verb that the arguments name, and returns the exit code. The first argument is the program's name.
 pub fn main(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     let arguments = terminal::keep_arguments(arguments);
     let cli = match Cli::try_parse_from(arguments) {
@@ -95,7 +94,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     let json = cli.json;
     interrupt::listen(move || terminal::print_problem(Problem::interrupted(), json));
     match run(&cli).and_then(|()| terminal::finish()) {
-        // What goes on until Ctrl-C ends well by it, and a script that calls it ends too.
+        // For verbs that run until Ctrl-C this is success, but the exit code still stops a script that calls them.
         Ok(()) if interrupt::requested() => Kind::Interrupted.exit_code(),
         Ok(()) => 0,
         Err(problem) => {

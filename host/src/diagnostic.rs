@@ -1,7 +1,6 @@
-//! The one error type that users see: where, what was wrong, what was expected, what to do next.
+//! The one error type that users see: where the problem is, what is wrong, what was expected, and what to do next.
 //!
-//! Each reader builds a [`Problem`] at the place that knows most; it is handed up unchanged and printed
-//! once, by `main`.
+//! A [`Problem`] is built where the cause is known best, passed up unchanged and printed once, by `main`.
 
 pub mod choices;
 mod toml;
@@ -11,19 +10,19 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// The result of everything that can fail for a user.
+/// The result of any operation that can fail because of the user's input or the system.
 pub type Result<T> = core::result::Result<T, Problem>;
 
-/// Why a command ended; each kind is one exit code, see [`Kind::exit_code`].
+/// Why a command ended. Each kind has its own exit code, see [`Kind::exit_code`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
-    /// A file or value given by the user is not usable.
+    /// A file or value given by the user cannot be used.
     BadInput,
-    /// The system refused: missing file, no permission, full disk, a port in use, a unit that does not answer.
+    /// The system refused: file not found, no permission, disk full, port in use, or a unit that does not answer.
     System,
-    /// The run finished and its answer is no: a mismatch, a lost packet.
+    /// The run finished with a negative answer: a mismatch, a lost packet.
     Disagreement,
-    /// The run finished, and its answer is not to be trusted.
+    /// The run finished, but its answer cannot be trusted.
     Doubt,
     /// Ctrl-C.
     Interrupted,
@@ -32,8 +31,8 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// Exit code of the process: 1 a bug in this program, 2 bad input, 3 refused by the system, 4 disagreement,
-    /// 5 an answer that is not to be trusted, 130 Ctrl-C.
+    /// Exit code of the process: 1 for a bug in this program, 2 for bad input, 3 if the system refused, 4 for a
+    /// disagreement, 5 for an answer that cannot be trusted, 130 for Ctrl-C.
     pub const fn exit_code(self) -> u8 {
         match self {
             Self::Internal => 1,
@@ -46,19 +45,19 @@ impl Kind {
     }
 }
 
-/// A problem with its place, its cause and the next step.
+/// A problem with its location, its cause and the next step.
 #[derive(Debug, Clone, thiserror::Error)]
 #[error("{}{message}", self.location())]
 pub struct Problem {
     /// What kind of failure this is.
     pub kind: Kind,
-    /// What is wrong, in a sentence with the values found and expected.
+    /// What is wrong, in one sentence, with the values found and expected.
     pub message: String,
     /// The file concerned.
     pub file: Option<PathBuf>,
     /// Line in the file, from 1.
     pub line: Option<u64>,
-    /// Place by meaning: a frame, an element, a field.
+    /// Place within the file: a frame, an element, a field.
     pub place: Option<Box<str>>,
     /// What the user can do next.
     pub help: Option<Box<str>>,
@@ -80,12 +79,12 @@ impl Problem {
         }
     }
 
-    /// Bad input with its message.
+    /// Bad input.
     pub fn bad_input(message: impl Into<String>) -> Self {
         Self::new(Kind::BadInput, message)
     }
 
-    /// A refusal by the system, or by what is connected to it.
+    /// A refusal by the system, or by a device connected to it.
     pub fn refused(message: impl Into<String>) -> Self {
         Self::new(Kind::System, message)
     }
@@ -102,7 +101,7 @@ impl Problem {
         Self::new(Kind::Disagreement, message)
     }
 
-    /// An answer that is not to be trusted.
+    /// An answer that cannot be trusted.
     pub fn doubt(message: impl Into<String>) -> Self {
         Self::new(Kind::Doubt, message)
     }
@@ -120,7 +119,7 @@ impl Problem {
         Self::new(Kind::Internal, message)
     }
 
-    /// Keeps the underlying error.
+    /// Attaches the underlying error.
     #[must_use]
     pub fn caused_by(self, cause: impl Error + Send + Sync + 'static) -> Self {
         Self {
@@ -129,28 +128,28 @@ impl Problem {
         }
     }
 
-    /// Names the file, unless one is named already.
+    /// Sets the file, unless one is already set.
     #[must_use]
     pub fn in_file(mut self, file: &Path) -> Self {
         self.file.get_or_insert_with(|| file.to_path_buf());
         self
     }
 
-    /// Names the line, from 1.
+    /// Sets the line, counted from 1.
     #[must_use]
     pub fn at_line(mut self, line: u64) -> Self {
         self.line = Some(line);
         self
     }
 
-    /// Names the place by meaning.
+    /// Sets the place within the file.
     #[must_use]
     pub fn at(mut self, place: impl Into<Box<str>>) -> Self {
         self.place = Some(place.into());
         self
     }
 
-    /// Says what to do next.
+    /// Sets the advice on what to do next.
     #[must_use]
     pub fn help(mut self, help: impl Into<Box<str>>) -> Self {
         self.help = Some(help.into());
@@ -159,7 +158,7 @@ impl Problem {
 }
 
 impl Problem {
-    /// File, line and place, as the message begins.
+    /// File, line and place: the prefix of the message.
     fn location(&self) -> String {
         let mut text = String::new();
         if let Some(file) = &self.file {
@@ -175,7 +174,7 @@ impl Problem {
         text
     }
 
-    /// The problem and its causes, on one line.
+    /// The problem and its causes, in one line.
     pub fn with_causes(&self) -> String {
         let mut text = self.to_string();
         let mut cause = self.source();
@@ -200,7 +199,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_problem_reads_as_place_and_sentence() {
+    fn a_problem_is_printed_as_place_and_sentence() {
         let problem = Problem::bad_input("expected 92 numbers, found 91")
             .in_file(Path::new("flight.mvnx"))
             .at_line(7)

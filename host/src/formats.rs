@@ -1,4 +1,5 @@
-//! What is read and written: recordings, tracks, the MVN stream, and the files of a person, a flight and a model.
+//! File and stream formats: recordings, tracks, the MVN stream, and the files that describe a subject, a flight or a
+//! model.
 
 pub mod columns;
 pub mod flight;

@@ -1,5 +1,5 @@
-//! Ctrl-C: long work ends at the next check, so temporary files are removed and finished ones stay whole. Work that is slow to
-//! look is not waited for.
+//! Ctrl-C: long-running work stops at its next check, so that temporary files are removed and finished ones stay whole.
+//! Work that takes too long to check is cut off.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -11,24 +11,24 @@ use crate::diagnostic::{Kind, Problem, Result};
 
 static REQUESTED: AtomicBool = AtomicBool::new(false);
 
-/// Files and folders that are not whole yet.
+/// Files and folders that are still incomplete.
 static UNFINISHED: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
-/// Time that work has to end by itself.
+/// Time that running work is given to stop cleanly.
 const PATIENCE: Duration = Duration::from_millis(700);
 
-/// Listens for Ctrl-C from now on. The process ends within a second: by itself, or, where it does not look that often or at a
-/// second Ctrl-C, after `last_words` and without what was not whole yet.
+/// Handles Ctrl-C from now on. The process ends within a second. If running work does not check in time, or on a second
+/// Ctrl-C, unfinished files are removed, `last_words` is called, and the process exits.
 pub fn listen(last_words: impl Fn() + Clone + Send + 'static) {
     let leave = move || {
         for path in unfinished().iter() {
-            // What cannot be removed is left: there is nobody to tell.
+            // Ignore files that cannot be removed: the process is about to exit.
             let _ = std::fs::remove_file(path).or_else(|_| std::fs::remove_dir_all(path));
         }
         last_words();
         std::process::exit(i32::from(Kind::Interrupted.exit_code()));
     };
-    // Without a handler Ctrl-C ends the process as usual: nothing to report.
+    // If the handler cannot be installed, Ctrl-C ends the process as usual: nothing to report.
     let _ = ctrlc::set_handler(move || {
         if REQUESTED.swap(true, Ordering::Relaxed) {
             leave();
@@ -45,12 +45,12 @@ fn unfinished() -> std::sync::MutexGuard<'static, BTreeSet<PathBuf>> {
     UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// A file or a folder that does not outlive the process while this is held.
+/// A file or folder that is removed if the process is interrupted while this value is alive.
 #[derive(Debug)]
 pub struct Unfinished(PathBuf);
 
 impl Unfinished {
-    /// Of a path.
+    /// Registers a path.
     pub fn new(path: &Path) -> Self {
         unfinished().insert(path.to_path_buf());
         Self(path.to_path_buf())
@@ -63,17 +63,17 @@ impl Drop for Unfinished {
     }
 }
 
-/// Asks long work to end, for programs that listen themselves.
+/// Asks long-running work to stop, for programs that handle Ctrl-C themselves.
 pub fn request() {
     REQUESTED.store(true, Ordering::Relaxed);
 }
 
-/// Forgets a request whose work has ended, for programs that go on.
+/// Clears a request whose work has stopped, for programs that continue.
 pub fn forget() {
     REQUESTED.store(false, Ordering::Relaxed);
 }
 
-/// Called now and then by long work.
+/// Called periodically by long-running work.
 ///
 /// # Errors
 /// Returns an error if Ctrl-C was pressed.
@@ -85,7 +85,7 @@ pub fn check() -> Result<()> {
     }
 }
 
-/// Whether Ctrl-C was pressed, for work that has no end of its own, or a result so far.
+/// Whether Ctrl-C was pressed, for work that runs until interrupted or that has a partial result.
 pub fn requested() -> bool {
     REQUESTED.load(Ordering::Relaxed)
 }

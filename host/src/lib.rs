@@ -1,6 +1,6 @@
-//! Host side of bodyflight: recordings, subjects, the verbs of the command line as functions, and the command line itself.
+//! Host side of bodyflight: recordings, subjects, the commands as functions, and the command line itself.
 
-// The command line names the library as any program would.
+// The command line refers to the library by name, as any other program would.
 extern crate self as bodyflight;
 
 pub mod cli;

@@ -1,4 +1,4 @@
-//! Output files, whole or absent, and plots.
+//! Output files, either complete or absent, and plots.
 
 pub mod destination;
 pub mod figure;

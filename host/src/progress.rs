@@ -1,19 +1,19 @@
-//! What long work tells of itself: which stage it is in, and how much of that is done.
+//! Progress of long-running work: its current stage, and how much of that stage is done.
 //!
-//! Whoever shows it listens for a while; without a listener nothing is told. Work that runs several times side by side, such
-//! as experiments in parallel, is not listened to: its stages would be told all at once.
+//! Displays register a listener; without one, nothing is reported. Work that runs several times in parallel, such as
+//! experiments, does not report: its stages would get mixed up.
 
 use std::sync::{Arc, PoisonError, RwLock};
 
 use crate::diagnostic::Result;
 use crate::interrupt;
 
-/// What is told.
+/// A progress report.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Told {
-    /// A stage begins.
+    /// A stage starts.
     Stage(String),
-    /// So large a share of the stage is done.
+    /// The completed share of the stage (0 to 1).
     Share(f64),
 }
 
@@ -21,11 +21,11 @@ type Listener = Arc<dyn Fn(Told) + Send + Sync>;
 
 static LISTENER: RwLock<Option<Listener>> = RwLock::new(None);
 
-/// Listens until it is dropped.
+/// Keeps the listener registered until dropped.
 #[must_use]
 pub struct Listening(());
 
-/// Begins to listen, in place of whoever listened before.
+/// Registers a listener, replacing any previous one.
 pub fn listen(listener: impl Fn(Told) + Send + Sync + 'static) -> Listening {
     set(Some(Arc::new(listener)));
     Listening(())
@@ -51,16 +51,16 @@ fn tell(told: Told) {
     }
 }
 
-/// A stage begins.
+/// Reports the start of a stage.
 pub fn stage(name: impl Into<String>) {
     tell(Told::Stage(name.into()));
 }
 
-/// `done` of `all` parts of the stage are done. To be called a few times a second.
+/// Reports that `done` of `all` parts of the stage are done. Meant to be called a few times a second.
 ///
 /// # Errors
 /// Returns an error if Ctrl-C was pressed.
-#[expect(clippy::cast_precision_loss, reason = "a share for the eye")]
+#[expect(clippy::cast_precision_loss, reason = "for display only")]
 pub fn reached(done: usize, all: usize) -> Result<()> {
     tell(Told::Share(done as f64 / all.max(1) as f64));
     interrupt::check()
@@ -72,7 +72,7 @@ mod tests {
     use std::sync::Mutex;
 
     #[test]
-    fn a_listener_hears_until_it_is_dropped() {
+    fn a_listener_receives_progress_until_it_is_dropped() {
         let heard = Arc::new(Mutex::new(Vec::new()));
         let kept = Arc::clone(&heard);
         let listening = listen(move |told| kept.lock().unwrap().push(told));
@@ -82,7 +82,7 @@ mod tests {
         stage("nobody hears this");
         let expected = [Told::Stage("filtering".to_owned()), Told::Share(0.25)];
         let heard = heard.lock().unwrap();
-        // Other tests may tell something meanwhile.
+        // Other tests may report progress meanwhile.
         assert!(
             expected.iter().all(|told| heard.contains(told)),
             "{heard:?}"

@@ -1,4 +1,4 @@
-//! A recorded flight beside a simulated one.
+//! Replays a recorded flight alongside a simulated one.
 
 pub mod comparison;
 pub mod recorded;

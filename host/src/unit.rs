@@ -1,4 +1,4 @@
-//! A unit on a serial line: its ports, what is streamed to it, what it says, and a unit of the host's own.
+//! A unit on a serial line: ports, streaming to it, reading its output and its log, and a virtual unit on this machine.
 
 mod file_flash;
 pub mod image;

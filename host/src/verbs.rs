@@ -1,4 +1,4 @@
-//! The work of the verbs that need no unit.
+//! The work of those verbs that do not need a unit.
 
 pub mod bifurcation;
 pub mod discover;

@@ -20,7 +20,7 @@ const bundle = await build({
   alias: { "core.wasm": wasm },
 });
 const text = (end) => bundle.outputFiles.find((file) => file.path.endsWith(end)).text;
-// Nothing in the script may end it.
+// The script must not contain its own end tag.
 const script = text(".js").replaceAll("</script", "<\\/script");
 const page = await readFile("src/page.html", "utf8");
 const html = page.replace("/* style */", () => text(".css")).replace("/* script */", () => script);

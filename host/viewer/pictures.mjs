@@ -1,4 +1,4 @@
-// Makes the pictures of the README: cargo xtask viewer --pictures.
+// Creates the pictures of the documentation: cargo xtask viewer --pictures.
 import { join } from "node:path";
 import { begin, browser, open, run, scratch } from "./tests/browser.mjs";
 

@@ -1,8 +1,8 @@
-"""How much of two processes a sweep on a Dask cluster uses, against one process alone.
+"""Parallel efficiency of a sweep with two processes of a Dask cluster.
 
     python benchmarks/dask_efficiency.py [--flights 400]
 
-Both fly the same runs in chunks through a cluster on this machine, one thread a process.
+Simulates the same runs with one and with two processes of one thread each, in chunks, on a local cluster.
 """
 
 import argparse
@@ -20,7 +20,7 @@ from distributed import Client, LocalCluster
 
 
 def seconds(workers, flight, factors, chunk):
-    """Time of a sweep by so many processes, which are there before it begins."""
+    """Returns the time of a sweep with this number of processes (s), without their start, and its result."""
     with LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None) as cluster, Client(cluster) as client:
         client.wait_for_workers(workers)
         scale.sweep(client, flight, factors[: 2 * workers], chunk=1)

@@ -1,18 +1,19 @@
-"""Steps a second against MuJoCo and pinocchio, in one run on one core, and environment steps with 1,024 environments.
+"""Steps per second of bodyflight, MuJoCo and pinocchio on one core, in one run, and actions per second of 1,024 environments.
 
     pip install mujoco pin
     python benchmarks/throughput.py [--seconds 3]
+    RAYON_NUM_THREADS=2 python benchmarks/throughput.py --only environments
 
-All three move 16 segments of the same masses and lengths, joined as the person's, in steps of 1/240 s. They do not compute the same: joints are
-given here, as a recording or a policy gives them, and the air acts on every segment; the others solve for 45 accelerations of joints, with ellipsoids in
-a fluid (MuJoCo) or without air (pinocchio). The table says what a flight costs in each, not which is the better program.
+All three move 16 segments with the same masses, lengths and joints in steps of 1/240 s, but they do not compute the same. In bodyflight
+the joint angles are given, by a recording or a policy, and the air acts on every segment. The others solve for 45 joint accelerations:
+MuJoCo with ellipsoids in a fluid, pinocchio without air. The table compares the cost of a flight, not the quality of the programs.
 """
 
 import argparse
 import os
 import time
 
-# Before the package is loaded: its threads are made once.
+# The package reads this once, when it starts its threads.
 os.environ.setdefault("RAYON_NUM_THREADS", "1")
 
 import bodyflight
@@ -41,7 +42,7 @@ def parent(segment):
 
 
 def rate(work, seconds):
-    """Steps a second of `work`, which returns how many it made; the best third of the time, as other programs run too."""
+    """Returns the steps per second of `work`, which returns its number of steps: a high quantile, since other programs may run too."""
     work()
     rates, end = [], time.perf_counter() + seconds
     while time.perf_counter() < end:
@@ -52,7 +53,7 @@ def rate(work, seconds):
 
 
 def of_bodyflight(count, seconds):
-    """Steps of `count` flights together."""
+    """Returns the steps per second of `count` skydivers together."""
     flights = bodyflight.Skydivers(count)
     flights.reset()
     random = np.random.default_rng(0)
@@ -60,7 +61,7 @@ def of_bodyflight(count, seconds):
     substeps = round(flights.time_step / STEP)
 
     def work():
-        # A person tumbles after a while: begin anew.
+        # Random actions make a body tumble after a while.
         flights.reset()
         calls = 64 if count > 1 else 240
         for call in range(calls):
@@ -141,7 +142,7 @@ def of_pinocchio(seconds):
 
 
 def of_environments(seconds):
-    """Environment steps a second of 1,024 environments, with observation and reward."""
+    """Returns the actions per second of 1,024 environments, with observation, reward and autoreset."""
     from bodyflight.gym import SkydiverVectorEnv
 
     env = SkydiverVectorEnv(1024, task="turn")
@@ -158,10 +159,19 @@ def of_environments(seconds):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seconds", type=float, default=3.0)
-    seconds = parser.parse_args().seconds
+    parser.add_argument("--seconds", type=float, default=3.0, help="duration of each measurement")
+    parser.add_argument("--only", choices=["environments"], help="skip the comparison with other programs")
+    arguments = parser.parse_args()
+    seconds = arguments.seconds
     threads = os.environ["RAYON_NUM_THREADS"]
-    print(f"steps of 1/240 s a second, {threads} thread(s)")
+    begin = time.process_time()
+    actions = of_environments(seconds)
+    load = ", ".join(f"{load:.1f}" for load in os.getloadavg())
+    print(f"1,024 environments, {threads} thread(s): {actions:,.0f} actions per second; load average {load}")
+    print(f"processor time in use: {(time.process_time() - begin) / seconds:.2f} cores")
+    if arguments.only:
+        return
+    print(f"steps of 1/240 s per second, {threads} thread(s)")
     single, batched = of_bodyflight(1, seconds), of_bodyflight(1024, seconds)
     print(f"| bodyflight | {single:,.0f} | {batched:,.0f} |")
     try:
@@ -174,7 +184,6 @@ def main():
         print(f"| pinocchio | {of_pinocchio(seconds):,.0f} | |")
     except ImportError:
         print("pinocchio is not installed")
-    print(f"environment steps a second, 1,024 environments: {of_environments(seconds):,.0f}")
 
 
 if __name__ == "__main__":

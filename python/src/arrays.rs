@@ -1,10 +1,10 @@
-//! Columns that become numpy arrays without a copy.
+//! Conversion of columns to numpy arrays without a copy.
 
 use bodyflight_core::dynamics::Motion;
 use numpy::{PyArray, PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 
-/// An array of rows that all have `N` numbers.
+/// Converts rows of `N` numbers to an array, n by `N`.
 pub(crate) fn rows<const N: usize>(
     py: Python<'_>,
     rows: Vec<[f64; N]>,
@@ -14,7 +14,7 @@ pub(crate) fn rows<const N: usize>(
     Ok(flat.reshape([count, N])?.unbind())
 }
 
-/// An array of tables that all have `M` rows of `N` numbers.
+/// Converts tables of `M` rows and `N` columns to an array, n by `M` by `N`.
 pub(crate) fn tables<const N: usize, const M: usize>(
     py: Python<'_>,
     tables: Vec<[[f64; N]; M]>,
@@ -24,7 +24,7 @@ pub(crate) fn tables<const N: usize, const M: usize>(
     Ok(flat.reshape([count, M, N])?.unbind())
 }
 
-/// A motion over time.
+/// A motion over time, collected row by row.
 #[derive(Default)]
 pub(crate) struct Motions {
     position: Vec<[f64; 3]>,
@@ -33,13 +33,13 @@ pub(crate) struct Motions {
     angular_velocity: Vec<[f64; 3]>,
 }
 
-/// The same as arrays.
+/// A motion over n frames, as arrays.
 #[pyclass(frozen, module = "bodyflight")]
 pub(crate) struct MotionArrays {
     /// Position of the pelvis: north, west, up (m); n by 3.
     #[pyo3(get)]
     position: Py<PyArray2<f64>>,
-    /// Its velocity: north, west, up (m/s); n by 3.
+    /// Velocity of the pelvis: north, west, up (m/s); n by 3.
     #[pyo3(get)]
     velocity: Py<PyArray2<f64>>,
     /// Attitude as quaternion w, x, y, z; n by 4.

@@ -1,4 +1,4 @@
-//! What the model misses.
+//! The search for effects that the model misses.
 
 use bodyflight::interrupt;
 use bodyflight::verbs::discover::{Request, discover_flights};
@@ -9,7 +9,7 @@ use crate::flight::Flight;
 use crate::long::long_aside;
 use crate::problem::dictionary;
 
-/// Ends the search when a signal came.
+/// Stops the search after a signal.
 struct Cancelled;
 
 impl Progress for Cancelled {
@@ -20,7 +20,9 @@ impl Progress for Cancelled {
     }
 }
 
-/// Names the effect that the model misses in some flights, checked on others: the dictionary of `bodyflight discover --json`.
+/// Searches for the effects that the model misses in `flights`, and checks them on the flights of `hold_out`.
+///
+/// Returns the dictionary of `bodyflight discover --json`.
 #[pyfunction]
 #[pyo3(signature = (flights, *, hold_out = vec![], max_effects = 3, seed = 1))]
 pub(crate) fn discover(

@@ -1,4 +1,4 @@
-//! Conscious inputs over time.
+//! Estimates of muscle input and damping over time.
 
 use std::path::PathBuf;
 
@@ -21,28 +21,28 @@ use crate::simulate::is_single;
 /// Number of the estimated coefficients.
 const INPUTS: usize = Row::COLUMNS.len() - 1;
 
-/// Estimates at n times.
+/// Estimates at n instants.
 #[pyclass(frozen, module = "bodyflight")]
 pub(crate) struct Estimation {
-    /// Time from which on the coefficients act (s); n.
+    /// Start of the interval in which the coefficients act (s); n.
     #[pyo3(get)]
     time: Py<PyArray1<f64>>,
     /// Coefficients in the order of `columns`; n by 6.
     #[pyo3(get)]
     inputs: Py<PyArray2<f64>>,
-    /// Their standard deviations.
+    /// Standard deviations of the coefficients; n by 6.
     #[pyo3(get)]
     deviation: Py<PyArray2<f64>>,
     /// Normalised innovation squared; n.
     #[pyo3(get)]
     nis: Py<PyArray1<f64>>,
-    /// "consistent", "doubtful" or "lost" at each time; empty where a filter does not watch itself.
+    /// "consistent", "doubtful" or "lost" at each instant; empty if the filter has no check of its own consistency.
     #[pyo3(get)]
     consistency: Vec<&'static str>,
-    /// Why the estimate is not to be trusted, or None.
+    /// Reason not to trust the estimate, or None.
     #[pyo3(get)]
     doubt: Option<String>,
-    /// What `bodyflight estimate --json` prints.
+    /// The dictionary that `bodyflight estimate --json` prints.
     #[pyo3(get)]
     report: Py<PyAny>,
     inner: verbs::estimate::Estimation,
@@ -50,23 +50,23 @@ pub(crate) struct Estimation {
 
 #[pymethods]
 impl Estimation {
-    /// Names of the coefficients.
+    /// Names of the six coefficients.
     #[classattr]
     fn columns() -> Vec<&'static str> {
         let [_, columns @ ..] = Row::COLUMNS;
         columns.to_vec()
     }
 
-    /// Writes what `bodyflight estimate --out` writes; a `flight.toml` takes it as `inputs`.
+    /// Writes the table of `bodyflight estimate --out`, which a `flight.toml` can name as its `inputs`.
     fn write_csv(&self, path: PathBuf) -> PyResult<()> {
         self.inner.write_csv(&path).map_err(raise)
     }
 }
 
-/// Estimates muscle inputs and damping over time, and compares the reconstruction with and without them.
+/// Estimates muscle input and damping over time, and compares the simulation with and without them.
 ///
-/// `preset` is a built-in preset or a preset.toml, `method` "filter" or "smooth", `filter` "paper" or "reduced". Warns with
-/// DoubtWarning where the result is not to be trusted.
+/// `preset` is the name of a built-in preset or the path of a preset.toml, `method` is "filter" or "smooth", and `filter` is
+/// "paper" or "reduced". Issues a DoubtWarning if the result should not be trusted.
 #[pyfunction]
 #[pyo3(signature = (flight, *, preset = "auto", method = "filter", filter = None, precision = "double", progress = None))]
 pub(crate) fn estimate(

@@ -1,4 +1,4 @@
-//! Every frame of a flight as a file for other programs, and the program itself.
+//! Export of flights for other programs, co-simulation units, and the program itself.
 
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -13,10 +13,10 @@ use crate::flight::Flight;
 use crate::long::long;
 use crate::problem::{dictionary, raise, unknown, warn_of_doubt};
 
-/// Writes every frame of a flight and its model; the dictionary of `bodyflight export --json`.
+/// Writes every frame of a flight and of its simulation. Returns the dictionary of `bodyflight export --json`.
 ///
-/// `format` is "parquet", "csv", "mcap" or "npz", by default as the name ends; `estimates` None, "filter" or "smooth". Warns with
-/// DoubtWarning where the estimates are not to be trusted.
+/// `format` is "parquet", "csv", "mcap" or "npz", by default the extension of `out`; `estimates` is None, "filter" or "smooth".
+/// Issues a DoubtWarning if the estimates should not be trusted.
 #[pyfunction]
 #[pyo3(signature = (flight, out, *, format = None, estimates = None, force = false, progress = None))]
 pub(crate) fn export(
@@ -48,9 +48,10 @@ pub(crate) fn export(
     dictionary(py, &report)
 }
 
-/// Writes a co-simulation unit of a subject.toml, or of a flight.toml with its air; the dictionary of `bodyflight fmu --json`.
+/// Writes a co-simulation unit for a subject.toml, or for the subject and the air of a flight.toml. Returns the dictionary of
+/// `bodyflight fmu --json`.
 ///
-/// `library` is that of the unit, by default the one that comes with the package.
+/// `library` is the unit's shared library, by default the one in the package.
 #[pyfunction]
 #[pyo3(signature = (subject, out, *, library = None, force = false))]
 pub(crate) fn fmu(
@@ -66,7 +67,8 @@ pub(crate) fn fmu(
     dictionary(py, &units::write(&flight, &library, &out).map_err(raise)?)
 }
 
-/// Runs the program with its arguments, its name first; the exit code. Help and wrong usage end the process.
+/// Runs the program with `arguments`, of which the first is its name. Returns the exit code; help and wrong usage end the
+/// process.
 #[pyfunction]
 pub(crate) fn program(py: Python<'_>, arguments: Vec<OsString>) -> u8 {
     py.detach(|| bodyflight::cli::main(arguments))

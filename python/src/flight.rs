@@ -75,7 +75,7 @@ impl Flight {
         Ok(Self { inner, options })
     }
 
-    /// The recording.
+    /// Path of the recording.
     #[getter]
     fn path(&self) -> PathBuf {
         self.inner.recording.clone()
@@ -89,7 +89,7 @@ impl Flight {
         }
     }
 
-    /// The same flight of another person.
+    /// Returns the same flight with another person.
     fn with_subject(&self, subject: Subject) -> Self {
         let mut flight = self.clone();
         flight.inner.subject = subject.inner;
@@ -109,7 +109,7 @@ impl Flight {
 }
 
 impl Flight {
-    /// The flight with a start by name.
+    /// Returns the flight with the start of this name.
     pub(crate) fn starting(&self, start: &str) -> PyResult<flight::Flight> {
         let mut inner = self.inner.clone();
         inner.start = match start {
@@ -121,7 +121,7 @@ impl Flight {
     }
 }
 
-/// The frames of a flight as arrays of n frames.
+/// The n frames of a flight, as arrays.
 #[pyclass(frozen, module = "bodyflight")]
 pub(crate) struct Recording {
     /// Time since frame 0 (s); n.
@@ -130,13 +130,14 @@ pub(crate) struct Recording {
     /// Motion of the pelvis.
     #[pyo3(get)]
     motion: Py<MotionArrays>,
-    /// Rotation of each segment against its parent, quaternion w, x, y, z in the order of `Subject.segments`; n by 16 by 4.
+    /// Rotation of each segment relative to its parent as a quaternion w, x, y, z, in the order of `Subject.segments`; n by 16
+    /// by 4.
     #[pyo3(get)]
     parent_from_segment: Py<PyArray<f64, numpy::Ix3>>,
-    /// Whether a frame stands in for a bad one; n.
+    /// Whether a frame was interpolated to replace a bad one; n.
     #[pyo3(get)]
     bridged: Py<PyArray1<bool>>,
-    /// What is not as a flight is: sentences.
+    /// Sentences about implausible parts of the recording.
     #[pyo3(get)]
     warnings: Vec<String>,
 }
@@ -174,10 +175,10 @@ impl Recording {
     }
 }
 
-/// Flies a maneuver and writes it as a flight into a folder; the dictionary of `bodyflight synth --json`.
+/// Simulates a maneuver and writes it to the folder `out` as a flight. Returns the dictionary of `bodyflight synth --json`.
 #[pyfunction]
 #[pyo3(signature = (maneuver, out, *, subject = None, density = flight::DEFAULT_DENSITY, seed = 0, noise = 1.0, joint_error_deg = 0.0, joint_wander_deg = 0.0, tunnel = false, progress = None))]
-#[expect(clippy::too_many_arguments, reason = "as many as the verb has")]
+#[expect(clippy::too_many_arguments, reason = "one for each option")]
 pub(crate) fn synth(
     py: Python<'_>,
     maneuver: &str,

@@ -1,13 +1,15 @@
-//! The native part of the Python package `bodyflight`: thin wrappers of what the command line does, with arrays in place of
-//! files. Names, defaults and errors are the program's.
+//! The native part of the Python package `bodyflight`: thin wrappers around the verbs of the command line, with arrays in place
+//! of files. Names, defaults and errors are the same as on the command line.
 
 mod arrays;
 mod discover;
+mod environments;
 mod estimate;
 mod export;
 mod flight;
 mod long;
 mod problem;
+mod record;
 mod simulate;
 mod skydiver;
 mod skydivers;
@@ -16,7 +18,7 @@ mod sweep;
 
 use pyo3::prelude::*;
 
-/// What `bodyflight/__init__.py` hands on.
+/// The module that `bodyflight/__init__.py` re-exports.
 #[pymodule]
 fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     problem::add_to(module)?;
@@ -27,10 +29,12 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<simulate::Run>()?;
     module.add_class::<estimate::Estimation>()?;
     module.add_class::<skydivers::Skydivers>()?;
+    module.add_class::<environments::Environments>()?;
     module.add_function(wrap_pyfunction!(simulate::simulate, module)?)?;
     module.add_function(wrap_pyfunction!(estimate::estimate, module)?)?;
     module.add_function(wrap_pyfunction!(export::export, module)?)?;
     module.add_function(wrap_pyfunction!(export::fmu, module)?)?;
+    module.add_function(wrap_pyfunction!(record::record, module)?)?;
     module.add_function(wrap_pyfunction!(export::program, module)?)?;
     module.add_function(wrap_pyfunction!(discover::discover, module)?)?;
     module.add_function(wrap_pyfunction!(sweep::sweep, module)?)?;

@@ -1,4 +1,4 @@
-//! Long work: without the interpreter's lock, with progress, and with an ear for Ctrl-C.
+//! Long work without the interpreter's lock, with progress and Ctrl-C.
 
 use bodyflight::diagnostic::{Problem, Result};
 use bodyflight::interrupt;
@@ -6,11 +6,11 @@ use pyo3::prelude::*;
 
 use crate::problem::raise;
 
-/// Runs `work` without the lock. It calls what it is given with the time reached (s), now and then: that looks for signals
-/// and calls the user's function.
+/// Runs `work` without the lock. From time to time the work reports the flight time it has reached (s); each report checks for
+/// signals and calls `progress`.
 ///
 /// # Errors
-/// Returns the problem of the work, or what the user's function raised.
+/// Returns an error if the work fails or `progress` raises an exception.
 pub(crate) fn long<R: Send>(
     py: Python<'_>,
     progress: Option<Py<PyAny>>,
@@ -28,7 +28,7 @@ pub(crate) fn long<R: Send>(
             });
             if let Err(error) = outcome {
                 raised.get_or_insert(error);
-                // The work looks for this next.
+                // The work checks for interrupts after each report.
                 interrupt::request();
             }
         })
@@ -36,10 +36,10 @@ pub(crate) fn long<R: Send>(
     ended(raised, result)
 }
 
-/// Runs `work` on another thread and without the lock, looking for signals meanwhile: for work that cannot call back.
+/// Runs `work`, which cannot report its progress, on another thread without the lock, and checks for signals meanwhile.
 ///
 /// # Errors
-/// Returns the problem of the work, or what a signal raised.
+/// Returns an error if the work fails or a signal handler raises an exception.
 pub(crate) fn long_aside<R: Send>(
     py: Python<'_>,
     work: impl FnOnce() -> Result<R> + Send,
@@ -61,7 +61,7 @@ pub(crate) fn long_aside<R: Send>(
     ended(raised, result.unwrap_or_else(|_| Err(panicked())))
 }
 
-/// The result of work that has ended. What was raised on the way had asked it to end, and comes first.
+/// Converts the result of finished work. An exception raised meanwhile has interrupted the work, so it takes precedence.
 fn ended<R>(raised: Option<PyErr>, result: Result<R>) -> PyResult<R> {
     let Some(error) = raised else {
         return result.map_err(raise);

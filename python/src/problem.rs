@@ -1,4 +1,4 @@
-//! Problems of the library as Python exceptions, and its reports as dictionaries.
+//! Conversion of the library's problems to Python exceptions, and of its reports to dictionaries.
 
 use bodyflight::diagnostic::{Kind, Problem};
 use pyo3::create_exception;
@@ -10,37 +10,37 @@ create_exception!(
     bodyflight,
     BodyflightError,
     PyException,
-    "Base of all problems. Attributes: message, file, line, place, help; None where there is none."
+    "Base class of all errors. Attributes: message, file, line, place and help; None if not known."
 );
 create_exception!(
     bodyflight,
     BadInput,
     BodyflightError,
-    "A file or value is not usable."
+    "A file or a value is invalid."
 );
 create_exception!(
     bodyflight,
     Refused,
     BodyflightError,
-    "The system refused: a missing file, no permission, a full disk."
+    "The operating system refused: a file is missing, permission is denied, or the disk is full."
 );
 create_exception!(
     bodyflight,
     Disagreement,
     BodyflightError,
-    "The run finished and its answer is no."
+    "The run finished, but a check failed."
 );
 create_exception!(
     bodyflight,
     Internal,
     BodyflightError,
-    "A bug of bodyflight."
+    "A bug in bodyflight."
 );
 create_exception!(
     bodyflight,
     DoubtWarning,
     PyUserWarning,
-    "The result is there, and is not to be trusted: the sentence says why."
+    "The result should not be trusted, for the reason in the message."
 );
 
 /// Adds the exceptions to the module.
@@ -54,7 +54,7 @@ pub(crate) fn add_to(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("DoubtWarning", py.get_type::<DoubtWarning>())
 }
 
-/// A problem as an exception with its parts as attributes.
+/// Converts a problem to an exception with the parts of the problem as attributes.
 pub(crate) fn raise(problem: Problem) -> PyErr {
     let text = problem.with_causes();
     let error = match problem.kind {
@@ -79,19 +79,19 @@ pub(crate) fn raise(problem: Problem) -> PyErr {
     })
 }
 
-/// A value that is none of those that an argument takes.
+/// Creates the exception for a value that is not among the known ones.
 pub(crate) fn unknown(what: &str, found: &str, known: &[&'static str]) -> PyErr {
     raise(Problem::unknown(what, found, known.iter().copied()))
 }
 
-/// A report as the dictionary that `--json` prints.
+/// Converts a report to the dictionary that `--json` prints.
 pub(crate) fn dictionary(py: Python<'_>, report: &impl Serialize) -> PyResult<Py<PyAny>> {
     let text = serde_json::to_string(report)
         .map_err(|error| raise(Problem::internal("cannot write a report").caused_by(error)))?;
     Ok(py.import("json")?.call_method1("loads", (text,))?.unbind())
 }
 
-/// Warns of a result that is not to be trusted, with the sentence that says why.
+/// Issues a DoubtWarning with the reason, if there is one.
 pub(crate) fn warn_of_doubt(py: Python<'_>, doubt: Option<&str>) -> PyResult<()> {
     let Some(sentence) = doubt else {
         return Ok(());

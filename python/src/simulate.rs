@@ -1,4 +1,4 @@
-//! A free run of the model beside a recording.
+//! A free run of the model, compared with a recording.
 
 use bodyflight::replay::comparison::Channel;
 use bodyflight::replay::steps::Step;
@@ -11,7 +11,7 @@ use crate::flight::Flight;
 use crate::long::long;
 use crate::problem::{dictionary, unknown};
 
-/// A run of n steps: what was measured and what the model did.
+/// A run of n steps: measured and simulated motion.
 #[pyclass(frozen, module = "bodyflight")]
 pub(crate) struct Run {
     /// Time since frame 0 (s); n.
@@ -20,20 +20,20 @@ pub(crate) struct Run {
     /// Measured channels, in the order of `channels`; n by 7.
     #[pyo3(get)]
     measured: Py<PyArray2<f64>>,
-    /// The same of the model.
+    /// Simulated channels, in the order of `channels`; n by 7.
     #[pyo3(get)]
     simulated: Py<PyArray2<f64>>,
-    /// Motion of the model's pelvis.
+    /// Simulated motion of the pelvis.
     #[pyo3(get)]
     motion: Py<MotionArrays>,
-    /// What `bodyflight simulate --json` prints.
+    /// The dictionary that `bodyflight simulate --json` prints.
     #[pyo3(get)]
     report: Py<PyAny>,
 }
 
 #[pymethods]
 impl Run {
-    /// Names of the channels, with their units.
+    /// Names of the seven channels, with units.
     #[classattr]
     fn channels() -> Vec<&'static str> {
         Channel::ALL.map(Channel::key).to_vec()
@@ -60,9 +60,10 @@ impl Columns {
     }
 }
 
-/// Runs the model over recorded postures from the first frame and compares it with the measured pelvis.
+/// Simulates a flight from its first frame and its recorded postures alone, and compares the motion with that measured at the
+/// pelvis.
 ///
-/// `start` is "smoothed" or "first", `precision` "double" or "single"; `progress` is called with the time reached (s).
+/// `start` is "smoothed" or "first", `precision` is "double" or "single"; `progress` is called with the flight time reached (s).
 #[pyfunction]
 #[pyo3(signature = (flight, *, start = "smoothed", precision = "double", progress = None))]
 pub(crate) fn simulate(
@@ -95,7 +96,7 @@ pub(crate) fn simulate(
     })
 }
 
-/// Whether a precision by name is single.
+/// Returns whether the precision of this name is single.
 pub(crate) fn is_single(precision: &str) -> PyResult<bool> {
     match precision {
         "double" => Ok(false),

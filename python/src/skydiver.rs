@@ -1,10 +1,11 @@
-//! One skydiver of many: movement patterns in, a motion out, at the least cost.
+//! One skydiver of many: movement patterns in, a motion out, at the lowest cost.
 //!
-//! An action is one interval of the model: the geometry of its middle and constant joint rates serve all steps in it, and the
-//! motion that is seen after it. That is the flight of [`bodyflight_viewer::cockpit::Cockpit`], which builds the geometry for every
-//! step, to what `tests/test_gym.py` allows.
+//! Each action is one interval of the model: all its steps share the geometry at the middle of the interval and constant joint
+//! rates. [`bodyflight_viewer::cockpit::Cockpit`] computes the geometry for every step instead; `tests/test_gym.py` bounds the
+//! difference.
 
 use bodyflight_core::Posture;
+use bodyflight_core::body::mass_properties::PostureRate;
 use bodyflight_core::body::pattern;
 use bodyflight_core::body::posture::joint_rotation;
 use bodyflight_core::dynamics::step::TIME_STEP;
@@ -15,19 +16,19 @@ use bodyflight_viewer::cockpit::{CONTROLS, Control, Start};
 use bodyflight_viewer::setup::Setup;
 use nalgebra::{Quaternion, UnitQuaternion};
 
-/// Share of a control's range that a joint moves in a second, as in the page.
+/// Share of a control's range that a joint moves through in a second, as in the page.
 const SPEED: f32 = 3.0;
 /// Height at which flights begin (m).
 const START_HEIGHT: f32 = 4000.0;
 
-/// What all flights share.
+/// Everything that all flights share.
 pub(crate) struct Course {
     dynamics: Dynamics<f32>,
     inputs: Inputs<f32>,
     base: Posture<f32>,
-    /// A flight that begins.
+    /// A flight at its start.
     begun: Skydiver,
-    /// Steps of an action.
+    /// Steps of the model in one action.
     substeps: u32,
 }
 
@@ -37,12 +38,12 @@ pub(crate) struct Skydiver {
     state: State<f32>,
     posture: Posture<f32>,
     amounts: [f32; CONTROLS.len()],
-    /// What is seen of it.
+    /// Motion at the end of the last action.
     pub(crate) motion: Motion<f32>,
 }
 
 impl Course {
-    /// Flights of a model that begin in a way, with so many steps in an action.
+    /// Creates the course of flights that begin as `start` says, with `substeps` steps of the model in each action.
     pub(crate) fn new(setup: &Setup, start: &Start, substeps: u32) -> Self {
         let base = pattern::posture(start.posture);
         let inertial_from_body = facing_north(start.pitch);
@@ -69,17 +70,17 @@ impl Course {
         }
     }
 
-    /// A flight that begins.
+    /// Returns a flight at its start.
     pub(crate) const fn begun(&self) -> Skydiver {
         self.begun
     }
 
-    /// Time of an action (s).
+    /// Duration of an action (s).
     pub(crate) fn duration(&self) -> f64 {
         f64::from(self.substeps) * TIME_STEP
     }
 
-    /// The base with amounts of the movement patterns.
+    /// Adds amounts of the movement patterns to the base posture.
     fn posture(&self, amounts: &[f32; CONTROLS.len()]) -> Posture<f32> {
         let mut posture = self.base;
         for (control, amount) in CONTROLS.iter().zip(amounts) {
@@ -90,12 +91,49 @@ impl Course {
         posture
     }
 
-    /// Flies an action, shares of the range of each control; `sample` is scratch.
+    /// Flies one action, which holds a share of the range of each control; `sample` is scratch memory.
     pub(crate) fn fly(
         &self,
         flight: &mut Skydiver,
-        action: &[f32],
+        action: &[f32; CONTROLS.len()],
         sample: &mut PostureSample<f32>,
+    ) {
+        self.fly_watched(flight, action, sample, |_| ());
+    }
+
+    /// Returns posture and motion of a flight at its start.
+    pub(crate) const fn at_start(&self) -> (Posture<f32>, Motion<f32>) {
+        (self.base, self.begun.motion)
+    }
+
+    /// Same as [`Course::fly`]; returns posture and motion after each step of the model. Joints move at constant rates.
+    pub(crate) fn watch(
+        &self,
+        flight: &mut Skydiver,
+        action: &[f32; CONTROLS.len()],
+    ) -> Vec<(Posture<f32>, Motion<f32>)> {
+        let from = flight.posture;
+        let (mut states, mut sample) = (Vec::new(), PostureSample::blank());
+        self.fly_watched(flight, action, &mut sample, |state| states.push(*state));
+        let rate = PostureRate::between(&from, &flight.posture, f32::of(self.duration()));
+        let mut share = 0.0;
+        let watched = states.iter().map(|state| {
+            share += 1.0 / f64::from(self.substeps);
+            let posture = from.interpolated(&flight.posture, f32::of(share));
+            let motion = state.motion(&self.dynamics.sample(&posture, &rate));
+            (posture, motion)
+        });
+        watched.collect()
+    }
+
+    /// Flies one action and shows the state after each step of the model to `each`.
+    #[inline]
+    fn fly_watched(
+        &self,
+        flight: &mut Skydiver,
+        action: &[f32; CONTROLS.len()],
+        sample: &mut PostureSample<f32>,
+        mut each: impl FnMut(&State<f32>),
     ) {
         let duration = f32::of(self.duration());
         let reach = SPEED * duration;
@@ -112,13 +150,14 @@ impl Course {
             flight.state =
                 self.dynamics
                     .step_at_density(state, &*sample, &self.inputs, step, density);
+            each(&flight.state);
         }
         flight.posture = next;
         flight.motion = flight.state.motion(&*sample);
     }
 }
 
-/// Adds a share of a control's pattern.
+/// Adds a share of a control's movement pattern to a posture.
 fn add(posture: &mut Posture<f32>, control: &Control, share: f32) {
     let amount = share * control.limit;
     for &(segment, angles) in control.pattern {

@@ -1,4 +1,4 @@
-//! Many skydivers in step, for learning: movement patterns in, what a suit sees out.
+//! Many skydivers that fly in parallel: movement patterns in, the quantities that a motion-capture suit measures out.
 
 use bodyflight::diagnostic::Problem;
 use bodyflight::formats::flight::DEFAULT_DENSITY;
@@ -9,7 +9,7 @@ use bodyflight_core::frame::{Inertial, Vector};
 use bodyflight_core::math::Real;
 use bodyflight_core::observation::Observation;
 use bodyflight_viewer::cockpit::{CONTROLS, STARTS};
-use numpy::{PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
+use numpy::{PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use rayon::prelude::*;
 
@@ -17,8 +17,8 @@ use crate::problem::{raise, unknown};
 use crate::skydiver::{Course, Skydiver};
 use crate::subject::Subject;
 
-/// Names of what is observed, with units.
-const OBSERVED: [&str; 16] = [
+/// Names of the observed quantities, with units.
+pub(crate) const OBSERVED: [&str; 16] = [
     "up_left",
     "up_dorsal",
     "up_cranial",
@@ -37,12 +37,57 @@ const OBSERVED: [&str; 16] = [
     "vertical_velocity_mps",
 ];
 
-/// n skydivers of one body, each with a flight of its own. Actions are shares of the movement patterns `controls`, -1 to 1;
-/// joints follow as fast as a person's.
+/// One row of observations, in the order of [`OBSERVED`].
+pub(crate) type Row = [f32; OBSERVED.len()];
+
+/// Least number of neighbouring skydivers that one thread flies in a run.
+pub(crate) const RUN: usize = 64;
+
+/// n skydivers with one body, each in a flight of its own. An action holds a share, -1 to 1, of the range of each movement
+/// pattern in `controls`; joints follow no faster than a person moves them.
 #[pyclass(module = "bodyflight")]
 pub(crate) struct Skydivers {
     course: Course,
     flights: Vec<Skydiver>,
+}
+
+/// Checks the options of flights that are named as in Python.
+pub(crate) fn course(
+    start: &str,
+    subject: Option<Subject>,
+    density: f64,
+    substeps: u32,
+) -> PyResult<Course> {
+    let names = STARTS.map(|start| start.name);
+    let found = STARTS.iter().find(|known| known.name == start);
+    let start = found.ok_or_else(|| unknown("start", start, &names))?;
+    if !(density > 0.0 && density <= 2.0) || substeps == 0 {
+        return Err(raise(Problem::bad_input(format!(
+            "expected a density above 0 and up to 2 kg/m3 and at least one substep, found {density} and {substeps}"
+        ))));
+    }
+    let subject = subject.map_or_else(subject::Subject::default, |subject| subject.inner);
+    Ok(Course::new(&setup(&subject, density), start, substeps))
+}
+
+/// Returns an error unless the array called `what` has the expected shape.
+pub(crate) fn expect_shape(what: &str, found: &[usize], expected: &[usize]) -> PyResult<()> {
+    if found == expected {
+        return Ok(());
+    }
+    let shape = |sizes: &[usize]| {
+        sizes
+            .iter()
+            .map(usize::to_string)
+            .collect::<Vec<_>>()
+            .join(" by ")
+    };
+    let problem = format!(
+        "expected the shape {}, found {}",
+        shape(expected),
+        shape(found)
+    );
+    Err(raise(Problem::bad_input(problem).at(what)))
 }
 
 #[pymethods]
@@ -56,35 +101,26 @@ impl Skydivers {
         density: f64,
         substeps: u32,
     ) -> PyResult<Self> {
-        let names = STARTS.map(|start| start.name);
-        let found = STARTS.iter().find(|known| known.name == start);
-        let start = found.ok_or_else(|| unknown("start", start, &names))?;
-        if !(density > 0.0 && density <= 2.0) || substeps == 0 {
-            return Err(raise(Problem::bad_input(format!(
-                "expected a density above 0 and up to 2 kg/m3 and at least one substep, found {density} and {substeps}"
-            ))));
-        }
-        let subject = subject.map_or_else(subject::Subject::default, |subject| subject.inner);
-        let course = Course::new(&setup(&subject, density), start, substeps);
+        let course = course(start, subject, density, substeps)?;
         Ok(Self {
             flights: vec![course.begun(); count],
             course,
         })
     }
 
-    /// Names of the movement patterns that an action sets.
+    /// Names of the eight movement patterns that an action sets.
     #[classattr]
     fn controls() -> Vec<&'static str> {
         CONTROLS.iter().map(|control| control.name).collect()
     }
 
-    /// Names of what is observed, with units; axes are the body's: left, dorsal, cranial.
+    /// Names of the 16 observed quantities, with units; body axes are left, dorsal and cranial.
     #[classattr]
     fn observed() -> Vec<&'static str> {
         OBSERVED.to_vec()
     }
 
-    /// Names of the ways to begin.
+    /// Names of the postures and speeds in which flights can begin.
     #[classattr]
     fn starts() -> Vec<&'static str> {
         STARTS.iter().map(|start| start.name).collect()
@@ -100,7 +136,7 @@ impl Skydivers {
         self.flights.len()
     }
 
-    /// Begins anew: all flights, or those whose entry of `which` is true. Returns the observations; n by 16.
+    /// Restarts all flights, or those whose entry of `which` (n) is true. Returns the observations, n by 16.
     #[pyo3(signature = (which = None))]
     fn reset<'py>(
         &mut self,
@@ -110,9 +146,8 @@ impl Skydivers {
         match which {
             None => self.flights.fill(self.course.begun()),
             Some(which) => {
-                let which = which.as_slice()?;
-                self.expect_rows("which", which.len())?;
-                let pairs = self.flights.iter_mut().zip(which);
+                expect_shape("which", which.shape(), &[self.flights.len()])?;
+                let pairs = self.flights.iter_mut().zip(which.as_slice()?);
                 for (flight, _) in pairs.filter(|(_, again)| **again) {
                     *flight = self.course.begun();
                 }
@@ -121,60 +156,46 @@ impl Skydivers {
         self.observe(py)
     }
 
-    /// Flies one step with an action for each: n by 8. Returns the observations, n by 16.
+    /// Flies one step with an action for each skydiver, n by 8. Returns the observations, n by 16.
     fn step<'py>(
         &mut self,
         py: Python<'py>,
         actions: PyReadonlyArray2<'_, f32>,
     ) -> PyResult<Bound<'py, PyArray2<f32>>> {
-        let actions = actions.as_slice()?;
-        let width = CONTROLS.len();
-        self.expect_rows("actions", actions.len() / width)?;
-        if !actions.len().is_multiple_of(width) {
-            return Err(raise(Problem::bad_input(format!(
-                "expected actions of {width} columns"
-            ))));
+        let count = self.flights.len();
+        expect_shape("actions", actions.shape(), &[count, CONTROLS.len()])?;
+        let actions = actions.as_slice()?.as_chunks().0;
+        let seen = PyArray2::zeros(py, [count, OBSERVED.len()], false);
+        {
+            let mut places = seen.readwrite();
+            let rows = places.as_slice_mut()?.as_chunks_mut().0;
+            let (course, flights) = (&self.course, &mut self.flights);
+            py.detach(|| {
+                flights
+                    .par_iter_mut()
+                    .zip(actions.par_iter().zip(rows.par_iter_mut()))
+                    .with_min_len(RUN)
+                    .for_each_init(PostureSample::blank, |sample, (flight, (action, row))| {
+                        course.fly(flight, action, sample);
+                        *row = observation(&flight.motion);
+                    });
+            });
         }
-        let (course, flights) = (&self.course, &mut self.flights);
-        py.detach(|| {
-            flights
-                .par_iter_mut()
-                .with_min_len(64)
-                .zip(actions.par_chunks_exact(width))
-                .for_each_init(PostureSample::blank, |sample, (flight, action)| {
-                    course.fly(flight, action, sample);
-                });
-        });
-        self.observe(py)
+        Ok(seen)
     }
 
-    /// What there is to observe; n by 16.
+    /// Returns the observations, n by 16.
     fn observe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
-        let observed: Vec<[f32; OBSERVED.len()]> = self
-            .flights
-            .iter()
-            .map(|flight| observation(&flight.motion))
-            .collect();
+        let flights = self.flights.iter();
+        let observed: Vec<Row> = flights.map(|flight| observation(&flight.motion)).collect();
         let count = observed.len();
         let flat = numpy::PyArray1::from_vec(py, observed.into_flattened());
         flat.reshape([count, OBSERVED.len()])
     }
 }
 
-impl Skydivers {
-    fn expect_rows(&self, what: &str, found: usize) -> PyResult<()> {
-        let expected = self.flights.len();
-        if found == expected {
-            return Ok(());
-        }
-        Err(raise(
-            Problem::bad_input(format!("expected {expected} rows, found {found}")).at(what),
-        ))
-    }
-}
-
-/// In the order of [`OBSERVED`].
-fn observation(motion: &Motion<f32>) -> [f32; OBSERVED.len()] {
+/// Observes a motion, in the order of [`OBSERVED`].
+pub(crate) fn observation(motion: &Motion<f32>) -> Row {
     let seen = Observation::of(motion);
     let up = motion.inertial_from_body.inverse() * Vector::<f32, Inertial>::new(0.0, 0.0, 1.0);
     let (sin, cos) = seen.angles.heading.sine_cosine();

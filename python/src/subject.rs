@@ -1,4 +1,4 @@
-//! A person, and the steady fall.
+//! A person, and the person's steady fall.
 
 use std::path::PathBuf;
 
@@ -12,7 +12,7 @@ use pyo3::prelude::*;
 use crate::arrays::rows;
 use crate::problem::{dictionary, raise};
 
-/// A person as `subject.toml` describes one; the default person without a path.
+/// A person as described by a `subject.toml`, or the default person if no path is given.
 #[pyclass(frozen, from_py_object, module = "bodyflight")]
 #[derive(Clone)]
 pub(crate) struct Subject {
@@ -31,7 +31,7 @@ impl Subject {
         Ok(Self { inner })
     }
 
-    /// A person from the text of a `subject.toml`.
+    /// Creates a person from the text of a `subject.toml`.
     #[staticmethod]
     fn from_toml(text: &str) -> PyResult<Self> {
         let path = PathBuf::from("subject.toml");
@@ -39,7 +39,7 @@ impl Subject {
         Ok(Self { inner })
     }
 
-    /// The text of a `subject.toml`.
+    /// Returns the text of a `subject.toml`.
     fn to_toml(&self) -> PyResult<String> {
         self.inner.to_toml().map_err(raise)
     }
@@ -50,13 +50,13 @@ impl Subject {
         self.inner.body().mass()
     }
 
-    /// Names of the segments, in the order of all arrays.
+    /// Names of the 16 segments, in the order of all arrays.
     #[classattr]
     fn segments() -> Vec<&'static str> {
         Segment::ALL.map(Segment::name).to_vec()
     }
 
-    /// Mass (kg) and length (m) of each segment; 16 by 2.
+    /// Returns the mass (kg) and length (m) of each segment, 16 by 2.
     fn segment_table(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f64>>> {
         let body = self.inner.body();
         let table = Segment::ALL.map(|segment| {
@@ -66,7 +66,7 @@ impl Subject {
         rows(py, table.to_vec())
     }
 
-    /// The same person with drag, lift and moment coefficients of all segments multiplied.
+    /// Returns the same person with the drag, lift and moment coefficients of all segments multiplied by these factors.
     #[pyo3(signature = (*, drag = 1.0, lift = 1.0, moment = 1.0))]
     fn scaled(&self, drag: f64, lift: f64, moment: f64) -> Self {
         let inner = self.inner.clone();
@@ -80,7 +80,8 @@ impl Subject {
     }
 }
 
-/// The steady belly-to-earth fall of a subject in the neutral pose, as the dictionary of `bodyflight trim --json`.
+/// Finds the steady belly-to-earth fall in the neutral pose, in air of `density` (kg/m3). Returns the dictionary of
+/// `bodyflight trim --json`.
 #[pyfunction]
 #[pyo3(signature = (subject = None, *, density = DEFAULT_DENSITY))]
 pub(crate) fn trim(py: Python<'_>, subject: Option<Subject>, density: f64) -> PyResult<Py<PyAny>> {

@@ -15,10 +15,10 @@ use crate::flight::Flight;
 use crate::long::long_aside;
 use crate::problem::{dictionary, raise};
 
-/// Flies the postures of a flight once for each row of factors on the drag, lift and moment coefficients, on all cores.
+/// Simulates a flight once for each row of `factors` on all cores; m by 3: factors on the drag, lift and moment coefficients.
 ///
-/// Returns the root mean square of measured minus simulated, in the order of `Run.channels`: m by 7. Runs that leave every
-/// range are compared with their last plausible motion. The recording is read once.
+/// Returns the root mean square of measured minus simulated, m by 7 in the order of `Run.channels`. A run that diverges is
+/// compared in its last plausible motion. The recording is read only once.
 #[pyfunction]
 #[pyo3(signature = (flight, factors, *, start = "smoothed"))]
 pub(crate) fn sweep(
@@ -51,7 +51,7 @@ pub(crate) fn sweep(
     rows(py, found)
 }
 
-/// Rows of factors that coefficients can have.
+/// Reads the rows of factors. Returns an error unless each has three factors of 0 to 100.
 fn three_columns(factors: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<[f64; 3]>> {
     use bodyflight::diagnostic::Problem;
     let rows = factors.as_array();
@@ -72,7 +72,7 @@ fn three_columns(factors: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<[f64; 3]>>
         .collect()
 }
 
-/// Searches for coefficients that reconstruct flights best: the dictionary of `bodyflight tune --json`.
+/// Searches for the coefficients that reproduce flights best. Returns the dictionary of `bodyflight tune --json`.
 #[pyfunction]
 #[pyo3(signature = (flights, *, hold_out = vec![], draws = 200, spread = 0.3, seed = 0, per_segment = false))]
 pub(crate) fn tune(

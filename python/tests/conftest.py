@@ -10,7 +10,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 @pytest.fixture(scope="session")
 def program():
-    """Runs the program that this package wraps; its output as text."""
+    """Runs the program as built from the workspace; returns its output as text."""
     path = os.environ.get("BODYFLIGHT")
     if path is None:
         pytest.skip("BODYFLIGHT does not name the program to compare with: cargo xtask python does")
@@ -24,7 +24,7 @@ def program():
 
 @pytest.fixture(scope="session")
 def turn(tmp_path_factory):
-    """A synthetic flight with turns: the folder."""
+    """Folder of a synthetic flight with turns."""
     folder = tmp_path_factory.mktemp("turn")
     bodyflight.synth("aggressive-turns", folder, seed=3)
     return folder
@@ -32,5 +32,5 @@ def turn(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def acrobatics():
-    """A real twisting somersault that comes with the project."""
+    """A real twisting somersault, part of the project."""
     return ROOT / "host/data/acrobatics/flight-1.toml"

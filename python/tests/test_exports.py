@@ -1,4 +1,4 @@
-"""Files that others read: opened as they open them, and compared with what the program writes."""
+"""Exported files, read with the libraries that users read them with, agree with the output of the program."""
 
 import json
 
@@ -36,7 +36,7 @@ def test_pandas_and_polars_open_the_table_with_what_simulate_writes(exported, tu
     about = schema.field("l_hand_force_dorsal_n").metadata
     assert about[b"unit"] == b"N" and b"force" in about[b"meaning"]
     assert schema.field("simulated_velocity_up_mps").metadata[b"unit"] == b"m/s"
-    # What is missing is null.
+    # Missing values are null.
     assert theirs["estimated_pitch"].null_count() < 10
     assert theirs["time_s"].null_count() == 0
 
@@ -65,7 +65,7 @@ def test_every_format_has_the_same_numbers(exported):
         np.testing.assert_array_equal(arrays["simulated_attitude"], attitude)
 
 
-def test_a_body_moves_where_mcap_is_read(exported):
+def test_a_body_moves_when_mcap_is_read(exported):
     pandas = pytest.importorskip("pandas")
     reader = pytest.importorskip("mcap.reader")
     table = pandas.read_parquet(exported["parquet"])
@@ -105,13 +105,13 @@ def test_the_forces_of_the_air_move_the_centre_of_gravity(exported):
     height = table["simulated_position_up_m"].to_numpy() + (up * cg).sum(axis=0)
     velocity = np.gradient(height, time)
     mass = bodyflight.trim()["mass_kg"]
-    # Over seconds: the gain of speed is the impulse.
+    # Over several seconds, the change of velocity equals the impulse per mass.
     gained = velocity[-100] - velocity[100]
     pushed = np.trapezoid((up * force).sum(axis=0)[100:-99] / mass - 9.81, time[100:-99])
     assert gained == pytest.approx(pushed, abs=0.05)
 
 
-def test_a_slip_is_told_and_nothing_is_replaced_unasked(turn, tmp_path):
+def test_typing_errors_are_reported_and_nothing_is_replaced_by_default(turn, tmp_path):
     flight, out = bodyflight.Flight(turn), tmp_path / "run.csv"
     with pytest.raises(bodyflight.BadInput) as raised:
         bodyflight.export(flight, out, format="parqet")

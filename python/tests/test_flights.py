@@ -1,4 +1,4 @@
-"""What the program does too is compared with it: to the bit, or to the last digit that it writes."""
+"""Results agree with those of the program, to the bit or to the last digit that it writes."""
 
 import json
 
@@ -8,7 +8,7 @@ import pytest
 
 
 def report(text):
-    """A report without what the clock measures, and without the run that made it."""
+    """Returns a report without measured times and provenance."""
     found = json.loads(text) if isinstance(text, str) else dict(text)
     for own in ("steps_per_second", "filter_s", "made_by"):
         found.pop(own, None)
@@ -54,7 +54,7 @@ def test_a_recording_is_read_as_it_was_flown(turn):
     assert recording.parent_from_segment.shape == (frames, len(bodyflight.Subject.segments), 4)
     np.testing.assert_allclose(np.linalg.norm(recording.parent_from_segment, axis=2), 1.0, atol=1e-9)
     np.testing.assert_allclose(np.diff(recording.time), 1.0 / 240.0, atol=1e-9)
-    # The positions are the velocities, summed.
+    # The positions are the integral of the velocities.
     motion = recording.motion
     flown = motion.position[-1] - motion.position[0]
     np.testing.assert_allclose(np.trapezoid(motion.velocity, recording.time, axis=0), flown, atol=0.5)
@@ -87,7 +87,7 @@ def test_trim_is_the_programs(program):
     assert report(program("--json", "trim", "--density", "0.9")) == bodyflight.trim(density=0.9)
 
 
-def test_nothing_is_named_where_nothing_is_missing(turn):
+def test_no_effect_is_named_if_none_is_missing(turn):
     flight = bodyflight.Flight(turn)
     assert bodyflight.discover([flight])["effects"] == []
 

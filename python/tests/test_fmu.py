@@ -1,4 +1,4 @@
-"""The skydiver as a unit of FMI 3.0, looked at and flown by FMPy."""
+"""The skydiver as an FMI 3.0 unit, validated and simulated by FMPy."""
 
 import shutil
 
@@ -14,7 +14,7 @@ from fmpy.validation import validate_fmu  # noqa: E402
 
 @pytest.fixture(scope="module")
 def unit(turn, tmp_path_factory):
-    """The unit of the person and the air of the flight with turns."""
+    """A unit with the person and the air of the flight with turns."""
     path = tmp_path_factory.mktemp("unit") / "skydiver.fmu"
     report = bodyflight.fmu(turn / "flight.toml", path)
     assert report["bytes"] == path.stat().st_size
@@ -22,7 +22,7 @@ def unit(turn, tmp_path_factory):
 
 
 class Unit:
-    """A unit in flight, with its variables by name."""
+    """A running unit whose variables are accessed by name."""
 
     def __init__(self, path):
         description = fmpy.read_model_description(path)
@@ -52,13 +52,13 @@ class Unit:
         return np.array(self.slave.getFloat64([self.references[name] for name in names]))
 
 
-def test_it_keeps_the_rules(unit):
+def test_it_conforms_to_the_standard(unit):
     assert validate_fmu(str(unit)) == []
     description = fmpy.read_model_description(unit, validate=True)
     assert description.fmiVersion == "3.0" and description.coSimulation is not None
 
 
-def test_it_falls_at_the_trimmed_speed_where_it_is_simulated(unit):
+def test_it_falls_at_the_trimmed_speed_in_simulation(unit):
     result = fmpy.simulate_fmu(
         unit, stop_time=12.0, step_size=1 / 240, output_interval=1 / 60, output=["velocity.up", "seen.pitch_rad"]
     )
@@ -73,7 +73,7 @@ def joints(rows, frame):
 
 
 def test_its_trace_is_the_simulations(unit, turn, tmp_path):
-    """Fed by the recorded joints and the inputs of the flight, it flies what `simulate` flies."""
+    """With the recorded joint angles and the inputs of the flight, it moves as in `simulate`."""
     bodyflight.export(bodyflight.Flight(turn), tmp_path / "run.npz")
     rows = np.load(tmp_path / "run.npz")
     world, axes, rotation = ["north", "west", "up"], ["pitch", "yaw", "roll"], ["w", "x", "y", "z"]
@@ -110,7 +110,7 @@ def test_its_trace_is_the_simulations(unit, turn, tmp_path):
     assert turned > 0.5
 
 
-def test_a_state_that_was_kept_is_flown_again(unit):
+def test_a_saved_state_is_restored(unit):
     with Unit(unit) as skydiver:
         skydiver.slave.exitInitializationMode()
         skydiver.slave.doStep(0.0, 0.1)
@@ -123,7 +123,7 @@ def test_a_state_that_was_kept_is_flown_again(unit):
         skydiver.slave.freeFMUState(kept)
 
 
-def test_what_cannot_be_is_refused(unit):
+def test_impossible_values_are_refused(unit):
     with Unit(unit) as skydiver:
         skydiver.slave.exitInitializationMode()
         with pytest.raises(Exception, match="3"):

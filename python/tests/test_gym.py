@@ -1,4 +1,4 @@
-"""The environments keep Gymnasium's rules and fly the model."""
+"""The environments follow Gymnasium's rules and simulate the model."""
 
 import numpy as np
 import pytest
@@ -38,7 +38,7 @@ def test_a_turn_turns_and_its_mirror_turns_the_other_way():
     assert sin[0] == pytest.approx(-sin[1], abs=0.02)
 
 
-def test_many_fly_as_one_does():
+def test_many_fly_like_one():
     one, many = bodyflight.Skydivers(1), bodyflight.Skydivers(50)
     one.reset()
     many.reset()
@@ -50,7 +50,7 @@ def test_many_fly_as_one_does():
         np.testing.assert_array_equal(together, np.repeat(alone, 50, axis=0))
 
 
-def test_vector_environments_begin_anew_where_an_episode_ends():
+def test_vector_environments_restart_when_an_episode_ends():
     env = gym.SkydiverVectorEnv(4, task="turn")
     first, _ = env.reset(seed=1)
     assert first.shape == env.observation_space.shape
@@ -60,7 +60,7 @@ def test_vector_environments_begin_anew_where_an_episode_ends():
     assert truncated.all() and not terminated.any()
     again, reward, terminated, truncated, _ = env.step(action)
     assert not truncated.any() and (reward == 0.0).all()
-    # The same motion as at first, with another turn to fly.
+    # The same motion as at the start, with another wanted heading.
     np.testing.assert_array_equal(again[:, :13], first[:, :13])
     assert not np.array_equal(again[:, 13:15], first[:, 13:15])
 
@@ -78,7 +78,7 @@ def test_the_same_seed_is_the_same_episode():
 
 
 def test_the_geometry_of_an_action_is_fine_enough():
-    """Geometry once an action, as flown, against geometry for every step of the model: seconds of moving about."""
+    """Geometry once per action against geometry for every step of the model, over several seconds of movement."""
     coarse, fine = bodyflight.Skydivers(32), bodyflight.Skydivers(32, substeps=1)
     coarse.reset()
     fine.reset()
@@ -93,3 +93,65 @@ def test_the_geometry_of_an_action_is_fine_enough():
     for name, (ours, theirs) in named.items():
         allowed = {"mps": 0.4, "_m": 0.5, "dps": 0.08}.get(next((end for end in ["mps", "dps", "_m"] if name.endswith(end)), ""), 0.05)
         assert np.median(np.abs(ours - theirs)) < allowed, name
+
+
+@pytest.mark.parametrize("task", gym.TASKS)
+def test_one_environment_and_a_vector_of_one_agree(task):
+    """The same seed and actions give the same numbers, beyond the end of an episode."""
+    one, many = gym.SkydiverEnv(task), gym.SkydiverVectorEnv(1, task)
+    alone, _ = one.reset(seed=11)
+    together, _ = many.reset(seed=11)
+    np.testing.assert_array_equal(together[0], alone)
+    random, ends = np.random.default_rng(6), 0
+    for _ in range(many.episode_steps + 20):
+        action = random.uniform(-0.3, 0.3, one.action_space.shape).astype(np.float32)
+        wanted = one.step(action)
+        found = many.step(action[None])
+        for part, expected in zip(found[:4], wanted[:4]):
+            np.testing.assert_array_equal(part[0], expected)
+        if wanted[2] or wanted[3]:
+            ends += 1
+            alone, _ = one.reset()
+            together, reward, terminated, truncated, _ = many.step(action[None])
+            np.testing.assert_array_equal(together[0], alone)
+            assert reward[0] == 0.0 and not terminated[0] and not truncated[0]
+    assert ends > 0
+
+
+def test_a_vector_environment_flies_what_single_ones_fly():
+    """More skydivers than one thread flies in a run, in a task without random goals."""
+    one, many = gym.SkydiverEnv("hold"), gym.SkydiverVectorEnv(150, "hold")
+    one.reset(seed=0)
+    many.reset(seed=1)
+    random = np.random.default_rng(8)
+    for _ in range(40):
+        action = random.uniform(-0.5, 0.5, one.action_space.shape).astype(np.float32)
+        wanted = one.step(action)
+        found = many.step(np.repeat(action[None], 150, axis=0))
+        for part, expected in zip(found[:4], wanted[:4]):
+            np.testing.assert_array_equal(part, np.repeat(np.asarray(expected, dtype=part.dtype)[None], 150, axis=0))
+
+
+def test_observations_and_rewards_follow_from_the_motion():
+    """The numbers of the turn task, computed independently from the observations of `Skydivers`."""
+    env, flights = gym.SkydiverVectorEnv(3, "turn"), bodyflight.Skydivers(3)
+    env.reset(seed=4)
+    wanted = np.random.default_rng(4).uniform(*gym.TASKS["turn"].turn, size=3)
+    random = np.random.default_rng(9)
+    for _ in range(20):
+        actions = random.uniform(-0.5, 0.5, env.action_space.shape).astype(np.float32)
+        (seen, reward, *_), body = env.step(actions), flights.step(actions)
+        named = dict(zip(flights.observed, body.astype(float).T))
+        left = wanted - np.arctan2(named["heading_sin"], named["heading_cos"])
+        np.testing.assert_allclose(seen[:, gym.OBSERVED.index("turn_left_sin")], np.sin(left), atol=1e-5)
+        np.testing.assert_allclose(seen[:, gym.OBSERVED.index("turn_left_cos")], np.cos(left), atol=1e-5)
+        np.testing.assert_allclose(seen[:, gym.OBSERVED.index("vertical_velocity_mps")], named["vertical_velocity_mps"] / 60, atol=1e-5)
+        expected = 0.5 * (1 + named["up_dorsal"]) - 0.01 * (actions**2).mean(axis=1) + 0.5 * (1 + np.cos(left))
+        np.testing.assert_allclose(reward, expected, atol=1e-5)
+
+
+def test_arrays_of_another_shape_are_refused():
+    env = gym.SkydiverVectorEnv(4)
+    env.reset(seed=0)
+    with pytest.raises(bodyflight.BadInput, match="4 by 8"):
+        env.step(np.zeros((3, 8), dtype=np.float32))

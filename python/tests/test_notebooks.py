@@ -1,4 +1,4 @@
-"""The notebooks run from beginning to end, and say what they assert."""
+"""The notebooks run from beginning to end, and their assertions hold."""
 
 from pathlib import Path
 
@@ -9,7 +9,7 @@ nbformat, nbclient = pytest.importorskip("nbformat"), pytest.importorskip("nbcli
 NOTEBOOKS = sorted((Path(__file__).resolve().parents[1] / "notebooks").glob("*.ipynb"))
 
 
-def test_they_are_all_here():
+def test_all_notebooks_are_here():
     assert len(NOTEBOOKS) == 3
 
 
@@ -18,7 +18,7 @@ def test_they_are_all_here():
 def test_it_runs(path, tmp_path):
     notebook = nbformat.read(path, as_version=4)
     code = [cell for cell in notebook.cells if cell.cell_type == "code"]
-    # Stored without what it prints: that is of the machine that runs it.
+    # Notebooks are stored without output, which differs between machines.
     assert not any(cell.outputs or cell.execution_count for cell in code)
     nbclient.NotebookClient(notebook, timeout=170, resources={"metadata": {"path": str(tmp_path)}}).execute()
     pictures = [

@@ -1,4 +1,4 @@
-"""Problems keep their parts; long work ends with Ctrl-C."""
+"""Exceptions have the parts of the problem as attributes, and Ctrl-C interrupts long work."""
 
 import os
 import signal
@@ -34,13 +34,13 @@ def test_a_bad_value_is_named_by_line_and_field():
         lambda turn: bodyflight.Skydivers(1, start="neutrall"),
     ],
 )
-def test_a_slip_in_a_name_gets_the_right_one(turn, call):
+def test_a_typing_error_gets_a_suggestion(turn, call):
     with pytest.raises(bodyflight.BadInput) as raised:
         call(turn)
     assert raised.value.help
 
 
-def test_what_progress_raises_ends_the_work(turn):
+def test_an_exception_in_progress_ends_the_work(turn):
     class Enough(Exception):
         pass
 
@@ -50,7 +50,7 @@ def test_what_progress_raises_ends_the_work(turn):
     flight = bodyflight.Flight(turn)
     with pytest.raises(Enough):
         bodyflight.simulate(flight, progress=progress)
-    # And the next call is not interrupted.
+    # The next call is not interrupted.
     assert bodyflight.simulate(flight).report["frames"] > 1000
 
 
@@ -63,8 +63,8 @@ def test_ctrl_c_ends_long_work(turn):
     assert bodyflight.simulate(flight).report["frames"] > 1000
 
 
-def test_other_threads_go_on_meanwhile(turn):
-    """The interpreter's lock is released: a thread counts while another flies."""
+def test_other_threads_keep_running(turn):
+    """The interpreter's lock is released: one thread counts while another simulates."""
     flight = bodyflight.Flight(turn)
     counted, done = [0], threading.Event()
 

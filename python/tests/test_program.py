@@ -1,4 +1,4 @@
-"""The program comes with the package: on the path, page included."""
+"""The package installs the program, including its page."""
 
 import json
 import os
@@ -39,7 +39,7 @@ def test_it_has_the_page(turn, tmp_path):
     assert seen.returncode == 0, seen.stderr
     text = page.read_text()
     assert "bodyflight-data" in text and len(text) > 100_000
-    # It says what it was made with, without the interpreter.
+    # The provenance names the command without the interpreter.
     assert f"bodyflight view {turn.name}" in text
 
 

@@ -1,4 +1,4 @@
-"""A cluster of two processes, one of which dies."""
+"""Sweeps on a cluster of two processes, one of which dies."""
 
 import os
 import signal
@@ -48,9 +48,9 @@ def test_a_killed_worker_costs_time_only(cluster, turn, tmp_path):
     assert len(list(tmp_path.glob("part-*.parquet"))) == 12
 
 
-def test_a_sweep_goes_on_where_it_was(turn, tmp_path):
+def test_an_interrupted_sweep_continues(turn, tmp_path):
     class Nobody:
-        """A client that must not be asked."""
+        """A client that must not be used."""
 
         def submit(self, *_arguments, **_options):
             raise AssertionError("a part that is there was flown again")
@@ -63,5 +63,5 @@ def test_a_sweep_goes_on_where_it_was(turn, tmp_path):
         parts.write(first, wanted[first : first + 2], rms[first : first + 2])
     again = scale.sweep(Nobody(), flight, wanted, chunk=2, folder=tmp_path)
     assert again.tobytes() == rms.tobytes()
-    # Other factors are other parts.
+    # Other factors belong to other parts.
     assert parts.read(0, wanted[2:4]) is None

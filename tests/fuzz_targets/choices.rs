@@ -1,6 +1,6 @@
-//! Input bytes as choices of a target.
+//! Reads the bytes of an input as the choices of a target.
 
-/// The rest of an input, followed by zeros.
+/// The remaining bytes of an input, followed by zeros.
 pub(super) struct Choices<'a>(pub(super) &'a [u8]);
 
 impl<'a> Choices<'a> {

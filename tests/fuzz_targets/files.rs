@@ -11,10 +11,10 @@ use bodyflight::formats::subject::Subject;
 use bodyflight::formats::track;
 use bodyflight::verbs::fall::{Conditions, fall};
 
-/// A folder that does not exist, so that inputs cannot name a file of this machine.
+/// A folder that does not exist, so that inputs cannot name a file on this machine.
 const NOWHERE: &str = "/nowhere/of/fuzz";
 
-/// Longest track that is also analysed, which is slower than reading.
+/// Longest track (samples) that is also analysed, which is slower than reading.
 const LONGEST_JUDGED: usize = 2000;
 
 /// Reads a FlySight track.
@@ -76,6 +76,6 @@ pub(super) fn toml(input: &[u8]) {
             "a file that was read has no value out of range"
         );
     }
-    // Both refusing and accepting are correct.
+    // Accepting and refusing are both correct.
     let _ = Tuning::parse(text, &path);
 }

@@ -45,7 +45,7 @@ pub(super) fn xbus(input: &[u8]) {
     let mut rest = input;
     while let Some(packet) = at_once.next(&mut rest) {
         for item in packet.items() {
-            // Both refusing and reading are correct.
+            // Decoding and refusing are both correct.
             let _ = item.decode();
         }
         found.push((packet.message_id, packet.data.to_vec()));
@@ -62,11 +62,11 @@ pub(super) fn xbus(input: &[u8]) {
     assert_eq!(at_once.counters(), one_by_one.counters());
 }
 
-/// Number of samples of one input that reach the filter, which is the slow part.
+/// Most samples per input that reach the filter, which is the slow part.
 const MOST_SAMPLES: u32 = 48;
 
 /// The unit in virtual time: commands in any order, frames and samples damaged as the input chooses, noise in between.
-/// In all cases its frames are whole, its estimates finite and its ledger balances.
+/// In all cases its frames are whole, its estimates finite, and its queue within its capacity.
 pub(super) fn unit(input: &[u8]) {
     let mut choices = Choices(input);
     let mut host = Host::new();
@@ -83,7 +83,7 @@ pub(super) fn unit(input: &[u8]) {
     assert!(status.queue_high_water <= bodyflight_firmware::unit::SAMPLES.into());
 }
 
-/// Valid and invalid messages of a host.
+/// A host that sends valid and invalid messages.
 struct Host {
     unit: Unit<Bench>,
     table: SegmentTable,
@@ -117,7 +117,7 @@ impl Host {
         }
     }
 
-    /// Sends everything up to a running session.
+    /// Sends all messages up to the start of a session.
     fn begin(&mut self) {
         for message in self.greeting(0, 240.0, 60.0) {
             self.send(message, None);
@@ -219,7 +219,7 @@ impl Host {
         }
     }
 
-    /// Every frame of the unit is whole, and its estimates are finite.
+    /// Asserts that every frame of the unit is whole, and that its estimates are finite.
     fn listen(&mut self) {
         let mut bytes = [0; MAX_FRAME_LENGTH];
         while let Some(length) = self.unit.transmit(&mut bytes) {

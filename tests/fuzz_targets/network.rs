@@ -4,7 +4,7 @@ use bodyflight::formats::mvn_network::{Options, Receiver};
 
 use super::choices::Choices;
 
-/// Any datagrams, each preceded by its length; the highest bit of the length requests a pause after it.
+/// Any datagrams, each preceded by its length; the highest bit of the length flushes the receiver afterwards.
 pub(super) fn mxtp(input: &[u8]) {
     let mut choices = Choices(input);
     let mut receiver = Receiver::new(Options::default());

@@ -48,7 +48,7 @@ fn edited(input: &[u8]) -> Vec<u8> {
 
 fn check(text: &[u8]) {
     if let Ok(report) = survey(text) {
-        // The human-readable output can be produced.
+        // The report can be displayed.
         assert!(!report.to_string().is_empty());
         assert!(report.duration_s.is_finite() && report.frame_rate_hz >= 1.0);
     }

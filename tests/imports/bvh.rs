@@ -1,4 +1,4 @@
-//! The known flight as BVH files of several rest postures and names.
+//! The known flight as BVH files with several rest postures and joint names.
 
 use std::fmt::Write;
 
@@ -11,7 +11,7 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 use crate::known::{RETURNS, imported, known, largest, turned};
 
-/// X left, Y up, Z forward, as most BVH files have it, in body axes and, facing north, in inertial ones.
+/// The axes of most BVH files (X left, Y up, Z forward): in body axes and, facing north, in inertial ones.
 fn bvh_axes() -> [Matrix3<f64>; 2] {
     let columns = |x, y, z| Matrix3::from_columns(&[x, y, z]);
     [
@@ -110,7 +110,7 @@ fn children(of: Segment) -> impl Iterator<Item = Segment> {
         .filter(move |segment| segment.parent() == Some(of))
 }
 
-/// Angles about Z, X, Y of a joint and its children (degrees).
+/// Writes the angles of a joint and its children about Z, X, Y (degrees).
 fn write_turns(text: &mut String, world_from_joint: &SegmentArray<Matrix3<f64>>, segment: Segment) {
     let parent = segment
         .parent()
@@ -143,14 +143,14 @@ fn arms_down() -> Posture<f64> {
 }
 
 #[test]
-fn a_flight_returns_through_bvh_whatever_its_rest_posture_and_names() {
+fn a_flight_survives_bvh_with_any_rest_posture_and_names() {
     let folder = tempfile::tempdir().expect("a folder");
     for (rest, prefix) in [(xsens::t_pose(), ""), (arms_down(), "mixamorig:")] {
         let file = written(&rest, |name| format!("{prefix}{name}"));
         let file = program::written(folder.path(), "jump.bvh", &file);
         let (angles, places) = imported(folder.path(), &[&file]);
         assert!(largest(&angles) < RETURNS, "{angles:?}");
-        // Hips that are not midway between the thighs are not the position of the body.
+        // The position of the body is midway between the thighs, where the `Hips` joint need not be.
         assert!(places < 0.02, "{places} m");
     }
     let picture = std::fs::read_to_string(folder.path().join("out/first-frame.svg"));

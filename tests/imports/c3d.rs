@@ -1,7 +1,7 @@
 //! Writes points as a C3D file: one header, parameters, floats in Intel format.
 
 const BLOCK: usize = 512;
-/// The second byte of a C3D file.
+/// The second byte of every C3D file.
 const KEY: u8 = 0x50;
 
 /// Name, kind, sizes and values of a parameter.

@@ -9,7 +9,7 @@ use nalgebra::UnitQuaternion;
 
 pub(crate) const PROGRAM: Program = Program(env!("CARGO_BIN_EXE_bodyflight"));
 
-/// Largest difference of a recovered attitude (degrees).
+/// Largest allowed error of a recovered attitude (degrees).
 pub(crate) const RETURNS: f64 = 0.5;
 
 pub(crate) fn acrobatics(name: &str) -> PathBuf {
@@ -34,8 +34,8 @@ pub(crate) fn turned(frame: &FlightFrame) -> SegmentArray<UnitQuaternion<f64>> {
     (frame.posture.body_from_segments()).map(|_, segment| attitude * segment)
 }
 
-/// Imports a file and compares it with the known flight; returns the largest angle of each segment (degrees), and the
-/// largest difference of positions (m).
+/// Imports a file and compares it with the known flight; returns the largest angular error of each segment (degrees)
+/// and the largest position error (m).
 pub(crate) fn imported(folder: &Path, arguments: &[&str]) -> (SegmentArray<f64>, f64) {
     let out = folder.join("out");
     let report =

@@ -138,7 +138,7 @@ fn monitor_reads_a_terminal_until_ctrl_c() {
 }
 
 #[test]
-fn monitor_tells_what_it_cannot_use() {
+fn monitor_reports_what_it_cannot_use() {
     let message = fails(&["monitor", "--defmt", "no.elf"], 3);
     assert!(message.contains("no.elf"), "{message}");
     let folder = tempfile::tempdir().expect("a folder");
@@ -146,7 +146,7 @@ fn monitor_tells_what_it_cannot_use() {
     std::fs::write(&path, ":10000000").expect("written");
     let message = fails(&["monitor", "--defmt", plain(&path)], 2);
     assert!(
-        message.contains("no ELF file") && message.contains("flashed"),
+        message.contains("not an ELF file") && message.contains("flashed"),
         "{message}"
     );
     if cfg!(target_os = "linux") {

@@ -105,7 +105,7 @@ fn round_trip(sent: &[FlightFrame]) -> Vec<FlightFrame> {
 }
 
 #[test]
-fn a_flight_returns_over_the_network() {
+fn a_flight_survives_the_network_round_trip() {
     let folder = tempfile::tempdir().expect("a folder");
     let sent = frames(&synthetic_flight(folder.path()), 600);
     let received = round_trip(&sent);
@@ -120,7 +120,7 @@ fn a_flight_returns_over_the_network() {
 }
 
 #[test]
-fn real_recordings_return_over_the_network() {
+fn real_recordings_survive_the_network_round_trip() {
     for name in [
         "mvnx/robotology-xsens-mvn/Meri-020.mvnx",
         "mvnx/andres-fr-blender-mvnx-io/test_mocap.mvnx",
@@ -135,7 +135,7 @@ fn real_recordings_return_over_the_network() {
 }
 
 #[test]
-fn lost_repeated_and_swapped_datagrams_harm_no_other() {
+fn lost_repeated_and_swapped_datagrams_affect_no_others() {
     let folder = tempfile::tempdir().expect("a folder");
     let sent = frames(&synthetic_flight(folder.path()), 400);
     let socket = UdpSocket::bind("127.0.0.1:0").expect("a socket");
@@ -154,7 +154,7 @@ fn lost_repeated_and_swapped_datagrams_harm_no_other() {
     }
     let (mut faulty, mut repeated, mut dropped) = (Vec::new(), 0, 0);
     for (number, datagram) in datagrams.iter().enumerate() {
-        // The first half second is not damaged, since it determines which kinds are sent.
+        // The first half second stays intact, since it determines which kinds of datagrams are sent.
         let at_work = number > 360;
         if at_work && number % 37 == 0 {
             dropped += 1;
@@ -245,7 +245,7 @@ fn the_binary_sends_and_listens() {
     assert!((rate - 240.0).abs() < 2.0, "{totals}");
 }
 
-/// Ends a process as Ctrl-C does.
+/// Interrupts a process as Ctrl-C does.
 fn interrupt(process: &std::process::Child) {
     let sent = Command::new("kill")
         .args(["-INT", &process.id().to_string()])
@@ -254,7 +254,7 @@ fn interrupt(process: &std::process::Child) {
 }
 
 #[test]
-fn what_was_received_until_ctrl_c_is_a_flight() {
+fn frames_received_until_ctrl_c_are_a_flight() {
     let folder = tempfile::tempdir().expect("a folder");
     let flight = synthetic_flight(folder.path());
     let subject = folder.path().join("subject.toml");
@@ -278,7 +278,7 @@ fn what_was_received_until_ctrl_c_is_a_flight() {
         .stderr(Stdio::null())
         .spawn()
         .expect("the binary starts");
-    // Three seconds of flight have come when the first rates are told, and the second ones.
+    // Three seconds of flight have arrived by the time the second rates are reported.
     let _ = (lines.next(), lines.next());
     interrupt(&listener);
     sender.kill().expect("ended");
@@ -289,7 +289,7 @@ fn what_was_received_until_ctrl_c_is_a_flight() {
     let count = kept["frames"].as_u64().expect("frames");
     assert!(count > 240 && kept["frame_rate_hz"] == 240.0, "{kept}");
 
-    // Single precision on the network, six decimals in the file.
+    // Positions are single precision on the network and have six decimals in the file.
     let sent = frames(&flight, usize::MAX);
     let received = frames(&out, usize::MAX);
     assert_eq!(received.len() as u64, count);
@@ -298,7 +298,7 @@ fn what_was_received_until_ctrl_c_is_a_flight() {
         .position(|frame| (frame.pelvis.position - received[0].pelvis.position).norm() < 1e-3);
     let offset = offset.expect("where it began");
     for received in &received {
-        // What the network lost is a gap in the recording too.
+        // Frames lost on the network are gaps in the recording too.
         let index = usize::try_from(received.index).expect("small");
         let sent = &sent[offset + index];
         let gap = (sent.pelvis.position - received.pelvis.position).norm();
@@ -315,7 +315,7 @@ fn what_was_received_until_ctrl_c_is_a_flight() {
 }
 
 #[test]
-fn wrong_addresses_are_told() {
+fn wrong_addresses_are_reported() {
     assert!(fails(&["mvn", "listen", "--bind", "nowhere"], 3).contains("HOST:PORT"));
     let taken = UdpSocket::bind("127.0.0.1:0").expect("a socket");
     let address = taken.local_addr().expect("an address").to_string();

@@ -1,4 +1,4 @@
-//! The mistakes in what is called: arguments, outputs, the machine.
+//! Mistakes in calls: arguments, outputs, the machine.
 
 use crate::table::Made::{CtrlC, Edit, File, Folder, FullDisk, Nothing};
 use crate::table::{Mistake, mistake};
@@ -6,42 +6,42 @@ use crate::table::{Mistake, mistake};
 /// Wrong calls.
 pub(crate) const CALLS: [Mistake; 27] = [
     mistake(
-        "maneuver with a slip",
+        "misspelt maneuver",
         Nothing,
         "synth rotation --out @out",
         2,
         "did you mean \"rotations\"?",
     ),
     mistake(
-        "effect with a slip",
+        "misspelt effect",
         Nothing,
         "hide wnid --out @out",
         2,
         "did you mean \"wind\"?",
     ),
     mistake(
-        "preset with a slip",
+        "misspelt preset",
         Nothing,
         "estimate @flight.mvnx --preset trackin",
         2,
         "did you mean \"tracking\"?",
     ),
     mistake(
-        "experiment with a slip",
+        "misspelt experiment",
         Nothing,
         "reproduce layout --out @out",
         2,
         "did you mean \"layouts\"?",
     ),
     mistake(
-        "effect of a model with a slip",
+        "misspelt effect in a model",
         File("m.toml", b"[[effect]]\nname = \"wnd\"\n"),
         "simulate @flight.mvnx --model @m.toml",
         2,
         "did you mean \"wind\"?",
     ),
     mistake(
-        "limb groups with a slip",
+        "misspelt limb groups",
         Edit(
             "flight.toml",
             "inputs = \"inputs.csv\"",
@@ -59,7 +59,7 @@ pub(crate) const CALLS: [Mistake; 27] = [
         "this is an input, and would be overwritten",
     ),
     mistake(
-        "output that is there",
+        "output that exists",
         File("run.csv", b"mine"),
         "simulate @flight.mvnx --out @run.csv",
         2,
@@ -73,7 +73,7 @@ pub(crate) const CALLS: [Mistake; 27] = [
         "is a directory",
     ),
     mistake(
-        "output in a folder that is not there",
+        "output in a missing folder",
         Nothing,
         "simulate @flight.mvnx --out @no/run.csv",
         3,
@@ -91,7 +91,7 @@ pub(crate) const CALLS: [Mistake; 27] = [
         Nothing,
         "simulate @flight.mvnx --plot @run.jpg",
         2,
-        "expected a figure that ends in .svg, .pdf or .png, found .jpg",
+        "expected a figure whose name ends in .svg, .pdf or .png, found .jpg",
     ),
     mistake(
         "no snapshots",
@@ -119,7 +119,7 @@ pub(crate) const CALLS: [Mistake; 27] = [
         Nothing,
         "simulate @flight.mvnx @flight.toml --out @run.csv",
         2,
-        "{} stands for the name of the flight",
+        "{} is replaced by the name of the flight",
     ),
     mistake(
         "density of g/m3 for an option",
@@ -129,7 +129,7 @@ pub(crate) const CALLS: [Mistake; 27] = [
         "expected --density of 0.1 to 2 kg/m3, found 1000",
     ),
     mistake(
-        "value of an option with a slip",
+        "misspelt value of an option",
         Nothing,
         "estimate @flight.mvnx --method smoothed",
         2,
@@ -141,7 +141,7 @@ pub(crate) const CALLS: [Mistake; 27] = [
         Nothing,
         "estimate @flight.toml --preset tracking --method smooth",
         2,
-        "method smooth is of the motion filter, and preset \"tracking\" is not",
+        "method smooth needs the motion filter, which preset \"tracking\" does not use",
     ),
     mistake(
         "flight that is held out and fitted",
@@ -151,11 +151,11 @@ pub(crate) const CALLS: [Mistake; 27] = [
         "hold out another flight of the same person",
     ),
     mistake(
-        "port that is not there",
+        "missing port",
         Nothing,
         "stream @flight.toml --port @ttyACM0",
         3,
-        "list what is there: bodyflight ports",
+        "run `bodyflight ports` to list the ports",
     ),
     mistake(
         "no unit to stream to",
@@ -172,7 +172,7 @@ pub(crate) const CALLS: [Mistake; 27] = [
         "expected --speed of 0.01 to 100, or max, found 0",
     ),
     mistake(
-        "folder that takes no files",
+        "folder without write access",
         Nothing,
         "simulate @flight.toml --out /sys/run.csv",
         3,

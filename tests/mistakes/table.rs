@@ -1,6 +1,6 @@
-//! The table of mistakes in files: the change to a folder with a good flight, the command, and the expected message.
+//! Mistakes in files: the change to a folder with a good flight, the command, and the expected message.
 
-/// A change to a folder with a good flight before the program is run.
+/// A change made to a folder with a good flight before the program is run.
 #[derive(Clone, Copy)]
 pub(crate) enum Made {
     Nothing,
@@ -8,22 +8,22 @@ pub(crate) enum Made {
     File(&'static str, &'static [u8]),
     /// Replaces a text in a file.
     Edit(&'static str, &'static str, &'static str),
-    /// Modifies the recording by a function.
+    /// Modifies the recording with a function.
     Recording(fn(String) -> Vec<u8>),
     Folder(&'static str),
     /// Standard output is a full disk.
     FullDisk,
-    /// Ctrl-C once this is there.
+    /// Ctrl-C once this path exists.
     CtrlC(&'static str),
 }
 
 use Made::{Edit, File, Folder, Nothing, Recording};
 
 pub(crate) struct Mistake {
-    /// The situation, as in the table of the page.
+    /// The mistake, as worded in docs/mistakes.md.
     pub(crate) what: &'static str,
     pub(crate) made: Made,
-    /// Arguments of the program; files of the folder begin with `@`.
+    /// Arguments of the program; `@` is replaced by the folder.
     pub(crate) call: &'static str,
     pub(crate) code: i32,
     /// Part of the expected message.
@@ -68,17 +68,17 @@ fn without_frames(text: String) -> Vec<u8> {
     format!("{head}<frames></frames></subject></mvnx>").into_bytes()
 }
 
-/// Wrong files, and what is wrong in them.
+/// Mistakes in files.
 pub(crate) const FILES: [Mistake; 37] = [
     mistake(
-        "verb with a slip",
+        "misspelt verb",
         Nothing,
         "simulat @flight.mvnx",
         2,
         "some similar subcommands exist",
     ),
     mistake(
-        "option with a slip",
+        "misspelt option",
         Nothing,
         "simulate @flight.mvnx --modle a",
         2,
@@ -92,7 +92,7 @@ pub(crate) const FILES: [Mistake; 37] = [
         "required arguments were not provided",
     ),
     mistake(
-        "path with a slip",
+        "misspelt path",
         Nothing,
         "simulate @fligth.mvnx",
         3,
@@ -159,14 +159,14 @@ pub(crate) const FILES: [Mistake; 37] = [
         File("a.bvh", b"HIERARCHY\nROOT Hips\n"),
         "simulate @a.bvh",
         2,
-        "make a recording of it: bodyflight import FILE",
+        "convert it to a recording: bodyflight import FILE",
     ),
     mistake(
         "track of a FlySight for MVNX",
         File("a.csv", b"time,lat,lon,hMSL\n"),
         "simulate @a.csv",
         2,
-        "see what it says of the jump: bodyflight fall FILE",
+        "see what it says about the jump: bodyflight fall FILE",
     ),
     mistake(
         "plain text for MVNX",
@@ -232,14 +232,14 @@ pub(crate) const FILES: [Mistake; 37] = [
         "expected",
     ),
     mistake(
-        "key with a slip",
+        "misspelt key",
         Edit("subject.toml", "height_m", "heigth_m"),
         "simulate @flight.toml",
         2,
         "did you mean height_m?",
     ),
     mistake(
-        "choice with a slip",
+        "misspelt choice",
         Edit("subject.toml", "\"male\"", "\"mael\""),
         "simulate @flight.toml",
         2,
@@ -250,7 +250,7 @@ pub(crate) const FILES: [Mistake; 37] = [
         Edit("flight.toml", "\"flight.mvnx\"", "flight.mvnx"),
         "simulate @flight.toml",
         2,
-        "text stands in quotes: recording = \"flight.mvnx\"",
+        "put text in quotes: recording = \"flight.mvnx\"",
     ),
     mistake(
         "number in quotes",
@@ -274,7 +274,7 @@ pub(crate) const FILES: [Mistake; 37] = [
         "density",
     ),
     mistake(
-        "subject that is not there",
+        "missing subject",
         Edit("flight.toml", "subject.toml", "subjct.toml"),
         "simulate @flight.toml",
         3,
@@ -295,7 +295,7 @@ pub(crate) const FILES: [Mistake; 37] = [
         "23 frames, 0.1 s of flight",
     ),
     mistake(
-        "line ends of Windows",
+        "Windows line endings",
         Recording(windows),
         "simulate @flight.toml",
         0,
@@ -309,21 +309,21 @@ pub(crate) const FILES: [Mistake; 37] = [
         "if that is in degrees, write 0.0873",
     ),
     mistake(
-        "key that is there twice",
+        "duplicate key",
         Edit("subject.toml", "mass_kg", "mass_kg = 70.0\nmass_kg"),
         "simulate @flight.toml",
         2,
         "duplicate key",
     ),
     mistake(
-        "density said in two ways",
+        "density given in two ways",
         Edit("flight.toml", "density", "altitude_m = 3000\ndensity"),
         "simulate @flight.toml",
         2,
         "density and altitude_m are both given",
     ),
     mistake(
-        "rate that a preset does not know",
+        "rate that a preset does not support",
         Edit("flight.mvnx", "frameRate=\"240\"", "frameRate=\"60\""),
         "estimate @flight.toml --preset tracking",
         2,

@@ -1,7 +1,7 @@
 //! A flyer who holds a pose by small corrections, delayed and limited like a person's.
 //!
-//! He knows the aerodynamics of a pose: how the body tips, and how much each limb turns it. He sees the body's motion
-//! late, and his limbs are slow. Nothing is tuned to a pose or a person.
+//! The flyer knows the aerodynamics of the pose: how the body tips, and how much each limb turns it. But the flyer sees
+//! the body's motion late and has slow limbs. Nothing is tuned to a pose or a person.
 
 use std::collections::VecDeque;
 
@@ -41,7 +41,7 @@ const SWING: f64 = 1.7;
 const DAMPED: f64 = 1.1;
 /// Time constant for removing a constant tilt (s).
 const PATIENCE: f64 = 4.0;
-/// Angle by which effects are measured (rad); effects below the second number are ignored (N m/rad).
+/// Angle over which the effect of a limb is measured (rad), and the smallest effect that is used (N m/rad).
 const SMALL: f64 = 0.15;
 const LEAST_EFFECT: f64 = 10.0;
 
@@ -52,10 +52,10 @@ struct Answer {
     /// Moment for a tilt (N m/rad) and for its rate (N m s/rad).
     stiffness: f64,
     damping: f64,
-    /// Moment that the pose lacks for balance and for constant tilts (N m).
+    /// Moment that compensates for the imbalance of the pose and for constant tilts (N m).
     trim: f64,
     limbs: [&'static JointAngles; 3],
-    /// Angle of each limb per moment (rad/N m): together they produce it with the smallest angles.
+    /// Angle of each limb per moment (rad/N m): together the limbs produce the moment with the smallest angles.
     shares: [f64; 3],
     /// Current angles (rad).
     angles: [f64; 3],
@@ -85,8 +85,8 @@ fn turned_by(sample: &PostureSample<f64>, stream: &Flow<f64>) -> Vector3<f64> {
 }
 
 impl Flyer {
-    /// Creates a flyer for a posture that falls straight down, rotated by `pitch` about its left axis from standing
-    /// (rad).
+    /// Creates a flyer for a posture that falls straight down, rotated from standing by `pitch` (rad) about its left
+    /// axis.
     pub(crate) fn of(dynamics: &Dynamics<f64>, posture: &Posture<f64>, pitch: f64) -> Self {
         let up = upwards(&facing_north(pitch));
         let sample = dynamics.hold(posture);
@@ -129,7 +129,7 @@ impl Flyer {
         self.answers.iter_mut().fold(*posture, |posture, answer| {
             let held = answer.stiffness * answer.axis.dot(&tilt);
             let turn = answer.trim - held - answer.damping * answer.axis.dot(&rate);
-            // A moment that the limbs cannot produce is not accumulated.
+            // The trim does not accumulate a moment that the limbs cannot produce.
             if answer.shares.iter().all(|s| (s * turn).abs() < REACH) {
                 answer.trim -= held * TIME_STEP / PATIENCE;
             }
@@ -155,7 +155,7 @@ fn answer(
 ) -> Option<Answer> {
     let sample = dynamics.hold(posture);
     let rest = turned_by(&sample, stream).dot(&axis);
-    // The smaller of the effects in both directions is used.
+    // Of the effects in the two directions, the smaller is used.
     let effects = limbs.map(|limb| {
         let [one, other] = [SMALL, -SMALL].map(|angle| {
             let moved = dynamics.hold(&pattern::moved(posture, limb, angle));

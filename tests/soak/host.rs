@@ -16,13 +16,13 @@ use bodyflight_firmware::{Board, Identity, Unit};
 use bodyflight_tests::arm_swing::{self, RATE};
 use bodyflight_tests::greeting;
 
-/// Samples of the flight, which is repeated.
+/// Number of samples in the flight, which is repeated.
 const FLIGHT: u32 = 60 * RATE;
 
 /// Number of samples in a session.
 const SESSION: u32 = 10 * RATE;
 
-/// Number of attempts for an answer, since the line loses requests and answers.
+/// Number of attempts to get an answer, since the line loses requests and answers.
 const ATTEMPTS: usize = 200;
 
 /// A board whose clock is the simulation's.
@@ -63,7 +63,7 @@ pub struct Totals {
     /// Number of estimates received, and of those that differ from the desktop's.
     pub estimates: u64,
     pub different: u64,
-    /// Estimates that the line brought once more.
+    /// Estimates that the line delivered more than once.
     pub repeated: u64,
     pub not_finite: u64,
 }
@@ -94,7 +94,7 @@ impl fmt::Display for Totals {
     }
 }
 
-/// The host, the lines in both directions, and the unit at their end.
+/// The host, the lines in both directions, and the unit at the other end.
 pub struct Host {
     unit: Unit<Bench>,
     boots: u32,
@@ -176,7 +176,7 @@ impl Host {
         self.unit.introduce();
     }
 
-    /// Kills the host's process within a frame and starts another one.
+    /// Kills the host's process in the middle of a frame and starts another one.
     pub fn restart_host(&mut self) {
         self.totals.host_restarts += 1;
         let frame = self.frame(self.flight[0].into());
@@ -227,7 +227,7 @@ impl Host {
         frame
     }
 
-    /// Sends over the line to the unit; what arrives goes to the twin too.
+    /// Sends a frame over the line to the unit. Whatever arrives goes to the twin too.
     fn send(&mut self, frame: &[u8]) {
         let (unit, twin) = (&mut self.unit, &mut self.twin);
         self.to_unit.pass(frame, |piece| {
@@ -236,7 +236,7 @@ impl Host {
         });
     }
 
-    /// Receives the unit's answers, as far as the line lets them through.
+    /// Receives those of the unit's answers that the line lets through.
     fn listen(&mut self) {
         let mut bytes = [0; MAX_FRAME_LENGTH];
         let mut came = Vec::new();
@@ -254,7 +254,7 @@ impl Host {
     fn hear(&mut self, header: &Header, message: &Message) {
         match message {
             Message::HelloAcknowledge(unit) => {
-                // Only a power-on changes the number: the session ended with the previous boot.
+                // The boot number changes only at power-on, so the session ended with the previous boot.
                 if self
                     .greeted
                     .is_some_and(|before| before.boot_id != unit.boot_id)
@@ -275,7 +275,7 @@ impl Host {
         }
     }
 
-    /// Starts a session in which every sample is new.
+    /// Starts a new session, with sample numbers from zero.
     fn begin(&mut self) {
         self.session = self.session.wrapping_add(1);
         self.sequence = 0;
@@ -326,7 +326,7 @@ impl Host {
                 return;
             }
         }
-        // The unit has restarted without the host noticing: it does not know the session.
+        // The unit has restarted without the host noticing, so it does not know the session.
         self.cut_off();
     }
 
@@ -341,7 +341,7 @@ impl Host {
         self.compare();
     }
 
-    /// The session ended without a report.
+    /// Ends the session without a report.
     fn cut_off(&mut self) {
         if self.running {
             self.running = false;

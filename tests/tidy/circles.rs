@@ -1,5 +1,5 @@
-//! No import cycles: files that depend on each other are one thing in two files, or contain something that belongs
-//! elsewhere.
+//! No import cycles: files that depend on each other are either one thing split in two, or contain something that
+//! belongs elsewhere.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -126,7 +126,7 @@ fn no_files_import_each_other() {
     );
 }
 
-/// A crate in a folder of its own.
+/// Writes a crate into a temporary folder and reads it.
 fn crate_of(files: &[(&str, &str)]) -> (tempfile::TempDir, Crate) {
     let folder = tempfile::tempdir().expect("a folder");
     for (name, text) in files {
@@ -157,7 +157,7 @@ fn found(files: &[(&str, &str)]) -> Vec<String> {
 }
 
 #[test]
-fn files_that_use_each_other_are_a_circle() {
+fn files_that_use_each_other_form_a_cycle() {
     let both = ["a -> b", "b -> a"];
     let lib = ("lib.rs", "mod a; mod b;");
     let uses_b = ("a.rs", "use crate::b::B; pub struct A(B);");
@@ -178,7 +178,7 @@ fn files_that_use_each_other_are_a_circle() {
 }
 
 #[test]
-fn a_parent_and_its_child_are_a_circle_where_each_uses_the_other() {
+fn a_parent_and_its_child_form_a_cycle_if_each_uses_the_other() {
     let child = ("a/c.rs", "pub struct C(super::A);");
     let lib = ("lib.rs", "mod a;");
     for parent in ["pub use c::C;", "fn f(_: c::C) {}"] {
@@ -204,7 +204,7 @@ fn a_name_leads_to_the_file_that_defines_it() {
 }
 
 #[test]
-fn tests_within_a_file_may_use_what_uses_the_file() {
+fn tests_in_a_file_may_use_files_that_depend_on_it() {
     let lib = ("lib.rs", "mod a; mod b;");
     let a = (
         "a.rs",

@@ -10,7 +10,7 @@ use super::modules::is_cfg_test;
 
 /// Longest function, from opening to closing brace. Longer ones usually do several things.
 const LINE_LIMIT: usize = 75;
-/// Longest function of a test, where a long table of cases is acceptable.
+/// Longest function in test code, where a long table of cases is acceptable.
 const TEST_LINE_LIMIT: usize = 120;
 
 /// A function and its length.

@@ -1,4 +1,4 @@
-//! The module tree of every crate, and which files refer to which, with imports resolved like the compiler does.
+//! The module tree of every crate, and which files refer to which, with imports resolved as the compiler does.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -23,7 +23,7 @@ pub(crate) struct Import {
     pub(crate) path: String,
 }
 
-/// A module, in a file of its own or in braces.
+/// A module, inline or in a separate file.
 #[derive(Default)]
 struct Module {
     file: PathBuf,
@@ -117,7 +117,7 @@ impl Crate {
         self.modules.len() - 1
     }
 
-    /// Adds the items of a module; files of its children lie in `folder`.
+    /// Adds the items of a module; the files of its children are in `folder`.
     fn fill(&mut self, module: usize, folder: &Path, items: &[syn::Item]) {
         for item in items {
             if let syn::Item::Mod(child) = item {
@@ -186,7 +186,7 @@ impl Crate {
         Some(Meaning::Module(place))
     }
 
-    /// Resolves a name in a module; `last` if it ends its path.
+    /// Resolves a name in a module; `last` says whether the path ends with it.
     fn lookup(&self, module: usize, name: &str, last: bool, chain: usize) -> Option<Meaning> {
         let chain = chain.checked_sub(1)?;
         let content = &self.modules[module];
@@ -300,7 +300,7 @@ impl Names<'_> {
 
     fn end_of(&mut self, path: &mut Vec<String>, begin: Option<Span>, of_item: bool) {
         let path = core::mem::take(path);
-        // Such a word alone is a visibility.
+        // `super` or `crate` alone is a visibility.
         let of_visibility = matches!(path.as_slice(), [word] if word == "super" || word == "crate");
         if let (Some(span), false, false) = (begin, path.is_empty(), of_visibility) {
             self.name(path, span, of_item);

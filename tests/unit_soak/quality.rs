@@ -11,7 +11,7 @@ pub struct Quality {
     doubtful: u32,
     lost: u32,
     innovations: f64,
-    /// Squares of errors, and variances, of muscle input and damping.
+    /// Squared errors and variances, each of muscle input and of damping.
     errors: [f64; 2],
     variances: [f64; 2],
 }
@@ -39,7 +39,7 @@ impl Quality {
         sum / f64::from(self.estimates)
     }
 
-    /// Root mean square over an axis.
+    /// Root mean square per axis.
     fn of_axes(&self, sum: f64) -> f64 {
         (self.mean(sum) / 3.0).sqrt()
     }
@@ -51,7 +51,7 @@ impl Quality {
     pub fn check(&self, first: &Self) {
         assert_eq!(self.lost, 0, "{self:?}");
         assert!(self.doubtful * 20 <= self.estimates, "{self:?}");
-        // One, if the noise is what the filter assumes.
+        // One, if the noise is as the filter assumes.
         assert!(
             (0.8..1.2).contains(&self.mean(self.innovations)),
             "{self:?}"

@@ -1,4 +1,4 @@
-//! A wearer in belly flight who moves an arm continuously, simulated by the model, as noisy sensors measure it.
+//! A wearer in belly flight who moves an arm continuously, simulated by the model and measured by noisy sensors.
 
 use bodyflight_core::Posture;
 use bodyflight_core::aerodynamics::Aerodynamics;
@@ -40,7 +40,7 @@ impl Wearer {
         SegmentTable::of(&arm_swing::body::<f32>(), &Aerodynamics::paper())
     }
 
-    /// The constant muscle input and damping: pitch, yaw, roll of both.
+    /// The constant muscle input and damping, each [pitch, yaw, roll].
     pub fn truth() -> [f64; 6] {
         let Inputs {
             muscle, damping, ..

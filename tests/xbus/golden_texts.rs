@@ -118,7 +118,7 @@ fn five_recordings_decode_to_their_golden_texts() {
             assert_eq!(lines.next(), None, "log {log}: an item was not decoded");
         }
     }
-    // As many as the golden texts have titles.
+    // The golden texts have this many titles.
     assert_eq!((compared, solutions), (5_588, 19));
 }
 

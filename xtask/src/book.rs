@@ -1,4 +1,4 @@
-//! The pages of the project as a book.
+//! `cargo xtask book`: builds the project's pages as a book.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -19,10 +19,10 @@ const PARTS: [&str; 9] = [
     "python/examples/learn_turn.py",
 ];
 
-/// Folders that it has whole.
+/// Folders that are included completely.
 const FOLDERS: [&str; 2] = ["docs", "python/notebooks"];
 
-/// Gathers the pages as they lie in the repository, builds the book, and follows every link in it.
+/// Copies the pages in their places in the repository, builds the book, and checks every link in it.
 pub(crate) fn book() -> Result<()> {
     let folder = target_folder()?.join("book");
     let sources = folder.join("src");
@@ -37,7 +37,7 @@ pub(crate) fn book() -> Result<()> {
     }
     copy(&root().join("docs/SUMMARY.md"), &sources.join("SUMMARY.md"))?;
     copy(&root().join("docs/book.toml"), &folder.join("book.toml"))?;
-    // Nobody edits it while it is served: what only that needs is not built.
+    // The features for serving and watching the book are not needed.
     let options = ["--no-default-features", "--features", "search"];
     let program = tool("mdbook", "0.5.4", &options, &[])?
         .display()
@@ -46,7 +46,7 @@ pub(crate) fn book() -> Result<()> {
     let pages = folder.join("book");
     let links = check_links(&pages)?;
     say(&format!(
-        "{links} links lead somewhere: {}",
+        "{links} links are valid: {}",
         pages.join("index.html").display()
     ));
     Ok(())
@@ -82,7 +82,7 @@ fn entries(folder: &Path) -> Result<Vec<PathBuf>> {
     Ok(entries.flatten().map(|entry| entry.path()).collect())
 }
 
-/// Follows each link of each page to a file, and to a place in it; how many there are.
+/// Checks that each link of each page leads to a file and an anchor in it, and returns the number of links.
 fn check_links(folder: &Path) -> Result<usize> {
     let mut pages = Vec::new();
     let mut folders = vec![folder.to_owned()];
@@ -100,7 +100,7 @@ fn check_links(folder: &Path) -> Result<usize> {
     }
     let mut count = 0;
     let mut broken = BTreeSet::new();
-    // The menu repeats the links of the summary, and the page of all pages has no place of its own.
+    // The menu repeats the links of the summary, and the page that combines all pages has no location.
     for page in pages
         .iter()
         .filter(|page| !page.ends_with("print.html") && !page.ends_with("404.html"))
@@ -117,10 +117,10 @@ fn check_links(folder: &Path) -> Result<usize> {
         return Ok(count);
     }
     let broken: Vec<String> = broken.into_iter().collect();
-    Err(format!("links that lead nowhere:\n{}", broken.join("\n")))
+    Err(format!("broken links:\n{}", broken.join("\n")))
 }
 
-/// Links of a page to others of the book.
+/// Links of a page to other pages of the book.
 fn links(text: &str) -> impl Iterator<Item = &str> {
     ["href=\"", "src=\""]
         .into_iter()

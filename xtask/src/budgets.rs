@@ -21,7 +21,7 @@ pub(crate) struct Budgets {
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Board {
-    /// Start address of flash, where the vector table must lie.
+    /// Start address of flash, where the vector table must be.
     pub(crate) flash_origin: u64,
     /// Size of the board's RAM (bytes).
     pub(crate) ram_bytes: u64,

@@ -99,7 +99,7 @@ fn stream_well(arguments: &[&str], flight: &Path) -> Result<()> {
     // On a busy machine a process may be paused for longer than a deadline, so a second attempt is allowed.
     for _ in 0..2 {
         if is_virtual(arguments) && report.unit.was_behind() {
-            say("the unit was behind: the machine is busy, once more");
+            say("the unit was late because the machine is busy; retrying");
             report = stream(arguments, flight)?;
         }
     }
@@ -172,7 +172,7 @@ fn judge(arguments: &[&str], report: &Report) -> Result<()> {
     match (name, log_lines, log_malformed) {
         ("qemu", Some(1..), Some(0)) | ("virtual", None, None) => Ok(()),
         (_, lines, malformed) => Err(format!(
-            "{name}: {lines:?} log lines and {malformed:?} malformed: expected some, and none"
+            "{name}: {lines:?} log lines and {malformed:?} malformed: expected log lines, none of them malformed"
         )),
     }
 }

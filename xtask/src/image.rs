@@ -86,7 +86,7 @@ pub(crate) fn check(path: &Path, name: &str) -> Result<()> {
         .ok_or("the image has no vector table")?;
     if vectors.address() != board.flash_origin {
         return Err(format!(
-            "the vector table lies at {:#x}, flash begins at {:#x}: another memory.x was linked",
+            "the vector table is at {:#x}, but flash starts at {:#x}: another memory.x was linked",
             vectors.address(),
             board.flash_origin
         ));

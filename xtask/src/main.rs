@@ -49,7 +49,7 @@ enum Verb {
     },
     /// Hide effects, search for them, and write the success rates: docs/discovery.json, its tables and figure.
     DiscoveryBench {
-        /// Number of seeds, each of some 280 pairs of flights.
+        /// Number of seeds, each with about 280 pairs of flights.
         #[arg(long, default_value_t = 1)]
         seeds: u32,
         /// First seed.
@@ -75,7 +75,7 @@ enum Verb {
         #[arg(long, default_value_t = 30)]
         seconds: u32,
     },
-    /// Build the Python package, install its wheel in an environment of its own, and run its tests.
+    /// Build the Python package, install its wheel in a separate environment, and run its tests.
     Python,
     /// Fuzz all parsers of untrusted bytes, guided by coverage, for a minute each. Installs a nightly compiler and
     /// cargo-fuzz.

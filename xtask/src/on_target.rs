@@ -61,7 +61,7 @@ fn overflow() -> Result<()> {
     let told = ["reset_cause", "fault_kind", "fault_sequence"].map(|name| found.get(name));
     say(&format!("overflow: cause, kind and sample {told:?}"));
     if told.map(|value| value.map(String::as_str)) != [Some("1"), Some("3"), Some("4711")] {
-        return Err("the overflow of the stack was not written down as one".into());
+        return Err("the stack overflow was not reported as one".into());
     }
     Ok(())
 }
@@ -100,7 +100,7 @@ fn run_image(machine: &Machine, image: &Path) -> Result<BTreeMap<String, String>
         .stderr(Stdio::piped())
         .spawn()
         .map_err(|error| format!("cannot start {QEMU}: {error}"))?;
-    // With a wrong memory map the image never ends.
+    // With a wrong memory map the image never exits.
     let begin = Instant::now();
     while child
         .try_wait()

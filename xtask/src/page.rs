@@ -34,7 +34,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_stands_between_the_marks_is_replaced_and_nothing_else() {
+    fn only_text_between_the_markers_is_replaced() {
         let page =
             "a\n<!-- x -->\nold\n<!-- end of x -->\nb\n<!-- y -->\nkept\n<!-- end of y -->\n";
         assert_eq!(between(page, "x", "new\n"), Ok(page.replace("old", "new")));

@@ -8,9 +8,9 @@ use crate::viewer;
 /// Python packages needed to build and test the package.
 const REQUIREMENTS: &str = "python/requirements-test.txt";
 
-/// Builds the wheel, installs it in an environment of its own, and runs the package's tests with it.
+/// Builds the wheel, installs it in a separate environment, and runs the package's tests with it.
 pub(crate) fn python() -> Result<()> {
-    // The program in the wheel takes the page in.
+    // The program in the wheel includes the page.
     if !root().join("host/viewer/dist/viewer.html").is_file() {
         viewer::build()?;
     }
@@ -58,7 +58,7 @@ fn wheel(python: &Path) -> Result<PathBuf> {
         "CARGO_TARGET_DIR",
         target.join("python").display().to_string(),
     )];
-    // Both at once: chosen one by one, their dependencies would have other features and be built twice.
+    // Both are built at once: separately, their dependencies would have other features and be built twice.
     let feature = "--features=bodyflight-python/extension-module";
     let both = ["build", "--release", "--locked", "--workspace", feature];
     cargo_in(&root().join("python"), &both, &variables)?;
@@ -68,7 +68,7 @@ fn wheel(python: &Path) -> Result<PathBuf> {
     let entries = std::fs::read_dir(&folder).map_err(|error| format!("{out}: {error}"))?;
     let mut wheels = entries.filter_map(|entry| Some(entry.ok()?.path()));
     let found = wheels.find(|path| path.extension().is_some_and(|end| end == "whl"));
-    found.ok_or_else(|| format!("{out}: maturin left no wheel there"))
+    found.ok_or_else(|| format!("{out}: maturin built no wheel"))
 }
 
 /// Copies the library of co-simulation units to the package's files.

@@ -1,4 +1,4 @@
-//! `cargo xtask release`: everything that is handed out, in one folder.
+//! `cargo xtask release`: builds everything that is published, in one folder.
 
 use std::path::{Path, PathBuf};
 
@@ -9,10 +9,11 @@ use crate::supply;
 use crate::unit::unit;
 use crate::viewer;
 
-/// Machines that programs are built for, all in Rust and linked by the toolchain's own linker: no C compiler is needed.
+/// Targets for which programs are built. All code is Rust and linked by the toolchain's own linker, without a C
+/// compiler.
 const MACHINES: [&str; 2] = ["x86_64-unknown-linux-musl", "aarch64-unknown-linux-musl"];
 
-/// What lies beside the program in an archive.
+/// Files next to the program in an archive.
 const BESIDE: [&str; 4] = ["README.md", "CHANGELOG.md", "LICENSE-MIT", "LICENSE-APACHE"];
 
 /// Shells whose completions are in an archive, and the names of their files.
@@ -22,19 +23,19 @@ const SHELLS: [[&str; 2]; 3] = [
     ["fish", "bodyflight.fish"],
 ];
 
-/// Builds programs with their page, man pages and completions, the wheel, images for boards, and the list of parts into
-/// `release` of the target folder, with checksums.
+/// Builds programs with their page, man pages and completions, the wheel, images for boards, and the bill of materials
+/// into `release` of the target folder, with checksums.
 pub(crate) fn release() -> Result<()> {
     let folder = target_folder()?.join("release-files");
     let _ = std::fs::remove_dir_all(&folder);
     std::fs::create_dir_all(&folder).map_err(failed(&folder))?;
-    // First: programs take the page in.
+    // The page comes first, since programs include it.
     viewer::build()?;
     let programs = MACHINES
         .map(build_program)
         .into_iter()
         .collect::<Result<Vec<_>>>()?;
-    // Pages of the program by the program that runs here.
+    // Man pages are written by the program that runs on this machine.
     let native = programs.first().ok_or("no program was built")?;
     let pages = target_folder()?.join("release-pages");
     write_pages(native, &pages)?;
@@ -107,7 +108,7 @@ fn write_pages(program: &Path, folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// `bodyflight-VERSION-MACHINE.tar.gz`, with one folder in it.
+/// Packs `bodyflight-VERSION-MACHINE.tar.gz`, which contains one folder.
 fn archive(machine: &str, program: &Path, pages: &Path, folder: &Path) -> Result<()> {
     let [major, minor, patch] = bodyflight_core::VERSION;
     let name = format!("bodyflight-{major}.{minor}.{patch}-{machine}");
@@ -130,7 +131,7 @@ fn archive(machine: &str, program: &Path, pages: &Path, folder: &Path) -> Result
     )
 }
 
-/// `SHA256SUMS`, which `sha256sum --check` reads.
+/// Writes `SHA256SUMS` for `sha256sum --check`.
 fn checksums(folder: &Path) -> Result<()> {
     let entries = std::fs::read_dir(folder).map_err(failed(folder))?;
     let mut names: Vec<String> = entries

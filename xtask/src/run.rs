@@ -43,7 +43,7 @@ fn ask_for_target_folder(variables: &[(&str, &str)]) -> Result<PathBuf> {
         return Err(format!("cargo metadata: {}: {errors}", output.status));
     }
     let metadata: Metadata = serde_json::from_slice(&output.stdout)
-        .map_err(|error| format!("what cargo metadata says: {error}"))?;
+        .map_err(|error| format!("cargo metadata: {error}"))?;
     Ok(metadata.target_directory)
 }
 

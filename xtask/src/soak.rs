@@ -74,7 +74,7 @@ fn check_whole(folder: &Path) -> Result<u32> {
             "\n"
         };
         if !text.ends_with(ends) && !text.ends_with(ends.trim_end()) || text.is_empty() {
-            return Err(format!("{} is not whole", path.display()));
+            return Err(format!("{} is incomplete", path.display()));
         }
         whole += 1;
     }
@@ -114,7 +114,7 @@ fn kill() -> Result<()> {
         let _ = std::fs::remove_dir_all(&out);
     }
     say(&format!(
-        "{KILLS} programs killed at work: {whole} files there, all whole"
+        "{KILLS} programs killed while writing: {whole} files, all complete"
     ));
     Ok(())
 }
@@ -147,13 +147,13 @@ fn fill_disks() -> Result<()> {
         match output.status.code() {
             Some(99) | None => {
                 say(&format!(
-                    "full disks: left out, this machine mounts nothing for tests ({})",
+                    "full disks: skipped, this machine does not allow mounts for tests ({})",
                     errors.trim()
                 ));
                 return Ok(());
             }
             Some(1) if errors.contains("unshare") => {
-                say(&format!("full disks: left out ({})", errors.trim()));
+                say(&format!("full disks: skipped ({})", errors.trim()));
                 return Ok(());
             }
             Some(3) if !listed.contains(".tmp") => {}
@@ -165,7 +165,7 @@ fn fill_disks() -> Result<()> {
         }
     }
     say(&format!(
-        "{} disks filled: an error each, and no part of a file",
+        "{} disks filled: an error each, and no partial file",
         ROOM_KIB.len()
     ));
     Ok(())

@@ -10,7 +10,7 @@ use serde_json::json;
 use crate::run::{Result, root, run, say, target_folder};
 use crate::tool::tool;
 
-/// Workspaces with a lock file of their own.
+/// Workspaces, each with its own lock file.
 const MANIFESTS: [&str; 6] = [
     "Cargo.toml",
     "firmware/boards/qemu-an505/Cargo.toml",
@@ -48,8 +48,8 @@ pub(crate) fn list_parts() -> Result<PathBuf> {
     Ok(file)
 }
 
-/// Checks that lock files are up to date, and licences and sources against `deny.toml`, and writes the bill of materials. With
-/// `advisories`, known vulnerabilities are checked too, which needs a network.
+/// Checks that lock files are up to date, checks licences and sources against `deny.toml`, and writes the bill of
+/// materials. With `advisories`, known vulnerabilities are checked too, which needs a network.
 pub(crate) fn supply(advisories: bool) -> Result<()> {
     list_parts()?;
     let program = tool("cargo-deny", "0.20.2", &[], &[])?
@@ -91,7 +91,7 @@ fn metadata(manifest: &str) -> Result<Metadata> {
         return Err(format!("{manifest}: {errors}"));
     }
     serde_json::from_slice(&output.stdout)
-        .map_err(|error| format!("{manifest}: what cargo metadata says: {error}"))
+        .map_err(|error| format!("{manifest}: cargo metadata: {error}"))
 }
 
 /// A bill of materials in CycloneDX 1.5: every crate with name, version, licence and source.

@@ -14,8 +14,9 @@ const SECONDS_OF_STREAM: u32 = 10;
 pub(crate) fn test() -> Result<()> {
     // First, since the program includes the page.
     viewer::build()?;
-    cargo(&["test", "--workspace", "--locked"])?;
-    // Features of the core that nothing here switches on.
+    // One run shows all failures.
+    cargo(&["test", "--workspace", "--locked", "--no-fail-fast"])?;
+    // Features of the core that nothing in the workspace enables.
     let features = ["--package", "bodyflight-core", "--features", "serde,defmt"];
     cargo(
         &[

@@ -1,10 +1,10 @@
-//! Programs of crates.io, installed beside what is built.
+//! Programs from crates.io, installed in the target folder.
 
 use std::path::PathBuf;
 
 use crate::run::{Result, root, run_in, target_folder};
 
-/// Path of a program of this version, installed where it is missing; `options` are those of `cargo install`.
+/// Path of a program of this version, which is installed if it is missing; `options` are those of `cargo install`.
 pub(crate) fn tool(
     name: &str,
     version: &str,

@@ -93,7 +93,7 @@ fn blocks(pages: &[Page], family: u32) -> Vec<u8> {
         let [first, second, last] = MAGIC;
         #[expect(
             clippy::cast_possible_truncation,
-            reason = "fewer than flash has bytes"
+            reason = "there are fewer pages than bytes of flash"
         )]
         let words = [
             first,
@@ -157,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_holds_every_byte_where_it_is_loaded_and_nothing_else() {
+    fn a_file_holds_every_byte_at_its_load_address_and_nothing_else() {
         let code: Vec<u8> = (0..300).map(|n| (n % 251) as u8).collect();
         let image = elf(&[(0x1000_0000, &code), (0x1000_0210, &[1, 2, 3])]);
         let file = blocks(&pages(&image).unwrap(), RP2350);
@@ -181,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn a_flat_image_has_every_byte_at_its_distance_from_the_first() {
+    fn a_flat_image_has_every_byte_at_its_offset_from_the_first() {
         let image = elf(&[(0x0800_0000, &[7; 300]), (0x0800_0410, &[1, 2, 3])]);
         let bytes = flat(&pages(&image).unwrap());
         assert_eq!(bytes.len(), 0x500);
@@ -192,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_image_is_refused() {
+    fn what_is_not_an_image_is_refused() {
         assert!(pages(b"hello").is_err());
     }
 }

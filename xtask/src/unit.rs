@@ -6,7 +6,7 @@ use crate::image;
 use crate::run::{Result, say};
 use crate::uf2;
 
-/// Boards that are workspaces of their own: identifier and display name.
+/// Boards that are separate workspaces: identifier and display name.
 const BOARDS: [[&str; 2]; 2] = [
     ["stm32f405", "STM32F405"],
     ["rp2350-pico2", "Raspberry Pi Pico 2"],
@@ -30,10 +30,10 @@ pub(crate) fn unit() -> Result<Images> {
         let (file, way) = if board == "rp2350-pico2" {
             (
                 uf2::convert(&image, uf2::RP2350)?,
-                "to be dropped on its drive",
+                "to be copied to its drive",
             )
         } else {
-            (uf2::flatten(&image)?, "for its boot program")
+            (uf2::flatten(&image)?, "for its boot loader")
         };
         say(&format!("{way}: {}", file.display()));
         flashed.extend([image, file]);

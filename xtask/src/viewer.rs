@@ -54,6 +54,7 @@ pub(crate) fn test() -> Result<()> {
         &[
             "--test",
             "--test-concurrency=1",
+            "tests/ticks.test.mjs",
             "tests/replay.test.mjs",
             "tests/fly.test.mjs",
             "tests/live.test.mjs",
@@ -129,7 +130,7 @@ fn install_browser() -> Result<String> {
         return Ok(browser);
     }
     apt_get(&["chromium"])?;
-    found().ok_or_else(|| "no Chromium is found: install it by hand".to_owned())
+    found().ok_or_else(|| "no Chromium was found: install it by hand".to_owned())
 }
 
 fn path_of(program: &str) -> Option<String> {

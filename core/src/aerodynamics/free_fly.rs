@@ -274,7 +274,7 @@ mod tests {
     }
 
     #[test]
-    fn what_lies_behind_its_neighbour_is_sheltered_and_only_that() {
+    fn only_segments_behind_a_neighbour_are_sheltered() {
         let body = reference_body();
         let posed = pose(&body, &Posture::h_pose());
         let free = FreeFly::of(&body, &posed, &free_fly()).expect("asked for");

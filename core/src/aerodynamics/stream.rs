@@ -197,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn drag_falls_with_the_speed_and_shelter_takes_from_behind() {
+    fn drag_decreases_with_speed_and_shelter_reduces_loads_behind() {
         let stream = Stream::<f64> {
             reynolds: 0.5,
             shelter: 0.6,

@@ -378,7 +378,7 @@ mod tests {
     }
 
     #[test]
-    fn larger_shoes_show_more() {
+    fn larger_shoes_have_a_larger_area() {
         let sole = |size| {
             let gear = Gear {
                 shoes: Shoes::European(size),

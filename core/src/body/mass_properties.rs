@@ -207,7 +207,7 @@ mod tests {
                 let (i, m) = (parameters.inertia.diagonal(), parameters.mass);
                 for axis in 0..3 {
                     let spread = 3.0 * (0.5 * i.sum() - i[axis]) / m;
-                    assert!(spread >= 0.0, "{segment:?} is no solid");
+                    assert!(spread >= 0.0, "{segment:?} is not a solid");
                     for sign in [-1.0, 1.0] {
                         let mut local = parameters.cg;
                         local[axis] += sign * libm::sqrt(spread);

@@ -282,7 +282,7 @@ mod tests {
         }
 
         #[test]
-        fn mirroring_twice_returns(posture in any_posture()) {
+        fn mirroring_twice_changes_nothing(posture in any_posture()) {
             prop_assert_eq!(posture.mirrored().mirrored(), posture);
             prop_assert!(posture.is_valid());
         }

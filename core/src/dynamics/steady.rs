@@ -127,7 +127,7 @@ mod tests {
     use crate::test_body::reference_body;
 
     #[test]
-    fn a_steady_fall_stays_as_it_is() {
+    fn a_steady_fall_remains_steady() {
         let dynamics = Dynamics::paper(reference_body(), 1.0);
         let posture = pattern::neutral();
         let inputs = Inputs::belly_turn();

@@ -200,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn vacuum_carries_nobody() {
+    fn no_trim_exists_in_vacuum() {
         let mut dynamics = dynamics();
         dynamics.air.density = crate::air::Density::Constant(0.0);
         assert_eq!(

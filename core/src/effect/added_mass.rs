@@ -6,12 +6,12 @@ use crate::math::Real;
 pub(super) const EFFECT: Description = Description {
     name: "added-mass",
     kind: Kind::Physics,
-    form: "inertia without weight, as a share of that of the body",
+    form: "inertia without weight, as a fraction of the body's",
     parameters: &[parameter("share", 0.0, 0.0, 0.5)],
-    source: "potential flow: the mass of the air displaced, some 0.1 kg, more in separated flow",
-    signature: "slow response to every force, the same terminal speed",
+    source: "potential flow: the mass of the displaced air, about 0.1 kg, more in separated flow",
+    signature: "slower response to every force, at the same terminal speed",
     confused_with: &["mass", "damping"],
-    separated_by: "quick changes of posture beside a steady fall",
+    separated_by: "quick changes of posture, and a steady fall",
 };
 
 pub(super) fn apply<T: Real>(values: &[T; PARAMETER_COUNT], model: &mut Model<T>) {

@@ -7,12 +7,12 @@ use crate::math::Real;
 pub(super) const EFFECT: Description = Description {
     name: "arch",
     kind: Kind::Physics,
-    form: "factor on the distance of the arch factor from one",
+    form: "factor on the difference of the arch factor from one",
     parameters: &[parameter("factor", 1.0, -2.0, 5.0)],
     source: "paper eq. (arch_eq)",
-    signature: "drag that goes with the bend of the spine and hips",
+    signature: "drag that depends on the bend of spine and hips",
     confused_with: &["drag"],
-    separated_by: "arch and de-arch at constant attitude",
+    separated_by: "arching and de-arching at constant attitude",
 };
 
 pub(super) fn apply<T: Real>(values: &[T; PARAMETER_COUNT], model: &mut Model<T>) {

@@ -6,16 +6,16 @@ use crate::math::Real;
 pub(super) const EFFECT: Description = Description {
     name: "arm-shape",
     kind: Kind::Physics,
-    form: "factor on the areas of the arms seen along each of their axes",
+    form: "factors on the areas of the arms normal to each of their axes",
     parameters: &[
         parameter("x_factor", 1.0, 0.3, 3.0),
         parameter("y_factor", 1.0, 0.3, 3.0),
         parameter("z_factor", 1.0, 0.3, 3.0),
     ],
     source: "paper eq. (limbf): areas of the solids; cloth and equipment differ by side",
-    signature: "loads of the arms that change with their turn about their own axis",
+    signature: "loads of the arms that change as they rotate about their long axes",
     confused_with: &["drag", "forearm-drag"],
-    separated_by: "arms turned, palms down and to the side",
+    separated_by: "arms rotated: palms down, then to the side",
 };
 
 pub(super) fn apply<T: Real>(values: &[T; PARAMETER_COUNT], model: &mut Model<T>) {

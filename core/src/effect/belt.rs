@@ -8,9 +8,9 @@ use crate::math::Real;
 pub(super) const EFFECT: Description = Description {
     name: "weight-belt",
     kind: Kind::Physics,
-    form: "a mass where the equipment tables put a belt",
+    form: "a mass at the position of a belt in the equipment tables",
     parameters: &[parameter("mass_kg", 0.0, 0.0, 12.0)],
-    source: "relative work: belts of 2 to 10 kg",
+    source: "belts of 2 to 10 kg in relative work",
     signature: "faster fall in every posture, hips low",
     confused_with: &["mass", "cg-offset"],
     separated_by: "postures of different drag, with changes of pitch",

@@ -10,9 +10,9 @@ pub(super) const EFFECT: Description = Description {
     form: "factor on the areas of shanks and feet",
     parameters: &[parameter("factor", 1.0, 0.3, 3.0)],
     source: "tracking and relative-work suits; feet with booties have about twice the area",
-    signature: "moment that lifts the legs, with the dynamic pressure",
+    signature: "moment that lifts the legs, proportional to the dynamic pressure",
     confused_with: &["drag", "moment", "arch"],
-    separated_by: "legs stretched and bent in turn",
+    separated_by: "alternately stretched and bent legs",
 };
 
 pub(super) fn apply<T: Real>(values: &[T; PARAMETER_COUNT], model: &mut Model<T>) {

@@ -13,10 +13,10 @@ pub(super) const EFFECT: Description = Description {
         parameter("dorsal_m", 0.0, -0.1, 0.1),
         parameter("cranial_m", 0.0, -0.1, 0.1),
     ],
-    source: "rigid-body mechanics; stands for uneven equipment",
-    signature: "moment that goes with the force of the air, zero where its line meets the shift",
+    source: "rigid-body mechanics; represents unevenly placed equipment",
+    signature: "moment proportional to the aerodynamic force, zero if that force is parallel to the shift",
     confused_with: &["muscle", "moment"],
-    separated_by: "belly, back and side attitudes in turn",
+    separated_by: "belly, back and side attitudes one after another",
 };
 
 pub(super) fn apply<T: Real>(values: &[T; PARAMETER_COUNT], model: &mut Model<T>) {

@@ -14,7 +14,7 @@ pub(super) const EFFECT: Description = Description {
         parameter("roll_factor", 1.0, 0.0, 4.0),
     ],
     source: "paper eq. (sum_m)",
-    signature: "moment against or along the angular velocity, nothing at rest",
+    signature: "moment against or along the angular velocity, zero at rest",
     confused_with: &["local-flow", "mass"],
     separated_by: "a steady turn followed by a stop",
 };

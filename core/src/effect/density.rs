@@ -7,10 +7,10 @@ use crate::math::Real;
 pub(super) const EFFECT: Description = Description {
     name: "density-gradient",
     kind: Kind::Physics,
-    form: "share of the density that is lost for each kilometre up, from the height at which the flight starts",
+    form: "relative decrease of the air density per kilometre above the starting height of the flight",
     parameters: &[parameter("per_km", 0.0, -0.3, 0.3)],
     source: "U.S. Standard Atmosphere 1976: 0.09 to 0.10 per km below 5 km",
-    signature: "speed of the fall drifts with the height, in every posture alike",
+    signature: "fall rate that drifts with height, equally in every posture",
     confused_with: &["reynolds"],
     separated_by: "the same posture at the beginning and at the end of a long fall",
 };

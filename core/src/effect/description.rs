@@ -48,6 +48,8 @@ pub enum Kind {
     Physics,
     /// The recording of the motion.
     Measurement,
+    /// The body, in a way that changes at random; only its strength is known, see [`super::random`].
+    Random,
 }
 
 /// Creates a row of [`Description::parameters`].

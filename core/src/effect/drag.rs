@@ -14,9 +14,9 @@ pub(super) const EFFECT: Description = Description {
         parameter("legs_factor", 1.0, 0.3, 2.5),
     ],
     source: "paper eq. (limbf)",
-    signature: "force along the stream; off the trunk also a moment, with the lever of the group",
+    signature: "force along the stream, and for arms and legs also a moment with their lever arm",
     confused_with: &["mass", "booties"],
-    separated_by: "arms and legs spread and closed in turn",
+    separated_by: "arms and legs alternately spread and closed",
 };
 
 pub(super) fn apply<T: Real>(values: &[T; PARAMETER_COUNT], model: &mut Model<T>) {

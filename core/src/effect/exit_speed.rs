@@ -7,15 +7,15 @@ use crate::math::Real;
 pub(super) const EFFECT: Description = Description {
     name: "exit-speed",
     kind: Kind::Measurement,
-    form: "velocity missing in what was measured, north and west",
+    form: "velocity missing from the measurement, north and west",
     parameters: &[
         parameter("north_mps", 0.0, -60.0, 60.0),
         parameter("west_mps", 0.0, -60.0, 60.0),
     ],
     source: "inertial recordings that start in the aircraft",
-    signature: "horizontal force as of a wind, and a horizontal speed that misses it",
+    signature: "horizontal force as from a wind, and a horizontal speed that lacks this velocity",
     confused_with: &["wind"],
-    separated_by: "none without satellites: in the recording it is a wind",
+    separated_by: "nothing without satellites: in the recording it looks like a wind",
 };
 
 pub(super) fn apply<T: Real>(values: &[T; PARAMETER_COUNT], model: &mut Model<T>) {

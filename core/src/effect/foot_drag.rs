@@ -14,7 +14,7 @@ pub(super) const EFFECT: Description = Description {
         parameter("right_factor", 1.0, 0.3, 3.0),
     ],
     source: "paper eq. (limbf); booties, shoes",
-    signature: "moment that lifts the legs, with the angle of the feet",
+    signature: "moment that lifts the legs and depends on the angle of the feet",
     confused_with: &["drag", "booties", "shank-drag"],
     separated_by: "feet pointed and flexed",
 };

@@ -6,12 +6,12 @@ use crate::math::Real;
 pub(super) const EFFECT: Description = Description {
     name: "force-lag",
     kind: Kind::Physics,
-    form: "time by which the loads of the air follow the joints, to first order",
+    form: "first-order time constant with which aerodynamic loads follow the joints",
     parameters: &[parameter("lag_s", 0.0, 0.0, 0.15)],
-    source: "unsteady aerodynamics: a wake settles over some widths of the body, 0.5 m at 50 m/s each",
-    signature: "loads late after quick movements, while what limbs do by their momentum comes at once",
+    source: "unsteady aerodynamics: a wake settles within a few body widths, of 0.5 m each, at 50 m/s",
+    signature: "delayed loads after quick movements, while the effect of the limbs' momentum is immediate",
     confused_with: &["posture-delay"],
-    separated_by: "quick movements of heavy limbs beside slow ones of light limbs",
+    separated_by: "quick movements of heavy limbs, and slow ones of light limbs",
 };
 
 pub(super) fn apply<T: Real>(values: &[T; PARAMETER_COUNT], model: &mut Model<T>) {

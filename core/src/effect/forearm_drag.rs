@@ -13,10 +13,10 @@ pub(super) const EFFECT: Description = Description {
         parameter("left_factor", 1.0, 0.3, 3.0),
         parameter("right_factor", 1.0, 0.3, 3.0),
     ],
-    source: "paper eq. (limbf); sleeves, gloves, altimeters, an arm that is hurt",
-    signature: "force along the stream with a long lever; a turn and a roll where the sides differ",
+    source: "paper eq. (limbf); sleeves, gloves, altimeters, an injured arm",
+    signature: "force along the stream with a long lever arm, with a yaw and roll moment if the sides differ",
     confused_with: &["drag", "upper-arm-drag", "muscle"],
-    separated_by: "elbows bent and stretched on one side after the other",
+    separated_by: "elbows bent and stretched, one side after the other",
 };
 
 pub(super) fn apply<T: Real>(values: &[T; PARAMETER_COUNT], model: &mut Model<T>) {

@@ -6,10 +6,10 @@ use crate::math::Real;
 pub(super) const EFFECT: Description = Description {
     name: "gnss-latency",
     kind: Kind::Measurement,
-    form: "time by which the velocity is measured too late",
+    form: "delay of the measured velocity",
     parameters: &[parameter("latency_s", 0.0, 0.0, 0.3)],
     source: "GNSS receivers: 0.1 to 0.4 s",
-    signature: "velocity follows attitude and posture too late, while attitude does not",
+    signature: "velocity that follows attitude and posture too late, while the attitude does not",
     confused_with: &["posture-delay"],
     separated_by: "changes of speed: from belly to track and back",
 };

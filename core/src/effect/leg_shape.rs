@@ -6,16 +6,16 @@ use crate::math::Real;
 pub(super) const EFFECT: Description = Description {
     name: "leg-shape",
     kind: Kind::Physics,
-    form: "factor on the areas of the legs seen along each of their axes",
+    form: "factors on the areas of the legs normal to each of their axes",
     parameters: &[
         parameter("x_factor", 1.0, 0.3, 3.0),
         parameter("y_factor", 1.0, 0.3, 3.0),
         parameter("z_factor", 1.0, 0.3, 3.0),
     ],
     source: "paper eq. (limbf): areas of the solids; cloth and equipment differ by side",
-    signature: "loads of the legs that change with their turn about their own axis",
+    signature: "loads of the legs that change as they rotate about their long axes",
     confused_with: &["drag", "booties", "shank-drag"],
-    separated_by: "legs turned in and out, feet pointed",
+    separated_by: "legs rotated in and out, with pointed feet",
 };
 
 pub(super) fn apply<T: Real>(values: &[T; PARAMETER_COUNT], model: &mut Model<T>) {

@@ -7,14 +7,14 @@ use crate::math::Real;
 pub(super) const EFFECT: Description = Description {
     name: "lift",
     kind: Kind::Physics,
-    form: "factor on the coefficients of the force across the stream of a group of segments",
+    form: "factor on the lift coefficients of a group of segments",
     parameters: &[
         parameter("trunk_factor", 1.0, 0.3, 2.5),
         parameter("arms_factor", 1.0, 0.3, 2.5),
         parameter("legs_factor", 1.0, 0.3, 2.5),
     ],
     source: "paper eqs. (limbf), (coeffCl)",
-    signature: "force across the stream that vanishes where segments lie along or square to it",
+    signature: "force across the stream that vanishes for segments along or normal to it",
     confused_with: &["wind", "drag"],
     separated_by: "tracking, then a turn",
 };

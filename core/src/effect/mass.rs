@@ -8,8 +8,8 @@ pub(super) const EFFECT: Description = Description {
     kind: Kind::Physics,
     form: "factor on masses and inertias of all segments",
     parameters: &[parameter("factor", 1.0, 0.6, 1.7)],
-    source: "rigid-body mechanics; shape and areas are kept",
-    signature: "fall rate off by the root of the factor, slower response to every moment",
+    source: "rigid-body mechanics; shape and areas are unchanged",
+    signature: "fall rate that differs by the square root of the factor, and a slower response to every moment",
     confused_with: &["drag", "added-mass"],
     separated_by: "postures of different drag, with changes of speed in between",
 };

@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 
 use super::description::PARAMETER_COUNT;
+use super::random::Random;
 use super::sensors::Sensors;
 use crate::aerodynamics::Coefficients;
 use crate::axis::AxisCoefficients;
@@ -24,6 +25,8 @@ pub struct Model<T: Real> {
     pub damping_factor: AxisCoefficients<T>,
     /// Errors of the sensors.
     pub sensors: Sensors<T>,
+    /// Strengths of the effects that change at random; a simulation step does not use them.
+    pub random: Random<T>,
     /// Height at which the flight starts (m, inertial).
     pub start_height: T,
 }
@@ -37,6 +40,7 @@ impl<T: Real> Model<T> {
             applied: AppliedLoads::none(),
             damping_factor: AxisCoefficients::repeat(T::one()),
             sensors: Sensors::perfect(),
+            random: Random::none(),
             start_height,
         }
     }

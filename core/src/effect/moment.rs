@@ -16,7 +16,7 @@ pub(super) const EFFECT: Description = Description {
     source: "paper eqs. (limbm), (cm)",
     signature: "moment without a force, growing with the square of the speed",
     confused_with: &["cg-offset", "muscle"],
-    separated_by: "the same postures at two speeds of fall",
+    separated_by: "the same postures at two fall rates",
 };
 
 pub(super) fn apply<T: Real>(values: &[T; PARAMETER_COUNT], model: &mut Model<T>) {

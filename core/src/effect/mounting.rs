@@ -6,16 +6,16 @@ use crate::math::Real;
 pub(super) const EFFECT: Description = Description {
     name: "mounting",
     kind: Kind::Measurement,
-    form: "turn of the measured body axes about X, Y, Z",
+    form: "rotation of the measured body axes about X, Y, Z",
     parameters: &[
         parameter("x_rad", 0.0, -0.5, 0.5),
         parameter("y_rad", 0.0, -0.5, 0.5),
         parameter("z_rad", 0.0, -0.5, 0.5),
     ],
-    source: "sensors slip on the harness by some degrees",
-    signature: "attitude and angular velocity turned alike, in body axes",
+    source: "sensors slip on the harness by a few degrees",
+    signature: "attitude and angular velocity rotated equally, in body axes",
     confused_with: &["cg-offset", "muscle"],
-    separated_by: "belly and back attitudes in turn",
+    separated_by: "alternating belly and back attitudes",
 };
 
 pub(super) fn apply<T: Real>(values: &[T; PARAMETER_COUNT], model: &mut Model<T>) {

@@ -6,7 +6,7 @@ use crate::math::Real;
 pub(super) const EFFECT: Description = Description {
     name: "muscle",
     kind: Kind::Physics,
-    form: "input moment coefficients added to the skydiver's",
+    form: "moment coefficients added to the skydiver's muscle input",
     parameters: &[
         parameter("pitch", 0.0, -1.0, 1.0),
         parameter("yaw", 0.0, -1.0, 1.0),
@@ -15,7 +15,7 @@ pub(super) const EFFECT: Description = Description {
     source: "paper eqs. (eq1), (eq1_1)",
     signature: "moment in body axes that follows the load on the limbs",
     confused_with: &["cg-offset", "moment"],
-    separated_by: "belly and back attitudes in turn with the same limbs",
+    separated_by: "alternating belly and back attitudes in the same posture",
 };
 
 pub(super) fn apply<T: Real>(values: &[T; PARAMETER_COUNT], model: &mut Model<T>) {

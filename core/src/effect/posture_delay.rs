@@ -6,10 +6,10 @@ use crate::math::Real;
 pub(super) const EFFECT: Description = Description {
     name: "posture-delay",
     kind: Kind::Measurement,
-    form: "time by which postures are recorded too late",
+    form: "delay of the recorded postures",
     parameters: &[parameter("delay_s", 0.0, -0.3, 0.3)],
     source: "wireless suits and post-processing filters",
-    signature: "every response seems to come before its cause",
+    signature: "every response seems to precede its cause",
     confused_with: &["rate-lag"],
     separated_by: "quick changes of posture",
 };

@@ -6,10 +6,10 @@ use crate::math::Real;
 pub(super) const EFFECT: Description = Description {
     name: "rate-lag",
     kind: Kind::Measurement,
-    form: "delay of the filter of the angular velocity",
+    form: "delay of the angular velocity's filter",
     parameters: &[parameter("lag_s", 0.0, 0.0, 0.2)],
     source: "filters of IMUs at 5 to 50 Hz",
-    signature: "angular velocity behind the attitude",
+    signature: "angular velocity that lags behind the attitude",
     confused_with: &["posture-delay", "gyro-bias"],
     separated_by: "quick starts and stops of turns",
 };

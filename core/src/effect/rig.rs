@@ -8,12 +8,12 @@ use crate::math::Real;
 pub(super) const EFFECT: Description = Description {
     name: "rig",
     kind: Kind::Physics,
-    form: "a mass where the equipment tables put the rig",
+    form: "a mass at the position of the rig in the equipment tables",
     parameters: &[parameter("mass_kg", 0.0, 0.0, 15.0)],
-    source: "sport rigs weigh 6 to 12 kg and lie 0.15 m behind the spine",
+    source: "sport rigs weigh 6 to 12 kg and sit 0.15 m behind the spine",
     signature: "pitching moment with the weight and the drag on the back, faster fall",
     confused_with: &["cg-offset", "mass"],
-    separated_by: "belly and back attitudes in turn",
+    separated_by: "alternating belly and back attitudes",
 };
 
 pub(super) fn apply<T: Real>(values: &[T; PARAMETER_COUNT], model: &mut Model<T>) {

@@ -6,10 +6,10 @@ use crate::math::Real;
 pub(super) const EFFECT: Description = Description {
     name: "local-flow",
     kind: Kind::Physics,
-    form: "share of the velocity spin x r that segments feel",
+    form: "fraction of the velocity from body rotation, angular velocity x r, that acts on segments",
     parameters: &[parameter("share", 0.0, 0.0, 2.0)],
-    source: "rigid-body kinematics; the paper lumps it into the damping",
-    signature: "moment against every rotation, which grows with the speed and with limbs spread",
+    source: "rigid-body kinematics; the paper includes it in the damping",
+    signature: "moment against every rotation that grows with speed and with spread limbs",
     confused_with: &["damping"],
     separated_by: "turns with arms spread and closed",
 };

@@ -130,7 +130,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_is_corrected_is_what_was_observed(
+        fn correcting_inverts_observing(
             q in prop::array::uniform4(-1.0f64..1.0),
             moving in prop::array::uniform6(-20.0f64..20.0),
             errors in prop::array::uniform6(-0.1f64..0.1),

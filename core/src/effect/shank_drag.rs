@@ -13,8 +13,8 @@ pub(super) const EFFECT: Description = Description {
         parameter("left_factor", 1.0, 0.3, 3.0),
         parameter("right_factor", 1.0, 0.3, 3.0),
     ],
-    source: "paper eq. (limbf); legs of suits",
-    signature: "moment that lifts the legs, with the knees; a turn where the sides differ",
+    source: "paper eq. (limbf); suit legs",
+    signature: "moment that lifts the legs and depends on the bend of the knees, with a yaw moment if the sides differ",
     confused_with: &["drag", "booties", "foot-drag"],
     separated_by: "knees bent and stretched, one side after the other",
 };

@@ -6,12 +6,12 @@ use crate::math::Real;
 pub(super) const EFFECT: Description = Description {
     name: "shelter",
     kind: Kind::Physics,
-    form: "share of the load that a segment well behind the trunk loses; half of it a tenth of a metre behind the middle",
+    form: "fraction of the load that a segment far behind the trunk loses, half of it at 0.1 m behind the middle",
     parameters: &[parameter("share", 0.0, 0.0, 1.0)],
-    source: "bluff bodies in tandem: the second feels a half to a fifth",
+    source: "bluff bodies in tandem: the load of the second is a half to a fifth",
     signature: "less load on limbs behind the trunk: head-down and standing falls are faster",
     confused_with: &["drag"],
-    separated_by: "belly, sit and head-down in turn",
+    separated_by: "belly, sit and head-down one after another",
 };
 
 pub(super) fn apply<T: Real>(values: &[T; PARAMETER_COUNT], model: &mut Model<T>) {

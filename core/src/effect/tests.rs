@@ -93,6 +93,10 @@ fn every_parameter_moves_the_flight() {
             if [Effect::PostureDelay, Effect::ForceLag].contains(&effect) {
                 continue;
             }
+            // A model uses the mean of an effect that changes at random.
+            if effect.is_random() {
+                continue;
+            }
             // Only the most exposed face of a segment has an effect, and this flight does not expose every face of
             // each group.
             if [Effect::TrunkShape, Effect::ArmShape, Effect::LegShape].contains(&effect) {
@@ -108,6 +112,24 @@ fn every_parameter_moves_the_flight() {
             assert!(gap > 1e-4, "{effect:?} {}: {gap}", parameter.name);
         }
     }
+}
+
+#[test]
+fn random_effects_keep_their_strength_and_leave_the_mean_unchanged() {
+    for &effect in Effect::ALL.iter().filter(|effect| effect.is_random()) {
+        let mut values = effect.neutral();
+        values[0] = 0.5;
+        let mut model = plain();
+        effect.apply(&values, &mut model).unwrap();
+        assert_ne!(model.random, random::Random::none(), "{effect:?}");
+        assert_eq!(flown(&model), flown(&plain()), "{effect:?}");
+    }
+    let mut model = plain();
+    for share in [0.3, 0.4] {
+        let effect = Effect::MuscleOverTime;
+        effect.apply(&[share, 0.0, 0.0], &mut model).unwrap();
+    }
+    assert!((model.random.muscle.pitch - 0.5).abs() < 1e-12);
 }
 
 #[test]
@@ -225,18 +247,22 @@ fn page() -> std::string::String {
     use std::fmt::Write;
     let mut page = std::string::String::from(
         "# Effects\n\n\
-         What the model may lack, one file each in `core/src/effect/`. `bodyflight discover` looks for them, \
-         `bodyflight hide` hides them, and a `model.toml` adds them:\n\n\
+         Effects that the model may lack, one file each in `core/src/effect/`. `bodyflight discover` searches for them, \
+         `bodyflight hide` hides them in flights, and a `model.toml` adds them:\n\n\
          ```toml\n[[effect]]\nname = \"wind\"\nnorth_mps = 3.5\n```\n\n\
-         Parameters that are not given keep the value at which they do nothing. What the library does not have is \
-         written as a load by description (below). The page is made from the code:\n\n\
+         Omitted parameters keep their neutral values, at which they have no effect. Anything else can be written as \
+         a load by description (below). This page is generated from the code:\n\n\
          ```sh\nBODYFLIGHT_WRITE_DOCS=1 cargo test -p bodyflight-core effect\n```\n",
     );
     for (kind, title) in [
         (Kind::Physics, "Effects on the motion"),
-        (Kind::Measurement, "Effects on what is recorded"),
+        (Kind::Measurement, "Effects on the measurement"),
+        (Kind::Random, "Effects that change at random"),
     ] {
         writeln!(page, "\n## {title}").unwrap();
+        if kind == Kind::Random {
+            page += RANDOM;
+        }
         for effect in Effect::ALL.iter().filter(|e| e.description().kind == kind) {
             let Description {
                 name,
@@ -251,7 +277,7 @@ fn page() -> std::string::String {
             writeln!(page, "\n### {name}\n\n{form}. Source: {source}.\n").unwrap();
             writeln!(
                 page,
-                "| parameter | does nothing at | plausible |\n|---|---|---|"
+                "| parameter | neutral value | plausible range |\n|---|---|---|"
             )
             .unwrap();
             for Parameter {
@@ -263,11 +289,11 @@ fn page() -> std::string::String {
             {
                 writeln!(page, "| `{name}` | {neutral} | {low} to {high} |").unwrap();
             }
-            writeln!(page, "\nLooks like: {signature}.").unwrap();
+            writeln!(page, "\nSignature: {signature}.").unwrap();
             let rivals = confused_with.join(", ");
             writeln!(
                 page,
-                "Confused with: {rivals}. Told apart by: {separated_by}."
+                "Confused with: {rivals}. Distinguished by: {separated_by}."
             )
             .unwrap();
         }
@@ -275,11 +301,16 @@ fn page() -> std::string::String {
     page + LOADS
 }
 
+const RANDOM: &str = "\n\
+    Only the strength of these effects is known, a standard deviation, and not their course over time. `hide` draws a \
+    different path for each flight, by the seed. `discover` estimates the strength; `simulate --model` uses the mean, which \
+    is the model without the effect, and warns.\n";
+
 const LOADS: &str = r#"
 ## Loads by description
 
 An `[[effect]]` without a name is a force or a moment along an axis, times at most three factors; a file has at most
-twelve. `simulate`, `estimate`, `view` and `hide --model` fly them, `discover` writes what it describes as such.
+twelve. `simulate`, `estimate`, `view` and `hide --model` apply them; `discover` writes its descriptions in this form.
 
 ```toml
 [[effect]]
@@ -299,11 +330,11 @@ times = [
 
 | key | meaning |
 |---|---|
-| `force_n` or `moment_nm` | size where every factor is one (N, N m) |
-| `along` | `left`, `dorsal`, `cranial` (body); `north`, `west`, `up` (inertial); `stream` (the way drag points); a segment and its axis, `"l_shank x"` |
-| `at` | segment at whose centre of gravity a force acts; the body's where it is left out. A moment has none |
+| `force_n` or `moment_nm` | size when every factor is one (N, N m) |
+| `along` | `left`, `dorsal`, `cranial` (body); `north`, `west`, `up` (inertial); `stream` (the direction of drag); a segment and its axis, `"l_shank x"` |
+| `at` | segment at whose centre of gravity a force acts; the body's if omitted. A moment has none |
 
-| factor | is | keys |
+| factor | value | keys |
 |---|---|---|
 | `speed` | speed through the air over a reference | `reference_mps` |
 | `speed-squared` | its square | `reference_mps` |
@@ -311,10 +342,10 @@ times = [
 | `turn` | angular velocity about a body axis over a reference | `axis`, `reference_radps` |
 | `height` | height, inertial, less `from_m`, over a reference | `from_m`, `reference_m` |
 | `sine` | sine of the time since the first frame | `frequency_hz`, `phase_rad` (0) |
-| `pulse` | one for some time, zero otherwise; comes again where there is a period | `start_s`, `duration_s`, `period_s` (0: once) |
+| `pulse` | one for a time, zero otherwise; repeated if there is a period | `start_s`, `duration_s`, `period_s` (0: once) |
 
-A factor has no unit: it is a quantity over a reference of the same unit, which the key names. So the size stays in N or
-N m, and a key of another unit is refused.
+A factor has no unit: it is a quantity divided by a reference in the same unit, which the key names. The size is
+therefore always in N or N m, and a key in another unit is refused.
 "#;
 
 #[test]

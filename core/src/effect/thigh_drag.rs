@@ -14,9 +14,9 @@ pub(super) const EFFECT: Description = Description {
         parameter("right_factor", 1.0, 0.3, 3.0),
     ],
     source: "paper eq. (limbf); pockets, leg straps, loose cloth",
-    signature: "force along the stream close to the hips; a roll where the sides differ",
+    signature: "force along the stream close to the hips, with a roll moment if the sides differ",
     confused_with: &["drag", "shank-drag", "mass"],
-    separated_by: "hips bent and stretched with the knees as they are",
+    separated_by: "hips bent and stretched with constant knees",
 };
 
 pub(super) fn apply<T: Real>(values: &[T; PARAMETER_COUNT], model: &mut Model<T>) {

@@ -6,16 +6,16 @@ use crate::math::Real;
 pub(super) const EFFECT: Description = Description {
     name: "trunk-shape",
     kind: Kind::Physics,
-    form: "factor on the areas of trunk and head seen along each of their axes",
+    form: "factors on the areas of trunk and head normal to each of their axes",
     parameters: &[
         parameter("x_factor", 1.0, 0.3, 3.0),
         parameter("y_factor", 1.0, 0.3, 3.0),
         parameter("z_factor", 1.0, 0.3, 3.0),
     ],
     source: "paper eq. (limbf): areas of the solids; cloth and equipment differ by side",
-    signature: "loads that differ between belly, side and head-down by other shares than the model has",
+    signature: "loads whose ratio between belly, side and head-down attitudes differs from the model's",
     confused_with: &["drag", "rig-size", "mass"],
-    separated_by: "belly, side, head-down and sit in turn",
+    separated_by: "belly, side, head-down and sit one after another",
 };
 
 pub(super) fn apply<T: Real>(values: &[T; PARAMETER_COUNT], model: &mut Model<T>) {

@@ -6,12 +6,12 @@ use crate::math::Real;
 pub(super) const EFFECT: Description = Description {
     name: "tunnel-profile",
     kind: Kind::Physics,
-    form: "share of the stream lost for each square metre of distance from the axis through the origin",
+    form: "relative loss of flow speed per squared distance from the axis through the origin",
     parameters: &[parameter("per_m2", 0.0, -0.1, 0.1)],
     source: "turbulent pipe flow; measured profiles of vertical tunnels",
-    signature: "a force towards the rim or the axis that grows with the distance from it; nothing in a free fall",
+    signature: "a force towards the rim or the axis that grows with the distance from it; no effect in free fall",
     confused_with: &["wind"],
-    separated_by: "slow drift from the axis to the wall",
+    separated_by: "a slow drift from the axis to the wall",
 };
 
 pub(super) fn apply<T: Real>(values: &[T; PARAMETER_COUNT], model: &mut Model<T>) {

@@ -7,12 +7,12 @@ use crate::math::Real;
 pub(super) const EFFECT: Description = Description {
     name: "updraft",
     kind: Kind::Physics,
-    form: "vertical velocity added to that of the air, up",
+    form: "upward velocity of the air, in addition to the file's",
     parameters: &[parameter("up_mps", 0.0, -30.0, 30.0)],
-    source: "thermals and waves reach 10 m/s; the speed of a tunnel is seldom recorded with a flight",
-    signature: "speed of the fall off by the same amount in all postures, fast or slow",
+    source: "thermals and waves reach 10 m/s; the air speed of a tunnel is rarely recorded with a flight",
+    signature: "fall rate that differs by the same amount in all postures, fast or slow",
     confused_with: &["mass", "drag", "density-gradient"],
-    separated_by: "the same flight fast and slow: head-down, then spread",
+    separated_by: "fast and slow falls: head-down, then with limbs spread",
 };
 
 pub(super) fn apply<T: Real>(values: &[T; PARAMETER_COUNT], model: &mut Model<T>) {

@@ -14,7 +14,7 @@ pub(super) const EFFECT: Description = Description {
         parameter("right_factor", 1.0, 0.3, 3.0),
     ],
     source: "paper eq. (limbf); sleeves and wings of suits",
-    signature: "force along the stream at the shoulders; a roll and a turn where the sides differ",
+    signature: "force along the stream at the shoulders, with a roll and yaw moment if the sides differ",
     confused_with: &["drag", "forearm-drag"],
     separated_by: "upper arms spread and closed, elbows bent",
 };

@@ -7,13 +7,13 @@ use crate::math::Real;
 pub(super) const EFFECT: Description = Description {
     name: "wind",
     kind: Kind::Physics,
-    form: "velocity added to that of the air",
+    form: "velocity of the air, in addition to the file's",
     parameters: &[
         parameter("north_mps", 0.0, -40.0, 40.0),
         parameter("west_mps", 0.0, -40.0, 40.0),
     ],
-    source: "model.md: forces depend on the velocity through the air",
-    signature: "horizontal force along one direction over ground, whatever the heading",
+    source: "aerodynamic forces depend on the velocity through the air",
+    signature: "horizontal force in a fixed direction over ground, independent of the heading",
     confused_with: &["exit-speed", "wind-shear", "lift"],
     separated_by: "a full turn at constant posture",
 };

@@ -8,15 +8,15 @@ use crate::math::Real;
 pub(super) const EFFECT: Description = Description {
     name: "wind-shear",
     kind: Kind::Physics,
-    form: "velocity added to that of the air for each kilometre up, from the height at which the flight starts",
+    form: "velocity of the air per kilometre above the starting height of the flight",
     parameters: &[
         parameter("north_mps_per_km", 0.0, -30.0, 30.0),
         parameter("west_mps_per_km", 0.0, -30.0, 30.0),
     ],
-    source: "winds aloft: 2 to 10 m/s for each kilometre, more at an inversion",
-    signature: "horizontal force along one direction over ground that grows as the fall goes on",
+    source: "winds aloft: 2 to 10 m/s per kilometre, more at an inversion",
+    signature: "horizontal force in a fixed direction over ground that grows during the fall",
     confused_with: &["wind", "heading-drift"],
-    separated_by: "a fall of a kilometre or more with full turns at its beginning and at its end",
+    separated_by: "a fall of at least a kilometre with full turns at the beginning and at the end",
 };
 
 pub(super) fn apply<T: Real>(values: &[T; PARAMETER_COUNT], model: &mut Model<T>) {

@@ -128,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn a_factor_of_one_changes_no_bit_and_holding_back_goes_halfway() {
+    fn fading_by_one_changes_no_bit_and_holding_back_goes_halfway() {
         let mut filter = sure(0.1);
         let before = filter;
         filter.fade(1.0);

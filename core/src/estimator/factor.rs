@@ -204,7 +204,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn roots_multiply_back(matrix in any_covariance()) {
+        fn roots_multiply_to_the_matrix(matrix in any_covariance()) {
             let scale = matrix.abs().max();
             let root = symmetric_root(&matrix);
             prop_assert!((root * root - matrix).abs().max() < 1e-12 * scale);
@@ -216,7 +216,7 @@ mod tests {
         }
 
         #[test]
-        fn single_precision_roots_multiply_back(matrix in any_covariance()) {
+        fn single_precision_roots_multiply_to_the_matrix(matrix in any_covariance()) {
             let matrix = matrix.map(f32::of);
             let root = symmetric_root(&matrix);
             prop_assert!((root * root - matrix).abs().max() < 3e-6 * matrix.abs().max());

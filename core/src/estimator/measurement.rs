@@ -328,7 +328,7 @@ mod tests {
     }
 
     #[test]
-    fn values_that_cannot_be_meant_are_not_used() {
+    fn implausible_values_are_not_used() {
         let mut values = Measurement::of(&motion(UnitQuaternion::identity(), Vector3::zeros()));
         assert_eq!(TRACKING.usable(&values), [true; 4]);
         assert_eq!(TURNING.usable(&values), [true, true, true, false]);

@@ -498,7 +498,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sensor_that_lies_is_gated_and_told() {
+    fn a_wrong_sensor_is_gated_and_reported() {
         let (filter, estimate) = filtered(4, 0.0, |k, seen, _| {
             if k > 480 && k % 8 == 0 {
                 seen.velocity = seen.velocity.map(|v| v + Vector::new(30.0, 0.0, 0.0));
@@ -512,7 +512,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sensor_that_repeats_itself_is_told_and_not_believed() {
+    fn a_sensor_that_repeats_itself_is_reported_and_ignored() {
         let mut held = None;
         let (filter, estimate) = filtered(6, 0.3, |k, seen, _| {
             // The noise of a sensor, in the last bits only.
@@ -531,7 +531,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_usable_leaves_a_finite_state() {
+    fn unusable_input_leaves_a_finite_state() {
         let nowhere = Vector::new(f64::NAN, f64::INFINITY, 1e300);
         let (filter, estimate) = filtered(3, 0.0, |k, seen, posture| {
             if k > 240 && k % 3 == 0 {
@@ -556,7 +556,7 @@ mod tests {
     }
 
     #[test]
-    fn settings_that_cannot_be_run_are_refused() {
+    fn invalid_settings_are_refused() {
         let posture = pattern::neutral();
         let refused = |preset: MotionPreset| {
             MotionFilter::<f64, Full>::new(&preset, &dynamics(), &falling(), &posture).err()

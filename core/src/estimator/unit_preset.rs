@@ -97,7 +97,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_and_names_belong_together() {
+    fn numbers_and_names_correspond() {
         let mut number = 0;
         while let Some(preset) = UnitPreset::of(number) {
             assert_eq!(

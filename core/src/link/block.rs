@@ -240,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn samples_of_one_posture_take_a_third_of_a_frame() {
+    fn samples_in_one_posture_take_a_third_of_a_frame() {
         let mut block = BlockWriter::new();
         let mut samples = (0..).map(sample);
         let written: Vec<_> = samples
@@ -275,13 +275,13 @@ mod tests {
 
     proptest! {
         #[test]
-        fn whatever_the_bytes_reading_ends(bytes in prop::collection::vec(any::<u8>(), 0..1100)) {
+        fn reading_ends_for_any_bytes(bytes in prop::collection::vec(any::<u8>(), 0..1100)) {
             let errors = BlockReader::new(&bytes).filter(Result::is_err).count();
             prop_assert!(errors <= 1);
         }
 
         #[test]
-        fn a_block_that_is_hit_gives_no_wrong_message(
+        fn a_damaged_block_yields_no_wrong_message(
             place in 0_usize..1000,
             hit in 1_u8..,
         ) {

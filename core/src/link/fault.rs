@@ -23,7 +23,7 @@ pub struct Faults {
 
 /// Number of frames affected by each fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-#[expect(missing_docs, reason = "as in Faults")]
+#[expect(missing_docs, reason = "documented in Faults")]
 pub struct Struck {
     pub drop: u32,
     pub corrupt: u32,

@@ -112,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn every_set_of_known_bits_returns_and_no_other() {
+    fn every_set_of_known_bits_and_no_other_survives_the_round_trip() {
         for bits in 0..=u16::MAX {
             let read = EstimateFlags::take(&mut Reader::new(&bits.to_le_bytes()));
             if bits < 1 << 10 {

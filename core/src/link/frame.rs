@@ -55,7 +55,7 @@ impl fmt::Display for EncodeError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "the buffer is too short for the frame, {MAX_FRAME_LENGTH} bytes always suffice"
+            "the buffer is too short for the frame; {MAX_FRAME_LENGTH} bytes always suffice"
         )
     }
 }

@@ -256,7 +256,7 @@ mod tests {
     use std::vec::Vec;
 
     #[test]
-    fn each_kind_of_arrival_is_told_across_the_wrap() {
+    fn each_kind_of_arrival_is_recognised_across_the_wrap() {
         let mut ledger = Ledger::new(u32::MAX - 1);
         assert_eq!(ledger.receive(u32::MAX - 1), Arrival::New { skipped: 0 });
         assert_eq!(ledger.receive(1), Arrival::New { skipped: 2 });

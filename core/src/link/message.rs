@@ -8,11 +8,11 @@ use super::wire::{BadValue, Body, Reader, Writer, body, code};
 use crate::body::{SEGMENT_COUNT, Segment};
 
 body! {
-    /// Host to unit: who speaks which protocol. Nothing else is served before it was answered.
+    /// Host to unit: greeting with the protocol in use. Nothing else is served before it has been answered.
     Hello {
-        /// Hash of the message table the host was built with
+        /// Hash of the message table that the host was built with
         schema_hash: u64 = "",
-        /// Longest frame the host accepts, delimiters included
+        /// Longest frame that the host accepts, including delimiters
         max_frame_length: u16 = "bytes",
     }
 }
@@ -20,47 +20,47 @@ body! {
 body! {
     /// Unit to host: answer to [`Hello`], also sent once after each start of the unit.
     HelloAcknowledge {
-        /// Hash of the message table the unit was built with
+        /// Hash of the message table that the unit was built with
         schema_hash: u64 = "",
-        /// Build: the first bytes of the source revision, zero where unknown
+        /// Build: first bytes of the source revision, zero if unknown
         build: [u8; 8] = "",
         /// Version of the core: major, minor, patch
         core_version: [u16; 3] = "",
         /// Changes at each start of the unit
         boot_id: u32 = "",
-        /// Longest frame the unit accepts, delimiters included
+        /// Longest frame that the unit accepts, including delimiters
         max_frame_length: u16 = "bytes",
-        /// Samples the unit queues; the oldest gives way in paced mode
+        /// Capacity of the sample queue; in paced mode the oldest sample is dropped when it is full
         queue_length: u16 = "samples",
-        /// Why the unit started last: power, fault, watchdog, other, brown-out
+        /// Cause of the last start: power, fault, watchdog, other, brown-out
         reset_cause: u8 = "",
-        /// Starts after a fault since power was applied
+        /// Number of starts after a fault since power was applied
         fault_resets: u16 = "",
         /// Kind of the last fault, 0 for none: panic, hard fault, stack, bus, instruction, alignment, division, memory, watchdog
         fault_kind: u8 = "",
-        /// Program counter at the last fault, of a panic the address of its location, 0 where unknown
+        /// Program counter at the last fault, 0 if unknown; for a panic, the address of its location
         fault_address: u32 = "",
-        /// Sequence number of the sample in work at the last fault
+        /// Sequence number of the sample being processed at the last fault
         fault_sequence: u32 = "",
     }
 }
 
 code! {
-    /// What makes the arch factor on the drag.
+    /// Source of the arch factor on the drag.
     ArchSource {
-        /// The arch area of the posture, paper eq. (arch_eq)
+        /// From the arch area of the posture, paper eq. (arch_eq)
         Posture = 0,
-        /// The same, its distance from one as many times as large as `arch` says
+        /// The same, with its difference from one multiplied by `arch`
         Scaled = 1,
-        /// `arch` itself
+        /// The constant `arch`
         Fixed = 2,
     }
 }
 
 body! {
-    /// Host to unit: what to compute. The segment table follows as one [`SegmentValues`] for each segment.
+    /// Host to unit: configures the computation. The segment table follows as one [`SegmentValues`] for each segment.
     Configure {
-        /// Filter preset by its number
+        /// Number of the filter preset
         preset: u16 = "",
         /// Rate of the samples
         sample_rate: f32 = "Hz" in 1.0..=2000.0,
@@ -72,9 +72,9 @@ body! {
         air_density: f32 = "kg/m3" in 0.1..=2.0,
         /// Velocity of the air in inertial axes: north, west, up
         air_velocity: [f32; 3] = "m/s" in -100.0..=100.0,
-        /// Where the arch factor on the drag comes from
+        /// Source of the arch factor on the drag
         arch_source: ArchSource = "",
-        /// Number for it, 1 where it needs none
+        /// Parameter of the arch factor, 1 if it needs none
         arch: f32 = "" in -10.0..=10.0,
         /// Mounting of the inertial sensor on the pelvis: sensor axes to body axes
         body_from_sensor: PackedQuaternion = "",
@@ -102,15 +102,15 @@ body! {
         area: [f32; 3] = "m2" in 0.0..=10.0,
         /// Characteristic length of the aerodynamic moment
         moment_arm: f32 = "m" in 0.0..=3.0,
-        /// Coefficients of the air's loads: drag, force across the stream, moment
+        /// Aerodynamic coefficients: drag, force across the stream, moment
         coefficients: [f32; 3] = "" in -20.0..=20.0,
     }
 }
 
 code! {
-    /// What became of a configuration.
+    /// The outcome of a configuration.
     Verdict {
-        /// In force
+        /// The configuration is in use
         Accepted = 0,
         /// Segments are missing, see the bitmap
         Incomplete = 1,
@@ -118,9 +118,9 @@ code! {
         UnknownPreset = 2,
         /// The digest differs from the table received
         DigestMismatch = 3,
-        /// The table is whole but no body: mass or inertia is not positive
+        /// The table is complete but not a possible body: mass or inertia is not positive
         NotABody = 4,
-        /// The filter cannot run at these rates: an update takes an even number of samples, up to its window
+        /// The filter cannot run at these rates: an update needs an even number of samples, up to its window
         UnusableRates = 5,
     }
 }
@@ -128,23 +128,23 @@ code! {
 body! {
     /// Unit to host: answer to [`Configure`] and to each [`SegmentValues`].
     Configured {
-        /// Preset in force or asked for
+        /// Preset in use or requested
         preset: u16 = "",
-        /// What became of it
+        /// Outcome of the configuration
         verdict: Verdict = "",
         /// Segments received, bit 0 for the first
         segments: u16 = "",
-        /// CRC-32C over the table the unit holds
+        /// CRC-32C over the table that the unit has
         table_digest: u32 = "",
     }
 }
 
 code! {
-    /// Who sets the pace of the samples.
+    /// What determines the pace of the samples.
     StreamMode {
         /// The source: the unit drops the oldest sample when it falls behind, and counts it
         Paced = 0,
-        /// The unit: the host sends only what was granted by credit, nothing is dropped
+        /// The unit: the host sends only what was granted as credit, and nothing is dropped
         Credit = 1,
         /// The inertial sensor on the unit's own port; samples of the host only set the posture
         Sensor = 2,
@@ -152,43 +152,43 @@ code! {
 }
 
 body! {
-    /// Host to unit: begin the session named in the header; answered by [`Status`]. A session already running
-    /// goes on.
+    /// Host to unit: starts the session given in the header; answered by [`Status`]. A session that is already running
+    /// continues.
     Start {
-        /// Who sets the pace
+        /// What determines the pace
         mode: StreamMode = "",
     }
 }
 
 body! {
-    /// Host to unit: the session ends; answered by [`Status`] when all samples are worked off.
+    /// Host to unit: ends the session; answered by [`Status`] when all samples have been processed.
     Stop {
-        /// Samples sent in the session, which closes the ledger
+        /// Number of samples sent in the session, which completes the ledger
         sent: u32 = "samples",
     }
 }
 
 body! {
-    /// Host to unit: the filter starts anew with the next sample.
+    /// Host to unit: restarts the filter with the next sample.
     ResetFilter {}
 }
 
 body! {
-    /// Unit to host, credit mode: how many samples of the session may have been sent in all.
+    /// Unit to host, credit mode: how many samples of the session may be sent in total.
     Credit {
-        /// Samples granted since the session began, wraps
+        /// Number of samples granted since the session began, wraps
         granted: u32 = "samples",
     }
 }
 
 body! {
-    /// Clock comparison: the host fills in its time, the unit sends it back with its own two.
+    /// Clock comparison: the host sends its time, and the unit returns it with two times of its own.
     TimeSync {
-        /// Host clock when the question left
+        /// Host clock when the request was sent
         asked: u64 = "us",
-        /// Unit clock when it arrived, 0 in the question
+        /// Unit clock when it arrived, 0 in the request
         received: u64 = "us",
-        /// Unit clock when the answer left, 0 in the question
+        /// Unit clock when the answer was sent, 0 in the request
         answered: u64 = "us",
     }
 }
@@ -196,11 +196,11 @@ body! {
 body! {
     /// Host to unit: posture and motion of the pelvis at the sensor time in the header.
     ///
-    /// Made by [`Sample::new`], read by its methods: the fields are wire counts.
+    /// Created by [`Sample::new`] and read by its methods; the fields are integers as on the wire.
     Sample {
-        /// Which parts below hold a measurement
+        /// Which of the following fields hold a measurement
         valid: Validity = "",
-        /// Pelvis to inertial first, then each segment to its parent in table order
+        /// First from pelvis to inertial axes, then from each segment to its parent, in table order
         rotations: [PackedQuaternion; SEGMENT_COUNT] = "",
         /// Angular velocity of the pelvis in body axes: x, y, z
         angular_velocity: [i16; 3] = "1/1024 rad/s",
@@ -212,19 +212,19 @@ body! {
 }
 
 body! {
-    /// Unit to host: the filter's answer to the sample whose time and number it repeats.
+    /// Unit to host: the filter's result for a sample, with that sample's time and sequence number.
     ///
-    /// Sent for each sample that brings an update. The order of the measurements is that of the preset in force.
+    /// Sent for each sample that triggers an update. Measurements are in the order of the preset in use.
     Estimate {
         /// Sequence number of the sample
         sample_sequence: u32 = "",
-        /// What to know before using it
+        /// Conditions to check before using the estimate
         flags: EstimateFlags = "",
         /// Muscle input in pitch, yaw, roll, then damping in pitch, yaw, roll
         state: [f32; 6] = "",
         /// Variances of the states
         variance: [f32; 6] = "" in 0.0..=1.0e30,
-        /// Predicted measurement, zeros where there is none
+        /// Predicted measurement, zero if there is none
         measurement: [f32; 4] = "SI",
         /// Normalised innovation squared
         nis: f32 = "" in 0.0..=1.0e30,
@@ -243,76 +243,76 @@ body! {
         received_bytes: u32 = "bytes",
         /// Good frames received
         received_frames: u32 = "frames",
-        /// Frames whose checksum is wrong
+        /// Frames with a wrong checksum
         crc_bad: u32 = "frames",
-        /// Frames that are no COBS
+        /// Frames with invalid COBS encoding
         cobs_bad: u32 = "frames",
         /// Frames longer than the buffer
         too_long: u32 = "frames",
-        /// Whole frames of another version, type or length
+        /// Complete frames of another version, type or length
         unknown: u32 = "frames",
-        /// Whole frames with a number that is not finite or out of range
+        /// Complete frames with a number that is not finite or out of range
         value_bad: u32 = "frames",
         /// Samples of a session that is not running
         wrong_session: u32 = "frames",
-        /// Samples that came again
+        /// Samples received more than once
         duplicate: u32 = "frames",
-        /// Samples that came after a later one; the filter only goes forward
+        /// Samples received after a later one, which the filter cannot use
         late: u32 = "frames",
-        /// Times at which sequence numbers were skipped
+        /// Number of times that sequence numbers were skipped
         gap_events: u32 = "",
-        /// Samples missing by their sequence number
+        /// Samples missing according to the sequence numbers
         missing: u32 = "samples",
         /// Samples given to the filter
         used: u32 = "samples",
-        /// Samples refused by the estimator
+        /// Samples rejected by the estimator
         rejected: u32 = "samples",
-        /// Samples that gave way to newer ones
+        /// Samples dropped in favour of newer ones
         dropped_oldest: u32 = "samples",
         /// Bytes lost by the receiver of the host's line, as its driver reports them
         uart_overrun: u32 = "",
         /// Noise and framing errors of the host's line, as its driver reports them
         uart_framing: u32 = "",
-        /// Most samples ever queued
+        /// Largest number of samples ever queued
         queue_high_water: u32 = "samples",
         /// Updates not finished within a period
         deadline_missed: u32 = "",
         /// Longest update
         cycles_max: u32 = "cycles",
-        /// Updates that took no measurement in
+        /// Updates whose measurement was rejected
         innovation_rejected: u32 = "",
         /// Frames not sent because the host did not read
         transmit_dropped: u32 = "frames",
-        /// Stack never touched
+        /// Bytes of stack never used
         stack_free: u32 = "bytes",
-        /// Starts by the watchdog
+        /// Number of resets by the watchdog
         watchdog_resets: u32 = "",
         /// Bytes lost by the receiver of the sensor's line
         sensor_overrun: u32 = "",
         /// Noise and framing errors of the sensor's line
         sensor_framing: u32 = "",
-        /// Where the last fault was a panic: the end of `file:line`, zeros before it
+        /// End of `file:line` if the last fault was a panic, preceded by zeros
         fault_place: [u8; 24] = "",
-        /// Voltage of the battery, 0 where none is measured
+        /// Voltage of the battery, 0 if not measured
         battery: u16 = "mV",
     }
 }
 
 code! {
-    /// What to do with the log on board.
+    /// An action on the on-board log.
     LogAction {
         /// Read a block
         Read = 0,
-        /// Erase it all
+        /// Erase the whole log
         Erase = 1,
     }
 }
 
 body! {
-    /// Host to unit: read a block of the log on board; answered by all its [`LogPiece`]s. Or erase the log; answered by the piece of
-    /// a block that is not there.
+    /// Host to unit: reads a block of the on-board log, answered by all its [`LogPiece`]s; or erases the log, answered
+    /// by the piece of a block that does not exist.
     LogAsk {
-        /// What to do
+        /// Requested action
         action: LogAction = "",
         /// Number of the block, 0 the oldest
         block: u32 = "",
@@ -327,11 +327,11 @@ body! {
     LogPiece {
         /// Number of the block, 0 the oldest
         block: u32 = "",
-        /// Bytes of the block, 0 where there is none of that number
+        /// Length of the block, 0 if there is no such block
         length: u16 = "bytes",
-        /// Where the piece begins in the block
+        /// Offset of the piece in the block
         offset: u16 = "bytes",
-        /// The piece, zeros behind the end of the block
+        /// Bytes of the piece, zero beyond the end of the block
         bytes: [u8; 96] = "",
     }
 }
@@ -341,7 +341,7 @@ macro_rules! messages {
         /// Any message of the link.
         #[derive(Debug, Clone, Copy, PartialEq)]
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-        #[expect(missing_docs, reason = "the bodies say it")]
+        #[expect(missing_docs, reason = "the message types are documented")]
         pub enum Message { $( $name($name), )* }
 
         pub(super) const LAYOUTS: &[MessageLayout] = &[$(

@@ -162,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn a_posture_returns_joint_by_joint() {
+    fn a_posture_survives_packing_joint_by_joint() {
         let posture = Posture::h_pose()
             .with_angles(Segment::LeftHand, 0.3, -0.2, 1.1)
             .with_angles(Segment::Head, -0.1, 0.4, 0.0);
@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn values_that_cannot_be_told_are_absent() {
+    fn unknown_values_are_absent() {
         let broken = UnitQuaternion::new_unchecked(Quaternion::new(f32::NAN, 0.0, 0.0, 1.0));
         for value in [f32::NAN, f32::INFINITY, -400.0, 1.0e30] {
             let motion = Motion {

@@ -12,21 +12,21 @@ pub const HEADER: &[FieldLayout] = &[
         "u16",
         2,
         "",
-        "Session chosen by the host; a new one resets the filter",
+        "Session number, chosen by the host; a new one resets the filter",
     ),
     header_field(
         "sequence",
         "u32",
         4,
         "",
-        "Number among the frames of this type in the session, from 0, wraps",
+        "Sequence number of frames of this type in the session, from 0, wraps",
     ),
     header_field(
         "time",
         "u64",
         8,
         "us",
-        "Sensor time of a sample and its estimate, sender's clock otherwise",
+        "Sensor time for samples and their estimates, otherwise the sender's clock",
     ),
 ];
 

@@ -240,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn a_table_that_is_no_body_is_refused() {
+    fn an_impossible_segment_table_is_refused() {
         let mut table = SegmentTable::new();
         for row in rows() {
             table.insert(row);

@@ -216,7 +216,7 @@ pub const MANEUVERS: &[Maneuver] = &[
     },
     Maneuver {
         name: "exit-and-tracking",
-        summary: "leaves an aircraft, tracks, goes over to the back and returns to the belly by barrel rolls",
+        summary: "leaves an aircraft, tracks, changes to the back and returns to the belly by barrel rolls",
         duration: 55.0,
         base: TRACK,
         start_pitch: 0.7,
@@ -264,7 +264,7 @@ pub const MANEUVERS: &[Maneuver] = &[
     },
     Maneuver {
         name: "layouts",
-        summary: "flips over straight through: legs press, arms release, damping turns negative",
+        summary: "flips over with the body straight: legs press, arms release, damping turns negative",
         duration: 12.0,
         base: STRAIGHT,
         tracks: &[Track {

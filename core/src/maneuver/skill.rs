@@ -58,7 +58,7 @@ pub const RW_SUIT_TURNS: Maneuver = Maneuver {
 /// Paper "Pitch and Roll oscillations experienced by novices": without damping about the long axis the rocking grows.
 pub const ROLL_OSCILLATION: Maneuver = Maneuver {
     name: "roll-oscillation",
-    summary: "rocks from side to side, tensed up with one arm and one leg down, and calms down relaxed",
+    summary: "rocks from side to side, tense, with one arm and one leg down, and calms down when relaxed",
     duration: 20.0,
     tracks: &[Track {
         pattern: LEFT_SIDE_DOWN,

@@ -91,7 +91,7 @@ fn without_a_fix_of_three_dimensions_there_is_no_velocity() {
 
 proptest! {
     #[test]
-    fn a_frame_behind_anything_that_is_no_frame_is_found(
+    fn a_frame_after_arbitrary_garbage_is_found(
         noise in prop::collection::vec(any::<u8>().prop_filter("no sync", |byte| *byte != 0xb5), 0..200),
         other in prop::collection::vec(any::<u8>(), 0..300),
     ) {
@@ -102,7 +102,7 @@ proptest! {
     }
 
     #[test]
-    fn a_frame_that_is_hit_is_none(place in 0_usize..100, hit in 1_u8..) {
+    fn a_damaged_frame_is_not_accepted(place in 0_usize..100, hit in 1_u8..) {
         let mut bytes = frame(NAV_PVT, &payload(92));
         bytes[place] ^= hit;
         let (found, _) = decoded(&bytes);
@@ -110,7 +110,7 @@ proptest! {
     }
 
     #[test]
-    fn whatever_the_bytes_it_goes_on(bytes in prop::collection::vec(any::<u8>(), 0..2000)) {
+    fn it_continues_after_any_bytes(bytes in prop::collection::vec(any::<u8>(), 0..2000)) {
         let mut decoder = Decoder::new();
         for byte in bytes {
             let _ = decoder.push(byte);

@@ -73,7 +73,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sensor_without_the_day_wrap_passes_it() {
+    fn a_sensor_that_does_not_wrap_at_midnight_counts_on() {
         let mut clock = SampleClock::new();
         for ticks in (DAY - 500..DAY + 500).step_by(100) {
             assert_eq!(clock.time(ticks), u64::from(ticks) * 100);

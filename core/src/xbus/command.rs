@@ -8,7 +8,7 @@ const MASTER: u8 = 0xFF;
 
 /// Baud rate (bit/s) and its code.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[expect(missing_docs, reason = "the names say it")]
+#[expect(missing_docs, reason = "the names are self-explanatory")]
 #[repr(u8)]
 pub enum Baudrate {
     B115200 = 0x02,
@@ -240,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn items_return_as_written() {
+    fn items_are_read_back_as_written() {
         let mut packet = [0; 64];
         let mut writer = PacketWriter::new(&mut packet, MessageId::MT_DATA2);
         writer.item(DataId::PACKET_COUNTER, &[1, 2]).unwrap();

@@ -215,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn an_extended_packet_is_read_and_one_beyond_the_buffer_is_passed() {
+    fn an_extended_packet_is_read_and_one_too_long_for_the_buffer_is_skipped() {
         let long = measurement(7, 30);
         assert!(long.len() > 400);
         let short = measurement(8, 1);
@@ -227,7 +227,7 @@ mod tests {
     }
 
     #[test]
-    fn a_false_length_takes_no_other_packet_along() {
+    fn a_wrong_length_costs_no_other_packet() {
         let good: Vec<Vec<u8>> = (0..100).map(|n| measurement(n, 1)).collect();
         for lie in [
             [0x36, 0xFE, 0x00, 0x00],

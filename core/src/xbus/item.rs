@@ -89,7 +89,7 @@ impl CoordinateSystem {
 
 /// UTC time according to the sensor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-#[expect(missing_docs, reason = "the names say it")]
+#[expect(missing_docs, reason = "the names are self-explanatory")]
 pub struct UtcTime {
     pub nanosecond: u32,
     pub year: u16,

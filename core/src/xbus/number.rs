@@ -173,7 +173,7 @@ mod tests {
         ) {
             for bits in [bits, f64::from(near).to_bits() ^ low] {
                 let wide = f64::from_bits(bits);
-                #[expect(clippy::cast_possible_truncation, reason = "the reference")]
+                #[expect(clippy::cast_possible_truncation, reason = "the reference result")]
                 let expected = wide as f32;
                 let found = narrow(bits);
                 prop_assert!(
@@ -188,7 +188,7 @@ mod tests {
             let bytes = short.to_be_bytes();
             let [single] = of::<1>(&bytes, NumberFormat::Fp1220).to_f32();
             let [double] = of::<1>(&bytes, NumberFormat::Fp1220).to_f64();
-            #[expect(clippy::cast_possible_truncation, reason = "the reference")]
+            #[expect(clippy::cast_possible_truncation, reason = "the reference result")]
             let expected = double as f32;
             prop_assert_eq!(single.to_bits(), expected.to_bits());
 
@@ -196,7 +196,7 @@ mod tests {
             let bytes = [a, b, c, d, e, f];
             let [single] = of::<1>(&bytes, NumberFormat::Fp1632).to_f32();
             let [double] = of::<1>(&bytes, NumberFormat::Fp1632).to_f64();
-            #[expect(clippy::cast_possible_truncation, reason = "the reference")]
+            #[expect(clippy::cast_possible_truncation, reason = "the reference result")]
             let expected = double as f32;
             prop_assert_eq!(single.to_bits(), expected.to_bits());
             prop_assert!((double - (f64::from(whole) + f64::from(fraction) / 4_294_967_296.0)).abs() < 1e-12);

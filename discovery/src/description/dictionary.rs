@@ -1,19 +1,20 @@
-//! What a description is made of: directions in which a load may point, and what it may be multiplied by.
+//! Building blocks of a description: the directions of a load and the factors that multiply it.
 
 use bodyflight_core::Segment;
 use bodyflight_core::dynamics::applied_load::factor::{FACTORS, Factor};
 use bodyflight_core::dynamics::applied_load::{AppliedLoad, Axis, Direction, Kind, Point};
 
-/// Frequencies that are looked for (Hz): from a few periods of a flight to what averages over a tenth of a second show.
+/// Range of frequencies searched (Hz): from a few periods in a flight to what averages over a tenth of a second can
+/// resolve.
 pub const FREQUENCIES: [f64; 2] = [0.12, 4.9];
 
-/// Speed, turn, height and joint at which a factor is one.
+/// Reference speed, turn, height and joint angle, at which a factor is one.
 const SPEED: f64 = 50.0;
 const TURN: f64 = 1.0;
 const DOWN: f64 = -1000.0;
 const BEND: f64 = 1.0;
 
-/// Begin, length and period of pulses (s): steps and ends of what is tried.
+/// Grid of start, length and period of pulses (s): step sizes and limits.
 const PULSE_STEP: f64 = 0.2;
 const PULSE_DURATIONS: [f64; 5] = [0.4, 0.8, 1.2, 1.6, 2.2];
 const PULSE_PERIODS: [f64; 2] = [2.0, 9.0];
@@ -21,11 +22,11 @@ const PULSE_PERIODS: [f64; 2] = [2.0, 9.0];
 /// Factors of a load.
 pub type Factors = [Option<Factor<f64>>; FACTORS];
 
-/// Where a load points, and what it is.
+/// Direction of a load, and whether it is a force or a moment.
 pub type Pointing = (Kind, Direction);
 
-/// All directions that are tried: moments and forces along the axes of body and world, drag of the body and of each segment,
-/// and forces on hands and feet along the axes of the body.
+/// All directions searched: moments and forces along the axes of body and world, drag of the body and of each segment,
+/// and forces on hands and feet along the body axes.
 pub fn directions() -> Vec<Pointing> {
     let mut all = Vec::new();
     let body = Kind::Force(Point::Body);
@@ -49,7 +50,7 @@ pub fn directions() -> Vec<Pointing> {
     all
 }
 
-/// Ends of limbs, and where equipment is.
+/// Ends of limbs, and places where equipment is worn.
 const ENDS: [Segment; 5] = [
     Segment::Thorax,
     Segment::LeftForearm,
@@ -58,7 +59,7 @@ const ENDS: [Segment; 5] = [
     Segment::RightShank,
 ];
 
-/// The load of size one.
+/// A load of size one.
 pub const fn unit((kind, direction): Pointing, factors: Factors) -> AppliedLoad<f64> {
     AppliedLoad {
         kind,
@@ -68,18 +69,18 @@ pub const fn unit((kind, direction): Pointing, factors: Factors) -> AppliedLoad<
     }
 }
 
-/// One factor.
+/// A single factor.
 pub const fn single(factor: Factor<f64>) -> Factors {
     [Some(factor), None, None]
 }
 
-/// The factors and one more; none where there is no place.
+/// The factors with one more. Returns `None` if there is no slot left.
 pub fn times(mut factors: Factors, factor: Factor<f64>) -> Option<Factors> {
     *factors.iter_mut().find(|place| place.is_none())? = Some(factor);
     Some(factors)
 }
 
-/// What does not depend on the time itself: motion and posture. `height` (m) is that of the start.
+/// Factors that do not depend explicitly on time: motion and posture. `height` (m) is the height at the start.
 pub fn states(height: f64) -> Vec<Factor<f64>> {
     let mut all = vec![
         Factor::SpeedSquared { reference: SPEED },
@@ -107,7 +108,7 @@ pub fn states(height: f64) -> Vec<Factor<f64>> {
     all
 }
 
-/// Frequencies, three for each that a flight of so many seconds tells apart.
+/// Frequencies to try: three for each that a flight of this duration (s) can resolve.
 pub fn frequencies(duration: f64) -> Vec<f64> {
     let [low, high] = FREQUENCIES;
     let step = 1.0 / (3.0 * duration.max(1.0));
@@ -120,12 +121,12 @@ pub fn frequencies(duration: f64) -> Vec<f64> {
     all
 }
 
-/// A sine of the time.
+/// A sine in time.
 pub const fn sine(frequency: f64, phase: f64) -> Factor<f64> {
     Factor::Sine { frequency, phase }
 }
 
-/// Pulses of a flight of so many seconds that come again and again, and that come once.
+/// Periodic and single pulses for a flight of this duration (s).
 pub fn pulses(flight: f64) -> Vec<Factor<f64>> {
     let mut all = Vec::new();
     let mut add = |begin: f64, end: f64, duration: f64, period: f64| {
@@ -152,7 +153,7 @@ pub fn pulses(flight: f64) -> Vec<Factor<f64>> {
     all
 }
 
-/// The same pulse with a begin, a length and a period a little otherwise, for a finer search.
+/// Variations of a pulse's start, length and period, for a finer search.
 pub fn near(pulse: Factor<f64>, step: f64) -> Vec<Factor<f64>> {
     let Factor::Pulse {
         start,
@@ -172,7 +173,7 @@ pub fn near(pulse: Factor<f64>, step: f64) -> Vec<Factor<f64>> {
         for longer in [-2.0, -1.0, 0.0, 1.0, 2.0] {
             for later in periods {
                 let duration = duration + longer * step;
-                // The period from one to the next is known better, by the number of them.
+                // The period is known more precisely, since it accumulates over many pulses.
                 let period = period + later * step * 0.2;
                 if duration > step && (period <= 0.0 || period > duration) {
                     all.push(Factor::Pulse {
@@ -201,7 +202,7 @@ fn name(names: [&'static str; 3], axis: Axis) -> &'static str {
     }
 }
 
-/// What it is and where it points, in words: `moment about left`, `force on l_foot with the stream`.
+/// Type and direction of a load in words: `moment about left`, `force on l_foot along the stream`.
 pub fn pointing_in_words((kind, direction): Pointing) -> String {
     let along = match direction {
         Direction::Body(axis) => name(BODY, axis).to_owned(),
@@ -271,7 +272,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pulses_begin_within_the_flight_and_end_before_they_come_again() {
+    fn pulses_begin_within_the_flight_and_end_before_they_repeat() {
         let all = pulses(30.0);
         let refined = all.iter().flat_map(|pulse| near(*pulse, 0.1));
         for pulse in all.iter().copied().chain(refined) {
@@ -290,7 +291,7 @@ mod tests {
     }
 
     #[test]
-    fn frequencies_leave_no_gap_that_a_flight_could_tell() {
+    fn frequencies_leave_no_gap_that_a_flight_could_resolve() {
         for duration in [4.0, 30.0, 120.0] {
             let all = frequencies(duration);
             assert!(all.windows(2).all(|two| two[1] - two[0] < 0.5 / duration));
@@ -299,7 +300,7 @@ mod tests {
     }
 
     #[test]
-    fn loads_are_told_in_plain_words() {
+    fn loads_are_described_in_plain_words() {
         let moment = (Kind::Moment, Direction::Body(Axis::X));
         assert_eq!(pointing_in_words(moment), "moment about left");
         let drag = (

@@ -1,4 +1,4 @@
-//! The numbers of a description fitted in flights of the model, by Gauss and Newton.
+//! Fits the parameters of a description in simulated flights by Gauss-Newton steps.
 
 use bodyflight_core::dynamics::applied_load::AppliedLoads;
 use bodyflight_core::dynamics::applied_load::factor::Factor;
@@ -13,11 +13,11 @@ use crate::problem::Problem;
 use crate::stretch::{Channels, NUMBERS};
 use crate::whitened::Quadratic;
 
-/// Steps, and the gain of one that is not worth another.
+/// Maximum number of steps, and the gain below which they stop.
 const STEPS: usize = 5;
 const SETTLED: f64 = 0.2;
 
-/// Steps of the differences: force (N), moment (N m), frequency (Hz), phase (rad).
+/// Steps of the finite differences: force (N), moment (N m), frequency (Hz), phase (rad).
 const FORCE: f64 = 5.0;
 const MOMENT: f64 = 1.0;
 const FREQUENCY: f64 = 0.001;
@@ -26,7 +26,7 @@ const PHASE: f64 = 0.03;
 /// Groups of loads.
 pub type Groups = Vec<Group>;
 
-/// All loads of some groups; none where there are more than a model has.
+/// All loads of these groups. Returns `None` if there are more than a model can hold.
 pub fn loads(groups: &[Group]) -> Option<AppliedLoads<f64>> {
     let mut all = AppliedLoads::none();
     for load in groups.iter().flat_map(Group::loads) {
@@ -35,14 +35,14 @@ pub fn loads(groups: &[Group]) -> Option<AppliedLoads<f64>> {
     Some(all)
 }
 
-/// A number of a description.
+/// A parameter of a description.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Number {
-    /// Size of a load of a group.
+    /// Size of a load: indices of group and load.
     Size(usize, usize),
-    /// Frequency of a factor of a group.
+    /// Frequency of a factor: indices of group and factor.
     Frequency(usize, usize),
-    /// Its phase.
+    /// Phase of that factor.
     Phase(usize, usize),
 }
 
@@ -73,7 +73,7 @@ impl Number {
         }
     }
 
-    /// Deviation of what is believed before: wide.
+    /// Standard deviation of the prior, which is wide.
     const fn prior(self) -> f64 {
         match self {
             Self::Size(..) => 1000.0,
@@ -83,7 +83,7 @@ impl Number {
     }
 }
 
-/// The numbers that are fitted: pulses keep the times that a view gave them.
+/// The fitted parameters. Pulses keep the times found in the search.
 pub fn numbers(groups: &[Group]) -> Vec<Number> {
     let mut all = Vec::new();
     for (g, group) in groups.iter().enumerate() {
@@ -97,7 +97,7 @@ pub fn numbers(groups: &[Group]) -> Vec<Number> {
     all
 }
 
-/// Groups with their numbers moved.
+/// Groups with their parameters moved by a step.
 fn moved(groups: &[Group], numbers: &[Number], step: &DVector<f64>) -> Groups {
     let mut groups = groups.to_vec();
     for (number, step) in numbers.iter().zip(step.iter()) {
@@ -108,7 +108,7 @@ fn moved(groups: &[Group], numbers: &[Number], step: &DVector<f64>) -> Groups {
     groups
 }
 
-/// What is missing under some loads, and what their numbers change.
+/// The quadratic approximation in the parameters of these groups.
 fn around(problem: &Problem<'_>, fitted: &Fitted, groups: &[Group]) -> Option<Quadratic> {
     let numbers = numbers(groups);
     let under = problem.under(&loads(groups)?);
@@ -146,7 +146,7 @@ fn around(problem: &Problem<'_>, fitted: &Fitted, groups: &[Group]) -> Option<Qu
     Quadratic::joint(&[reduced], &columns, &precision)
 }
 
-/// Groups followed to where they lead in the flight of a fit, and the covariance of their [numbers].
+/// Fits the groups in a flight and returns them with the covariance of their [numbers].
 pub fn followed(
     problem: &Problem<'_>,
     fitted: &Fitted,

@@ -1,4 +1,4 @@
-//! Loads that share their factors, and the search for those that a view of a flight asks for.
+//! Groups of loads that share their factors, and the search for the group that a flight's residuals call for.
 
 use bodyflight_core::dynamics::applied_load::factor::Factor;
 use bodyflight_core::dynamics::applied_load::{AppliedLoad, Kind, Point};
@@ -11,28 +11,28 @@ use super::view::{Column, Directed, View, mean_turn};
 use crate::contest::COST;
 use crate::problem::Problem;
 
-/// Sines and pulses that are looked at closely, of those that seem best.
+/// Number of the most promising sines and pulses that are refined.
 const CLOSELY: usize = 12;
 
-/// Share of its gain that counts for a force at a point.
+/// Share of the gain credited to a force at a point.
 const AT_A_POINT: f64 = 0.95;
 
-/// Loads that a group has at most.
+/// Maximum number of loads in a group.
 const MOST: usize = 6;
 
 /// Loads that share their factors.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Group {
-    /// What all are multiplied by.
+    /// Factors common to all loads.
     pub factors: Factors,
-    /// Where each points, and its size (N or N m).
+    /// Direction and size (N or N m) of each load.
     pub terms: Vec<(Pointing, f64)>,
-    /// What its choice costs, beside what its numbers do: the logarithm of how many there were to choose from.
+    /// Cost of the choice, in addition to that of the parameters: the logarithm of the number of alternatives.
     pub choice: f64,
 }
 
 impl Group {
-    /// Its loads.
+    /// The loads of the group.
     pub fn loads(&self) -> impl Iterator<Item = AppliedLoad<f64>> {
         self.terms.iter().map(|(pointing, size)| AppliedLoad {
             size: *size,
@@ -40,14 +40,14 @@ impl Group {
         })
     }
 
-    /// What it must gain: its choice and its numbers.
+    /// Gain needed to justify the group: cost of its choice and of its parameters.
     pub fn cost(&self) -> f64 {
         let numbers: usize = self.factors.iter().flatten().map(numbers_of).sum();
         self.choice + COST * (numbers + self.terms.len()) as f64
     }
 }
 
-/// Numbers of a factor that are fitted.
+/// Number of fitted parameters of a factor.
 const fn numbers_of(factor: &Factor<f64>) -> usize {
     match factor {
         Factor::Sine { .. } => 2,
@@ -62,7 +62,7 @@ const fn numbers_of(factor: &Factor<f64>) -> usize {
     }
 }
 
-/// A product of factors along one direction, and what it gains less what it costs.
+/// A product of factors along one direction, with its gain less its cost.
 #[derive(Clone, Copy)]
 struct Found {
     factors: Factors,
@@ -70,7 +70,7 @@ struct Found {
     worth: f64,
 }
 
-/// A view with everything that a search asks of it again and again.
+/// A view with everything a search needs repeatedly.
 struct Search<'a> {
     view: &'a View<'a>,
     pointings: Vec<Pointing>,
@@ -78,7 +78,7 @@ struct Search<'a> {
     states: Vec<Factor<f64>>,
 }
 
-/// The group that gains most; none where nothing gains what it costs. `duration` of the flight in s.
+/// Returns the group with the largest gain, or `None` if none gains more than it costs.
 pub fn best_group(view: &View<'_>, problem: &Problem<'_>) -> Option<Group> {
     let pointings = directions();
     let mut states = states(problem.track.start_height());
@@ -134,8 +134,8 @@ impl Search<'_> {
         matches!(self.pointings[direction].0, Kind::Force(Point::Segment(_)))
     }
 
-    /// What a gain along a direction is worth: there are many directions, a point where it acts is a number more, and one
-    /// that the body as a whole does as well is not needed.
+    /// The gain along a direction less its cost: the direction is one of many, a point of application is one more
+    /// parameter, and a force on the whole body is preferred if it explains as much.
     fn worth_along(&self, gain: f64, direction: usize) -> f64 {
         let choice = (self.pointings.len() as f64).ln();
         if self.is_at_a_point(direction) {
@@ -151,12 +151,12 @@ impl Search<'_> {
         worth - self.choice(factors, duration) - COST * numbers as f64
     }
 
-    /// What does not depend on the time itself, also multiplied by each other.
+    /// The best factor without explicit time dependence, alone or multiplied by the speed factor.
     fn best_state(&self) -> Option<Found> {
         let products = |k: usize| {
             let first = self.states[k];
             let alone = core::iter::once(single(first));
-            // The square of the speed is in every load of the air.
+            // All aerodynamic loads depend on the square of the speed.
             let others = self.states[..1].iter().filter(move |_| k > 0);
             alone.chain(others.filter_map(move |other| times(single(first), *other)))
         };
@@ -180,13 +180,13 @@ impl Search<'_> {
             .max_by(|a, b| a.worth.total_cmp(&b.worth))
     }
 
-    /// Sine and cosine of a frequency.
+    /// Sine and cosine at a frequency.
     fn waves(&self, frequency: f64) -> [Vec<f64>; 2] {
         [0.0, core::f64::consts::FRAC_PI_2]
             .map(|phase| self.view.values(&single(sine(frequency, phase))))
     }
 
-    /// What a frequency gains along a direction, and its phase.
+    /// Gain of a sine along a direction, and its phase.
     fn wave(&self, frequency: f64, direction: usize) -> Option<(f64, f64)> {
         let waves = self.waves(frequency);
         let along = &self.directed[direction];
@@ -267,7 +267,7 @@ impl Search<'_> {
         closely.max_by(|a, b| a.worth.total_cmp(&b.worth))
     }
 
-    /// Multiplied by one more factor where that is worth it.
+    /// Multiplies by one more factor if that pays off.
     fn multiplied(&self, found: Found) -> Found {
         let along = &self.directed[found.direction];
         let gain = |factors: &Factors| self.view.gain(along, &self.view.values(factors));
@@ -276,7 +276,8 @@ impl Search<'_> {
             if found.factors.contains(&Some(*factor)) {
                 return None;
             }
-            // A joint that swings about its middle changes little that is not zero there: its mean is not taken off.
+            // A joint oscillating about its mean contributes little unless the mean is included, so the angle is not
+            // centred.
             let mut factor = *factor;
             if let Factor::Joint { from, .. } = &mut factor {
                 *from = 0.0;
@@ -294,7 +295,7 @@ impl Search<'_> {
             .unwrap_or(found)
     }
 
-    /// With other directions that share the factors.
+    /// Adds other directions that share the factors.
     fn joined(&self, found: Found, duration: f64) -> Group {
         let values = self.view.values(&found.factors);
         let mut chosen = vec![found.direction];
@@ -345,8 +346,7 @@ impl Search<'_> {
     }
 }
 
-/// Another phase or another begin for what depends on the time, where a flight asks for it: `others` of those there are
-/// gained by it.
+/// Adapts the phase or start of time-dependent factors to another flight, if its gain exceeds the cost of a parameter.
 pub fn shifted(view: &View<'_>, group: &Group) -> Group {
     let directed: Vec<Directed> = group.terms.iter().map(|(p, _)| view.directed(*p)).collect();
     let gain = |factors: &Factors| {

@@ -1,4 +1,4 @@
-//! What was described, in numbers and words.
+//! A description as reported, in numbers and words.
 
 use bodyflight_core::dynamics::applied_load::AppliedLoad;
 use schemars::JsonSchema;
@@ -15,22 +15,22 @@ pub struct DescribedLoad {
     pub standard_error: f64,
     /// Unit of the size.
     pub unit: &'static str,
-    /// As `model.toml` has it.
+    /// The load as written to `model.toml`.
     #[serde(skip)]
     pub load: AppliedLoad<f64>,
 }
 
-/// What was described.
+/// A description of what no effect of the library explains.
 #[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct Described {
-    /// Its loads.
+    /// The loads.
     pub loads: Vec<DescribedLoad>,
-    /// What the likelihood gains in the flight that it was fitted to.
+    /// Gain of log-likelihood in the flight it was fitted to.
     pub gain: f64,
-    /// What it had to gain: three for each number, and the logarithm of what there was to choose from.
+    /// Gain it had to exceed: three for each parameter, plus the logarithm of the number of alternatives.
     pub cost: f64,
-    /// Share of what anything that pushes could explain.
+    /// Share of what arbitrary forces and moments could explain.
     pub explained: f64,
-    /// The same in the other flights.
+    /// The same share in the other flights.
     pub explained_held_out: Vec<f64>,
 }

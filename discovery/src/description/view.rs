@@ -1,5 +1,5 @@
-//! A flight as what pushes it: what a force and a moment in each tenth of a second would gain, with everything that suit,
-//! subject and sensors can do taken out. Any load is a column of it at the cost of a few sums.
+//! A flight as seen by the loads: what a force and a moment in each tenth of a second would gain, with everything that
+//! suit, subject and sensors can explain removed. The gain of any load then takes a few sums.
 
 use bodyflight_core::dynamics::Motion;
 use bodyflight_core::dynamics::applied_load::AppliedLoads;
@@ -16,10 +16,10 @@ use crate::fitted::Fitted;
 use crate::problem::Problem;
 use crate::stretch::ROWS;
 
-/// Forces and moments of a stretch.
+/// Number of components of force and moment in a stretch.
 const PUSHES: usize = 6 * ROWS;
 
-/// Times in a window at which what depends on the time is averaged.
+/// Sample times in a window over which time-dependent factors are averaged.
 const PARTS: u32 = 4;
 
 /// One window.
@@ -36,18 +36,18 @@ struct Window {
 struct Seen {
     windows: Vec<Window>,
     information: DMatrix<f64>,
-    /// Constants by push, in deviations of the constants.
+    /// Coupling of constants and pushes, in standard deviations of the constants.
     constants: DMatrix<f64>,
     slope: DVector<f64>,
 }
 
-/// A flight as what pushes it.
+/// The information in a flight about forces and moments in its windows.
 pub struct View<'a> {
     problem: &'a Problem<'a>,
     stretches: Vec<Seen>,
 }
 
-/// What a direction does in every window of a stretch: its force and its moment, and what they come to.
+/// Force and moment of a unit load in every window of a stretch, and their information.
 struct Along {
     pushes: Vec<(Vector3<f64>, Vector3<f64>)>,
     information: Matrix6<f64>,
@@ -55,21 +55,21 @@ struct Along {
     constants: DMatrix<f64>,
 }
 
-/// A direction in a view.
+/// A direction projected onto a view.
 pub struct Directed {
     stretches: Vec<Along>,
 }
 
-/// A load as a column: by window, what it is multiplied by.
+/// A load as a column: a direction and a factor for each window.
 pub struct Column<'a> {
-    /// Where it points.
+    /// Direction of the load.
     pub along: &'a Directed,
-    /// Its factors, by window.
+    /// Factor for each window.
     pub values: &'a [f64],
 }
 
 impl<'a> View<'a> {
-    /// Of a fit. None where the numbers have no covariance.
+    /// Creates the view from a fit. Returns `None` if a covariance is not positive definite.
     pub fn new(problem: &'a Problem<'a>, fitted: &Fitted) -> Option<Self> {
         let errors = &fitted.errors;
         let each: Option<Vec<_>> = fitted
@@ -111,7 +111,7 @@ impl<'a> View<'a> {
         Some(Self { problem, stretches })
     }
 
-    /// What a direction does in it.
+    /// Projects a direction onto the view.
     pub fn directed(&self, pointing: Pointing) -> Directed {
         let dynamics = &self.problem.plain.dynamics;
         let loads = AppliedLoads::none().with(unit(pointing, [None; 3]));
@@ -148,7 +148,7 @@ impl<'a> View<'a> {
         }
     }
 
-    /// A product of factors, the mean of every window.
+    /// A product of factors, averaged over each window.
     pub fn values(&self, factors: &Factors) -> Vec<f64> {
         let changes =
             |factor: &Factor<f64>| matches!(factor, Factor::Sine { .. } | Factor::Pulse { .. });
@@ -175,14 +175,14 @@ impl<'a> View<'a> {
         windows.map(value).collect()
     }
 
-    /// What some columns gain together, and their sizes.
+    /// Combined gain of some columns, and their sizes.
     pub fn solved(&self, columns: &[Column<'_>]) -> Option<(f64, DVector<f64>)> {
         let (information, slope) = self.quadratic(columns)?;
         let sizes = Cholesky::new(information)?.solve(&slope);
         Some((0.5 * sizes.dot(&slope), sizes))
     }
 
-    /// Information and slope of some columns, constants taken out.
+    /// Information and slope of some columns, with the constants marginalized out.
     pub fn quadratic(&self, columns: &[Column<'_>]) -> Option<(DMatrix<f64>, DVector<f64>)> {
         let count = columns.len();
         let mut information = DMatrix::zeros(count, count);
@@ -208,8 +208,8 @@ impl<'a> View<'a> {
         Some((information, slope))
     }
 
-    /// A bound from below of what one direction gains with some values, or with two sets of values: the constants may give
-    /// way, which makes it more.
+    /// A lower bound for the gain of one direction with one or two sets of values: marginalizing the constants, which
+    /// this omits, can only increase it.
     pub fn at_least(&self, along: &Directed, values: [&[f64]; 2]) -> f64 {
         let (mut aa, mut ab, mut bb, mut sa, mut sb) = (0.0, 0.0, 0.0, 0.0, 0.0);
         for (s, part) in along.stretches.iter().enumerate() {
@@ -235,7 +235,7 @@ impl<'a> View<'a> {
         }
     }
 
-    /// What one direction gains with some values, constants taken out.
+    /// Gain of one direction with given values, with the constants marginalized out.
     pub fn gain(&self, along: &Directed, values: &[f64]) -> f64 {
         let (mut information, mut slope) = (0.0, 0.0);
         let mut constants = DVector::zeros(CONSTANTS);
@@ -277,7 +277,7 @@ fn windows(problem: &Problem<'_>, first: usize, length: usize) -> Vec<Window> {
     (0..ROWS).map(window).collect()
 }
 
-/// The mean turn of a joint about an axis in a flight (rad): where a load by that joint is taken to begin.
+/// Mean rotation of a joint over a flight (rad), the zero of factors that depend on it.
 pub fn mean_turn(problem: &Problem<'_>, segment: Segment) -> Vector3<f64> {
     let postures = &problem.track.postures;
     let sum: Vector3<f64> = postures

@@ -1,5 +1,5 @@
-//! Disturbances outside the library, to test whether they are mistaken for something inside it. They belong here, not
-//! to the model.
+//! Disturbances outside the library, to test whether they are mistaken for something inside it. They belong to the
+//! tests, not to the model.
 
 use bodyflight_core::dynamics::{Motion, State};
 use bodyflight_core::frame::Vector;
@@ -9,7 +9,7 @@ use bodyflight_core::frame::Vector;
 pub enum Outside {
     /// Gusts of the air: a horizontal force that comes and goes every few seconds.
     Gusts,
-    /// A flapping strap: a moment about the long axis at four times a second.
+    /// A flapping strap: a moment about the long axis at 4 Hz.
     Flapping,
     /// Another skydiver who occasionally grips and pulls.
     Grip,

@@ -1,20 +1,20 @@
-//! Effects that need no posture, fitted together.
+//! Effects that need no posture, fitted jointly.
 
 use bodyflight_core::effect::{Effect, PARAMETER_COUNT};
 
 use crate::effect_set::EffectSet;
 
-/// An effect that needs no posture, and which of its parameters move together.
+/// An effect that needs no posture, and which of its parameters are tied together.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Candidate {
     pub(super) effect: Effect,
-    /// For each parameter of the effect, the number that sets it.
+    /// For each parameter of the effect, the index of the free value that sets it.
     pub(super) ties: [usize; PARAMETER_COUNT],
-    /// Numbers.
+    /// Number of free values.
     pub(super) count: usize,
 }
 
-/// Trunk, arms and legs are indistinguishable without a posture.
+/// Without a posture, trunk, arms and legs are indistinguishable.
 pub(super) const CANDIDATES: [Candidate; 3] = [
     Candidate {
         effect: Effect::Drag,
@@ -34,7 +34,7 @@ pub(super) const CANDIDATES: [Candidate; 3] = [
 ];
 
 impl Candidate {
-    /// Parameters of the effect for its numbers, inside their plausible ranges.
+    /// The effect's parameters for these free values, clamped to their plausible ranges.
     pub(super) fn values(&self, numbers: &[f64]) -> [f64; PARAMETER_COUNT] {
         let mut values = self.effect.neutral();
         let parameters = self.effect.description().parameters;
@@ -48,7 +48,7 @@ impl Candidate {
         self.effect.neutral()[..self.count].to_vec()
     }
 
-    /// Half of the plausible range: the deviation of the prior.
+    /// Half the plausible range: the standard deviation of the prior.
     pub(super) fn prior_deviation(&self) -> f64 {
         let parameter = &self.effect.description().parameters[0];
         0.5 * (parameter.high - parameter.low)

@@ -1,4 +1,4 @@
-//! The free fall of a point: what the model misses in windows of it, and effects fitted to that.
+//! The free fall of a point: residuals of the model in windows, and effects fitted to them.
 
 use bodyflight_core::body::pattern;
 use bodyflight_core::dynamics::Dynamics;
@@ -13,46 +13,47 @@ use crate::error::{Error, Result};
 use crate::normal_equations::{Marginalized, NormalMatrix, NormalVector, NuisanceColumns};
 use crate::statistics::quantile;
 
-/// Speed of descent of a free fall, at least (m/s).
+/// Minimum speed of descent that counts as free fall (m/s).
 pub(super) const FALLING: f64 = 15.0;
 
-/// Shortest free fall that is judged at all (s).
+/// Minimum duration of a free fall (s).
 const LEAST: f64 = 8.0;
 
 /// Length of a window (s).
 const WINDOW: f64 = 2.0;
 
-/// Time for which a posture is kept (s), as far as the prior goes.
+/// Time for which the prior assumes a constant posture (s).
 const POSTURE: f64 = 10.0;
 
-/// Deviations of the drag area of a posture (share) and of its lift across the stream, two axes (share of the weight).
+/// Standard deviations of a posture's drag area (fraction) and of its lift in the two directions across the stream
+/// (fraction of the weight).
 const AREA_DEVIATION: f64 = 0.1;
 const LIFT_DEVIATION: f64 = 0.05;
 
-/// What is left of both from one window to the next (share of the weight).
+/// Standard deviation of what varies from one window to the next within a posture (fraction of the weight).
 const JITTER: f64 = 0.01;
 
-/// Noise of a velocity, at least (m/s).
+/// Minimum noise of a velocity (m/s).
 const LEAST_NOISE: f64 = 0.03;
 
-/// Steps of Gauss and Newton.
+/// Maximum number of Gauss-Newton steps.
 const STEPS: usize = 8;
 
-/// A free fall with the model that is meant to fly it.
+/// A free fall with its model.
 pub(super) struct Fall<'a> {
     pub(super) fixes: &'a [Fix],
     pub(super) plain: Model<f64>,
-    /// First and last fix of each window.
+    /// Indices of the first and last fix of each window.
     pub(super) windows: Vec<(usize, usize)>,
     /// Standard deviation of one component of a velocity (m/s).
     pub(super) noise: f64,
-    /// What an unknown posture may change, whitened.
+    /// Derivatives with respect to the unknown posture, whitened.
     pub(super) nuisances: NuisanceColumns,
-    /// Deviations of the rows.
+    /// Standard deviation of each row.
     pub(super) deviations: Vec<f64>,
 }
 
-/// The longest stretch of fixes that fall.
+/// The longest contiguous run of falling fixes.
 fn falling(fixes: &[Fix]) -> &[Fix] {
     let falls = |fix: &Fix| fix.velocity.components.z < -FALLING;
     let duration = |part: &[Fix]| match (part.first(), part.last()) {
@@ -65,7 +66,7 @@ fn falling(fixes: &[Fix]) -> &[Fix] {
         .unwrap_or(&[])
 }
 
-/// First and last fix of each window.
+/// Indices of the first and last fix of each window.
 fn windows(fixes: &[Fix]) -> Vec<(usize, usize)> {
     let mut windows = Vec::new();
     let mut begin = 0;
@@ -78,8 +79,8 @@ fn windows(fixes: &[Fix]) -> Vec<(usize, usize)> {
     windows
 }
 
-/// What lift and drag of an unknown posture change in each window, along and across the stream, in deviations of the
-/// rows, and these: of noise (m/s) and jitter.
+/// Derivatives of each window with respect to drag and lift of an unknown posture, along and across the stream, in
+/// standard deviations of the rows; and these standard deviations, from noise (m/s) and jitter.
 fn posture(
     fixes: &[Fix],
     windows: &[(usize, usize)],
@@ -89,7 +90,7 @@ fn posture(
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
-        reason = "a few postures"
+        reason = "only a few postures"
     )]
     let posture_at = |fix: usize| ((fixes[fix].time - fixes[0].time) / POSTURE) as usize;
     let count = windows.last().map_or(0, |&(from, _)| posture_at(from)) + 1;
@@ -151,7 +152,7 @@ impl<'a> Fall<'a> {
         self.fixes[self.fixes.len() - 1].time - self.fixes[0].time
     }
 
-    /// Change of velocity in each window beyond what the model adds up to (m/s).
+    /// Change of velocity in each window that the model does not explain (m/s).
     pub(super) fn residuals(&self, effects: &EffectSet) -> Vec<Vector3<f64>> {
         let dynamics = extended(&self.plain, effects).dynamics;
         let point = PointMass::of(&dynamics, &pattern::neutral());
@@ -203,7 +204,7 @@ impl<'a> Fall<'a> {
         )
     }
 
-    /// Effects fitted from where they are: numbers, standard errors, misfit.
+    /// Fits the effects, starting from their current values.
     pub(super) fn fit(&self, mut found: Vec<(Candidate, Vec<f64>)>) -> Fit {
         let priors: Vec<f64> = found
             .iter()
@@ -242,7 +243,7 @@ impl<'a> Fall<'a> {
         }
     }
 
-    /// Misfit of effects as they are, posture taken out.
+    /// Misfit for fixed effects, with the posture marginalized out.
     pub(super) fn misfit(&self, effects: &EffectSet) -> f64 {
         let here = self.white(effects);
         let none = DMatrix::zeros(here.len(), 0);
@@ -254,7 +255,7 @@ impl<'a> Fall<'a> {
     }
 }
 
-/// Noise of one component of a velocity: from what is left beside a parabola through four fixes, in the middle of all.
+/// Noise of one velocity component: the median residual of parabolas through four fixes each.
 fn noise(fixes: &[Fix]) -> f64 {
     let velocity = |k: usize| fixes[k].velocity.components;
     let left: Vec<f64> = (3..fixes.len())
@@ -265,6 +266,7 @@ fn noise(fixes: &[Fix]) -> f64 {
         })
         .collect();
     let middle = quantile(left, 0.5);
-    // Of a normal distribution the median is 0.6745 deviations; the third difference has the variance of twenty.
+    // For a normal distribution the median is 0.6745 standard deviations; a third difference has twenty times the
+    // variance.
     (middle / 0.6745 / 20.0_f64.sqrt()).max(LEAST_NOISE)
 }

@@ -1,4 +1,4 @@
-//! What was found in the recording of a point.
+//! The report on the track of a point.
 
 use bodyflight_core::effect::{Effect, PARAMETER_COUNT};
 use nalgebra::Vector3;
@@ -12,7 +12,7 @@ use crate::criteria::{DISAGREES, EXPLAINS};
 use crate::effect_set::EffectSet;
 use crate::report::{ByName, Evidence, Named, Outcome, model_of, share_explained};
 
-/// Shortest fall in which names are given (s).
+/// Minimum duration of a fall in which effects are named (s).
 const ENOUGH: f64 = 20.0;
 
 /// Names of the components, with units.
@@ -22,38 +22,38 @@ pub const COMPONENT_NAMES: [&str; 3] =
 /// One window of the free fall.
 #[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct Spot {
-    /// Begin (s from that of the fall).
+    /// Start, from the beginning of the fall (s).
     pub time_s: f64,
     /// Height above mean sea level (m).
     pub height_m: f64,
     /// Speed over ground (m/s).
     pub speed_mps: f64,
-    /// Change of velocity that the plain model misses (m/s).
+    /// Change of velocity that the plain model does not explain (m/s).
     pub missing: [f64; 3],
-    /// The same with the effects named.
+    /// The same with the named effects.
     pub missing_after: [f64; 3],
 }
 
-/// Root mean squares of what is missing in a window, by component (m/s).
+/// Root-mean-square residuals of the windows, by component (m/s).
 #[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct Gap {
-    /// Of the plain model.
+    /// The plain model.
     pub before: [f64; 3],
-    /// With the effects named.
+    /// With the named effects.
     pub after: [f64; 3],
-    /// Of noise and unknown posture.
+    /// Expected from noise and unknown posture.
     pub floor: [f64; 3],
-    /// Sum of squares in deviations, posture taken out, of the plain model.
+    /// Whitened sum of squares of the plain model, with the posture marginalized out.
     pub misfit_before: f64,
-    /// With the effects named.
+    /// The same with the named effects.
     pub misfit_after: f64,
-    /// Where nothing is missing.
+    /// The same if the model were exact.
     pub misfit_expected: f64,
-    /// Share of the misfit above the expected one that is closed.
+    /// Share of the excess misfit that was closed.
     pub closed_share: f64,
 }
 
-/// Delay of the receiver, from positions and velocities.
+/// Delay of the receiver, found by comparing positions with velocities.
 #[derive(Debug, Clone, Copy, PartialEq, JsonSchema, Serialize)]
 pub struct Latency {
     /// Delay of the velocity (s).
@@ -62,61 +62,62 @@ pub struct Latency {
     pub standard_error_s: f64,
 }
 
-/// Mean size of the specific force in the fall, by the inertial sensor and by the satellites (m/s2).
+/// Mean magnitude of the specific force in the fall, as measured by the inertial sensor and derived from the satellite
+/// fixes (m/s2).
 #[derive(Debug, Clone, Copy, PartialEq, JsonSchema, Serialize)]
 pub struct SpecificForce {
-    /// Of the inertial sensor.
+    /// From the inertial sensor.
     pub inertial_mps2: f64,
-    /// Of the changes of velocity over windows.
+    /// From the change of velocity over windows.
     pub satellites_mps2: f64,
 }
 
-/// What discovery found.
+/// The report of a search.
 #[derive(Debug, Clone, JsonSchema, Serialize)]
 pub struct Report {
-    /// How it ended.
+    /// The outcome.
     pub verdict: Outcome,
-    /// Effects that were named.
+    /// The named effects.
     pub effects: Vec<Named>,
-    /// What came nearest where the verdict is not `named`.
+    /// The closest candidates if the verdict is not `named`.
     pub nearest: Vec<Named>,
-    /// Share of what there was to explain that they explain.
+    /// Share of the excess misfit that the effects explain.
     pub explained: f64,
-    /// Deviations by which the misfit is beyond that of a fall in which nothing is missing.
+    /// Standard deviations by which the misfit exceeds that of an exact model.
     pub disagreement: f64,
-    /// Length of the free fall (s).
+    /// Duration of the free fall (s).
     pub free_fall_s: f64,
-    /// Noise of one component of the velocity (m/s).
+    /// Noise of one velocity component (m/s).
     pub noise_mps: f64,
-    /// Rows of the files that were not usable.
+    /// Number of rows of the files that were unusable.
     pub rows_skipped: usize,
-    /// Whether positions and velocities agree.
+    /// The delay of velocities relative to positions.
     pub latency: Option<Latency>,
-    /// Whether the inertial sensor agrees, where there is one.
+    /// Comparison with the inertial sensor, if there is one.
     pub specific_force: Option<SpecificForce>,
-    /// Gap of the fall.
+    /// The gap of the fall.
     pub gap: Gap,
-    /// Gaps of the falls held out.
+    /// The gaps of the held-out falls.
     pub held_out: Vec<Gap>,
-    /// Window by window.
+    /// The residual of each window.
     pub residual_map: Vec<Spot>,
-    /// The effects as in `model.toml`.
+    /// The effects as written to `model.toml`.
     pub model: Vec<ByName>,
 }
 
-/// What an effect explains.
+/// Gain of an effect.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Gain {
     pub(super) effect: Effect,
-    /// Deviations beyond chance.
+    /// Significance, in standard deviations.
     pub(super) deviations: f64,
-    /// What it takes off the misfit.
+    /// Reduction of the misfit.
     pub(super) misfit: f64,
 }
 
 pub(super) struct Found {
     pub(super) chosen: Fit,
-    /// Of each effect.
+    /// One for each effect.
     pub(super) gains: Vec<Gain>,
     pub(super) plain: f64,
     pub(super) disagreement: f64,
@@ -162,7 +163,7 @@ impl Report {
     }
 }
 
-/// The effects with parameters and errors, these widened by the misfit that is left.
+/// The effects with their parameters and standard errors, which are widened by the remaining misfit.
 fn named(chosen: &Fit, gains: &[Gain], plain: f64, expected: f64) -> Vec<Named> {
     let left = (chosen.misfit / expected).max(1.0).sqrt();
     let mut errors = chosen.errors.iter();
@@ -190,7 +191,7 @@ fn gap(fall: &Fall<'_>, effects: &EffectSet) -> Gap {
             .fold(Vector3::zeros(), |sum, row| sum + row.component_mul(row));
         (squares / rows.len().max(1) as f64).map(f64::sqrt).into()
     };
-    // Variance of the rows by noise and posture.
+    // Variance of the rows from noise and posture.
     let mut floor = Vector3::zeros();
     for (k, deviation) in fall.deviations.iter().enumerate() {
         let own = fall.nuisances.slopes().rows(3 * k, 3);
@@ -228,7 +229,8 @@ fn map(fall: &Fall<'_>, effects: &EffectSet) -> Vec<Spot> {
         .collect()
 }
 
-/// By how much the velocity is late: the way over windows is that of the velocity, less the delay times its change.
+/// Delay of the velocity: displacements over windows are fitted by the integral of the velocity less the delay times
+/// its change.
 fn latency(fall: &Fall<'_>) -> Option<Latency> {
     let fixes = fall.fixes;
     let mut rows: Vec<(f64, f64)> = Vec::new();

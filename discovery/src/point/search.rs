@@ -11,15 +11,15 @@ use crate::effect_set::EffectSet;
 use crate::error::Result;
 use crate::statistics::deviations;
 
-/// Deviations above which an effect is significant if other falls confirm it.
+/// Significance, in standard deviations, that suffices if other falls confirm the effect.
 const SIGNIFICANT_WITH_VOTES: f64 = 4.5;
 
-/// Searches the free fall of a recording for what the model of a point misses.
+/// Searches the free fall of a track for effects that the model of a point lacks.
 ///
 /// `dynamics` is the model at the height at which the fall starts.
 ///
 /// # Errors
-/// Returns an error if there is no free fall that is long enough.
+/// Returns an error if no free fall is long enough.
 pub fn discover(
     track: &Track,
     held_out: &[Track],
@@ -52,7 +52,8 @@ pub fn discover(
     Ok(Report::new(&fall, &others, track, found))
 }
 
-/// The effect that explains most of what is left, if it deserves a name, fitted with those chosen before.
+/// The effect that explains most of the residual, fitted together with those already chosen. Returns `None` if no
+/// effect is significant.
 fn next(fall: &Fall<'_>, others: &[Fall<'_>], chosen: &Fit) -> Option<(Gain, Fit)> {
     let known = |candidate: &&Candidate| {
         let own = |(found, _): &(Candidate, _)| found.effect == candidate.effect;
@@ -64,7 +65,7 @@ fn next(fall: &Fall<'_>, others: &[Fall<'_>], chosen: &Fit) -> Option<(Gain, Fit
         (candidate, fall.fit(found))
     });
     let (candidate, fit) = tried.min_by(|a, b| a.1.misfit.total_cmp(&b.1.misfit))?;
-    // Misfit that nothing explains makes chance larger.
+    // Misfit that nothing explains also raises gains by chance.
     let scale = (fit.misfit / fall.rows()).max(1.0);
     let beyond_chance = |gain: f64| deviations(gain / scale, candidate.count as f64);
     let gain = chosen.misfit - fit.misfit;

@@ -1,4 +1,4 @@
-//! Falls of which the truth is known.
+//! Simulated falls with known effects.
 
 use bodyflight_core::body::pattern;
 use bodyflight_core::dynamics::Dynamics;
@@ -21,8 +21,8 @@ fn dynamics(_height: f64) -> Dynamics<f64> {
     test_subject::dynamics()
 }
 
-/// A fall from 4000 m with effects, of a skydiver who changes posture every ten seconds, as a receiver with noise
-/// sees it.
+/// A fall from 4000 m with given effects, by a skydiver who changes posture every ten seconds, as recorded by a noisy
+/// receiver.
 fn recorded(effects: &EffectSet, seed: u64, duration: f64) -> Track {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut normal = |deviation: f64| random.sample::<f64, _>(StandardNormal) * deviation;
@@ -65,7 +65,7 @@ fn recorded(effects: &EffectSet, seed: u64, duration: f64) -> Track {
 }
 
 #[test]
-fn what_needs_no_posture_is_found_with_its_size_and_helps_in_another_fall() {
+fn effects_without_posture_are_found_and_improve_another_fall() {
     let hidden: [(Effect, [f64; PARAMETER_COUNT]); 3] = [
         (Effect::Drag, [1.5, 1.5, 1.5]),
         (Effect::Wind, [12.0, -8.0, 0.0]),
@@ -100,7 +100,7 @@ fn what_needs_no_posture_is_found_with_its_size_and_helps_in_another_fall() {
 }
 
 #[test]
-fn nothing_gets_a_name_where_nothing_is_missing() {
+fn no_effect_is_named_where_none_is_missing() {
     for seed in 0..10 {
         let flown = recorded(&EffectSet::new(), seed, 50.0);
         let other = recorded(&EffectSet::new(), seed + 100, 50.0);
@@ -110,7 +110,7 @@ fn nothing_gets_a_name_where_nothing_is_missing() {
 }
 
 #[test]
-fn several_at_once_are_found_one_after_another() {
+fn several_effects_are_found_one_after_another() {
     let hidden = vec![
         (Effect::Drag, [0.6, 0.6, 0.6]),
         (Effect::Wind, [-10.0, 6.0, 0.0]),
@@ -124,7 +124,7 @@ fn several_at_once_are_found_one_after_another() {
 }
 
 #[test]
-fn a_short_fall_gets_no_name_and_no_fall_is_refused() {
+fn no_effect_is_named_in_a_short_fall_and_no_fall_is_an_error() {
     let wind = vec![(Effect::Wind, [15.0, 0.0, 0.0])];
     let report = discover(&recorded(&wind, 0, 12.0), &[], &dynamics, 3).unwrap();
     assert_eq!(report.verdict, Outcome::Thin);
@@ -134,7 +134,7 @@ fn a_short_fall_gets_no_name_and_no_fall_is_refused() {
 }
 
 #[test]
-fn late_velocities_show_in_the_way() {
+fn late_velocities_are_found_from_the_positions() {
     let flown = recorded(&EffectSet::new(), 4, 40.0);
     let mut late = flown.clone();
     for (fix, before) in late.fixes[2..].iter_mut().zip(&flown.fixes) {

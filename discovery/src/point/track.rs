@@ -1,4 +1,4 @@
-//! The way of a point in memory.
+//! The track of a point.
 
 use bodyflight_core::frame::{Inertial, Vector};
 use nalgebra::Vector3;
@@ -14,14 +14,14 @@ pub struct Fix {
     pub velocity: Vector<f64, Inertial>,
 }
 
-/// A recording of a point.
+/// The track of a point, as recorded.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Track {
-    /// In the order of time.
+    /// Fixes in order of time.
     pub fixes: Vec<Fix>,
-    /// Specific force by an inertial sensor (m/s2, its own axes), with its time on the clock of the fixes (s); empty
-    /// where there is no such sensor.
+    /// Specific force measured by an inertial sensor (m/s2, sensor axes), with its time on the clock of the fixes (s).
+    /// Empty if there is no such sensor.
     pub specific_force: Vec<(f64, Vector3<f64>)>,
-    /// Rows of the files that were not usable.
+    /// Number of rows of the files that were unusable.
     pub rows_skipped: usize,
 }

@@ -1,9 +1,9 @@
-//! Effects that look alike, each told from the other.
+//! Similar effects must be told apart.
 
 use super::*;
 use crate::report::Report;
 
-/// What is found in two flights of 15 s.
+/// The report for two flights of 15 s.
 fn found(effect: Effect, truth: [f64; 3], joints: Joints) -> Report {
     let settings = |seed| laboratory::Settings {
         seed,
@@ -19,13 +19,13 @@ fn found(effect: Effect, truth: [f64; 3], joints: Joints) -> Report {
 }
 
 #[test]
-fn a_wind_is_told_from_one_that_changes_with_the_height() {
+fn a_wind_is_distinguished_from_one_that_changes_with_height() {
     let joints = Joints {
         constant_deg: 1.1,
         wander_deg: 0.0,
         ..Joints::default()
     };
-    // So strong that the errors of a flight without it would be those of no suit.
+    // So strong that without the effect, the errors would exceed those of any suit.
     let winds = [
         (Effect::Wind, [-31.2, -25.1, 0.0]),
         (Effect::WindShear, [15.0, -20.0, 0.0]),
@@ -41,7 +41,7 @@ fn a_wind_is_told_from_one_that_changes_with_the_height() {
             let (value, error) = (named.parameters[k].1, named.standard_errors[k].1);
             assert!((value - truth).abs() < 4.0 * error, "{named:?}");
         }
-        // In a recording the speed of the aircraft is a wind.
+        // In a recording, the speed of the aircraft acts like a wind.
         let rivals = named.rivals.iter().map(|rival| rival.name);
         assert_eq!(
             rivals.clone().any(|rival| rival == "exit-speed"),

@@ -52,7 +52,7 @@ fn postures_that_change_are_pieces() {
 }
 
 #[test]
-fn where_the_posture_changes_nothing_is_predicted_and_that_is_said() {
+fn a_posture_change_is_reported_instead_of_a_miss() {
     // Braking and a dive in the last third, and a dive that begins just before it.
     for (from, factor) in [(38.0, 1.0 / 100.0), (38.0, 1.0 / 260.0), (32.0, 1.0 / 90.0)] {
         let flying = Flying {
@@ -91,7 +91,7 @@ fn where_the_posture_changes_nothing_is_predicted_and_that_is_said() {
 }
 
 #[test]
-fn a_short_fall_is_thin_and_a_stone_is_not_explained() {
+fn a_short_fall_is_thin_and_that_of_an_anvil_is_not_explained() {
     let hop = Flying {
         opening: 5.0,
         ..Flying::default()

@@ -8,12 +8,12 @@ use cortex_m::peripheral::SCB;
 use crate::retained::Retained;
 use crate::stack::marks;
 
-#[allow(unsafe_code, reason = "placed where the start-up code does not write")]
+#[allow(unsafe_code, reason = "start-up code does not clear this section")]
 #[unsafe(link_section = ".uninit.record")]
 static RECORD: Retained<WORDS> = Retained::new();
 
 /// The sample being processed.
-#[allow(unsafe_code, reason = "placed where the start-up code does not write")]
+#[allow(unsafe_code, reason = "start-up code does not clear this section")]
 #[unsafe(link_section = ".uninit.sequence")]
 static SEQUENCE: Retained<1> = Retained::new();
 
@@ -41,7 +41,7 @@ pub fn build() -> [u8; 8] {
 /// Counts this start and returns the history of starts.
 pub fn begin(reset: Reset) -> Record {
     // SAFETY: only turns a division with a wrong quotient into a fault.
-    #[allow(unsafe_code, reason = "a register of the processor")]
+    #[allow(unsafe_code, reason = "accesses a register of the processor")]
     unsafe {
         (*SCB::PTR).ccr.modify(|control| control | DIVISION_TRAP);
     }
@@ -114,7 +114,7 @@ const PROGRAM_COUNTER: u32 = 24;
 
 extern "C" fn hard_fault(frame: u32) -> ! {
     // SAFETY: reads a register of the processor.
-    #[allow(unsafe_code, reason = "a register of the processor")]
+    #[allow(unsafe_code, reason = "accesses a register of the processor")]
     let status = unsafe { (*SCB::PTR).cfsr.read() };
     let inside = frame >= marks::bottom() && frame.saturating_add(FRAME) <= marks::top();
     let kind = match status {
@@ -130,7 +130,7 @@ extern "C" fn hard_fault(frame: u32) -> ! {
         0
     } else {
         // SAFETY: the processor has pushed its frame there, inside the stack.
-        #[allow(unsafe_code, reason = "the faulting frame")]
+        #[allow(unsafe_code, reason = "reads the exception frame")]
         unsafe {
             ((frame + PROGRAM_COUNTER) as *const u32).read_volatile()
         }

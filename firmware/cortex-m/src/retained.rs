@@ -17,14 +17,14 @@ impl<const N: usize> Retained<N> {
         Self(UnsafeCell::new(MaybeUninit::uninit()))
     }
 
-    #[allow(unsafe_code, reason = "reads memory that power-on left as it was")]
+    #[allow(unsafe_code, reason = "reads memory that start-up does not clear")]
     pub(crate) fn load(&self) -> [u32; N] {
         let words: *const u32 = self.0.get().cast();
         // SAFETY: within the words; a volatile read takes the bits as they are.
         core::array::from_fn(|place| unsafe { words.add(place).read_volatile() })
     }
 
-    #[allow(unsafe_code, reason = "writes memory that a reset keeps")]
+    #[allow(unsafe_code, reason = "writes memory that survives a reset")]
     pub(crate) fn store(&self, words: [u32; N]) {
         let places: *mut u32 = self.0.get().cast();
         for (place, word) in words.into_iter().enumerate() {

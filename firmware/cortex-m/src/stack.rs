@@ -11,7 +11,7 @@ const LONGEST_FRAME: u32 = 4096;
 /// Lowest touched address found so far; 0 before the first search.
 static LOWEST: AtomicU32 = AtomicU32::new(0);
 
-#[allow(unsafe_code, reason = "the linker's marks of the stack")]
+#[allow(unsafe_code, reason = "symbols of the linker script")]
 pub(crate) mod marks {
     unsafe extern "C" {
         static _stack_end: u32;
@@ -33,7 +33,7 @@ pub(crate) mod marks {
 #[cfg(armv8m)]
 pub fn guard() {
     // SAFETY: the stack pointer is above the end of the stack.
-    #[allow(unsafe_code, reason = "a register of the processor")]
+    #[allow(unsafe_code, reason = "accesses a register of the processor")]
     unsafe {
         cortex_m::register::msplim::write(marks::bottom());
     }
@@ -67,7 +67,7 @@ pub fn free() -> u32 {
 
 fn painted(address: u32) -> bool {
     // SAFETY: aligned words of the stack.
-    #[allow(unsafe_code, reason = "looks at unused stack")]
+    #[allow(unsafe_code, reason = "reads and writes unused stack memory")]
     let word = unsafe { core::ptr::read_volatile(address as *const u32) };
     word == PAINT
 }

@@ -74,7 +74,7 @@ pub struct Limits;
 impl Limits {
     /// Time without an answer after which the host repeats a request.
     pub const ANSWER: u64 = 50_000;
-    /// Time without a sign of the unit after which the host gives up.
+    /// Time without a sign of life from the unit after which the host gives up.
     pub const RETURN: u64 = 10_000_000;
     /// Polling interval.
     const LOOK: u64 = 1_000;

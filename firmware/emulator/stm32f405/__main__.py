@@ -1,4 +1,4 @@
-"""Runs an image, told what to do by lines of JSON: `python -m stm32f405 IMAGE`, see README.md."""
+"""Runs an image, controlled by lines of JSON: `python -m stm32f405 IMAGE`, see README.md."""
 
 import argparse
 import json

@@ -17,8 +17,8 @@ from .peripherals import NEVER, TICKS, Converter, Random, Rcc, Registers, Timer,
 FLASH, CCM, RAM = (0x0800_0000, 0x10_0000), (0x1000_0000, 0x1_0000), (0x2000_0000, 0x2_0000)
 # Not used by any image; code for injected faults is placed here.
 SCRATCH = 0x080F_FF00
-# Instructions from one look at the peripherals to the next: few after the processor slept, since Unicorn does not say how
-# many it ran before it sleeps again.
+# Instructions between updates of the peripherals: few after the processor slept, since Unicorn does not report how many
+# it ran before it sleeps again.
 SHORTEST_SLICE, LONGEST_SLICE = 60, 1000
 PORTS = ("host", "sensor")
 

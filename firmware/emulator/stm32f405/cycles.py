@@ -1,8 +1,8 @@
 """Cycles of a stretch of instructions: those of the Cortex-M4 (DDI0439, table 3-1), and what flash adds (RM0090 3.5).
 
-Flash answers after five wait states, a line of 16 bytes at a time. With the accelerator on, the next line is fetched ahead,
-64 lines of instructions and 8 of data are kept. A branch taken refills the pipeline in two cycles, of one to three; a
-division takes seven, of two to twelve. What is not known of the real chip: how buses collide, and stalls for results.
+Flash answers after five wait states, one line of 16 bytes at a time. With the accelerator on, the next line is prefetched,
+and 64 lines of instructions and 8 of data are cached. A taken branch refills the pipeline in two cycles (the manual says one
+to three); a division takes seven (two to twelve). Bus contention and stalls for results are not modelled.
 """
 
 import collections

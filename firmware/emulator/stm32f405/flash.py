@@ -1,6 +1,6 @@
-"""The memory chip beside the STM32F405 on a Feather: a GD25Q16 of 2 MiB on SPI3, as its data sheet has it (commands in table 2).
+"""The memory chip beside the STM32F405 on a Feather: a GD25Q16 of 2 MiB on SPI3, after its data sheet (commands in table 2).
 
-Time is counted in ticks of 1/168 MHz. It keeps what it holds without power.
+Time is counted in ticks of 1/168 MHz. Its contents survive a loss of power.
 """
 
 from .peripherals import TICKS, Registers

@@ -1,7 +1,7 @@
-"""The serial lines of the STM32F405: USART with direct memory access, by the reference manual RM0090 [10, 30].
+"""The serial lines of the STM32F405: USART with direct memory access, after the reference manual RM0090 [10, 30].
 
-Bytes come and go at the rate of the line. While direct memory access takes them they are moved when somebody looks, which is
-the same to the processor and much faster here.
+Bytes come and go at the rate of the line. Under direct memory access they are moved only when something reads them, which
+makes no difference to the processor and is much faster here.
 """
 
 import collections

@@ -1,4 +1,4 @@
-"""Peripherals of the STM32F405 as far as the unit uses them, by the reference manual RM0090 (sections in brackets).
+"""Peripherals of the STM32F405 as far as the unit uses them, after the reference manual RM0090 (sections in brackets).
 
 Time is counted in ticks of 1/168 MHz. A peripheral has `read` and `write` for its registers, `level` for its interrupt line,
 `next` for the time at which that line may change by itself, and `advance` to bring it to the present.
@@ -222,7 +222,7 @@ class Usb(Registers):
 
 
 class Random(Registers):
-    """The random number generator [24], from a generator with a seed."""
+    """The random number generator [24], replaced by a seeded generator."""
 
     CR, SR, DR = 0x00, 0x04, 0x08
 

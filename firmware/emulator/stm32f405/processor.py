@@ -1,4 +1,5 @@
-"""The processor of the STM32F405: a Cortex-M4F by Unicorn, with exceptions, faults and sleep by the ARMv7-M manual [B1.5, B3.2].
+"""The processor of the STM32F405: a Cortex-M4F in Unicorn, with exceptions, faults and sleep after the ARMv7-M manual
+[B1.5, B3.2].
 
 Unicorn runs instructions; entry to and return from exceptions, priorities and fault registers are here.
 """
@@ -35,7 +36,7 @@ class Processor:
         self.unicorn.ctl_set_cpu_model(arm.UC_CPU_ARM_CORTEX_M4)
         self.unicorn.hook_add(UC_HOOK_INTR, self.on_interrupt)
         self.stop = None
-        # Addresses of instructions that fault but not in Unicorn, with the cause.
+        # Addresses of instructions that fault on this processor but not in Unicorn, with the cause.
         self.traps = {}
 
     def watch(self, begin, code):
@@ -65,7 +66,7 @@ class Processor:
         stack, start = struct.unpack("<II", self.unicorn.mem_read(0x0800_0000, 8))
         write(arm.UC_ARM_REG_SP, stack)
         write(arm.UC_ARM_REG_LR, 0xFFFF_FFFF)
-        # The unit enables floating point before it uses it; in Unicorn it is enabled from the start.
+        # The unit enables floating point before using it; in Unicorn it is enabled from the start.
         write(arm.UC_ARM_REG_C1_C0_2, 0xF << 20)
         write(arm.UC_ARM_REG_FPEXC, 0x4000_0000)
         self.pc = start & ~1

@@ -1,4 +1,4 @@
-//! How the image configures its chip, what its line costs and tolerates, and what the unit reports of itself.
+//! How the image configures its chip, what its line costs and tolerates, and what the unit reports about itself.
 
 use bodyflight_core::link::StreamMode;
 use bodyflight_emulator::{Chip, Flight, Host, Options, RATE};
@@ -158,7 +158,7 @@ fn each_power_on_has_its_own_number_and_the_build_its_name() {
 
 #[test]
 #[ignore = "needs the image: cargo xtask f405"]
-fn a_panic_is_told_with_its_file_and_line() {
+fn a_panic_is_reported_with_its_file_and_line() {
     let mut host = flying(&Options::new(), 70);
     host.chip.provoke("panic", "").unwrap();
     host.listen(host.chip.now() + 100_000).unwrap();
@@ -169,7 +169,7 @@ fn a_panic_is_told_with_its_file_and_line() {
 
 #[test]
 #[ignore = "needs the image: cargo xtask f405"]
-fn errors_of_the_sensors_line_are_told_apart_from_the_hosts() {
+fn errors_on_the_sensors_line_are_distinguished_from_the_hosts() {
     let mut host = flying(&Options::new(), 70);
     let at = host.chip.now();
     host.chip
@@ -183,7 +183,7 @@ fn errors_of_the_sensors_line_are_told_apart_from_the_hosts() {
 
 #[test]
 #[ignore = "needs the image: cargo xtask f405"]
-fn the_voltage_of_the_battery_is_told() {
+fn the_voltage_of_the_battery_is_reported() {
     for battery in [3300, 3712, 4200] {
         let options = Options {
             battery,
@@ -227,7 +227,7 @@ fn flights_are_kept_in_the_memory_chip_through_a_loss_of_power() {
 
 #[test]
 #[ignore = "needs the image: cargo xtask f405"]
-fn starts_by_the_watchdog_are_counted() {
+fn restarts_by_the_watchdog_are_counted() {
     let mut host = flying(&Options::new(), 70);
     for resets in 1..=3 {
         host.chip.provoke("hang", "task").unwrap();

@@ -31,7 +31,7 @@ enum Wrong {
     Replug,
 }
 
-/// What the unit must report after the restart.
+/// The report expected from the unit after the restart.
 struct Told {
     cause: u8,
     kind: Option<Kind>,
@@ -141,7 +141,7 @@ struct Row {
 
 #[test]
 #[ignore = "needs the image: cargo xtask f405"]
-fn the_unit_is_back_within_two_seconds_and_tells_what_it_was() {
+fn the_unit_is_back_within_two_seconds_and_reports_the_cause() {
     let flight = Flight::of("tracking", "auto").unwrap();
     let cases: Vec<&Case> = CASES.iter().chain([&REPLUG]).collect();
     let left = Mutex::new((0..cases.len()).collect::<Vec<_>>());
@@ -179,7 +179,7 @@ fn the_unit_is_back_within_two_seconds_and_tells_what_it_was() {
 
 fn table(rows: &[(usize, Row)]) -> String {
     let mut text = String::from(
-        "| what | times | back | slowest (ms) | told rightly | samples missing |\n|---|---|---|---|---|---|\n",
+        "| fault | runs | resumed | slowest (ms) | reported correctly | samples missing |\n|---|---|---|---|---|---|\n",
     );
     for (_, row) in rows {
         let good = TIMES as usize - row.faults.len().min(TIMES as usize);

@@ -1,4 +1,4 @@
-//! Handlers that end a failed image: QEMU's exit code tells a panic from a hard fault.
+//! Handlers that end a failed image: QEMU's exit code distinguishes a panic from a hard fault.
 
 use core::panic::PanicInfo;
 
@@ -11,7 +11,7 @@ fn panic(info: &PanicInfo<'_>) -> ! {
     process::exit(101)
 }
 
-#[allow(unsafe_code, reason = "the runtime hands over the faulting frame")]
+#[allow(unsafe_code, reason = "the runtime passes the exception frame")]
 #[exception]
 unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
     eprintln!("{frame:?}");

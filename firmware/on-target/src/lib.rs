@@ -92,7 +92,7 @@ const PAINT: u32 = 0xcccc_cccc;
 /// Measures the stack that `work` uses (bytes).
 #[allow(
     unsafe_code,
-    reason = "looks at the unused stack below this frame, where nothing lives"
+    reason = "reads and writes the unused stack below this frame"
 )]
 #[inline(never)]
 fn stack_of(work: &mut dyn FnMut()) -> u32 {
@@ -131,21 +131,21 @@ fn falling() -> Motion<f32> {
 /// Bits 24 and 25 of the FPSCR: flush subnormals to zero, and a single bit pattern for NaN.
 const FLUSH_AND_DEFAULT: u32 = 3 << 24;
 
-/// Runs `work` with subnormals flushed and a default NaN, as other processors and settings may.
+/// Runs `work` with subnormals flushed and a default NaN, as on other processors or with other settings.
 ///
 /// The mode is changed in the same block of assembly that calls `work`: the compiler moves no arithmetic across an
 /// opaque call, so none of it runs in an unexpected mode.
 #[allow(
     unsafe_code,
-    reason = "the mode of the floating-point unit has no other door"
+    reason = "the floating-point mode can only be set in assembly"
 )]
 fn flushed<R, W: FnOnce() -> R>(work: W) -> Option<R> {
     let mut job = Job {
         work: Some(work),
         result: None,
     };
-    // SAFETY: calls a function of the C convention with the one argument that it takes, which outlives the call; what such a
-    // function may change is declared, and the mode is restored from a register that it must keep.
+    // SAFETY: calls a C function with its only argument, which outlives the call. The registers that a C function may
+    // change are declared as clobbered, and the mode is restored from a register that it must preserve.
     unsafe {
         core::arch::asm!(
             "vmrs r4, fpscr",
@@ -171,7 +171,7 @@ struct Job<R, W> {
 }
 
 extern "C" fn run_job<R, W: FnOnce() -> R>(job: *mut Job<R, W>) {
-    // SAFETY: `flushed` lends it for the time of this call.
+    // SAFETY: `flushed` lends it for the duration of this call.
     #[allow(unsafe_code, reason = "called from assembly")]
     let job = unsafe { &mut *job };
     job.result = job.work.take().map(|work| work());
@@ -323,8 +323,8 @@ fn steps(counter: &mut Counter, dynamics: &Dynamics<f32>, posture: &Posture<f32>
     );
 }
 
-/// Instructions of a model's loads, lying flat on the stream and aligned with it, when every segment but the first is
-/// in a wake.
+/// Instructions for a model's loads on a body that lies flat on the stream, and on one aligned with it, in which every
+/// segment but the first is in a wake.
 #[inline(never)]
 fn loads(counter: &mut Counter, dynamics: &Dynamics<f32>, model: LoadModel) -> [u32; 2] {
     let inputs = Inputs::belly_turn();

@@ -20,7 +20,7 @@ use bodyflight_core::link::{self, EstimateFlags, Sample, Validity};
 #[derive(Debug)]
 #[expect(
     clippy::large_enum_variant,
-    reason = "there is one, in static memory, as large as the larger"
+    reason = "there is only one, in static memory sized for the larger variant"
 )]
 pub(super) enum Filter {
     Windows(ReducedFilter<f32>),
@@ -30,7 +30,7 @@ pub(super) enum Filter {
 /// The result of an update.
 #[expect(
     clippy::large_enum_variant,
-    reason = "there is one at a time, and nowhere to box it"
+    reason = "there is one at a time, and no heap to box it in"
 )]
 pub(super) enum Answer {
     Windows(Estimate<f32>),
@@ -40,8 +40,8 @@ pub(super) enum Answer {
 impl Filter {
     /// Starts the filter of a preset in `slot`, which is left empty if the preset or the start is refused.
     ///
-    /// Each kind is moved to its place only once, and the motion filter is started in place: a filter is too large for
-    /// a unit's stack to hold several.
+    /// Each kind is moved to its place only once, and the motion filter is started in place: filters are so large that
+    /// a unit's stack cannot hold several.
     pub(super) fn start_in(
         slot: &mut Option<Self>,
         preset: &UnitPreset,

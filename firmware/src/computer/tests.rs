@@ -31,7 +31,7 @@ fn numbered(samples: &[Sample]) -> Vec<(u32, Sample)> {
 }
 
 #[test]
-fn whole_samples_give_what_the_estimator_gives() {
+fn complete_samples_give_the_estimator_s_results() {
     let samples = samples(240);
     let found = answers(&mut computer(), &numbered(&samples));
 
@@ -66,7 +66,7 @@ fn whole_samples_give_what_the_estimator_gives() {
 }
 
 #[test]
-fn nothing_is_computed_before_it_is_known_what() {
+fn nothing_is_computed_before_the_request_is_valid() {
     let samples = samples(2);
     assert_eq!(Computer::new().sample(0, 0, &samples[0]), Outcome::Rejected);
     let nothing = Sample {
@@ -86,7 +86,7 @@ fn nothing_is_computed_before_it_is_known_what() {
 }
 
 #[test]
-fn missing_samples_are_bridged_and_told() {
+fn missing_samples_are_bridged_and_reported() {
     let samples = samples(480);
     let whole = answers(&mut computer(), &numbered(&samples));
     let lossy: Vec<_> = numbered(&samples)
@@ -106,7 +106,7 @@ fn missing_samples_are_bridged_and_told() {
 }
 
 #[test]
-fn a_long_gap_starts_the_motion_anew_and_keeps_the_coefficients() {
+fn a_long_gap_restarts_the_motion_and_keeps_the_coefficients() {
     let samples = samples(480);
     let mut computer = computer();
     let all = numbered(&samples);
@@ -156,7 +156,7 @@ fn rates_that_do_not_fit_are_refused() {
 }
 
 #[test]
-fn the_model_is_flown_that_was_sent() {
+fn the_unit_flies_the_model_that_was_sent() {
     let mut dynamics = Dynamics {
         muscles: TRACKING_ON_BACK.muscles,
         ..Dynamics::paper(body(), 0.9)

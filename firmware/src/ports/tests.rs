@@ -1,4 +1,4 @@
-//! Simulated lines that deliver packets, as boards have them.
+//! Simulated lines that deliver packets, like those of boards.
 
 use core::cell::Cell;
 use std::collections::VecDeque;
@@ -76,7 +76,7 @@ fn heard(line: &mut impl Read) -> Vec<u8> {
 }
 
 #[test]
-fn the_second_line_is_heard_and_answered_while_the_first_is_closed() {
+fn the_second_line_is_used_while_the_first_is_closed() {
     let open = Cell::new(false);
     let usb = Line::default().opened(&open);
     let mut both = Preferred(usb, Line::hearing(&[b"hello", b" unit"]));
@@ -103,7 +103,7 @@ fn noise_on_the_second_line_does_not_reach_a_host_on_the_first() {
 }
 
 #[test]
-fn errors_of_a_receiver_are_told_and_counted() {
+fn errors_of_a_receiver_are_reported_and_counted() {
     static ERRORS: LineErrors = LineErrors::new();
     let mut line = Line::hearing(&[b"a"]);
     line.hears.push_front(Err(ErrorKind::OutOfMemory));

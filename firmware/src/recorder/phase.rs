@@ -20,8 +20,8 @@ pub enum Phase {
 /// how long (s).
 struct Change(Phase, Phase, f32, f32, f32);
 
-/// All transitions. Aircraft climb at 3 to 15 m/s and dive at up to 25 m/s only with nobody in the door; a fall exceeds
-/// 10 m/s within 1 s, and a canopy never stays above it.
+/// All transitions. Aircraft climb at 3 to 15 m/s, and dive at up to 25 m/s only with nobody in the door. A fall
+/// exceeds 10 m/s within 1 s, and a canopy never stays above that speed.
 const CHANGES: [Change; 8] = [
     Change(Phase::Unknown, Phase::Ground, -1e9, 1e9, 0.0),
     Change(Phase::Ground, Phase::Fall, -1e9, -12.0, 1.0),
@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn an_aircraft_that_descends_and_a_lift_are_no_fall() {
+    fn a_descending_aircraft_and_an_elevator_are_not_a_fall() {
         for pieces in [[(6.0, 600.0), (-8.0, 300.0)], [(2.0, 15.0), (-2.0, 15.0)]] {
             let seen = phases(&pieces);
             assert!(
@@ -155,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn without_vertical_velocity_nothing_is_told() {
+    fn without_vertical_velocity_the_phase_is_unknown() {
         let mut watch = Watch::default();
         for k in 0..1000 {
             assert_eq!(watch.update(k * 4167, None), Phase::Unknown);

@@ -346,9 +346,9 @@ fn told() -> u32 {
 
 /// Power fails at random, two hundred times, with every second flight over the remains of the one before. Everything
 /// recorded up to a second before the failure is read back, and nothing else. The exception is the moment at which the
-/// exit is detected, when the seconds before it are written.
+/// exit is detected, since the seconds before it are written only then.
 #[test]
-fn power_that_goes_takes_a_second_at_most() {
+fn a_power_failure_costs_at_most_a_second() {
     let mut random = Flash {
         bytes: Vec::new(),
         power: 0,
@@ -379,8 +379,8 @@ fn power_that_goes_takes_a_second_at_most() {
             latest = latest.max(at - last);
             assert!(at - last <= 240, "cut at sample {at}, read to {last}");
             // Numbers restart with each flight.
-            let anew = |pair: &[u32]| pair[1] == pair[0] + 1 || pair[1] < pair[0];
-            assert!(found.windows(2).all(anew), "a gap");
+            let follows = |pair: &[u32]| pair[1] == pair[0] + 1 || pair[1] < pair[0];
+            assert!(found.windows(2).all(follows), "a gap");
         }
         whole = chip;
     }
@@ -392,7 +392,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 
     #[test]
-    fn whatever_a_chip_held_it_is_erased_and_a_flight_written_to_it(bytes in prop::collection::vec(any::<u8>(), 64)) {
+    fn a_chip_with_any_content_is_erased_and_written(bytes in prop::collection::vec(any::<u8>(), 64)) {
         let chip = Chip::new(usize::MAX, 1);
         for (place, cell) in chip.0.borrow_mut().bytes.iter_mut().enumerate() {
             *cell = bytes[place % 64] ^ (place / 64) as u8;

@@ -27,7 +27,7 @@ fn packet(system: CoordinateSystem, wxyz: [f32; 4], turn: [f32; 3], velocity: [f
 }
 
 #[test]
-fn every_earth_frame_is_turned_to_the_models() {
+fn every_earth_frame_is_converted_to_the_models() {
     // The same attitude and velocity, 30 m/s to the north, in the convention of each kind of sensor: X to the north.
     let half = core::f32::consts::FRAC_1_SQRT_2;
     for (system, wxyz, velocity) in [
@@ -83,7 +83,7 @@ fn the_mounting_turns_attitude_and_angular_velocity() {
 }
 
 #[test]
-fn packets_without_an_attitude_are_no_samples() {
+fn packets_without_an_attitude_are_not_samples() {
     let mut bytes = [0; 64];
     let mut writer = PacketWriter::new(&mut bytes, MessageId::MT_DATA2);
     writer.reals(DataId::RATE_OF_TURN, &[0.0; 3]).unwrap();
@@ -96,7 +96,7 @@ fn packets_without_an_attitude_are_no_samples() {
 }
 
 #[test]
-fn a_receivers_solution_goes_with_the_next_sample() {
+fn a_receivers_solution_is_attached_to_the_next_sample() {
     let mut payload = [0; 92];
     let mut put = |at: usize, value: i32| payload[at..at + 4].copy_from_slice(&value.to_le_bytes());
     for (at, value) in [(48, 30_000), (52, -1_000), (56, 50_000), (60, 30_017)] {

@@ -20,7 +20,7 @@ const SAMPLE_BYTES: usize = 134;
 
 /// Number of samples that may be in transit: the board's receiver must hold them during an update. The unit processes
 /// as many in two updates, so a host that respects the credit is never late.
-#[expect(clippy::cast_possible_truncation, reason = "a few")]
+#[expect(clippy::cast_possible_truncation, reason = "only a few samples fit")]
 const UNDER_WAY: u32 = (RECEIVER_BYTES / SAMPLE_BYTES) as u32;
 
 /// Smallest increase of credit for which a frame is sent.

@@ -168,7 +168,7 @@ fn a_start_without_a_configuration_says_what_is_missing() {
 }
 
 #[test]
-fn samples_bring_estimates_and_every_sample_its_fate() {
+fn samples_yield_estimates_and_each_is_accounted_for() {
     let mut unit = running(StreamMode::Paced);
     let [(header, Message::Status(_))] = heard(&mut unit)[..] else {
         panic!("a start is answered by the status");
@@ -226,7 +226,7 @@ fn an_overrun_drops_the_oldest_and_is_counted() {
 }
 
 #[test]
-fn a_slow_update_is_late_and_told() {
+fn a_slow_update_is_late_and_reported() {
     let mut unit = running(StreamMode::Paced);
     unit.board.step = 20_000;
     let mut found = Vec::new();
@@ -361,7 +361,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(300))]
 
     #[test]
-    fn any_bytes_leave_it_answering(
+    fn it_still_answers_after_arbitrary_bytes(
         garbage in prop::collection::vec(any::<u8>(), 0..4000),
         cut in 0usize..100,
     ) {
@@ -380,7 +380,7 @@ proptest! {
     }
 
     #[test]
-    fn any_message_leaves_it_answering(
+    fn it_still_answers_after_any_message(
         codes in prop::collection::vec((0u8..16, any::<u16>(), any::<u32>(), any::<u64>()), 1..200),
     ) {
         let mut unit = running(StreamMode::Paced);
@@ -407,7 +407,7 @@ proptest! {
 }
 
 #[test]
-fn the_watchdog_is_fed_while_samples_are_worked_off_and_not_while_they_wait() {
+fn the_watchdog_is_fed_while_samples_are_processed_and_not_while_they_wait() {
     let samples = samples(3);
     let mut unit = running(StreamMode::Paced);
     let fed = |unit: &mut Unit<Bench>| {
@@ -422,7 +422,7 @@ fn the_watchdog_is_fed_while_samples_are_worked_off_and_not_while_they_wait() {
     tell_numbered(&mut unit, SESSION, 1, time(1), samples[1]);
     tell_numbered(&mut unit, SESSION, 2, time(2), samples[2]);
     assert!(unit.work());
-    assert_eq!(fed(&mut unit), 1, "one of three was worked off");
+    assert_eq!(fed(&mut unit), 1, "one of three was processed");
     assert_eq!(fed(&mut unit), 0, "two wait");
     while unit.work() {}
     assert_eq!(fed(&mut unit), 1);

@@ -27,7 +27,7 @@ pub struct Receiver<D: Driver<'static>>(BufferedReceiver<'static, D>);
 /// Sends bytes to the host.
 pub struct Transmitter<D: Driver<'static>>(Sender<'static, D>);
 
-/// Creates the device, which must run beside the application, and both directions of its port. Must be called only
+/// Creates the device, which must run alongside the application, and both directions of its port. Must be called only
 /// once.
 pub fn start<D: Driver<'static>>(
     driver: D,
@@ -39,7 +39,7 @@ pub fn start<D: Driver<'static>>(
     let configuration = CONFIGURATION.init([0; 128]);
     let control = CONTROL.init([0; 64]);
     let mut builder = Builder::new(driver, config, configuration, &mut [], &mut [], control);
-    #[expect(clippy::cast_possible_truncation, reason = "64")]
+    #[expect(clippy::cast_possible_truncation, reason = "a packet has 64 bytes")]
     let class = CdcAcmClass::new(&mut builder, SERIAL.init(State::new()), PACKET as u16);
     let (sender, receiver) = class.split();
     let receiver = receiver.into_buffered(RECEIVED.init([0; PACKET]));

@@ -21,14 +21,14 @@ use super::{simulate as simulate_verb, synth, terminal};
 #[derive(clap::Args)]
 #[command(after_help = "Example: bodyflight demo --out demo")]
 pub(super) struct Args {
-    /// Folder for everything that is written; made where absent.
+    /// Folder for all output files; created if absent.
     #[arg(long, default_value = "bodyflight-demo")]
     out: PathBuf,
     #[command(flatten)]
     outputs: Outputs,
 }
 
-/// The bundled flight: a script of the core, the same bits on every machine.
+/// The bundled flight: a script in the core, bit-identical on every machine.
 const MANEUVER: &str = "rotations";
 const SEED: u64 = 1;
 

@@ -71,7 +71,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     Ok(())
 }
 
-/// Stages on the terminal; Ctrl-C ends the search.
+/// Shows stages on the terminal, and ends the search on Ctrl-C.
 struct Stages<'a>(&'a ProgressBar);
 
 impl Progress for Stages<'_> {
@@ -111,7 +111,7 @@ fn print_report(report: &Report, explain: bool) {
         if left.is_unexplained {
             let times: Vec<String> = left.times_s.iter().map(|t| format!("{t:.1}")).collect();
             terminal::print(&format!(
-                "left in flight {}: {}; most of it at {} s",
+                "unexplained in flight {}: {}; mostly at {} s",
                 index + 1,
                 left.in_words,
                 times.join(", ")
@@ -140,11 +140,11 @@ fn print_report(report: &Report, explain: bool) {
     }
 }
 
-/// Loads that describe what the library does not explain, or come nearest.
+/// Prints the loads that describe what the library does not explain, or the closest ones.
 fn print_description(report: &Report) {
     let nearest = report.nearest_description.as_ref();
     if nearest.is_some() {
-        terminal::print("loads that come nearest, not used:");
+        terminal::print("closest loads, not used:");
     }
     let Some(described) = report.description.as_ref().or(nearest) else {
         return;
@@ -157,17 +157,17 @@ fn print_description(report: &Report) {
         .map(|share| format!("{:.0} %", 100.0 * share))
         .collect();
     terminal::print(&format!(
-        "    they close {:.0} % of what any load could close here, and in other flights: {}",
+        "    they close {:.0} % of what any load could close here; in other flights: {}",
         100.0 * described.explained,
         if elsewhere.is_empty() {
-            "not looked at".to_owned()
+            "not tested".to_owned()
         } else {
             elsewhere.join(", ")
         }
     ));
 }
 
-/// What subject, coefficients and joints have wrong.
+/// Prints the errors found in the subject, the coefficients and the joints.
 fn print_adjustments(report: &Report) {
     for adjustment in &report.adjustments {
         let alike = if adjustment.not_told_from.is_empty() {
@@ -179,7 +179,7 @@ fn print_adjustments(report: &Report) {
             )
         };
         terminal::print(&format!(
-            "  {}: {:.3} +- {:.3}, file {:.3}, together {:.3}{alike}",
+            "  {}: {:.3} +- {:.3}, in the files {:.3}, combined {:.3}{alike}",
             adjustment.what,
             adjustment.value,
             adjustment.standard_error,
@@ -202,13 +202,13 @@ fn print_adjustments(report: &Report) {
     }
 }
 
-/// How large the errors were found to be.
+/// Prints the estimated sizes of the errors.
 fn print_errors(report: &Report) {
     for (index, errors) in report.errors.iter().enumerate() {
         let [attitude, spin, horizontal, vertical] = errors.sensors;
         terminal::print(&format!(
             "flight {}: sensors {attitude:.4} rad, {spin:.3} rad/s, {horizontal:.2} and {vertical:.2} m/s; joints off by \
-             {:.1} degrees, wandering by {:.1}, {:.0} % of the bend; misfit {:.2} of what these make",
+             {:.1} degrees, wandering by {:.1}, {:.0} % of the bend; misfit {:.2} relative to these errors",
             index + 1,
             errors.joint_calibration_deg,
             errors.joint_wander_deg,

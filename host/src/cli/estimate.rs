@@ -27,38 +27,40 @@ use super::terminal::{self, FlightBar};
 #[derive(clap::Args)]
 #[command(after_help = HELP)]
 pub(super) struct Args {
-    /// flight.toml files or their folders, or MVNX files alone; one estimation each.
+    /// flight.toml files, their folders, or MVNX files on their own; each flight is estimated separately.
     #[arg(required_unless_present = "presets", value_name = "FLIGHT")]
     flights: Vec<PathBuf>,
-    /// A built-in preset or a preset.toml: what is measured, and what tunes the filter. "auto" measures all that the
-    /// recording has, with the limbs and the damping of the flight.
+    /// A built-in preset or a preset.toml: which quantities are measured, and how the filter is tuned. "auto" measures
+    /// everything that the recording contains, with the limbs and the damping of the flight.
     #[arg(long, default_value = AUTO)]
     preset: String,
     /// List the built-in presets.
     #[arg(long)]
     presets: bool,
-    /// Forward as on the unit, or the whole flight at once.
+    /// Filter forward in time as on the unit, or smooth the whole flight.
     #[arg(long, value_enum, default_value = "filter")]
     method: MethodName,
-    /// Which model the filter flies; by default the whole one with "auto", the reduced one with the others.
+    /// Model inside the filter; by default the full one with "auto", the reduced one with other presets.
     #[arg(long, value_enum)]
     filter: Option<FilterName>,
-    /// Deviation of the recorded joints from the true ones, each axis; found from the innovations where it is not given.
+    /// Standard deviation of the recorded joint angles from the true ones, per axis: a larger one trusts the postures
+    /// less and widens the error bars. Estimated from the innovations if omitted.
     #[arg(long, value_name = "DEG")]
     joint_error_deg: Option<f32>,
-    /// Samples from one estimate to the next, in place of the preset's.
+    /// Samples from one estimate to the next, instead of the preset's: fewer give more frequent estimates.
     #[arg(long, value_name = "SAMPLES")]
     solution_window: Option<usize>,
-    /// Samples that a prediction crosses, in place of the preset's; of filters over windows.
+    /// Samples from the start of a prediction to its measurement, instead of the preset's: more make estimates later.
+    /// For presets over windows only.
     #[arg(long, value_name = "SAMPLES")]
     prediction_window: Option<usize>,
-    /// Factor on the process noise Q of the preset.
+    /// Factor on the process noise Q of the preset: above 1, inputs follow changes faster and are noisier.
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
     process_noise: f32,
-    /// Factor on the measurement noise R of the preset, as a variance.
+    /// Factor on the measurement noise R of the preset, as a variance: above 1, measurements count for less.
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
     measurement_noise: f32,
-    /// Factor on the variances at the start, P0, of the preset.
+    /// Factor on the initial variances P0 of the preset: above 1, the first measurements count for more.
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
     start_variance: f32,
     /// Write coefficients, deviations and consistency over time as CSV; flight.toml takes it as `inputs`.
@@ -66,10 +68,10 @@ pub(super) struct Args {
     out: Option<PathBuf>,
     #[command(flatten)]
     plot: Plot,
-    /// Effects to extend the model by: a model.toml.
+    /// Effects to add to the model: a model.toml.
     #[arg(long, value_name = "TOML")]
     model: Option<PathBuf>,
-    /// Precision of filter and model.
+    /// Floating-point precision of filter and model.
     #[arg(long, value_enum, default_value = "double")]
     precision: Precision,
     #[command(flatten)]
@@ -83,14 +85,14 @@ Examples:
   bodyflight estimate flight.toml --method smooth --out found.csv --plot est.svg
   bodyflight estimate turn-1 turn-2 --out {}.csv   ({} is the name of the flight)
 
-Ends with exit code 5, and a sentence, where a channel is reconstructed worse than with constant coefficients or
-consistency is lost for more than a second, or doubtful for a quarter of the time; files are written all the same.";
+Exits with code 5 and says why if a channel is reconstructed worse than with constant coefficients, or if consistency
+is lost for more than a second or doubtful for a quarter of the time. Files are written all the same.";
 
 #[derive(clap::ValueEnum, Clone, Copy)]
 pub(super) enum MethodName {
-    /// Forward, as the unit does.
+    /// Forward in time, as on the unit.
     Filter,
-    /// What later measurements say of earlier inputs: error bars are smaller, and nothing comes late.
+    /// Use later measurements for earlier inputs too: smaller error bars and no delay.
     Smooth,
 }
 
@@ -106,9 +108,9 @@ impl MethodName {
 
 #[derive(clap::ValueEnum, Clone, Copy)]
 pub(super) enum FilterName {
-    /// The whole model, every sample; with the paper's presets thirteen runs of it.
+    /// The full model at every sample; with the paper's presets, thirteen runs of it.
     Paper,
-    /// The unit's: the same reconstruction at a fraction of the cost.
+    /// As on the unit: the same reconstruction at a fraction of the cost.
     Reduced,
 }
 
@@ -165,7 +167,7 @@ fn list_presets(json: bool) -> Result<()> {
     Ok(())
 }
 
-/// The name of a preset that a unit has.
+/// Checks that a unit has a preset of this name.
 pub(super) fn unit_preset(name: &str) -> Result<String> {
     if name != AUTO {
         preset(name)?;
@@ -173,7 +175,7 @@ pub(super) fn unit_preset(name: &str) -> Result<String> {
     Ok(name.to_owned())
 }
 
-/// The paper's preset of that name, for verbs that know no other.
+/// Returns the paper's preset of that name, for verbs that support no others.
 pub(super) fn preset(name: &str) -> Result<&'static Preset> {
     Preset::from_name(name)
         .ok_or_else(|| Problem::unknown("preset", name, PRESETS.iter().map(|preset| preset.name)))
@@ -202,6 +204,7 @@ fn run_flight(
     let mut flight = Flight::read(path)?;
     if let Some(model) = &args.model {
         flight.effects = Effects::read(model)?;
+        terminal::note_random(&flight.effects);
     }
     note_limbs(&request.tuning, &flight);
     let out = output_of(args.out.as_ref(), path, &args.flights)?;
@@ -237,14 +240,14 @@ fn run_flight(
     Ok((estimation.report, verdict))
 }
 
-/// A preset over windows brings limbs of its own.
+/// Notes if a preset over windows uses other limbs than the flight.
 fn note_limbs(tuning: &Tuning, flight: &Flight) {
     let Tuning::Windows(preset) = tuning else {
         return;
     };
     if preset.muscles.name() != flight.muscles.name() {
         terminal::note(&format!(
-            "preset {} takes the limbs {}, the flight says {}",
+            "preset {} uses the limbs {}, the flight says {}",
             preset.name,
             preset.muscles.name(),
             flight.muscles.name()
@@ -252,26 +255,26 @@ fn note_limbs(tuning: &Tuning, flight: &Flight) {
     }
 }
 
-/// A better choice, if there is one.
+/// What to try instead.
 fn advice(tuning: &Tuning) -> &'static str {
     match tuning {
         Tuning::Windows(_) => {
-            "--preset auto measures all that the recording has, with error bars that hold"
+            "--preset auto measures everything that the recording contains, and its error bars are realistic"
         }
         Tuning::Motion { .. } => {
-            "the model misses something: bodyflight discover names what, and --model takes what it found; \
+            "the model lacks an effect: bodyflight discover names it, and --model adds what it found; \
              or the joints are worse than --joint-error-deg says"
         }
     }
 }
 
 impl Args {
-    /// The preset with what the flags change.
+    /// The preset, as changed by the flags.
     fn tuning(&self) -> Result<Tuning> {
         let mut tuning = Tuning::find(&self.preset)?;
         let refused = |flag: &str, kind: &str| {
             Err(Problem::bad_input(format!(
-                "--{flag} is of {kind}, and preset \"{}\" is not",
+                "--{flag} is for {kind}, which preset \"{}\" does not use",
                 self.preset
             )))
         };

@@ -13,27 +13,28 @@ use super::several::name_of;
 use super::simulate::Reading;
 use super::terminal;
 
-/// Write every frame of a flight and its model for other programs: poses, velocities, joint angles, loads of each segment.
+/// Write every frame of a flight and its simulation for other programs: poses, velocities, joint angles and loads of
+/// each segment.
 #[derive(clap::Args)]
 #[command(
-    after_help = "docs/formats.md names the columns. Open .mcap files in Foxglove, in a 3D panel that follows simulated/pelvis.\n\n\
+    after_help = "docs/formats.md lists the columns. Open .mcap files in Foxglove, in a 3D panel that follows simulated/pelvis.\n\n\
                   Examples:\n  bodyflight export flight.toml --format parquet\n  \
                   bodyflight export flight.toml --out run.mcap\n  \
                   bodyflight export flight.toml --out run.npz --estimates smooth"
 )]
 pub(super) struct Args {
-    /// A flight.toml, or an MVNX file alone.
+    /// A flight.toml, or an MVNX file on its own.
     flight: PathBuf,
-    /// Kind of file; by default as the name after --out ends.
+    /// Kind of file; by default from the extension of --out.
     #[arg(long, value_enum, required_unless_present = "out")]
     format: Option<FormatName>,
-    /// File to write; by default named after the flight, in this folder.
+    /// File to write; by default named after the flight, in the current folder.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Add inputs as estimated, with their deviations: forward as on the unit, or from the whole flight.
+    /// Add estimated inputs and their deviations: filtered forward as on the unit, or smoothed over the flight.
     #[arg(long, value_enum, value_name = "METHOD", num_args = 0..=1, default_missing_value = "filter")]
     estimates: Option<MethodName>,
-    /// Effects to extend the model by: a model.toml.
+    /// Effects to add to the model: a model.toml.
     #[arg(long, value_name = "TOML")]
     model: Option<PathBuf>,
     #[command(flatten)]
@@ -56,7 +57,7 @@ enum FormatName {
 
 #[derive(clap::ValueEnum, Clone, Copy)]
 enum MethodName {
-    /// Forward, as the unit does.
+    /// Forward in time, as on the unit.
     Filter,
     /// The whole flight at once.
     Smooth,
@@ -66,6 +67,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     let mut flight = Flight::read(&args.flight)?;
     if let Some(model) = &args.model {
         flight.effects = Effects::read(model)?;
+        terminal::note_random(&flight.effects);
     }
     let format = args.format.map(|name| match name {
         FormatName::Parquet => Format::Parquet,
@@ -99,7 +101,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         None => Ok(()),
         Some(sentence) => Err(Problem::doubt(sentence)
             .in_file(&args.flight)
-            .help("the file is written; do not trust the estimates in it")),
+            .help("the file was written, but do not trust the estimates in it")),
     }
 }
 
@@ -107,7 +109,7 @@ fn print_report(report: &Report, json: bool) -> Result<()> {
     if json {
         return terminal::print_json(report);
     }
-    #[expect(clippy::cast_precision_loss, reason = "bytes of a file")]
+    #[expect(clippy::cast_precision_loss, reason = "file sizes are below 2^53")]
     let megabytes = report.bytes as f64 / 1e6;
     terminal::print(&format!(
         "written: {} ({} frames, {:.1} s, {} columns, {megabytes:.1} MB)",

@@ -14,29 +14,30 @@ use bodyflight_falls::verdict::Verdict;
 use super::outputs::{Outputs, Plot};
 use super::terminal;
 
-/// Say what a logger's track holds: exit, fall rate, drag area, wind, opening, canopy.
+/// Analyse a jump from a logger's track: exit, fall rate, drag area, wind, opening, canopy.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Tracks: FlySight 1 and 2 (SENSOR.CSV beside TRACK.CSV is used), GPX, or CSV with a line of names, \
-                  docs/falls.md. Exit code 4 where a fall is not explained.\n\n\
+    after_help = "Tracks: FlySight 1 and 2 (SENSOR.CSV beside TRACK.CSV is used), GPX, or CSV with a header line; \
+    see docs/falls.md. Exit code 4: the fall is not explained.\n\n\
                   Example: bodyflight fall TRACK.CSV --mass 85 --plot fall.svg"
 )]
 pub(super) struct Args {
     /// A logger's track; - is standard input.
     track: PathBuf,
-    /// Mass of skydiver and equipment (kg).
+    /// Mass of skydiver and equipment (kg); the drag area is proportional to it.
     #[arg(long, value_name = "KG", default_value_t = DEFAULT_MASS)]
     mass: f64,
-    /// Pressure on the ground (hPa), not reduced to sea level; otherwise the logger's barometer or the standard atmosphere.
+    /// Air pressure on the ground (hPa), not reduced to sea level; by default from the logger's barometer or the
+    /// standard atmosphere.
     #[arg(long, value_name = "HPA")]
     ground_pressure: Option<f64>,
-    /// Temperature on the ground (degrees Celsius); otherwise that of the standard atmosphere.
+    /// Temperature on the ground (degrees Celsius); by default that of the standard atmosphere.
     #[arg(long, value_name = "C", allow_negative_numbers = true)]
     ground_temperature: Option<f64>,
-    /// Height in the standard atmosphere that fall rates are normalised to (m).
+    /// Height in the standard atmosphere to which fall rates are normalised (m); a greater height gives faster rates.
     #[arg(long, value_name = "M", default_value_t = 2000.0)]
     reference_height: f64,
-    /// Track of another jumper of the same load: the winds of both falls are compared.
+    /// Track of another jumper from the same aircraft load; the winds of both falls are compared.
     #[arg(long, value_name = "TRACK")]
     beside: Option<PathBuf>,
     #[command(flatten)]
@@ -71,7 +72,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     {
         let apart = beside.winds_apart.unwrap_or(f64::NAN);
         return Err(Problem::disagreement(format!(
-            "the winds of both falls are {apart:.1} deviations apart: they are not of one load, or one of them was steered"
+            "the winds of both falls are {apart:.1} deviations apart: they are not from one load, or one jumper steered"
         ))
         .in_file(path));
     }
@@ -121,7 +122,7 @@ fn print(report: &Report) {
     moment("canopy", report.canopy.as_ref());
     moment("landing", report.landing.as_ref());
     terminal::print(&format!(
-        "fall      {:.1} s, {:.1} m/s at most, {:.1} m/s at {:.0} m of the standard atmosphere",
+        "fall      {:.1} s, {:.1} m/s at most, {:.1} m/s normalised to {:.0} m of the standard atmosphere",
         report.fall_s, report.fastest_mps, report.normalised_rate_mps, report.reference_height_m
     ));
     terminal::print(&format!(
@@ -159,13 +160,13 @@ fn print(report: &Report) {
     report.beside.iter().for_each(print_beside);
     if report.rows_taken_out + report.rows_skipped > 0 {
         terminal::print(&format!(
-            "{} rows are far from their neighbours, {} could not be read; none of them was used",
+            "{} rows are far from their neighbours and {} could not be read; none of them were used",
             report.rows_taken_out, report.rows_skipped
         ));
     }
     if !report.has_velocities {
         terminal::print(
-            "the track has no velocities: they are slopes of its positions, and rougher",
+            "the track has no velocities: they are differentiated from its positions, and noisier",
         );
     }
     let verdict = match report.verdict {
@@ -182,7 +183,7 @@ fn print_beside(beside: &Beside) {
             "the winds of both falls are {apart:.1} deviations apart, at {} heights",
             beside.heights
         ),
-        None => "one of the falls says nothing of the wind".to_owned(),
+        None => "one of the falls does not show the wind".to_owned(),
     };
     terminal::print(&format!(
         "beside    {:.1} m/s at the same height of the standard atmosphere; {winds}",
@@ -192,7 +193,7 @@ fn print_beside(beside: &Beside) {
 
 fn print_prediction(prediction: &Prediction) {
     terminal::print(&format!(
-        "last third: {:.1} +- {:.1} m/s downwards by the first two, {:.1} measured; {}",
+        "last third: {:.1} +- {:.1} m/s downwards predicted from the first two, {:.1} measured; {}",
         prediction.predicted_mps,
         prediction.deviation_mps,
         prediction.measured_mps,
@@ -210,18 +211,18 @@ fn print_prediction(prediction: &Prediction) {
         within_two,
     } = prediction.trials;
     terminal::print(&format!(
-        "            the posture had changed {changed} before: a chance of {:.0} % that it stays. Of {made} such predictions \
-         on the way {held} held within 5 %, {within_one} within one deviation, {within_two} within two",
+        "            the posture had changed {changed} before: a chance of {:.0} % that it stays. Of {made} earlier predictions \
+         of this kind {held} held within 5 %, {within_one} within one deviation, {within_two} within two",
         100.0 * prediction.kept_chance
     ));
 }
 
 fn print_winds(report: &Report) {
     if report.wind.is_empty() {
-        terminal::print("the fall glides, or is short: it says nothing of the wind");
+        terminal::print("the fall glides or is short: it does not show the wind");
     }
     if !report.wind.is_empty() || !report.canopy_wind.is_empty() {
-        let mut table = terminal::table(&["wind at", "from", "m/s", "+- m/s", "told by"]);
+        let mut table = terminal::table(&["wind at", "from", "m/s", "+- m/s", "source"]);
         let mut add = |row: &WindRow, by: &str| {
             table.add_row([
                 format!("{:.0} m", row.height_m),

@@ -15,31 +15,31 @@ use super::simulate::Reading;
 use super::terminal::FlightBar;
 use super::{estimate, terminal};
 
-/// Draw the figures of a paper: reconstruction, inputs, way over ground and snapshots, as SVG, PDF or PNG.
+/// Draw the figures of a paper: reconstruction, inputs, path over ground and snapshots, as SVG, PDF or PNG.
 #[derive(clap::Args)]
 #[command(
     after_help = "Example: bodyflight figures flight.toml --preset turning --format pdf --out figures\n\n\
                   Presets as in `bodyflight estimate --help`; those for turning show the yaw rate, others the horizontal velocity."
 )]
 pub(super) struct Args {
-    /// A flight.toml, or an MVNX file alone; 240 frames a second.
+    /// A flight.toml, or an MVNX file on its own; 240 frames a second.
     flight: PathBuf,
-    /// What is measured, which limbs act, bounds and noise.
+    /// A built-in preset: which quantities are measured, which limbs act, bounds and noise.
     #[arg(long, default_value = "tracking")]
     preset: String,
-    /// Which filter.
+    /// Model inside the filter.
     #[arg(long, value_enum, default_value = "reduced")]
     filter: estimate::FilterName,
-    /// Bodies in the row of snapshots.
+    /// Number of bodies in the row of snapshots.
     #[arg(long, default_value_t = 6)]
     snapshots: usize,
-    /// What each figure is written as; several with commas between.
+    /// Format of the figures; separate several by commas.
     #[arg(long, value_enum, value_delimiter = ',', default_value = "svg")]
     format: Vec<FormatName>,
-    /// Title of the figures; "" for none. The flight's name where absent.
+    /// Title of the figures, "" for none; by default the flight's name.
     #[arg(long)]
     title: Option<String>,
-    /// Folder for the figures; made where absent.
+    /// Folder for the figures; created if absent.
     #[arg(long, value_name = "FOLDER", default_value = "figures")]
     out: PathBuf,
     #[command(flatten)]

@@ -19,23 +19,23 @@ use super::outputs::Outputs;
 use super::terminal;
 use super::view::{command, open};
 
-/// Fly by keyboard in a browser: the core runs in the page, flights can be saved as recordings.
+/// Fly by keyboard in a browser. The core runs in the page, and flights can be saved as recordings.
 #[derive(clap::Args)]
 #[command(
     after_help = "Examples:\n  bodyflight fly --open\n  bodyflight fly subject.toml --save flights\n  \
-                  bodyflight fly --out fly.html   (one page to send; it saves flights as numbers)\n\n\
+                  bodyflight fly --out fly.html   (a page to send to others; it saves flights as raw numbers)\n\n\
                   Runs until Ctrl-C."
 )]
 pub(super) struct Args {
-    /// A subject.toml; the default subject with free-fly aerodynamics where absent.
+    /// A subject.toml; by default the default subject with free-fly aerodynamics.
     subject: Option<PathBuf>,
-    /// Folder for saved flights: flown-0, flown-1 and so on.
+    /// Folder for saved flights, named flown-0, flown-1 and so on.
     #[arg(long, value_name = "FOLDER", default_value = ".")]
     save: PathBuf,
-    /// Density of the air (kg/m3).
+    /// Air density (kg/m3); thinner air makes the fall faster.
     #[arg(long, default_value_t = DEFAULT_DENSITY)]
     density: f64,
-    /// Write the page and end.
+    /// Write the page to a file and exit.
     #[arg(long, value_name = "HTML", conflicts_with_all = ["save", "open"])]
     out: Option<PathBuf>,
     #[command(flatten)]
@@ -99,14 +99,14 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     if let Some(doorway) = &doorway {
         open(doorway.path());
     }
-    // Ctrl-C is the way to end, not a failure.
+    // Ctrl-C is the normal way to end.
     while interrupt::check().is_ok() {
         std::thread::sleep(Duration::from_millis(50));
     }
     Ok(())
 }
 
-/// Saves a flight in the first folder that is free.
+/// Saves a flight in the first free folder.
 fn save(bytes: &[u8], subject: &Subject, density: f64, folder: &Path) -> Result<PathBuf> {
     let frames = frames(bytes)?;
     let free = (0..)

@@ -8,19 +8,19 @@ use bodyflight::verbs::fmu::{library, read, write};
 use super::outputs::Outputs;
 use super::terminal;
 
-/// Make a skydiver a co-simulation unit (FMI 3.0) for Simulink, OpenModelica and others.
+/// Export a skydiver as a co-simulation unit (FMI 3.0) for Simulink, OpenModelica and others.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Inputs are joint angles, muscle input, damping and wind; outputs motion and loads: docs/fmu.md.\n\n\
+    after_help = "Inputs are joint angles, muscle input, damping and wind; outputs are motion and loads: see docs/fmu.md.\n\n\
                   Example: bodyflight fmu subject.toml --out skydiver.fmu"
 )]
 pub(super) struct Args {
-    /// A subject.toml, or a flight.toml whose person, air and limb groups are meant.
+    /// A subject.toml, or a flight.toml for its person, air and limb groups.
     subject: PathBuf,
     /// File to write.
     #[arg(long, value_name = "FMU", default_value = "skydiver.fmu")]
     out: PathBuf,
-    /// The library of the unit for this platform; by default the one beside the program.
+    /// The unit's library for this platform; by default the one beside the program.
     #[arg(long, value_name = "FILE")]
     library: Option<PathBuf>,
     #[command(flatten)]

@@ -19,58 +19,58 @@ use serde::Serialize;
 use super::outputs::Outputs;
 use super::terminal;
 
-/// Write flights in which an effect acts and nothing in the files says so.
+/// Write flights in which an effect acts that the files do not mention, to test `discover` on.
 #[derive(clap::Args)]
 #[command(after_help = hidden_help())]
 pub(super) struct Args {
-    /// Effects by name, several with commas; `clean` for none, `load` for a force or moment drawn by the seed.
+    /// Names of effects, separated by commas; `clean` for none, `load` for a force or moment chosen at random.
     #[arg(required_unless_present = "model")]
     effects: Option<String>,
-    /// A model.toml whose effects and loads are hidden as they are.
+    /// A model.toml whose effects and loads are hidden, with its values.
     #[arg(long)]
     model: Option<PathBuf>,
-    /// Folder for flight-0, flight-1 and so on, and truth.toml beside them.
+    /// Folder for flight-0, flight-1 and so on, and for truth.toml, which says what is hidden.
     #[arg(long)]
     out: PathBuf,
-    /// A subject.toml; the default subject where absent.
+    /// A subject.toml; by default the default subject.
     #[arg(long)]
     subject: Option<PathBuf>,
-    /// How many flights, with the same effects.
+    /// Number of flights with the same effects.
     #[arg(long, default_value_t = 2)]
     flights: u64,
-    /// Length of each (s).
+    /// Length of each flight (s); longer ones make effects easier to find.
     #[arg(long, default_value_t = 40.0)]
     duration: f64,
-    /// Strength of the effects as a share of their plausible ranges, 0 to 1; 0.4 to 0.8 by the seed where absent.
+    /// Strength of the effects as a share of their plausible ranges, 0 to 1; by default random, 0.4 to 0.8.
     #[arg(long)]
     strength: Option<f64>,
-    /// Seed of strengths, movements, errors and noise.
+    /// Seed of strengths, movements, errors and noise; another seed gives other flights.
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Noise and errors as a share of the usual; 0 for none.
+    /// Factor on noise and errors; 0 for none.
     #[arg(long, default_value_t = 1.0)]
     noise: f64,
-    /// Noise of the sensors alone, as a share of the usual.
+    /// Factor on the sensor noise alone.
     #[arg(long, default_value_t = 1.0)]
     sensor_noise: f64,
-    /// Joint errors of the suit: degrees, degrees at Hz, share of the bend.
+    /// Joint errors of the suit: constant (degrees), wandering (degrees at Hz), and a share of the bend.
     #[arg(long, value_name = "constant:2,wander:1.5@0.3,gain:0.05", value_parser = JointErrors::parse)]
     joints: Option<JointErrors>,
-    /// Frames a second.
+    /// Frame rate (Hz).
     #[arg(long, default_value_t = FRAME_RATE)]
     rate: f64,
     #[command(flatten)]
     outputs: Outputs,
 }
 
-/// What is hidden, beside the flights.
+/// The file that says what is hidden, beside the flights.
 const TRUTH: &str = "truth.toml";
 
 fn folder(args: &Args, index: u64) -> PathBuf {
     args.out.join(format!("flight-{index}"))
 }
 
-/// The name under which a load of the grammar is drawn by the seed.
+/// The name that asks for a random load.
 const DRAWN: &str = "load";
 
 fn known() -> Vec<&'static str> {

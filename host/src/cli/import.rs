@@ -10,8 +10,8 @@ use bodyflight::verbs::import::{FILES, Request, import};
 use super::outputs::Outputs;
 use super::terminal;
 
-/// Make a recording of another system's motion: BVH, or a table of joint angles, segment quaternions or points (CSV, MOT,
-/// STO, TRC).
+/// Convert another system's motion into a recording: BVH, or a table of joint angles, segment quaternions or points
+/// (CSV, MOT, STO, TRC).
 #[derive(clap::Args)]
 #[command(
     after_help = "A mapping says where the axes of the file point and what its segments are called (docs/import.md). \
@@ -19,15 +19,15 @@ use super::terminal;
                   Example: bodyflight import jump.csv --mapping mapping.toml --subject athlete.toml --out jump"
 )]
 pub(super) struct Args {
-    /// The file, also packed (.gz, .xz).
+    /// The file, possibly compressed (.gz, .xz).
     file: PathBuf,
-    /// The mapping; a BVH file with common names of joints needs none.
+    /// The mapping; not needed for a BVH file with common joint names.
     #[arg(long, value_name = "TOML")]
     mapping: Option<PathBuf>,
-    /// A subject.toml; the default subject where absent.
+    /// A subject.toml; by default the default subject.
     #[arg(long, value_name = "TOML")]
     subject: Option<PathBuf>,
-    /// Folder for flight.mvnx, subject.toml, flight.toml and first-frame.svg; made where absent.
+    /// Folder for flight.mvnx, subject.toml, flight.toml and first-frame.svg; created if absent.
     #[arg(long)]
     out: PathBuf,
     #[command(flatten)]

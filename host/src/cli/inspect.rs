@@ -9,18 +9,18 @@ use bodyflight::verbs::inspect::inspect;
 use super::several::each;
 use super::terminal;
 
-/// Say what a recording holds: format, rate, frames, fields, arm frame, how well its joints close, what cannot be, and
-/// the first frame as a picture.
+/// Describe a recording: format, rate, frames, fields, arm frame, how well its joints close, impossible values, and the
+/// first frame as a picture.
 #[derive(clap::Args)]
 #[command(
     after_help = "Examples:\n  bodyflight inspect flight.mvnx --subject subject.toml\n  \
                   bodyflight inspect flight.mvnx turn-1/flight.mvnx --json"
 )]
 pub(super) struct Args {
-    /// MVNX files, also packed (.gz, .xz); - is standard input.
+    /// MVNX files, possibly compressed (.gz, .xz); - is standard input.
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
-    /// The person, to compare the centre of mass of the recording with that of the model's body.
+    /// A subject.toml, to compare the recording's centre of mass with that of the model's body.
     #[arg(long, value_name = "TOML")]
     subject: Option<PathBuf>,
 }

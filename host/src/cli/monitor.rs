@@ -17,7 +17,7 @@ const REPORT_PERIOD: Duration = Duration::from_secs(1);
 
 /// Watch a serial line: the unit's defmt log, or the Xbus packets of an MTi sensor.
 ///
-/// Ctrl-C ends it with the totals.
+/// Ctrl-C ends it and prints the totals.
 #[derive(clap::Args)]
 #[command(
     after_help = "Examples:\n  bodyflight monitor --xbus /dev/ttyUSB0 --baud 230400\n  \
@@ -26,7 +26,7 @@ const REPORT_PERIOD: Duration = Duration::from_secs(1);
                   qemu-system-arm ... | bodyflight monitor --defmt unit.elf -"
 )]
 pub(super) struct Args {
-    /// Decode defmt by the strings of this ELF file, the one that runs on the unit.
+    /// Decode defmt with the strings in this ELF file, which must be the one that runs on the unit.
     #[arg(
         long,
         value_name = "ELF",
@@ -43,10 +43,10 @@ pub(super) struct Args {
     /// Speed of the serial port (bit/s).
     #[arg(long, default_value_t = 115_200, value_parser = clap::value_parser!(u32).range(1..))]
     baud: u32,
-    /// Xbus: print every packet, not only rates.
+    /// Xbus: print every packet, not just rates.
     #[arg(long, requires = "xbus")]
     items: bool,
-    /// defmt: print where in the source each line is.
+    /// defmt: print the source location of each line.
     #[arg(short, long, conflicts_with = "xbus")]
     verbose: bool,
 }
@@ -58,7 +58,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     }
 }
 
-/// Passes pieces on until the end, Ctrl-C, or until the output is closed.
+/// Passes chunks of input on until it ends, Ctrl-C is pressed, or the output is closed.
 fn pieces(input: &Input, mut take: impl FnMut(&[u8]) -> Result<bool>) -> Result<()> {
     while !interrupt::requested() {
         let more = match input.next(PATIENCE)? {
@@ -77,7 +77,9 @@ fn defmt(args: &Args, elf: &Path, json: bool) -> Result<()> {
     let mut decoder = Defmt::open(elf)?;
     let input = Input::open(&args.input, args.baud)?;
     if args.verbose && !decoder.has_locations() {
-        terminal::note("the ELF file has no debug information: lines come without their places");
+        terminal::note(
+            "the ELF file has no debug information: lines are printed without source locations",
+        );
     }
     let ended = pieces(&input, |bytes| {
         for line in decoder.push(bytes) {
@@ -130,7 +132,7 @@ fn xbus(args: &Args, json: bool) -> Result<()> {
         let goes_on = every(decoder.push(bytes))?;
         if !json && !args.items && reported.0.elapsed() >= REPORT_PERIOD {
             let totals = decoder.totals();
-            #[expect(clippy::cast_precision_loss, reason = "packets of a second")]
+            #[expect(clippy::cast_precision_loss, reason = "few packets in a second")]
             let rate = (totals.packets - reported.1) as f64 / reported.0.elapsed().as_secs_f64();
             reported = (Instant::now(), totals.packets);
             return Ok(terminal::line(&format!(
@@ -150,7 +152,7 @@ fn xbus(args: &Args, json: bool) -> Result<()> {
     ended
 }
 
-/// The totals received.
+/// Prints the totals received.
 fn print_totals(totals: &XbusTotals) {
     let mut table = terminal::table(&["item", "count", "rate (Hz)", "last"]);
     for item in &totals.items {

@@ -23,12 +23,12 @@ use super::watch::Watch;
 
 /// Time between two lines of rates.
 const REPORT_PERIOD: Duration = Duration::from_secs(1);
-/// Time between two pictures of a page.
+/// Time between two updates of the page.
 const LOOK_PERIOD: Duration = Duration::from_millis(33);
-/// Longest wait between looks at the clock.
+/// Longest wait between checks of the clock.
 const PATIENCE: Duration = Duration::from_millis(100);
 
-/// The network stream of Xsens MVN: send a recording like MVN does, or listen to a live one.
+/// The network stream of Xsens MVN: send a recording as MVN does, or listen to a live stream.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  bodyflight mvn listen\n  \
                   bodyflight mvn send flight.mvnx --to 127.0.0.1:9763")]
@@ -49,15 +49,15 @@ enum Verb {
 struct Send {
     /// A flight.toml or an MVNX file.
     flight: PathBuf,
-    /// Where to: HOST:PORT. MVN's port is 9763.
+    /// Destination, HOST:PORT. MVN's port is 9763.
     #[arg(long, value_name = "HOST:PORT")]
     to: String,
-    /// How many times as fast as recorded, or max.
+    /// Speed relative to the recording, or max: 2 sends twice as fast.
     #[arg(long, default_value = "1")]
     speed: Speed,
 }
 
-/// Listen to MVN: rate, loss and frames once a second, totals at Ctrl-C.
+/// Listen to MVN: print rate, loss and frames once a second, and totals on Ctrl-C.
 #[derive(clap::Args)]
 #[command(
     after_help = "In MVN: Options, Network Streamer, this machine's address, port 9763, quaternions (02);\n\
@@ -67,27 +67,27 @@ struct Send {
                   bodyflight mvn listen --bind :9763 --out jump.mvnx --subject subject.toml"
 )]
 struct Listen {
-    /// Where to listen: HOST:PORT, or :PORT on all networks. MVN on another machine needs one of these.
+    /// Address to listen at: HOST:PORT, or :PORT for all networks. Needed if MVN runs on another machine.
     #[arg(long, default_value = "127.0.0.1:9763", value_name = "[HOST]:PORT")]
     bind: String,
-    /// The machine to listen to; otherwise the first that sends.
+    /// The machine to listen to; by default the first that sends.
     #[arg(long, value_name = "ADDRESS")]
     from: Option<IpAddr>,
-    /// The person to follow, from 0; otherwise whoever comes first.
+    /// The person to follow, counted from 0; by default the first that is received.
     #[arg(long)]
     character: Option<u8>,
-    /// Rate of the sample counter (Hz), if the time codes are unusable.
+    /// Rate of the sample counter (Hz), to use if the time codes are unusable.
     #[arg(long)]
     rate: Option<f64>,
-    /// End after this many frames.
+    /// Stop after this many frames.
     #[arg(long)]
     frames: Option<u64>,
-    /// Who is listened to, and in what air, for --view: a flight.toml; a default person where absent.
+    /// The person and the air for --view: a flight.toml; by default a default person.
     #[arg(long, requires = "view", value_name = "TOML")]
     flight: Option<PathBuf>,
     #[command(flatten)]
     watch: Watch,
-    /// Keep the frames as a recording, whole after Ctrl-C.
+    /// Keep the frames as a recording; Ctrl-C completes the file.
     #[arg(long, value_name = "MVNX")]
     out: Option<PathBuf>,
     /// The person in that recording: a subject.toml.
@@ -131,7 +131,7 @@ fn send(args: &Send, json: bool) -> Result<()> {
     ));
     if sent.refused_datagrams > 0 {
         terminal::note(&format!(
-            "{} datagrams were refused: nobody listens at {}",
+            "{} datagrams were refused: nothing is listening at {}",
             sent.refused_datagrams, args.to
         ));
     }
@@ -181,12 +181,12 @@ fn listen(args: &Listen, json: bool) -> Result<()> {
                     keep(kept, &frame, source.receiver())?;
                 }
             }
-            // Here Ctrl-C is the regular end.
+            // Here Ctrl-C is the normal end.
             Err(_) if interrupt::requested() => break,
             Err(problem) => return Err(problem),
         }
         if reported.0.elapsed() >= REPORT_PERIOD {
-            #[expect(clippy::cast_precision_loss, reason = "frames of a second")]
+            #[expect(clippy::cast_precision_loss, reason = "few frames in a second")]
             let rate = (frames - reported.1) as f64 / reported.0.elapsed().as_secs_f64();
             reported = (Instant::now(), frames);
             goes_on = if json {
@@ -214,7 +214,7 @@ fn listen(args: &Listen, json: bool) -> Result<()> {
     }
 }
 
-/// Adds a frame to a recording, with the person's name as far as it is known.
+/// Adds a frame to a recording, with the person's name if it is known.
 fn keep(kept: &mut LiveRecording, frame: &FlightFrame, receiver: &Receiver) -> Result<()> {
     if let Some(name) = receiver.information().name() {
         kept.name(name);
@@ -222,20 +222,20 @@ fn keep(kept: &mut LiveRecording, frame: &FlightFrame, receiver: &Receiver) -> R
     kept.push(frame)
 }
 
-/// Samples that never came, or not whole.
+/// Number of samples that never arrived, or not completely.
 fn lost(receiver: &Receiver) -> u64 {
     let counters = receiver.counters();
     (counters.samples + counters.missing_samples).saturating_sub(counters.frames)
 }
 
-/// The page, where there is one, and when it was last shown something.
+/// The page, if there is one, and when it was last updated.
 struct Page {
     view: Option<LiveView>,
     shown: Instant,
 }
 
 impl Page {
-    /// Takes the page on to a frame, the last of so many.
+    /// Advances the page to a frame; `frames` is the number received so far.
     fn take(&mut self, frame: &FlightFrame, frames: u64, receiver: &Receiver) -> Result<()> {
         let Some(view) = &mut self.view else {
             return Ok(());
@@ -250,7 +250,7 @@ impl Page {
     }
 }
 
-/// What was received in all.
+/// Prints the totals received.
 fn print_totals(frames: u64, receiver: &Receiver, json: bool) -> Result<()> {
     if json {
         terminal::json_line(&json!({ "totals": {
@@ -270,7 +270,7 @@ fn print_totals(frames: u64, receiver: &Receiver, json: bool) -> Result<()> {
     ] {
         if count > 0 {
             terminal::note(&format!(
-                "{what} of {count} frames is from differences of the pose, not sent by MVN"
+                "{what} of {count} frames was not sent by MVN, but differentiated from the pose"
             ));
         }
     }

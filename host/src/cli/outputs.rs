@@ -1,4 +1,4 @@
-//! Files that a verb writes, looked at before its work.
+//! Files that a verb writes, checked before its work starts.
 
 use std::path::{Path, PathBuf};
 
@@ -12,18 +12,18 @@ use super::terminal;
 
 use super::several::output_of;
 
-/// What is allowed to outputs.
+/// Permissions for output files.
 #[derive(clap::Args, Clone, Copy)]
 pub(super) struct Outputs {
-    /// Replace output files that exist.
+    /// Replace existing output files.
     #[arg(long)]
     force: bool,
 }
 
-/// A figure of what was found.
+/// A figure of the results.
 #[derive(clap::Args, Clone)]
 pub(super) struct Plot {
-    /// Draw the results over time, as SVG, PDF or PNG by the end of the file's name.
+    /// Plot the results over time, as SVG, PDF or PNG according to the file's extension.
     #[arg(long = "plot", value_name = "FILE")]
     pub(super) path: Option<PathBuf>,
     /// Title of the figure; "" for none.
@@ -32,7 +32,7 @@ pub(super) struct Plot {
 }
 
 impl Plot {
-    /// Of one of several flights.
+    /// The plot of one of several flights.
     pub(super) fn of(&self, flight: &Path, flights: &[PathBuf]) -> Result<Self> {
         Ok(Self {
             path: output_of(self.path.as_ref(), flight, flights)?,
@@ -40,12 +40,12 @@ impl Plot {
         })
     }
 
-    /// The title that was asked for, or another.
+    /// The requested title, or else `or`.
     pub(super) fn title(&self, or: impl FnOnce() -> String) -> String {
         self.title.clone().unwrap_or_else(or)
     }
 
-    /// Writes the figure, where one was asked for.
+    /// Writes the figure, if one was requested.
     pub(super) fn write(&self, svg: impl FnOnce() -> Result<String>) -> Result<()> {
         self.path
             .as_ref()
@@ -54,12 +54,12 @@ impl Plot {
 }
 
 impl Outputs {
-    /// Checks files, those that were asked for. To be called when all inputs are known: none of them is replaced.
+    /// Checks the requested files. Call this once all inputs are known, since no input is ever replaced.
     pub(super) fn check<const N: usize>(self, paths: [&Option<PathBuf>; N]) -> Result<()> {
         destination::check(paths.into_iter().flatten(), self.force)
     }
 
-    /// As [`Outputs::check`], with a figure beside them.
+    /// Same as [`Outputs::check`], for files and a figure.
     pub(super) fn check_with<const N: usize>(
         self,
         paths: [&Option<PathBuf>; N],
@@ -70,7 +70,7 @@ impl Outputs {
         self.check(paths)
     }
 
-    /// A recording of what is received, where one was asked for.
+    /// Creates a recording of what is received, if one was requested.
     pub(super) fn live(
         self,
         path: &Option<PathBuf>,
@@ -82,13 +82,13 @@ impl Outputs {
             .transpose()
     }
 
-    /// Checks files of these names in a folder, which may not be there yet.
+    /// Checks files of these names in a folder, which need not exist yet.
     pub(super) fn check_in(self, folder: &Path, names: &[&str]) -> Result<()> {
         destination::check_in(folder, names, self.force)
     }
 }
 
-/// Says what is in a recording of what was received.
+/// Prints what a recording of received frames contains.
 pub(super) fn print_kept(kept: &Kept) {
     terminal::print(&format!(
         "written: {} ({} frames at {} Hz)",
@@ -98,7 +98,7 @@ pub(super) fn print_kept(kept: &Kept) {
     ));
     if kept.left_out > 0 {
         terminal::note(&format!(
-            "the sender began anew; {} frames after that are another flight and not in the recording",
+            "the sender restarted; the {} frames after that belong to another flight and are not in the recording",
             kept.left_out
         ));
     }

@@ -17,7 +17,7 @@ pub(super) fn run(_: &Args, json: bool) -> Result<()> {
     }
     if ports.is_empty() {
         terminal::print(
-            "no serial ports; plug the unit in, or its adapter, and see that the cable carries data",
+            "no serial ports; plug in the unit or its adapter, and make sure that the cable carries data",
         );
         return Ok(());
     }

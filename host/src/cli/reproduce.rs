@@ -9,13 +9,13 @@ use bodyflight::verbs::reproduce::{PARTS, reproduce};
 use super::outputs::Outputs;
 use super::terminal;
 
-/// Fly the experiments of the paper, reconstruct them, and write a report with pictures.
+/// Fly the experiments of the paper, reconstruct them, and write a report with figures.
 #[derive(clap::Args)]
 #[command(after_help = experiments_help())]
 pub(super) struct Args {
-    /// Experiments; all of them where absent.
+    /// Experiments to run; by default all of them.
     what: Vec<String>,
-    /// Folder for report.md, pictures and flights; made where absent.
+    /// Folder for report.md, figures and flights; created if absent.
     #[arg(long, value_name = "FOLDER", default_value = "reproduction")]
     out: PathBuf,
     #[command(flatten)]
@@ -41,7 +41,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         let named = |name: &&str| args.what.iter().any(|asked| asked == name);
         EXPERIMENTS.iter().map(|e| e.name).filter(named).count()
     };
-    // Parts that are not wanted take no time.
+    // Parts that were not requested take no time.
     let count = count + PARTS.len();
     let bar = terminal::bar(count as u64, "experiments");
     let report = reproduce(&args.what, &args.out, || bar.inc(1));

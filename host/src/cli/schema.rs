@@ -13,18 +13,19 @@ use super::several::Several;
 use super::terminal::{self, Answer};
 use super::{estimate, figures, hide, unit, view};
 
-/// Print the JSON Schema of a verb's `--json`.
+/// Print the JSON Schema of a verb's `--json` output.
 #[derive(clap::Args)]
 #[command(after_help = "Examples: bodyflight schema\n          bodyflight schema simulate")]
 pub(super) struct Args {
-    /// Verb, as `simulate` or `unit-log`; all names where none is given.
+    /// Verb, such as `simulate` or `unit-log`; without one, all names are listed.
     verb: Option<String>,
 }
 
-/// A name, and the schema of what the verb answers.
+/// A name, and the schema of the verb's answer.
 type Row = (&'static str, fn() -> Value);
 
-/// Answers as one value. `monitor` and `mvn listen` print lines without end, which docs/formats.md describes.
+/// Verbs that answer with one value. `monitor` and `mvn listen` print an endless stream of lines, described in
+/// docs/formats.md.
 const ANSWERS: [Row; 28] = [
     ("demo", answer::<verbs::simulate::Report>),
     ("discover", answer::<bodyflight_discovery::report::Report>),
@@ -76,13 +77,13 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     };
     let found = ANSWERS.iter().find(|(name, _)| name == verb);
     let (_, schema) = found.ok_or_else(|| {
-        Problem::bad_input(format!("no answer of {verb} has a schema"))
-            .help("`bodyflight schema` lists those that have")
+        Problem::bad_input(format!("there is no schema for {verb}"))
+            .help("`bodyflight schema` lists all names")
     })?;
     terminal::print_plain_json(&schema())
 }
 
-/// The schema of an answer that is an object and names what made it.
+/// The schema of an answer that is an object, with the run that made it.
 fn answer<T: JsonSchema + 'static>() -> Value {
     plain::<Answer<'static, T>>()
 }

@@ -10,18 +10,19 @@ use bodyflight::verbs::sensitivity::{Parameter, Report, SHOWN, sensitivity};
 use super::outputs::{Outputs, Plot};
 use super::{estimate, simulate, terminal};
 
-/// Change each parameter of the model and tell how far the same postures then lead elsewhere.
+/// Change each parameter of the model and show how much that changes the motion from the same postures.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  bodyflight sensitivity flight.toml\n  \
-                  bodyflight sensitivity flight.toml --estimate turning   (inputs estimated anew each time)\n\n\
+                  bodyflight sensitivity flight.toml --estimate turning   (re-estimates the inputs each time)\n\n\
                   Changes are root mean squares over the flight, in per cent of the channel's largest size.")]
 pub(super) struct Args {
     /// A flight.toml.
     flight: PathBuf,
-    /// Share by which each parameter is changed, both ways.
+    /// Share by which each parameter is increased and decreased.
     #[arg(long, default_value_t = 0.3)]
     share: f64,
-    /// Also estimate the inputs anew with this preset of the paper's filter, and compare how well the flight is reconstructed.
+    /// Also re-estimate the inputs with this preset of the paper's filter, and compare how well the flight is
+    /// reconstructed.
     #[arg(long, value_name = "PRESET")]
     estimate: Option<String>,
     #[command(flatten)]
@@ -97,6 +98,6 @@ fn print_report(report: &Report) {
             table.add_row(row);
         }
     }
-    terminal::print("gap of the reconstruction with inputs estimated anew");
+    terminal::print("gap of the reconstruction with re-estimated inputs");
     terminal::print(&table.to_string());
 }

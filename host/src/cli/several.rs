@@ -1,4 +1,4 @@
-//! Several flights in one call: one after another, each whatever becomes of the others.
+//! Several flights in one call, one after another; a failure of one does not stop the others.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -9,10 +9,10 @@ use serde::Serialize;
 
 use super::terminal;
 
-/// What stands for the flight's name in the names of outputs.
+/// The placeholder for the flight's name in names of outputs.
 const NAME: &str = "{}";
 
-/// A name for people: that of the folder for the usual `flight.toml`, else that of the file.
+/// A readable name: that of the folder if the file is called `flight.toml`, otherwise that of the file.
 pub(super) fn name_of(path: &Path) -> String {
     let stem = path.file_stem().unwrap_or(path.as_os_str());
     let folder = path.parent().and_then(Path::file_name);
@@ -22,7 +22,7 @@ pub(super) fn name_of(path: &Path) -> String {
     }
 }
 
-/// The file that a flight is read from: that of a folder, or the one that is named.
+/// The file that a flight is read from: `flight.toml` if `flight` is a folder, otherwise `flight` itself.
 pub(super) fn file_of(flight: &Path) -> PathBuf {
     if flight.is_dir() {
         flight.join("flight.toml")
@@ -31,7 +31,7 @@ pub(super) fn file_of(flight: &Path) -> PathBuf {
     }
 }
 
-/// The name of a flight, also of one that is called by where it is, such as `.`.
+/// The name of a flight, even if its path is relative, such as `.`.
 fn name(flight: &Path) -> String {
     name_of(
         &flight
@@ -40,10 +40,10 @@ fn name(flight: &Path) -> String {
     )
 }
 
-/// An output of one of `flights`: of several, each has one of its own.
+/// The output file for one of `flights`; if there are several, each has its own.
 ///
 /// # Errors
-/// Returns an error if several flights would write one file.
+/// Returns an error if several flights would write the same file.
 pub(super) fn output_of(
     output: Option<&PathBuf>,
     flight: &Path,
@@ -59,44 +59,44 @@ pub(super) fn output_of(
                 "expected {} in the name of the output, as there are several flights",
             )
             .in_file(output)
-            .help("{} stands for the name of the flight, as in {}.csv"));
+            .help("{} is replaced by the name of the flight, as in {}.csv"));
         }
         let mut named = BTreeMap::new();
         for other in flights {
             if let Some(before) = named.insert(name(other), other) {
                 return Err(Problem::bad_input(format!(
-                    "this flight and {} have one name, and would write one file",
+                    "this flight and {} have the same name, and would write the same file",
                     before.display()
                 ))
                 .in_file(other)
-                .help("call the program once for each"));
+                .help("run the program once for each"));
             }
         }
     }
     Ok(Some(PathBuf::from(text.replace(NAME, &name(flight)))))
 }
 
-/// What became of several flights, in their order.
+/// Results for several flights, in the order given.
 #[derive(JsonSchema, Serialize)]
 pub(super) struct Several<R> {
     flights: Vec<Outcome<R>>,
 }
 
-/// What became of one of several flights.
+/// The result for one of several flights.
 #[derive(JsonSchema, Serialize)]
 struct Outcome<R> {
     flight: PathBuf,
-    /// Result; null where there is none.
+    /// The result; null if there is none.
     report: Option<R>,
     /// The problem, if there was one.
     error: Option<terminal::Told>,
 }
 
-/// Works on each flight. `work` returns what is printed as JSON; where JSON is not asked for it has printed by itself.
+/// Calls `work` for each flight. It returns the value to print as JSON; without `--json` it prints its result itself.
 ///
 /// # Errors
-/// Returns the problem of the flight, or, of several, an error after all were worked on if one had a problem. Ctrl-C ends at
-/// once.
+/// Returns the error of a single flight. Several flights are all processed before an error is returned, except after
+/// Ctrl-C.
 pub(super) fn each<R: Serialize + JsonSchema>(
     flights: &[PathBuf],
     json: bool,
@@ -152,7 +152,7 @@ pub(super) fn each<R: Serialize + JsonSchema>(
     })
 }
 
-/// How bad a problem is: a call that could not do its work is worse than an answer that is no.
+/// Severity of a problem: failing to do the work is worse than a negative answer.
 const fn rank(kind: Kind) -> u8 {
     match kind {
         Kind::Doubt => 0,

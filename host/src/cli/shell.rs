@@ -1,4 +1,4 @@
-//! `bodyflight completions` and `bodyflight man`: what a shell and `man` read about the program.
+//! `bodyflight completions` and `bodyflight man`.
 
 use std::path::PathBuf;
 
@@ -10,30 +10,30 @@ use clap_complete::Shell;
 use super::outputs::Outputs;
 use super::terminal;
 
-/// Print a shell's completions.
+/// Print the completion script for a shell.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Example: bodyflight completions bash\n\nBash reads it from ~/.local/share/bash-completion/completions/bodyflight, for instance."
+    after_help = "Example: bodyflight completions bash\n\nBash, for instance, reads it from ~/.local/share/bash-completion/completions/bodyflight."
 )]
 pub(super) struct Completions {
-    /// Shell.
+    /// The shell.
     shell: Shell,
 }
 
 /// Write a man page for each verb.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Example: bodyflight man --out man1\n\nIt is found in ~/.local/share/man/man1, for instance."
+    after_help = "Example: bodyflight man --out man1\n\n`man` finds the pages in ~/.local/share/man/man1, for instance."
 )]
 pub(super) struct Man {
-    /// Folder of the pages.
+    /// Folder for the pages; created if absent.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     #[command(flatten)]
     outputs: Outputs,
 }
 
-/// Prints the completions of `program`; there is no JSON of them.
+/// Prints the completion script of `program`; it has no JSON form.
 pub(super) fn completions(args: &Completions, mut program: Command) -> Result<()> {
     let mut script = Vec::new();
     clap_complete::generate(args.shell, &mut program, "bodyflight", &mut script);
@@ -60,7 +60,7 @@ pub(super) fn man(args: &Man, mut program: Command, json: bool) -> Result<()> {
     Ok(())
 }
 
-/// The pages of a command and of all below it, with their file names.
+/// Renders the pages of a command and all its subcommands, with their file names.
 fn render(command: Command, pages: &mut Vec<(String, Vec<u8>)>) -> Result<()> {
     for verb in command
         .get_subcommands()

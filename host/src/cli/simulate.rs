@@ -15,31 +15,31 @@ use super::outputs::{Outputs, Plot};
 use super::several::{each, output_of};
 use super::terminal::{self, FlightBar};
 
-/// Run the model over recorded postures from the first frame and compare it with the measured pelvis.
+/// Simulate a flight from its recorded postures and first frame, and compare it with the measured motion of the pelvis.
 #[derive(clap::Args)]
 #[command(
     after_help = "Examples:\n  bodyflight simulate flight.toml --out run.csv --plot run.pdf\n  \
                   bodyflight simulate turn-1 turn-2 --out {}.csv   ({} is the name of the flight)"
 )]
 pub(super) struct Args {
-    /// flight.toml files or their folders, or MVNX files alone; one run each.
+    /// flight.toml files, their folders, or MVNX files on their own; each is simulated separately.
     #[arg(required = true, value_name = "FLIGHT")]
     flights: Vec<PathBuf>,
-    /// Write time and all channels, measured and simulated, as CSV.
+    /// Write all measured and simulated channels over time as CSV.
     #[arg(long, value_name = "CSV")]
     out: Option<PathBuf>,
     #[command(flatten)]
     plot: Plot,
-    /// Effects to extend the model by: a model.toml.
+    /// Effects to add to the model: a model.toml.
     #[arg(long, value_name = "TOML")]
     model: Option<PathBuf>,
-    /// Equations of motion, in place of the flight's own.
+    /// Equations of motion, instead of those in flight.toml.
     #[arg(long, value_enum)]
     equations: Option<EquationsName>,
-    /// Where the run takes its first motion from: a fit to the first tenth of a second, or the first frame alone.
+    /// Initial motion: a fit to the first tenth of a second, or the first frame alone, which is noisier.
     #[arg(long, value_enum, default_value = "smoothed")]
     start: StartName,
-    /// Precision of the model; the recording is always read in double.
+    /// Floating-point precision of the model; the recording is always read in double precision.
     #[arg(long, value_enum, default_value = "double")]
     precision: Precision,
     #[command(flatten)]
@@ -48,16 +48,16 @@ pub(super) struct Args {
     reading: Reading,
 }
 
-/// How to treat a faulty recording.
+/// How to handle a faulty recording.
 #[derive(clap::Args, Clone, Copy)]
 pub(super) struct Reading {
-    /// End at the first bad frame instead of bridging short gaps.
+    /// Stop at the first bad frame instead of bridging short gaps.
     #[arg(long)]
     strict: bool,
-    /// Take a file that ends too early up to its last whole frame.
+    /// Accept a truncated file, up to its last complete frame.
     #[arg(long)]
     allow_truncated: bool,
-    /// Convention of the arms, for files without the points to tell it by.
+    /// Convention for the arms, for files that lack the points from which it is detected.
     #[arg(long, value_enum)]
     arm_frame: Option<ArmFrameName>,
 }
@@ -66,7 +66,7 @@ pub(super) struct Reading {
 enum ArmFrameName {
     /// All orientations are the identity in the T-pose.
     TPose,
-    /// The arms have the axes of the International Society of Biomechanics.
+    /// The arms use the axes of the International Society of Biomechanics.
     Isb,
 }
 
@@ -131,6 +131,7 @@ fn run_flight(path: &Path, args: &Args, json: bool) -> Result<Report> {
     };
     if let Some(model) = &args.model {
         flight.effects = Effects::read(model)?;
+        terminal::note_random(&flight.effects);
     }
     let out = output_of(args.out.as_ref(), path, &args.flights)?;
     let plot = args.plot.of(path, &args.flights)?;
@@ -166,13 +167,13 @@ fn simulated(flight: &Flight, args: &Args, out: Option<&Path>) -> Result<Simulat
     Ok(simulation)
 }
 
-/// The table of gaps and what is worth knowing beside it.
+/// Prints the table of gaps, and remarks on the recording.
 pub(super) fn print_report(simulation: &Simulation) {
     let report = &simulation.report;
     let columns = [("RMS gap", report.rms), ("amplitude", report.amplitude)];
     terminal::print(&terminal::gap_table(&columns).to_string());
     terminal::print(&format!(
-        "{} frames, {:.1} s of flight; {:.0} frames a second, file to table",
+        "{} frames, {:.1} s of flight; processed {:.0} frames a second",
         report.frames, report.duration_s, report.steps_per_second
     ));
     if let Some(gnss) = &report.gnss {

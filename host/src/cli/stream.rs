@@ -21,11 +21,11 @@ use super::simulate::Reading;
 use super::watch::Watch;
 use super::{estimate, terminal};
 
-/// Stream a flight to a unit, and compare its estimates with the same filter here, bit for bit.
+/// Stream a flight to a unit, and compare its estimates bit for bit with those of the same filter on this machine.
 #[derive(clap::Args)]
 #[command(
     group = clap::ArgGroup::new("target").required(true),
-    after_help = "Exit code 4: an estimate differs, or a sample was lost that was not harmed on purpose.\n\n\
+    after_help = "Exit code 4: an estimate differs, or a sample was lost other than by --drop, --corrupt or --reorder.\n\n\
                   Examples:\n  bodyflight stream flight.toml --virtual\n  \
                   bodyflight stream flight.toml --port /dev/ttyACM0 --speed max\n  \
                   bodyflight stream flight.toml --qemu --drop 0.05 --corrupt 0.05 --reorder 0.02\n  \
@@ -33,52 +33,52 @@ use super::{estimate, terminal};
                   bodyflight stream --mvn :9763 --port /dev/ttyACM0 --out jump.mvnx"
 )]
 pub(super) struct Args {
-    /// A flight.toml, or an MVNX file alone; with --mvn the flight whose subject and air are meant.
+    /// A flight.toml, or an MVNX file on its own; with --mvn, a flight.toml for the subject and the air.
     #[arg(required_unless_present = "mvn")]
     flight: Option<PathBuf>,
-    /// Listen to the network stream of MVN instead of a recording.
+    /// Take samples from MVN's network stream instead of a recording.
     #[arg(long, value_name = "HOST:PORT", conflicts_with_all = ["speed", "seconds"])]
     mvn: Option<String>,
-    /// Samples a second of that stream.
+    /// Sample rate of that stream (Hz).
     #[arg(long, value_name = "HZ", default_value_t = 240.0)]
     rate: f64,
     /// The unit's serial port; `bodyflight ports` lists them.
     #[arg(long, group = "target", value_name = "DEVICE")]
     port: Option<PathBuf>,
-    /// A unit in QEMU, from this image or the one that `cargo xtask unit` builds.
+    /// Use a unit in QEMU, with this image or the one that `cargo xtask unit` builds.
     #[arg(long, group = "target", value_name = "IMAGE", num_args = 0..=1, default_missing_value = DEFAULT_IMAGE)]
     qemu: Option<PathBuf>,
-    /// A unit in this process, behind a pseudo-terminal.
+    /// Use a unit in this process, behind a pseudo-terminal.
     #[arg(long, group = "target")]
     r#virtual: bool,
     /// Rate of the port (baud).
     #[arg(long, default_value_t = DEFAULT_BAUD)]
     baud: u32,
-    /// How many times faster than recorded, or `max`: as fast as the unit can.
+    /// Speed relative to the recording, or `max` for as fast as the unit can process.
     #[arg(long, default_value = "1")]
     speed: String,
-    /// Built-in filter preset of the unit, as in `estimate`.
+    /// Filter preset of the unit, a built-in one as in `estimate`.
     #[arg(long, default_value = "auto")]
     preset: String,
-    /// Only the first seconds of the flight.
+    /// Stream only this many seconds of the flight.
     #[arg(long, value_name = "S")]
     seconds: Option<f64>,
-    /// Share of the samples that vanish on purpose.
+    /// Share of samples to drop.
     #[arg(long, default_value_t = 0.0, value_name = "P")]
     drop: f32,
-    /// Share of the samples in which a bit is inverted.
+    /// Share of samples in which to flip a bit.
     #[arg(long, default_value_t = 0.0, value_name = "P")]
     corrupt: f32,
-    /// Share of the samples that come after the next one.
+    /// Share of samples to send after their successor.
     #[arg(long, default_value_t = 0.0, value_name = "P")]
     reorder: f32,
-    /// Seed of the faults.
+    /// Seed of the faults; another seed affects other samples.
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Effects to extend the model by: a model.toml; those that change the body.
+    /// Effects to add to the model: a model.toml. Only effects that change the body are supported.
     #[arg(long, value_name = "TOML")]
     model: Option<PathBuf>,
-    /// Keep what is streamed as a recording, whole after Ctrl-C.
+    /// Keep the streamed frames as a recording; Ctrl-C completes the file.
     #[arg(long, value_name = "MVNX")]
     out: Option<PathBuf>,
     #[command(flatten)]
@@ -89,10 +89,10 @@ pub(super) struct Args {
     reading: Reading,
 }
 
-/// A stream of MVN that was silent for this long has ended.
+/// An MVN stream that is silent for this long has ended.
 const SILENCE: Duration = Duration::from_secs(5);
 
-/// Where `cargo xtask unit` puts the image.
+/// Path of the image that `cargo xtask unit` builds.
 const DEFAULT_IMAGE: &str = "target/thumbv7em-none-eabihf/firmware/unit";
 
 impl Args {
@@ -163,6 +163,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     };
     if let Some(model) = &args.model {
         flight.effects = Effects::read(model)?;
+        terminal::note_random(&flight.effects);
     }
     if let Some(address) = &args.mvn {
         let mut source = Source::bind(address)?;
@@ -195,10 +196,10 @@ fn run_frames(
     frames: impl Iterator<Item = Result<FlightFrame>>,
     settings: &Settings,
 ) -> Result<()> {
-    // The image itself says what the unit's logs mean.
+    // The image contains the strings of the unit's log.
     let mut logs = args.qemu.as_deref().map(Defmt::open).transpose()?;
     let mut kept = args.outputs.live(&args.out, || flight.subject.body())?;
-    // Every frame moves the simulated body of the page, every look shows it.
+    // Every frame advances the simulated body, but the page is updated less often.
     let view = RefCell::new(args.watch.begin(flight, args.flight.as_ref())?);
     let spinner = terminal::spinner("streaming");
     let frames = frames.map(|frame| {
@@ -239,7 +240,7 @@ fn run_frames(
         },
     );
     spinner.finish_and_clear();
-    // Whatever became of the stream, what came in is kept.
+    // Keep what was received even if the stream failed.
     let kept = kept.map(LiveRecording::finish).transpose();
     if let (Ok(Some(Some(kept))), false) = (&kept, json) {
         print_kept(kept);
@@ -287,7 +288,7 @@ fn print_report(report: &Report) {
     ));
     let harmed = &report.harmed;
     terminal::print(&format!(
-        "frames: {} good, {} damaged; on purpose {} dropped, {} corrupted, {} reordered",
+        "frames: {} good, {} damaged; injected faults: {} dropped, {} corrupted, {} reordered",
         unit.received_frames,
         unit.crc_bad + unit.cobs_bad + unit.too_long,
         harmed.dropped,
@@ -295,7 +296,7 @@ fn print_report(report: &Report) {
         harmed.reordered
     ));
     terminal::print(&format!(
-        "unit: {} deadline misses, longest update {} cycles, {} updates not taken in, stack free {} B",
+        "unit: {} deadline misses, longest update {} cycles, {} innovations rejected, stack free {} B",
         unit.deadline_missed, unit.cycles_max, unit.innovation_rejected, unit.stack_free
     ));
     if unit.battery_mv > 0 {

@@ -13,36 +13,36 @@ use bodyflight_core::sensor_noise::SensorNoise;
 use super::outputs::Outputs;
 use super::terminal;
 
-/// Fly a maneuver with the model and write it like a recording, with sensor noise.
+/// Simulate a maneuver and write it as a recording with sensor noise.
 #[derive(clap::Args)]
 #[command(after_help = maneuvers_help())]
 pub(super) struct Args {
-    /// Which maneuver.
+    /// Name of the maneuver.
     maneuver: String,
-    /// A subject.toml; the default subject where absent.
+    /// A subject.toml; by default the default subject.
     #[arg(long)]
     subject: Option<PathBuf>,
-    /// Seed of sway and sensor noise.
+    /// Seed of sway and sensor noise; another seed gives another flight of the same maneuver.
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Folder for flight.toml, subject.toml, inputs.csv and flight.mvnx; made where absent.
+    /// Folder for flight.toml, subject.toml, inputs.csv and flight.mvnx; created if absent.
     #[arg(long)]
     out: PathBuf,
-    /// Air density (kg/m3).
+    /// Air density (kg/m3); thinner air makes the fall faster.
     #[arg(long, default_value_t = DEFAULT_DENSITY)]
     density: f64,
-    /// Sensor noise as a share of the paper's figures; 0 for perfect sensors.
+    /// Factor on the sensor noise given in the paper; 0 for perfect sensors.
     #[arg(long, default_value_t = 1.0)]
     noise: f64,
-    /// Deviation of the recorded joints from the true ones, each axis, constant over the flight.
+    /// Standard deviation of the recorded joint angles from the true ones, per axis, constant over the flight.
     #[arg(long, default_value_t = 0.0, value_name = "DEG")]
     joint_error_deg: f64,
-    /// The same, wandering at 0.08 to 0.5 Hz.
+    /// The same for errors that wander at 0.08 to 0.5 Hz.
     #[arg(long, default_value_t = 0.0, value_name = "DEG")]
     joint_wander_deg: f64,
     #[command(flatten)]
     outputs: Outputs,
-    /// Fly in a wind tunnel whose stream carries the neutral pose; tells when net, wall and top would be met.
+    /// Fly in a wind tunnel whose airflow carries the neutral pose; reports when the body would touch net, wall or top.
     #[arg(long)]
     tunnel: bool,
 }
@@ -95,18 +95,18 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     Ok(())
 }
 
-/// Writes a synthetic flight, with a bar.
+/// Writes a synthetic flight, and shows a progress bar.
 pub(super) fn write(request: &Request<'_>, folder: &std::path::Path) -> Result<Report> {
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
-        reason = "seconds of a script"
+        reason = "scripts last seconds"
     )]
     let bar = terminal::bar(request.maneuver.duration as u64, "flying");
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
-        reason = "seconds of a script"
+        reason = "scripts last seconds"
     )]
     let report = synthesize(request, folder, |time| bar.set_position(time as u64));
     bar.finish_and_clear();

@@ -1,6 +1,6 @@
-//! What people see: text, tables, progress bars, problems.
+//! Terminal output: text, tables, progress bars, errors.
 //!
-//! Names and texts in files and from networks are written by strangers: nothing of them reaches a terminal as a command.
+//! Names and texts from files and networks are not trusted: none of their control characters reach the terminal.
 
 mod bars;
 mod visible;
@@ -15,39 +15,40 @@ pub(super) use bars::{FlightBar, Stages, bar, set_share, share_bar, spinner};
 use bodyflight::diagnostic::{Problem, Result};
 use bodyflight::formats::flight::Flight;
 use bodyflight::formats::input;
+use bodyflight::formats::model_file::Effects;
 use bodyflight::replay::comparison::{Channel, PerChannel};
 use comfy_table::{CellAlignment, Table};
 use schemars::JsonSchema;
 use serde::Serialize;
 use visible::{json_without_controls, visible, visible_problem};
 
-/// The first failure to write to standard output, other than that its reader has gone away.
+/// The first failure to write to standard output, other than a closed pipe.
 static FAILED: OnceLock<std::io::Error> = OnceLock::new();
 
-/// What the program was called with.
+/// The program's arguments.
 static ARGUMENTS: OnceLock<Vec<OsString>> = OnceLock::new();
 
-/// Keeps what the program was called with, for what tells where a file comes from.
+/// Stores the program's arguments, to be quoted in outputs that name the run.
 pub(super) fn keep_arguments(given: impl IntoIterator<Item = OsString>) -> &'static [OsString] {
     ARGUMENTS.get_or_init(|| given.into_iter().collect())
 }
 
-/// What the program was called with.
+/// The program's arguments.
 pub(super) fn arguments() -> &'static [OsString] {
     ARGUMENTS.get().map_or(&[], Vec::as_slice)
 }
 
-/// Writes a line to standard output. A reader that has gone away is no failure; others end the command, see [`finish`].
+/// Writes a line to standard output. A closed pipe is not an error; [`finish`] reports other failures.
 pub(super) fn print(text: &str) {
     line(text);
 }
 
-/// Writes what a shell is to read, as it is.
+/// Writes text for a shell, unchanged.
 pub(super) fn verbatim(text: &str) {
     put(text);
 }
 
-/// What a verb answers with `--json`.
+/// The answer of a verb with `--json`.
 #[derive(JsonSchema, Serialize)]
 pub(super) struct Answer<'a, T> {
     made_by: MadeBy,
@@ -55,7 +56,7 @@ pub(super) struct Answer<'a, T> {
     result: &'a T,
 }
 
-/// The run that gave an answer.
+/// The run that produced an answer.
 #[derive(JsonSchema, Serialize)]
 struct MadeBy {
     /// Version of the program.
@@ -66,7 +67,7 @@ struct MadeBy {
     inputs: Vec<PathBuf>,
 }
 
-/// Writes a result as JSON, beside the run that gave it. `bodyflight schema` has the schema.
+/// Writes a result as JSON, together with the run that produced it. `bodyflight schema` prints the schema.
 ///
 /// # Errors
 /// Returns an error if the result cannot be written as JSON.
@@ -80,7 +81,7 @@ pub(super) fn print_json(result: &(impl Serialize + JsonSchema)) -> Result<()> {
     print_plain_json(&Answer { made_by, result })
 }
 
-/// Writes a value as JSON, as it is.
+/// Writes a value as JSON, without `made_by`.
 ///
 /// # Errors
 /// Returns an error if it cannot be written as JSON.
@@ -90,12 +91,12 @@ pub(super) fn print_plain_json(value: &impl Serialize) -> Result<()> {
     Ok(())
 }
 
-/// Writes a line of a stream that may have no end; `false` once nobody reads it.
+/// Writes a line of a stream that may be endless; returns `false` once the pipe is closed.
 pub(super) fn line(text: &str) -> bool {
     put(&visible(text))
 }
 
-/// As [`line()`], a value as JSON on one line.
+/// Same as [`line()`], for a value as JSON on one line.
 ///
 /// # Errors
 /// Returns an error if the value cannot be written as JSON.
@@ -121,10 +122,10 @@ fn put(text: &str) -> bool {
     }
 }
 
-/// To be called once all is written.
+/// Reports a failure to write to standard output. Call this after all output.
 ///
 /// # Errors
-/// Returns an error if standard output took less than it was given, as on a full disk.
+/// Returns an error if standard output could not be written completely, for example because the disk is full.
 pub(super) fn finish() -> Result<()> {
     match FAILED.get() {
         None => Ok(()),
@@ -140,17 +141,31 @@ pub(super) fn note(text: &str) {
     let _ = writeln!(err, "{}", visible(text));
 }
 
-/// Says that a default person is flown, where a flight names none.
+/// Warns about effects of which only the mean is simulated.
+pub(super) fn note_random(effects: &Effects) {
+    for (effect, _) in effects
+        .named
+        .iter()
+        .filter(|(effect, _)| effect.is_random())
+    {
+        note(&format!(
+            "warning: {} changes at random: the model uses its mean, which has no effect",
+            effect.description().name
+        ));
+    }
+}
+
+/// Warns that a default person is assumed, if the flight names none.
 pub(super) fn note_assumed_subject(flight: &Flight) {
     if !flight.has_subject {
         note(&format!(
-            "warning: no subject is given: a person of {:.0} kg with equipment is assumed; name one in a flight.toml",
+            "warning: no subject was given: assuming a person of {:.0} kg with equipment; name a subject in flight.toml",
             flight.subject.body().mass()
         ));
     }
 }
 
-/// Writes a problem to standard error, with its help; as one line of JSON where that is asked for.
+/// Writes a problem and its help to standard error, on request as one line of JSON.
 pub(super) fn print_problem(problem: Problem, json: bool) {
     let problem = visible_problem(problem);
     let mut err = std::io::stderr().lock();
@@ -162,7 +177,7 @@ pub(super) fn print_problem(problem: Problem, json: bool) {
     };
 }
 
-/// Writes what was wrong with the arguments, or the help that was asked for.
+/// Writes what was wrong with the arguments, or the requested help.
 pub(super) fn print_usage(error: &clap::Error) -> u8 {
     let is_json = arguments().iter().any(|word| word == "--json");
     if is_json && error.use_stderr() {
@@ -172,13 +187,13 @@ pub(super) fn print_usage(error: &clap::Error) -> u8 {
         let message = flat(message.trim_start_matches("error: "));
         print_problem(Problem::bad_input(message).help(flat(help)), true);
     } else {
-        // A reader that has gone away is no failure.
+        // A closed pipe is not an error.
         let _ = error.print();
     }
     u8::try_from(error.exit_code()).unwrap_or(2)
 }
 
-/// A problem for machines.
+/// A problem, machine-readable.
 #[derive(JsonSchema, Serialize)]
 pub(super) struct Told {
     exit_code: u8,
@@ -206,7 +221,7 @@ impl Told {
     }
 }
 
-/// A table in the plain style of this program.
+/// A table in the program's style.
 pub(super) fn table(head: &[&str]) -> Table {
     let mut table = Table::new();
     table.load_style(comfy_table::presets::UTF8_FULL_CONDENSED);
@@ -214,7 +229,7 @@ pub(super) fn table(head: &[&str]) -> Table {
     table
 }
 
-/// The gap in each channel, beside the size of the channel.
+/// A table of values per channel, one column for each entry.
 pub(super) fn gap_table(columns: &[(&str, PerChannel)]) -> Table {
     let names: Vec<&str> = columns.iter().map(|(name, _)| *name).collect();
     let mut table = table(&[&["channel", "unit"], names.as_slice()].concat());

@@ -13,9 +13,9 @@ use super::terminal;
 #[derive(clap::Args)]
 #[command(after_help = "Example: bodyflight trim subject.toml --density 0.9")]
 pub(super) struct Args {
-    /// A subject.toml; the default subject where absent.
+    /// A subject.toml; by default the default subject.
     subject: Option<PathBuf>,
-    /// Air density (kg/m3).
+    /// Air density (kg/m3); thinner air makes the fall faster.
     #[arg(long, default_value_t = DEFAULT_DENSITY)]
     density: f64,
 }

@@ -12,32 +12,32 @@ use bodyflight::verbs::tune::{Report, Search, tune};
 use super::outputs::Outputs;
 use super::{simulate, terminal};
 
-/// Search for aerodynamic coefficients that reconstruct flights best, and check them on others.
+/// Search for the aerodynamic coefficients that reconstruct flights best, and check them on other flights.
 #[derive(clap::Args)]
 #[command(
     after_help = "Example: bodyflight tune turn-1 turn-2 --hold-out turn-3 --draws 50 --out best.toml\n\n\
-                  Ctrl-C keeps the best so far."
+                  Ctrl-C ends the search and keeps the best so far."
 )]
 pub(super) struct Args {
     /// Flights to tune on.
     #[arg(required = true)]
     flights: Vec<PathBuf>,
-    /// Flights that are not used in the search, to check the result on.
+    /// Flights to check the result on, which the search does not use.
     #[arg(long, value_name = "FLIGHT")]
     hold_out: Vec<PathBuf>,
-    /// Sets of coefficients to try.
+    /// Number of coefficient sets to try; more take longer and find better ones.
     #[arg(long, default_value_t = 200)]
     draws: usize,
-    /// Standard deviation of the draws, as a share of the subject's coefficients.
+    /// Standard deviation of the draws, as a share of the subject's coefficients; larger searches further away.
     #[arg(long, default_value_t = 0.3)]
     spread: f64,
-    /// Seed of the draws.
+    /// Seed of the draws; another seed tries other sets.
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Coefficients of its own for each segment, left and right alike: 42 more numbers, so hold a flight out.
+    /// Tune separate coefficients for each segment, the same left and right: 42 more numbers, so hold a flight out.
     #[arg(long)]
     per_segment: bool,
-    /// Write the best as a [coefficients] table for subject.toml.
+    /// Write the best coefficients as a [coefficients] table for subject.toml.
     #[arg(long, value_name = "TOML")]
     out: Option<PathBuf>,
     #[command(flatten)]
@@ -79,7 +79,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     print_report(&report);
     if report.interrupted {
         terminal::note(&format!(
-            "interrupted: this is the best of {} draws of {}",
+            "interrupted: this is the best of the first {} of {} draws",
             report.draws, args.draws
         ));
     }
@@ -111,7 +111,7 @@ fn print_segments(report: &Report) {
     if report.segments.is_empty() {
         return;
     }
-    let mut table = terminal::table(&["segment of its own", "cd", "cl", "cm"]);
+    let mut table = terminal::table(&["segment", "cd", "cl", "cm"]);
     for own in &report.segments {
         let numbers = [own.cd, own.cl, own.cm].map(|value| format!("{value:.3}"));
         table.add_row(std::iter::once(own.segment.to_owned()).chain(numbers));
@@ -136,7 +136,7 @@ fn print_report(report: &Report) {
     }
     terminal::print(&table.to_string());
     terminal::print(&format!(
-        "gap over the paper's accuracy on the flights used: {:.3} before, {:.3} after {} draws",
+        "gap relative to the paper's accuracy, on the flights used: {:.3} before, {:.3} after {} draws",
         report.score_before, report.score_after, report.draws
     ));
     print_segments(report);
@@ -152,6 +152,8 @@ fn print_report(report: &Report) {
         terminal::print(&terminal::gap_table(&columns).to_string());
     }
     if report.held_out.is_empty() && !report.interrupted {
-        terminal::print("no flight was held out: the gain is not checked (--hold-out FLIGHT)");
+        terminal::print(
+            "no flight was held out, so the improvement is unchecked (--hold-out FLIGHT)",
+        );
     }
 }

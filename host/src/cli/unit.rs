@@ -16,11 +16,11 @@ use serde::Serialize;
 use super::outputs::Outputs;
 use super::terminal;
 
-/// Run a unit on this machine behind a pseudo-terminal, until Ctrl-C, read a unit's log, or check its image.
+/// Run a unit on this machine behind a pseudo-terminal until Ctrl-C, read a unit's log, or check its image.
 #[derive(clap::Args)]
 #[command(
     args_conflicts_with_subcommands = true,
-    after_help = "Prints the terminal to stream to.\n\n\
+    after_help = "Without a subcommand, prints the pseudo-terminal to stream to.\n\n\
                   Examples:\n  bodyflight unit   (and in another terminal: stream flight.toml --port and what it printed)\n  \
                   bodyflight unit log --port /dev/ttyACM0 --out jump\n  \
                   bodyflight unit flash unit.uf2 --key maker.pub --drive /media/me/RP2350"
@@ -28,7 +28,7 @@ use super::terminal;
 pub(super) struct Args {
     #[command(subcommand)]
     verb: Option<Verb>,
-    /// Keep the unit's log in this file, 3 MiB that are used like flash; made where absent.
+    /// Keep the unit's log in this file, 3 MiB that act as flash memory; created if absent.
     #[arg(long, value_name = "FILE")]
     flash: Option<PathBuf>,
 }
@@ -39,39 +39,39 @@ enum Verb {
     Flash(FlashArgs),
 }
 
-/// Check an image for a board, and copy it onto the drive that a Pico 2 shows.
+/// Check an image for a board, and copy it onto the drive of a Pico 2.
 #[derive(clap::Args)]
 #[command(
     after_help = "Without --drive nothing is written. A flat image for the STM32F405 is checked here and written by dfu-util.\n\
-                  Exit code 4: the image is not what was signed.\n\n\
+                  Exit code 4: the image does not match its signature.\n\n\
                   Example: bodyflight unit flash unit.uf2 --key maker.pub --drive /media/me/RP2350"
 )]
 struct FlashArgs {
     /// The image: unit.uf2 or unit.bin of `cargo xtask unit`.
     image: PathBuf,
-    /// Public key of minisign; the signature IMAGE.minisig must be by its owner.
+    /// A minisign public key, with which the signature IMAGE.minisig is checked.
     #[arg(long, value_name = "FILE")]
     key: Option<PathBuf>,
-    /// Folder at which the drive of the boot program is mounted.
+    /// Folder at which the boot loader's drive is mounted.
     #[arg(long, value_name = "FOLDER")]
     drive: Option<PathBuf>,
 }
 
-/// What was checked and done.
+/// The result of a check.
 #[derive(JsonSchema, Serialize)]
 pub(super) struct Flashed {
     board: Board,
     bytes: usize,
-    /// What the signer says of the image, where a key was given.
+    /// The signer's comment on the image, if a key was given.
     signed: Option<String>,
     copied: bool,
 }
 
-/// Read the log that a unit has kept on board: a recording and its estimates for each flight.
+/// Read a unit's on-board log: a recording and the estimates of each flight.
 #[derive(clap::Args)]
 #[command(
     after_help = "Writes OUT/1, OUT/2 and so on, the oldest first, each with flight.toml, flight.mvnx, estimates.csv and \
-                  unit.csv, what the unit reported of itself. Exit code 4: blocks of the log are damaged; what is whole is written.\n\n\
+                  unit.csv with the unit's own status. Exit code 4: blocks of the log are damaged; the intact ones are written.\n\n\
                   Example: bodyflight unit log --port /dev/ttyACM0 --out jump --subject me.toml"
 )]
 struct LogArgs {
@@ -81,20 +81,20 @@ struct LogArgs {
     /// Rate of the port (baud).
     #[arg(long, default_value_t = DEFAULT_BAUD)]
     baud: u32,
-    /// Folder for the flights; made where absent.
+    /// Folder for the flights; created if absent.
     #[arg(long, required_unless_present = "erase")]
     out: Option<PathBuf>,
-    /// Who flew: a subject.toml; without it the recording has the body that the unit computed with.
+    /// The person who flew, a subject.toml; by default the recording has the body that the unit used.
     #[arg(long)]
     subject: Option<PathBuf>,
-    /// Erase the log, after it was written where --out is given.
+    /// Erase the log; with --out, after writing it, and only if no block is damaged.
     #[arg(long)]
     erase: bool,
     #[command(flatten)]
     outputs: Outputs,
 }
 
-/// What was read.
+/// Contents of a log.
 #[derive(JsonSchema, Serialize)]
 pub(super) struct Report {
     blocks: usize,
@@ -114,7 +114,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         None => VirtualUnit::start()?,
     };
     terminal::print(&unit.path().display().to_string());
-    // Ctrl-C is how it is meant to end.
+    // Ctrl-C is the normal way to end.
     while interrupt::check().is_ok() {
         std::thread::sleep(Duration::from_millis(50));
     }
@@ -149,7 +149,7 @@ fn read_log(args: &LogArgs, json: bool) -> Result<()> {
             report.flights.push(written);
         }
     }
-    // What is damaged may be read better another time.
+    // A damaged block may read correctly at the next attempt.
     if args.erase && report.damaged == 0 {
         log::erase(&target)?;
         report.erased = true;
@@ -161,7 +161,7 @@ fn read_log(args: &LogArgs, json: bool) -> Result<()> {
     }
     if report.damaged > 0 {
         return Err(Problem::disagreement(format!(
-            "{} of {} blocks of the log are damaged: what is whole was written",
+            "{} of {} blocks of the log are damaged; the intact ones were written",
             report.damaged, report.blocks
         )));
     }
@@ -186,14 +186,14 @@ fn flash(args: &FlashArgs, json: bool) -> Result<()> {
     }
     let signed = match &flashed.signed {
         Some(comment) => format!("signed by this key: {comment}"),
-        None => "its signature was not checked, no --key was given".to_owned(),
+        None => "its signature was not checked, since no --key was given".to_owned(),
     };
     terminal::print(&format!(
-        "a whole image of {} bytes; {signed}",
+        "a complete image of {} bytes; {signed}",
         flashed.bytes
     ));
     let next = match (image.board, flashed.copied) {
-        (Board::Pico2, true) => "copied: the unit starts; `bodyflight ports` shows it",
+        (Board::Pico2, true) => "copied: the unit starts now; `bodyflight ports` lists it",
         (Board::Pico2, false) => "--drive copies it onto the drive RP2350",
         (Board::Stm32f405, _) => "write it with dfu-util -a 0 -s 0x08000000:leave -D IMAGE",
     };
@@ -219,9 +219,9 @@ fn print(report: &Report) {
         ));
     }
     if report.flights.is_empty() && !report.erased {
-        terminal::print("the log has no flight");
+        terminal::print("the log contains no flight");
     }
     if report.erased {
-        terminal::print("the log is erased");
+        terminal::print("the log was erased");
     }
 }

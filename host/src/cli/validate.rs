@@ -12,16 +12,17 @@ use bodyflight::verbs::validate::{Report, bundled, figure, read, validate};
 use super::outputs::{Outputs, Plot};
 use super::terminal::{self, Stages};
 
-/// Compare the model with real flights: parts of twisting somersaults predicted from their first frame, and falls of loggers.
+/// Compare the model with real flights: parts of twisting somersaults predicted from their first frame, and falls
+/// recorded by loggers.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Exit code 4 where the exact equations do worse than 5 degrees in 0.25 s or 12 in 0.5 s, the published \
-                  ones less than five times worse, or a fall is not explained or predicted.\n\n\
+    after_help = "Exit code 4: the exact equations are off by more than 5 degrees in 0.25 s or 12 in 0.5 s, the published \
+    ones are less than five times worse, or a fall is not explained or predicted.\n\n\
                   Examples:\n  bodyflight validate --plot validation.svg\n  bodyflight validate turn-1 turn-2"
 )]
 pub(super) struct Args {
-    /// Flights of your own in the air without a canopy, in place of the two that come with the program; tracks of loggers,
-    /// or folders of them.
+    /// Your own flights without a canopy, instead of the two bundled with the program; loggers' tracks, or folders of
+    /// them.
     #[arg(value_name = "FLIGHT|TRACK")]
     paths: Vec<PathBuf>,
     #[command(flatten)]
@@ -83,7 +84,7 @@ fn degrees(spread: &Spread) -> String {
 
 fn print(report: &Report) {
     terminal::print(&format!(
-        "Error angle at the end of a window, degrees: median (nine tenths). Flights: {}.",
+        "Error angle at the end of a window, degrees: median (90th percentile). Flights: {}.",
         report.flights.join(", ")
     ));
     let name = |key: &str| {

@@ -21,28 +21,29 @@ use super::several::{file_of, name_of};
 use super::simulate::Reading;
 use super::terminal::{self, FlightBar};
 
-/// Write a page that replays flights: body, plots and forces, one HTML file to look at and send.
+/// Write a page that replays flights with body, plots and forces: one HTML file to view or send.
 #[derive(clap::Args)]
 #[command(
     after_help = "Examples:\n  bodyflight view flight.toml --out flight.html --open\n  \
                   bodyflight view turn-1 turn-2 --estimate\n  \
                   bodyflight view flight.toml --model found/model.toml --discovery found/report.json\n\n\
-                  With --model a second run with the effects is shown beside the plain one."
+                  With --model, a second run with the effects is shown beside the plain one."
 )]
 pub(super) struct Args {
-    /// flight.toml files, or MVNX files alone; several are shown over one another.
+    /// flight.toml files, or MVNX files on their own; several flights are overlaid.
     #[arg(required = true)]
     flights: Vec<PathBuf>,
-    /// The page.
+    /// The page to write.
     #[arg(long, value_name = "HTML", default_value = "view.html")]
     out: PathBuf,
-    /// Effects to extend the model by, as a second run of each flight: a model.toml.
+    /// Effects to add to the model in a second run of each flight: a model.toml.
     #[arg(long, value_name = "TOML")]
     model: Option<PathBuf>,
-    /// The report.json of bodyflight discover, shown beside the flights.
+    /// The report.json of bodyflight discover, to show beside the flights.
     #[arg(long, value_name = "JSON")]
     discovery: Option<PathBuf>,
-    /// Estimate muscle input and damping, and show them with two standard deviations; =smooth takes the whole flight at once.
+    /// Estimate muscle input and damping, and show them with bands of two standard deviations; =smooth smooths over the
+    /// whole flight.
     #[arg(long, value_enum, value_name = "METHOD", num_args = 0..=1, require_equals = true, default_missing_value = "filter")]
     estimate: Option<MethodName>,
     /// Open the page in a browser.
@@ -83,7 +84,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     Ok(())
 }
 
-/// Opens a page in a browser; where there is none its place is told anyway.
+/// Opens a page in a browser. If there is none, the caller has still printed the page's address.
 pub(super) fn open(page: impl AsRef<std::ffi::OsStr>) {
     if let Err(error) = open::that_detached(page.as_ref()) {
         terminal::note(&format!("no browser was found: {error}"));
@@ -94,6 +95,7 @@ fn page(args: &Args) -> Result<PageData> {
     let mut files: Vec<PathBuf> = Vec::new();
     let mut runs = Vec::new();
     let effects = args.model.as_deref().map(Effects::read).transpose()?;
+    effects.iter().for_each(terminal::note_random);
     let options = args.reading.options();
     let flights = args
         .flights
@@ -142,7 +144,7 @@ fn flown(name: &str, flight: &Flight, options: Options) -> Result<Run> {
     run
 }
 
-/// The command, without the folders of this machine.
+/// The command line, with folders removed from file names.
 pub(super) fn command() -> String {
     let bare = |word: &std::ffi::OsString| {
         let name = Path::new(word).file_name().unwrap_or(word);

@@ -1,4 +1,4 @@
-//! A page that shows a stream as it goes.
+//! A page that shows a live stream.
 
 use std::path::{Path, PathBuf};
 
@@ -11,10 +11,10 @@ use super::several::file_of;
 use super::terminal;
 use super::view::{command, open};
 
-/// Whether there is a page.
+/// Whether to show a page.
 #[derive(clap::Args, Clone, Copy)]
 pub(super) struct Watch {
-    /// Show the stream as it goes, a simulated body beside the measured one: a page for a browser on this machine.
+    /// Show the live stream in a browser on this machine, with a simulated body beside the measured one.
     #[arg(long)]
     view: bool,
     /// Open that page in a browser.
@@ -23,7 +23,7 @@ pub(super) struct Watch {
 }
 
 impl Watch {
-    /// Opens the page of a flight's stream, where it was asked for, and waits until a browser shows it.
+    /// Opens the page of a flight's stream, if requested, and waits until a browser shows it.
     pub(super) fn begin(self, flight: &Flight, file: Option<&PathBuf>) -> Result<Option<LiveView>> {
         if !self.view {
             return Ok(None);

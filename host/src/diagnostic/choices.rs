@@ -1,8 +1,8 @@
-//! Names that are not known, and the nearest ones that are.
+//! Unknown names, and the nearest known ones.
 
 use super::Problem;
 
-/// The known name nearest to `found`, if a slip of the fingers lies between them.
+/// The known name nearest to `found`, if they differ by no more than a typing error.
 pub fn nearest<'a>(found: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let found = found.to_lowercase();
     let slips = |name: &str| strsim::damerau_levenshtein(&found, &name.to_lowercase());
@@ -12,7 +12,7 @@ pub fn nearest<'a>(found: &str, known: impl IntoIterator<Item = &'a str>) -> Opt
     (slips <= 1 + found.chars().count() / 4).then_some(name)
 }
 
-/// The names that are known, the one that was probably meant first.
+/// The known names, starting with the one that was probably meant.
 pub fn choices<'a>(found: &str, known: impl IntoIterator<Item = &'a str>) -> String {
     let known: Vec<&str> = known.into_iter().collect();
     let all = known.join(", ");
@@ -23,7 +23,7 @@ pub fn choices<'a>(found: &str, known: impl IntoIterator<Item = &'a str>) -> Str
 }
 
 impl Problem {
-    /// A name that is not known: "unknown `what` ...", with those that are.
+    /// An unknown name: "unknown `what` ...", with a list of the known ones.
     pub fn unknown<'a>(what: &str, found: &str, known: impl IntoIterator<Item = &'a str>) -> Self {
         Self::bad_input(format!("unknown {what} \"{found}\"")).help(choices(found, known))
     }
@@ -36,7 +36,7 @@ mod tests {
     const KNOWN: [&str; 3] = ["rotations", "tracking", "drag"];
 
     #[test]
-    fn a_slip_is_told_from_another_word() {
+    fn a_typing_error_is_distinguished_from_another_word() {
         assert_eq!(nearest("rotation", KNOWN), Some("rotations"));
         assert_eq!(nearest("Tracknig", KNOWN), Some("tracking"));
         assert_eq!(nearest("darg", KNOWN), Some("drag"));
@@ -45,7 +45,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_meant_comes_first() {
+    fn the_likely_choice_comes_first() {
         assert_eq!(
             choices("drg", KNOWN),
             "did you mean \"drag\"? one of: rotations, tracking, drag"

@@ -1,4 +1,4 @@
-//! Faults of TOML files, and what was probably meant.
+//! Errors in TOML files, with a guess at what was meant.
 
 use std::path::Path;
 
@@ -6,7 +6,7 @@ use super::Problem;
 use super::choices::nearest;
 
 impl Problem {
-    /// A file that is no TOML, or not the expected one, with the line of the error.
+    /// A file that is not TOML, or not the expected kind, with the line of the error.
     pub fn toml(error: &toml::de::Error, text: &str, file: &Path) -> Self {
         let mut problem = Self::bad_input(error.message().trim().to_owned()).in_file(file);
         let before = error.span().and_then(|span| text.get(..span.start));
@@ -25,16 +25,16 @@ impl Problem {
     }
 }
 
-/// Help for a line whose text has no quotes.
+/// Help for a line whose text value has no quotes.
 fn without_quotes(line: &str) -> Option<String> {
     let (key, value) = line.split_once('=')?;
     let value = value.split('#').next().unwrap_or_default().trim();
     let is_text = value.starts_with(|c: char| c.is_alphabetic() || c == '/' || c == '.')
         && !["true", "false", "inf", "nan"].contains(&value);
-    is_text.then(|| format!("text stands in quotes: {} = \"{value}\"", key.trim()))
+    is_text.then(|| format!("put text in quotes: {} = \"{value}\"", key.trim()))
 }
 
-/// Help for a key or a choice: messages name what was found and what was expected in backticks.
+/// Help for a misspelt key or choice: messages name what was found and what was expected in backticks.
 fn mistyped(message: &str) -> Option<String> {
     if !message.starts_with("unknown") {
         return None;
@@ -65,22 +65,22 @@ mod tests {
     }
 
     #[test]
-    fn a_key_with_a_slip_is_told_apart() {
+    fn a_misspelt_key_is_recognised() {
         let problem = problem("recording = \"a\"\nheigth_m = 1.7\n");
         assert_eq!(problem.line, Some(2));
         assert_eq!(problem.help.as_deref(), Some("did you mean height_m?"));
     }
 
     #[test]
-    fn text_without_quotes_is_told() {
+    fn text_without_quotes_is_reported() {
         let problem = problem("height_m = 1.7\nrecording = flight.mvnx  # mine\n");
         assert_eq!(problem.line, Some(2));
-        let help = "text stands in quotes: recording = \"flight.mvnx\"";
+        let help = "put text in quotes: recording = \"flight.mvnx\"";
         assert_eq!(problem.help.as_deref(), Some(help));
     }
 
     #[test]
-    fn what_nothing_is_near_gets_no_guess() {
+    fn a_word_unlike_all_others_gets_no_suggestion() {
         assert_eq!(problem("colour = 1\n").help, None);
         assert_eq!(problem("height_m = 1.7 m\n").help, None);
     }

@@ -1,4 +1,4 @@
-//! Tables with a row for each frame of a flight: columns with units, as files that other programs read.
+//! Tables with one row per frame of a flight: columns with units, in file formats that other programs read.
 
 pub mod csv;
 pub mod npz;

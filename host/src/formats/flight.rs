@@ -21,39 +21,39 @@ use crate::formats::subject::Subject;
 use crate::formats::tolerances::{SuitTable, ToleranceTable, tolerances};
 use crate::formats::track;
 
-/// Density where a flight says nothing about it (kg/m3): about 2000 m.
+/// Density if a flight gives none (kg/m3): that at about 2000 m.
 pub const DEFAULT_DENSITY: f64 = 1.0;
 
-/// Everything that a verb needs to know about a flight besides its frames.
+/// Everything that a command needs to know about a flight besides its frames.
 #[derive(Debug, Clone)]
 pub struct Flight {
     /// The MVNX file.
     pub recording: PathBuf,
     /// The person.
     pub subject: Subject,
-    /// Density, before the recording says where it starts.
+    /// Air density, before the height of the first frame is known.
     pub density: DensityChoice,
     /// Velocity of the air (m/s), north, west, up.
     pub air_velocity: [f64; 3],
     /// Equations of motion.
     pub equations: Equations,
-    /// Limbs that act on muscle input.
+    /// Limb groups that muscle input acts on.
     pub muscles: MuscleModel,
     /// Known conscious inputs over time; otherwise the subject's constant damping.
     pub inputs: Option<InputHistory>,
-    /// What the free run of the model is extended by.
+    /// Effects that extend the model.
     pub effects: Effects,
-    /// A satellite receiver's track, whose velocities stand in for the suit's.
+    /// A satellite receiver's track, whose velocities replace the suit's.
     pub gnss: Option<PathBuf>,
-    /// Where a free run takes its first motion from.
+    /// How a free run gets its initial motion.
     pub start: Start,
-    /// Whether the person is known; otherwise a default is flown.
+    /// Whether a subject was given; if not, the default one is used.
     pub has_subject: bool,
     /// Tolerances of suit and subject.
     pub tolerances: Tolerances,
 }
 
-/// Where a free run takes its first motion from.
+/// How a free run gets its initial motion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, JsonSchema, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Start {
@@ -64,7 +64,7 @@ pub enum Start {
     Smoothed,
 }
 
-/// How a flight gives the density.
+/// How a flight specifies the air density.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum DensityChoice {
     /// One density (kg/m3).
@@ -73,7 +73,7 @@ pub enum DensityChoice {
     FirstFrameAltitude(f64),
 }
 
-/// What muscle input does besides its moments, as `muscle_forces` names it.
+/// The effect of muscle input besides its moments, as named by `muscle_forces`.
 #[derive(Deserialize, Clone, Copy)]
 #[serde(rename_all = "lowercase")]
 enum MuscleForcesName {
@@ -116,10 +116,10 @@ enum EquationsName {
 }
 
 impl Flight {
-    /// Reads a `flight.toml`, or that of a folder, or takes a bare MVNX file with defaults for everything else.
+    /// Reads a `flight.toml`, the one in a folder, or a bare MVNX file with defaults for everything else.
     ///
     /// # Errors
-    /// Returns an error if a file is missing or a value is not usable: file, line and field.
+    /// Returns an error with file, line and field if a file is missing or a value cannot be used.
     pub fn read(path: &Path) -> Result<Self> {
         let inside = path.join("flight.toml");
         let path = if path.is_dir() {
@@ -140,16 +140,16 @@ impl Flight {
         } else {
             Self::bare(path)
         };
-        // Not read yet: but no output may take their place meanwhile.
+        // Not read yet, but no output may replace them meanwhile.
         input::claim(&flight.recording);
         flight.gnss.iter().for_each(|track| input::claim(track));
         Ok(flight)
     }
 
-    /// Opens the recording; where the flight has a receiver's track, that is brought to the recording's clock first.
+    /// Opens the recording. If the flight has a receiver's track, its clock is first aligned with the recording's.
     ///
     /// # Errors
-    /// Returns an error if a file is not usable, or the clocks cannot be brought together.
+    /// Returns an error if a file cannot be used, or the clocks cannot be aligned.
     pub fn open(&self, options: Options) -> Result<Recording<Input>> {
         let recording = Recording::open(&self.recording, options)?;
         let Some(path) = &self.gnss else {
@@ -180,10 +180,10 @@ impl Flight {
         }
     }
 
-    /// As read from a `flight.toml`; `path` names it in messages, and is where the files that it names are looked for.
+    /// Parses the text of a `flight.toml`; `path` is used in messages and to resolve the files it refers to.
     ///
     /// # Errors
-    /// As of reading.
+    /// Returns an error if a file is missing or a value cannot be used.
     pub fn parse(text: &str, path: &Path) -> Result<Self> {
         let file: FlightFile =
             toml::from_str(text).map_err(|error| not_a_flight(&error, text, path))?;
@@ -248,7 +248,7 @@ impl Flight {
         })
     }
 
-    /// The conscious inputs at a time (s): known ones, or the subject's damping.
+    /// The conscious inputs at a time (s): the known ones, or else the subject's damping.
     pub fn inputs_at(&self, time: f64) -> Inputs<f64> {
         match &self.inputs {
             Some(history) => history.at(time),
@@ -289,7 +289,7 @@ impl Flight {
 }
 
 impl AirTable {
-    /// The density that is given, one way or the other.
+    /// The density, given in one of the two ways.
     fn density(&self) -> Result<DensityChoice> {
         let at =
             |field: &str, message: String| Problem::bad_input(message).at(format!("field {field}"));
@@ -317,7 +317,7 @@ impl AirTable {
     }
 }
 
-/// A TOML file that is no flight; a subject is recognised by its keys.
+/// The error for a TOML file that is not a flight; a subject is recognised by its keys.
 fn not_a_flight(error: &toml::de::Error, text: &str, path: &Path) -> Problem {
     let problem = Problem::toml(error, text, path);
     let is_subject = |table: toml::Table| {

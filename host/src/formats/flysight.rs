@@ -3,8 +3,8 @@
 //!
 //! FlySight 2 names its columns in `$COL` lines and marks each row with its sensor; FlySight 1 has one line of names
 //! and often one of units. Rows that cannot be used are skipped and counted, with the line of the first of them.
-//! Known faults of receivers: milliseconds that are negative (`:28.-001` is a millisecond before the full second),
-//! rows that are cut off, time that runs back.
+//! Known receiver faults: negative milliseconds (`:28.-001` is a millisecond before the full second), truncated rows,
+//! and time that runs backwards.
 
 mod table;
 
@@ -36,11 +36,11 @@ const GPS_EPOCH: f64 = 315_964_800.0;
 pub struct Fix {
     /// Time since 1970 (s, UTC).
     pub time: f64,
-    /// North and west of the first fix, height above mean sea level (m).
+    /// Position north and west of the first fix, height above mean sea level (m).
     pub position: Vector<f64, Inertial>,
     /// Velocity over ground (m/s).
     pub velocity: Vector<f64, Inertial>,
-    /// The receiver's own figure for the accuracy of its speed (m/s), where it has one.
+    /// The receiver's own estimate of its speed accuracy (m/s), if available.
     pub speed_accuracy: Option<f64>,
 }
 
@@ -67,33 +67,34 @@ pub struct PressureSample {
 /// A recording.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Track {
-    /// In the order of time.
+    /// In order of time.
     pub fixes: Vec<Fix>,
-    /// Of the inertial sensor, in the order of time; empty where there is no `SENSOR.CSV`.
+    /// Samples of the inertial sensor, in order of time; empty if there is no `SENSOR.CSV`.
     pub inertial: Vec<InertialSample>,
-    /// Of the barometer, likewise.
+    /// Samples of the barometer, in order of time; empty if there is no `SENSOR.CSV`.
     pub pressure: Vec<PressureSample>,
-    /// Of both files.
+    /// Rows skipped in both files.
     pub skipped: Skipped,
 }
 
-/// Whether a file's name is that of a FlySight recording.
+/// Whether the name of a file is that of a FlySight recording.
 pub fn is_flysight(path: &Path) -> bool {
     path.extension()
         .is_some_and(|extension| extension.eq_ignore_ascii_case("csv"))
 }
 
 impl Track {
-    /// Reads a track, and `SENSOR.CSV` in the same folder where the track is of a FlySight 2.
+    /// Reads a track, and `SENSOR.CSV` in the same folder if the track is from a FlySight 2.
     ///
     /// # Errors
-    /// Returns an error if the file is not of a FlySight, has no row that is usable, or more rows that are not than that are.
+    /// Returns an error if the file is not from a FlySight, has no usable row, or has more unusable rows than usable
+    /// ones.
     pub fn read(path: &Path) -> Result<Self> {
         let bytes = input::bytes(path)?;
         Self::parse(&bytes, path)
     }
 
-    /// As [`Track::read`], of bytes that were read from `path`.
+    /// Like [`Track::read`], for bytes already read from `path`.
     ///
     /// # Errors
     /// Same as [`Track::read`].
@@ -106,21 +107,23 @@ impl Track {
             match fix(&row, &mut origin) {
                 Err(why) => skipped.add(row.line, &why),
                 Ok(fix) if fixes.last().is_some_and(|last| fix.time <= last.time) => {
-                    skipped.add(row.line, "not later than the row before");
+                    skipped.add(row.line, "not later than the previous row");
                 }
                 Ok(fix) => fixes.push(fix),
             }
         }
         if fixes.is_empty() || skipped.count > fixes.len() {
             let problem = Problem::bad_input(format!(
-                "expected rows of a FlySight (time, lat, lon, hMSL, velN, velE, velD), found {} usable and {} not",
+                "expected FlySight rows (time, lat, lon, hMSL, velN, velE, velD), found {} usable and {} unusable",
                 fixes.len(),
                 skipped.count
             ))
             .in_file(path);
             return Err(match skipped.first {
-                Some((line, why)) => problem.at_line(line).help(format!("first: {why}")),
-                None => problem.help("a TRACK.CSV of FlySight 2 or a CSV file of FlySight 1"),
+                Some((line, why)) => problem
+                    .at_line(line)
+                    .help(format!("the first unusable row: {why}")),
+                None => problem.help("give a TRACK.CSV of FlySight 2 or a CSV file of FlySight 1"),
             });
         }
         let beside = path.with_file_name("SENSOR.CSV");
@@ -139,7 +142,7 @@ impl Track {
     }
 }
 
-/// Seconds since 1970 of `2023-10-08T21:36:27.798Z`; also where the milliseconds are negative.
+/// Seconds since 1970 of `2023-10-08T21:36:27.798Z`; milliseconds may be negative.
 fn seconds(text: &str) -> Option<f64> {
     let (whole, part) = text.trim_end_matches('Z').split_once('.')?;
     let whole = NaiveDateTime::parse_from_str(whole, "%Y-%m-%dT%H:%M:%S").ok()?;
@@ -151,7 +154,10 @@ fn seconds(text: &str) -> Option<f64> {
         return None;
     }
     let share: f64 = format!("0.{digits}").parse().ok()?;
-    #[expect(clippy::cast_precision_loss, reason = "seconds of this age")]
+    #[expect(
+        clippy::cast_precision_loss,
+        reason = "exact for any date of the calendar"
+    )]
     Some(whole.and_utc().timestamp() as f64 + sign * share)
 }
 
@@ -161,7 +167,7 @@ fn fix(row: &Row<'_>, origin: &mut Option<[f64; 2]>) -> core::result::Result<Fix
         format!("expected a time like 2023-10-08T21:36:27.798Z, found \"{time}\"")
     })?;
     if row.number("gpsFix").is_ok_and(|kind| kind < 3.0) {
-        return Err("no fix in three dimensions".to_owned());
+        return Err("no three-dimensional fix".to_owned());
     }
     let [latitude, longitude] = [row.within("lat", 90.0)?, row.within("lon", 180.0)?];
     let height = row.within("hMSL", 50_000.0)?;
@@ -169,7 +175,7 @@ fn fix(row: &Row<'_>, origin: &mut Option<[f64; 2]>) -> core::result::Result<Fix
     let [north, east, down] = velocity;
     let [first_latitude, first_longitude] = *origin.get_or_insert([latitude, longitude]);
     let narrower = first_latitude.to_radians().cos();
-    // Across the line where days change, too.
+    // Also correct across the date line.
     let east_of_first = (longitude - first_longitude + 540.0).rem_euclid(360.0) - 180.0;
     Ok(Fix {
         time,
@@ -183,8 +189,8 @@ fn fix(row: &Row<'_>, origin: &mut Option<[f64; 2]>) -> core::result::Result<Fix
     })
 }
 
-/// Offset (s) from the sensors' clock to the time of week: the clock starts anywhere, and `$TIME` rows tie it to GPS
-/// time.
+/// Offset (s) from the sensors' clock to the time of week: the clock starts at an arbitrary value, and `$TIME` rows
+/// relate it to GPS time.
 fn clock_offset(tables: &Tables) -> f64 {
     tables
         .rows("TIME")
@@ -192,7 +198,7 @@ fn clock_offset(tables: &Tables) -> f64 {
         .unwrap_or(0.0)
 }
 
-/// Rows of the barometer on the clock of the satellites.
+/// Barometer rows on the GNSS clock.
 fn pressure_samples(tables: &Tables, skipped: &mut Skipped) -> Vec<PressureSample> {
     let offset = clock_offset(tables);
     let mut samples = Vec::new();
@@ -211,7 +217,7 @@ fn pressure_samples(tables: &Tables, skipped: &mut Skipped) -> Vec<PressureSampl
     samples
 }
 
-/// Rows of the inertial sensor on the clock of the satellites.
+/// Rows of the inertial sensor on the GNSS clock.
 fn inertial_samples(tables: &Tables, skipped: &mut Skipped) -> Vec<InertialSample> {
     let offset = clock_offset(tables);
     let vector = |row: &Row<'_>, names: [&str; 3], unit: f64| {

@@ -1,7 +1,8 @@
-//! Motion of other systems, and how it becomes a recording: BVH, and tables of joint angles, quaternions or points, C3D among them.
+//! Converts motion from other systems to recordings: BVH files, C3D files, and tables of joint angles, quaternions or
+//! points.
 //!
-//! A [`mapping::Mapping`] says where the axes of the source point and what its segments are called. Each reader hands out
-//! the orientation of its segments in its own axes; [`skeleton`] turns them into those of the model.
+//! A [`mapping::Mapping`] gives the directions of the source's axes and the names of its segments. Each reader returns
+//! segment orientations in the source's axes; [`skeleton`] converts them to those of the model.
 
 pub mod axes;
 pub mod bvh;

@@ -1,7 +1,7 @@
 //! Input files: plain, compressed by gzip or xz, or standard input.
 //!
-//! What is opened here is remembered, so that no output replaces it; devices and pipes with a name are refused, and whole
-//! files are read up to a limit only.
+//! Files opened here are remembered, so that no output replaces them. Devices and named pipes are refused, and files
+//! read as a whole are limited in size.
 
 use std::collections::BTreeSet;
 use std::fs::File;
@@ -14,37 +14,37 @@ use lzma_rust2::XzReader;
 
 use crate::diagnostic::{Problem, Result};
 
-/// A name that stands for standard input.
+/// The name for standard input.
 pub const STANDARD_INPUT: &str = "-";
 
 /// Bytes read at once.
 const BUFFER: usize = 1 << 16;
 
-/// Largest file of settings (bytes).
+/// Largest settings file (bytes).
 const LARGEST_TEXT: u64 = 16 << 20;
 
-/// Largest image for a board: more than each has flash, as UF2 (bytes).
+/// Largest board image, as UF2 (bytes): more than any board's flash holds.
 const LARGEST_IMAGE: u64 = 16 << 20;
 
-/// Largest file that is kept in memory as a whole, unpacked (bytes).
+/// Largest file held in memory as a whole, uncompressed (bytes).
 const LARGEST_WHOLE: u64 = 256 << 20;
 
-/// Largest movement of another system, unpacked (bytes).
+/// Largest recording of another system, uncompressed (bytes).
 const LARGEST_MOVEMENT: u64 = 1 << 30;
 
-/// What this process reads.
+/// Files that this process reads.
 static CLAIMED: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
-/// An open file, unpacked while it is read.
+/// An open file, decompressed while it is read.
 pub type Input = BufReader<Box<dyn Read + Send>>;
 
-/// First bytes of packed files.
+/// First bytes of compressed files.
 const GZIP: [u8; 2] = [0x1F, 0x8B];
 const XZ: [u8; 6] = [0xFD, b'7', b'z', b'X', b'Z', 0];
 
-/// Remembers a file that is read, or will be: no output may replace it.
+/// Remembers a file that is or will be read: no output may replace it.
 pub fn claim(path: &Path) {
-    // What cannot be found has no content to lose.
+    // A file that does not exist has no content to lose.
     if let Ok(path) = path.canonicalize() {
         let mut claimed = CLAIMED.lock().unwrap_or_else(PoisonError::into_inner);
         claimed.insert(path);
@@ -57,7 +57,7 @@ pub fn claimed() -> Vec<PathBuf> {
     claimed.iter().cloned().collect()
 }
 
-/// Whether this process reads that file, by whatever name.
+/// Whether this process reads a file, under any of its names.
 pub fn is_claimed(path: &Path) -> bool {
     path.canonicalize().is_ok_and(|path| {
         let claimed = CLAIMED.lock().unwrap_or_else(PoisonError::into_inner);
@@ -65,10 +65,11 @@ pub fn is_claimed(path: &Path) -> bool {
     })
 }
 
-/// Opens a file for reading; `-` is standard input. Input compressed by gzip or xz, recognised by its first bytes, is unpacked.
+/// Opens a file for reading; `-` is standard input. Input compressed with gzip or xz, recognised by its first bytes, is
+/// decompressed.
 ///
 /// # Errors
-/// Returns an error if the file cannot be opened, is no file, or its first bytes cannot be read.
+/// Returns an error if the file cannot be opened, is not a file, or its first bytes cannot be read.
 pub fn open(path: &Path) -> Result<Input> {
     let plain: Box<dyn Read + Send> = if path == Path::new(STANDARD_INPUT) {
         Box::new(io::stdin())
@@ -78,23 +79,23 @@ pub fn open(path: &Path) -> Result<Input> {
     unpacked(plain).map_err(|error| Problem::system("read", path, error))
 }
 
-/// Opens a file for reading, as it is.
+/// Opens a file for reading, without decompression.
 ///
 /// # Errors
-/// Returns an error if the file cannot be opened, or is a folder, a device or a pipe with a name: those give no end, or
-/// nothing until somebody writes.
+/// Returns an error if the file cannot be opened, or is a folder, a device or a named pipe: those never end, or give
+/// nothing until somebody writes to them.
 pub fn file(path: &Path) -> Result<File> {
     let refused = |error| Problem::system("read", path, error);
     let kind = std::fs::metadata(path).map_err(refused)?.file_type();
     if kind.is_dir() {
         return Err(refused(io::ErrorKind::IsADirectory.into()));
     }
-    // Pipes between commands have no name in the file system: a shell's <(command) is one.
+    // Pipes between commands, such as a shell's <(command), have no name in the file system.
     if !kind.is_file() && path.canonicalize().is_ok() {
         return Err(
             Problem::bad_input("expected a file, found a device or a pipe")
                 .in_file(path)
-                .help("write the data to a file first, or give recordings and tracks on standard input as -"),
+                .help("write the data to a file first; recordings and tracks can also come from standard input, as -"),
         );
     }
     let file = File::open(path).map_err(refused)?;
@@ -102,15 +103,15 @@ pub fn file(path: &Path) -> Result<File> {
     Ok(file)
 }
 
-/// The text of a file of settings.
+/// The text of a settings file.
 ///
 /// # Errors
-/// Returns an error if the file cannot be read, is no UTF-8, or is larger than 16 MiB.
+/// Returns an error if the file cannot be read, is not UTF-8, or is larger than 16 MiB.
 pub fn text(path: &Path) -> Result<String> {
     utf_8(limited(file(path)?, path, LARGEST_TEXT)?, path)
 }
 
-/// The bytes of an image for a board, as they are.
+/// The bytes of a board image, without decompression.
 ///
 /// # Errors
 /// Returns an error if the file cannot be read or is larger than 16 MiB.
@@ -118,7 +119,7 @@ pub fn image(path: &Path) -> Result<Vec<u8>> {
     limited(file(path)?, path, LARGEST_IMAGE)
 }
 
-/// The bytes of a recorded movement, unpacked.
+/// The bytes of a recorded movement, decompressed.
 ///
 /// # Errors
 /// Returns an error if the file cannot be read or is larger than 1 GiB.
@@ -126,10 +127,10 @@ pub fn movement(path: &Path) -> Result<Vec<u8>> {
     limited(open(path)?, path, LARGEST_MOVEMENT)
 }
 
-/// The bytes of a file as text.
+/// Converts the bytes of a file to text.
 ///
 /// # Errors
-/// Returns an error that names the line if they are no UTF-8.
+/// Returns an error that names the line if they are not UTF-8.
 pub fn utf_8(bytes: Vec<u8>, path: &Path) -> Result<String> {
     String::from_utf8(bytes).map_err(|error| {
         let valid = error.utf8_error().valid_up_to();
@@ -141,7 +142,7 @@ pub fn utf_8(bytes: Vec<u8>, path: &Path) -> Result<String> {
     })
 }
 
-/// The bytes of a file, unpacked.
+/// The bytes of a file, decompressed.
 ///
 /// # Errors
 /// Returns an error if the file cannot be read or is larger than 256 MiB.
@@ -165,10 +166,10 @@ fn limited(input: impl Read, path: &Path, limit: u64) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Whether two files have the same bytes.
+/// Whether two files have the same content.
 ///
 /// # Errors
-/// Returns an error if one cannot be read.
+/// Returns an error if either cannot be read.
 pub fn are_alike(one: &Path, other: &Path) -> Result<bool> {
     let (mut first, mut second) = (file(one)?, file(other)?);
     let read = |file: &mut File, path: &Path| {
@@ -218,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn packed_files_read_as_plain_ones() {
+    fn compressed_files_are_read_like_plain_ones() {
         let text = "a recording\n".repeat(1000);
         assert_eq!(read(text.clone().into_bytes()), text);
 
@@ -233,7 +234,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_larger_than_the_limit_is_refused() {
+    fn files_above_the_limit_are_refused() {
         let path = Path::new("subject.toml");
         assert_eq!(limited(&[7_u8; 10][..], path, 10).unwrap().len(), 10);
         let problem = limited(io::repeat(7), path, 3 << 20).unwrap_err();
@@ -244,7 +245,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_read_is_known_by_any_name() {
+    fn inputs_are_recognised_by_any_name() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.toml");
         std::fs::write(&path, "mass = 80").unwrap();
@@ -260,7 +261,7 @@ mod tests {
     }
 
     #[test]
-    fn text_that_is_none_is_named_by_its_line() {
+    fn invalid_text_is_reported_with_its_line() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.toml");
         std::fs::write(&path, b"mass = 80\n\xFF").unwrap();
@@ -272,7 +273,7 @@ mod tests {
     }
 
     #[test]
-    fn a_packed_file_that_is_cut_off_is_an_error() {
+    fn a_truncated_compressed_file_is_an_error() {
         let mut gzip = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
         gzip.write_all(&[7; 5000]).unwrap();
         let mut bytes = gzip.finish().unwrap();

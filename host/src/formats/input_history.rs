@@ -1,5 +1,5 @@
-//! Conscious inputs over time, as a CSV file that `flight.toml` names: what is known of the muscle input and
-//! damping of a synthetic or an estimated flight.
+//! Conscious inputs over time, in a CSV file that `flight.toml` refers to: the known muscle input and damping of a
+//! synthetic or estimated flight.
 
 use std::path::Path;
 
@@ -14,7 +14,7 @@ use crate::diagnostic::choices::choices;
 use crate::diagnostic::{Problem, Result};
 use crate::formats::input;
 
-/// Inputs at one time; the columns of the file, which a reader takes by their names.
+/// Inputs at one time: one row of the file. Columns are identified by name, in any order.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 pub struct Row {
     /// Time since frame 0 (s).
@@ -31,7 +31,7 @@ pub struct Row {
     pub damp_yaw: f64,
     /// In roll.
     pub damp_roll: f64,
-    /// Residual force over the dynamic pressure along the left axis (m2); zero where the file has no such column.
+    /// Residual force divided by the dynamic pressure, along the left axis (m2); zero if the file has no such column.
     #[serde(default)]
     pub residual_left_m2: f64,
     /// Along the dorsal axis.
@@ -40,7 +40,7 @@ pub struct Row {
     /// Along the cranial axis.
     #[serde(default)]
     pub residual_cranial_m2: f64,
-    /// Residual moment over the dynamic pressure in pitch (m3).
+    /// Residual moment divided by the dynamic pressure, in pitch (m3).
     #[serde(default)]
     pub residual_pitch_m3: f64,
     /// In yaw.
@@ -49,15 +49,15 @@ pub struct Row {
     /// In roll.
     #[serde(default)]
     pub residual_roll_m3: f64,
-    /// Limbs that act on the muscle input from here on; those of the flight where the file does not say.
+    /// Limb groups that muscle input acts on from this row on; if not given, those of the flight.
     #[serde(default, deserialize_with = "muscles")]
     pub muscles: Option<MuscleModel>,
-    /// What muscle input does besides its moments.
+    /// The effect of muscle input besides its moments; if not given, that of the flight.
     #[serde(default, deserialize_with = "muscle_forces")]
     pub muscle_forces: Option<MuscleForces>,
 }
 
-/// Number of numbers of a row besides its time.
+/// Number of numeric values in a row, not counting the time.
 const VALUES: usize = 12;
 
 fn muscles<'de, D: Deserializer<'de>>(
@@ -86,7 +86,7 @@ fn muscle_forces<'de, D: Deserializer<'de>>(
 }
 
 impl Row {
-    /// Names of the columns that every file has.
+    /// Names of the columns that every file must have.
     pub const COLUMNS: [&'static str; 7] = [
         "time_s",
         "pitch",
@@ -97,7 +97,7 @@ impl Row {
         "damp_roll",
     ];
 
-    /// Names of the columns that an estimate has besides, in the order of [`Row::more_fields`].
+    /// Names of the additional columns of an estimate, in the order of [`Row::more_fields`].
     pub const MORE_COLUMNS: [&'static str; 8] = [
         "residual_left_m2",
         "residual_dorsal_m2",
@@ -128,14 +128,14 @@ impl Row {
         let [_, _, _, _, _, _, residual @ ..] = self.values();
         let muscles = self.muscles.as_ref().map_or("", MuscleModel::name);
         let forces = self.muscle_forces.map_or("", MuscleForces::name);
-        // Millionths are too coarse for loads over the dynamic pressure.
+        // Six decimals are too few for loads divided by the dynamic pressure.
         residual
             .map(|value| format!("{value:.9}"))
             .into_iter()
             .chain([muscles.to_owned(), forces.to_owned()])
     }
 
-    /// Inputs of the core at `time_s`.
+    /// Creates a row from the core's inputs at `time_s`.
     pub fn of(time_s: f64, inputs: &Inputs<f64>) -> Self {
         let (muscle, damping) = (inputs.muscle, inputs.damping);
         let force = inputs.residual.force.components;
@@ -159,7 +159,7 @@ impl Row {
         }
     }
 
-    /// The same with the limbs that the inputs belong to.
+    /// Returns the row with the limb groups that its inputs belong to.
     #[must_use]
     pub fn with_muscles(mut self, muscles: &MuscleModel) -> Self {
         self.muscle_forces = Some(muscles.forces);
@@ -192,7 +192,7 @@ pub struct InputHistory {
 }
 
 impl InputHistory {
-    /// Of rows whose time rises; those that do not are left out.
+    /// Creates a history from rows; a row whose time is not later than that of all before it is left out.
     pub fn new(rows: Vec<Row>) -> Self {
         let mut last = f64::NEG_INFINITY;
         let rows = rows.into_iter().filter(|row| {
@@ -208,15 +208,16 @@ impl InputHistory {
     /// Reads a CSV file with the columns of [`Row`].
     ///
     /// # Errors
-    /// Returns an error if the file is missing, has no rows, a field is not a finite number, or time does not rise.
+    /// Returns an error if the file cannot be read or has no rows, if a value is not finite or its magnitude exceeds
+    /// 1000, or if time does not increase.
     pub fn read(path: &Path) -> Result<Self> {
         Self::parse(&input::bytes(path)?, path)
     }
 
-    /// As [`InputHistory::read`], of bytes that were read from `path`.
+    /// Like [`InputHistory::read`], for bytes already read from `path`.
     ///
     /// # Errors
-    /// As of [`InputHistory::read`].
+    /// Same as [`InputHistory::read`].
     pub fn parse(bytes: &[u8], path: &Path) -> Result<Self> {
         let mut reader = csv::ReaderBuilder::new()
             .trim(csv::Trim::All)
@@ -230,13 +231,13 @@ impl InputHistory {
                     .at_line(rows.len() as u64 + 2)
             };
             if !row.time_s.is_finite() || !row.values().iter().all(|v| v.abs() <= 1e3) {
-                return Err(problem("expected finite numbers within 1000".into()));
+                return Err(problem("expected finite numbers from -1000 to 1000".into()));
             }
             if let Some(last) = rows.last()
                 && row.time_s <= last.time_s
             {
                 return Err(problem(format!(
-                    "time_s must rise: {} after {}",
+                    "time_s must increase: {} after {}",
                     row.time_s, last.time_s
                 )));
             }
@@ -250,7 +251,7 @@ impl InputHistory {
         Ok(Self { rows })
     }
 
-    /// Inputs at `time` (s).
+    /// Returns the inputs at `time` (s).
     pub fn at(&self, time: f64) -> Inputs<f64> {
         let next = self.rows.partition_point(|row| row.time_s <= time);
         let values = match (
@@ -295,8 +296,8 @@ impl InputHistory {
         }
     }
 
-    /// Limbs that act on the muscle input at `time` (s): those of the last row before, `flight`'s where it does
-    /// not say.
+    /// Returns the limb groups that muscle input acts on at `time` (s): those of the latest row, or `flight`'s if that
+    /// row gives none. Before the first row, the first row applies.
     pub fn muscles_at(&self, time: f64, flight: &MuscleModel) -> MuscleModel {
         let next = self.rows.partition_point(|row| row.time_s <= time);
         let Some(row) = self.rows.get(next.saturating_sub(1)) else {
@@ -307,7 +308,7 @@ impl InputHistory {
     }
 }
 
-/// A CSV error with its line.
+/// Converts a CSV error, with its line if known.
 fn csv_problem(error: csv::Error, path: &Path) -> Problem {
     let problem = Problem::bad_input(error.to_string()).in_file(path);
     match (error.position(), error.is_io_error()) {
@@ -343,7 +344,7 @@ mod tests {
 
     /// Files written by earlier versions have yaw first.
     #[test]
-    fn columns_go_by_their_names_in_any_order() {
+    fn columns_are_found_by_name_in_any_order() {
         let history = read(
             "time_s,yaw,pitch,roll,damp_yaw,damp_pitch,damp_roll,sd_yaw\n1,0.2,0.1,0.3,0.5,3,6,9\n",
         )
@@ -369,7 +370,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_say_which_limbs_they_belong_to() {
+    fn rows_state_which_limbs_act() {
         let history = read(
             "time_s,pitch,yaw,roll,damp_pitch,damp_yaw,damp_roll,residual_left_m2,muscles,muscle_forces\n\
              1,0,0,0,3,0.5,6,0.25,layouts,paper\n2,0,0,0,3,0.5,6,0.75,,\n",
@@ -393,7 +394,7 @@ mod tests {
             (HEAD, "no rows"),
             (
                 &format!("{HEAD}1,0,0,0,0,0,0\n1,0,0,0,0,0,0\n"),
-                "inputs.csv:3: time_s must rise",
+                "inputs.csv:3: time_s must increase",
             ),
             (
                 &format!("{HEAD}1,0,NaN,0,0,0,0\n"),

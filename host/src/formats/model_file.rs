@@ -1,12 +1,12 @@
-//! `model.toml`: effects that the model of a flight is extended by.
+//! `model.toml`: effects that extend the model of a flight.
 //!
 //! ```toml
 //! [[effect]]
 //! name = "wind"
 //! north_mps = 3.5
 //! ```
-//! Parameters that are not given keep the value at which they do nothing. An `[[effect]]` without a name is a
-//! load by description.
+//! Omitted parameters keep their neutral values, at which they have no effect. An `[[effect]]` without a name is a load
+//! by description.
 
 mod load;
 
@@ -25,7 +25,7 @@ use crate::diagnostic::{Problem, Result};
 use crate::formats::input;
 use load::{LoadTable, is_load};
 
-/// The text of a `model.toml`, after a comment of whole lines.
+/// Returns the text of a `model.toml` that starts with `comment`, given as whole lines.
 pub fn model_toml(comment: &str, effects: &[ByName], loads: &[AppliedLoad<f64>]) -> String {
     let mut text = comment.to_owned();
     for (name, parameters) in effects {
@@ -40,12 +40,12 @@ pub fn model_toml(comment: &str, effects: &[ByName], loads: &[AppliedLoad<f64>])
     text
 }
 
-/// Effects with their parameters, in the order in which they are applied, and loads by description.
+/// The effects of a `model.toml`, in the order in which they are applied.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Effects {
-    /// Of the library.
+    /// Effects of the library, with their parameters.
     pub named: Vec<(Effect, [f64; PARAMETER_COUNT])>,
-    /// By description.
+    /// Loads by description.
     pub loads: AppliedLoads<f64>,
 }
 
@@ -75,16 +75,16 @@ impl Effects {
     /// Reads a `model.toml`.
     ///
     /// # Errors
-    /// Returns an error if the file is missing, or an effect, a parameter or a value is not usable.
+    /// Returns an error if the file cannot be read, or if an effect, a parameter or a value is invalid.
     pub fn read(path: &Path) -> Result<Self> {
         let text = input::text(path)?;
         Self::parse(&text, path)
     }
 
-    /// As read from a `model.toml`; `path` names it in messages, and is where the files that it names are looked for.
+    /// Parses the text of a `model.toml`; `path` is used in messages.
     ///
     /// # Errors
-    /// As of reading.
+    /// Returns an error if an effect, a parameter or a value is invalid.
     pub fn parse(text: &str, path: &Path) -> Result<Self> {
         let file: ModelFile =
             toml::from_str(text).map_err(|error| Problem::toml(&error, text, path))?;
@@ -94,7 +94,7 @@ impl Effects {
                 .add(table)
                 .map_err(|problem| problem.in_file(path).at(format!("effect {}", index + 1)))?;
         }
-        // One order for all: some effects act on what others changed.
+        // Always the same order: some effects act on what others have changed.
         effects.named.sort_by_key(|(effect, _)| *effect);
         Ok(effects)
     }
@@ -114,10 +114,10 @@ impl Effects {
         Ok(())
     }
 
-    /// The model with the effects.
+    /// Returns the model with the effects applied.
     ///
     /// # Errors
-    /// Returns an error if a value is outside its plausible range; a file that was read has none.
+    /// Returns an error if a value is outside its plausible range, which cannot be the case for a parsed file.
     pub fn applied(&self, dynamics: Dynamics<f64>, start_height: f64) -> Result<Model<f64>> {
         let mut model = Model::new(dynamics, start_height);
         model.applied = self.loads;
@@ -129,29 +129,30 @@ impl Effects {
         Ok(model)
     }
 
-    /// The model with the effects for an estimator, which finds muscle input and damping by itself.
+    /// Returns the model with the effects applied, for an estimator that determines muscle input and damping itself.
     ///
     /// # Errors
-    /// Returns an error if an effect cannot fly in a filter: those of the sensors, and those of the stream at single segments.
+    /// Returns an error if the filter cannot represent an effect: effects on the sensors or on the airflow at single
+    /// segments, and loads by description.
     pub fn for_filter(&self, dynamics: Dynamics<f64>, start_height: f64) -> Result<Dynamics<f64>> {
         let model = self.applied(dynamics, start_height)?;
         let refused = |what: &str| {
             Problem::bad_input(format!(
-                "an effect of the model acts on {what}, which no filter flies"
+                "an effect of the model acts on {what}, which this filter does not represent"
             ))
-            .help("take it out of the model.toml; simulate --model flies with it")
+            .help("remove it from the model.toml; simulate --model supports it")
         };
         if model.sensors != Sensors::perfect() {
             return Err(refused("the sensors"));
         }
         if !model.applied.is_empty() {
             return Err(Problem::bad_input(
-                "a load by description acts in the model, which only the motion filter flies",
+                "the model contains a load by description, which only the motion filter supports",
             )
-            .help("leave --preset out, or take the load out of the model.toml"));
+            .help("omit --preset, or remove the load from the model.toml"));
         }
         if model.dynamics.stream != Stream::uniform() || model.dynamics.air.profile != 0.0 {
-            return Err(refused("the stream at single segments"));
+            return Err(refused("the airflow at single segments"));
         }
         Ok(model.dynamics)
     }
@@ -161,7 +162,7 @@ impl EffectTable {
     fn effect(&self) -> Result<(Effect, [f64; PARAMETER_COUNT])> {
         let Some(name) = &self.name else {
             return Err(Problem::bad_input(
-                "expected name, force_n or moment_nm, found none of them",
+                "expected name, force_n or moment_nm, found none of these",
             )
             .help("name = \"wind\" for an effect of the library; force_n = 50.0 for a load"));
         };

@@ -1,8 +1,8 @@
 //! The network stream of Xsens MVN over UDP: a live source of flight frames, and a sink that sends recordings.
 //!
-//! [`Source`] receives and [`Sink`] sends; between them [`Receiver`] turns datagrams into frames without a
-//! socket. Datagrams may be cut, repeated, late or lost; each such case has its counter, see [`Counters`].
-//! `docs/mvn.md` says what is sent and understood.
+//! [`Source`] receives and [`Sink`] sends; [`Receiver`] turns datagrams into frames and needs no socket. Datagrams may
+//! be truncated, repeated, late or lost; [`Counters`] counts each case. `docs/mvn.md` describes what is sent and
+//! understood.
 
 mod assembly;
 mod clock;

@@ -1,8 +1,7 @@
-//! Recordings of the Xsens MVN suit in their open form, MVNX versions 3 and 4.
+//! Recordings of the Xsens MVN suit in its open format, MVNX versions 3 and 4.
 //!
-//! [`Reader`] streams: one frame is in memory at a time, whatever the length of the file. [`Writer`] makes
-//! files of the same form from simulated flights. What is read, and what becomes of bad frames, is in
-//! `docs/recordings.md`.
+//! [`Reader`] is streaming: it holds one frame in memory at a time, regardless of the file's length. [`Writer`] writes
+//! simulated flights in the same format. `docs/recordings.md` describes what is read and how bad frames are handled.
 
 pub mod closure;
 pub mod field;

@@ -1,9 +1,9 @@
-//! `preset.toml`: what tunes an estimator, and the names of the built-in ones.
+//! `preset.toml`: the settings of an estimator, and the names of the built-in presets.
 //!
 //! ```toml
-//! base = "auto"            # a built-in preset; the rest changes it
+//! base = "auto"            # a built-in preset, modified by the other fields
 //! joint_error_deg = 1.0
-//! muscle = [0.3, 0.3, 0.3] # deviation of the quiet input: pitch, yaw, roll
+//! muscle = [0.3, 0.3, 0.3] # standard deviation of quiet input: pitch, yaw, roll
 //! ```
 
 use std::path::Path;
@@ -16,24 +16,24 @@ use crate::diagnostic::choices::choices;
 use crate::diagnostic::{Problem, Result};
 use crate::formats::input;
 
-/// Name of the default preset: the motion filter, with limbs and damping of the flight.
+/// Name of the default preset: the motion filter with the limb groups and damping of the flight.
 pub const AUTO: &str = "auto";
 
-/// A tuning of one of the two filters.
+/// Settings of one of the two filters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Tuning {
-    /// Of the motion filter; whether its joints' error is given, and its noise.
+    /// For the motion filter.
     Motion {
-        /// The numbers.
+        /// The settings.
         preset: MotionPreset,
-        /// Whether a file or flag gave the joints' error: otherwise it is found from the innovations.
+        /// Whether a file or flag gave the joint error; otherwise it is estimated from the innovations.
         joint_error_given: bool,
-        /// Whether a file gave the noise: otherwise it is taken from the recording where it can be seen.
+        /// Whether a file gave the noise; otherwise it is estimated from the recording where possible.
         noise_given: bool,
-        /// Whether a file gave the damping: otherwise it is the subject's.
+        /// Whether a file gave the damping; otherwise it is the subject's.
         damping_given: bool,
     },
-    /// Of the paper's filter and its reduced form.
+    /// For the paper's filter over windows and its reduced form.
     Windows(Preset),
 }
 
@@ -41,9 +41,9 @@ pub enum Tuning {
 #[serde(deny_unknown_fields)]
 struct File {
     base: Option<String>,
-    // Of both.
+    // For both filters.
     solution_window: Option<usize>,
-    // Of the motion filter.
+    // For the motion filter.
     noise: Option<NoiseTable>,
     muscle: Option<[f32; 3]>,
     muscle_time_s: Option<f32>,
@@ -59,7 +59,7 @@ struct File {
     acceleration_noise: Option<f32>,
     angular_acceleration_noise: Option<f32>,
     gate: Option<f32>,
-    // Of the filter over windows.
+    // For the filter over windows.
     prediction_window: Option<usize>,
     measurement_deviation: Option<Vec<f32>>,
     process_noise_rate: Option<[f32; 6]>,
@@ -80,10 +80,11 @@ struct NoiseTable {
 }
 
 impl Tuning {
-    /// The built-in preset of that name, or one from a file.
+    /// Returns the built-in preset of that name, or reads one from a file.
     ///
     /// # Errors
-    /// Returns an error where there is no such preset, or a file has a field that its base does not take.
+    /// Returns an error if there is no such preset, the file cannot be read, or it has a field that its base does not
+    /// support.
     pub fn find(name_or_file: &str) -> Result<Self> {
         if let Some(tuning) = Self::built_in(name_or_file) {
             return Ok(tuning);
@@ -108,10 +109,10 @@ impl Tuning {
         Preset::from_name(name).copied().map(Self::Windows)
     }
 
-    /// As read from a `preset.toml`; `path` names it in messages, and is where the files that it names are looked for.
+    /// Parses the text of a `preset.toml`; `path` is used in messages.
     ///
     /// # Errors
-    /// As of reading.
+    /// Returns an error if the text is not valid or has a field that its base does not support.
     pub fn parse(text: &str, path: &Path) -> Result<Self> {
         let file: File = toml::from_str(text).map_err(|error| Problem::toml(&error, text, path))?;
         let base = file.base.as_deref().unwrap_or(AUTO);
@@ -119,10 +120,10 @@ impl Tuning {
             Self::built_in(base).ok_or_else(|| unknown(base).in_file(path).at("field base"))?;
         let wrong = |field: &str, kind: &str| {
             Problem::bad_input(format!(
-                "base \"{base}\" has no {field}, which is of {kind}"
+                "base \"{base}\" has no {field}, which belongs to {kind}"
             ))
             .in_file(path)
-            .help("bodyflight estimate --presets lists what each preset is")
+            .help("bodyflight estimate --presets describes each preset")
         };
         match tuning {
             Self::Motion { mut preset, .. } => {
@@ -250,8 +251,9 @@ fn set<V>(place: &mut V, value: Option<V>) {
 fn unknown(name: &str) -> Problem {
     let names = PRESETS.iter().map(|preset| preset.name);
     let known = choices(name, std::iter::once(AUTO).chain(names));
-    Problem::bad_input(format!("unknown preset \"{name}\""))
-        .help(format!("{known}; or a preset.toml, docs/estimator.md"))
+    Problem::bad_input(format!("unknown preset \"{name}\"")).help(format!(
+        "{known}; or give a preset.toml, see docs/estimator.md"
+    ))
 }
 
 #[cfg(test)]
@@ -271,7 +273,7 @@ mod tests {
             damping_given: false,
         }) = parse("joint_error_deg = 1.0\nmuscle = [1, 2, 3]\n[noise]\nattitude_rad = 0.02")
         else {
-            panic!("not of the motion filter");
+            panic!("not for the motion filter");
         };
         assert!((preset.joint_error - 1.0f32.to_radians()).abs() < 1e-9);
         assert!(preset.muscle.iter().eq(&[1.0, 2.0, 3.0]));
@@ -279,7 +281,7 @@ mod tests {
         let Ok(Tuning::Windows(preset)) =
             parse("base = \"turning\"\nprediction_window = 30\nmeasurement_deviation = [0.02]")
         else {
-            panic!("not over windows");
+            panic!("not for the filter over windows");
         };
         assert_eq!(preset.prediction_window, 30);
         let channels = preset

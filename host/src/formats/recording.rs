@@ -1,8 +1,8 @@
 //! A recorded flight: posture and motion of the pelvis, frame by frame, from an MVNX file.
 //!
-//! Bad frames are never silently used. By default a short run of them is replaced by frames between its good
-//! neighbours ([`FlightFrame::bridged`], and counted in [`Quality`]); a longer one ends the reading with a
-//! problem that names file, line, frame and element. [`BadFrames::Refuse`] ends it at the first.
+//! Bad frames are never used silently. By default a short run of them is replaced by frames interpolated between its
+//! good neighbours (marked by [`FlightFrame::bridged`], counted in [`Quality`]); a longer run is an error that names
+//! file, line, frame and element. With [`BadFrames::Refuse`], the first bad frame is an error.
 
 mod bridge;
 mod frame;
@@ -29,27 +29,27 @@ use crate::formats::mvnx::{
 use crate::formats::xsens::{self, MvnSegment};
 pub use watch::Warning;
 
-/// Largest closure error of a usable recording (m): four times that of a good file with a moving shoulder
-/// girdle is 0.01, a wrong convention gives 0.2 and more.
+/// Largest closure error of a usable recording (m): well above the 0.01 of a good file whose shoulder girdle moves, and
+/// well below the 0.2 or more that a wrong convention gives.
 const CLOSURE_LIMIT: f64 = 0.05;
-/// Frames that decide the arm frame, besides those of the calibration.
+/// Number of frames, besides those of the calibration, that determine the convention of the arms.
 const FRAMES_FOR_ARMS: usize = 8;
 
 /// How to read a flight.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Options {
-    /// What to do with a frame whose numbers are not usable.
+    /// What to do with a frame whose numbers are unusable.
     pub bad_frames: BadFrames,
-    /// Takes a file that ends too early up to its last whole frame.
+    /// Accepts a file that ends too early, up to its last complete frame.
     pub allow_truncated: bool,
-    /// Convention of the arms, where it is known; otherwise it is told by how the joints close.
+    /// Convention of the arms, if known; otherwise the one with which the joints close best.
     pub arm_frame: Option<ArmFrame>,
 }
 
 /// A flight read frame by frame; memory does not grow with its length.
 pub struct Recording<R: BufRead> {
     reader: Reader<R>,
-    /// Frames read ahead to decide on the arms.
+    /// Frames read ahead to determine the convention of the arms.
     ahead: VecDeque<Frame>,
     frame: Frame,
     places: Places,
@@ -58,12 +58,12 @@ pub struct Recording<R: BufRead> {
     closure_error: f64,
     bridge: bridge::Bridge,
     watch: watch::Watch,
-    /// A receiver's track whose velocities stand in for the suit's.
+    /// A receiver's track, whose velocities replace the suit's.
     gnss: Option<gnss::Aligned>,
     finished: bool,
 }
 
-/// Where the segments of the model are in the numbers of a frame.
+/// Position of each of the model's segments among those of a frame.
 type Places = SegmentArray<usize>;
 
 impl Recording<Input> {
@@ -85,11 +85,11 @@ fn reader_options(options: Options) -> ReadOptions {
 }
 
 impl<R: BufRead> Recording<R> {
-    /// A flight from any input; `path` names it in messages.
+    /// Reads a flight from any input; `path` is used in messages.
     ///
     /// # Errors
-    /// Returns an error if the input is no recording, lacks segments, orientation or position, has no joints to tell its
-    /// conventions by, or its segments do not meet at their joints.
+    /// Returns an error if the input is not a recording, if it lacks segments, orientation or position, if it has no
+    /// joints and the convention of its arms is not given, or if its segments do not meet at their joints.
     pub fn new(input: R, path: &Path, options: Options) -> Result<Self> {
         let reader = Reader::new(input, path, reader_options(options))?;
         Self::from_reader(reader, options)
@@ -105,10 +105,10 @@ impl<R: BufRead> Recording<R> {
             (None, None) => {
                 return Err(named(
                     Problem::bad_input(
-                        "no joints with points, so the convention of its arms cannot be told",
+                        "found no joints with points, so the convention of the arms is unknown",
                     )
                     .help(
-                        "export the recording again, with segments, points and joints, or say the \
+                        "export the recording again, with segments, points and joints, or give the \
                          convention with --arm-frame t-pose or isb",
                     ),
                 ));
@@ -121,8 +121,10 @@ impl<R: BufRead> Recording<R> {
         }
         let Some(first) = ahead.front() else {
             return Err(named(
-                Problem::bad_input("no whole frame of type \"normal\": there is no flight in it")
-                    .help("export the recording again, with its frames"),
+                Problem::bad_input(
+                    "found no complete frame of type \"normal\", so there is no flight in it",
+                )
+                .help("export the recording again, with its frames"),
             ));
         };
         check_fields(first, &ahead).map_err(named)?;
@@ -149,40 +151,40 @@ impl<R: BufRead> Recording<R> {
         })
     }
 
-    /// What the file says before its frames.
+    /// The header of the file.
     pub fn header(&self) -> &Header {
         self.reader.header()
     }
 
-    /// Convention in which the file gives the arms, and the closure error (m) it was told by. All that is
-    /// handed out is in the convention of the T-pose.
+    /// Convention in which the file gives the arms, and the closure error (m) of the convention that fits best. Frames
+    /// are always returned in the convention of the T-pose.
     pub fn arm_frame(&self) -> (ArmFrame, f64) {
         (self.arm_frame, self.closure_error)
     }
 
-    /// What reading has met so far.
+    /// Counts of good and bad frames so far, and the first fault.
     pub fn quality(&self) -> &Quality {
         &self.bridge.quality
     }
 
-    /// Takes the velocities of a receiver's track from now on.
+    /// Uses the velocities of a receiver's track from now on.
     #[must_use]
     pub fn with_track(mut self, track: gnss::Aligned) -> Self {
         self.gnss = Some(track);
         self
     }
 
-    /// How the track was brought to the recording's clock, where there is one.
+    /// How the track was aligned with the recording's clock, if there is a track.
     pub fn alignment(&self) -> Option<gnss::Alignment> {
         self.gnss.as_ref().map(|track| track.alignment)
     }
 
-    /// What is not as a flight is, in what was read so far.
+    /// Whatever is implausible for a flight in the frames read so far.
     pub fn warnings(&self) -> Vec<Warning> {
         self.watch.warnings()
     }
 
-    /// The first calibration frame of a kind, as posture and motion; `None` where there is none or it is bad.
+    /// The first good calibration frame of a kind, as posture and motion; `None` if there is none.
     pub fn calibration(&self, kind: FrameKind) -> Option<FlightFrame> {
         let mut frame = self
             .reader
@@ -193,12 +195,12 @@ impl<R: BufRead> Recording<R> {
         self.flight_frame(&mut frame)
     }
 
-    /// Bytes held, for the check that they do not grow.
+    /// Number of bytes held, to check that memory does not grow.
     pub fn buffered_bytes(&self) -> usize {
         self.reader.buffered_bytes() + self.frame.capacity_bytes() + self.bridge.held_bytes()
     }
 
-    /// Posture and motion of a good frame.
+    /// Posture and motion of a good frame; `None` if elements are missing.
     fn flight_frame(&self, frame: &mut Frame) -> Option<FlightFrame> {
         if self.arm_frame == ArmFrame::Isb && frame.kind != FrameKind::Identity
             || frame.kind == FrameKind::TposeIsb
@@ -268,7 +270,7 @@ impl<R: BufRead> Recording<R> {
                 self.watch.see(&flight, frame.written_time);
                 self.bridge.good(flight)?;
             } else {
-                // Not met: a frame without these elements carries a fault.
+                // Not expected: a frame without these elements has a fault.
                 self.bridge.bad(Fault {
                     index: frame.index,
                     line: frame.line,
@@ -296,10 +298,10 @@ impl<R: BufRead> Iterator for Recording<R> {
     }
 }
 
-/// Convention of the arms by which the segments meet best, with the error left (m).
+/// The convention of the arms with which the segments meet best, and the remaining closure error (m).
 ///
-/// The calibration frame in ISB axes, which version 4 adds, says nothing about the others. `None` where no
-/// good frame has orientation and position.
+/// The calibration frame in ISB axes, which version 4 adds, is ignored: it says nothing about the others. Returns
+/// `None` if no good frame has orientation and position.
 pub fn arm_frame<'a>(
     skeleton: &Skeleton,
     calibration: &'a [Frame],
@@ -328,7 +330,7 @@ pub fn arm_frame<'a>(
     })
 }
 
-/// What is said where the segments do not meet: another order of the quaternions, where they meet with it.
+/// The error for segments that do not meet; if they would with the quaternions in another order, the advice says so.
 fn open_joints(skeleton: &Skeleton, frames: &VecDeque<Frame>, closure_error: f64) -> Problem {
     let reordered = frames.iter().filter_map(|frame| {
         let orientation = frame.numbers(Field::Orientation)?;
@@ -348,13 +350,13 @@ fn open_joints(skeleton: &Skeleton, frames: &VecDeque<Frame>, closure_error: f64
     .at(format!("frame {first} and after"));
     if (0.0..CLOSURE_LIMIT).contains(&reordered) {
         return problem.help(format!(
-            "read as x y z w the quaternions close the joints to {reordered:.4} m: write them as w x y z"
+            "read as x y z w, the quaternions close the joints to {reordered:.4} m: write them as w x y z"
         ));
     }
     problem.help("orientations must be quaternions w x y z of the same subject as the points")
 }
 
-/// Finds the segments of the model in a file.
+/// Finds the model's segments in a file.
 fn places(header: &Header) -> Result<Places> {
     let mut missing = Vec::new();
     let places = SegmentArray::from_fn(|segment| {
@@ -374,7 +376,8 @@ fn places(header: &Header) -> Result<Places> {
     .help("export the recording again with all 23 segments"))
 }
 
-/// Orientation and position must be there; a fault of single frames is another matter.
+/// Checks that orientation and position are present in some of the first frames; faults of single frames are handled
+/// later.
 fn check_fields(first: &Frame, frames: &VecDeque<Frame>) -> Result<()> {
     for field in [Field::Orientation, Field::Position] {
         if frames.iter().all(|frame| !frame.present().contains(field)) {

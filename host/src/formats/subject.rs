@@ -1,4 +1,4 @@
-//! `subject.toml`: measures, equipment and coefficients of a person. `docs/subject.md` lists the fields.
+//! `subject.toml`: a person's measurements, equipment and coefficients. `docs/subject.md` lists the fields.
 
 mod file;
 mod segment_table;
@@ -25,7 +25,7 @@ use file::{
 use segment_table::SegmentTable;
 use units::unit_meant;
 
-/// A person as flights use them: checked when read.
+/// The person of a flight, with equipment and coefficients; validated when read.
 #[derive(Debug, Clone)]
 pub struct Subject {
     file: SubjectFile,
@@ -33,9 +33,9 @@ pub struct Subject {
     body: Body<f64>,
 }
 
-/// Name under which a subject's segment table lies beside a written `subject.toml`.
+/// Name of the segment table that is written beside a `subject.toml`.
 pub const SEGMENTS_FILE: &str = "segments.json";
-/// Largest coefficient taken, either sign for the damping.
+/// Largest coefficient accepted; damping may also be negative, down to minus this value.
 const COEFFICIENT_LIMIT: f64 = 100.0;
 
 impl Default for Subject {
@@ -52,8 +52,11 @@ impl Default for Subject {
             gear: GearTable::default(),
             coefficients: CoefficientTable::default(),
         };
-        #[expect(clippy::expect_used, reason = "constant measures, covered by a test")]
-        let body = file.body(None).expect("the default person is a person");
+        #[expect(
+            clippy::expect_used,
+            reason = "constant measurements, covered by a test"
+        )]
+        let body = file.body(None).expect("the default person is valid");
         Self {
             file,
             table: None,
@@ -62,12 +65,12 @@ impl Default for Subject {
     }
 }
 
-/// Coefficients that all segments have in common.
+/// Coefficients shared by all segments.
 #[derive(Debug, Clone, Copy, PartialEq, JsonSchema, Serialize)]
 pub struct CommonCoefficients {
     /// Drag.
     pub cd: f64,
-    /// Force across the stream.
+    /// Lift: force across the airstream.
     pub cl: f64,
     /// Moment.
     pub cm: f64,
@@ -76,19 +79,19 @@ pub struct CommonCoefficients {
 }
 
 impl Subject {
-    /// Reads a `subject.toml` and the segment table that it names.
+    /// Reads a `subject.toml` and the segment table that it refers to.
     ///
     /// # Errors
-    /// Returns an error if a file is missing or a value is not usable: file, line, field, what was expected.
+    /// Returns an error with file, line, field and what was expected if a file is missing or a value is invalid.
     pub fn read(path: &Path) -> Result<Self> {
         let text = input::text(path)?;
         Self::parse(&text, path)
     }
 
-    /// As read from a `subject.toml`; `path` names it in messages, and is where the files that it names are looked for.
+    /// Parses the text of a `subject.toml`; `path` is used in messages and to resolve the file it refers to.
     ///
     /// # Errors
-    /// As of reading.
+    /// Same as [`Subject::read`].
     pub fn parse(text: &str, path: &Path) -> Result<Self> {
         let file: SubjectFile =
             toml::from_str(text).map_err(|error| Problem::toml(&error, text, path))?;
@@ -114,14 +117,15 @@ impl Subject {
         Ok(Self { file, table, body })
     }
 
-    /// The person with equipment on.
+    /// The person with equipment.
     ///
-    /// The table of a `segments.json` is applied last: what it lists is final.
+    /// A `segments.json` is applied last: its values override all others.
     pub fn body(&self) -> Body<f64> {
         self.body
     }
 
-    /// The person without equipment; what a `segments.json` lists is the whole of its segments.
+    /// The person without equipment. With a `segments.json` it equals [`Subject::body`]: the values listed there are
+    /// for whole segments, equipment included.
     pub fn bare_body(&self) -> Body<f64> {
         match self.file.bare() {
             Ok(body) if self.table.is_none() => body,
@@ -129,12 +133,12 @@ impl Subject {
         }
     }
 
-    /// What the person wears.
+    /// The person's equipment.
     pub fn gear(&self) -> Gear<f64> {
         self.file.gear()
     }
 
-    /// The aerodynamic model of the coefficients.
+    /// The aerodynamic model with the subject's coefficients.
     pub fn aerodynamics(&self) -> Aerodynamics<f64> {
         let table = &self.file.coefficients;
         let coefficients = SegmentArray::from_fn(|segment| {
@@ -164,7 +168,7 @@ impl Subject {
         }
     }
 
-    /// Replaces the way in which loads depend on the direction of the stream.
+    /// Sets how loads depend on the direction of the airstream.
     pub fn set_load_model(&mut self, model: LoadModel) {
         self.file.aerodynamics = match model {
             LoadModel::Paper => LoadModelName::Paper,
@@ -177,7 +181,7 @@ impl Subject {
         self.file.coefficients.damp.into()
     }
 
-    /// The common coefficients, as a search varies them.
+    /// The coefficients shared by all segments, which a search varies.
     pub fn common_coefficients(&self) -> CommonCoefficients {
         let table = &self.file.coefficients;
         CommonCoefficients {
@@ -188,7 +192,7 @@ impl Subject {
         }
     }
 
-    /// The same person with drag, lift and moment coefficients of all segments multiplied by `factors`.
+    /// Returns the same person with the drag, lift and moment coefficients of all segments multiplied by `factors`.
     #[must_use]
     pub fn with_coefficients_times(mut self, factors: [f64; 3]) -> Self {
         let [drag, lift, moment] = factors;
@@ -209,7 +213,8 @@ impl Subject {
         self.file.coefficients.damp = damping.to_array();
     }
 
-    /// The file's text, for writing; its table is then expected as [`SEGMENTS_FILE`] beside it.
+    /// Returns the text of a `subject.toml`. It refers to the segment table, if any, as [`SEGMENTS_FILE`] in the same
+    /// folder.
     ///
     /// # Errors
     /// Returns an error if a value cannot be written as TOML.
@@ -220,13 +225,13 @@ impl Subject {
             .map_err(|error| Problem::internal("cannot write the subject").caused_by(error))
     }
 
-    /// The text of the segment table, where the subject has one.
+    /// The text of the segment table, if the subject has one.
     pub fn segments_json(&self) -> Option<&str> {
         self.table.as_ref().map(SegmentTable::text)
     }
 }
 
-/// A field that is not usable.
+/// An invalid field.
 #[derive(Debug)]
 struct Fault {
     field: String,
@@ -342,7 +347,7 @@ impl SubjectFile {
     }
 }
 
-/// Line (from 1) that gives a key, for problems that the parser cannot see.
+/// Line (from 1) that sets a key, for problems found after parsing.
 fn line_of(text: &str, key: &str) -> Option<u64> {
     let gives = |line: &str| {
         line.trim_start()
@@ -374,7 +379,7 @@ mod tests {
     }
 
     #[test]
-    fn the_default_subject_is_whole() {
+    fn the_default_subject_is_complete() {
         assert!((Subject::default().body().mass() - 77.4).abs() < 0.5);
     }
 

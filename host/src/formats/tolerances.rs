@@ -1,20 +1,20 @@
-//! Tolerances of suit and subject in a `flight.toml`:
+//! Tolerances of suit and subject in a `flight.toml`.
 //!
 //! ```toml
 //! [suit]
-//! joint_deg = 2.0          # calibration of a joint about an axis
-//! wander_deg = 1.0         # how far it wanders
-//! wander_limit_deg = 5.0   # beyond which the suit is no explanation
-//! bend = 0.03              # error that grows with the bend, share
+//! joint_deg = 2.0          # calibration error of a joint about an axis
+//! wander_deg = 1.0         # wander of a joint about an axis
+//! wander_limit_deg = 5.0   # wander above which the suit is no explanation
+//! bend = 0.03              # joint error proportional to the bend (fraction)
 //!
 //! [tolerance]
-//! mass = 0.03              # shares: body and each segment
+//! mass = 0.03              # body and each segment; this and the next three are fractions
 //! inertia = 0.03
 //! area = 0.03
 //! coefficients = 0.04
 //! cg_m = 0.004
 //! ```
-//! All are standard deviations; what is not given keeps these values.
+//! All but the limit are standard deviations. Omitted fields have these values.
 
 use bodyflight_discovery::nuisance::Tolerances;
 use serde::Deserialize;
@@ -40,7 +40,7 @@ pub(super) struct ToleranceTable {
     cg_m: Option<f64>,
 }
 
-/// Both tables; a field with what is wrong with it where one is not plausible.
+/// Combines both tables; an error is the name of an implausible field and what is wrong with it.
 pub(super) fn tolerances(
     suit: &SuitTable,
     tolerance: &ToleranceTable,
@@ -77,7 +77,7 @@ pub(super) fn tolerances(
         ),
         ("tolerance.cg_m", tolerance.cg_m, 0.2, &mut found.cg_m),
     ];
-    // Nothing is exact: a standard deviation of zero has no likelihood.
+    // Nothing is exact, and a standard deviation of zero has no likelihood.
     const LEAST: f64 = 1e-4;
     for (name, given, most, place) in fields {
         if let Some(value) = given {

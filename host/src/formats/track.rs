@@ -1,8 +1,8 @@
-//! Tracks of a point in any of the formats that loggers write: FlySight, GPX, and plain CSV.
+//! Tracks of a point in the formats that loggers write: FlySight, GPX and plain CSV.
 //!
-//! Plain CSV has a line of names with units: `time_s`; `north_m`, `east_m`, `height_m` or `latitude_deg`,
-//! `longitude_deg`, `height_m`; and, where they were measured, `north_mps`, `east_mps`, `up_mps`. What has no velocities
-//! gets them from its positions.
+//! Plain CSV has a header line: `time_s`; either `north_m`, `east_m`, `height_m` or `latitude_deg`, `longitude_deg`,
+//! `height_m`; and, if measured, `north_mps`, `east_mps`, `up_mps`. If a track has no velocities, they are derived from
+//! its positions.
 
 use std::path::Path;
 
@@ -13,38 +13,38 @@ use crate::diagnostic::{Problem, Result};
 use crate::formats::flysight::{self, InertialSample, PressureSample};
 use crate::formats::input;
 
-/// Metres of a degree of latitude: the mean radius of the Earth.
+/// Metres per degree of latitude, for the mean radius of the Earth.
 const METRES_PER_DEGREE: f64 = 6_371_008.8 * core::f64::consts::PI / 180.0;
 
-/// A track, with what other sensors of the logger say.
+/// A track, with the data of the logger's other sensors.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Track {
-    /// In the order of time.
+    /// In order of time.
     pub samples: Vec<Sample>,
-    /// Time of the first sample since 1970 (s, UTC); `None` where the file has no date.
+    /// Time of the first sample since 1970 (s, UTC); `None` if the file has no date.
     pub start: Option<f64>,
-    /// Whether the velocities were measured, not taken from the positions.
+    /// Whether the velocities were measured rather than derived from the positions.
     pub has_velocities: bool,
-    /// Of the inertial sensor, time (s) on the clock of the samples.
+    /// Samples of the inertial sensor, each with its time (s) on the clock of `samples`.
     pub inertial: Vec<(f64, InertialSample)>,
-    /// Of the barometer, time (s) on the clock of the samples, and pressure (Pa).
+    /// Samples of the barometer: time (s) on the clock of `samples`, and pressure (Pa).
     pub pressure: Vec<(f64, f64)>,
-    /// Rows that could not be read.
+    /// Number of rows skipped: unusable, or not later than the row before.
     pub skipped: usize,
 }
 
-/// Reads a track; its format is told by the first bytes and the names of the columns.
+/// Reads a track. Its format is recognised by the first bytes and the names of the columns.
 ///
 /// # Errors
-/// Returns an error if the file is of no known format or has fewer than two usable rows.
+/// Returns an error if the file cannot be read, has no known format, or has fewer than two usable rows.
 pub fn read(path: &Path) -> Result<Track> {
     parse(&input::bytes(path)?, path)
 }
 
-/// As [`read`], of bytes that were read from `path`.
+/// Like [`read`], for bytes already read from `path`.
 ///
 /// # Errors
-/// As of [`read`].
+/// Same as [`read`].
 pub fn parse(bytes: &[u8], path: &Path) -> Result<Track> {
     let start = bytes.iter().position(|byte| !byte.is_ascii_whitespace());
     let text = start.map_or(&[][..], |start| &bytes[start..]);
@@ -98,7 +98,7 @@ fn flysight_track(path: &Path, bytes: &[u8]) -> Result<Track> {
     })
 }
 
-/// Positions north and west of the first (m) from latitudes and longitudes (degrees).
+/// Converts latitudes and longitudes (degrees) to positions north and west of the first one (m).
 struct Flat {
     origin: Option<[f64; 2]>,
 }
@@ -106,7 +106,7 @@ struct Flat {
 impl Flat {
     fn position(&mut self, latitude: f64, longitude: f64, height: f64) -> Vector3<f64> {
         let [first_latitude, first_longitude] = *self.origin.get_or_insert([latitude, longitude]);
-        // Across the line where days change, too.
+        // Also correct across the date line.
         let east = (longitude - first_longitude + 540.0).rem_euclid(360.0) - 180.0;
         let narrower = first_latitude.to_radians().cos();
         Vector3::new(
@@ -117,7 +117,7 @@ impl Flat {
     }
 }
 
-/// Bytes within which an XML file says what it is.
+/// Number of bytes at the start of an XML file that are searched for its root element.
 const HEAD: usize = 1024;
 
 fn read_gpx(text: &[u8], path: &Path) -> Result<Track> {
@@ -127,8 +127,8 @@ fn read_gpx(text: &[u8], path: &Path) -> Result<Track> {
             .help("compare it with the model: bodyflight simulate FILE"));
     }
     let gpx = gpx::read(text).map_err(|error| {
-        refused(format!("this is no GPX that can be read: {error}"))
-            .help("give the GPX that the logger or its program wrote")
+        refused(format!("cannot read this as GPX: {error}"))
+            .help("give the GPX file as written by the logger or its software")
     })?;
     let points = gpx
         .tracks
@@ -146,7 +146,10 @@ fn read_gpx(text: &[u8], path: &Path) -> Result<Track> {
             skipped += 1;
             continue;
         };
-        #[expect(clippy::cast_precision_loss, reason = "microseconds of this age")]
+        #[expect(
+            clippy::cast_precision_loss,
+            reason = "exact for dates before the year 2255"
+        )]
         let seconds = time.timestamp_micros() as f64 * 1e-6;
         let time = seconds - *start.get_or_insert(seconds);
         if samples.last().is_some_and(|last| time <= last.time) {
@@ -162,7 +165,7 @@ fn read_gpx(text: &[u8], path: &Path) -> Result<Track> {
     if samples.is_empty() {
         return Err(
             refused("expected track points with <time> and <ele>, found none".into())
-                .help("routes and way points have no times; export the track"),
+                .help("routes and waypoints have no times; export the track"),
         );
     }
     with_velocities(&mut samples);
@@ -176,16 +179,16 @@ fn read_gpx(text: &[u8], path: &Path) -> Result<Track> {
     })
 }
 
-/// Names of the columns of a plain CSV.
+/// Names of the columns of plain CSV.
 const PLACE: [&str; 3] = ["north_m", "east_m", "height_m"];
 const GEOGRAPHIC: [&str; 3] = ["latitude_deg", "longitude_deg", "height_m"];
 const VELOCITY: [&str; 3] = ["north_mps", "east_mps", "up_mps"];
 
-/// Where a plain CSV has what.
+/// Indices of the columns of plain CSV.
 struct Columns {
     time: usize,
     places: [usize; 3],
-    /// Whether places are latitude, longitude and height.
+    /// Whether `places` are latitude, longitude and height.
     is_geographic: bool,
     velocities: Option<[usize; 3]>,
 }
@@ -206,7 +209,7 @@ impl Columns {
                 header.iter().collect::<Vec<_>>().join(", ")
             ))
             .at_line(1)
-            .help("a track is a FlySight's CSV, a GPX file, or a CSV with a line of these names; docs/falls.md"));
+            .help("a track is a FlySight CSV file, a GPX file, or a CSV file with these columns; see docs/falls.md"));
         };
         Ok(Self {
             time,
@@ -224,7 +227,7 @@ fn read_csv(text: &[u8], path: &Path) -> Result<Track> {
         .from_reader(text);
     let header = reader
         .headers()
-        .map_err(|error| Problem::bad_input(format!("no line of names: {error}")).in_file(path))?
+        .map_err(|error| Problem::bad_input(format!("bad header line: {error}")).in_file(path))?
         .clone();
     let Columns {
         time,
@@ -237,7 +240,7 @@ fn read_csv(text: &[u8], path: &Path) -> Result<Track> {
     for record in reader.records() {
         let record = record.map_err(|error| {
             let line = error.position().map_or(0, csv::Position::line);
-            Problem::bad_input(format!("this row cannot be read: {error}"))
+            Problem::bad_input(format!("cannot read this row: {error}"))
                 .in_file(path)
                 .at_line(line)
         })?;
@@ -282,10 +285,10 @@ fn read_csv(text: &[u8], path: &Path) -> Result<Track> {
     })
 }
 
-/// Time around a sample over which positions are made a velocity (s).
+/// Time before and after a sample over which its velocity is derived from positions (s).
 const REACH: f64 = 1.0;
 
-/// Sets each velocity to the slope of a parabola through the positions around it.
+/// Sets each velocity to the slope of a parabola fitted to the surrounding positions.
 fn with_velocities(samples: &mut [Sample]) {
     let velocities: Vec<Vector3<f64>> = (0..samples.len())
         .map(|index| {
@@ -304,7 +307,8 @@ fn with_velocities(samples: &mut [Sample]) {
     }
 }
 
-/// Slope at `time` (s) of the parabola through positions by least squares; of a line where there are two.
+/// Slope at `time` (s) of the parabola that fits the positions best (least squares); if they do not determine one, of
+/// the line from the first to the last.
 fn parabola(part: &[Sample], time: f64) -> Vector3<f64> {
     let mut normal = Matrix3::zeros();
     let mut right = Matrix3::zeros();
@@ -348,7 +352,7 @@ mod tests {
     }
 
     #[test]
-    fn plain_csv_has_velocities_of_its_own_or_from_its_positions() {
+    fn plain_csv_has_its_own_velocities_or_those_of_its_positions() {
         let mut text = "time_s,north_m,east_m,height_m\n".to_owned();
         let mut full =
             "time_s, north_m, east_m, height_m, north_mps, east_mps, up_mps\n".to_owned();
@@ -387,7 +391,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_track_is_refused_with_the_names_that_are_expected() {
+    fn other_files_are_refused_with_the_expected_names() {
         let problem = written("track.csv", "a,b,c\n1,2,3\n")
             .unwrap_err()
             .to_string();

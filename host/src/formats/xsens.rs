@@ -1,11 +1,12 @@
 //! From the 23 segments of Xsens MVN to the 16 of the model, and back.
 //!
-//! The global frame of MVN (X magnetic north, Y west, Z up) is the inertial frame: positions and velocities are taken
-//! as they are. Only the axes of segments differ. MVN gives the orientation of each segment from the T-pose in its own
-//! axes (X forward, Y left, Z up), the model each joint from the H-pose in the axes of the body frame. Three constant rotations join them, see
-//! [`xsens_from_segment`]: the change of axes, the arms brought from the T-pose down to the H-pose, and the
-//! hands turned from palm inwards to palm forwards. Paper section "Interpreting Xsens measurements" and
-//! model.md "Frames and rotations"; the paper's eqs. (qXsens2SM) to (qXsens2SM4) are these for one joint.
+//! The global frame of MVN (X magnetic north, Y west, Z up) is the inertial frame: positions and velocities are used as
+//! they are. Only the axes of the segments differ. MVN gives the orientation of each segment relative to the T-pose, in
+//! its own axes (X forward, Y left, Z up); the model gives each joint relative to the H-pose, in the axes of the body
+//! frame. Three constant rotations relate them, see [`xsens_from_segment`]: the change of axes, the lowering of the
+//! arms from the T-pose to the H-pose, and the turn of the hands from palm inwards to palm forwards. See the paper's
+//! section "Interpreting Xsens measurements" and model.md "Frames and rotations"; the paper's eqs. (qXsens2SM) to
+//! (qXsens2SM4) are these rotations for one joint.
 
 pub mod skeleton;
 pub mod y_up;
@@ -19,7 +20,7 @@ use nalgebra::{Quaternion, UnitQuaternion};
 /// Number of segments in MVN.
 pub const MVN_SEGMENT_COUNT: usize = 23;
 
-/// Row of the table of MVN segments.
+/// A row of the table of MVN segments.
 struct Row {
     label: &'static str,
     parent: Option<MvnSegment>,
@@ -27,7 +28,7 @@ struct Row {
     joint: &'static str,
     /// The segment of the model that it is a part of.
     part_of: Segment,
-    /// Whether its orientation is that of the model's segment; the others go along with it.
+    /// Whether the model's segment takes its orientation; the other parts move with it.
     leads: bool,
 }
 
@@ -122,12 +123,12 @@ fn xsens_axes_from_model_axes() -> UnitQuaternion<f64> {
     UnitQuaternion::new_unchecked(Quaternion::new(FRAC_1_SQRT_2, 0.0, 0.0, FRAC_1_SQRT_2))
 }
 
-/// Axes of a segment as the model has them (those of the body in the H-pose) in the axes MVN gives it (those
-/// of the global frame in the T-pose).
+/// Rotation from the axes that the model gives a segment (those of the body in the H-pose) to the axes that MVN gives
+/// it (those of the global frame in the T-pose).
 ///
-/// Arms: about X by -90 deg for the right and +90 deg for the left, which raises the hanging arm to the side,
-/// paper eq. (qXsens2SM2). Hands in addition about the long axis, which takes the palm from inwards to
-/// forwards in the H-pose, paper eq. (qXsens2SM3). Feet have their toes forward in both.
+/// Arms: about X by -90 deg for the right and +90 deg for the left, which raises the hanging arm to the side, paper eq.
+/// (qXsens2SM2). Hands: in addition about the long axis, which turns the palm from inwards to forwards in the H-pose,
+/// paper eq. (qXsens2SM3). Feet point forward in both poses.
 pub fn xsens_from_segment(segment: Segment) -> Rotation<f64, XsensSegment, SegmentFrame> {
     let raise_right = Quaternion::new(FRAC_1_SQRT_2, -FRAC_1_SQRT_2, 0.0, 0.0);
     let raise_left = raise_right.conjugate();
@@ -144,7 +145,7 @@ pub fn xsens_from_segment(segment: Segment) -> Rotation<f64, XsensSegment, Segme
     )
 }
 
-/// Attitude of the body and posture from the orientation of each leading segment as MVN gives it.
+/// Returns the attitude of the body and the posture, from the orientations that MVN gives the leading segments.
 pub fn attitude_and_posture(
     xsens_from_mvn_segment: &SegmentArray<UnitQuaternion<f64>>,
 ) -> (Rotation<f64, Inertial, Body>, Posture<f64>) {
@@ -152,13 +153,13 @@ pub fn attitude_and_posture(
         let orientation = Rotation::<f64, Inertial, XsensSegment>::from_quaternion(*orientation);
         *(orientation * xsens_from_segment(segment)).quaternion()
     });
-    // The joints are relative, so rotations in any common frame give the posture.
+    // Joints are relative, so rotations in any common frame give the posture.
     let posture = Posture::from_body_rotations(&inertial_from_segment);
     let inertial_from_body = inertial_from_segment[Segment::Pelvis];
     (Rotation::from_quaternion(inertial_from_body), posture)
 }
 
-/// Orientation of each segment of the model as MVN would give it, the way back of [`attitude_and_posture`].
+/// Returns the orientation that MVN would give each of the model's segments: the inverse of [`attitude_and_posture`].
 pub fn mvn_orientations(
     inertial_from_body: Rotation<f64, Inertial, Body>,
     posture: &Posture<f64>,
@@ -169,12 +170,13 @@ pub fn mvn_orientations(
     })
 }
 
-/// The posture in which MVN gives every segment the identity: standing, arms out to the sides, palms down.
+/// The posture in which every orientation of MVN is the identity: standing, arms out to the sides, palms down.
 pub fn t_pose() -> Posture<f64> {
     attitude_and_posture(&SegmentArray::from_fn(|_| UnitQuaternion::identity())).1
 }
 
-/// The attitude in which MVN gives the pelvis the identity: upright, facing along the X axis of the global frame, north.
+/// The attitude in which MVN's orientation of the pelvis is the identity: upright, facing north, along the X axis of
+/// the global frame.
 pub fn facing_forward() -> Rotation<f64, Inertial, Body> {
     attitude_and_posture(&SegmentArray::from_fn(|_| UnitQuaternion::identity())).0
 }
@@ -225,7 +227,7 @@ mod tests {
         ] {
             assert!(posture.parent_from_segment(segment).angle() < 1e-12);
         }
-        // Facing north: forward (-Y of the body) is there.
+        // Facing north: forward (-Y of the body) is the global X axis.
         let forward = attitude * Vector::new(0.0, -1.0, 0.0);
         assert!(close(forward.components, Vector3::x()));
         assert!(
@@ -240,7 +242,7 @@ mod tests {
     fn hanging_arms_are_the_h_pose() {
         let orientations = mvn_orientations(facing_forward(), &Posture::h_pose());
         let right_arm = orientations[Segment::RightUpperArm];
-        // From the T-pose to hanging the right arm turns by +90 deg about forward.
+        // From the T-pose to hanging, the right arm turns by +90 deg about the forward axis.
         let hanging = UnitQuaternion::from_euler_angles(core::f64::consts::FRAC_PI_2, 0.0, 0.0);
         assert!(hanging.angle_to(right_arm.quaternion()) < 1e-7);
     }
@@ -280,7 +282,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn postures_return_through_mvn(
+        fn postures_survive_conversion_to_mvn(
             attitude in any_rotation(),
             joints in prop::collection::vec(any_rotation(), 16),
         ) {

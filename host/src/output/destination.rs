@@ -1,4 +1,5 @@
-//! Where an output may lie: never in place of what is read, of a device, or unasked of what is there.
+//! Checks on output paths: an output never replaces an input or a device, and replaces an existing file only with
+//! `force`.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -6,14 +7,14 @@ use std::path::{Path, PathBuf};
 use crate::diagnostic::{Problem, Result};
 use crate::formats::input;
 
-/// Links followed before they are taken for a circle, as the system does.
+/// Symbolic links followed before a cycle is assumed; the same limit as the system's.
 const MOST_LINKS: usize = 40;
 
-/// The file that `path` names, links followed: written there, the link stays.
+/// The file that `path` refers to after following symbolic links: writing there keeps the link.
 ///
 /// # Errors
-/// Returns an error if it is a folder, a device or a pipe, if the folder it is in is not there, or if it is a file that this
-/// process reads.
+/// Returns an error if the path is a folder, a device or a pipe, if its parent folder does not exist, or if it is a
+/// file that this process reads.
 pub fn destination(path: &Path) -> Result<PathBuf> {
     let refused = |error: io::Error| Problem::system("create", path, error);
     let place = linked(path).map_err(refused)?;
@@ -40,11 +41,12 @@ pub fn destination(path: &Path) -> Result<PathBuf> {
     Ok(place)
 }
 
-/// Checks before long work that its outputs can be written, and that each is new, or may be replaced with `force`.
+/// Checks before long work that its outputs can be written, and that each is either new or may be replaced because of
+/// `force`.
 ///
 /// # Errors
-/// Returns an error as [`destination`] does, if the folder of an output is not there or cannot be written to, or if a file
-/// is there and `force` was not given.
+/// Returns an error for the reasons given at [`destination`], if the folder of an output does not exist or cannot be
+/// written to, or if a file exists and `force` was not given.
 pub fn check<P: AsRef<Path>>(paths: impl IntoIterator<Item = P>, force: bool) -> Result<()> {
     for path in paths {
         let path = path.as_ref();
@@ -59,10 +61,10 @@ pub fn check<P: AsRef<Path>>(paths: impl IntoIterator<Item = P>, force: bool) ->
     Ok(())
 }
 
-/// As [`check`], of files of these names in a folder, which is made later where it is not there.
+/// Like [`check`], for files with these names in a folder that is created later if it does not exist.
 ///
 /// # Errors
-/// Returns an error as [`check`] does, or if the folder cannot be made.
+/// Returns an error for the reasons given at [`check`], or if the folder cannot be created.
 pub fn check_in(folder: &Path, names: &[&str], force: bool) -> Result<()> {
     if folder.exists() {
         return check(names.iter().map(|name| folder.join(name)), force);
@@ -72,12 +74,12 @@ pub fn check_in(folder: &Path, names: &[&str], force: bool) -> Result<()> {
         .map_err(|error| Problem::system("create", folder, error))
 }
 
-/// Tries whether files can be made in a folder.
+/// Tests whether files can be created in a folder.
 fn can_hold(folder: &Path) -> io::Result<()> {
     tempfile::tempfile_in(folder).map(|_| ())
 }
 
-/// The folder that an empty path means.
+/// The folder itself, or the current one if the path is empty.
 fn named(folder: &Path) -> &Path {
     if folder.as_os_str().is_empty() {
         Path::new(".")
@@ -86,7 +88,7 @@ fn named(folder: &Path) -> &Path {
     }
 }
 
-/// The folder that a file is in.
+/// The folder that contains a file.
 pub(super) fn folder_of(path: &Path) -> &Path {
     named(path.parent().unwrap_or(Path::new("")))
 }
@@ -122,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_read_is_never_replaced() {
+    fn inputs_are_never_replaced() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("subject.toml");
         std::fs::write(&path, "mass = 80").unwrap();
@@ -132,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_may_be_there_or_be_made() {
+    fn a_folder_may_exist_or_be_created() {
         let folder = tempfile::tempdir().unwrap();
         check_in(&folder.path().join("a/b"), &["run.csv"], false).unwrap();
         check_in(folder.path(), &["run.csv"], false).unwrap();
@@ -145,7 +147,7 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
-    fn links_are_followed_and_circles_found() {
+    fn links_are_followed_and_cycles_detected() {
         use std::os::unix::fs::symlink;
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);

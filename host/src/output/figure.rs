@@ -1,7 +1,6 @@
-//! Figures in the format that the name of a file asks for: SVG as drawn, PDF and PNG made of it.
+//! Figures in the format given by the file name: SVG as drawn, or PDF and PNG converted from it.
 //!
-//! Letters are those of a font that comes with the program (`host/data/font`), so that a figure is the same everywhere;
-//! a PDF has them embedded.
+//! Text uses a font that ships with the program (`host/data/font`), so figures look the same everywhere; PDFs embed it.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -15,25 +14,25 @@ use crate::diagnostic::{Problem, Result};
 const FONT: &[u8] = include_bytes!("../../data/font/DejaVuSansCondensed-subset.ttf");
 const FAMILY: &str = "DejaVu Sans";
 
-/// Dots of a PNG for each unit of the drawing: 300 dots an inch where a figure is 8 cm wide for each 320 units.
+/// Pixels of a PNG per unit of the drawing: 300 dpi if 320 units of the figure are 8 cm wide.
 const PNG_SCALE: f32 = 3.0;
 
-/// A format of figures.
+/// A figure format.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Format {
-    /// Lines and letters, for the web and for editing.
+    /// Vector graphics, for the web and for editing.
     Svg,
-    /// Lines and letters with the font in it, for papers.
+    /// Vector graphics with the font embedded, for papers.
     Pdf,
-    /// Dots, for slides.
+    /// Pixels, for slides.
     Png,
 }
 
 impl Format {
-    /// All of them.
+    /// All formats.
     pub const ALL: [Self; 3] = [Self::Svg, Self::Pdf, Self::Png];
 
-    /// The end of its file names.
+    /// The file name extension.
     pub const fn extension(self) -> &'static str {
         match self {
             Self::Svg => "svg",
@@ -42,10 +41,10 @@ impl Format {
         }
     }
 
-    /// The format that the name of a file asks for.
+    /// The format given by a file name.
     ///
     /// # Errors
-    /// Returns an error if it ends in none of them.
+    /// Returns an error if the extension is none of these.
     pub fn of(path: &Path) -> Result<Self> {
         let end = path.extension().unwrap_or_default().to_string_lossy();
         Self::ALL
@@ -53,21 +52,21 @@ impl Format {
             .find(|format| format.extension().eq_ignore_ascii_case(&end))
             .ok_or_else(|| {
                 let found = if end.is_empty() {
-                    "no ending".to_owned()
+                    "no extension".to_owned()
                 } else {
                     format!(".{end}")
                 };
                 Problem::bad_input(format!(
-                    "expected a figure that ends in .svg, .pdf or .png, found {found}"
+                    "expected a figure whose name ends in .svg, .pdf or .png, found {found}"
                 ))
                 .in_file(path)
             })
     }
 
-    /// A drawing in this format.
+    /// Converts a drawing to this format.
     ///
     /// # Errors
-    /// Returns an error if it cannot be drawn.
+    /// Returns an error if the figure cannot be drawn.
     pub fn encode(self, svg: &str) -> Result<Vec<u8>> {
         let drawn = match self {
             Self::Svg => return Ok(svg.as_bytes().to_vec()),
@@ -78,10 +77,10 @@ impl Format {
     }
 }
 
-/// Writes a drawing in the format that the name of the file asks for.
+/// Writes a drawing in the format given by the file name.
 ///
 /// # Errors
-/// Returns an error if the name ends in no format, or the file cannot be written.
+/// Returns an error if the extension is unknown or the file cannot be written.
 pub fn write_figure(path: &Path, svg: &str) -> Result<()> {
     write_file(path, &Format::of(path)?.encode(svg)?)
 }
@@ -123,7 +122,7 @@ mod tests {
         <text x=\"5\" y=\"30\" font-family=\"sans-serif\" font-size=\"20\">Δv (m/s)</text></svg>";
 
     #[test]
-    fn a_name_tells_the_format() {
+    fn the_format_follows_from_the_name() {
         let format = |name: &str| Format::of(Path::new(name));
         assert_eq!(format("a/x.PNG").unwrap(), Format::Png);
         assert_eq!(format("x.pdf").unwrap(), Format::Pdf);

@@ -1,5 +1,5 @@
-//! Output files that are whole or absent: written beside the target and renamed at the end, so an interrupted
-//! command leaves what was there before.
+//! Output files that are complete or absent: written beside the target and renamed at the end, so an interrupted
+//! command leaves the previous file untouched.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
@@ -11,7 +11,7 @@ use crate::diagnostic::{Problem, Result};
 use crate::interrupt::Unfinished;
 use crate::output::destination::{destination, folder_of};
 
-/// A file that appears under its name when it is finished.
+/// A file that appears under its name only once it is finished.
 pub struct AtomicFile {
     file: BufWriter<NamedTempFile<File>>,
     path: PathBuf,
@@ -19,10 +19,11 @@ pub struct AtomicFile {
 }
 
 impl AtomicFile {
-    /// Begins the file in the folder of `path`.
+    /// Starts the file in the folder of `path`.
     ///
     /// # Errors
-    /// Returns an error if the folder does not exist or cannot be written to, or as [`destination`].
+    /// Returns an error if the folder does not exist or cannot be written to, or for the reasons given at
+    /// [`destination`].
     pub fn create(path: &Path) -> Result<Self> {
         let file = NamedTempFile::new_in(folder_of(&destination(path)?))
             .map_err(|error| Problem::system("create", path, error))?;
@@ -33,10 +34,10 @@ impl AtomicFile {
         })
     }
 
-    /// Gives the file its name, in place of any file there that is not read by this process.
+    /// Moves the file to its name, replacing any existing file that this process does not read.
     ///
     /// # Errors
-    /// Returns an error if the disk refuses, or as [`destination`]; then no file is left.
+    /// Returns an error if the system refuses, or for the reasons given at [`destination`]; no file is left then.
     pub fn finish(self) -> Result<()> {
         let place = destination(&self.path)?;
         let refused = |error: io::Error| Problem::system("write", &self.path, error);
@@ -44,7 +45,7 @@ impl AtomicFile {
             .file
             .into_inner()
             .map_err(|error| refused(error.into_error()))?;
-        // A temporary file is private; a finished one is as readable as any other.
+        // Temporary files are private; finished ones get the usual permissions.
         #[cfg(unix)]
         {
             use std::os::unix::fs::PermissionsExt;
@@ -72,19 +73,19 @@ impl Seek for AtomicFile {
     }
 }
 
-/// A number as it is printed in a table.
+/// Formats a number as in tables.
 pub fn number(value: f64) -> String {
     format!("{value:.6}")
 }
 
-/// A table of numbers as CSV, six decimals, whole or absent like every file.
+/// A CSV table of numbers with six decimals, complete or absent like every output file.
 pub struct CsvFile {
     writer: csv::Writer<AtomicFile>,
     path: PathBuf,
 }
 
 impl CsvFile {
-    /// Begins the file with the names of its columns.
+    /// Starts the file with the column names.
     ///
     /// # Errors
     /// Returns an error if the folder cannot be written to.
@@ -102,24 +103,24 @@ impl CsvFile {
     /// Adds a row.
     ///
     /// # Errors
-    /// Returns an error if the disk refuses, or the row is longer or shorter than the others.
+    /// Returns an error if the system refuses, or if the row is longer or shorter than the others.
     pub fn write(&mut self, values: impl IntoIterator<Item = f64>) -> Result<()> {
         self.write_fields(values.into_iter().map(number))
     }
 
-    /// Adds a row of texts; [`number`] makes one of a number.
+    /// Adds a row of texts; see [`number`] for formatting numbers.
     ///
     /// # Errors
-    /// Returns an error if the disk refuses, or the row is longer or shorter than the others.
+    /// Returns an error if the system refuses, or if the row is longer or shorter than the others.
     pub fn write_fields(&mut self, fields: impl IntoIterator<Item = String>) -> Result<()> {
         let written = self.writer.write_record(fields);
         self.check(written)
     }
 
-    /// Gives the file its name.
+    /// Moves the file to its name.
     ///
     /// # Errors
-    /// Returns an error if the disk refuses; then no file is left.
+    /// Returns an error if the system refuses; no file is left then.
     pub fn finish(self) -> Result<()> {
         match self.writer.into_inner() {
             Ok(file) => file.finish(),
@@ -128,7 +129,7 @@ impl CsvFile {
     }
 
     fn check(&self, written: csv::Result<()>) -> Result<()> {
-        // Rows are as long as the head, so nothing but the disk refuses one.
+        // Rows are as long as the header, so only the disk can fail here.
         written.map_err(|error| Problem::system("write", &self.path, error.into()))
     }
 }
@@ -136,7 +137,7 @@ impl CsvFile {
 /// Writes a whole file at once.
 ///
 /// # Errors
-/// Returns an error if the disk refuses; then no file is left.
+/// Returns an error if the system refuses; no file is left then.
 pub fn write_file(path: &Path, content: &[u8]) -> Result<()> {
     let mut file = AtomicFile::create(path)?;
     file.write_all(content)

@@ -1,4 +1,4 @@
-//! A posed body as lines between its joints, for pictures of a posture.
+//! A posed body drawn as lines between its joints, for pictures of a posture.
 
 use core::fmt::Write as _;
 
@@ -7,7 +7,7 @@ use bodyflight_core::frame::{self, Inertial, Rotation};
 use bodyflight_core::{Body, Posture, Segment};
 use nalgebra::Vector3;
 
-/// Size of a view (px), its edge, and the height of its title.
+/// Size of a view, its margin, and the height of its title (px).
 const VIEW: f64 = 250.0;
 const EDGE: f64 = 26.0;
 const HEAD: f64 = 44.0;
@@ -23,22 +23,22 @@ pub enum Side {
     Middle,
 }
 
-/// A line of a picture, body axes (m).
+/// A line of the picture, body axes (m).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limb {
-    /// Its segment.
+    /// The segment it draws.
     pub segment: Segment,
-    /// The side it is on.
+    /// The side of the body it is on.
     pub side: Side,
-    /// Its joint.
+    /// The joint of the segment.
     pub from: Vector3<f64>,
-    /// The joint of what hangs on it, or its far end.
+    /// The joint of a child segment, or the far end of the segment.
     pub to: Vector3<f64>,
-    /// Whether nothing hangs on it.
+    /// Whether the segment has no child.
     pub is_end: bool,
 }
 
-/// From each joint to the next, and to the far side of what has none.
+/// Lines from each joint to those of the child segments, or to the far end of a segment without children.
 pub fn limbs(body: &Body<f64>, posture: &Posture<f64>) -> Vec<Limb> {
     let posed = pose(body, posture);
     let mut limbs = Vec::new();
@@ -67,7 +67,7 @@ pub fn limbs(body: &Body<f64>, posture: &Posture<f64>) -> Vec<Limb> {
     limbs
 }
 
-/// A view: what it shows, the ways to the right and up, and words at the edges.
+/// A view: its title, the directions to the right and up, and labels at the edges.
 struct View {
     title: &'static str,
     right: Vector3<f64>,
@@ -75,9 +75,10 @@ struct View {
     edges: [&'static str; 3],
 }
 
-/// The body from the front and from its left, in its own axes, and as it lies in the world, seen from the south.
+/// The body from the front and from its left, in body axes, and as it is oriented in the world, seen from the south and
+/// from above.
 ///
-/// Its left is red, its right is green; L and R are the hands, O is the head.
+/// The left side is red, the right side is green; L and R mark the hands, O the head.
 pub fn svg(
     title: &str,
     body: &Body<f64>,
@@ -146,7 +147,7 @@ impl View {
             let [x, y] = flat(point);
             [
                 centre[0] + scale * (x - (across.0 + across.1) / 2.0),
-                // Down is positive on paper.
+                // The y axis of an SVG points down.
                 centre[1] - scale * (y - (along.0 + along.1) / 2.0),
             ]
         };
@@ -200,7 +201,7 @@ mod tests {
     use crate::formats::subject::Subject;
     use crate::formats::xsens;
 
-    /// Places of the letter in the views.
+    /// Positions of the letter in the views.
     fn places(svg: &str, letter: char) -> Vec<[f64; 2]> {
         let number = |line: &str, key: &str| -> f64 {
             let from = line.split(&format!("{key}=\"")).nth(1).unwrap();
@@ -219,7 +220,8 @@ mod tests {
         assert!(svg.contains("&lt;a>"));
         let (head, left, right) = (places(&svg, 'O'), places(&svg, 'L'), places(&svg, 'R'));
         assert_eq!((head.len(), left.len()), (4, 4));
-        // From the front its left is on the right; facing north and seen from the south it is on the left.
+        // From the front, the left hand is on the right; when the body faces north and is seen from the south, it is on
+        // the left.
         assert!(left[0][0] > head[0][0] && head[0][0] > right[0][0]);
         assert!(left[2][0] < head[2][0] && head[2][0] < right[2][0]);
         assert!(head[0][1] < left[0][1] && head[2][1] < left[2][1]);

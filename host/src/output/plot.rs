@@ -1,4 +1,4 @@
-//! SVG figures: panels over a common time, one below the other.
+//! SVG figures: panels stacked over a common time axis.
 
 mod lines;
 mod parts;
@@ -14,7 +14,7 @@ pub use lines::{
 };
 use parts::{thinned, unwrapped_parts};
 
-/// Values over time, in the order of time.
+/// Values over time, in ascending order of time.
 #[derive(Debug, Clone)]
 pub struct Curve {
     /// How it is drawn.
@@ -23,7 +23,7 @@ pub struct Curve {
     pub points: Vec<(f64, f64)>,
 }
 
-/// Where a value is likely to be: between two bounds over time.
+/// The likely range of a value: lower and upper bounds over time.
 #[derive(Debug, Clone)]
 pub struct Band {
     /// The line of the value itself.
@@ -35,13 +35,13 @@ pub struct Band {
 /// One plot of a figure.
 #[derive(Debug, Clone)]
 pub struct Panel {
-    /// What is shown, with unit and figures.
+    /// What is shown, with its unit and figures.
     pub caption: String,
-    /// Below all curves; they do not widen the axis beyond three times its range.
+    /// Drawn below all curves; they extend the axis to at most three times the range of the curves.
     pub bands: Vec<Band>,
-    /// Later ones lie above.
+    /// Drawn in order, later ones on top.
     pub curves: Vec<Curve>,
-    /// Whether values are angles (degrees) that jump from one end of their range to the other.
+    /// Whether values are angles (degrees) that jump between the ends of their range.
     pub wraps: bool,
 }
 
@@ -58,7 +58,7 @@ pub fn figure_svg(title: &str, panels: &[Panel]) -> Result<String> {
     figure_svg_over("s", title, panels)
 }
 
-/// As [`figure_svg`], over something else than time in seconds: `unit` stands at its ticks.
+/// Like [`figure_svg`], over a quantity other than time in seconds: `unit` is printed at the ticks.
 ///
 /// # Errors
 /// Returns an error if the figure cannot be drawn.
@@ -67,7 +67,7 @@ pub fn figure_svg_over(unit: &str, title: &str, panels: &[Panel]) -> Result<Stri
     laid_out_svg(unit, title, panels, height, (panels.len().max(1), 1))
 }
 
-/// As [`figure_svg`], the panels side by side.
+/// Like [`figure_svg`], with the panels side by side.
 ///
 /// # Errors
 /// Returns an error if the figure cannot be drawn.
@@ -101,7 +101,7 @@ fn laid_out_svg(
     })
 }
 
-/// A drawing of this width and height, made [`FINE`] times as large.
+/// A drawing of this width and height, drawn [`FINE`] times as large.
 ///
 /// # Errors
 /// Returns an error if `draw` does.
@@ -142,7 +142,7 @@ pub fn comparison_svg(title: &str, comparison: &Comparison) -> Result<String> {
     figure_svg(title, &panels)
 }
 
-/// The measured side of a channel, in the unit of figures.
+/// The measured curve of a channel, in the unit used in figures.
 pub fn measured_curve(channel: Channel, series: &[Pair]) -> Curve {
     let factor = channel.drawn().1;
     let points = series
@@ -154,7 +154,7 @@ pub fn measured_curve(channel: Channel, series: &[Pair]) -> Curve {
     }
 }
 
-/// The simulated side of a channel, in the unit of figures.
+/// The simulated curve of a channel, in the unit used in figures.
 pub fn simulated_curve(channel: Channel, series: &[Pair], line: Line) -> Curve {
     let factor = channel.drawn().1;
     let points = series
@@ -166,19 +166,19 @@ pub fn simulated_curve(channel: Channel, series: &[Pair], line: Line) -> Curve {
     }
 }
 
-/// How drawing ends.
+/// The result of drawing.
 pub type DrawResult = core::result::Result<(), Box<dyn std::error::Error>>;
-/// What is drawn on.
+/// The area drawn on.
 pub type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
-/// A line of the legend and its place.
+/// A legend entry and its position.
 struct Entry {
     line: Line,
     left: u32,
     row: u32,
 }
 
-/// Every line of the panels once, in as many rows as they need.
+/// Every line of the panels once, in as many rows as needed.
 fn legend(panels: &[Panel]) -> Vec<Entry> {
     let mut entries: Vec<Entry> = Vec::new();
     let (mut left, mut row) = (60, 0);
@@ -197,7 +197,7 @@ fn legend(panels: &[Panel]) -> Vec<Entry> {
     entries
 }
 
-/// Draws title and legend; what is left below them.
+/// Draws the title and the legend; returns the area below them.
 fn draw<'a>(
     root: &Area<'a>,
     title: &str,
@@ -222,7 +222,7 @@ fn draw<'a>(
     Ok(body)
 }
 
-/// Range of the times and of the values of a panel.
+/// Ranges of time and value of a panel.
 fn ranges(panel: &Panel) -> [(f64, f64); 2] {
     let points = || panel.curves.iter().flat_map(|curve| curve.points.iter());
     let bounds = |values: &mut dyn Iterator<Item = f64>| {
@@ -237,7 +237,7 @@ fn ranges(panel: &Panel) -> [(f64, f64); 2] {
     };
     let times = bounds(&mut points().map(|point| point.0));
     let (low, high) = bounds(&mut points().map(|point| point.1));
-    // A filter that begins knows little: its first bounds must not flatten what it finds.
+    // The first bounds of a filter are wide; they must not flatten the curves.
     let room = high - low;
     let bands = panel.bands.iter().flat_map(|band| band.bounds.iter());
     let (lowest, highest) = bands

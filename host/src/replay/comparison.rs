@@ -1,5 +1,5 @@
-//! Measured and simulated motion side by side, channel by channel: the gap in numbers and a thinned series
-//! for plots. Memory does not grow with the flight.
+//! Measured and simulated motion side by side, channel by channel: RMS differences, and a thinned series for plots.
+//! Memory use does not grow with the length of the flight.
 
 use std::borrow::Cow;
 
@@ -18,11 +18,11 @@ pub enum Channel {
     Pitch,
     /// Heading.
     Heading,
-    /// Rate of turn about the vertical.
+    /// Rate of turn about the vertical axis.
     YawRate,
     /// Angular velocity, all axes.
     AngularVelocity,
-    /// Speed over ground.
+    /// Horizontal speed.
     HorizontalVelocity,
     /// Vertical velocity.
     VerticalVelocity,
@@ -32,7 +32,7 @@ pub enum Channel {
 pub const CHANNELS: usize = 7;
 
 impl Channel {
-    /// All channels, in the order of tables.
+    /// All channels, in the order used in tables.
     pub const ALL: [Self; CHANNELS] = [
         Self::Roll,
         Self::Pitch,
@@ -43,7 +43,7 @@ impl Channel {
         Self::VerticalVelocity,
     ];
 
-    /// Name in files, with the unit.
+    /// Name in files, including the unit.
     pub const fn key(self) -> &'static str {
         match self {
             Self::Roll => "roll_rad",
@@ -56,7 +56,7 @@ impl Channel {
         }
     }
 
-    /// Name for people, and unit.
+    /// Display name and unit.
     pub const fn label(self) -> (&'static str, &'static str) {
         match self {
             Self::Roll => ("roll", "rad"),
@@ -69,7 +69,7 @@ impl Channel {
         }
     }
 
-    /// Unit in figures, and the factor to it: degrees for what turns.
+    /// Unit used in figures and the conversion factor: degrees for angles and rates.
     pub const fn drawn(self) -> (&'static str, f64) {
         const DEGREES: f64 = 180.0 / core::f64::consts::PI;
         match self {
@@ -84,7 +84,7 @@ impl Channel {
         matches!(self, Self::Roll | Self::Pitch | Self::Heading)
     }
 
-    /// Value of an observation; the size where the channel is a vector.
+    /// Value of an observation; the magnitude if the channel is a vector.
     pub fn value(self, seen: &Observation<f64>) -> f64 {
         match self {
             Self::Roll => seen.angles.roll,
@@ -97,7 +97,7 @@ impl Channel {
         }
     }
 
-    /// Size of the difference of two observations; angles by the short way.
+    /// Magnitude of the difference between two observations; angles are compared the short way round.
     pub fn gap(self, a: &Observation<f64>, b: &Observation<f64>) -> f64 {
         match self {
             Self::Roll | Self::Pitch | Self::Heading => {
@@ -109,12 +109,12 @@ impl Channel {
     }
 }
 
-/// One number for each channel.
+/// One number per channel.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct PerChannel(pub [f64; CHANNELS]);
 
 impl PerChannel {
-    /// The number of a channel.
+    /// The number for a channel.
     pub fn get(&self, channel: Channel) -> f64 {
         self.0[channel as usize]
     }
@@ -140,7 +140,7 @@ impl JsonSchema for PerChannel {
         };
         let properties: serde_json::Map<_, _> = Channel::ALL.into_iter().map(number).collect();
         json_schema!({
-            "description": "One number for each channel.",
+            "description": "One number per channel.",
             "type": "object",
             "properties": properties,
             "required": Channel::ALL.map(Channel::key),
@@ -149,7 +149,7 @@ impl JsonSchema for PerChannel {
     }
 }
 
-/// A pair of observations at one time.
+/// A pair of simultaneous observations.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pair {
     /// Time since frame 0 (s).
@@ -160,7 +160,7 @@ pub struct Pair {
     pub simulated: Observation<f64>,
 }
 
-/// Sums over pairs, and every so many of them for plots.
+/// Sums over pairs, and a thinned selection of them for plots.
 #[derive(Debug, Clone, Default)]
 pub struct Comparison {
     squares: PerChannel,
@@ -170,7 +170,7 @@ pub struct Comparison {
     stride: u64,
 }
 
-/// Most pairs kept for plots: more than a page has columns.
+/// Maximum number of pairs kept for plots: more than a page has pixel columns.
 const THINNED_LIMIT: usize = 2048;
 
 impl Comparison {
@@ -199,19 +199,19 @@ impl Comparison {
         self.count += 1;
     }
 
-    /// Pairs added.
+    /// Number of pairs added.
     pub fn count(&self) -> u64 {
         self.count
     }
 
-    /// Root mean square of the gap in each channel; angles in rad, SI units.
+    /// RMS difference in each channel, SI units; angles in rad.
     #[expect(clippy::cast_precision_loss, reason = "counts of frames")]
     pub fn rms(&self) -> PerChannel {
         let count = self.count.max(1) as f64;
         PerChannel(self.squares.0.map(|sum| (sum / count).sqrt()))
     }
 
-    /// Largest size of the measured channel.
+    /// Largest magnitude of the measured channel.
     pub fn amplitude(&self) -> PerChannel {
         self.amplitude
     }

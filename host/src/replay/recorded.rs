@@ -1,7 +1,8 @@
-//! A recorded flight in memory, and the model run over parts of it.
+//! A recorded flight held in memory, and runs of the model over parts of it.
 //!
-//! Validation starts the model at many frames of one flight, and the smoothed start runs it over the first tenth of a
-//! second several times: both need the frames at hand, which a long flight read frame by frame does not give.
+//! Validation starts the model at many frames of one flight, and the smoothed start runs it several times over the
+//! first tenth of a second. Both need random access to frames, which reading a long flight frame by frame does not
+//! offer.
 
 use bodyflight_core::Posture;
 use bodyflight_core::body::mass_properties::{MassMotion, PostureRate};
@@ -13,18 +14,18 @@ use nalgebra::Vector3;
 use crate::diagnostic::Result;
 use crate::formats::recording::FlightFrame;
 
-/// What a run keeps of the model, for comparison with the whole of it.
+/// Which parts of the model a run includes, for comparison with the complete model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Variant {
-    /// The equations as they are, of one form or the other.
+    /// The complete equations, in either form.
     Whole(Equations),
-    /// Exact, but limbs that move carry no momentum of their own.
+    /// Exact, except that moving limbs carry no momentum of their own.
     WithoutLimbMomentum,
-    /// Exact, but the posture of the first frame is kept.
+    /// Exact, except that the posture of the first frame is kept.
     FrozenPosture,
 }
 
-/// Frames of a flight with the model that flies it.
+/// Frames of a flight together with the model that flies it.
 #[derive(Debug, Clone)]
 pub struct Recorded {
     /// Time of each frame (s).
@@ -35,14 +36,14 @@ pub struct Recorded {
     pub measured: Vec<Motion<f64>>,
     /// The model.
     pub dynamics: Dynamics<f64>,
-    /// Conscious inputs, constant.
+    /// Conscious inputs, constant over the flight.
     pub inputs: Inputs<f64>,
-    /// Loads by description, since the first frame.
+    /// Additional applied loads, timed from the first frame.
     pub applied: AppliedLoads<f64>,
 }
 
 impl Recorded {
-    /// From frames.
+    /// Builds a recorded flight from frames.
     ///
     /// # Errors
     /// Returns an error if a frame has no velocity or angular velocity.
@@ -64,7 +65,7 @@ impl Recorded {
         })
     }
 
-    /// The same flight under loads by description.
+    /// The same flight with additional applied loads.
     #[must_use]
     pub fn under(self, applied: &AppliedLoads<f64>) -> Self {
         Self {
@@ -73,7 +74,7 @@ impl Recorded {
         }
     }
 
-    /// Joint rates at a frame: central where there is a frame on both sides.
+    /// Joint rates at a frame: central differences if it has frames on both sides.
     fn rate(&self, frame: usize) -> PostureRate<f64> {
         let before = frame.saturating_sub(1);
         let after = (frame + 1).min(self.times.len() - 1);
@@ -84,7 +85,7 @@ impl Recorded {
         )
     }
 
-    /// Motion at each frame from `first` to `last`, of a run that starts with `start` at `first`.
+    /// Motion at each frame from `first` to `last`, in a run that starts at `first` with the motion `start`.
     pub fn run(
         &self,
         first: usize,
@@ -138,7 +139,7 @@ impl Recorded {
         motions
     }
 
-    /// The posture changes, and with it the inertia, but nothing is carried by the limbs' own motion.
+    /// The posture changes, and the inertia with it, but the motion of the limbs carries no momentum.
     fn run_without_limb_momentum(
         &self,
         first: usize,
@@ -159,7 +160,7 @@ impl Recorded {
         motions
     }
 
-    /// The last frame not later than `time` (s) after the first.
+    /// The last frame no later than `time` (s) after frame `first`.
     pub fn frame_at(&self, first: usize, time: f64) -> usize {
         let end = self.times[first] + time + 1e-6;
         self.times

@@ -1,9 +1,10 @@
-//! The first motion of a free run: from one frame, or from the first tenth of a second.
+//! The initial motion of a free run: from one frame, or fitted to the first tenth of a second.
 //!
-//! A free run forgets nothing: an error of its first rate grows into an attitude error in proportion to time. One
-//! frame's rate carries all of that frame's noise, of the pelvis and of the joints, whose rates enter the angular
-//! momentum. So the motion is fitted by least squares: the one whose run over the recorded postures comes nearest to
-//! the attitudes, angular velocities and velocities recorded in the first tenth of a second.
+//! A free run never corrects itself: an error in its initial angular velocity becomes an attitude error that grows in
+//! proportion to time. The angular velocity at a single frame carries all of that frame's noise, from the pelvis and
+//! from the joints, whose rates enter the angular momentum. So the initial motion is fitted by least squares: its run
+//! over the recorded postures comes as close as possible to the attitudes, angular velocities and velocities recorded
+//! in the first tenth of a second.
 
 use bodyflight_core::dynamics::Motion;
 use bodyflight_core::dynamics::free_run::Equations;
@@ -16,8 +17,7 @@ use crate::formats::flight::Start;
 /// Time over which a start is smoothed (s).
 pub const SMOOTHED_OVER: f64 = 0.1;
 
-/// Deviations that recorded values are taken to have, one by one, besides what they have in common: attitude (rad),
-/// angular velocity (rad/s), velocity (m/s).
+/// Assumed standard deviations of the recorded values, apart from errors that all of them have in common.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Noise {
     /// Of the attitude (rad).
@@ -38,13 +38,13 @@ impl Default for Noise {
     }
 }
 
-/// Numbers of a start: turn, angular velocity, velocity.
+/// Parameters of a start: rotation, angular velocity, velocity.
 const NUMBERS: usize = 9;
 
-/// Steps of Gauss and Newton; three are enough from a measured start.
+/// Gauss-Newton iterations; three are enough from a measured start.
 const STEPS: usize = 6;
 
-/// Differences by which the slopes are taken (rad, rad/s, m/s).
+/// Steps of the finite differences (rad, rad/s, m/s).
 const DIFFERENCE: f64 = 1e-5;
 
 /// A motion perturbed by small changes of attitude, angular velocity and velocity (body axes).
@@ -59,7 +59,7 @@ fn changed(motion: &Motion<f64>, numbers: &[f64]) -> Motion<f64> {
     motion
 }
 
-/// Recorded minus simulated, in deviations.
+/// Recorded minus simulated, in units of the standard deviations.
 fn residuals(
     recorded: &Recorded,
     [first, last]: [usize; 2],
@@ -89,7 +89,7 @@ fn residuals(
     DVector::from_iterator(simulated.len() * NUMBERS, rows)
 }
 
-/// The motion at frame `first` whose run comes nearest to the frames up to `last`.
+/// The motion at frame `first` whose run best fits the frames up to `last`.
 pub fn fitted(
     recorded: &Recorded,
     [first, last]: [usize; 2],
@@ -126,7 +126,7 @@ pub fn fitted(
     start
 }
 
-/// The motion at frame `first` from which a run of these equations starts.
+/// The motion at frame `first` from which a run of this variant starts.
 pub fn first_motion(
     start: Start,
     recorded: &Recorded,

@@ -1,4 +1,5 @@
-//! A recording and the model side by side, step by step: a free run from the first frame, fed by the recorded postures.
+//! A recording and the model side by side, step by step: a free run from the first frame, driven by the recorded
+//! postures.
 
 use std::collections::VecDeque;
 use std::path::Path;
@@ -21,13 +22,13 @@ use crate::formats::flight::{Flight, Start};
 use crate::formats::input::Input;
 use crate::formats::recording::{FlightFrame, Options, Recording};
 
-/// Longest delay of a sensor that is kept (s).
+/// Longest sensor delay supported (s).
 const LONGEST_DELAY: f64 = 1.0;
 
 /// Largest component of a velocity that is plausible (m/s).
 const PLAUSIBLE_SPEED: f64 = 1e4;
 
-/// One frame of a replay: what was recorded, and what the model does beside it.
+/// One frame of a replay: the recording and the model's response.
 #[derive(Debug, Clone, Copy)]
 pub struct Step {
     /// Time since frame 0 (s).
@@ -36,18 +37,18 @@ pub struct Step {
     pub posture: Posture<f64>,
     /// Recorded motion of the pelvis.
     pub measured: Motion<f64>,
-    /// Motion of the model, before its sensors see it.
+    /// Motion of the model, before its sensors.
     pub simulated: Motion<f64>,
     /// Conscious inputs up to this frame.
     pub inputs: Inputs<f64>,
-    /// What is compared: the recorded motion, and the model's as its sensors see it.
+    /// The compared pair: the recorded motion, and the model's motion as seen by its sensors.
     pub pair: Pair,
 }
 
-/// What a replay does if the model leaves every plausible range.
+/// What a replay does if the simulation diverges.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Divergence {
-    /// Ends with an error.
+    /// Stops with an error.
     #[default]
     Refused,
     /// Continues, comparing with the last plausible motion.
@@ -56,12 +57,12 @@ pub enum Divergence {
 
 /// The steps of a flight, from the second frame on.
 ///
-/// `T` is the precision of the model, `F` where the frames come from.
+/// `T` is the precision of the model, `F` the source of the frames.
 pub struct Replay<'a, T: Real, F> {
     flight: &'a Flight,
     frames: F,
     divergence: Divergence,
-    /// Frames that the start was smoothed over, not yet replayed.
+    /// Frames already read to smooth the start, not yet replayed.
     read: VecDeque<FlightFrame>,
     ahead: Option<FlightFrame>,
     start: Step,
@@ -77,8 +78,8 @@ impl<'a, T: Real> Replay<'a, T, Recording<Input>> {
     /// Opens the recording of a flight.
     ///
     /// # Errors
-    /// Returns an error if a file is not usable, fewer than two frames are there, or the first has no velocity or
-    /// angular velocity.
+    /// Returns an error if a file cannot be used, if there are fewer than two frames, or if the first frame has no
+    /// velocity or angular velocity.
     pub fn open(flight: &'a Flight, options: Options) -> Result<Self> {
         Self::new(flight, flight.open(options)?)
     }
@@ -88,13 +89,13 @@ impl<'a, T: Real, F: Iterator<Item = Result<FlightFrame>>> Replay<'a, T, F> {
     /// Replays frames of a flight.
     ///
     /// # Errors
-    /// Returns an error if there are fewer than two frames, or the first has no velocity or angular velocity.
+    /// Returns an error if there are fewer than two frames, or if the first frame has no velocity or angular velocity.
     pub fn new(flight: &'a Flight, frames: F) -> Result<Self> {
         Self::with_dynamics(flight, frames, |height| flight.dynamics(height))
     }
 
-    /// The same with other dynamics than the flight's, before its effects; they are asked for by the height of the
-    /// first frame (m, inertial).
+    /// Like [`Replay::new`], with other dynamics than the flight's, before effects are applied; `dynamics` is called
+    /// with the height of the first frame (m, inertial).
     ///
     /// # Errors
     /// Same as [`Replay::new`].
@@ -168,28 +169,28 @@ impl<'a, T: Real, F: Iterator<Item = Result<FlightFrame>>> Replay<'a, T, F> {
         })
     }
 
-    /// What happens if the model leaves every plausible range.
+    /// Sets what happens if the simulation diverges.
     #[must_use]
     pub fn on_divergence(self, divergence: Divergence) -> Self {
         Self { divergence, ..self }
     }
 
-    /// The first frame, and the motion that the model starts with.
+    /// The first frame, with the initial motion of the model.
     pub const fn start(&self) -> &Step {
         &self.start
     }
 
-    /// The model with its effects.
+    /// The model including its effects.
     pub const fn model(&self) -> &Model<f64> {
         &self.model
     }
 
-    /// Where the frames come from.
+    /// The source of the frames.
     pub const fn frames(&self) -> &F {
         &self.frames
     }
 
-    /// Advances to `frame`; the one after it, where there is one, gives the joint rates at `frame`.
+    /// Advances to `frame`; if a frame follows, it is used for the joint rates at `frame`.
     fn advance(&mut self, frame: &FlightFrame) -> Result<Step> {
         let (before, duration) = (self.last.time, frame.time - self.last.time);
         let inputs = self.flight.inputs_at(before + 0.5 * duration);
@@ -205,7 +206,7 @@ impl<'a, T: Real, F: Iterator<Item = Result<FlightFrame>>> Replay<'a, T, F> {
             &frame.posture.cast(),
             T::of(duration),
         );
-        // Central where there is a frame on both sides.
+        // Central difference if there are frames on both sides.
         let last = self.ahead.as_ref().unwrap_or(frame);
         let rate = rate(&self.last.posture, &last.posture, last.time - before);
         let simulated = self.run.motion(&self.dynamics, &rate).cast::<f64>();
@@ -225,7 +226,7 @@ impl<'a, T: Real, F: Iterator<Item = Result<FlightFrame>>> Replay<'a, T, F> {
         })
     }
 
-    /// What the model's sensors see of its motion.
+    /// The motion as seen by the model's sensors.
     fn seen(&mut self, motion: &Motion<f64>, time: f64) -> Result<Observation<f64>> {
         self.history.push_within(time, motion, LONGEST_DELAY);
         let past = |delay: f64| {
@@ -239,7 +240,7 @@ impl<'a, T: Real, F: Iterator<Item = Result<FlightFrame>>> Replay<'a, T, F> {
             _ if motion.velocity.to_array().iter().all(is_plausible) => Ok(seen),
             Divergence::Held => Ok(self.last.pair.simulated),
             Divergence::Refused => Err(Problem::bad_input(format!(
-                "the simulated motion left every plausible range at {time:.3} s"
+                "the simulation diverges at {time:.3} s"
             ))
             .help("check the damping coefficients and the segment table of the subject")),
         }
@@ -267,7 +268,7 @@ impl<T: Real, F: Iterator<Item = Result<FlightFrame>>> Iterator for Replay<'_, T
     }
 }
 
-/// The problem of a recording with fewer than two frames.
+/// The error for a recording with fewer than two frames.
 pub fn too_short(recording: &Path) -> Problem {
     Problem::bad_input("expected at least two frames of type \"normal\"").in_file(recording)
 }

@@ -1,4 +1,4 @@
-//! A file that is used like flash, for the log of a unit on this machine: erased in sectors, written in words.
+//! A file used like flash memory, for the log of a unit on this machine: erased by sector, written by word.
 
 use std::fs::{File, OpenOptions};
 use std::os::unix::fs::FileExt;
@@ -12,17 +12,17 @@ use sequential_storage::queue::{QueueConfig, QueueStorage};
 
 use crate::diagnostic::{Problem, Result};
 
-/// Bytes that are erased at once.
+/// Bytes per erasable sector.
 const SECTOR: u32 = 4096;
 
-/// Sectors: what a Raspberry Pi Pico 2 has beside an image.
+/// Number of sectors: what a Raspberry Pi Pico 2 has left beside an image.
 const SECTORS: u32 = 768;
 
-/// The file.
+/// The backing file.
 #[derive(Debug)]
 pub(super) struct FileFlash(File);
 
-/// The file system refused.
+/// The file system refused an operation.
 #[derive(Debug)]
 pub(super) struct Refused;
 
@@ -33,10 +33,10 @@ impl NorFlashError for Refused {
 }
 
 impl FileFlash {
-    /// Opens a file, or makes one that is erased.
+    /// Opens a file, or creates an erased one.
     ///
     /// # Errors
-    /// Returns an error if the file cannot be opened or made, or has another size.
+    /// Returns an error if the file cannot be opened or created, or has a different size.
     pub(super) fn open(path: &Path) -> Result<Self> {
         let system = |error| Problem::system("open", path, error);
         let size = u64::from(SECTOR * SECTORS);
@@ -49,7 +49,7 @@ impl FileFlash {
             found => {
                 let message = format!("expected the log of a unit, {size} bytes, found {found}");
                 return Err(Problem::bad_input(message).in_file(path).help(
-                    "name a file that is not there yet, or one that was made by this option",
+                    "name a file that does not exist yet, or one that was created by this option",
                 ));
             }
         }
@@ -57,7 +57,7 @@ impl FileFlash {
         Ok(Self(file))
     }
 
-    /// All of it as a queue of blocks.
+    /// The whole file as a queue of blocks.
     pub(super) fn queue(self) -> QueueStorage<Self, impl CacheImpl<()>> {
         let config = const { QueueConfig::new(0..SECTOR * SECTORS) };
         QueueStorage::new(self, config, Cache::new_uncached())

@@ -1,7 +1,8 @@
-//! Images for boards: whether a file is a whole one, whether its maker signed it, and the way onto a board's drive.
+//! Firmware images for boards: whether a file is complete, whether its signature is valid, and how it is copied onto a
+//! board's drive.
 //!
-//! Signatures are those of minisign (Ed25519), in a file beside the image. A board's own boot program checks none, so they are
-//! checked here, before anything is written.
+//! Signatures are in minisign's format (Ed25519), in a file beside the image. The boot programs of the boards do not
+//! verify signatures, so they are checked here, before anything is written.
 
 use std::fs::File;
 use std::io::Write;
@@ -14,26 +15,26 @@ use serde::Serialize;
 use crate::diagnostic::{Problem, Result};
 use crate::formats::input;
 
-/// What a boot program shows on its drive.
+/// The file that a boot program shows on its drive.
 const DRIVE_FILE: &str = "INFO_UF2.TXT";
 
-/// A board that takes images.
+/// A board that accepts images.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, JsonSchema, Serialize)]
 pub enum Board {
-    /// Takes UF2 files on its drive.
+    /// Accepts UF2 files on its USB drive.
     #[serde(rename = "rp2350-pico2")]
     Pico2,
-    /// Takes flat images by DFU.
+    /// Accepts flat images over DFU.
     #[serde(rename = "stm32f405")]
     Stm32f405,
 }
 
-/// A whole image.
+/// A complete image.
 #[derive(Debug)]
 pub struct Image {
     path: PathBuf,
     bytes: Vec<u8>,
-    /// What it is for.
+    /// The board it is built for.
     pub board: Board,
 }
 
@@ -41,7 +42,7 @@ impl Image {
     /// Reads an image.
     ///
     /// # Errors
-    /// Returns an error if the file cannot be read, or is not all of an image for one of the boards.
+    /// Returns an error if the file cannot be read, or is not a complete image for one of the boards.
     pub fn read(path: &Path) -> Result<Self> {
         let bytes = input::image(path)?;
         let board = if uf2::is_begun(&bytes) {
@@ -49,12 +50,12 @@ impl Image {
         } else if flat::is_image(&bytes) {
             Ok(Board::Stm32f405)
         } else {
-            Err("it is neither a UF2 file nor a flat image for the STM32F405".to_owned())
+            Err("neither a UF2 file nor a flat image for the STM32F405".to_owned())
         };
         let board = board.map_err(|what| {
-            Problem::bad_input(format!("this is not all of an image: {what}"))
+            Problem::bad_input(format!("this is not a complete image: {what}"))
                 .in_file(path)
-                .help("`cargo xtask unit` makes unit.uf2 and unit.bin")
+                .help("`cargo xtask unit` builds unit.uf2 and unit.bin")
         })?;
         Ok(Self {
             path: path.to_owned(),
@@ -63,44 +64,47 @@ impl Image {
         })
     }
 
-    /// Bytes of the file.
+    /// Size of the file (bytes).
     pub fn length(&self) -> usize {
         self.bytes.len()
     }
 
-    /// Checks the signature beside the image (`IMAGE.minisig`) by the key in the file `key`; what the signer says of the image,
-    /// which is signed too.
+    /// Checks the signature beside the image (`IMAGE.minisig`) against the public key in the file `key`; returns the
+    /// signer's comment on the image, which is signed too.
     ///
     /// # Errors
-    /// Returns an error if one of the files cannot be read, or the signature is not that of this image by this key.
+    /// Returns an error if one of the files cannot be read, or if the signature does not match this image and key.
     pub fn signed_by(&self, key: &Path) -> Result<String> {
         let public = PublicKey::decode(&input::text(key)?).map_err(|error| {
-            Problem::bad_input(format!("this is no public key of minisign: {error}")).in_file(key)
+            Problem::bad_input(format!("this is not a minisign public key: {error}")).in_file(key)
         })?;
         let mut place = self.path.clone().into_os_string();
         place.push(".minisig");
         let place = PathBuf::from(place);
         let signature = Signature::decode(&input::text(&place)?).map_err(|error| {
-            Problem::bad_input(format!("this is no signature of minisign: {error}")).in_file(&place)
+            Problem::bad_input(format!("this is not a minisign signature: {error}")).in_file(&place)
         })?;
         public
             .verify(&self.bytes, &signature, false)
             .map_err(|error| {
-                Problem::disagreement(format!("the image is not what was signed by this key: {error}"))
-                    .in_file(&self.path)
-                    .help("take the image, its signature and the key again from where they come from; do not flash it")
+                Problem::disagreement(format!(
+                    "the image does not match its signature by this key: {error}"
+                ))
+                .in_file(&self.path)
+                .help("do not flash it; download the image, its signature and the key again")
             })?;
         Ok(signature.trusted_comment().to_owned())
     }
 
-    /// Copies the image onto the drive that a board's boot program shows.
+    /// Copies the image onto the drive shown by a board's boot program.
     ///
     /// # Errors
-    /// Returns an error if it is no image for such a board, the folder is no such drive, or the copy breaks off.
+    /// Returns an error if the image is for another kind of board, if the folder is not such a drive, or if the copy is
+    /// interrupted.
     pub fn copy_to(&self, drive: &Path) -> Result<()> {
         if self.board != Board::Pico2 {
             return Err(
-                Problem::bad_input("only UF2 files are copied onto a drive").in_file(&self.path)
+                Problem::bad_input("only UF2 files can be copied onto a drive").in_file(&self.path),
             );
         }
         let info = drive.join(DRIVE_FILE);
@@ -115,11 +119,11 @@ impl Image {
         let copied = File::create(&place)
             .and_then(|mut file| file.write_all(&self.bytes).and_then(|()| file.sync_all()));
         match copied {
-            // The board starts with its last block, and the drive is gone.
+            // The board restarts on the last block, and its drive disappears.
             Err(_) if !info.exists() => Ok(()),
             copied => copied.map_err(|error| {
                 Problem::system("write", &place, error)
-                    .help("the boot program is in ROM and still there: copy the image once more")
+                    .help("the boot program is in ROM and still works: copy the image again")
             }),
         }
     }
@@ -131,7 +135,7 @@ mod uf2 {
     const FIRST: u32 = 0x0a32_4655;
     const SECOND: u32 = 0x9e5d_5157;
     const LAST: u32 = 0x0ab1_6f30;
-    /// Secure ARM images for the RP2350.
+    /// Family of secure Arm images for the RP2350.
     const FAMILY: u32 = 0xe48b_ff59;
     const FLASH: std::ops::Range<u32> = 0x1000_0000..0x1040_0000;
 
@@ -144,11 +148,11 @@ mod uf2 {
         word(bytes, 0) == FIRST
     }
 
-    /// Every block is there, in its order, for this chip and its flash.
+    /// Checks that every block is present, in order, and addressed to this chip's flash.
     pub(super) fn check(bytes: &[u8]) -> Result<(), String> {
         let count = bytes.len() / BLOCK;
         if !bytes.len().is_multiple_of(BLOCK) {
-            return Err(format!("it breaks off in block {count}"));
+            return Err(format!("it ends within block {count}"));
         }
         for (number, block) in bytes.chunks_exact(BLOCK).enumerate() {
             if [word(block, 0), word(block, 1), word(block, 127)] != [FIRST, SECOND, LAST] {
@@ -157,7 +161,7 @@ mod uf2 {
             if word(block, 5) as usize != number || word(block, 6) as usize != count {
                 let wanted = word(block, 6);
                 return Err(format!(
-                    "block {number} of {count} says {} of {wanted}",
+                    "block {number} of {count} is numbered {} of {wanted}",
                     word(block, 5)
                 ));
             }
@@ -169,7 +173,7 @@ mod uf2 {
             }
             if !FLASH.contains(&word(block, 3)) {
                 return Err(format!(
-                    "block {number} goes to {:#010x}, outside of flash",
+                    "block {number} is addressed to {:#010x}, outside flash",
                     word(block, 3)
                 ));
             }
@@ -178,15 +182,15 @@ mod uf2 {
     }
 }
 
-/// What lies in the flash of an STM32F405, from its first byte.
+/// The contents of an STM32F405's flash, from its first byte.
 mod flat {
     const FLASH: u32 = 0x0800_0000;
     const FLASH_BYTES: usize = 1 << 20;
-    /// Memory beside the core, and the other.
+    /// Core-coupled memory and main SRAM.
     const STACKS: [std::ops::RangeInclusive<u32>; 2] =
         [0x1000_0000..=0x1001_0000, 0x2000_0000..=0x2002_0000];
 
-    /// Whether it begins with a stack and a first instruction that this chip has.
+    /// Whether it starts with an initial stack pointer and a reset vector that are valid on this chip.
     pub(super) fn is_image(bytes: &[u8]) -> bool {
         let word = |place| {
             let rest = bytes.get(place..).and_then(|rest| rest.first_chunk());
@@ -210,7 +214,7 @@ mod flat {
 mod tests {
     use super::*;
 
-    /// A file of so many blocks.
+    /// A file of `count` blocks.
     fn file(count: u32) -> Vec<u8> {
         let mut bytes = Vec::new();
         for number in 0..count {
@@ -231,7 +235,7 @@ mod tests {
         bytes
     }
 
-    /// A key that was made for this test, and its signature of `file(2)`.
+    /// A key made for this test, and its signature of `file(2)`.
     const KEY: &str = "untrusted comment: minisign public key F51737B376A8EB77\n\
         RWR366h2szcX9TBRd2IHh6iDoEMqAn6ROTeUq2KtfzQbCn86Zh8aIzu1\n";
     const SIGNATURE: &str = "untrusted comment: a signature for a test\n\
@@ -270,11 +274,11 @@ mod tests {
         let mut elsewhere = whole.clone();
         elsewhere[15] = 0x20;
         for (bytes, said) in [
-            (&whole[..700], "breaks off in block 1"),
-            (&whole[..1024], "block 0 of 2 says 0 of 3"),
+            (&whole[..700], "ends within block 1"),
+            (&whole[..1024], "block 0 of 2 is numbered 0 of 3"),
             (&turned[..], "block 1 is damaged"),
             (&other[..], "another chip"),
-            (&elsewhere[..], "outside of flash"),
+            (&elsewhere[..], "outside flash"),
             (&b"hello"[..], "neither"),
             (&vec![0; (16 << 20) + 1][..], "at most 16 MiB"),
         ] {
@@ -303,7 +307,7 @@ mod tests {
     }
 
     #[test]
-    fn a_signature_is_of_one_image_by_one_key() {
+    fn a_signature_is_valid_for_one_image_and_one_key() {
         let shelf = Shelf::new();
         let key = shelf.put("minisign.pub", KEY);
         let path = shelf.put("unit.uf2", file(2));
@@ -314,16 +318,16 @@ mod tests {
         shelf.put("unit.uf2.minisig", SIGNATURE);
         let comment = Image::read(&path).unwrap().signed_by(&key);
         assert_eq!(comment.unwrap(), "rp2350-pico2 a26fce5b");
-        // Another image, whole too.
+        // Another image, also complete.
         let mut changed = file(2);
         changed[100] ^= 1;
         shelf.put("unit.uf2", changed);
         let problem = Image::read(&path).unwrap().signed_by(&key).unwrap_err();
         assert!(
-            problem.to_string().contains("not what was signed"),
+            problem.to_string().contains("does not match its signature"),
             "{problem}"
         );
-        // What the signer says is signed.
+        // The signer's comment is signed too.
         shelf.put("unit.uf2", file(2));
         shelf.put(
             "unit.uf2.minisig",

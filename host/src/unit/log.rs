@@ -1,4 +1,4 @@
-//! The log that a unit has kept on board, read back over its line.
+//! The log kept on board by a unit, read back over its serial line.
 
 mod flight;
 mod tables;
@@ -14,13 +14,13 @@ use super::stream::connection::{Connection, Target};
 use super::stream::line::{ANSWER_TIMEOUT, Line};
 use crate::diagnostic::{Problem, Result};
 
-/// How often a question is asked before the unit is taken for silent.
+/// How often a request is sent before the unit is considered silent.
 const ATTEMPTS: u32 = 15;
 
-/// Reads every block, the oldest first; `progress` hears how many there are so far.
+/// Reads every block, oldest first; `progress` is called with the number of blocks so far.
 ///
 /// # Errors
-/// Returns an error if the port cannot be opened, the unit does not answer, or was built with other messages.
+/// Returns an error if the port cannot be opened, or if the unit does not answer or was built with different messages.
 pub fn read(target: &Target, mut progress: impl FnMut(usize)) -> Result<Vec<Vec<u8>>> {
     let mut line = greeted(target)?;
     let mut blocks = Vec::new();
@@ -39,7 +39,7 @@ pub fn read(target: &Target, mut progress: impl FnMut(usize)) -> Result<Vec<Vec<
 /// Erases the log.
 ///
 /// # Errors
-/// Those of [`read`].
+/// Same as [`read`].
 pub fn erase(target: &Target) -> Result<()> {
     let mut line = greeted(target)?;
     ask(&mut line, LogAction::Erase, 0).map(|_| ())
@@ -61,7 +61,7 @@ fn greeted(target: &Target) -> Result<Line> {
                     return Ok(line);
                 }
                 return Err(Problem::disagreement(format!(
-                    "the unit was built with other messages: its hash is {:#018x}, ours {SCHEMA_HASH:#018x}",
+                    "the unit was built with different messages: its hash is {:#018x}, ours {SCHEMA_HASH:#018x}",
                     unit.schema_hash
                 ))
                 .help("flash the unit and build the host from the same source"));
@@ -71,7 +71,7 @@ fn greeted(target: &Target) -> Result<Line> {
     Err(silent())
 }
 
-/// The bytes of a block; none where the log has none of this number.
+/// The bytes of a block; empty if the log has no block with this number.
 fn ask(line: &mut Line, action: LogAction, block: u32) -> Result<Vec<u8>> {
     let mut pieces = Pieces::new(block);
     for _ in 0..ATTEMPTS {
@@ -91,10 +91,10 @@ fn ask(line: &mut Line, action: LogAction, block: u32) -> Result<Vec<u8>> {
 
 fn silent() -> Problem {
     Problem::refused("the unit does not answer")
-        .help("is it the right port and rate, and does the unit run?")
+        .help("check the port and the baud rate, and that the unit is running")
 }
 
-/// Pieces of a block as they come.
+/// The pieces of a block received so far.
 #[derive(Debug)]
 pub struct Pieces {
     block: u32,
@@ -102,7 +102,7 @@ pub struct Pieces {
 }
 
 impl Pieces {
-    /// None yet of the block of this number.
+    /// Starts with no pieces of block number `block`.
     pub fn new(block: u32) -> Self {
         Self {
             block,
@@ -110,7 +110,7 @@ impl Pieces {
         }
     }
 
-    /// The block, where this piece was its last.
+    /// Adds a piece; returns the block once it is complete.
     pub fn take(&mut self, piece: &LogPiece) -> Option<Vec<u8>> {
         if piece.block != self.block {
             return None;

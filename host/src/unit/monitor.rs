@@ -1,7 +1,7 @@
-//! What comes out of a serial line, made readable: defmt logs of the unit and Xbus packets of a sensor.
+//! Makes the output of a serial line readable: defmt logs of the unit and Xbus packets of a sensor.
 //!
-//! [`Defmt`] and [`Xbus`] take bytes in pieces of any size from anywhere; [`Input`] brings them from a serial
-//! port, a file or standard input without ever blocking for long.
+//! [`Defmt`] and [`Xbus`] accept bytes from any source, in pieces of any size; [`Input`] reads them from a serial port,
+//! a file or standard input without blocking for long.
 
 mod defmt;
 mod input;

@@ -11,28 +11,28 @@ use serialport::{ErrorKind, SerialPort, SerialPortInfo, SerialPortType};
 
 use crate::diagnostic::{Problem, Result};
 
-/// Longest wait of a read from an open port.
+/// Longest time that a read from an open port waits.
 pub const READ_TIMEOUT: Duration = Duration::from_millis(100);
-/// Where Linux lists its terminals; without it there are no ports, as in some containers.
+/// Where Linux lists its terminals; if it is missing there are no ports, as in some containers.
 #[cfg(target_os = "linux")]
 const TERMINALS: &str = "/sys/class/tty";
 
 /// A serial port.
 #[derive(Debug, Clone, PartialEq, Eq, JsonSchema, Serialize)]
 pub struct Port {
-    /// Name to open it by.
+    /// Name to open it with.
     pub name: String,
     /// `usb`, `pci`, `bluetooth` or `unknown`.
     pub kind: &'static str,
-    /// USB vendor, four hexadecimal digits.
+    /// USB vendor ID, four hexadecimal digits.
     pub vendor_id: Option<String>,
-    /// USB product, four hexadecimal digits.
+    /// USB product ID, four hexadecimal digits.
     pub product_id: Option<String>,
     /// Serial number of the device.
     pub serial_number: Option<String>,
-    /// Who made the device.
+    /// Manufacturer of the device.
     pub manufacturer: Option<String>,
-    /// What the device calls itself.
+    /// Product name reported by the device.
     pub product: Option<String>,
 }
 
@@ -57,12 +57,12 @@ impl From<SerialPortInfo> for Port {
     }
 }
 
-/// All serial ports, by name.
+/// All serial ports, sorted by name.
 ///
 /// # Errors
-/// Returns an error if the system does not tell.
+/// Returns an error if the system cannot list them.
 pub fn list() -> Result<Vec<Port>> {
-    // The crate takes the folder for granted.
+    // The crate assumes that the folder exists.
     #[cfg(target_os = "linux")]
     if !Path::new(TERMINALS).is_dir() {
         return Ok(Vec::new());
@@ -74,10 +74,10 @@ pub fn list() -> Result<Vec<Port>> {
     Ok(ports)
 }
 
-/// Opens a port: 8 data bits, no parity, 1 stop bit, reads of at most [`READ_TIMEOUT`].
+/// Opens a port with 8 data bits, no parity and 1 stop bit; reads wait for at most [`READ_TIMEOUT`].
 ///
 /// # Errors
-/// Returns an error if it does not exist, is in use, or may not be opened.
+/// Returns an error if the port does not exist, is in use, or access is denied.
 pub fn open(name: &str, baud: u32) -> Result<Box<dyn SerialPort>> {
     serialport::new(name, baud)
         .timeout(READ_TIMEOUT)
@@ -88,7 +88,7 @@ pub fn open(name: &str, baud: u32) -> Result<Box<dyn SerialPort>> {
 fn refused(name: &str, baud: u32, error: serialport::Error) -> Problem {
     let help = match error.kind() {
         ErrorKind::NoDevice | ErrorKind::Io(io::ErrorKind::NotFound) => {
-            let mut help = "bodyflight ports lists the serial ports".to_owned();
+            let mut help = "run `bodyflight ports` to list the serial ports".to_owned();
             let names: Vec<String> = list()
                 .unwrap_or_default()
                 .into_iter()
@@ -101,10 +101,10 @@ fn refused(name: &str, baud: u32, error: serialport::Error) -> Problem {
             help
         }
         ErrorKind::Io(io::ErrorKind::PermissionDenied) => {
-            "your user may not use it: on Linux join its group (often dialout) and log in again"
+            "your user has no access to it: on Linux join its group (often dialout) and log in again"
                 .into()
         }
-        ErrorKind::InvalidInput => format!("the port may not know {baud} baud: try another --baud"),
+        ErrorKind::InvalidInput => format!("the port may not support {baud} baud: try another --baud"),
         _ => "it may be in use by another program".into(),
     };
     Problem::refused("cannot open the serial port")
@@ -143,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn a_port_that_is_not_there_is_named() {
+    fn a_missing_port_is_named() {
         let Err(problem) = open("/dev/no-such-port", 115_200) else {
             panic!("opened")
         };

@@ -1,4 +1,5 @@
-//! `bodyflight stream`: a recording to a unit, its estimates back, and the same filter here beside it.
+//! `bodyflight stream`: sends a recording to a unit, receives its estimates, and runs the same filter here for
+//! comparison.
 
 pub mod connection;
 mod latencies;
@@ -33,10 +34,11 @@ const SAMPLES_A_LOOK: u32 = 8;
 
 /// Streams `frames` of a flight, recorded at `frame_rate` (Hz), to a unit.
 ///
-/// `look` is told the progress, some thirty times a second at 240 Hz; `logs` gets the unit's defmt frames where there are any.
+/// `look` is called with the progress, about thirty times a second at 240 Hz; `logs` gets the unit's defmt frames, if
+/// there are any.
 ///
 /// # Errors
-/// Returns an error if the unit cannot be reached, refuses, or stops answering. What it answers is judged by the report.
+/// Returns an error if the unit cannot be reached, refuses, or stops answering. Its answers are judged by the report.
 pub fn stream(
     flight: &Flight,
     frame_rate: f64,
@@ -51,12 +53,12 @@ pub fn stream(
         Some(Err(problem)) => return Err(problem.clone()),
         None => {
             return Err(
-                Problem::bad_input("there is no frame to stream").in_file(&flight.recording)
+                Problem::bad_input("there are no frames to stream").in_file(&flight.recording)
             );
         }
     };
     let mode = match (settings.pace, &settings.target) {
-        // A machine that is emulated may be slower than the flight; then it waits for it.
+        // An emulated machine may be slower than the flight; the host waits for it then.
         (Pace::Max, _) | (Pace::Times(_), Target::Qemu(_)) => StreamMode::Credit,
         (Pace::Source | Pace::Times(_), _) => StreamMode::Paced,
     };
@@ -98,10 +100,11 @@ pub fn stream(
     Ok(Report::of(&session, settings, last_time - first.time, wall))
 }
 
-/// What the unit is told of flight and filter.
+/// The configuration of the unit for this flight and filter.
 ///
 /// # Errors
-/// Returns an error if an effect of the model changes the density over the height, or the preset is none of the unit's.
+/// Returns an error if an effect of the model makes the density depend on the height, if the subject asks for
+/// aerodynamics that the unit does not have, or if the unit does not have the preset.
 pub fn configuration(
     flight: &Flight,
     first: &FlightFrame,
@@ -113,15 +116,15 @@ pub fn configuration(
     let dynamics = flight.effects.for_filter(plain, height)?;
     if dynamics.air.density != plain.air.density {
         return Err(Problem::bad_input(
-            "an effect of the model changes the density over the height; the unit is told one density",
+            "an effect of the model makes the density depend on the height; the unit takes a single density",
         )
-        .help("take it out of the model.toml; estimate --model runs the filter here with it"));
+        .help("remove it from the model.toml, or run the filter here with it: estimate --model"));
     }
     if plain.aerodynamics.model != LoadModel::Paper {
         return Err(Problem::bad_input(
-            "the subject asks for free-fly aerodynamics; the unit flies the paper's",
+            "the subject asks for free-fly aerodynamics; the unit only has the paper's",
         )
-        .help("take aerodynamics = \"free-fly\" out of the subject.toml, or run estimate here"));
+        .help("remove aerodynamics = \"free-fly\" from the subject.toml, or run estimate here"));
     }
     let (body, aerodynamics) = (
         dynamics.body.cast::<f32>(),
@@ -155,7 +158,7 @@ pub fn configuration(
     Ok((configure, table))
 }
 
-/// A frame as it goes over the link.
+/// A frame as a sample of the link.
 pub fn sample_of(frame: &FlightFrame) -> Sample {
     let pelvis = &frame.pelvis;
     let body_from_inertial = pelvis.inertial_from_body.inverse();
@@ -182,7 +185,7 @@ fn microseconds(seconds: f64) -> u64 {
     (seconds * 1e6).round() as u64
 }
 
-/// A session number unlikely to repeat the previous one.
+/// A session number that is unlikely to repeat the previous one.
 fn session_number() -> u16 {
     let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
     let nanoseconds = now.map_or(0, |now| now.subsec_nanos());

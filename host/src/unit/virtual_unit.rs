@@ -1,4 +1,4 @@
-//! The unit as a process on this machine: the application of the boards behind a pseudo-terminal.
+//! The unit as a process on this machine: the boards' application behind a pseudo-terminal.
 
 use std::cell::RefCell;
 use std::io::{ErrorKind, Read as _, Write as _};
@@ -16,14 +16,14 @@ use serialport::{SerialPort, TTYPort};
 use super::file_flash::FileFlash;
 use crate::diagnostic::{Problem, Result};
 
-/// Blocks that wait for the file, and for the exit to be told.
+/// Capacity, in blocks, of the buffer between the unit and its file.
 const BLOCKS: usize = 64;
 
-/// A unit that runs in threads of this process, until the process ends.
+/// A unit that runs in threads of this process until the process ends.
 #[derive(Debug)]
 pub struct VirtualUnit {
     path: PathBuf,
-    /// Held open, so that hosts may come and go.
+    /// Kept open so that hosts may connect and disconnect.
     _port: TTYPort,
 }
 
@@ -31,15 +31,15 @@ impl VirtualUnit {
     /// Starts a unit.
     ///
     /// # Errors
-    /// Returns an error if the system has no pseudo-terminal to give.
+    /// Returns an error if the system cannot provide a pseudo-terminal.
     pub fn start() -> Result<Self> {
         Self::start_with(None)
     }
 
-    /// Starts a unit that keeps its log in a file, as one with flash does.
+    /// Starts a unit that keeps its log in a file, as a board does in flash.
     ///
     /// # Errors
-    /// Returns an error if the system has no pseudo-terminal to give, or the file is of no use.
+    /// Returns an error if the system cannot provide a pseudo-terminal, or the file cannot be used.
     pub fn start_with_log(path: &Path) -> Result<Self> {
         Self::start_with(Some(FileFlash::open(path)?))
     }
@@ -54,20 +54,20 @@ impl VirtualUnit {
         let writer = ours
             .try_clone_native()
             .map_err(|error| refused("share a pseudo-terminal").caused_by(error))?;
-        // The threads end with the process; a unit never ends by itself.
+        // The threads run until the process exits; a unit never stops on its own.
         let received: &'static Received = Box::leak(Box::new(Pipe::new()));
         std::thread::spawn(move || receive(ours, received));
         std::thread::spawn(move || serve(received, writer, flash));
         Ok(Self { path, _port: port })
     }
 
-    /// Path at which hosts find it, like any serial port.
+    /// Path at which hosts open it, like any serial port.
     pub fn path(&self) -> &Path {
         &self.path
     }
 }
 
-/// The unit's own thread, for ever.
+/// Runs the unit on its own thread, forever.
 fn serve(received: &'static Received, writer: TTYPort, flash: Option<FileFlash>) {
     let recorder = Recorder::new(vec![Block::EMPTY; BLOCKS].leak());
     let board = ThisMachine {
@@ -106,13 +106,13 @@ struct ThisMachine<'a> {
 }
 
 impl Board for ThisMachine<'_> {
-    /// Nanoseconds stand in for cycles.
-    #[expect(clippy::cast_possible_truncation, reason = "wraps")]
+    /// Nanoseconds serve as cycles.
+    #[expect(clippy::cast_possible_truncation, reason = "the counter wraps")]
     fn cycles(&self) -> u32 {
         self.begin.elapsed().as_nanos() as u32
     }
 
-    /// Unknown here.
+    /// Unknown on this machine.
     fn stack_free(&self) -> u32 {
         0
     }
@@ -132,7 +132,7 @@ impl Board for ThisMachine<'_> {
 
 type Received = Pipe<CriticalSectionRawMutex, RECEIVER_BYTES>;
 
-/// Moves bytes from the terminal to the unit. A full pipe stops the terminal and so the host: nothing is lost.
+/// Moves bytes from the terminal to the unit. A full pipe blocks the terminal and thus the host: nothing is lost.
 fn receive(mut port: TTYPort, received: &Received) {
     let mut bytes = [0; 512];
     let _ = port.set_timeout(Duration::from_secs(3600));
@@ -164,7 +164,7 @@ impl ErrorType for ToHost {
 }
 
 impl Write for ToHost {
-    /// Fails where the host does not read: the terminal is full.
+    /// Fails if the host does not read and the terminal is full.
     async fn write(&mut self, bytes: &[u8]) -> core::result::Result<usize, Self::Error> {
         self.0
             .write(bytes)

@@ -1,4 +1,4 @@
-//! Where belly flight begins to oscillate in pitch: modes over the position of the arms and the pitch damping, the
+//! The onset of pitch oscillation in belly flight: modes as a function of arm position and pitch damping, from the
 //! paper's "Pitch and Roll oscillations experienced by novices".
 
 use core::f64::consts::FRAC_PI_2;
@@ -20,10 +20,10 @@ use crate::output::plot::{Curve, Line, Panel, figure_svg_over};
 
 /// Density of the air (kg/m3).
 const DENSITY: f64 = 1.0;
-/// Slowest oscillation that counts (rad/s): slower ones are glides that wander.
+/// Lowest frequency that counts as an oscillation (rad/s): slower modes are changes of glide.
 const SLOWEST: f64 = 1.5;
 
-/// Damping coefficients in pitch that are looked at, with their lines.
+/// Pitch damping coefficients to examine, with their lines.
 pub const DAMPINGS: [(f64, Line); 6] = [
     (0.0, line("damping 0", 0x9c, 0x2f, 0x00)),
     (0.5, line("damping 0.5", 0xd9, 0x7b, 0x29)),
@@ -69,7 +69,7 @@ fn inputs(damping: f64) -> Inputs<f64> {
     inputs
 }
 
-/// The oscillation by eigenvalues; `None` where the posture has no balance near belly flight or does not oscillate.
+/// The oscillation from eigenvalues; `None` if the posture has no equilibrium near belly flight or does not oscillate.
 pub fn oscillation(dynamics: &Dynamics<f64>, arms_down_rad: f64, damping: f64) -> Option<Point> {
     oscillation_of(dynamics, &posture(arms_down_rad), arms_down_rad, damping)
 }
@@ -92,8 +92,8 @@ fn oscillation_of(
     })
 }
 
-/// Damping coefficient in pitch below which a posture oscillates, arched by `arch` with the arms lowered by `arms` (rad); `None`
-/// where there is none between 0 and 1. Growth falls with the damping along a line.
+/// Pitch damping coefficient below which a posture oscillates, if arched by `arch` with the arms lowered by `arms`
+/// (rad); `None` if there is none between 0 and 1. Growth decreases linearly with the damping.
 pub fn threshold(dynamics: &Dynamics<f64>, arch: f64, arms: f64) -> Option<f64> {
     let posture = lowered(&pattern::arched(&pattern::neutral(), arch), arms);
     let growth = |damping| Some(oscillation_of(dynamics, &posture, arms, damping)?.growth_per_s);
@@ -101,7 +101,7 @@ pub fn threshold(dynamics: &Dynamics<f64>, arch: f64, arms: f64) -> Option<f64> 
     (low > 0.0 && high < 0.0).then(|| low / (low - high))
 }
 
-/// Arches for which the picture has the threshold (rad of the paper's pattern), with their lines.
+/// Arches for which the figure shows the threshold (rad of the paper's pattern), with their lines.
 const ARCHES: [(f64, Line); 3] = [
     (0.2, line("arched by 0.2 rad", 0xaa, 0x33, 0x77)),
     (0.0, line("neutral posture", 0x22, 0x22, 0x22)),
@@ -112,8 +112,8 @@ fn arms() -> impl Iterator<Item = f64> {
     (-8..=16).map(|k| 0.05 * f64::from(k))
 }
 
-/// The same growth by a free run of `seconds` that starts turned by `tilt` (rad) about the left axis: how much the swing of
-/// the pitch rate grew from its first half to its second, per second.
+/// The same growth, measured in a free run of `seconds` that starts rotated by `tilt` (rad) about the left axis: how
+/// much the oscillation of the pitch rate grew from the first half to the second, per second.
 pub fn growth_of_run(
     dynamics: &Dynamics<f64>,
     arms_down_rad: f64,
@@ -142,7 +142,7 @@ pub fn growth_of_run(
     Some((halves[1] / halves[0]).ln() / seconds)
 }
 
-/// All points of the picture: arms from 0.4 rad above the neutral posture to 0.8 below.
+/// All points of the figure: arms from 0.4 rad above the neutral posture to 0.8 below.
 pub fn map(dynamics: &Dynamics<f64>) -> Vec<Point> {
     arms()
         .flat_map(|arms| DAMPINGS.map(|(damping, _)| oscillation(dynamics, arms, damping)))
@@ -150,7 +150,7 @@ pub fn map(dynamics: &Dynamics<f64>) -> Vec<Point> {
         .collect()
 }
 
-/// The damping below which belly flight oscillates, over the arms' angle.
+/// The damping below which belly flight oscillates, against the arms' angle.
 fn threshold_panel(dynamics: &Dynamics<f64>) -> Panel {
     let curve = |(arch, line): (f64, Line)| Curve {
         line,
@@ -159,14 +159,14 @@ fn threshold_panel(dynamics: &Dynamics<f64>) -> Panel {
             .collect(),
     };
     Panel {
-        caption: "damping in pitch below which it oscillates".to_owned(),
+        caption: "pitch damping below which it oscillates".to_owned(),
         curves: ARCHES.map(curve).into(),
         bands: Vec::new(),
         wraps: false,
     }
 }
 
-/// The picture over the arms' angle: the damping that decides, growth and frequency for some dampings.
+/// The figure against the arms' angle: the threshold of damping, and growth and frequency for several dampings.
 ///
 /// # Errors
 /// Returns an error if the figure cannot be drawn.
@@ -193,7 +193,7 @@ pub fn svg(dynamics: &Dynamics<f64>) -> Result<String> {
     };
     figure_svg_over(
         "rad",
-        "Oscillation in pitch of belly flight over the arms' angle below neutral",
+        "Pitch oscillation of belly flight against the arms' angle below neutral",
         &[
             threshold_panel(dynamics),
             panel("growth (1/s): above 0 it grows", |point| point.growth_per_s),

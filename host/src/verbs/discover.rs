@@ -1,4 +1,4 @@
-//! `bodyflight discover`: flights read for the search, and what it found as files.
+//! `bodyflight discover`: reads flights for the search, and turns its results into files.
 
 pub mod figure;
 
@@ -21,10 +21,10 @@ use crate::formats::input;
 use crate::formats::model_file;
 use crate::formats::recording::{FlightFrame, Options};
 
-/// Reads a flight with the model that is meant to fly it.
+/// Reads a flight together with its model.
 ///
 /// # Errors
-/// Returns an error if a file is not usable or has no velocities.
+/// Returns an error if a file is unusable or has no velocities.
 pub fn read_track(flight: &Flight, options: Options) -> Result<Track> {
     let recording = flight.open(options)?;
     let frames = recording.collect::<Result<Vec<_>>>()?;
@@ -43,7 +43,7 @@ pub fn read_track(flight: &Flight, options: Options) -> Result<Track> {
     Ok(Track::new(&frames, dynamics, |time| flight.inputs_at(time)))
 }
 
-/// Refuses a flight that is held out from itself: it would confirm whatever was fitted to it.
+/// Refuses a held-out flight that is also fitted: it would confirm anything.
 ///
 /// # Errors
 /// Returns an error if two recordings are the same file, or files of the same content.
@@ -53,14 +53,14 @@ pub fn refuse_same(recording: &Path, held_out: &Path) -> Result<()> {
         return Ok(());
     }
     Err(Problem::bad_input(format!(
-        "this flight is held out, but it is the one that effects are fitted to ({})",
+        "this flight is held out, but effects are also fitted to it ({})",
         recording.display()
     ))
     .in_file(held_out)
     .help("hold out another flight of the same person"))
 }
 
-/// As [`refuse_same`], each held-out flight from each fitted one.
+/// Same as [`refuse_same`], for each pair of a held-out and a fitted flight.
 ///
 /// # Errors
 /// Same as [`refuse_same`].
@@ -73,21 +73,21 @@ pub fn refuse_same_flights(fitted: &[Flight], held_out: &[Flight]) -> Result<()>
     Ok(())
 }
 
-/// What is searched for in flights.
+/// What to search for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Request {
-    /// Most effects that are named.
+    /// Largest number of effects to name.
     pub max_effects: usize,
-    /// Seed of what is drawn.
+    /// Seed of the random flights.
     pub seed: u64,
 }
 
-/// Names what the model misses in flights, checked on those that are held out; tolerances are the first flight's.
-/// `options` are how each flight is read, the fitted ones first.
+/// Names what the model lacks in the fitted flights, checked on those held out. Tolerances are those of the first
+/// flight. `options` says how to read each flight, the fitted ones first.
 ///
 /// # Errors
-/// Returns an error if a flight is held out from itself, a file is not usable or no recording of a whole body, or the search
-/// finds no fall in it.
+/// Returns an error if a flight is both fitted and held out, a file is unusable or not the recording of a whole body,
+/// or the search finds no fall in it.
 pub fn discover_flights(
     fitted: &[Flight],
     held_out: &[Flight],
@@ -103,7 +103,7 @@ pub fn discover_flights(
                 "expected an MVNX recording, found that of a point (CSV)",
             )
             .in_file(&flight.recording)
-            .help("flights that are held out must be of the kind that effects are fitted to"));
+            .help("flights that are held out must be of the same kind as those fitted"));
         }
         tracks.push(read_track(flight, options(place))?);
     }
@@ -119,7 +119,7 @@ pub fn discover_flights(
     search::discover(fitted, held_out, &settings, progress).map_err(problem)
 }
 
-/// Cuts a track to its fall: exit and opening are no fall of one posture.
+/// Cuts a track down to its fall: a point model does not apply to exit and opening.
 fn keep_fall(track: &mut flysight::Track) {
     let samples: Vec<Sample> = track
         .fixes
@@ -136,15 +136,15 @@ fn keep_fall(track: &mut flysight::Track) {
     }
 }
 
-/// Reads the recording of a point, from the exit to the opening.
+/// Reads the track of a point, from exit to opening.
 ///
 /// # Errors
-/// Returns an error if the file is not of a FlySight or has too few rows that are usable.
+/// Returns an error if the file is not from a FlySight or has too few usable rows.
 pub fn read_point_track(path: &Path) -> Result<point::Track> {
     let mut track = flysight::Track::read(path)?;
     keep_fall(&mut track);
     let first = track.fixes.first();
-    // Both sensors on one clock.
+    // Puts both sensors on one clock.
     let offset = first.map_or(0.0, |fix| fix.time - fix.time_of_week());
     let fix = |fix: &flysight::Fix| point::Fix {
         time: fix.time,
@@ -160,20 +160,20 @@ pub fn read_point_track(path: &Path) -> Result<point::Track> {
     })
 }
 
-/// Why a search gave no report, for people.
+/// Explains why a search gave no report.
 pub fn problem(error: Error) -> Problem {
     match error {
         Error::Cancelled => Problem::interrupted(),
         Error::TooShort { .. } => Problem::bad_input(error.to_string()),
         Error::NoFreeFall { descent_mps, .. } => {
             Problem::bad_input(error.to_string()).help(format!(
-                "a fall is where the descent is faster than {descent_mps} m/s; a jump under an open canopy or on the ground has none"
+                "a fall is a descent faster than {descent_mps} m/s; a track recorded under an open canopy or on the ground has none"
             ))
         }
     }
 }
 
-/// The effects found as a `model.toml`, and the loads described.
+/// The effects found and the loads described, as a `model.toml`.
 pub fn model_toml(model: &[ByName], described: Option<&Described>) -> String {
     let loads = described.map_or(&[][..], |described| &described.loads);
     let loads: Vec<_> = loads.iter().map(|described| described.load).collect();
@@ -183,8 +183,8 @@ pub fn model_toml(model: &[ByName], described: Option<&Described>) -> String {
 /// Adjustments within the tolerances as a `model.toml`.
 pub fn calibration_toml(corrections: &[ByName]) -> String {
     model_file::model_toml(
-        "# Subject and coefficients as bodyflight discover found them, within their tolerances: simulate --model flies with\n\
-         # them.\n",
+        "# Subject and coefficients as found by bodyflight discover within their tolerances; apply them with\n\
+         # simulate --model.\n",
         corrections,
         &[],
     )

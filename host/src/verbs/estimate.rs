@@ -1,5 +1,5 @@
-//! `bodyflight estimate`: conscious inputs over time from a recording, and how much better the flight is
-//! reconstructed with them than with constant coefficients, the paper's own comparison.
+//! `bodyflight estimate`: muscle inputs over time from a recording, and how much better they reconstruct the flight
+//! than constant coefficients do. The paper makes the same comparison.
 
 pub mod assumed;
 mod figure;
@@ -41,19 +41,19 @@ use crate::replay::steps::{Divergence, Replay};
 use report::{Flags, Point, Report, Watched};
 use verdict::{Collector, LONGEST_LOSS};
 
-/// Which of the two filters to run.
+/// The filter to run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Filter {
-    /// The paper's: thirteen whole runs over 60 samples.
+    /// The paper's filter: thirteen runs of the full model over 60 samples.
     Paper,
-    /// The unit's.
+    /// The reduced filter, as on the unit.
     Reduced,
 }
 
-/// An estimation with what plots and files need.
+/// An estimation, with the data for plots and files.
 #[derive(Debug, Clone)]
 pub struct Estimation {
-    /// Numbers.
+    /// The numbers.
     pub report: Report,
     /// Coefficients over time.
     pub points: Vec<Point>,
@@ -63,10 +63,10 @@ pub struct Estimation {
     pub constant: Comparison,
 }
 
-/// Runs a filter over a recording and, beside it, the model with constant coefficients.
+/// Runs a filter over a recording and, for comparison, the model with constant coefficients.
 ///
 /// # Errors
-/// Returns an error if a file is not usable, the recording is not at 240 Hz, or the preset is refused.
+/// Returns an error if a file is unusable, the recording is not at 240 Hz, or the preset is refused.
 pub fn estimate<T: Real>(
     flight: &Flight,
     preset: &Preset,
@@ -95,13 +95,13 @@ fn run<T: Real, P: Propagation<T>, const INTERVALS: usize>(
                 .help("the filter's windows count samples: export the recording at 240 Hz"),
         );
     }
-    // The run with constant coefficients knows of no inputs.
+    // The run with constant coefficients has no inputs.
     let constant = Flight {
         inputs: None,
         muscles: preset.muscles,
         ..flight.clone()
     };
-    // A free run that leaves every range is a result here, not a fault of the flight.
+    // A free run that diverges is a result here, not a fault of the flight.
     let replay = Replay::<f64, _>::new(&constant, recording)?.on_divergence(Divergence::Held);
     let start = *replay.start();
     let height = start.measured.position.up();
@@ -129,7 +129,7 @@ fn run<T: Real, P: Propagation<T>, const INTERVALS: usize>(
         collected.seconds += begin.elapsed().as_secs_f64();
         if let Some(estimate) = estimate {
             if collected.take(&estimate) {
-                // The motion as measured, as a unit does.
+                // Restarts from the measured motion, as a unit does.
                 let _ = filter.restart(&step.measured.cast(), &posture);
             }
             progress(step.time);
@@ -145,14 +145,14 @@ struct Collected {
     rate: f64,
     /// Index of the first entry of `waiting`; the first frame is 0.
     first_waiting: u32,
-    /// What was measured, beside the run with constant coefficients, until its estimate comes.
+    /// Measurements and the run with constant coefficients, until the estimate for them is available.
     waiting: VecDeque<Pair>,
     estimated: Comparison,
     constant: Comparison,
     points: Vec<Point>,
     flags: Flags,
     collector: Collector,
-    /// Since when the reconstructed motion is lost (s).
+    /// Time at which the reconstructed motion was lost (s).
     lost_since: Option<f64>,
     innovations: f64,
     updates: u64,
@@ -179,7 +179,7 @@ impl Collected {
         }
     }
 
-    /// Takes in an update; whether the filter has been lost for so long that it has to start over.
+    /// Adds an update, and returns whether the filter has been lost for so long that it must restart.
     fn take<T: Real>(&mut self, estimate: &Estimate<T>) -> bool {
         self.updates += 1;
         self.innovations += estimate.normalised_innovation.to_f64();
@@ -259,7 +259,7 @@ impl Collected {
 }
 
 impl Estimation {
-    /// Of each axis the share of the estimates whose muscle input is beyond two standard deviations.
+    /// For each axis, the share of estimates whose muscle input exceeds two standard deviations.
     #[expect(clippy::cast_precision_loss, reason = "counts of estimates")]
     pub fn active_shares(&self) -> [(&'static str, f64); 3] {
         ["pitch", "yaw", "roll"].map(|axis| {
@@ -275,10 +275,10 @@ impl Estimation {
         })
     }
 
-    /// Coefficients over time as CSV. The first columns are those that `inputs` of a `flight.toml` takes.
+    /// Writes coefficients over time as CSV. The first columns are those that `inputs` in `flight.toml` expects.
     ///
     /// # Errors
-    /// Returns an error if the disk refuses.
+    /// Returns an error if the file cannot be written.
     pub fn write_csv(&self, path: &Path) -> Result<()> {
         let columns: Vec<&str> = Row::COLUMNS
             .into_iter()

@@ -1,4 +1,4 @@
-//! `bodyflight export`: a flight and its model at the full rate, as files that other programs open.
+//! `bodyflight export`: a flight and its simulation at the full rate, as files for other programs.
 
 mod entries;
 
@@ -29,11 +29,11 @@ use crate::verbs::estimate::request;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, JsonSchema, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Format {
-    /// Columns, compressed.
+    /// Compressed columns.
     Parquet,
-    /// Columns, as text.
+    /// Columns as text.
     Csv,
-    /// A body that moves, for Foxglove.
+    /// A moving body, for Foxglove.
     Mcap,
     /// Arrays, for NumPy.
     Npz,
@@ -43,7 +43,7 @@ impl Format {
     /// All kinds.
     pub const ALL: [Self; 4] = [Self::Parquet, Self::Csv, Self::Mcap, Self::Npz];
 
-    /// Name, and end of the names of such files.
+    /// Name, which is also the file extension.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Parquet => "parquet",
@@ -53,15 +53,15 @@ impl Format {
         }
     }
 
-    /// The kind of that name.
+    /// The kind with that name.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|format| format.name() == name)
     }
 
-    /// The kind of a file by the end of its name.
+    /// The kind of a file according to its extension.
     ///
     /// # Errors
-    /// Returns an error if the name ends in none of the kinds.
+    /// Returns an error if the extension is unknown.
     pub fn of(path: &Path) -> Result<Self> {
         let end = path.extension().unwrap_or_default().to_string_lossy();
         Self::from_name(&end.to_lowercase()).ok_or_else(|| {
@@ -72,29 +72,31 @@ impl Format {
     }
 }
 
-/// What was written.
+/// Description of the written file.
 #[derive(Debug, Clone, JsonSchema, Serialize)]
 pub struct Report {
     /// The file.
     pub file: PathBuf,
     /// Its kind.
     pub format: Format,
-    /// Frames, the first included.
+    /// Number of frames, including the first.
     pub frames: u64,
-    /// Numbers of a frame.
+    /// Numbers per frame.
     pub columns: usize,
     /// Length of the flight (s).
     pub duration_s: f64,
     /// Size of the file (bytes).
     pub bytes: u64,
-    /// Why the estimates in it are not to be trusted.
+    /// Why the estimates in it should not be trusted.
     pub doubt: Option<String>,
 }
 
-/// Flies a flight beside its recording and writes every frame; with `estimates` what the motion filter finds, too.
+/// Simulates a flight beside its recording and writes every frame, with the motion filter's results if `estimates` is
+/// given.
 ///
 /// # Errors
-/// Returns an error if a file is not usable, the simulation diverges, or the disk refuses; then no file is left.
+/// Returns an error if a file is unusable, the simulation diverges, or the file cannot be written; no partial file is
+/// left.
 pub fn export(
     flight: &Flight,
     options: Options,
@@ -122,7 +124,7 @@ pub fn export(
     let (mut frames, mut end) = (0_u64, start.time);
     for step in std::iter::once(Ok(start)).chain(replay) {
         let step: Step = step?;
-        // Of the estimates until now the last one holds.
+        // The latest estimate up to now applies.
         while let [_, next, ..] = points
             && next.time <= step.time
         {
@@ -184,7 +186,7 @@ mod tests {
     use crate::formats::columns::quantity::Of;
 
     #[test]
-    fn every_column_and_every_array_has_a_name_of_its_own() {
+    fn every_column_and_array_has_a_unique_name() {
         let entries = entries(true);
         let names = |name: &dyn Fn(&Quantity) -> Vec<String>| {
             let all: Vec<String> = entries.iter().flat_map(|e| name(&e.quantity)).collect();
@@ -201,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_tells_its_kind() {
+    fn the_kind_of_a_file_is_detected() {
         assert_eq!(Format::of(Path::new("a/run.MCAP")).unwrap(), Format::Mcap);
         for wrong in ["run", "run.xlsx", ".csv"] {
             assert!(Format::of(Path::new(wrong)).is_err(), "{wrong}");

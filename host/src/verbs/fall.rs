@@ -1,4 +1,4 @@
-//! `bodyflight fall`: what the track of a logger says of a jump, as a skydiver reads it.
+//! `bodyflight fall`: analyses a jump from a logger's track, in a skydiver's terms.
 
 pub mod beside;
 pub mod figure;
@@ -19,20 +19,20 @@ use crate::diagnostic::{Problem, Result};
 use crate::formats::track::{self, Track};
 use beside::Beside;
 
-/// Mass of skydiver and equipment where nothing is said of it (kg).
+/// Default mass of skydiver and equipment (kg).
 pub const DEFAULT_MASS: f64 = 80.0;
 
 /// Thickness of the layers in which the wind is given (m).
 const LAYER: f64 = 500.0;
 
-/// What is known of jumper and day.
+/// Known data of the jumper and the day.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Conditions {
     /// Mass of skydiver and equipment (kg).
     pub mass: f64,
-    /// Pressure on the ground (Pa); otherwise the barometer's, or that of the standard atmosphere.
+    /// Pressure on the ground (Pa); by default the barometer's, or that of the standard atmosphere.
     pub ground_pressure: Option<f64>,
-    /// Temperature on the ground (K); otherwise that of the standard atmosphere.
+    /// Temperature on the ground (K); by default that of the standard atmosphere.
     pub ground_temperature: Option<f64>,
     /// Height in the standard atmosphere to which fall rates are normalised (m).
     pub reference_height: f64,
@@ -54,7 +54,7 @@ impl Default for Conditions {
 pub struct Moment {
     /// Time from the start of the track (s).
     pub time_s: f64,
-    /// Time since 1970 (s, UTC), where the file has a date.
+    /// Time since 1970 (s, UTC), if the file has a date.
     pub unix_s: Option<f64>,
     /// Height above mean sea level (m).
     pub height_m: f64,
@@ -63,17 +63,17 @@ pub struct Moment {
 /// A piece of the fall with one posture.
 #[derive(Debug, Clone, Copy, PartialEq, JsonSchema, Serialize)]
 pub struct PieceRow {
-    /// From the start of the fall (s).
+    /// Beginning, from the start of the fall (s).
     pub from_s: f64,
-    /// Likewise, until.
+    /// End, from the start of the fall (s).
     pub until_s: f64,
     /// Area times drag coefficient (m2).
     pub drag_area_m2: f64,
     /// Standard deviation (m2).
     pub deviation_m2: f64,
-    /// Area times lift coefficient (m2); 0 where the fall does not glide.
+    /// Area times lift coefficient (m2); 0 if the fall does not glide.
     pub lift_area_m2: f64,
-    /// Across over down, through the air.
+    /// Glide ratio through the air: horizontal over vertical speed.
     pub glide: f64,
 }
 
@@ -84,7 +84,7 @@ pub struct WindRow {
     pub height_m: f64,
     /// Speed (m/s).
     pub speed_mps: f64,
-    /// From where it blows (rad, from north towards east).
+    /// Direction from which it blows (rad, from north towards east).
     pub from_rad: f64,
     /// Standard deviation of each component (m/s).
     pub deviation_mps: f64,
@@ -102,12 +102,12 @@ impl WindRow {
     }
 }
 
-/// What the logger's other sensors say.
+/// Data of the logger's other sensors.
 #[derive(Debug, Clone, Copy, PartialEq, JsonSchema, Serialize)]
 pub struct Sensors {
     /// Largest specific force during the opening (multiples of gravity).
     pub largest_g: Option<f64>,
-    /// Median of the specific force in the fall (multiples of gravity): 1 in a steady one.
+    /// Median of the specific force in the fall (multiples of gravity): 1 in a steady fall.
     pub fall_g: Option<f64>,
     /// Pressure on the ground after landing (Pa).
     pub ground_pressure_pa: Option<f64>,
@@ -120,19 +120,19 @@ pub struct Report {
     pub verdict: Verdict,
     /// Why, in a sentence.
     pub reason: String,
-    /// Rows that are far from their neighbours, and were not used.
+    /// Rows that are far from their neighbours and were not used.
     pub rows_taken_out: usize,
     /// Rows that could not be read.
     pub rows_skipped: usize,
-    /// Whether the velocities were measured, not taken from positions.
+    /// Whether the velocities were measured, rather than derived from positions.
     pub has_velocities: bool,
-    /// Where the aircraft was left.
+    /// Exit from the aircraft.
     pub exit: Option<Moment>,
-    /// Where the opening begins.
+    /// Beginning of the opening.
     pub opening: Option<Moment>,
-    /// Where the canopy carries.
+    /// Canopy fully open.
     pub canopy: Option<Moment>,
-    /// Where the canopy has landed.
+    /// Landing.
     pub landing: Option<Moment>,
     /// From exit to opening (s).
     pub fall_s: f64,
@@ -140,42 +140,42 @@ pub struct Report {
     pub fastest_mps: f64,
     /// Speed downwards in the steady part, at the reference height of the standard atmosphere (m/s).
     pub normalised_rate_mps: f64,
-    /// That height (m).
+    /// The reference height (m).
     pub reference_height_m: f64,
-    /// Mass that the areas are for (kg).
+    /// Mass used for the areas (kg).
     pub mass_kg: f64,
-    /// Area times drag coefficient in the steady part (m2), and its standard deviation from second to second.
+    /// Area times drag coefficient in the steady part (m2).
     pub drag_area_m2: f64,
-    /// See there (m2).
+    /// Standard deviation of `drag_area_m2` from second to second (m2).
     pub drag_area_spread_m2: f64,
-    /// Mass over area times drag coefficient (kg/m2): needs no mass to be known.
+    /// Mass divided by area times drag coefficient (kg/m2); does not depend on the given mass.
     pub ballistic_kgpm2: f64,
-    /// Across over down through the air in the second half of the fall.
+    /// Glide ratio through the air in the second half of the fall.
     pub glide: Option<f64>,
-    /// Across over down over ground under canopy.
+    /// Glide ratio over ground under canopy.
     pub canopy_glide: Option<f64>,
     /// Pieces of one posture.
     pub pieces: Vec<PieceRow>,
-    /// Wind through the fall; empty where it glides, and so goes where it is steered.
+    /// Wind during the fall; empty if the fall glides, since its drift then depends on the jumper.
     pub wind: Vec<WindRow>,
     /// Wind from circles under canopy.
     pub canopy_wind: Vec<WindRow>,
-    /// How far the wind of the highest circle is from that at the end of the fall (deviations).
+    /// Difference between the wind of the highest circle and that at the end of the fall (standard deviations).
     pub winds_apart: Option<f64>,
-    /// How it opened.
+    /// Details of the opening.
     pub opening_details: Option<Opening>,
-    /// What other sensors say.
+    /// Data of other sensors.
     pub sensors: Sensors,
     /// The last third, predicted from the first two.
     pub prediction: Option<Prediction>,
-    /// Another jumper of the same load.
+    /// Comparison with another jumper from the same load.
     pub beside: Option<Beside>,
 }
 
-/// Analyses the jump of a track.
+/// Analyses the jump on a track.
 ///
 /// # Errors
-/// Returns an error if no fall is on the track.
+/// Returns an error if there is no fall on the track.
 pub fn fall(track: &Track, conditions: &Conditions, path: &Path) -> Result<(Report, Jump)> {
     let settings = Settings {
         atmosphere: atmosphere(track, conditions),
@@ -195,7 +195,7 @@ pub fn fall(track: &Track, conditions: &Conditions, path: &Path) -> Result<(Repo
     Ok((report(track, conditions, &jump), jump))
 }
 
-/// Reads the track of another jumper of the load and compares its fall with one's own.
+/// Reads the track of another jumper from the same load, and compares that fall with `own`.
 ///
 /// # Errors
 /// Returns an error if the track cannot be read or has no fall.
@@ -209,7 +209,7 @@ pub fn beside(path: &Path, conditions: &Conditions, own: &Jump) -> Result<Beside
     })
 }
 
-/// Density by what is known of the ground.
+/// The atmosphere according to what is known about the ground.
 fn atmosphere(track: &Track, conditions: &Conditions) -> Atmosphere {
     let pressure = conditions
         .ground_pressure
@@ -229,7 +229,7 @@ fn atmosphere(track: &Track, conditions: &Conditions) -> Atmosphere {
             height,
         },
         None if conditions.ground_temperature.is_some() => {
-            // Of the standard atmosphere's density and temperature, by the gas law.
+            // From the standard atmosphere's density and temperature, by the gas law.
             let pressure = 287.053 * standard_temperature * Atmosphere::Standard.density(height);
             Atmosphere::Ground {
                 pressure,
@@ -241,11 +241,12 @@ fn atmosphere(track: &Track, conditions: &Conditions) -> Atmosphere {
     }
 }
 
-/// Time at the end of a track in which it lies on the ground (s), and speeds that it then has (m/s).
+/// Time at the end of a track during which the logger must be at rest (s), and the largest speed that counts as rest
+/// (m/s).
 const AT_REST: f64 = 10.0;
 const STILL: f64 = 2.0;
 
-/// The barometer at the end of a track that ends on the ground (Pa).
+/// Barometric pressure at the end of a track that ends on the ground (Pa).
 fn ground_pressure(track: &Track) -> Option<f64> {
     let last = track.samples.last()?.time;
     let end = |time: f64| time >= last - AT_REST && time <= last;
@@ -319,7 +320,7 @@ fn report(track: &Track, conditions: &Conditions, jump: &Jump) -> Report {
     }
 }
 
-/// What inertial sensor and barometer say.
+/// Summarises the inertial sensor and the barometer.
 fn sensors(track: &Track, jump: &Jump) -> Sensors {
     let force = |from: f64, to: f64| {
         let within = track

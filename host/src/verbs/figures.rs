@@ -1,5 +1,5 @@
 //! Figures for papers, in the layout of the paper's validation figures: reconstruction with estimated inputs, the
-//! inputs, the way over ground, and snapshots of the body.
+//! inputs, the path over ground, and snapshots of the body.
 
 mod snapshots;
 mod top_view;
@@ -24,7 +24,7 @@ const INPUTS: &str = "inputs";
 const TOP_VIEW: &str = "top-view";
 const SNAPSHOTS: &str = "snapshots";
 
-/// Names of the files of the figures in these formats.
+/// File names of the figures in these formats.
 pub fn files(formats: &[Format]) -> Vec<String> {
     let file = |name: &str, format: &Format| format!("{name}.{}", format.extension());
     [RECONSTRUCTION, INPUTS, TOP_VIEW, SNAPSHOTS]
@@ -36,17 +36,17 @@ pub fn files(formats: &[Format]) -> Vec<String> {
 /// How to draw a flight.
 #[derive(Debug, Clone)]
 pub struct Settings {
-    /// Preset of the filter: what is measured, and so what is shown.
+    /// Preset of the filter; what it measures also decides what is shown.
     pub preset: &'static Preset,
-    /// Which filter.
+    /// The filter to use.
     pub filter: Filter,
-    /// Bodies in the row of snapshots.
+    /// Number of bodies in the row of snapshots.
     pub snapshots: usize,
-    /// What each figure is written as.
+    /// Formats in which to write each figure.
     pub formats: Vec<Format>,
 }
 
-/// Writes reconstruction, inputs, top view and snapshots into `folder`, and tells where.
+/// Writes reconstruction, inputs, top view and snapshots into `folder`, and returns their paths.
 ///
 /// # Errors
 /// Same as [`estimate`], and an error if the folder cannot be written to.
@@ -61,7 +61,7 @@ pub fn write(
     let preset = settings.preset;
     let estimation = estimate::<f64>(flight, preset, settings.filter, options, &mut progress)?;
     let rows = estimation.points.iter().map(|point| point.inputs);
-    // Known inputs where there are any.
+    // Known inputs take precedence over estimated ones.
     let flown = match &flight.inputs {
         Some(_) => flight.clone(),
         None => Flight {
@@ -92,7 +92,7 @@ pub fn write(
     Ok(written)
 }
 
-/// Measured and reconstructed channels: those of the preset, the others left out.
+/// Measured and reconstructed channels, those that suit the preset.
 fn reconstruction(title: &str, preset: &Preset, estimation: &Estimation) -> Result<String> {
     let turning = preset.name.contains("turn");
     let channels = if turning {

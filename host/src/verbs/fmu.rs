@@ -1,7 +1,7 @@
 //! `bodyflight fmu`: a skydiver as a co-simulation unit of FMI 3.0, for Simulink, OpenModelica and others.
 //!
-//! A unit is an archive: `modelDescription.xml`, the library of the crate bodyflight-fmu for this platform, and the person and
-//! the air as resources, which the library reads when it is loaded.
+//! A unit is an archive with `modelDescription.xml`, the library of the crate bodyflight-fmu for this platform, and the
+//! person and the air as resources, which the library reads when it is loaded.
 
 mod description;
 pub mod skydiver;
@@ -24,30 +24,30 @@ use crate::formats::input;
 use crate::formats::subject::{SEGMENTS_FILE, Subject};
 use crate::output::files::AtomicFile;
 
-/// Name of the library in the unit, without its ending; what FMI calls the model's identifier.
+/// Name of the library in the unit, without its extension; FMI calls it the model's identifier.
 const IDENTIFIER: &str = "bodyflight";
-/// Where a program looks for the library before it looks beside itself.
+/// Environment variable with the library's path, which takes precedence over a library beside the program.
 const LIBRARY_VARIABLE: &str = "BODYFLIGHT_FMU";
 
-/// What was written.
+/// Description of the written unit.
 #[derive(Debug, Clone, JsonSchema, Serialize)]
 pub struct Report {
-    /// The unit.
+    /// The unit's file.
     pub file: PathBuf,
-    /// Its token.
+    /// The unit's instantiation token.
     pub token: String,
-    /// The platform of its library, as FMI names it.
+    /// The platform of the library, in FMI's terms.
     pub platform: String,
-    /// Inputs, parameters and outputs.
+    /// Number of inputs, parameters and outputs.
     pub variables: usize,
     /// Size of the file (bytes).
     pub bytes: u64,
 }
 
-/// The flight that a file means: a `flight.toml`, or a `subject.toml` in still air.
+/// Reads a `flight.toml`, or a `subject.toml` as a flight in still air.
 ///
 /// # Errors
-/// Returns an error if the file is neither, or not usable.
+/// Returns an error if the file is neither, or unusable.
 pub fn read(path: &Path) -> Result<Flight> {
     let is_flight = path.is_dir() || {
         let table: Option<toml::Table> = input::text(path)?.parse().ok();
@@ -63,7 +63,7 @@ pub fn read(path: &Path) -> Result<Flight> {
     })
 }
 
-/// The library of units: as given, as the environment says, or beside the program.
+/// Finds the library of units: as given, from the environment, or beside the program.
 ///
 /// # Errors
 /// Returns an error if there is none.
@@ -81,8 +81,8 @@ pub fn library(given: Option<&Path>) -> Result<PathBuf> {
     );
     let beside = std::env::current_exe().map(|program| program.with_file_name(&name));
     beside.ok().filter(|path| path.is_file()).ok_or_else(|| {
-        Problem::bad_input(format!("the library of the unit, {name}, is not beside the program"))
-            .help("it comes with the Python package; or build it in fmu/, cargo build --release, and give it with --library")
+        Problem::bad_input(format!("the unit's library, {name}, was not found beside the program"))
+            .help("it comes with the Python package; or build it in fmu/ with cargo build --release, and pass its path with --library")
     })
 }
 
@@ -95,7 +95,7 @@ fn platform() -> String {
     format!("{}-{system}", std::env::consts::ARCH)
 }
 
-/// The files of the unit that the library reads: the flight without its recording.
+/// The resource files that the library reads: the flight without its recording.
 fn resources(flight: &Flight) -> Result<Vec<(&'static str, String)>> {
     let [north, west, up] = flight.air_velocity;
     let density = match flight.density {
@@ -118,10 +118,10 @@ fn resources(flight: &Flight) -> Result<Vec<(&'static str, String)>> {
     Ok(files)
 }
 
-/// Writes the unit of a flight's person and air with a library.
+/// Writes a unit with a flight's person and air, and the given library.
 ///
 /// # Errors
-/// Returns an error if the library cannot be read or the disk refuses; then no file is left.
+/// Returns an error if the library cannot be read or the file cannot be written; no partial file is left.
 pub fn write(flight: &Flight, library: &Path, path: &Path) -> Result<Report> {
     let binary = std::fs::read(library).map_err(|error| Problem::system("read", library, error))?;
     let resources = resources(flight)?;
@@ -156,7 +156,7 @@ pub fn write(flight: &Flight, library: &Path, path: &Path) -> Result<Report> {
     })
 }
 
-/// An archive of whole files.
+/// Writes the entries as an archive.
 fn archive(path: &Path, file: AtomicFile, entries: &[(String, Vec<u8>)]) -> Result<AtomicFile> {
     let refused = |error: zip::result::ZipError| {
         Problem::refused("cannot write the unit")
@@ -196,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn a_library_that_is_not_there_is_told() {
+    fn a_missing_library_is_reported() {
         let problem = library(None).unwrap_err();
         assert!(problem.help.unwrap().contains("--library"));
     }

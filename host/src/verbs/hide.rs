@@ -1,4 +1,4 @@
-//! `bodyflight hide`: flights of the laboratory as files, in which nothing says what acts in them.
+//! `bodyflight hide`: simulated flights as files that do not mention the effects acting in them.
 
 use std::path::{Path, PathBuf};
 
@@ -18,8 +18,8 @@ use crate::output::files::write_file;
 /// Files of a flight.
 pub const FILES: &[&str] = &["flight.toml", "subject.toml", "flight.mvnx"];
 
-/// Writes a flight of `rate` frames a second as `flight.toml`, `subject.toml` and `flight.mvnx` into `folder`, as if
-/// nothing were hidden.
+/// Writes a flight of `rate` frames a second as `flight.toml`, `subject.toml` and `flight.mvnx` into `folder`, without
+/// any hint of what is hidden.
 ///
 /// # Errors
 /// Returns an error if the folder cannot be written to.
@@ -53,9 +53,9 @@ pub fn write(frames: &[Frame], subject: &Subject, rate: f64, folder: &Path) -> R
     Ok(path)
 }
 
-/// What is hidden, as a `model.toml`; things outside the library as comments.
+/// What is hidden, as a `model.toml`; effects that are not in the library become comments.
 pub fn truth_toml(hidden: &[Hidden]) -> String {
-    let mut comment = "# What bodyflight hide has hidden in these flights.\n".to_owned();
+    let mut comment = "# Hidden in these flights by bodyflight hide.\n".to_owned();
     let (mut effects, mut loads) = (Vec::new(), Vec::new());
     for hidden in hidden {
         match hidden {

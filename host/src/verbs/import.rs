@@ -21,9 +21,9 @@ use crate::output::limbs;
 
 use super::inspect;
 
-/// Name of the picture.
+/// Name of the picture file.
 const PICTURE_FILE: &str = "first-frame.svg";
-/// What is written; the segments only where the subject has a table of its own.
+/// Files that are written; the segments only if the subject has its own table.
 pub const FILES: &[&str] = &[
     "flight.toml",
     "subject.toml",
@@ -31,11 +31,11 @@ pub const FILES: &[&str] = &[
     "flight.mvnx",
     PICTURE_FILE,
 ];
-/// Knees that are bent the wrong way by more than this (rad), in more than half of the frames, are no knees.
+/// If the knees are bent the wrong way by more than this (rad) in more than half of the frames, the mapping is wrong.
 const KNEE: f64 = 0.2;
-/// Share by which a thigh may differ from that of the subject.
+/// Relative difference allowed between the thigh lengths of source and subject.
 const THIGH: f64 = 0.15;
-/// Fewest frames per second that follow a body in the air (Hz).
+/// Lowest frame rate that can follow a body in flight (Hz).
 const SLOW: f64 = 50.0;
 
 /// What to import.
@@ -43,17 +43,17 @@ const SLOW: f64 = 50.0;
 pub struct Request<'a> {
     /// The file.
     pub file: &'a Path,
-    /// The mapping; without one, a BVH file by the names of its joints.
+    /// The mapping; without one, a BVH file is mapped by its joint names.
     pub mapping: Option<&'a Mapping>,
     /// The person.
     pub subject: &'a Subject,
     /// Whether the person is known; otherwise a default one is written.
     pub has_subject: bool,
-    /// Folder for what is written.
+    /// Output folder.
     pub folder: &'a Path,
 }
 
-/// What was imported.
+/// Result of an import.
 #[derive(Debug, Clone, JsonSchema, Serialize)]
 pub struct Report {
     /// The `flight.toml`.
@@ -62,26 +62,26 @@ pub struct Report {
     pub picture: PathBuf,
     /// Frames written.
     pub frames: u64,
-    /// Rows left out for an empty cell.
+    /// Rows skipped because of an empty cell.
     pub rows_skipped: usize,
     /// Frame rate (Hz).
     pub frame_rate_hz: f64,
     /// From the first to the last frame (s).
     pub duration_s: f64,
-    /// One unit of length of the source (m).
+    /// The source's unit of length (m).
     pub unit_m: f64,
-    /// Whether the source says where the body is.
+    /// Whether the source contains positions.
     pub has_places: bool,
-    /// Segments with what they are in the source; null: it goes along with its neighbours.
+    /// Segments with their names in the source; null for a segment that moves rigidly with its neighbours.
     pub segments: Vec<MappedSegment>,
-    /// What is odd.
+    /// Warnings about the flight.
     pub warnings: Vec<String>,
-    /// The first frame, in letters.
+    /// The first frame, as text art.
     #[serde(skip)]
     pub letters: String,
 }
 
-/// A segment of the model and what it is in the source.
+/// A segment of the model and its name in the source.
 #[derive(Debug, Clone, JsonSchema, Serialize)]
 pub struct MappedSegment {
     /// Name in the model.
@@ -142,7 +142,7 @@ pub fn import(request: &Request<'_>, mut progress: impl FnMut(f64)) -> Result<Re
         write_file(&picture, drawing.as_bytes())?;
     }
     let flight = write_flight(request)?;
-    // What is odd about a flight is seen as in any other recording.
+    // The same checks as for any other recording.
     let seen = inspect::flight::inspected(&recording, Some(&body))?;
     let mut warnings = warnings(request, &source, &knees, has_places);
     warnings.extend(seen.warnings.iter().map(ToString::to_string));
@@ -188,7 +188,7 @@ fn flight_frame(source: &Source, place: usize) -> Result<FlightFrame> {
     })
 }
 
-/// Frames in which a knee is bent as none can be.
+/// Counts frames in which a knee is bent the wrong way.
 #[derive(Debug, Default)]
 struct Knees {
     frames: u64,
@@ -222,20 +222,20 @@ fn warnings(
     }
     if !has_places {
         warnings.push(
-            "nothing says where the body is, so the recording has no velocity; a receiver's track can give it: \
+            "the source has no positions, so the recording has no velocity; add a receiver's track for it: \
              gnss = \"TRACK.CSV\" in flight.toml"
                 .to_owned(),
         );
     }
     if source.timing.rate < SLOW {
         warnings.push(format!(
-            "{:.1} frames per second: turns between frames are taken as even ones",
+            "only {:.1} frames per second: rotation between frames is assumed to be uniform",
             source.timing.rate
         ));
     }
     if !request.has_subject {
         warnings.push(format!(
-            "no subject is given: a person of {:.0} kg with equipment is written to subject.toml",
+            "no subject was given: a person of {:.0} kg with equipment is written to subject.toml",
             request.subject.body().mass()
         ));
     }
@@ -250,7 +250,7 @@ fn warnings(
     warnings
 }
 
-/// Writes the person and what ties the files together.
+/// Writes the person, and the `flight.toml` that ties the files together.
 fn write_flight(request: &Request<'_>) -> Result<PathBuf> {
     let subject = request.folder.join("subject.toml");
     write_file(&subject, request.subject.to_toml()?.as_bytes())?;
@@ -267,7 +267,7 @@ impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             f,
-            "frames          {} in {:.3} s at {} Hz, {} rows left out",
+            "frames          {} in {:.3} s at {} Hz, {} rows skipped",
             self.frames, self.duration_s, self.frame_rate_hz, self.rows_skipped
         )?;
         writeln!(f, "unit of length  {} m", self.unit_m)?;
@@ -290,7 +290,7 @@ impl fmt::Display for Report {
             let names: Vec<&str> = with.iter().map(|mapped| mapped.segment).collect();
             writeln!(
                 f,
-                "not in it       {}: they go along with their neighbours",
+                "missing         {}: they move with their neighbours",
                 names.join(", ")
             )?;
         }

@@ -1,4 +1,4 @@
-//! What a recording holds, without simulating it.
+//! Describes a recording without simulating it.
 
 pub mod flight;
 pub mod picture;
@@ -20,7 +20,7 @@ use flight::FlightReport;
 
 /// Most bad frames and markers listed one by one.
 const LIST_LIMIT: usize = 100;
-/// Frames that decide the arm frame, besides those of the calibration.
+/// Number of frames from which the arm frame is detected, besides those of the calibration.
 const FRAMES_FOR_ARMS: usize = 8;
 
 /// Contents of a recording.
@@ -34,7 +34,7 @@ pub struct Report {
     pub mvn_version: Option<String>,
     /// Name of the subject.
     pub subject_label: Option<String>,
-    /// Date as written.
+    /// Date as written in the file.
     pub recorded: Option<String>,
     /// Sensor configuration.
     pub configuration: Option<String>,
@@ -46,13 +46,13 @@ pub struct Report {
     pub duration_s: f64,
     /// Number of segments.
     pub segments: usize,
-    /// Number of sensors, 0 where not listed.
+    /// Number of sensors; 0 if not listed.
     pub sensors: usize,
     /// Calibration frames.
     pub calibration_frames: usize,
-    /// Convention of the arms, `t-pose` or `isb`; null without joints to tell it by.
+    /// Convention of the arms, `t-pose` or `isb`; null if there are no joints to detect it from.
     pub arm_frame: Option<&'static str>,
-    /// Largest distance between the two sides of a joint in the whole file (m), once in the T-pose convention.
+    /// Largest distance between the two sides of a joint in the whole file (m), in the detected convention.
     pub closure_error_m: Option<f64>,
     /// Names of the elements in the frames.
     pub fields: Vec<String>,
@@ -60,19 +60,19 @@ pub struct Report {
     pub gaps: u64,
     /// Frames missing in those gaps.
     pub missing_frames: u64,
-    /// Frames whose numbers are not usable.
+    /// Frames whose numbers are unusable.
     pub bad_frames: u64,
-    /// The first of them.
+    /// The first of the bad frames.
     pub bad_frame_list: Vec<BadFrame>,
     /// The first events marked in the recording.
     pub markers: Vec<Marker>,
-    /// Whether the file ends too early.
+    /// Whether the file is truncated.
     pub truncated: bool,
-    /// The flight in it, where it is one.
+    /// The recording as a flight, if it is one.
     pub flight: Option<FlightReport>,
 }
 
-/// A frame whose numbers are not usable.
+/// A frame whose numbers are unusable.
 #[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct BadFrame {
     /// Index of the frame.
@@ -101,28 +101,28 @@ impl From<Fault> for BadFrame {
 pub struct Marker {
     /// Time since frame 0 (s).
     pub time_s: f64,
-    /// Its name.
+    /// Name of the event.
     pub name: String,
 }
 
-/// Reads a recording as a whole and says what is in it; with a person, also where MVN's centre of mass is in the model's
-/// body. A file cut at its end is reported, not refused.
+/// Reads a whole recording and describes it. With a person, also compares MVN's centre of mass with that of the model's
+/// body. A truncated file is reported, not refused.
 ///
 /// # Errors
-/// Returns an error if the file cannot be read or is no recording.
+/// Returns an error if the file cannot be read or is not a recording.
 pub fn inspect(path: &Path, person: Option<&Body<f64>>) -> Result<Report> {
     let mut report = inspect_reader(Reader::open(path, options())?)?;
-    // Standard input is gone once it is read, and not every recording is a flight.
+    // Standard input cannot be read twice, and not every recording is a flight.
     if path != Path::new(STANDARD_INPUT) {
         report.flight = flight::inspected(path, person).ok();
     }
     Ok(report)
 }
 
-/// As [`inspect`], from any input.
+/// Same as [`inspect`], for any input.
 ///
 /// # Errors
-/// Returns an error if the input cannot be read or is no recording.
+/// Returns an error if the input cannot be read or is not a recording.
 pub fn inspect_input<R: BufRead>(input: R, path: &Path) -> Result<Report> {
     inspect_reader(Reader::new(input, path, options())?)
 }
@@ -175,7 +175,7 @@ fn inspect_reader<R: BufRead>(mut reader: Reader<R>) -> Result<Report> {
     })
 }
 
-/// What is gathered frame by frame.
+/// Data collected frame by frame.
 struct Survey {
     frame_rate: f64,
     frames: u64,
@@ -275,7 +275,10 @@ impl fmt::Display for Report {
             (Some(arms), Some(error)) => {
                 writeln!(f, "arm frame       {arms}, joints close to {error:.6} m")?;
             }
-            _ => writeln!(f, "arm frame       unknown: no joints to tell it by")?,
+            _ => writeln!(
+                f,
+                "arm frame       unknown: there are no joints to detect it from"
+            )?,
         }
         writeln!(f, "fields          {}", self.fields.join(", "))?;
         writeln!(

@@ -1,4 +1,4 @@
-//! How fast people fall in each pose, by both load models, and whether they can hold it.
+//! Fall speed in each pose according to both load models, and whether the pose is stable.
 
 use core::f64::consts::{FRAC_PI_2, PI};
 use std::fmt::Write as _;
@@ -18,20 +18,20 @@ use serde::Serialize;
 use super::stability::{Mode, modes};
 use crate::diagnostic::{Problem, Result};
 
-/// A pose with what is published of it.
+/// A pose, and what has been published about it.
 #[derive(Debug, Clone, Copy)]
 pub struct Pose {
     /// Name.
     pub name: &'static str,
     /// Joint angles.
     pub angles: &'static JointAngles,
-    /// Turn of the body about its left axis (rad) in which it is held: pi/2 is belly to earth.
+    /// Rotation of the body about its left axis in which it is held (rad): pi/2 is belly to earth.
     pub pitch: f64,
     /// Range of published speeds (m/s).
     pub published: [f64; 2],
 }
 
-/// The poses, slow ones first. Standing has its arms at its sides, the fastest that is flown upright.
+/// The poses, slow ones first. Standing has the arms at the sides, the fastest pose that is flown upright.
 pub const POSES: [Pose; 5] = [
     Pose {
         name: "belly",
@@ -65,7 +65,7 @@ pub const POSES: [Pose; 5] = [
     },
 ];
 
-/// The pose of a track, which glides: its speed straight down means nothing.
+/// The tracking pose. It glides, so its speed straight down is meaningless.
 const TRACK: Pose = Pose {
     name: "track",
     angles: pattern::TRACK,
@@ -73,16 +73,16 @@ const TRACK: Pose = Pose {
     published: [0.0, 0.0],
 };
 
-/// Density of the air in the table (kg/m3): that of 3 km.
+/// Air density used for the table (kg/m3), as at 3 km.
 pub const DENSITY: f64 = 0.9;
 
-/// Damping with which the table's modes are computed: of a body that is held firmly, [pitch, yaw, roll].
+/// Damping with which the table's modes are computed, that of a firmly held body: [pitch, yaw, roll].
 pub const FIRM: AxisCoefficients<f64> = AxisCoefficients::new(6.0, 3.0, 12.0);
 
 /// The person of the table: 1.80 m, 80 kg and a rig of 10 kg.
 ///
 /// # Errors
-/// None: the measures are constants.
+/// Never returns an error, since the measures are constants.
 pub fn person() -> Result<Body<f64>> {
     let not_a_person = |error: String| Problem::internal(error);
     let person = Person::new(1.80, 80.0, Sex::Male)
@@ -96,27 +96,27 @@ pub fn person() -> Result<Body<f64>> {
         .map_err(|error| not_a_person(error.to_string()))
 }
 
-/// One pose by one model.
+/// One pose in one model.
 #[derive(Debug, Clone, JsonSchema, Serialize)]
 pub struct Fall {
     /// Speed straight down with the pose and its attitude held (m/s).
     pub speed_mps: f64,
-    /// Attitude in which the air holds the pose without muscle input (deg), where there is one within 69 deg.
+    /// Attitude in which the pose is in equilibrium without muscle input (deg), if there is one within 69 deg.
     pub balance_pitch_deg: Option<f64>,
-    /// Horizontal over vertical speed there.
+    /// Glide ratio in that attitude: horizontal over vertical speed.
     pub balance_glide: Option<f64>,
-    /// Modes about that balance, the fastest growing first.
+    /// Modes about that equilibrium, the fastest growing first.
     pub modes: Vec<Mode>,
 }
 
-/// The model that flies a pose.
+/// The model for a pose.
 pub fn dynamics(body: Body<f64>, model: LoadModel) -> Dynamics<f64> {
     let mut dynamics = Dynamics::paper(body, DENSITY);
     dynamics.aerodynamics.model = model;
     dynamics
 }
 
-/// How a pose falls.
+/// Computes how a pose falls.
 pub fn fall(dynamics: &Dynamics<f64>, pose: &Pose) -> Fall {
     let posture = pattern::posture(pose.angles);
     let sample = dynamics.hold(&posture);
@@ -146,8 +146,8 @@ pub fn fall(dynamics: &Dynamics<f64>, pose: &Pose) -> Fall {
     }
 }
 
-/// The best glide of the tracking pose over the angles between 20 and 80 deg to the stream: horizontal over vertical
-/// speed, and the vertical speed (m/s).
+/// The best glide of the tracking pose at angles of 20 to 80 deg to the airflow: horizontal over vertical speed, and
+/// the vertical speed (m/s).
 pub fn best_glide(dynamics: &Dynamics<f64>) -> (f64, f64) {
     let sample = dynamics.hold(&pattern::posture(pattern::TRACK));
     let weight = dynamics.body.mass() * dynamics.gravity;
@@ -171,7 +171,7 @@ pub fn best_glide(dynamics: &Dynamics<f64>) -> (f64, f64) {
 /// The table of all modes in docs/poses.md.
 ///
 /// # Errors
-/// As of [`person`].
+/// Same as [`person`].
 pub fn modes_table() -> Result<String> {
     let body = person()?;
     let mut text =
@@ -201,10 +201,10 @@ pub fn modes_table() -> Result<String> {
     Ok(text)
 }
 
-/// The table of docs/poses.md.
+/// The table in docs/poses.md.
 ///
 /// # Errors
-/// As of [`person`].
+/// Same as [`person`].
 pub fn table() -> Result<String> {
     let body = person()?;
     let models = [LoadModel::Paper, LoadModel::FreeFly].map(|model| dynamics(body, model));

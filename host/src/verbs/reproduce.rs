@@ -1,8 +1,8 @@
-//! `bodyflight reproduce`: the experiments of the paper as flights that anyone can fly and reconstruct, in one report.
+//! `bodyflight reproduce`: the paper's experiments as simulated flights that anyone can reconstruct, in one report.
 //!
-//! The paper's recordings were made by people; here the model flies scripts of the same maneuvers through the paper's
-//! sensor noise. So a report shows what the method recovers when the model is right, not that the model is right of
-//! people: `bodyflight validate` and `simulate` on recordings are for that.
+//! The paper recorded people; here the model flies scripts of the same maneuvers, with the paper's sensor noise. So a
+//! report shows what the method recovers if the model is right, not that the model is right about people: for that, use
+//! `bodyflight validate`, and `simulate` on recordings.
 
 pub mod experiments;
 pub mod report;
@@ -33,20 +33,20 @@ use report::{Outcome, Parts};
 /// Seed of sway and noise.
 const SEED: u64 = 1;
 
-/// What was reproduced.
+/// Result of a reproduction.
 #[derive(Debug, Clone, JsonSchema, Serialize)]
 pub struct Report {
-    /// The report's file.
+    /// The file with the report.
     pub report: PathBuf,
     /// Experiments in the order of the paper.
     pub outcomes: Vec<Outcome>,
 }
 
-/// Parts of a report that are no flights.
+/// Parts of a report that are not flights.
 pub const PARTS: [&str; 3] = ["poses", "oscillation-map", "sensitivity"];
 
-/// Flies and reconstructs the experiments named, all where none is, and writes `report.md`, pictures and flights into
-/// `folder`. `progress` is called once for each of them.
+/// Flies and reconstructs the named experiments, or all if none is named, and writes `report.md`, figures and flights
+/// into `folder`. `progress` is called once for each experiment.
 ///
 /// # Errors
 /// Returns an error if a name is unknown, or the folder cannot be written to.
@@ -76,7 +76,7 @@ pub fn reproduce(what: &[String], folder: &Path, progress: impl Fn() + Sync) -> 
     })
 }
 
-/// What is no flight.
+/// Computes the parts that are not flights.
 fn parts(wanted: impl Fn(&str) -> bool, folder: &Path, progress: impl Fn()) -> Result<Parts> {
     let poses = wanted("poses").then(poses::table).transpose()?;
     progress();
@@ -118,7 +118,7 @@ fn preset(name: &str) -> Result<&'static Preset> {
     Preset::from_name(name).ok_or_else(|| Problem::internal(format!("there is no preset {name}")))
 }
 
-/// What 30 % in each parameter does to turns of an experienced skydiver, and its picture.
+/// Varies each parameter by 30 % in the turns of an experienced skydiver, and draws the result.
 fn vary(folder: &Path) -> Result<sensitivity::Report> {
     let flown = fly("rotations", false, &folder.join("flights/sensitivity"))?;
     let flight = Flight::read(&flown.flight)?;
@@ -133,7 +133,7 @@ fn run(experiment: &Experiment, folder: &Path) -> Result<Outcome> {
     let preset = preset(experiment.preset)?;
     let flights = folder.join("flights").join(experiment.name);
     let flown = fly(experiment.maneuver, experiment.tunnel, &flights)?;
-    // The reconstruction knows nothing of the inputs that were flown.
+    // The reconstruction does not know the inputs that were flown.
     let flight = Flight {
         inputs: None,
         muscles: preset.muscles,

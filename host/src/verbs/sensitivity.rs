@@ -1,8 +1,8 @@
 //! `bodyflight sensitivity`: how much a flight changes with each parameter of the model.
 //!
-//! The paper says that 30 % in any coefficient changes the velocities by less than 1 %. Two questions hide in
-//! that: how far the same postures and inputs lead elsewhere (a free run), and how well the flight is still reconstructed
-//! when the inputs are estimated anew, which is how the paper reconstructs flights.
+//! The paper says that 30 % in any coefficient changes the velocities by less than 1 %. That can mean two things: how
+//! much the motion from the same postures and inputs changes (a free run), or how well the flight is reconstructed
+//! after the inputs are re-estimated, which is how the paper reconstructs flights.
 
 mod figure;
 
@@ -21,7 +21,7 @@ use crate::interrupt;
 use crate::replay::comparison::{Channel, Comparison, Pair, PerChannel};
 use crate::replay::steps::{Divergence, Replay, too_short};
 
-/// A number of the model.
+/// A parameter of the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, JsonSchema, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Parameter {
@@ -39,14 +39,14 @@ pub enum Parameter {
     RollDamping,
     /// Mass of all segments.
     Mass,
-    /// Silhouettes of the feet: the paper's shoe size.
+    /// Area of the feet: the paper's shoe size.
     Shoes,
-    /// Arch factor's distance from one.
+    /// Difference of the arch factor from 1.
     Arch,
 }
 
 impl Parameter {
-    /// All of them.
+    /// All parameters.
     pub const ALL: [Self; 9] = [
         Self::Drag,
         Self::Lift,
@@ -59,7 +59,7 @@ impl Parameter {
         Self::Arch,
     ];
 
-    /// Name for people.
+    /// Readable name.
     pub const fn label(self) -> &'static str {
         match self {
             Self::Drag => "Cd",
@@ -74,7 +74,7 @@ impl Parameter {
         }
     }
 
-    /// Factors on drag, lift and moment coefficients; `None` where it is none of them.
+    /// Factors on drag, lift and moment coefficients; `None` for other parameters.
     const fn coefficient_factors(self, factor: f64) -> Option<[f64; 3]> {
         Some(match self {
             Self::Drag => [factor, 1.0, 1.0],
@@ -124,34 +124,34 @@ impl Parameter {
     }
 }
 
-/// What a parameter does.
+/// The effect of a parameter.
 #[derive(Debug, Clone, JsonSchema, Serialize)]
 pub struct Effect {
     /// The parameter.
     pub parameter: Parameter,
-    /// What it was multiplied by.
+    /// Factor by which it was multiplied.
     pub factor: f64,
     /// Root mean square of varied minus unvaried free run.
     pub change: PerChannel,
-    /// RMS gap of measured minus reconstructed with inputs estimated anew, for coefficients of the air where that was asked for.
+    /// RMS gap of measured minus reconstructed with re-estimated inputs, for aerodynamic coefficients and if requested.
     pub reconstruction: Option<PerChannel>,
 }
 
 /// The sensitivity of a flight.
 #[derive(Debug, Clone, JsonSchema, Serialize)]
 pub struct Report {
-    /// Largest size of each channel of the unvaried run.
+    /// Largest absolute value of each channel of the unvaried run.
     pub amplitude: PerChannel,
-    /// One for each parameter and direction.
+    /// One entry for each parameter and direction.
     pub effects: Vec<Effect>,
-    /// RMS gap of measured minus reconstructed with the unvaried model, where estimation was asked for.
+    /// RMS gap of measured minus reconstructed with the unvaried model, if estimation was requested.
     pub reconstruction: Option<PerChannel>,
-    /// Largest size of each measured channel there.
+    /// Largest absolute value of each measured channel in that reconstruction.
     pub measured_amplitude: Option<PerChannel>,
 }
 
-/// Flies a flight's postures with each parameter `share` more and less (0.3 is 30 %), and with `estimation` estimates the
-/// inputs anew each time.
+/// Simulates a flight's postures with each parameter increased and decreased by `share` (0.3 is 30 %). With
+/// `estimation`, also re-estimates the inputs each time.
 ///
 /// # Errors
 /// Returns an error if the flight cannot be read, or the preset is refused.
@@ -205,7 +205,7 @@ pub fn sensitivity(
     })
 }
 
-/// Time and what is seen of the model's motion, frame by frame.
+/// Time and observation of the model's motion, frame by frame.
 type Run = Vec<(f64, Observation<f64>)>;
 
 fn fly(
@@ -246,7 +246,7 @@ fn gap(plain: &Run, varied: &Run) -> Comparison {
     comparison
 }
 
-/// Channels that a table shows.
+/// Channels shown in tables.
 pub const SHOWN: [Channel; 5] = [
     Channel::Roll,
     Channel::Pitch,

@@ -1,5 +1,5 @@
-//! `bodyflight simulate`: a free run of the model from the first frame, fed by the recorded postures, against
-//! what the recording says of the pelvis.
+//! `bodyflight simulate`: compares a free run of the model, from the first frame and with the recorded postures, with
+//! the recorded motion of the pelvis.
 
 use std::path::Path;
 use std::time::Instant;
@@ -20,43 +20,43 @@ use crate::replay::steps::{Replay, Step};
 /// The result of a simulation.
 #[derive(Debug, Clone, JsonSchema, Serialize)]
 pub struct Report {
-    /// Frames compared.
+    /// Number of frames compared.
     pub frames: u64,
     /// Length of the flight (s).
     pub duration_s: f64,
     /// Root mean square of measured minus simulated.
     pub rms: PerChannel,
-    /// Largest size of the measured channel.
+    /// Largest absolute value of the measured channel.
     pub amplitude: PerChannel,
-    /// Frames simulated in a second of computing, reading included.
+    /// Frames processed per second of computing time, including reading.
     pub steps_per_second: f64,
     /// Bad frames of the recording that were bridged.
     pub bridged_frames: u64,
-    /// Where the run took its first motion from.
+    /// Source of the initial motion.
     pub start: Start,
-    /// How the track of a receiver was brought to the recording's clock, where the flight has one.
+    /// Alignment of a receiver's track with the recording's clock, if the flight has such a track.
     pub gnss: Option<Alignment>,
-    /// What is implausible for a flight.
+    /// Values that are implausible for a flight.
     pub warnings: Vec<Warning>,
 }
 
-/// A simulation with what plots need.
+/// A simulation, with the data for plots.
 #[derive(Debug, Clone)]
 pub struct Simulation {
-    /// Numbers.
+    /// The numbers.
     pub report: Report,
     /// Channels over time.
     pub comparison: Comparison,
-    /// What reading met.
+    /// Faults found while reading.
     pub quality: Quality,
 }
 
-/// Reads the recording of a flight, runs the model beside it and compares.
+/// Reads the recording of a flight, runs the model beside it and compares both.
 ///
 /// `each` is called with every step; `progress` with the time reached (s).
 ///
 /// # Errors
-/// Returns an error if a file is not usable, fewer than two frames are there, or the simulation diverges.
+/// Returns an error if a file is unusable, there are fewer than two frames, or the simulation diverges.
 pub fn simulate<T: Real>(
     flight: &Flight,
     options: Options,
@@ -98,11 +98,11 @@ pub fn simulate<T: Real>(
     })
 }
 
-/// The run as CSV: time, then measured and simulated value of each channel.
+/// The run as CSV: time, then the measured and simulated value of each channel.
 pub struct RunFile(CsvFile);
 
 impl RunFile {
-    /// Begins the file.
+    /// Creates the file.
     ///
     /// # Errors
     /// Returns an error if the folder cannot be written to.
@@ -117,7 +117,7 @@ impl RunFile {
     /// Adds a row.
     ///
     /// # Errors
-    /// Returns an error if the disk refuses.
+    /// Returns an error if the file cannot be written.
     pub fn write(&mut self, step: &Step) -> Result<()> {
         let values = Channel::ALL.into_iter().flat_map(|channel| {
             [
@@ -128,10 +128,10 @@ impl RunFile {
         self.0.write(std::iter::once(step.time).chain(values))
     }
 
-    /// Gives the file its name.
+    /// Completes the file and gives it its name.
     ///
     /// # Errors
-    /// Returns an error if the disk refuses; then no file is left.
+    /// Returns an error if the file cannot be written; no partial file is left.
     pub fn finish(self) -> Result<()> {
         self.0.finish()
     }

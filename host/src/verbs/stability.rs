@@ -1,4 +1,4 @@
-//! Small motions about a steady fall: eigenvalues of the linearised step.
+//! Stability of a steady fall: eigenvalues of the linearised step.
 
 use bodyflight_core::dynamics::step::TIME_STEP;
 use bodyflight_core::dynamics::{Dynamics, Inputs, Motion, PostureSample, State};
@@ -8,25 +8,25 @@ use nalgebra::{SMatrix, SVector, Vector3};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// Turn (rad), velocity (m/s), angular velocity (rad/s): what a small motion is made of.
+/// Number of states of a small motion: rotation (rad), velocity (m/s), angular velocity (rad/s).
 const STATES: usize = 9;
-/// Size of a disturbance, in these units.
+/// Size of a disturbance, in the units of the states.
 const DISTURBANCE: f64 = 1e-5;
-/// Eigenvalues below this are the heading, which nothing holds (1/s).
+/// Eigenvalues below this belong to the heading, which has no restoring moment (1/s).
 const NEUTRAL: f64 = 1e-3;
 
-/// How a small motion goes on: `exp(growth t)`, with `frequency`.
+/// The development of a small motion: `exp(growth t)`, oscillating with `frequency`.
 #[derive(Debug, Clone, Copy, PartialEq, JsonSchema, Serialize)]
 pub struct Mode {
-    /// Rate of growth (1/s); negative: decays.
+    /// Rate of growth (1/s); negative if it decays.
     pub growth_per_s: f64,
-    /// Angular frequency (rad/s); 0: no oscillation.
+    /// Angular frequency (rad/s); 0 if it does not oscillate.
     pub frequency_radps: f64,
 }
 
 /// Modes about `motion`, a steady fall in the posture of `sample`, the fastest growing first.
 ///
-/// The step itself is linearised, so these are the modes of what is flown.
+/// The step itself is linearised, so these are the modes of the simulation.
 pub fn modes(
     dynamics: &Dynamics<f64>,
     sample: &PostureSample<f64>,
@@ -54,7 +54,7 @@ pub fn modes(
             frequency_radps: value.im.atan2(value.re) / TIME_STEP,
         })
         .filter(|mode| mode.growth_per_s.hypot(mode.frequency_radps) > NEUTRAL)
-        // One of each pair.
+        // Keeps one of each conjugate pair.
         .filter(|mode| mode.frequency_radps >= 0.0)
         .collect();
     modes.sort_by(|a, b| b.growth_per_s.total_cmp(&a.growth_per_s));

@@ -1,4 +1,4 @@
-//! `bodyflight synth`: a maneuver flown by the model, seen through noisy sensors and written like a recording.
+//! `bodyflight synth`: simulates a maneuver with noisy sensors, and writes it as a recording.
 
 mod request;
 mod tunnel;
@@ -36,7 +36,7 @@ use crate::output::files::{CsvFile, write_file};
 pub use request::{JointError, Request};
 pub use tunnel::Tunnel;
 
-/// What was written.
+/// Description of the written flight.
 #[derive(Debug, Clone, JsonSchema, Serialize)]
 pub struct Report {
     /// The `flight.toml`.
@@ -45,7 +45,7 @@ pub struct Report {
     pub frames: u64,
     /// Length (s).
     pub duration_s: f64,
-    /// What happened in the tunnel, where there is one.
+    /// Events in the tunnel, if there is one.
     pub tunnel: Option<Tunnel>,
 }
 
@@ -55,7 +55,7 @@ const FRAME_RATE: f64 = 240.0;
 /// Height of the first frame above the inertial origin (m).
 const START_HEIGHT: f64 = 4000.0;
 
-/// Files of a synthetic flight; the segments only where the subject has a table of its own.
+/// Files of a synthetic flight; the segments only if the subject has its own table.
 pub const FILES: &[&str] = &[
     "flight.toml",
     "subject.toml",
@@ -127,7 +127,7 @@ pub fn synthesize(
     })
 }
 
-/// Flies the maneuver and hands every recorded frame to `each`; the number of frames.
+/// Flies the maneuver, passes every recorded frame to `each`, and returns the number of frames.
 ///
 /// # Errors
 /// Returns the errors of `each`.
@@ -178,7 +178,7 @@ pub fn fly(
     }
 }
 
-/// Motion at the start: the trimmed speed of the neutral pose, straight down.
+/// The initial motion: the trimmed speed of the neutral pose, straight down.
 fn start(maneuver: &Maneuver, dynamics: &Dynamics<f64>) -> Motion<f64> {
     let speed = neutral_speed(dynamics);
     let inertial_from_body = maneuver.start_attitude();
@@ -195,11 +195,11 @@ fn start(maneuver: &Maneuver, dynamics: &Dynamics<f64>) -> Motion<f64> {
 /// Speed of the trimmed neutral fall through the air (m/s).
 fn neutral_speed(dynamics: &Dynamics<f64>) -> f64 {
     let neutral = bodyflight_core::body::pattern::neutral();
-    // A posture without trim still falls: 50 m/s is where belly flight settles.
+    // A posture that cannot be trimmed still falls: belly flight settles at 50 m/s.
     trim(dynamics, &neutral, START_HEIGHT).map_or(50.0, |trim| trim.terminal_speed)
 }
 
-/// Slow involuntary motion of every joint: three sines an axis, with seeded frequencies and phases.
+/// Slow involuntary motion of every joint: three sines per axis, with seeded frequencies and phases.
 struct Sway {
     waves: Vec<(Segment, [[Wave; 3]; 3])>,
 }
@@ -256,7 +256,7 @@ struct AxisError {
 }
 
 impl JointErrors {
-    /// Numbers of their own: with exact joints a flight keeps its bits.
+    /// Uses a separate random generator, so that a flight without joint errors stays bit-identical.
     fn new(seed: u64, size: JointError) -> Self {
         let mut random = ChaCha8Rng::seed_from_u64(seed ^ 0x6a6f_696e_7473);
         let mut axis = || AxisError {

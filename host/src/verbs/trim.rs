@@ -16,20 +16,20 @@ use crate::formats::subject::Subject;
 pub struct Report {
     /// Speed of the fall (m/s).
     pub terminal_speed_mps: f64,
-    /// Turn about the left axis from standing (deg); 90 is belly to earth.
+    /// Rotation about the left axis from standing (deg); 90 is belly to earth.
     pub body_pitch_deg: f64,
     /// Bend of the knees (deg).
     pub knee_deg: f64,
-    /// Moment by turn in pitch (N m/rad); negative is stable.
+    /// Moment per rotation in pitch (N m/rad); negative is stable.
     pub pitch_stiffness_nm_per_rad: f64,
     /// Mass with equipment (kg).
     pub mass_kg: f64,
 }
 
-/// Balances the neutral pose in still air of a density (kg/m3).
+/// Finds the equilibrium of the neutral pose in still air of this density (kg/m3).
 ///
 /// # Errors
-/// Returns an error if the density is out of range or no bend of the knees balances the subject.
+/// Returns an error if the density is out of range or no bend of the knees gives equilibrium.
 pub fn trim(subject: &Subject, density: f64) -> Result<Report> {
     if !(density > 0.0 && density <= 2.0) {
         return Err(Problem::bad_input(format!(

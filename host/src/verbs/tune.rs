@@ -1,8 +1,8 @@
 //! `bodyflight tune`: the paper's Monte-Carlo search for aerodynamic coefficients.
 //!
-//! Coefficients are drawn around the subject's, each draw flies the same postures, and the draw with the
-//! smallest gap in linear and angular velocity is kept and checked on flights that were not used; by segment, round by round. The
-//! same seed gives the same answer on any number of cores.
+//! Coefficients are drawn around the subject's, and each draw is simulated with the same postures. The draw with the
+//! smallest gap in linear and angular velocity is kept and checked on flights that were not used; a search per segment
+//! does this in rounds. The same seed gives the same answer on any number of cores.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -25,15 +25,15 @@ use crate::interrupt;
 use crate::replay::comparison::{Channel, Comparison, PerChannel};
 use crate::replay::steps::{Replay, too_short};
 
-/// Scales of the gap: the paper's own accuracy of reconstruction, section "Model Validation in Experiments".
+/// Scales of the gap: the paper's own accuracy, section "Model Validation in Experiments".
 const SCALES: [(Channel, f64); 3] = [
     (Channel::AngularVelocity, 0.15),
     (Channel::HorizontalVelocity, 0.45),
     (Channel::VerticalVelocity, 1.5),
 ];
 
-/// Draws of a round of a search by segment, share of the coefficients that each changes, and by how much less they are changed
-/// after a round, and at the least.
+/// Search per segment: draws per round, the share of coefficients that each draw changes, the factor by which the
+/// spread shrinks after a round, and its smallest share.
 const ROUND: usize = 10;
 const CHANGED: f64 = 0.15;
 const NARROWER: f64 = 0.9;
@@ -42,13 +42,13 @@ const NARROWEST: f64 = 0.2;
 /// How to search.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Search {
-    /// Number of draws, the guess itself not counted.
+    /// Number of draws, not counting the guess itself.
     pub draws: usize,
     /// Standard deviation of each draw, as a share of the guess.
     pub spread: f64,
     /// Seed of the draws.
     pub seed: u64,
-    /// Whether each segment has coefficients of its own, left and right alike.
+    /// Whether each segment has its own coefficients, the same left and right.
     pub per_segment: bool,
 }
 
@@ -56,7 +56,7 @@ pub struct Search {
 #[derive(Debug, Clone, Copy)]
 struct Candidate {
     common: CommonCoefficients,
-    /// Of drag, lift and moment, besides what the subject gives a segment of its own.
+    /// Factors on drag, lift and moment, in addition to the subject's own coefficients of a segment.
     factors: SegmentArray<[f64; 3]>,
 }
 
@@ -68,7 +68,7 @@ impl Candidate {
         }
     }
 
-    /// Coefficients of a segment that has `own` where the common ones are `guess`.
+    /// Coefficients of a segment that has `own` if the common ones are `guess`.
     fn of(
         &self,
         segment: Segment,
@@ -76,7 +76,7 @@ impl Candidate {
         guess: &CommonCoefficients,
     ) -> Coefficients<f64> {
         let [drag, lift, moment] = self.factors[segment];
-        // A coefficient of zero has no ratio and stays.
+        // A coefficient of zero has no ratio, and is kept.
         let ratio = |to: f64, from: f64| if from > 0.0 { to / from } else { 1.0 };
         Coefficients {
             drag: own.drag * drag * ratio(self.common.cd, guess.cd),
@@ -93,7 +93,7 @@ pub struct SegmentBest {
     pub segment: &'static str,
     /// Drag.
     pub cd: f64,
-    /// Force across the stream.
+    /// Lift, the force across the airflow.
     pub cl: f64,
     /// Moment.
     pub cm: f64,
@@ -102,21 +102,21 @@ pub struct SegmentBest {
 /// The result of a search.
 #[derive(Debug, Clone, JsonSchema, Serialize)]
 pub struct Report {
-    /// Where the search began.
+    /// Initial coefficients.
     pub guess: CommonCoefficients,
     /// The best draw.
     pub best: CommonCoefficients,
-    /// Coefficients of segments that differ from the common ones: of a search by segment, or the subject's own, scaled.
+    /// Coefficients of segments that differ from the common ones: from a search per segment, or the subject's, scaled.
     pub segments: Vec<SegmentBest>,
-    /// Gap of the guess and of the best on the flights used, in units of the paper's accuracy.
+    /// Gap of the guess on the flights used, in units of the paper's accuracy.
     pub score_before: f64,
-    /// Gap of the best.
+    /// Gap of the best draw, in the same units.
     pub score_after: f64,
     /// Flights that were not used.
     pub held_out: Vec<HeldOut>,
-    /// Draws flown.
+    /// Number of draws simulated.
     pub draws: usize,
-    /// Whether Ctrl-C ended the search: the best is that of the draws flown, and nothing was held out.
+    /// Whether Ctrl-C ended the search: the best is that of the draws so far, and was not checked on held-out flights.
     pub interrupted: bool,
 }
 
@@ -129,13 +129,13 @@ pub struct HeldOut {
     pub rms_before: PerChannel,
     /// Gap with the best.
     pub rms_after: PerChannel,
-    /// Scores.
+    /// Score with the guess.
     pub score_before: f64,
     /// Score with the best.
     pub score_after: f64,
 }
 
-/// A flight in memory: a search flies it hundreds of times.
+/// A flight in memory, since a search simulates it hundreds of times.
 struct Loaded<'a> {
     flight: &'a Flight,
     dynamics: Dynamics<f64>,
@@ -156,7 +156,7 @@ impl<'a> Loaded<'a> {
         })
     }
 
-    /// Flies the postures with other coefficients.
+    /// Simulates the postures with other coefficients.
     fn fly(&self, candidate: &Candidate) -> Result<Comparison> {
         let mut dynamics = self.dynamics;
         let guess = self.flight.subject.common_coefficients();
@@ -177,11 +177,12 @@ impl<'a> Loaded<'a> {
     }
 }
 
-/// Searches over `flights` and checks on `held_out`. `progress` is called once for each draw. Ctrl-C ends the search with the best
-/// so far.
+/// Searches over `flights` and checks on `held_out`. `progress` is called once for each draw. Ctrl-C ends the search
+/// with the best so far.
 ///
 /// # Errors
-/// Returns an error if a flight cannot be read, the guess itself does not fly, or Ctrl-C came before the first draw was flown.
+/// Returns an error if a flight cannot be read, the simulation with the guess diverges, or Ctrl-C is pressed before the
+/// first draw is complete.
 pub fn tune(
     flights: &[Flight],
     held_out: &[Flight],
@@ -194,7 +195,7 @@ pub fn tune(
             "expected at least one flight to tune on",
         ));
     };
-    // Problems of any file come before the long work.
+    // Problems with any file are reported before the long work.
     let (used, held_out) = (load(flights, options)?, load(held_out, options)?);
     let guess = first.subject.common_coefficients();
     let start = Candidate::plain(guess);
@@ -212,13 +213,13 @@ pub fn tune(
             .filter(|_| !interrupt::requested())
             .filter_map(|(index, candidate)| {
                 let score = total_score(&used, candidate);
-                // One that was not flown to its end says nothing.
+                // An incomplete draw has no score.
                 if interrupt::requested() {
                     return None;
                 }
                 flown.fetch_add(1, Ordering::Relaxed);
                 progress();
-                // A draw that tumbles out of range has lost.
+                // A draw that diverges has lost.
                 Some((score.unwrap_or(f64::INFINITY), index, *candidate))
             })
             .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
@@ -258,7 +259,7 @@ fn load(flights: &[Flight], options: Options) -> Result<Vec<Loaded<'_>>> {
         .collect()
 }
 
-/// Segments of the best set that are not as the common coefficients.
+/// Segments of the best set that differ from the common coefficients.
 fn differing(flight: &Flight, best: &Candidate) -> Vec<SegmentBest> {
     let guess = flight.subject.common_coefficients();
     let own = flight.subject.aerodynamics().coefficients;
@@ -293,8 +294,8 @@ fn check(flight: &Loaded<'_>, guess: &Candidate, best: &Candidate) -> Result<Hel
     })
 }
 
-/// Draws of each round: one round for common coefficients. Draws of all coefficients of all segments at once hit nothing, so a
-/// search by segment goes on from the best of each round.
+/// Number of draws in each round; common coefficients need only one round. Random changes to all coefficients of all
+/// segments at once hardly ever improve, so a search per segment continues from the best of each round.
 fn rounds(search: Search) -> Vec<usize> {
     if !search.per_segment {
         return vec![search.draws];
@@ -305,7 +306,8 @@ fn rounds(search: Search) -> Vec<usize> {
     rounds
 }
 
-/// Sets of coefficients around the best so far: normal, at least a tenth of it; by segment only some of them change.
+/// Draws coefficients around the best so far, normally distributed and at least a tenth of it. In a search per segment
+/// only some of them change.
 fn draw(
     best: &Candidate,
     per_segment: bool,
@@ -333,7 +335,7 @@ fn draw(
             };
             if per_segment {
                 for segment in Segment::ALL {
-                    // The left side is drawn first, and the right takes its numbers.
+                    // The left side is drawn first, and the right side copies it.
                     let mirrored = segment.mirrored();
                     candidate.factors[segment] = if mirrored < segment {
                         candidate.factors[mirrored]
@@ -347,18 +349,18 @@ fn draw(
         .collect()
 }
 
-/// Root mean square over flights of their scores.
+/// Root mean square of the flights' scores.
 fn total_score(flights: &[Loaded<'_>], candidate: &Candidate) -> Result<f64> {
     let mut sum = 0.0;
     for flight in flights {
         sum += score(&flight.fly(candidate)?).powi(2);
     }
-    #[expect(clippy::cast_precision_loss, reason = "a few flights")]
+    #[expect(clippy::cast_precision_loss, reason = "only a few flights")]
     let count = flights.len().max(1) as f64;
     Ok((sum / count).sqrt())
 }
 
-/// Gap in linear and angular velocity over the paper's accuracy, root mean square over channels.
+/// Gap in linear and angular velocity relative to the paper's accuracy, root mean square over channels.
 fn score(comparison: &Comparison) -> f64 {
     let rms = comparison.rms();
     let sum: f64 = SCALES

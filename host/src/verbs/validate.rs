@@ -1,8 +1,8 @@
-//! `bodyflight validate`: the model against real recordings, nothing fitted but what a row says.
+//! `bodyflight validate`: compares the model with real recordings. Nothing is fitted, except where a row says so.
 //!
-//! In the air without a canopy the model has no excuse: postures and a first motion must reproduce the measured
-//! rotation. The bundled flights are somersaults with twists, see [`bundled`]; [`windows`] predicts parts of them. Tracks of
-//! loggers have no postures: [`falls`] asks whether their drag, wind and fall rate agree with themselves.
+//! In free flight the model has no excuse: postures and an initial motion must reproduce the measured rotation. The
+//! bundled flights are somersaults with twists, see [`bundled`]; [`windows`] predicts parts of them. Loggers' tracks
+//! have no postures; [`falls`] checks that their drag, wind and fall rate are consistent.
 
 pub mod bundled;
 pub mod check;
@@ -30,28 +30,28 @@ pub const LENGTHS: [f64; 2] = [0.25, 0.5];
 /// Largest median error of the exact equations at the end of a window of each length (rad): 5 and 12 degrees.
 const LARGEST: [f64; 2] = [0.0873, 0.2094];
 
-/// Least ratio of the error of the published equations to that of the exact ones.
+/// Smallest ratio of the error of the published equations to that of the exact ones.
 const LEAST_RATIO: f64 = 5.0;
 
-/// What was found.
+/// The result of a validation.
 #[derive(Debug, Clone, JsonSchema, Serialize)]
 pub struct Report {
     /// Names of the flights.
     pub flights: Vec<String>,
-    /// Windows, predicted.
+    /// Predicted windows.
     pub windows: Vec<Row>,
-    /// Whole flights, their start fitted.
+    /// Whole flights with fitted start.
     pub whole: Vec<Whole>,
-    /// Falls of loggers.
+    /// Falls recorded by loggers.
     pub falls: Vec<FallRow>,
-    /// Tracks without a fall that can be judged, and why.
+    /// Tracks whose fall could not be judged, and why.
     pub not_judged: Vec<String>,
-    /// All of it as one table.
+    /// All results as one table.
     pub checks: Vec<Check>,
 }
 
 impl Report {
-    /// What is not as it must be, in a sentence; `None` where all is well.
+    /// The failed checks, in a sentence; `None` if all hold.
     pub fn failure(&self) -> Option<String> {
         let failed = self.checks.iter().filter(|check| !check.holds);
         let sentences: Vec<String> = failed
@@ -66,10 +66,10 @@ impl Report {
     }
 }
 
-/// Reads a flight as a whole.
+/// Reads a whole flight.
 ///
 /// # Errors
-/// Returns an error if a file is not usable or has no velocities.
+/// Returns an error if a file is unusable or has no velocities.
 pub fn read(path: &Path) -> Result<Recorded> {
     let flight = Flight::read(path)?;
     let recording = flight.open(Options::default())?;
@@ -80,7 +80,7 @@ pub fn read(path: &Path) -> Result<Recorded> {
     Recorded::new(&frames, flight.dynamics(height), flight.constant_inputs())
 }
 
-/// Predicts windows of flights, named ones, and each as a whole; and the falls on tracks.
+/// Predicts windows of named flights, each flight as a whole, and the falls on tracks.
 ///
 /// # Errors
 /// Returns an error if Ctrl-C was pressed.
@@ -117,7 +117,7 @@ pub fn validate(flights: &[(String, Recorded)], tracks: &[PathBuf]) -> Result<Re
     })
 }
 
-/// What windows of flights in the air must show.
+/// Checks that windows of free flight must pass.
 fn window_checks(data: &str, rows: &[Row]) -> Vec<Check> {
     let mut checks = Vec::new();
     for (length, largest) in LENGTHS.into_iter().zip(LARGEST) {

@@ -1,9 +1,9 @@
-//! The viewer's page: a flight, its simulation and where they differ, in one HTML file that needs nothing else.
+//! The viewer's page: a flight, its simulation and their differences, in one self-contained HTML file.
 //!
-//! [`run`] flies a recording and keeps what there is to see of it, [`estimated`] what a filter finds, [`shape`] the body, [`series`] makes it small, [`page`] puts it into the
-//! page that `cargo xtask viewer` builds from `host/viewer`. [`server`] shows a page to this machine's browser and talks
-//! to it; [`flown`] keeps what was flown there, [`live`] shows a stream, with an [`avatar`] beside the
-//! measured body.
+//! [`run`] simulates a recording and collects the data to show, [`estimated`] adds the results of a filter and
+//! [`shape`] the body. [`series`] compresses the data, and [`page`] puts them into the page that `cargo xtask viewer`
+//! builds from `host/viewer`. [`server`] serves a page to this machine's browser and talks to it; [`flown`] saves
+//! flights flown there, and [`live`] shows a stream, with an [`avatar`] beside the measured body.
 
 pub mod avatar;
 pub mod estimated;

@@ -1,13 +1,13 @@
-// Channels as they are plotted: angles without jumps, in degrees or radians, and how fine their numbers are.
+// Channels as plotted: continuous angles, in degrees or radians, with a precision for each unit.
 
-/** What a unit is shown as. */
+/** How a unit is displayed. */
 export interface Shown {
   unit: string;
-  /** Factor on the numbers. */
+  /** Conversion factor. */
   factor: number;
-  /** Digits behind the point of a value. */
+  /** Decimals of a value. */
   decimals: number;
-  /** The smallest range of an axis: what is less is noise. */
+  /** Smallest range of an axis; anything smaller is noise. */
   least: number;
 }
 
@@ -22,20 +22,20 @@ const SHOWN: Record<string, Omit<Shown, "unit">> = {
 };
 const IN_DEGREES: Record<string, string> = { rad: "°", "rad/s": "°/s" };
 
-/** How numbers of a unit are shown. */
+/** Returns how values of a unit are displayed. */
 export function shown(unit: string, degrees: boolean): Shown {
   const name = (degrees && IN_DEGREES[unit]) || unit;
   return { unit: name, ...(SHOWN[name] ?? { factor: 1, decimals: 3, least: 0.02 }) };
 }
 
-/** An angle that turns on where it would jump from one end of its range to the other. */
+/** Unwraps an angle. */
 export function unwrapped(angles: ArrayLike<number>): Float64Array {
   const made = Float64Array.from(angles);
   for (let k = 1; k < made.length; k++) made[k] += 2 * Math.PI * Math.round((made[k - 1] - made[k]) / (2 * Math.PI));
   return made;
 }
 
-/** An angle that turns on, by the turns that bring its first value nearest to another's. */
+/** Unwraps an angle, shifted by whole turns so that it starts as close as possible to another angle. */
 export function unwrappedBeside(angles: ArrayLike<number>, other: ArrayLike<number>): Float64Array {
   const made = unwrapped(angles);
   const turns = 2 * Math.PI * Math.round(((other[0] ?? 0) - (made[0] ?? 0)) / (2 * Math.PI));

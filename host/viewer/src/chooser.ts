@@ -1,8 +1,8 @@
-// Which plots are shown, and in which order.
+// Selects which plots are shown, and in which order.
 import { button, element } from "./dom";
 import type { PlotSpec, Plots } from "./plots";
 
-/** A list of the channels: a tick shows one, arrows move it. */
+/** List of channels with checkboxes, and arrows to reorder them. */
 export function chooser(all: PlotSpec[], plots: Plots): HTMLElement {
   const rows = element("ul", { id: "channels" });
   const apply = () => {

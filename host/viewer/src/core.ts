@@ -29,12 +29,12 @@ export class Core {
     this.exports = new WebAssembly.Instance(new WebAssembly.Module(bytes as BufferSource))
       .exports as unknown as Exports;
     if (this.exports.setup_length() !== data.setup.length) {
-      throw new Error("The page and its data are of different versions: write the page again with bodyflight fly.");
+      throw new Error("The page and its data are of different versions: create the page again with bodyflight fly.");
     }
     new Float32Array(this.exports.memory.buffer, this.exports.setup_numbers(), data.setup.length).set(data.setup);
   }
 
-  /** A copy of the numbers of now. */
+  /** Copies the current frame. */
   frame(): Float32Array {
     return new Float32Array(this.exports.memory.buffer, this.exports.see(), this.exports.frame_length()).slice();
   }

@@ -1,7 +1,7 @@
-// The data of the page: read, checked and unpacked. Its types are those of the program.
+// Reads, checks and unpacks the page's data. The types are generated from the program's.
 import { type Packed, type PageData, SCHEMA } from "./types";
 
-/** A message for people instead of a page. */
+/** An error with a message for the user, shown instead of the page. */
 export class BadData extends Error {}
 
 export function pageData(): PageData {
@@ -11,11 +11,11 @@ export function pageData(): PageData {
     data = JSON.parse(text);
   } catch {
     throw new BadData(
-      "The data of this page is damaged: it was cut off or changed on its way. Write the page again with bodyflight view.",
+      "The data of this page is damaged: it was truncated or modified. Create the page again with bodyflight view.",
     );
   }
   if (data === null) {
-    throw new BadData("This page has no data yet: bodyflight view, fly or stream --view fill it.");
+    throw new BadData("This page contains no data: create one with bodyflight view, fly or stream --view.");
   }
   if (data.schema !== SCHEMA) {
     throw new BadData(
@@ -25,7 +25,7 @@ export function pageData(): PageData {
   return data;
 }
 
-/** Columns over time: for each number of a column one list. */
+/** Time series: for each column, one list per component. */
 export type Columns = Map<string, Float64Array[]>;
 
 /** The inverse of host/src/verbs/view/series.rs. */
@@ -36,13 +36,14 @@ export async function unpack(packed: Packed): Promise<Columns> {
     const stream = new Blob([zipped]).stream().pipeThrough(new DecompressionStream("gzip"));
     bytes = new Uint8Array(await new Response(stream).arrayBuffer());
   } catch {
-    throw new BadData("The series of this page are damaged: write the page again with bodyflight view.");
+    throw new BadData("The series of this page are damaged: create the page again with bodyflight view.");
   }
   let next = 0;
   const difference = () => {
     let value = 0;
     for (let shift = 0; ; shift += 7) {
-      if (next >= bytes.length) throw new BadData("The series of this page end too early: write the page again.");
+      if (next >= bytes.length)
+        throw new BadData("The series of this page end too early: create the page again with bodyflight view.");
       const byte = bytes[next++];
       value |= (byte & 0x7f) << shift;
       if (byte < 0x80) break;
@@ -66,7 +67,7 @@ export async function unpack(packed: Packed): Promise<Columns> {
   return columns;
 }
 
-/** The last of growing times that is not after a time; the first where all are. */
+/** Index of the last of the ascending `times` that is not after `time`, or 0. */
 export function rowAt(times: ArrayLike<number>, time: number): number {
   let [low, high] = [0, times.length - 1];
   while (low < high) {
@@ -77,7 +78,7 @@ export function rowAt(times: ArrayLike<number>, time: number): number {
   return low;
 }
 
-/** The short way between two angles. */
+/** Wraps an angle difference to ±π. */
 export function wrapped(angle: number): number {
   return angle - 2 * Math.PI * Math.round(angle / (2 * Math.PI));
 }

@@ -1,5 +1,5 @@
 // The report of bodyflight discover: where simulation and measurement disagree, and what explains it.
-import { colour, element } from "./dom";
+import { colour, element, onRecolour } from "./dom";
 import { written } from "./ticks";
 
 // See discovery/src/report.rs.
@@ -16,7 +16,7 @@ interface Gap {
   before: (number | null)[];
   after: (number | null)[];
   floor: (number | null)[];
-  /** Null where there was none to close. */
+  /** Null if there was no gap to close. */
   closed_share?: number | null;
 }
 export interface Discovery {
@@ -42,12 +42,12 @@ const CHANNELS = [
   "velocity up (m/s)",
 ];
 const VERDICTS = {
-  named: "An effect that the model misses was found.",
+  named: "An effect missing from the model was found.",
   calibrated: "Model and data agree once joints, subject and coefficients are adjusted within their tolerances.",
   described: "A load that is not in the library was found.",
-  none: "Model and data agree to the noise, as the files are.",
-  unexplained: "There is a disagreement, and nothing in the library explains it.",
-  thin: "Too little flight to tell effects apart.",
+  none: "Model and data agree within the noise, without any change.",
+  unexplained: "Model and data disagree, and no effect in the library explains it.",
+  thin: "The flight is too short to distinguish effects.",
 };
 
 export function discoveryPanel(report: Discovery, seek: (time: number) => void): HTMLElement {
@@ -62,7 +62,7 @@ export function discoveryPanel(report: Discovery, seek: (time: number) => void):
   }
   if (report.fly_next) panel.append(element("p", { class: "faint" }, `Fly next: ${report.fly_next}.`));
   for (const named of report.effects ?? []) panel.append(effect(named));
-  for (const named of report.nearest ?? []) panel.append(element("p", {}, "came nearest, not used:"), effect(named));
+  for (const named of report.nearest ?? []) panel.append(element("p", {}, "closest match, not used:"), effect(named));
   const table = element(
     "table",
     { id: "gap" },
@@ -86,7 +86,7 @@ export function discoveryPanel(report: Discovery, seek: (time: number) => void):
       element(
         "p",
         { class: "faint" },
-        "Misfit over its floor in time, before (line) and after (filled); a click goes there:",
+        "Misfit relative to the noise floor over time, before (line) and after (filled); click to go to a time:",
       ),
       map(report, seek),
     );
@@ -107,10 +107,10 @@ function effect(named: Named): HTMLElement {
   if (named.rivals?.length) {
     const rivals = named.rivals.map((rival) => rival.name).join(", ");
     const advice = named.separated_by ? `; fly: ${named.separated_by}` : "";
-    part.append(element("p", {}, `Not to be told from ${rivals} here${advice}.`));
+    part.append(element("p", {}, `Indistinguishable from ${rivals} in this flight${advice}.`));
   }
   if (named.imitated_by_inputs)
-    part.append(element("p", { class: "faint" }, "An estimator of muscle input and damping would take it for those."));
+    part.append(element("p", { class: "faint" }, "An estimator would mistake it for muscle input and damping."));
   return part;
 }
 
@@ -120,7 +120,7 @@ function map(report: Discovery, seek: (time: number) => void): HTMLCanvasElement
     width: "860",
     height: "240",
     role: "img",
-    "aria-label": "misfit over its floor in time",
+    "aria-label": "misfit relative to the noise floor over time",
   });
   const spots = report.residual_map ?? [];
   const end = spots[spots.length - 1].time_s || 1;
@@ -132,7 +132,7 @@ function map(report: Discovery, seek: (time: number) => void): HTMLCanvasElement
     const { width, height } = canvas;
     context.clearRect(0, 0, width, height);
     const x = (time: number) => (time / end) * (width - 10) + 5;
-    // Logarithmic: the floor is one.
+    // Logarithmic; 1 is the noise floor.
     const y = (value: number) =>
       height - 20 - (Math.log10(Math.max(1, value)) / Math.log10(Math.max(10, high))) * (height - 40);
     context.fillStyle = colour("second");
@@ -152,7 +152,7 @@ function map(report: Discovery, seek: (time: number) => void): HTMLCanvasElement
     context.fillText(`0 to ${end.toFixed(0)} s`, width - 100, height - 2);
   };
   draw();
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
+  onRecolour(draw);
   canvas.addEventListener("click", (event) => seek((event.offsetX / canvas.clientWidth) * end));
   return canvas;
 }

@@ -1,4 +1,4 @@
-// Small steps with the page's elements.
+// Helpers for the page's elements.
 
 export function element<K extends keyof HTMLElementTagNameMap>(
   tag: K,
@@ -14,14 +14,14 @@ export function element<K extends keyof HTMLElementTagNameMap>(
 export function button(label: string, title: string, act: () => void): HTMLButtonElement {
   const made = element("button", { type: "button", title }, label);
   made.addEventListener("click", (event) => {
-    // A pointer leaves no focus behind: the space bar is that of the page again.
+    // Drop the focus after a click so that the space bar controls the page again.
     if (event.detail > 0) made.blur();
     act();
   });
   return made;
 }
 
-/** A button that stays pressed. */
+/** A toggle button. */
 export function toggle(label: string, title: string, on: boolean, act: (on: boolean) => void): HTMLButtonElement {
   const made = button(label, title, () => {
     on = !on;
@@ -32,8 +32,23 @@ export function toggle(label: string, title: string, on: boolean, act: (on: bool
   return made;
 }
 
+const scheme = matchMedia("(prefers-color-scheme: dark)");
+const colours = new Map<string, string>();
+scheme.addEventListener("change", () => colours.clear());
+
+/** Returns a colour of the style sheet. */
 export function colour(name: string): string {
-  return getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+  let known = colours.get(name);
+  if (known === undefined) {
+    known = getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+    colours.set(name, known);
+  }
+  return known;
+}
+
+/** Calls `act` after a change between light and dark colours. */
+export function onRecolour(act: () => void): void {
+  scheme.addEventListener("change", act);
 }
 
 export function save(name: string, content: Blob): void {
@@ -42,7 +57,7 @@ export function save(name: string, content: Blob): void {
   setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
 }
 
-/** Whether keys belong to a field that is being filled in. */
+/** Returns whether a key event belongs to an input field. */
 export function typing(event: KeyboardEvent): boolean {
   const target = event.target as HTMLElement;
   return target.tagName === "SELECT" || (target.tagName === "INPUT" && target.getAttribute("type") !== "range");

@@ -1,4 +1,4 @@
-// What can be taken out of a replay: numbers, plots, pictures, a film.
+// Exports of a replay: CSV, SVG, PNG, WebM.
 
 import { save } from "./dom";
 import type { Flight } from "./flight";
@@ -32,7 +32,7 @@ export function savePng(name: string, canvas: HTMLCanvasElement): void {
   canvas.toBlob((blob) => blob && save(`${name}.png`, blob), "image/png");
 }
 
-/** Pictures at even times side by side, as in the paper's figures. */
+/** Evenly spaced snapshots side by side, as in the paper's figures. */
 export function strip(stage: Stage, times: number[], seek: (time: number) => void): HTMLCanvasElement {
   const source = stage.drawer.canvas;
   const made = document.createElement("canvas");
@@ -52,7 +52,7 @@ export function strip(stage: Stage, times: number[], seek: (time: number) => voi
   return made;
 }
 
-/** Films the picture until the returned function is called. */
+/** Records the picture as video until the returned function is called. */
 export function film(name: string, canvas: HTMLCanvasElement): (() => void) | null {
   if (typeof MediaRecorder === "undefined") return null;
   const recorder = new MediaRecorder(canvas.captureStream(30), { mimeType: "video/webm" });

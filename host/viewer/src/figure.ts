@@ -1,4 +1,4 @@
-// What a picture of a body needs, whoever draws it.
+// What is needed to draw a body, independent of the renderer.
 
 export type Vector = [number, number, number];
 /** w, x, y, z. */
@@ -27,7 +27,7 @@ export interface Picture {
 }
 
 export interface View {
-  /** Turn about the vertical and height above it (rad), distance (m). */
+  /** Azimuth and elevation (rad), distance (m). */
   azimuth: number;
   elevation: number;
   distance: number;
@@ -38,7 +38,7 @@ export function rotated([w, x, y, z]: Quaternion, [a, b, c]: Vector): Vector {
   return [a + w * tx + y * tz - z * ty, b + w * ty + z * tx - x * tz, c + w * tz + x * ty - y * tx];
 }
 
-/** Of two rotations, the one a share of the way. */
+/** Interpolates between two rotations. */
 export function between(from: Quaternion, to: Quaternion, share: number): Quaternion {
   const sign = from.reduce((sum, q, k) => sum + q * to[k], 0) < 0 ? -1 : 1;
   const mixed = from.map((q, k) => q + (sign * to[k] - q) * share) as Quaternion;

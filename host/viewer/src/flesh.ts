@@ -1,12 +1,12 @@
-// The body as solids with soft joins: what a skin is drawn around. Sizes are the subject's own.
+// The body as smoothly blended solids that the skin is wrapped around, sized to the subject.
 import type { Quaternion, Vector } from "./figure";
 import { rotated } from "./figure";
 import type { Shape, Worn } from "./types";
 
-/** What a part of the surface is made of; colours are the style sheet's. */
+/** Material of a part of the surface; the colours are in the style sheet. */
 export type Stuff = "suit" | "sleeve" | "leg" | "skin" | "glove" | "shoe" | "helmet" | "visor";
 
-/** A cone with round ends and an elliptic section, in the axes of a segment. */
+/** A rounded cone with elliptic cross-sections, in segment axes. */
 interface Solid {
   segment: number;
   stuff: Stuff;
@@ -35,10 +35,10 @@ const SEGMENT: Record<string, (shape: Shape) => Omit<Solid, "segment">[]> = {
   foot: (shape) => foot(shape),
 };
 
-/** The kind of a segment, whichever its side. */
+/** Name of a segment without its side. */
 export const kind = (name: string) => name.replace(/^[lr]_/, "");
 
-/** Solids of all segments. */
+/** Returns the solids of all segments. */
 export function flesh(shapes: Shape[], worn: Worn): Flesh {
   const bare = (stuff: Stuff): Stuff => {
     if (stuff === "shoe" && !worn.shoes) return "skin";
@@ -51,7 +51,7 @@ export function flesh(shapes: Shape[], worn: Worn): Flesh {
   return { solids, shapes };
 }
 
-/** The ends of a segment along its Z: where it is joined, and the other. */
+/** Returns the proximal and distal ends of a segment along its Z axis. */
 function ends(shape: Shape): [number, number] {
   const [middle, half] = [shape.person_middle_m[2], shape.person_half_extents_m[2]];
   return middle < 0 ? [0, middle - half] : [0, middle + half];
@@ -60,7 +60,7 @@ function ends(shape: Shape): [number, number] {
 function limb(shape: Shape, stuff: Stuff, first: number, last: number): Omit<Solid, "segment">[] {
   const [x, y] = shape.person_half_extents_m;
   const [joint, end] = ends(shape);
-  // Round ends stand out by their radius.
+  // Rounded ends protrude by their radius.
   const short = Math.sign(end) * 0.5 * last * Math.min(x, y);
   return [
     {
@@ -90,7 +90,7 @@ function trunk(shape: Shape, stuff: Stuff, first: number, last: number): Omit<So
   const [mx, my, mz] = shape.person_middle_m;
   const inner = Math.max(0, z - 0.5 * y);
   const wide = x - 0.8 * y;
-  // Two columns side by side: broad and flat, as a trunk is.
+  // Two columns side by side give the broad, flat shape of a trunk.
   return [1, -1].map((side) => ({
     stuff,
     from: [mx + side * wide * first * 0.9, my, mz - inner],
@@ -112,7 +112,7 @@ function shoulders(shape: Shape): Omit<Solid, "segment">[] {
       first: [0.5 * y, 0.5 * y],
       last: [0.5 * y, 0.5 * y],
     },
-    // The neck, and what slopes from it.
+    // The neck and its slope to the shoulders.
     {
       stuff: "skin",
       from: [0, my + 0.1 * y, top],
@@ -136,7 +136,7 @@ function head(shape: Shape): Omit<Solid, "segment">[] {
       last: [0.98 * x, 0.92 * y],
     },
     { stuff: "helmet", from: at(-0.2, -0.5), to: at(-0.12, 0), first: [0.72 * x, 0.6 * y], last: [0.86 * x, 0.78 * y] },
-    // The front is ventral: minus Y.
+    // The face is on the ventral side, -Y.
     {
       stuff: "visor",
       from: at(-0.42, -0.2),
@@ -189,7 +189,7 @@ function hand(shape: Shape): Omit<Solid, "segment">[] {
 function foot(shape: Shape): Omit<Solid, "segment">[] {
   const [x, y, z] = shape.person_half_extents_m;
   const [mx, my, mz] = shape.person_middle_m;
-  // Whichever axis is the long one, the foot goes along it.
+  // The foot points along whichever axis is longer.
   const low = mz - 0.25 * z;
   return [
     {
@@ -209,7 +209,7 @@ function foot(shape: Shape): Omit<Solid, "segment">[] {
   ];
 }
 
-/** Distance to the surface of a solid (m), near it; negative inside. `place` is in the axes of its segment. */
+/** Signed distance to a solid (m), negative inside, accurate near the surface. `place` is in segment axes. */
 function distance(solid: Solid, [x, y, z]: Vector): number {
   const { from, to, first, last } = solid;
   const [dx, dy, dz] = [to[0] - from[0], to[1] - from[1], to[2] - from[2]];
@@ -219,22 +219,22 @@ function distance(solid: Solid, [x, y, z]: Vector): number {
   const [qx, qy, qz] = [px - share * dx, py - share * dy, pz - share * dz];
   const a = first[0] + share * (last[0] - first[0]);
   const b = first[1] + share * (last[1] - first[1]);
-  // Stretched to a circle of the middle radius: true on the surface, and near it nearly so.
+  // Scaled to a circle of the mean radius: exact on the surface, approximate near it.
   const r = Math.sqrt(a * b);
   const along = Math.abs(dy) > Math.abs(dz) && Math.abs(dy) > Math.abs(dx);
   const [u, v, w] = along ? [qx / a, qz / b, qy / Math.min(a, b)] : [qx / a, qy / b, qz / Math.min(a, b)];
   return (Math.sqrt(u * u + v * v + w * w) - 1) * Math.min(r, 1.4 * Math.min(a, b));
 }
 
-/** How far joins of two solids reach (m). */
+/** Blending distance between two solids (m). */
 const SOFT = 0.03;
 const SHARE = 0.42 * SOFT;
 
-/** Solids that are near add up, so that joins are round: a soft minimum of distances. */
+/** Smooth minimum of distances, which rounds the joins. */
 const nearness = (d: number) => (d < 3 * SOFT ? Math.exp(-d / SHARE) : 0);
 const softened = (sum: number) => (sum > 0 ? -Math.log(sum) * SHARE : 3 * SOFT);
 
-/** The body's own distance field in its posture of rest. */
+/** Signed distance field of the body in its rest posture. */
 export class Field {
   private readonly parts: { solid: Solid; joint: Vector; back: Quaternion; middle: Vector; reach: number }[];
 
@@ -254,7 +254,7 @@ export class Field {
     });
   }
 
-  /** Lowest and highest corner of all that is there. */
+  /** Bounding box. */
   bounds(): [Vector, Vector] {
     const [low, high]: [Vector, Vector] = [
       [Infinity, Infinity, Infinity],
@@ -268,14 +268,14 @@ export class Field {
     return [low, high];
   }
 
-  /** Distance to the surface (m); large far from it. */
+  /** Signed distance to the surface (m); a large value far from it. */
   at(place: Vector): number {
     let sum = 0;
     for (const part of this.parts) sum += nearness(this.to(part, place));
     return softened(sum);
   }
 
-  /** Distances at the points of a grid: each solid looks at those around it only. */
+  /** Distances at the points of a grid. Each solid only evaluates the points around it. */
   fill(low: Vector, cell: number, [nx, ny, nz]: Vector): Float32Array {
     const values = new Float32Array(nx * ny * nz);
     const place: Vector = [0, 0, 0];
@@ -297,7 +297,7 @@ export class Field {
     return values;
   }
 
-  /** What the surface is made of, and which segments move it: the weight of each that is near. */
+  /** Material of the surface at a point, and the weights of the segments that move it. */
   surface(place: Vector): { stuff: Stuff; weights: Map<number, number> } {
     let [least, stuff]: [number, Stuff] = [Infinity, "suit"];
     const nearest = new Map<number, number>();

@@ -1,4 +1,4 @@
-// A run of the replay, decoded: numbers at rows, and the picture between them.
+// A decoded run of the replay: values at rows, and interpolated pictures between them.
 import { unwrapped, unwrappedBeside } from "./channels";
 import { type Columns, rowAt, unpack, wrapped } from "./data";
 import { between, type Picture, type Quaternion, type Vector } from "./figure";
@@ -10,7 +10,7 @@ export class Flight {
   private constructor(
     readonly run: Run,
     readonly columns: Columns,
-    /** Estimated inputs, at times of their own. */
+    /** Estimated inputs, with their own time base. */
     readonly estimated: Columns | null,
   ) {
     this.time = this.list("time_s")[0];
@@ -33,14 +33,14 @@ export class Flight {
     return rowAt(this.time, time);
   }
 
-  /** A channel as it is plotted: angles go on where they would jump. */
+  /** A channel as plotted, with unwrapped angles. */
   plotted(side: "measured" | "simulated", channel: number): Float64Array {
     const values = this.list(side)[channel];
     if (!CHANNELS[channel].angle) return values;
     return side === "measured" ? unwrapped(values) : unwrappedBeside(values, this.list("measured")[channel]);
   }
 
-  /** Measured less simulated of a channel; angles by the short way. */
+  /** Measured minus simulated; angle differences are wrapped. */
   residual(channel: number): Float64Array {
     const [measured, simulated] = [this.list("measured")[channel], this.list("simulated")[channel]];
     return measured.map((value, k) => (CHANNELS[channel].angle ? wrapped(value - simulated[k]) : value - simulated[k]));

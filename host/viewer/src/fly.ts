@@ -1,4 +1,4 @@
-// Fly: keys move the joints, the core flies in the page.
+// Fly: keys move the joints while the core simulates the flight in the page.
 import { Core } from "./core";
 import { button, element, toggle } from "./dom";
 import { help, type Keys } from "./help";
@@ -15,11 +15,11 @@ import type { FlyData, PageData } from "./types";
 
 const RATE = 240;
 const FLY_KEYS: Keys = [
-  ["shift", "with another key: half of it"],
+  ["shift", "with another key: half the movement"],
   ["I K  U O  J L", "muscle input: pitch, yaw, roll"],
   ["H", "autopilot"],
-  ["space", "stop and go on"],
-  ["0", "start again"],
+  ["space", "pause and resume"],
+  ["0", "restart"],
 ];
 
 export function fly(data: PageData, flight: FlyData): void {
@@ -29,7 +29,7 @@ export function fly(data: PageData, flight: FlyData): void {
   flown.run();
 }
 
-/** The page of a flight by keyboard. */
+/** The page for flying by keyboard. */
 class Fly {
   readonly core: Core;
   private readonly stage: Stage;
@@ -39,10 +39,10 @@ class Fly {
   private readonly traces: Traces;
   private readonly keyboard: Keyboard;
   private readonly pilot: Pilot;
-  /** Which of the starts. */
+  /** Index of the selected start. */
   private start = 0;
   private running = true;
-  /** Steps that time has passed for and that are not flown yet. */
+  /** Simulation steps that are due. */
   private owed = 0;
 
   constructor(
@@ -58,14 +58,14 @@ class Fly {
     header.append(
       this.starts(),
       this.pilot.switch,
-      button("start again", "Back to the beginning (0)", () => this.begin()),
-      button("pause", "Stop and go on (space)", () => this.pause()),
+      button("restart", "Restart the flight (0)", () => this.begin()),
+      button("pause", "Pause or resume (space)", () => this.pause()),
       this.recorder.button,
       this.recorder.message,
       this.pilot.message,
     );
     footer.append(
-      element("span", { class: "faint" }, "Hold a key. Shift: half as much."),
+      element("span", { class: "faint" }, "Hold a key. Shift: half the movement."),
       element("span", { style: "flex:1" }),
       this.cost,
     );
@@ -79,7 +79,7 @@ class Fly {
     });
     const thumbs = pads(this.keyboard);
     main.append(thumbs);
-    header.append(toggle("touch", "Controls for thumbs", !thumbs.hidden, (on) => (thumbs.hidden = !on)));
+    header.append(toggle("touch", "Touch controls", !thumbs.hidden, (on) => (thumbs.hidden = !on)));
     header.append(help(["Hold", KEYS.map(({ key, does }) => [key.toUpperCase(), does])], ["Press", FLY_KEYS]));
   }
 
@@ -111,7 +111,7 @@ class Fly {
   private starts(): HTMLElement {
     const starts = element(
       "select",
-      { id: "start", "aria-label": "posture at the start" },
+      { id: "start", "aria-label": "initial pose" },
       ...this.flight.starts.map((name, k) => element("option", { value: String(k) }, name)),
     );
     starts.addEventListener("change", () => {
@@ -122,9 +122,9 @@ class Fly {
     return starts;
   }
 
-  /** Flies the time that has passed (ms). */
+  /** Advances the simulation by the elapsed time (ms). */
   private step(passed: number): void {
-    // A page in the background does not catch up.
+    // A page in the background does not catch up afterwards.
     this.owed += Math.min(passed, 100) * (RATE / 1000);
     while (this.owed >= 1) {
       this.core.exports.step(1);
@@ -146,7 +146,7 @@ class Fly {
       `${written(now, 1)} s${recorded === null ? "" : `, recorded ${(recorded / RATE).toFixed(1)} s`}`,
     ]);
     this.pilot.say();
-    this.cost.textContent = `${passed.toFixed(1)} ms from picture to picture, ${stage.cost.toFixed(1)} ms to draw`;
+    this.cost.textContent = `${passed.toFixed(1)} ms per frame, ${stage.cost.toFixed(1)} ms to draw`;
     if (this.running) this.traces.take(now, observation);
   }
 }
@@ -158,7 +158,7 @@ declare global {
   }
 }
 
-/** A single joint by hand. */
+/** Controls for a single joint. */
 function joints(core: Core, flight: FlyData): HTMLElement {
   const segment = element(
     "select",
@@ -180,12 +180,12 @@ function joints(core: Core, flight: FlyData): HTMLElement {
   return element(
     "section",
     {},
-    element("h2", {}, "One joint"),
+    element("h2", {}, "Single joint"),
     element("div", { class: "joints" }, segment, ...sliders),
   );
 }
 
-/** Damping by hand: little of it makes a novice. */
+/** Controls for damping; a novice has little. */
 function damping(core: Core): HTMLElement {
   const values = ["pitch", "yaw", "roll"].map((name) => {
     const field = element("input", {

@@ -1,4 +1,4 @@
-// What is worn over the suit: a parachute on the back.
+// Gear worn over the suit: the parachute rig.
 import {
   BoxGeometry,
   type BufferGeometry,
@@ -12,12 +12,12 @@ import {
 import { colour } from "./dom";
 import type { Shape } from "./types";
 
-/** A mesh of one colour of the style sheet. */
+/** A mesh in one colour of the style sheet. */
 function plain(geometry: BufferGeometry, ink: string): Mesh {
   return new Mesh(geometry, new MeshLambertMaterial({ color: new Color(colour(ink)) }));
 }
 
-/** A box with round edges. */
+/** A box with rounded edges. */
 function padded(width: number, depth: number, height: number, taper: number) {
   const geometry = new BoxGeometry(width, depth, height, 6, 4, 8);
   const places = geometry.getAttribute("position");
@@ -41,7 +41,7 @@ function padded(width: number, depth: number, height: number, taper: number) {
   return geometry;
 }
 
-/** A container with reserve and main, shoulder straps and the handle: axes of the thorax. */
+/** Container with reserve and main, shoulder straps and handle, in thorax axes. */
 export function rig(thorax: Shape): Group {
   const [x, y, z] = thorax.person_half_extents_m;
   const [mx, my, mz] = thorax.person_middle_m;

@@ -1,4 +1,4 @@
-// The measured body over the simulated one: its outline, and a veil inside it. Neither cuts into what is below.
+// The measured body over the simulated one: an outline and a translucent fill, drawn on top of everything.
 import {
   Color,
   MeshBasicMaterial,
@@ -7,13 +7,13 @@ import {
   ReplaceStencilOp,
 } from "three";
 import { colour } from "./dom";
-import type { Pose, Segments } from "./figure";
+import type { Pose } from "./figure";
 import { Person, type Surface } from "./person";
 
-/** Width of the outline (share of the distance). */
+/** Width of the outline (fraction of the camera distance). */
 const OUTLINE = 0.0035;
 
-/** Drawn over everything, each place once. */
+/** A material drawn on top of everything, once per pixel. */
 function layer(parameters: MeshBasicMaterialParameters): MeshBasicMaterial {
   return new MeshBasicMaterial({
     transparent: true,
@@ -30,7 +30,7 @@ export class Ghost extends Person {
   private readonly outline: MeshBasicMaterial;
 
   constructor(surface: Surface) {
-    // Whatever comes first at a place marks it, and nothing is drawn there any more.
+    // The first fragment marks its pixel in the stencil buffer; later ones are discarded.
     const once = { stencilRef: 1, stencilFunc: NotEqualStencilFunc, stencilZPass: ReplaceStencilOp };
     const veil = layer({ ...once, opacity: 0.16 });
     super(surface, veil, false, 11);
@@ -51,9 +51,9 @@ export class Ghost extends Person {
     for (const material of [this.veil, this.outline]) material.color = new Color(colour("ghost"));
   }
 
-  /** As wide an outline from near and from far. */
-  override show(pose: Pose, segments: Segments, distance = 4): void {
-    super.show(pose, segments);
+  /** Keeps the outline equally wide on screen at every distance. */
+  override show(pose: Pose, distance = 4): void {
+    super.show(pose);
     this.width.value = OUTLINE * distance;
   }
 }

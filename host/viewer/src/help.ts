@@ -1,7 +1,7 @@
-// The keys of a page, shown by "?".
+// The list of keys, opened with "?".
 import { button, element, typing } from "./dom";
 
-/** Keys and what they do. */
+/** Keys and their actions. */
 export type Keys = [string, string][];
 
 export const CAMERA_KEYS: Keys = [
@@ -11,7 +11,7 @@ export const CAMERA_KEYS: Keys = [
   ["B", "the sixteen segments"],
 ];
 
-/** A button that opens the list, as the key "?" does. */
+/** A button that opens the list, like the key "?". */
 export function help(...groups: [string, Keys][]): HTMLElement {
   const dialog = element("dialog", { id: "help", "aria-label": "keys" });
   for (const [title, keys] of groups) {

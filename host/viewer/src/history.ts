@@ -1,15 +1,15 @@
-// What a live stream has shown so far, to plot and to scroll back.
+// History of a live stream, for plots and for looking back.
 import type { Layout } from "./layout";
 import type { PlotSpec } from "./plots";
 import { CHANNELS, type Look } from "./types";
 
-/** Looks that are kept. */
+/** Number of looks kept. */
 const KEPT = 30 * 60 * 10;
 const STATES = ["muscle pitch", "muscle yaw", "muscle roll", "damping pitch", "damping yaw", "damping roll"];
-/** Time over which the rate of looks is taken (ms). */
+/** Averaging time for the rate of looks (ms). */
 const RATE_SPAN = 2000;
 
-/** Channels shown, by their place in CHANNELS: of the measured body and the simulated one. */
+/** Channels shown for both bodies, as indices into CHANNELS. */
 const SHOWN = [2, 1, 0, 5, 6];
 
 export class LiveHistory {
@@ -46,7 +46,7 @@ export class LiveHistory {
     this.arrived = [...this.arrived.filter((moment) => now - moment < RATE_SPAN), now];
   }
 
-  /** Looks a second, lately. */
+  /** Current rate of looks (Hz). */
   get rate(): number {
     return this.arrived.length / (RATE_SPAN / 1000);
   }
@@ -55,7 +55,7 @@ export class LiveHistory {
     return Float64Array.from(this.looks, (look) => look.time_s);
   }
 
-  /** Plots of all that is kept; their lists grow with it. */
+  /** Plots of the history. They share its lists, which grow. */
   specs(): PlotSpec[] {
     const latency: PlotSpec = {
       key: "latency",

@@ -1,21 +1,21 @@
-// Heading and fall rate as instruments, with the numbers that go with them.
+// Instruments for heading and fall rate, with their values.
 import { element } from "./dom";
 import { written } from "./ticks";
 
-/** What instruments show of a body. */
+/** Values shown by the instruments. */
 export interface Reading {
-  /** Heading (rad), 0 north, towards west. */
+  /** Heading (rad), 0 is north, positive towards west. */
   heading: number;
-  /** Downwards, and over ground (m/s). */
+  /** Fall rate and ground speed (m/s). */
   fall: number;
   level: number;
-  /** Turn about the vertical (rad/s). */
+  /** Turn rate about the vertical (rad/s). */
   turn: number;
 }
 
 const SVG = "http://www.w3.org/2000/svg";
 const DEGREES = 180 / Math.PI;
-/** Full scale of the fall rate (m/s), and the half angle of its arc (degrees). */
+/** Full scale of the fall rate (m/s), and half the angle of its arc (degrees). */
 const [FULL, HALF] = [100, 125];
 
 function drawn(tag: string, attributes: Record<string, string | number>, text = ""): SVGElement {
@@ -38,18 +38,41 @@ const at = (angle: number, radius: number) => ({
   y: (4 - radius * Math.cos(angle / DEGREES)).toFixed(1),
 });
 
-/** A compass whose card turns, and a gauge of the fall rate; measured ones as thin needles. */
+/** Name, value, decimals and unit of each row. */
+const ROWS: [string, (reading: Reading) => number, number, string][] = [
+  ["heading", (reading) => (-reading.heading * DEGREES + 720) % 360, 0, "°"],
+  ["fall rate", (reading) => reading.fall, 1, "m/s"],
+  ["over ground", (reading) => reading.level, 1, "m/s"],
+  ["turn", (reading) => reading.turn * DEGREES, 0, "°/s"],
+];
+
+/** A row of text; only the parts that change are updated. */
+class Row {
+  readonly place = element("div");
+  private readonly parts = [new Text(), element("span", { class: "beside" }), new Text()];
+
+  constructor() {
+    this.place.append(...this.parts);
+  }
+
+  show(...words: string[]): void {
+    for (const [k, part] of this.parts.entries()) if (part.textContent !== words[k]) part.textContent = words[k];
+  }
+}
+
+/** A compass with a rotating card and a fall-rate gauge; thin needles show the measured values. */
 export class Instruments {
   readonly place = element("div", { class: "over legend instruments", id: "legend", "aria-live": "off" });
   private readonly card = drawn("g", {});
   private readonly bug = drawn("path", { d: "M0 -47l5 9h-10z", class: "measured" });
   private readonly needle = drawn("path", { d: "M-3 0L0 -38L3 0z", class: "needle" });
   private readonly thin = drawn("path", { d: "M0 0V-42", class: "measured thin" });
-  private readonly numbers = element("div", { class: "numbers" });
+  private readonly rows = ROWS.map(() => new Row());
+  private readonly remarks = element("div");
 
   constructor() {
     for (let angle = 0; angle < 360; angle += 30) this.card.append(spoke(angle, 40, 46));
-    // Headings grow to the west, as the model's do; a compass grows to the east.
+    // The model's heading is positive towards west, a compass's towards east.
     for (const [angle, name] of [
       [0, "N"],
       [90, "E"],
@@ -63,7 +86,8 @@ export class Instruments {
     });
     const gauge = dial("fall rate", ...scale, this.thin, this.needle, drawn("circle", { r: 4, class: "hub" }));
     const lubber = drawn("path", { d: "M0 -24l4 10h-8z", class: "needle" });
-    this.place.append(dial("heading", this.card, this.bug, lubber), gauge, this.numbers);
+    const numbers = element("div", { class: "numbers" }, ...this.rows.map((row) => row.place), this.remarks);
+    this.place.append(dial("heading", this.card, this.bug, lubber), gauge, numbers);
   }
 
   private angle(speed: number): number {
@@ -79,22 +103,16 @@ export class Instruments {
       this.bug.setAttribute("transform", `rotate(${(shown.heading - measured.heading) * DEGREES})`);
       this.thin.setAttribute("transform", `rotate(${this.angle(measured.fall)})`);
     }
-    const row = (name: string, value: (reading: Reading) => number, decimals: number, unit: string) => {
+    for (const [k, [name, value, decimals, unit]] of ROWS.entries()) {
       const beside = measured ? ` (measured ${written(value(measured), decimals)})` : "";
-      const number = `${name} ${written(value(shown), decimals)}`;
-      return element("div", {}, number, element("span", { class: "beside" }, beside), ` ${unit}`);
-    };
-    this.numbers.replaceChildren(
-      row("heading", (reading) => (-reading.heading * DEGREES + 720) % 360, 0, "°"),
-      row("fall rate", (reading) => reading.fall, 1, "m/s"),
-      row("over ground", (reading) => reading.level, 1, "m/s"),
-      row("turn", (reading) => reading.turn * DEGREES, 0, "°/s"),
-      ...remarks.map((remark) => element("div", {}, remark)),
-    );
+      this.rows[k].show(`${name} ${written(value(shown), decimals)}`, beside, ` ${unit}`);
+    }
+    if (this.remarks.textContent !== remarks.join(""))
+      this.remarks.replaceChildren(...remarks.map((remark) => element("div", {}, remark)));
   }
 }
 
-/** A reading of the channels of the model, in the order of CHANNELS. */
+/** Reads the instruments' values from channels in the order of CHANNELS. */
 export function reading(channels: ArrayLike<number>): Reading {
   return { heading: channels[2], fall: -channels[6], level: channels[5], turn: channels[3] };
 }

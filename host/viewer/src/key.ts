@@ -1,15 +1,15 @@
-// What colours and arrows mean, how long a force is, and which way the axes go.
-import { colour, element } from "./dom";
+// Key of the picture: colours and arrows, the scale of forces, and the directions of the axes.
+import { colour, element, onRecolour } from "./dom";
 import type { View } from "./figure";
 
-/** The force of the bar (N). */
+/** Force shown by the scale bar (N). */
 const FORCE = 100;
 const ENTRIES: [string, string, boolean][] = [
   ["on-suit", "simulated", false],
   ["ghost", "measured (outline)", true],
-  ["bad", "force of the air", false],
+  ["bad", "aerodynamic force", false],
   ["second", "wind", false],
-  ["simulated", "way flown", false],
+  ["simulated", "flight path", false],
 ];
 
 /** The key of the picture. */
@@ -22,6 +22,9 @@ export class Key {
     role: "img",
     "aria-label": "north, west, up",
   });
+  /** View direction of the last drawing. */
+  private drawn: [number, number] | null = null;
+  private length = "";
 
   constructor(
     private readonly newtonsPerMetre: number,
@@ -32,11 +35,19 @@ export class Key {
     );
     const scale = element("div", {}, this.bar, ` ${FORCE} N, ${FORCE / newtonsPerMetre} m`);
     this.place.append(this.axes, element("div", {}, ...rows, scale));
+    onRecolour(() => {
+      this.drawn = null;
+    });
   }
 
-  /** Of a view in which a metre takes so many pixels. */
+  /** Updates the key for a view with this many pixels per metre. */
   show(view: View, pixels: number): void {
-    this.bar.style.width = `${Math.min(160, (pixels * FORCE) / this.newtonsPerMetre).toFixed(0)}px`;
+    const length = `${Math.min(160, (pixels * FORCE) / this.newtonsPerMetre).toFixed(0)}px`;
+    if (length !== this.length) this.bar.style.width = length;
+    this.length = length;
+    const { azimuth, elevation } = view;
+    if (this.drawn?.[0] === azimuth && this.drawn[1] === elevation) return;
+    this.drawn = [azimuth, elevation];
     this.triad(view);
   }
 

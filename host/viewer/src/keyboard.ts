@@ -1,4 +1,4 @@
-// The keyboard of a flight: which key moves what.
+// Keyboard controls.
 import type { Core } from "./core";
 import { element, typing } from "./dom";
 
@@ -32,7 +32,7 @@ const MUSCLE: [string, number, number][] = [
 ];
 const MUSCLE_SHARE = 1;
 
-/** Keys that are held move the joints and give muscle input; other keys act once. */
+/** Held keys move joints and give muscle input; other keys act once. */
 export class Keyboard {
   private readonly down = new Set<string>();
 
@@ -48,7 +48,7 @@ export class Keyboard {
     });
   }
 
-  /** Forgets the keys that are held. */
+  /** Releases all keys. */
   clear(): void {
     this.down.clear();
   }
@@ -61,7 +61,7 @@ export class Keyboard {
     else if (on && !event.repeat) this.act(key, event);
   }
 
-  /** Holds a key or lets it go, as a finger on the page does too. */
+  /** Presses or releases a key; the touch pads use this too. */
   hold(key: string, on: boolean, strength = 1): void {
     if (on === this.down.has(key)) return;
     if (on) this.down.add(key);
@@ -73,14 +73,14 @@ export class Keyboard {
 
   private act(key: string, event: KeyboardEvent): void {
     if (key === " ") {
-      // A focused button keeps its space bar.
+      // Space activates a focused button.
       if ((event.target as HTMLElement).tagName === "BUTTON") return;
       event.preventDefault();
     }
     this.acts[key]?.();
   }
 
-  /** Muscle input of the keys that are held. */
+  /** Applies the muscle input of the held keys. */
   private muscle(strength: number): [number, number, number] {
     const input: [number, number, number] = [0, 0, 0];
     for (const [held, axis, sign] of MUSCLE) if (this.down.has(held)) input[axis] += sign * MUSCLE_SHARE * strength;
@@ -88,7 +88,7 @@ export class Keyboard {
   }
 }
 
-/** What the keys do. */
+/** List of the keys and their actions. */
 export function keyList(): HTMLElement {
   const cap = (key: string) => element("span", { class: "key" }, key.toUpperCase());
   const list = element("dl", { id: "keys" });

@@ -1,4 +1,4 @@
-// Where the parts of a frame are, see host/viewer/wasm/src/frame.rs.
+// Layout of a frame, see host/viewer/wasm/src/frame.rs.
 
 import type { Picture, Quaternion, Vector } from "./figure";
 import type { FlyData } from "./types";

@@ -1,4 +1,4 @@
-// Live: what bodyflight stream --view and mvn listen --view send while they go on, with a simulated body beside the measured one.
+// Live: follows bodyflight stream --view or mvn listen --view, with a simulated body next to the measured one.
 
 import { button, element } from "./dom";
 import { CAMERA_KEYS, help } from "./help";
@@ -10,9 +10,9 @@ import { provenance, shell } from "./shell";
 import { Stage } from "./stage";
 import type { FlyData, Look, PageData } from "./types";
 
-/** Plots are slower than the picture: one in so many milliseconds. */
+/** Interval between updates of the plots (ms), which are slower to draw than the picture. */
 const PLOT_INTERVAL = 500;
-/** Depth of the drawn ground below the start (m): a stream does not say how high it is. */
+/** Depth of the drawn ground below the start (m); a stream does not contain the height above ground. */
 const GROUND_BELOW = 2000;
 
 export function live(data: PageData): void {
@@ -43,7 +43,9 @@ class LiveView {
   private plots: Plots | null = null;
   private socket: WebSocket | null = null;
   private plotted = 0;
-  /** The look that is shown. */
+  /** Whether the plots are behind the picture. */
+  private unplotted = false;
+  /** Index of the look shown. */
   private shown = 0;
   private paused = false;
   private ground: number | null = null;
@@ -55,16 +57,16 @@ class LiveView {
     this.history = new LiveHistory(this.layout);
     this.stage = new Stage(main, flight, true);
     this.stage.listenToKeys();
-    this.hold = button("pause", "Stop the picture; the stream goes on", () => this.stop(!this.paused));
+    this.hold = button("pause", "Pause the picture; the stream continues", () => this.stop(!this.paused));
     this.slider.addEventListener("input", () => {
       this.stop(true);
       this.shown = Number(this.slider.value);
     });
-    const again = "The simulated body takes the measured motion once more, and flies on by itself";
+    const again = "Restarts the simulated body from the measured motion";
     header.append(
       this.state,
       element("span", { style: "flex:1" }),
-      button("begin anew", again, () => this.socket?.send(new Uint8Array([1]))),
+      button("restart", again, () => this.socket?.send(new Uint8Array([1]))),
       help(["Picture", CAMERA_KEYS]),
     );
     main.append(this.instruments.place);
@@ -102,8 +104,9 @@ class LiveView {
         this.slider.max = String(last);
         this.shown = this.paused ? Math.min(this.shown, last) : last;
         this.slider.value = String(this.shown);
-        this.show(now);
+        this.show();
       }
+      if (this.unplotted && now - this.plotted > PLOT_INTERVAL) this.plot(now);
       requestAnimationFrame(next);
     };
     requestAnimationFrame(next);
@@ -111,11 +114,11 @@ class LiveView {
 
   private stop(paused: boolean): void {
     this.paused = paused;
-    this.hold.textContent = paused ? "go on" : "pause";
+    this.hold.textContent = paused ? "continue" : "pause";
     this.dirty = true;
   }
 
-  private show(now: number): void {
+  private show(): void {
     const { frames, looks, rate } = this.history;
     const look = looks[this.shown];
     const frame = frames[Math.min(this.shown, frames.length - 1)];
@@ -129,28 +132,27 @@ class LiveView {
     }
     this.numbers.replaceChildren(...rows(look, rate));
     this.cost.textContent = `${this.stage.cost.toFixed(1)} ms to draw`;
-    if (now - this.plotted > PLOT_INTERVAL) {
-      this.plotted = now;
-      this.plot(look);
-    }
+    this.unplotted = true;
   }
 
-  private plot(look: Look): void {
-    const time = this.history.time;
+  private plot(now: number): void {
+    this.plotted = now;
+    this.unplotted = false;
+    const { time, looks } = this.history;
     if (this.plots) this.plots.update(time);
     else if (time.length > 1) this.plots = new Plots({ place: this.place, time, seek: () => {} }, this.history.specs());
-    this.plots?.mark(look.time_s);
+    this.plots?.mark(looks[this.shown].time_s);
   }
 }
 
-/** What the simulated body is. */
+/** Describes the simulated body. */
 function said({ time_s, avatar }: Look): string {
-  if (!avatar) return "no simulated body: the stream has no velocities yet";
-  const again = avatar.restarts ? `, begun anew ${avatar.restarts} times` : "";
-  return `simulated from the postures alone for ${(time_s - avatar.since_s).toFixed(0)} s${again}`;
+  if (!avatar) return "no simulated body: the stream has not sent velocities yet";
+  const again = avatar.restarts ? `, restarted ${avatar.restarts === 1 ? "once" : `${avatar.restarts} times`}` : "";
+  return `simulated from the postures alone for ${(time_s - avatar.since_s).toFixed(1)} s${again}`;
 }
 
-/** The numbers of a look, as rows of a list. */
+/** Values of a look, as rows of a list. */
 function rows({ time_s, stream, received }: Look, rate: number): HTMLElement[] {
   const numbers: [string, string][] = [["time", `${time_s.toFixed(1)} s`]];
   if (received) numbers.push(["frames received", String(received.frames)], ["samples lost", String(received.lost)]);
@@ -164,7 +166,7 @@ function rows({ time_s, stream, received }: Look, rate: number): HTMLElement[] {
       ["deadlines missed", String(stream.deadline_missed)],
       ["NIS", stream.estimate ? stream.estimate.nis.toFixed(2) : ""],
     );
-  numbers.push(["frames a second", rate.toFixed(1)]);
+  numbers.push(["frames per second", rate.toFixed(1)]);
   return numbers.flatMap(([name, value]) => [
     element("dt", {}, name),
     element("dd", { id: name.replaceAll(" ", "-") }, value),

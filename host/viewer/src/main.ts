@@ -1,4 +1,4 @@
-// The page: what it does is in its data.
+// Entry point; the data selects the mode.
 import { BadData, pageData } from "./data";
 import { fly } from "./fly";
 import { live } from "./live";
@@ -11,7 +11,7 @@ async function main(): Promise<void> {
   if (data.mode === "replay" && data.runs.length > 0) await replay(data);
   else if (data.mode === "fly" && data.fly) fly(data, data.fly);
   else if (data.mode === "live") live(data);
-  else throw new BadData("This page was given no flight.");
+  else throw new BadData("This page contains no flight.");
 }
 
 main().catch((error: unknown) => {

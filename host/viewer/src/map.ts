@@ -1,4 +1,4 @@
-// The way over ground, seen from above: north is up.
+// Ground track seen from above, north up.
 import { colour, element } from "./dom";
 
 export interface Way {
@@ -15,11 +15,15 @@ export class TopView {
     "aria-label": "trajectory from above, north up",
   });
 
-  draw(ways: Way[], here: [number, number]): void {
-    const context = this.canvas.getContext("2d");
-    if (!context) return;
+  private readonly tracks = document.createElement("canvas");
+  private place = (_north: number, _west: number): [number, number] => [0, 0];
+
+  /** Draws the tracks and the scale, which stay the same while time passes. */
+  lay(ways: Way[]): void {
     const size = this.canvas.width;
-    context.clearRect(0, 0, size, size);
+    this.tracks.width = this.tracks.height = size;
+    const context = this.tracks.getContext("2d");
+    if (!context) return;
     let [low, high] = [
       [Infinity, Infinity],
       [-Infinity, -Infinity],
@@ -31,7 +35,7 @@ export class TopView {
       }
     const extent = Math.max(1, high[0] - low[0], high[1] - low[1]) * 1.15;
     const centre = [(low[0] + high[0]) / 2, (low[1] + high[1]) / 2];
-    const place = (north: number, west: number): [number, number] => [
+    this.place = (north, west) => [
       size / 2 - ((west - centre[1]) / extent) * size,
       size / 2 - ((north - centre[0]) / extent) * size,
     ];
@@ -39,18 +43,26 @@ export class TopView {
     for (const { north, west, ink } of ways) {
       context.strokeStyle = colour(ink);
       context.beginPath();
-      for (let k = 0; k < north.length; k++) context.lineTo(...place(north[k], west[k]));
+      for (let k = 0; k < north.length; k++) context.lineTo(...this.place(north[k], west[k]));
       context.stroke();
     }
-    context.fillStyle = colour("bad");
-    context.beginPath();
-    context.arc(...place(...here), 6, 0, 7);
-    context.fill();
     context.fillStyle = colour("text");
     context.font = "20px system-ui";
     const step = 10 ** Math.floor(Math.log10(extent / 2));
     context.fillRect(10, size - 12, (step / extent) * size, 3);
     context.fillText(`${step} m`, 10, size - 18);
     context.fillText("N ↑", size - 44, 24);
+  }
+
+  /** Marks a position (m) on the tracks. */
+  mark(north: number, west: number): void {
+    const context = this.canvas.getContext("2d");
+    if (!context || this.tracks.width === 0) return;
+    context.clearRect(0, 0, this.canvas.width, this.canvas.height);
+    context.drawImage(this.tracks, 0, 0);
+    context.fillStyle = colour("bad");
+    context.beginPath();
+    context.arc(...this.place(north, west), 6, 0, 7);
+    context.fill();
   }
 }

@@ -1,8 +1,8 @@
-// Controls for thumbs: what keys do, where there are none.
+// Touch controls in place of keys.
 import { element } from "./dom";
 import { KEYS, type Keyboard } from "./keyboard";
 
-/** Keys of the pads by place: rows of the left and of the right thumb. */
+/** Keys of the pads: rows for the left and the right thumb. */
 const PADS: [string, string][][][] = [
   [
     [
@@ -28,7 +28,7 @@ const PADS: [string, string][][][] = [
   ],
 ];
 
-/** Two pads that are shown where fingers are what points, or when asked for. */
+/** Two pads, shown on touch screens or on request. */
 export function pads(keyboard: Keyboard): HTMLElement {
   const pad = ([key, label]: [string, string]) => {
     const title = KEYS.find((entry) => entry.key === key)?.does ?? label;

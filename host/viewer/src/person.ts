@@ -1,4 +1,4 @@
-// A person: one skin over sixteen segments, and what is worn.
+// A person: one skin over sixteen segments, with gear.
 import {
   BufferAttribute,
   BufferGeometry,
@@ -20,23 +20,44 @@ import { rig } from "./gear";
 import { type Skin, skin } from "./skin";
 import type { Shape, Worn } from "./types";
 
-/** The surface of a subject, made once for all bodies that it draws. */
+const ONE = new Vector3(1, 1, 1);
+
+/** The surface of a subject in a posture, in body axes. It is shared by all bodies drawn with it. */
 export class Surface {
-  readonly made: Skin;
-  readonly colours: BufferAttribute;
-  readonly triangles: BufferAttribute;
+  readonly geometry = new BufferGeometry();
+  /** Pose of each segment. */
+  readonly bones: Matrix4[];
+  private readonly made: Skin;
+  private readonly colours: BufferAttribute;
+  private readonly place: BufferAttribute;
+  private readonly normal: BufferAttribute;
+  /** Transform from the rest posture to the current one, for each segment. */
+  private readonly moves: Matrix4[];
+  private readonly back: Matrix4[];
+  private shown: Segments | null = null;
 
   constructor(
     readonly shapes: Shape[],
     readonly worn: Worn,
   ) {
     this.made = skin(new Field(flesh(shapes, worn)));
+    this.bones = shapes.map(() => new Matrix4());
+    this.moves = shapes.map(() => new Matrix4());
+    this.back = shapes.map(({ rest_joint_m: joint, rest_attitude: [w, x, y, z] }) =>
+      new Matrix4().compose(new Vector3(...joint), new Turn(x, y, z, w), ONE).invert(),
+    );
+    const moving = (list: Float32Array) => new BufferAttribute(list.slice(), 3).setUsage(DynamicDrawUsage);
+    this.place = moving(this.made.positions);
+    this.normal = moving(this.made.normals);
     this.colours = new BufferAttribute(new Float32Array(this.made.positions.length), 3);
-    this.triangles = new BufferAttribute(this.made.triangles, 1);
+    this.geometry.setAttribute("position", this.place);
+    this.geometry.setAttribute("normal", this.normal);
+    this.geometry.setAttribute("color", this.colours);
+    this.geometry.setIndex(new BufferAttribute(this.made.triangles, 1));
     this.recolour();
   }
 
-  /** Takes the colours of the style sheet. */
+  /** Applies the colours of the style sheet. */
   recolour(): void {
     const inks = new Map<Stuff, Color>();
     this.made.stuff.forEach((stuff, n) => {
@@ -49,73 +70,30 @@ export class Surface {
     });
     this.colours.needsUpdate = true;
   }
-}
 
-/** A body that shows a pose. The skin is moved here, not on the graphics card: that costs less where graphics are software. */
-export class Person {
-  readonly root = new Group();
-  protected readonly geometry = new BufferGeometry();
-  private readonly bones: Group[];
-  /** Skin from the posture of rest to the pose shown, for each segment. */
-  private readonly moves: Matrix4[];
-  private readonly back: Matrix4[];
-
-  constructor(
-    private readonly surface: Surface,
-    material: Material,
-    dressed: boolean,
-    order = 0,
-  ) {
-    const { shapes, worn, made } = surface;
-    this.bones = shapes.map(() => new Group());
-    this.moves = shapes.map(() => new Matrix4());
-    this.back = shapes.map(({ rest_joint_m: joint, rest_attitude: [w, x, y, z] }) =>
-      new Matrix4().compose(new Vector3(...joint), new Turn(x, y, z, w), new Vector3(1, 1, 1)).invert(),
-    );
-    const moving = (list: Float32Array) => new BufferAttribute(list.slice(), 3).setUsage(DynamicDrawUsage);
-    this.geometry.setAttribute("position", moving(made.positions));
-    this.geometry.setAttribute("normal", moving(made.normals));
-    this.geometry.setAttribute("color", surface.colours);
-    this.geometry.setIndex(surface.triangles);
-    this.add(material, order);
-    if (dressed) this.root.add(...this.bones);
-    if (dressed && worn.rig) {
-      const chest = shapes.findIndex((shape) => kind(shape.name) === "thorax");
-      this.bones[chest]?.add(rig(shapes[chest]));
-    }
-  }
-
-  /** The body once more, in another material; later ones lie above. */
-  protected add(material: Material, order: number): void {
-    const mesh = new Mesh(this.geometry, material);
-    mesh.frustumCulled = false;
-    mesh.renderOrder = order;
-    this.root.add(mesh);
-  }
-
-  show(pose: Pose, segments: Segments): void {
-    const [w, x, y, z] = pose.attitude;
-    this.root.position.set(...pose.position);
-    this.root.quaternion.set(x, y, z, w);
-    this.surface.shapes.forEach((shape, k) => {
-      const turn = segments.attitude[k];
-      // From the centre of gravity back to the joint.
-      const [cx, cy, cz] = rotated(turn, shape.cg_m as Vector);
+  /** Sets the posture. Returns at once if it is unchanged, as when only the camera moves. */
+  pose(segments: Segments): void {
+    if (segments === this.shown) return;
+    this.shown = segments;
+    const [turn, joint] = [new Turn(), new Vector3()];
+    this.shapes.forEach((shape, k) => {
+      const [w, x, y, z] = segments.attitude[k];
+      // From the centre of gravity to the joint.
+      const [cx, cy, cz] = rotated(segments.attitude[k], shape.cg_m as Vector);
       const [px, py, pz] = segments.cg[k];
-      const bone = this.bones[k];
-      bone.position.set(px - cx, py - cy, pz - cz);
-      bone.quaternion.set(turn[1], turn[2], turn[3], turn[0]);
-      bone.updateMatrix();
-      this.moves[k].multiplyMatrices(bone.matrix, this.back[k]);
+      this.bones[k].compose(joint.set(px - cx, py - cy, pz - cz), turn.set(x, y, z, w), ONE);
+      this.moves[k].multiplyMatrices(this.bones[k], this.back[k]);
     });
     this.move();
   }
 
-  /** Moves each vertex with its segments, by their weights. */
+  /**
+   * Moves each vertex with its segments, by their weights. This runs on the CPU because that is faster than a vertex
+   * shader with software rendering.
+   */
   private move(): void {
-    const { positions, normals, segments, weights } = this.surface.made;
-    const [place, normal] = ["position", "normal"].map((name) => this.geometry.getAttribute(name) as BufferAttribute);
-    const [to, up] = [place.array, normal.array];
+    const { positions, normals, segments, weights } = this.made;
+    const [to, up] = [this.place.array, this.normal.array];
     for (let n = 0; n < positions.length / 3; n++) {
       const [x, y, z] = [positions[3 * n], positions[3 * n + 1], positions[3 * n + 2]];
       const [u, v, w] = [normals[3 * n], normals[3 * n + 1], normals[3 * n + 2]];
@@ -138,10 +116,48 @@ export class Person {
       up[3 * n + 1] = ny;
       up[3 * n + 2] = nz;
     }
-    place.needsUpdate = true;
-    normal.needsUpdate = true;
+    this.place.needsUpdate = true;
+    this.normal.needsUpdate = true;
   }
 }
 
-/** How skin and suit take the light. */
+/** A body drawn with a surface. */
+export class Person {
+  readonly root = new Group();
+  private readonly rig: Group | null = null;
+  private readonly chest: number;
+
+  constructor(
+    private readonly surface: Surface,
+    material: Material,
+    dressed: boolean,
+    order = 0,
+  ) {
+    const { shapes, worn } = surface;
+    this.chest = shapes.findIndex((shape) => kind(shape.name) === "thorax");
+    this.add(material, order);
+    if (dressed && worn.rig && this.chest >= 0) {
+      this.rig = new Group().add(rig(shapes[this.chest]));
+      this.root.add(this.rig);
+    }
+  }
+
+  /** Draws the body again in another material; higher orders are drawn on top. */
+  protected add(material: Material, order: number): void {
+    const mesh = new Mesh(this.surface.geometry, material);
+    mesh.frustumCulled = false;
+    mesh.renderOrder = order;
+    this.root.add(mesh);
+  }
+
+  /** Sets position and attitude; the posture is the surface's. */
+  show({ position, attitude: [w, x, y, z] }: Pose): void {
+    this.root.position.set(...position);
+    this.root.quaternion.set(x, y, z, w);
+    const { rig } = this;
+    if (rig) this.surface.bones[this.chest].decompose(rig.position, rig.quaternion, rig.scale);
+  }
+}
+
+/** Material of skin and suit. */
 export const cloth = () => new MeshLambertMaterial({ vertexColors: true });

@@ -1,8 +1,8 @@
-// The autopilot of poses that fall over: switched on with them, and what it says.
+// Switch and status of the autopilot that holds unstable poses.
 import type { Core } from "./core";
 import { element, toggle } from "./dom";
 
-/** Beyond this the pose is lost (rad). */
+/** Tilt beyond which the pose is lost (rad). */
 const LOST = 0.7;
 
 export class Pilot {
@@ -13,7 +13,7 @@ export class Pilot {
 
   constructor(private readonly core: Core) {
     const title =
-      "Holds a sit by moving arms, legs and trunk, with no time to react: no person is so quick. The heading stays yours (H)";
+      "Holds a sit by moving arms, legs and trunk, without any reaction time: no person is that quick. You control the heading (H)";
     this.switch = toggle("autopilot", title, true, (on) => {
       this.on = on;
       this.apply();
@@ -21,7 +21,7 @@ export class Pilot {
     this.switch.id = "autopilot";
   }
 
-  /** Takes hold of the flight that begins. */
+  /** Applies the switch to a new flight. */
   apply(): void {
     const { exports } = this.core;
     this.switch.disabled = !exports.can_hold();
@@ -35,9 +35,9 @@ export class Pilot {
   say(): void {
     const { exports } = this.core;
     const degrees = ((exports.tilt() * 180) / Math.PI).toFixed(0);
-    let words = "the air holds this pose";
+    let words = "this pose is stable without the autopilot";
     if (exports.can_hold() && !this.on) words = `autopilot off: ${degrees}° off the pose`;
-    else if (exports.can_hold() && exports.tilt() > LOST) words = "autopilot lost the pose: start again (0)";
+    else if (exports.can_hold() && exports.tilt() > LOST) words = "autopilot lost the pose: restart (0)";
     else if (exports.can_hold()) words = `autopilot holds the pose: ${degrees}° off`;
     if (words !== this.said) this.message.textContent = words;
     this.said = words;

@@ -1,4 +1,4 @@
-// Where the flight is: sky with a horizon, and a grid on the ground.
+// Surroundings: sky, horizon, and a grid on the ground.
 import {
   BackSide,
   BufferAttribute,
@@ -15,11 +15,11 @@ import {
 } from "three";
 import { colour } from "./dom";
 
-/** Radius of what is drawn behind everything (m): its size shows nowhere. */
+/** Radius of the background (m); its size is not visible. */
 const FAR = 300;
-/** Lines of the ground on either side, and rings into which the haze is graded. */
+/** Grid lines on either side of the centre. */
 const LINES = 30;
-/** Colours of the sky by sine of the height over the horizon. */
+/** Colours of the sky by the sine of the elevation. */
 const GRADES: [number, string][] = [
   [-1, "ground"],
   [-0.12, "ground"],
@@ -39,7 +39,7 @@ export class Place {
     new BufferGeometry(),
     new LineBasicMaterial({ vertexColors: true, transparent: true, depthTest: false, depthWrite: false }),
   );
-  /** Where the shadow of noon would fall. */
+  /** A spot vertically below the camera. */
   private readonly spot = new Mesh(
     new CircleGeometry(1, 20),
     new MeshBasicMaterial({ transparent: true, opacity: 0.3, depthTest: false, depthWrite: false }),
@@ -74,7 +74,7 @@ export class Place {
     this.shade();
   }
 
-  /** Lines one apart in pieces, so that they may fade. */
+  /** Grid lines of unit spacing, in short pieces so that they can fade out. */
   private grid(): void {
     const places: number[] = [];
     for (let k = -LINES; k <= LINES; k++)
@@ -83,7 +83,7 @@ export class Place {
     this.lines.geometry.setAttribute("position", new BufferAttribute(Float32Array.from(places), 3));
   }
 
-  /** The grid fades into the haze. */
+  /** Fades the grid into the haze. */
   private shade(): void {
     const places = this.lines.geometry.getAttribute("position");
     const colours = new Float32Array(places.count * 4);
@@ -95,11 +95,11 @@ export class Place {
     this.lines.geometry.setAttribute("color", new BufferAttribute(colours, 4));
   }
 
-  /** Seen from a camera, with the ground at a height (m). */
+  /** Places the surroundings around a camera, with the ground at a height (m). */
   show(camera: Vector3, ground: number): void {
     this.sky.position.copy(camera);
     const height = Math.max(1, camera.z - ground);
-    // Drawn smaller and nearer: the same picture, within reach of the camera.
+    // Scaled down and moved closer: the same picture, within the camera's far plane.
     const step = height > 1200 ? 500 : 100;
     const shrink = Math.min(1, FAR / (LINES * step));
     const offset = (value: number) => (Math.round(value / step) * step - value) * shrink;

@@ -1,23 +1,25 @@
-// The time of a replay: slider, clock, playback, and their keys.
+// Time controls of a replay: slider, clock, playback, and their keys.
 import { button, element, typing } from "./dom";
 import type { Keys } from "./help";
 
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2];
-/** What an arrow key moves (s); with Shift a second. */
+/** Pause after which the time is stored in the page's address (ms). */
+const REST = 150;
+/** Step of the arrow keys (s); 1 s with Shift. */
 const STEP = 1 / 30;
 
 export const PLAYER_KEYS: Keys = [
-  ["space", "play and pause"],
+  ["space", "play or pause"],
   ["[  ]", "slower, faster"],
   ["←  →", "1/30 s; with shift 1 s"],
   [",  .", "1/30 s"],
-  ["home  end", "first and last moment"],
+  ["home  end", "first and last frame"],
 ];
 
-/** What is drawn at a time. */
+/** Something that can be shown at a time. */
 export interface Scene {
   show(time: number): void;
-  /** Time to draw the last picture (ms). */
+  /** Drawing time of the last picture (ms). */
   readonly cost: number;
 }
 
@@ -25,6 +27,7 @@ export class Player {
   private now: number;
   private speed = 1;
   private playing = false;
+  private remembering = 0;
   private readonly slider: HTMLInputElement;
   private readonly clock = element("output", { id: "time" });
   private readonly play: HTMLButtonElement;
@@ -32,7 +35,7 @@ export class Player {
   private readonly cost = element("span", {
     class: "faint",
     id: "cost",
-    title: "time from one picture to the next, and to draw one",
+    title: "frame interval and drawing time",
   });
 
   constructor(
@@ -75,7 +78,7 @@ export class Player {
     this.remember();
   }
 
-  /** Draws the time at hand again. */
+  /** Redraws the current time. */
   show(): void {
     this.slider.value = String(this.now);
     this.clock.textContent = `${this.now.toFixed(3)} s`;
@@ -116,9 +119,10 @@ export class Player {
     this.pace.value = String(this.speed);
   }
 
-  /** The address of the page leads to the time at hand. */
+  /** Stores the current time in the page's address once it rests: browsers limit how often an address may change. */
   private remember(): void {
-    history.replaceState(null, "", `#t=${this.now.toFixed(3)}`);
+    clearTimeout(this.remembering);
+    this.remembering = window.setTimeout(() => history.replaceState(null, "", `#t=${this.now.toFixed(3)}`), REST);
   }
 
   private listenToKeys(): void {
@@ -136,7 +140,7 @@ export class Player {
     addEventListener("keydown", (event) => {
       const act = keys[event.key];
       if (!act || typing(event) || event.ctrlKey || event.metaKey) return;
-      // A focused button keeps its space bar.
+      // Space activates a focused button.
       if (event.key === " " && (event.target as HTMLElement).tagName === "BUTTON") return;
       event.preventDefault();
       act(event);

@@ -1,9 +1,9 @@
-// Plots of channels over time: one cursor, one legend, one axis of time for all.
+// Plots of channels over time with a common cursor, legend and time axis.
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
 import { type Shown, shown } from "./channels";
 import { rowAt } from "./data";
-import { button, colour, element } from "./dom";
+import { button, colour, element, onRecolour } from "./dom";
 import { span, ticks, written } from "./ticks";
 
 export interface Line {
@@ -12,9 +12,9 @@ export interface Line {
   ink: string;
   dash?: number[];
   values: ArrayLike<number>;
-  /** Two standard deviations of the values: a band around them. */
+  /** Half width of a band around the values: two standard deviations. */
   spread?: ArrayLike<number>;
-  /** Whether it has the axis on the right for itself, as what is left of a difference has. */
+  /** Whether it uses the axis on the right, as residuals do. */
   right?: boolean;
 }
 export interface PlotSpec {
@@ -23,15 +23,15 @@ export interface PlotSpec {
   unit: string;
   note?: string;
   lines: Line[];
-  /** Whether it is plotted only where it is chosen. */
+  /** Whether it is hidden unless selected. */
   aside?: boolean;
 }
-/** Where plots are, what they share. */
+/** What all plots share. */
 export interface Frame {
   place: HTMLElement;
   time: Float64Array;
   seek: (time: number) => void;
-  /** Height for all plots (px); without it each has its own. */
+  /** Height available for all plots (px); without it the height of a plot is fixed. */
   room?: () => number;
 }
 
@@ -42,7 +42,7 @@ const EDGE = 44;
 
 export class Plots {
   plots: uPlot[] = [];
-  /** What is plotted, in the order chosen. */
+  /** Plots shown, in the selected order. */
   specs: PlotSpec[];
   degrees = true;
   private time: Float64Array;
@@ -60,10 +60,10 @@ export class Plots {
     this.specs = all.filter((spec) => !spec.aside);
     frame.place.append(this.head, this.body);
     this.build();
-    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.build());
+    onRecolour(() => this.build());
     let width = 0;
     new ResizeObserver(() => {
-      // A new height of the page counts too, but never one that the plots make themselves.
+      // React to the width only: the plots themselves change the height.
       if (width !== this.width()) this.fit();
       width = this.width();
     }).observe(frame.place);
@@ -76,7 +76,7 @@ export class Plots {
     this.build();
   }
 
-  /** Marks the time shown. */
+  /** Moves the marks to a time. */
   mark(time: number): void {
     this.now = time;
     const row = rowAt(this.time, time);
@@ -86,13 +86,13 @@ export class Plots {
     }
   }
 
-  /** New numbers in the same lines. */
+  /** Updates the data of all lines. */
   update(time: Float64Array = this.time): void {
     this.time = time;
     for (const [k, plot] of this.plots.entries()) plot.setData(this.data(this.specs[k]));
   }
 
-  /** The part of time that is shown. */
+  /** Time range shown. */
   range(): [number, number] {
     const { min, max } = this.plots[0]?.scales.x ?? {};
     return [min ?? -Infinity, max ?? Infinity];
@@ -148,7 +148,7 @@ export class Plots {
     this.plots.push(plot);
   }
 
-  /** Values of the lines at a row. */
+  /** Shows the values of the lines at a row. */
   private read(k: number, row: number): void {
     const { factor, decimals } = this.shown(k);
     this.readouts[k]?.forEach((place, n) => {
@@ -160,12 +160,12 @@ export class Plots {
     return shown(this.specs[k].unit, this.degrees);
   }
 
-  /** Moves the mark of a plot to the time shown. */
+  /** Moves the mark of a plot to the current time. */
   private place(k: number, plot: uPlot): void {
     const left = plot.valToPos(this.now, "x");
     const mark = this.marks[k];
     if (!mark) return;
-    // Before it is laid out, a plot knows no width.
+    // The width is 0 before the layout.
     const width = plot.over.clientWidth || plot.width;
     mark.style.display = left >= -1 && left <= width + 1 ? "" : "none";
     mark.style.left = `${left}px`;
@@ -173,7 +173,7 @@ export class Plots {
 
   private data(spec: PlotSpec): uPlot.AlignedData {
     const { factor } = shown(spec.unit, this.degrees);
-    // What is no number is a gap, which uPlot writes as null.
+    // NaN is a gap, which uPlot represents as null.
     const scaled = (values: ArrayLike<number>) =>
       Array.from(values, (value) => (Number.isNaN(value) ? null : value * factor));
     const bands = spec.lines.flatMap(({ values, spread }) =>
@@ -259,10 +259,10 @@ export class Plots {
   }
 }
 
-/** Lines in the order in which they are drawn: what is left lies below what it is left of. */
+/** Lines in drawing order: residuals are below the other lines. */
 const drawn = ({ lines }: PlotSpec) => [...lines.filter((line) => line.right), ...lines.filter((line) => !line.right)];
 
-/** Every line once, as it is drawn. */
+/** Legend with each line once. */
 function legend(specs: PlotSpec[]): HTMLElement[] {
   const seen = new Map<string, HTMLElement>();
   for (const { lines } of specs)

@@ -1,4 +1,4 @@
-// Records a flight, and saves it by the program that opened the page.
+// Records a flight and saves it through the program that serves the page.
 
 import { button, element, save } from "./dom";
 import type { FlyData } from "./types";
@@ -6,27 +6,27 @@ import type { FlyData } from "./types";
 export class Recorder {
   readonly button: HTMLButtonElement;
   readonly message = element("span", { id: "message", role: "status" });
-  /** The frames so far; null while nothing is recorded. */
+  /** Recorded frames; null when not recording. */
   private frames: Float32Array[] | null = null;
 
   constructor(private readonly layout: FlyData["layout"]) {
-    this.button = button("record", "Record the flight; again to save it", () => {
+    this.button = button("record", "Record the flight; click again to save it", () => {
       if (this.frames) this.finish(this.frames);
       else this.start();
     });
   }
 
-  /** Frames recorded; null while nothing is. */
+  /** Number of recorded frames; null when not recording. */
   get length(): number | null {
     return this.frames?.length ?? null;
   }
 
-  /** Takes a frame, while the flight is recorded. */
+  /** Appends a frame if recording. */
   take(frame: () => Float32Array): void {
     this.frames?.push(frame());
   }
 
-  /** The flight begins anew, and its recording with it. */
+  /** Restarts the recording together with the flight. */
   restart(): void {
     if (this.frames) this.frames = [];
   }
@@ -42,7 +42,7 @@ export class Recorder {
     this.button.removeAttribute("aria-pressed");
     this.button.textContent = "record";
     if (frames.length < 2) return;
-    // To the program that opened the page, which writes a recording; where there is none, as numbers.
+    // The program that serves the page writes a recording; without it, the flight is saved as CSV.
     if (location.protocol === "http:") this.send(frames);
     else this.saveNumbers(frames);
   }
@@ -58,7 +58,7 @@ export class Recorder {
       socket.close();
     };
     socket.onerror = () => {
-      this.message.textContent = "The program that opened this page has ended: the flight is not saved.";
+      this.message.textContent = "The program that serves this page has ended: the flight was not saved.";
     };
   }
 
@@ -68,6 +68,6 @@ export class Recorder {
     );
     const rows = frames.map((frame) => [...frame].join(","));
     save("flight.csv", new Blob([[names.join(","), ...rows, ""].join("\n")], { type: "text/csv" }));
-    this.message.textContent = "Saved as numbers; bodyflight fly writes a recording that every verb reads.";
+    this.message.textContent = "Saved as CSV; with bodyflight fly it is saved as a recording that every command reads.";
   }
 }

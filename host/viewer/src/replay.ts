@@ -1,9 +1,9 @@
-// Replay: one timeline for the body, the plots and the exports.
+// Replay: body, plots and exports on a common timeline.
 
 import { chooser } from "./chooser";
 import { rowAt } from "./data";
 import { type Discovery, discoveryPanel } from "./discovery";
-import { button, element } from "./dom";
+import { button, element, onRecolour } from "./dom";
 import { film, saveCsv, savePng, saveSvg, strip } from "./exports";
 import { Flight } from "./flight";
 import { CAMERA_KEYS, help } from "./help";
@@ -18,11 +18,11 @@ import { CHANNELS, type PageData } from "./types";
 
 /** Depth of the drawn ground below the lowest point of a flight (m). */
 const GROUND_BELOW = 800;
-/** Pictures of a strip. */
+/** Number of pictures in a strip. */
 const SNAPSHOTS = 5;
 const INKS = ["simulated", "second", "text"];
-/** What is left of each flight's difference: pale where it is the flight's own. */
-const LEFT = ["residual", "left", "faint"];
+/** Colours of the residuals of each flight. */
+const RESIDUAL_INKS = ["residual", "left", "faint"];
 const AXES = ["pitch", "yaw", "roll"];
 const INPUTS = [
   ["muscle pitch", "muscle yaw", "muscle roll"],
@@ -35,7 +35,7 @@ export async function replay(data: PageData): Promise<void> {
   document.documentElement.dataset.ready = "replay";
 }
 
-/** The page of a replay: the flight shown, and what shows it. */
+/** The page of a replay. */
 class Replay implements Scene {
   private shown: Flight;
   private readonly name: string;
@@ -68,6 +68,10 @@ class Replay implements Scene {
 
     const end = Math.max(...flights.map((flight) => flight.end));
     this.player = new Player(footer, first.time[0], end, this);
+    onRecolour(() => {
+      this.trail();
+      this.player.show();
+    });
     if (flights.length > 1) header.append(this.choice());
     header.append(
       element("span", { style: "flex:1" }),
@@ -76,7 +80,7 @@ class Replay implements Scene {
     );
   }
 
-  /** Begins at the time that the address names. */
+  /** Opens the page at the time given in the address. */
   open(): void {
     this.trail();
     this.player.seek(Number(/#t=([\d.]+)/.exec(location.hash)?.[1] ?? this.player.begin));
@@ -96,43 +100,45 @@ class Replay implements Scene {
     const climbed = shown.list("simulated_position_m")[2];
     const height = `since the start ${written(climbed[row] - climbed[0], 0)} m`;
     this.instruments.show(at("simulated"), at("measured"), [height]);
-    const way = (column: string, ink: string) => ({ north: shown.list(column)[0], west: shown.list(column)[1], ink });
-    this.map.draw(
-      [way("measured_position_m", "measured"), way("simulated_position_m", "simulated")],
-      [picture.simulated.position[0], picture.simulated.position[1]],
-    );
+    this.map.mark(picture.simulated.position[0], picture.simulated.position[1]);
   }
 
+  /** Draws the tracks of the flight shown, in the picture and on the map. */
   private trail(): void {
     const [x, y, z] = this.shown.list("simulated_position_m");
     this.stage.drawer.setTrail(x, y, z);
+    const [north, west] = this.shown.list("measured_position_m");
+    this.map.lay([
+      { north, west, ink: "measured" },
+      { north: x, west: y, ink: "simulated" },
+    ]);
   }
 
-  /** Which of the flights is shown. */
+  /** Selects the flight shown. */
   private choice(): HTMLElement {
     const choice = element(
       "select",
-      { "aria-label": "run shown", id: "run" },
+      { "aria-label": "flight shown", id: "run" },
       ...this.flights.map((flight, k) => element("option", { value: String(k) }, flight.run.name)),
     );
     choice.addEventListener("change", () => {
       choice.blur();
       this.shown = this.flights[Number(choice.value)];
-      this.player.show();
       this.trail();
+      this.player.show();
     });
     return choice;
   }
 
-  /** What takes numbers, plots and pictures out of the page. */
+  /** Export buttons. */
   private tools(): HTMLElement[] {
     const { name, plots, stage } = this;
     const first = this.flights[0];
     return [
-      button("CSV", "Numbers of the part of time that the plots show", () => saveCsv(name, this.shown, plots.range())),
+      button("CSV", "Values in the time range of the plots", () => saveCsv(name, this.shown, plots.range())),
       button("SVG", "The plots as one figure", () => saveSvg(name, first.time, plots.specs, plots.degrees)),
       button("PNG", "The picture", () => savePng(name, stage.drawer.canvas)),
-      button("strip", `${SNAPSHOTS} pictures over the time that the plots show`, () => this.saveStrip()),
+      button("strip", `${SNAPSHOTS} snapshots over the time range of the plots`, () => this.saveStrip()),
       this.filming(),
     ];
   }
@@ -152,7 +158,7 @@ class Replay implements Scene {
 
   private filming(): HTMLElement {
     let stop: (() => void) | null = null;
-    const filming = button("WebM", "Film the picture; again to stop", () => {
+    const filming = button("WebM", "Record a video; click again to stop", () => {
       if (stop) {
         stop();
         stop = null;
@@ -169,7 +175,7 @@ class Replay implements Scene {
   }
 }
 
-/** A ground for the eye below all of a flight: recordings do not say how high it is. */
+/** Height of the drawn ground, below all flights; recordings do not contain the height above ground. */
 function ground(flights: Flight[]): number {
   const lowest = flights.flatMap((flight) =>
     ["simulated_position_m", "measured_position_m"].map((side) => Math.min(...flight.list(side)[2])),
@@ -195,7 +201,7 @@ function plotSpecs(flights: Flight[]): PlotSpec[] {
         })),
         ...flights.map((flight, n) => ({
           label: n === 0 ? "residual" : `residual, ${flight.run.name}`,
-          ink: LEFT[n % LEFT.length],
+          ink: RESIDUAL_INKS[n % RESIDUAL_INKS.length],
           values: alike(flight, flight.residual(k), first),
           right: true,
         })),
@@ -207,7 +213,7 @@ function plotSpecs(flights: Flight[]): PlotSpec[] {
       key: group === 0 ? "muscle" : "damping",
       title: group === 0 ? "muscle input" : "damping coefficients",
       unit: "1",
-      // Beside estimated ones they are for whoever knows what was flown.
+      // Known inputs are hidden by default next to estimated ones.
       aside: first.estimated !== null,
       lines: names.map((label, k) => ({
         label: label.split(" ")[1],
@@ -220,7 +226,7 @@ function plotSpecs(flights: Flight[]): PlotSpec[] {
   return [...channels, ...inputs, ...flights.flatMap((flight) => estimates(flight, first))];
 }
 
-/** What was estimated of a flight, with its bands, at the times of the first. */
+/** Estimates of a flight with their bands, at the times of the first flight. */
 function estimates(flight: Flight, first: Flight): PlotSpec[] {
   const { estimated, run } = flight;
   if (!estimated) return [];
@@ -236,7 +242,7 @@ function estimates(flight: Flight, first: Flight): PlotSpec[] {
       key: `estimated-${group === 0 ? "muscle" : "damping"}${whose}`,
       title: `${group === 0 ? "estimated muscle input" : "estimated damping"}${whose}`,
       unit: "1",
-      note: run.estimated?.doubt ? "not to be trusted: see estimate" : "",
+      note: run.estimated?.doubt ? "unreliable: see estimate" : "",
       lines: names.map((label, k) => ({
         label: label.split(" ")[1],
         ink: AXES[k],
@@ -248,12 +254,12 @@ function estimates(flight: Flight, first: Flight): PlotSpec[] {
   );
 }
 
-/** Numbers of a flight at the times of another. */
+/** Values of a flight at the times of another. */
 function alike(flight: Flight, values: Float64Array, other: Flight): Float64Array {
   return flight === other ? values : other.time.map((time) => values[flight.row(time)]);
 }
 
-/** The numbers that a coach asks for. */
+/** Summary table. */
 function summary(flights: Flight[]): HTMLElement {
   const names = ["", ...flights.map((flight) => flight.run.name)];
   const table = element("table", {}, element("tr", {}, ...names.map((name) => element("th", {}, name))));

@@ -1,4 +1,4 @@
-// The frame of the page, the same in every mode.
+// Page structure shared by all modes.
 
 import { element } from "./dom";
 import type { PageData } from "./types";
@@ -34,7 +34,7 @@ export function provenance(data: PageData): HTMLElement {
   return element("section", {}, element("h2", {}, "Where this page comes from"), list);
 }
 
-/** A problem in place of the page. */
+/** Shows an error instead of the page. */
 export function problem(message: string): void {
   const app = document.getElementById("app") as HTMLElement;
   app.replaceChildren(element("div", { class: "banner", role: "alert", id: "problem" }, message));

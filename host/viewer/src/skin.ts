@@ -1,18 +1,18 @@
-// A mesh around a field, by surface nets: one vertex in each cell that the surface crosses.
+// Meshes a distance field by surface nets: one vertex in each cell that the surface crosses.
 import type { Vector } from "./figure";
 import type { Field, Stuff } from "./flesh";
 
 export interface Skin {
   positions: Float32Array;
   normals: Float32Array;
-  /** Four segments of each vertex, and how much each moves it. */
+  /** Four segments per vertex, with their weights. */
   segments: Uint16Array;
   weights: Float32Array;
   stuff: Stuff[];
   triangles: Uint32Array;
 }
 
-/** Edge of a cell (m). */
+/** Cell size (m). */
 const CELL = 0.019;
 const EDGES = [
   [0, 1],
@@ -51,7 +51,7 @@ class Grid {
   }
 }
 
-/** Vertices of the cells that the surface crosses; which cell has which. */
+/** Vertices, and the map from cells to vertices. */
 function vertices(grid: Grid): { places: Vector[]; of: Map<number, number> } {
   const [nx, ny, nz] = grid.size;
   const places: Vector[] = [];
@@ -84,7 +84,7 @@ function vertices(grid: Grid): { places: Vector[]; of: Map<number, number> } {
   return { places, of };
 }
 
-/** Two triangles across each edge of the grid that the surface crosses, seen from outside. */
+/** Two outward-facing triangles for each grid edge that the surface crosses. */
 function faces(grid: Grid, of: Map<number, number>): Uint32Array {
   const [nx, ny, nz] = grid.size;
   const made: number[] = [];

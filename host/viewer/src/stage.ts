@@ -1,6 +1,6 @@
-// The picture with its camera: whoever can draws it, and says so where it is sticks.
+// The picture and its camera, drawn with WebGL or, without it, as a stick figure.
 
-import { button, element, toggle, typing } from "./dom";
+import { button, element, onRecolour, toggle, typing } from "./dom";
 import type { Picture, View } from "./figure";
 import { Key } from "./key";
 import { Sticks } from "./stick";
@@ -22,12 +22,12 @@ export class Stage {
   readonly place: HTMLElement;
   readonly drawer: World | Sticks;
   readonly tools = element("div", { class: "over tools" });
-  /** Time that the last picture took (ms), and from one to the next. */
+  /** Drawing time of the last picture (ms). */
   cost = 0;
   private picture: Picture | null = null;
   private follow: Follow = "free";
   private readonly cameras = new Map<Follow, HTMLButtonElement>();
-  /** Fingers and the pointer that are down, where they were last. */
+  /** Last positions of the pointers that are down. */
   private readonly fingers = new Map<number, [number, number]>();
 
   private readonly key: Key;
@@ -44,7 +44,7 @@ export class Stage {
         element(
           "div",
           { class: "banner", role: "alert", id: "no-webgl" },
-          "This browser has no WebGL: the body is drawn as sticks. Plots, timeline and exports work.",
+          "This browser has no WebGL: the body is drawn as a stick figure. Plots, timeline and exports work.",
         ),
       );
     }
@@ -59,12 +59,12 @@ export class Stage {
     }
     this.markCamera();
     this.tools.append(
-      toggle("forces", `Force of the air on each segment; 1 m is ${NEWTONS_PER_METRE} N`, true, (on) => {
+      toggle("forces", `Aerodynamic force on each segment; 1 m is ${NEWTONS_PER_METRE} N`, true, (on) => {
         this.drawer.showForces = on;
         this.redraw();
       }),
     );
-    this.segments = toggle("segments", "The sixteen segments as the model's air sees them (B)", false, (on) => {
+    this.segments = toggle("segments", "The sixteen segments of the aerodynamic model (B)", false, (on) => {
       this.drawer.showSegments = on;
       this.redraw();
     });
@@ -72,11 +72,12 @@ export class Stage {
     place.append(this.key.place);
     this.tools.append(
       this.segments,
-      toggle("key", "What colours and arrows mean", true, (on) => (this.key.place.hidden = !on)),
+      toggle("key", "Key to colours and arrows", true, (on) => (this.key.place.hidden = !on)),
     );
     if (measured) this.addGhostTools();
     this.listen();
     addEventListener("resize", () => this.redraw());
+    onRecolour(() => this.redraw());
   }
 
   private addGhostTools(): void {
@@ -85,7 +86,7 @@ export class Stage {
         this.drawer.showGhost = on;
         this.redraw();
       }),
-      toggle("together", "Both bodies at one place, or each where it flew", true, (on) => {
+      toggle("together", "Both bodies at one position, or each at its own", true, (on) => {
         this.drawer.together = on;
         this.redraw();
       }),
@@ -106,7 +107,7 @@ export class Stage {
   draw(picture: Picture): void {
     this.picture = picture;
     if (this.follow === "trailing") {
-      // Behind the body: its dorsal axis points up when belly to earth, its cranial axis forward.
+      // Behind the body: belly to earth, its dorsal axis points up and its cranial axis forward.
       const { w, x, y, z } = quaternion(picture.simulated.attitude);
       this.view.azimuth = Math.atan2(2 * (y * z - w * x), 2 * (x * z + w * y)) + Math.PI;
     }
@@ -147,7 +148,7 @@ export class Stage {
     );
   }
 
-  /** Distance of two fingers (px); 0 where there are not two. */
+  /** Distance between two fingers (px); 0 if there are not two. */
   private apart(): number {
     const [a, b] = [...this.fingers.values()];
     return b ? Math.hypot(a[0] - b[0], a[1] - b[1]) : 0;
@@ -156,7 +157,7 @@ export class Stage {
   private turn(right: number, down: number): void {
     this.view.azimuth -= right * 0.008;
     this.view.elevation = Math.max(-1.56, Math.min(1.56, this.view.elevation + down * 0.008));
-    // A camera that is turned by hand is free.
+    // Turning the camera by hand sets it free.
     if (this.follow !== "trailing") {
       this.follow = "free";
       this.markCamera();
@@ -169,7 +170,7 @@ export class Stage {
     this.redraw();
   }
 
-  /** Camera keys, where the mode leaves them free. */
+  /** Enables the camera keys, in modes that do not use these keys otherwise. */
   listenToKeys(): void {
     addEventListener("keydown", (event) => {
       if (typing(event) || event.ctrlKey || event.metaKey || event.altKey) return;

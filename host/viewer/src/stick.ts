@@ -1,4 +1,4 @@
-// The body as sticks on a flat canvas, where there is no WebGL.
+// A stick figure on a 2D canvas, for browsers without WebGL.
 
 import { colour, element } from "./dom";
 import { type Picture, type Pose, rotated, type Vector, type View } from "./figure";
@@ -16,7 +16,7 @@ export class Sticks {
 
   setTrail(): void {}
 
-  /** Pixels that a metre takes. */
+  /** Pixels per metre. */
   scale(view: View): number {
     return this.canvas.clientHeight / view.distance;
   }
@@ -36,7 +36,7 @@ export class Sticks {
     const scale = height / view.distance;
     const [ca, sa] = [Math.cos(view.azimuth), Math.sin(view.azimuth)];
     const [ce, se] = [Math.cos(view.elevation), Math.sin(view.elevation)];
-    // Seen from the camera: to the right, and up.
+    // Right and up in the camera's view.
     const flat = (place: Vector): [number, number] => {
       const [x, y, z] = rotated(pose.attitude, place);
       return [width / 2 + scale * (ca * y - sa * x), height / 2 - scale * (ce * z - se * (ca * x + sa * y))];

@@ -1,4 +1,4 @@
-// Plots as one SVG, as they are chosen and in the unit that is shown.
+// Exports the selected plots as one SVG, in the displayed units.
 import { shown } from "./channels";
 import { colour } from "./dom";
 import type { Line, PlotSpec } from "./plots";
@@ -9,7 +9,7 @@ const HEAD = 60;
 
 const clean = (text: string) => text.replace(/[<&>"]/g, (c) => `&#${c.charCodeAt(0)};`);
 
-/** Runs of numbers as the points of lines: what is no number parts them. */
+/** Points of the polylines of a line, which is split at NaN. */
 function parts(line: Line, place: (row: number) => string): string[] {
   const made: string[][] = [[]];
   for (let row = 0; row < line.values.length; row++) {
@@ -70,7 +70,7 @@ function panel(spec: PlotSpec, row: number, time: ArrayLike<number>, degrees: bo
   );
 }
 
-/** The lines of all plots once, with what they are. */
+/** Legend with each line once. */
 function legend(specs: PlotSpec[]): string {
   const names = new Map(specs.flatMap(({ lines }) => lines.map((line) => [line.label, line] as const)));
   let x = LEFT;

@@ -3,10 +3,10 @@
 import { Plots } from "./plots";
 import { CHANNELS } from "./types";
 
-/** Seconds that the plots show, and points a second. */
+/** Time range of the plots (s), and points per second. */
 const SPAN = 20;
 const RATE = 30;
-/** Channels shown, by their place in CHANNELS. */
+/** Channels shown, as indices into CHANNELS. */
 const SHOWN = [1, 0, 3, 5, 6];
 
 export class Traces {
@@ -30,7 +30,7 @@ export class Traces {
     for (const k of this.time.keys()) this.time[k] = k / RATE - SPAN;
   }
 
-  /** Takes the channels of a moment, where one is due. */
+  /** Appends the channels at a time, if a point is due. */
   take(time: number, channels: ArrayLike<number>): void {
     if (time - this.drawn <= 1 / RATE && time >= this.drawn) return;
     this.drawn = time;
@@ -41,7 +41,7 @@ export class Traces {
   }
 }
 
-/** Moves a list on by one number. */
+/** Shifts a list by one and appends a value. */
 function push(list: Float64Array, value: number): void {
   list.copyWithin(0, 1);
   list[list.length - 1] = value;

@@ -1,4 +1,4 @@
-// The sky with the body in it, by three.js.
+// The 3D picture, drawn with three.js.
 import {
   ArrowHelper,
   BufferAttribute,
@@ -20,20 +20,20 @@ import {
   Vector3,
   WebGLRenderer,
 } from "three";
-import { colour } from "./dom";
+import { colour, onRecolour } from "./dom";
 import type { Picture, Segments, Vector, View } from "./figure";
 import { Ghost } from "./ghost";
 import { cloth, Person, Surface } from "./person";
 import { Place } from "./place";
 import type { Shape, Worn } from "./types";
 
-/** Newtons that are drawn as one metre. */
+/** Scale of force arrows (N/m). */
 export const NEWTONS_PER_METRE = 250;
 const FIELD_OF_VIEW = 40;
 const GRID = 3;
 const CELLS = 7;
 
-/** A rounded solid of these half extents: a superellipsoid of exponent 2.5. */
+/** A superellipsoid of exponent 2.5 with these half extents. */
 function solid(half: Vector): BufferGeometry {
   const geometry = new SphereGeometry(1, 20, 14);
   const places = geometry.getAttribute("position");
@@ -45,7 +45,7 @@ function solid(half: Vector): BufferGeometry {
   return geometry;
 }
 
-/** The sixteen segments as the model's air sees them. */
+/** The sixteen segments as the aerodynamic model represents them. */
 class SegmentCage {
   readonly root = new Group();
   private readonly meshes: Mesh[];
@@ -83,6 +83,9 @@ export class World {
     new MeshLambertMaterial({ color: 0xffffff, emissive: 0x333333, depthTest: false }),
   );
   private readonly trail = new Line(new BufferGeometry(), new LineBasicMaterial());
+  /** Temporary values, to avoid allocations per picture. */
+  private readonly direction = new Vector3();
+  private readonly size = new Vector2();
   showForces = true;
   showGhost = true;
   showSegments = false;
@@ -90,7 +93,7 @@ export class World {
   /** Height of the ground (m). */
   ground = 0;
 
-  /** Throws where there is no WebGL. */
+  /** Throws without WebGL. */
   constructor(shapes: Shape[], worn: Worn) {
     this.renderer = new WebGLRenderer({ antialias: true, preserveDrawingBuffer: true, stencil: true });
     this.canvas = this.renderer.domElement;
@@ -128,7 +131,7 @@ export class World {
     );
     this.camera.up.set(0, 0, 1);
     this.recolour();
-    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.recolour());
+    onRecolour(() => this.recolour());
   }
 
   private recolour(): void {
@@ -140,7 +143,7 @@ export class World {
     (this.trail.material as LineBasicMaterial).color.set(colour("simulated"));
   }
 
-  /** The way flown, as x, y, z lists. */
+  /** Sets the flight path, as lists of x, y and z. */
   setTrail(x: ArrayLike<number>, y: ArrayLike<number>, z: ArrayLike<number>): void {
     const places = new Float32Array(x.length * 3);
     for (let k = 0; k < x.length; k++) places.set([x[k], y[k], z[k]], 3 * k);
@@ -148,7 +151,7 @@ export class World {
     this.trail.geometry = new BufferGeometry().setAttribute("position", new BufferAttribute(places, 3));
   }
 
-  /** Pixels that a metre at the body takes. */
+  /** Pixels per metre at the body. */
   scale(view: View): number {
     return this.canvas.clientHeight / (2 * Math.tan((FIELD_OF_VIEW * Math.PI) / 360) * view.distance);
   }
@@ -156,7 +159,7 @@ export class World {
   draw(picture: Picture, view: View): void {
     const box = this.canvas.parentElement;
     const [width, height] = box ? [box.clientWidth, box.clientHeight] : [640, 360];
-    const size = this.renderer.getSize(new Vector2());
+    const size = this.renderer.getSize(this.size);
     if (size.x !== width || size.y !== height) {
       this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
       this.renderer.setSize(width, height, false);
@@ -168,20 +171,17 @@ export class World {
 
   private render(picture: Picture, view: View): void {
     const { simulated, measured, segments } = picture;
-    this.body.show(simulated, segments);
+    this.surface.pose(segments);
+    this.body.show(simulated);
     this.cage.root.visible = this.showSegments;
     if (this.showSegments) this.cage.show(segments);
     this.ghost.root.visible = measured !== null && this.showGhost;
     if (measured) {
-      this.ghost.show(
-        this.together ? { ...measured, position: simulated.position } : measured,
-        segments,
-        view.distance,
-      );
+      this.ghost.show(this.together ? { ...measured, position: simulated.position } : measured, view.distance);
     }
     this.cg.position.set(...picture.cg);
     this.arrows.forEach((arrow, k) => {
-      const force = new Vector3(...segments.force[k]);
+      const force = this.direction.set(...segments.force[k]);
       const length = force.length() / NEWTONS_PER_METRE;
       arrow.visible = this.showForces && length > 0.02;
       arrow.position.set(...segments.cg[k]);
@@ -189,7 +189,7 @@ export class World {
       arrow.setLength(length, Math.min(0.08, 0.4 * length), Math.min(0.05, 0.25 * length));
     });
     const [x, y, z] = simulated.position;
-    const wind = new Vector3(...picture.wind);
+    const wind = this.direction.set(...picture.wind);
     this.wind.visible = wind.length() > 0.1;
     this.wind.position.set(x, y, z + 1.4);
     this.wind.setLength(Math.max(0.3, wind.length() / 10), 0.2, 0.12);

@@ -1,4 +1,4 @@
-// A browser for the tests, and what every page must hold to.
+// Browser helpers for the tests, and requirements on every page.
 import assert from "node:assert/strict";
 import { spawn } from "node:child_process";
 import { mkdirSync, mkdtempSync, rmSync } from "node:fs";
@@ -14,14 +14,14 @@ mkdirSync(OUTPUT, { recursive: true });
 /** Longest wait (ms). */
 const PATIENCE = 180_000;
 
-/** A folder that lasts as long as the tests. */
+/** A temporary folder that is removed after the tests. */
 export function scratch(name) {
   const folder = mkdtempSync(join(tmpdir(), `bodyflight-${name}-`));
   process.on("exit", () => rmSync(folder, { recursive: true, force: true }));
   return folder;
 }
 
-/** Chromium with WebGL in software, or without WebGL. */
+/** Launches Chromium with software WebGL, or without WebGL. */
 export function browser({ webgl = true } = {}) {
   const graphics = webgl
     ? ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
@@ -29,10 +29,10 @@ export function browser({ webgl = true } = {}) {
   return chromium.launch({ executablePath: need("BODYFLIGHT_CHROMIUM"), args: ["--no-sandbox", ...graphics] });
 }
 
-/** A page that fails the test on errors, and on anything fetched from elsewhere. */
+/** Opens a page and collects its errors and any requests to other hosts. */
 export async function open(from, url, options = {}) {
   const page = await from.newPage({ viewport: { width: 1280, height: 720 }, acceptDownloads: true, ...options });
-  // Graphics in software on a machine that has other work.
+  // Allow for software rendering on a busy machine.
   page.setDefaultTimeout(PATIENCE);
   const wrong = [];
   page.on("pageerror", (error) => wrong.push(error.message));
@@ -47,14 +47,14 @@ export async function open(from, url, options = {}) {
   return { page, wrong };
 }
 
-/** Runs the program to its end. */
+/** Runs the program to completion. */
 export async function run(...words) {
   const { code, out, err } = await begin(...words).end;
   assert.equal(code, 0, err);
   return out;
 }
 
-/** Begins the program; `line` waits for a line of its output or its remarks. */
+/** Starts the program; `line` waits for a pattern in its output. */
 export function begin(...words) {
   const child = spawn(BODYFLIGHT, words);
   let [out, err] = ["", ""];
@@ -78,7 +78,7 @@ export function begin(...words) {
 
 export const shot = (page, name) => page.screenshot({ path: join(OUTPUT, `${name}.png`), timeout: PATIENCE });
 
-/** How many colours a canvas shows: one where nothing was drawn. */
+/** Number of colours on a canvas; 1 if nothing was drawn. */
 export function colours(page, selector) {
   return page.evaluate((selector) => {
     const source = document.querySelector(selector);
@@ -91,14 +91,18 @@ export function colours(page, selector) {
   }, selector);
 }
 
-/** How many pixels of a canvas have a colour of the style sheet. */
+/** Number of pixels of a canvas in a colour of the style sheet. */
 export function inked(page, selector, ink) {
   return page.evaluate(
     ([selector, ink]) => {
       const hex = getComputedStyle(document.documentElement).getPropertyValue(`--${ink}`).trim();
       const wanted = [1, 3, 5].map((k) => Number.parseInt(hex.slice(k, k + 2), 16));
-      const canvas = document.querySelector(selector);
-      const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+      const source = document.querySelector(selector);
+      const copy = document.createElement("canvas");
+      [copy.width, copy.height] = [source.width, source.height];
+      const context = copy.getContext("2d");
+      context.drawImage(source, 0, 0);
+      const { data } = context.getImageData(0, 0, copy.width, copy.height);
       let count = 0;
       for (let k = 0; k < data.length; k += 4) {
         if (data[k + 3] > 200 && wanted.every((value, n) => Math.abs(data[k + n] - value) < 24)) count += 1;

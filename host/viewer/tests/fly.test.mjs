@@ -28,7 +28,7 @@ const yawRate = (page) =>
     return core.layout.part(core.frame(), "observation")[3];
   });
 
-test("holding a turn key turns, and letting it go ends the turn's growth", async () => {
+test("a held turn key turns, and releasing it slows the turn", async () => {
   const { page, wrong } = await open(chromium, url);
   await ready(page);
   assert.ok(Math.abs(await yawRate(page)) < 0.01);
@@ -48,7 +48,7 @@ test("holding a turn key turns, and letting it go ends the turn's growth", async
   await page.close();
 });
 
-test("the core in the page has the bits of the native one", async () => {
+test("the core in the page is bit-identical to the native one", async () => {
   const { page, wrong } = await open(chromium, url);
   await ready(page);
   const script = [
@@ -99,7 +99,7 @@ test("the core in the page has the bits of the native one", async () => {
   await page.close();
 });
 
-test("the novice swings, and every start flies", async () => {
+test("the novice oscillates, and every start works", async () => {
   const { page, wrong } = await open(chromium, url);
   await ready(page);
   const pitches = await page.evaluate(() => {
@@ -127,7 +127,7 @@ test("the novice swings, and every start flies", async () => {
   await page.close();
 });
 
-test("a recorded flight is saved as a flight that every verb reads", async () => {
+test("a recorded flight is saved in a form that every verb reads", async () => {
   const { page, wrong } = await open(chromium, url);
   await ready(page);
   await page.click('button:text-is("record")');
@@ -148,7 +148,7 @@ test("a recorded flight is saved as a flight that every verb reads", async () =>
   await page.close();
 });
 
-test("the space bar pauses, and saves nothing", async () => {
+test("the space bar pauses and saves nothing", async () => {
   const { page, wrong } = await open(chromium, url);
   await ready(page);
   await page.click('button:text-is("record")');

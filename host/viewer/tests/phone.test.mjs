@@ -19,7 +19,7 @@ before(async () => {
 });
 after(() => chromium?.close());
 
-/** Pairs of parts over the picture that lie over one another, and parts that stick out of it. */
+/** Pairs of parts that overlap over the picture, and parts that extend beyond it. */
 const clashes = (page) =>
   page.evaluate(() => {
     const of = (part) => part.getBoundingClientRect();
@@ -39,7 +39,7 @@ const clashes = (page) =>
     return found;
   });
 
-test("on a phone tools, map and instruments lie beside one another", async () => {
+test("on a phone, tools, map and instruments do not overlap", async () => {
   for (const viewport of PHONES)
     for (const mode of ["view", "fly"]) {
       const { page, wrong } = await open(chromium, `file://${join(folder, `${mode}.html`)}`, { viewport, ...touch });
@@ -54,7 +54,7 @@ test("on a phone tools, map and instruments lie beside one another", async () =>
     }
 });
 
-test("thumbs fly: a pad that is held turns, one that is let go does not", async () => {
+test("touch pads turn the body while they are held", async () => {
   const { page, wrong } = await open(chromium, `file://${join(folder, "fly.html")}`, {
     viewport: PHONES[0],
     ...touch,

@@ -19,7 +19,7 @@ after(() => chromium?.close());
 const ready = (page) => page.waitForSelector("html[data-ready=replay]");
 const time = async (page) => Number.parseFloat(await page.textContent("#time"));
 
-test("a flight opens offline, in one small file, soon, and shows something", async () => {
+test("a flight opens offline and quickly, from one small file", async () => {
   const { page, wrong } = await open(chromium, url);
   await ready(page);
   const first = await page.evaluate(() => performance.now());
@@ -46,7 +46,7 @@ test("a flight opens offline, in one small file, soon, and shows something", asy
   await page.close();
 });
 
-/** Where the marks of the time shown stand in the plots (px), and how wide these are. */
+/** Positions of the time markers in the plots (px), and the widths of the plots. */
 const marks = (page) =>
   page.$$eval(".now", (all) =>
     all.map((mark) => ({
@@ -56,7 +56,7 @@ const marks = (page) =>
     })),
   );
 
-test("the mark of the time stands in every plot from the first moment on", async () => {
+test("every plot shows the time marker from the start", async () => {
   for (const [hash, moment] of [
     ["", 0],
     ["#t=12", 12],
@@ -74,7 +74,7 @@ test("the mark of the time stands in every plot from the first moment on", async
   }
 });
 
-test("the space bar plays, whatever was clicked before", async () => {
+test("the space bar plays after a click on any control", async () => {
   const { page, wrong } = await open(chromium, url);
   await ready(page);
   const forces = page.locator('.tools button:text-is("forces")');
@@ -91,7 +91,7 @@ test("the space bar plays, whatever was clicked before", async () => {
   await page.close();
 });
 
-test("plots are in degrees or radians, headings turn on, and channels are chosen and moved", async () => {
+test("plots use degrees or radians, and channels can be selected and reordered", async () => {
   const { page, wrong } = await open(chromium, `${url}#t=29`);
   await ready(page);
   const title = () => page.textContent("[data-plot=heading_rad] .title b");
@@ -107,7 +107,7 @@ test("plots are in degrees or radians, headings turn on, and channels are chosen
   assert.equal(await title(), "heading (rad)");
   const radians = await values();
   assert.ok(Math.abs(radians[0] - (degrees[0] * Math.PI) / 180) < 0.01, `${radians} rad, ${degrees} degrees`);
-  // Under the pointer, not at the time shown.
+  // At the pointer, not at the current time.
   const box = await page.locator("[data-plot=heading_rad] .u-over").boundingBox();
   await page.mouse.move(box.x + 3, box.y + 10);
   await page.waitForFunction(
@@ -138,7 +138,7 @@ test("a heading that turns through all directions is drawn without a jump", asyn
   const jumps = points.slice(1).map((y, k) => Math.abs(y - points[k]));
   const height = Math.max(...points) - Math.min(...points);
   assert.ok(Math.max(...jumps) < 0.3 * height, `${Math.max(...jumps)} of ${height}`);
-  // Ticks of an axis tell one number from the next.
+  // Tick labels differ from each other.
   for (const anchor of ["end", "start"])
     for (const part of svg.split("<rect x=").slice(1)) {
       const labels = [...part.matchAll(new RegExp(`text-anchor="${anchor}">([^<]+)<`, "g"))].map((found) => found[1]);
@@ -170,7 +170,7 @@ test("a question mark lists the keys, and the camera in use is marked", async ()
   await page.close();
 });
 
-test("instruments say what the channels say", async () => {
+test("instruments agree with the channels", async () => {
   const { page, wrong } = await open(chromium, `${url}#t=5`);
   await ready(page);
   const [download] = await Promise.all([page.waitForEvent("download"), page.click('header button:text-is("CSV")')]);
@@ -209,7 +209,7 @@ test("keys scrub, the slider seeks, play runs at the speed chosen", async () => 
     }),
   );
   assert.equal(await time(page), 10);
-  assert.match(page.url(), /#t=10\.000/);
+  await page.waitForURL(/#t=10\.000$/);
   await page.keyboard.press("Space");
   await page.waitForFunction(() => Number.parseFloat(document.querySelector("#time").textContent) > 10.3);
   assert.match(await page.textContent("#cost"), /ms/);
@@ -219,7 +219,7 @@ test("keys scrub, the slider seeks, play runs at the speed chosen", async () => 
   await page.close();
 });
 
-test("the cursor is one for all plots, and a click goes there", async () => {
+test("all plots share a cursor, and a click seeks", async () => {
   const { page, wrong } = await open(chromium, url);
   await ready(page);
   const box = await page.locator("[data-plot=yaw_rate_radps] .u-over").boundingBox();
@@ -235,7 +235,7 @@ test("the cursor is one for all plots, and a click goes there", async () => {
   await page.close();
 });
 
-test("numbers, plots, pictures and film can be taken out", async () => {
+test("numbers, plots, pictures and videos can be exported", async () => {
   const { page, wrong } = await open(chromium, `${url}#t=5`);
   await ready(page);
   const take = async (label) => {
@@ -262,7 +262,7 @@ test("numbers, plots, pictures and film can be taken out", async () => {
   await page.close();
 });
 
-test("two runs are shown over one another, with what discovery found", async () => {
+test("two runs are overlaid, with the results of discovery", async () => {
   const two = join(folder, "two.html");
   const [model, report] = [join(folder, "model.toml"), join(folder, "report.json")];
   writeFileSync(model, '[[effect]]\nname = "wind"\nnorth_mps = 4\n');
@@ -302,7 +302,7 @@ test("two runs are shown over one another, with what discovery found", async () 
     /named.*wind.*north_mps4\.01 ± 0\.020.*exit-speed here; fly: a long fall.*0\.500.*Held-out flight 1: 100 % of the gap closed/s,
   );
   assert.ok((await colours(page, ".map")) > 2);
-  // What is left before, and what is left after.
+  // Residuals before and after.
   assert.match(await page.textContent("#plot-legend"), /residual \(right\).*residual, .*\(right\)/s);
   for (const ink of ["residual", "left"])
     assert.ok((await inked(page, "[data-plot=horizontal_velocity_mps] canvas", ink)) > 30, ink);
@@ -313,7 +313,7 @@ test("two runs are shown over one another, with what discovery found", async () 
   await page.close();
 });
 
-test("reports without an effect, a gap or a map show no word of code", async () => {
+test("reports without an effect, a gap or a map show no undefined values", async () => {
   const out = join(folder, "bare.html");
   const report = join(folder, "bare.json");
   const effect = { name: "wind", parameters: { north_mps: null }, rivals: [{ name: "muscle" }], confidence: null };
@@ -356,7 +356,7 @@ test("damaged pages say what is wrong", async () => {
   );
 });
 
-test("a name cannot become code", async () => {
+test("a name cannot inject code", async () => {
   const evil = join(folder, "evil.html");
   const html = readFileSync(path, "utf8").replace(
     /"title":"[^"]*"/,
@@ -371,7 +371,7 @@ test("a name cannot become code", async () => {
   await page.close();
 });
 
-test("light and dark are readable, and keys reach everything", async () => {
+test("light and dark themes are readable, and the keyboard reaches everything", async () => {
   for (const colorScheme of ["light", "dark"]) {
     const { page, wrong } = await open(chromium, url, { colorScheme });
     await ready(page);
@@ -418,7 +418,7 @@ test("light and dark are readable, and keys reach everything", async () => {
   }
 });
 
-test("without WebGL the body is sticks, and the rest works", async () => {
+test("without WebGL the body is a stick figure, and the rest works", async () => {
   const plain = await browser({ webgl: false });
   try {
     const { page } = await open(plain, url);
@@ -434,14 +434,14 @@ test("without WebGL the body is sticks, and the rest works", async () => {
   }
 });
 
-test("estimated inputs have bands, and the known ones can be chosen beside them", async () => {
+test("estimated inputs have bands, and known inputs can be shown beside them", async () => {
   const estimated = join(folder, "estimated.html");
   await run("view", join(folder, "flight.toml"), "--estimate", "--out", estimated);
   const { page, wrong } = await open(chromium, `file://${estimated}`);
   await ready(page);
   assert.equal(await page.locator(".plot").count(), 9);
   assert.equal(await page.locator('[data-plot="muscle"]').count(), 0);
-  // Bands tint the lines: what they show is read off, and that much is drawn.
+  // Bands tint the lines, so the colours are read from the drawing.
   const damping = (await page.locator('[data-plot="estimated-damping"] .value').allTextContents()).map(Number);
   for (const [k, known] of [3, 0.5, 6].entries()) assert.ok(Math.abs(damping[k] - known) < 1, `${damping}`);
   for (const key of ["estimated-muscle", "estimated-damping"])

@@ -1,7 +1,7 @@
 """Human body flight: simulate it, estimate what the skydiver does, and find what the model misses.
 
-Functions carry the names and defaults of the program's verbs; results carry numpy arrays, and as ``report`` the dictionary
-that the verb prints with ``--json``. Problems are exceptions with ``file``, ``line``, ``place`` and ``help``.
+Functions have the names and defaults of the program's verbs. Results hold numpy arrays, and in ``report`` the dictionary that
+the verb prints with ``--json``. Errors are exceptions with ``file``, ``line``, ``place`` and ``help``.
 
 >>> import bodyflight
 >>> bodyflight.trim()["terminal_speed_mps"]  # doctest: +ELLIPSIS
@@ -11,7 +11,7 @@ that the verb prints with ``--json``. Problems are exceptions with ``file``, ``l
 import os as _os
 from pathlib import Path as _Path
 
-# The library of co-simulation units, where it comes with the package; the program looks for it by this name too.
+# The wheel contains the library of co-simulation units; the program finds it through this variable too.
 for _library in _Path(__file__).parent.glob("*bodyflight_fmu.*"):
     _os.environ.setdefault("BODYFLIGHT_FMU", str(_library))
 
@@ -33,6 +33,7 @@ from ._native import (  # noqa: E402
     estimate,
     export,
     fmu,
+    record,
     simulate,
     sweep,
     synth,
@@ -60,6 +61,7 @@ __all__ = [
     "estimation_frame",
     "export",
     "fmu",
+    "record",
     "run_frame",
     "simulate",
     "sweep",

@@ -6,7 +6,7 @@ from ._native import program
 
 
 def main() -> None:
-    """Runs the verb that the arguments ask for, and ends with its exit code."""
+    """Runs the command line and exits with its exit code."""
     sys.exit(program(["bodyflight", *sys.argv[1:]]))
 
 

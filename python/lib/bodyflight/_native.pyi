@@ -126,6 +126,40 @@ class Skydivers:
     def step(self, actions: NDArray[np.float32]) -> NDArray[np.float32]: ...
     def observe(self) -> NDArray[np.float32]: ...
 
+class Environments:
+    """n environments with one body and one task; ``bodyflight.gym`` wraps them."""
+
+    observed: ClassVar[list[str]]
+    limit: ClassVar[float]
+    def __init__(
+        self,
+        count: int,
+        *,
+        up: tuple[float, float, float],
+        faces: bool,
+        docks: bool,
+        seconds: float,
+        start: str = "neutral",
+        subject: Subject | None = None,
+        density: float = 1.0,
+        substeps: int = 8,
+    ) -> None: ...
+    @property
+    def episode_steps(self) -> int: ...
+    def __len__(self) -> int: ...
+    def begin(
+        self, which: NDArray[np.bool_], headings: NDArray[np.float32], targets: NDArray[np.float32]
+    ) -> None:
+        """Begins episodes where ``which`` (n) is true. ``headings``: n (rad); ``targets``: n by 2, north and west (m)."""
+
+    def observe(self) -> NDArray[np.float32]:
+        """Returns the scaled observations, n by 17."""
+
+    def step(
+        self, actions: NDArray[np.float32], resting: NDArray[np.bool_]
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], NDArray[np.bool_]]:
+        """Flies ``actions`` (n by 8). Returns observations (n by 17), rewards, terminated and truncated (n each)."""
+
 def simulate(
     flight: Flight,
     *,
@@ -152,6 +186,16 @@ def export(
     progress: _Progress = None,
 ) -> dict[str, Any]: ...
 def fmu(subject: _Path, out: _Path, *, library: _Path | None = None, force: bool = False) -> dict[str, Any]: ...
+def record(
+    actions: NDArray[np.float32],
+    out: _Path,
+    *,
+    start: str = "neutral",
+    subject: Subject | None = None,
+    density: float = 1.0,
+    substeps: int = 8,
+    force: bool = False,
+) -> int: ...
 def program(arguments: Sequence[str]) -> int: ...
 def discover(
     flights: Sequence[Flight], *, hold_out: Sequence[Flight] = (), max_effects: int = 3, seed: int = 1

@@ -1,4 +1,4 @@
-"""Results as pandas data frames; pandas is imported only here, and only when asked."""
+"""Results as pandas data frames. pandas is imported only when one of these functions is called."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def run_frame(run: Run) -> "pandas.DataFrame":
-    """A run by time (s): ``measured_*`` and ``simulated_*`` of each channel, as ``bodyflight simulate --out`` names them."""
+    """Returns a run indexed by time (s), with columns ``measured_*`` and ``simulated_*`` as in ``bodyflight simulate --out``."""
     import pandas
 
     columns = {}
@@ -22,7 +22,7 @@ def run_frame(run: Run) -> "pandas.DataFrame":
 
 
 def estimation_frame(estimation: Estimation) -> "pandas.DataFrame":
-    """Estimates by time (s): coefficients, ``sd_*`` their deviations, ``nis`` and ``consistency``."""
+    """Returns estimates indexed by time (s): coefficients, their standard deviations ``sd_*``, ``nis`` and ``consistency``."""
     import pandas
 
     columns = {}

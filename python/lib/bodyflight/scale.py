@@ -1,9 +1,9 @@
-"""Sweeps on many machines, by Dask.
+"""Sweeps on many machines, with Dask.
 
 ``client`` is a ``distributed.Client`` of any cluster: processes on one machine (``LocalCluster``), machines by ssh
 (``SSHCluster``), SLURM (``dask-jobqueue``), Kubernetes (``dask-kubernetes``). Every worker needs this package and the
-flight's files under the same path. A chunk is flown by one worker with the cores that it has; a worker that dies costs the
-time of its chunks, which others fly again.
+flight's files under the same path. Each chunk is simulated by one worker on all its cores. If a worker dies, other workers
+repeat its chunks.
 
 >>> from dask.distributed import Client, LocalCluster        # doctest: +SKIP
 >>> with LocalCluster(n_workers=2, threads_per_worker=1) as cluster, Client(cluster) as client:
@@ -38,10 +38,11 @@ def sweep(
     chunk: int = 64,
     folder: "str | os.PathLike[str] | None" = None,
 ) -> np.ndarray:
-    """``bodyflight.sweep`` over a cluster: m by 7, the same bytes as on one machine.
+    """Runs ``bodyflight.sweep`` on a cluster. Returns an array of m by 7, with the same bits as on one machine.
 
-    With a ``folder``, each chunk is kept there as a Parquet file as soon as it is flown, and a sweep that was stopped goes on
-    where it was: chunks of the same flight, factors and start are read, not flown again.
+    ``factors`` is m by 3: factors on the drag, lift and moment coefficients. If ``folder`` is given, each chunk is saved there
+    as a Parquet file as soon as it is done. A sweep that was stopped can then be resumed: saved chunks of the same flight,
+    factors and start are read instead of simulated.
     """
     from distributed import as_completed
 
@@ -56,7 +57,7 @@ def sweep(
         rows = factors[first : first + chunk]
         kept = parts.read(first, rows)
         if kept is None:
-            # Runs with the same arguments have the same result, but a key of its own lets a sweep be flown twice.
+            # With pure=True, Dask would answer a second sweep with the results of the first.
             waiting[client.submit(_fly, path, rows, start, pure=False)] = first
         else:
             result[first : first + len(rows)] = kept
@@ -72,7 +73,7 @@ def _fly(path: str, factors: np.ndarray, start: str) -> np.ndarray:
 
 
 class _Parts:
-    """Chunks of a sweep as files, named after what they were flown from."""
+    """Chunks of a sweep as files, whose names contain a digest of flight, factors and start."""
 
     def __init__(self, folder: "str | os.PathLike[str] | None", flight: str, start: str) -> None:
         self.folder = None if folder is None else Path(folder)
@@ -81,7 +82,7 @@ class _Parts:
         self.folder.mkdir(parents=True, exist_ok=True)
         described = Flight(flight)
         self.digest = hashlib.sha256(start.encode())
-        # A flight.toml names its files, which lie beside it as a rule; one file too many does no harm.
+        # The files that a flight.toml names are usually in its folder. Unrelated files there do no harm.
         beside = [file for file in Path(flight).parent.iterdir() if file.is_file()]
         for content in sorted({*beside, Path(described.path).resolve()}):
             self.digest.update(content.read_bytes())
@@ -110,5 +111,5 @@ class _Parts:
         file = self._file(first, factors)
         unfinished = file.with_suffix(".tmp")
         table.to_parquet(unfinished, index=False)
-        # Whole or not there: a part that is read again is never half a part.
+        # Renamed when complete, so that an interrupted sweep leaves no partial file.
         os.replace(unfinished, file)

@@ -9,7 +9,7 @@ pub(super) const ANKLE_HEIGHT: f64 = 0.039;
 
 /// Sex, which selects a column of the tables.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-#[expect(missing_docs, reason = "the names say it")]
+#[expect(missing_docs, reason = "the names are self-explanatory")]
 pub enum Sex {
     #[default]
     Male,

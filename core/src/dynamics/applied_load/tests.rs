@@ -126,7 +126,7 @@ fn a_force_on_a_segment_has_an_arm() {
 }
 
 #[test]
-fn factors_are_what_they_are_called() {
+fn factors_act_as_named() {
     let motion = Motion {
         position: Vector::new(0.0, 0.0, 2500.0),
         velocity: Vector::new(0.0, -30.0, 40.0),
@@ -188,7 +188,7 @@ fn factors_are_what_they_are_called() {
 }
 
 #[test]
-fn a_pulse_comes_once_or_again() {
+fn a_pulse_acts_once_or_repeatedly() {
     let pulse = |period| {
         let factor = Factor::Pulse {
             start: 1.0,
@@ -205,7 +205,7 @@ fn a_pulse_comes_once_or_again() {
 }
 
 #[test]
-fn pushing_is_second_order_in_the_step() {
+fn applied_loads_are_second_order_in_the_step() {
     // A moment that oscillates about one axis of a body that hardly rotates: its integral is known.
     let sine = Factor::Sine {
         frequency: 3.0,
@@ -238,7 +238,7 @@ fn the_list_is_bounded() {
 proptest! {
     /// No input panics, and both precisions agree for plausible values.
     #[test]
-    fn any_numbers_are_taken(
+    fn any_numbers_are_accepted(
         numbers in prop::array::uniform4(prop_oneof![
             Just(0.0), Just(f64::NAN), Just(f64::INFINITY), -1e9..1e9f64
         ]),
@@ -261,7 +261,7 @@ proptest! {
     }
 
     #[test]
-    fn both_precisions_push_alike(size in -300.0..300.0f64, frequency in 0.1..6.0f64, time in 0.0..60.0f64) {
+    fn both_precisions_apply_the_same_load(size in -300.0..300.0f64, frequency in 0.1..6.0f64, time in 0.0..60.0f64) {
         let load = times(
             load(Kind::Force(Point::Segment(Segment::LeftFoot)), Direction::World(Axis::X), size),
             Factor::Sine { frequency, phase: 0.3 },

@@ -397,7 +397,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_hardly_seen_may_be_done_on_purpose() {
+    fn poorly_observed_inputs_may_be_large() {
         let process = Process::<f64>::new(&MOTION, 1.0 / 240.0).unwrap();
         let stated = |deviation: f64, activity: f64| {
             let known = deviation * deviation;
@@ -419,7 +419,7 @@ mod tests {
     }
 
     #[test]
-    fn inputs_of_an_axis_that_is_awake_come_back_sooner() {
+    fn inputs_of_an_awake_axis_decay_faster() {
         let mut process = Process::<f64>::new(&MOTION, 1.0 / 240.0).unwrap();
         let quiet = process.decay();
         process.set_activity([0.0, 1.0, 0.0]);

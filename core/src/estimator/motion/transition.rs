@@ -120,7 +120,7 @@ pub fn spread<T: Real>(
     // Rows of the motion: Phi_m P, which is then multiplied by the decay of each input and by Phi_m^T.
     #[expect(
         clippy::op_ref,
-        reason = "by value it is copied first, onto a unit's stack"
+        reason = "by value it would first be copied to the unit's stack"
     )]
     let flown: MotionSlope<T> = slope * &*covariance;
     for j in 0..MOTION_STATES {

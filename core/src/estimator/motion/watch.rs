@@ -230,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn honest_innovations_are_consistent_and_others_are_told() {
+    fn realistic_innovations_are_consistent_and_others_are_flagged() {
         assert_eq!(watched(|value| value), Consistency::Consistent);
         assert_eq!(watched(|value| 0.1 * value), Consistency::Consistent);
         assert_eq!(watched(|value| 1.7 * value), Consistency::Doubtful);
@@ -240,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn a_residual_load_beyond_what_joints_do_is_told() {
+    fn a_residual_load_beyond_joint_errors_is_flagged() {
         let mut watch = Watch::<f64>::new();
         for (load, expected) in [
             (1.0, Consistency::Consistent),

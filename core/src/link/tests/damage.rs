@@ -44,7 +44,7 @@ fn next() -> (Header, Message) {
 }
 
 #[test]
-fn every_message_returns_from_its_frame() {
+fn every_message_survives_its_frame() {
     for message in examples() {
         let frame = frame_of(&header(), &message);
         assert_eq!(Message::decode(&frame), Ok((header(), message)));
@@ -107,7 +107,7 @@ fn every_two_bit_error_in_a_sample_is_found() {
 }
 
 #[test]
-fn cut_shortened_and_lengthened_frames_cost_only_themselves() {
+fn truncated_shortened_and_lengthened_frames_cost_only_themselves() {
     for message in examples() {
         let (whole, frame) = ((header(), message), frame_of(&header(), &message));
         for at in 0..=frame.len() {
@@ -229,7 +229,7 @@ fn each_refusal_has_its_reason_and_its_counter() {
 }
 
 #[test]
-fn every_exponent_in_every_float_is_judged() {
+fn every_exponent_in_every_float_is_checked() {
     let is_estimate = |message: &Message| matches!(message, Message::Estimate(_));
     let message = examples().into_iter().find(is_estimate).unwrap();
     let frame = frame_of(&header(), &message);
@@ -270,7 +270,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(2_000))]
 
     #[test]
-    fn garbage_is_refused_and_forgotten(garbage in prop::collection::vec(any::<u8>(), 0..2_000)) {
+    fn garbage_is_rejected_and_leaves_no_trace(garbage in prop::collection::vec(any::<u8>(), 0..2_000)) {
         let (messages, _) = decoded(&garbage);
         prop_assert!(messages.is_empty());
         let mut stream = garbage;
@@ -279,7 +279,7 @@ proptest! {
     }
 
     #[test]
-    fn sealed_garbage_never_breaks_a_body(
+    fn garbage_with_a_valid_checksum_never_breaks_the_decoder(
         code in 0u8..0x14,
         body in prop::collection::vec(any::<u8>(), 0..120),
     ) {

@@ -56,7 +56,7 @@ fn stream(faults: Faults, seed: u64, first: u32, count: u32) -> Outcome {
 }
 
 #[test]
-fn each_fault_is_found_in_the_books() {
+fn each_fault_is_found_in_the_ledger() {
     let count = 5_000;
     let run = |faults| stream(faults, 7, u32::MAX - 100, count);
 
@@ -136,7 +136,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
     #[test]
-    fn the_books_balance_under_any_mixture(
+    fn the_ledger_balances_under_any_mixture_of_faults(
         [drop, corrupt, duplicate, reorder, burst, truncate, slip] in prop::array::uniform7(0.0f32..0.15),
         seed in any::<u64>(),
         first in any::<u32>(),

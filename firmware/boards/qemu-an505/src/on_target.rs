@@ -1,5 +1,5 @@
-//! The core on a Cortex-M33. Under QEMU's `-icount shift=7` an instruction takes 128 ns of virtual time, so the 20 MHz
-//! SysTick makes 2.56 ticks of it. `cargo xtask on-target` runs it.
+//! The core on a Cortex-M33. Under QEMU's `-icount shift=7` an instruction takes 128 ns of virtual time, which is 2.56
+//! ticks of the 20 MHz SysTick. `cargo xtask on-target` runs it.
 #![no_std]
 #![no_main]
 

@@ -1,5 +1,5 @@
-//! The core on a Cortex-M4F. Under QEMU's `-icount shift=7` an instruction takes 128 ns of virtual time, so the 12.5 MHz
-//! SysTick makes 1.6 ticks of it. `cargo xtask on-target` runs it.
+//! The core on a Cortex-M4F. Under QEMU's `-icount shift=7` an instruction takes 128 ns of virtual time, which is 1.6
+//! ticks of the 12.5 MHz SysTick. `cargo xtask on-target` runs it.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(target_os = "none")]

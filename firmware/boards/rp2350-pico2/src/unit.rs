@@ -1,5 +1,5 @@
-//! The unit on a Raspberry Pi Pico 2: USB serial or UART0 to the host (GP0 out, GP1 in), UART1 from a sensor (GP5 in), the
-//! voltage of its supply (GP29, a third of it), a light (GP25), logs by RTT.
+//! The unit on a Raspberry Pi Pico 2: USB serial or UART0 to the host (GP0 out, GP1 in), UART1 from a sensor (GP5 in),
+//! a third of the supply voltage (GP29), a light (GP25), logs by RTT.
 #![no_std]
 #![no_main]
 
@@ -38,7 +38,7 @@ const BAUD: u32 = 460_800;
 const WATCHDOG: Duration = Duration::from_secs(1);
 /// Ratio of the divider at the supply (VSYS).
 const DIVIDER: u16 = 3;
-/// Mark in memory that only a loss of power or the RUN pin clears.
+/// Mark in memory that is cleared only by a loss of power or the RUN pin.
 const STARTED: u32 = 0xb0d7_f117;
 
 static HOST_ERRORS: LineErrors = LineErrors::new();

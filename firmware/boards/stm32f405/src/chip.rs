@@ -18,7 +18,7 @@ use embassy_time::Delay;
 /// Watchdog timeout: four heartbeats (us).
 const WATCHDOG: u32 = 1_000_000;
 
-/// Number of polls while the crystal starts, some 100 ms at the initial 16 MHz; crystals take 2 ms.
+/// Number of polls while the crystal starts, about 100 ms at the initial 16 MHz; crystals take 2 ms.
 const CRYSTAL_LOOKS: u32 = 100_000;
 
 /// Number of polls for a random number, which is generated in 40 cycles of its clock.
@@ -45,7 +45,7 @@ pub(crate) fn reset() -> Reset {
 /// Starts the watchdog, which can be done first since it has its own oscillator.
 #[allow(
     unsafe_code,
-    reason = "before the clocks there are no peripherals to own"
+    reason = "runs before the clocks are set, when there are no peripherals to own"
 )]
 pub(crate) fn watchdog() -> IndependentWatchdog<'static, IWDG> {
     // SAFETY: nothing else uses the watchdog.
@@ -55,8 +55,8 @@ pub(crate) fn watchdog() -> IndependentWatchdog<'static, IWDG> {
     watchdog
 }
 
-/// 168 MHz, from a crystal of 12 MHz, or from the chip's internal oscillator of 16 MHz if no crystal starts. That one
-/// is within 1 % at room temperature, close enough for the lines.
+/// 168 MHz, from a crystal of 12 MHz, or from the chip's internal oscillator of 16 MHz if no crystal starts. The
+/// internal oscillator is within 1 % at room temperature, which is close enough for the serial lines.
 pub(crate) fn clocks() -> Config {
     RCC.cr().modify(|control| control.set_hseon(true));
     let crystal = (0..CRYSTAL_LOOKS).any(|_| RCC.cr().read().hserdy());

@@ -149,7 +149,7 @@ impl DelayNs for Pins {
 }
 
 #[test]
-fn what_is_written_across_pages_is_read_and_what_is_erased_is_gone() {
+fn data_written_across_pages_is_read_back_and_erased_data_is_gone() {
     let mut flash = Pins::new().find().unwrap();
     assert_eq!(flash.capacity(), BYTES);
     block_on(async {
@@ -193,7 +193,7 @@ fn a_queue_of_blocks_lives_on_the_chip() {
         while let Some(entry) = iterator.next(&mut buffer).await.unwrap() {
             found.push(entry[0]);
         }
-        // Three or four fit a sector; the oldest were overwritten.
+        // Three or four fit into a sector; the oldest were overwritten.
         assert_eq!(found.last(), Some(&99));
         assert!((45..=64).contains(&found.len()), "{}", found.len());
         assert!(found.windows(2).all(|pair| pair[1] == pair[0] + 1));
@@ -201,7 +201,7 @@ fn a_queue_of_blocks_lives_on_the_chip() {
 }
 
 #[test]
-fn a_board_without_a_chip_is_told() {
+fn a_board_without_a_memory_chip_is_reported() {
     for identity in [[0; 3], [0xff; 3], [0xc8, 0x40, 25]] {
         let pins = Pins::new();
         pins.0.borrow_mut().identity = identity;
@@ -217,7 +217,7 @@ fn a_chip_that_still_erases_after_a_reset_is_found() {
 }
 
 #[test]
-fn a_chip_that_never_ends_erasing_is_an_error() {
+fn a_chip_that_never_finishes_erasing_is_an_error() {
     let pins = Pins::new();
     let mut flash = pins.find().unwrap();
     pins.0.borrow_mut().erasing = u32::MAX;

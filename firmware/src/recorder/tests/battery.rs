@@ -34,7 +34,7 @@ impl Board for Wearable<'_> {
 }
 
 #[test]
-fn what_a_unit_reports_of_its_battery_is_in_the_log() {
+fn the_log_contains_the_reported_battery_voltage() {
     let chip = Chip::new(usize::MAX, 1);
     let recorder = Recorder::new(vec![Block::EMPTY; 8].leak());
     let mut log = core::pin::pin!(FlightLog::new(&recorder, chip.storage()).run(|_, _| {}));

@@ -36,7 +36,7 @@ fn streamed_on_credit(work: impl Fn(&mut Unit<Bench>)) -> (Unit<Bench>, u32) {
 }
 
 #[test]
-fn credit_is_a_total_that_follows_what_is_worked_off() {
+fn credit_is_a_total_that_follows_the_samples_processed() {
     let (mut unit, granted) = streamed_on_credit(|unit| while unit.work() {});
     // A repeated sample asks for the credit again.
     tell_numbered(&mut unit, SESSION, 239, time(239), samples(240)[239]);

@@ -1,4 +1,4 @@
-//! What recordings of all kinds have in common: the files of a report, names and gaps.
+//! Output common to all kinds of recordings: the files of a report, the names of effects, and gaps.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use crate::cli::terminal;
 
-/// Files of a report; the last only of some verdicts.
+/// Files of a report; the last is written for some verdicts only.
 pub(super) const FILES: &[&str] = &[
     "report.json",
     "report.svg",
@@ -32,11 +32,11 @@ pub(super) fn write_all(
     write_file(&folder.join("model.toml"), model.as_bytes())
 }
 
-/// Verdict and names, which recordings of all kinds have.
+/// Prints the verdict and the named effects, for all kinds of recordings.
 pub(super) fn print_names(outcome: Outcome, effects: &[Named], nearest: &[Named]) {
     let verdict = match outcome {
-        Outcome::Named => "named: an effect is missing in the model",
-        Outcome::None => "none: model and data agree to the noise, as the files are",
+        Outcome::Named => "named: an effect is missing from the model",
+        Outcome::None => "none: model and data agree to within the noise, without any change",
         Outcome::Calibrated => {
             "calibrated: model and data agree once joints, subject and coefficients are adjusted within their tolerances"
         }
@@ -46,7 +46,7 @@ pub(super) fn print_names(outcome: Outcome, effects: &[Named], nearest: &[Named]
     };
     terminal::print(&format!("verdict: {verdict}"));
     if !nearest.is_empty() {
-        terminal::print("came nearest, not used:");
+        terminal::print("closest effects, not used:");
     }
     for named in effects.iter().chain(nearest) {
         let parameters: Vec<String> = named
@@ -59,7 +59,7 @@ pub(super) fn print_names(outcome: Outcome, effects: &[Named], nearest: &[Named]
             format!(", first in {:.0} % of resampled flights", 100.0 * share)
         });
         let sure = match named.evidence.chance {
-            Some(chance) => format!("chance does as much in {:.1} % of flights", 100.0 * chance),
+            Some(chance) => format!("as large by chance in {:.1} % of flights", 100.0 * chance),
             None if named.evidence.deviations > 20.0 => "far beyond chance".to_owned(),
             None => format!("{:.1} deviations beyond chance", named.evidence.deviations),
         };
@@ -77,15 +77,17 @@ pub(super) fn print_names(outcome: Outcome, effects: &[Named], nearest: &[Named]
             ));
         }
         if named.at_limit {
-            terminal::print("    at the end of its plausible range: it is not all that is missing");
+            terminal::print(
+                "    at the limit of its plausible range: something else is missing too",
+            );
         }
         if named.imitated_by_inputs {
-            terminal::print("    an estimator of muscle input and damping would take it for those");
+            terminal::print("    an estimator would mistake it for muscle input and damping");
         }
     }
 }
 
-/// Each channel before and after, and its floor; `titles` of the first and the last column.
+/// Prints each channel before and after, and its floor. `titles` are those of the first and the last column.
 pub(super) fn print_gap(titles: [&str; 2], channels: &[&str], gap: [&[f64]; 3]) {
     let mut table = terminal::table(&[titles[0], "before", "after", titles[1]]);
     for (channel, name) in channels.iter().enumerate() {
@@ -95,7 +97,7 @@ pub(super) fn print_gap(titles: [&str; 2], channels: &[&str], gap: [&[f64]; 3]) 
     terminal::print(&table.to_string());
 }
 
-/// Misfits of a recording held out: before, after, and where nothing is missing.
+/// Prints the misfits of a held-out recording: before, after, and expected if nothing is missing.
 pub(super) fn print_held_out(
     what: &str,
     index: usize,
@@ -103,14 +105,14 @@ pub(super) fn print_held_out(
     closed: f64,
 ) {
     terminal::print(&format!(
-        "held-out {what} {}: misfit {before:.0} -> {after:.0}, {expected:.0} where nothing is missing; {:.0} % of \
+        "held-out {what} {}: misfit {before:.0} -> {after:.0}, {expected:.0} if nothing were missing; {:.0} % of \
          the gap closed",
         index + 1,
         100.0 * closed
     ));
 }
 
-/// What the verdict means in words, and what to do next; `closed` is the share of the gap that is.
+/// Prints what the verdict means, and what to do next. `closed` is the closed share of the gap.
 pub(super) fn print_conclusion(
     (outcome, effects): (Outcome, &[Named]),
     closed: f64,
@@ -145,9 +147,8 @@ pub(super) fn print_conclusion(
             )
         }
         Outcome::None => (
-            "the model says what was measured, as far as this flight can tell".to_owned(),
-            "nothing needs to be changed; flights with other postures and speeds may show more"
-                .to_owned(),
+            "the model reproduces the measurements, as far as this flight can tell".to_owned(),
+            "no change is needed; flights with other postures and speeds may show more".to_owned(),
         ),
         Outcome::Calibrated => (
             "nothing is missing; subject, coefficients or joints are a little off".to_owned(),
@@ -157,9 +158,7 @@ pub(super) fn print_conclusion(
             ),
         ),
         Outcome::Described => (
-            format!(
-                "something acts that the library has no name for; the loads above close {closes}"
-            ),
+            format!("a load acts that the library has no name for; the loads above close {closes}"),
             format!(
                 "bodyflight view {flight} --model {} shows when it acts",
                 file("model.toml")

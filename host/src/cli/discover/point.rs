@@ -1,4 +1,4 @@
-//! `bodyflight discover` for the recording of a point.
+//! `bodyflight discover` for the track of a point.
 
 use std::path::PathBuf;
 
@@ -16,17 +16,18 @@ use crate::cli::terminal;
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     let flight = Flight::read(args.flight())?;
     let track = read_point_track(&flight.recording)?;
-    let other =
-        |path: &PathBuf| {
-            let recording = Flight::read(path)?.recording;
-            if is_flysight(&recording) {
-                read_point_track(&recording)
-            } else {
-                Err(Problem::bad_input("expected the recording of a point (CSV)")
-                .in_file(&recording)
-                .help("flights that are held out must be of the kind that effects are fitted to"))
-            }
-        };
+    let other = |path: &PathBuf| {
+        let recording = Flight::read(path)?.recording;
+        if is_flysight(&recording) {
+            read_point_track(&recording)
+        } else {
+            Err(
+                Problem::bad_input("expected the recording of a point (CSV)")
+                    .in_file(&recording)
+                    .help("flights that are held out must be of the same kind as those fitted"),
+            )
+        }
+    };
     let held_out = args
         .hold_out
         .iter()
@@ -67,13 +68,13 @@ fn print(report: &Report) {
     ));
     if let Some(latency) = report.latency {
         terminal::print(&format!(
-            "velocity late by {:.3} +- {:.3} s, by the way that was made",
+            "velocity late by {:.3} +- {:.3} s, compared with the positions",
             latency.latency_s, latency.standard_error_s
         ));
     }
     if let Some(force) = report.specific_force {
         terminal::print(&format!(
-            "mean specific force {:.2} m/s2 by the inertial sensor, {:.2} by the satellites",
+            "mean specific force {:.2} m/s2 from the inertial sensor, {:.2} from the satellites",
             force.inertial_mps2, force.satellites_mps2
         ));
     }

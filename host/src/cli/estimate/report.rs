@@ -1,4 +1,4 @@
-//! What an estimation found, for people.
+//! Prints the results of an estimation.
 
 use std::path::Path;
 
@@ -7,10 +7,10 @@ use bodyflight::verbs::estimate::Estimation;
 
 use crate::cli::terminal;
 
-/// Share of the time below which input is taken for chance: twice what error bars of two deviations leave out.
+/// Share of the time below which input counts as chance: twice the share that lies outside two standard deviations.
 const SELDOM: f64 = 0.1;
 
-/// The numbers.
+/// Prints the numbers.
 pub(super) fn print(estimation: &Estimation) {
     let report = &estimation.report;
     let mut columns = vec![("RMS, estimated", report.rms)];
@@ -50,7 +50,7 @@ pub(super) fn print(estimation: &Estimation) {
     ));
 }
 
-/// In a sentence what was found, and what to do with it; where it is not to be trusted, the problem says so.
+/// Prints in a sentence what was found and what to do with it, unless the result is doubtful: then the error says so.
 pub(super) fn print_conclusion(estimation: &Estimation, flight: &Path, out: Option<&Path>) {
     let report = &estimation.report;
     if report.doubt.is_some() {
@@ -62,10 +62,10 @@ pub(super) fn print_conclusion(estimation: &Estimation, flight: &Path, out: Opti
         .max_by(|a, b| a.1.total_cmp(&b.1));
     let moved = match moved {
         Some((axis, share)) if share >= SELDOM => format!(
-            "input was beyond its error bars mostly in {axis}, {:.0} % of the time",
+            "input exceeded its error bars mostly in {axis}, {:.0} % of the time",
             100.0 * share
         ),
-        _ => "no input was seen beyond its error bars: the postures explain the flight".to_owned(),
+        _ => "no input exceeded its error bars: the postures explain the flight".to_owned(),
     };
     let gain =
         |channel: &Channel| report.rms_constant.get(*channel) / report.rms.get(*channel).max(1e-9);
@@ -83,7 +83,7 @@ pub(super) fn print_conclusion(estimation: &Estimation, flight: &Path, out: Opti
     terminal::print(&format!("In words: {moved}{better}."));
     let next = match out {
         Some(out) => format!(
-            "inputs = \"{}\" in flight.toml flies them again",
+            "inputs = \"{}\" in flight.toml simulates with them",
             out.display()
         ),
         None => "--out inputs.csv keeps them for flight.toml".to_owned(),

@@ -1,4 +1,4 @@
-//! Bars: what is done, how much of it, how fast, and how long it still takes. On a terminal only.
+//! Progress bars: the current work, its progress, rate and remaining time. Shown on a terminal only.
 
 use std::io::IsTerminal;
 use std::sync::OnceLock;
@@ -9,10 +9,10 @@ use bodyflight::formats::mvnx::length::length;
 use bodyflight::progress::{Listening, Told, listen};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-/// Time between two pictures of a bar whose work says nothing.
+/// Time between redraws of a bar while no progress is reported.
 const TICK: Duration = Duration::from_millis(250);
 
-/// Of a bar in thousandths.
+/// Full length of a bar in thousandths.
 const WHOLE: f64 = 1000.0;
 
 /// A bar for work of known length.
@@ -21,7 +21,7 @@ pub(in crate::cli) fn bar(length: u64, what: &'static str) -> ProgressBar {
     new_bar(Some(length), what, style)
 }
 
-/// A bar for work of which only a share can be told, in thousandths.
+/// A bar for work that reports only the completed share, in thousandths.
 pub(in crate::cli) fn share_bar(what: &'static str) -> ProgressBar {
     #[expect(
         clippy::cast_possible_truncation,
@@ -56,7 +56,7 @@ fn new_bar(length: Option<u64>, what: &'static str, style: &str) -> ProgressBar 
     bar
 }
 
-/// Sets a share of a bar in thousandths.
+/// Sets the completed share of a bar in thousandths.
 pub(in crate::cli) fn set_share(bar: &ProgressBar, share: f64) {
     #[expect(
         clippy::cast_possible_truncation,
@@ -66,7 +66,7 @@ pub(in crate::cli) fn set_share(bar: &ProgressBar, share: f64) {
     bar.set_position((WHOLE * share.clamp(0.0, 1.0)) as u64);
 }
 
-/// A bar for work that tells its stages.
+/// A bar for work that reports its stages.
 pub(in crate::cli) struct Stages {
     bar: ProgressBar,
     _listening: Listening,
@@ -98,14 +98,14 @@ impl Stages {
     }
 }
 
-/// A bar for work that goes through a flight, in one go or in stages.
+/// A bar for work that runs through a flight, once or in stages.
 pub(in crate::cli) struct FlightBar {
     stages: Stages,
     what: &'static str,
-    /// Length of the flight (s), where it can be told beforehand.
+    /// Length of the flight (s), if known beforehand.
     length: Option<f64>,
     begin: Instant,
-    /// Time of the flight at which it begins (s).
+    /// The first reported time of the flight (s).
     start: OnceLock<f64>,
 }
 
@@ -127,7 +127,7 @@ impl FlightBar {
         }
     }
 
-    /// The work has reached a time of the flight (s).
+    /// Reports that the work has reached a time of the flight (s).
     pub(in crate::cli) fn at(&self, time: f64) {
         let bar = &self.stages.bar;
         let flown = time - self.start.get_or_init(|| time);

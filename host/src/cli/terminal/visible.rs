@@ -1,25 +1,25 @@
-//! Text in which everything can be seen: a terminal obeys control characters, and some turn the order of the letters.
+//! Escapes control characters, which a terminal would obey, and those that reverse the order of letters.
 
 use std::borrow::Cow;
 use std::fmt::Write;
 
 use bodyflight::diagnostic::Problem;
 
-/// Whether a terminal obeys the character instead of showing it.
+/// Whether a terminal interprets the character as a command instead of showing it.
 fn is_obeyed(c: char) -> bool {
     let turns = matches!(c, '\u{61C}' | '\u{200E}' | '\u{200F}' | '\u{202A}'..='\u{202E}' | '\u{2066}'..='\u{2069}');
     c.is_control() && c != '\n' && c != '\t' || turns
 }
 
-/// The text with what would be obeyed written out.
+/// The text with control characters escaped.
 pub(super) fn visible(text: &str) -> Cow<'_, str> {
     replaced(text, |c, into| into.extend(c.escape_unicode()))
 }
 
-/// JSON with the same meaning and without anything that would be obeyed.
+/// JSON of the same meaning, with control characters escaped.
 pub(super) fn json_without_controls(text: &str) -> Cow<'_, str> {
     replaced(text, |c, into| {
-        // All of them are in the first plane.
+        // All of them are in the basic multilingual plane.
         let _ = write!(into, "\\u{:04x}", u32::from(c));
     })
 }
@@ -39,7 +39,7 @@ fn replaced(text: &str, write: impl Fn(char, &mut String)) -> Cow<'_, str> {
     Cow::Owned(clean)
 }
 
-/// The problem with every text visible.
+/// The problem with all its texts escaped.
 pub(super) fn visible_problem(mut problem: Problem) -> Problem {
     let name = problem.file.as_ref().map(|file| file.display().to_string());
     problem.file = name.map(|name| visible(&name).into_owned().into());
@@ -64,7 +64,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_a_terminal_would_obey_is_written_out() {
+    fn terminal_control_characters_are_escaped() {
         assert_eq!(visible("Zoë\tb\n"), "Zoë\tb\n");
         assert_eq!(
             visible("\u{1b}[2J\u{9b}x\u{202e}\r"),
@@ -83,7 +83,7 @@ mod tests {
     }
 
     #[test]
-    fn problems_are_visible_too() {
+    fn control_characters_in_problems_are_escaped() {
         let problem = Problem::bad_input("\u{1b}]0;x\u{7}")
             .in_file(std::path::Path::new("a\u{1b}.mvnx"))
             .at("\u{1b}")

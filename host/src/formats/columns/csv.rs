@@ -1,4 +1,4 @@
-//! Columns as CSV, with all digits that the numbers have.
+//! Columns as CSV, with full precision.
 
 use std::path::Path;
 
@@ -6,11 +6,11 @@ use super::quantity::{Quantity, Sink};
 use crate::diagnostic::Result;
 use crate::output::files::CsvFile;
 
-/// A table that is being written.
+/// A table being written.
 pub struct CsvTable(CsvFile);
 
 impl CsvTable {
-    /// Begins the file.
+    /// Creates the file.
     ///
     /// # Errors
     /// Returns an error if the folder cannot be written to.
@@ -22,7 +22,7 @@ impl CsvTable {
 
 impl Sink for CsvTable {
     fn write(&mut self, row: &[f64]) -> Result<()> {
-        // The shortest text that reads back as the same number; nothing for one that is missing.
+        // The shortest text that reads back as the same number; empty for a missing one.
         let field = |number: &f64| match number {
             number if number.is_nan() => String::new(),
             number => number.to_string(),

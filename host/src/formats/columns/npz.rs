@@ -1,6 +1,7 @@
-//! Quantities as arrays of NumPy, all in one archive that `numpy.load` opens.
+//! Quantities as NumPy arrays, all in one archive that `numpy.load` opens.
 //!
-//! An array has a first axis of frames, then segments, then parts. `about.json` in the archive has units and meanings.
+//! The first axis of an array is the frame, then come segments and components. `about.json` in the archive lists units
+//! and meanings.
 
 use std::fmt::Write as _;
 use std::io::Write;
@@ -15,10 +16,10 @@ use crate::diagnostic::{Problem, Result};
 use crate::output::files::AtomicFile;
 use bodyflight_core::Segment;
 
-/// Arrays from this size on (bytes) are entries of the large form.
+/// Arrays of at least this size (bytes) are stored as large (ZIP64) entries.
 const LARGE: usize = 1 << 31;
 
-/// An archive that is being written; its numbers are in memory until it is finished.
+/// An archive being written; its numbers are kept in memory until it is finished.
 pub struct NpzArchive {
     file: AtomicFile,
     quantities: Vec<Quantity>,
@@ -28,7 +29,7 @@ pub struct NpzArchive {
 }
 
 impl NpzArchive {
-    /// Begins the file.
+    /// Creates the file.
     ///
     /// # Errors
     /// Returns an error if the folder cannot be written to.
@@ -43,7 +44,7 @@ impl NpzArchive {
     }
 }
 
-/// What stands before the numbers of an array, version 1.0 of the format.
+/// The header of an array, version 1.0 of the format.
 fn header(rows: usize, shape: &[usize]) -> Vec<u8> {
     let mut lengths = format!("{rows},");
     for length in shape {
@@ -51,7 +52,7 @@ fn header(rows: usize, shape: &[usize]) -> Vec<u8> {
     }
     let mut text =
         format!("{{'descr': '<f8', 'fortran_order': False, 'shape': ({lengths}), }}").into_bytes();
-    // Numbers begin at a multiple of 64 bytes; magic, version and length take 10.
+    // The numbers start at a multiple of 64 bytes; magic, version and length take 10.
     let whole = (text.len() + 11).next_multiple_of(64);
     text.resize(whole - 11, b' ');
     text.push(b'\n');
@@ -59,7 +60,7 @@ fn header(rows: usize, shape: &[usize]) -> Vec<u8> {
     [&b"\x93NUMPY\x01\x00"[..], &length.to_le_bytes(), &text].concat()
 }
 
-/// Units, parts and meanings by the names of the arrays.
+/// Units, components and meanings, by array name.
 fn about(quantities: &[Quantity]) -> String {
     let arrays = quantities.iter().map(|quantity| {
         let segments: &[_] = match quantity.of {
@@ -128,7 +129,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_begin_where_they_may() {
+    fn numbers_begin_at_an_aligned_offset() {
         for (rows, shape) in [(0, &[][..]), (3, &[4]), (123_456, &[16, 3])] {
             let header = header(rows, shape);
             assert!(header.len().is_multiple_of(64), "{}", header.len());

@@ -14,10 +14,10 @@ use super::quantity::{Quantity, Sink};
 use crate::diagnostic::{Problem, Result};
 use crate::output::files::AtomicFile;
 
-/// Rows of a group, half a minute of flight: what is held in memory.
+/// Rows per group: half a minute of flight, which is what is held in memory.
 const GROUP: usize = 8192;
 
-/// A table that is being written.
+/// A table being written.
 pub struct ParquetTable {
     writer: ArrowWriter<AtomicFile>,
     schema: Arc<Schema>,
@@ -27,7 +27,7 @@ pub struct ParquetTable {
 }
 
 impl ParquetTable {
-    /// Begins the file.
+    /// Creates the file.
     ///
     /// # Errors
     /// Returns an error if the folder cannot be written to.
@@ -47,7 +47,7 @@ impl ParquetTable {
         let schema = Arc::new(Schema::new(fields));
         let properties = WriterProperties::builder()
             .set_compression(Compression::SNAPPY)
-            // No two numbers of a flight are the same.
+            // Values hardly ever repeat, so a dictionary would only take space.
             .set_dictionary_enabled(false)
             .set_created_by(format!("bodyflight {}", env!("CARGO_PKG_VERSION")))
             .build();
@@ -62,7 +62,7 @@ impl ParquetTable {
         })
     }
 
-    /// Writes the rows at hand as a group.
+    /// Writes the buffered rows as a group.
     fn flush(&mut self) -> Result<()> {
         if self.rows == 0 {
             return Ok(());

@@ -1,4 +1,4 @@
-//! What is known at each frame: quantities with names, units and meanings, and the columns that they make.
+//! The quantities known at each frame, with names, units and meanings, and the columns that they form.
 
 use bodyflight_core::Segment;
 
@@ -7,24 +7,24 @@ use crate::diagnostic::Result;
 /// A unit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Unit {
-    /// As names end: `mps`; empty where there is none.
+    /// Suffix in names, such as `mps`; empty for a plain number.
     pub suffix: &'static str,
-    /// As people write it: `m/s`.
+    /// Symbol in text, such as `m/s`.
     pub symbol: &'static str,
 }
 
 impl Unit {
-    /// A number.
+    /// Dimensionless.
     pub const ONE: Self = Self::new("", "1");
     /// Seconds.
     pub const SECOND: Self = Self::new("s", "s");
     /// Metres.
     pub const METRE: Self = Self::new("m", "m");
-    /// Metres a second.
+    /// Metres per second.
     pub const METRE_PER_SECOND: Self = Self::new("mps", "m/s");
     /// Radians.
     pub const RADIAN: Self = Self::new("rad", "rad");
-    /// Radians a second.
+    /// Radians per second.
     pub const RADIAN_PER_SECOND: Self = Self::new("radps", "rad/s");
     /// Newtons.
     pub const NEWTON: Self = Self::new("n", "N");
@@ -40,7 +40,7 @@ impl Unit {
     }
 }
 
-/// What a quantity is of.
+/// What a quantity describes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Of {
     /// The body, or the flight.
@@ -49,23 +49,23 @@ pub enum Of {
     Segments,
 }
 
-/// A quantity: one number, a vector, or one of these for each segment.
+/// A quantity: a number or a vector, for the whole body or for each segment.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Quantity {
-    /// Name without segment, part and unit.
+    /// Name without segment, component and unit.
     pub name: String,
-    /// Unit of all parts.
+    /// Unit of all components.
     pub unit: Unit,
-    /// Names of the parts of a vector; none for a single number.
+    /// Names of the components of a vector; empty for a scalar.
     pub parts: &'static [&'static str],
-    /// What it is of.
+    /// Whether it describes the body or each segment.
     pub of: Of,
-    /// What it means, and in which axes.
+    /// Meaning, with the axes it is given in.
     pub meaning: &'static str,
 }
 
 impl Quantity {
-    /// Numbers of a row.
+    /// Number of values per row.
     pub fn width(&self) -> usize {
         let segments = match self.of {
             Of::Body => 1,
@@ -74,14 +74,14 @@ impl Quantity {
         segments * self.parts.len().max(1)
     }
 
-    /// Lengths of the axes of a row: segments, parts.
+    /// Shape of a row: segments, components.
     pub fn shape(&self) -> Vec<usize> {
         let segments = (self.of == Of::Segments).then_some(Segment::ALL.len());
         let parts = (!self.parts.is_empty()).then_some(self.parts.len());
         segments.into_iter().chain(parts).collect()
     }
 
-    /// Names of the numbers of a row without their segment: name, part, unit.
+    /// Column names without the segment: name, component, unit.
     pub fn tails(&self) -> Vec<String> {
         if self.parts.is_empty() {
             return vec![joined([&self.name, "", self.unit.suffix])];
@@ -90,7 +90,7 @@ impl Quantity {
         self.parts.iter().map(part).collect()
     }
 
-    /// Names of the numbers of a row.
+    /// Column names.
     pub fn columns(&self) -> Vec<String> {
         let tails = self.tails();
         match self.of {
@@ -106,7 +106,7 @@ impl Quantity {
         }
     }
 
-    /// Name of all numbers of a row as one array: name, unit.
+    /// Name of the array that holds all values: name, unit.
     pub fn array(&self) -> String {
         let of = match self.of {
             Of::Body => "",
@@ -121,18 +121,18 @@ fn joined(words: [&str; 3]) -> String {
     words.join("_")
 }
 
-/// A file that takes rows of all quantities.
+/// A file that takes rows of values of all quantities.
 pub trait Sink {
-    /// Adds a row; a number that is none is missing.
+    /// Appends a row; NaN means a missing value.
     ///
     /// # Errors
-    /// Returns an error if the disk refuses.
+    /// Returns an error if writing fails.
     fn write(&mut self, row: &[f64]) -> Result<()>;
 
-    /// Completes the file and gives it its name.
+    /// Completes the file and moves it to its final name.
     ///
     /// # Errors
-    /// Returns an error if the disk refuses; then no file is left.
+    /// Returns an error if writing fails; no file is left then.
     fn finish(self: Box<Self>) -> Result<()>;
 }
 

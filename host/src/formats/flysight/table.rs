@@ -1,4 +1,4 @@
-//! The tables in files of FlySight receivers.
+//! The tables in FlySight files.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -6,15 +6,15 @@ use std::path::Path;
 use crate::diagnostic::Result;
 use crate::formats::input;
 
-/// Fields of a row that are looked at; receivers write fifteen at most.
+/// Most fields read per row; receivers write at most fifteen.
 const MOST_FIELDS: usize = 64;
 
-/// Rows that were not usable.
+/// Rows that could not be used.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Skipped {
     /// How many.
     pub count: usize,
-    /// Line of the first, and what is wrong with it.
+    /// Line number of the first one, and what is wrong with it.
     pub first: Option<(u64, String)>,
 }
 
@@ -25,14 +25,14 @@ impl Skipped {
     }
 }
 
-/// Rows of all sensors in a file.
+/// The rows of all sensors in a file.
 #[derive(Debug)]
 pub(super) struct Tables {
-    /// Names of the columns of each sensor.
+    /// Column names of each sensor.
     columns: BTreeMap<String, Vec<String>>,
-    /// Line, sensor and fields.
+    /// Line number, sensor and fields.
     rows: Vec<(u64, String, Vec<String>)>,
-    /// Whether the file is of a FlySight 2.
+    /// Whether a FlySight 2 wrote the file.
     pub(super) is_second_generation: bool,
     pub(super) skipped: Skipped,
 }
@@ -51,7 +51,7 @@ impl Tables {
         Ok(Self::parse(&bytes))
     }
 
-    /// Bytes that are not text must not cost the rest of a track.
+    /// Invalid UTF-8 in one place must not cost the rest of the track.
     pub(super) fn parse(bytes: &[u8]) -> Self {
         let mut tables = Self {
             columns: BTreeMap::new(),
@@ -99,7 +99,7 @@ impl Tables {
                 let sensor = sensor[1..].to_owned();
                 self.rows.push((line, sensor, fields[1..].to_vec()));
             }
-            // FlySight 1: a line of names, one of units, then rows.
+            // FlySight 1: a line of names, a line of units, then the rows.
             "time" if !self.is_second_generation => {
                 self.columns.insert("GNSS".to_owned(), fields);
             }
@@ -108,7 +108,7 @@ impl Tables {
         }
     }
 
-    /// Rows of one sensor.
+    /// The rows of one sensor.
     pub(super) fn rows<'a>(&'a self, sensor: &'a str) -> impl Iterator<Item = Row<'a>> {
         let columns = self.columns.get(sensor).map_or(&[][..], Vec::as_slice);
         let own = self.rows.iter().filter(move |(_, s, _)| s == sensor);
@@ -121,7 +121,7 @@ impl Tables {
 }
 
 impl<'a> Row<'a> {
-    /// A field by its name.
+    /// The field in the named column.
     pub(super) fn text(&self, name: &str) -> core::result::Result<&'a str, String> {
         let place = self.columns.iter().position(|column| column == name);
         let place = place.ok_or_else(|| format!("no column \"{name}\""))?;
@@ -129,7 +129,7 @@ impl<'a> Row<'a> {
         field.ok_or_else(|| format!("the row ends before \"{name}\""))
     }
 
-    /// A number by its name.
+    /// The number in the named column.
     pub(super) fn number(&self, name: &str) -> core::result::Result<f64, String> {
         let text = self.text(name)?;
         let number: Option<f64> = text.parse().ok();
@@ -138,7 +138,7 @@ impl<'a> Row<'a> {
             .ok_or_else(|| format!("{name}: expected a number, found \"{text}\""))
     }
 
-    /// A number by its name, not further from zero than `most`.
+    /// The number in the named column, with an absolute value of at most `most`.
     pub(super) fn within(&self, name: &str, most: f64) -> core::result::Result<f64, String> {
         let number = self.number(name)?;
         if number.abs() <= most {

@@ -33,7 +33,7 @@ fn negative_milliseconds_are_before_the_full_second() {
 }
 
 #[test]
-fn axes_are_north_west_up_and_metres() {
+fn axes_are_north_west_up_in_metres() {
     let rows = "2020-01-01T00:00:00.00Z,60.0,10.0,1000,1.0,2.0,3.0,1,1,0.5,3,9\n\
                 2020-01-01T00:00:00.20Z,60.001,10.001,999,1.0,2.0,3.0,1,1,0.5,3,9\n";
     let track = read(format!("{FIRST}{rows}").as_bytes()).unwrap();
@@ -63,7 +63,7 @@ fn bad_rows_are_skipped_and_counted() {
 }
 
 #[test]
-fn what_is_no_track_is_refused_with_what_was_expected() {
+fn other_files_are_refused_with_the_expected_columns() {
     for text in ["", "a,b\n1,2\n3,4\n", "$FLYS,1\n$DATA\n$GNSS,1,2\n"] {
         let problem = read(text.as_bytes()).unwrap_err();
         assert!(problem.to_string().contains("velN"), "{problem}");

@@ -1,15 +1,15 @@
-//! Messages by their Foxglove schemas, as far as a body needs them.
+//! Messages in Foxglove's schemas, as far as a body needs them.
 
 use serde::{Serialize, Serializer};
 
-/// Numbers keep nine decimals: below any sensor, and half the file.
+/// Numbers are rounded to nine decimals: finer than any sensor, and the file is half as large.
 const DECIMALS: f64 = 1e9;
 
 fn rounded(number: f64) -> f64 {
     (number * DECIMALS).round() / DECIMALS
 }
 
-/// A number as it is written; nothing for one that is missing.
+/// A number in JSON; `null` if it is missing.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Number(pub f64);
 
@@ -33,10 +33,10 @@ pub struct Time {
 }
 
 impl Time {
-    /// No time at all: of a lifetime, for ever.
+    /// Zero; as a lifetime, it means forever.
     pub const ZERO: Self = Self { sec: 0, nsec: 0 };
 
-    /// From seconds.
+    /// Converts from seconds.
     pub fn of(seconds: f64) -> Self {
         #[expect(
             clippy::cast_possible_truncation,
@@ -50,7 +50,7 @@ impl Time {
         }
     }
 
-    /// All nanoseconds.
+    /// The total in nanoseconds.
     pub const fn nanoseconds(self) -> u64 {
         self.sec * 1_000_000_000 + self.nsec
     }
@@ -58,7 +58,7 @@ impl Time {
 
 /// A vector.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-#[expect(missing_docs, reason = "the names say it")]
+#[expect(missing_docs, reason = "the names are self-explanatory")]
 pub struct Vector3 {
     pub x: Number,
     pub y: Number,
@@ -77,7 +77,7 @@ impl From<[f64; 3]> for Vector3 {
 
 /// A rotation.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-#[expect(missing_docs, reason = "the names say it")]
+#[expect(missing_docs, reason = "the names are self-explanatory")]
 pub struct Quaternion {
     pub x: Number,
     pub y: Number,
@@ -86,7 +86,7 @@ pub struct Quaternion {
 }
 
 impl Quaternion {
-    /// None.
+    /// No rotation.
     pub const IDENTITY: Self = Self {
         x: Number(0.0),
         y: Number(0.0),
@@ -94,7 +94,7 @@ impl Quaternion {
         w: Number(1.0),
     };
 
-    /// From w, x, y, z.
+    /// Converts from w, x, y, z.
     pub const fn from_wxyz([w, x, y, z]: [f64; 4]) -> Self {
         Self {
             x: Number(x),
@@ -105,9 +105,9 @@ impl Quaternion {
     }
 }
 
-/// A place and an attitude.
+/// A position and an orientation.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-#[expect(missing_docs, reason = "the names say it")]
+#[expect(missing_docs, reason = "the names are self-explanatory")]
 pub struct Pose {
     pub position: Vector3,
     pub orientation: Quaternion,
@@ -115,7 +115,7 @@ pub struct Pose {
 
 /// `foxglove.FrameTransform`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-#[expect(missing_docs, reason = "the schema says it")]
+#[expect(missing_docs, reason = "documented in the schema")]
 pub struct FrameTransform<'a> {
     pub timestamp: Time,
     pub parent_frame_id: &'a str,
@@ -126,14 +126,14 @@ pub struct FrameTransform<'a> {
 
 /// `foxglove.FrameTransforms`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-#[expect(missing_docs, reason = "the schema says it")]
+#[expect(missing_docs, reason = "documented in the schema")]
 pub struct FrameTransforms<'a> {
     pub transforms: Vec<FrameTransform<'a>>,
 }
 
 /// `foxglove.PoseInFrame`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-#[expect(missing_docs, reason = "the schema says it")]
+#[expect(missing_docs, reason = "documented in the schema")]
 pub struct PoseInFrame<'a> {
     pub timestamp: Time,
     pub frame_id: &'a str,
@@ -142,7 +142,7 @@ pub struct PoseInFrame<'a> {
 
 /// `foxglove.Color`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-#[expect(missing_docs, reason = "the schema says it")]
+#[expect(missing_docs, reason = "documented in the schema")]
 pub struct Color {
     pub r: f64,
     pub g: f64,
@@ -152,7 +152,7 @@ pub struct Color {
 
 /// `foxglove.SpherePrimitive`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-#[expect(missing_docs, reason = "the schema says it")]
+#[expect(missing_docs, reason = "documented in the schema")]
 pub struct Sphere {
     pub pose: Pose,
     pub size: Vector3,
@@ -161,7 +161,7 @@ pub struct Sphere {
 
 /// `foxglove.ArrowPrimitive`; it points along the x axis of its pose.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-#[expect(missing_docs, reason = "the schema says it")]
+#[expect(missing_docs, reason = "documented in the schema")]
 pub struct Arrow {
     pub pose: Pose,
     pub shaft_length: f64,
@@ -171,9 +171,9 @@ pub struct Arrow {
     pub color: Color,
 }
 
-/// `foxglove.SceneEntity`, of spheres and arrows.
+/// `foxglove.SceneEntity` with spheres and arrows.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-#[expect(missing_docs, reason = "the schema says it")]
+#[expect(missing_docs, reason = "documented in the schema")]
 pub struct SceneEntity {
     pub timestamp: Time,
     pub frame_id: String,
@@ -192,7 +192,7 @@ pub struct SceneEntity {
 }
 
 impl SceneEntity {
-    /// One that moves with its frame and stays until it comes anew.
+    /// Creates an empty entity that moves with its frame and stays until it is replaced.
     pub fn new(timestamp: Time, frame_id: String, id: String) -> Self {
         Self {
             timestamp,
@@ -215,7 +215,7 @@ impl SceneEntity {
 
 /// `foxglove.SceneUpdate`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-#[expect(missing_docs, reason = "the schema says it")]
+#[expect(missing_docs, reason = "documented in the schema")]
 pub struct SceneUpdate {
     pub deletions: [(); 0],
     pub entities: Vec<SceneEntity>,

@@ -1,13 +1,13 @@
-//! A flight as an MCAP file: a moving body, and every number on topics of its own.
+//! A flight as an MCAP file: a moving body, and topics for all the numbers.
 //!
 //! | topic | schema | rate |
 //! |---|---|---|
 //! | `/tf` | `foxglove.FrameTransforms`: every segment of both bodies in `world` (north, west, up) | every frame |
 //! | `/body` | `foxglove.SceneUpdate`: the solids of both bodies, each in the frame of its segment | once |
-//! | `/forces` | `foxglove.SceneUpdate`: the air's force on each segment as an arrow, a metre for 100 N | 30 Hz |
-//! | `/simulated/pose`, `/measured/pose` | `foxglove.PoseInFrame`: of the pelvis | every frame |
-//! | `/flight` | `bodyflight.Body`: all numbers of the body by their columns | every frame |
-//! | `/segments` | `bodyflight.Segments`: by segment, all its numbers that are not in `/tf` | every frame |
+//! | `/forces` | `foxglove.SceneUpdate`: the aerodynamic force on each segment as an arrow, 1 m per 100 N | 30 Hz |
+//! | `/simulated/pose`, `/measured/pose` | `foxglove.PoseInFrame`: the pose of the pelvis | every frame |
+//! | `/flight` | `bodyflight.Body`: all numbers of the body, by column name | every frame |
+//! | `/segments` | `bodyflight.Segments`: all numbers of each segment that are not in `/tf` | every frame |
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -27,40 +27,40 @@ use crate::formats::columns::quantity::{Of, Quantity, Sink};
 use crate::output::files::AtomicFile;
 use nalgebra::{UnitQuaternion, Vector3};
 
-/// The two bodies by the beginning of their quantities, with their colours.
+/// The two bodies, by the prefix of their quantities, with their colours.
 const SIDES: [(&str, Color); 2] = [
     ("simulated", color(0.85, 0.45, 0.15, 1.0)),
     ("measured", color(0.35, 0.5, 0.75, 0.4)),
 ];
-/// Of arrows.
+/// Colour of the arrows.
 const FORCE: Color = color(0.2, 0.7, 0.3, 0.9);
 /// Length of an arrow (m/N).
 const ARROW_SCALE: f64 = 0.01;
-/// Arrows a second: as many as an eye follows.
+/// Arrow updates per second (Hz): no more than the eye can follow.
 const ARROW_RATE: f64 = 30.0;
-/// Frame of the world.
+/// Name of the world frame.
 const WORLD: &str = "world";
 
 const fn color(r: f64, g: f64, b: f64, a: f64) -> Color {
     Color { r, g, b, a }
 }
 
-/// What is drawn of a segment: an ellipsoid.
+/// The ellipsoid that is drawn for a segment.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Solid {
-    /// Half its extents along the axes of the segment (m).
+    /// Half extents along the axes of the segment (m).
     pub half_extents: [f64; 3],
-    /// Its middle from the joint, in these axes (m).
+    /// Its centre relative to the joint, in the same axes (m).
     pub middle: [f64; 3],
 }
 
-/// A channel with the number of its next message.
+/// A channel with the sequence number of its next message.
 struct Channel {
     id: u16,
     sequence: u32,
 }
 
-/// Where the poses of the segments of a body are in a row.
+/// The columns in a row that hold the segment poses of one body.
 struct Side {
     name: &'static str,
     frames: Vec<String>,
@@ -68,7 +68,7 @@ struct Side {
     attitude: usize,
 }
 
-/// A file that is being written.
+/// A file being written.
 pub struct McapRecording {
     writer: Writer<AtomicFile>,
     path: PathBuf,
@@ -87,7 +87,7 @@ pub struct McapRecording {
     arrows_due: f64,
 }
 
-/// Where a quantity begins in a row.
+/// The first column of a quantity in a row.
 fn place(quantities: &[Quantity], of: Of, name: &str) -> Result<usize> {
     let mut from = 0;
     for quantity in quantities {
@@ -99,12 +99,12 @@ fn place(quantities: &[Quantity], of: Of, name: &str) -> Result<usize> {
     Err(Problem::internal(format!("there is no quantity {name}")))
 }
 
-/// Numbers of a row from a place on; not a number where the row is shorter.
+/// `N` numbers of a row, starting at `from`; NaN past its end.
 fn taken<const N: usize>(row: &[f64], from: usize) -> [f64; N] {
     core::array::from_fn(|k| row.get(from + k).copied().unwrap_or(f64::NAN))
 }
 
-/// Whether `/tf` has what a quantity says.
+/// Whether `/tf` already contains the quantity.
 fn is_pose(quantity: &Quantity) -> bool {
     SIDES.iter().any(|(side, _)| {
         ["position", "attitude"]
@@ -114,7 +114,7 @@ fn is_pose(quantity: &Quantity) -> bool {
 }
 
 impl McapRecording {
-    /// Begins the file; `solids` are in the order of the segments.
+    /// Creates the file; `solids` are in segment order.
     ///
     /// # Errors
     /// Returns an error if the folder cannot be written to.
@@ -176,7 +176,7 @@ impl McapRecording {
         })
     }
 
-    /// Where a segment of a body is.
+    /// Pose of a segment of one body.
     fn pose(side: &Side, row: &[f64], segment: usize) -> Pose {
         Pose {
             position: taken::<3>(row, side.position + 3 * segment).into(),
@@ -218,7 +218,7 @@ impl McapRecording {
         Ok(())
     }
 
-    /// Solids that move with the frames of their segments: once is enough.
+    /// Writes the solids once: they move with the frames of their segments.
     fn write_body(&mut self, time: Time) -> Result<()> {
         let entities = self.sides.iter().zip(SIDES).flat_map(|(side, (_, color))| {
             let solids = side.frames.iter().zip(&self.solids);
@@ -245,7 +245,7 @@ impl McapRecording {
     }
 
     fn write_arrows(&mut self, row: &[f64], time: Time) -> Result<()> {
-        // Loads are in the axes of the body, which are those of the pelvis.
+        // Loads are in body axes, which are those of the pelvis.
         let Some((side, frame)) = self
             .sides
             .first()
@@ -360,7 +360,7 @@ impl Sink for McapRecording {
         if self.body.sequence == 0 {
             self.write_body(time)?;
         }
-        // Half a frame of slack: rates need not divide.
+        // A millisecond of tolerance: the frame rate need not be a multiple of the arrows' rate.
         if seconds >= self.arrows_due - 1e-3 {
             self.arrows_due = (self.arrows_due + 1.0 / ARROW_RATE).max(seconds);
             self.write_arrows(row, time)?;

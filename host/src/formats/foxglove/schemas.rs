@@ -1,15 +1,15 @@
-//! The schemas of the messages, as JSON Schema. Foxglove knows its own by their names.
+//! The schemas of the messages, as JSON Schema. Foxglove recognises its own schemas by name.
 
 use serde_json::{Value, json};
 
 use crate::formats::columns::quantity::{Of, Quantity};
 use bodyflight_core::Segment;
 
-/// A schema by its name.
+/// A named schema.
 pub struct Schema {
-    /// Name, by which Foxglove knows it.
+    /// Name by which Foxglove recognises it.
     pub name: &'static str,
-    /// The schema.
+    /// The JSON Schema.
     pub schema: Value,
 }
 
@@ -115,7 +115,7 @@ pub fn scene_update() -> Schema {
     }
 }
 
-/// Numbers of quantities by the tails of their columns, with units and meanings.
+/// Properties for the columns of the quantities, without the segment, with units and meanings.
 fn described<'a>(quantities: impl Iterator<Item = &'a Quantity>) -> Value {
     let properties = quantities.flat_map(|quantity| {
         let about = json!({
@@ -128,7 +128,7 @@ fn described<'a>(quantities: impl Iterator<Item = &'a Quantity>) -> Value {
     object(Value::Object(properties.collect()))
 }
 
-/// Everything that is known of the body.
+/// The schema for all quantities of the body.
 pub fn of_body(quantities: &[Quantity]) -> Schema {
     let of_body = quantities.iter().filter(|quantity| quantity.of == Of::Body);
     Schema {
@@ -137,7 +137,7 @@ pub fn of_body(quantities: &[Quantity]) -> Schema {
     }
 }
 
-/// Everything that is known of each segment, by its name.
+/// The schema for all quantities of each segment, by segment name.
 pub fn of_segments(quantities: &[&Quantity]) -> Schema {
     let segment = described(quantities.iter().copied());
     let segments = Segment::ALL.map(|each| (each.name().to_owned(), segment.clone()));

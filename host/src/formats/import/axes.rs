@@ -1,10 +1,10 @@
-//! Where the axes of a source point, by name.
+//! The directions of a source's axes, by name.
 
 use crate::diagnostic::choices::choices;
 use nalgebra::Matrix3;
 use serde::Deserialize;
 
-/// Names of the directions on earth, in north, west, up.
+/// Names of the directions on earth, as north, west, up.
 const WORLD: [(&str, [f64; 3]); 6] = [
     ("north", [1.0, 0.0, 0.0]),
     ("south", [-1.0, 0.0, 0.0]),
@@ -14,7 +14,7 @@ const WORLD: [(&str, [f64; 3]); 6] = [
     ("down", [0.0, 0.0, -1.0]),
 ];
 
-/// Names of the directions of a person who stands, in body axes: left, dorsal, cranial.
+/// Names of the directions of a standing person in body axes: left, dorsal, cranial.
 const BODY: [(&str, [f64; 3]); 6] = [
     ("left", [1.0, 0.0, 0.0]),
     ("right", [-1.0, 0.0, 0.0]),
@@ -24,14 +24,15 @@ const BODY: [(&str, [f64; 3]); 6] = [
     ("down", [0.0, 0.0, -1.0]),
 ];
 
-/// Where X, Y and Z of the source point on earth: the inertial axes from those of the source.
+/// The directions of the source's X, Y and Z on earth: the rotation from source axes to inertial axes.
 ///
-/// As long as the axes of the body are of the same hand, those of the source may be left-handed.
+/// The source's axes may be left-handed if the body axes of the source are too.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(try_from = "[String; 3]")]
 pub struct WorldAxes(pub Matrix3<f64>);
 
-/// Where X, Y and Z of a segment point while the person stands in the rest posture: body axes from those of the segment.
+/// The directions of a segment's X, Y and Z while the person stands in the rest posture: the rotation from segment axes
+/// to body axes.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(try_from = "[String; 3]")]
 pub struct BodyAxes(pub Matrix3<f64>);
@@ -68,7 +69,7 @@ fn matrix(names: &[String; 3], known: &[(&str, [f64; 3])]) -> Result<Matrix3<f64
     Ok(axes)
 }
 
-/// Whether axes are right-handed.
+/// Whether the axes are right-handed.
 pub fn is_right_handed(axes: &Matrix3<f64>) -> bool {
     axes.determinant() > 0.0
 }
@@ -92,7 +93,7 @@ mod tests {
     }
 
     #[test]
-    fn axes_that_are_none_say_why() {
+    fn invalid_axes_are_refused_with_a_reason() {
         let unknown = BodyAxes::try_from(names(["left", "north", "up"])).unwrap_err();
         assert!(
             unknown.contains("\"north\"") && unknown.contains("forward"),

@@ -1,7 +1,7 @@
-//! BVH (Biovision Hierarchy): a tree of joints with offsets, then one line of channels a frame.
+//! BVH (Biovision Hierarchy): a tree of joints with offsets, then one line of channel values per frame.
 //!
-//! A channel turns about an axis of the joint; channels apply in their order, each in the axes that those before it left.
-//! At zero every joint has the axes of the file.
+//! A rotation channel rotates about an axis of the joint. Channels apply in order, each in the axes resulting from the
+//! previous ones. At zero, every joint has the axes of the file.
 
 use std::io::BufRead;
 use std::path::Path;
@@ -12,46 +12,46 @@ use super::c3d;
 use crate::diagnostic::{Problem, Result};
 use crate::formats::input;
 
-/// Most joints, and channels of one, of a file that is one.
+/// Most joints in a file, and most channels of a joint, that are accepted.
 const JOINT_LIMIT: usize = 10_000;
 const CHANNEL_LIMIT: usize = 6;
 
-/// What a number of a frame does.
+/// The meaning of a number in a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Channel {
-    /// Place along an axis of the parent, in place of the offset.
+    /// Position along an axis of the parent, which replaces the offset.
     Position(usize),
-    /// Turns about an axis (degrees).
+    /// Rotation about an axis (degrees).
     Rotation(usize),
 }
 
 /// A joint with its bone.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Joint {
-    /// Name in the file.
+    /// Its name in the file.
     pub name: String,
-    /// Place of its parent, `None` for the root.
+    /// Index of its parent, `None` for the root.
     pub parent: Option<usize>,
-    /// From the parent, in the parent's axes (units of the file).
+    /// Offset from the parent, in the parent's axes (units of the file).
     pub offset: Vector3<f64>,
     channels: Vec<Channel>,
-    /// Place of its first channel in a frame.
+    /// Index of its first channel in a frame.
     first: usize,
 }
 
-/// A joint somewhere: its axes in those of the file, and its place.
+/// The pose of a joint in the axes of the file.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Placed {
-    /// Axes of the file from those of the joint.
+    /// Rotation from joint axes to the axes of the file.
     pub orientation: Matrix3<f64>,
-    /// Units of the file.
+    /// Position (units of the file).
     pub position: Vector3<f64>,
 }
 
-/// A file, read as a whole.
+/// A whole file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bvh {
-    /// Parents before children.
+    /// The joints, parents before children.
     pub joints: Vec<Joint>,
     /// Time between frames (s).
     pub frame_time: f64,
@@ -60,16 +60,16 @@ pub struct Bvh {
 }
 
 impl Bvh {
-    /// Reads a file, also packed.
+    /// Reads a file, which may be compressed.
     ///
     /// # Errors
-    /// Returns an error if the file cannot be read, or a line of it is not what the format has there.
+    /// Returns an error if the file cannot be read, or a line does not follow the format.
     pub fn read(path: &Path) -> Result<Self> {
         let bytes = input::movement(path)?;
         if c3d::is_c3d(&bytes) {
             return Err(Problem::bad_input("this is a C3D file, not BVH")
                 .in_file(path)
-                .help("say with --mapping which of its points are the ends of which segment: kind = \"points\""));
+                .help("use --mapping to say which of its points are the ends of which segment: kind = \"points\""));
         }
         let text = input::utf_8(bytes, path)?;
         Self::parse(text.as_bytes()).map_err(|problem| problem.in_file(path))
@@ -92,18 +92,18 @@ impl Bvh {
         self.values.len() / self.channels
     }
 
-    /// Place of the joint of that name.
+    /// Index of the joint with this name.
     pub fn joint(&self, name: &str) -> Option<usize> {
         self.joints.iter().position(|joint| joint.name == name)
     }
 
-    /// All joints in a frame.
+    /// The poses of all joints in a frame.
     pub fn placed(&self, frame: usize) -> Vec<Placed> {
         let from = frame * self.channels;
         self.place(self.values.get(from..from + self.channels).unwrap_or(&[]))
     }
 
-    /// All joints in the rest posture: at their offsets, nothing turned.
+    /// The poses of all joints in the rest posture: at their offsets, all rotations zero.
     pub fn at_rest(&self) -> Vec<Placed> {
         let mut values = vec![0.0; self.channels];
         for joint in &self.joints {
@@ -126,7 +126,7 @@ impl Bvh {
             for (k, channel) in joint.channels.iter().enumerate() {
                 let value = values.get(joint.first + k).copied().unwrap_or(0.0);
                 match *channel {
-                    // Where the joint is, not how far it moved: what writes it has the offset in it.
+                    // This is the position of the joint, not its displacement: the value includes the offset.
                     Channel::Position(axis) => moved[axis] = value,
                     Channel::Rotation(axis) => {
                         let mut about = Vector3::zeros();
@@ -150,7 +150,7 @@ impl Bvh {
     }
 }
 
-/// Lines with their numbers; blank ones are left out.
+/// Lines with their numbers; blank lines are skipped.
 struct Lines<R> {
     input: R,
     line: String,
@@ -166,12 +166,12 @@ impl<R: BufRead> Lines<R> {
         }
     }
 
-    /// Words of the next line, `None` at the end.
+    /// The words of the next line, `None` at the end.
     fn next(&mut self) -> Result<Option<Vec<&str>>> {
         loop {
             self.line.clear();
             let read = self.input.read_line(&mut self.line);
-            if read.map_err(|error| Problem::bad_input("not a text").caused_by(error))? == 0 {
+            if read.map_err(|error| Problem::bad_input("not a text file").caused_by(error))? == 0 {
                 return Ok(None);
             }
             self.number += 1;
@@ -182,7 +182,7 @@ impl<R: BufRead> Lines<R> {
         Ok(Some(self.line.split_whitespace().collect()))
     }
 
-    /// Words of the next line; at the end of the file, an error that says what was expected.
+    /// The words of the next line; at the end of the file, an error that says what was expected.
     fn expect(&mut self, what: &str) -> Result<Vec<String>> {
         let words = self
             .next()?
@@ -202,12 +202,12 @@ fn hierarchy(lines: &mut Lines<impl BufRead>) -> Result<(Vec<Joint>, usize)> {
     let first = lines.expect("HIERARCHY")?;
     if first.first().map(String::as_str) != Some("HIERARCHY") {
         return Err(lines
-            .problem("expected HIERARCHY at the beginning: this is no BVH file")
-            .help("tables of angles, quaternions or points are read by a mapping with kind = \"angles\", \"quaternions\" or \"points\""));
+            .problem("expected HIERARCHY at the beginning: this is not a BVH file")
+            .help("tables of angles, quaternions or points need a mapping with kind = \"angles\", \"quaternions\" or \"points\""));
     }
     let mut joints: Vec<Joint> = Vec::new();
     let mut channels = 0;
-    // Joints around the line, `None` for an end site.
+    // The joints that enclose the line, `None` for an end site.
     let mut open: Vec<Option<usize>> = Vec::new();
     loop {
         let words = lines.expect("a joint, or MOTION")?;
@@ -238,7 +238,7 @@ fn hierarchy(lines: &mut Lines<impl BufRead>) -> Result<(Vec<Joint>, usize)> {
             }
             ["CHANNELS", count, ref names @ ..] => {
                 let Some(joint) = innermost(&open, &mut joints) else {
-                    return Err(lines.problem("unexpected CHANNELS outside of a joint"));
+                    return Err(lines.problem("unexpected CHANNELS outside a joint"));
                 };
                 if count.parse() != Ok(names.len()) || names.len() > CHANNEL_LIMIT {
                     return Err(
@@ -262,7 +262,7 @@ fn hierarchy(lines: &mut Lines<impl BufRead>) -> Result<(Vec<Joint>, usize)> {
     }
 }
 
-/// The joint that a line belongs to, `None` within an end site.
+/// The joint that a line belongs to, `None` in an end site.
 fn innermost<'a>(open: &[Option<usize>], joints: &'a mut [Joint]) -> Option<&'a mut Joint> {
     joints.get_mut(open.last().copied().flatten()?)
 }
@@ -287,15 +287,15 @@ fn number(lines: &Lines<impl BufRead>, text: &str) -> Result<f64> {
         .ok_or_else(|| lines.problem(format!("expected a number, found \"{text}\"")))
 }
 
-/// Time between frames (s) and the numbers of all frames.
+/// Time between frames (s), and the numbers of all frames.
 fn motion(lines: &mut Lines<impl BufRead>, channels: usize) -> Result<(f64, Vec<f64>)> {
-    let words = lines.expect("Frames: and their number")?;
+    let words = lines.expect("\"Frames:\" and a number")?;
     let frames: Option<usize> = match &words[..] {
         [word, count] if word == "Frames:" => count.parse().ok(),
         _ => None,
     };
     let frames = frames.ok_or_else(|| lines.problem("expected \"Frames:\" and a number"))?;
-    let words = lines.expect("Frame Time: and a time")?;
+    let words = lines.expect("\"Frame Time:\" and a time in seconds")?;
     let frame_time = match &words[..] {
         [frame, time, seconds] if frame == "Frame" && time == "Time:" => number(lines, seconds)?,
         _ => return Err(lines.problem("expected \"Frame Time:\" and a time in seconds")),
@@ -319,16 +319,16 @@ fn motion(lines: &mut Lines<impl BufRead>, channels: usize) -> Result<(f64, Vec<
                 .at(format!("frame {read}")));
         }
         if count != channels {
-            let message = format!("expected {channels} numbers, one a channel, found {count}");
+            let message = format!("expected {channels} numbers, one per channel, found {count}");
             return Err(lines.problem(message).at(format!("frame {read}")));
         }
         read += 1;
     }
     if read != frames {
-        let message = format!("expected {frames} frames, as \"Frames:\" says, found {read}");
+        let message = format!("expected {frames} frames as stated in \"Frames:\", found {read}");
         return Err(lines
             .problem(message)
-            .help("the file was cut off, or its header is that of another one"));
+            .help("the file was cut off, or its header belongs to another file"));
     }
     if frames < 2 {
         return Err(lines.problem(format!("expected at least 2 frames, found {frames}")));
@@ -340,14 +340,14 @@ fn motion(lines: &mut Lines<impl BufRead>, channels: usize) -> Result<(f64, Vec<
 mod tests {
     use super::*;
 
-    /// Three joints, channels in three orders, one of them with positions.
+    /// Three joints, with channels in three orders, two of them with positions.
     const FILE: &str = "HIERARCHY\nROOT Hips\n{\n  OFFSET 0 90 0\n  CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation\n\
         \u{20} JOINT Left Leg\n  {\n    OFFSET 10 -5 2\n    CHANNELS 3 Xrotation Yrotation Zrotation\n\
         \u{20}   JOINT LeftFoot\n    {\n      OFFSET 0 -40 1\n      CHANNELS 6 Xposition Yposition Zposition Yrotation Zrotation Xrotation\n\
         \u{20}     End Site\n      {\n        OFFSET 0 0 10\n      }\n    }\n  }\n}\nMOTION\nFrames: 2\nFrame Time: 0.008333\n\
         1 2 3 10 20 30 40 -50 60 1 2 3 70 -80 90\n0 0 0 0 0 0 0 0 0 0 0 0 0 0 0\n";
 
-    /// Places and orientations (by rows, from the rest posture) as bvhio 1.5.4 has them.
+    /// Positions and orientations (row by row, relative to the rest posture), computed with bvhio 1.5.4.
     const GOLDEN: [([f64; 3], [f64; 9]); 3] = [
         (
             [1.0, 2.0, 3.0],
@@ -395,7 +395,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_broken_is_named_with_its_line() {
+    fn broken_files_are_refused_with_the_line() {
         for (text, parts) in [
             ("time_s,x\n0,1\n".to_owned(), ["line 1", "HIERARCHY"]),
             (

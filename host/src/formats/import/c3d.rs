@@ -1,26 +1,26 @@
 //! Points of a C3D file (<https://www.c3d.org>).
 //!
-//! A header of one block of 512 bytes, parameters in groups, then frames: points, and what was measured beside them, which is
-//! stepped over. Numbers are those of one of three makes of processor.
+//! A file has a header of one 512-byte block, parameters in groups, then frames with points and with other
+//! measurements, which are skipped. Numbers are in the format of one of three processor types.
 
 use std::collections::BTreeMap;
 
 use crate::diagnostic::{Problem, Result};
 
-/// Bytes in a block.
+/// Size of a block (bytes).
 const BLOCK: usize = 512;
-/// Second byte of a file.
+/// Second byte of every file.
 const KEY: u8 = 0x50;
-/// Most points in a frame, and frames a second (Hz), that are believed.
+/// Largest plausible number of points per frame, and frame rate (Hz).
 const MOST_POINTS: usize = 10_000;
 const FASTEST: f64 = 1e5;
 
-/// Whether a file begins as C3D.
+/// Whether the bytes start like a C3D file.
 pub fn is_c3d(bytes: &[u8]) -> bool {
     bytes.len() >= BLOCK && bytes.get(1) == Some(&KEY) && bytes.first().is_some_and(|&b| b >= 2)
 }
 
-/// Makes of processor, by how they write numbers.
+/// Processor types, which determine the number format.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Processor {
     Intel,
@@ -41,13 +41,13 @@ impl Processor {
         f64::from(match self {
             Self::Intel => f32::from_le_bytes(bytes),
             Self::Mips => f32::from_be_bytes(bytes),
-            // Words the other way round, and exponents two higher.
+            // The two words are swapped, and the exponent is two higher.
             Self::Dec => f32::from_le_bytes([c, d, a, b]) / 4.0,
         })
     }
 }
 
-/// The bytes of a file, by place.
+/// The bytes of a file, with its number format.
 #[derive(Clone, Copy)]
 struct Bytes<'a> {
     bytes: &'a [u8],
@@ -86,14 +86,14 @@ impl<'a> Bytes<'a> {
         Ok(self.processor.float(self.array(at)?))
     }
 
-    /// Characters, without what fills them up.
+    /// Text without its padding.
     fn text(&self, at: usize, count: usize) -> Result<String> {
         let text = String::from_utf8_lossy(self.some(at, count)?).into_owned();
         Ok(text.trim_matches(['\0', ' ']).to_owned())
     }
 }
 
-/// A parameter of the file: where its values stand, of what kind and how many they are.
+/// A parameter of the file: the type, dimensions and offset of its values.
 #[derive(Debug, Clone)]
 struct Parameter {
     /// -1 characters, 1 bytes, 2 words, 4 floats.
@@ -107,7 +107,7 @@ impl Parameter {
         self.sizes.iter().product()
     }
 
-    /// A number; words have no sign, as in counts.
+    /// One value as a number; words are unsigned, as counts are.
     fn number(&self, bytes: &Bytes<'_>, place: usize) -> Result<Option<f64>> {
         if place >= self.count() {
             return Ok(None);
@@ -130,7 +130,7 @@ impl Parameter {
     }
 }
 
-/// All parameters, as `GROUP:NAME`.
+/// All parameters, by `GROUP:NAME`.
 struct Parameters<'a> {
     bytes: Bytes<'a>,
     found: BTreeMap<String, Parameter>,
@@ -183,7 +183,7 @@ impl<'a> Parameters<'a> {
         }
         let found = rows.into_iter().filter_map(|(group, name, parameter)| {
             let group = groups.get(&group)?;
-            // More values than a file has bytes are none.
+            // A parameter that claims more values than the file has bytes is invalid.
             let most = parameter.sizes.iter().try_fold(1usize, |product, &size| {
                 product
                     .checked_mul(size)
@@ -207,7 +207,7 @@ impl<'a> Parameters<'a> {
         parameter.map_or_else(|| Ok(Vec::new()), |found| found.texts(&self.bytes))
     }
 
-    /// Names of the points, one each: a file with more than 255 goes on in `LABELS2` and so on.
+    /// One name for each point: a file with more than 255 points continues in `LABELS2` and so on.
     fn labels(&self, points: usize) -> Result<Vec<String>> {
         let mut labels = self.texts("POINT:LABELS")?;
         for more in 2.. {
@@ -239,7 +239,7 @@ impl<'a> Parameters<'a> {
         self.bytes.text(found.at, found.count()).map(Some)
     }
 
-    /// Number of frames that the file says it has.
+    /// Number of frames that the file claims to have.
     fn frames(&self) -> Result<f64> {
         let field = |name: &str| {
             let low = self.number(name, 0)?;
@@ -260,14 +260,14 @@ impl<'a> Parameters<'a> {
     }
 }
 
-/// What a number of the file must be.
+/// Checks that a number of the file is a count from 1 to `most`.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
     reason = "within its range"
 )]
 fn count(what: &str, value: f64, most: usize) -> Result<usize> {
-    #[expect(clippy::cast_precision_loss, reason = "a limit")]
+    #[expect(clippy::cast_precision_loss, reason = "limits are below 2^53")]
     let fits = (1.0..=most as f64).contains(&value);
     if fits {
         return Ok(value as usize);
@@ -276,21 +276,21 @@ fn count(what: &str, value: f64, most: usize) -> Result<usize> {
     Err(Problem::bad_input(message))
 }
 
-/// The points of a file.
+/// The points in a file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Points {
-    /// Their names.
+    /// Names of the points.
     pub names: Vec<String>,
-    /// Name of their unit of length, where the file gives one.
+    /// Name of the unit of length, if the file states it.
     pub unit: Option<String>,
     /// Frames per second (Hz).
     pub rate: f64,
-    /// Where each is, frame by frame; not a number (NaN) where it was not seen.
+    /// Positions of the points, frame by frame; NaN if a point was not visible.
     pub places: Vec<[f64; 3]>,
 }
 
 impl Points {
-    /// The points of all frames.
+    /// Reads the points of all frames.
     ///
     /// # Errors
     /// Returns an error if the file has no points, or ends before its last frame.
@@ -309,19 +309,19 @@ impl Points {
             ("POINT:SCALE", scale, scale.is_normal()),
         ] {
             if !right {
-                let message = format!("expected another number than {value}");
+                let message = format!("expected a plausible number, found {value}");
                 return Err(Problem::bad_input(message).at(name));
             }
         }
         let start = number("POINT:DATA_START", f64::from(file.word(16)?))?;
         let start =
             (count("as the first block of data", start, usize::from(u16::MAX))? - 1) * BLOCK;
-        // A negative scale says that there are floats.
+        // A negative scale means that the values are floats.
         let size = if scale < 0.0 { 4 } else { 2 };
         let frame = size * (4 * points + usize::from(file.word(4)?));
         let whole = bytes.len().saturating_sub(start) / frame;
         let frames = parameters.frames()?;
-        #[expect(clippy::cast_precision_loss, reason = "counts")]
+        #[expect(clippy::cast_precision_loss, reason = "counts are below 2^53")]
         if frames > whole as f64 {
             let message = format!("the file ends early: expected {frames} frames, found {whole}");
             return Err(Problem::bad_input(message));
@@ -353,12 +353,12 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Group, name, kind, sizes and values of a parameter.
+    /// Group, name, type, dimensions and values of a parameter.
     type Row<'a> = (i8, &'a str, i8, &'a [u8], Vec<u8>);
-    /// A processor, and how it writes numbers.
+    /// A processor type and its encodings.
     type Numbers = (u8, fn(i16) -> [u8; 2], fn(f32) -> [u8; 4]);
 
-    /// A header, then one block of parameters of these groups and rows, then data.
+    /// A file with a header, one block of parameters from these rows, and data.
     fn file(processor: u8, rows: &[Row<'_>], data: &[u8]) -> Vec<u8> {
         let mut bytes = vec![0; 2 * BLOCK];
         bytes[0] = 2;
@@ -393,7 +393,7 @@ mod tests {
         bytes
     }
 
-    /// Two points in two frames, by the numbers of a processor.
+    /// Two points in two frames, in the number format of a processor.
     fn small((processor, word, float): Numbers, scale: f32) -> Vec<u8> {
         let label = b"hip knee".to_vec();
         let rows: [Row<'_>; 7] = [
@@ -445,7 +445,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_broken_is_said() {
+    fn broken_files_are_refused_with_the_reason() {
         let good = small((84, i16::to_le_bytes, f32::to_le_bytes), -1.0);
         assert!(is_c3d(&good));
         let changed = |at: usize, byte: u8| {

@@ -1,4 +1,5 @@
-//! The mapping file: where the axes of a source point, and what its segments are called. `docs/import.md` lists the fields.
+//! The mapping file: the directions of a source's axes, and the names of its segments. `docs/import.md` lists the
+//! fields.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -10,7 +11,7 @@ use super::axes::{BodyAxes, WorldAxes, is_right_handed};
 use crate::diagnostic::{Problem, Result};
 use crate::formats::input;
 
-/// What the source gives of a segment.
+/// The kind of data that the source has for a segment.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Kind {
@@ -24,7 +25,7 @@ pub enum Kind {
     Points,
 }
 
-/// The posture in which the axes of segments point as they are said to.
+/// The posture for which the directions of the segment axes are given.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Rest {
@@ -32,69 +33,69 @@ pub enum Rest {
     HPose,
     /// Standing, arms out to the sides, palms down.
     TPose,
-    /// As the bones of the file lie where nothing is turned.
+    /// The bones of the file with all rotations zero.
     Bones,
 }
 
-/// A mapping as it is written.
+/// A mapping as written in the file.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Mapping {
-    /// What kind of source it is for.
+    /// Kind of source.
     pub kind: Kind,
-    /// Where the axes of the source point on earth.
+    /// Directions of the source's axes on earth.
     pub world: World,
-    /// Where the axes of its segments point.
+    /// Directions of its segment axes.
     #[serde(default)]
     pub body: BodyTable,
-    /// When the rows of a table are.
+    /// Times of the rows of a table.
     #[serde(default)]
     pub time: Time,
-    /// How angles are given.
+    /// Format of angles.
     #[serde(default)]
     pub angles: Angles,
-    /// How quaternions are given.
+    /// Format of quaternions.
     #[serde(default)]
     pub quaternions: Quaternions,
-    /// Where the pelvis is.
+    /// Columns with the position of the pelvis.
     pub position: Option<Position>,
-    /// Segments of the model, and what lies between them in the source.
+    /// Segments of the model, and links between them that only the source has.
     pub segments: BTreeMap<String, Row>,
 }
 
-/// Axes and unit of places.
+/// Axes and unit of positions.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct World {
-    /// Where X, Y and Z point.
+    /// Directions of X, Y and Z.
     pub axes: WorldAxes,
-    /// One unit of length (m).
+    /// Length of one unit (m).
     pub unit_m: Option<f64>,
 }
 
-/// Axes of segments.
+/// Axes of the segments.
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BodyTable {
-    /// Where X, Y and Z of every segment point in the rest posture.
+    /// Directions of X, Y and Z of every segment in the rest posture.
     pub axes: Option<BodyAxes>,
-    /// In which posture.
+    /// The rest posture.
     pub rest: Option<Rest>,
 }
 
-/// When rows are.
+/// Times of the rows.
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Time {
-    /// Column of the times.
+    /// Column that holds the times.
     pub column: Option<String>,
-    /// One unit of time (s).
+    /// Length of one unit of time (s).
     pub unit_s: Option<f64>,
-    /// Rows per second, where no column has their times.
+    /// Rows per second, if no column holds the times.
     pub rate_hz: Option<f64>,
 }
 
-/// How angles are given.
+/// Format of angles.
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Angles {
@@ -112,19 +113,19 @@ pub enum AngleUnit {
     Rad,
 }
 
-/// How quaternions are given.
+/// Format of quaternions.
 #[derive(Debug, Clone, Copy, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Quaternions {
-    /// Order of the columns.
+    /// Order of the components.
     #[serde(default)]
     pub order: Order,
-    /// What they turn into.
+    /// Axes that they rotate into.
     #[serde(default)]
     pub relative_to: RelativeTo,
 }
 
-/// Order of the parts of a quaternion.
+/// Order of the components of a quaternion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Order {
@@ -135,40 +136,40 @@ pub enum Order {
     Xyzw,
 }
 
-/// Axes that a quaternion turns into.
+/// The axes that a quaternion rotates into.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum RelativeTo {
-    /// Those of the source's world.
+    /// Axes of the source's world.
     #[default]
     World,
-    /// Those of the parent.
+    /// Axes of the parent.
     Parent,
 }
 
-/// Where the pelvis is.
+/// Position of the pelvis.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Position {
     /// Columns of X, Y and Z.
     pub columns: [String; 3],
-    /// From there to the middle of the hips, in the axes of the source's pelvis (m).
+    /// Offset from there to the midpoint of the hips, in the axes of the source's pelvis (m).
     #[serde(default)]
     pub offset_m: [f64; 3],
 }
 
-/// A point, or the middle of several.
+/// A point, or the midpoint of several.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[serde(untagged)]
 pub enum Point {
     /// One point.
     One(String),
-    /// The middle of these.
+    /// The midpoint of these.
     Middle(Vec<String>),
 }
 
 impl Point {
-    /// Names of the points that it is the middle of.
+    /// Names of the points whose midpoint it is.
     pub fn names(&self) -> &[String] {
         match self {
             Self::One(name) => core::slice::from_ref(name),
@@ -183,21 +184,21 @@ impl Point {
 pub struct Row {
     /// Joint of a BVH file.
     pub joint: Option<String>,
-    /// What it hangs on; where absent, the next one up that is mapped.
+    /// Its parent; if absent, the next mapped segment towards the pelvis.
     pub parent: Option<String>,
-    /// Axes that the angles turn about, one letter each, in their order.
+    /// Rotation axes of the angles in order, one letter each.
     pub rotations: Option<String>,
-    /// Columns of angles or of a quaternion; a minus before a name turns the other way.
+    /// Columns of angles or of a quaternion; a minus before a name reverses the sense.
     pub columns: Option<Vec<String>>,
-    /// Rows of the matrix that takes its axes to those of the parent where all angles are zero.
+    /// Rows of the matrix from its axes to those of the parent when all angles are zero.
     pub zero: Option<[[f64; 3]; 3]>,
-    /// Where its own X, Y and Z point in the rest posture, where other than those of the body.
+    /// Directions of its own X, Y and Z in the rest posture, if they differ from those of the body.
     pub axes: Option<BodyAxes>,
-    /// The point at its joint; of the trunk and the head, at the lower end.
+    /// The point at its joint; for the trunk and the head, at the lower end.
     pub from: Option<Point>,
     /// The point at its far end.
     pub to: Option<Point>,
-    /// Two points of which the second is further left.
+    /// Two points, the second further left.
     pub left: Option<[Point; 2]>,
 }
 
@@ -205,7 +206,7 @@ impl Mapping {
     /// Reads a mapping.
     ///
     /// # Errors
-    /// Returns an error if the file cannot be read or says something that cannot be.
+    /// Returns an error if the file cannot be read or is not a valid mapping.
     pub fn read(path: &Path) -> Result<Self> {
         let text = input::text(path)?;
         Self::parse(&text, path)
@@ -223,7 +224,7 @@ impl Mapping {
         let common = self.body.axes.map(|axes| ("body", axes));
         for (name, axes) in own.chain(common) {
             if is_right_handed(&axes.0) != is_right_handed(&self.world.axes.0) {
-                let message = "one of its axes points the other way: they are of the other hand than those of the world";
+                let message = "these axes and those of the world differ in handedness: an axis points the wrong way";
                 return Err(Problem::bad_input(message).at(format!("{name}, axes")));
             }
         }
@@ -239,14 +240,14 @@ impl Mapping {
         positive("time.rate_hz", self.time.rate_hz)?;
         if self.kind != Kind::Bvh {
             if self.time.column.is_some() == self.time.rate_hz.is_some() {
-                let message = "expected either the column of the times or a rate";
+                let message = "expected either a column of times or a rate";
                 return Err(Problem::bad_input(message)
                     .at("time")
                     .help("[time] column = \"time_s\", or rate_hz = 100"));
             }
             let known = matches!(self.body.rest, Some(Rest::HPose | Rest::TPose));
             if self.kind != Kind::Points && !known {
-                let message = "expected rest: the posture in which the axes are so";
+                let message = "expected rest: the posture in which the axes point this way";
                 return Err(Problem::bad_input(message)
                     .at("body")
                     .help("rest = \"t-pose\" or \"h-pose\""));
@@ -324,12 +325,12 @@ mod tests {
         rest = \"h-pose\"\n[time]\nrate_hz = 200\n[segments.pelvis]\nrotations = \"xz\"\ncolumns = [\"a\", \"-b\"]\n";
 
     #[test]
-    fn what_cannot_be_is_named_with_its_place() {
+    fn impossible_values_are_named_with_their_place() {
         assert!(Mapping::parse(ANGLES, Path::new("m.toml")).is_ok());
         for (text, parts) in [
             (
                 ANGLES.replace("\"up\"]", "\"down\"]"),
-                ["m.toml: body, axes", "other hand"].as_slice(),
+                ["m.toml: body, axes", "handedness"].as_slice(),
             ),
             (
                 ANGLES.replace("east", "sunrise"),
@@ -366,8 +367,8 @@ mod tests {
             ),
             (ANGLES.replace("[time]", "[tempo]"), &["m.toml:7", "tempo"]),
         ] {
-            // Only the last list of axes is that of the body.
-            let text = if parts[1] == "other hand" {
+            // Only the last list of axes belongs to the body.
+            let text = if parts[1] == "handedness" {
                 ANGLES.replace("\"forward\", \"up\"]", "\"forward\", \"down\"]")
             } else {
                 text

@@ -1,4 +1,4 @@
-//! Names of joints that programs give, for BVH files without a mapping.
+//! Joint names used by common programs, for BVH files without a mapping.
 
 use std::collections::BTreeMap;
 
@@ -8,7 +8,7 @@ use super::axes::{BodyAxes, WorldAxes};
 use super::bvh::Bvh;
 use super::mapping::{BodyTable, Kind, Mapping, Rest, Row, World};
 
-/// Names of the joint of each segment, without the side; the first that a file has is taken.
+/// Joint names for each segment, without the side; the first one that the file has is used.
 struct Names {
     pelvis: &'static [&'static str],
     abdomen: &'static [&'static str],
@@ -40,8 +40,8 @@ const SKELETONS: [Names; 2] = [
     },
 ];
 
-/// A mapping by the names of the joints, `None` where the file has no known skeleton. Axes are those that most programs
-/// write: Y up, Z forward, X left.
+/// The mapping for a file with the joint names of a known skeleton, otherwise `None`. The axes are those that most
+/// programs write: Y up, Z forward, X left.
 pub fn mapping(bvh: &Bvh) -> Option<Mapping> {
     let segments = SKELETONS.iter().find_map(|names| segments(bvh, names))?;
     let axes = |names: [&str; 3]| names.map(str::to_owned);
@@ -87,7 +87,7 @@ fn segments(bvh: &Bvh, names: &Names) -> Option<BTreeMap<String, Row>> {
         let joint = candidates.iter().find_map(|candidate| {
             let wanted = format!("{side}{candidate}");
             let found = bvh.joints.iter().find(|joint| {
-                // Some programs put their own name before each: mixamorig:Hips.
+                // Some programs prefix every name with their own: mixamorig:Hips.
                 let bare = joint.name.rsplit(':').next().unwrap_or_default();
                 bare.replace(['_', ' '], "").eq_ignore_ascii_case(&wanted)
             });

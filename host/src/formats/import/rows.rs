@@ -1,4 +1,4 @@
-//! Rows of a table as the axes of segments: from angles, quaternions or points.
+//! Orientations of segments from the rows of a table with angles, quaternions or points.
 
 use bodyflight_core::{Segment, SegmentArray};
 use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
@@ -9,21 +9,22 @@ use super::table::Table;
 use super::timing::{self, Timing};
 use crate::diagnostic::{Problem, Result};
 
-/// How far a quaternion may be off unit length, and a matrix off a rotation.
+/// Largest error of the length of a quaternion, and of a rotation matrix.
 const OFF_UNIT: f64 = 0.02;
-/// Shortest way between two points that has a direction (units of the file), and least angle between two ways (rad).
+/// Shortest vector between two points that defines a direction (units of the file), and smallest angle between two such
+/// vectors (rad).
 const NO_WAY: f64 = 1e-9;
 const NO_ANGLE: f64 = 0.05;
 
-/// A table opened by its mapping.
+/// A table opened with its mapping.
 pub struct Rows {
     table: Table,
-    /// Rows that are whole.
+    /// Complete rows.
     rows: Vec<usize>,
-    /// Parents before children.
+    /// The links, parents before children.
     links: Vec<Link>,
     position: Option<([usize; 3], Vector3<f64>)>,
-    /// Inertial axes from those of the source, for points.
+    /// Rotation from the source's axes to inertial axes, for points.
     world: Matrix3<f64>,
 }
 
@@ -39,7 +40,7 @@ struct Link {
 enum Turn {
     /// Axis, factor to radians, column.
     Angles(Vec<(usize, f64, usize)>),
-    /// Columns of w, x, y, z, and whether into the axes of the parent.
+    /// Columns of w, x, y, z, and whether the quaternion is relative to the parent.
     Quaternion([usize; 4], bool),
     Points(Ends),
 }
@@ -51,10 +52,11 @@ struct Ends {
 }
 
 impl Rows {
-    /// Finds the columns of a mapping; the rows that are whole, their times, and how many are not.
+    /// Finds the columns of a mapping. Returns the opened table, the timing of the complete rows, and the number of
+    /// incomplete rows.
     ///
     /// # Errors
-    /// Returns an error if a column is not there, a matrix is no rotation, or the times are not even.
+    /// Returns an error if a column is missing, a matrix is not a rotation, or the times are not evenly spaced.
     pub fn open(table: Table, mapping: &Mapping) -> Result<(Self, Timing, usize)> {
         let links = links(&table, mapping)?;
         let position = match &mapping.position {
@@ -81,7 +83,7 @@ impl Rows {
         let skipped = table.rows() - rows.len();
         if rows.len() < 2 {
             let message = format!(
-                "expected at least 2 rows with all that is mapped, found {}",
+                "expected at least 2 rows with a value in every mapped column, found {}",
                 rows.len()
             );
             return Err(Problem::bad_input(message));
@@ -113,7 +115,7 @@ impl Rows {
         Ok((opened, timing, skipped))
     }
 
-    /// What a segment is called, `None` where it is not mapped.
+    /// Name of a segment in the source, `None` if it is not mapped.
     pub fn name(&self, segment: Segment) -> Option<String> {
         let link = self
             .links
@@ -125,7 +127,7 @@ impl Rows {
         })
     }
 
-    /// Length of the left thigh in the first row (m), where points tell it.
+    /// Length of the left thigh in the first row (m), if it is given by points.
     pub fn thigh(&self, unit_m: f64) -> Option<f64> {
         let is_thigh = |link: &&Link| link.segment == Some(Segment::LeftThigh);
         match &self.links.iter().find(is_thigh)?.turn {
@@ -138,10 +140,10 @@ impl Rows {
         }
     }
 
-    /// A frame, by its place among the rows that are whole.
+    /// A frame, by its index among the complete rows.
     ///
     /// # Errors
-    /// Returns an error if a quaternion is off unit length or points do not tell a direction.
+    /// Returns an error if a quaternion is not of unit length or points do not define a direction.
     pub fn frame(&self, place: usize, unit_m: f64) -> Result<SourceFrame> {
         let row = self.rows.get(place).copied().unwrap_or(0);
         let mut placed: Vec<Matrix3<f64>> = Vec::with_capacity(self.links.len());
@@ -164,7 +166,7 @@ impl Rows {
         })
     }
 
-    /// The middle of the hips (m), in the axes of the source's world.
+    /// The midpoint of the hips (m), in the axes of the source's world.
     fn place(
         &self,
         row: usize,
@@ -188,7 +190,7 @@ impl Rows {
         Some((hip(Segment::LeftThigh)? + hip(Segment::RightThigh)?) * 0.5)
     }
 
-    /// The middle of points, units of the file.
+    /// The midpoint of points (units of the file).
     fn point(&self, row: usize, points: &[[usize; 3]]) -> Vector3<f64> {
         let sum = points.iter().fold(Vector3::zeros(), |sum, columns| {
             sum + Vector3::from(columns.map(|column| self.table.value(row, column)))
@@ -196,7 +198,7 @@ impl Rows {
         sum / points.len().max(1) as f64
     }
 
-    /// Axes of the world from those of a link.
+    /// The rotation from the axes of a link to those of the world.
     fn turned(
         &self,
         link: &Link,
@@ -230,7 +232,7 @@ impl Rows {
         }
     }
 
-    /// Axes of a segment of the model from its ends, in those of the source's world.
+    /// The axes of a model segment from the points at its ends, in the axes of the source's world.
     fn between(
         &self,
         link: &Link,
@@ -241,7 +243,7 @@ impl Rows {
         let at = |points: &[[usize; 3]]| self.world * self.point(row, points);
         let along = at(&ends.to) - at(&ends.from);
         if along.norm() < NO_WAY {
-            return Err("its two points are at one place".to_owned());
+            return Err("its two points coincide".to_owned());
         }
         let left = match (&ends.left, parent) {
             (Some([right, left]), _) => at(left) - at(right),
@@ -251,11 +253,12 @@ impl Rows {
         if left.norm() < NO_WAY || left.cross(&along).norm() < NO_ANGLE * left.norm() * along.norm()
         {
             return Err(
-                "its long axis lies along the one to the left: its turn cannot be told".to_owned(),
+                "its long axis is parallel to its left direction, so its rotation is undefined"
+                    .to_owned(),
             );
         }
         let along = along.normalize();
-        // Where the far end is: the toes are in front, the head is up, hands and knees are down.
+        // Direction of the far end: the toes are in front, the head is up, hands and knees are down.
         let (dorsal, cranial) = match link.segment {
             Some(Segment::LeftFoot | Segment::RightFoot) => (-along, (-along).cross(&left) * -1.0),
             Some(Segment::Pelvis | Segment::Abdomen | Segment::Thorax | Segment::Head) => {
@@ -270,7 +273,7 @@ impl Rows {
 }
 
 impl Link {
-    /// Columns that it needs.
+    /// The columns that it needs.
     fn columns(&self) -> Vec<usize> {
         match &self.turn {
             Turn::Angles(angles) => angles.iter().map(|(_, _, column)| *column).collect(),
@@ -306,7 +309,7 @@ fn links(table: &Table, mapping: &Mapping) -> Result<Vec<Link>> {
         }
         if still.len() == before {
             let names: Vec<&str> = still.iter().map(|(name, _)| name.as_str()).collect();
-            let message = format!("they hang on each other: {}", names.join(", "));
+            let message = format!("their parents form a cycle: {}", names.join(", "));
             return Err(Problem::bad_input(message).at("segments"));
         }
         waiting = still;
@@ -314,7 +317,7 @@ fn links(table: &Table, mapping: &Mapping) -> Result<Vec<Link>> {
     Ok(links)
 }
 
-/// What a segment hangs on: as said, or the next one up that is mapped.
+/// The parent of a segment: the one named, or the next mapped segment towards the pelvis.
 fn parent<'a>(mapping: &'a Mapping, name: &str, row: &'a Row) -> Option<&'a str> {
     if let Some(parent) = &row.parent {
         return Some(parent);
@@ -394,7 +397,7 @@ fn link(
     })
 }
 
-/// The matrix of a link where its angles are zero.
+/// The matrix of a link at zero angles.
 fn zero(row: &Row) -> Result<Matrix3<f64>> {
     let Some(rows) = row.zero else {
         return Ok(Matrix3::identity());
@@ -402,8 +405,9 @@ fn zero(row: &Row) -> Result<Matrix3<f64>> {
     let written = Matrix3::from_row_slice(&rows.concat());
     let off = (written * written.transpose() - Matrix3::identity()).norm();
     if !(off < OFF_UNIT && written.determinant() > 0.0) {
-        let message =
-            format!("expected the rows of a rotation matrix, found one that is {off:.3} off");
+        let message = format!(
+            "expected the rows of a rotation matrix, found a matrix with an error of {off:.3}"
+        );
         return Err(Problem::bad_input(message));
     }
     Ok(*Rotation3::from_matrix(&written).matrix())

@@ -1,4 +1,4 @@
-//! From the segments of a source to attitude and posture of the model.
+//! From the segments of a source to the attitude and posture of the model.
 
 use bodyflight_core::frame::{self, Inertial, Rotation};
 use bodyflight_core::{Posture, Segment, SegmentArray};
@@ -9,7 +9,7 @@ use super::mapping::{Kind, Mapping, Rest};
 use crate::diagnostic::{Problem, Result};
 use crate::formats::xsens;
 
-/// Segments without which there is no posture; the others go along with their neighbours.
+/// Whether a posture requires the segment; the others can move rigidly with their neighbours.
 pub fn is_needed(segment: Segment) -> bool {
     !matches!(
         segment,
@@ -25,26 +25,26 @@ pub fn is_needed(segment: Segment) -> bool {
 /// A frame in the axes of the source.
 #[derive(Debug, Clone, Copy)]
 pub struct SourceFrame {
-    /// Axes of the world from those of each mapped segment.
+    /// Rotation from the axes of each mapped segment to those of the world.
     pub world_from_segment: SegmentArray<Matrix3<f64>>,
-    /// The middle of the hips (m), where the source says where anything is.
+    /// The midpoint of the hips (m), if the source has positions.
     pub position: Option<Vector3<f64>>,
 }
 
-/// How a mapped segment is turned: inertial axes from those of the model's segment are `world · R · rest`, where `R` takes
-/// the axes of the source's segment to those of its world.
+/// Converts the rotations of mapped segments. The rotation from the axes of a model segment to inertial axes is
+/// `world · R · rest`, where `R` is the rotation from the axes of the source's segment to those of its world.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Skeleton {
     world: Matrix3<f64>,
-    /// Axes of the source's segment from those of the model's, `None` where it is not mapped.
+    /// Rotation from model segment axes to source segment axes, `None` if the segment is not mapped.
     rest: SegmentArray<Option<Matrix3<f64>>>,
 }
 
 impl Skeleton {
-    /// The segments of a mapping.
+    /// Creates the skeleton of a mapping.
     ///
     /// # Errors
-    /// Returns an error if a segment is missing without which there is no posture.
+    /// Returns an error if a required segment is missing.
     pub fn new(mapping: &Mapping) -> Result<Self> {
         let missing: Vec<&str> = Segment::ALL
             .into_iter()
@@ -57,7 +57,7 @@ impl Skeleton {
                 missing.join(", ")
             ))
             .at("segments")
-            .help("only abdomen, head, hands and feet may be left out: they go along with their neighbours"));
+            .help("only abdomen, head, hands and feet may be left out: they then move rigidly with their neighbours"));
         }
         let posture = match mapping.body.rest {
             Some(Rest::HPose) => Posture::h_pose(),
@@ -67,7 +67,7 @@ impl Skeleton {
         let rest = SegmentArray::from_fn(|segment| {
             let row = mapping.segments.get(segment.name())?;
             if mapping.kind == Kind::Points {
-                // Axes made of points are the model's.
+                // Axes computed from points are already those of the model.
                 return Some(Matrix3::identity());
             }
             let BodyAxes(body_from_source) = row.axes.or(mapping.body.axes)?;
@@ -80,14 +80,14 @@ impl Skeleton {
         })
     }
 
-    /// Whether a segment has a rotation of its own in the source.
+    /// Whether the source has a rotation for the segment.
     pub fn has(&self, segment: Segment) -> bool {
         self.rest[segment].is_some()
     }
 
-    /// Takes the long axis of a segment in the rest posture to be along this way, in the axes of the source's segment.
+    /// Aligns the long axis of a segment in the rest posture with a direction, in the axes of the source's segment.
     ///
-    /// The shortest turn does it: what the segment does about its long axis stays.
+    /// This takes the shortest rotation, so the rotation about the long axis is kept.
     pub fn align(&mut self, segment: Segment, along: &Vector3<f64>) {
         if let Some(rest) = &mut self.rest[segment]
             && let Some(turn) = Rotation3::rotation_between(&(*rest * -Vector3::z()), along)
@@ -96,31 +96,33 @@ impl Skeleton {
         }
     }
 
-    /// Angle (rad) between the long axis of a segment in the rest posture and this way, in the axes of the source's segment.
+    /// Angle (rad) between the long axis of a segment in the rest posture and a direction, in the axes of the source's
+    /// segment.
     pub fn angle_to(&self, segment: Segment, along: &Vector3<f64>) -> Option<f64> {
         Some((self.rest[segment]? * -Vector3::z()).angle(along))
     }
 
-    /// Takes a segment to lie in the rest posture along another, turned about its long axis as it was.
+    /// Aligns a segment with another in the rest posture; its rotation about the long axis is kept.
     pub fn follow(&mut self, segment: Segment, other: Segment) {
         if let Some(along) = self.rest[other].map(|rest| rest * -Vector3::z()) {
             self.align(segment, &along);
         }
     }
 
-    /// A way in the axes of the source's pelvis in those of the body, both in the rest posture.
+    /// Converts a direction from the axes of the source's pelvis to body axes, both in the rest posture.
     pub fn in_body(&self, way: &Vector3<f64>) -> Option<Vector3<f64>> {
         Some(self.rest[Segment::Pelvis]?.transpose() * way)
     }
 
-    /// A way in the axes of the source's world, in inertial ones.
+    /// Converts a direction from the axes of the source's world to inertial axes.
     pub fn to_inertial(&self, way: &Vector3<f64>) -> Vector3<f64> {
         self.world * way
     }
 
-    /// Attitude and posture, from the axes of the source's world from those of each of its segments.
+    /// Attitude and posture, given the rotation from each source segment to the source's world.
     ///
-    /// What is not mapped goes along with its parent, the abdomen half-way between pelvis and thorax.
+    /// Segments that are not mapped move rigidly with their parent; an abdomen takes the rotation half-way between
+    /// pelvis and thorax.
     pub fn posture(
         &self,
         world_from_segment: &SegmentArray<Matrix3<f64>>,

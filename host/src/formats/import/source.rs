@@ -1,4 +1,5 @@
-//! A source opened by its mapping: each frame as the axes of the mapped segments and the place of the pelvis.
+//! A source opened with its mapping: each frame as the orientations of the mapped segments and the position of the
+//! pelvis.
 
 use std::path::Path;
 
@@ -14,17 +15,18 @@ use super::table::Table;
 use super::timing::{self, Timing};
 use crate::diagnostic::{Problem, Result};
 
-/// Lengths of a thigh that a person has (m).
+/// Plausible lengths of a person's thigh (m).
 const THIGH: core::ops::Range<f64> = 0.25..0.65;
-/// Units that BVH files come in (m): nothing in them says which.
+/// Units used in BVH files (m): the files do not state theirs.
 const UNITS: [f64; 4] = [1.0, 0.01, 0.0254, 0.001];
-/// How far the trunk of a rest posture may be from upright, and the hips from left and right (rad).
+/// Largest angle between the trunk of a rest posture and the vertical, and between the hips and the left direction
+/// (rad).
 const TRUNK: f64 = 0.6;
 const HIPS: f64 = 0.8;
-/// How far a limb may be from where the rest posture has it (rad).
+/// Largest angle between a limb and its direction in the rest posture (rad).
 const LIMB: f64 = 0.5;
 
-/// Limbs whose bones say how they lie: the joint at the far end of each.
+/// Limbs whose direction is given by their bones, with the segment whose joint is at the far end.
 const LIMBS: [(Segment, Segment); 8] = [
     (Segment::LeftUpperArm, Segment::LeftForearm),
     (Segment::LeftForearm, Segment::LeftHand),
@@ -39,19 +41,19 @@ const LIMBS: [(Segment, Segment); 8] = [
 /// An open source.
 pub struct Source {
     motion: Motion,
-    /// How its segments are turned.
+    /// Conversion of segment rotations.
     pub skeleton: Skeleton,
-    /// Rate and numbers of its frames.
+    /// Rate and indices of its frames.
     pub timing: Timing,
-    /// What each segment is called, `None` where it has none.
+    /// Name of each segment in the source, `None` if it has none.
     pub names: SegmentArray<Option<String>>,
-    /// One unit of length (m).
+    /// Length of one unit (m).
     pub unit_m: f64,
-    /// Rows that were left out for an empty cell.
+    /// Rows that were skipped because of an empty cell.
     pub skipped: usize,
-    /// Length of a thigh (m), where the source tells it.
+    /// Length of a thigh (m), if the source has it.
     pub thigh_m: Option<f64>,
-    /// What is odd and was taken all the same.
+    /// Suspicious findings that do not prevent the import.
     pub warnings: Vec<String>,
 }
 
@@ -61,23 +63,21 @@ enum Motion {
 }
 
 impl Source {
-    /// Opens a file by its mapping; without one, a BVH file by the names of its joints.
+    /// Opens a file with a mapping; without one, a BVH file with known joint names.
     ///
     /// # Errors
-    /// Returns an error if the file or what the mapping says of it cannot be used.
+    /// Returns an error if the file cannot be used, or does not match the mapping.
     pub fn open(file: &Path, mapping: Option<&Mapping>) -> Result<Self> {
         match mapping {
             None => {
                 let bvh = Bvh::read(file)?;
                 let Some(mapping) = names::mapping(&bvh) else {
-                    return Err(
-                        Problem::bad_input("its joints have no names that are known")
-                            .in_file(file)
-                            .help(format!(
-                                "name them with --mapping; the file has {}",
-                                joint_names(&bvh)
-                            )),
-                    );
+                    return Err(Problem::bad_input("the names of its joints are not known")
+                        .in_file(file)
+                        .help(format!(
+                            "map them with --mapping; the file has {}",
+                            joint_names(&bvh)
+                        )));
                 };
                 Self::of_bvh(bvh, &mapping).map_err(|problem| problem.in_file(file))
             }
@@ -95,10 +95,10 @@ impl Source {
         self.timing.indices.len()
     }
 
-    /// A frame, by its place among [`Timing::indices`].
+    /// A frame, by its position in [`Timing::indices`].
     ///
     /// # Errors
-    /// Returns an error if its numbers are no rotation.
+    /// Returns an error if its numbers do not define rotations.
     pub fn frame(&self, place: usize) -> Result<SourceFrame> {
         match &self.motion {
             Motion::Rows(rows) => rows.frame(place, self.unit_m),
@@ -192,7 +192,7 @@ fn no_thigh(thigh: f64) -> Problem {
     )
 }
 
-/// One unit of length and the length of a thigh (m).
+/// Length of one unit and of a thigh (m).
 fn unit(bvh: &Bvh, joints: &SegmentArray<Option<usize>>, said: Option<f64>) -> Result<(f64, f64)> {
     let rest = bvh.at_rest();
     let place = |segment: Segment| Some(rest.get(joints[segment]?)?.position);
@@ -209,7 +209,7 @@ fn unit(bvh: &Bvh, joints: &SegmentArray<Option<usize>>, said: Option<f64>) -> R
     Ok((*unit, thigh * unit))
 }
 
-/// Compares the rest posture of a file with what is said of it, and lays limbs along their bones where that is wanted.
+/// Checks the rest posture of a file against the mapping, and aligns limbs with their bones if `bones` is set.
 fn lay(
     skeleton: &mut Skeleton,
     bvh: &Bvh,
@@ -243,10 +243,10 @@ fn lay(
         if found.angle(&expected) > most {
             let [x, y, z]: [f64; 3] = way.normalize().into();
             let message = format!(
-                "where nothing is turned {what}: in the file's axes it is {x:.2}, {y:.2}, {z:.2} from there"
+                "with all rotations zero, {what}, but at {x:.2}, {y:.2}, {z:.2} from there in the file's axes"
             );
             return Err(Problem::bad_input(message).at("body, axes").help(
-                "say with a mapping where the axes of the file point: [world] axes and [body] axes",
+                "use a mapping to say where the axes of the file point: [world] axes and [body] axes",
             ));
         }
     }
@@ -261,7 +261,7 @@ fn lay(
             && angle > LIMB
         {
             warnings.push(format!(
-                "{}: its bone is {:.0} degrees from where the rest posture has it; rest = \"bones\" lays it along the bone",
+                "{}: its bone is {:.0} degrees off the rest posture; rest = \"bones\" aligns the segment with its bone",
                 segment.name(),
                 angle.to_degrees()
             ));

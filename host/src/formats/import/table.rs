@@ -1,4 +1,4 @@
-//! Tables of numbers with named columns: CSV, the storage files of OpenSim (`.mot`, `.sto`), TRC and C3D.
+//! Tables of numbers with named columns: CSV, OpenSim's storage files (`.mot`, `.sto`), TRC and C3D.
 
 use std::path::Path;
 
@@ -6,27 +6,27 @@ use super::c3d;
 use crate::diagnostic::{Problem, Result};
 use crate::formats::input;
 
-/// Names listed where one is not found.
+/// Most column names listed in the message about a missing one.
 const NAMES_SHOWN: usize = 40;
 
-/// A table, read as a whole.
+/// A whole table.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Table {
     /// Names of the columns.
     pub columns: Vec<String>,
-    /// Whether the file says that its angles are degrees, where it does.
+    /// Whether angles are in degrees, if the file states it.
     pub in_degrees: Option<bool>,
-    /// Whether the file says that its lengths are millimetres, where it does.
+    /// Length of one unit (m), if the file states it.
     pub unit_m: Option<f64>,
     values: Vec<f64>,
     lines: Vec<u64>,
 }
 
 impl Table {
-    /// Reads a table, also packed. Empty cells are not a number (NaN).
+    /// Reads a table, which may be compressed. Empty cells become NaN.
     ///
     /// # Errors
-    /// Returns an error if the file cannot be read, has no names of columns, or has a cell that is no number.
+    /// Returns an error if the file cannot be read, has no column names, or has a cell that is not a number.
     pub fn read(path: &Path) -> Result<Self> {
         let bytes = input::movement(path)?;
         if c3d::is_c3d(&bytes) {
@@ -62,7 +62,7 @@ impl Table {
             return Err(
                 Problem::bad_input("expected names of columns, found numbers")
                     .at_line(number)
-                    .help("the first line of a table must say what its columns are"),
+                    .help("the first line of a table must name its columns"),
             );
         }
         let mut table = Self {
@@ -79,7 +79,7 @@ impl Table {
         table.checked()
     }
 
-    /// The points of a C3D file, with the columns `Time` (s), `point.x`, `point.y`, `point.z`.
+    /// Converts the points of a C3D file to columns `Time` (s), `point.x`, `point.y`, `point.z`.
     fn of_points(points: &c3d::Points) -> Result<Self> {
         let names = points.names.iter();
         let coordinates =
@@ -107,21 +107,21 @@ impl Table {
         self.lines.len()
     }
 
-    /// Line of a row in the file, from 1; of C3D its frame.
+    /// Line number of a row in the file, from 1; for C3D, the frame.
     pub fn line(&self, row: usize) -> u64 {
         self.lines.get(row).copied().unwrap_or(0)
     }
 
-    /// A number; NaN where its cell is empty.
+    /// The number in a cell; NaN if it is empty.
     pub fn value(&self, row: usize, column: usize) -> f64 {
         let at = row * self.columns.len() + column;
         self.values.get(at).copied().unwrap_or(f64::NAN)
     }
 
-    /// Place of a column.
+    /// Index of a column.
     ///
     /// # Errors
-    /// Returns an error if there is none of that name, with those that there are.
+    /// Returns an error that lists the columns if none has this name.
     pub fn column(&self, name: &str) -> Result<usize> {
         let found = self.columns.iter().position(|column| column == name);
         found.ok_or_else(|| {
@@ -170,7 +170,7 @@ impl Table {
         let found = self.values.len() - before;
         if found != self.columns.len() {
             return Err(Problem::bad_input(format!(
-                "expected {} numbers, one a column, found {found}",
+                "expected {} numbers, one per column, found {found}",
                 self.columns.len()
             ))
             .at_line(line));
@@ -188,7 +188,7 @@ impl Table {
     }
 }
 
-/// What stands between the cells of a line.
+/// The separator between the cells of a line.
 fn separator(line: &str) -> char {
     let count = |c: char| line.matches(c).count();
     let most = ['\t', ';', ','].into_iter().max_by_key(|c| count(*c));
@@ -207,16 +207,16 @@ fn cells(line: &str, separator: char) -> Box<dyn Iterator<Item = &str> + '_> {
     }
 }
 
-/// TRC (Track Row Column): three lines of header, names of points, names of axes, rows of frame, time and coordinates.
+/// TRC (Track Row Column): three header lines, point names, axis names, then rows of frame, time and coordinates.
 /// Columns are called `point.x`, `point.y`, `point.z`.
 fn trc<'a>(mut lines: impl Iterator<Item = (u64, &'a str)>) -> Result<Table> {
     let mut next = |what: &str| {
         let line = lines.next();
         line.ok_or_else(|| Problem::bad_input(format!("the file ends early: expected {what}")))
     };
-    let (_, _) = next("the type of the file")?;
-    let (_, keys) = next("names of the header")?;
-    let (number, values) = next("values of the header")?;
+    let (_, _) = next("the file type")?;
+    let (_, keys) = next("the names of the header fields")?;
+    let (number, values) = next("the values of the header fields")?;
     let header: Vec<(&str, &str)> = keys
         .split_whitespace()
         .zip(values.split_whitespace())
@@ -228,7 +228,7 @@ fn trc<'a>(mut lines: impl Iterator<Item = (u64, &'a str)>) -> Result<Table> {
             .map(|(_, value)| *value)
     };
     let unit_m = unit_of_length(of("Units")).map_err(|problem| problem.at_line(number))?;
-    let (number, names) = next("names of points")?;
+    let (number, names) = next("the names of the points")?;
     let points: Vec<&str> = names
         .split('\t')
         .skip(2)
@@ -244,7 +244,7 @@ fn trc<'a>(mut lines: impl Iterator<Item = (u64, &'a str)>) -> Result<Table> {
         );
         return Err(Problem::bad_input(message).at_line(number));
     }
-    next("names of axes")?;
+    next("the names of the axes")?;
     let coordinates = points
         .iter()
         .flat_map(|point| ["x", "y", "z"].map(|axis| format!("{point}.{axis}")));
@@ -261,7 +261,7 @@ fn trc<'a>(mut lines: impl Iterator<Item = (u64, &'a str)>) -> Result<Table> {
     table.check_names(number)?;
     let width = table.columns.len();
     for (number, line) in lines.filter(|(_, line)| !line.trim().is_empty()) {
-        // Some programs end each line with a tab; a point that was not seen is empty cells.
+        // Some programs end each line with a tab; the cells of a point that was not visible are empty.
         let line = line.trim_end_matches(['\r', '\n']);
         let cells = cells(line, '\t').chain(core::iter::repeat("")).take(width);
         if line
@@ -277,7 +277,7 @@ fn trc<'a>(mut lines: impl Iterator<Item = (u64, &'a str)>) -> Result<Table> {
     table.checked()
 }
 
-/// One unit of length (m).
+/// Length of one unit (m).
 fn unit_of_length(name: Option<&str>) -> Result<f64> {
     match name {
         Some("mm") => Ok(1e-3),
@@ -317,7 +317,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_broken_is_named_with_its_line() {
+    fn broken_files_are_refused_with_the_line() {
         for (text, parts) in [
             (String::new(), ["line names", "empty"]),
             ("0,1\n2,3\n4,5".into(), ["line 1", "found numbers"]),

@@ -1,30 +1,30 @@
-//! Frames at an even rate from the times of rows.
+//! Evenly spaced frames from the times of rows.
 
-/// Share of a frame that a row may be off its time.
+/// Fraction of a frame by which a row may be off its time.
 const UNEVEN: f64 = 0.25;
 
-/// Largest share of a rate that is the rounding of its file: 0.008333 s a frame are 120 Hz.
+/// Largest relative rounding error of a rate: 0.008333 s per frame is 120 Hz.
 const ROUNDING: f64 = 1e-3;
 
-/// An even rate, and the number of the frame of each row.
+/// A constant rate, and the frame index of each row.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Timing {
     /// Frames per second (Hz).
     pub rate: f64,
-    /// Number of the frame of each row, from 0.
+    /// Frame index of each row, from 0.
     pub indices: Vec<u64>,
 }
 
 /// A row whose time cannot be used.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Uneven {
-    /// Its place among the rows.
+    /// Its index among the rows.
     pub row: usize,
     /// What is wrong with it.
     pub message: String,
 }
 
-/// The whole rate that a rate is the rounding of, where there is one.
+/// Rounds a rate to a whole number if they differ by no more than the rounding of a file.
 pub fn whole_rate(rate: f64) -> f64 {
     let whole = rate.round();
     if whole > 0.0 && (rate - whole).abs() < ROUNDING * whole {
@@ -34,10 +34,10 @@ pub fn whole_rate(rate: f64) -> f64 {
     }
 }
 
-/// Frames of rows at these times (s).
+/// Assigns frames to rows at these times (s).
 ///
 /// # Errors
-/// Returns an error if times do not rise, or are not at an even rate with whole frames missing.
+/// Returns an error if times do not increase, or are not evenly spaced apart from missing frames.
 pub fn frames(times: &[f64]) -> Result<Timing, Uneven> {
     let mut steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
     if let Some(back) = steps.iter().position(|step| *step <= 0.0) {
@@ -57,7 +57,7 @@ pub fn frames(times: &[f64]) -> Result<Timing, Uneven> {
             message: "expected at least two rows".to_owned(),
         });
     };
-    // Rounded times make a rough median; the mean of the steps without a gap is fine.
+    // The median suffers from rounded times; the mean of the steps without a gap does not.
     let (sum, count) = (steps
         .iter()
         .filter(|other| (0.6 * step..1.5 * step).contains(*other)))
@@ -90,7 +90,7 @@ pub fn frames(times: &[f64]) -> Result<Timing, Uneven> {
             return Err(Uneven {
                 row,
                 message: format!(
-                    "expected one row a frame at {rate:.3} Hz, found two near {time} s"
+                    "expected one row per frame at {rate:.3} Hz, found two near {time} s"
                 ),
             });
         }
@@ -118,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn times_that_are_none_are_refused_with_their_row() {
+    fn invalid_times_are_refused_with_their_row() {
         assert_eq!(frames(&[0.0, 0.1, 0.05]).unwrap_err().row, 2);
         assert_eq!(frames(&[0.0, 0.1, 0.2, 0.25, 0.3]).unwrap_err().row, 3);
         assert!(frames(&[0.0]).is_err());

@@ -1,4 +1,4 @@
-//! A load by description in a `model.toml`: what is along which axis, and what it is multiplied by.
+//! A load described in a `model.toml`: the axis along which it acts, and the factors it is multiplied by.
 //!
 //! ```toml
 //! [[effect]]
@@ -6,8 +6,8 @@
 //! along = "dorsal"
 //! times = [{ factor = "sine", frequency_hz = 3.1, phase_rad = 0.4 }]
 //! ```
-//! Every quantity has its unit in its name, and a factor is a quantity over a reference of the same unit: so the size is
-//! in N or N m whatever it is multiplied by.
+//! Every quantity has its unit in its name. A factor is the ratio of a quantity to a reference in the same unit, so the
+//! size is in N or N m whatever the factors.
 
 use bodyflight_core::Segment;
 use bodyflight_core::dynamics::applied_load::factor::{FACTORS, Factor};
@@ -16,10 +16,10 @@ use serde::Deserialize;
 
 use crate::diagnostic::{Problem, Result};
 
-/// Keys of the size, of which a load has one.
+/// Keys for the size with their largest values; a load has exactly one.
 const SIZES: [(&str, f64); 2] = [("force_n", 3000.0), ("moment_nm", 600.0)];
 
-/// Names of the axes of body, world and segment.
+/// Names of body, world and segment axes.
 const BODY: [&str; 3] = ["left", "dorsal", "cranial"];
 const WORLD: [&str; 3] = ["north", "west", "up"];
 const SEGMENT: [&str; 3] = ["x", "y", "z"];
@@ -74,7 +74,7 @@ enum FactorTable {
     },
 }
 
-/// Whether a table of these keys is a load.
+/// Whether a table with these keys is a load.
 pub(super) fn is_load<'a>(mut keys: impl Iterator<Item = &'a String>) -> bool {
     keys.any(|key| SIZES.iter().any(|(size, _)| key == size))
 }
@@ -88,13 +88,13 @@ fn within(name: &str, value: f64, low: f64, high: f64) -> Result<f64> {
     )))
 }
 
-/// A reference that something may be divided by, of either sign.
+/// Checks a reference to divide by; it may be negative.
 fn reference(name: &str, value: f64, least: f64, most: f64) -> Result<f64> {
     if (least..=most).contains(&value.abs()) {
         return Ok(value);
     }
     Err(Problem::bad_input(format!(
-        "{name}: expected a reference of {least} to {most}, found {value}"
+        "{name}: expected a reference of {least} to {most} in size, found {value}"
     )))
 }
 
@@ -154,8 +154,8 @@ impl LoadTable {
             (None, Some(moment)) => {
                 if self.at.is_some() {
                     return Err(
-                        Problem::bad_input("at: a moment is the same about any point")
-                            .help("leave `at` out, or give a force_n"),
+                        Problem::bad_input("at: a moment has no point of application")
+                            .help("remove `at`, or give force_n instead"),
                     );
                 }
                 let [_, (name, most)] = SIZES;
@@ -239,7 +239,7 @@ impl FactorTable {
     }
 }
 
-/// The name of an axis in files.
+/// The name of an axis in the file.
 const fn name_of(names: [&'static str; 3], axis: Axis) -> &'static str {
     let [x, y, z] = names;
     match axis {
@@ -332,7 +332,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_written_is_read_back() {
+    fn written_data_is_read_back() {
         let text_of_each_factor = "force_n = -12.5\nat = \"l_foot\"\nalong = \"r_shank z\"\ntimes = [\n\
             { factor = \"speed-squared\", reference_mps = 50 },\n\
             { factor = \"joint\", segment = \"l_shank\", axis = \"x\", reference_rad = 0.5 },\n\
@@ -365,7 +365,7 @@ mod tests {
             ),
             (
                 "moment_nm = 1\nat = \"head\"\nalong = \"up\"".to_owned(),
-                ["at", "any point"],
+                ["at", "point of application"],
             ),
             (
                 "force_n = 1\nat = \"tail\"\nalong = \"up\"".to_owned(),

@@ -1,4 +1,4 @@
-//! Datagrams to samples, in order: fragments and kinds of one sample find each other, late ones are waited for.
+//! Assembles datagrams into samples, in order: joins the fragments and kinds of a sample, and waits for late ones.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -8,14 +8,14 @@ use super::counters::Counters;
 use super::datagram::{Header, Kind};
 use crate::formats::xsens::MVN_SEGMENT_COUNT;
 
-/// Samples begun after one that is not whole before it is given as it is.
+/// Number of later samples after which an incomplete sample is no longer waited for.
 pub const REORDER_WINDOW: usize = 4;
-/// A sample so far behind the last one is the beginning of another recording.
+/// A sample this far behind the last one starts another recording.
 pub const RESTART_DISTANCE: i32 = 64;
-/// Samples remembered after they were given: to tell repeated datagrams from late ones, and the usual step.
+/// Samples remembered after they were handed out, to recognise repeated and late datagrams and the usual step.
 const MEMORY: usize = 32;
 
-/// Fragments of one kind that have come.
+/// The fragments of one kind received so far.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 struct Fragments {
     received: u128,
@@ -28,7 +28,7 @@ impl Fragments {
             .is_some_and(|last| self.received.count_ones() == u32::from(last) + 1)
     }
 
-    /// Whether the fragment is a new one.
+    /// Adds a fragment; returns whether it is new.
     fn add(&mut self, header: &Header) -> bool {
         let bit = 1u128 << (header.fragment & 0x7F);
         let new = self.received & bit == 0;
@@ -40,44 +40,44 @@ impl Fragments {
     }
 }
 
-/// What was received of one instant. Axes are those of MVN.
+/// The data received for one instant, in the axes of MVN.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Sample {
     pub(super) counter: u32,
     pub(super) time_ms: u32,
-    /// Goes up when the sender starts anew.
+    /// Incremented when the sender restarts.
     pub(super) epoch: u32,
     pub(super) orientations: [Option<Quaternion<f64>>; MVN_SEGMENT_COUNT],
-    /// Of the pelvis (m).
+    /// Position of the pelvis (m).
     pub(super) position: Option<Vector3<f64>>,
-    /// Of the pelvis (m/s).
+    /// Velocity of the pelvis (m/s).
     pub(super) velocity: Option<Vector3<f64>>,
-    /// Of the pelvis, in the unit of the sender.
+    /// Angular velocity of the pelvis, in the sender's unit.
     pub(super) angular_velocity: Option<Vector3<f64>>,
-    /// (m)
+    /// Centre of mass (m).
     pub(super) centre_of_mass: Option<Vector3<f64>>,
     fragments: BTreeMap<Kind, Fragments>,
 }
 
-/// Samples in the making.
+/// Samples being assembled.
 #[derive(Debug, Default)]
 pub(super) struct Assembly {
-    /// By rising counter.
+    /// Samples in order of their counters.
     pending: VecDeque<Sample>,
-    /// Whole ones of before a restart.
+    /// Samples from before a restart, ready to be handed out.
     done: VecDeque<Sample>,
-    /// Given ones: counter, distance from the one before, fragments.
+    /// Samples handed out: counter, distance from the previous one, fragments.
     given: VecDeque<(u32, Option<u32>, BTreeMap<Kind, Fragments>)>,
     epoch: u32,
 }
 
-/// Steps from `from` to `to`, over the wrap of the counter.
+/// Steps from `from` to `to`; the counter may wrap in between.
 fn distance(from: u32, to: u32) -> i32 {
     to.wrapping_sub(from).cast_signed()
 }
 
 impl Assembly {
-    /// The sample that a datagram belongs to; `None` where it was there already or comes too late.
+    /// The sample that a datagram belongs to; `None` if the datagram is repeated or late.
     pub(super) fn sample(
         &mut self,
         header: &Header,
@@ -130,7 +130,7 @@ impl Assembly {
         }
     }
 
-    /// The next sample in order, once it is whole or waiting for more is over; with `flush` at once.
+    /// The next sample in order, once it is complete or no longer waited for; with `flush`, at once.
     pub(super) fn next(&mut self, flush: bool, counters: &mut Counters) -> Option<Sample> {
         if let Some(sample) = self.done.pop_front() {
             counters.samples += 1;
@@ -158,12 +158,12 @@ impl Assembly {
         Some(sample)
     }
 
-    /// Distance of neighbours; a sender may number every fourth instant only.
+    /// Distance between neighbours: some senders send only every fourth instant.
     fn usual_step(&self) -> Option<u32> {
         self.given.iter().filter_map(|(_, step, _)| *step).min()
     }
 
-    /// Whether the sample follows the last one and has whatever the ones before had.
+    /// Whether the sample follows the last one and has everything that the previous ones had.
     fn is_due(&self, sample: &Sample) -> bool {
         let follows = self.given.back().is_some_and(|(last, ..)| {
             Some(sample.counter.wrapping_sub(*last)) == self.usual_step()
@@ -212,7 +212,7 @@ mod tests {
         }
     }
 
-    /// Counters of the samples given while these datagrams come, and at the end.
+    /// Counters of the samples handed out while these datagrams arrive, and at the end.
     fn given(headers: &[Header]) -> (Vec<u32>, Counters) {
         let (mut assembly, mut counters) = (Assembly::default(), Counters::default());
         let mut samples = Vec::new();
@@ -230,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn a_whole_sample_is_given_at_once_when_its_kinds_are_known() {
+    fn a_complete_sample_is_returned_at_once_when_its_kinds_are_known() {
         let (mut assembly, mut counters) = (Assembly::default(), Counters::default());
         let mut delays = Vec::new();
         for sample in 0..20 {
@@ -245,13 +245,13 @@ mod tests {
         }
         assert_eq!(delays.len(), 20);
         assert!(delays[10..].iter().all(|delay| *delay == 0), "{delays:?}");
-        // Without its second fragment it has to wait for those behind it.
+        // Without its second fragment, it has to wait for later samples.
         assembly.sample(&header(Kind::Pose, 20, 0, false), &mut counters);
         assert!(assembly.next(false, &mut counters).is_none());
     }
 
     #[test]
-    fn repeated_late_and_missing_ones_are_told_apart() {
+    fn repeated_late_and_missing_samples_are_told_apart() {
         let pose = |sample| header(Kind::Pose, sample, 0, true);
         let mut order: Vec<Header> = (0..40).map(pose).collect();
         order.remove(30);
@@ -301,7 +301,7 @@ mod tests {
                     [Kind::Pose, Kind::AngularKinematics].map(|kind| header(kind, sample, 0, true))
                 })
                 .collect();
-            // Of the first samples nothing is known: they are left in order.
+            // The first samples stay in order, because there is nothing yet to judge them by.
             for swap in swaps {
                 if swap > 16 && swap % 2 == 0 {
                     headers.swap(swap, swap + 1);

@@ -1,15 +1,15 @@
-//! Even time from time codes in whole milliseconds.
+//! Evenly spaced times from time codes in whole milliseconds.
 
-/// Largest gap between even time and time code (s): the code is cut or rounded to 1 ms.
+/// Largest difference between even time and time code (s): the code is truncated or rounded to 1 ms.
 const TOLERANCE: f64 = 1e-3;
-/// Share of the gap that is made up in each sample: 0.5 ms of rounding move a step by 0.01 ms.
+/// Fraction of the difference that is corrected per sample: 0.5 ms of rounding changes a step by 0.01 ms.
 const PULL: f64 = 0.02;
-/// Samples after which a time code that stands still is a fault.
+/// Samples after which a constant time code is a fault.
 const PATIENCE: u32 = 48;
 
-/// Turns sample counters and time codes into time. At 240 Hz the codes step by 4 or 5 ms; a filter needs the
-/// 4.167 ms they stand for. The period is the mean since the first sample; the time runs on with it, is drawn
-/// gently to the codes, and held within 1 ms of them.
+/// Turns sample counters and time codes into time. At 240 Hz the codes advance by 4 or 5 ms, but a filter needs steps
+/// of 4.167 ms. The period is the mean since the first sample; the time advances by it, is gently pulled towards the
+/// codes, and stays within 1 ms of them.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Clock {
     first: Option<(u32, u32)>,
@@ -18,7 +18,7 @@ pub(super) struct Clock {
 }
 
 impl Clock {
-    /// A clock for a known rate (Hz): time is counter by rate.
+    /// A clock for a known rate (Hz): time is the counter divided by the rate.
     pub(super) fn with_rate(rate: f64) -> Self {
         Self {
             period: Some(1.0 / rate),
@@ -42,7 +42,7 @@ impl Clock {
         let time = match (self.last, self.period) {
             (Some((last, time)), Some(period)) => {
                 let even = time + f64::from(counter.wrapping_sub(last)) * period;
-                // Never back: a code that steps back holds the clock.
+                // Time never runs backwards: a code that steps back stops the clock.
                 let drawn = even + PULL * (code - even);
                 drawn.clamp(code - TOLERANCE, code + TOLERANCE).max(time)
             }
@@ -52,13 +52,13 @@ impl Clock {
         time
     }
 
-    /// Samples per second (Hz), once two of them have come. With senders that number every n-th instant this
-    /// is the rate of the numbers.
+    /// Counts per second (Hz), once two samples have arrived. If a sender sends only every n-th count, this is still
+    /// the rate of the counter.
     pub(super) fn rate(&self) -> Option<f64> {
         self.period.map(|period| 1.0 / period)
     }
 
-    /// Whether the sender's time codes stand still.
+    /// Whether the sender's time codes do not advance.
     pub(super) fn stands_still(&self) -> bool {
         let samples = self
             .first
@@ -74,7 +74,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn codes_that_stand_still_are_noticed() {
+    fn time_codes_that_do_not_advance_are_noticed() {
         let mut clock = Clock::default();
         for counter in 0..100 {
             assert_eq!(clock.stands_still(), counter > 49);
@@ -102,7 +102,7 @@ mod tests {
                 prop_assert!((time - truth / 1000.0).abs() <= 2e-3);
                 prop_assert!(time >= before);
                 if i > 500 {
-                    // Codes alone are off by up to 1 ms.
+                    // The codes alone are off by up to 1 ms.
                     prop_assert!((time - before - 1.0 / rate).abs() < 0.1e-3, "{}", time - before);
                 }
                 before = time;

@@ -1,26 +1,26 @@
-//! What a receiver has met, counted.
+//! Counters of what a receiver has received.
 
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// What has come in so far.
+/// What has been received so far.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, JsonSchema, Serialize)]
 pub struct Counters {
     /// Datagrams of any kind.
     pub datagrams: u64,
     /// Datagrams that are not from MVN or are shorter than they claim.
     pub bad_datagrams: u64,
-    /// Datagrams of other persons and of kinds that a flight does not need.
+    /// Datagrams for other persons, or of kinds that a flight does not need.
     pub ignored_datagrams: u64,
-    /// Datagrams from other machines than the sender's.
+    /// Datagrams from machines other than the sender's.
     pub foreign_datagrams: u64,
-    /// Datagrams that had come before.
+    /// Datagrams received before.
     pub repeated_datagrams: u64,
-    /// Datagrams whose sample was given already.
+    /// Datagrams whose sample had already been handed out.
     pub late_datagrams: u64,
-    /// Samples given on, good or not.
+    /// Samples handed on, good or not.
     pub samples: u64,
-    /// Samples of which nothing came.
+    /// Samples of which nothing arrived.
     pub missing_samples: u64,
     /// Samples without the pose of the whole body.
     pub incomplete_samples: u64,
@@ -28,10 +28,10 @@ pub struct Counters {
     pub bad_samples: u64,
     /// Frames handed out.
     pub frames: u64,
-    /// Frames whose velocity is from differences.
+    /// Frames whose velocity comes from differences.
     pub differenced_velocities: u64,
-    /// Frames whose angular velocity is from differences.
+    /// Frames whose angular velocity comes from differences.
     pub differenced_angular_velocities: u64,
-    /// Times the sender started anew.
+    /// Restarts of the sender.
     pub restarts: u64,
 }

@@ -1,13 +1,13 @@
-//! One datagram: its header of 24 bytes and its payload, whole numbers big-endian.
+//! One datagram: a header of 24 bytes and a payload; integers are big-endian.
 
-/// Bytes of a header.
+/// Length of a header (bytes).
 pub const HEADER_LENGTH: usize = 24;
 /// First bytes of every datagram; two digits follow.
 const MAGIC: [u8; 4] = *b"MXTP";
-/// Set in the datagram counter of the last fragment.
+/// This bit is set in the fragment number of the last fragment.
 const LAST: u8 = 0x80;
 
-/// What a datagram carries; the two digits of its header.
+/// Type of the payload, given by the two digits in the header.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Kind {
     /// 01, pose as Euler angles (deg) in axes with Y up (cm).
@@ -28,11 +28,11 @@ pub enum Kind {
     CentreOfMass,
     /// 25, time of day.
     TimeCode,
-    /// Any other.
+    /// Any other kind.
     Other(u8),
 }
 
-/// Numbers of the kinds that are understood.
+/// Numbers of the known kinds.
 const NUMBERS: [(Kind, u8); 9] = [
     (Kind::PoseEuler, 1),
     (Kind::Pose, 2),
@@ -46,7 +46,7 @@ const NUMBERS: [(Kind, u8); 9] = [
 ];
 
 impl Kind {
-    /// The kind of a number of two digits.
+    /// The kind with a number of two digits.
     pub fn from_number(number: u8) -> Self {
         NUMBERS
             .into_iter()
@@ -66,14 +66,14 @@ impl Kind {
     }
 }
 
-/// What stands before the payload.
+/// The header before the payload.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Header {
-    /// What the payload is.
+    /// Type of the payload.
     pub kind: Kind,
-    /// Number of the sample; datagrams with the same one belong together.
+    /// Number of the sample; datagrams with the same number belong together.
     pub sample: u32,
-    /// Number of the fragment within kind and sample, 0 to 127.
+    /// Number of the fragment, 0 to 127, within its sample and kind.
     pub fragment: u8,
     /// Whether it is the last fragment.
     pub last: bool,
@@ -83,7 +83,7 @@ pub struct Header {
     pub time_ms: u32,
     /// Number of the person, from 0.
     pub character: u8,
-    /// Number of body segments, 0 from senders before 2019.
+    /// Number of body segments; 0 from senders before 2019.
     pub body_segments: u8,
     /// Number of props.
     pub props: u8,
@@ -96,20 +96,20 @@ pub struct Header {
 pub struct Datagram<'a> {
     /// The header.
     pub header: Header,
-    /// What follows it.
+    /// The bytes that follow it.
     pub payload: &'a [u8],
 }
 
 /// Bytes that are not an MVN datagram.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum BadDatagram {
-    /// It does not begin with "MXTP" and two digits.
+    /// It does not start with "MXTP" and two digits.
     #[error("expected \"MXTP\" and two digits at the beginning")]
     NotMvn,
     /// It ends too early.
     #[error("expected at least {expected} bytes, found {found}")]
     Short {
-        /// Bytes there are.
+        /// Bytes received.
         found: usize,
         /// Bytes that the header announces.
         expected: usize,
@@ -117,8 +117,8 @@ pub enum BadDatagram {
 }
 
 impl<'a> Datagram<'a> {
-    /// Reads what one UDP packet brought. Senders before 2018 leave the length of the payload at 0: then it
-    /// is all that follows.
+    /// Reads the contents of one UDP packet. Senders before 2018 set the payload length to 0; the payload is then
+    /// everything that follows.
     ///
     /// # Errors
     /// Returns [`BadDatagram`] if the bytes are not a datagram.
@@ -180,8 +180,8 @@ impl<'a> Datagram<'a> {
         })
     }
 
-    /// The bytes to send, in place of what `out` holds; `None` where the payload is over 65 507 bytes less
-    /// the header, the most UDP carries.
+    /// Writes the bytes to send into `out`, replacing its contents; `None` if the payload is longer than UDP allows:
+    /// 65 507 bytes less the header.
     #[must_use]
     pub fn encode(&self, out: &mut Vec<u8>) -> Option<()> {
         let length = u16::try_from(self.payload.len())
@@ -250,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cut_datagram_is_refused_at_every_length() {
+    fn a_truncated_datagram_is_refused_at_every_length() {
         for length in 0..EXAMPLE.len() {
             let expected = if length < HEADER_LENGTH { 24 } else { 27 };
             assert_eq!(
@@ -274,7 +274,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn datagrams_return_as_sent(
+        fn datagrams_arrive_as_sent(
             number in 0u8..100,
             words in any::<[u32; 2]>(),
             bytes in any::<[u8; 5]>(),

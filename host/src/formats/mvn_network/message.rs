@@ -1,14 +1,14 @@
-//! Payloads: numbers and text, big-endian, of the kinds a flight needs.
+//! Payloads of the kinds that a flight needs: numbers and text, big-endian.
 
 use nalgebra::{Quaternion, Vector3};
 
 use super::datagram::Kind;
 use crate::formats::xsens::y_up;
 
-/// Bytes of a text that are kept: names and lines of metadata are shorter.
+/// Most bytes of a text that are kept: names and lines of metadata are shorter.
 const LONGEST_TEXT: usize = 4096;
 
-/// What the payload of one datagram says. Axes are those of MVN, Z up; lengths in m.
+/// The decoded payload of one datagram, in the axes of MVN with Z up; lengths in m.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Message {
     /// Kinds 01 and 02.
@@ -29,7 +29,7 @@ pub enum Message {
     TimeCode(String),
 }
 
-/// Where a segment is. Orientations are global from segment and not normalised here.
+/// Pose of a segment. The orientation is global from segment, and not normalised here.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SegmentPose {
     /// Number of the segment, from 1.
@@ -40,7 +40,7 @@ pub struct SegmentPose {
     pub orientation: Quaternion<f64>,
 }
 
-/// The body in the null pose, or a part of it.
+/// The body in the null pose, or part of it.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Scale {
     /// Name and origin (m) of each segment.
@@ -67,9 +67,9 @@ pub struct ScalePoint {
 /// Angles of one joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JointAngles {
-    /// Point of the parent: 256 times its segment, plus the point.
+    /// Point on the parent: 256 times the segment, plus the point.
     pub parent: u32,
-    /// Point of the child.
+    /// Point on the child.
     pub child: u32,
     /// Angles (deg).
     pub angles_deg: Vector3<f64>,
@@ -95,14 +95,14 @@ pub struct AngularKinematics {
     pub id: u32,
     /// Orientation.
     pub orientation: Quaternion<f64>,
-    /// Angular velocity, in the unit of the sender: the protocol names none.
+    /// Angular velocity, in the sender's unit: the protocol does not specify one.
     pub angular_velocity: Vector3<f64>,
     /// Angular acceleration, in the same unit per second.
     pub angular_acceleration: Vector3<f64>,
 }
 
 impl Message {
-    /// Reads a payload of `items` items; `None` where it is too short or the kind is not understood.
+    /// Reads a payload of `items` items; `None` if it is too short or the kind is not known.
     pub fn decode(kind: Kind, items: u8, payload: &[u8]) -> Option<Self> {
         let mut reader = Reader(payload);
         Some(match kind {
@@ -152,8 +152,8 @@ impl Message {
         })
     }
 
-    /// Appends the payload; its kind and number of items. Poses go out as quaternions; of a list only what a
-    /// header can count, 255.
+    /// Appends the payload, and returns its kind and number of items. Poses are sent as quaternions, and of a list at
+    /// most 255 items, which is all the header can count.
     pub fn encode(&self, out: &mut Vec<u8>) -> (Kind, u8) {
         match self {
             Self::Pose(poses) => {
@@ -229,7 +229,7 @@ impl Scale {
     }
 }
 
-/// Items of equal size. Their size is the payload's share of each, so a later version may append to them.
+/// Items of equal size. Each is given an equal share of the payload, so a later version may append fields to them.
 fn records<T>(
     items: u8,
     payload: &[u8],
@@ -246,7 +246,7 @@ fn records<T>(
         .collect()
 }
 
-/// Lines `tag:value`; a value may hold further colons, and lines without any are left out.
+/// Lines of `tag:value`; a value may contain further colons, and lines without a colon are skipped.
 fn metadata(text: &str) -> Vec<(String, String)> {
     text.lines()
         .filter_map(|line| line.split_once(':'))
@@ -256,7 +256,7 @@ fn metadata(text: &str) -> Vec<(String, String)> {
 
 fn scale(reader: &mut Reader<'_>) -> Option<Scale> {
     let mut scale = Scale::default();
-    // The counts come from outside: nothing is reserved by them, a short payload ends the loop.
+    // The count is untrusted, so nothing is reserved for it; a short payload ends the loop.
     for _ in 0..reader.word()? {
         scale.segments.push((reader.text()?, reader.vector()?));
     }
@@ -272,7 +272,7 @@ fn scale(reader: &mut Reader<'_>) -> Option<Scale> {
     Some(scale)
 }
 
-/// With the length in front, as MVN sends it, or without, as its document has it.
+/// With a length prefix, as MVN sends it, or without, as its documentation specifies.
 fn time_code(payload: &[u8]) -> Option<String> {
     Reader(payload).text().or_else(|| {
         let bare = payload.get(..12).filter(|text| text.is_ascii())?;
@@ -280,7 +280,7 @@ fn time_code(payload: &[u8]) -> Option<String> {
     })
 }
 
-/// What is left of a payload.
+/// The unread part of a payload.
 struct Reader<'a>(&'a [u8]);
 
 impl Reader<'_> {
@@ -307,13 +307,13 @@ impl Reader<'_> {
         Some(Vector3::new(self.real()?, self.real()?, self.real()?))
     }
 
-    /// Sent w x y z.
+    /// Sent as w x y z.
     fn quaternion(&mut self) -> Option<Quaternion<f64>> {
         let (w, i, j, k) = (self.real()?, self.real()?, self.real()?, self.real()?);
         Some(Quaternion::new(w, i, j, k))
     }
 
-    /// Length and UTF-8; what is not UTF-8 is replaced, what is longer than any name is cut.
+    /// Length and UTF-8; invalid UTF-8 is replaced, and text longer than any name is cut.
     fn text(&mut self) -> Option<String> {
         let mut after = Self(self.0);
         let length = usize::try_from(after.word()?).ok()?;
@@ -372,7 +372,7 @@ mod tests {
         Message::decode(kind, items, &payload)
     }
 
-    /// Numbers that single precision holds.
+    /// Numbers that single precision can represent exactly.
     fn number() -> impl Strategy<Value = f64> {
         (-1e6f32..1e6).prop_map(f64::from)
     }
@@ -528,15 +528,15 @@ mod tests {
 
     proptest! {
         #[test]
-        fn messages_return_as_sent(message in any_message()) {
+        fn messages_arrive_as_sent(message in any_message()) {
             prop_assert_eq!(returned(&message), Some(message));
         }
 
         #[test]
-        fn a_cut_payload_never_panics(message in any_message(), cut in 0.0..1.0f64) {
+        fn a_truncated_payload_never_panics(message in any_message(), cut in 0.0..1.0f64) {
             let mut payload = Vec::new();
             let (kind, items) = message.encode(&mut payload);
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss, reason = "a share of a length")]
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss, reason = "a fraction of a length")]
             payload.truncate((payload.len() as f64 * cut) as usize);
             prop_assert_ne!(Message::decode(kind, items, &payload), Some(message));
         }

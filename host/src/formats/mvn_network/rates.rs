@@ -1,4 +1,4 @@
-//! Velocity and angular velocity of the pelvis: as sent, or from differences where they are not.
+//! Velocity and angular velocity of the pelvis: as sent, otherwise from differences.
 
 use std::collections::VecDeque;
 
@@ -7,14 +7,14 @@ use nalgebra::Vector3;
 
 use crate::formats::mvnx::rotation_rate;
 
-/// Time over which differences are taken (s), up to the sample itself: their middle is half of it late.
+/// Time over which differences are taken (s), up to the sample itself; they therefore lag by half of it.
 pub const DIFFERENCE_WINDOW: f64 = 0.02;
-/// Longest pause that a difference reaches over (s).
+/// Longest gap bridged by a difference (s).
 const LONGEST_PAUSE: f64 = 0.1;
-/// Sum of squared angular velocities (rad2/s2) by which the unit is told.
+/// Sum of squared angular velocities (rad2/s2) needed to determine the unit.
 const EVIDENCE: f64 = 5.0;
 
-/// Unit of the angular velocities of a sender. The protocol does not name it.
+/// Unit of a sender's angular velocities, which the protocol does not specify.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AngularUnit {
     /// rad/s.
@@ -39,28 +39,28 @@ struct Instant {
     position: Vector<f64, Inertial>,
 }
 
-/// What goes with one sample, in the axes of the model.
+/// Rates of one sample, in the axes of the model.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct PelvisRates {
-    /// (m/s)
+    /// Velocity (m/s).
     pub(super) velocity: Option<Vector<f64, Inertial>>,
-    /// (rad/s)
+    /// Angular velocity (rad/s).
     pub(super) angular_velocity: Option<Vector<f64, Inertial>>,
-    /// Which of the two is from differences.
+    /// Whether each of the two comes from differences.
     pub(super) differenced: [bool; 2],
 }
 
-/// The last samples, and what they say about the unit.
+/// The last samples, and the evidence about the unit.
 #[derive(Debug, Default)]
 pub(super) struct Rates {
     history: VecDeque<Instant>,
     unit: Option<AngularUnit>,
-    /// Sums of sent by differenced and of differenced squared.
+    /// Sum of sent times differenced, and of differenced squared.
     evidence: [f64; 2],
 }
 
 impl Rates {
-    /// With the unit, where it is known.
+    /// Starts with the unit, if it is known.
     pub(super) fn new(unit: Option<AngularUnit>) -> Self {
         Self {
             unit,
@@ -68,12 +68,12 @@ impl Rates {
         }
     }
 
-    /// The unit, as known or found.
+    /// The unit, if it is known by now.
     pub(super) fn unit(&self) -> Option<AngularUnit> {
         self.unit
     }
 
-    /// Rates of a sample; velocities as sent, in axes of MVN, where they were.
+    /// The rates of a sample. The velocities given are those sent, if any, in the axes of MVN.
     pub(super) fn push(
         &mut self,
         time: f64,
@@ -113,7 +113,7 @@ impl Rates {
         &mut self,
         now: &Instant,
     ) -> Option<(Vector<f64, Inertial>, Vector<f64, Inertial>)> {
-        // The second oldest is far enough back: the oldest is not needed any more.
+        // If the second oldest is far enough back, the oldest is no longer needed.
         while self
             .history
             .get(1)
@@ -137,7 +137,7 @@ impl Rates {
         Some((moved, Vector::from_components(turned)))
     }
 
-    /// A turn seen in the orientations tells rad/s from deg/s.
+    /// Determines the unit by comparing the sent rates with the rotation seen in the orientations.
     fn learn(&mut self, sent: &Vector3<f64>, measured: &Vector3<f64>) {
         self.evidence[0] += sent.dot(measured);
         self.evidence[1] += measured.norm_squared();
@@ -161,7 +161,7 @@ mod tests {
     use super::*;
     use nalgebra::UnitQuaternion;
 
-    /// A turn about the vertical at 1.5 rad/s while moving along X, sent in a unit.
+    /// A rotation about the vertical at 1.5 rad/s while moving along X, sent in some unit.
     fn turning(sent: impl Fn(f64) -> Option<f64>, frames: u32) -> (Rates, PelvisRates) {
         let mut rates = Rates::new(None);
         let mut last = PelvisRates::default();
@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn the_unit_is_told_by_the_turn() {
+    fn the_unit_follows_from_the_turn() {
         for (unit, factor) in [
             (AngularUnit::Radians, 1.0),
             (AngularUnit::Degrees, 1f64.to_degrees()),
@@ -191,14 +191,14 @@ mod tests {
             assert!((rate - Vector3::z() * 1.5).norm() < 1e-9);
             assert_eq!(last.differenced, [true, false]);
         }
-        // Neither unit: differences it stays.
+        // It is neither unit, so differences continue to be used.
         let (rates, last) = turning(|rate| Some(rate * -3.0), 100);
         assert_eq!(rates.unit(), None);
         assert!((last.angular_velocity.unwrap().up() - 1.5).abs() < 1e-9);
     }
 
     #[test]
-    fn differences_stand_in_for_what_is_not_sent() {
+    fn differences_replace_what_is_not_sent() {
         let (rates, last) = turning(|_| None, 40);
         assert!(rates.history.len() <= 6, "{}", rates.history.len());
         assert_eq!(last.differenced, [true, true]);
@@ -209,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn no_difference_reaches_over_a_pause() {
+    fn no_difference_is_taken_across_a_pause() {
         let (mut rates, _) = turning(|_| None, 40);
         let mut push = |time| {
             rates.push(
@@ -222,7 +222,7 @@ mod tests {
         };
         assert_eq!(push(1.0).velocity, None);
         assert!(push(1.0 + 1.0 / 60.0).velocity.is_some());
-        // Time that stands still gives none either.
+        // There is no velocity either if time does not advance.
         assert_eq!(push(1.0).velocity, None);
     }
 }

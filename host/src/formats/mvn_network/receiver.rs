@@ -1,4 +1,4 @@
-//! Datagrams in, flight frames out; no socket, no clock of its own.
+//! Turns datagrams into flight frames, without a socket or a clock.
 
 use std::collections::VecDeque;
 use std::net::IpAddr;
@@ -19,27 +19,27 @@ use crate::formats::xsens::{self, MvnSegment};
 /// Largest error of the norm of a usable orientation.
 const NORM_TOLERANCE: f64 = 0.01;
 
-/// Segments and points of a body that are kept; MVN has 67 segments with fingers and props, and some hundred points.
+/// Most segments and points kept of a body; MVN has 67 segments with fingers and props, and about a hundred points.
 const MOST_SEGMENTS: usize = 128;
 const MOST_POINTS: usize = 1024;
 
 /// How to receive.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Options {
-    /// The person to follow, from 0; otherwise whoever comes first.
+    /// The person to follow, from 0; if absent, the first one received.
     pub character: Option<u8>,
-    /// Rate of the sample counter (Hz); otherwise time follows the time codes.
+    /// Rate of the sample counter (Hz); if absent, time follows the time codes.
     pub rate: Option<f64>,
-    /// Unit of the angular velocities; otherwise told by comparison with the orientations.
+    /// Unit of the angular velocities; if absent, it is determined by comparison with the orientations.
     pub angular_unit: Option<AngularUnit>,
-    /// The sender's machine; otherwise whichever sends first, see [`super::Source`].
+    /// The sender's machine; if absent, the first one that sends, see [`super::Source`].
     pub sender: Option<IpAddr>,
 }
 
-/// What the sender says besides motion, the latest of each.
+/// What the sender reports besides motion, the latest of each.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Information {
-    /// Tags and values, `name` among them.
+    /// Tags and values, including `name`.
     pub metadata: Vec<(String, String)>,
     /// The body in the null pose.
     pub scale: Scale,
@@ -59,7 +59,7 @@ impl Information {
     }
 }
 
-/// Turns datagrams into frames. Memory is bounded whatever comes in.
+/// Turns datagrams into frames. Memory is bounded whatever arrives.
 #[derive(Debug)]
 pub struct Receiver {
     options: Options,
@@ -74,7 +74,7 @@ pub struct Receiver {
 }
 
 impl Receiver {
-    /// Nothing received yet.
+    /// Creates a receiver that has received nothing yet.
     pub fn new(options: Options) -> Self {
         Self {
             options,
@@ -89,7 +89,7 @@ impl Receiver {
         }
     }
 
-    /// Takes one datagram; [`Receiver::next_frame`] has the frames it completes.
+    /// Takes one datagram; the frames that it completes are available from [`Receiver::next_frame`].
     pub fn push(&mut self, bytes: &[u8]) {
         self.counters.datagrams += 1;
         let Ok(Datagram { header, payload }) = Datagram::parse(bytes) else {
@@ -112,7 +112,7 @@ impl Receiver {
         self.convert(false);
     }
 
-    /// Counts a datagram that came from another machine than the sender's.
+    /// Counts a datagram from a machine other than the sender's.
     pub(super) fn count_foreign(&mut self) {
         self.counters.foreign_datagrams += 1;
     }
@@ -122,46 +122,46 @@ impl Receiver {
         self.frames.pop_front()
     }
 
-    /// Gives up waiting for what is missing, as after silence.
+    /// Stops waiting for missing data, as after a silence.
     pub fn flush(&mut self) {
         self.convert(true);
     }
 
-    /// What has come in so far.
+    /// What has been received so far.
     pub fn counters(&self) -> &Counters {
         &self.counters
     }
 
-    /// What the sender says besides motion.
+    /// What the sender reports besides motion.
     pub fn information(&self) -> &Information {
         &self.information
     }
 
-    /// Rate of the sample counter by the time codes (Hz).
+    /// Rate of the sample counter according to the time codes (Hz).
     pub fn rate(&self) -> Option<f64> {
         self.clock.rate()
     }
 
-    /// Unit of the angular velocities, as given or found; `None` while it is not known.
+    /// Unit of the angular velocities, given or determined; `None` while it is unknown.
     pub fn angular_unit(&self) -> Option<AngularUnit> {
         self.rates.unit()
     }
 
-    /// Whether samples come in but their time codes stand still, so that frames have no time.
+    /// Whether samples arrive but their time codes do not advance, so that frames have no time.
     pub fn time_stands_still(&self) -> bool {
         self.clock.stands_still()
     }
 
     fn take(&mut self, header: &Header, message: Message) {
         match message {
-            // These stand for more than one sample: their counter may be anything.
+            // These apply to more than one sample, so their counter may be anything.
             Message::Metadata(metadata) => self.information.metadata = metadata,
             Message::Scale(scale) => {
                 let known = &mut self.information.scale;
                 if header.fragment == 0 {
                     *known = Scale::default();
                 }
-                // Fragments may come again and again: only as many as a body has are kept.
+                // Fragments may arrive repeatedly: no more are kept than a body has.
                 let free = MOST_SEGMENTS.saturating_sub(known.segments.len());
                 known.segments.extend(scale.segments.into_iter().take(free));
                 let free = MOST_POINTS.saturating_sub(known.points.len());
@@ -173,7 +173,7 @@ impl Receiver {
                 let Some(sample) = self.assembly.sample(header, &mut self.counters) else {
                     return;
                 };
-                // Quaternions come before angles, which repeat them.
+                // Quaternions take precedence over angles, which repeat them.
                 let angles = header.kind == Kind::PoseEuler;
                 for pose in poses {
                     let place = (pose.id as usize).wrapping_sub(1);
@@ -321,7 +321,7 @@ mod tests {
         bytes
     }
 
-    /// The T-pose at a height.
+    /// The T-pose at some height.
     fn pose(height: f64, scale: f64) -> Message {
         let segment = |id| SegmentPose {
             id,
@@ -348,7 +348,7 @@ mod tests {
         assert_eq!((last.index, last.bridged), (9, false));
         assert_eq!(last.posture, xsens::t_pose());
         assert!((last.pelvis.position.up() - 9.0).abs() < 1e-12);
-        // 1 m in 4 ms, not sent, so from differences.
+        // It rises 1 m in 4 ms; the velocity is not sent, so it comes from differences.
         let velocity = last.pelvis.velocity.unwrap().components;
         assert!((velocity.z - 250.0).abs() < 1.0, "{velocity}");
         assert_eq!(receiver.counters().differenced_velocities, 9);
@@ -356,7 +356,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_is_counted_and_not_given() {
+    fn impossible_values_are_counted_and_not_returned() {
         let mut receiver = Receiver::new(Options::default());
         receiver.push(&bytes(&pose(1.0, 1.0), 0, 3));
         receiver.push(&bytes(&pose(1.0, 0.5), 1, 3));

@@ -1,4 +1,4 @@
-//! A recording sent as MVN sends a live one, for other tools.
+//! Sends a recording as MVN sends a live one, for other tools.
 
 use std::net::UdpSocket;
 use std::str::FromStr;
@@ -21,19 +21,19 @@ use crate::formats::xsens::skeleton::Layout;
 use crate::formats::xsens::{self, MVN_SEGMENT_COUNT, MvnSegment};
 use crate::interrupt;
 
-/// Time between two tellings of what does not move (s), for those who listen in late.
+/// Interval at which static information is repeated (s), for receivers that join late.
 const INTRODUCTION_PERIOD: f64 = 1.0;
-/// Points of the skeleton in one datagram: with their names still below 1500 bytes.
+/// Points of the skeleton per datagram: with their names, it stays below 1500 bytes.
 const POINTS_PER_DATAGRAM: usize = 24;
 /// Longest wait between checks for Ctrl-C.
 const NAP: Duration = Duration::from_millis(100);
 
-/// How fast to send.
+/// Sending speed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Speed {
-    /// So many times as fast as it was recorded.
+    /// This many times as fast as recorded.
     Times(f64),
-    /// As fast as the network takes it.
+    /// As fast as the network allows.
     Max,
 }
 
@@ -61,12 +61,12 @@ pub struct Sent {
     pub datagrams: u64,
     /// Bytes of datagrams.
     pub bytes: u64,
-    /// Datagrams that the other machine refused: nobody listened there.
+    /// Datagrams refused by the other machine because nothing was listening there.
     pub refused_datagrams: u64,
 }
 
-/// Sends frames: pose, linear and angular kinematics and centre of mass of each, name, skeleton and time
-/// of day once a second.
+/// Sends frames: pose, linear and angular kinematics and centre of mass for each, and name, skeleton and time of day
+/// once a second.
 #[derive(Debug)]
 pub struct Sink {
     socket: UdpSocket,
@@ -80,10 +80,10 @@ pub struct Sink {
 }
 
 impl Sink {
-    /// Sends to `address`, `host:port`, a flight of `body`.
+    /// Prepares to send a flight of `body` to `address`, given as `host:port`.
     ///
     /// # Errors
-    /// Returns an error if the address is none or cannot be reached.
+    /// Returns an error if the address is invalid or cannot be reached.
     pub fn connect(address: &str, body: &Body<f64>, subject_label: &str) -> Result<Self> {
         let socket = UdpSocket::bind("0.0.0.0:0")
             .and_then(|socket| socket.connect(address).map(|()| socket))
@@ -100,7 +100,7 @@ impl Sink {
         })
     }
 
-    /// Takes a frame and sends the one before it, whose accelerations are known now.
+    /// Takes a frame and sends the previous one, whose accelerations are now known.
     ///
     /// # Errors
     /// Returns an error if the network fails.
@@ -126,7 +126,7 @@ impl Sink {
         Ok(self.sent)
     }
 
-    /// What was sent so far.
+    /// What has been sent so far.
     pub fn sent(&self) -> &Sent {
         &self.sent
     }
@@ -181,7 +181,7 @@ impl Sink {
         Ok(())
     }
 
-    /// Name, skeleton and time.
+    /// Sends name, skeleton and time of day.
     fn introduce(&mut self, frame: &MovingFrame) -> Result<()> {
         let metadata = [
             ("name", self.subject_label.clone()),
@@ -226,7 +226,7 @@ impl Sink {
         let encoded = Datagram { header, payload }.encode(&mut self.bytes);
         encoded.ok_or_else(|| {
             Problem::bad_input(format!(
-                "{} bytes of kind {} are too many for a datagram",
+                "{} bytes of kind {} do not fit in a datagram",
                 self.payload.len(),
                 Kind::number(kind)
             ))
@@ -246,7 +246,7 @@ impl Sink {
     }
 }
 
-/// Segments first, then their points in datagrams of modest size.
+/// Segments first, then their points in datagrams of moderate size.
 fn skeleton(layout: &Layout) -> Vec<Scale> {
     let height = bodyflight_core::frame::Vector::new(0.0, 0.0, layout.standing_height());
     let standing = layout.place(xsens::facing_forward(), height, &xsens::t_pose());
@@ -278,8 +278,11 @@ fn skeleton(layout: &Layout) -> Vec<Scale> {
     core::iter::once(first).chain(rest).collect()
 }
 
-/// Wraps, as that of MVN does.
-#[expect(clippy::cast_possible_truncation, reason = "the low half is meant")]
+/// Wraps, as MVN's counter does.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "only the low 32 bits are sent"
+)]
 fn counter(index: u64) -> u32 {
     index as u32
 }
@@ -287,7 +290,7 @@ fn counter(index: u64) -> u32 {
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
-    reason = "49 days; the conversion ends at the bounds"
+    reason = "enough for 49 days; the conversion saturates"
 )]
 fn milliseconds(time: f64) -> u32 {
     (time * 1000.0).round() as u32
@@ -305,7 +308,7 @@ fn time_of_day(time: f64) -> String {
     )
 }
 
-/// Sends a whole flight at a speed and tells how far it is after each frame.
+/// Sends a whole flight at the given speed, and reports the progress after each frame.
 ///
 /// # Errors
 /// Returns an error if a frame cannot be read or sent, or Ctrl-C was pressed.

@@ -10,19 +10,19 @@ use crate::diagnostic::{Problem, Result};
 use crate::formats::recording::FlightFrame;
 use crate::interrupt;
 
-/// The port that MVN sends to unless told otherwise.
+/// The port that MVN sends to by default.
 pub const DEFAULT_PORT: u16 = 9763;
-/// Silence after which a sample is not waited for any longer.
+/// Silence after which a sample is no longer waited for.
 const SILENCE: Duration = Duration::from_millis(50);
-/// Most bytes of a datagram.
+/// Size of the largest datagram (bytes).
 const LARGEST: usize = 65_536;
 
-/// Frames as MVN sends them, live.
+/// Frames received live from MVN.
 ///
-/// It follows one machine, the first to send anything of MVN, or the one of [`Options::sender`]; what others send is
-/// counted and left.
+/// It follows a single machine: the one given in [`Options::sender`], otherwise the first that sends an MVN datagram.
+/// Datagrams from others are counted and ignored.
 ///
-/// As an iterator it waits for the next frame and never ends but with a problem, Ctrl-C being one.
+/// As an iterator it waits for the next frame, and ends only with an error, such as Ctrl-C.
 #[derive(Debug)]
 pub struct Source {
     socket: UdpSocket,
@@ -36,12 +36,12 @@ impl Source {
     /// Listens at `address`: `host:port`, or `:port` for all networks of this machine.
     ///
     /// # Errors
-    /// Returns an error if the address is none, or its port is taken.
+    /// Returns an error if the address is invalid, or its port is in use.
     pub fn bind(address: &str) -> Result<Self> {
         Self::with_options(address, Options::default())
     }
 
-    /// As [`Source::bind`], with options.
+    /// Same as [`Source::bind`], with options.
     ///
     /// # Errors
     /// Same as [`Source::bind`].
@@ -61,33 +61,33 @@ impl Source {
         })
     }
 
-    /// Where it listens.
+    /// The address it listens at.
     ///
     /// # Errors
-    /// Returns an error if the system does not tell.
+    /// Returns an error if the system does not report it.
     pub fn local_address(&self) -> Result<SocketAddr> {
         self.socket
             .local_addr()
-            .map_err(|error| network("cannot tell the address", error))
+            .map_err(|error| network("cannot get the local address", error))
     }
 
-    /// What was received.
+    /// The receiver behind the socket, with its counters.
     pub fn receiver(&self) -> &Receiver {
         &self.receiver
     }
 
-    /// The next frame, `None` where none comes within `patience`.
+    /// The next frame, `None` if none arrives within `patience`.
     ///
     /// # Errors
-    /// Returns an error if the socket fails, the time codes stand still and no rate is given, or Ctrl-C was pressed.
+    /// Returns an error if the socket fails, the time codes do not advance and no rate is given, or Ctrl-C was pressed.
     pub fn next_within(&mut self, patience: Duration) -> Result<Option<FlightFrame>> {
         let begin = Instant::now();
         loop {
             if self.receiver.time_stands_still() {
                 return Err(Problem::bad_input(
-                    "the time codes of the sender stand still, so its frames have no time",
+                    "the sender's time codes do not advance, so its frames have no time",
                 )
-                .help("start the playback or recording in MVN, or say the rate with --rate"));
+                .help("start the playback or recording in MVN, or give the rate with --rate"));
             }
             if let Some(frame) = self.receiver.next_frame() {
                 return Ok(Some(frame));
@@ -97,7 +97,7 @@ impl Source {
                 Ok((length, from)) => self.take(length, from.ip()),
                 Err(error) => match error.kind() {
                     ErrorKind::WouldBlock | ErrorKind::TimedOut => self.receiver.flush(),
-                    // Windows tells a receiver that its own answers were refused.
+                    // Windows reports here that replies from this socket were refused.
                     ErrorKind::Interrupted | ErrorKind::ConnectionReset => {}
                     _ => return Err(network("cannot receive", error)),
                 },
@@ -110,7 +110,7 @@ impl Source {
 }
 
 impl Source {
-    /// Takes a datagram of the one sender: whoever sent the first that is of MVN.
+    /// Takes a datagram from the followed machine, which is the first to send an MVN datagram.
     fn take(&mut self, length: usize, from: IpAddr) {
         let bytes = self.buffer.get(..length).unwrap_or_default();
         if self.sender.is_none() && Datagram::parse(bytes).is_ok() {
@@ -136,12 +136,12 @@ impl Iterator for Source {
     }
 }
 
-/// A problem of the network, with the usual next step.
+/// A network problem, with the usual next step.
 pub(super) fn network(message: &str, error: std::io::Error) -> Problem {
     let kind = error.kind();
     let problem = Problem::refused(message).caused_by(error);
     match kind {
-        ErrorKind::AddrInUse => problem.help("another program listens there: end it or take another port"),
+        ErrorKind::AddrInUse => problem.help("another program is listening there: stop it or use another port"),
         ErrorKind::InvalidInput => problem.help(format!(
             "expected HOST:PORT, for example 192.168.1.20:{DEFAULT_PORT}, or :PORT to listen on all networks"
         )),

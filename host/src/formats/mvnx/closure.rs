@@ -1,8 +1,8 @@
-//! Whether the segments meet at their joints: the best check of a recording, and how its arm frame is found.
+//! Whether the segments meet at their joints: the best check of a recording, and the way to determine its arm frame.
 //!
-//! Versions of MVN write the orientation of upper arms, forearms and hands in one of two frames: with the
-//! axes of the T-pose, or with those of the International Society of Biomechanics (ISB). No flag tells which.
-//! Both are tried on the file; in the wrong one elbows and wrists come apart by 0.3 m.
+//! Versions of MVN write the orientation of upper arms, forearms and hands in one of two frames: with the axes of the
+//! T-pose, or with those of the International Society of Biomechanics (ISB). No flag says which. Both are tried on the
+//! file; in the wrong one, elbows and wrists come apart by 0.3 m.
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
@@ -11,7 +11,7 @@ use super::header::{Header, SegmentDefinition};
 /// Frame in which a file gives the orientation of the arms.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ArmFrame {
-    /// All orientations are the identity in the T-pose; so does everything handed out here.
+    /// All orientations are the identity in the T-pose, as in everything this module hands out.
     TPose,
     /// The arms have ISB axes.
     Isb,
@@ -27,9 +27,9 @@ impl ArmFrame {
     }
 }
 
-/// ISB axes of a segment in those of the T-pose; the identity but for the arms.
+/// ISB axes of a segment in the axes of the T-pose; the identity except for the arms.
 ///
-/// In the T-pose a file with ISB arms gives these as orientations.
+/// A file with ISB arms has these orientations in the T-pose.
 pub fn t_pose_from_isb(label: &str) -> UnitQuaternion<f64> {
     const HALF: f64 = core::f64::consts::FRAC_1_SQRT_2;
     let [w, x, y, z] = match label {
@@ -46,11 +46,11 @@ pub fn t_pose_from_isb(label: &str) -> UnitQuaternion<f64> {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Skeleton {
     joints: Vec<[Connector; 2]>,
-    /// Per segment, components along T-pose axes to those along ISB axes.
+    /// For each segment, converts components along T-pose axes to components along ISB axes.
     isb_from_t_pose: Vec<UnitQuaternion<f64>>,
 }
 
-/// A point of a segment, given by the segment's place in a frame.
+/// A point of a segment, given by the segment's index in a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Connector {
     segment: usize,
@@ -58,9 +58,10 @@ struct Connector {
 }
 
 impl Skeleton {
-    /// From the joints of a header or, where it lists none, from points of the same name on two segments.
+    /// Creates the skeleton from the joints of a header or, if it lists none, from points with the same name on two
+    /// segments.
     ///
-    /// `None` where the file has no points that could be compared.
+    /// `None` if the file has no points to compare.
     pub fn of(header: &Header) -> Option<Self> {
         let connector = |text: &str| {
             let (label, point) = text.trim().split_once('/')?;
@@ -85,7 +86,7 @@ impl Skeleton {
         })
     }
 
-    /// Of a file without points, of which no joint can be compared.
+    /// Creates the skeleton of a file without points, in which no joint can be compared.
     pub fn without_joints(header: &Header) -> Self {
         let labels = header.segments.iter().map(|segment| &segment.label);
         Self {
@@ -96,8 +97,8 @@ impl Skeleton {
         }
     }
 
-    /// Largest distance (m) between the two points of a joint, with orientations w x y z and positions as in
-    /// the file, taken to be in `arm_frame`. Infinite where the numbers are too few.
+    /// Largest distance (m) between the two points of a joint. Orientations (w x y z) and positions are as in the file,
+    /// which is taken to be in `arm_frame`. Infinite if there are too few numbers.
     pub fn closure_error(&self, orientation: &[f64], position: &[f64], arm_frame: ArmFrame) -> f64 {
         let place = |connector: &Connector| {
             let at = connector.segment;
@@ -119,7 +120,7 @@ impl Skeleton {
             .fold(0.0, f64::max)
     }
 
-    /// Takes orientations w x y z from ISB to T-pose arm axes.
+    /// Converts orientations w x y z from ISB to T-pose arm axes.
     pub fn convert_to_t_pose(&self, orientation: &mut [f64]) {
         for (q, isb_from_t_pose) in orientation.chunks_exact_mut(4).zip(&self.isb_from_t_pose) {
             let converted = Quaternion::new(q[0], q[1], q[2], q[3]) * isb_from_t_pose.quaternion();
@@ -128,7 +129,7 @@ impl Skeleton {
     }
 }
 
-/// Joints by points of the same name; landmarks (`p...`) may be on two segments without being joints.
+/// Joints found by points with the same name; landmarks (`p...`) may be on two segments without being joints.
 fn shared_points(segments: &[SegmentDefinition]) -> Vec<[Connector; 2]> {
     let mut joints = Vec::new();
     for (child, segment) in segments.iter().enumerate() {

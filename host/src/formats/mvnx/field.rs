@@ -1,4 +1,4 @@
-//! The elements of a frame: names, sizes, and a selection of them.
+//! The elements of a frame: names, sizes, and sets of them.
 
 use super::header::Header;
 
@@ -12,21 +12,21 @@ enum Size {
     PerContact(usize),
     /// Position, or position with velocity and acceleration.
     PointOrMotion,
-    /// As in the first frame: the header does not tell.
+    /// As many as in the first frame: the header does not specify it.
     AsFirst,
 }
 
 macro_rules! fields {
     ($($(#[$doc:meta])* $field:ident $element:literal $size:expr;)*) => {
-        /// An element of a frame that holds numbers. All values are SI, global axes X forward, Y left, Z up,
-        /// unless said otherwise.
+        /// An element of a frame that holds numbers. Values are in SI units and global axes (X forward, Y left, Z up)
+        /// unless stated otherwise.
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
         pub enum Field {
             $($(#[$doc])* $field,)*
         }
 
         impl Field {
-            /// All fields in the order of the file.
+            /// All fields in file order.
             pub const ALL: [Self; [$(stringify!($field)),*].len()] = [$(Self::$field),*];
 
             /// Name of the element.
@@ -34,7 +34,7 @@ macro_rules! fields {
                 match self { $(Self::$field => $element,)* }
             }
 
-            /// The field of that element.
+            /// The field with this element name.
             pub fn from_element(name: &str) -> Option<Self> {
                 match name { $($element => Some(Self::$field),)* _ => None }
             }
@@ -63,11 +63,11 @@ fields! {
     FootContacts "footContacts" Size::PerContact(1);
     /// Acceleration at each sensor, without gravity (m/s2).
     SensorFreeAcceleration "sensorFreeAcceleration" Size::PerSensor(3);
-    /// What each accelerometer reads, in its own axes, with gravity (m/s2).
+    /// Reading of each accelerometer, in its own axes, with gravity (m/s2).
     SensorAcceleration "sensorAcceleration" Size::PerSensor(3);
-    /// What each gyroscope reads, in its own axes (rad/s).
+    /// Reading of each gyroscope, in its own axes (rad/s).
     SensorAngularVelocity "sensorAngularVelocity" Size::PerSensor(3);
-    /// What each magnetometer reads, in its own axes (1 = field where calibrated).
+    /// Reading of each magnetometer, in its own axes (1 = the field at the place of calibration).
     SensorMagneticField "sensorMagneticField" Size::PerSensor(3);
     /// Rotation of each sensor, global from sensor, quaternion w x y z.
     SensorOrientation "sensorOrientation" Size::PerSensor(4);
@@ -92,8 +92,8 @@ fields! {
 }
 
 impl Field {
-    /// Whether `count` numbers are right, for a file with that header. `first` is the count of the first
-    /// frame, which decides where the header does not tell.
+    /// Whether `count` is the right number of values for a file with this header. `first` is the count in the first
+    /// frame, which decides if the header does not specify it.
     pub(super) fn accepts(self, count: usize, header: &Header, first: Option<usize>) -> bool {
         match self.declared(header) {
             Some(declared) => count == declared,
@@ -102,10 +102,10 @@ impl Field {
         }
     }
 
-    /// Largest size of a number that a body can have, in the unit of the field; `None` where any finite number is read on.
+    /// Largest plausible magnitude of a number, in the unit of the field; `None` if any finite number is accepted.
     pub(super) const fn limit(self) -> Option<f64> {
         match self {
-            // A place on Earth in any coordinates.
+            // A position on Earth in any coordinates.
             Self::Position | Self::CenterOfMass => Some(1e7),
             Self::Velocity => Some(1e3),
             Self::AngularVelocity => Some(1e3),
@@ -153,7 +153,7 @@ impl Fields {
     pub const NONE: Self = Self(0);
     /// Every field.
     pub const ALL: Self = Self((1 << Field::ALL.len()) - 1);
-    /// What a flight needs: attitude, place and rates of the pelvis, the posture, and the centre of mass.
+    /// The fields that a flight needs: attitude, position and rates of the pelvis, the posture, and the centre of mass.
     pub const FLIGHT: Self = Self::NONE
         .with(Field::Orientation)
         .with(Field::Position)
@@ -161,7 +161,7 @@ impl Fields {
         .with(Field::AngularVelocity)
         .with(Field::CenterOfMass);
 
-    /// The set with one field more.
+    /// The set with one more field.
     #[must_use]
     pub const fn with(self, field: Field) -> Self {
         Self(self.0 | 1 << field as u32)
@@ -172,19 +172,19 @@ impl Fields {
         self.0 & (1 << field as u32) != 0
     }
 
-    /// Fields of `self` that `other` lacks.
+    /// The fields of `self` that are not in `other`.
     #[must_use]
     pub const fn without(self, other: Self) -> Self {
         Self(self.0 & !other.0)
     }
 
-    /// Fields of both.
+    /// The fields in both sets.
     #[must_use]
     pub const fn common(self, other: Self) -> Self {
         Self(self.0 & other.0)
     }
 
-    /// The fields in the order of the file.
+    /// The fields in file order.
     pub fn iter(self) -> impl Iterator<Item = Field> {
         Field::ALL
             .into_iter()

@@ -2,13 +2,13 @@
 
 use super::field::{Field, Fields};
 
-/// What a frame is for.
+/// Purpose of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum FrameKind {
     /// A frame of the recording.
     #[default]
     Normal,
-    /// Calibration pose of version 3.
+    /// Calibration in the N-pose, in version 3.
     Npose,
     /// Calibration in the T-pose.
     Tpose,
@@ -16,7 +16,7 @@ pub enum FrameKind {
     Identity,
     /// Calibration in the T-pose with the arm frames of the International Society of Biomechanics.
     TposeIsb,
-    /// A kind not known here; passed over and counted.
+    /// An unknown kind; skipped and counted.
     Other,
 }
 
@@ -34,7 +34,7 @@ impl FrameKind {
     }
 }
 
-/// Why a frame is not usable.
+/// Why a frame cannot be used.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Fault {
     /// Index of the frame.
@@ -47,16 +47,16 @@ pub struct Fault {
     pub message: String,
 }
 
-/// A frame with the numbers of the selected fields. It is refilled from frame to frame.
+/// A frame with the numbers of the selected fields. It is reused from frame to frame.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Frame {
-    /// Number of the frame in the recording; gaps are frames that were lost.
+    /// Number of the frame in the recording; gaps are lost frames.
     pub index: u64,
-    /// What the frame is for.
+    /// Purpose of the frame.
     pub kind: FrameKind,
     /// Line in the file, from 1.
     pub line: u64,
-    /// Time as written: milliseconds, in some files seconds.
+    /// Time as written: in milliseconds, in some files in seconds.
     pub written_time: Option<f64>,
     /// Name of the event marked at this frame.
     pub marker: Option<String>,
@@ -67,7 +67,7 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// Numbers of a field, `None` where the frame lacks it or it was not selected.
+    /// Numbers of a field, `None` if the frame lacks it or it was not selected.
     pub fn numbers(&self, field: Field) -> Option<&[f64]> {
         self.present
             .contains(field)
@@ -80,7 +80,7 @@ impl Frame {
             .then(|| self.numbers[field as usize].as_mut_slice())
     }
 
-    /// Selected fields that the frame has.
+    /// The selected fields that the frame has.
     pub fn present(&self) -> Fields {
         self.present
     }
@@ -104,7 +104,7 @@ impl Frame {
         self.present = Fields::NONE;
     }
 
-    /// Keeps the first fault of a frame.
+    /// Records the first fault of a frame; later ones are ignored.
     pub(super) fn blame(&mut self, line: u64, element: &'static str, message: String) {
         let index = self.index;
         self.fault.get_or_insert(Fault {

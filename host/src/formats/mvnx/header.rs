@@ -1,4 +1,4 @@
-//! What a recording says before its frames: version, subject, skeleton, sensors.
+//! The header of a recording, before its frames: version, subject, skeleton, sensors.
 
 use std::io::BufRead;
 
@@ -8,13 +8,13 @@ use super::number;
 use super::scanner::{Element, Scanner, Token, shortened};
 use crate::diagnostic::{Problem, Result};
 
-/// Most entries of any list in the header; the longest of MVN has 40 (fingers).
+/// Most entries of any list in the header; the longest list of MVN has 40 (fingers).
 const LIST_LIMIT: usize = 128;
-/// Longest text kept of an element (bytes).
+/// Most bytes of an element's text that are kept.
 const TEXT_LIMIT: usize = 4096;
 /// Highest frame rate accepted (Hz); MVN records at up to 240 Hz.
 const FRAME_RATE_LIMIT: f64 = 10_000.0;
-/// Lowest frame rate (Hz): a posture every second tells nothing of a movement.
+/// Lowest frame rate accepted (Hz): one posture per second says nothing about a movement.
 const LOWEST_FRAME_RATE: f64 = 1.0;
 
 /// Everything before the frames.
@@ -40,11 +40,11 @@ pub struct Header {
     pub segments: Vec<SegmentDefinition>,
     /// Names of the sensors in the order of the numbers in a frame.
     pub sensors: Vec<String>,
-    /// Number of sensors in each frame, where declared.
+    /// Number of sensors in each frame, if declared.
     pub sensor_count: Option<usize>,
     /// Joints in the order of the numbers in a frame.
     pub joints: Vec<JointDefinition>,
-    /// Number of joints in each frame, where declared.
+    /// Number of joints in each frame, if declared.
     pub joint_count: Option<usize>,
     /// Names of the ergonomic joint angles.
     pub ergonomic_angles: Vec<String>,
@@ -78,7 +78,7 @@ pub struct PointDefinition {
     pub position: Vector3<f64>,
 }
 
-/// A joint and the two points that it keeps together.
+/// A joint and the two points that it connects.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct JointDefinition {
     /// Name, such as `jRightElbow`.
@@ -88,14 +88,14 @@ pub struct JointDefinition {
 }
 
 impl Header {
-    /// Place of a segment in the numbers of a frame.
+    /// Index of a segment among the numbers of a frame.
     pub fn segment_index(&self, label: &str) -> Option<usize> {
         self.segments
             .iter()
             .position(|segment| segment.label == label)
     }
 
-    /// Reads up to and with the start of `<frames>`.
+    /// Reads up to and including the start of `<frames>`.
     pub(super) fn read<R: BufRead>(scanner: &mut Scanner<R>) -> Result<Self> {
         let mut header = Self::default();
         read_root(scanner, &mut header)?;
@@ -140,7 +140,7 @@ impl Header {
                 _ => pass(scanner)?,
             }
         }
-        let problem = scanner.problem("the file has no <frames>: it holds no recording");
+        let problem = scanner.problem("the file has no <frames>, so it holds no recording");
         Err(problem.help("export the recording again, with its frames"))
     }
 
@@ -155,7 +155,7 @@ impl Header {
         })
     }
 
-    /// What the frames are said to hold; the number of segments is given back.
+    /// Reads the declared contents of the frames; returns the number of segments.
     fn read_counts(&mut self, element: &Element<'_>) -> Result<Option<usize>> {
         let [mut segments, mut sensors, mut joints] = [None; 3];
         element.attributes(|name, value| {
@@ -193,7 +193,7 @@ impl Header {
         })
     }
 
-    /// What must hold before a frame can be read.
+    /// Checks what must hold before a frame can be read.
     fn check(
         &mut self,
         line: u64,
@@ -235,7 +235,7 @@ impl Header {
     }
 }
 
-/// The root element and its version.
+/// Reads the root element and its version.
 fn read_root<R: BufRead>(scanner: &mut Scanner<R>, header: &mut Header) -> Result<()> {
     const SUPPORTED: &str = "export the recording as MVNX version 3 (v3) or 4 (v4)";
     let mut version = None;
@@ -300,7 +300,7 @@ fn segments<R: BufRead>(scanner: &mut Scanner<R>) -> Result<Vec<SegmentDefinitio
     })
 }
 
-/// A point: `<pos_s>` in version 3, `<pos_b>` in version 4.
+/// Reads a point: `<pos_s>` in version 3, `<pos_b>` in version 4.
 fn point<R: BufRead>(scanner: &mut Scanner<R>, label: String) -> Result<PointDefinition> {
     let mut position = None;
     loop {
@@ -358,7 +358,7 @@ fn labels<R: BufRead>(scanner: &mut Scanner<R>, entry: &str) -> Result<Vec<Strin
     })
 }
 
-/// The entries named `entry` of the element that just began; `read` reads each up to its end.
+/// The entries named `entry` of the element that just started; `read` reads each up to its end.
 fn list<R: BufRead, T>(
     scanner: &mut Scanner<R>,
     entry: &str,
@@ -376,7 +376,9 @@ fn list<R: BufRead, T>(
                     Ok(())
                 })?;
                 if entries.len() >= LIST_LIMIT {
-                    return Err(scanner.problem(format!("more than {LIST_LIMIT} of <{entry}>")));
+                    return Err(
+                        scanner.problem(format!("more than {LIST_LIMIT} <{entry}> elements"))
+                    );
                 }
                 entries.push(read(scanner, label)?);
             }
@@ -388,7 +390,7 @@ fn list<R: BufRead, T>(
     }
 }
 
-/// Passes over an element within the header.
+/// Skips an element in the header.
 fn pass<R: BufRead>(scanner: &mut Scanner<R>) -> Result<()> {
     if scanner.skip_element()? {
         Ok(())
@@ -400,7 +402,7 @@ fn pass<R: BufRead>(scanner: &mut Scanner<R>) -> Result<()> {
 fn count(value: &str) -> Result<usize> {
     value.trim().parse().map_err(|_| {
         Problem::bad_input(format!(
-            "expected a whole number from 0, found `{}`",
+            "expected a non-negative whole number, found `{}`",
             shortened(value)
         ))
     })

@@ -1,13 +1,14 @@
-//! How long a recording is, without reading it: by its first and last frames, for progress only.
+//! The duration of a recording, from its first and last frames without reading the rest; used for progress only.
 
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
-/// Bytes at both ends of the file that are looked at: a frame of all fields takes 10 kB.
+/// Bytes read at each end of the file: a frame with all fields takes 10 kB.
 const LOOKED_AT: usize = 1 << 18;
 
-/// Time from the first frame to the last (s); `None` for standard input, packed files, and where an end holds no frame.
+/// Time from the first frame to the last (s); `None` for standard input, compressed files, and files without a frame
+/// near the end.
 pub fn length(recording: &Path) -> Option<f64> {
     let mut file = File::open(recording).ok()?;
     if !file.metadata().ok()?.is_file() {
@@ -38,7 +39,7 @@ fn of_ends(head: &str, tail: &str) -> Option<f64> {
     (length.is_finite() && length > 0.0).then_some(length)
 }
 
-/// A number of the first tag that has it.
+/// A number from the first tag that has the attribute.
 fn number_of(text: &str, name: &str) -> Option<f64> {
     attribute(text, name)?.trim().parse().ok()
 }
@@ -56,7 +57,7 @@ mod tests {
                         <frame time=\"0\" index=\"24\" type=\"normal\"><position>0</position></frame>";
 
     #[test]
-    fn ends_tell_the_length() {
+    fn both_ends_of_a_file_give_its_duration() {
         let tail =
             "1 2 3</position></frame><frame time=\"9\" index=\"744\" type=\"normal\"><position>";
         let length = of_ends(HEAD, tail).unwrap();
@@ -64,7 +65,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_told_is_not() {
+    fn an_unknown_length_is_none() {
         assert_eq!(of_ends(HEAD, "no frame"), None);
         assert_eq!(of_ends("", "<frame index=\"7\">"), None);
         assert_eq!(of_ends(HEAD, "<frame index=\"3\">"), None);

@@ -1,4 +1,4 @@
-//! Frames as they come, kept as a recording: their rate is found on the way, and what came is whole however it ends.
+//! Saves frames as they arrive. Their rate is determined on the way, and the recording is complete however it ends.
 
 use std::path::{Path, PathBuf};
 
@@ -11,48 +11,49 @@ use crate::diagnostic::{Problem, Result};
 use crate::formats::recording::FlightFrame;
 use crate::output::files::AtomicFile;
 
-/// Time after which the rate of the frames is known (s): by then, time codes in milliseconds are off by a thousandth.
+/// Time after which the rate of the frames is known (s): by then, time codes in milliseconds are accurate to a
+/// thousandth.
 const SETTLING: f64 = 2.0;
 /// Rates of MVN (Hz).
 const RATES: [f64; 6] = [240.0, 120.0, 100.0, 80.0, 60.0, 50.0];
-/// Share by which a rate may be off one of these and still be it.
+/// Largest relative difference at which a measured rate is rounded to one of these.
 const NEAR: f64 = 0.02;
-/// Rate where a single frame came (Hz).
+/// Rate assumed if it cannot be determined, as from a single frame (Hz).
 const USUAL_RATE: f64 = RATES[0];
 
-/// What was kept.
+/// The recording that was saved.
 #[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct Kept {
-    /// The recording.
+    /// Number of frames in it.
     pub file: PathBuf,
     /// Frames in it.
     pub frames: u64,
     /// Its rate (Hz).
     pub frame_rate_hz: f64,
-    /// Frames left out: the sender had begun anew, and they are another flight.
+    /// Frames left out: the sender had restarted, and they belong to another flight.
     pub left_out: u64,
 }
 
-/// A recording of frames as they come.
+/// A recording of frames as they arrive.
 ///
-/// Frames keep their numbers, counted from the first, so what was lost on the way is a gap in the recording too.
+/// Frames keep their numbers, counted from the first, so frames lost on the way are gaps in the recording too.
 pub struct LiveRecording {
     path: PathBuf,
     body: Body<f64>,
     label: String,
-    /// Frames until the rate is known.
+    /// Frames held until the rate is known.
     waiting: Vec<FlightFrame>,
     writer: Option<(Writer<AtomicFile>, f64)>,
     first: u64,
     last: Option<u64>,
-    /// Whether the sender's numbers went back.
+    /// Whether the sender's frame numbers went backwards.
     ended: bool,
     frames: u64,
     left_out: u64,
 }
 
 impl LiveRecording {
-    /// Into a file, of a body; nothing is written before the first frame.
+    /// Prepares a recording of `body`; nothing is written before the first frame.
     ///
     /// # Errors
     /// Returns an error if the name does not end in `.mvnx`.
@@ -74,7 +75,7 @@ impl LiveRecording {
         })
     }
 
-    /// Names the person, as far as the file is not begun.
+    /// Sets the name of the person; it has no effect once the file has been started.
     pub fn name(&mut self, label: &str) {
         label.clone_into(&mut self.label);
     }
@@ -82,7 +83,7 @@ impl LiveRecording {
     /// Adds a frame.
     ///
     /// # Errors
-    /// Returns an error if the disk refuses or the frame holds what is no number.
+    /// Returns an error if writing fails or the frame has a number that is not finite.
     pub fn push(&mut self, frame: &FlightFrame) -> Result<()> {
         self.ended |= self.last.is_some_and(|last| frame.index <= last);
         if self.ended {
@@ -104,10 +105,10 @@ impl LiveRecording {
         self.begin()
     }
 
-    /// Completes the file; nothing where no frame came.
+    /// Completes the file; `None` if no frame arrived.
     ///
     /// # Errors
-    /// Returns an error if the disk refuses; then no file is left.
+    /// Returns an error if writing fails; no file is left then.
     pub fn finish(mut self) -> Result<Option<Kept>> {
         if self.last.is_none() {
             return Ok(None);
@@ -156,12 +157,12 @@ impl LiveRecording {
     }
 }
 
-/// Numbers a second, as frames count them: one of MVN's rates where it is near one.
+/// Frame rate (Hz) from the numbers and times of the frames; one of MVN's rates if it is near one.
 fn rate(frames: &[FlightFrame]) -> f64 {
     let (Some(first), Some(last)) = (frames.first(), frames.last()) else {
         return USUAL_RATE;
     };
-    #[expect(clippy::cast_precision_loss, reason = "frames of seconds")]
+    #[expect(clippy::cast_precision_loss, reason = "few frames in a few seconds")]
     let found = (last.index - first.index) as f64 / (last.time - first.time);
     if !(found.is_finite() && found >= 1.0) {
         return USUAL_RATE;
@@ -188,7 +189,7 @@ mod tests {
             velocity: Vector::new(0.0, 0.0, -50.0),
             angular_velocity: Vector::zero(),
         };
-        // Time codes in milliseconds, drawn together.
+        // Time codes truncated to milliseconds.
         let time = (index as f64 / rate * 1000.0).floor() / 1000.0;
         FlightFrame::from_motion(index, time, Posture::h_pose(), &motion)
     }
@@ -219,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn a_few_frames_are_kept_too_and_another_flight_is_not() {
+    fn a_short_flight_is_kept_but_not_a_second_one() {
         let again = (0..20).map(|index| frame(index, 240.0));
         let all = (500..530).map(|index| frame(index, 240.0)).chain(again);
         let (kept, frames) = kept(all);
@@ -228,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_written_where_nothing_came() {
+    fn nothing_is_written_if_nothing_was_received() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("live.mvnx");
         let body = Subject::default().body();

@@ -1,13 +1,13 @@
-//! Numbers as MVNX writes them: decimal, separated by white space.
+//! Numbers in MVNX: decimal, separated by white space.
 
 use super::scanner::shortened;
 
-/// How far the norm of a segment's quaternion may be off 1; six decimals give 2e-6.
+/// Largest difference from 1 of the norm of a segment's quaternion; six decimals give 2e-6.
 const NORM_TOLERANCE: f64 = 0.01;
 
-/// Appends the numbers of `text` to `numbers`, at most to `capacity` of them; more are only counted.
+/// Appends the numbers of `text` to `numbers`, at most to its `capacity`; the rest are only counted.
 ///
-/// Returns how many numbers there were, or the token that is not a finite number.
+/// Returns how many numbers there were, or a message about the first token that is not a finite number.
 pub(super) fn append(text: &str, capacity: usize, numbers: &mut Vec<f64>) -> Result<usize, String> {
     let mut count = 0;
     for token in text.split_ascii_whitespace() {
@@ -19,10 +19,10 @@ pub(super) fn append(text: &str, capacity: usize, numbers: &mut Vec<f64>) -> Res
     Ok(count)
 }
 
-/// One finite number.
+/// Parses one finite number.
 fn parse(token: &str) -> Result<f64, String> {
     let hint = if token.contains(',') {
-        "; the decimal mark is a point"
+        "; the decimal separator is a point"
     } else {
         ""
     };
@@ -35,7 +35,7 @@ fn parse(token: &str) -> Result<f64, String> {
     }
 }
 
-/// The first segment whose quaternion is no rotation, with its norm.
+/// The first segment whose quaternion is not a rotation, with its norm.
 pub(super) fn off_unit(orientation: &[f64]) -> Option<(usize, f64)> {
     orientation
         .chunks_exact(4)

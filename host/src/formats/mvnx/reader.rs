@@ -1,4 +1,4 @@
-//! The streaming reader: header and calibration at once, then frame by frame.
+//! The streaming reader: header and calibration first, then frame by frame.
 
 use std::io::BufRead;
 use std::path::{Path, PathBuf};
@@ -14,21 +14,21 @@ use crate::formats::input::{self, Input};
 
 /// Most calibration frames kept; MVN writes two or three.
 const CALIBRATION_LIMIT: usize = 16;
-/// Most names of unknown elements kept.
+/// Most names of unknown elements that are kept.
 const UNKNOWN_LIMIT: usize = 64;
 /// Longest name of a marker (bytes).
 const MARKER_LIMIT: usize = 256;
-/// Highest frame index: whole numbers up to it are exact in double precision.
+/// Highest frame index: integers up to it are exact in double precision.
 const INDEX_LIMIT: u64 = 1 << 53;
-/// Longest time without frames (s): what follows is no part of the same flight.
+/// Longest gap without frames (s): what follows is not part of the same flight.
 const LONGEST_GAP: f64 = 3600.0;
 
 /// What to read, and whether a truncated file is accepted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ReadOptions {
-    /// Fields to read; others are passed over unread.
+    /// Fields to read; others are skipped.
     pub fields: Fields,
-    /// Takes a file that ends too early up to its last whole frame.
+    /// Accepts a file that ends too early, up to its last complete frame.
     pub allow_truncated: bool,
 }
 
@@ -41,14 +41,14 @@ impl Default for ReadOptions {
     }
 }
 
-/// Reads a recording frame by frame. Memory does not grow with its length.
+/// Reads a recording frame by frame, in constant memory.
 pub struct Reader<R: BufRead> {
     scanner: Scanner<Sniffed<R>>,
     path: PathBuf,
     options: ReadOptions,
     header: Header,
     calibration: Vec<Frame>,
-    /// The first normal frame, read in search of the calibration frames.
+    /// The first normal frame, read while looking for calibration frames.
     first: Option<Frame>,
     /// Selected fields of the first good frame, and their counts: later frames must match.
     expected: Option<(Fields, [usize; Field::ALL.len()])>,
@@ -73,10 +73,10 @@ enum FrameEnd {
 }
 
 impl Reader<Input> {
-    /// Opens a recording, also one that gzip or xz has packed, and reads its header and calibration.
+    /// Opens a recording, which may be compressed with gzip or xz, and reads its header and calibration.
     ///
     /// # Errors
-    /// Returns an error if the file cannot be read or is no recording of version 3 or 4.
+    /// Returns an error if the file cannot be read or is not a recording of version 3 or 4.
     pub fn open(path: &Path, options: ReadOptions) -> Result<Self> {
         Self::new(input::open(path)?, path, options)
     }
@@ -86,7 +86,7 @@ impl<R: BufRead> Reader<R> {
     /// Reads header and calibration from any input; `path` names it in messages.
     ///
     /// # Errors
-    /// Returns an error if the input cannot be read or is no recording of version 3 or 4.
+    /// Returns an error if the input cannot be read or is not a recording of version 3 or 4.
     pub fn new(input: R, path: &Path, options: ReadOptions) -> Result<Self> {
         let is_container = path
             .extension()
@@ -118,7 +118,7 @@ impl<R: BufRead> Reader<R> {
         Ok(reader)
     }
 
-    /// What the file says before its frames.
+    /// The header before the frames.
     pub fn header(&self) -> &Header {
         &self.header
     }
@@ -128,7 +128,7 @@ impl<R: BufRead> Reader<R> {
         &self.path
     }
 
-    /// Calibration frames, those before the first normal frame from the start.
+    /// Calibration frames read so far; those before the first normal frame are available from the start.
     pub fn calibration(&self) -> &[Frame] {
         &self.calibration
     }
@@ -149,14 +149,14 @@ impl<R: BufRead> Reader<R> {
         self.state == State::Done { truncated: true }
     }
 
-    /// Bytes held for parsing, for the check that they do not grow.
+    /// Bytes held for parsing, to check that they do not grow.
     pub fn buffered_bytes(&self) -> usize {
         self.scanner.buffered_bytes()
     }
 
     /// Reads the next normal frame into `frame`; false at the end.
     ///
-    /// A frame with unusable numbers is given with its [`Frame::fault`]: whether to go on is the caller's choice.
+    /// A frame with unusable numbers is returned with its [`Frame::fault`]: the caller decides whether to continue.
     ///
     /// # Errors
     /// Returns an error if the file is not well-formed, ends too early, or its frames are out of order.
@@ -236,7 +236,7 @@ impl<R: BufRead> Reader<R> {
         }
     }
 
-    /// Index of a normal frame; one that is not written is the next.
+    /// Sets the index of a normal frame; a missing index is the next one.
     fn place(&self, frame: &mut Frame, index: Option<&str>) -> Result<()> {
         let next = self.last_index.map_or(0, |last| last + 1);
         frame.index = next;
@@ -247,14 +247,14 @@ impl<R: BufRead> Reader<R> {
             Ok(index) if index < INDEX_LIMIT => frame.index = index,
             _ => {
                 let found = shortened(text);
-                let message = format!("expected an index from 0, found `{found}`");
+                let message = format!("expected a non-negative index, found `{found}`");
                 frame.blame(frame.line, "index", message);
             }
         }
         #[expect(clippy::cast_precision_loss, reason = "indices are below 2^53")]
         let missing_s = frame.index.saturating_sub(next) as f64 / self.header.frame_rate;
         let wrong = if frame.index < next {
-            "frames must be in order of time"
+            "frames must be in chronological order"
         } else if self.last_index.is_some() && missing_s > LONGEST_GAP {
             "expected at most an hour between frames"
         } else {
@@ -269,7 +269,7 @@ impl<R: BufRead> Reader<R> {
         )
     }
 
-    /// The elements of a frame up to its end.
+    /// Reads the elements of a frame up to its end.
     fn read_fields(&mut self, frame: &mut Frame) -> Result<FrameEnd> {
         let is_normal = frame.kind == FrameKind::Normal;
         loop {
@@ -312,7 +312,7 @@ impl<R: BufRead> Reader<R> {
         Ok(FrameEnd::Whole)
     }
 
-    /// Numbers of a field up to its end; false where the file ends first.
+    /// Reads the numbers of a field up to its end; false if the file ends first.
     fn read_numbers(&mut self, field: Field, frame: &mut Frame) -> Result<bool> {
         /// More numbers than any field has.
         const CAPACITY: usize = 4 * 128;
@@ -364,14 +364,14 @@ impl<R: BufRead> Reader<R> {
             frame.blame(line, element, message);
         }
         if frame.present.contains(field) {
-            frame.blame(line, element, "the element is there twice".into());
+            frame.blame(line, element, "the element occurs twice".into());
         }
         frame.numbers[field as usize] = numbers;
         frame.present = frame.present.with(field);
         Ok(whole)
     }
 
-    /// A frame must have the selected fields of the first good frame.
+    /// Checks that a frame has the selected fields of the first good frame.
     fn compare_to_first(&mut self, frame: &mut Frame) {
         match self.expected {
             Some((fields, _)) => {
@@ -388,7 +388,7 @@ impl<R: BufRead> Reader<R> {
         }
     }
 
-    /// After the frames: only well-formedness matters.
+    /// Reads what follows the frames: it only has to be well-formed.
     fn read_tail(&mut self) -> Result<bool> {
         loop {
             let outermost = self.scanner.depth() == 0;
@@ -412,7 +412,7 @@ impl<R: BufRead> Reader<R> {
         }
     }
 
-    /// The file ends within the recording.
+    /// The file ends in the middle of the recording.
     fn cut(&mut self) -> Result<bool> {
         if self.options.allow_truncated {
             self.state = State::Done { truncated: true };
@@ -424,6 +424,6 @@ impl<R: BufRead> Reader<R> {
             .problem(format!(
                 "the file ends too early, after {frames} good frames"
             ))
-            .help("copy or export it again, or allow a truncated file to use the frames there are"))
+            .help("copy or export it again, or allow truncated files to use the frames that are there"))
     }
 }

@@ -1,4 +1,4 @@
-//! XML events with their lines. Refuses every XML feature that a recording does not need.
+//! XML events with line numbers. Refuses every XML feature that a recording does not need.
 
 use std::borrow::Cow;
 use std::io::BufRead;
@@ -15,19 +15,19 @@ const DEPTH_LIMIT: usize = 32;
 const ATTRIBUTE_LIMIT: usize = 64;
 const ATTRIBUTE_LENGTH: usize = 4096;
 
-/// An event that matters.
+/// A relevant event.
 pub(super) enum Token<'a> {
-    /// An element begins.
+    /// An element starts.
     Start(Element<'a>),
-    /// The innermost element ends; so many are still open.
+    /// The innermost element ends; this many are still open.
     End(usize),
-    /// Text, or a part of it.
+    /// Text, or part of it.
     Text(Cow<'a, str>),
     /// A character reference in text, such as `&amp;`.
     Reference,
     /// Comments and the like.
     Ignored,
-    /// Nothing follows. Within an element the file is cut.
+    /// The input ends. Inside an element, the file is truncated.
     EndOfFile,
 }
 
@@ -55,7 +55,7 @@ impl Element<'_> {
             let name = attribute.key.into_inner();
             if count >= ATTRIBUTE_LIMIT || attribute.value.len() > ATTRIBUTE_LENGTH {
                 return Err(problem(format!(
-                    "more than {ATTRIBUTE_LIMIT} attributes, or one above {ATTRIBUTE_LENGTH} bytes"
+                    "more than {ATTRIBUTE_LIMIT} attributes, or one longer than {ATTRIBUTE_LENGTH} bytes"
                 )));
             }
             let value = attribute
@@ -70,7 +70,7 @@ impl Element<'_> {
     }
 }
 
-/// The parser with its place.
+/// The parser with its position.
 pub(super) struct Scanner<R: BufRead> {
     parser: quick_xml::Reader<LimitedInput<R>>,
     buffer: Vec<u8>,
@@ -95,12 +95,12 @@ impl<R: BufRead> Scanner<R> {
         self.line
     }
 
-    /// Elements that are open.
+    /// Number of open elements.
     pub(super) fn depth(&self) -> usize {
         self.depth
     }
 
-    /// Bytes held for the event in progress.
+    /// Bytes held for the current event.
     pub(super) fn buffered_bytes(&self) -> usize {
         self.buffer.capacity()
     }
@@ -145,8 +145,9 @@ impl<R: BufRead> Scanner<R> {
                 Token::Reference
             }
             Event::DocType(_) => {
-                return Err(problem("a DOCTYPE: a recording has none".into())
-                    .help("remove it; entities are never expanded"));
+                return Err(problem("unexpected DOCTYPE".into()).help(
+                    "remove it: recordings do not need one, and entities are never expanded",
+                ));
             }
             Event::Decl(declaration) => {
                 check_encoding(&declaration, problem)?;
@@ -157,9 +158,9 @@ impl<R: BufRead> Scanner<R> {
         })
     }
 
-    /// Passes over the element that just began, whatever it holds.
+    /// Skips the element that just started, whatever it contains.
     ///
-    /// False where the file ends first.
+    /// Returns false if the file ends first.
     pub(super) fn skip_element(&mut self) -> Result<bool> {
         let outside = self.depth.saturating_sub(1);
         loop {
@@ -171,7 +172,7 @@ impl<R: BufRead> Scanner<R> {
         }
     }
 
-    /// Text of the element that just began, without that of elements inside it; at most `limit` bytes.
+    /// Text of the element that just started, without that of elements inside it; at most `limit` bytes.
     pub(super) fn text(&mut self, limit: usize) -> Result<String> {
         let mut text = String::new();
         loop {
@@ -184,7 +185,7 @@ impl<R: BufRead> Scanner<R> {
                     }
                 }
                 Token::Text(part) => {
-                    // Cut at a character, never within one.
+                    // Cut between characters, never inside one.
                     let room = limit.saturating_sub(text.len());
                     text.extend(
                         part.char_indices()
@@ -198,7 +199,7 @@ impl<R: BufRead> Scanner<R> {
         }
     }
 
-    /// The file ends where it must not.
+    /// The file ends too early.
     pub(super) fn cut(&self) -> Problem {
         self.problem("the file ends here, before the header is complete")
             .help("copy or export the recording again")
@@ -212,20 +213,20 @@ fn refusal<'t, R: BufRead>(
     problem: impl Fn(String) -> Problem,
 ) -> Result<Token<'t>> {
     Err(match error {
-        // These all mean that the input ended within a construct.
+        // All of these mean that the input ended inside a construct.
         Error::Syntax(_) | Error::IllFormed(_) | Error::Encoding(_)
             if input.at_end() && !input.is_over() =>
         {
             return Ok(Token::EndOfFile);
         }
-        Error::Io(_) if input.is_over() => problem("a single element or text above 1 MiB".into())
-            .help("this is no recording, or it is damaged here"),
+        Error::Io(_) if input.is_over() => problem("a single element or text over 1 MiB".into())
+            .help("this is not a recording, or it is damaged here"),
         Error::Io(error) => Problem {
             kind: Kind::System,
-            ..problem("cannot read on".into()).caused_by(error)
+            ..problem("cannot read any further".into()).caused_by(error)
         },
         Error::Encoding(error) => problem("not valid UTF-8".into())
-            .help("save the file as UTF-8; MVN does so itself")
+            .help("save the file as UTF-8, as MVN does")
             .caused_by(error),
         error => problem("not well-formed XML".into())
             .help("export the recording again")
@@ -233,14 +234,14 @@ fn refusal<'t, R: BufRead>(
     })
 }
 
-/// Refuses a reference to anything but a character.
+/// Refuses any reference that is not to a character.
 fn check_reference(name: &str, problem: impl Fn(String) -> Problem) -> Result<()> {
     let predefined = ["amp", "lt", "gt", "apos", "quot"].contains(&name);
     if predefined || name.starts_with('#') {
         return Ok(());
     }
     Err(problem(format!(
-        "entity reference `&{};`: a recording has none",
+        "unexpected entity reference `&{};`",
         shortened(name)
     )))
 }
@@ -255,13 +256,13 @@ fn check_encoding(declaration: &BytesDecl<'_>, problem: impl Fn(String) -> Probl
                 "declared encoding `{}`, expected UTF-8",
                 shortened(&encoding)
             ))
-            .help("save the file as UTF-8; MVN does so itself"))
+            .help("save the file as UTF-8, as MVN does"))
         }
         _ => Ok(()),
     }
 }
 
-/// Text from a file made fit for a message: short and printable.
+/// Shortens text from a file and makes it printable, for messages.
 pub(super) fn shortened(text: &str) -> String {
     const LENGTH: usize = 40;
     let mut shown: String = text

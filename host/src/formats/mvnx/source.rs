@@ -6,12 +6,12 @@ use crate::diagnostic::{Problem, Result};
 
 /// Longest single XML event (bytes); the longest of a recording, 92 numbers, is below 2 KiB.
 const EVENT_LIMIT: usize = 1 << 20;
-/// Most bytes given to the parser at once, so that the limit holds for inputs that are in memory as a whole.
+/// Most bytes passed to the parser at once, so that the limit also holds for inputs that are entirely in memory.
 const CHUNK: usize = 1 << 16;
-/// Bytes looked at to recognise what is not XML.
+/// Bytes examined to recognise files that are not XML.
 const HEAD: usize = 64;
 
-/// A buffered input with its first bytes seen and given back.
+/// A buffered input whose first bytes were examined and put back.
 pub(super) type Sniffed<R> = Chain<Cursor<Vec<u8>>, R>;
 
 /// Refuses input that is recognisably not XML in UTF-8.
@@ -29,11 +29,11 @@ pub(super) fn sniff<R: BufRead>(
     })
 }
 
-/// A kind of file that another verb reads.
+/// A file type for which there is another verb.
 struct Other {
-    /// How its text begins.
+    /// What its text starts with.
     marks: &'static [&'static [u8]],
-    /// Bytes before the mark.
+    /// Number of bytes before the mark.
     after: usize,
     is: &'static str,
     give: &'static str,
@@ -52,27 +52,27 @@ const OTHERS: [Other; 3] = [
         marks: &[b"HIERARCHY"],
         after: 0,
         is: "this is a BVH file, not MVNX",
-        give: "make a recording of it: bodyflight import FILE --out FOLDER",
+        give: "convert it to a recording: bodyflight import FILE --out FOLDER",
     },
     Other {
         marks: &[b"$FLYS", b"time,lat,lon"],
         after: 0,
         is: "this is the track of a FlySight, which has no postures",
-        give: "see what it says of the jump: bodyflight fall FILE; or name it as gnss in a flight.toml",
+        give: "see what it says about the jump: bodyflight fall FILE; or name it as gnss in a flight.toml",
     },
     Other {
-        // The first byte tells where the parameters begin.
+        // The first byte says where the parameters start.
         marks: &[b"\x50"],
         after: 1,
         is: "this is a C3D file, not MVNX",
-        give: "make a recording of its points: bodyflight import FILE --mapping MAPPING.toml --out FOLDER",
+        give: "convert its points to a recording: bodyflight import FILE --mapping MAPPING.toml --out FOLDER",
     },
 ];
 
-/// What the first bytes say, `None` for text that may be XML.
+/// Identifies content by its first bytes, `None` for text that may be XML.
 fn foreign_content(head: &[u8], is_container: bool) -> Option<Problem> {
     const UNPACK: &str = "unpack it and give the .mvnx file inside";
-    const UTF_8: &str = "save it as UTF-8; MVN does so itself";
+    const UTF_8: &str = "save it as UTF-8, as MVN does";
     let problem = |message: &str, help: &str| Some(Problem::bad_input(message).help(help));
     // The container of MVN: a header of 128 bytes, then frames of the suit's bus.
     let container = head.starts_with(&[0x42, 0x00, 0x42, 0x00]) || is_container;
@@ -133,7 +133,7 @@ impl<R: BufRead> LimitedInput<R> {
         }
     }
 
-    /// Begins a new event.
+    /// Starts a new event.
     pub(super) fn next_event(&mut self) {
         self.used = 0;
     }
@@ -143,12 +143,12 @@ impl<R: BufRead> LimitedInput<R> {
         self.line
     }
 
-    /// Whether the parser has been told that nothing follows.
+    /// Whether the parser has been told that the input ended.
     pub(super) fn at_end(&self) -> bool {
         self.at_end
     }
 
-    /// Whether the event in progress is beyond the limit.
+    /// Whether the current event exceeds the limit.
     pub(super) fn is_over(&self) -> bool {
         self.used >= EVENT_LIMIT
     }

@@ -1,7 +1,7 @@
 //! Writes a flight as MVN does: version 4, six decimals, all 23 segments, calibration frames first.
 //!
-//! Written to a path, the file appears under its name when it is whole: until [`Writer::finish`] it is a
-//! temporary one in the same folder, removed if the writer is dropped.
+//! A file appears under its name only when it is complete: until [`Writer::finish`] it is a temporary file in the same
+//! folder, which is removed if the writer is dropped.
 
 mod document;
 mod motion;
@@ -18,7 +18,7 @@ use crate::formats::recording::FlightFrame;
 use crate::formats::xsens::skeleton::Layout;
 use crate::output::files::AtomicFile;
 
-/// Writes a recording frame by frame. Memory does not grow with its length.
+/// Writes a recording frame by frame, in constant memory.
 pub struct Writer<W: Write> {
     output: W,
     description: Description,
@@ -29,7 +29,7 @@ pub struct Writer<W: Write> {
 }
 
 impl Writer<AtomicFile> {
-    /// Begins a recording of `body` in a file: header, skeleton and calibration.
+    /// Starts a recording of `body` in a file: header, skeleton and calibration.
     ///
     /// # Errors
     /// Returns an error if the folder cannot be written to, or the frame rate is not above 0.
@@ -37,20 +37,20 @@ impl Writer<AtomicFile> {
         Self::new(AtomicFile::create(path)?, path, description, body)
     }
 
-    /// Completes the file and gives it its name, in place of any file there.
+    /// Completes the file and moves it to its final name, replacing any file there.
     ///
     /// # Errors
-    /// Returns an error if the disk refuses; then no file is left.
+    /// Returns an error if writing fails; no file is left then.
     pub fn finish(self) -> Result<()> {
         self.complete()?.finish()
     }
 }
 
 impl<W: Write> Writer<W> {
-    /// Begins a recording of `body` in any output; `path` names it in messages.
+    /// Starts a recording of `body` in any output; `path` names it in messages.
     ///
     /// # Errors
-    /// Returns an error if the output refuses, or the frame rate is not above 0.
+    /// Returns an error if writing fails, or the frame rate is not above 0.
     pub fn new(
         mut output: W,
         path: &Path,
@@ -75,13 +75,13 @@ impl<W: Write> Writer<W> {
         })
     }
 
-    /// Appends a frame. Its index gives its time; it must be above that of the frame before.
+    /// Appends a frame. Its index, which must be greater than that of the previous frame, determines its time.
     ///
     /// Velocity and angular velocity of the pelvis are written as given; those of the other segments, and all
     /// accelerations, come from differences between frames.
     ///
     /// # Errors
-    /// Returns an error if the output refuses, an index does not rise, or a number is not finite.
+    /// Returns an error if writing fails, an index does not increase, or a number is not finite.
     pub fn write(&mut self, frame: &FlightFrame) -> Result<()> {
         let problem = |message: &str| {
             Problem::bad_input(message)
@@ -107,7 +107,9 @@ impl<W: Write> Writer<W> {
                 && segment.orientation.coords.iter().all(|c| c.is_finite())
         }) && rates.iter().flatten().all(|vector| vector.is_finite());
         if !finite || !frame.posture.is_valid() {
-            return Err(problem("the flight is not finite here, nothing is written"));
+            return Err(problem(
+                "the flight has a number that is not finite here; nothing is written",
+            ));
         }
         self.last_index = Some(frame.index);
         #[expect(clippy::cast_precision_loss, reason = "indices count frames")]
@@ -118,10 +120,10 @@ impl<W: Write> Writer<W> {
         }
     }
 
-    /// Writes what follows the frames and gives the output back.
+    /// Writes what follows the frames and returns the output.
     ///
     /// # Errors
-    /// Returns an error if the output refuses.
+    /// Returns an error if writing fails.
     pub fn complete(mut self) -> Result<W> {
         if let Some(moving) = self.differences.last() {
             self.put(&moving)?;

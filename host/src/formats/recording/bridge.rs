@@ -1,4 +1,4 @@
-//! Keeps a flight continuous over short runs of bad frames.
+//! Keeps a flight continuous across short runs of bad frames.
 
 use std::collections::VecDeque;
 
@@ -13,24 +13,24 @@ use crate::formats::mvnx::Fault;
 /// Longest time without a good frame that is bridged (s).
 pub const BRIDGE_LIMIT: f64 = 0.1;
 
-/// What to do with a frame whose numbers are not usable.
+/// What to do with a frame whose numbers cannot be used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum BadFrames {
-    /// Replaces it by a frame between its good neighbours, up to [`BRIDGE_LIMIT`].
+    /// Replaces it with a frame interpolated between its good neighbours, for up to [`BRIDGE_LIMIT`].
     #[default]
     Bridge,
-    /// Ends the reading.
+    /// Stops reading.
     Refuse,
 }
 
-/// What reading has met so far.
+/// What has been read so far.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Quality {
-    /// Good frames given.
+    /// Good frames handed out.
     pub good_frames: u64,
-    /// Bad frames replaced by bridged ones.
+    /// Bad frames replaced with interpolated ones.
     pub bridged_frames: u64,
-    /// Bad frames before the first and after the last good one, left out.
+    /// Bad frames left out before the first and after the last good one.
     pub dropped_frames: u64,
     /// Frames missing from the indices.
     pub missing_frames: u64,
@@ -73,12 +73,12 @@ impl Bridge {
         index as f64 / self.frame_rate
     }
 
-    /// The next frame that can be given out.
+    /// The next frame that can be handed out.
     pub(super) fn ready(&mut self) -> Option<FlightFrame> {
         self.ready.pop_front()
     }
 
-    /// Drops held frames, after a problem.
+    /// Drops the held frames after a problem.
     pub(super) fn discard(&mut self) {
         self.ready.clear();
         self.bad.clear();
@@ -102,7 +102,7 @@ impl Bridge {
             return Err(refusal(&fault).help("correct the file, or allow short gaps to be bridged"));
         }
         let first = self.bad.first().unwrap_or(&fault);
-        // Checked before the next good frame arrives: a long bad run must not accumulate.
+        // Checked before the next good frame arrives, so that a long bad run does not accumulate.
         if self.time(fault.index) - self.time(first.index) > BRIDGE_LIMIT {
             return Err(self.too_long(first.clone()));
         }
@@ -113,7 +113,7 @@ impl Bridge {
         Ok(())
     }
 
-    /// Takes a good frame, after which all that was held can be given out.
+    /// Takes a good frame; everything held can be handed out after it.
     pub(super) fn good(&mut self, frame: FlightFrame) -> Result<()> {
         self.count_missing(frame.index);
         match (&self.last, self.bad.first()) {
@@ -138,12 +138,12 @@ impl Bridge {
         Ok(())
     }
 
-    /// No frame follows.
+    /// Ends the input: no frame follows.
     pub(super) fn end(&mut self) -> Result<()> {
         if self.last.is_none()
             && let Some(first) = self.bad.first()
         {
-            return Err(refusal(first).help("no frame of the file is good: export it again"));
+            return Err(refusal(first).help("the file has no good frame: export it again"));
         }
         self.quality.dropped_frames += self.bad.len() as u64;
         self.bad.clear();
@@ -154,22 +154,22 @@ impl Bridge {
         let count = self.bad.len();
         let problem = refusal(&first);
         let message = format!(
-            "{}; with it {count} bad frames, more than the {BRIDGE_LIMIT} s that are bridged",
+            "{}; a run of {count} bad frames starts here, longer than the {BRIDGE_LIMIT} s that can be bridged",
             problem.message
         );
         Problem { message, ..problem }
-            .help("export the recording again, or cut it before this place")
+            .help("export the recording again, or cut it off before this frame")
     }
 }
 
-/// A bad frame as a problem.
+/// A bad frame as an error.
 fn refusal(fault: &Fault) -> Problem {
     Problem::bad_input(fault.message.clone())
         .at_line(fault.line)
         .at(format!("frame {}, {}", fault.index, fault.element))
 }
 
-/// The frame at `share` (0 to 1) of the way from `a` to `b`.
+/// The frame at the fraction `share` (0 to 1) of the way from `a` to `b`.
 fn between(a: &FlightFrame, b: &FlightFrame, index: u64, time: f64, share: f64) -> FlightFrame {
     let vector = |a: Vector<f64, Inertial>, b: Vector<f64, Inertial>| {
         Vector::from_components(a.components.lerp(&b.components, share))

@@ -12,7 +12,7 @@ use crate::formats::mvnx::Field;
 pub struct FlightFrame {
     /// Number of the frame in the recording.
     pub index: u64,
-    /// Time since frame 0 (s): index by frame rate.
+    /// Time since frame 0 (s): index divided by frame rate.
     pub time: f64,
     /// Posture of the body.
     pub posture: Posture<f64>,
@@ -20,7 +20,7 @@ pub struct FlightFrame {
     pub pelvis: PelvisMotion,
     /// Centre of mass as MVN estimates it (m).
     pub centre_of_mass: Option<Vector<f64, Inertial>>,
-    /// Whether the frame stands in for a bad one.
+    /// Whether the frame replaces a bad one.
     pub bridged: bool,
 }
 
@@ -31,14 +31,14 @@ pub struct PelvisMotion {
     pub inertial_from_body: Rotation<f64, Inertial, Body>,
     /// Position of its origin (m).
     pub position: Vector<f64, Inertial>,
-    /// Velocity of its origin (m/s), where the file has it.
+    /// Velocity of its origin (m/s), if the file has it.
     pub velocity: Option<Vector<f64, Inertial>>,
-    /// Angular velocity (rad/s), where the file has it.
+    /// Angular velocity (rad/s), if the file has it.
     pub angular_velocity: Option<Vector<f64, Inertial>>,
 }
 
 impl FlightFrame {
-    /// A frame that records a motion.
+    /// A frame that records the given motion.
     pub fn from_motion(index: u64, time: f64, posture: Posture<f64>, motion: &Motion<f64>) -> Self {
         Self {
             index,
@@ -71,10 +71,10 @@ impl FlightFrame {
         })
     }
 
-    /// Velocity (m/s) and angular velocity (rad/s) of the pelvis, for work that cannot do without.
+    /// Velocity (m/s) and angular velocity (rad/s) of the pelvis, for callers that require both.
     ///
     /// # Errors
-    /// Returns an error if the file lacks one of them: which, and how to get it.
+    /// Returns an error if the file lacks one of them; it says which, and how to get it.
     pub fn rates(&self) -> Result<(Vector<f64, Inertial>, Vector<f64, Inertial>)> {
         let missing = |field: Field| {
             let element = field.element();

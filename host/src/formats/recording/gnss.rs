@@ -1,9 +1,9 @@
-//! A GNSS receiver's track beside the recording of a suit: brought to the same clock, and its velocities put in place
-//! of the suit's, which a suit in the air can only guess.
+//! Aligns the track of a GNSS receiver with the recording of a suit, and replaces the suit's velocities, which in the
+//! air are only a guess, with those of the track.
 //!
-//! Both see the same vertical speed and the same turns of the way over ground. Of all shifts of the clock the one with
-//! the least squares is taken: velocities up to a line over time, as a suit's drift, and horizontal ones up to one turn of
-//! the heading, which a magnetic north and a true one differ by.
+//! Both observe the same vertical speed and the same turns over ground. The clock shift chosen is the one with the
+//! least sum of squares. Velocities are compared after removing a linear trend, because a suit drifts, and horizontal
+//! ones up to a constant rotation of the heading, by which magnetic and true north differ.
 
 use bodyflight_core::frame::{Inertial, Vector};
 use bodyflight_falls::Sample;
@@ -14,45 +14,45 @@ use serde::Serialize;
 use super::frame::FlightFrame;
 use crate::diagnostic::{Problem, Result};
 
-/// Time from one compared moment to the next (s).
+/// Interval between compared instants (s).
 const EVERY: f64 = 0.1;
 
-/// Steps of the shift: first over all that is possible, then around the best (s).
+/// Step sizes of the shift (s): first over the whole possible range, then around the best.
 const COARSE: f64 = 0.1;
 const FINE: f64 = 0.005;
 
-/// Least time that recording and track must share (s).
+/// Shortest time that recording and track must share (s).
 const SHARED: f64 = 8.0;
 
-/// How much better the best shift must be than any that is further away than [`OTHER`] (s).
+/// Factor by which the best shift must beat all others that are further than [`OTHER`] (s) from it.
 const BETTER: f64 = 1.3;
 const OTHER: f64 = 1.0;
 
-/// Longest time between two rows of the track that is bridged (s).
+/// Longest gap between two rows of the track that is bridged (s).
 const GAP: f64 = 1.5;
 
 /// The track on the clock of the recording.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Aligned {
     samples: Vec<Sample>,
-    /// How it was brought there.
+    /// How it was aligned.
     pub alignment: Alignment,
 }
 
-/// How a track was brought to the clock of a recording.
+/// How a track is aligned with a recording.
 #[derive(Debug, Clone, Copy, PartialEq, JsonSchema, Serialize)]
 pub struct Alignment {
     /// Time of the track minus time of the recording (s).
     pub shift_s: f64,
-    /// Standard deviation of it (s).
+    /// Standard deviation of the shift (s).
     pub deviation_s: f64,
-    /// Turn from the track's true north to the recording's (rad, towards west).
+    /// Rotation from the track's true north to the recording's north (rad, towards west).
     pub heading_rad: f64,
-    /// Root mean square of what is left between the vertical speeds (m/s).
+    /// Root mean square of the remaining difference between the vertical speeds (m/s).
     pub gap_mps: f64,
 }
 
-/// Velocity of a track at a time (m/s), on a smooth curve through its rows; `None` beyond its ends and in gaps.
+/// Velocity of a track at a time (m/s), on a smooth curve through its rows; `None` past its ends and in gaps.
 fn velocity_at(samples: &[Sample], time: f64) -> Option<Vector3<f64>> {
     let after = samples.partition_point(|sample| sample.time <= time);
     let (from, to) = (samples.get(after.checked_sub(1)?)?, samples.get(after)?);
@@ -61,7 +61,7 @@ fn velocity_at(samples: &[Sample], time: f64) -> Option<Vector3<f64>> {
         return None;
     }
     let share = (time - from.time) / duration;
-    // Slopes of Catmull and Rom, where there are rows on both sides.
+    // Catmull-Rom slopes, if there are rows on both sides.
     let slope = |before: Option<&Sample>, here: &Sample, next: Option<&Sample>| {
         let (before, next) = (before.unwrap_or(here), next.unwrap_or(here));
         (next.velocity - before.velocity) / (next.time - before.time).max(1e-9)
@@ -89,7 +89,7 @@ struct Left {
     count: f64,
 }
 
-/// Compares the recording's velocities with those of the track, `shift` (s) later on its clock.
+/// Compares the recording's velocities with those of the track, whose clock is `shift` (s) ahead.
 fn left(recorded: &[(f64, Vector3<f64>)], samples: &[Sample], shift: f64) -> Option<Left> {
     let pairs: Vec<(f64, Vector3<f64>, Vector3<f64>)> = recorded
         .iter()
@@ -101,7 +101,7 @@ fn left(recorded: &[(f64, Vector3<f64>)], samples: &[Sample], shift: f64) -> Opt
     if count * EVERY < SHARED.min(0.8 * recorded.len() as f64 * EVERY) || pairs.len() < 10 {
         return None;
     }
-    // A suit's own velocity is off, and more so as time goes on: a line is taken out of both.
+    // A suit's velocity has an error that grows over time, so a linear trend is removed from both.
     let middle = pairs.iter().map(|pair| pair.0).sum::<f64>() / count;
     let spread: f64 = pairs.iter().map(|pair| (pair.0 - middle).powi(2)).sum();
     let mut means = [Vector3::zeros(); 2];
@@ -123,29 +123,29 @@ fn left(recorded: &[(f64, Vector3<f64>)], samples: &[Sample], shift: f64) -> Opt
     }
     Some(Left {
         vertical,
-        // With the turn that fits best, and no change of size.
+        // With the rotation that fits best, and no change of scale.
         horizontal: (squares - 2.0 * both.norm()).max(0.0),
         heading: both.y.atan2(both.x),
         count,
     })
 }
 
-/// Smallest variance of a velocity that is credible (m2/s2).
+/// Smallest credible variance of a velocity (m2/s2).
 const LEAST_VARIANCE: f64 = 1e-4;
 
 impl Left {
-    /// Of all components together (m2/s2).
+    /// Mean square over all components together (m2/s2).
     fn mean(&self) -> f64 {
         (self.vertical + self.horizontal) / self.count
     }
 
-    /// Variance of the vertical and of each horizontal component (m2/s2).
+    /// Variance of the vertical component and of each horizontal one (m2/s2).
     fn noise(&self) -> [f64; 2] {
         [self.vertical, 0.5 * self.horizontal]
             .map(|squares| (squares / self.count).max(LEAST_VARIANCE))
     }
 
-    /// In variances of the noise.
+    /// The residuals in units of the noise variances.
     fn misfit(&self, [vertical, horizontal]: [f64; 2]) -> f64 {
         (self.vertical / vertical + self.horizontal / horizontal) / self.count
     }
@@ -164,7 +164,8 @@ fn least(tried: &[(f64, f64)]) -> Option<(f64, f64)> {
 
 /// The best shift around a coarse one, and the noise there.
 ///
-/// Vertical and horizontal speeds count by how well they agree; that shows at the best shift, and is asked twice.
+/// Vertical and horizontal speeds are weighted by how well they agree. That is known only at the best shift, so it
+/// takes two passes.
 fn refined(at: impl Fn(f64) -> Option<Left>, coarse: f64) -> Option<(f64, [f64; 2])> {
     let mut best = coarse;
     let mut noise = at(best)?.noise();
@@ -181,7 +182,7 @@ fn refined(at: impl Fn(f64) -> Option<Left>, coarse: f64) -> Option<(f64, [f64; 
     Some((best, noise))
 }
 
-/// The lowest place of a parabola through the best shift and one on either side, wide enough to be smooth, and its
+/// The minimum of a parabola through the best shift and one on either side, far enough apart to be smooth, and its
 /// curvature.
 fn lowest(misfit: impl Fn(f64) -> Option<f64>, best: f64) -> (f64, f64) {
     let reach = 8.0 * FINE;
@@ -195,15 +196,15 @@ fn lowest(misfit: impl Fn(f64) -> Option<f64>, best: f64) -> (f64, f64) {
     }
 }
 
-/// Brings a track to the clock of a recording.
+/// Aligns a track with the clock of a recording.
 ///
 /// # Errors
-/// Returns an error if the recording has no velocities, or if no shift is better than all others.
+/// Returns an error if the recording has no velocities, or if no shift is clearly better than all others.
 pub fn aligned(frames: &[FlightFrame], track: &[Sample]) -> Result<Aligned> {
     let recorded = thinned(frames)?;
     let (Some((first, _)), Some((last, _))) = (recorded.first(), recorded.last()) else {
         return Err(refused(
-            "the recording is too short to be brought to the clock of a track".into(),
+            "the recording is too short to be aligned with a track".into(),
         ));
     };
     let (Some(begin), Some(end)) = (track.first(), track.last()) else {
@@ -217,7 +218,7 @@ pub fn aligned(frames: &[FlightFrame], track: &[Sample]) -> Result<Aligned> {
     }
     let (coarse, _) = least(&tried).ok_or_else(|| {
         refused(format!(
-            "track and recording share less than {SHARED} s wherever they are put"
+            "track and recording share less than {SHARED} s at any clock shift"
         ))
     })?;
     let at = |shift: f64| left(&recorded, track, shift);
@@ -229,11 +230,11 @@ pub fn aligned(frames: &[FlightFrame], track: &[Sample]) -> Result<Aligned> {
         .copied()
         .filter(|(shift, _)| (shift - best).abs() > OTHER)
         .collect();
-    // Differences below what is believed of a velocity tell no shift from another.
+    // Differences smaller than the credible variance do not distinguish shifts.
     let squares = squares.max(LEAST_VARIANCE);
     if least(&others).is_some_and(|(_, other)| other < BETTER * squares) {
         return Err(refused(
-            "the track fits the recording at several times alike, so their clocks cannot be told from one another".into(),
+            "the track fits the recording equally well at several clock shifts, so none can be chosen".into(),
         ));
     }
     let (shift, curvature) = lowest(|shift| at(shift).map(|left| left.misfit(noise)), best);
@@ -247,14 +248,14 @@ pub fn aligned(frames: &[FlightFrame], track: &[Sample]) -> Result<Aligned> {
     };
     if !(reaches(frames.first()) && reaches(frames.last())) {
         return Err(refused(format!(
-            "the track does not cover the recording: it begins at {:.2} s of it and ends at {:.2} s",
+            "the track does not cover the recording: on the recording's clock it begins at {:.2} s and ends at {:.2} s",
             begin.time - shift,
             end.time - shift
         )));
     }
     let alignment = Alignment {
         shift_s: shift,
-        // Each row of the track has errors of its own; the moments in between repeat them.
+        // Only the rows of the track have independent errors; the instants in between repeat them.
         deviation_s: (2.0 / curvature / rows.max(1) as f64).sqrt(),
         heading_rad: here.heading,
         gap_mps: (here.vertical / here.count).sqrt(),
@@ -269,7 +270,7 @@ pub fn aligned(frames: &[FlightFrame], track: &[Sample]) -> Result<Aligned> {
     })
 }
 
-/// The recording's velocities, means over [`EVERY`].
+/// The recording's velocities, averaged over [`EVERY`].
 fn thinned(frames: &[FlightFrame]) -> Result<Vec<(f64, Vector3<f64>)>> {
     let mut thinned = Vec::new();
     let mut from = 0;
@@ -290,7 +291,7 @@ fn thinned(frames: &[FlightFrame]) -> Result<Vec<(f64, Vector3<f64>)>> {
 }
 
 impl Aligned {
-    /// Velocity over ground at a time of the recording (m/s), in its axes; `None` where the track does not reach.
+    /// Velocity over ground at a time of the recording (m/s), in its axes; `None` if the track does not reach it.
     pub fn velocity_at(&self, time: f64) -> Option<Vector<f64, Inertial>> {
         let velocity = velocity_at(&self.samples, time)?;
         let turned = Rotation2::new(self.alignment.heading_rad) * velocity.xy();
@@ -329,7 +330,7 @@ mod tests {
                     pelvis: PelvisMotion {
                         inertial_from_body: Rotation::identity(),
                         position: Vector::zero(),
-                        // A suit's own velocity has drifted.
+                        // The suit's own velocity has drifted.
                         velocity: Some(Vector::new(seen.x + 2.0, seen.y - 1.0, velocity.z + 4.0)),
                         angular_velocity: Some(Vector::zero()),
                     },
@@ -356,7 +357,7 @@ mod tests {
     }
 
     #[test]
-    fn the_clocks_of_a_suit_and_a_receiver_are_told_to_ten_milliseconds() {
+    fn the_clocks_of_a_suit_and_a_receiver_are_aligned_to_ten_milliseconds() {
         for shift in [41.237, 12.0, 77.719] {
             let aligned = aligned(&frames(40.0), &track(shift, 0.0, 150.0)).unwrap();
             let found = aligned.alignment;
@@ -390,6 +391,9 @@ mod tests {
             })
             .collect();
         let alike = aligned(&still, &steady).unwrap_err();
-        assert!(alike.to_string().contains("several times alike"), "{alike}");
+        assert!(
+            alike.to_string().contains("several clock shifts"),
+            "{alike}"
+        );
     }
 }

@@ -1,7 +1,7 @@
-//! Plausibility checks of a recording, made while it is read, frame by frame, in constant memory.
+//! Plausibility checks on a recording while it is read, frame by frame, in constant memory.
 //!
-//! Attitudes and angular velocities are redundant, and so are positions and velocities. Where they disagree, a unit, an
-//! order or an axis is not what the format says, and a simulation would be silently wrong.
+//! Attitudes and angular velocities are redundant, and so are positions and velocities. If they disagree, a unit, an
+//! order or an axis differs from the format, and a simulation would be silently wrong.
 
 use bodyflight_core::Segment;
 use bodyflight_core::frame::{Inertial, Vector};
@@ -16,42 +16,43 @@ use crate::formats::xsens;
 /// Shortest flight worth judging (s).
 const SHORTEST: f64 = 2.0;
 
-/// Frames from which on rates are compared.
+/// Fewest frames for which rates are compared.
 const LEAST_FRAMES: u64 = 10;
 
-/// Largest share that the frame times may be off the frame rate: they are written in whole milliseconds.
+/// Largest relative difference between the rate of the frame times, written in whole milliseconds, and the frame rate.
 const RATE_TOLERANCE: f64 = 0.03;
 
-/// Time over which turns are compared (s): the noise of single attitudes is small beside that of a turn.
+/// Time over which rotations are compared (s): long enough that the noise of single attitudes is small in comparison.
 const TURN: f64 = 0.2;
 const LEAST_TURNS: u64 = 4;
 
-/// Turn (rad) that is compared before that time: in a somersault the axis moves, and half a turn has two of them.
+/// Rotation (rad) that ends a comparison before that time: in a somersault the axis moves, and the axis of a half turn
+/// is ambiguous.
 const FAR: f64 = 1.0;
 
-/// Least angular velocity (rad/s, root mean square) that attitudes tell much of.
+/// Smallest angular velocity (rad/s, root mean square) that the attitudes show clearly.
 const TURNS: f64 = 0.2;
 
-/// Least correlation of two angular velocities that are the same but for their unit.
+/// Smallest correlation of two angular velocities that differ only in their unit.
 const SAME: f64 = 0.7;
 
-/// Correlation of two that are the same to the noise.
+/// Correlation of two that are the same except for noise.
 const ALIKE: f64 = 0.95;
 
-/// Ratios that degrees in place of radians make, with room for noise.
+/// Ratios caused by degrees in place of radians, with a margin for noise.
 const DEGREES: core::ops::Range<f64> = 40.0..75.0;
 
 /// Upward speed that no fall reaches (m/s).
 const RISES: f64 = 10.0;
 
-/// Way over which positions and velocities are compared (m), and how far apart they may be (share).
+/// Distance over which positions and velocities are compared (m), and their largest relative difference.
 const MOVES: f64 = 1.0;
 const WAYS_APART: f64 = 0.3;
 
-/// Something implausible for a flight.
+/// Something implausible in a flight.
 #[derive(Debug, Clone, PartialEq, Eq, JsonSchema, Serialize)]
 pub struct Warning {
-    /// The frame where it shows.
+    /// The frame that shows it.
     pub frame: u64,
     /// What was found and what was expected.
     pub message: String,
@@ -82,13 +83,13 @@ impl Agreement {
         self.both / (self.expected * self.found).sqrt().max(f64::MIN_POSITIVE)
     }
 
-    /// How many times as large as expected.
+    /// Ratio of the found to the expected size.
     fn scale(&self) -> f64 {
         self.both / self.expected.max(f64::MIN_POSITIVE)
     }
 }
 
-/// A turn by the angular velocities (rad), since a frame.
+/// Rotation since a frame, according to the angular velocities (rad).
 #[derive(Debug, Clone, Copy)]
 struct Turn {
     begin: f64,
@@ -97,7 +98,8 @@ struct Turn {
     of_segment: Vector3<f64>,
 }
 
-/// A recorded vector in body axes, if it was written in those of MVN's pelvis and not in global ones.
+/// Converts a recorded vector to body axes, assuming that it was written in the axes of MVN's pelvis instead of global
+/// ones.
 fn as_of_pelvis(recorded: &Vector3<f64>) -> Vector3<f64> {
     let xsens_from_pelvis = xsens::xsens_from_segment(Segment::Pelvis);
     xsens_from_pelvis.quaternion().inverse() * recorded
@@ -109,19 +111,19 @@ pub(super) struct Watch {
     first: Option<FlightFrame>,
     last: Option<FlightFrame>,
     frames: u64,
-    /// Time as written (ms or s) of the first and the last frame that have one, with their indices.
+    /// Written time (ms or s) of the first and the last frame that have one, with their indices.
     written: Option<[(u64, f64); 2]>,
     frame_rate: f64,
     gaps: u64,
     largest_gap: Option<(u64, f64)>,
-    /// Angular velocity in global axes, and taken as if it were in those of the segment.
+    /// Angular velocity in global axes, and as if it were in segment axes.
     global: Agreement,
     of_segment: Agreement,
     turn: Option<Turn>,
     turns: u64,
     fastest: Option<(u64, f64)>,
     ways: Agreement,
-    /// Way by the positions, and by the velocities (m).
+    /// Path length according to the positions, and to the velocities (m).
     lengths: [f64; 2],
     up: f64,
 }
@@ -204,7 +206,7 @@ impl Watch {
         }
     }
 
-    /// What is not as a flight is, so far.
+    /// The implausible findings so far.
     pub(super) fn warnings(&self) -> Vec<Warning> {
         let (Some(first), Some(last)) = (&self.first, &self.last) else {
             return Vec::new();
@@ -215,15 +217,17 @@ impl Watch {
         if duration < SHORTEST {
             warn(
                 last.index,
-                format!("the flight ends after {duration:.2} s; below {SHORTEST} s it says little"),
+                format!(
+                    "the flight ends after {duration:.2} s; less than {SHORTEST} s is too short to judge"
+                ),
             );
         }
         if let Some((frame, length)) = self.largest_gap {
             warn(
                 frame,
                 format!(
-                    "{length:.2} s without frames before it, {} gaps over {BRIDGE_LIMIT} s in all; limbs are taken to move \
-                     evenly across them",
+                    "{length:.2} s without frames before it, {} gaps over {BRIDGE_LIMIT} s in all; limbs are assumed to \
+                     move evenly across them",
                     self.gaps
                 ),
             );
@@ -232,7 +236,7 @@ impl Watch {
             warn(
                 frame,
                 format!(
-                    "the frame times say {rate:.1} frames a second, the header {:.1}; the header is used",
+                    "the frame times give {rate:.1} frames per second, the header {:.1}; the header is used",
                     self.frame_rate
                 ),
             );
@@ -244,7 +248,7 @@ impl Watch {
             warn(
                 last.index,
                 format!(
-                    "the body rises by {:.1} m/s on average; expected a fall, with velocities positive upwards",
+                    "the body rises by {:.1} m/s on average; expected a fall, with upward velocities positive",
                     self.up / duration
                 ),
             );
@@ -255,7 +259,7 @@ impl Watch {
         warnings
     }
 
-    /// Frames a second by the frame times where they are not those of the header, and the frame that shows it.
+    /// Frames per second according to the frame times, if they disagree with the header, and the frame that shows it.
     fn rate_written(&self) -> Option<(u64, f64)> {
         let [(first, from), (last, to)] = self.written?;
         if last < first + LEAST_FRAMES || to <= from {
@@ -263,7 +267,7 @@ impl Watch {
         }
         #[expect(clippy::cast_precision_loss, reason = "counts of frames")]
         let frames = (last - first) as f64;
-        // Milliseconds, as MVN writes; some programs write seconds.
+        // MVN writes milliseconds; some programs write seconds.
         let rates = [1000.0, 1.0].map(|unit| frames * unit / (to - from));
         let near = |rate: &f64| (rate / self.frame_rate - 1.0).abs() < RATE_TOLERANCE;
         (!rates.iter().any(near)).then_some((last, rates[0]))
@@ -275,7 +279,7 @@ impl Watch {
         self.turns >= LEAST_TURNS && (self.global.expected / count).sqrt() > TURNS
     }
 
-    /// Angular velocities of the wrong unit.
+    /// Angular velocities in the wrong unit.
     fn rates(&self) -> Option<(u64, String)> {
         let (frame, fastest) = self.fastest.filter(|_| self.is_turning())?;
         let (scale, correlation) = (self.global.scale(), self.global.correlation());
@@ -283,19 +287,19 @@ impl Watch {
             return None;
         }
         let what = if DEGREES.contains(&scale) {
-            "they seem to be degrees a second; expected rad/s"
+            "they seem to be degrees per second; expected rad/s"
         } else {
             "expected rad/s at the frame rate of the header"
         };
         Some((
             frame,
             format!(
-                "angular velocity {fastest:.1}, and {scale:.1} times what the attitudes turn by in all: {what}"
+                "the angular velocities, up to {fastest:.1}, are {scale:.1} times those of the attitudes: {what}"
             ),
         ))
     }
 
-    /// Angular velocities about other axes than the attitudes turn about.
+    /// Angular velocities about other axes than those that the attitudes rotate about.
     fn directions(&self) -> Option<(u64, String)> {
         let (frame, _) = self.fastest.filter(|_| self.is_turning())?;
         let correlation = self.global.correlation();
@@ -305,21 +309,21 @@ impl Watch {
             return None;
         }
         let what = if fits_segment {
-            "they fit in the axes of the segment; expected global axes"
+            "they match in segment axes; expected global axes"
         } else if correlation < -SAME {
-            "they turn the other way: expected quaternions w x y z from segment to global axes"
+            "they rotate the other way: expected quaternions w x y z from segment to global axes"
         } else {
             "expected quaternions w x y z and rates in global axes"
         };
         Some((
             frame,
             format!(
-                "the angular velocities are not those of the attitudes (correlation {correlation:.2}): {what}"
+                "the angular velocities do not match the attitudes (correlation {correlation:.2}): {what}"
             ),
         ))
     }
 
-    /// Positions and velocities that do not go together.
+    /// Positions and velocities that do not match.
     fn paths(&self) -> Option<String> {
         let [by_positions, by_velocities] = self.lengths;
         if by_positions.max(by_velocities) < MOVES || self.frames < LEAST_FRAMES {
@@ -328,14 +332,14 @@ impl Watch {
         let correlation = self.ways.correlation();
         if correlation < -0.5 {
             return Some(
-                "positions and velocities go opposite ways: one of them has its axes turned over"
+                "positions and velocities point in opposite directions: the axes of one of them are reversed"
                     .to_owned(),
             );
         }
         let apart = by_velocities / by_positions.max(f64::MIN_POSITIVE);
         ((apart - 1.0).abs() > WAYS_APART && correlation > 0.5).then(|| {
             format!(
-                "positions move {by_positions:.1} m in all, velocities {by_velocities:.1} m: units or frame rate are wrong"
+                "path of {by_positions:.1} m by positions, {by_velocities:.1} m by velocities: units or frame rate are wrong"
             )
         })
     }
@@ -351,7 +355,7 @@ mod tests {
 
     const RATE: f64 = 100.0;
 
-    /// A falling body that turns about two axes in turn, changed by `change`.
+    /// A falling body that rotates about two axes in turn, changed by `change`.
     fn watched(frames: u64, change: impl Fn(&mut FlightFrame)) -> Vec<Warning> {
         let mut watch = Watch::new(RATE);
         let mut attitude = UnitQuaternion::identity();
@@ -391,7 +395,7 @@ mod tests {
     }
 
     #[test]
-    fn each_thing_that_cannot_be_is_said() {
+    fn each_impossibility_is_reported() {
         let degrees = watched(300, |frame| {
             let spin = &mut frame.pelvis.angular_velocity.as_mut().unwrap().components;
             *spin *= 57.295_779_5;
@@ -422,7 +426,7 @@ mod tests {
         let against = watched(300, |frame| {
             frame.pelvis.velocity.as_mut().unwrap().components *= -1.0;
         });
-        assert!(says(&against, "opposite ways"), "{against:?}");
+        assert!(says(&against, "opposite directions"), "{against:?}");
 
         let lost = watched(300, |frame| {
             if frame.index >= 150 {
@@ -436,7 +440,7 @@ mod tests {
     }
 
     #[test]
-    fn frame_times_of_another_rate_are_said_and_those_in_seconds_are_not() {
+    fn frame_times_at_another_rate_are_reported_but_not_those_in_seconds() {
         let mut watch = Watch::new(RATE);
         let mut seconds = Watch::new(RATE);
         for index in 0..300 {
@@ -458,7 +462,7 @@ mod tests {
         }
         let warnings = watch.warnings();
         assert!(
-            says(&warnings, "240.0 frames a second, the header 100.0"),
+            says(&warnings, "240.0 frames per second, the header 100.0"),
             "{warnings:?}"
         );
         assert_eq!(seconds.warnings(), []);

@@ -1,4 +1,4 @@
-//! The tables of a `subject.toml` as they are written.
+//! The tables of a `subject.toml`, as written in the file.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -53,7 +53,7 @@ pub(super) enum SexName {
 #[serde(untagged)]
 pub(super) enum MomentArmChoice {
     Named(MomentArmName),
-    /// Share of the segment's length.
+    /// Fraction of the segment's length.
     Share(f64),
 }
 

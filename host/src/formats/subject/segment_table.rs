@@ -1,4 +1,4 @@
-//! `segments.json`: values of segments that replace the computed ones, in the format of a full segment table.
+//! `segments.json`: segment values that replace the computed ones, in the format of a full segment table.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ use crate::diagnostic::choices::choices;
 use crate::diagnostic::{Problem, Result};
 use crate::formats::input;
 
-/// A table read from a file: any segments, any of their values.
+/// A table read from a file: any segments, with any of their values.
 #[derive(Debug, Clone)]
 pub(super) struct SegmentTable {
     rows: Vec<(Segment, Row)>,
@@ -25,7 +25,7 @@ struct TableFile {
     segments: Vec<Row>,
 }
 
-/// SI units, segment axes; what is absent keeps its computed value.
+/// Values in SI units and segment axes; those that are absent keep their computed values.
 #[derive(Debug, Clone, Deserialize)]
 struct Row {
     name: String,
@@ -49,7 +49,7 @@ impl SegmentTable {
             Problem::bad_input(error.to_string())
                 .in_file(path)
                 .at_line(error.line() as u64)
-                .help("the format is that of docs/subject.md, section segments.json")
+                .help("docs/subject.md describes the format under segments.json")
         })?;
         let fault =
             |place: String, message: String| Problem::bad_input(message).in_file(path).at(place);
@@ -92,7 +92,7 @@ impl SegmentTable {
         &self.text
     }
 
-    /// Replaces what the table lists.
+    /// Replaces the values that the table lists.
     pub(super) fn apply(&self, body: &mut Body<f64>) {
         if let Some(height) = self.height {
             body.height = height;
@@ -102,7 +102,7 @@ impl SegmentTable {
             let set = |value: Option<f64>, target: &mut f64| *target = value.unwrap_or(*target);
             set(row.mass, &mut values.mass);
             set(row.length, &mut values.length);
-            // A length without an arm is a table of the reference format: the arm is the length.
+            // A table in the reference format has a length but no moment arm: the arm is the length.
             set(row.moment_arm.or(row.length), &mut values.moment_arm);
             let set = |value: Option<[f64; 3]>, target: &mut Vector3<f64>| {
                 *target = value.map_or(*target, Vector3::from);
@@ -149,8 +149,8 @@ impl Row {
         if let Some(inertia) = self.inertia
             && !is_possible_inertia(&Matrix3::from_row_slice(inertia.as_flattened()))
         {
-            let message = "expected a symmetric matrix that a solid can have: positive, and no principal \
-                           moment above the sum of the others";
+            let message = "expected the inertia of a solid, a symmetric matrix: positive, with no principal \
+                           moment above the sum of the other two";
             return Err(("inertia", format!("{message}; found {inertia:?}")));
         }
         Ok(())

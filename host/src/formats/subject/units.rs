@@ -1,14 +1,14 @@
-//! Measures that were written in another unit.
+//! Measurements entered in the wrong unit.
 
 use bodyflight_core::body::anthropometry::{Measure, PersonError};
 
-/// Units in which lengths are written by mistake, and their size (m).
+/// Units in which lengths are entered by mistake, with their sizes (m).
 const LENGTHS: [(&str, f64); 3] = [("centimetres", 0.01), ("feet", 0.3048), ("inches", 0.0254)];
 
 /// A pound (kg).
 const POUND: f64 = 0.453_592_37;
 
-/// What to write where a measure is possible in another unit; empty where it is not.
+/// What to write if the value would be possible in another unit; empty if it would not.
 pub(super) fn unit_meant(error: &PersonError) -> String {
     let is_possible = |factor: f64| (error.low..=error.high).contains(&(error.found * factor));
     match error.measure {
@@ -62,7 +62,7 @@ mod tests {
     }
 
     #[test]
-    fn what_no_unit_explains_is_left_alone() {
+    fn values_that_no_unit_explains_get_no_advice() {
         assert_eq!(meant(Measure::Height, 0.5), "");
         assert_eq!(meant(Measure::BodyMassIndex, 5.0), "");
     }

@@ -1,7 +1,7 @@
-//! The skeleton of MVN laid over a body of the model: where its 23 segments and 22 joints are.
+//! The skeleton of MVN placed over a body of the model: where its 23 segments and 22 joints are.
 //!
-//! MVN has more joints in the trunk than the model. Those in between are put at fixed shares of the model's
-//! segments: they are rigid there, so they change the drawing and not the motion.
+//! MVN has more joints in the trunk than the model. The extra ones are placed at fixed fractions of the model's
+//! segments: they are rigid there, so they change the drawing but not the motion.
 
 use bodyflight_core::body::posture::pose;
 use bodyflight_core::{Body, Posture, Segment, SegmentArray};
@@ -10,14 +10,14 @@ use nalgebra::{UnitQuaternion, Vector3};
 use super::{MVN_SEGMENT_COUNT, MvnSegment, mvn_orientations, xsens_from_segment};
 use bodyflight_core::frame::{self, Inertial, Rotation, XsensSegment};
 
-/// Where on its segment of the model a dropped MVN joint is: L3 on the abdomen, T8 on the thorax, the skull
-/// on head and neck, as shares of the length.
+/// Positions of the extra MVN joints on their segments of the model, as fractions of the length: L3 on the abdomen, T8
+/// on the thorax, the skull on head and neck.
 const L3_SHARE: f64 = 0.5;
 const T8_SHARE: f64 = 0.4;
 const SKULL_SHARE: f64 = 0.35;
-/// The sterno-clavicular joint between the mid-line and the shoulder.
+/// The sternoclavicular joint, as a fraction of the way from the mid-line to the shoulder.
 const CLAVICLE_SHARE: f64 = 0.2;
-/// The ball of the foot ahead of the foot's centre, as a share of its length.
+/// The ball of the foot ahead of the foot's centre, as a fraction of its length.
 const BALL_SHARE: f64 = 0.25;
 
 /// MVN segments and points of one body.
@@ -154,7 +154,7 @@ impl Layout {
         MvnSegment::ALL.map(|mvn| {
             let segment = mvn.part_of();
             let orientation = orientations[segment];
-            // In the H-pose all axes are the body's, so the difference is in those of the segment.
+            // In the H-pose all axes are parallel to the body's, so the difference is also in segment axes.
             let on_segment = self.origins[mvn as usize] - self.joints[segment];
             let in_body = posed[segment].joint + posed[segment].body_from_segment * on_segment;
             let inertial = position + inertial_from_body * frame::Vector::from_components(in_body);

@@ -1,7 +1,7 @@
 //! Poses of the MVN network stream in axes with Y up, centimetres and degrees (kind 01).
 //!
-//! The axes are those of MVN taken round by one: X, Y, Z there are its Y, Z, X. A cyclic exchange is a
-//! rotation, so orientations exchange the components of their axis the same way.
+//! The axes are those of MVN in cyclic order: X, Y, Z here are MVN's Y, Z, X. A cyclic permutation is a rotation, so
+//! orientations permute the components of their axis the same way.
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
@@ -10,7 +10,7 @@ pub fn position(centimetres: Vector3<f64>) -> Vector3<f64> {
     Vector3::new(centimetres.z, centimetres.x, centimetres.y) / 100.0
 }
 
-/// An orientation as angles about X, Y and Z (deg, Y up), turned in this order about fixed axes.
+/// An orientation as angles about X, Y and Z (deg, Y up), applied in this order about fixed axes.
 pub fn orientation(degrees: Vector3<f64>) -> UnitQuaternion<f64> {
     let [x, y, z] = degrees.map(f64::to_radians).into();
     let q = UnitQuaternion::from_euler_angles(x, y, z);
@@ -28,10 +28,10 @@ mod tests {
     }
 
     #[test]
-    fn height_is_the_second_number() {
+    fn height_is_the_second_component() {
         let standing = position(Vector3::new(41.0, 105.0, 7.0));
         assert!((standing - Vector3::new(0.07, 0.41, 1.05)).norm() < 1e-12);
-        // About the vertical: forward turns to the left.
+        // About the vertical, forward turns to the left.
         let turned = orientation(Vector3::new(0.0, 90.0, 0.0)) * Vector3::x();
         assert!((turned - Vector3::y()).norm() < 1e-12);
     }

@@ -1,9 +1,9 @@
-//! Lines by what they show: one look for one meaning in all figures.
+//! Line styles by meaning: the same meaning looks the same in all figures.
 
 use plotters::style::{Color, RGBColor, ShapeStyle};
 
-/// The plotting library knows whole numbers only: a figure is drawn so many times as large, and its view box makes it
-/// small again. Coordinates are then fine to a tenth of a unit.
+/// The plotting library draws at integer coordinates, so a figure is drawn this many times too large and scaled down by
+/// its view box. Coordinates are then accurate to a tenth of a unit.
 pub const FINE: u32 = 10;
 
 /// How a line is drawn.
@@ -16,19 +16,19 @@ pub struct Line {
 }
 
 impl Line {
-    /// As the plotting library wants it.
+    /// As a style of the plotting library.
     pub fn style(&self) -> ShapeStyle {
         self.colour.stroke_width(self.width * FINE)
     }
 }
 
-/// Broad and pale, to lie below: seen where lines agree, and in grey print.
+/// Broad and pale, drawn below: visible where lines agree, and in greyscale print.
 pub const MEASURED: Line = Line {
     label: "measured",
     colour: RGBColor(0x8f, 0xb8, 0xde),
     width: 3,
 };
-/// Thin and dark, to lie above.
+/// Thin and dark, drawn on top.
 pub const SIMULATED: Line = Line {
     label: "simulated",
     colour: RGBColor(0x9c, 0x2f, 0x00),
@@ -46,21 +46,21 @@ pub const CONSTANT: Line = Line {
     colour: RGBColor(0x8a, 0x8a, 0x8a),
     width: 1,
 };
-/// The plain model, with something missing.
+/// The plain model, without the effects.
 pub const PLAIN: Line = Line {
     label: "the model alone",
     colour: RGBColor(0x8a, 0x8a, 0x8a),
     width: 2,
 };
-/// The model with what was found.
+/// The model with the effects found.
 pub const EXTENDED: Line = Line {
     label: "with the effects found",
     colour: RGBColor(0x9c, 0x2f, 0x00),
     width: 2,
 };
-/// What is left where nothing is missing.
+/// The residual error when no effect is missing.
 pub const FLOOR: Line = Line {
-    label: "where nothing is missing",
+    label: "if nothing is missing",
     colour: RGBColor(0x8f, 0xb8, 0xde),
     width: 3,
 };
@@ -83,7 +83,7 @@ pub const AXES: [Line; 3] = [
     },
 ];
 
-/// What a filter watches of itself: attitude, angular velocity, velocity, residual load, all channels as one.
+/// The filter's self-checks: attitude, angular velocity, velocity, residual load, and all channels together.
 pub const WATCHED: [Line; 5] = [
     Line {
         label: "attitude",
@@ -111,7 +111,7 @@ pub const WATCHED: [Line; 5] = [
         width: 2,
     },
 ];
-/// Above these it doubts itself, and is lost.
+/// Limits above which the filter reports itself doubtful or lost.
 pub const LIMITS: [Line; 2] = [
     Line {
         label: "doubtful above",
@@ -124,25 +124,25 @@ pub const LIMITS: [Line; 2] = [
         width: 1,
     },
 ];
-/// A fall flown again with what was told from it.
+/// A fall simulated again with the quantities estimated from it.
 pub const FLOWN: Line = Line {
     label: "flown again",
     colour: RGBColor(0x9c, 0x2f, 0x00),
     width: 1,
 };
-/// Pieces with one value each.
+/// Estimates that are constant within each piece.
 pub const ESTIMATED_PIECES: Line = Line {
     label: "pieces",
     colour: RGBColor(0x9c, 0x2f, 0x00),
     width: 2,
 };
-/// Where one phase ends and another begins.
+/// Border between two phases.
 pub const BORDER: Line = Line {
     label: "exit, opening, canopy",
     colour: RGBColor(0x1b, 0x6e, 0x53),
     width: 1,
 };
-/// Lines of the models that validation compares, in its order.
+/// Lines of the models that validation compares, in the order of its tables.
 pub const MODEL_PARTS: [Line; 4] = [
     Line {
         label: "exact equations",

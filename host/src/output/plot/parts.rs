@@ -1,6 +1,6 @@
-//! What is drawn of a curve: parts between jumps, and no more points than a picture shows.
+//! Reduces curves to what is drawn: parts between jumps, and no more points than the figure can show.
 
-/// What a picture shows of a curve: the lowest and highest point within each `width`, and the last.
+/// Reduces a curve to the lowest and highest point within each `width`, and the last point.
 pub(super) fn thinned(points: &[(f64, f64)], width: f64) -> Vec<(f64, f64)> {
     let by_value = |a: &&(f64, f64), b: &&(f64, f64)| a.1.total_cmp(&b.1);
     let same = |a: &(f64, f64), b: &(f64, f64)| (a.0 / width).floor() >= (b.0 / width).floor();
@@ -24,10 +24,10 @@ pub(super) fn thinned(points: &[(f64, f64)], width: f64) -> Vec<(f64, f64)> {
     shown
 }
 
-/// Half of what an angle jumps by (degrees).
+/// Half the jump of an angle (degrees).
 const HALF_TURN: f64 = 180.0;
 
-/// Parts of a curve between jumps of an angle from one end of its range to the other.
+/// Splits a curve where its angle jumps between the ends of its range.
 pub(super) fn unwrapped_parts(wraps: bool, points: &[(f64, f64)]) -> Vec<&[(f64, f64)]> {
     let jumps = |pair: &[(f64, f64)]| match pair {
         [a, b] => wraps && (b.1 - a.1).abs() > HALF_TURN,
@@ -50,7 +50,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_angle_is_cut_where_it_wraps() {
+    fn a_curve_is_split_where_its_angle_wraps() {
         let points = [(0.0, 170.0), (1.0, 179.0), (2.0, -179.0), (3.0, -170.0)];
         let parts = unwrapped_parts(true, &points);
         assert_eq!(parts, [&points[..2], &points[2..]]);

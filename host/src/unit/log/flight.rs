@@ -1,4 +1,5 @@
-//! Blocks of a log as flights: recordings that every verb reads, and the estimates beside them.
+//! Turns the blocks of a log into flights: recordings that every command can read, with the unit's estimates beside
+//! them.
 
 use std::path::{Path, PathBuf};
 
@@ -17,7 +18,7 @@ use crate::formats::recording::{FlightFrame, PelvisMotion};
 use crate::formats::subject::Subject;
 use crate::output::files::write_file;
 
-/// A flight of the log.
+/// A flight found in the log.
 #[derive(Debug, Default)]
 pub struct LoggedFlight {
     configure: Option<Configure>,
@@ -28,23 +29,23 @@ pub struct LoggedFlight {
     reports: Vec<(u64, Status)>,
 }
 
-/// What was written of a flight.
+/// What was written for a flight.
 #[derive(Debug, Clone, JsonSchema, Serialize)]
 pub struct Written {
     /// The `flight.toml`.
     pub flight: PathBuf,
     /// Frames of the recording.
     pub frames: u64,
-    /// Estimates beside it.
+    /// Number of estimates beside it.
     pub estimates: usize,
-    /// Length (s).
+    /// Duration (s).
     pub duration_s: f64,
-    /// Lowest voltage of the unit's battery on the way, where it measures one (V).
+    /// Lowest voltage of the unit's battery during the flight, if the unit measures it (V).
     pub battery_v: Option<f64>,
 }
 
-/// The flights in the blocks of a log, and how many blocks ended in damage. The oldest flight may have lost its beginning, with
-/// its configuration, to younger ones.
+/// The flights in the blocks of a log, and the number of blocks that end in damage. The beginning of the oldest flight,
+/// and with it its configuration, may have been overwritten by newer ones.
 pub fn flights(blocks: &[Vec<u8>]) -> (Vec<LoggedFlight>, usize) {
     let mut flights: Vec<LoggedFlight> = Vec::new();
     let mut damaged = 0;
@@ -73,12 +74,12 @@ pub fn flights(blocks: &[Vec<u8>]) -> (Vec<LoggedFlight>, usize) {
 }
 
 impl LoggedFlight {
-    /// How many samples and estimates it has.
+    /// Number of samples and estimates.
     pub fn lengths(&self) -> [usize; 2] {
         [self.samples.len(), self.estimates.len()]
     }
 
-    /// Rate of the samples (Hz), by what was configured or by the shortest interval.
+    /// Sample rate (Hz): as configured, or else from the shortest interval.
     fn rate(&self) -> f64 {
         if let Some(configure) = &self.configure {
             return f64::from(configure.sample_rate);
@@ -91,14 +92,14 @@ impl LoggedFlight {
         rate
     }
 
-    /// The body that the unit computed with.
+    /// The body that the unit used in its computations.
     fn body(&self) -> Option<Body<f64>> {
         let configure = self.configure.as_ref()?;
         let body = self.table.body(configure.height, configure.table_digest);
         body.ok().map(|body| body.cast())
     }
 
-    /// Samples with an attitude as frames. A log has no position: it is what the velocity sums up to.
+    /// Samples with an attitude, as frames. A log contains no position: it is integrated from the velocity.
     fn frames(&self) -> Vec<FlightFrame> {
         let rate = self.rate();
         let first = self.samples.first().map_or(0, |(time, _)| *time);
@@ -155,7 +156,7 @@ fn frame(index: u64, rate: f64, sample: &Sample, before: Option<&FlightFrame>) -
     }
 }
 
-/// Files that [`write()`] writes.
+/// Files written by [`write()`].
 pub const FILES: [&str; 5] = [
     "flight.toml",
     "flight.mvnx",
@@ -164,11 +165,11 @@ pub const FILES: [&str; 5] = [
     "subject.toml",
 ];
 
-/// Writes a flight as `flight.toml`, `flight.mvnx`, `estimates.csv` and what the unit reported of itself (`unit.csv`) into `folder`,
-/// and `subject.toml` where the subject is known.
+/// Writes a flight into `folder` as `flight.toml`, `flight.mvnx`, `estimates.csv` and `unit.csv` (the unit's reports on
+/// itself), plus `subject.toml` if the subject is known.
 ///
 /// # Errors
-/// Returns an error if the folder cannot be written to, or no sample has an attitude.
+/// Returns an error if the folder cannot be written to, or if no sample has an attitude.
 pub fn write(flight: &LoggedFlight, subject: Option<&Subject>, folder: &Path) -> Result<Written> {
     let frames = flight.frames();
     let Some(last) = frames.last() else {

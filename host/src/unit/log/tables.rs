@@ -1,4 +1,4 @@
-//! What the unit found on the way, and what it reported of itself, as tables.
+//! Tables of the unit's estimates and of its reports on itself.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use bodyflight_core::link::{Estimate, Status};
 use crate::diagnostic::Result;
 use crate::output::files::CsvFile;
 
-/// Columns of the estimates, in the order of the link's `ESTIMATE`.
+/// Columns of the estimates, in the order of the link's `ESTIMATE` message.
 const ESTIMATES: [&str; 15] = [
     "time_s",
     "flags",
@@ -26,7 +26,7 @@ const ESTIMATES: [&str; 15] = [
     "nis",
 ];
 
-/// Columns of the unit's reports; counters as in its `STATUS`.
+/// Columns of the unit's reports; the counters are those of its `STATUS` message.
 const REPORTS: [&str; 8] = [
     "time_s",
     "battery_v",
@@ -38,14 +38,14 @@ const REPORTS: [&str; 8] = [
     "deadline_missed",
 ];
 
-/// Time of a message (us) since the first sample (s).
+/// Time (s) of a message at `time` since the first sample at `first` (us).
 fn since(first: u64, time: u64) -> f64 {
     #[expect(clippy::cast_precision_loss, reason = "a flight is short")]
     let since = time.saturating_sub(first) as f64 * 1e-6;
     since
 }
 
-/// `first` is the time of the first sample (us), as are those of the estimates.
+/// `first` is the time of the first sample; all times are in microseconds.
 pub(super) fn write_estimates(
     first: u64,
     estimates: &[(u64, Estimate)],
@@ -63,7 +63,7 @@ pub(super) fn write_estimates(
     table.finish()
 }
 
-/// About one row a second; not a number where the unit measures no battery.
+/// Writes about one row a second; the voltage is NaN if the unit measures none.
 pub(super) fn write_reports(first: u64, reports: &[(u64, Status)], path: &Path) -> Result<()> {
     let mut table = CsvFile::create(path, &REPORTS)?;
     for (time, report) in reports {
@@ -82,7 +82,7 @@ pub(super) fn write_reports(first: u64, reports: &[(u64, Status)], path: &Path) 
     table.finish()
 }
 
-/// Voltage of the battery (V), where the unit measures one.
+/// Battery voltage (V), if the unit measures it.
 pub(super) fn battery_v(report: &Status) -> Option<f64> {
     (report.battery > 0).then(|| f64::from(report.battery) * 1e-3)
 }

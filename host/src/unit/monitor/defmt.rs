@@ -1,4 +1,4 @@
-//! defmt frames to lines of text, by the strings in the program's ELF file.
+//! Decodes defmt frames to lines of text, using the strings in the program's ELF file.
 
 use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -11,19 +11,19 @@ use serde::Serialize;
 use crate::diagnostic::{Problem, Result};
 use crate::formats::input;
 
-/// Longest frame kept while its end is awaited; more is noise.
+/// Longest incomplete frame that is kept; anything longer is noise.
 const LONGEST_FRAME: usize = 1 << 16;
 
 /// One log line.
 #[derive(Debug, Clone, PartialEq, Eq, JsonSchema, Serialize)]
 pub struct Line {
-    /// Time as the program prints it; none where it has no clock.
+    /// Time as printed by the program; none if it has no clock.
     pub time: Option<String>,
     /// `trace` to `error`; none for plain prints.
     pub level: Option<&'static str>,
     /// The message.
     pub text: String,
-    /// File and line in the program's source, where the ELF file has them.
+    /// File and line in the program's source, if the ELF file has debug information.
     pub location: Option<String>,
 }
 
@@ -39,31 +39,32 @@ impl fmt::Display for Line {
     }
 }
 
-/// What was decoded so far.
+/// Totals of what was decoded so far.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, JsonSchema, Serialize)]
 pub struct DefmtTotals {
-    /// Lines given.
+    /// Lines decoded.
     pub lines: u64,
     /// Frames that do not belong to this program.
     pub malformed_frames: u64,
-    /// Bytes taken.
+    /// Bytes received.
     pub bytes: u64,
 }
 
-/// Decodes the log of one program. A malformed frame is counted and costs nothing else.
+/// Decodes the log of one program. A malformed frame is counted and affects no other.
 pub struct Defmt {
     table: Table,
     locations: Option<Locations>,
-    /// Bytes of a frame whose end has not come.
+    /// Bytes of an incomplete frame.
     pending: Vec<u8>,
     totals: DefmtTotals,
 }
 
 impl Defmt {
-    /// Reads the strings from an ELF file, the very one that runs on the unit.
+    /// Reads the strings from the ELF file of the program that runs on the unit.
     ///
     /// # Errors
-    /// Returns an error if the file cannot be read, is no ELF file, has no defmt strings, or another version of defmt.
+    /// Returns an error if the file cannot be read, is not an ELF file, has no defmt strings, or uses another version
+    /// of defmt.
     pub fn open(path: &Path) -> Result<Self> {
         let elf = input::bytes(path)?;
         Self::new(&elf).map_err(|problem| problem.in_file(path))
@@ -75,15 +76,16 @@ impl Defmt {
     /// Same as [`Defmt::open`].
     pub fn new(elf: &[u8]) -> Result<Self> {
         const HELP: &str =
-            "give the ELF file that was flashed, as cargo build leaves it, not .bin or .hex";
+            "give the ELF file that was flashed, as built by cargo, not a .bin or .hex file";
         let table = Table::parse(elf)
             .map_err(|error| {
-                Problem::bad_input(format!("no ELF file with defmt strings: {error:#}")).help(HELP)
+                Problem::bad_input(format!("not an ELF file with defmt strings: {error:#}"))
+                    .help(HELP)
             })?
             .ok_or_else(|| {
                 Problem::bad_input("the program does not use defmt: no section .defmt").help(HELP)
             })?;
-        // Without debug information there are no places, and the log is as good.
+        // Without debug information there are no source locations, but the log is still complete.
         let locations = table.get_locations(elf).ok();
         Ok(Self {
             locations,
@@ -100,19 +102,19 @@ impl Defmt {
         }
     }
 
-    /// Whether lines have a place in the source.
+    /// Whether lines have source locations.
     pub fn has_locations(&self) -> bool {
         self.locations
             .as_ref()
             .is_some_and(|locations| !locations.is_empty())
     }
 
-    /// What was decoded so far.
+    /// Totals of what was decoded so far.
     pub fn totals(&self) -> &DefmtTotals {
         &self.totals
     }
 
-    /// Takes bytes in pieces of any size; the lines they complete.
+    /// Accepts bytes in pieces of any size; returns the lines they complete.
     pub fn push(&mut self, bytes: &[u8]) -> Vec<Line> {
         self.totals.bytes += bytes.len() as u64;
         self.pending.extend_from_slice(bytes);
@@ -122,7 +124,7 @@ impl Defmt {
         }
     }
 
-    /// Frames end with a zero, so the next one is found whatever came before.
+    /// Frames end with a zero byte, so decoding resynchronises after any error.
     fn delimited_frames(&mut self) -> Vec<Line> {
         let mut lines = Vec::new();
         let pending = core::mem::take(&mut self.pending);
@@ -151,8 +153,8 @@ impl Defmt {
         lines
     }
 
-    /// Frames without a delimiter: after a malformed one nothing tells where the next begins, so what was
-    /// received goes with it.
+    /// Frames without a delimiter: after a malformed frame the start of the next one is unknown, so all buffered bytes
+    /// are dropped.
     fn bare_frames(&mut self) -> Vec<Line> {
         let mut lines = Vec::new();
         let pending = core::mem::take(&mut self.pending);
@@ -194,7 +196,7 @@ impl Defmt {
     }
 }
 
-/// The decoder panics on some impossible numbers, such as times after the year 9999: those are malformed too.
+/// The decoder panics on some impossible values, such as times after the year 9999; such frames count as malformed.
 fn guarded<T>(
     decode: impl FnOnce() -> core::result::Result<T, DecodeError>,
 ) -> core::result::Result<T, DecodeError> {
@@ -207,7 +209,7 @@ mod tests {
     use proptest::prelude::*;
     use serde_json::json;
 
-    /// The table of a program with three messages, as its ELF file would give it.
+    /// The table of a program with three messages, as its ELF file would provide it.
     fn decoder(encoding: &str) -> Defmt {
         let entry = |tag: &str, text: &str| json!({"string": {"tag": tag, "string": text}, "raw_symbol": ""});
         let table = json!({
@@ -223,7 +225,7 @@ mod tests {
         Defmt::with_table(serde_json::from_value(table).unwrap())
     }
 
-    /// Index, time and argument of the messages, and what they say.
+    /// Encoded messages (index, time, argument) and the lines they decode to.
     fn messages() -> [(Vec<u8>, &'static str); 3] {
         [
             (vec![1, 0, 7, 240], "0.000007 info  rate 240 Hz"),
@@ -232,7 +234,7 @@ mod tests {
         ]
     }
 
-    /// Reverse zero-compressing COBS of at most six bytes: non-zero bytes, then a map of the zeros.
+    /// Reverse zero-compressing COBS for at most six bytes: the non-zero bytes, then a map of the zeros.
     fn rzcobs(frame: &[u8]) -> Vec<u8> {
         assert!((1..=6).contains(&frame.len()));
         let mut zeros = 0xFFu8 << frame.len();
@@ -286,17 +288,17 @@ mod tests {
         let lines = decoder.push(&bytes);
         assert_eq!(lines.len(), 2 * texts.len());
         assert_eq!(decoder.totals().malformed_frames, 2);
-        // Noise without an end is not kept.
+        // Noise without a delimiter is not kept.
         decoder.push(&vec![0x55; LONGEST_FRAME + 1]);
         assert!(decoder.pending.is_empty());
         assert_eq!(decoder.totals().malformed_frames, 3);
     }
 
     #[test]
-    fn a_file_that_cannot_serve_is_told() {
+    fn a_file_that_cannot_be_used_is_reported() {
         let problem = |bytes: &[u8]| Defmt::new(bytes).err().unwrap();
         let text = problem(b"#!/bin/sh");
-        assert!(text.message.contains("no ELF file"), "{text}");
+        assert!(text.message.contains("not an ELF file"), "{text}");
         assert!(text.help.unwrap().contains("flashed"));
         assert!(Defmt::open(Path::new("/nowhere/unit")).is_err());
         let own = std::env::current_exe().unwrap();

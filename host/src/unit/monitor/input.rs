@@ -11,23 +11,23 @@ use crate::diagnostic::{Problem, Result};
 use crate::formats::input;
 use crate::unit::ports;
 
-/// Bytes of one read.
+/// Bytes per read.
 const PIECE: usize = 4096;
-/// Pieces read ahead; a slow reader makes the system keep the rest.
+/// Number of pieces read ahead; beyond that, bytes stay in the system's buffer until a slow reader catches up.
 const AHEAD: usize = 64;
 
-/// What came.
+/// Result of waiting for input.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Chunk {
     /// At least one byte.
     Bytes(Vec<u8>),
     /// Nothing yet.
     Silence,
-    /// The end.
+    /// End of the input.
     End,
 }
 
-/// An input read on a thread of its own, so that waiting for it can be interrupted.
+/// An input read on its own thread, so that waiting for it can be interrupted.
 #[derive(Debug)]
 pub struct Input {
     pieces: Receiver<io::Result<Vec<u8>>>,
@@ -56,7 +56,7 @@ impl Input {
         Ok(Self::new(ports::open(name, baud)?, path))
     }
 
-    /// Reads from anything; `name` names it in messages.
+    /// Reads from any reader; `name` is used in messages.
     pub fn new(reader: impl Read + Send + 'static, name: &Path) -> Self {
         let (sender, pieces) = sync_channel(AHEAD);
         thread::spawn(move || read(reader, &sender));
@@ -66,10 +66,10 @@ impl Input {
         }
     }
 
-    /// The next bytes, waiting at most `patience`.
+    /// The next bytes, waiting for at most `patience`.
     ///
     /// # Errors
-    /// Returns an error if reading fails, as when a device is unplugged.
+    /// Returns an error if reading fails, for example because a device was unplugged.
     pub fn next(&self, patience: Duration) -> Result<Chunk> {
         match self.pieces.recv_timeout(patience) {
             Ok(Ok(bytes)) if bytes.is_empty() => Ok(Chunk::Silence),
@@ -81,7 +81,7 @@ impl Input {
     }
 }
 
-/// Devices are ports; everything else that exists is read as a file, pipes too.
+/// Device files are ports; everything else that exists, including pipes, is read as a file.
 fn is_file(path: &Path) -> bool {
     #[cfg(unix)]
     {
@@ -92,7 +92,7 @@ fn is_file(path: &Path) -> bool {
     path.is_file()
 }
 
-/// Reads until the end, a failure, or until nobody listens.
+/// Reads until the end, a failure, or until the receiver is gone.
 fn read(mut reader: impl Read, sender: &SyncSender<io::Result<Vec<u8>>>) {
     let mut piece = vec![0; PIECE];
     loop {
@@ -100,7 +100,7 @@ fn read(mut reader: impl Read, sender: &SyncSender<io::Result<Vec<u8>>>) {
             Ok(0) => return,
             Ok(length) => Ok(piece.get(..length).unwrap_or_default().to_vec()),
             Err(error) => match error.kind() {
-                // Sending an empty piece tells whether the receiver is still there.
+                // Sending an empty piece fails if the receiver is gone.
                 ErrorKind::TimedOut | ErrorKind::WouldBlock | ErrorKind::Interrupted => {
                     Ok(Vec::new())
                 }
@@ -119,7 +119,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn all_bytes_come_and_then_the_end() {
+    fn all_bytes_arrive_before_the_end() {
         let bytes: Vec<u8> = (0..100_000u32).map(|i| i.to_le_bytes()[0]).collect();
         let input = Input::new(io::Cursor::new(bytes.clone()), Path::new("test"));
         let mut read = Vec::new();

@@ -1,9 +1,9 @@
-//! A sensor's items, named with their units.
+//! The data items of a sensor, named with their units.
 
 use bodyflight_core::xbus::{CoordinateSystem, GnssPvt, Item, Reals, UtcTime};
 use serde_json::{Value, json};
 
-/// Names of what is given in axes: east, north, up; north, east, down; north, west, up.
+/// Names for vectors by coordinate frame: east-north-up, north-east-down, north-west-up.
 const QUATERNION: [&str; 3] = [
     "quaternion_wxyz_enu",
     "quaternion_wxyz_ned",
@@ -21,8 +21,8 @@ const EULER_ANGLES: [&str; 3] = [
 ];
 const VELOCITY: [&str; 3] = ["velocity_mps_enu", "velocity_mps_ned", "velocity_mps_nwu"];
 
-/// Name of an item, unit included, and its value. Items that the protocol's table does not know have the
-/// name `unknown` and their bytes.
+/// Name of an item, including the unit, and its value. Items missing from the protocol's table are named `unknown`,
+/// with their bytes as the value.
 pub fn reading(item: &Item<'_>) -> (&'static str, Value) {
     match item {
         Item::Temperature(r) => ("temperature_degc", one(r)),
@@ -87,7 +87,7 @@ fn utc(time: &UtcTime) -> String {
     )
 }
 
-/// Position and speed are there with a fix only: without one the receiver's numbers mean nothing.
+/// Position and speed are given only with a fix: without one the receiver's numbers are meaningless.
 fn gnss(pvt: &GnssPvt) -> Value {
     if pvt.fix_type == 0 {
         return json!({"fix_type": 0, "satellites": pvt.satellites});

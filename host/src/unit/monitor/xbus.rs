@@ -1,4 +1,4 @@
-//! The packets of a sensor with their items, and how often each comes.
+//! The packets of a sensor with their items, and how often each item occurs.
 
 use std::collections::BTreeMap;
 
@@ -9,52 +9,52 @@ use serde_json::{Map, Value};
 
 use super::reading::reading;
 
-/// One packet understood.
+/// A decoded packet.
 #[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct PacketReading {
-    /// Time of the sensor (s), without its wraps; none where the packet has none.
+    /// Sensor time (s), unwrapped; none if the packet has no time.
     pub time_s: Option<f64>,
     /// Bus address.
     pub bus_id: u8,
-    /// What the packet is, two hexadecimal digits; 36 is measurements.
+    /// Message id, two hexadecimal digits; 36 is measurements.
     pub message_id: String,
     /// Measurements by name.
     pub items: Map<String, Value>,
-    /// Items whose data cannot be.
+    /// Items with invalid data.
     pub bad_items: u32,
 }
 
-/// How often one item came.
+/// How often an item occurred.
 #[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct ItemTotals {
     /// Name with unit.
     pub name: &'static str,
-    /// Times it came.
+    /// Number of occurrences.
     pub count: u64,
-    /// Rate in the sensor's own time (Hz); none where its packets have no time.
+    /// Rate in the sensor's own time (Hz); none if its packets have no time.
     pub rate_hz: Option<f64>,
     /// The last value.
     pub last: Value,
 }
 
-/// What was decoded so far.
+/// Totals of what was decoded so far.
 #[derive(Debug, Clone, PartialEq, Default, JsonSchema, Serialize)]
 pub struct XbusTotals {
-    /// Bytes taken.
+    /// Bytes received.
     pub bytes: u64,
     /// Packets.
     pub packets: u64,
     /// Packets of measurements.
     pub measurements: u64,
-    /// Bytes in no packet.
+    /// Bytes outside any packet.
     pub skipped_bytes: u32,
-    /// Preambles with a wrong checksum behind them.
+    /// Preambles followed by a wrong checksum.
     pub bad_checksums: u32,
-    /// Preambles with an impossible length behind them.
+    /// Preambles followed by an impossible length.
     pub bad_lengths: u32,
-    /// Items whose data cannot be, and packets that their items do not fill.
+    /// Items with invalid data, and packets whose items do not fill them.
     pub bad_items: u64,
-    /// Packets missing from the packet counter.
+    /// Packets missing according to the packet counter.
     pub missing_packets: u64,
     /// Sensor time from the first packet to the last (s).
     pub duration_s: f64,
@@ -75,7 +75,7 @@ pub struct Xbus {
     survey: Survey,
 }
 
-/// What the packets amount to.
+/// Statistics over the packets.
 #[derive(Debug, Default)]
 struct Survey {
     clock: SampleClock,
@@ -90,12 +90,12 @@ struct Survey {
 }
 
 impl Xbus {
-    /// Nothing received yet.
+    /// A decoder that has received nothing yet.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Takes bytes in pieces of any size; the packets they complete.
+    /// Accepts bytes in pieces of any size; returns the packets they complete.
     pub fn push(&mut self, bytes: &[u8]) -> Vec<PacketReading> {
         self.survey.bytes += bytes.len() as u64;
         let mut packets = Vec::new();
@@ -106,7 +106,7 @@ impl Xbus {
         packets
     }
 
-    /// Gives up a packet whose end does not come, as at the end of a file; the packets that were in it.
+    /// Abandons an incomplete packet, as at the end of a file; returns the packets found inside it.
     pub fn finish(&mut self) -> Vec<PacketReading> {
         let mut packets = Vec::new();
         while self.decoder.pending() > 0 {
@@ -116,7 +116,7 @@ impl Xbus {
         packets
     }
 
-    /// What was decoded so far.
+    /// Totals of what was decoded so far.
     pub fn totals(&self) -> XbusTotals {
         let counters = self.decoder.counters();
         let survey = &self.survey;
@@ -183,7 +183,7 @@ impl Survey {
         #[expect(clippy::cast_precision_loss, reason = "2^53 us are 285 years")]
         let time = fine.map(|ticks| self.clock.time(ticks) as f64 / 1e6);
         result.time_s = time;
-        // The time of a GNSS solution is older than that of the packets around it.
+        // The time of a GNSS solution is earlier than that of the packets around it.
         if let Some(time) = time.filter(|_| !solution) {
             let (first, last) = self.span.unwrap_or((time, time));
             self.span = Some((first, last.max(time)));
@@ -222,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn rates_are_those_of_the_sensor_s_time() {
+    fn rates_follow_the_sensor_s_clock() {
         let mut xbus = Xbus::new();
         let mut readings = Vec::new();
         for counter in (0..101).filter(|counter| *counter != 50) {
@@ -244,9 +244,9 @@ mod tests {
     }
 
     #[test]
-    fn the_end_of_a_file_frees_what_waited_for_more() {
+    fn the_end_of_a_file_releases_incomplete_packets() {
         let mut xbus = Xbus::new();
-        // A preamble by chance that announces more than comes.
+        // A chance preamble that announces more bytes than follow.
         let bytes = [vec![0xFA, 0xFF, 0x36, 0xF0], packet(7)].concat();
         assert!(xbus.push(&bytes).is_empty());
         assert_eq!(xbus.finish().len(), 1);

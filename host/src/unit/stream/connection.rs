@@ -1,4 +1,4 @@
-//! Ways to a unit: a serial port, QEMU, a unit in this process.
+//! Connections to a unit: a serial port, QEMU, or a unit in this process.
 
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
@@ -10,20 +10,20 @@ use super::qemu::Qemu;
 use crate::diagnostic::{Problem, Result};
 use crate::unit::virtual_unit::VirtualUnit;
 
-/// Rate of a serial line unless another is asked for (baud): 240 samples a second take 70 % of it.
+/// Default rate of a serial line (baud): 240 samples a second use 70 % of it.
 pub const DEFAULT_BAUD: u32 = 460_800;
 
 /// Where the unit is.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Target {
-    /// At a serial port.
+    /// Path of its device.
     Port {
         /// Its device.
         path: PathBuf,
         /// Its rate (baud).
         baud: u32,
     },
-    /// In QEMU, from this image.
+    /// In QEMU, running this image.
     Qemu(PathBuf),
     /// In this process.
     Virtual,
@@ -31,11 +31,11 @@ pub enum Target {
 
 /// An open line to a unit.
 pub struct Connection {
-    /// From the unit; fails with `TimedOut` now and then while nothing comes.
+    /// From the unit; reads fail with `TimedOut` from time to time if nothing arrives.
     pub reader: Box<dyn Read + Send>,
     /// To the unit.
     pub writer: Box<dyn Write + Send>,
-    /// The machine behind the line, where we started it.
+    /// The machine behind the line, if this program started it.
     pub machine: Machine,
 }
 
@@ -49,14 +49,14 @@ pub enum Machine {
     Virtual(VirtualUnit),
 }
 
-/// Longest wait of a read, after which it looks whether the stream has ended.
+/// Longest time that a read waits before it checks whether the stream has ended.
 const READ_TIMEOUT: Duration = Duration::from_millis(50);
 
 impl Connection {
-    /// Opens the line and starts the machine where it is ours.
+    /// Opens the line, and starts the machine if it is ours.
     ///
     /// # Errors
-    /// Returns an error if there is no such port, or the machine does not start.
+    /// Returns an error if the port does not exist, or the machine does not start.
     pub fn open(target: &Target) -> Result<Self> {
         match target {
             Target::Port { path, baud } => Self::port(path, *baud, Machine::Foreign),
@@ -82,13 +82,13 @@ impl Connection {
         let refused = |error: serialport::Error| {
             Problem::refused("cannot open the port")
                 .in_file(path)
-                .help("list what is there: bodyflight ports; on Linux the user must be in the group dialout")
+                .help("run `bodyflight ports` to list the ports; on Linux the user must be in the group dialout")
                 .caused_by(error)
         };
         let mut port =
             TTYPort::open(&serialport::new(path.to_string_lossy(), baud)).map_err(refused)?;
         port.set_timeout(READ_TIMEOUT).map_err(refused)?;
-        // Boards with USB send only while a terminal is there; a pseudo-terminal has no such line.
+        // Boards with USB send only while a terminal is connected; pseudo-terminals do not have this signal.
         let _ = port.write_data_terminal_ready(true);
         let mut writer = port.try_clone_native().map_err(refused)?;
         writer

@@ -1,24 +1,24 @@
-//! Times from samples to their estimates, in memory that does not grow with the flight.
+//! Latencies from samples to their estimates, in memory that does not grow with the length of the flight.
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-/// Samples whose time of sending is remembered: those of half a minute.
+/// Samples whose time of sending is remembered: half a minute's worth.
 const REMEMBERED: usize = 8192;
 
-/// Shortest time that is told from shorter ones (ms), and how many times as long the next is.
+/// Shortest latency distinguished (ms), and the ratio between the limits of neighbouring classes.
 const SHORTEST: f64 = 1e-3;
 const STEP: f64 = 1.005;
 
-/// Classes of times, up to some minutes.
+/// Number of classes, up to several minutes.
 const CLASSES: usize = 4096;
 
 /// When samples were sent, and how long their estimates took.
 pub(super) struct Latencies {
     sent: u32,
-    /// Of the last samples.
+    /// Sending times of the last samples.
     sent_at: VecDeque<Instant>,
-    /// How many times were in each class.
+    /// Number of latencies in each class.
     counts: Vec<u32>,
     last: Option<f64>,
     longest: f64,
@@ -37,7 +37,7 @@ impl Default for Latencies {
 }
 
 impl Latencies {
-    /// Notes that the next sample was sent.
+    /// Records that the next sample was sent.
     pub(super) fn sample_sent(&mut self, at: Instant) {
         if self.sent_at.len() == REMEMBERED {
             self.sent_at.pop_front();
@@ -46,7 +46,7 @@ impl Latencies {
         self.sent = self.sent.wrapping_add(1);
     }
 
-    /// Notes that the estimate to a sample has come.
+    /// Records that the estimate for a sample has arrived.
     pub(super) fn estimate_came(&mut self, sequence: u32, at: Instant) {
         let behind = self.sent.wrapping_sub(sequence) as usize;
         let place = self.sent_at.len().checked_sub(behind);
@@ -71,22 +71,22 @@ impl Latencies {
         self.longest = self.longest.max(time);
     }
 
-    /// Samples sent.
+    /// Number of samples sent.
     pub(super) fn sent(&self) -> u32 {
         self.sent
     }
 
-    /// The latest (ms).
+    /// The most recent latency (ms).
     pub(super) fn last(&self) -> Option<f64> {
         self.last
     }
 
-    /// The longest (ms), 0 before the first.
+    /// The longest latency (ms); 0 before the first.
     pub(super) fn longest(&self) -> f64 {
         self.longest
     }
 
-    /// The time (ms) that this share of all does not exceed, to half a percent; 0 before the first.
+    /// The latency (ms) that this share of all does not exceed, accurate to half a percent; 0 before the first.
     pub(super) fn quantile(&self, share: f64) -> f64 {
         let all: u64 = self.counts.iter().map(|count| u64::from(*count)).sum();
         #[expect(clippy::cast_precision_loss, reason = "counts of estimates")]
@@ -122,7 +122,7 @@ mod tests {
     }
 
     #[test]
-    fn days_of_samples_take_no_more_room_than_minutes() {
+    fn days_of_samples_take_no_more_memory_than_minutes() {
         let mut latencies = Latencies::default();
         let begin = Instant::now();
         for k in 0..100_000 {
@@ -132,7 +132,7 @@ mod tests {
         assert_eq!(latencies.sent(), 100_000);
         assert_eq!(latencies.sent_at.len(), REMEMBERED);
         assert!((latencies.quantile(0.5) - 3.0).abs() < 0.02);
-        // Too old, and not yet sent: neither counts.
+        // Too old, and not sent yet: neither counts.
         latencies.estimate_came(5, begin + Duration::from_secs(9));
         latencies.estimate_came(200_000, begin + Duration::from_secs(9));
         assert!(latencies.longest() < 3.1);

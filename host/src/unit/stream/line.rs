@@ -1,4 +1,4 @@
-//! The host's end of the line: frames out, messages in, with the time at which they came.
+//! The host's end of the line: sends frames, receives messages with their time of arrival.
 
 use std::io::{ErrorKind, Read, Write};
 use std::sync::Arc;
@@ -12,10 +12,10 @@ use bodyflight_core::link::{Decoder, Event, Header, MAX_FRAME_LENGTH, Message};
 use super::connection::{Connection, Machine};
 use crate::diagnostic::{Problem, Result};
 
-/// What the reading thread saw.
+/// What the reading thread received.
 enum Seen {
     Message(Instant, Header, Message),
-    /// A frame that was refused.
+    /// A rejected frame.
     Refused,
     /// The line was closed.
     Closed(String),
@@ -30,7 +30,7 @@ pub struct Line {
     /// The machine behind it.
     pub machine: Machine,
     begin: Instant,
-    /// Frames from the unit that were refused.
+    /// Frames from the unit that were rejected.
     pub refused: u64,
     /// Bytes sent.
     pub sent_bytes: u64,
@@ -57,7 +57,7 @@ impl Line {
         }
     }
 
-    /// A message as a frame.
+    /// Encodes a message as a frame.
     pub fn frame(&self, session: u16, message: impl Into<Message>) -> Vec<u8> {
         let time = u64::try_from(self.begin.elapsed().as_micros()).unwrap_or(u64::MAX);
         let header = Header {
@@ -71,7 +71,7 @@ impl Line {
     /// Writes bytes.
     ///
     /// # Errors
-    /// Returns an error if the line does not take them.
+    /// Returns an error if the line does not accept them.
     pub fn write(&mut self, bytes: &[u8]) -> Result<()> {
         self.sent_bytes += bytes.len() as u64;
         self.writer
@@ -80,7 +80,7 @@ impl Line {
             .map_err(|error| closed(&error.to_string()))
     }
 
-    /// The next message, waiting until `deadline` at most.
+    /// The next message, waiting until `deadline` at the latest.
     ///
     /// # Errors
     /// Returns an error if the line was closed.
@@ -107,10 +107,10 @@ impl Drop for Line {
     }
 }
 
-/// A message as a frame.
+/// Encodes a message as a frame.
 pub fn encode(header: &Header, message: &Message) -> Vec<u8> {
     let mut frame = vec![0; MAX_FRAME_LENGTH];
-    // The buffer suffices for every message.
+    // The buffer is large enough for every message.
     let length = message.encode(header, &mut frame).unwrap_or(0);
     frame.truncate(length);
     frame
@@ -118,7 +118,7 @@ pub fn encode(header: &Header, message: &Message) -> Vec<u8> {
 
 fn closed(why: &str) -> Problem {
     Problem::refused(format!("the line to the unit was closed: {why}"))
-        .help("was the unit unplugged, or did its machine end?")
+        .help("was the unit unplugged, or did its machine stop?")
 }
 
 fn read(mut reader: Box<dyn Read + Send>, sender: &Sender<Seen>, stop: &AtomicBool) {
@@ -153,5 +153,5 @@ fn read(mut reader: Box<dyn Read + Send>, sender: &Sender<Seen>, stop: &AtomicBo
     }
 }
 
-/// Longest wait for the answer to a question that is asked again.
+/// Longest wait for the answer to a request before it is repeated.
 pub const ANSWER_TIMEOUT: Duration = Duration::from_millis(300);

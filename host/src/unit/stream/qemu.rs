@@ -1,4 +1,4 @@
-//! The unit in QEMU: the machine, its serial line, its logs.
+//! A unit in QEMU: the machine, its serial line and its logs.
 
 use std::io::Read;
 use std::os::unix::net::UnixStream;
@@ -14,31 +14,31 @@ use crate::diagnostic::{Problem, Result};
 
 const PROGRAM: &str = "qemu-system-arm";
 
-/// An instruction takes 2^3 ns of the machine's time; a Cortex-M4 at 168 MHz takes half as much again. The machine's
-/// clock then counts its own work: a host that stalls does not make the unit late. Its line has no rate, and what
-/// comes while it stalls would come at once, so its samples must go out on credit.
+/// Each instruction takes 2^3 ns of the machine's time; a Cortex-M4 at 168 MHz takes half as long again. The machine's
+/// clock thus counts its own work: if the host stalls, the unit does not fall behind. Its line has no limited rate, and
+/// whatever is sent during a stall would arrive at once, so samples must be sent on credit.
 const PACE: &str = "shift=3";
 
-/// Longest time from the start of the machine to its open line.
+/// Longest time from starting the machine until its line is open.
 const START_TIMEOUT: Duration = Duration::from_secs(10);
 
-/// A running machine; it ends with this.
+/// A running machine; it is stopped when this value is dropped.
 pub struct Qemu {
     child: Child,
     logs: Arc<Mutex<Vec<u8>>>,
     collector: Option<JoinHandle<()>>,
-    /// Holds the socket of the line.
+    /// Contains the socket of the line.
     _folder: TempDir,
 }
 
 impl Qemu {
-    /// Starts the machine with an image for the `lm3s6965evb`; the line to its first UART.
+    /// Starts the machine with an image for the `lm3s6965evb`; returns it with the line to its first UART.
     ///
     /// # Errors
-    /// Returns an error if image or QEMU are missing, or the machine does not come up.
+    /// Returns an error if the image or QEMU is missing, or the machine does not start.
     pub fn start(image: &Path) -> Result<(Self, UnixStream)> {
         if !image.is_file() {
-            return Err(Problem::bad_input("there is no image of the unit")
+            return Err(Problem::bad_input("the image of the unit does not exist")
                 .in_file(image)
                 .help("build it: cargo xtask unit"));
         }
@@ -100,12 +100,12 @@ impl Qemu {
         }
     }
 
-    /// What the unit has logged since the last call: defmt frames.
+    /// The unit's log since the last call: defmt frames.
     pub fn logs(&self) -> Vec<u8> {
         std::mem::take(&mut *self.logs.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// Ends the machine; what it has logged since the last [`Qemu::logs`].
+    /// Stops the machine; returns its log since the last [`Qemu::logs`].
     pub fn stop(mut self) -> Vec<u8> {
         self.end();
         self.logs()

@@ -23,13 +23,13 @@ pub struct Live {
     pub sent: u32,
     /// Estimates received.
     pub estimates: u64,
-    /// From the last sample that brought an estimate to the estimate (ms).
+    /// Latency of the last estimate received (ms).
     pub latency_ms: Option<f64>,
-    /// Samples the unit misses.
+    /// Samples that are missing at the unit.
     pub missing: u32,
-    /// Samples the unit dropped because it was behind.
+    /// Samples that the unit dropped because it was behind.
     pub dropped: u32,
-    /// Deadlines the unit missed.
+    /// Deadlines that the unit missed.
     pub deadline_missed: u32,
     /// The last estimate.
     pub estimate: Option<LiveEstimate>,
@@ -39,7 +39,7 @@ pub struct Live {
 #[derive(Debug, Clone, Copy, PartialEq, JsonSchema, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct LiveEstimate {
-    /// Muscle input and damping coefficients, pitch, yaw, roll each.
+    /// Muscle input and damping coefficients, each in pitch, yaw, roll.
     pub state: [f32; 6],
     /// Their variances.
     pub variance: [f32; 6],
@@ -67,12 +67,12 @@ impl Live {
     }
 }
 
-/// Times from a sample to its estimate (ms).
+/// Latencies from a sample to its estimate (ms).
 #[derive(Debug, Clone, Copy, PartialEq, Default, JsonSchema, Serialize)]
 pub struct Latency {
-    /// Half are shorter.
+    /// Median.
     pub median_ms: f64,
-    /// One in a hundred is longer.
+    /// 99th percentile.
     pub p99_ms: f64,
     /// The longest.
     pub max_ms: f64,
@@ -80,9 +80,9 @@ pub struct Latency {
     pub round_trip_ms: f64,
 }
 
-/// The unit's counters at the end, see `docs/unit.md`.
+/// The unit's counters at the end; see `docs/unit.md`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, JsonSchema, Serialize)]
-#[expect(missing_docs, reason = "as in Status, where they are explained")]
+#[expect(missing_docs, reason = "documented in Status")]
 pub struct UnitCounters {
     pub received_bytes: u32,
     pub received_frames: u32,
@@ -147,7 +147,7 @@ impl From<&Status> for UnitCounters {
     }
 }
 
-/// Where the unit panicked last, if that was its last fault.
+/// Source location of the last panic, if the unit's last fault was one.
 fn place_of_panic(status: &Status) -> Option<String> {
     let place = String::from_utf8_lossy(&status.fault_place);
     let place = place.trim_start_matches('\0');
@@ -156,7 +156,7 @@ fn place_of_panic(status: &Status) -> Option<String> {
 
 /// Frames damaged on purpose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, JsonSchema, Serialize)]
-#[expect(missing_docs, reason = "as in Struck")]
+#[expect(missing_docs, reason = "documented in Struck")]
 pub struct Harmed {
     pub dropped: u32,
     pub corrupted: u32,
@@ -176,39 +176,39 @@ impl From<&Struck> for Harmed {
 /// The result of a stream.
 #[derive(Debug, Clone, JsonSchema, Serialize)]
 pub struct Report {
-    /// Build of the unit.
+    /// Build ID of the unit.
     pub unit_build: String,
-    /// End of `file:line` where the unit's last fault since its power-on was a panic.
+    /// End of `file:line` if the unit's last fault since power-on was a panic.
     pub unit_panic: Option<String>,
     /// Filter preset.
     pub preset: String,
     /// Samples sent.
     pub sent: u32,
-    /// Length of the flight (s).
+    /// Duration of the flight (s).
     pub flight_s: f64,
-    /// Time it took (s).
+    /// Time that the stream took (s).
     pub wall_s: f64,
-    /// Rate on the line to the unit (B/s).
+    /// Data rate to the unit (B/s).
     pub bytes_per_second: f64,
     /// Frames damaged on purpose.
     pub harmed: Harmed,
-    /// Estimates of the unit against the desktop's.
+    /// The unit's estimates compared with the desktop's.
     pub estimates: Agreement,
-    /// From sample to estimate.
+    /// Latency from sample to estimate.
     pub latency: Latency,
-    /// Samples that never reached the unit whole, beyond those damaged on purpose.
+    /// Samples that did not reach the unit intact, besides those damaged on purpose.
     pub lost: u32,
     /// Samples whose fate is known.
     pub accounted: u32,
-    /// Frames from the unit that were refused.
+    /// Frames from the unit that were rejected.
     pub refused: u64,
     /// Counters of the unit.
     pub unit: UnitCounters,
-    /// Lines of the unit's log, where it was read.
+    /// Lines of the unit's log, if it was read.
     pub log_lines: Option<u64>,
-    /// Log frames that could not be read.
+    /// Log frames that could not be decoded.
     pub log_malformed: Option<u64>,
-    /// The recording of what was streamed, where one was asked for.
+    /// The recording of the stream, if one was requested.
     pub kept: Option<Kept>,
 }
 
@@ -244,10 +244,10 @@ impl Report {
         }
     }
 
-    /// Whether every sample has its fate and every estimate is the desktop's.
+    /// Checks that every sample is accounted for and every estimate equals the desktop's.
     ///
     /// # Errors
-    /// Returns a disagreement that says what differs.
+    /// Returns a disagreement that states the differences.
     pub fn verdict(&self) -> Result<()> {
         let mut wrong = String::new();
         let estimates = &self.estimates;
@@ -258,7 +258,7 @@ impl Report {
                 estimates.expected, estimates.received, estimates.equal
             );
             if let Some(first) = estimates.first_difference {
-                let _ = write!(wrong, ", the first that differs is that of sample {first}");
+                let _ = write!(wrong, ", the first difference is at sample {first}");
             }
         }
         if self.accounted != self.sent {
@@ -287,7 +287,7 @@ impl Report {
 
 fn latency(session: &Session) -> Latency {
     let latencies = &session.latencies;
-    #[expect(clippy::cast_precision_loss, reason = "microseconds")]
+    #[expect(clippy::cast_precision_loss, reason = "durations are below 2^53 us")]
     let round_trip_ms = session.round_trip.unwrap_or(0) as f64 * 1e-3;
     Latency {
         median_ms: latencies.quantile(0.5),

@@ -1,4 +1,4 @@
-//! One stream of samples to a unit: greeting, configuration, samples, end.
+//! One stream of samples to a unit: greeting, configuration, samples, stop.
 
 use std::time::{Duration, Instant};
 
@@ -13,13 +13,13 @@ use super::line::{ANSWER_TIMEOUT, Line, encode};
 use super::twin::Twin;
 use crate::diagnostic::{Problem, Result};
 
-/// How often a question is asked before the unit is taken for silent.
+/// How often a request is sent before the unit is considered silent.
 const ATTEMPTS: u32 = 15;
 
-/// A credit that does not come is asked for after this long.
+/// Time to wait for credit before asking for it.
 const CREDIT_TIMEOUT: Duration = Duration::from_millis(300);
 
-/// A stream to one unit, with the desktop's twin beside it.
+/// A stream to one unit, with its twin on the desktop.
 pub(super) struct Session {
     pub(super) line: Line,
     pub(super) twin: Twin,
@@ -27,12 +27,12 @@ pub(super) struct Session {
     number: u16,
     mode: StreamMode,
     granted: u32,
-    /// Frame of the last sample, to be sent again where credit was lost.
+    /// Frame of the last sample, sent again if credit was lost.
     last_frame: Vec<u8>,
-    /// From samples to estimates.
+    /// Latencies from samples to estimates.
     pub(super) latencies: Latencies,
     pub(super) status: Option<Status>,
-    /// The last one.
+    /// The last estimate.
     pub(super) estimate: Option<Estimate>,
     pub(super) unit: Option<HelloAcknowledge>,
     /// Shortest round trip of a clock comparison (us).
@@ -68,7 +68,7 @@ impl Session {
         self.line.write(&frame)
     }
 
-    /// Sends a command until an answer passes.
+    /// Sends a command repeatedly until an answer is accepted.
     fn ask(
         &mut self,
         what: &str,
@@ -88,10 +88,10 @@ impl Session {
             }
         }
         Err(Problem::refused(format!("the unit does not answer {what}"))
-            .help("is it the right port and rate, and does the unit run?"))
+            .help("check the port and the baud rate, and that the unit is running"))
     }
 
-    /// Takes in what the unit says by itself.
+    /// Handles a message that the unit sends unprompted.
     fn hear(&mut self, at: Instant, header: &Header, message: &Message) -> Result<()> {
         match message {
             Message::Estimate(estimate) if header.session == self.number => {
@@ -109,7 +109,7 @@ impl Session {
                 let before = self.unit.replace(*unit);
                 if before.is_some_and(|before| before.boot_id != unit.boot_id) {
                     return Err(Problem::disagreement(format!(
-                        "the unit started anew in mid-stream: cause {}, fault kind {} at {:#010x}, sample {}",
+                        "the unit restarted in mid-stream: cause {}, fault kind {} at {:#010x}, sample {}",
                         unit.reset_cause, unit.fault_kind, unit.fault_address, unit.fault_sequence
                     )));
                 }
@@ -132,7 +132,7 @@ impl Session {
             && unit.schema_hash != SCHEMA_HASH
         {
             return Err(Problem::disagreement(format!(
-                "the unit was built with other messages: its hash is {:#018x}, ours {SCHEMA_HASH:#018x}",
+                "the unit was built with different messages: its hash is {:#018x}, ours {SCHEMA_HASH:#018x}",
                 unit.schema_hash
             ))
             .help("flash the unit and build the host from the same source"));
@@ -162,9 +162,9 @@ impl Session {
         Ok(())
     }
 
-    /// Sends configuration and segment table until the unit holds both.
+    /// Sends the configuration and the segment table until the unit has both.
     pub(super) fn configure(&mut self, configure: Configure, table: &SegmentTable) -> Result<()> {
-        // The unit may hold the table of an earlier host; the twin never does.
+        // The unit may still have the table of an earlier session; the twin never does.
         for row in table.rows() {
             let frame = self.line.frame(self.number, *row);
             self.twin.receive(&frame);
@@ -179,7 +179,7 @@ impl Session {
                 Verdict::DigestMismatch => u16::MAX,
                 Verdict::UnknownPreset | Verdict::NotABody | Verdict::UnusableRates => break,
             };
-            // One by one: the unit's receiver need not hold them all.
+            // One by one: the unit's receive buffer need not hold them all.
             for row in table
                 .rows()
                 .filter(|row| wanted & 1 << (row.segment as u16) != 0)
@@ -205,7 +205,7 @@ impl Session {
         found.ok_or_else(|| Problem::bad_input("the unit does not answer a configuration"))
     }
 
-    /// Opens the session.
+    /// Starts the session.
     pub(super) fn start(&mut self) -> Result<()> {
         let number = self.number;
         let start = Start { mode: self.mode };
@@ -215,7 +215,7 @@ impl Session {
         Ok(())
     }
 
-    /// Takes in what comes until `deadline`.
+    /// Handles incoming messages until `deadline`.
     pub(super) fn listen(&mut self, deadline: Instant) -> Result<()> {
         while let Some((at, header, message)) = self.line.next(deadline)? {
             self.hear(at, &header, &message)?;
@@ -233,11 +233,14 @@ impl Session {
             match self.line.next(Instant::now() + CREDIT_TIMEOUT)? {
                 Some((at, header, message)) => self.hear(at, &header, &message)?,
                 None if waits == ATTEMPTS => {
-                    return Err(Problem::disagreement("the unit grants no more credit"));
+                    return Err(Problem::disagreement(
+                        "the unit has stopped granting credit",
+                    ));
                 }
                 None => {
                     waits += 1;
-                    // A repeated sample is answered by the credit; what the line held back goes too.
+                    // The unit answers a repeated sample with its credit; frames held back by the fault injector go out
+                    // as well.
                     let mut pieces = Vec::new();
                     self.injector.flush(|piece| pieces.extend_from_slice(piece));
                     pieces.extend_from_slice(&self.last_frame);
@@ -249,7 +252,7 @@ impl Session {
         Ok(())
     }
 
-    /// Sends a sample through the faults.
+    /// Sends a sample through the fault injector.
     pub(super) fn sample(&mut self, time: u64, sample: Sample) -> Result<()> {
         let header = Header {
             session: self.number,
@@ -266,7 +269,7 @@ impl Session {
         self.line.write(&pieces)
     }
 
-    /// Closes the session and waits for the unit to have worked everything off.
+    /// Stops the session and waits until the unit has processed everything.
     pub(super) fn stop(&mut self) -> Result<()> {
         let mut pieces = Vec::new();
         self.injector.flush(|piece| pieces.extend_from_slice(piece));

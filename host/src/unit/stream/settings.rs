@@ -4,12 +4,12 @@ use bodyflight_core::link::fault::Faults;
 
 use super::connection::Target;
 
-/// How fast samples go out.
+/// How fast samples are sent.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Pace {
-    /// As a source that sets its own pace delivers them.
+    /// As delivered by a source that sets its own pace.
     Source,
-    /// So many times faster than they were recorded.
+    /// This many times faster than recorded.
     Times(f64),
     /// As fast as the unit grants credit; nothing is dropped.
     Max,
@@ -24,7 +24,7 @@ pub struct Settings {
     pub preset: String,
     /// How fast.
     pub pace: Pace,
-    /// Faults of the line, on purpose.
+    /// Faults injected into the line on purpose.
     pub faults: Faults,
     /// Seed of the faults.
     pub seed: u64,

@@ -1,4 +1,4 @@
-//! The desktop's own unit: it gets the same bytes and must give the same answers, bit for bit.
+//! The unit's twin on the desktop: it receives the same bytes and must give the same answers, bit for bit.
 
 use std::collections::BTreeMap;
 
@@ -7,14 +7,14 @@ use bodyflight_firmware::{Board, Identity, Unit};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// A unit without ports or time: samples are worked off as they come.
+/// A unit without ports or time: samples are processed as they arrive.
 pub struct Twin {
     unit: Unit<NoTime>,
     /// Its answers that have not been compared yet, by sample number.
     expected: BTreeMap<u32, Estimate>,
-    /// What the real unit answered first.
+    /// Answers of the real unit that arrived before the twin's.
     early: BTreeMap<u32, Estimate>,
-    /// Answers of the real unit that were compared: the line may bring them once more.
+    /// Answers of the real unit already compared: the line may deliver them again.
     compared: BTreeMap<u32, Estimate>,
     agreement: Agreement,
 }
@@ -22,22 +22,22 @@ pub struct Twin {
 /// How the unit's estimates compare with the desktop's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, JsonSchema, Serialize)]
 pub struct Agreement {
-    /// Estimates of the desktop.
+    /// Estimates of the twin on the desktop.
     pub expected: u64,
     /// Estimates of the unit, each counted once.
     pub received: u64,
-    /// Those of them that came again, as a line may bring them.
+    /// Estimates received again, as some lines repeat frames.
     pub repeated: u64,
-    /// The same in every bit.
+    /// Estimates equal in every bit.
     pub equal: u64,
-    /// Sample of the first that differ.
+    /// Sample of the first difference.
     pub first_difference: Option<u32>,
 }
 
-/// Estimates that wait to be compared, on either side: those of a minute. Older ones were lost on the line.
+/// Estimates waiting to be compared, on either side: a minute's worth. Older ones were lost on the line.
 const WAITING: usize = 4096;
 
-/// Keeps an estimate; the oldest gives way.
+/// Keeps an estimate; the oldest is dropped if there is no room.
 fn keep(waiting: &mut BTreeMap<u32, Estimate>, estimate: Estimate) {
     waiting.insert(estimate.sample_sequence, estimate);
     if waiting.len() > WAITING {
@@ -72,7 +72,7 @@ impl Default for Twin {
 }
 
 impl Twin {
-    /// A unit that has just started.
+    /// A unit that has just been started.
     pub fn new() -> Self {
         Self {
             unit: Unit::new(NoTime, Identity::default()),
@@ -83,7 +83,7 @@ impl Twin {
         }
     }
 
-    /// Takes bytes that go over the line.
+    /// Receives the bytes sent over the line.
     pub fn receive(&mut self, bytes: &[u8]) {
         self.unit.receive(bytes);
         while self.unit.work() {}
@@ -103,7 +103,7 @@ impl Twin {
         }
     }
 
-    /// Takes what the unit answered.
+    /// Compares an answer of the unit.
     pub fn answer(&mut self, found: &Estimate) {
         let number = found.sample_sequence;
         let before = self.compared.get(&number).or(self.early.get(&number));
@@ -123,7 +123,7 @@ impl Twin {
         keep(&mut self.compared, found);
     }
 
-    /// How the two compare so far.
+    /// The comparison so far.
     pub fn agreement(&self) -> Agreement {
         self.agreement
     }
@@ -139,7 +139,7 @@ impl Agreement {
         }
     }
 
-    /// Whether the two gave the same estimates, every one.
+    /// Whether both gave the same estimates, without exception.
     pub fn holds(&self) -> bool {
         self.equal == self.expected && self.equal == self.received
     }
@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_line_brings_twice_is_compared_once() {
+    fn repeated_estimates_are_compared_once() {
         let mut twin = Twin::new();
         twin.expect(estimate(1, 4.0));
         for _ in 0..3 {

@@ -1,4 +1,4 @@
-//! The report as a figure: where the model disagrees, and each channel before and after.
+//! The report as a figure: when the model disagrees, and each channel before and after.
 
 use bodyflight_discovery::point;
 use bodyflight_discovery::report::{ByName, CHANNEL_NAMES, Outcome, Report};
@@ -18,7 +18,7 @@ pub fn svg(title: &str, report: &Report) -> Result<String> {
     figure_svg(&titled(title, report.verdict, &report.model), &panels)
 }
 
-/// The figure of a point: what each window misses, before and after.
+/// The figure for a point: what the model lacks in each window, before and after.
 ///
 /// # Errors
 /// Returns an error if it cannot be drawn.
@@ -53,7 +53,7 @@ pub fn point_svg(title: &str, report: &point::report::Report) -> Result<String> 
     figure_svg(&titled(title, report.verdict, &report.model), &panels)
 }
 
-/// The title with what was found.
+/// The title, with the result appended.
 fn titled(title: &str, verdict: Outcome, model: &[ByName]) -> String {
     let effects: Vec<&str> = model.iter().map(|(name, _)| *name).collect();
     let found = if effects.is_empty() {

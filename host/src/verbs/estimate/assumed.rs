@@ -1,38 +1,37 @@
-//! What is assumed of the noise of a whole flight, and how it follows what the flight says.
+//! Assumptions about the noise of a whole flight, and their adaptation to the flight.
 
 use bodyflight_core::estimator::motion::settings::MotionPreset;
 
 use super::joints::{DIRECTIONS, Directions};
 use super::smoother::{Constants, Found, Score, Scores};
 
-/// What is assumed of the noise.
+/// Assumptions about the noise.
 #[derive(Debug, Clone, Copy)]
 pub struct Assumed {
-    /// Of what varies: its joints' error is what wanders.
+    /// Deviations of whatever varies; its joint error is the wandering part only.
     pub preset: MotionPreset,
-    /// As it was at first.
+    /// The preset as given.
     first: MotionPreset,
-    /// Deviation of the joints' errors that stay (rad).
+    /// Deviation of the constant joint errors (rad).
     calibration: f64,
-    /// Bounds of it.
+    /// Bounds of `calibration`.
     calibrations: [f64; 2],
-    /// Deviations of what muscle input and damping are off by over the flight.
+    /// Deviations of the constant offsets of muscle input and damping.
     offsets: [f64; 6],
 }
 
-/// Share of the preset's deviations that muscle input and damping have about what they are off by over the flight, at first
-/// and at least.
+/// Deviations of muscle input and damping about their constant offsets, as shares of the preset's: initial and least.
 const MUSCLE_SHARES: [f32; 2] = [0.67, 0.5];
 const DAMPING_SHARES: [f32; 2] = [0.6, 0.6];
-/// Wander of the joints (deg), at first and at least, and the time in which it changes (s).
+/// Wander of the joints (deg), initial and least, and its time constant (s).
 const WANDER: [f32; 2] = [0.1, 0.05];
 const WANDER_TIME: f32 = 5.0;
 const WANDER_TURN_RATE: f32 = 3.0;
-/// Share of the preset's joint error within which the flight says what it is.
+/// Bounds, as shares of the preset's joint error, within which it adapts to the flight.
 const CALIBRATIONS: [f64; 2] = [0.5, 1.5];
 
 impl Assumed {
-    /// From what the filter assumes.
+    /// Starts from the filter's assumptions.
     pub fn of(preset: &MotionPreset) -> Self {
         let [muscle, damping] = [preset.muscle, preset.damping_deviation];
         let calibration = f64::from(preset.joint_error);
@@ -64,7 +63,7 @@ impl Assumed {
         })
     }
 
-    /// Comes nearer to what the flight says of the noise.
+    /// Adapts to the noise seen in the flight.
     pub fn follow(&mut self, found: &Found, scores: &Scores, errors: &Directions) {
         #[expect(clippy::cast_possible_truncation, reason = "a factor")]
         let followed = |deviation: f32, score: &Score, least: f32, most: f32| {
@@ -94,7 +93,7 @@ impl Assumed {
             2.0 * first.joint_error,
         );
         let known: f64 = found.covariance.diagonal().rows(0, DIRECTIONS).sum();
-        #[expect(clippy::cast_precision_loss, reason = "two dozen")]
+        #[expect(clippy::cast_precision_loss, reason = "there are two dozen")]
         let told = DIRECTIONS as f64 - known / (self.calibration * self.calibration);
         let [least, most] = self.calibrations;
         self.calibration = (errors.norm_squared() / told.max(0.5))

@@ -12,11 +12,11 @@ use crate::output::plot::{
 };
 use crate::replay::comparison::Channel;
 
-/// Above this a mean square is drawn at the edge (of the panel of consistency).
+/// Mean squares above this are drawn at the edge of the consistency panel.
 const HIGHEST: f64 = 10.0;
 
 impl Estimation {
-    /// Muscle input and damping over time.
+    /// Panels of muscle input and damping over time.
     pub fn input_panels(&self) -> [Panel; 2] {
         let axes = |caption: &str, value: fn(&Row) -> [f64; 3]| Panel {
             caption: caption.to_owned(),
@@ -62,7 +62,7 @@ impl Estimation {
         ]
     }
 
-    /// Coefficients over time above, reconstructed and measured channels below, as SVG.
+    /// The figure as SVG: coefficients over time, and below them reconstructed and measured channels.
     ///
     /// # Errors
     /// Returns an error if the figure cannot be drawn.
@@ -98,7 +98,7 @@ impl Estimation {
         figure_svg(title, &panels)
     }
 
-    /// What the filter watches over time, one being right, with the limits above which it doubts itself and is lost.
+    /// What the filter monitors over time, ideally 1, with the limits above which it is doubtful and lost.
     fn consistency_panel(&self) -> Panel {
         let curve = |line, value: &dyn Fn(&Point) -> f64| Curve {
             line,
@@ -129,7 +129,7 @@ impl Estimation {
         });
         Panel {
             caption: format!(
-                "mean square of normalised innovations (1 is right){}",
+                "mean square of normalised innovations (ideally 1){}",
                 caption.unwrap_or_default()
             ),
             curves,

@@ -1,7 +1,7 @@
-//! Errors of the recorded joints that stay the same from the first frame to the last.
+//! Errors of the recorded joints that are constant over the flight.
 //!
-//! Forty-five joint axes put only six numbers of load on the body at a time, and some two dozen over a flight: the directions of
-//! joint errors that matter are the principal axes of the loads, as they were over the flight.
+//! Errors about 45 joint axes change only the six components of the load at any time, and span about two dozen
+//! dimensions over a flight. The directions of joint error that matter are the principal axes of these loads.
 
 use bodyflight_core::body::Segment;
 use bodyflight_core::body::posture::Posture;
@@ -10,29 +10,30 @@ use bodyflight_core::estimator::motion::posture_error::{JOINT_AXES, columns, cov
 use bodyflight_core::math::small_rotation;
 use nalgebra::{SMatrix, SVector, Vector3};
 
-/// Number of directions of joint errors that are estimated. Belly flight has hardly more than a dozen; in barrel rolls, where the body's
-/// own turning adds to the loads, those beyond a dozen were taken for muscle input, with error bars a fifth of the error.
+/// Number of directions of joint error that are estimated. Belly flight has hardly more than a dozen. In barrel rolls,
+/// where the body's own rotation adds to the loads, any beyond a dozen used to be mistaken for muscle input, with error
+/// bars of a fifth of the error.
 pub const DIRECTIONS: usize = 24;
 
 /// One number for each direction.
 pub type Directions = SVector<f64, DIRECTIONS>;
 
-/// Load (force and moment over the dynamic pressure) by direction.
+/// Load (force and moment divided by the dynamic pressure) per direction.
 pub type Loads = SMatrix<f64, 6, DIRECTIONS>;
 
-/// Samples for which a load by joint errors stands.
+/// Number of samples that share one load from joint errors.
 const SAMPLES: usize = 2;
 
-/// Directions of joint errors, and what each puts on the body in the course of the flight.
+/// Directions of joint error, and the load that each causes over the flight.
 pub struct JointDirections {
     axes: SMatrix<f64, JOINT_AXES, DIRECTIONS>,
     loads: Vec<Loads>,
-    /// Of all axes at once, where each is off by 1 rad.
+    /// Covariances of the load if every axis has a deviation of 1 rad.
     covariances: Vec<SMatrix<f64, 6, 6>>,
 }
 
 impl JointDirections {
-    /// Of a flight: posture and motion of each sample.
+    /// Computes the directions from the posture and motion at each sample of a flight.
     pub fn new<'a>(
         dynamics: &Dynamics<f64>,
         flight: impl Iterator<Item = (&'a Posture<f64>, &'a Motion<f64>)>,
@@ -49,7 +50,7 @@ impl JointDirections {
             .collect();
         let mut sum = nalgebra::DMatrix::<f64>::zeros(JOINT_AXES, JOINT_AXES);
         for loads in &all {
-            // Square metres of force count as cubic metres of moment: a body is about a metre large.
+            // Square metres of force are weighted like cubic metres of moment, since a body measures about one metre.
             sum += loads.tr_mul(loads);
         }
         let eigen = sum.symmetric_eigen();
@@ -64,7 +65,7 @@ impl JointDirections {
         }
     }
 
-    /// Covariance of the load at a sample, where every axis has a deviation of 1 rad.
+    /// Covariance of the load at a sample if every axis has a deviation of 1 rad.
     pub fn covariance(&self, index: usize) -> SMatrix<f64, 6, 6> {
         let place = (index / SAMPLES).min(self.covariances.len().saturating_sub(1));
         let covariance = self.covariances.get(place);
@@ -77,7 +78,7 @@ impl JointDirections {
         self.loads.get(place).copied().unwrap_or_else(Loads::zeros)
     }
 
-    /// The posture without these errors (rad, along the directions).
+    /// The posture corrected for these errors (rad, along the directions).
     pub fn corrected(&self, posture: &Posture<f64>, errors: &Directions) -> Posture<f64> {
         let turns = self.axes * errors;
         let joints = Segment::ALL.into_iter().skip(1).enumerate();

@@ -1,4 +1,4 @@
-//! Estimation by the motion filter, and by the solution of the whole flight that starts from it.
+//! Estimation with the motion filter, and with a solution for the whole flight that starts from the filter's result.
 
 use std::time::Instant;
 
@@ -32,39 +32,40 @@ use crate::progress;
 /// How a flight is estimated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Method {
-    /// Forward, as the unit does.
+    /// Forward in time, as on the unit.
     Filter,
     /// The whole flight at once.
     Smooth,
 }
 
-/// What tunes an estimation by the motion filter.
+/// Tuning of an estimation with the motion filter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settings {
-    /// The preset; its rate and its sensors' noise come from the recording.
+    /// The preset; its sample rate and sensor noise are replaced by those of the recording.
     pub preset: MotionPreset,
-    /// Whether the noise of the preset is kept where the recording shows another.
+    /// Whether to keep the preset's sensor noise even if the recording shows a different one.
     pub keep_noise: bool,
-    /// Whether the joints' error is found from the innovations.
+    /// Whether to find the joint error from the innovations.
     pub find_joint_error: bool,
-    /// The whole model or the reduced one.
+    /// The full model or the reduced one.
     pub filter: Filter,
     /// Forward or the whole flight.
     pub method: Method,
 }
 
-/// Joint errors that are tried (deg). None is smaller than what recordings have: an error that stays the same shows only once,
-/// and most of it may show as muscle input. The last is more than they have: a flight that needs more has another cause.
+/// Joint errors to try (deg). None is smaller than those of real recordings: a constant error is observed only once,
+/// and most of it may look like muscle input. The last is larger than in real recordings: a flight that needs that
+/// much has some other problem.
 const JOINT_ERRORS: [f32; 3] = [2.0, 4.0, IMPLAUSIBLE];
 const IMPLAUSIBLE: f32 = 8.0;
 
-/// How long before an axis is found active it may have begun to move (s).
+/// An axis may have become active this long before the filter notices (s).
 const AWAKE_BEFORE: f64 = 0.15;
 
-/// Runs the filter over a recording and, beside it, the model with constant coefficients.
+/// Runs the filter over a recording and, for comparison, the model with constant coefficients.
 ///
 /// # Errors
-/// Returns an error where a file is not usable or the preset is refused.
+/// Returns an error if a file is unusable or the preset is refused.
 pub fn estimate<T: Real>(
     flight: &Flight,
     settings: &Settings,
@@ -108,21 +109,22 @@ pub fn estimate<T: Real>(
         Filter::Reduced => run.points::<T, Reduced>(&preset, settings.method, least)?,
     };
     let seconds = begin.elapsed().as_secs_f64();
-    progress::stage("flying with what was found");
+    progress::stage("simulating with the estimates");
     let replayed = Replayed {
         flight,
         recorded: &recorded,
     };
     let mut estimation = replayed.report(points, &collector, flags, &preset, seconds)?;
     if implausible {
-        let sentence =
-            format!("what was measured asks for joints that are {IMPLAUSIBLE} degrees off or more");
+        let sentence = format!(
+            "the measurements can only be explained by joint errors of {IMPLAUSIBLE} degrees or more"
+        );
         estimation.report.doubt.get_or_insert(sentence);
     }
     Ok(estimation)
 }
 
-/// The rate of the recording, and about sixty estimates a second.
+/// Sets the rate of the recording, keeping the preset's number of estimates a second.
 fn set_rate(preset: &mut MotionPreset, rate: f64) {
     let per_estimate = rate * preset.solution_window as f64 / f64::from(preset.sample_rate);
     #[expect(
@@ -136,14 +138,14 @@ fn set_rate(preset: &mut MotionPreset, rate: f64) {
     }
 }
 
-/// The reduced model has no streams at single segments, and takes the air to be the same everywhere.
+/// Checks that the reduced model suffices: its airflow is the same for all segments, and its air everywhere.
 fn model_is_plain(dynamics: &Dynamics<f64>) -> Result<()> {
     if dynamics.stream.is_uniform() && dynamics.air.profile == 0.0 {
         return Ok(());
     }
     Err(
-        Problem::bad_input("an effect of the model acts on the stream at single segments, which the reduced filter does not have")
-            .help("use --filter paper, which flies the whole model"),
+        Problem::bad_input("an effect of the model acts on the airflow at single segments, which the reduced filter does not represent")
+            .help("use --filter paper, which uses the full model"),
     )
 }
 
@@ -172,7 +174,8 @@ impl Run<'_> {
         history.map_or(*flight, |history| history.muscles_at(time, flight))
     }
 
-    /// Flies the filter over the recording; `each` sees every instant before it is pushed, and every estimate.
+    /// Runs the filter over the recording. `before` is called before each instant is pushed, `each` afterwards, with
+    /// the estimate if there is one.
     fn fly<T: Real, P: Propagation<T>>(
         &self,
         preset: &MotionPreset,
@@ -212,11 +215,11 @@ impl Run<'_> {
         Ok(())
     }
 
-    /// The joint error under which the measurements are most likely.
+    /// The joint error with the highest likelihood of the measurements.
     fn joint_error(&self, preset: &MotionPreset) -> Result<f32> {
         let mut best = (f64::NEG_INFINITY, preset.joint_error);
         for degrees in JOINT_ERRORS {
-            progress::stage(format!("are the joints {degrees} degrees off?"));
+            progress::stage(format!("trying joint errors of {degrees} degrees"));
             let tried = MotionPreset {
                 joint_error: degrees.to_radians(),
                 ..*preset
@@ -319,7 +322,7 @@ impl Run<'_> {
         }
     }
 
-    /// What is known of the whole flight: the start, and the end of each interval.
+    /// Solves for the whole flight: the state at its start and at the end of each interval.
     fn whole(
         &self,
         preset: &MotionPreset,
@@ -329,7 +332,7 @@ impl Run<'_> {
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
-            reason = "some samples"
+            reason = "only a few samples"
         )]
         let before = (AWAKE_BEFORE * self.recorded.rate).round() as usize;
         let awake = |index: usize| {
@@ -345,7 +348,7 @@ impl Run<'_> {
             posture: instant.posture,
             motion: instant.motion,
             muscles: self.muscles_at(instant.time),
-            // The filter's first is of the second instant.
+            // The filter's first activity belongs to the second instant.
             activity: awake(index.saturating_sub(1)),
         });
         let model = (&self.dynamics, &self.applied);

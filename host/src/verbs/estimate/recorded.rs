@@ -1,5 +1,5 @@
-//! A whole flight in memory, as the motion filter takes it: postures, and what was measured, without the errors of
-//! the sensors that are known.
+//! A whole flight in memory as input for the motion filter: postures, and measurements corrected for known sensor
+//! errors.
 
 use bodyflight_core::Posture;
 use bodyflight_core::dynamics::Motion;
@@ -28,21 +28,21 @@ pub struct Instant {
 pub struct Recorded {
     /// The instants, in order of time.
     pub instants: Vec<Instant>,
-    /// The frames that they were made of.
+    /// The frames that the instants come from.
     pub frames: Vec<FlightFrame>,
-    /// Samples a second (Hz).
+    /// Sample rate (Hz).
     pub rate: f64,
 }
 
-/// Share of the preset's noise above which the noise of a recording can be seen: below, the recording is smoothed, and
-/// its errors are slower than one sample.
+/// Share of the preset's noise above which a recording's noise is believed. Below it, the recording has been smoothed,
+/// so that its errors change more slowly than from sample to sample.
 const VISIBLE: f64 = 0.25;
 
 impl Recorded {
     /// Reads a flight.
     ///
     /// # Errors
-    /// Returns an error where a file is not usable, or fewer than two frames have velocity and angular velocity.
+    /// Returns an error if a file is unusable, or fewer than two frames have velocity and angular velocity.
     pub fn read(flight: &Flight, options: Options) -> Result<Self> {
         let recording = flight.open(options)?;
         let rate = recording.header().frame_rate;
@@ -67,7 +67,7 @@ impl Recorded {
         })
     }
 
-    /// Corrects the known errors of the sensors.
+    /// Corrects for known sensor errors.
     pub fn correct(&mut self, sensors: &Sensors<f64>) {
         if *sensors == Sensors::perfect() {
             return;
@@ -95,8 +95,7 @@ impl Recorded {
         }
     }
 
-    /// Noise of the sensors, from what changes from sample to sample faster than any body; the preset's where
-    /// none can be seen.
+    /// Sensor noise, from changes between samples that are faster than any body's; the preset's if no noise is visible.
     pub fn noise(&self, preset: &Noise<f32>) -> Noise<f32> {
         let seen = |values: Vec<f64>, preset: f32| {
             let found = values.into_iter().fold(0.0, f64::max);
@@ -125,7 +124,7 @@ impl Recorded {
                 Some(turn.quaternion().scaled_axis())
             })
             .collect();
-        // A turn from one sample to the next is a first difference already.
+        // A rotation from one sample to the next is already a first difference.
         let attitude = (0..3)
             .map(|axis| second_difference(turns.iter().map(|v| v[axis])))
             .collect();
@@ -141,7 +140,7 @@ impl Recorded {
     }
 }
 
-/// The instants around `samples` after the one of `index`, and the share of the way between them.
+/// The instants on both sides of the time `samples` after `index`, and the fraction of the way between them.
 fn neighbours(seen: &[Instant], index: usize, samples: f64) -> Option<(&Instant, &Instant, f64)> {
     if samples == 0.0 {
         return None;
@@ -159,7 +158,7 @@ fn neighbours(seen: &[Instant], index: usize, samples: f64) -> Option<(&Instant,
     Some((a, b, place.fract()))
 }
 
-/// Deviation of white noise whose third differences these values have.
+/// Standard deviation of the white noise in these values, from their third differences.
 fn third_difference(values: impl Iterator<Item = f64>) -> f64 {
     let values: Vec<f64> = values.collect();
     let differences = values.windows(4).filter_map(|four| {
@@ -169,7 +168,7 @@ fn third_difference(values: impl Iterator<Item = f64>) -> f64 {
     median_size(differences) / 20.0f64.sqrt()
 }
 
-/// The same where the values are first differences.
+/// The same for values that are first differences already.
 fn second_difference(values: impl Iterator<Item = f64>) -> f64 {
     let values: Vec<f64> = values.collect();
     let differences = values.windows(3).filter_map(|three| {
@@ -179,7 +178,7 @@ fn second_difference(values: impl Iterator<Item = f64>) -> f64 {
     median_size(differences) / 20.0f64.sqrt()
 }
 
-/// Deviation of normal numbers by their median size, which a few jumps do not change.
+/// Standard deviation from the median absolute value, which is robust against a few jumps.
 fn median_size(values: impl Iterator<Item = f64>) -> f64 {
     1.4826 * quantile(values.map(f64::abs).collect(), 0.5)
 }

@@ -1,4 +1,4 @@
-//! An estimation beside the recording, and beside free runs with the estimated inputs and with constant ones.
+//! Compares an estimation with the recording, and with free runs with estimated and with constant inputs.
 
 use bodyflight_core::estimator::motion::settings::MotionPreset;
 use bodyflight_core::observation::Observation;
@@ -20,7 +20,7 @@ pub(super) struct Replayed<'a> {
 }
 
 impl Replayed<'_> {
-    /// Compares with what was measured, and with constant coefficients.
+    /// Compares with the measurements and with a run with constant coefficients.
     pub(super) fn report(
         &self,
         points: Vec<Point>,
@@ -98,14 +98,14 @@ impl Replayed<'_> {
         })
     }
 
-    /// What sensors would see of a free run with these inputs, or with constant coefficients, at every instant.
+    /// Observations of a free run with these inputs, or with constant coefficients, at every instant.
     fn free_run(&self, inputs: Option<InputHistory>) -> Result<Vec<Observation<f64>>> {
         let flight = Flight {
             inputs,
             ..self.flight.clone()
         };
         let frames = self.recorded.frames.iter().copied().map(Ok);
-        // A free run that leaves every range is a result here, not a fault of the flight.
+        // A free run that diverges is a result here, not a fault of the flight.
         let replay = Replay::<f64, _>::new(&flight, frames)?.on_divergence(Divergence::Held);
         let first = replay.start().pair.simulated;
         std::iter::once(Ok(first))

@@ -10,22 +10,22 @@ use super::verdict::Consistencies;
 use crate::formats::input_history::Row;
 use crate::replay::comparison::PerChannel;
 
-/// How often each fault was met, in updates.
+/// Number of updates with each kind of fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, JsonSchema, Serialize)]
 pub struct Flags {
-    /// A posture was not usable.
+    /// A posture was unusable.
     pub posture: u64,
-    /// A measured channel was not usable.
+    /// A measured channel was unusable.
     pub measurement: u64,
-    /// An update was not taken in.
+    /// An update was rejected.
     pub update: u64,
     /// The covariance was kept from degenerating.
     pub covariance: u64,
     /// The reconstructed motion was limited.
     pub motion: u64,
-    /// Updates in which predictions missed measurements by far.
+    /// Updates in which predictions were far from the measurements.
     pub inconsistent: u64,
-    /// Times at which the motion began anew, since it had been lost for a second.
+    /// Number of restarts after the motion had been lost for a second.
     pub restarted: u64,
 }
 
@@ -55,13 +55,13 @@ pub struct Report {
     pub rms: PerChannel,
     /// Gap of a free run with constant coefficients.
     pub rms_constant: PerChannel,
-    /// Gap of a free run from the first frame with the estimated inputs; by the motion filter only.
+    /// Gap of a free run from the first frame with the estimated inputs; motion filter only.
     pub rms_free_run: Option<PerChannel>,
-    /// Largest size of the measured channel.
+    /// Largest absolute value of the measured channel.
     pub amplitude: PerChannel,
-    /// Updates made.
+    /// Number of updates.
     pub updates: u64,
-    /// Mean normalised innovation squared of an update, all channels.
+    /// Mean normalised innovation squared of the updates, all channels.
     pub nis_mean: f64,
     /// Faults by kind.
     pub flags: Flags,
@@ -71,54 +71,54 @@ pub struct Report {
     pub duration_s: f64,
     /// Time from a sample to the estimate for it (s): the prediction window.
     pub delay_s: f64,
-    /// Error of the recorded joints, each axis (deg), as the motion filter took it.
+    /// Error of the recorded joints, per axis (deg), as assumed by the motion filter.
     pub joint_error_deg: Option<f64>,
     /// How consistent the motion filter was.
     pub consistency: Option<Consistencies>,
-    /// Why the estimate is not to be trusted.
+    /// Why the estimate should not be trusted.
     pub doubt: Option<String>,
 }
 
 /// Coefficients at one time.
 #[derive(Debug, Clone, Copy)]
 pub struct Point {
-    /// Time from which on they act (s).
+    /// Time from which they apply (s).
     pub time: f64,
     /// Coefficients.
     pub inputs: Row,
     /// Their standard deviations.
     pub deviation: Row,
-    /// Normalised innovation squared of the update: of all channels by the paper's filter, the mean of a channel by
+    /// Normalised innovation squared of the update: over all channels for the paper's filter, the mean per channel for
     /// the motion filter.
     pub normalised_innovation: f64,
-    /// What the motion filter reports about itself.
+    /// The filter's own verdict on its consistency.
     pub consistency: Option<Consistency>,
-    /// What the filter watches.
+    /// What the filter monitors.
     pub watched: Watched,
-    /// Motion at that time, by the motion filter.
+    /// Motion at that time; motion filter only.
     pub motion: Option<Motion<f64>>,
 }
 
-/// Mean squares over about a second of what should have a mean square of one; not a number where a filter does not
-/// watch it.
+/// Mean squares over about a second of quantities whose mean square should be 1; NaN for those that a filter does not
+/// monitor.
 #[derive(Debug, Clone, Copy)]
 pub struct Watched {
-    /// Normalised innovations of attitude, angular velocity and velocity, of each the worst channel.
+    /// Normalised innovations of attitude, angular velocity and velocity, the worst channel of each.
     pub sensors: [f64; 3],
-    /// The residual load, by component.
+    /// The residual load, per component.
     pub residual: f64,
     /// Normalised innovations of all channels.
     pub all: f64,
 }
 
 impl Watched {
-    /// In the order of the fields.
+    /// The values in the order of the fields.
     pub fn values(&self) -> [f64; 5] {
         let [attitude, spin, velocity] = self.sensors;
         [attitude, spin, velocity, self.residual, self.all]
     }
 
-    /// Of a filter that watches all channels as one.
+    /// For a filter that monitors all channels together.
     pub fn of_all(mean_square: f64) -> Self {
         Self {
             sensors: [f64::NAN; 3],
@@ -127,9 +127,9 @@ impl Watched {
         }
     }
 
-    /// Of the motion filter.
+    /// For the motion filter.
     pub fn of(watch: &Watch<f64>) -> Self {
-        // The speed of satellites is a velocity.
+        // The horizontal speed of a satellite receiver counts as a velocity.
         let worst = |sensor: usize| {
             let channels = watch.channels.iter().enumerate();
             let seen = channels.filter(|(k, channel)| channel.seen && (k / 3).min(2) == sensor);

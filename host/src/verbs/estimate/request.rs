@@ -1,4 +1,4 @@
-//! What a user asks of an estimation, whichever filter it takes.
+//! A user's request for an estimation, independent of the filter.
 
 use bodyflight_core::Real;
 
@@ -12,19 +12,19 @@ use crate::formats::recording::Options;
 /// A preset, and how to run it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Request {
-    /// The numbers.
+    /// The preset's tuning.
     pub tuning: Tuning,
     /// Forward, or the whole flight at once.
     pub method: Method,
-    /// Which model the filter flies; by default the whole one by the motion filter, the reduced one over windows.
+    /// The model inside the filter; by default the full one in the motion filter, the reduced one over windows.
     pub filter: Option<Filter>,
 }
 
 impl Request {
-    /// Runs it over the recording of a flight; `progress` is called with the time reached (s).
+    /// Runs the estimation over a flight's recording. `progress` is called with the time reached (s).
     ///
     /// # Errors
-    /// Returns an error if a file is not usable, or the preset does not go with the method or the recording.
+    /// Returns an error if a file is unusable, or the preset does not fit the method or the recording.
     pub fn run<T: Real>(
         &self,
         flight: &Flight,
@@ -35,7 +35,7 @@ impl Request {
             Tuning::Windows(preset) => {
                 if self.method == Method::Smooth {
                     return Err(Problem::bad_input(format!(
-                        "method smooth is of the motion filter, and preset \"{}\" is not",
+                        "method smooth needs the motion filter, which preset \"{}\" does not use",
                         preset.name
                     )));
                 }

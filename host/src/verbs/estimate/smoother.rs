@@ -1,16 +1,16 @@
-//! A fixed-interval smoother along a trajectory, with numbers that stay the same over the flight.
+//! A fixed-interval smoother along a trajectory, with parameters that are constant over the flight.
 //!
-//! Errors are small differences from a trajectory. They cross the flight forward by a Kalman filter with the algebra of the
-//! motion filter; going back over its steps, the modified Bryson-Frazier smoother (Bierman 1973) collects in an adjoint what
-//! the rest of the flight says of an error. No covariance is inverted, so inputs that nothing sees do no harm.
+//! Errors are small differences from a trajectory. A Kalman filter with the algebra of the motion filter propagates
+//! them forward. The modified Bryson-Frazier smoother (Bierman 1973) then runs backward over its steps, and collects
+//! the information of later measurements in an adjoint. No covariance is inverted, so unobserved inputs do no harm.
 //!
-//! What stays the same over the flight are separate numbers, after Friedland (1969): beside the filter goes what each of them
-//! does to its state and to its innovations; the innovations of the whole flight then find them by least squares, with
-//! their covariance. These are errors of the recorded joints ([`joints`](super::joints)), and what muscle input and damping
-//! are off by.
+//! Constant parameters are separate, after Friedland (1969): the sensitivity of the filter's state and innovations to
+//! each of them is propagated beside the filter; least squares over all innovations of the flight then gives their
+//! values and covariance. They are errors of the recorded joints ([`joints`](super::joints)), and constant offsets of
+//! muscle input and damping.
 //!
-//! The adjoint also says which way the likelihood rises with the noise of each input: its square over what is expected
-//! of it is one where the noise is as large as was assumed.
+//! The adjoint also gives the gradient of the likelihood with respect to the noise of each input: the ratio of its
+//! square to the expected square is 1 if the noise is as large as assumed.
 
 use bodyflight_core::estimator::motion::measurement::Row;
 use bodyflight_core::estimator::motion::settings::Process;
@@ -23,41 +23,41 @@ use nalgebra::{SMatrix, SVector};
 
 use super::joints::{DIRECTIONS, Loads};
 
-/// Constants of joints' errors, then what muscle input and damping are off by over the whole flight: pitch, yaw, roll
-/// each.
+/// Number of constants: joint errors, then offsets of muscle input and of damping over the flight, each in pitch, yaw
+/// and roll.
 pub const CONSTANTS: usize = DIRECTIONS + 6;
 
-/// One number for each.
+/// One number for each constant.
 pub type Constants = SVector<f64, CONSTANTS>;
 
-/// By direction of the joints' errors.
+/// Sensitivity of the state to each constant.
 type Effect = SMatrix<f64, STATES, CONSTANTS>;
 type Square = SMatrix<f64, CONSTANTS, CONSTANTS>;
 
-/// A channel as it was taken in.
+/// A measured channel that was used in an update.
 struct Taken {
     slope: SVector<f64, 9>,
     spread: Difference<f64>,
     innovation: f64,
     variance: f64,
-    /// What a joint's error adds to the innovation.
+    /// Sensitivity of the innovation to each constant.
     effect: Constants,
 }
 
-/// An interval on the way forward.
+/// An interval of the forward pass.
 struct Step {
     slope: MotionSlope<f64>,
     decay: SVector<f64, INPUT_STATES>,
     residual: SMatrix<f64, 6, 6>,
     activity: [f64; 3],
     taken: Vec<Taken>,
-    /// Expected difference from the trajectory about which all is linear.
+    /// Expected difference from the trajectory about which the problem is linearized.
     difference: Difference<f64>,
     covariance: Covariance<f64>,
     effect: Effect,
 }
 
-/// The way forward along a trajectory, and the way back.
+/// The forward and the backward pass along a trajectory.
 pub struct Pass {
     steps: Vec<Step>,
     difference: Difference<f64>,
@@ -67,24 +67,24 @@ pub struct Pass {
     seen: Constants,
 }
 
-/// The constants as the flight tells them.
+/// The constants as estimated from the flight.
 #[derive(Debug, Clone, Copy)]
 pub struct Found {
-    /// From where they are.
+    /// Differences from their present values.
     pub errors: Constants,
-    /// Covariance of what is left.
+    /// Covariance of the estimates.
     pub covariance: Square,
 }
 
-/// What the whole flight says of an instant.
+/// The smoothed estimate at an instant.
 pub struct Smoothed {
-    /// By how much the trajectory has to be moved.
+    /// Correction to the trajectory.
     pub correction: Difference<f64>,
     /// Standard deviations after the correction.
     pub deviation: Difference<f64>,
 }
 
-/// Squares of what is found of a noise, and what is expected of them.
+/// Sums of squares found for a noise, and expected for it.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Score {
     found: f64,
@@ -97,7 +97,7 @@ impl Score {
         self.expected += weight * expected;
     }
 
-    /// Both together.
+    /// The sum of both scores.
     pub fn joined(self, other: &Self) -> Self {
         Self {
             found: self.found + other.found,
@@ -105,7 +105,7 @@ impl Score {
         }
     }
 
-    /// By what a variance has to be multiplied.
+    /// Factor by which to multiply the assumed variance.
     pub fn factor(&self) -> f64 {
         if self.expected > 0.0 {
             self.found / self.expected
@@ -115,18 +115,18 @@ impl Score {
     }
 }
 
-/// How large the noise of everything is, against what was assumed.
+/// Size of each noise relative to the assumed one.
 #[derive(Debug, Clone, Default)]
 pub struct Scores {
-    /// Muscle input and damping, quiet: pitch, yaw, roll each.
+    /// Quiet muscle input and damping, each in pitch, yaw and roll.
     pub quiet: [Score; 6],
     /// The residual load.
     pub residual: Score,
-    /// Muscle input and damping, by interval; the first is the start.
+    /// Muscle input and damping per interval; the first entry is the start.
     pub each: Vec<[Score; 6]>,
 }
 
-/// Errors at the end of an interval, of those at its begin.
+/// Propagates errors from the beginning of an interval to its end.
 fn crossed<const N: usize>(
     slope: &MotionSlope<f64>,
     decay: &SVector<f64, INPUT_STATES>,
@@ -160,7 +160,7 @@ fn uncrossed<const N: usize>(
     before
 }
 
-/// What comes from later, on the way back.
+/// Information from later measurements, in the backward pass.
 struct Adjoint {
     value: Difference<f64>,
     information: Covariance<f64>,
@@ -168,7 +168,7 @@ struct Adjoint {
 }
 
 impl Pass {
-    /// Before the first interval.
+    /// Starts before the first interval.
     pub fn new(start: &Covariance<f64>, difference: &Difference<f64>) -> Self {
         let mut effect = Effect::zeros();
         for k in 0..6 {
@@ -184,8 +184,8 @@ impl Pass {
         }
     }
 
-    /// Crosses an interval at whose end the trajectory is `gap` short of what follows from its begin; `loads` are those
-    /// of the joints' errors.
+    /// Crosses an interval. `gap` is how far the model, run from the interval's beginning, ends from the trajectory;
+    /// `loads` are those of the joint errors.
     pub fn cross(
         &mut self,
         slope: &MotionSlope<f64>,
@@ -216,7 +216,7 @@ impl Pass {
         });
     }
 
-    /// Takes in a channel at the end of the interval, unless it is more than `gate` deviations from what is expected.
+    /// Updates with a channel at the end of the interval, unless it is more than `gate` deviations from its prediction.
     pub fn take(&mut self, row: &Row<f64>, noise: f64, gate: f64) {
         let (innovation, spread) =
             update::innovation(&self.covariance, &self.difference, row, noise);
@@ -259,9 +259,9 @@ impl Pass {
         }
     }
 
-    /// The constants, which were expected to be `expected` from where they are, with these deviations.
+    /// Estimates the constants, given their prior mean `expected`, relative to their present values, and deviations.
     pub fn constants(&self, expected: &Constants, deviations: &Constants) -> Found {
-        // In deviations, so that what nothing tells stays well scaled.
+        // In units of the deviations, so that unobserved constants stay well scaled.
         let scale = Square::from_diagonal(deviations);
         let scaled = Square::identity() + scale * self.information * scale;
         let Some(factor) = scaled.cholesky() else {
@@ -277,8 +277,8 @@ impl Pass {
         Found { errors, covariance }
     }
 
-    /// Goes back over the flight: what the whole flight says of the start and of the end of each interval, and how large
-    /// the noises are.
+    /// Runs backward over the flight. Returns smoothed estimates at the start and at the end of each interval, and
+    /// scores of the noises.
     pub fn smoothed(&self, constants: &Found) -> (Vec<Smoothed>, Scores) {
         let mut adjoint = Adjoint {
             value: Difference::zeros(),
@@ -302,8 +302,8 @@ impl Pass {
 }
 
 impl Taken {
-    /// Backwards through an update: with `K = spread / variance`, `(1 - K H)^T` times the adjoint from later, plus
-    /// the channel's own innovation.
+    /// Goes backward through an update: with `K = spread / variance`, `(1 - K H)^T` times the later adjoint, plus the
+    /// channel's own innovation.
     fn back(&self, adjoint: &mut Adjoint, errors: &Constants) {
         let inverse = 1.0 / self.variance;
         let gain = self.spread * inverse;
@@ -367,7 +367,7 @@ impl Step {
         }
     }
 
-    /// At the end of the interval, before its measurements.
+    /// Adds to the scores, at the end of the interval and before its measurements.
     fn score(&self, adjoint: &Adjoint, constants: &Found, scores: &mut Scores) {
         let inputs = adjoint.effect.fixed_rows::<INPUT_STATES>(MOTION_STATES);
         let by_constants = inputs * constants.covariance;
@@ -394,7 +394,7 @@ impl Step {
         }
     }
 
-    /// Backwards over the interval.
+    /// Goes backward over the interval.
     fn back(&self, adjoint: &mut Adjoint) {
         adjoint.value = uncrossed(&self.slope, &self.decay, &adjoint.value);
         adjoint.effect = uncrossed(&self.slope, &self.decay, &adjoint.effect);

@@ -7,32 +7,32 @@ use serde::Serialize;
 
 use crate::replay::comparison::{Channel, PerChannel};
 
-/// Longest time in a row for which consistency may be lost (s).
+/// Longest uninterrupted time for which consistency may be lost (s).
 pub const LONGEST_LOSS: f64 = 1.0;
 
-/// Share of the time for which an estimate may not be consistent: beyond, something acts throughout, and error bars of the
-/// moments between are no better.
+/// Largest share of the time for which an estimate may be inconsistent. Beyond it, an unmodelled effect acts
+/// throughout, and the error bars are not reliable at other times either.
 pub const LARGEST_SHARE: f64 = 0.25;
 
-/// Share of a channel's noise by which it may be worse than constant coefficients: that much is chance.
+/// Share of a channel's noise by which it may be worse than with constant coefficients, by chance.
 const WORSE: f64 = 0.5;
 
 /// How consistent an estimation was.
 #[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct Consistencies {
-    /// Share of the time in which error bars held as far as measurements can tell.
+    /// Share of the time in which the error bars were right, as far as measurements can tell.
     pub consistent: f64,
-    /// Share in which they were too small, or something acted that the filter does not have.
+    /// Share in which they were too small, or an effect acted that the filter does not model.
     pub doubtful: f64,
     /// Share in which predictions did not follow the measurements.
     pub lost: f64,
-    /// Longest time in a row for which it was lost (s).
+    /// Longest uninterrupted time for which it was lost (s).
     pub longest_loss_s: f64,
     /// When that began (s).
     pub loss_begins_s: f64,
     /// The channel that was worst then, or the residual load.
     pub worst: Option<String>,
-    /// By channel: mean normalised innovation squared over the flight (one is right).
+    /// Statistics of each channel over the flight.
     pub nis: Vec<ChannelConsistency>,
 }
 
@@ -41,19 +41,19 @@ pub struct Consistencies {
 pub struct ChannelConsistency {
     /// Name.
     pub channel: &'static str,
-    /// Mean normalised innovation squared; one is right.
+    /// Mean normalised innovation squared; ideally 1.
     pub nis: f64,
-    /// Correlation of innovations with the ones before; zero is right.
+    /// Correlation of successive innovations; ideally 0.
     pub correlation: f64,
     /// Share beyond the gate.
     pub rejected: f64,
 }
 
-/// Collects it estimate by estimate.
+/// Collects consistency estimate by estimate.
 #[derive(Debug, Default)]
 pub struct Collector {
     times: [f64; 3],
-    /// Begin of the present loss.
+    /// Beginning of the present loss.
     since: Option<f64>,
     longest: [f64; 2],
     worst: Option<&'static str>,
@@ -62,7 +62,7 @@ pub struct Collector {
 }
 
 impl Collector {
-    /// Adds what the filter reported about itself at `time` (s), `duration` (s) after the last.
+    /// Adds the filter's own report at `time` (s), `duration` (s) after the previous one.
     pub fn take(&mut self, watch: &Watch<f64>, consistency: Consistency, time: f64, duration: f64) {
         for ((channel, sums), count) in watch
             .channels
@@ -83,7 +83,7 @@ impl Collector {
         }
     }
 
-    /// The same of a filter that watches all channels as one; whether this is the longest loss so far.
+    /// The same for a filter that monitors all channels together. Returns whether this is the longest loss so far.
     pub fn take_state(&mut self, consistency: Consistency, time: f64, duration: f64) -> bool {
         if let Some(sum) = self.times.get_mut(consistency as usize) {
             *sum += duration;
@@ -100,7 +100,7 @@ impl Collector {
         longest
     }
 
-    /// All of it.
+    /// Sums up what was collected.
     pub fn finish(&self) -> Consistencies {
         let total: f64 = self.times.iter().sum::<f64>().max(1e-9);
         let [consistent, doubtful, lost] = self.times.map(|time| time / total);
@@ -139,7 +139,7 @@ fn worst(watch: &Watch<f64>) -> &'static str {
     }
 }
 
-/// Channels in which the reconstruction is worse than that of constant coefficients by more than chance.
+/// Channels in which the reconstruction is worse than with constant coefficients, by more than chance.
 pub fn worse_channels(rms: &PerChannel, constant: &PerChannel, noise: &Noise<f32>) -> Vec<Channel> {
     Channel::ALL
         .into_iter()
@@ -157,7 +157,7 @@ pub fn worse_channels(rms: &PerChannel, constant: &PerChannel, noise: &Noise<f32
         .collect()
 }
 
-/// Why an estimate is not to be trusted, in a sentence; `None` where it is.
+/// Why an estimate should not be trusted, in a sentence; `None` if it can be.
 pub fn sentence(worse: &[(Channel, f64, f64)], found: &Consistencies) -> Option<String> {
     if let Some((channel, estimated, constant)) = worse.first() {
         let (label, unit) = channel.label();
@@ -169,7 +169,7 @@ pub fn sentence(worse: &[(Channel, f64, f64)], found: &Consistencies) -> Option<
         let share = found.doubtful + found.lost;
         return (share > LARGEST_SHARE).then(|| {
             format!(
-                "the estimate is doubtful {:.0} % of the time: something acts throughout that it does not have",
+                "the estimate is doubtful {:.0} % of the time: an effect that the model lacks acts throughout",
                 100.0 * share
             )
         });

@@ -1,10 +1,10 @@
-//! The whole flight as one problem: the trajectory, the inputs and the joint errors under which all that was measured is
-//! likeliest.
+//! The whole flight as one problem: finds the trajectory, inputs and joint errors that make the measurements most
+//! likely.
 //!
-//! Gauss-Newton: the problem is linearized about a trajectory, at first the filter's, and solved by the
-//! [smoother](super::smoother); postures are corrected by the joint errors that it finds, the trajectory moves to its
-//! solution, and once more. Between iterations the assumed noise follows what the flight says of it, within bounds, and
-//! axes wake up where quiet input does not do.
+//! Gauss-Newton iteration: the problem is linearized about a trajectory, initially the filter's, and solved by the
+//! [smoother](super::smoother). Postures are corrected by the joint errors found, the trajectory moves to the solution,
+//! and the next iteration starts. Between iterations the assumed noise adapts to the flight, within bounds, and axes
+//! become active where quiet input does not suffice.
 
 use bodyflight_core::Posture;
 use bodyflight_core::body::mass_properties::PostureRate;
@@ -31,20 +31,20 @@ use super::smoother::{Constants, Pass, Score, Smoothed};
 use crate::diagnostic::Result;
 use crate::progress;
 
-/// Samples of an interval: steps of 1/120 s are fine enough, and half the work.
+/// Samples per interval: steps of 1/120 s are fine enough, at half the cost.
 pub const STRIDE: usize = 2;
 
-/// Iterations. The second meets the sensors' noise; the others settle noise and awake axes.
+/// Number of iterations. The second reaches the sensor noise; the others settle the assumed noise and the active axes.
 const ITERATIONS: usize = 4;
 
-/// Wander of the joints (deg) above which their errors do not stay, and a filter that forgets them does better: it comes out
-/// below 0.13 on synthetic flights with constant errors, above 0.7 where they wander by 1 degree.
+/// Wander of the joints (deg) above which their errors are not constant, so that a filter that forgets them is better.
+/// Its estimate is below 0.13 on synthetic flights with constant errors, and above 0.7 if they wander by 1 degree.
 const STAYS: f32 = 0.25;
 
-/// Share of the deviations that linearization and the choice of noise leave out.
+/// Factor on the deviations, for the errors of linearization and of the choice of noise.
 const CAUTION: f64 = 1.25;
 
-/// An instant as the problem takes it.
+/// An instant of the flight.
 #[derive(Debug, Clone)]
 pub struct Sample {
     /// Time since the start (s).
@@ -55,25 +55,25 @@ pub struct Sample {
     pub motion: Motion<f64>,
     /// Limbs that act.
     pub muscles: MuscleModel,
-    /// How much each axis is moved on purpose, 0 to 1.
+    /// How actively each axis is controlled, 0 to 1.
     pub activity: [f64; 3],
 }
 
 /// A flight as one problem.
 pub struct Whole {
     dynamics: Dynamics<f64>,
-    /// Loads that are known.
+    /// Known loads.
     applied: AppliedLoads<f64>,
     samples: Vec<Sample>,
     directions: JointDirections,
-    /// The start, and the end of each interval.
+    /// States at the start and at the end of each interval.
     trajectory: Vec<FlightState<f64>>,
-    /// Errors of the joints that postures are corrected by (rad, along the directions).
+    /// Joint errors for which postures are corrected (rad, along the directions).
     errors: Directions,
     assumed: Assumed,
 }
 
-/// What is known of an instant.
+/// The solution at an instant.
 #[derive(Debug, Clone, Copy)]
 pub struct Known {
     /// Motion and inputs.
@@ -84,7 +84,7 @@ pub struct Known {
     pub deviation: Difference<f64>,
 }
 
-/// The way forward over a flight.
+/// A forward pass over a flight.
 struct Flown {
     pass: Pass,
     process: Process<f64>,
@@ -92,7 +92,7 @@ struct Flown {
 }
 
 impl Whole {
-    /// Of the samples of a flight, the first being the start, and of the filter's states at the end of each interval.
+    /// Takes the samples of a flight, beginning with the start, and the filter's states at the end of each interval.
     pub fn new(
         preset: &MotionPreset,
         (dynamics, applied): (&Dynamics<f64>, &AppliedLoads<f64>),
@@ -123,11 +123,11 @@ impl Whole {
         }
     }
 
-    /// What the whole flight says of the start and of the end of each interval; nothing where it cannot be solved, or where
-    /// joint errors wander.
+    /// Solves for the start and the end of each interval. The result is empty if there is no solution or if joint
+    /// errors wander.
     ///
     /// # Errors
-    /// Returns an error where the program was interrupted.
+    /// Returns an error if the program is interrupted.
     pub fn solve(mut self) -> Result<Vec<Known>> {
         let mut known = Vec::new();
         for iteration in 1..=ITERATIONS {
@@ -157,7 +157,7 @@ impl Whole {
         Ok(known)
     }
 
-    /// Adds to the residual load what the joints' errors do: postures as recorded then fly as the corrected ones.
+    /// Adds the effect of the joint errors to the residual load, so that recorded postures act like corrected ones.
     fn load_by_joints(&self, known: &mut [Known]) {
         let mut place = PostureSample::blank();
         let samples = self.samples.iter().step_by(STRIDE);
@@ -172,7 +172,7 @@ impl Whole {
         }
     }
 
-    /// The trajectory moved to a solution; none where that is not finite.
+    /// The trajectory moved to a solution; `None` if that is not finite.
     fn moved(
         &self,
         process: &Process<f64>,
@@ -196,7 +196,7 @@ impl Whole {
             .collect()
     }
 
-    /// Goes forward along the trajectory.
+    /// Runs the forward pass along the trajectory.
     fn fly(&self) -> Result<core::result::Result<Flown, SettingsError>> {
         let preset = &self.assumed.preset;
         let duration = preset.duration::<f64>(STRIDE);
@@ -210,7 +210,7 @@ impl Whole {
             return Ok(Err(SettingsError::Start));
         };
         process.set_sensitivity(&self.directions.covariance(0));
-        // The start itself is measured: before that, next to nothing is known of its motion.
+        // The start itself is measured: before that, almost nothing is known about its motion.
         let mut pass = Pass::new(
             &process.start(&times(&noise, 10.0)),
             &ahead(&process, start),
@@ -258,11 +258,11 @@ impl Whole {
         }))
     }
 
-    /// Wakes axes up where for a tenth of a second what was measured asks for more than quiet input.
+    /// Marks axes as active where, for a tenth of a second, measurements require more than quiet input.
     fn wake(&mut self, each: &[[Score; 6]]) {
-        /// Time on both sides that is looked at together, and that wakes up together (s).
+        /// Time on both sides that is judged together, and that becomes active together (s).
         const BESIDE: [f64; 2] = [0.05, 0.1];
-        /// Mean square, over what is expected, of which chance makes less than one in a flight.
+        /// Ratio of the mean square to its expectation that chance exceeds less than once in a flight.
         const LIMIT: f64 = 6.0;
         let around = |index: usize, beside: usize, length: usize| {
             index.saturating_sub(beside)..(index + beside + 1).min(length)
@@ -271,7 +271,7 @@ impl Whole {
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
-            reason = "a few intervals"
+            reason = "only a few intervals"
         )]
         let beside = BESIDE.map(|time| (time / duration).round().max(1.0) as usize);
         for axis in 0..3 {
@@ -295,7 +295,7 @@ impl Whole {
     }
 }
 
-/// Deviations to state of those of the linear problem.
+/// Deviations to report, from those of the linear problem.
 fn stated(
     process: &Process<f64>,
     deviation: &Difference<f64>,
@@ -310,7 +310,7 @@ fn stated(
     stated
 }
 
-/// How far the process' mean of the inputs is from those of the trajectory at its start.
+/// Difference of the process's mean inputs from those of the trajectory at its start.
 fn ahead(process: &Process<f64>, start: &FlightState<f64>) -> Difference<f64> {
     let mut ahead = Difference::zeros();
     ahead
@@ -319,7 +319,7 @@ fn ahead(process: &Process<f64>, start: &FlightState<f64>) -> Difference<f64> {
     ahead
 }
 
-/// Takes in what was measured at an instant of the trajectory.
+/// Updates with the measurements at an instant of the trajectory.
 fn measure(
     pass: &mut Pass,
     state: &FlightState<f64>,
@@ -343,7 +343,7 @@ fn measure(
     pass.settle();
 }
 
-/// How fast the stream turns about the body (rad/s).
+/// How fast the airflow rotates about the body (rad/s).
 fn turn_rate(dynamics: &Dynamics<f64>, motion: &Motion<f64>) -> f64 {
     let velocity = through_air(dynamics, motion);
     let across = motion.angular_velocity.components.cross(&velocity).norm();

@@ -1,4 +1,4 @@
-//! What is exported: one table of quantities, each with how it is taken from a frame.
+//! The exported quantities: one table, with a function for each that extracts it from a frame.
 
 use bodyflight_core::Segment;
 use bodyflight_core::aerodynamics::Loads;
@@ -20,7 +20,7 @@ const ROTATION: &[&str] = &["w", "x", "y", "z"];
 const AXES: &[&str] = &AXIS_NAMES;
 const ONE: &[&str] = &[];
 
-/// A frame with everything that is known of it.
+/// A frame with everything known about it.
 pub(super) struct Seen<'a> {
     step: &'a Step,
     posed: SegmentArray<PosedSegment<f64>>,
@@ -32,7 +32,7 @@ pub(super) struct Seen<'a> {
 }
 
 impl<'a> Seen<'a> {
-    /// A frame of a flight that `dynamics` flies, with the estimate that holds there.
+    /// A frame of a flight simulated with `dynamics`, with the estimate that applies to it.
     pub(super) fn of(
         dynamics: &Dynamics<f64>,
         step: &'a Step,
@@ -58,14 +58,14 @@ impl<'a> Seen<'a> {
         }
     }
 
-    /// Numbers of each segment.
+    /// Adds the numbers of each segment.
     fn each<const N: usize>(&self, numbers: impl Fn(Segment) -> [f64; N], row: &mut Vec<f64>) {
         for segment in Segment::ALL {
             row.extend(numbers(segment));
         }
     }
 
-    /// Numbers of the estimate; missing before the first, and where nothing is estimated.
+    /// Adds the numbers of the estimate; NaN before the first one, and if nothing is estimated.
     fn estimated<const N: usize>(&self, numbers: impl Fn(&Point) -> [f64; N], row: &mut Vec<f64>) {
         row.extend(self.estimate.map_or([f64::NAN; N], numbers));
     }
@@ -73,7 +73,7 @@ impl<'a> Seen<'a> {
 
 type Take = Box<dyn Fn(&Seen<'_>, &mut Vec<f64>)>;
 
-/// A quantity, and how it is taken from a frame.
+/// A quantity, and how to extract it from a frame.
 pub(super) struct Entry {
     /// The quantity.
     pub(super) quantity: Quantity,
@@ -106,7 +106,7 @@ impl Entry {
     }
 }
 
-/// Everything that is exported, in order; the estimates only where there are some.
+/// Everything that is exported, in order; estimates only on request.
 pub(super) fn entries(with_estimates: bool) -> Vec<Entry> {
     let time = Entry::new(
         Of::Body,
@@ -128,7 +128,7 @@ pub(super) fn entries(with_estimates: bool) -> Vec<Entry> {
     entries
 }
 
-/// The channels in which flights are compared, with the names that `simulate --out` gives them.
+/// The channels in which flights are compared, named as by `simulate --out`.
 fn channels() -> impl Iterator<Item = Entry> {
     Channel::ALL.into_iter().flat_map(|channel| {
         ["measured", "simulated"].map(|side| {
@@ -172,7 +172,7 @@ const SIMULATED: Side = Side {
     motion: |step| &step.simulated,
 };
 
-/// The motion of the pelvis, and where it takes the segments.
+/// The motion of the pelvis, and the resulting poses of the segments.
 fn motion(Side { name, motion }: Side) -> [Entry; 6] {
     let named = |what: &str| format!("{name}_{what}");
     [
@@ -232,7 +232,7 @@ fn motion(Side { name, motion }: Side) -> [Entry; 6] {
     ]
 }
 
-/// What acts on the model.
+/// Inputs and surroundings of the model.
 fn of_model() -> [Entry; 6] {
     let inputs = |take: fn(&Inputs<f64>) -> [f64; 3]| {
         move |seen: &Seen<'_>, row: &mut Vec<f64>| row.extend(take(&seen.step.inputs))
@@ -334,7 +334,7 @@ fn of_segments() -> [Entry; 6] {
     ]
 }
 
-/// What `estimate` finds; each holds from its time on.
+/// Results of `estimate`; each applies from its time on.
 fn estimates() -> Vec<Entry> {
     let [coefficients, deviations] = [
         (
@@ -369,7 +369,7 @@ fn estimates() -> Vec<Entry> {
         .collect()
 }
 
-/// What an estimate has besides the coefficients.
+/// The parts of an estimate other than the coefficients.
 fn estimated_rest() -> [Entry; 3] {
     [
         Entry::new(

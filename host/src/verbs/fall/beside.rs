@@ -1,9 +1,9 @@
-//! Two people of one load: they fell through the same wind.
+//! Compares two jumpers from the same load, who fell through the same wind.
 
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// Deviations from which on two winds are not of one load.
+/// Number of standard deviations beyond which two winds are not from the same load.
 pub const MOST_APART: f64 = 3.0;
 
 /// The other jumper's fall, and how its wind agrees.
@@ -11,15 +11,15 @@ pub const MOST_APART: f64 = 3.0;
 pub struct Beside {
     /// Speed downwards in the steady part, at the reference height of the standard atmosphere (m/s).
     pub normalised_rate_mps: f64,
-    /// How far the winds of both falls are apart (deviations of both, root mean square over the heights); `None` where one of
-    /// them says nothing of the wind.
+    /// Difference between the winds of both falls (standard deviations of both, root mean square over the heights);
+    /// `None` if one fall does not show the wind.
     pub winds_apart: Option<f64>,
-    /// Heights that were compared.
+    /// Number of heights compared.
     pub heights: usize,
 }
 
 impl Beside {
-    /// Whether the winds are those of one load, as far as they are told.
+    /// Whether the winds are compatible with one load, as far as they are known.
     pub fn agrees(&self) -> bool {
         self.winds_apart.is_none_or(|apart| apart <= MOST_APART)
     }

@@ -1,4 +1,4 @@
-//! A jump over time: its phases, the fall flown again, drag area and wind.
+//! A jump over time: its phases, the fall and its simulation, and the drag area.
 
 use bodyflight_falls::Sample;
 use bodyflight_falls::fall::Jump;
@@ -12,7 +12,7 @@ use crate::output::plot::{
 const BEFORE: f64 = 15.0;
 const AFTER: f64 = 30.0;
 
-/// Panels: vertical velocity, speed across, height, drag area; the borders of the phases are upright lines.
+/// Panels: downward speed, horizontal speed, height, drag area. Vertical lines mark the borders of the phases.
 ///
 /// # Errors
 /// Returns an error if the figure cannot be drawn.
@@ -86,7 +86,7 @@ pub fn svg(title: &str, jump: &Jump, mass: f64) -> Result<String> {
     figure_svg(&format!("{title}: {}", said.join(", ")), &panels)
 }
 
-/// A panel of lines over time, with an upright line at each border.
+/// A panel of lines over time, with a vertical line at each border.
 fn panel(caption: &str, lines: &[(Line, Vec<(f64, f64)>)], borders: &[Option<f64>]) -> Panel {
     let values = || {
         lines

@@ -1,7 +1,7 @@
-//! The body at even times, from the side: measured as outlines over simulated.
+//! The body at regular times, seen from the side: the measured body as outlines over the simulated one.
 //!
-//! Each segment is the ellipsoid of its extents; the shadow of an ellipsoid is an ellipse, so a picture is sixteen of
-//! them, far ones first.
+//! Each segment is drawn as the ellipsoid of its extents. The projection of an ellipsoid is an ellipse, so a body is
+//! sixteen ellipses, far ones first.
 
 use std::fmt::Write as _;
 
@@ -82,7 +82,7 @@ fn quaternion(column: &[Vec<f64>], row: usize, from: usize) -> UnitQuaternion<f6
     UnitQuaternion::try_new(turn, 1e-3).unwrap_or_default()
 }
 
-/// The shadow of a segment: where, towards the viewer, half axes and turn (rad).
+/// The projection of a segment: place, depth towards the viewer, half axes and rotation (rad).
 struct Ellipse {
     place: [f64; 2],
     depth: f64,
@@ -90,7 +90,7 @@ struct Ellipse {
     turn: f64,
 }
 
-/// Seen from the south: to the right is east, up is up.
+/// The ellipses as seen from the south, with east to the right.
 fn ellipses(
     shapes: &[Shape],
     series: &Series,
@@ -131,7 +131,7 @@ fn ellipses(
 impl Ellipse {
     fn write(&self, svg: &mut String, centre: [f64; 2], style: &str) {
         let scale = SQUARE / METRES;
-        // Down is positive on paper.
+        // In SVG, y points down.
         let x = centre[0] + self.place[0] * scale;
         let y = centre[1] - self.place[1] * scale;
         let [a, b] = self.half.map(|half| half * scale);
@@ -167,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn a_standing_rod_is_as_high_as_it_is_long_and_as_wide_as_it_is_west() {
+    fn a_standing_rod_is_drawn_with_its_length_and_width() {
         let (shapes, series) = standing();
         let ellipse = &ellipses(&shapes, &series, 0, &UnitQuaternion::identity())[0];
         let mut half = ellipse.half;

@@ -1,4 +1,4 @@
-//! The way over ground from above, north up, one scale for both axes.
+//! The path over ground seen from above, north up, with one scale for both axes.
 
 use plotters::prelude::*;
 
@@ -8,7 +8,7 @@ use crate::verbs::view::series::Series;
 
 const SIZE: u32 = 520;
 
-/// The ways over ground: name in the legend, and column.
+/// The paths over ground: name in the legend, and column.
 const WAYS: [(&str, &str); 2] = [
     (MEASURED.label, "measured_position_m"),
     (SIMULATED.label, "simulated_position_m"),
@@ -20,7 +20,7 @@ pub(super) fn svg(title: &str, series: &Series) -> Result<String> {
 
 fn draw(title: &str, series: &Series, root: &Area<'_>) -> DrawResult {
     root.fill(&WHITE)?;
-    // To the right is east.
+    // East is to the right.
     let ways = WAYS.map(|(label, column)| {
         let way: Vec<(f64, f64)> = match series.column(column) {
             [north, west, _] => west.iter().zip(north).map(|(w, n)| (-w, *n)).collect(),

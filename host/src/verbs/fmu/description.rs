@@ -6,7 +6,7 @@ use bodyflight_core::dynamics::step::TIME_STEP;
 
 use super::variables::{Causality, Variable};
 
-/// Units by their names, and what they are in base units.
+/// Names of units, and their base units.
 const UNITS: [(&str, &str); 6] = [
     ("m", "m=\"1\""),
     ("m/s", "m=\"1\" s=\"-1\""),
@@ -16,7 +16,7 @@ const UNITS: [(&str, &str); 6] = [
     ("N.m", "kg=\"1\" m=\"2\" s=\"-2\""),
 ];
 
-/// The description of a unit whose library has this name, with a token that both share.
+/// Describes a unit whose library has this name. The library checks the token.
 pub(super) fn description(identifier: &str, token: &str, variables: &[Variable]) -> String {
     let mut text = format!(
         "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\
@@ -93,6 +93,6 @@ fn variable_element(text: &mut String, reference: usize, variable: &Variable) {
 }
 
 fn put(text: &mut String, piece: std::fmt::Arguments<'_>) {
-    // A string takes everything.
+    // Writing to a String cannot fail.
     let _ = text.write_fmt(piece);
 }

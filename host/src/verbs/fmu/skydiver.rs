@@ -1,4 +1,4 @@
-//! A skydiver that is flown from outside, step by step: what the library of a unit runs.
+//! A skydiver that is simulated step by step with inputs from outside; the code behind a unit's library.
 
 use std::path::Path;
 
@@ -16,32 +16,32 @@ use crate::diagnostic::{Problem, Result};
 use crate::formats::flight::Flight;
 use crate::replay::comparison::Channel;
 
-/// Longest step (s): a posture that takes longer to reach is none that limbs move to evenly.
+/// Longest step (s). The limbs move evenly during a step, which is not plausible for longer ones.
 const LONGEST_STEP: f64 = 1.0;
 
-/// A skydiver, before and in flight.
+/// A skydiver, before or in flight.
 #[derive(Debug, Clone)]
 pub struct Skydiver {
     flight: Flight,
     variables: Vec<Variable>,
     values: Vec<f64>,
     time: f64,
-    /// From the first step on: the model and what it flies.
+    /// The model and its run, from the first step on.
     run: Option<(Dynamics<f64>, FreeRun<f64>)>,
     /// Posture at the beginning of the next step.
     posture: Posture<f64>,
 }
 
 impl Skydiver {
-    /// Of the resources of a unit.
+    /// Reads the resources of a unit.
     ///
     /// # Errors
-    /// Returns an error if they are not usable.
+    /// Returns an error if they are unusable.
     pub fn read(resources: &Path) -> Result<Self> {
         Flight::read(resources).map(Self::new)
     }
 
-    /// Of a flight's person and air.
+    /// Creates a skydiver with a flight's person and air.
     pub fn new(flight: Flight) -> Self {
         let variables = variables(&flight);
         let values = variables.iter().map(|variable| variable.start).collect();
@@ -55,7 +55,7 @@ impl Skydiver {
         }
     }
 
-    /// The value of a variable by its reference.
+    /// Returns the value of the variable with this reference.
     pub fn get(&self, reference: usize) -> Option<f64> {
         match reference.checked_sub(1) {
             None => Some(self.time),
@@ -63,10 +63,11 @@ impl Skydiver {
         }
     }
 
-    /// Sets a variable by its reference.
+    /// Sets the variable with this reference.
     ///
     /// # Errors
-    /// Returns an error if there is none, it is an output, or a parameter in flight, or the value is not finite.
+    /// Returns an error if there is no such variable, if it is an output, or a parameter after the start, or if the
+    /// value is not finite.
     pub fn set(&mut self, reference: usize, value: f64) -> Result<()> {
         let place = reference.wrapping_sub(1);
         let (Some(variable), Some(kept)) = (self.variables.get(place), self.values.get_mut(place))
@@ -79,7 +80,7 @@ impl Skydiver {
         match variable.causality {
             Causality::Output => return refused("this is an output"),
             Causality::Parameter if self.run.is_some() => {
-                return refused("this is a parameter, and the flight has begun");
+                return refused("this is a parameter, and the flight has already begun");
             }
             _ if !value.is_finite() => return refused("expected a number"),
             _ => {}
@@ -88,10 +89,10 @@ impl Skydiver {
         Ok(())
     }
 
-    /// Begins at a time (s) with the motion of the parameters and the posture of the inputs.
+    /// Begins at a time (s) with the motion given by the parameters and the posture given by the inputs.
     ///
     /// # Errors
-    /// Returns an error if the attitude is no rotation.
+    /// Returns an error if the attitude is not a rotation.
     pub fn begin(&mut self, time: f64) -> Result<()> {
         self.time = time;
         self.run = None;
@@ -101,10 +102,10 @@ impl Skydiver {
         Ok(())
     }
 
-    /// Flies a step from the present time (s) on; limbs move evenly to the joint angles of the inputs.
+    /// Simulates a step of `duration` (s), in which the limbs move evenly to the joint angles given by the inputs.
     ///
     /// # Errors
-    /// Returns an error if the step is not between 0 and 1 s, or the motion leaves every range.
+    /// Returns an error if the step is not between 0 and 1 s, or the simulation diverges.
     pub fn step(&mut self, duration: f64) -> Result<()> {
         if !(duration > 0.0 && duration <= LONGEST_STEP) {
             return Err(Problem::bad_input(format!(
@@ -124,7 +125,7 @@ impl Skydiver {
         let motion = run.motion(&dynamics, &rate);
         if !motion.velocity.is_finite() {
             return Err(
-                Problem::bad_input("the motion left every range").at(format!("{} s", self.time))
+                Problem::bad_input("the simulation diverges").at(format!("{} s", self.time))
             );
         }
         self.time += duration;
@@ -144,7 +145,7 @@ impl Skydiver {
         }
     }
 
-    /// The posture of the inputs.
+    /// The posture given by the inputs.
     fn wanted(&self) -> Posture<f64> {
         let mut posture = Posture::h_pose();
         for (joint, segment) in Segment::ALL.into_iter().skip(1).enumerate() {
@@ -163,7 +164,7 @@ impl Skydiver {
         }
     }
 
-    /// The model, with the wind of the inputs.
+    /// The model, with the wind given by the inputs.
     fn dynamics(&self) -> Dynamics<f64> {
         let [_, _, height] = self.taken(places::START);
         let mut dynamics = self.flight.dynamics(height);
@@ -283,7 +284,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_is_refused() {
+    fn impossible_values_are_refused() {
         let mut skydiver = skydiver();
         skydiver.begin(0.0).unwrap();
         let (output, parameter) = (

@@ -1,4 +1,4 @@
-//! The variables of a unit: one table for its description and for what its library reads and writes.
+//! The variables of a unit, in one table for both the description and the library.
 
 use bodyflight_core::Segment;
 use bodyflight_core::axis::AXIS_NAMES;
@@ -9,10 +9,10 @@ use bodyflight_core::frame::{Inertial, Rotation, facing_north};
 use crate::formats::flight::Flight;
 use crate::replay::comparison::Channel;
 
-/// Speed of the fall that a unit begins with (m/s).
+/// Initial fall speed (m/s).
 const SPEED: f64 = 50.0;
 
-/// What a variable is for.
+/// The role of a variable.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Causality {
     /// Set before each step.
@@ -23,18 +23,18 @@ pub enum Causality {
     Output,
 }
 
-/// A variable; its value reference is its place in the table plus one, 0 being the time.
+/// A variable. Its value reference is its place in the table plus one; 0 is the time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Variable {
-    /// Name, structured by points.
+    /// Name, structured by dots.
     pub name: String,
-    /// What it is for.
+    /// Its role.
     pub causality: Causality,
-    /// Unit, as FMI writes it; empty where there is none.
+    /// Unit as FMI writes it; empty if it has none.
     pub unit: &'static str,
-    /// Value at the start; of outputs it is computed.
+    /// Initial value; that of an output is computed.
     pub start: f64,
-    /// What it means.
+    /// Its meaning.
     pub meaning: &'static str,
 }
 
@@ -60,11 +60,11 @@ pub mod places {
     pub const CHANNELS: usize = MOTION + 13;
     /// Outputs: centre of gravity, world axes.
     pub const CENTRE: usize = CHANNELS + Channel::ALL.len();
-    /// Outputs: sum of forces and of moments of the air.
+    /// Outputs: total aerodynamic force and moment.
     pub const LOADS: usize = CENTRE + 3;
     /// Outputs: force and moment of each segment.
     pub const SEGMENT_LOADS: usize = LOADS + 6;
-    /// All.
+    /// Number of variables.
     pub const COUNT: usize = SEGMENT_LOADS + 6 * Segment::ALL.len();
 }
 
@@ -135,7 +135,7 @@ impl Table {
     }
 }
 
-/// All variables of a unit of this flight's person and air, in order.
+/// All variables of a unit with this flight's person and air, in order.
 pub fn variables(flight: &Flight) -> Vec<Variable> {
     let mut table = Table(Vec::with_capacity(places::COUNT));
     let neutral = pattern::neutral::<f64>();
@@ -147,10 +147,7 @@ pub fn variables(flight: &Flight) -> Vec<Variable> {
                 ["psi", "theta", "phi"],
             ),
             joint_angles(neutral.parent_from_segment(segment)),
-            (
-                "rad",
-                "angle of the joint that is reached at the end of the step",
-            ),
+            ("rad", "joint angle to reach at the end of the step"),
         );
     }
     let axes = |group| (group, AXIS_NAMES);
@@ -212,7 +209,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn groups_are_where_they_are_said_to_be() {
+    fn groups_begin_at_their_stated_indices() {
         let all = variables(&Flight::bare(Path::new("none.mvnx")));
         assert_eq!(all.len(), places::COUNT);
         for (place, name) in [

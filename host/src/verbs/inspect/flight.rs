@@ -1,4 +1,4 @@
-//! A recording as a flight: what is impossible in it, and MVN's centre of mass beside that of the model's body.
+//! A recording as a flight: implausible values, and MVN's centre of mass compared with that of the model's body.
 
 use core::fmt;
 use std::path::Path;
@@ -14,29 +14,29 @@ use crate::diagnostic::{Problem, Result};
 use crate::formats::recording::{FlightFrame, Options, Recording, Warning};
 use crate::formats::subject::Subject;
 
-/// MVN's centre of mass from the model's, in body axes: left, dorsal, cranial.
+/// Difference between MVN's centre of mass and the model's, in body axes: left, dorsal, cranial.
 #[derive(Debug, Clone, Copy, PartialEq, JsonSchema, Serialize)]
 pub struct CentreOfMass {
-    /// Frames compared.
+    /// Number of frames compared.
     pub frames: u64,
     /// Mean (m).
     pub mean_m: [f64; 3],
     /// Root mean square of the distance (m).
     pub rms_m: f64,
-    /// Root mean square around the mean (m): what another segment table cannot take away.
+    /// Root mean square about the mean (m), which no other segment table can remove.
     pub spread_m: f64,
-    /// Whether the body is the person's, not the default one.
+    /// Whether the body is the person's rather than the default one.
     pub of_person: bool,
 }
 
-/// What is worth knowing of a flight before it is simulated.
+/// Information about a flight before it is simulated.
 #[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct FlightReport {
-    /// What is implausible for a flight.
+    /// Values that are implausible for a flight.
     pub warnings: Vec<Warning>,
-    /// Centres of mass; null where the file has none.
+    /// Centres of mass; null if the file has none.
     pub centre_of_mass: Option<CentreOfMass>,
-    /// The first frame, in letters: from the front and from the left.
+    /// The first frame as text art, from the front and from the left.
     #[serde(skip)]
     pub picture: String,
 }
@@ -44,7 +44,7 @@ pub struct FlightReport {
 /// Reads a recording as a flight.
 ///
 /// # Errors
-/// Returns an error if it is none.
+/// Returns an error if it is not a flight.
 pub(crate) fn inspected(path: &Path, person: Option<&Body<f64>>) -> Result<FlightReport> {
     let options = Options {
         allow_truncated: true,
@@ -66,7 +66,7 @@ pub(crate) fn inspected(path: &Path, person: Option<&Body<f64>>) -> Result<Fligh
     })
 }
 
-/// Distances summed up.
+/// Sums over distances.
 #[derive(Default)]
 struct Centres {
     count: u64,
@@ -110,7 +110,7 @@ impl fmt::Display for FlightReport {
             writeln!(
                 f,
                 "centre of mass  {:.1} cm from that of {} (rms over {} frames); on average {left:+.1} cm left, \
-                 {dorsal:+.1} dorsal, {cranial:+.1} cranial; {:.1} cm around that",
+                 {dorsal:+.1} dorsal, {cranial:+.1} cranial; {:.1} cm about that mean",
                 100.0 * centre.rms_m,
                 if centre.of_person {
                     "the subject's body"

@@ -1,4 +1,4 @@
-//! The first frame as a picture of letters: an arm that points the wrong way is seen at once.
+//! The first frame as text art, in which an arm that points the wrong way is easy to see.
 
 use bodyflight_core::{Body, Segment};
 use nalgebra::Vector3;
@@ -6,14 +6,14 @@ use nalgebra::Vector3;
 use crate::formats::recording::FlightFrame;
 use crate::output::limbs::{Limb, Side, limbs};
 
-/// Size of each of the two views (letters); a letter is twice as high as wide.
+/// Size of each of the two views (characters); a character is twice as high as wide.
 const WIDTH: usize = 36;
 const HEIGHT: usize = 20;
 
-/// Points along a limb.
+/// Number of points drawn along a limb.
 const POINTS: usize = 24;
 
-/// The body in body axes, from the front (its left is right) and from its left (its front is left).
+/// Draws the body in body axes, from the front (its left is on the right) and from its left (its front is on the left).
 pub(super) fn first_frame(body: &Body<f64>, frame: &FlightFrame) -> String {
     let limbs = limbs(body, &frame.posture);
     let ends = || limbs.iter().flat_map(|limb| [limb.from, limb.to]);
@@ -38,7 +38,7 @@ pub(super) fn first_frame(body: &Body<f64>, frame: &FlightFrame) -> String {
                 #[expect(
                     clippy::cast_possible_truncation,
                     clippy::cast_sign_loss,
-                    reason = "a place in a picture"
+                    reason = "an index within the picture"
                 )]
                 let place = (down.max(0.0) as usize, across.max(0.0) as usize);
                 if let Some(letter) = view.get_mut(place.0).and_then(|row| row.get_mut(place.1)) {
@@ -57,7 +57,7 @@ pub(super) fn first_frame(body: &Body<f64>, frame: &FlightFrame) -> String {
     rows.collect::<Vec<_>>().join("\n")
 }
 
-/// What a limb is drawn with, along it and at its free end.
+/// The character for a limb, along it and at its free end.
 fn letter_of(limb: &Limb, at_end: bool) -> char {
     match (limb.segment, limb.side) {
         (Segment::Head, _) if limb.is_end && at_end => 'O',
@@ -79,7 +79,7 @@ mod tests {
     use crate::formats::subject::Subject;
 
     #[test]
-    fn standing_arms_down_the_head_is_on_top_and_the_hands_are_beside() {
+    fn standing_with_arms_down_has_the_head_on_top_and_the_hands_at_the_sides() {
         let frame = FlightFrame {
             index: 0,
             time: 0.0,

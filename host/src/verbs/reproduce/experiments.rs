@@ -1,29 +1,29 @@
-//! The experiments: which script flies which figure of the paper, and what differs.
+//! The experiments: which script corresponds to which figures of the paper, and how it differs.
 
 /// An experiment of the paper.
 #[derive(Debug, Clone, Copy)]
 pub struct Experiment {
     /// Name in commands.
     pub name: &'static str,
-    /// What it is.
+    /// Title in reports.
     pub title: &'static str,
-    /// Figures of the paper, by their labels.
+    /// Labels of the paper's figures.
     pub figures: &'static str,
-    /// The script that flies it.
+    /// The script to fly.
     pub maneuver: &'static str,
     /// Whether it is flown in a wind tunnel.
     pub tunnel: bool,
-    /// The paper's settings of the filter.
+    /// The paper's filter settings.
     pub preset: &'static str,
-    /// What differs from the paper.
+    /// Differences from the paper.
     pub differs: &'static str,
-    /// Why channels are missed, where they are.
+    /// Explanation of channels that are not reconstructed, if any.
     pub why: &'static str,
 }
 
-/// Why the paper's filter misses level flight.
-const FORCES: &str = "Paper's filter: bounded at zero from below, it finds muscle input where there is none; with the input comes a force, \
-                      and the preset does not see the vertical.";
+/// Why the paper's filter fails in level flight.
+const FORCES: &str = "Paper's filter: with inputs bounded below by zero, it finds muscle input where there is none; each input comes with a force, \
+and the preset does not measure the vertical velocity.";
 
 const ROTATIONS: Experiment = Experiment {
     name: "rotations",
@@ -32,18 +32,18 @@ const ROTATIONS: Experiment = Experiment {
     maneuver: "rotations",
     tunnel: false,
     preset: "turning-experienced",
-    differs: "Arms turn by a script, smoother than a person's.",
+    differs: "The arms follow a script, more smoothly than a person's.",
     why: "",
 };
 
-/// All of them, in the order of the paper.
+/// All experiments, in the order of the paper.
 pub const EXPERIMENTS: [Experiment; 15] = [
     Experiment {
         name: "rotations-tunnel",
         title: "Turns left and right in a wind tunnel",
         figures: "tunnel_yr, taff_turn_noUKF, taff_turn_UKF, taff_turncoeffs",
         tunnel: true,
-        differs: "The stream is uniform; nobody steers back to the middle of the tunnel, so a flight meets its walls.",
+        differs: "The airflow is uniform; nobody steers back to the middle of the tunnel, so the flight reaches its walls.",
         ..ROTATIONS
     },
     ROTATIONS,
@@ -53,7 +53,7 @@ pub const EXPERIMENTS: [Experiment; 15] = [
         figures: "trim",
         maneuver: "neutral-fall",
         preset: "tracking",
-        differs: "Sway in place of a person's corrections.",
+        differs: "Sway instead of a person's corrections.",
         why: FORCES,
         ..ROTATIONS
     },
@@ -90,8 +90,8 @@ pub const EXPERIMENTS: [Experiment; 15] = [
         figures: "tr1",
         maneuver: "barrel-roll",
         preset: "transitions-negative-damping",
-        differs: "Two half rolls by a script; with the paper's muscle forces they would be whole ones.",
-        why: "Paper's filter: the preset measures heading to 1.5 rad and no velocity, so after a fast roll heading, yaw rate and both speeds go their own way.",
+        differs: "Two scripted half rolls; with the paper's muscle forces they would be full rolls.",
+        why: "Paper's filter: the preset measures heading to 1.5 rad and no velocity, so after a fast roll, heading, yaw rate and both speeds drift away.",
         ..ROTATIONS
     },
     Experiment {
@@ -100,9 +100,9 @@ pub const EXPERIMENTS: [Experiment; 15] = [
         figures: "layouts, layouts_snap",
         maneuver: "layouts",
         preset: "layouts",
-        differs: "The paper shows this one flown only, as here; it is reconstructed besides. With moments alone the body passes its back and does not \
-                  stay there, with the paper's muscle forces it does.",
-        why: "Paper's filter: damping jumps between 12 and -0.1, which it follows too late to know to which side the body turns, and the preset measures no velocity.",
+        differs: "The paper only simulates this one; here it is also reconstructed. With moments alone the body passes through the back position; \
+        with the paper's muscle forces it stays there.",
+        why: "Paper's filter: damping jumps between 12 and -0.1, which it follows too late to tell which way the body rotates, and the preset measures no velocity.",
         ..ROTATIONS
     },
     Experiment {
@@ -111,8 +111,8 @@ pub const EXPERIMENTS: [Experiment; 15] = [
         figures: "tran, trancoeffs",
         maneuver: "fourteen-transitions",
         preset: "transitions",
-        differs: "The paper's order: back flips, front loop, front flip, rolls, layouts, the sixth of which fails and becomes a roll, its damping -0.1 and -0.2 in pitch and yaw.",
-        why: "Paper's filter: over its window of 0.25 s it turns too early and too little, the preset measures heading to 1.5 rad and no velocity, and its forces push the body 43 m/s off where nothing corrects them; roll and pitch are followed.",
+        differs: "The paper's order: back flips, front loop, front flip, rolls, layouts, the sixth of which fails and becomes a roll, with damping of -0.1 and -0.2 in pitch and yaw.",
+        why: "Paper's filter: over its window of 0.25 s it rotates too early and too little, the preset measures heading to 1.5 rad and no velocity, and its forces, which nothing corrects, change the velocity by 43 m/s; roll and pitch are followed.",
         ..ROTATIONS
     },
     Experiment {
@@ -121,7 +121,7 @@ pub const EXPERIMENTS: [Experiment; 15] = [
         figures: "tran_im, trancoeffs_im",
         maneuver: "fourteen-transitions",
         preset: "transitions-negative-damping",
-        differs: "As before with the wider bounds.",
+        differs: "As before, with the wider bounds.",
         why: "As before. The wider bounds, which helped the paper, do not help here.",
         ..ROTATIONS
     },
@@ -131,8 +131,8 @@ pub const EXPERIMENTS: [Experiment; 15] = [
         figures: "track, trackcoeffs, tracktop",
         maneuver: "exit-and-tracking",
         preset: "tracking",
-        differs: "The paper's skydiver reaches 33 m/s over ground with a pitch input between 1 and 2, this one 30 m/s with 1.25. With 1.4 it is 35 m/s, but other bodies then dive. Both go over to the back and return by rolls.",
-        why: "Both: each roll is over in half a second at up to 18 rad/s, begun by damping that falls from 12 to 0.05, which an estimate follows some hundredths of a second late. Paper's filter besides: the preset does not see the vertical.",
+        differs: "The paper's skydiver reaches 33 m/s over ground with a pitch input between 1 and 2, this one 30 m/s with 1.25. With 1.4 it is 35 m/s, but other bodies then dive. Both reach the back position and return by rolls.",
+        why: "Both: each roll is over in half a second at up to 18 rad/s, started by damping that falls from 12 to 0.05, which an estimate follows a few hundredths of a second late. In addition, the preset of the paper's filter does not measure the vertical velocity.",
         ..ROTATIONS
     },
     Experiment {
@@ -141,8 +141,8 @@ pub const EXPERIMENTS: [Experiment; 15] = [
         figures: "turn, turnpr, turncoeffs",
         maneuver: "aggressive-turns",
         preset: "turning",
-        differs: "10.6 rad/s, faster than the paper's 7, but the body stays level within 0.1 rad where the paper's tilts.",
-        why: "Paper's filter: its forces act where the preset does not see the speed; yaw rate, roll and pitch are within it.",
+        differs: "10.6 rad/s, faster than the paper's 7, but the body stays level within 0.1 rad, whereas the paper's tilts.",
+        why: "Paper's filter: its forces act on speeds that the preset does not measure; yaw rate, roll and pitch are within the accuracy.",
         ..ROTATIONS
     },
     Experiment {
@@ -151,8 +151,8 @@ pub const EXPERIMENTS: [Experiment; 15] = [
         figures: "taff_turn_UKF against turn",
         maneuver: "aggressive-turns",
         preset: "turning-experienced",
-        differs: "The limbs of the preset are those of an experienced skydiver, the flight's are all.",
-        why: "Both: the limbs are not those that flew, and what an input does depends on them: skill is data that the filter must be told.",
+        differs: "The preset has the limbs of an experienced skydiver; the flight uses all limbs.",
+        why: "Both: the limbs are not those of the flight, and the effect of an input depends on them. The filter must be given the skill as data.",
         ..ROTATIONS
     },
     Experiment {
@@ -162,7 +162,7 @@ pub const EXPERIMENTS: [Experiment; 15] = [
         maneuver: "rw-suit-turns",
         tunnel: true,
         preset: "turning-rw-suit",
-        differs: "Moments by thighs and shanks, as the paper finds of its competitor.",
+        differs: "Moments from thighs and shanks, as the paper finds for its competitor.",
         ..ROTATIONS
     },
     Experiment {
@@ -172,7 +172,7 @@ pub const EXPERIMENTS: [Experiment; 15] = [
         maneuver: "roll-oscillation",
         preset: "transitions",
         differs: "One arm and one leg down, as in the paper; damping in roll is 0 from 2.5 to 11 s and 6 after that.",
-        why: "Paper's filter: the preset measures heading to 1.5 rad and no velocity, so yaw rate and speeds go their own way; roll is followed.",
+        why: "Paper's filter: the preset measures heading to 1.5 rad and no velocity, so yaw rate and speeds drift away; roll is followed.",
         ..ROTATIONS
     },
 ];

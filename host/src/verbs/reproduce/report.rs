@@ -1,4 +1,4 @@
-//! What came of an experiment, and the report as Markdown.
+//! The outcome of an experiment, and the report as Markdown.
 
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -14,25 +14,25 @@ use crate::verbs::synthesize::Tunnel;
 /// One experiment, flown and reconstructed.
 #[derive(Debug, Clone, JsonSchema, Serialize)]
 pub struct Outcome {
-    /// Which experiment.
+    /// Name of the experiment.
     pub name: &'static str,
     /// Length (s).
     pub duration_s: f64,
-    /// Largest size of each measured channel.
+    /// Largest absolute value of each measured channel.
     pub amplitude: PerChannel,
     /// RMS gap with constant damping and no muscle input.
     pub constant: PerChannel,
-    /// With inputs estimated by the paper's filter and settings.
+    /// RMS gap with inputs estimated by the paper's filter and settings.
     pub paper_filter: PerChannel,
-    /// With inputs estimated by the motion filter.
+    /// RMS gap with inputs estimated by the motion filter.
     pub motion_filter: PerChannel,
-    /// What happened in the tunnel, for experiments there.
+    /// Events in the tunnel, for experiments in one.
     pub tunnel: Option<Tunnel>,
-    /// The picture.
+    /// File name of the figure.
     pub figure: PathBuf,
 }
 
-/// The paper's accuracy, sections "Model Validation in Experiments" and "Discussion"; none for the channels it does not give.
+/// The paper's accuracy, sections "Model Validation in Experiments" and "Discussion", for the channels that it gives.
 const PAPER: [(Channel, f64); 6] = [
     (Channel::Roll, 0.15),
     (Channel::Pitch, 0.15),
@@ -49,14 +49,14 @@ fn paper(channel: Channel) -> Option<f64> {
         .map(|(_, accuracy)| accuracy)
 }
 
-/// Parts of the report that are no flights.
+/// Parts of the report that are not flights.
 #[derive(Debug, Default)]
 pub(super) struct Parts {
     /// Table of the poses.
     pub poses: Option<String>,
     /// Whether there is a map of the oscillation.
     pub map: bool,
-    /// What parameters change.
+    /// Sensitivity to the parameters.
     pub sensitivity: Option<sensitivity::Report>,
 }
 
@@ -65,16 +65,16 @@ pub(super) fn markdown(outcomes: &[Outcome], parts: &Parts) -> String {
         "# The paper's experiments\n\n\
          Made by `bodyflight reproduce`. **Same model**: the flights below are scripts flown by the model itself, seen through the \
          paper's sensor noise, and reconstructed by the same model without knowing the inputs. They show what the method \
-         recovers when the model is right. The paper's figures are of people; its accuracy (RMS of all experiments together; \
-         single figures are printed in pictures only) stands beside as a scale, and a number above it is **bold**.\n",
+         recovers if the model is right. The paper's results are for people; its accuracy (RMS over all experiments; results \
+         of single experiments appear only in its figures) is given as a scale, and numbers above it are **bold**.\n",
     );
     let any = !outcomes.is_empty();
     if any {
         text.push_str(
             "\nConstant: damping 3, 0.5, 6 and no muscle input, as for the paper's basic maneuvers. Paper's filter: its windows, bounds \
              and noise. Motion filter: this program's default.\n\n\
-             The paper's presets have its muscle forces (eq. `eq1_1`), by which an input is also a force of hundreds of newtons; the flights \
-             here have none (docs/equations.md). The last table says what is missed, and why.\n",
+             The paper's presets include its muscle forces (eq. `eq1_1`), so that an input is also a force of hundreds of newtons; the \
+             flights here have none (docs/equations.md). The last table lists what is not reconstructed, and why.\n",
         );
     }
     for outcome in outcomes {
@@ -102,13 +102,13 @@ pub(super) fn markdown(outcomes: &[Outcome], parts: &Parts) -> String {
     text
 }
 
-/// What 30 % in a parameter does to a free run of turns, and to a reconstruction of them.
+/// How 30 % in a parameter changes a free run of turns, and their reconstruction.
 fn sensitivity_section(text: &mut String, found: &sensitivity::Report) {
     text.push_str(
         "\n## What 30 % in a parameter changes\n\n\
-         The flight of the turns in free fall. Free run: same postures and inputs, change over the channel's largest size. Reconstructed: \
-         inputs estimated anew by the paper's filter, gap over the largest size; what is wrong in a coefficient hides in the inputs. The \
-         paper's \"less than 1 %\" holds of the second, see docs/equations.md.\n\n\
+         The flight with turns in free fall. Free run: same postures and inputs, change relative to the channel's largest value. \
+         Reconstructed: inputs re-estimated by the paper's filter, gap relative to the largest value; the inputs absorb errors of a \
+         coefficient. The paper's \"less than 1 %\" applies to the second, see docs/equations.md.\n\n\
          | parameter | yaw rate, free run | vertical velocity, free run | yaw rate, reconstructed |\n|---|---|---|---|\n",
     );
     let per_cent = |value: f64, of: f64| format!("{:.1} %", 100.0 * value / of.max(1e-9));
@@ -135,10 +135,10 @@ fn sensitivity_section(text: &mut String, found: &sensitivity::Report) {
     text.push_str("\n![change of every channel](sensitivity.svg)\n");
 }
 
-/// The table at the end: what each filter misses most.
+/// The table at the end, with the worst channel of each filter.
 fn summary(text: &mut String, outcomes: &[Outcome]) {
     text.push_str(
-        "\n## What is missed, and why\n\n\
+        "\n## What is not reconstructed, and why\n\n\
          The worst channel of each experiment, as a multiple of the paper's accuracy.\n\n\
          | experiment | paper's filter | motion filter | why |\n|---|---|---|---|\n",
     );
@@ -150,7 +150,7 @@ fn summary(text: &mut String, outcomes: &[Outcome]) {
         let cell = |(channel, times): (Channel, f64)| format!("{}: {times:.1}", channel.label().0);
         let met = paper.1 <= 1.0 && motion.1 <= 1.0;
         let why = if met {
-            "Both within it."
+            "Both are within it."
         } else {
             experiment.why
         };
@@ -163,7 +163,7 @@ fn summary(text: &mut String, outcomes: &[Outcome]) {
     }
 }
 
-/// The channel with the largest gap over the paper's accuracy, and how many times that it is.
+/// The channel with the largest ratio of gap to the paper's accuracy, and that ratio.
 fn worst(gaps: &PerChannel) -> (Channel, f64) {
     let over = PAPER.map(|(channel, accuracy)| (channel, gaps.get(channel) / accuracy));
     over.into_iter()

@@ -1,4 +1,4 @@
-//! The picture of a sensitivity: change of each channel over the change of each parameter.
+//! The figure of a sensitivity: change of each channel against the change of each parameter.
 
 use plotters::style::RGBColor;
 
@@ -6,7 +6,7 @@ use super::{Parameter, Report, SHOWN};
 use crate::diagnostic::Result;
 use crate::output::plot::{Curve, Line, Panel, figure_svg_over};
 
-/// A colour for each parameter, in their order.
+/// A colour for each parameter, in order.
 const COLOURS: [RGBColor; Parameter::ALL.len()] = [
     RGBColor(0x00, 0x72, 0xb2),
     RGBColor(0xd5, 0x5e, 0x00),
@@ -20,7 +20,7 @@ const COLOURS: [RGBColor; Parameter::ALL.len()] = [
 ];
 
 impl Report {
-    /// The picture: one panel for each channel, one line for each parameter, of free runs with the same postures and inputs.
+    /// The figure, from free runs with the same postures and inputs: one panel per channel, one line per parameter.
     ///
     /// # Errors
     /// Returns an error if the figure cannot be drawn.

@@ -9,9 +9,9 @@ use crate::formats::subject::Subject;
 /// Errors of the recorded joints that are slower than noise, standard deviations of each axis (rad).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct JointError {
-    /// The same from the first frame to the last.
+    /// Constant over the flight.
     pub calibration: f64,
-    /// Wanders at 0.08 to 0.5 Hz.
+    /// Wandering at 0.08 to 0.5 Hz.
     pub wander: f64,
 }
 
@@ -32,15 +32,15 @@ pub struct Request<'a> {
     pub joint_error: JointError,
     /// Size of the involuntary sway of each joint (rad).
     pub sway: f64,
-    /// Whether a tunnel blows upwards at the speed of the subject's neutral fall.
+    /// Whether to fly in a wind tunnel, with an airflow as fast as the subject's neutral fall.
     pub tunnel: bool,
 }
 
 impl Request<'_> {
-    /// Refuses numbers that no flight has.
+    /// Checks that all numbers are in range.
     ///
     /// # Errors
-    /// Returns an error that names the first of them, and its range.
+    /// Returns an error that names the first number out of range, and its range.
     pub fn check(&self) -> Result<()> {
         let degrees = |angle: f64| (angle.to_degrees(), 20.0);
         for (name, (value, high)) in [

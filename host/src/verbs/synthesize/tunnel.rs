@@ -1,19 +1,19 @@
-//! What a flight in a wind tunnel would meet: wall, net and top.
+//! Contacts of a flight in a wind tunnel with wall, net and top.
 
 use bodyflight_core::frame::{Inertial, Vector};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// A flight in a wind tunnel 4.2 m wide, begun in its middle 3 m above the net and 8 m below the top.
+/// A flight in a wind tunnel 4.2 m wide, which begins in the middle, 3 m above the net and 8 m below the top.
 #[derive(Debug, Clone, Copy, PartialEq, JsonSchema, Serialize)]
 pub struct Tunnel {
-    /// Speed of the stream (m/s).
+    /// Speed of the airflow (m/s).
     pub stream_mps: f64,
-    /// When the pelvis first is where the wall would be (s).
+    /// When the pelvis first reaches the wall (s).
     pub wall_s: Option<f64>,
-    /// When it first is where the net would be (s).
+    /// When it first reaches the net (s).
     pub net_s: Option<f64>,
-    /// When it first is above the top (s).
+    /// When it first rises above the top (s).
     pub top_s: Option<f64>,
 }
 
@@ -22,7 +22,7 @@ impl Tunnel {
     const NET: f64 = -3.0;
     const TOP: f64 = 8.0;
 
-    /// Of a stream, empty.
+    /// A tunnel with this airflow, without contacts.
     pub(super) const fn new(stream_mps: f64) -> Self {
         Self {
             stream_mps,
@@ -32,7 +32,7 @@ impl Tunnel {
         }
     }
 
-    /// Sees where the pelvis is, from where it began.
+    /// Records contacts at the pelvis position, relative to its start.
     pub(super) fn see(&mut self, time: f64, position: &Vector<f64, Inertial>) {
         let aside = position.north().hypot(position.west());
         let above = position.up();
@@ -57,8 +57,8 @@ impl std::fmt::Display for Tunnel {
             ("top", self.top_s),
         ] {
             match time {
-                Some(time) => write!(f, ", {what} met after {time:.1} s")?,
-                None => write!(f, ", {what} not met")?,
+                Some(time) => write!(f, ", {what} reached after {time:.1} s")?,
+                None => write!(f, ", {what} not reached")?,
             }
         }
         Ok(())

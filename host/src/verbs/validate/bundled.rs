@@ -1,4 +1,4 @@
-//! Real flights that come with the program, see `host/data/acrobatics/README.md` for their origin and licence.
+//! Real flights bundled with the program; see `host/data/acrobatics/README.md` for their origin and licence.
 
 use std::path::{Path, PathBuf};
 
@@ -18,7 +18,7 @@ const FILES: [(&str, &[u8]); 10] = files![
     "flight-3.mvnx.gz" "flight-3.toml" "segments-3.json" "subject-3.toml"
 ];
 
-/// Writes the bundled flights, with licence and origin, into a folder that is there, and says which files are flights.
+/// Writes the bundled flights, with licence and origin, into an existing folder, and returns the paths of the flights.
 ///
 /// # Errors
 /// Returns an error if the folder cannot be written to.
@@ -34,10 +34,10 @@ pub fn write(folder: &Path) -> Result<Vec<PathBuf>> {
     Ok(flights)
 }
 
-/// A folder for the time of one run.
+/// Creates a folder that lasts for one run.
 ///
 /// # Errors
-/// Returns an error if the system refuses one.
+/// Returns an error if it cannot be created.
 pub fn temporary() -> Result<tempfile::TempDir> {
     tempfile::tempdir().map_err(|error| Problem::system("create", &std::env::temp_dir(), error))
 }

@@ -1,19 +1,19 @@
-//! A row of the table that everything ends in.
+//! A row of the table of results.
 
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// Something that real data must show, and whether they do.
+/// A requirement on real data, and whether it holds.
 #[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct Check {
-    /// Of which data.
+    /// Name of the data.
     pub data: String,
-    /// What is compared.
+    /// The quantity that is compared.
     pub what: String,
-    /// What was expected.
+    /// Expected value.
     pub expected: String,
-    /// What was found.
+    /// Value found.
     pub found: String,
-    /// Whether it is so.
+    /// Whether the check passes.
     pub holds: bool,
 }

@@ -1,4 +1,5 @@
-//! Falls of loggers: whether a body's drag explains them, error bars of predictions are true, and winds told in two ways agree.
+//! Falls recorded by loggers: checks that a body's drag explains them, that error bars of predictions are realistic,
+//! and that winds found in two ways agree.
 
 use std::path::{Path, PathBuf};
 
@@ -13,11 +14,11 @@ use crate::formats::track;
 use crate::progress;
 use crate::verbs::fall::{Conditions, Report, fall};
 
-/// Deviations that a prediction or a wind may be off.
+/// Largest error of a prediction or a wind (standard deviations).
 const MOST_APART: f64 = 3.0;
 
-/// Predictions on trial from which on their share within one deviation is asked for, and the least it may be; of a normal
-/// distribution it is 0.68.
+/// Number of trial predictions from which their share within one deviation is checked, and the smallest share allowed;
+/// for a normal distribution it is 0.68.
 const ENOUGH_TRIALS: usize = 30;
 const LEAST_WITHIN: f64 = 0.55;
 
@@ -26,12 +27,12 @@ const LEAST_WITHIN: f64 = 0.55;
 pub struct FallRow {
     /// The file.
     pub track: String,
-    /// What was found.
+    /// Analysis of the fall.
     #[serde(flatten)]
     pub report: Report,
 }
 
-/// Tracks that `path` stands for: itself, or the files in a folder that may be some.
+/// The tracks at `path`: the file itself, or the files in a folder that look like tracks.
 ///
 /// # Errors
 /// Returns an error if a folder cannot be read.
@@ -52,7 +53,7 @@ pub fn tracks(path: &Path) -> Result<Vec<PathBuf>> {
     Ok(found)
 }
 
-/// Whether a file is the track of a logger, by its name.
+/// Whether a file is a logger's track, according to its name.
 pub fn is_track(path: &Path) -> bool {
     let name = path.to_string_lossy().to_lowercase();
     let packed = [".gz", ".xz"].iter().find_map(|end| name.strip_suffix(end));
@@ -60,7 +61,7 @@ pub fn is_track(path: &Path) -> bool {
     name.ends_with(".csv") || name.ends_with(".gpx")
 }
 
-/// The falls of tracks, and what was not judged with the reason.
+/// The falls on tracks, and the tracks that were not judged, with reasons.
 ///
 /// # Errors
 /// Returns an error if Ctrl-C was pressed.
@@ -85,7 +86,7 @@ pub fn judged(tracks: &[PathBuf]) -> Result<(Vec<FallRow>, Vec<String>)> {
     Ok((rows, not_judged))
 }
 
-/// What falls must show.
+/// Checks that falls must pass.
 pub fn checks(rows: &[FallRow]) -> Vec<Check> {
     let mut checks = Vec::new();
     let mut all = Trials::default();

@@ -1,11 +1,11 @@
-//! How far each model is from the measured attitude over a whole flight, its start fitted.
+//! Error of each model's attitude over a whole flight with fitted start.
 
 use super::windows::{MODELS, angle, whole_run};
 use crate::diagnostic::Result;
 use crate::output::plot::{Curve, MODEL_PARTS, Panel, figure_svg};
 use crate::replay::recorded::Recorded;
 
-/// One panel a flight, one line a model.
+/// One panel per flight, one line per model.
 ///
 /// # Errors
 /// Returns an error if the figure cannot be drawn.

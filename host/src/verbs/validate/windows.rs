@@ -14,8 +14,8 @@ use crate::progress;
 use crate::replay::recorded::{Recorded, Variant};
 use crate::replay::start::{Noise, SMOOTHED_OVER, fitted};
 
-/// Time from the start of one window to that of the next (s), and how many windows a flight has at most: those of a longer one
-/// are further apart.
+/// Time from the start of one window to that of the next (s), and the largest number of windows per flight; in longer
+/// flights they are further apart.
 const STRIDE: f64 = 0.06;
 const MOST_WINDOWS: f64 = 100.0;
 
@@ -24,13 +24,13 @@ const MOST_WINDOWS: f64 = 100.0;
 pub struct Model {
     /// Name in files.
     pub key: &'static str,
-    /// Name for people.
+    /// Readable name.
     pub name: &'static str,
-    /// What is flown.
+    /// The variant to simulate.
     pub variant: Variant,
 }
 
-/// The whole model, the published equations, and the model without one of its parts.
+/// The full model, the published equations, and the model without one of its parts.
 pub const MODELS: [Model; 4] = [
     Model {
         key: "exact",
@@ -73,7 +73,7 @@ impl Spread {
     }
 }
 
-/// Windows of one length, predicted by one model: angle between the measured and the predicted attitude at the end.
+/// Windows of one length in one model: the angle between measured and predicted attitude at the end.
 #[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct Row {
     /// The model's name in files.
@@ -82,22 +82,22 @@ pub struct Row {
     pub length_s: f64,
     /// Number of windows.
     pub windows: usize,
-    /// Angle turned in a window, mean (rad).
+    /// Mean angle of rotation in a window (rad).
     pub turned_rad: f64,
-    /// Started from the window's first frame; nothing is fitted.
+    /// Started from the window's first frame, nothing fitted.
     pub first_frame: Spread,
     /// Started from a fit to the window's first tenth of a second.
     pub smoothed: Spread,
-    /// Started from a fit to the whole window: what no start can take away.
+    /// Started from a fit to the whole window; no other start can reduce this error.
     pub fitted: Spread,
 }
 
-/// Whole flights under one model, their start fitted: root mean square of the angle between measured and simulated.
+/// Whole flights in one model, with fitted start: root mean square angle between measured and simulated attitude.
 #[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct Whole {
     /// The model's name in files.
     pub model: &'static str,
-    /// Of each flight (rad).
+    /// One value per flight (rad).
     pub rms_rad: Vec<f64>,
 }
 
@@ -126,7 +126,7 @@ fn windows(flight: &Recorded, length: f64) -> Vec<[usize; 2]> {
     }
 }
 
-/// What is found of one window: errors at its end from the three starts, and the angle turned (rad).
+/// Result for one window: errors at its end from the three starts, and the angle of rotation (rad).
 struct Found {
     errors: [f64; 3],
     turned: f64,
@@ -138,7 +138,7 @@ fn found(flight: &Recorded, [first, last]: [usize; 2], model: Model) -> Found {
     let starts = [flight.measured[first], fit(smoothed_until), fit(last)];
     let errors = starts.map(|start| {
         let run = flight.run(first, last, &start, model.variant);
-        // A run has its start at the least.
+        // A run contains at least its start.
         angle(run.last().unwrap_or(&start), &flight.measured[last])
     });
     let part = &flight.measured[first..=last];
@@ -149,7 +149,7 @@ fn found(flight: &Recorded, [first, last]: [usize; 2], model: Model) -> Found {
     }
 }
 
-/// Predicts all windows of one length; `None` where the flights are shorter.
+/// Predicts all windows of one length; `None` if the flights are shorter.
 ///
 /// # Errors
 /// Returns an error if Ctrl-C was pressed.
@@ -187,7 +187,7 @@ pub fn predicted(flights: &[&Recorded], length: f64, model: Model) -> Result<Opt
     }))
 }
 
-/// The run of a whole flight from a start that is fitted to its attitudes alone.
+/// The run of a whole flight from a start fitted to its attitudes only.
 pub fn whole_run(flight: &Recorded, model: Model) -> Vec<Motion<f64>> {
     let last = flight.times.len() - 1;
     let attitudes = Noise {

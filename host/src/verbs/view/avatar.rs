@@ -1,7 +1,7 @@
 //! The simulated skydiver of a live view: the model, stepped from the streamed postures beside the measured body.
 //!
-//! It is a free run: from where it began it knows the measured postures and nothing of the measured motion, so what is
-//! left between both bodies is what the model misses, and grows.
+//! It is a free run: after its start it uses the measured postures but not the measured motion. The difference between
+//! both bodies therefore shows the errors of the model, and grows.
 
 use bodyflight_core::body::mass_properties::PostureRate;
 use bodyflight_core::dynamics::free_run::FreeRun;
@@ -13,19 +13,19 @@ use crate::diagnostic::Result;
 use crate::formats::flight::Flight;
 use crate::formats::recording::FlightFrame;
 
-/// Longest time between two frames of one run (s): where more is lost, nobody knows what the limbs did.
+/// Longest time between two frames of a run (s): over a longer gap the motion of the limbs is unknown.
 const LONGEST_GAP: f64 = 0.5;
 
 /// Largest component of a velocity that is plausible (m/s).
 const PLAUSIBLE_SPEED: f64 = 1e3;
 
-/// What the page is told of the simulated body.
+/// State of the simulated body for the page.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct AvatarState {
-    /// Time since which it flies by itself (s).
+    /// Time at which the free run began (s).
     pub since_s: f64,
-    /// Times it began anew: asked to, after a gap of the stream, or since it had left every plausible range.
+    /// Number of restarts: on request, after a gap in the stream, or after the simulation diverged.
     pub restarts: u32,
 }
 
@@ -38,7 +38,7 @@ pub struct Avatar {
     restarts: u32,
 }
 
-/// A free run that is under way.
+/// A free run in progress.
 struct Run {
     free: FreeRun<f64>,
     motion: Motion<f64>,
@@ -47,10 +47,11 @@ struct Run {
 }
 
 impl Avatar {
-    /// Of a flight's subject and air; it begins with the frame after the `first`, when the speed of the limbs is known.
+    /// Uses a flight's subject and air. The run begins with the frame after the `first`, when the speed of the limbs is
+    /// known.
     ///
     /// # Errors
-    /// Returns an error if an effect of the flight has a value that is not plausible.
+    /// Returns an error if an effect of the flight has an implausible value.
     pub fn new(flight: &Flight, first: &FlightFrame) -> Result<Self> {
         let height = first.pelvis.position.up();
         Ok(Self {
@@ -62,17 +63,17 @@ impl Avatar {
         })
     }
 
-    /// The model that flies.
+    /// The model of the run.
     pub const fn model(&self) -> &Model<f64> {
         &self.model
     }
 
-    /// Begins anew with the next frame.
+    /// Restarts with the next frame.
     pub fn restart(&mut self) {
         self.restarts += u32::from(self.run.take().is_some());
     }
 
-    /// Goes on to a frame of the stream.
+    /// Advances to a frame of the stream.
     pub fn follow(&mut self, frame: &FlightFrame) {
         let duration = frame.time - self.last.time;
         if !(duration > 0.0 && duration <= LONGEST_GAP) {
@@ -103,7 +104,7 @@ impl Avatar {
                 self.restart();
             }
         }
-        // A source without velocities has nothing to begin with.
+        // A source without velocities provides no initial motion.
         if self.run.is_none()
             && let Ok(motion) = frame.motion()
         {
@@ -118,12 +119,12 @@ impl Avatar {
         self.last = *frame;
     }
 
-    /// Its motion, with the inputs that it flies; none before it has begun.
+    /// Its motion and inputs; `None` before it has begun.
     pub fn motion(&self) -> Option<(&Motion<f64>, &Inputs<f64>)> {
         self.run.as_ref().map(|run| (&run.motion, &run.inputs))
     }
 
-    /// What the page is told.
+    /// The state for the page.
     pub fn state(&self) -> Option<AvatarState> {
         self.run.as_ref().map(|run| AvatarState {
             since_s: run.since,
@@ -144,7 +145,7 @@ mod tests {
     use crate::replay::steps::Replay;
     use crate::verbs::synthesize::{JointError, Request, synthesize};
 
-    /// Turns of a person, by perfect sensors.
+    /// Turns of a person, recorded by perfect sensors.
     fn turns() -> (Flight, Vec<FlightFrame>) {
         let folder = tempfile::tempdir().unwrap();
         let request = Request {
@@ -184,21 +185,21 @@ mod tests {
     #[test]
     fn it_flies_what_simulate_flies_and_not_what_was_measured() {
         let (flight, frames) = turns();
-        // GIVEN air that is thinner than that of the flight
+        // GIVEN air thinner than the flight's
         let thin = Flight {
             density: DensityChoice::Constant(0.9),
             ..flight.clone()
         };
-        // WHEN the model follows the stream, and flies beside the recording
+        // WHEN the model follows the stream, and is replayed beside the recording
         let avatar = followed(&thin, &frames);
         let replayed = Replay::<f64, _>::new(&thin, frames[1..].iter().copied().map(Ok)).unwrap();
         let simulated = replayed.last().unwrap().unwrap().simulated;
-        // THEN both are one flight, and another than the measured one
+        // THEN both agree with each other, and differ from the measured flight
         let [turned, apart] = off(&avatar, &simulated);
         assert!(turned < 0.01 && apart < 0.3, "{turned} rad, {apart} m");
         let [_, apart] = off(&avatar, &frames.last().unwrap().motion().unwrap());
         assert!(apart > 5.0, "{apart} m from what was measured");
-        // In its own air it comes back to what was measured.
+        // In the flight's own air it agrees with the measurement.
         let [turned, apart] = off(
             &followed(&flight, &frames),
             &frames.last().unwrap().motion().unwrap(),
@@ -207,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn after_a_gap_or_when_asked_it_begins_anew() {
+    fn it_restarts_after_a_gap_or_on_request() {
         let (flight, frames) = turns();
         let mut avatar = followed(&flight, &frames[..240]);
         assert_eq!(avatar.state().unwrap().restarts, 0);

@@ -1,4 +1,4 @@
-//! What an estimator finds of a flight, for the page.
+//! Estimated inputs of a flight, for the page.
 
 use serde::Serialize;
 
@@ -11,7 +11,7 @@ use crate::verbs::estimate::motion::Method;
 use crate::verbs::estimate::report::Point;
 use crate::verbs::estimate::request::Request;
 
-/// The columns: muscle input and damping, pitch, yaw, roll each, and their standard deviations.
+/// The columns: muscle input and damping, each in pitch, yaw and roll, and their standard deviations.
 const COLUMNS: [(&str, usize, f64); 3] = [
     ("time_s", 1, 1e-4),
     ("inputs", 6, 1e-3),
@@ -24,11 +24,11 @@ const COLUMNS: [(&str, usize, f64); 3] = [
 pub struct Estimated {
     /// Columns over time.
     pub series: Packed,
-    /// Why they are not to be trusted.
+    /// Why they should not be trusted.
     pub doubt: Option<String>,
 }
 
-/// Estimates a flight's inputs by all that its recording has.
+/// Estimates a flight's inputs from everything that its recording contains.
 ///
 /// # Errors
 /// Same as [`Request::run`].
@@ -55,7 +55,7 @@ fn series(points: &[Point]) -> Series {
     let mut series = Series::new(&COLUMNS);
     let mut due = f64::NEG_INFINITY;
     for (index, point) in points.iter().enumerate() {
-        // Half an estimate of slack: rates need not divide.
+        // Some slack, since the rates need not divide evenly.
         if point.time < due - 1e-3 && index + 1 < points.len() {
             continue;
         }
@@ -76,7 +76,7 @@ mod tests {
     use crate::verbs::synthesize::{self, DEFAULT_SWAY, JointError, synthesize};
 
     #[test]
-    fn inputs_that_were_flown_are_within_the_bands() {
+    fn true_inputs_are_within_the_bands() {
         let folder = tempfile::tempdir().unwrap();
         let flown = synthesize::Request {
             maneuver: Maneuver::from_name("aggressive-turns").unwrap(),
@@ -101,7 +101,7 @@ mod tests {
             ["time_s", "inputs", "deviation"].map(|name| series.column(name));
         let rate = series.rows() as f64 / flown.duration_s;
         assert!((rate - RATE).abs() < 2.0, "{rate} rows a second");
-        // Yaw, which is what is flown.
+        // The flight uses yaw input.
         let (mut within, mut largest) = (0, 0.0_f64);
         for (row, time) in times[0].iter().enumerate() {
             let known = flight.inputs_at(*time).muscle.yaw;

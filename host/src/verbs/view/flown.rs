@@ -1,4 +1,4 @@
-//! A flight that was flown in the page, as a recording like any other.
+//! A flight that was flown in the page, as an ordinary recording.
 
 use std::path::{Path, PathBuf};
 
@@ -13,16 +13,16 @@ use crate::formats::recording::{FlightFrame, PelvisMotion};
 use crate::formats::subject::Subject;
 use crate::output::files::write_file;
 
-/// Frames a second: the page's steps.
+/// Frame rate (Hz), that of the page's steps.
 const RATE: f64 = 240.0;
 
-/// Shortest flight that is kept (frames).
+/// Shortest flight that can be saved (frames).
 const LEAST: usize = 24;
 
-/// Frames of the page: numbers in single precision, least significant byte first.
+/// Decodes frames from the page: numbers in single precision, little-endian.
 ///
 /// # Errors
-/// Returns an error if they are no whole frames, or no numbers.
+/// Returns an error if the last frame is incomplete, there are too few frames, or a number is not finite.
 pub fn frames(bytes: &[u8]) -> Result<Vec<FlightFrame>> {
     let size = 4 * NUMBERS;
     if !bytes.len().is_multiple_of(size) || bytes.len() < size * LEAST {
@@ -37,8 +37,10 @@ pub fn frames(bytes: &[u8]) -> Result<Vec<FlightFrame>> {
             .map(|four| f64::from(f32::from_le_bytes(four.try_into().unwrap_or_default())))
             .collect();
         frame(index, &numbers).ok_or_else(|| {
-            Problem::bad_input(format!("frame {index} holds what is no number"))
-                .help("the flight tumbled beyond all numbers; start again and save before that")
+            Problem::bad_input(format!(
+                "frame {index} contains a number that is not finite"
+            ))
+            .help("the simulation diverged; start again and save before that")
         })
     });
     all.collect()
@@ -170,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn half_frames_and_no_numbers_are_refused() {
+    fn incomplete_frames_and_nan_are_refused() {
         assert!(frames(&[0; 4 * NUMBERS * 30 - 1]).is_err());
         assert!(frames(&[0; 4 * NUMBERS]).is_err());
         let mut bytes = vec![0; 4 * NUMBERS * 30];

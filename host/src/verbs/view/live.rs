@@ -1,4 +1,4 @@
-//! A live stream, for the page.
+//! A live stream for the page.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -20,25 +20,25 @@ use crate::interrupt;
 use crate::replay::comparison::Channel;
 use crate::unit::stream::report::Live;
 
-/// What follows the parts of [`bodyflight_viewer::frame::LAYOUT`]: the measured body. `measured` are the channels in the order
-/// of [`Channel::ALL`].
+/// Parts after those of [`bodyflight_viewer::frame::LAYOUT`]: the measured body. `measured` has the channels in the
+/// order of [`Channel::ALL`].
 const MEASURED: [(&str, usize); 3] = [
     ("measured_position_m", 3),
     ("measured_attitude", 4),
     ("measured", 7),
 ];
 
-/// What came over a network.
+/// Counts of data received from a network.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct Received {
-    /// Frames.
+    /// Number of frames.
     pub frames: u64,
-    /// Samples that never came, or not whole.
+    /// Number of samples that never arrived, or not completely.
     pub lost: u64,
 }
 
-/// What goes with a picture.
+/// Data sent with each frame.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct Look {
@@ -48,7 +48,7 @@ pub struct Look {
     pub stream: Option<Live>,
     /// Progress of a stream that is only listened to.
     pub received: Option<Received>,
-    /// The simulated body, once it flies.
+    /// The simulated body, once its run has begun.
     pub avatar: Option<AvatarState>,
 }
 
@@ -60,8 +60,8 @@ struct Note {
 
 /// A page that shows a stream: the measured body, and a simulated one that follows its postures.
 ///
-/// For each look it is sent a frame (binary, [`bodyflight_viewer::frame`] of the simulated body, then the measured one) and then
-/// the [`Look`] that goes with it (JSON). A binary message of the page asks the simulated body to begin anew.
+/// Each update sends a frame (binary, [`bodyflight_viewer::frame`] of the simulated body, then the measured one) and
+/// the [`Look`] that belongs to it (JSON). A binary message from the page restarts the simulated body.
 pub struct LiveView {
     server: Server,
     avatar: Option<Avatar>,
@@ -82,7 +82,7 @@ impl LiveView {
         let asked = Arc::clone(&restart);
         let answer = move |_| {
             asked.store(true, Ordering::Relaxed);
-            let note = "the simulated body begins anew";
+            let note = "the simulated body restarts";
             serde_json::to_string(&Note { note }).unwrap_or_default()
         };
         Ok(Self {
@@ -93,15 +93,15 @@ impl LiveView {
         })
     }
 
-    /// Where the page is.
+    /// The page's address.
     pub fn url(&self) -> String {
         self.server.url()
     }
 
-    /// The way to the page for a browser, see [`Server::doorway`].
+    /// A file that leads a browser to the page, see [`Server::doorway`].
     ///
     /// # Errors
-    /// Returns an error if the system refuses a file.
+    /// Returns an error if the file cannot be created.
     pub fn doorway(&self) -> Result<tempfile::NamedTempFile> {
         self.server.doorway()
     }
@@ -118,10 +118,10 @@ impl LiveView {
         Ok(())
     }
 
-    /// Takes the simulated body on to a frame. To be called with every frame.
+    /// Advances the simulated body to a frame. Call this with every frame.
     ///
     /// # Errors
-    /// Returns an error if an effect of the flight has a value that is not plausible.
+    /// Returns an error if an effect of the flight has an implausible value.
     pub fn follow(&mut self, recorded: &FlightFrame) -> Result<()> {
         match &mut self.avatar {
             None => self.avatar = Some(Avatar::new(&self.flight, recorded)?),
@@ -135,7 +135,7 @@ impl LiveView {
         Ok(())
     }
 
-    /// Sends what there is to see at the frame that was followed last.
+    /// Sends the data to show for the frame that was followed last.
     ///
     /// # Errors
     /// Returns an error if the numbers cannot be written.
@@ -145,7 +145,7 @@ impl LiveView {
         stream: Option<Live>,
         received: Option<Received>,
     ) -> Result<()> {
-        // A source without velocities is shown without forces of its own: nothing to see is no reason to stop.
+        // A source without velocities cannot be shown, but does not stop the stream.
         if let (Ok(measured), Some(avatar)) = (recorded.motion(), &self.avatar) {
             let inputs = self.flight.inputs_at(recorded.time);
             let (simulated, inputs) = avatar.motion().unwrap_or((&measured, &inputs));
@@ -176,6 +176,6 @@ fn measured_part(motion: &Motion<f64>) -> impl Iterator<Item = f32> {
     let channels = Channel::ALL.map(|channel| channel.value(&seen));
     let numbers = motion.position.to_array().into_iter();
     let numbers = numbers.chain([attitude.w, attitude.i, attitude.j, attitude.k]);
-    #[expect(clippy::cast_possible_truncation, reason = "for the eye")]
+    #[expect(clippy::cast_possible_truncation, reason = "precise enough to show")]
     numbers.chain(channels).map(|number| number as f32)
 }

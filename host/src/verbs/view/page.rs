@@ -17,16 +17,16 @@ use crate::diagnostic::{Problem, Result};
 use crate::formats::input;
 use crate::formats::subject::Subject;
 
-/// The page, empty where it was not built.
+/// The page, empty if it was not built.
 const PAGE: &str = include_str!(concat!(env!("OUT_DIR"), "/viewer.html"));
 
-/// Where the data goes.
+/// The place for the data.
 const MARK: &str = "<script type=\"application/json\" id=\"bodyflight-data\">null</script>";
 
-/// Version of the data; a page refuses those it does not know.
+/// Version of the data; a page refuses versions that it does not know.
 pub const SCHEMA: u32 = 3;
 
-/// What a page does.
+/// Kind of page.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 #[serde(rename_all = "kebab-case")]
@@ -39,7 +39,7 @@ pub enum Mode {
     Fly,
 }
 
-/// An input file, to tell where a page comes from.
+/// An input file, to record the origin of a page.
 #[derive(Debug, Clone, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct Input {
@@ -50,7 +50,7 @@ pub struct Input {
 }
 
 impl Input {
-    /// Of a file.
+    /// Hashes a file.
     ///
     /// # Errors
     /// Returns an error if it cannot be read.
@@ -79,20 +79,20 @@ impl Input {
     }
 }
 
-/// Where a page comes from.
+/// Origin of a page.
 #[derive(Debug, Clone, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct Provenance {
     /// Version of bodyflight.
     pub version: &'static str,
-    /// The command that made it.
+    /// The command that made the page.
     pub command: String,
-    /// What was read.
+    /// The files that were read.
     pub inputs: Vec<Input>,
 }
 
 impl Provenance {
-    /// Of a command and the files that it read.
+    /// Records a command and the files that it read.
     ///
     /// # Errors
     /// Returns an error if a file cannot be read.
@@ -108,7 +108,7 @@ impl Provenance {
     }
 }
 
-/// What the page needs to fly by itself.
+/// Data that the page needs for its own simulation.
 #[derive(Debug, Clone, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct FlyData {
@@ -118,38 +118,38 @@ pub struct FlyData {
     pub shapes: Vec<Shape>,
     /// What the skydiver wears.
     pub worn: Worn,
-    /// Names of the ways to begin.
+    /// Names of the start conditions.
     pub starts: Vec<&'static str>,
     /// Names of the controls.
     pub controls: Vec<&'static str>,
-    /// Parts of a frame with their numbers.
+    /// Parts of a frame, with the count of numbers in each.
     pub layout: Vec<(&'static str, usize)>,
-    /// Parts of a segment with their numbers.
+    /// Parts of a segment, with the count of numbers in each.
     pub segment_layout: Vec<(&'static str, usize)>,
 }
 
-/// Everything that a page is given.
+/// All data of a page.
 #[derive(Debug, Clone, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct PageData {
-    /// [`SCHEMA`].
+    /// Version of the data, [`SCHEMA`].
     pub schema: u32,
-    /// What the page does.
+    /// Kind of page.
     pub mode: Mode,
     /// Title.
     pub title: String,
-    /// Where it comes from.
+    /// Origin of the page.
     pub provenance: Provenance,
     /// Flights.
     pub runs: Vec<Run>,
     /// The report of `bodyflight discover`.
     #[cfg_attr(test, ts(type = "unknown"))]
     pub discovery: Option<Value>,
-    /// For flying.
+    /// Data for flying.
     pub fly: Option<FlyData>,
 }
 
-/// The model of a subject as the page flies it, in still air of one density (kg/m3).
+/// The model of a subject for the page, in still air of constant density (kg/m3).
 pub fn setup(subject: &Subject, density: f64) -> Setup {
     let mut dynamics = Dynamics::paper(subject.body(), density);
     dynamics.aerodynamics = subject.aerodynamics();
@@ -167,7 +167,7 @@ pub fn setup(subject: &Subject, density: f64) -> Setup {
 }
 
 impl FlyData {
-    /// For a subject in air of a density (kg/m3).
+    /// Data for a subject in air of this density (kg/m3).
     pub fn new(subject: &Subject, density: f64) -> Self {
         Self {
             setup: setup(subject, density).numbers().to_vec(),
@@ -191,7 +191,7 @@ impl PageData {
         }
     }
 
-    /// A page of flights.
+    /// A page that shows flights.
     pub fn replay(title: String, provenance: Provenance, runs: Vec<Run>) -> Self {
         Self {
             schema: SCHEMA,
@@ -222,7 +222,7 @@ fn filled(page: &str, data: &PageData) -> Result<String> {
     };
     let json = serde_json::to_string(data)
         .map_err(|error| Problem::internal("cannot write JSON").caused_by(error))?;
-    // Names come from users: nothing in them may end the script.
+    // Names come from users, and must not be able to end the script.
     let json = json.replace('<', "\\u003c");
     let mark = MARK.replace("null", &json);
     Ok([before, &mark, after].concat())
@@ -238,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn a_title_cannot_leave_its_script() {
+    fn a_title_cannot_close_its_script_element() {
         let page = format!("<html>{MARK}</html>");
         let html = filled(&page, &data("</script><script>alert(1)")).unwrap();
         assert_eq!(html.matches("</script>").count(), 1, "{html}");
@@ -246,7 +246,7 @@ mod tests {
     }
 
     #[test]
-    fn without_its_page_the_program_says_how_to_build_it() {
+    fn a_program_without_the_page_explains_how_to_build_it() {
         let problem = filled("", &data("x")).unwrap_err();
         assert!(problem.help.unwrap().contains("cargo xtask viewer"));
     }

@@ -1,4 +1,4 @@
-//! A recording flown by the model, with all that there is to see of both.
+//! A recording and its simulation, with all data that the page shows.
 
 use bodyflight_core::body::SEGMENT_COUNT;
 use bodyflight_core::dynamics::Dynamics;
@@ -15,7 +15,7 @@ use crate::interrupt;
 use crate::replay::comparison::{Channel, Comparison, PerChannel};
 use crate::replay::steps::{Replay, Step};
 
-/// The columns of a run, with the numbers of a row and their steps.
+/// The columns of a run, with the count of numbers in a row and their step.
 ///
 /// Axes and units as in [`bodyflight_viewer::frame::LAYOUT`]; `measured` and `simulated` are the channels in the
 /// order of [`Channel::ALL`].
@@ -38,7 +38,7 @@ const COLUMNS: [(&str, usize, f64); 12] = [
 #[derive(Debug, Clone, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct Run {
-    /// Name for people.
+    /// Readable name.
     pub name: String,
     /// How segments are drawn.
     pub shapes: Vec<Shape>,
@@ -47,20 +47,20 @@ pub struct Run {
     /// Root mean square of measured minus simulated, over all frames.
     #[cfg_attr(test, ts(type = "Record<string, number>"))]
     pub rms: PerChannel,
-    /// Largest size of the measured channel.
+    /// Largest absolute value of the measured channel.
     #[cfg_attr(test, ts(type = "Record<string, number>"))]
     pub amplitude: PerChannel,
-    /// Frames of the recording.
+    /// Number of frames in the recording.
     pub frames: u64,
     /// Velocity of the air (m/s), north, west, up.
     pub air_velocity_mps: [f64; 3],
-    /// What there is to see.
+    /// The data over time.
     pub series: Packed,
-    /// Inputs that were estimated, where that was asked for.
+    /// Estimated inputs, if requested.
     pub estimated: Option<Estimated>,
 }
 
-/// Flies a recording, for the page.
+/// Simulates a recording for the page.
 ///
 /// # Errors
 /// Same as [`crate::verbs::simulate::simulate`].
@@ -89,7 +89,7 @@ pub fn fly(
     })
 }
 
-/// Flies a recording: what there is to see, [`RATE`] rows a second, and the comparison of all frames.
+/// Simulates a recording. Returns the data to show, [`RATE`] rows a second, and the comparison of all frames.
 ///
 /// # Errors
 /// Same as [`crate::verbs::simulate::simulate`].
@@ -109,7 +109,7 @@ pub fn fly_series(
     while let Some(step) = steps.next() {
         let step = step?;
         comparison.push(step.pair);
-        // Half a frame of slack: rates need not divide.
+        // Some slack, since the rates need not divide evenly.
         if step.time >= due - 1e-3 || steps.peek().is_none() {
             due = (due + 1.0 / RATE).max(step.time);
             series.push(row(&dynamics, &step));

@@ -1,4 +1,4 @@
-//! Compact series of numbers: rounded to an invisible step, delta coded, variable length, gzip, base64.
+//! Compact series of numbers: rounded to an invisible step, delta-coded, variable-length, gzip, base64.
 
 use std::io::Write;
 
@@ -8,35 +8,35 @@ use flate2::Compression;
 use flate2::write::GzEncoder;
 use serde::Serialize;
 
-/// Rows a second of a flight; the page shows what is between them on straight lines.
+/// Rows per second of flight; the page interpolates linearly between them.
 pub const RATE: f64 = 30.0;
 
-/// What a column of the series is.
+/// A column of the series.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct Column {
     /// Name.
     pub name: String,
-    /// Numbers of a row.
+    /// Count of numbers in a row.
     pub width: usize,
     /// Numbers are multiples of this.
     pub step: f64,
 }
 
-/// Columns over time as the page takes them.
+/// Columns over time, in the page's format.
 #[derive(Debug, Clone, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct Packed {
     /// The columns, in order.
     pub columns: Vec<Column>,
-    /// Rows.
+    /// Number of rows.
     pub rows: usize,
-    /// For each number of each column, rounded to its step, the difference to the row before: zigzag, seven bits a
-    /// byte, low ones first; then gzip, then base64.
+    /// For each number of each column, rounded to its step, the difference from the previous row: zigzag, seven bits
+    /// per byte, low bits first; then gzip, then base64.
     pub data: String,
 }
 
-/// Collects rows.
+/// A series under construction.
 #[derive(Debug, Clone, Default)]
 pub struct Series {
     columns: Vec<Column>,
@@ -45,7 +45,7 @@ pub struct Series {
 }
 
 impl Series {
-    /// Of columns given as name, numbers of a row, and step.
+    /// Creates a series of columns, given as name, count of numbers in a row, and step.
     pub fn new(columns: &[(&str, usize, f64)]) -> Self {
         let columns: Vec<Column> = columns
             .iter()
@@ -62,7 +62,8 @@ impl Series {
         }
     }
 
-    /// Adds a row, the numbers of all columns one after another. What is missing or no number stays as it was.
+    /// Adds a row, the numbers of all columns one after another. Numbers that are missing or not finite repeat the
+    /// previous row.
     pub fn push(&mut self, row: impl IntoIterator<Item = f64>) {
         let mut row = row.into_iter();
         for numbers in &mut self.numbers {
@@ -73,12 +74,12 @@ impl Series {
         self.rows += 1;
     }
 
-    /// Rows.
+    /// Number of rows.
     pub const fn rows(&self) -> usize {
         self.rows
     }
 
-    /// The numbers of a column, one list for each; none where there is no such column.
+    /// The numbers of a column, one list for each; empty if there is no such column.
     pub fn column(&self, name: &str) -> &[Vec<f64>] {
         let mut from = 0;
         for column in &self.columns {
@@ -90,7 +91,7 @@ impl Series {
         &[]
     }
 
-    /// Compresses them.
+    /// Compresses the series.
     pub fn packed(&self) -> Packed {
         let steps = self
             .columns
@@ -110,7 +111,7 @@ impl Series {
             }
         }
         let mut encoder = GzEncoder::new(Vec::new(), Compression::best());
-        // Writing to memory does not fail.
+        // Writing to memory cannot fail.
         let _ = encoder.write_all(&bytes);
         Packed {
             columns: self.columns.clone(),
@@ -136,7 +137,7 @@ mod tests {
     use proptest::prelude::*;
     use std::io::Read;
 
-    /// The form that the page reads.
+    /// Decodes the series as the page does.
     fn unpacked(packed: &Packed) -> Vec<Vec<f64>> {
         let zipped = STANDARD.decode(&packed.data).unwrap();
         let mut bytes = Vec::new();
@@ -171,7 +172,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn numbers_come_back_to_half_a_step(
+        fn numbers_are_restored_to_half_a_step(
             rows in prop::collection::vec(prop::array::uniform3(-1e4f64..1e4), 0..40),
         ) {
             let mut series = Series::new(&[("a", 1, 0.01), ("b", 2, 0.5)]);
@@ -189,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_number_stays_as_it_was() {
+    fn numbers_that_are_not_finite_repeat_the_previous_row() {
         let mut series = Series::new(&[("a", 2, 1.0)]);
         series.push([1.0, f64::NAN]);
         series.push([f64::INFINITY, 3.0]);

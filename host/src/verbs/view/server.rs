@@ -1,8 +1,8 @@
-//! A server for one page on this machine: the page itself, and a web socket to it.
+//! A server for one page on this machine: serves the page, and a web socket to it.
 //!
 //! It listens on the loopback address only. A random token in the address keeps other users and other pages out,
-//! `Host` and `Origin` are checked, and nothing of a request becomes a path. Whoever has no token can hold few connections,
-//! for a short time, and the newest go first.
+//! `Host` and `Origin` are checked, and no part of a request is used as a path. A client without the token can hold
+//! only a few connections for a short time, and the oldest of them are closed first.
 
 mod admission;
 
@@ -20,24 +20,24 @@ use tungstenite::{Message, WebSocket};
 use crate::diagnostic::{Problem, Result};
 use admission::WaitingRoom;
 
-/// Longest message from the page (bytes): twenty minutes of recorded flight.
+/// Longest message from the page (bytes): twenty minutes of flight.
 const LONGEST_MESSAGE: usize = 320 << 20;
 
-/// Messages that wait for a slow page; later ones are left out.
+/// Messages that may wait for a slow page; later ones are dropped.
 const WAITING: usize = 64;
 
-/// Time for a whole answer, for one message to a page, and between two looks at what is to be sent.
+/// Timeouts for a whole answer and for one message to a page, and the time between checks for messages to send.
 const ANSWER_TIME: Duration = Duration::from_secs(30);
 const PATIENCE: Duration = Duration::from_secs(5);
 const TURN: Duration = Duration::from_millis(5);
 
-/// Pages that may listen at once.
+/// Largest number of pages that may listen at once.
 const MOST_PAGES: usize = 16;
 
-/// Wait after the system has refused a connection or a thread: it has run out of something.
+/// Pause after the system has refused a connection or a thread, to let it recover.
 const BREATH: Duration = Duration::from_millis(50);
 
-/// What every answer says: not to be kept, shown in another page, taken for another type, or named to others.
+/// Headers of every answer: do not cache, do not show in another page, do not guess the type, do not send a referrer.
 const HEADERS: &str = "Cache-Control: no-store\r\nContent-Security-Policy: frame-ancestors 'none'\r\n\
     Cross-Origin-Opener-Policy: same-origin\r\nCross-Origin-Resource-Policy: same-origin\r\n\
     Referrer-Policy: no-referrer\r\nX-Content-Type-Options: nosniff\r\nX-Frame-Options: DENY\r\nConnection: close";
@@ -45,7 +45,7 @@ const HEADERS: &str = "Cache-Control: no-store\r\nContent-Security-Policy: frame
 /// Answers a binary message of the page with a text.
 pub type Answer = dyn Fn(Vec<u8>) -> String + Send + Sync;
 
-/// The server; it ends with the process.
+/// The server; it runs until the process ends.
 pub struct Server {
     address: SocketAddr,
     token: String,
@@ -62,10 +62,10 @@ struct Shared {
 }
 
 impl Server {
-    /// Starts serving `page` on a free port; `answer` handles the binary messages of the page.
+    /// Starts serving `page` on a free port. `answer` handles the binary messages from the page.
     ///
     /// # Errors
-    /// Returns an error if no port is free, or the system has no randomness.
+    /// Returns an error if no port is free, or the system provides no random numbers.
     pub fn start(page: String, answer: Box<Answer>) -> Result<Self> {
         let refused = |what: &str| Problem::refused(format!("cannot {what} for the page"));
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))
@@ -95,16 +95,16 @@ impl Server {
         })
     }
 
-    /// Where the page is.
+    /// The page's address.
     pub fn url(&self) -> String {
         format!("http://{}/{}/", self.address, self.token)
     }
 
-    /// A file, for this user alone, that leads a browser to the page: in the arguments of a program everybody on the
-    /// machine could read the token. It is removed when it is dropped.
+    /// A file, readable by this user only, that leads a browser to the page. An address in the browser's arguments
+    /// would show the token to everybody on the machine. The file is removed on drop.
     ///
     /// # Errors
-    /// Returns an error if the system refuses a file.
+    /// Returns an error if the file cannot be created.
     pub fn doorway(&self) -> Result<NamedTempFile> {
         let folder = std::env::temp_dir();
         let refused = |error| Problem::system("create", &folder, error);
@@ -123,7 +123,7 @@ impl Server {
         Ok(file)
     }
 
-    /// Pages that are connected.
+    /// Number of connected pages.
     pub fn listening(&self) -> usize {
         self.listeners
             .lock()
@@ -131,7 +131,7 @@ impl Server {
             .len()
     }
 
-    /// Sends to every connected page; one that lags behind misses it.
+    /// Sends a message to every connected page; pages that lag behind miss it.
     pub fn send(&self, message: &Message) {
         self.listeners
             .lock()
@@ -145,7 +145,7 @@ impl Server {
     }
 }
 
-/// Takes connections for as long as the process lives.
+/// Accepts connections until the process ends.
 fn accept(listener: &TcpListener, shared: &Arc<Shared>) {
     loop {
         let begun = listener.accept().and_then(|(stream, _)| {
@@ -173,7 +173,7 @@ impl Shared {
                 &mut stream,
                 "503 Service Unavailable",
                 "text/plain; charset=utf-8",
-                "too many pages listen already",
+                "too many pages are already connected",
             ),
             Request::Socket(key) => {
                 let accept = derive_accept_key(key.as_bytes());
@@ -198,7 +198,7 @@ impl Shared {
         let mut headers = [httparse::EMPTY_HEADER; 64];
         let mut request = httparse::Request::new(&mut headers);
         if !matches!(request.parse(head), Ok(httparse::Status::Complete(_))) {
-            return Request::Refused("400 Bad Request", "this is no request");
+            return Request::Refused("400 Bad Request", "this is not an HTTP request");
         }
         let path = request.path.unwrap_or_default();
         let method = request.method.unwrap_or_default();
@@ -210,7 +210,7 @@ impl Shared {
         let host = self.address.to_string();
         // Another host name for this address means DNS rebinding.
         if header("host") != Some(&host) {
-            return Request::Refused("403 Forbidden", "this page is at 127.0.0.1 only");
+            return Request::Refused("403 Forbidden", "this page is available at 127.0.0.1 only");
         }
         let origin = header("origin");
         if origin.is_some_and(|origin| origin != format!("http://{host}")) {
@@ -231,10 +231,10 @@ impl Shared {
             return Request::Page;
         }
         if rest == "/socket" {
-            // Browsers always name the origin of a socket.
+            // Browsers always send the origin of a socket.
             return match (header("sec-websocket-key"), origin) {
                 (Some(key), Some(_)) => Request::Socket(key.to_owned()),
-                _ => Request::Refused("400 Bad Request", "this is for the page's socket"),
+                _ => Request::Refused("400 Bad Request", "this address is for the page's socket"),
             };
         }
         Request::Refused("404 Not Found", "use the address that the program printed")
@@ -290,7 +290,7 @@ enum Request {
     Refused(&'static str, &'static str),
 }
 
-/// Compares in a time that does not tell how much is right.
+/// Compares in constant time.
 fn is_same(one: &str, other: &str) -> bool {
     let differences = one.bytes().zip(other.bytes()).map(|(a, b)| a ^ b);
     one.len() == other.len() && differences.fold(0, |all, difference| all | difference) == 0
@@ -337,7 +337,7 @@ mod tests {
     }
 
     #[test]
-    fn the_page_is_for_whoever_has_the_token_and_comes_by_the_right_name() {
+    fn the_page_needs_the_token_and_the_right_host_name() {
         let server = server();
         let (host, token) = (server.address, &server.token);
         let page = asked(&server, &format!("GET /{token}/ HTTP/1.1\r\nHost: {host}"));
@@ -363,7 +363,7 @@ mod tests {
     }
 
     #[test]
-    fn the_page_is_for_no_other_page_to_show() {
+    fn no_other_page_may_embed_the_page() {
         let server = server();
         let head = format!(
             "GET /{}/ HTTP/1.1\r\nHost: {}",
@@ -381,7 +381,7 @@ mod tests {
     }
 
     #[test]
-    fn slow_strangers_lock_nobody_out() {
+    fn slow_clients_lock_nobody_out() {
         let server = server();
         let slow: Vec<TcpStream> = (0..400)
             .map(|_| {
@@ -399,7 +399,7 @@ mod tests {
     }
 
     #[test]
-    fn a_byte_now_and_then_keeps_no_connection() {
+    fn an_occasional_byte_does_not_keep_a_connection_open() {
         let server = server();
         let begin = Instant::now();
         let mut stream = TcpStream::connect(server.address).unwrap();
@@ -414,7 +414,7 @@ mod tests {
     }
 
     #[test]
-    fn the_way_for_a_browser_is_for_this_user_alone() {
+    fn only_this_user_can_read_the_link_for_the_browser() {
         let server = server();
         let door = server.doorway().unwrap();
         let text = std::fs::read_to_string(door.path()).unwrap();
@@ -428,7 +428,7 @@ mod tests {
     }
 
     #[test]
-    fn a_page_hears_and_is_heard() {
+    fn a_page_receives_and_sends_messages() {
         let server = server();
         let url = server.url().replace("http", "ws") + "socket";
         let mut request = tungstenite::client::IntoClientRequest::into_client_request(url).unwrap();

@@ -1,4 +1,4 @@
-//! The body as it is drawn: what the model's air sees of each segment, the person in it, and what is worn.
+//! The body for drawing: the aerodynamic shape of each segment, the person in it, and the equipment.
 
 use core::f64::consts::FRAC_PI_4;
 
@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use crate::formats::subject::Subject;
 
-/// Limbs apart, so that what is near in space belongs together: a skin is made in this posture.
+/// Posture in which the skin is made. The limbs are apart, so that points near each other belong together.
 const REST: &JointAngles = &[
     (Segment::LeftUpperArm, [0.0, FRAC_PI_4, 0.0]),
     (Segment::RightUpperArm, [0.0, -FRAC_PI_4, 0.0]),
@@ -19,27 +19,27 @@ const REST: &JointAngles = &[
     (Segment::RightThigh, [0.0, -0.2, 0.0]),
 ];
 
-/// A segment as it is drawn. Axes are those of the segment: left, dorsal, cranial.
+/// A segment for drawing. Axes are those of the segment: left, dorsal, cranial.
 #[derive(Debug, Clone, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct Shape {
     /// Name.
     pub name: &'static str,
-    /// Half the extents of what the model's air sees of it (m), equipment included.
+    /// Half the extents of its aerodynamic shape (m), including equipment.
     pub half_extents_m: [f64; 3],
-    /// From its joint to its centre of gravity (m).
+    /// Vector from its joint to its centre of gravity (m).
     pub cg_m: [f64; 3],
     /// Half the extents of the person in it (m), without equipment.
     pub person_half_extents_m: [f64; 3],
-    /// From its joint to the middle of the person in it (m).
+    /// Vector from its joint to the middle of the person in it (m).
     pub person_middle_m: [f64; 3],
-    /// Its joint in the posture in which a skin is made (m), axes of the body.
+    /// Its joint in the posture in which the skin is made (m), body axes.
     pub rest_joint_m: [f64; 3],
     /// `body_from_segment` in that posture.
     pub rest_attitude: [f64; 4],
 }
 
-/// What a person wears.
+/// Equipment of a person.
 #[derive(Debug, Clone, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct Worn {
@@ -56,7 +56,7 @@ pub struct Worn {
 }
 
 impl Worn {
-    /// Of a subject.
+    /// The equipment of a subject.
     pub fn of(subject: &Subject) -> Self {
         let gear = subject.gear();
         let suit = Suit::NAMED.iter().find(|(_, suit)| *suit == gear.suit);
@@ -94,9 +94,9 @@ pub fn shapes(subject: &Subject) -> Vec<Shape> {
 mod tests {
     use super::*;
 
-    /// Equipment adds to what the air sees, and never to the person.
+    /// Equipment adds to the aerodynamic shape, never to the person.
     #[test]
-    fn a_person_is_smaller_than_what_is_worn() {
+    fn a_person_is_smaller_than_the_body_with_equipment() {
         let shapes = shapes(&Subject::default());
         assert_eq!(shapes.len(), Segment::ALL.len());
         let size = |half: &[f64; 3]| half.iter().product::<f64>();

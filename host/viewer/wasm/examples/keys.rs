@@ -1,7 +1,7 @@
 //! Flies a script of keys natively and prints the frames' bits, to be compared with those of the page.
 //!
 //! Standard input: the bits of the model's numbers on one line, then one order a line, as the page's functions.
-#![expect(clippy::expect_used, clippy::panic, reason = "for tests")]
+#![expect(clippy::expect_used, clippy::panic, reason = "used by tests only")]
 
 use std::io::Read;
 

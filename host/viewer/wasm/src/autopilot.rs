@@ -1,8 +1,7 @@
-//! An autopilot that holds the attitude of a start with the limbs, where the air alone would turn the body over.
+//! An autopilot that holds the initial attitude with the limbs in poses that are otherwise unstable.
 //!
-//! It moves patterns of joints as a flyer does, at the speed of the keys and within 0.8 rad, but it feels tilt and
-//! turning at once and without error, which no person does. What it holds are the attitudes in which a flight begins, not
-//! those that the air balances.
+//! It moves patterns of joints at the speed of the keys and by up to 0.8 rad. Unlike a person it senses tilt and
+//! turn rate without delay or error. It holds the attitude in which a flight begins, which need not be a trim.
 
 use bodyflight_core::Posture;
 use bodyflight_core::Segment;
@@ -12,10 +11,10 @@ use bodyflight_core::frame::{Body, Inertial, Rotation, Vector};
 use bodyflight_core::math::Real;
 use nalgebra::Vector3;
 
-/// Largest amount of a pattern (rad).
+/// Largest amplitude of a pattern (rad).
 const REACH: f32 = 0.8;
 
-/// Fastest change of a pattern (rad/s).
+/// Largest rate of a pattern (rad/s).
 const SPEED: f32 = 3.0;
 
 /// One thigh forward, the other back.
@@ -24,7 +23,7 @@ pub const SCISSORS: &JointAngles = &[
     (Segment::RightThigh, [0.0, 0.0, -1.0]),
 ];
 
-/// As [`pattern::moved`], once in the page's code.
+/// [`pattern::moved`], not inlined, to keep the page small.
 #[inline(never)]
 pub(crate) fn moved(
     posture: &Posture<f32>,
@@ -34,20 +33,20 @@ pub(crate) fn moved(
     pattern::moved(posture, pattern, amount)
 }
 
-/// What answers a tilt: a pattern, and how much of it.
+/// A pattern as feedback, with its gains.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Answer {
-    /// What moves.
+    /// Pattern that moves.
     pub pattern: &'static JointAngles,
-    /// Amount for a tilt of one radian.
+    /// Proportional gain on the tilt.
     pub tilt: f32,
-    /// Amount for a turn of one radian a second.
+    /// Gain on the angular rate (s).
     pub rate: f32,
-    /// Growth of the amount, a second, for a tilt of one radian.
+    /// Integral gain on the tilt (1/s).
     pub growth: f32,
 }
 
-/// Answers to a tilt forwards and aside, and to a turn about the vertical.
+/// Feedback on tilt forwards and sideways, and on the turn rate about the vertical.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Answers {
     /// About the left axis.
@@ -58,11 +57,11 @@ pub struct Answers {
     pub turn: Answer,
 }
 
-/// Holds an attitude; the heading is free, only its change is slowed.
+/// Holds an attitude. The heading is free; its rate is damped.
 #[derive(Debug, Clone, Copy)]
 pub struct Autopilot {
     answers: &'static Answers,
-    /// The vertical in the body where it is held.
+    /// Vertical in body axes at the held attitude.
     up: Vector3<f32>,
     sums: [f32; 3],
     amounts: [f32; 3],
@@ -72,14 +71,14 @@ fn vertical(inertial_from_body: &Rotation<f32, Inertial, Body>) -> Vector3<f32> 
     (inertial_from_body.inverse() * Vector::new(0.0, 0.0, 1.0)).components
 }
 
-/// The angle between the vertical in the body where it is held and where it is (rad): the heading is free.
+/// Angle between the held and the current vertical in body axes (rad), independent of the heading.
 pub fn tilt(held: &Rotation<f32, Inertial, Body>, motion: &Motion<f32>) -> f32 {
     let (wanted, up) = (vertical(held), vertical(&motion.inertial_from_body));
     up.cross(&wanted).norm().arctangent2(up.dot(&wanted))
 }
 
 impl Autopilot {
-    /// One that holds the attitude of a motion.
+    /// Creates an autopilot that holds the attitude of a motion.
     pub fn new(answers: &'static Answers, held: &Rotation<f32, Inertial, Body>) -> Self {
         Self {
             answers,
@@ -89,11 +88,11 @@ impl Autopilot {
         }
     }
 
-    /// Feels the motion, and moves for `duration` (s).
+    /// Responds to the motion for `duration` (s).
     pub fn feel(&mut self, motion: &Motion<f32>, duration: f32) {
         let off = vertical(&motion.inertial_from_body).cross(&self.up);
         let turning = motion.angular_velocity.components;
-        // About the level axis that is not the left one.
+        // About the horizontal axis normal to the left axis.
         let aside = self.up.cross(&Vector3::x());
         let seen = [
             (off.x, turning.x),
@@ -114,7 +113,7 @@ impl Autopilot {
         }
     }
 
-    /// A posture with its answers.
+    /// Adds the feedback to a posture.
     pub fn moved(&self, posture: &Posture<f32>) -> Posture<f32> {
         let Answers { pitch, aside, turn } = self.answers;
         [pitch, aside, turn]

@@ -1,4 +1,4 @@
-//! Flying by keyboard: controls move patterns of joints, the core flies.
+//! Flying by keyboard: controls move patterns of joints, and the core simulates the flight.
 
 use bodyflight_core::body::mass_properties::PostureRate;
 use bodyflight_core::body::pattern::{self, JointAngles};
@@ -13,16 +13,16 @@ use crate::autopilot::{Answer, Answers, Autopilot, SCISSORS, moved, tilt};
 use crate::frame::{Frame, frame};
 use crate::setup::Setup;
 
-/// Something to hold a key for.
+/// A control, commanded by a key.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Control {
     /// Name.
     pub name: &'static str,
-    /// What moves.
+    /// Pattern that moves.
     pub pattern: &'static JointAngles,
-    /// Whether left and right are exchanged.
+    /// Whether left and right are swapped.
     pub mirrored: bool,
-    /// Amount of the pattern at full command (rad).
+    /// Amplitude of the pattern at full command (rad).
     pub limit: f32,
 }
 
@@ -35,7 +35,7 @@ const fn control(name: &'static str, pattern: &'static JointAngles, limit: f32) 
     }
 }
 
-/// All controls; a command is their index.
+/// All controls; commands use their index.
 pub const CONTROLS: [Control; 8] = [
     control("turn", pattern::TURN, 0.25),
     control("arch", pattern::ARCH, 0.35),
@@ -50,26 +50,26 @@ pub const CONTROLS: [Control; 8] = [
     },
 ];
 
-/// A way to begin.
+/// Initial conditions of a flight.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Start {
     /// Name.
     pub name: &'static str,
     /// Posture.
     pub posture: &'static JointAngles,
-    /// Turn about the left axis from standing (rad): pi/2 is belly to earth.
+    /// Rotation about the left axis from standing (rad); pi/2 is belly to earth.
     pub pitch: f32,
-    /// Speed of the fall (m/s).
+    /// Fall rate (m/s).
     pub speed: f32,
     /// Factor on the subject's damping in pitch.
     pub pitch_damping: f32,
-    /// Control that is held from the start, and by how much.
+    /// Control held from the start, and its command.
     pub held: Option<(usize, f32)>,
-    /// How an autopilot holds it; poses that the air holds need none.
+    /// Autopilot for the pose; stable poses need none.
     pub answers: Option<&'static Answers>,
 }
 
-/// Gains that were found by trying, for the default subject and free-fly aerodynamics.
+/// Gains found by trial for the default subject and free-fly aerodynamics.
 const SIT_ANSWERS: &Answers = &Answers {
     pitch: Answer {
         pattern: pattern::ARMS_DOWN,
@@ -101,7 +101,7 @@ const BELLY: Start = Start {
     answers: None,
 };
 
-/// All of them; the last is the novice of the paper, "Pitch and Roll oscillations": arms down and little damping.
+/// All starts. The last is the paper's novice ("Pitch and Roll oscillations"): arms down and little damping.
 pub const STARTS: [Start; 6] = [
     BELLY,
     Start {
@@ -139,10 +139,10 @@ pub const STARTS: [Start; 6] = [
     },
 ];
 
-/// Share of a control's range that a joint moves in a second.
+/// Rate of a control, as a fraction of its range per second.
 const SPEED: f32 = 3.0;
 
-/// Height at which flights begin (m).
+/// Initial height (m).
 const START_HEIGHT: f32 = 4000.0;
 
 /// A flight in progress.
@@ -163,7 +163,7 @@ pub struct Cockpit {
 }
 
 impl Cockpit {
-    /// A flight that begins in one of [`STARTS`]; the first where `start` is none of them.
+    /// Starts a flight from one of [`STARTS`], or from the first if `start` is out of range.
     pub fn new(setup: &Setup, start: usize) -> Self {
         let start = STARTS.get(start).unwrap_or(&BELLY);
         let base = pattern::posture(start.posture);
@@ -204,24 +204,24 @@ impl Cockpit {
         &self.setup.dynamics
     }
 
-    /// Whether there is an autopilot for the pose of the start.
+    /// Returns whether there is an autopilot for the initial pose.
     pub const fn can_hold(&self) -> bool {
         self.start.answers.is_some()
     }
 
-    /// Switches the autopilot on or off, where there is one: it holds the attitude of the start.
+    /// Switches the autopilot, if there is one, on or off.
     pub fn hold(&mut self, on: bool) {
         let attitude = facing_north(self.start.pitch);
         let answers = self.start.answers.filter(|_| on);
         self.autopilot = answers.map(|answers| Autopilot::new(answers, &attitude));
     }
 
-    /// How far the body is from upright as at the start, whatever its heading (rad).
+    /// Returns the tilt from the initial attitude (rad), independent of the heading.
     pub fn tilt(&self) -> f32 {
         tilt(&facing_north(self.start.pitch), &self.motion())
     }
 
-    /// Wants a control at a share of its range, -1 to 1; anything else changes nothing.
+    /// Commands a control to a fraction of its range, -1 to 1. Other values are ignored.
     pub fn command(&mut self, control: usize, share: f32) {
         if let Some(wanted) = self.wanted.get_mut(control)
             && (-1.0..=1.0).contains(&share)
@@ -230,8 +230,8 @@ impl Cockpit {
         }
     }
 
-    /// Turns a single joint by an angle (rad, within pi) of the paper's, 0 psi, 1 theta, 2 phi; anything else
-    /// changes nothing.
+    /// Sets an angle (rad, within pi) of a single joint; axis 0 is the paper's psi, 1 theta, 2 phi. Other values are
+    /// ignored.
     pub fn joint(&mut self, segment: usize, axis: usize, angle: f32) {
         if let Some(place) = self.joints.get_mut(segment).and_then(|j| j.get_mut(axis))
             && angle.abs() <= core::f32::consts::PI
@@ -240,14 +240,14 @@ impl Cockpit {
         }
     }
 
-    /// Muscle input, each coefficient within 10; anything else changes nothing.
+    /// Sets the muscle input, each coefficient within ±10. Other values are ignored.
     pub fn muscle(&mut self, input: AxisCoefficients<f32>) {
         if input.to_array().iter().all(|value| value.abs() <= 10.0) {
             self.inputs.muscle = input;
         }
     }
 
-    /// Damping coefficients, each -1 to 30; anything else changes nothing.
+    /// Sets the damping coefficients, each from -1 to 30. Other values are ignored.
     pub fn damping(&mut self, damping: AxisCoefficients<f32>) {
         let allowed = |value: &f32| (-1.0..=30.0).contains(value);
         if damping.to_array().iter().all(allowed) {
@@ -255,7 +255,7 @@ impl Cockpit {
         }
     }
 
-    /// Flies one step of 1/240 s.
+    /// Advances the flight by one step of 1/240 s.
     pub fn step(&mut self) {
         #[expect(clippy::cast_possible_truncation, reason = "a constant")]
         let duration = TIME_STEP as f32;
@@ -288,14 +288,14 @@ impl Cockpit {
         self.steps += 1;
     }
 
-    /// Time flown (s).
-    #[expect(clippy::cast_possible_truncation, reason = "flights of minutes")]
+    /// Returns the time since the start (s).
+    #[expect(clippy::cast_possible_truncation, reason = "flights last minutes")]
     pub fn time(&self) -> f32 {
         (f64::from(self.steps) * TIME_STEP) as f32
     }
 
-    /// The motion, if it is one: a flight may tumble out of all numbers.
-    // Once in the page's code.
+    /// Returns the motion, unless the simulation has diverged.
+    // Not inlined, to keep the page small.
     #[inline(never)]
     pub fn motion(&self) -> Motion<f32> {
         #[expect(clippy::cast_possible_truncation, reason = "a constant")]
@@ -303,7 +303,7 @@ impl Cockpit {
         self.run.motion(&self.setup.dynamics, &rate)
     }
 
-    /// What there is to see.
+    /// Returns the current frame.
     pub fn frame(&self) -> Frame {
         frame(
             &self.setup.dynamics,
@@ -350,16 +350,16 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn a_turn_key_turns_and_the_other_way_turns_back() {
+    fn a_turn_key_turns_and_the_opposite_one_turns_back() {
         let (left, right) = (flown(0, 0, 1.0, 4).yaw_rate, flown(0, 0, -1.0, 4).yaw_rate);
         assert!(left.abs() > 0.3, "{left}");
         assert!((left + right).abs() < 0.05 * left.abs(), "{left} {right}");
         assert!(flown(0, 0, 0.0, 4).yaw_rate.abs() < 1e-3);
     }
 
-    /// The head points north at the start: forward is north, and west is to the left.
+    /// The head points north at the start, so forward is north and left is west.
     #[test]
-    fn slides_and_legs_move_the_way_that_the_page_says() {
+    fn slides_and_leg_movements_go_in_the_documented_directions() {
         let velocity = |control: usize, share: f32| {
             let mut cockpit = cockpit();
             cockpit.command(control, share);
@@ -379,7 +379,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn commands_that_are_none_change_nothing() {
+    fn invalid_commands_change_nothing() {
         let mut cockpit = cockpit();
         let mut other = cockpit.clone();
         cockpit.command(99, 1.0);
@@ -396,7 +396,7 @@ pub(crate) mod tests {
         assert_eq!(bits(&cockpit), bits(&other));
     }
 
-    /// For subjects of several sizes too, pushed over at the start by what a flight begins with.
+    /// For subjects of several sizes, with the initial disturbance of each start.
     #[test]
     fn the_autopilot_holds_a_sit_and_the_air_holds_head_down() {
         let worst = |start: usize, height: f64, hold: bool| {
@@ -415,7 +415,7 @@ pub(crate) mod tests {
         let (sit, head_down) = (1, 2);
         assert!(worst(sit, 1.75, false) > 1.0);
         for height in [1.6, 1.75, 1.9] {
-            // Head-down, the air does it.
+            // Head-down is stable without an autopilot.
             for (start, hold) in [(sit, true), (head_down, false)] {
                 let tilt = worst(start, height, hold);
                 println!("{}, {height} m: {tilt:.3} rad", STARTS[start].name);
@@ -427,7 +427,7 @@ pub(crate) mod tests {
 
     /// Paper, "Pitch and Roll oscillations experienced by novices".
     #[test]
-    fn the_novice_swings_in_pitch_and_the_relaxed_skydiver_does_not() {
+    fn the_novice_oscillates_in_pitch_and_the_relaxed_skydiver_does_not() {
         let swing = |start: usize, held: f32| {
             let mut cockpit = Cockpit::new(&setup(), start);
             cockpit.command(5, held);

@@ -1,4 +1,4 @@
-//! What one frame shows, as a list of numbers in single precision.
+//! A frame as a list of numbers in single precision.
 
 use bodyflight_core::body::SEGMENT_COUNT;
 use bodyflight_core::body::posture::pose;
@@ -9,7 +9,7 @@ use bodyflight_core::observation::Observation;
 use bodyflight_core::{Posture, Segment};
 use nalgebra::{UnitQuaternion, Vector3};
 
-/// Places of the parts of a frame, in order.
+/// Parts of a frame and their lengths, in order.
 ///
 /// Inertial axes are north, west, up; quaternions are w, x, y, z.
 pub const LAYOUT: [(&str, usize); 12] = [
@@ -25,12 +25,12 @@ pub const LAYOUT: [(&str, usize); 12] = [
     // About the axes of the body: pitch, yaw, roll.
     ("muscle", 3),
     ("damping", 3),
-    // Sum of the forces of the air (N), inertial axes.
+    // Total aerodynamic force (N), inertial axes.
     ("air_force_n", 3),
     ("segments", SEGMENT_COUNT * SEGMENT_NUMBERS),
 ];
 
-/// Places of the parts of a segment.
+/// Parts of a segment and their lengths, in order.
 pub const SEGMENT_LAYOUT: [(&str, usize); 4] = [
     ("parent_from_segment", 4),
     ("body_from_segment", 4),
@@ -40,10 +40,10 @@ pub const SEGMENT_LAYOUT: [(&str, usize); 4] = [
     ("force_n", 3),
 ];
 
-/// Numbers of a segment.
+/// Numbers per segment.
 pub const SEGMENT_NUMBERS: usize = sum(&SEGMENT_LAYOUT);
 
-/// Numbers of a frame.
+/// Numbers per frame.
 pub const NUMBERS: usize = sum(&LAYOUT);
 
 const fn sum(parts: &[(&str, usize)]) -> usize {
@@ -53,7 +53,7 @@ const fn sum(parts: &[(&str, usize)]) -> usize {
     }
 }
 
-/// Where a part of a frame begins; its length is in the table.
+/// Returns the offset of a part of a frame.
 pub fn place(name: &str) -> Option<usize> {
     let mut begin = 0;
     for (part, count) in LAYOUT {
@@ -78,7 +78,7 @@ impl Pen<'_> {
     fn write<T: Real>(&mut self, numbers: impl IntoIterator<Item = T>) {
         for number in numbers {
             if let Some(place) = self.frame.get_mut(self.next) {
-                #[expect(clippy::cast_possible_truncation, reason = "for the eye")]
+                #[expect(clippy::cast_possible_truncation, reason = "precise enough to show")]
                 let single = number.to_f64() as f32;
                 *place = single;
             }
@@ -95,7 +95,7 @@ impl Pen<'_> {
     }
 }
 
-/// What there is to see of a body that moves, `time` (s) after the start.
+/// Returns the frame of a moving body `time` (s) after the start.
 pub fn frame<T: Real>(
     dynamics: &Dynamics<T>,
     inputs: &Inputs<T>,
@@ -146,16 +146,16 @@ pub fn frame<T: Real>(
     frame
 }
 
-/// Half the extents along X, Y, Z of a rounded solid that has the silhouettes of a segment (m): what the model's
-/// air sees of it.
+/// Returns the half extents (m) along X, Y, Z of a rounded solid with the silhouettes of a segment, which the
+/// aerodynamic model uses.
 pub fn half_extents<T: Real>(area: &Vector3<T>) -> Vector3<T> {
-    // A superellipse of exponent 2.5 covers this share of the rectangle around it.
+    // Fraction of its bounding rectangle that a superellipse of exponent 2.5 covers.
     let rectangle = area / T::of(4.0 * 0.8446);
     let side = |own: usize, others: [usize; 2]| {
         let [a, b] = others;
         (rectangle[a] * rectangle[b] / rectangle[own]).root()
     };
-    // Areas are normal to X, Y and Z: that normal to an axis lacks just this axis' extent.
+    // Areas are normal to X, Y and Z: each is the product of the other two extents.
     Vector3::new(side(0, [1, 2]), side(1, [0, 2]), side(2, [0, 1]))
 }
 
@@ -175,7 +175,7 @@ mod tests {
         assert!((part("velocity_mps", 3)[2] + 50.0).abs() < 10.0);
         let quaternion = part("inertial_from_body", 4);
         assert!((quaternion.iter().map(|q| q * q).sum::<f32>() - 1.0).abs() < 1e-5);
-        // Near the trim the air carries the weight.
+        // Near the trim, aerodynamic forces balance the weight.
         let mass = cockpit.dynamics().body.mass();
         let lift = part("air_force_n", 3)[2];
         assert!(

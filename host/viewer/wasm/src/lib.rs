@@ -1,7 +1,7 @@
-//! The core as the viewer's page sees it: what one frame shows, as numbers; the model as numbers; and a flight by
-//! keyboard. The host uses the first two natively, so a replay and a flight in the page show the same.
+//! The core for the viewer's page: frames and models as lists of numbers, and flying by keyboard. The host uses the
+//! first two natively, so replays and flights in the page agree.
 //!
-//! Everything is safe and tested natively but `page`, the functions that the page calls.
+//! Everything except `page`, the functions that the page calls, is safe code and tested natively.
 #![cfg_attr(target_arch = "wasm32", no_std)]
 
 pub mod autopilot;

@@ -1,7 +1,7 @@
 //! The functions that the page calls. One flight, one thread.
 #![allow(
     unsafe_code,
-    reason = "the border of the module: exported names, and one static that the page's only thread uses"
+    reason = "the module's interface: exported names, and one static that the page's only thread uses"
 )]
 
 use core::cell::UnsafeCell;
@@ -23,7 +23,7 @@ struct Held {
     cockpit: UnsafeCell<Option<Cockpit>>,
 }
 
-// SAFETY: WebAssembly without threads has one, and with threads this does not compile.
+// SAFETY: WebAssembly without threads has a single thread; with threads this does not compile.
 unsafe impl Sync for Held {}
 
 static HELD: Held = Held {
@@ -33,31 +33,31 @@ static HELD: Held = Held {
 };
 
 fn with(change: impl FnOnce(&mut Cockpit)) {
-    // SAFETY: one thread, and no function here calls another that borrows.
+    // SAFETY: there is a single thread, and no function here calls another one that borrows.
     if let Some(cockpit) = unsafe { &mut *HELD.cockpit.get() } {
         change(cockpit);
     }
 }
 
-/// Where the page writes the numbers of the model.
+/// Returns where the page writes the numbers of the model.
 #[unsafe(no_mangle)]
 pub(crate) extern "C" fn setup_numbers() -> *mut f32 {
     HELD.setup.get().cast()
 }
 
-/// How many there are.
+/// Returns the number of model numbers.
 #[unsafe(no_mangle)]
 pub(crate) extern "C" fn setup_length() -> usize {
     setup::NUMBERS
 }
 
-/// How many numbers a frame has.
+/// Returns the number of numbers per frame.
 #[unsafe(no_mangle)]
 pub(crate) extern "C" fn frame_length() -> usize {
     frame::NUMBERS
 }
 
-/// Begins a flight.
+/// Starts a flight.
 #[unsafe(no_mangle)]
 pub(crate) extern "C" fn begin(start: usize) {
     // SAFETY: as in `with`.
@@ -113,13 +113,13 @@ pub(crate) extern "C" fn damping(pitch: f32, yaw: f32, roll: f32) {
     with(|cockpit| cockpit.damping(AxisCoefficients::new(pitch, yaw, roll)));
 }
 
-/// Flies some steps.
+/// Advances the flight by some steps.
 #[unsafe(no_mangle)]
 pub(crate) extern "C" fn step(count: u32) {
     with(|cockpit| (0..count).for_each(|_| cockpit.step()));
 }
 
-/// The frame of now.
+/// Returns the current frame.
 #[unsafe(no_mangle)]
 pub(crate) extern "C" fn see() -> *const f32 {
     with(|cockpit| {

@@ -10,7 +10,7 @@ use bodyflight_core::frame::Vector;
 use bodyflight_core::{Segment, body::SegmentArray};
 use nalgebra::{Matrix3, Vector3};
 
-/// Numbers of a segment: mass, length, joint offset, cg, inertia by columns, area, moment arm; drag, lift and moment
+/// Numbers per segment: mass, length, joint offset, cg, inertia by columns, area, moment arm; drag, lift and moment
 /// coefficients. Units as in [`SegmentParameters`].
 const SEGMENT: usize = 2 + 3 + 3 + 9 + 3 + 1 + 3;
 
@@ -18,22 +18,22 @@ const SEGMENT: usize = 2 + 3 + 3 + 9 + 3 + 1 + 3;
 /// model, velocity of the air (m/s), damping, load model (0: the paper's).
 const HEAD: usize = 4 + 3 + 3 + 1;
 
-/// Numbers of a model.
+/// Numbers per model.
 pub const NUMBERS: usize = HEAD + SEGMENT_COUNT * SEGMENT;
 
-/// A model of one density, without effects on the stream.
+/// A model with constant density and without effects on the airflow.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Setup {
     /// The model.
     pub dynamics: Dynamics<f32>,
-    /// Damping as the subject has it.
+    /// The subject's damping.
     pub inputs: Inputs<f32>,
     /// Density (kg/m3).
     pub density: f32,
 }
 
 impl Setup {
-    /// As numbers.
+    /// Converts the model to numbers.
     pub fn numbers(&self) -> [f32; NUMBERS] {
         let dynamics = &self.dynamics;
         let arch = match dynamics.aerodynamics.arch {
@@ -74,7 +74,7 @@ impl Setup {
         all
     }
 
-    /// From numbers.
+    /// Creates a model from numbers.
     pub fn from_numbers(numbers: &[f32; NUMBERS]) -> Self {
         let (head, rows) = numbers.split_at(HEAD);
         let at = |k: usize| head.get(k).copied().unwrap_or(0.0);

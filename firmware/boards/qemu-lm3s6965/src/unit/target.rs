@@ -49,7 +49,7 @@ static UNIT: StaticCell<RefCell<Unit<Lm3s6965>>> = StaticCell::new();
 /// The executor has work.
 static PENDED: AtomicBool = AtomicBool::new(true);
 
-#[allow(unsafe_code, reason = "the name by which the executor is woken")]
+#[allow(unsafe_code, reason = "the executor calls this symbol to be woken")]
 #[unsafe(export_name = "__pender")]
 fn pender(_: *mut ()) {
     PENDED.store(true, Ordering::Release);
@@ -87,7 +87,7 @@ fn main() -> ! {
     }
     loop {
         // SAFETY: called from here only, never from within itself.
-        #[allow(unsafe_code, reason = "the executor's contract: one caller")]
+        #[allow(unsafe_code, reason = "the executor requires a single caller")]
         unsafe {
             executor.poll();
         }

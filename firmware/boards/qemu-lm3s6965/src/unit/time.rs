@@ -38,7 +38,7 @@ impl Clock {
             // SAFETY: reading this register changes nothing.
             #[allow(
                 unsafe_code,
-                reason = "no accessor for the bit that does not take the peripheral"
+                reason = "the accessor for this bit needs to own the peripheral"
             )]
             let state = unsafe { core::ptr::read_volatile(ICSR) };
             state & PENDING != 0
@@ -90,8 +90,8 @@ pub(super) fn start(timer: &mut SYST) {
     timer.enable_counter();
 }
 
-/// Ticks of the processor's clock, wraps.
-#[expect(clippy::cast_possible_truncation, reason = "wraps")]
+/// Ticks of the processor's clock; wraps.
+#[expect(clippy::cast_possible_truncation, reason = "the counter wraps")]
 pub(super) fn ticks() -> u32 {
     TIME.with(|clock| clock.ticks()) as u32
 }

@@ -82,7 +82,7 @@ impl Port {
         self.write(INTERRUPT_MASK, RECEIVED | PAUSE);
         self.write(CONTROL, ENABLED);
         // SAFETY: there are no critical sections by priority that this could break.
-        #[allow(unsafe_code, reason = "turns the interrupt on")]
+        #[allow(unsafe_code, reason = "enables the interrupt")]
         unsafe {
             NVIC::unmask(self.interrupt);
         }

@@ -11,7 +11,7 @@ use crate::formats::mvnx::closure::t_pose_from_isb;
 use crate::formats::xsens::skeleton::{Layout, Placed};
 use crate::formats::xsens::{self, MVN_SEGMENT_COUNT, MvnSegment};
 
-/// Sensors of a full-body suit in the order of MVN.
+/// Sensors of a full-body suit in MVN's order.
 const SENSORS: [MvnSegment; 17] = [
     MvnSegment::Pelvis,
     MvnSegment::T8,
@@ -39,26 +39,26 @@ pub struct Description {
     pub subject_label: String,
     /// Frames per second (Hz).
     pub frame_rate: f64,
-    /// Time of frame 0, milliseconds since 1970 (UTC).
+    /// Time of frame 0 (milliseconds since 1970, UTC).
     pub start_unix_ms: u64,
     /// Free text.
     pub comment: String,
-    /// Where the frames come from.
+    /// Source of the frames.
     pub origin: Origin,
 }
 
-/// Where the frames of a recording come from.
+/// Source of the frames of a recording.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Origin {
     /// The model flew them.
     Simulated,
     /// A unit logged them on board.
     Logged,
-    /// They were received as they were flown.
+    /// They were received live.
     Live,
     /// Another system recorded them.
     Imported {
-        /// Whether it says where the body is; otherwise there are no velocities and accelerations.
+        /// Whether that system has positions of the body; otherwise there are no velocities and accelerations.
         has_places: bool,
     },
 }
@@ -122,7 +122,7 @@ pub(super) fn header(
     calibration(out, layout)
 }
 
-/// The segments with their points.
+/// The segments and their points.
 fn segments(out: &mut impl Write, layout: &Layout) -> io::Result<()> {
     for (id, segment) in (1..).zip(MvnSegment::ALL) {
         let label = segment.label();
@@ -139,7 +139,7 @@ fn segments(out: &mut impl Write, layout: &Layout) -> io::Result<()> {
     Ok(())
 }
 
-/// The joints with what they connect.
+/// The joints and the points that they connect.
 fn joints(out: &mut impl Write) -> io::Result<()> {
     for segment in MvnSegment::ALL {
         let (Some(parent), joint) = (segment.parent(), segment.joint()) else {
@@ -211,7 +211,7 @@ pub(super) fn frame(
     writeln!(out, "\t\t\t</frame>")
 }
 
-/// What follows the frames.
+/// The text after the frames.
 pub(super) fn tail(out: &mut impl Write) -> io::Result<()> {
     writeln!(out, "\t\t</frames>\n\t</subject>\n</mvnx>")
 }
@@ -233,7 +233,7 @@ fn vectors(out: &mut impl Write, element: &str, values: &[Vector3<f64>]) -> io::
     writeln!(out, "</{element}>")
 }
 
-/// Six decimals, as MVN writes them.
+/// Writes numbers with six decimals, as MVN does.
 fn numbers<N: core::fmt::Display>(
     out: &mut impl Write,
     values: impl IntoIterator<Item = N>,
@@ -246,7 +246,7 @@ fn numbers<N: core::fmt::Display>(
     Ok(())
 }
 
-/// Text for XML: markup escaped, control characters, which XML cannot hold, as spaces.
+/// Escapes text for XML; control characters, which XML cannot contain, become spaces.
 fn escaped(text: &str) -> String {
     let plain: String = text
         .chars()
@@ -255,7 +255,7 @@ fn escaped(text: &str) -> String {
     quick_xml::escape::escape(plain).into_owned()
 }
 
-/// The times of a frame as MVN writes them.
+/// The times of a frame in MVN's formats.
 struct Clock {
     since_start_ms: u64,
     /// Hours, minutes, seconds (UTC) and the number of the frame within the second.

@@ -9,21 +9,21 @@ use crate::formats::xsens::skeleton::Placed;
 
 type PerSegment<V> = [V; MVN_SEGMENT_COUNT];
 
-/// A frame with what is moving in it, in the global axes of MVN.
+/// A frame with its velocities and accelerations, in the global axes of MVN.
 pub(crate) struct MovingFrame {
     pub(crate) index: u64,
-    /// (s)
+    /// Time (s).
     pub(crate) time: f64,
     pub(crate) placed: PerSegment<Placed>,
-    /// (m/s)
+    /// Velocity of each segment's origin (m/s).
     pub(crate) velocity: PerSegment<Vector3<f64>>,
-    /// (m/s2)
+    /// Acceleration of each segment's origin (m/s2).
     pub(crate) acceleration: PerSegment<Vector3<f64>>,
-    /// (rad/s)
+    /// Angular velocity of each segment (rad/s).
     pub(crate) angular_velocity: PerSegment<Vector3<f64>>,
-    /// (rad/s2)
+    /// Angular acceleration of each segment (rad/s2).
     pub(crate) angular_acceleration: PerSegment<Vector3<f64>>,
-    /// Position (m), velocity (m/s) and acceleration (m/s2), where the flight has the first.
+    /// Position (m), velocity (m/s) and acceleration (m/s2), if the flight has the first.
     pub(crate) centre_of_mass: Option<[Vector3<f64>; 3]>,
 }
 
@@ -33,7 +33,7 @@ struct Sample {
     index: u64,
     time: f64,
     placed: PerSegment<Placed>,
-    /// Velocity and angular velocity of the pelvis, where the flight has them.
+    /// Velocity and angular velocity of the pelvis, if the flight has them.
     pelvis: [Option<Vector3<f64>>; 2],
     centre_of_mass: Option<Vector3<f64>>,
 }
@@ -46,7 +46,7 @@ pub(crate) struct Differences {
 }
 
 impl Differences {
-    /// Takes a frame and gives the one before it, whose neighbours are both known now.
+    /// Takes a frame and returns the previous one, whose neighbours are now both known.
     pub(crate) fn push(
         &mut self,
         frame: &FlightFrame,
@@ -69,15 +69,15 @@ impl Differences {
         moving
     }
 
-    /// The last frame, which has no next one.
+    /// The last frame, which has no successor.
     pub(crate) fn last(&mut self) -> Option<MovingFrame> {
         let here = self.here.take()?;
         Some(moving(self.before.as_ref(), &here, None))
     }
 }
 
-/// Mean angular velocity (rad/s) that takes one orientation to another in `duration` (s), in the axes they
-/// are both given in; zero without time.
+/// Mean angular velocity (rad/s) that takes one orientation to another in `duration` (s), in the axes in which both are
+/// given; zero if no time passes.
 pub(crate) fn rotation_rate(
     from: &UnitQuaternion<f64>,
     to: &UnitQuaternion<f64>,

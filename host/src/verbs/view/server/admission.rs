@@ -1,4 +1,4 @@
-//! Connections that have not said yet what they want.
+//! Connections that have not sent their request yet.
 
 use std::collections::VecDeque;
 use std::io::{self, Read};
@@ -6,18 +6,18 @@ use std::net::{Shutdown, TcpStream};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Longest head of a request (bytes).
+/// Longest request head (bytes).
 const LONGEST_HEAD: usize = 16 * 1024;
 
-/// Time for a whole head.
+/// Time allowed for a complete head.
 const HEAD_TIME: Duration = Duration::from_secs(5);
 
-/// Connections that may wait; one more, and the oldest is closed.
+/// Number of connections that may wait; with one more, the oldest is closed.
 const MOST_WAITING: usize = 64;
 
 const END_OF_HEAD: &[u8] = b"\r\n\r\n";
 
-/// Connections whose request is not whole, oldest first.
+/// Connections whose request is incomplete, oldest first.
 #[derive(Default)]
 pub(super) struct WaitingRoom {
     waiting: Mutex<Waiting>,
@@ -30,10 +30,10 @@ struct Waiting {
 }
 
 impl WaitingRoom {
-    /// The head of a request, and not a byte beyond: what follows belongs to the socket.
+    /// Reads the head of a request and not a byte more, since the rest belongs to the socket.
     ///
     /// # Errors
-    /// Returns an error if the head is not whole in time, too long, or the connection was the oldest of too many.
+    /// Returns an error if the head is late or too long, or if the connection was closed as the oldest of too many.
     pub(super) fn read_head(&self, stream: &mut TcpStream) -> io::Result<Vec<u8>> {
         let number = self.enter(stream.try_clone()?);
         let head = read_head(stream, Instant::now() + HEAD_TIME);
@@ -45,7 +45,7 @@ impl WaitingRoom {
         let mut waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
         while waiting.streams.len() >= MOST_WAITING {
             if let Some((_, oldest)) = waiting.streams.pop_front() {
-                // Its thread is told by the end of its input.
+                // Its thread notices the end of its input.
                 let _ = oldest.shutdown(Shutdown::Both);
             }
         }
@@ -88,10 +88,10 @@ fn read_head(stream: &mut TcpStream, end: Instant) -> io::Result<Vec<u8>> {
     }
 }
 
-/// What is left of the time.
+/// The remaining time.
 ///
 /// # Errors
-/// Returns an error if nothing is.
+/// Returns an error if no time remains.
 pub(super) fn left_until(end: Instant) -> io::Result<Duration> {
     let left = end.saturating_duration_since(Instant::now());
     if left.is_zero() {
