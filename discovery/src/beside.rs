@@ -1,7 +1,8 @@
 //! Refits all errors together with an effect, and once more without it.
 
+use super::candidate::Candidate;
 use super::challenge::{CHALLENGERS, challenging};
-use super::contest::{Candidate, Scene, precision};
+use super::contest::{Scene, precision};
 use super::effect_set::{EffectSet, between, furthest, moved, parameters_of};
 use super::error::Result;
 use super::error_model::Errors;
@@ -167,12 +168,20 @@ impl<'a> Search<'a> {
             let Some(fitted) = self.fitted(&round.beliefs(), &round.errors())? else {
                 break;
             };
-            round = self.round(fitted, round.next)?;
-            if round.moved < SETTLED {
+            let next = self.round(fitted, round.next.clone())?;
+            let has_settled = next.moved < SETTLED;
+            let next = if has_settled {
+                next
+            } else {
+                self.with_same_slopes(next)?
+            };
+            // The first round starts with slopes of another point, so its likelihood says little.
+            let gained = next.likelihood() - before;
+            if times > 1 && gained < -AGAIN {
                 break;
             }
-            round = self.with_same_slopes(round)?;
-            if times >= SLOPES && round.likelihood() < before + AGAIN {
+            round = next;
+            if has_settled || (times >= SLOPES && gained < AGAIN) {
                 break;
             }
         }
@@ -229,7 +238,7 @@ impl<'a> Search<'a> {
         Ok((name, Some(next)))
     }
 
-    fn fitted(
+    pub(super) fn fitted(
         &self,
         beliefs: &[Belief],
         errors: &[Option<&Errors>],

@@ -1,6 +1,7 @@
 //! Competitors nearly as good as the best candidate are refitted as well, and a better one replaces it.
 
-use super::contest::{Candidate, Scene};
+use super::candidate::{BETTER, Candidate};
+use super::contest::Scene;
 use super::effect_set::EffectSet;
 use super::error::Result;
 use super::fitted::Fitted;
@@ -10,11 +11,13 @@ use super::report::Rival;
 use super::search::{Name, Search};
 
 /// Share of the best gain above which a competitor is refitted too, the difference that a first-order estimate may be
-/// wrong by, how many competitors are refitted, and by how much one must be better to replace the best.
+/// wrong by, and how many competitors are refitted.
 const CHALLENGES: f64 = 0.4;
 const CLOSE: f64 = 25.0;
 pub(super) const CHALLENGERS: usize = 4;
-const BETTER: f64 = 1.0;
+
+/// Share of the best gain by which a competitor may be worse before its own slopes are computed.
+const NEARLY: f64 = 0.05;
 
 /// A competitor is dropped if the fitted flights are less likely with it by more than this, and by more than this share
 /// of the best gain: converging fits change by tens.
@@ -50,15 +53,18 @@ impl<'a> Search<'a> {
         let mut beaten: Vec<Candidate> = Vec::new();
         loop {
             let mut tried = self.challengers(scene, next, &others)?;
-            let is_better =
-                |other: &Challenger<'_>| other.candidate.total() > name.candidate.total() + BETTER;
-            if tried.first().is_some_and(is_better) {
+            // The best was fitted with slopes of its own, so one that is close without them gets the same chance.
+            let total = name.candidate.total();
+            let is_close = |other: &Challenger<'_>| {
+                other.candidate.total() > f64::min(total + BETTER, total * (1.0 - NEARLY))
+            };
+            if tried.first().is_some_and(is_close) {
                 let best = tried.swap_remove(0);
                 let before = best.candidate.clone();
                 others.retain(|other| other.effect != before.effect);
                 if let Some(with) = self.finished(best)? {
                     let best = before.compared(scene, &with);
-                    if best.total() > name.candidate.total() {
+                    if best.replaces(&name.candidate) {
                         beaten.push(core::mem::replace(&mut name.candidate, best));
                         *next = with;
                         continue;
@@ -84,12 +90,8 @@ impl<'a> Search<'a> {
 
     /// Log-likelihood of the fitted flights below which a competitor is dropped.
     fn hopeless(&self, scene: &Scene<'a>, next: &Scene<'a>) -> f64 {
-        let of = |scene: &Scene<'a>| -> f64 {
-            let each = scene.fitted.iter();
-            each.map(|(_, fit)| fit.errors.likelihood).sum()
-        };
-        let best = of(next);
-        best - f64::max(HOPELESS, HOPELESS_SHARE * (best - of(scene)))
+        let best = next.likelihood();
+        best - f64::max(HOPELESS, HOPELESS_SHARE * (best - scene.likelihood()))
     }
 
     /// Competitors after refitting, best first.

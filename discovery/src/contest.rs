@@ -1,13 +1,14 @@
 //! Ranks the effects of the library: each is tried in addition to those already named, on the fitted and on the
 //! held-out flights.
 
-use bodyflight_core::effect::{Effect, PARAMETER_COUNT};
+use bodyflight_core::effect::Effect;
 use nalgebra::{DMatrix, DVector};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 
 use rand_distr::StandardNormal;
 
+use super::candidate::{COST, Candidate};
 use super::effect_set::{
     EffectSet, ParameterId, all_parameters, freedom, moved, numbers, parameters_of,
 };
@@ -19,9 +20,6 @@ use super::problem::Problem;
 use super::progress::{Progress, check};
 use super::statistics::deviations;
 use super::whitened::Quadratic;
-
-/// Gain that each parameter costs (Schwarz criterion for a few hundred independent observations).
-pub const COST: f64 = 3.0;
 
 /// Number of effects fitted to convergence, and the first-order gain this requires, as a share of the cost of the
 /// parameters.
@@ -35,13 +33,6 @@ const SETTLED: f64 = 0.2;
 /// Number of draws from the null distribution.
 const DRAWS: usize = 999;
 
-/// An effect is a rival of the best if its gain is within this difference, or within this share of the best gain.
-const RIVAL: f64 = 5.0;
-const RIVAL_SHARE: f64 = 0.02;
-
-/// Share of the way from neutral to the end of its range above which a parameter matters.
-const MATERIAL: f64 = 0.02;
-
 /// Flights with their errors fitted, given the effects named so far.
 pub struct Scene<'a> {
     /// Flights that effects are fitted to.
@@ -54,80 +45,7 @@ pub struct Scene<'a> {
     pub tolerances: Tolerances,
 }
 
-/// An effect fitted in addition to those named.
-#[derive(Debug, Clone)]
-pub struct Candidate {
-    /// The effect.
-    pub effect: Effect,
-    /// All effects, this one included.
-    pub effects: EffectSet,
-    /// Covariance of all their parameters.
-    pub covariance: DMatrix<f64>,
-    /// Gain of log-likelihood in the fitted flights.
-    pub gain: f64,
-    /// Gain in each held-out flight.
-    pub gains_held_out: Vec<f64>,
-}
-
 impl Candidate {
-    /// Gain in all flights, less the cost of the parameters.
-    pub fn total(&self) -> f64 {
-        self.gain + self.gains_held_out.iter().sum::<f64>() - COST * freedom(self.effect)
-    }
-
-    /// Gain to expect in all flights once everything is refitted. With large joint errors a held-out flight may seem to
-    /// lose because of its own errors, so its loss is limited to half the gain of the fitted flights.
-    pub fn promise(&self) -> f64 {
-        let held_out = self.gains_held_out.iter();
-        let held_out: f64 = held_out.map(|gain| gain.max(-0.5 * self.gain)).sum();
-        self.gain + held_out - COST * freedom(self.effect)
-    }
-
-    /// Significance of its gain, in standard deviations.
-    pub fn deviations(&self) -> f64 {
-        deviations(2.0 * self.gain.max(0.0), freedom(self.effect))
-    }
-
-    /// Significance of the gain in all flights together. Held-out flights did not take part in the fit and so lose by
-    /// chance; a gain beyond that of the fitted flights is not counted.
-    pub fn deviations_together(&self) -> f64 {
-        let held_out = self.gains_held_out.iter();
-        let gain = self.gain + held_out.map(|gain| gain.min(self.gain)).sum::<f64>();
-        deviations(2.0 * gain.max(0.0), freedom(self.effect))
-    }
-
-    /// Parameters of this effect.
-    pub fn values(&self) -> [f64; PARAMETER_COUNT] {
-        let own = self
-            .effects
-            .iter()
-            .find(|(effect, _)| *effect == self.effect);
-        own.map_or_else(|| self.effect.neutral(), |(_, values)| *values)
-    }
-
-    /// All effects, with the strength of this one multiplied by `share`.
-    pub fn stretched(&self, share: f64) -> EffectSet {
-        let mut effects = self.effects.clone();
-        for (effect, values) in &mut effects {
-            if *effect == self.effect {
-                for (value, parameter) in values.iter_mut().zip(effect.description().parameters) {
-                    let far = parameter.neutral + share * (*value - parameter.neutral);
-                    *value = far.clamp(parameter.low, parameter.high);
-                }
-            }
-        }
-        effects
-    }
-
-    /// Whether the effect is strong enough to matter.
-    pub fn matters(&self) -> bool {
-        let parameters = self.effect.description().parameters;
-        parameters
-            .iter()
-            .zip(self.values())
-            .any(|(parameter, value)| parameter.share_of_range(value) > MATERIAL)
-    }
-
     /// The candidate with its gain after refitting, with and without it.
     pub fn compared(&self, without: &Scene<'_>, with: &Scene<'_>) -> Self {
         let gains =
@@ -144,11 +62,6 @@ impl Candidate {
             ..self.clone()
         }
     }
-
-    /// Whether it is indistinguishable from `best`.
-    pub fn is_rival_of(&self, best: &Self) -> bool {
-        self.total() > best.total() - RIVAL.max(RIVAL_SHARE * best.total())
-    }
 }
 
 /// Precision of subject and suit, given the effects.
@@ -161,6 +74,14 @@ pub(super) fn precision(tolerances: &Tolerances, effects: &EffectSet) -> DVector
 }
 
 impl Scene<'_> {
+    /// Log-likelihood of the fitted flights.
+    pub fn likelihood(&self) -> f64 {
+        self.fitted
+            .iter()
+            .map(|(_, fit)| fit.errors.likelihood)
+            .sum()
+    }
+
     fn precision(&self, effects: &EffectSet) -> DVector<f64> {
         precision(&self.tolerances, effects)
     }

@@ -48,7 +48,7 @@ const VOTE: f64 = 4.0;
 /// Share of what arbitrary forces and moments could explain that a description must explain, in the fitted and in the
 /// held-out flights.
 const EXPLAINS: f64 = 0.6;
-const EXPLAINS_HELD_OUT: f64 = 0.5;
+const EXPLAINS_HELD_OUT: f64 = 0.7;
 
 /// A flight under given loads, with its errors fitted.
 struct Flown<'a> {

@@ -5,7 +5,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::contest::{Candidate, Scene};
+use super::candidate::Candidate;
+use super::contest::Scene;
 use super::effect_set::{EffectSet, ParameterId, parameters_of};
 use super::fitted::Fitted;
 use super::problem::Problem;

@@ -10,7 +10,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 pub use super::error_prior::{COMPONENTS, CONSTANTS, Components, OWN, PUSH, WANDER};
-use super::error_prior::{Prior, Spread};
+use super::error_prior::{Prior, Spread, wander};
 use super::linearization::{Belief, Course};
 use super::moments::{Moments, Weighed};
 use super::nuisance::{Angles, JOINTS, JointErrors, SUBJECT, Subject};
@@ -38,11 +38,7 @@ pub struct Errors {
 impl Errors {
     /// Root mean square of the wander of a joint about an axis (rad).
     pub fn wander(&self) -> f64 {
-        let squares = WANDER.iter().zip([1.0, 3.0, 5.0]);
-        squares
-            .map(|(k, norm)| self.sizes[*k] / norm)
-            .sum::<f64>()
-            .sqrt()
+        wander(&self.sizes)
     }
 
     /// Misfit per observation.
@@ -126,6 +122,7 @@ pub fn fit(
             }
             let step = damped.cholesky()?.solve(&slope);
             let next = sizes.zip_map(&step, |size, step: f64| size * step.clamp(-2.0, 2.0).exp());
+            let next = prior.limited(next);
             if let Some(found) = Moments::new(parts, prior, &next, &next_spread)
                 && found.objective > best.objective - 1e-6
             {

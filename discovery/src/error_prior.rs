@@ -79,6 +79,18 @@ impl Prior {
         prior
     }
 
+    /// Limits the wander of the joints to what a suit can plausibly do. Without a limit, a fit of flights with a strong
+    /// missing effect ends where joints are off by tens of degrees and explain everything.
+    pub(super) fn limited(&self, mut sizes: Components) -> Components {
+        let excess = wander(&sizes) / self.tolerances.joint_limit();
+        if excess > 1.0 {
+            for k in WANDER {
+                sizes[k] /= excess * excess;
+            }
+        }
+        sizes
+    }
+
     pub(super) fn penalty(&self, sizes: &Components) -> f64 {
         let each = self
             .sizes
@@ -88,6 +100,15 @@ impl Prior {
         each.map(|((middle, deviation), size)| 0.5 * ((size.ln() - middle) / deviation).powi(2))
             .sum()
     }
+}
+
+/// Root mean square of the wander of a joint about an axis (rad).
+pub fn wander(sizes: &Components) -> f64 {
+    let squares = WANDER.iter().zip([1.0, 3.0, 5.0]);
+    squares
+        .map(|(k, norm)| sizes[*k] / norm)
+        .sum::<f64>()
+        .sqrt()
 }
 
 /// Relative size of the wander's polynomials of degree zero, one and two.

@@ -13,6 +13,9 @@ use super::nuisance::GYRO;
 use super::part::Part;
 use super::whitened::Whitened;
 
+/// Share of the limit of joint errors above which a fit has reached it.
+const AT_LIMIT: f64 = 0.999;
+
 /// A problem with its errors fitted, given some effects.
 pub struct Fitted {
     /// The point of linearization: effects and constants.
@@ -22,8 +25,8 @@ pub struct Fitted {
     /// The errors.
     pub errors: Errors,
     pub(super) whitened: Whitened,
-    /// Joint wander above which the suit is no plausible explanation (rad).
-    pub(super) wander_limit: f64,
+    /// Largest plausible joint error, constant or wandering (rad). Fitted errors do not exceed it.
+    pub(super) joint_limit: f64,
 }
 
 impl Fitted {
@@ -89,7 +92,12 @@ impl Fitted {
 
     /// Whether the joints can plausibly have wandered this far. If not, the wander has absorbed some other error.
     fn is_plausible(&self) -> bool {
-        self.errors.wander() <= self.wander_limit
+        self.errors.wander() < AT_LIMIT * self.joint_limit
+    }
+
+    /// Whether the joints would be off by as much as their limit allows, constantly or wandering.
+    pub(super) fn is_beyond_suit(&self) -> bool {
+        !self.is_plausible() || self.errors.spread.calibration >= AT_LIMIT * self.joint_limit
     }
 
     /// Empty if the wander is not plausible: it would be linearized at an impossible posture.

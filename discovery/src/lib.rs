@@ -13,6 +13,7 @@
 
 pub mod adjustment;
 mod beside;
+pub mod candidate;
 mod challenge;
 pub mod contest;
 mod criteria;
@@ -37,6 +38,7 @@ pub mod problem;
 mod product;
 pub mod progress;
 pub mod recorded_noise;
+mod redundant;
 pub mod remainder;
 pub mod report;
 pub mod search;

@@ -213,6 +213,7 @@ impl Moments {
     /// Standard deviations of calibration and bend by expectation maximization, regularized by the tolerances.
     pub(super) fn spread(&self, prior: &Prior) -> Spread {
         let tolerance = Spread::new(&prior.tolerances);
+        let limit = prior.tolerances.joint_limit();
         let share = |first: usize, before: f64| {
             let expected = (first..first + JOINTS)
                 .map(|k| self.constants[k].powi(2) + self.covariance[(k, k)])
@@ -221,7 +222,7 @@ impl Moments {
             ((expected + held) / (JOINTS as f64 + TOLERANCE_WEIGHT)).sqrt()
         };
         Spread {
-            calibration: share(0, tolerance.calibration),
+            calibration: share(0, tolerance.calibration).min(limit),
             bend: share(JOINTS, tolerance.bend),
         }
     }

@@ -13,7 +13,7 @@ pub struct Tolerances {
     pub joint_deg: f64,
     /// Wander of a joint about one axis (degrees).
     pub wander_deg: f64,
-    /// Wander above which the suit no longer counts as an explanation (degrees).
+    /// Joint error, constant or wandering, at which the suit no longer counts as an explanation (degrees).
     pub wander_limit_deg: f64,
     /// Joint error proportional to the bend (fraction).
     pub bend: f64,
@@ -148,6 +148,13 @@ const AREA: usize = SEGMENT_MASS + SEGMENTS;
 const EFFECT: usize = AREA + SEGMENTS;
 
 impl Tolerances {
+    /// Largest plausible joint error, constant or wandering (rad): the stated limit, or twice a tolerance if that is
+    /// larger.
+    pub(super) fn joint_limit(&self) -> f64 {
+        let least = 2.0 * self.joint_deg.max(self.wander_deg);
+        self.wander_limit_deg.max(least).to_radians()
+    }
+
     fn of_effect(&self, effect: Effect) -> f64 {
         match effect {
             Effect::CgOffset => self.cg_m,

@@ -279,7 +279,7 @@ impl<'a> Problem<'a> {
             parts,
             errors: estimate.errors,
             whitened,
-            wander_limit: prior.tolerances.wander_limit_deg.to_radians(),
+            joint_limit: prior.tolerances.joint_limit(),
         }))
     }
 

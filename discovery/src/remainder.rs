@@ -47,7 +47,7 @@ pub struct Remainder {
     pub force_n: [f64; 3],
     /// Joint wander about an axis, root mean square (degrees).
     pub wander_deg: f64,
-    /// Whether the joints would have to wander further than a suit plausibly does.
+    /// Whether the joints would have to be off by as much as a suit plausibly can be, constantly or wandering.
     pub is_beyond_suit: bool,
     /// Times of the stretches with the largest residuals (s).
     pub times_s: Vec<f64>,
@@ -81,10 +81,10 @@ impl Remainder {
             .iter()
             .zip(IMMATERIAL)
             .any(|(k, least)| size(*k) > least);
-        let limit = problem.prior.tolerances.wander_limit_deg;
+        let limit = problem.prior.tolerances.joint_limit().to_degrees();
         let wander_deg = errors.wander().to_degrees();
         let noisier = (0..2).any(|k| size(k) > NOISIER * problem.noise[k]);
-        let is_beyond_suit = wander_deg > limit;
+        let is_beyond_suit = fitted.is_beyond_suit();
         let mean = |k: usize| {
             let count = (pushes.len() * ROWS).max(1) as f64;
             let squares = pushes.iter().map(|(moment, force)| {
@@ -116,7 +116,7 @@ impl Remainder {
         };
         let in_words = if is_beyond_suit {
             format!(
-                "the joints would have to be off by {wander_deg:.1} degrees, more than the {limit:.0} of a suit"
+                "the joints would have to be off by {limit:.0} degrees or more, the limit of a suit"
             )
         } else if is_pushed && size(PUSH[0]) / IMMATERIAL[0] > size(PUSH[1]) / IMMATERIAL[1] {
             let axis = largest(&moment_nm);

@@ -1,9 +1,10 @@
 //! The search: errors are estimated first, then an effect is named if the flights, including those held out, are much
 //! more likely with it than without it.
 
-use bodyflight_core::effect::Effect;
+use bodyflight_core::effect::{Effect, PARAMETER_COUNT};
 
-use super::contest::{Candidate, Scene};
+use super::candidate::Candidate;
+use super::contest::Scene;
 use super::description::described;
 use super::effect_set::EffectSet;
 use super::error::{Error, Result};
@@ -202,6 +203,22 @@ fn best(candidates: &[Candidate], chance: &[f64]) -> Option<Name> {
     })
 }
 
+/// Whether a parameter of an effect differs from neutral by more than so many standard errors; by default, whether the
+/// intervals of all its parameters exclude their neutral values.
+pub(super) fn differs(
+    (effect, values): &(Effect, [f64; PARAMETER_COUNT]),
+    (_, errors): &(Effect, [f64; PARAMETER_COUNT]),
+    least: Option<f64>,
+) -> bool {
+    let parameters = effect.description().parameters;
+    let interval = INTERVALS[parameters.len().clamp(1, INTERVALS.len()) - 1];
+    let least = least.unwrap_or(interval);
+    parameters
+        .iter()
+        .zip(values.iter().zip(errors))
+        .any(|(parameter, (value, error))| (value - parameter.neutral).abs() > least * error)
+}
+
 impl<'a> Search<'a> {
     pub(super) fn scene(&self, mut fitted: Vec<Fitted>, effects: EffectSet) -> Scene<'a> {
         let held_out = fitted.split_off(self.count);
@@ -263,6 +280,7 @@ impl<'a> Search<'a> {
                 }
                 bare.get_or_insert(core::mem::replace(&mut scene, next));
                 names.push(name);
+                scene = self.without_redundant(scene, &mut names)?;
                 continue;
             }
             out_of_question.push(name.candidate.effect);
@@ -328,19 +346,10 @@ impl<'a> Search<'a> {
     /// so further effects must be clear.
     fn stands(&self, scene: &Scene<'a>, named: usize) -> bool {
         let errors = self.standard_errors(scene);
-        let (Some((effect, values)), Some((_, errors))) = (scene.effects.last(), errors.last())
-        else {
+        let (Some(effect), Some(errors)) = (scene.effects.last(), errors.last()) else {
             return false;
         };
-        let parameters = effect.description().parameters;
-        let least = match named {
-            0 => INTERVALS[parameters.len().clamp(1, INTERVALS.len()) - 1],
-            _ => LEAST,
-        };
-        parameters
-            .iter()
-            .zip(values.iter().zip(errors))
-            .any(|(parameter, (value, error))| (value - parameter.neutral).abs() > least * error)
+        differs(effect, errors, (named > 0).then_some(LEAST))
     }
 
     /// Errors of the fitted flights without unknown forces and moments.

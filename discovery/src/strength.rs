@@ -3,7 +3,8 @@
 use bodyflight_core::effect::{Effect, PARAMETER_COUNT};
 use nalgebra::DMatrix;
 
-use super::contest::{Candidate, Scene};
+use super::candidate::Candidate;
+use super::contest::Scene;
 use super::effect_set::EffectSet;
 use super::error::Result;
 use super::fitted::Fitted;

@@ -3,7 +3,8 @@
 use bodyflight_core::effect::{Effect, PARAMETER_COUNT};
 
 use super::adjustment::{adjustments, corrections, joint_calibrations};
-use super::contest::{COST, Scene};
+use super::candidate::COST;
+use super::contest::Scene;
 use super::effect_set::{EffectSet, parameters_of};
 use super::error::{Error, Result};
 use super::error_model::Errors;

@@ -8,7 +8,7 @@ use super::dictionary::{
     Factors, Pointing, directions, frequencies, near, pulses, sine, single, states, times, unit,
 };
 use super::view::{Column, Directed, View, mean_turn};
-use crate::contest::COST;
+use crate::candidate::COST;
 use crate::problem::Problem;
 
 /// Number of the most promising sines and pulses that are refined.

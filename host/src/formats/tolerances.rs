@@ -4,7 +4,7 @@
 //! [suit]
 //! joint_deg = 2.0          # calibration error of a joint about an axis
 //! wander_deg = 1.0         # wander of a joint about an axis
-//! wander_limit_deg = 5.0   # wander above which the suit is no explanation
+//! wander_limit_deg = 5.0   # joint error, constant or wandering, at which the suit is no explanation
 //! bend = 0.03              # joint error proportional to the bend (fraction)
 //!
 //! [tolerance]

@@ -154,7 +154,7 @@ test("a question mark lists the keys, and the camera in use is marked", async ()
   const { page, wrong } = await open(chromium, url);
   await ready(page);
   await page.keyboard.press("?");
-  assert.match(await page.textContent("#help[open]"), /play and pause.*camera trailing/s);
+  assert.match(await page.textContent("#help[open]"), /play or pause.*camera trailing/s);
   await page.keyboard.press("Escape");
   await page.keyboard.press("x");
   const pressed = await page.$$eval('.tools button[aria-pressed="true"]', (all) => all.map((tool) => tool.textContent));
@@ -299,7 +299,7 @@ test("two runs are overlaid, with the results of discovery", async () => {
   const text = await page.textContent("#discovery");
   assert.match(
     text,
-    /named.*wind.*north_mps4\.01 ± 0\.020.*exit-speed here; fly: a long fall.*0\.500.*Held-out flight 1: 100 % of the gap closed/s,
+    /named.*wind.*north_mps4\.01 ± 0\.020.*exit-speed in this flight; fly: a long fall.*0\.500.*Held-out flight 1: 100 % of the gap closed/s,
   );
   assert.ok((await colours(page, ".map")) > 2);
   // Residuals before and after.
@@ -352,7 +352,7 @@ test("damaged pages say what is wrong", async () => {
   assert.match(await broken("series", (text) => text.replace(/"data":"[^"]{40}/, '"data":"')), /damaged/);
   assert.match(
     await broken("empty", (text) => text.replace(/(id="bodyflight-data">).*?<\/script>/s, "$1null</script>")),
-    /no data yet/,
+    /contains no data/,
   );
 });
 
