@@ -87,6 +87,7 @@ class LiveView {
     socket.onmessage = (event) => {
       if (event.data instanceof ArrayBuffer) {
         this.history.takeFrame(new Float32Array(event.data));
+        this.dirty = true;
         return;
       }
       const told = JSON.parse(String(event.data)) as Look | { note: string };
