@@ -8,7 +8,7 @@ use super::error::Result;
 use super::error_model::Errors;
 use super::fitted::Fitted;
 use super::linearization::Belief;
-use super::problem::Problem;
+use super::problem::{AGAIN, Problem};
 use super::progress::{begin, check};
 use super::search::{Found, Name, Search};
 use super::whitened::Quadratic;
@@ -19,9 +19,6 @@ const ROUNDS: usize = 8;
 const SETTLED: f64 = 0.4;
 const SLOPES: usize = 3;
 const SLOPES_AT_MOST: usize = 10;
-
-/// Gain from recomputed slopes above which they are recomputed once more.
-const AGAIN: f64 = 20.0;
 
 /// Change of the log-likelihood that justifies another step (or, for a loss, half a step), and how often a step is
 /// halved.
@@ -104,9 +101,18 @@ impl<'a> Search<'a> {
         let Some(round) = best else {
             return Ok(None);
         };
-        let (mut fitted, effects) = self.with_new_slopes(round)?;
-        let held_out = self.problems.iter().skip(self.count);
-        for (problem, (_, alone)) in held_out.zip(&scene.held_out) {
+        let (fitted, effects) = self.with_new_slopes(round)?;
+        self.with_held_out(fitted, scene, effects)
+    }
+
+    /// The scene of fitted flights and effects, with the held-out flights of `before` fitted beside these effects.
+    pub(super) fn with_held_out(
+        &self,
+        mut fitted: Vec<Fitted>,
+        before: &Scene<'a>,
+        effects: EffectSet,
+    ) -> Result<Option<Scene<'a>>> {
+        for (problem, alone) in &before.held_out {
             let Some(fit) = self.held_out_beside(problem, alone, &effects)? else {
                 return Ok(None);
             };
@@ -119,7 +125,7 @@ impl<'a> Search<'a> {
     ///
     /// Constants fitted without the effects may have absorbed part of them, and the constants of the files may be far
     /// from those of the flight. Both starts are tried, and the more likely fit is kept.
-    pub(super) fn held_out_beside(
+    fn held_out_beside(
         &self,
         problem: &Problem<'a>,
         alone: &Fitted,

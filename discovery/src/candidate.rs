@@ -14,7 +14,7 @@ const RIVAL: f64 = 5.0;
 const RIVAL_SHARE: f64 = 0.02;
 
 /// Gain by which a competitor must be better to replace the best.
-pub const BETTER: f64 = 1.0;
+const BETTER: f64 = 1.0;
 
 /// Share of the way from neutral to the end of its range above which a parameter matters.
 const MATERIAL: f64 = 0.02;

@@ -1,6 +1,6 @@
 //! Competitors nearly as good as the best candidate are refitted as well, and a better one replaces it.
 
-use super::candidate::{BETTER, Candidate};
+use super::candidate::Candidate;
 use super::contest::Scene;
 use super::effect_set::EffectSet;
 use super::error::Result;
@@ -55,9 +55,8 @@ impl<'a> Search<'a> {
             let mut tried = self.challengers(scene, next, &others)?;
             // The best was fitted with slopes of its own, so one that is close without them gets the same chance.
             let total = name.candidate.total();
-            let is_close = |other: &Challenger<'_>| {
-                other.candidate.total() > f64::min(total + BETTER, total * (1.0 - NEARLY))
-            };
+            let is_close =
+                |other: &Challenger<'_>| other.candidate.total() > total * (1.0 - NEARLY);
             if tried.first().is_some_and(is_close) {
                 let best = tried.swap_remove(0);
                 let before = best.candidate.clone();

@@ -38,9 +38,11 @@ const SETTLING: usize = 8;
 const SETTLED: f64 = 0.1;
 const STAGNANT: f64 = 0.8;
 
-/// Maximum number of times slopes are recomputed, and the gain that this requires.
+/// Maximum number of times slopes are recomputed.
 const SLOPES: usize = 6;
-const AGAIN: f64 = 20.0;
+
+/// Gain from recomputed slopes above which they are recomputed once more.
+pub(super) const AGAIN: f64 = 20.0;
 
 /// A flight to be explained.
 #[derive(Clone)]

@@ -7,18 +7,28 @@ use super::effect_set::EffectSet;
 use super::error::Result;
 use super::search::{ALL_TOGETHER, Name, Search, differs};
 
+/// The first effect but the last that does not differ from neutral.
+fn redundant(effects: &EffectSet, errors: &EffectSet) -> Option<Effect> {
+    let (_, earlier) = effects.split_last()?;
+    let mut each = earlier.iter().zip(errors);
+    each.find(|(effect, errors)| !differs(effect, errors, None))
+        .map(|((effect, _), _)| *effect)
+}
+
 impl<'a> Search<'a> {
     /// Drops every name whose effect no longer differs from neutral beside the last one, if the flights are about as
-    /// likely without it: a gradient of the wind, for instance, once the wind itself is named.
+    /// likely without it: a gradient of the wind, for instance, once the wind itself is named. `errors` are the standard
+    /// errors of the effects.
     ///
     /// # Errors
     /// Returns an error if the search was cancelled.
     pub(super) fn without_redundant(
         &self,
         mut scene: Scene<'a>,
+        mut errors: EffectSet,
         names: &mut Vec<Name>,
     ) -> Result<Scene<'a>> {
-        while let Some(effect) = self.redundant(&scene) {
+        while let Some(effect) = redundant(&scene.effects, &errors) {
             let Some(without) = self.fitted_without(&scene, effect)? else {
                 break;
             };
@@ -27,17 +37,9 @@ impl<'a> Search<'a> {
             }
             names.retain(|name| name.candidate.effect != effect);
             scene = without;
+            errors = self.standard_errors(&scene);
         }
         Ok(scene)
-    }
-
-    /// The first effect but the last that does not differ from neutral.
-    fn redundant(&self, scene: &Scene<'a>) -> Option<Effect> {
-        let (_, earlier) = scene.effects.split_last()?;
-        let errors = self.standard_errors(scene);
-        let mut each = earlier.iter().zip(&errors);
-        each.find(|(effect, errors)| !differs(effect, errors, None))
-            .map(|((effect, _), _)| *effect)
     }
 
     /// Refits the flights without one of the effects.
@@ -54,13 +56,7 @@ impl<'a> Search<'a> {
             return Ok(None);
         };
         let round = self.with_same_slopes(self.round(first, others)?)?;
-        let (mut fitted, effects) = self.with_new_slopes(round)?;
-        for (problem, before) in &scene.held_out {
-            let Some(fit) = self.held_out_beside(problem, before, &effects)? else {
-                return Ok(None);
-            };
-            fitted.push(fit);
-        }
-        Ok(Some(self.scene(fitted, effects)))
+        let (fitted, effects) = self.with_new_slopes(round)?;
+        self.with_held_out(fitted, scene, effects)
     }
 }

@@ -203,6 +203,16 @@ fn best(candidates: &[Candidate], chance: &[f64]) -> Option<Name> {
     })
 }
 
+/// Whether the parameters of the last effect differ from neutral by more than their standard errors allow, which are
+/// wider than the gain suggests if stretches or held-out flights disagree. What the first effect leaves may look like
+/// another, so further effects must be clear.
+fn stands(effects: &EffectSet, errors: &EffectSet, named: usize) -> bool {
+    let (Some(effect), Some(errors)) = (effects.last(), errors.last()) else {
+        return false;
+    };
+    differs(effect, errors, (named > 0).then_some(LEAST))
+}
+
 /// Whether a parameter of an effect differs from neutral by more than so many standard errors; by default, whether the
 /// intervals of all its parameters exclude their neutral values.
 pub(super) fn differs(
@@ -273,14 +283,15 @@ impl<'a> Search<'a> {
             self.reached(tried, 1.0);
             if let Some(next) = next
                 && self.deserves(&name.candidate, &chance)
-                && self.stands(&next, names.len())
+                && let errors = self.standard_errors(&next)
+                && stands(&next.effects, &errors, names.len())
             {
                 if plain.is_none() {
                     plain = self.quiet(&scene)?;
                 }
                 bare.get_or_insert(core::mem::replace(&mut scene, next));
                 names.push(name);
-                scene = self.without_redundant(scene, &mut names)?;
+                scene = self.without_redundant(scene, errors, &mut names)?;
                 continue;
             }
             out_of_question.push(name.candidate.effect);
@@ -339,17 +350,6 @@ impl<'a> Search<'a> {
             && candidate.deviations_together() > least
             && candidate.total() > ALL_TOGETHER;
         gains && candidate.matters()
-    }
-
-    /// Whether the parameters of the last effect differ from neutral by more than their error bars, which are wider than
-    /// the gain suggests if stretches or held-out flights disagree. What the first effect leaves may look like another,
-    /// so further effects must be clear.
-    fn stands(&self, scene: &Scene<'a>, named: usize) -> bool {
-        let errors = self.standard_errors(scene);
-        let (Some(effect), Some(errors)) = (scene.effects.last(), errors.last()) else {
-            return false;
-        };
-        differs(effect, errors, (named > 0).then_some(LEAST))
     }
 
     /// Errors of the fitted flights without unknown forces and moments.

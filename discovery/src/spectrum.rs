@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use bodyflight_core::effect::{Effect, PARAMETER_COUNT};
-use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, SMatrix, Vector3};
 use rayon::prelude::*;
 
 use super::effect_set::EffectSet;
@@ -66,8 +66,7 @@ pub fn scores(problem: &Problem<'_>, fitted: &Fitted, tried: &EffectSet) -> Vec<
         return vec![0.0; tried.len()];
     };
     let of = |k: usize| {
-        let with_known = DVector::from_fn(FIRST_RANDOM, |j, _| curvature[(j, k)] * errors.sizes[j]);
-        let information = curvature[(k, k)] - with_known.dot(&known.solve(&with_known));
+        let information = information_alone(&curvature, &errors.sizes, &known, k);
         if information > 0.0 {
             (slope[k] / information.sqrt()).max(0.0)
         } else {
@@ -81,12 +80,22 @@ pub fn scores(problem: &Problem<'_>, fitted: &Fitted, tried: &EffectSet) -> Vec<
     each.collect()
 }
 
-/// Information of the logarithms of the sizes that are present in every flight.
-fn information_of_known(
-    curvature: &nalgebra::SMatrix<f64, COMPONENTS, COMPONENTS>,
+/// Information of the variances.
+type Curvature = SMatrix<f64, COMPONENTS, COMPONENTS>;
+
+/// Information of a variance, with the sizes that are present in every flight marginalized out.
+fn information_alone(
+    curvature: &Curvature,
     sizes: &Components,
-    prior: &Prior,
-) -> DMatrix<f64> {
+    known: &Cholesky<f64, Dyn>,
+    k: usize,
+) -> f64 {
+    let with_known = DVector::from_fn(FIRST_RANDOM, |j, _| curvature[(j, k)] * sizes[j]);
+    curvature[(k, k)] - with_known.dot(&known.solve(&with_known))
+}
+
+/// Information of the logarithms of the sizes that are present in every flight.
+fn information_of_known(curvature: &Curvature, sizes: &Components, prior: &Prior) -> DMatrix<f64> {
     DMatrix::from_fn(FIRST_RANDOM, FIRST_RANDOM, |j, k| {
         let deviation = prior.sizes[k].1;
         let believed = if j == k && deviation > 0.0 {
@@ -273,8 +282,7 @@ pub fn standard_errors(
         let series = Series::new(problem, fitted, effect, sizes)?;
         let together = series.covariance(effect);
         for (axis, k) in places.clone().enumerate() {
-            let with_known = DVector::from_fn(FIRST_RANDOM, |j, _| curvature[(j, k)] * sizes[j]);
-            let alone = curvature[(k, k)] - with_known.dot(&known.solve(&with_known));
+            let alone = information_alone(&curvature, sizes, &known, k);
             let axes = if places.len() == 1 {
                 0..3
             } else {

@@ -179,13 +179,9 @@ impl<'a> Search<'a> {
         for (problem, fit) in fits {
             all.push(problem.settled(fit, self.progress)?);
         }
-        for (problem, alone) in &scene.held_out {
-            let Some(fit) = self.held_out_beside(problem, alone, &effects)? else {
-                return Ok(None);
-            };
-            all.push(fit);
-        }
-        let next = self.scene(all, effects.clone());
+        let Some(next) = self.with_held_out(all, scene, effects.clone())? else {
+            return Ok(None);
+        };
         let candidate = Candidate {
             effect,
             effects,

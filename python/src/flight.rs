@@ -195,7 +195,7 @@ pub(crate) fn synth(
     let names: Vec<&str> = MANEUVERS.iter().map(|maneuver| maneuver.name).collect();
     let found = Maneuver::from_name(maneuver);
     let maneuver = found.ok_or_else(|| unknown("maneuver", maneuver, &names))?;
-    let subject = subject.map_or_else(Default::default, |subject| subject.inner);
+    let subject = Subject::or_default(subject);
     let request = Request {
         maneuver,
         subject: &subject,

@@ -33,10 +33,7 @@ pub(crate) fn record(
 ) -> PyResult<u64> {
     let steps = actions.shape().first().copied().unwrap_or(0);
     expect_shape("actions", actions.shape(), &[steps, CONTROLS.len()])?;
-    let body = subject
-        .clone()
-        .map_or_else(Default::default, |subject| subject.inner)
-        .body();
+    let body = Subject::or_default(subject.clone()).body();
     let course = course(start, subject, density, substeps)?;
     destination::check([&out], force).map_err(raise)?;
     let description = Description {

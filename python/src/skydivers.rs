@@ -66,7 +66,7 @@ pub(crate) fn course(
             "expected a density above 0 and up to 2 kg/m3 and at least one substep, found {density} and {substeps}"
         ))));
     }
-    let subject = subject.map_or_else(subject::Subject::default, |subject| subject.inner);
+    let subject = Subject::or_default(subject);
     Ok(Course::new(&setup(&subject, density), start, substeps))
 }
 

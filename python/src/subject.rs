@@ -19,6 +19,13 @@ pub(crate) struct Subject {
     pub(crate) inner: subject::Subject,
 }
 
+impl Subject {
+    /// Returns the person of an optional argument: the default person if none is given.
+    pub(crate) fn or_default(subject: Option<Self>) -> subject::Subject {
+        subject.map_or_else(subject::Subject::default, |subject| subject.inner)
+    }
+}
+
 #[pymethods]
 impl Subject {
     #[new]

@@ -1,5 +1,6 @@
 //! Damping that changes at random during a flight.
 
+use super::random::together;
 use super::{Description, Kind, Model, PARAMETER_COUNT, parameter};
 use crate::math::Real;
 
@@ -21,7 +22,5 @@ pub(super) const EFFECT: Description = Description {
 };
 
 pub(super) fn apply<T: Real>(values: &[T; PARAMETER_COUNT], model: &mut Model<T>) {
-    let more = (*values).into();
-    let together = |before: T, more: T| (before * before + more * more).root();
-    model.random.damping = model.random.damping.zip_map(more, together);
+    model.random.damping = together(model.random.damping, (*values).into());
 }

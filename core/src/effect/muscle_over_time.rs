@@ -1,5 +1,6 @@
 //! Muscle input that changes at random during a flight.
 
+use super::random::together;
 use super::{Description, Kind, Model, PARAMETER_COUNT, parameter};
 use crate::math::Real;
 
@@ -20,7 +21,5 @@ pub(super) const EFFECT: Description = Description {
 };
 
 pub(super) fn apply<T: Real>(values: &[T; PARAMETER_COUNT], model: &mut Model<T>) {
-    let more = (*values).into();
-    let together = |before: T, more: T| (before * before + more * more).root();
-    model.random.muscle = model.random.muscle.zip_map(more, together);
+    model.random.muscle = together(model.random.muscle, (*values).into());
 }

@@ -43,6 +43,14 @@ impl<T: Real> Random<T> {
     }
 }
 
+/// Standard deviations of the sum of two independent processes.
+pub(super) fn together<T: Real>(
+    one: AxisCoefficients<T>,
+    other: AxisCoefficients<T>,
+) -> AxisCoefficients<T> {
+    one.zip_map(other, |one, other| (one * one + other * other).root())
+}
+
 /// Frozen isotropic turbulence with the spectrum of Dryden.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Turbulence<T: Real> {

@@ -87,12 +87,11 @@ class LiveView {
     socket.onmessage = (event) => {
       if (event.data instanceof ArrayBuffer) {
         this.history.takeFrame(new Float32Array(event.data));
-        this.dirty = true;
-        return;
+      } else {
+        const told = JSON.parse(String(event.data)) as Look | { note: string };
+        if ("note" in told) return;
+        this.history.take(told);
       }
-      const told = JSON.parse(String(event.data)) as Look | { note: string };
-      if ("note" in told) return;
-      this.history.take(told);
       this.dirty = true;
     };
   }
