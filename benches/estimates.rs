@@ -45,7 +45,7 @@ const ALL: &str = "all";
 /// Length of flight for which computing times are given (s).
 const LENGTH: f64 = 40.0;
 
-/// Other joint errors: constant part and drift (degrees).
+/// Joint errors of the third table: its label, constant part and drift (degrees).
 const FAMILIES: [(&str, f64, f64); 2] = [
     ("all, exact joints", 0.0, 0.0),
     ("all, joints wander by 1", 1.0, 1.0),
@@ -57,7 +57,7 @@ struct Laboratory {
     subject: Subject,
     noise: SensorNoise,
     joint_error: JointError,
-    /// Part of the names of the methods to run.
+    /// Text that the name of a method must contain for it to be run.
     by: String,
     /// Range of methods from which they are selected.
     among: Range<usize>,
@@ -205,7 +205,8 @@ fn tables(laboratory: &Laboratory, flights: &[(&'static Maneuver, u64)]) {
     println!("\n{}", times.join("\n"));
 }
 
-/// Prints the accuracy of inputs with other joint errors, by the motion filter and its smoother.
+/// Prints the third table: the accuracy of inputs with exact and with drifting joints, by the motion filter and its
+/// smoother.
 fn families(laboratory: &Laboratory, flights: &[(&'static Maneuver, u64)]) {
     println!("\n{INPUTS}");
     for (name, calibration, wander) in FAMILIES {

@@ -21,7 +21,7 @@ pub const NOISE: [f32; 4] = [0.01, 0.0025, 0.0001, 0.0001];
 /// True state.
 pub const TRUTH: [f32; 6] = [1.0, 0.6, 0.8, 4.0, 8.0, 5.0];
 
-/// The measurement model.
+/// The measurement model: polynomials of the six states; `share` is the weight of the damping.
 #[inline]
 pub fn seen<S: Copy + Add<Output = S> + Mul<Output = S>>(x: &[S; 6], share: S) -> [S; 4] {
     [
@@ -50,7 +50,7 @@ pub fn measurement(k: usize) -> [f32; 4] {
 pub trait Filter {
     /// Predicts and updates with a measurement; returns whether that succeeded.
     fn update(&mut self, measurement: &[f32; 4]) -> bool;
-    /// The state.
+    /// The estimated state.
     fn state(&self) -> [f32; 6];
 }
 

@@ -94,7 +94,7 @@ const PAIRS: [(Effect, Effect); 6] = [
     (Effect::Wind, Effect::Turbulence),
 ];
 
-/// Number of loads drawn from the grammar for each seed, and of flights without any effect in each family.
+/// Number of loads drawn from the grammar in each pass, and of flights without any effect in each of its families.
 const LOADS: u64 = 6;
 const CLEAN: u64 = 2;
 

@@ -6,7 +6,7 @@ use serde_json::Value;
 
 use super::table::{FAMILIES, GROUPS, count, of, sum};
 
-/// Sizes (pixels).
+/// Left edge of the first bars, width of a bar, distance between lines, and top of the first line (pixels).
 const LEFT: f64 = 300.0;
 const WIDTH: f64 = 300.0;
 const LINE: f64 = 17.0;

@@ -197,10 +197,11 @@ fn is_right(case: &Case, report: &Report) -> bool {
     }
 }
 
-/// Whether the flights are `calibrated` by an adjustment of just what is hidden: the mass or a coefficient.
+/// Whether the flights are `calibrated` by an adjustment of just what is hidden: the mass, which a belt adds to, or a
+/// coefficient.
 fn is_adjusted(name: &str, report: &Report) -> bool {
     let is_of = |what: &String| match name {
-        "mass" => what.starts_with("mass of the body"),
+        "mass" | "weight-belt" => what.starts_with("mass of the body"),
         _ => what.starts_with(&format!("{name}, ")),
     };
     report.verdict == Outcome::Calibrated

@@ -187,14 +187,20 @@ fn wrong(text: &mut String, rows: &[Value]) {
     );
     for (group, _) in GROUPS {
         for row in wrong.iter().filter(|row| row["group"] == group) {
-            let names = row["effects"].as_array().map_or_else(String::new, |found| {
-                let names: Vec<&str> = found.iter().filter_map(|e| e["name"].as_str()).collect();
-                names.join(" + ")
-            });
+            let listed = |key: &str, name: fn(&Value) -> Option<&str>| {
+                let found = row[key].as_array().into_iter().flatten();
+                found.filter_map(name).collect::<Vec<_>>().join(" + ")
+            };
+            let names = listed("effects", |effect| effect["name"].as_str());
             let verdict = row["verdict"].as_str().unwrap_or_default();
+            let instead = match verdict {
+                "calibrated" => listed("nearest", Value::as_str),
+                _ => String::new(),
+            };
+            let or = if instead.is_empty() { "" } else { "or " };
             let _ = writeln!(
                 text,
-                "| {} | {} | {} | {} | {verdict} {names} |",
+                "| {} | {} | {} | {} | {verdict} {names}{or}{instead} |",
                 row["name"].as_str().unwrap_or_default(),
                 row["family"].as_str().unwrap_or_default(),
                 row["seed"],

@@ -4,7 +4,7 @@ use bodyflight::replay::comparison::{Channel, PerChannel};
 use bodyflight::verbs::estimate::Estimation;
 use bodyflight_core::estimator::motion::watch::Consistency;
 
-/// Stated deviation up to which a muscle input counts as observed.
+/// Largest stated standard deviation with which a muscle input counts as observed.
 const OBSERVED: f64 = 0.15;
 
 /// Channels of the first table.

@@ -46,6 +46,15 @@ impl Round {
         self.fitted.iter().map(|fit| fit.errors.likelihood).sum()
     }
 
+    /// The more likely of two rounds. Likelihoods vary by a few units between points of linearization, so the last
+    /// round is not always the best.
+    fn or_likelier(self, other: Option<Self>) -> Self {
+        match other {
+            Some(other) if other.likelihood() > self.likelihood() => other,
+            _ => self,
+        }
+    }
+
     /// The fitted errors with the effects of the next step.
     fn beliefs(&self) -> Vec<Belief> {
         let each = self.fitted.iter();
@@ -167,8 +176,9 @@ impl<'a> Search<'a> {
         Ok(Some(best))
     }
 
-    /// Fits errors and effects with recomputed slopes until the effects converge.
+    /// Fits errors and effects with recomputed slopes until the effects converge, and returns the most likely fit.
     pub(super) fn with_new_slopes(&self, mut round: Round) -> Result<(Vec<Fitted>, EffectSet)> {
+        let mut best = None;
         for times in 1..=SLOPES_AT_MOST {
             let before = round.likelihood();
             let Some(fitted) = self.fitted(&round.beliefs(), &round.errors())? else {
@@ -186,11 +196,15 @@ impl<'a> Search<'a> {
             if times > 1 && gained < -AGAIN {
                 break;
             }
-            round = next;
+            let before = core::mem::replace(&mut round, next);
+            if times > 1 {
+                best = Some(before.or_likelier(best));
+            }
             if has_settled || (times >= SLOPES && gained < AGAIN) {
                 break;
             }
         }
+        let round = round.or_likelier(best);
         let each = self.problems.iter().zip(round.fitted);
         let fitted = each.map(|(problem, fitted)| problem.settled(fitted, self.progress));
         Ok((fitted.collect::<Result<Vec<_>>>()?, round.effects))
@@ -286,9 +300,10 @@ impl<'a> Search<'a> {
         })
     }
 
-    /// Fits errors and effects alternately, with fixed slopes, until both converge.
+    /// Fits errors and effects alternately, with fixed slopes, until both converge, and returns the most likely fit.
     pub(super) fn with_same_slopes(&self, mut round: Round) -> Result<Round> {
         let (mut halved, mut gained) = (0, f64::INFINITY);
+        let mut best = None;
         for _ in 0..ROUNDS {
             // While an effect is still too weak, fitted errors and hence standard errors are large, so a small step
             // alone is no sign of convergence.
@@ -306,9 +321,9 @@ impl<'a> Search<'a> {
                 continue;
             }
             halved = 0;
-            round = next;
+            best = Some(core::mem::replace(&mut round, next).or_likelier(best));
         }
-        Ok(round)
+        Ok(round.or_likelier(best))
     }
 
     /// Refits the flights without the effect, starting from the errors found with it, and returns the gain. A better

@@ -3,7 +3,7 @@
 use bodyflight_core::effect::{Effect, PARAMETER_COUNT};
 use nalgebra::DMatrix;
 
-use super::effect_set::{EffectSet, freedom};
+use super::effect_set::{EffectSet, freedom, parameters_of};
 use super::statistics::deviations;
 
 /// Gain that each parameter costs (Schwarz criterion for a few hundred independent observations).
@@ -74,6 +74,21 @@ impl Candidate {
             .iter()
             .find(|(effect, _)| *effect == self.effect);
         own.map_or_else(|| self.effect.neutral(), |(_, values)| *values)
+    }
+
+    /// Standard errors of all effects: those of the linear problem times a factor for each parameter, one if missing.
+    pub fn standard_errors(&self, wider: &[f64]) -> EffectSet {
+        let parameters = parameters_of(self.effects.iter().map(|(effect, _)| *effect));
+        let of = |effect: Effect| {
+            let mut errors = [0.0; PARAMETER_COUNT];
+            let own = parameters.iter().enumerate();
+            for (k, id) in own.filter(|(_, id)| id.effect == effect) {
+                let wider = wider.get(k).copied().unwrap_or(1.0);
+                errors[id.index] = self.covariance[(k, k)].sqrt() * wider;
+            }
+            (effect, errors)
+        };
+        self.effects.iter().map(|(effect, _)| of(*effect)).collect()
     }
 
     /// All effects, with the strength of this one multiplied by `share`.

@@ -25,7 +25,7 @@ impl Scene<'_> {
             .collect()
     }
 
-    /// Ratio of the variances to those for independent stretches.
+    /// Factor by which the variance of each parameter exceeds that for independent stretches; at least one.
     fn lasting(&self, candidate: &Candidate, progress: &dyn Progress) -> Vec<f64> {
         let effects = &candidate.effects;
         let parameters = parameters_of(effects.iter().map(|(effect, _)| *effect));

@@ -21,7 +21,7 @@ use super::window::{Push, Varied};
 const BEHIND_STEPS: usize = 12;
 const BEHIND_CLOSE: f64 = 1e-9;
 
-/// Longest sensor delay (s).
+/// Longest sensor delay for which the motion before a stretch is computed (s); longer ones count as this one.
 const LONGEST_DELAY: f64 = 0.33;
 
 /// The recorded posture at a fractional frame index, for a recording that lags by `delay` (s).
@@ -260,7 +260,7 @@ impl<'a> Prepared<'a> {
         }
     }
 
-    /// The motion before a start: by how much it is earlier (s), and the difference of velocities.
+    /// The motion before a start: how much earlier it is (s), and by how much velocity and angular velocity differ.
     ///
     /// The motion comes from a simulation backwards in time. The measurement itself would not do, because its noise
     /// also enters the first comparisons, and a sensor that follows this noise would seem late.

@@ -31,7 +31,7 @@ use suit::{Scale, Suit};
 /// Frame rate (Hz).
 pub const FRAME_RATE: f64 = 240.0;
 
-/// Number of steps of the truth per frame at the usual rate.
+/// Number of integration steps per frame for the true flight, at the usual frame rate.
 const FINER: f64 = 4.0;
 
 /// Distinguishes the seed of a person from that of a flight with the same number.

@@ -9,7 +9,8 @@ use super::part::Part;
 use super::product::{product, product_transposed, transposed_product};
 use super::stretch::NUMBERS;
 
-/// Weight of the calibration tolerance, as a number of joints.
+/// Weight of the tolerances when the spread of the joint errors is estimated: they count as much as this many joint
+/// angles.
 const TOLERANCE_WEIGHT: f64 = 45.0;
 
 /// A stretch weighted by the errors of its flight.

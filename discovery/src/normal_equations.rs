@@ -134,7 +134,7 @@ pub struct Marginalized {
     pub curvature: DMatrix<f64>,
     /// Optimum of the nuisances.
     taken: DVector<f64>,
-    /// Its derivative by each parameter.
+    /// Its derivative with respect to each parameter.
     pull: DMatrix<f64>,
 }
 

@@ -7,7 +7,7 @@ use super::effect_set::EffectSet;
 use super::error::Result;
 use super::search::{ALL_TOGETHER, Name, Search, differs};
 
-/// The first effect but the last that does not differ from neutral.
+/// The first effect, apart from the last one, that does not differ from neutral.
 fn redundant(effects: &EffectSet, errors: &EffectSet) -> Option<Effect> {
     let (_, earlier) = effects.split_last()?;
     let mut each = earlier.iter().zip(errors);

@@ -18,7 +18,7 @@ use super::stretch::{NUMBERS, ROWS};
 /// explain.
 const PUSHES: f64 = 12.0;
 
-/// Moment (N m) and force (N) in a tenth of a second below which they do not matter.
+/// Unknown moment (N m) and force (N) in a tenth of a second below which they are too small to matter.
 const IMMATERIAL: [f64; 2] = [1.5, 12.0];
 
 /// Ratio of fitted to recorded noise of attitude and angular velocity above which the sensors no longer explain it.

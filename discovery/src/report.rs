@@ -229,7 +229,8 @@ pub struct Report {
     pub verdict: Outcome,
     /// The named effects, in the order in which they were found.
     pub effects: Vec<Named>,
-    /// The closest candidates if the verdict is not `named`. They are not part of the model.
+    /// The closest candidates if the verdict is not `named`. They are not part of the model. If the verdict is
+    /// `calibrated`, the effect that may be the cause of the adjustments, if there is one.
     pub nearest: Vec<Named>,
     /// Share of the explainable disagreement that the effects explain.
     pub explained: f64,

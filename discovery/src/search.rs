@@ -174,6 +174,16 @@ pub(super) struct Name {
     pub(super) rivals: Vec<Rival>,
 }
 
+/// A candidate that was not named.
+pub(super) struct Rejected {
+    pub(super) name: Name,
+    /// Standard errors of the effects fitted with it.
+    pub(super) errors: EffectSet,
+    /// Whether it was significant before subject, coefficients and joints were adjusted, so that it may be the cause of
+    /// these adjustments.
+    pub(super) is_alternative: bool,
+}
+
 /// The best candidate, and the candidates from which it was chosen.
 pub(super) struct Found {
     pub(super) name: Name,
@@ -261,7 +271,7 @@ impl<'a> Search<'a> {
         let mut plain: Option<Vec<Errors>> = None;
         let mut names: Vec<Name> = Vec::new();
         let mut bare: Option<Scene<'a>> = None;
-        let mut nearest: Option<Name> = None;
+        let mut nearest: Option<Rejected> = None;
         let mut out_of_question: Vec<Effect> = Vec::new();
         while names.len() < self.settings.max_effects && out_of_question.len() < TRIED {
             begin(self.progress, "comparing the effects of the library")?;
@@ -275,27 +285,35 @@ impl<'a> Search<'a> {
                 break;
             };
             if !found.promises {
-                nearest = Some(found.name);
+                nearest.get_or_insert(Rejected {
+                    errors: found.name.candidate.standard_errors(&[]),
+                    name: found.name,
+                    is_alternative: false,
+                });
                 break;
             }
             let chance = found.chance.clone();
             let (name, next) = self.fitted_beside(&files, &mut scene, found)?;
             self.reached(tried, 1.0);
-            if let Some(next) = next
+            let errors = next.as_ref().map(|next| self.standard_errors(next));
+            if let (Some(next), Some(errors)) = (next, &errors)
                 && self.deserves(&name.candidate, &chance)
-                && let errors = self.standard_errors(&next)
-                && stands(&next.effects, &errors, names.len())
+                && stands(&next.effects, errors, names.len())
             {
                 if plain.is_none() {
                     plain = self.quiet(&scene)?;
                 }
                 bare.get_or_insert(core::mem::replace(&mut scene, next));
                 names.push(name);
-                scene = self.without_redundant(scene, errors, &mut names)?;
+                scene = self.without_redundant(scene, errors.clone(), &mut names)?;
                 continue;
             }
             out_of_question.push(name.candidate.effect);
-            nearest.get_or_insert(name);
+            nearest.get_or_insert(Rejected {
+                errors: errors.unwrap_or_else(|| name.candidate.standard_errors(&[])),
+                is_alternative: names.is_empty(),
+                name,
+            });
         }
         begin(self.progress, "the remaining residual")?;
         let report = self.report(&scene, plain, unadjusted, names, nearest)?;

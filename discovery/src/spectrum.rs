@@ -83,7 +83,7 @@ pub fn scores(problem: &Problem<'_>, fitted: &Fitted, tried: &EffectSet) -> Vec<
 /// Information of the variances.
 type Curvature = SMatrix<f64, COMPONENTS, COMPONENTS>;
 
-/// Information of a variance, with the sizes that are present in every flight marginalized out.
+/// Information about a variance, with the error sizes that every flight has marginalized out.
 fn information_alone(
     curvature: &Curvature,
     sizes: &Components,
@@ -94,7 +94,7 @@ fn information_alone(
     curvature[(k, k)] - with_known.dot(&known.solve(&with_known))
 }
 
-/// Information of the logarithms of the sizes that are present in every flight.
+/// Information about the logarithms of the error sizes that every flight has.
 fn information_of_known(curvature: &Curvature, sizes: &Components, prior: &Prior) -> DMatrix<f64> {
     DMatrix::from_fn(FIRST_RANDOM, FIRST_RANDOM, |j, k| {
         let deviation = prior.sizes[k].1;

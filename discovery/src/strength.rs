@@ -96,7 +96,7 @@ impl<'a> Search<'a> {
         let next = next.fitted.iter().chain(&next.held_out);
         for (k, ((_, plain), (problem, fitted))) in flights.zip(next).enumerate() {
             let quiet = without_push(problem, fitted, self.progress)?;
-            // Linearized around the flight with and without the effect, so that neither has an advantage.
+            // The loads are tried around the fits with and without the effect, so that neither has an advantage.
             let loads = [plain, fitted].map(|at| likelihood_of_loads(problem, at, self.progress));
             check(self.progress)?;
             let (Some(quiet), [Some(here), Some(there)]) = (quiet, loads) else {

@@ -131,8 +131,8 @@ fn every_parameter_has_a_column_and_every_stretch_its_numbers() {
     }
 }
 
-/// Some effects add to a value, some multiply it, some replace it. The columns must be right for all, also if the
-/// effect already acts.
+/// Some effects add to a value, some multiply it, some replace it. The columns must be right for all of them, even if
+/// the effect already acts.
 #[test]
 fn columns_are_slopes_wherever_an_effect_stands() {
     let track = track(&[], 0.0);

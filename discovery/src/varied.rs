@@ -1,5 +1,5 @@
-//! Effects that change at random during a stretch: the derivatives by each tenth of a second, and the covariance that
-//! they add.
+//! Effects that change at random during a stretch: the derivatives with respect to their value in each tenth of a
+//! second, and the covariance that they add.
 
 use bodyflight_core::effect::random::{INPUT_TIME, Turbulence, decayed};
 use bodyflight_core::effect::{Effect, Model};
@@ -22,7 +22,7 @@ pub fn random(effects: &EffectSet) -> EffectSet {
     random.copied().collect()
 }
 
-/// Derivatives of a stretch by an effect.
+/// Derivatives of a stretch with respect to an effect.
 #[derive(Debug, Clone)]
 pub struct Changes {
     /// The effect.
@@ -50,7 +50,7 @@ pub const LOADS: core::ops::Range<usize> = FIRST_RANDOM..FIRST_RANDOM + 6;
 /// The effects that change at random in a stretch.
 #[derive(Debug, Clone)]
 pub struct Varying {
-    /// By effect.
+    /// The derivatives, one entry for each effect.
     pub changes: Vec<Changes>,
     /// Covariance of each component at unit strength.
     pub kernels: Vec<(usize, DMatrix<f64>)>,
@@ -147,7 +147,7 @@ impl Varying {
         self.kernels = kernels;
     }
 
-    /// Derivatives by an effect that is constant throughout the stretch, about three axes.
+    /// Derivatives with respect to an effect that stays constant throughout the stretch, about three axes.
     pub fn held(&self, effect: Effect) -> Option<DMatrix<f64>> {
         let changes = self
             .changes

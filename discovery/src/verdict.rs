@@ -1,17 +1,17 @@
 //! The outcome of a search: the verdict, and the report with residuals, adjustments and what to fly next.
 
-use bodyflight_core::effect::{Effect, PARAMETER_COUNT};
+use bodyflight_core::effect::PARAMETER_COUNT;
 
 use super::adjustment::{adjustments, corrections, joint_calibrations};
 use super::candidate::COST;
 use super::contest::Scene;
-use super::effect_set::{EffectSet, parameters_of};
+use super::effect_set::EffectSet;
 use super::error::{Error, Result};
 use super::error_model::Errors;
 use super::gap::gap;
 use super::remainder::Remainder;
 use super::report::{ErrorSizes, Evidence, HeldOut, Named, Outcome, Report, model_of};
-use super::search::{Name, Search};
+use super::search::{Name, Rejected, Search};
 
 /// Shortest flight in which effects can be distinguished (stretches).
 const LEAST_STRETCHES: usize = 20;
@@ -36,7 +36,7 @@ impl<'a> Search<'a> {
         plain: Option<Vec<Errors>>,
         unadjusted: f64,
         names: Vec<Name>,
-        nearest: Option<Name>,
+        nearest: Option<Rejected>,
     ) -> Result<Report> {
         let quiet = self.quiet(scene)?;
         let remainders: Vec<Remainder> = scene
@@ -59,20 +59,22 @@ impl<'a> Search<'a> {
         };
         let outcome = outcome(scene, unadjusted, &names, explained, &remainders);
         let errors = self.standard_errors(scene);
-        let told = |name: &Name| told(name, &scene.effects, &errors, explained);
-        let told_names: Vec<Named> = names.iter().map(told).collect();
+        let named = |name: &Name| told(name, &scene.effects, &errors, explained);
+        let told_names: Vec<Named> = names.iter().map(named).collect();
         let effects = if outcome == Outcome::Named {
             scene.effects.clone()
         } else {
             EffectSet::new()
         };
         let (named, mut near) = outcome.split(told_names);
-        near.extend(
-            nearest
-                .iter()
-                .filter(|near| near.candidate.total() > COST)
-                .map(told),
-        );
+        let is_near = |near: &Rejected| match outcome {
+            Outcome::Calibrated => near.is_alternative,
+            _ => near.name.candidate.total() > COST,
+        };
+        near.extend(nearest.filter(is_near).map(|near| {
+            let effects = &near.name.candidate.effects;
+            told(&near.name, effects, &near.errors, explained)
+        }));
         let mut gaps = scene
             .fitted
             .iter()
@@ -119,31 +121,14 @@ impl<'a> Search<'a> {
         let Some(found) = scene.followed(&scene.effects, *last, self.progress) else {
             return EffectSet::new();
         };
-        let parameters = parameters_of(scene.effects.iter().map(|(effect, _)| *effect));
         let wider = scene.wider(&found, self.progress);
-        let of = |effect: Effect| {
-            let mut errors = [0.0; PARAMETER_COUNT];
-            let own = parameters
-                .iter()
-                .enumerate()
-                .filter(|(_, id)| id.effect == effect);
-            for (k, id) in own {
-                errors[id.index] = found.covariance[(k, k)].sqrt() * wider[k];
+        let mut errors = found.standard_errors(&wider);
+        for ((effect, errors), (_, values)) in errors.iter_mut().zip(&scene.effects) {
+            if effect.is_random() {
+                *errors = self.errors_of_strength(scene, *effect, values);
             }
-            errors
-        };
-        scene
-            .effects
-            .iter()
-            .map(|(effect, values)| {
-                let errors = if effect.is_random() {
-                    self.errors_of_strength(scene, *effect, values)
-                } else {
-                    of(*effect)
-                };
-                (*effect, errors)
-            })
-            .collect()
+        }
+        errors
     }
 }
 

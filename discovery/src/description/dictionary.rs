@@ -8,13 +8,14 @@ use bodyflight_core::dynamics::applied_load::{AppliedLoad, Axis, Direction, Kind
 /// resolve.
 pub const FREQUENCIES: [f64; 2] = [0.12, 4.9];
 
-/// Reference speed, turn, height and joint angle, at which a factor is one.
+/// Airspeed (m/s), angular velocity (rad/s), height above the start (m) and joint angle (rad) at which the respective
+/// factor is one.
 const SPEED: f64 = 50.0;
 const TURN: f64 = 1.0;
 const DOWN: f64 = -1000.0;
 const BEND: f64 = 1.0;
 
-/// Grid of start, length and period of pulses (s): step sizes and limits.
+/// Grid of pulses (s): the step of start and period, the durations tried, and the limits of the period.
 const PULSE_STEP: f64 = 0.2;
 const PULSE_DURATIONS: [f64; 5] = [0.4, 0.8, 1.2, 1.6, 2.2];
 const PULSE_PERIODS: [f64; 2] = [2.0, 9.0];
@@ -26,7 +27,7 @@ pub type Factors = [Option<Factor<f64>>; FACTORS];
 pub type Pointing = (Kind, Direction);
 
 /// All directions searched: moments and forces along the axes of body and world, drag of the body and of each segment,
-/// and forces on hands and feet along the body axes.
+/// and forces on thorax, forearms and shanks along the body axes.
 pub fn directions() -> Vec<Pointing> {
     let mut all = Vec::new();
     let body = Kind::Force(Point::Body);
@@ -50,7 +51,8 @@ pub fn directions() -> Vec<Pointing> {
     all
 }
 
-/// Ends of limbs, and places where equipment is worn.
+/// Segments on which forces along the body axes are searched: the ends of the limbs, and the trunk, where equipment is
+/// worn.
 const ENDS: [Segment; 5] = [
     Segment::Thorax,
     Segment::LeftForearm,
@@ -188,7 +190,7 @@ pub fn near(pulse: Factor<f64>, step: f64) -> Vec<Factor<f64>> {
     all
 }
 
-/// Names of the axes.
+/// Names of the axes of body, world and segments.
 const BODY: [&str; 3] = ["left", "dorsal", "cranial"];
 const WORLD: [&str; 3] = ["north", "west", "up"];
 const SEGMENT: [&str; 3] = ["x", "y", "z"];

@@ -13,7 +13,7 @@ use crate::problem::Problem;
 use crate::stretch::{Channels, NUMBERS};
 use crate::whitened::Quadratic;
 
-/// Maximum number of steps, and the gain below which they stop.
+/// Maximum number of Gauss-Newton steps, and the gain of log-likelihood below which they stop.
 const STEPS: usize = 5;
 const SETTLED: f64 = 0.2;
 

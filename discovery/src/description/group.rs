@@ -11,10 +11,10 @@ use super::view::{Column, Directed, View, mean_turn};
 use crate::candidate::COST;
 use crate::problem::Problem;
 
-/// Number of the most promising sines and pulses that are refined.
+/// Number of sines, and of pulses, that are refined: those with the largest lower bounds of their gain.
 const CLOSELY: usize = 12;
 
-/// Share of the gain credited to a force at a point.
+/// Fraction of its gain that counts for a force at a point, so that a similar one on the whole body is preferred.
 const AT_A_POINT: f64 = 0.95;
 
 /// Maximum number of loads in a group.
@@ -70,7 +70,7 @@ struct Found {
     worth: f64,
 }
 
-/// A view with everything a search needs repeatedly.
+/// A view with the directions and factors that a search tries, computed once.
 struct Search<'a> {
     view: &'a View<'a>,
     pointings: Vec<Pointing>,

@@ -16,13 +16,13 @@ use crate::fitted::Fitted;
 use crate::problem::Problem;
 use crate::stretch::ROWS;
 
-/// Number of components of force and moment in a stretch.
+/// Number of unknowns in a stretch: three components of force and three of moment in each window.
 const PUSHES: usize = 6 * ROWS;
 
-/// Sample times in a window over which time-dependent factors are averaged.
+/// Number of times within a window at which factors that depend on time are evaluated, for their mean.
 const PARTS: u32 = 4;
 
-/// One window.
+/// A window: its middle (s, from the start of the flight), its length (s), and the state recorded in its middle.
 struct Window {
     time: f64,
     length: f64,
@@ -32,11 +32,11 @@ struct Window {
     cg: Vector3<f64>,
 }
 
-/// One stretch.
+/// What a stretch reveals about an unknown force and moment in each of its windows.
 struct Seen {
     windows: Vec<Window>,
     information: DMatrix<f64>,
-    /// Coupling of constants and pushes, in standard deviations of the constants.
+    /// Coupling of the constants with these forces and moments, in standard deviations of the constants.
     constants: DMatrix<f64>,
     slope: DVector<f64>,
 }
@@ -175,7 +175,7 @@ impl<'a> View<'a> {
         windows.map(value).collect()
     }
 
-    /// Combined gain of some columns, and their sizes.
+    /// Gain of log-likelihood from several loads together, and the sizes that achieve it.
     pub fn solved(&self, columns: &[Column<'_>]) -> Option<(f64, DVector<f64>)> {
         let (information, slope) = self.quadratic(columns)?;
         let sizes = Cholesky::new(information)?.solve(&slope);

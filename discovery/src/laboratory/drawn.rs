@@ -1,5 +1,7 @@
 //! Draws loads from the grammar by a seed, so that hidden loads are not hand-picked.
 
+use core::f64::consts::FRAC_PI_2;
+
 use bodyflight_core::Segment;
 use bodyflight_core::dynamics::applied_load::factor::{FACTORS, Factor};
 use bodyflight_core::dynamics::applied_load::{AppliedLoad, Axis, Direction, Kind, Point};
@@ -10,6 +12,16 @@ use rand::{RngExt, SeedableRng};
 const MOMENTS: [f64; 2] = [12.0, 30.0];
 const FORCES: [f64; 2] = [80.0, 200.0];
 const ON_SEGMENT: [f64; 2] = [30.0, 80.0];
+
+/// Elbows and knees: the axis about which they bend, and their bend in the neutral posture (rad). A load that grows with
+/// any other angle hardly acts, and one that acts in the neutral posture already is mostly a constant, which no flight can
+/// tell from errors of the joints.
+const HINGES: [(Segment, Axis, f64); 4] = [
+    (Segment::LeftForearm, Axis::Y, FRAC_PI_2),
+    (Segment::RightForearm, Axis::Y, -FRAC_PI_2),
+    (Segment::LeftShank, Axis::X, -1.0),
+    (Segment::RightShank, Axis::X, -1.0),
+];
 
 fn between(random: &mut ChaCha8Rng, [low, high]: [f64; 2]) -> f64 {
     low + (high - low) * random.random::<f64>()
@@ -65,26 +77,33 @@ fn factor(random: &mut ChaCha8Rng) -> Factor<f64> {
                 period,
             }
         }
-        _ => Factor::Joint {
-            segment: one_of(
-                random,
-                &[
-                    Segment::LeftForearm,
-                    Segment::RightForearm,
-                    Segment::LeftShank,
-                    Segment::RightShank,
-                ],
-            ),
-            axis: one_of(random, &Axis::ALL),
-            from: 0.0,
-            reference: between(random, [0.3, 0.6]),
-        },
+        _ => {
+            let (segment, axis, from) = one_of(random, &HINGES);
+            Factor::Joint {
+                segment,
+                axis,
+                from,
+                reference: between(random, [0.3, 0.6]),
+            }
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use bodyflight_core::body::pattern;
+
     use super::*;
+
+    #[test]
+    fn hinges_are_bent_as_stated_in_the_neutral_posture() {
+        let neutral = pattern::neutral::<f64>();
+        for (segment, axis, bend) in HINGES {
+            let turn = neutral.parent_from_segment(segment).scaled_axis();
+            let off = turn - axis.unit::<f64>() * bend;
+            assert!(off.norm() < 1e-9, "{segment:?}: {turn}");
+        }
+    }
 
     #[test]
     fn seeds_draw_loads_of_all_kinds() {

@@ -14,7 +14,8 @@ use rand_distr::StandardNormal;
 /// Distinguishes the seed of paths from that of a flight with the same number.
 const PATHS: u64 = 0x9a77;
 
-/// Time for which a filter runs to forget its initial state, and the step used meanwhile (both in correlation times).
+/// Time for which a new filter runs until its initial state of zero no longer matters, and the step used meanwhile
+/// (both in correlation times).
 const FORGOTTEN: f64 = 12.0;
 const FORGETTING: f64 = 0.01;
 
@@ -111,7 +112,7 @@ impl Paths {
         Vector::from_components(gust * self.strengths.turbulence.strength)
     }
 
-    /// The current inputs.
+    /// The flight's `inputs` with the muscle input and damping that currently vary.
     pub(super) fn changed(&self, inputs: &Inputs<f64>) -> Inputs<f64> {
         let muscle = AxisCoefficients::from(self.muscle.each_ref().map(Filter::along));
         let muscle = muscle.zip_map(self.strengths.muscle, |path, size| path * size);

@@ -1,4 +1,4 @@
-//! Similar effects must be told apart.
+//! Effects that resemble each other are told apart.
 
 use super::*;
 use crate::report::Report;
@@ -25,7 +25,7 @@ fn a_wind_is_distinguished_from_one_that_changes_with_height() {
         wander_deg: 0.0,
         ..Joints::default()
     };
-    // So strong that without the effect, the errors would exceed those of any suit.
+    // These winds are so strong that no suit has errors large enough to explain them.
     let winds = [
         (Effect::Wind, [-31.2, -25.1, 0.0]),
         (Effect::WindShear, [15.0, -20.0, 0.0]),

@@ -48,7 +48,8 @@ fn found(hidden: &[Hidden], joints: Joints) -> Report {
     discover(&[one], &[other], &Settings::default(), &()).unwrap()
 }
 
-/// It is the only effect named, with strengths within three standard errors, in the fitted and in the held-out flight.
+/// Asserts that the effect is the only one named, that its strengths are within three standard errors of the truth, and
+/// that the held-out flight confirms it.
 fn is_named(effect: Effect, values: [f64; 3], joints: Joints) {
     let report = found(&[Hidden::Effect(effect, values)], joints);
     assert_eq!(report.verdict, Outcome::Named, "{report:?}");
@@ -67,7 +68,9 @@ fn has_strengths(named: &Named, effect: Effect, values: &[f64; 3]) {
     }
 }
 
-/// Gusts of 2 m/s are 3 m/s at 120 m, and 1.85 m/s are 3.5 m/s at 200 m: the search does not know the length.
+/// The air's velocity has a standard deviation of 3 m/s here and of 3.5 m/s in the next test, with lengths of 120 m and
+/// 200 m. The search does not know the length, so it can only find the gusts: the change of velocity over a short
+/// distance.
 #[test]
 fn turbulence_is_named_by_its_gusts_where_joints_are_constant() {
     is_named(Effect::Turbulence, [2.0, 120.0, 0.0], CONSTANT);
@@ -88,7 +91,7 @@ fn damping_over_time_is_named_by_its_strength() {
     is_named(Effect::DampingOverTime, [0.6, 0.6, 0.6], CONSTANT);
 }
 
-/// Loads outside the library are not named, neither a single one nor several at once, which no description covers.
+/// Loads outside the library get no name, whether a single one acts or so many at once that no description covers them.
 #[test]
 fn loads_outside_the_library_are_not_named_by_a_strength() {
     let all = Outside::ALL.map(Hidden::Outside);

@@ -63,8 +63,12 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     if let Some(folder) = &args.out {
         terminal::print(&format!("written: {}", folder.display()));
     }
+    let effects = match report.verdict {
+        Outcome::Calibrated => &report.nearest,
+        _ => &report.effects,
+    };
     print_conclusion(
-        (report.verdict, &report.effects),
+        (report.verdict, effects),
         report.gap.closed_share,
         (args.flight(), args.out.as_deref()),
     );

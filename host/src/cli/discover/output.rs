@@ -46,7 +46,11 @@ pub(super) fn print_names(outcome: Outcome, effects: &[Named], nearest: &[Named]
     };
     terminal::print(&format!("verdict: {verdict}"));
     if !nearest.is_empty() {
-        terminal::print("closest effects, not used:");
+        terminal::print(if outcome == Outcome::Calibrated {
+            "perhaps instead of the adjustments below (indistinguishable from them in these flights):"
+        } else {
+            "closest effects, not used:"
+        });
     }
     for named in effects.iter().chain(nearest) {
         let parameters: Vec<String> = named
@@ -112,7 +116,8 @@ pub(super) fn print_held_out(
     ));
 }
 
-/// Prints what the verdict means, and what to do next. `closed` is the closed share of the gap.
+/// Prints what the verdict means, and what to do next. `effects` are those named or, if the flight is calibrated, those
+/// that may act instead. `closed` is the closed share of the gap.
 pub(super) fn print_conclusion(
     (outcome, effects): (Outcome, &[Named]),
     closed: f64,
@@ -150,13 +155,7 @@ pub(super) fn print_conclusion(
             "the model reproduces the measurements, as far as this flight can tell".to_owned(),
             "no change is needed; flights with other postures and speeds may show more".to_owned(),
         ),
-        Outcome::Calibrated => (
-            "nothing is missing; subject, coefficients or joints are a little off".to_owned(),
-            format!(
-                "{} has the numbers for subject.toml",
-                file("calibration.toml")
-            ),
-        ),
+        Outcome::Calibrated => calibrated(effects.first(), &file("calibration.toml")),
         Outcome::Described => (
             format!("a load acts that the library has no name for; the loads above close {closes}"),
             format!(
@@ -178,4 +177,25 @@ pub(super) fn print_conclusion(
     };
     terminal::print(&format!("In words: {words}."));
     terminal::print(&format!("Next: {}.", next.trim_end_matches('.')));
+}
+
+/// What a calibrated flight means, and what to do next. `other` may act instead of the adjustments.
+fn calibrated(other: Option<&Named>, file: &str) -> (String, String) {
+    let numbers = format!("{file} has the numbers for subject.toml");
+    match other {
+        None => (
+            "subject, coefficients or joints are a little off, which explains the gap".to_owned(),
+            numbers,
+        ),
+        Some(other) => (
+            format!(
+                "either subject, coefficients and joints are off, or {} acts; these flights cannot tell",
+                other.name
+            ),
+            format!(
+                "to be sure of {}, fly: {}; {numbers}",
+                other.name, other.separated_by
+            ),
+        ),
+    }
 }
