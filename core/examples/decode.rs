@@ -1,4 +1,4 @@
-//! Bytes of a serial line become messages, and losses are counted: `cargo run -p bodyflight-core --example decode`.
+//! Decodes the bytes of a serial line and counts the losses: `cargo run -p bodyflight-core --example decode`.
 
 use bodyflight_core::link::{Decoder, Event, Header, Ledger, MAX_FRAME_LENGTH, Message, Stop};
 

@@ -1,8 +1,7 @@
-//! The unit's filter finds what a skydiver does with the muscles: `cargo run -p bodyflight-core --example estimate`.
+//! Estimates a skydiver's muscle input with the unit's filter: `cargo run -p bodyflight-core --example estimate`.
 //!
 //! The same model flies and estimates here, so this shows how the filter is used, not how good it is. The rolls start
-//! within 0.2 s, faster than the filter expects of a person: it finds them, but reports in the meantime that it is
-//! lost.
+//! within 0.2 s, faster than the filter expects of a person: it finds them, but meanwhile reports that it is lost.
 
 use bodyflight_core::body::anthropometry::{Person, Sex};
 use bodyflight_core::body::mass_properties::PostureRate;

@@ -14,7 +14,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let body = Person::new(1.75, 75.0, Sex::Male).body()?;
     let mut dynamics = Dynamics::<f64>::paper(body, 1.0);
 
-    // The bend of the knees at which the neutral pose falls straight down.
+    // Find the bend of the knees at which the neutral posture falls straight down.
     let fall = trim(&dynamics, &pattern::neutral(), 0.0).map_err(|error| format!("{error:?}"))?;
     let posture = with_knees(&pattern::neutral(), fall.knee);
     println!(
@@ -23,7 +23,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         fall.knee.to_degrees()
     );
 
-    // From 4000 m the air grows denser on the way.
+    // The fall starts at 4000 m, so the air grows denser on the way down.
     dynamics.air.density = Density::StandardAtmosphere {
         origin_altitude: 4000.0,
     };

@@ -39,7 +39,7 @@ pub struct Coefficients<T> {
     pub moment: T,
 }
 
-/// Factor of the body's arch on the drag, paper eq. (arch_eq).
+/// Factor by which the arch of the body changes the drag, paper eq. (arch_eq).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ArchFactor<T> {
     /// The same factor for every posture.
@@ -72,7 +72,7 @@ pub const PAPER_COEFFICIENTS: Coefficients<f64> = Coefficients {
 };
 
 impl<T: Real> Aerodynamics<T> {
-    /// Uses the same coefficients for every segment.
+    /// Creates the paper's load model with the same coefficients for every segment.
     pub fn uniform(coefficients: Coefficients<T>, arch: ArchFactor<T>) -> Self {
         Self {
             coefficients: SegmentArray::from_fn(|_| coefficients),
@@ -81,7 +81,7 @@ impl<T: Real> Aerodynamics<T> {
         }
     }
 
-    /// Uses the paper's coefficients, eq. (params), with the arch factor from the posture.
+    /// Creates the paper's load model with its coefficients, eq. (params), and the arch factor from the posture.
     pub fn paper() -> Self {
         let Coefficients { drag, lift, moment } = PAPER_COEFFICIENTS;
         let coefficients = Coefficients {

@@ -1,7 +1,7 @@
 //! The biomechanical model: 16 rigid segments connected by 15 joints, with the mass, inertia and silhouettes of each.
 //!
-//! A [`Body`] is a table of segment parameters. It comes from a person's measurements ([`anthropometry`]), with
-//! equipment added ([`gear`]), or from a file; any value can be overridden. The solids that segments are modelled
+//! A [`Body`] is a table of segment parameters. It is built from a person's measurements ([`anthropometry`]), with
+//! equipment added ([`gear`]), or read from a file; any value can be overridden. The solids that segments are modelled
 //! with, and their formulas, are in [`solid`].
 
 pub mod anthropometry;
@@ -215,7 +215,7 @@ pub struct SegmentParameters<T: Real> {
 pub struct Body<T: Real> {
     /// Parameters of the segments.
     pub segments: SegmentArray<SegmentParameters<T>>,
-    /// Stature H (m), which scales the damping moment.
+    /// Stature H (m), which scales the damping moment and the lever arms of muscle input.
     pub height: T,
 }
 

@@ -76,8 +76,8 @@ impl<T: Real> Dynamics<T> {
         }
     }
 
-    /// Aerodynamic load on each segment of a moving body, without damping and muscle input (body axes, moments about
-    /// the origin).
+    /// Returns the aerodynamic load on each segment of a moving body, without damping and muscle input, in body axes
+    /// with moments about the origin.
     pub fn segment_loads(
         &self,
         posture: &Posture<T>,
@@ -103,8 +103,8 @@ impl<T: Real> Dynamics<T> {
         self.sample(posture, &PostureRate::zero())
     }
 
-    /// Creates the sample of an interval of `duration` (s) in which the body moves from one posture to the next, with
-    /// the geometry at its middle and constant joint rates.
+    /// Creates the sample of an interval of `duration` (s) in which the body moves from one posture to the next. The
+    /// geometry is that of the middle of the interval, and the joint rates are constant.
     pub fn between(&self, from: &Posture<T>, to: &Posture<T>, duration: T) -> PostureSample<T> {
         let mut sample = PostureSample::blank();
         self.between_into(from, to, duration, &mut sample);
@@ -123,8 +123,8 @@ impl<T: Real> Dynamics<T> {
         self.sample_into(&middle, &PostureRate::between(from, to, duration), sample);
     }
 
-    /// Uses the aerodynamics of the posture [`Stream::lag`] earlier. Kept out of line so that flights without lag do
-    /// not pay for it.
+    /// Fills `sample` with the aerodynamics of the posture that the body had [`Stream::lag`] earlier. Kept out of line
+    /// so that flights without lag do not pay for it.
     #[cold]
     #[inline(never)]
     fn late_sample_into(
@@ -142,7 +142,7 @@ impl<T: Real> Dynamics<T> {
         sample.aerodynamics = aerodynamics;
     }
 
-    /// Creates the sample of a posture with its joint rates.
+    /// Creates the sample of a posture whose joints move at `rate`.
     pub fn sample(&self, posture: &Posture<T>, rate: &PostureRate<T>) -> PostureSample<T> {
         let mut sample = PostureSample::blank();
         self.sample_into(posture, rate, &mut sample);
@@ -289,7 +289,7 @@ impl<T: Real> Motion<T> {
 }
 
 impl<T: Real> State<T> {
-    /// At rest at the origin, with the body axes along the inertial axes.
+    /// Returns a state at rest at the origin, with the body axes along the inertial axes.
     pub fn at_rest() -> Self {
         Self {
             inertial_from_body: Rotation::identity(),

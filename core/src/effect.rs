@@ -2,8 +2,8 @@
 //!
 //! An [`Effect`] changes a [`Model`] before a flight begins: the segment table, the coefficients, the air, the local
 //! airstream at segments, the conscious inputs, or the errors of the sensors. The integration step needs no knowledge
-//! of effects, effects combine by being applied in sequence, and a model without effects gives bit-identical results.
-//! What an effect is, how it shows and what it is confused with is data, see [`Description`].
+//! of effects, effects combine by being applied in sequence, and a model without effects gives bit-identical results. A
+//! [`Description`] states for each effect what it changes, how it shows in a flight, and which effects look similar.
 //!
 //! To add one, copy a file of this folder and add its row to the table below. `docs/effects.md` lists them all.
 
@@ -63,7 +63,7 @@ pub use model::Model;
 
 macro_rules! effects {
     ($( #[doc = $meaning:literal] $variant:ident = $module:ident, )*) => {
-        /// An effect of the library.
+        /// An effect that can be applied to a [`Model`].
         #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
         pub enum Effect {
             $( #[doc = $meaning] $variant, )*
@@ -158,7 +158,7 @@ effects! {
     PostureDelay = posture_delay,
     /// Delay of the measured velocity.
     GnssLatency = gnss_latency,
-    /// Low-pass filtering of the measured angular velocity.
+    /// Delay of the measured angular velocity by a low-pass filter.
     RateLag = rate_lag,
     /// Velocity of the air that changes at random.
     Turbulence = turbulence,
@@ -173,7 +173,7 @@ effects! {
 pub struct EffectError {
     /// Parameter that is out of range.
     pub parameter: &'static Parameter,
-    /// Value found.
+    /// Value found, in the unit of the parameter.
     pub found: f64,
 }
 
@@ -197,8 +197,8 @@ impl Effect {
             .find(|effect| effect.description().name == name)
     }
 
-    /// Returns whether the effect changes at random, so that only its strength is known: a model uses its mean, which
-    /// has no effect.
+    /// Returns whether the effect changes at random. Only its strength is then known, and a model uses its mean, which
+    /// changes nothing.
     pub const fn is_random(self) -> bool {
         matches!(self.description().kind, Kind::Random)
     }
@@ -212,7 +212,8 @@ impl Effect {
         values
     }
 
-    /// Applies the effect to `model`, with `values` in the order of its parameters; superfluous values are ignored.
+    /// Applies the effect to `model`, with `values` in the order of its parameters; values beyond its parameters are
+    /// ignored.
     ///
     /// # Errors
     /// Returns an error if a value is not a number or outside its plausible range; the model is then unchanged.

@@ -82,7 +82,7 @@ pub struct Estimator<T: Real, P: Propagation<T>, const INTERVALS: usize> {
     front: State<T>,
     window: Deque<P::Interval, INTERVALS>,
     posture: Posture<T>,
-    /// The last interval in full. Its size keeps it here rather than on the stack of an update.
+    /// The last interval in full, kept here because it is too large for the stack of an update.
     sample: Option<PostureSample<T>>,
     /// Samples since the last interval ended.
     waiting: usize,

@@ -133,7 +133,7 @@ mod tests {
         }
     }
 
-    /// Errors of a quarter turn went unnoticed before; this test distinguishes north, west and up.
+    /// Distinguishes north, west and up, so that an error of a quarter turn cannot go unnoticed.
     #[test]
     fn headings_run_from_north_towards_west() {
         let belly = facing_north(core::f64::consts::FRAC_PI_2);

@@ -25,13 +25,14 @@
 //! A flight turns a sequence of postures into motion. A [`FreeRun`](dynamics::free_run::FreeRun) follows recorded
 //! postures, starting from a measured motion; [`Dynamics::step`](dynamics::Dynamics::step) is the single step
 //! underneath, for loops of your own. [`maneuver`] defines postures and inputs over time as data, and [`effect`] adds
-//! what the basic model may lack: wind, a rig, the bias of a sensor.
+//! what the basic model may lack: wind, a rig, a biased sensor.
 //!
 //! # An estimate
 //!
 //! The [motion filter](estimator::motion) takes one posture and one measurement at a time. It estimates the skydiver's
 //! inputs with error bars and reports when they cannot be trusted. [`PaperFilter`](estimator::PaperFilter) is the
-//! filter of the paper, [`ReducedFilter`](estimator::ReducedFilter) its reduced form for the unit.
+//! filter of the paper, [`ReducedFilter`](estimator::ReducedFilter) its reduced form for the microcontroller, called
+//! the unit throughout.
 //!
 //! # Serial links
 //!
@@ -40,8 +41,9 @@
 //!
 //! # Features
 //!
-//! `serde` reads and writes bodies, postures, motions, states and inputs as plain numbers: vectors as `[x, y, z]`, rotations as
-//! quaternions `[w, x, y, z]`. `defmt` logs the link's messages and coefficients on a board. Neither is on by default.
+//! `serde` reads and writes bodies, postures, motions, states and inputs as plain numbers: vectors as `[x, y, z]`,
+//! rotations as quaternions `[w, x, y, z]`. `defmt` makes the link's messages and the coefficients loggable on a board.
+//! Neither is on by default.
 //!
 //! # Conventions
 //!
@@ -93,7 +95,7 @@ const fn decimal(text: &str) -> u16 {
     }
 }
 
-/// The README's own example is compiled and run.
+/// Compiles and runs the example in the README as a doctest.
 #[cfg(doctest)]
 #[doc = include_str!("../../README.md")]
 struct Readme;

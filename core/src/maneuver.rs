@@ -1,7 +1,8 @@
 //! Maneuver scripts: posture patterns and conscious inputs over time, as data.
 //!
 //! A script moves from knot to knot in smooth steps, so joints start and stop without a jerk. The first seven are the
-//! paper's basic maneuvers ("Experimental modalities"); the others fly in other orientations and need muscle input.
+//! paper's basic maneuvers ("Experimental modalities"); the others are flown in other orientations and need muscle
+//! input.
 
 mod base;
 pub mod scripts;
@@ -42,7 +43,7 @@ pub struct Maneuver {
     pub base: &'static JointAngles,
     /// Initial rotation about the left axis from upright (rad): pi/2 is belly to earth, 0 upright.
     pub start_pitch: f64,
-    /// Initial speed as a ratio to that of the trimmed fall.
+    /// Initial speed as a multiple of that of the trimmed fall.
     pub start_speed: f64,
     /// Initial speed over the ground, towards north (m/s): that of the aircraft.
     pub start_forward: f64,

@@ -1,7 +1,8 @@
 //! Elementary functions with bit-identical results on every machine, and small solvers of fixed cost.
 //!
-//! `f32` uses its own polynomials (single-precision hardware needs no soft double); `f64` uses the `libm` crate.
-//! Square roots are correctly rounded in both. Nothing in this module calls the platform's maths library.
+//! `f32` uses polynomials of its own, so hardware with single precision alone need not emulate double precision; `f64`
+//! uses the `libm` crate. Square roots are correctly rounded in both. Nothing in this module calls the platform's maths
+//! library.
 
 use nalgebra::{Matrix3, RealField, UnitQuaternion, Vector3};
 

@@ -1,7 +1,8 @@
 //! Feature `serde`: vectors, rotations, postures and segments as plain numbers and names.
 //!
-//! A vector is `[x, y, z]` in its frame, a rotation the quaternion `[w, x, y, z]`, a posture the 16 rotations of its segments relative
-//! to their parents in the order of [`Segment::ALL`](crate::Segment::ALL), a segment its name. Rotations are normalized when they are read.
+//! A vector is `[x, y, z]` in its frame, a rotation the quaternion `[w, x, y, z]`, a posture the 16 rotations of its
+//! segments relative to their parents in the order of [`Segment::ALL`](crate::Segment::ALL), a segment its name.
+//! Rotations are normalized when they are read.
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use serde::de::{Error, Unexpected, Visitor};
@@ -35,7 +36,7 @@ impl<'de, T: Real + Deserialize<'de>, To, From> Deserialize<'de> for Rotation<T,
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let wxyz @ [w, x, y, z] = <[T; 4]>::deserialize(deserializer)?;
         let given = Quaternion::new(w, x, y, z);
-        // What was written by this crate keeps its bits.
+        // A quaternion that this crate has written is read back bit for bit.
         if (given.norm_squared() - T::one()).abs() <= T::default_epsilon() * T::of(8.0) {
             return Ok(Self::from_quaternion(UnitQuaternion::new_unchecked(given)));
         }
@@ -110,7 +111,7 @@ mod tests {
     use crate::test_body::reference_body;
 
     fn there_and_back<V: Serialize + DeserializeOwned + PartialEq + Debug>(value: &V) -> String {
-        // Numbers, not text, which serde_json reads to the last bit with a feature only.
+        // Compares numbers rather than text, which serde_json reads to the last bit only with an extra feature.
         let numbers = serde_json::to_value(value).unwrap();
         assert_eq!(serde_json::from_value::<V>(numbers).unwrap(), *value);
         serde_json::to_string(value).unwrap()

@@ -50,7 +50,8 @@ pub struct NavPvt {
 }
 
 impl NavPvt {
-    /// Returns the velocity in inertial axes (m/s) if the fix is three-dimensional and the receiver marks it as valid.
+    /// Returns the velocity in inertial axes (m/s), or `None` unless the fix is three-dimensional and marked as valid
+    /// by the receiver.
     pub fn velocity(&self) -> Option<Vector3<f32>> {
         (self.is_valid && THREE_DIMENSIONS.contains(&self.fix)).then_some(self.velocity_mps)
     }
@@ -100,7 +101,7 @@ pub struct Counters {
     pub bad_checksum: u32,
 }
 
-/// Decodes a stream of bytes to solutions.
+/// Decodes a stream of bytes to navigation solutions; bytes that belong to no frame are skipped.
 #[derive(Debug)]
 pub struct Decoder {
     place: Place,

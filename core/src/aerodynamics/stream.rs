@@ -9,7 +9,7 @@ use super::{ExposedSegment, Flow, Loads};
 use crate::body::{Segment, SegmentArray};
 use crate::math::Real;
 
-/// Speed at which the drag coefficients hold (m/s).
+/// Speed at which the drag coefficients apply unchanged (m/s), see [`Stream::reynolds`].
 pub const REYNOLDS_SPEED: f64 = 50.0;
 
 /// Distance from the line of the airstream through the trunk at which half the shelter remains (m).
@@ -24,7 +24,7 @@ pub struct Stream<T> {
     /// Share of the velocity `spin x r` due to the body's rotation that a segment experiences; at zero the rotation is
     /// ignored.
     pub rotation: T,
-    /// Exponent with which drag coefficients decrease with speed.
+    /// Exponent `n` of the drag coefficients, which vary with the speed as `(speed / REYNOLDS_SPEED)^-n`.
     pub reynolds: T,
     /// Share of its load that a segment directly behind the trunk loses.
     pub shelter: T,
@@ -209,7 +209,7 @@ mod tests {
         let (trunk, down) = (Vector3::zeros(), -Vector3::z());
         let left =
             |place: Vector3<f64>| stream.unsheltered(Segment::LeftHand, &place, &trunk, &down);
-        // When falling down, the region above the trunk is behind it.
+        // In a fall, the region above the trunk lies in its wake.
         let inside = 0.25 / 0.26;
         assert!((left(Vector3::new(0.0, 0.0, 0.5)) - (1.0 - 0.6 * inside)).abs() < 1e-12);
         assert!((left(Vector3::new(0.0, 0.0, -0.5)) - 1.0).abs() < 1e-12);

@@ -27,7 +27,7 @@ pub use tables::Sex;
 /// Height of the shoulder joint above the sole, as a share of the stature; two percent of the stature below the
 /// acromion.
 const SHOULDER_HEIGHT: f64 = 0.80;
-/// Distance of the shoulder joint inwards of the acromion, as a share of the stature.
+/// Distance by which the shoulder joint lies inwards of the acromion, as a share of the stature.
 const SHOULDER_INSET: f64 = 0.004;
 /// Half the distance between the hip joints, as a share of the stature.
 const HIP_HALF_DISTANCE: f64 = 0.050;
@@ -52,9 +52,9 @@ const MOMENT_ARM_RANGE: (f64, f64) = (0.001, 10.0);
 /// Measurements of a person.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Person<T: Real> {
-    /// Stature (m).
+    /// Stature (m), 1.2 to 2.3.
     pub height: T,
-    /// Mass without clothing (kg).
+    /// Mass without clothing (kg), 25 to 220.
     pub mass: T,
     /// Sex, which selects the column of the tables.
     pub sex: Sex,

@@ -20,7 +20,7 @@ pub enum Shoes<T> {
     /// Shoes of a size that fits the feet.
     #[default]
     Fitted,
-    /// Shoes of a given European size.
+    /// Shoes of a given European size, 30 to 52.
     European(T),
 }
 
@@ -32,7 +32,7 @@ pub enum Suit {
     /// Freefall suit with some loose cloth on the limbs.
     #[default]
     Standard,
-    /// Relative work suit with grippers and booties, cloth between toes and knees.
+    /// Relative-work suit with grippers and booties, which are cloth between toes and knees.
     RelativeWork,
 }
 
@@ -82,9 +82,9 @@ pub struct Gear<T> {
     pub helmet: bool,
     /// Shoes worn.
     pub shoes: Shoes<T>,
-    /// Mass of the parachute container on the back (kg); 0 for none.
+    /// Mass of the parachute container on the back (kg), at most 40; 0 for none.
     pub rig: T,
-    /// Mass of a weight belt around the pelvis (kg); 0 for none.
+    /// Mass of a weight belt around the pelvis (kg), at most 30; 0 for none.
     pub weight_belt: T,
     /// Jumpsuit worn.
     pub suit: Suit,
@@ -106,9 +106,9 @@ impl<T: Real> Default for Gear<T> {
 /// An equipment value that is out of range.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GearError {
-    /// Which value is out of range.
+    /// Which value is out of range, with its unit.
     pub item: &'static str,
-    /// Value found.
+    /// Value found, in that unit.
     pub found: f64,
     /// Smallest accepted value.
     pub low: f64,
@@ -200,7 +200,7 @@ impl<T: Real> Gear<T> {
         let length = match self.shoes {
             Shoes::Barefoot => return,
             Shoes::Fitted => foot.length + T::of(SHOE_ALLOWANCE),
-            // A European size counts two thirds of a centimetre of the last, which is 1.5 cm longer than the foot.
+            // A European size is the length of the last, 1.5 cm longer than the foot, in units of 2/3 cm.
             Shoes::European(size) => size * T::of(0.02 / 3.0),
         };
         let (mass, size) = SHOE_MASS;

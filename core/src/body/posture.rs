@@ -149,7 +149,8 @@ pub fn joint_rotation<T: Real>(psi: T, theta: T, phi: T) -> UnitQuaternion<T> {
 
 /// The paper's angles psi, theta, phi about Z, Y, X (rad) of a joint rotation, the inverse of [`joint_rotation`].
 ///
-/// theta is within a quarter turn; at its ends psi and phi turn about the same axis, and psi is given as 0.
+/// theta lies within a quarter turn either way. At the ends of that range psi and phi turn about the same axis, and psi
+/// is returned as 0.
 pub fn joint_angles<T: Real>(rotation: &UnitQuaternion<T>) -> [T; 3] {
     let turn = rotation_matrix(rotation);
     let (xx, xy) = (turn[(0, 0)], turn[(0, 1)]);

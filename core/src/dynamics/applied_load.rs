@@ -1,8 +1,8 @@
 //! User-defined loads: a force or a moment along an axis, scaled by a product of a few [factors](factor).
 //!
-//! They model what no effect of the library covers: a flapping strap, a companion who pulls, a drogue. A list of loads
-//! has a fixed capacity and needs no heap. Each step is enclosed by two half impulses (Strang 1968), one applied to
-//! the state before it and one to the state after it: this is second order in time, and the step itself needs no
+//! They model what no [effect](crate::effect) covers: a flapping strap, a pull by another skydiver, a drogue. A list of
+//! loads has a fixed capacity and needs no heap. Each step is enclosed by two half impulses (Strang 1968), one applied
+//! to the state before it and one to the state after it: this is second order in time, and the step itself needs no
 //! knowledge of the loads.
 
 pub mod factor;
@@ -204,7 +204,7 @@ impl<T: Real> AppliedLoads<T> {
 }
 
 impl<T: Real> AppliedLoad<T> {
-    /// Size of the load with all factors applied.
+    /// Size of the load with all factors applied (N or N m).
     pub fn strength(&self, now: &Instant<'_, T>) -> T {
         let factors = self.factors.iter().flatten();
         factors.fold(self.size, |size, factor| size * factor.at(now))

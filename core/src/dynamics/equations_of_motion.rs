@@ -1,9 +1,9 @@
 //! Rates of velocity and angular velocity, in their exact form and as printed in the paper.
 //!
-//! Both forms are about the pelvic origin, in body axes. [`step`](super::step) integrates the exact equations
-//! (model.md "Equations of motion") in momentum form; this module gives them as rates, for comparison and for tests
-//! against an independent implementation. The published equations omit `m cg''`, one `m W x cg'` and the relative
-//! momentum `h` of the segments, and contain a spurious `cg' x m V`, which breaks Galilean invariance.
+//! Both forms are about the pelvic origin, in body axes. [`step`](super::step) integrates the exact equations (model.md
+//! "Equations of motion") in momentum form; this module gives them as rates, for comparison and for tests against an
+//! independent implementation. The published equations omit `m cg''`, one `m W x cg'` and the relative momentum `h` of
+//! the segments, and contain a spurious `cg' x m V`, which breaks Galilean invariance.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -162,7 +162,7 @@ impl<T: Real> AsPublished<T> {
         self.motion.angular_velocity += *spin;
     }
 
-    /// Advances the motion by `duration` (s): explicit midpoint rule, with the damping by the trapezium rule.
+    /// Advances the motion by `duration` (s): explicit midpoint rule, with the damping treated implicitly.
     pub fn step(
         &mut self,
         dynamics: &Dynamics<T>,

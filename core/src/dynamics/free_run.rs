@@ -62,8 +62,8 @@ impl<T: Real> FreeRun<T> {
         self.advance_under(nothing, dynamics, inputs, next, duration);
     }
 
-    /// Same as [`FreeRun::advance`], with user-defined loads; their time starts at the given value (s since the start
-    /// of the flight).
+    /// Same as [`FreeRun::advance`], with user-defined loads; `time` is the time at the present posture (s since the
+    /// start of the flight).
     pub fn advance_under(
         &mut self,
         (loads, time): (&AppliedLoads<T>, T),

@@ -1,5 +1,5 @@
-//! Muscle input: the moments and forces with which a skydiver resists the air. Which limbs produce them is data per
-//! maneuver and skill, paper "Modeling of the Input Moments".
+//! Muscle input: the moments and forces with which a skydiver resists the air. Which limbs produce them depends on
+//! maneuver and skill and is given as data, paper "Modeling of the Input Moments".
 //!
 //! The input is one dimensionless coefficient per axis, in_pitch, in_yaw and in_roll in the paper; a coefficient of 1
 //! cancels the aerodynamic moment on the limbs involved.
@@ -70,8 +70,8 @@ pub struct MuscleModel {
 /// What muscle input causes besides its moments.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum MuscleForces {
-    /// No forces: muscles are internal, and the aerodynamic load on a limb that is held is already that of its
-    /// posture.
+    /// No forces: muscles act within the body, and the posture already determines the aerodynamic load on a limb that
+    /// is held in place.
     #[default]
     Moment,
     /// The forces of paper eq. (eq1_1), which are the moments divided by lever arms.

@@ -23,14 +23,16 @@ pub struct Steady<T: Real> {
     pub body_pitch: T,
 }
 
-/// Range of directions searched on either side of the requested one (rad), and the number of intervals in it.
+/// How far the search extends to either side of the requested direction (rad).
 const SEARCHED: f64 = 1.2;
+/// Number of intervals into which each side is divided.
 const INTERVALS: u32 = 48;
+/// Number of times that the interval with the change of sign is bisected.
 const HALVINGS: usize = 32;
 
 /// Finds the steady fall of `posture`, which must be symmetric about the sagittal plane, with the pitch input of
-/// `inputs` at `density` (kg/m3). Of several, it is the one whose airstream is nearest to that of a body pitched by
-/// `near` (rad, see [`Steady::body_pitch`]) that falls straight down.
+/// `inputs` at `density` (kg/m3). If there are several, it is the one whose airstream is nearest to that of a body
+/// pitched by `near` (rad, see [`Steady::body_pitch`]) that falls straight down.
 ///
 /// Returns `None` if no direction within 1.2 rad is free of pitching moment, or if the air cannot carry the body.
 pub fn steady<T: Real>(
@@ -90,7 +92,7 @@ fn stream<T: Real>(angle: T) -> Vector3<T> {
     Vector3::new(T::zero(), -sine, -cosine)
 }
 
-/// Force and pitching moment about the centre of gravity at a speed of 1 m/s.
+/// Force (N) and pitching moment about the centre of gravity (N m) at a speed of 1 m/s, in body axes.
 fn load<T: Real>(
     dynamics: &Dynamics<T>,
     sample: &PostureSample<T>,

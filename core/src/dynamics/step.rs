@@ -42,7 +42,7 @@ impl<T: Real> Dynamics<T> {
         self.step_at_density(state, sample, inputs, duration, density)
     }
 
-    /// Density of the air around the body (kg/m3).
+    /// Returns the density of the air at the height of the centre of gravity (kg/m3).
     pub fn density_at(&self, state: &State<T>) -> T {
         self.air.density.at(state.cg_position.up())
     }

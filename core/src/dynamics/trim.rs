@@ -38,9 +38,9 @@ pub enum TrimError {
 const KNEE_RANGE: (f64, f64) = (0.0, 2.4);
 /// Range of pitch searched (rad): belly to earth within 40 deg.
 const PITCH_RANGE: (f64, f64) = (0.87, 2.27);
-/// Number of intervals of a range that are checked for a change of sign.
+/// Number of equal intervals into which a range is divided to find a change of sign.
 const INTERVALS: usize = 24;
-/// Number of bisections of the interval found, to a precision of 1e-8 rad.
+/// Number of times that the interval found is bisected, which narrows it to less than 1e-8 rad.
 const HALVINGS: usize = 24;
 
 /// Returns `posture` with both knees bent by `knee` (rad).
@@ -51,7 +51,7 @@ pub fn with_knees<T: Real>(posture: &Posture<T>, knee: T) -> Posture<T> {
         .with(Segment::RightShank, bend)
 }
 
-/// Finds the steady fall of `posture`, adjusting the knees, at the air density at height `altitude` (m, inertial).
+/// Finds the steady fall of `posture`, adjusting the knees, in air with the density at height `altitude` (m, inertial).
 ///
 /// # Errors
 /// Returns an error if no knee bend in the human range gives a balance, or if the air cannot carry the body.

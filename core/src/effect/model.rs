@@ -17,11 +17,11 @@ use crate::math::Real;
 pub struct Model<T: Real> {
     /// Body, coefficients and air.
     pub dynamics: Dynamics<T>,
-    /// Muscle input added to the skydiver's (dimensionless).
+    /// Muscle input added to the skydiver's own (dimensionless).
     pub muscle: AxisCoefficients<T>,
     /// User-defined loads.
     pub applied: AppliedLoads<T>,
-    /// Factors on the damping coefficients.
+    /// Factors on the damping coefficients; one leaves them unchanged.
     pub damping_factor: AxisCoefficients<T>,
     /// Errors of the sensors.
     pub sensors: Sensors<T>,
@@ -45,7 +45,7 @@ impl<T: Real> Model<T> {
         }
     }
 
-    /// Returns the inputs that result from the skydiver's inputs.
+    /// Returns the skydiver's inputs with the added muscle input and the factors on the damping applied.
     pub fn inputs(&self, inputs: &Inputs<T>) -> Inputs<T> {
         Inputs {
             muscle: inputs.muscle.zip_map(self.muscle, |own, more| own + more),

@@ -14,14 +14,14 @@ pub const GUST_WAY: f64 = 30.0;
 
 /// Correlation time of muscle input and damping (s).
 ///
-/// Skydivers correct at 0.2 to 1 Hz. The strength found in a flight hardly depends on it, since the stretches that are
+/// Skydivers correct at 0.2 to 1 Hz. The strength estimated from a flight hardly depends on it, because the stretches
 /// evaluated are shorter.
 pub const INPUT_TIME: f64 = 2.0;
 
 /// Strengths of the effects that change at random; zero means none.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Random<T: Real> {
-    /// Velocity of the air.
+    /// Turbulence of the air.
     pub turbulence: Turbulence<T>,
     /// Standard deviations of the muscle input (dimensionless).
     pub muscle: AxisCoefficients<T>,
@@ -61,8 +61,8 @@ pub struct Turbulence<T: Real> {
 }
 
 impl<T: Real> Turbulence<T> {
-    /// Turbulence given by its gusts: the standard deviation (m/s) of the change of the air's velocity along
-    /// [`GUST_WAY`], which is what a short flight shows, whatever the length scale (m).
+    /// Creates turbulence from its gusts: `gust` is the standard deviation (m/s) of the change in the air's velocity
+    /// along [`GUST_WAY`]. A short flight shows this quantity whatever the length scale `length` (m).
     pub fn from_gusts(gust: T, length: T) -> Self {
         let changed = (T::one() - decayed(T::of(GUST_WAY) / length)) * T::of(2.0);
         let strength = gust / changed.root();

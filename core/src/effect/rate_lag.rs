@@ -1,4 +1,4 @@
-//! Low-pass filtering of the measured angular velocity.
+//! Delay of the measured angular velocity by a low-pass filter.
 
 use super::{Description, Kind, Model, PARAMETER_COUNT, parameter};
 use crate::math::Real;

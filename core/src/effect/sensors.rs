@@ -11,11 +11,11 @@ use crate::math::{Real, small_rotation};
 pub struct Sensors<T: Real> {
     /// Rotation of the measured body axes about X, Y, Z (rad); must be small.
     pub mounting: Vector3<T>,
-    /// Offset added to the angular velocity (rad/s).
+    /// Offset of the measured angular velocity (rad/s).
     pub gyro_bias: Vector<T, BodyFrame>,
-    /// Rate at which the heading drifts (rad/s).
+    /// Rate at which the measured heading drifts (rad/s), positive from north towards west.
     pub heading_drift: T,
-    /// Velocity offset from the start (m/s); the position drifts accordingly.
+    /// Constant offset of the measured velocity (m/s); the measured position drifts accordingly.
     pub velocity_offset: Vector<T, Inertial>,
     /// Time by which postures are recorded late (s). The model must be run with postures read this much later.
     pub posture_delay: T,
@@ -68,8 +68,9 @@ impl<T: Real> Sensors<T> {
         }
     }
 
-    /// Returns the measurement of `motion`, `time` (s) after the start of the flight. `past` returns the quantities of
-    /// a given delay (s) earlier, or later if negative; it is called only for quantities that are late.
+    /// Returns the measurement of `motion`, `time` (s) after the start of the flight. `past` returns the quantities as
+    /// they were a given time (s) earlier, or later if that time is negative; it is called only for quantities with a
+    /// delay.
     pub fn observe(&self, motion: &Motion<T>, past: impl Fn(T) -> Moving<T>, time: T) -> Motion<T> {
         if *self == Self::perfect() {
             return *motion;
@@ -116,7 +117,7 @@ impl<T: Real> Sensors<T> {
     }
 }
 
-/// Rotation of any size about the vertical (rad).
+/// Rotation about the vertical by an angle of any size (rad), positive from north towards west.
 fn turn_about_up<T: Real>(angle: T) -> Rotation<T, Inertial, Inertial> {
     let (sine, cosine) = (angle * T::of(0.5)).sine_cosine();
     let turn = Quaternion::new(cosine, T::zero(), T::zero(), sine);

@@ -1,4 +1,4 @@
-//! Tests of all effects of the library.
+//! Tests of all effects.
 
 extern crate std;
 

@@ -43,8 +43,8 @@ pub struct Check<'a, T: Real> {
 
 impl<T: Real> Check<'_, T> {
     /// Runs the model over the window from `start` with the updated coefficients and returns the state at its end. If
-    /// that misses the measurement by more than the prediction did, the filter goes halfway back. If the filter is
-    /// lost, its variances are inflated.
+    /// that misses the measurement by more than the prediction did, the coefficients move halfway back. If the filter
+    /// is lost, its variances are inflated.
     pub fn apply<I: Interval<T>, const N: usize>(
         &self,
         filter: &mut Unscented<T, STATES>,

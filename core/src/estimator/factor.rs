@@ -33,7 +33,8 @@ pub struct Cholesky<T: Real, const N: usize> {
 }
 
 impl<T: Real, const N: usize> Cholesky<T, N> {
-    /// Factors a symmetric matrix given by its lower triangle. Pivots below rounding are raised to the threshold.
+    /// Factors a symmetric matrix given by its lower triangle. Pivots too small to be told apart from rounding errors
+    /// are raised to a threshold.
     #[inline]
     pub fn new(matrix: &SMatrix<T, N, N>) -> Self {
         let mut lower = SMatrix::<T, N, N>::zeros();

@@ -1,4 +1,4 @@
-//! The quantities that the filter compares, measured against predicted, channel by channel, with the paper's noise.
+//! The quantities whose measured and predicted values the filter compares, channel by channel, with the paper's noise.
 //!
 //! A [`MeasurementModel`] is data: a list of quantities with their standard deviations. Angles are compared by their
 //! wrapped differences to an anchor, never by their raw values.
@@ -16,19 +16,19 @@ pub const CHANNELS: usize = 4;
 /// A quantity that can be measured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quantity {
-    /// Speed of the pelvic joint over the ground, paper eq. (vel).
+    /// Speed of the pelvic joint over the ground (m/s), paper eq. (vel).
     HorizontalSpeed,
-    /// Heading of the cranial axis, paper eq. (ypr).
+    /// Heading of the cranial axis (rad), paper eq. (ypr).
     Heading,
-    /// Pitch, paper eq. (ypr).
+    /// Elevation of the cranial axis above the horizon (rad), paper eq. (ypr).
     Pitch,
-    /// Roll, paper eq. (ypr).
+    /// Roll (rad), 0 when level and belly to earth, paper eq. (ypr).
     Roll,
-    /// Rate of the heading, paper eq. (meas_turns).
+    /// Rate of the heading (rad/s), paper eq. (meas_turns).
     YawRate,
-    /// Vertical velocity of the pelvic joint, positive up; not used in the paper.
+    /// Vertical velocity of the pelvic joint (m/s), positive up; not used in the paper.
     VerticalVelocity,
-    /// Component of the unit vertical along the body's X axis, see [`Measurement::vertical`].
+    /// Component of the unit vertical along the body's X axis, see [`Measurement::vertical`]: 1 with the left side up.
     VerticalLeft,
     /// Component of the unit vertical along the body's Y axis: 1 belly to earth, -1 back to earth.
     VerticalDorsal,
@@ -85,8 +85,8 @@ pub struct Measurement<T> {
     pub yaw_rate: T,
     /// Vertical velocity, positive up (m/s).
     pub vertical_velocity: T,
-    /// Direction of the vertical, positive up, in body axes (unit vector). It carries pitch and roll without a heading
-    /// and without the jump of the roll where the cranial axis passes the vertical. Not used in the paper.
+    /// Direction of the vertical, positive up, in body axes (unit vector). It contains pitch and roll without the
+    /// heading, and without the jump of the roll where the cranial axis passes the vertical. Not used in the paper.
     pub vertical: Vector3<T>,
 }
 
@@ -204,7 +204,7 @@ pub const TRANSITIONS: MeasurementModel = MeasurementModel {
 };
 
 /// Transitions with satellite data: horizontal speed as in tracking, and vertical velocity with the paper's 1 m/s.
-/// Without them nothing constrains the fall speed, which the muscle forces would carry away.
+/// Without them nothing constrains the fall speed, and the muscle forces would make it drift.
 pub const TRANSITIONS_WITH_GNSS: MeasurementModel = MeasurementModel {
     channels: [
         Some((Quantity::VerticalVelocity, 1.0)),
@@ -214,8 +214,8 @@ pub const TRANSITIONS_WITH_GNSS: MeasurementModel = MeasurementModel {
     ],
 };
 
-/// The vertical in body axes, for flips. In the angles of [`TRANSITIONS`] a flip is a jump of half a turn, which does
-/// not show the filter its direction or extent.
+/// The vertical in body axes, for flips. In the angles of [`TRANSITIONS`] a flip appears as a jump of half a turn, from
+/// which the filter cannot tell its direction or extent.
 pub const VERTICAL: MeasurementModel = MeasurementModel {
     channels: [
         Some((Quantity::VerticalLeft, 0.01)),
@@ -268,7 +268,7 @@ impl MeasurementModel {
         })
     }
 
-    /// Computes `values - anchor`, with angles wrapped to the shorter way.
+    /// Computes `values - anchor`, with differences of angles taken the shorter way round.
     pub fn difference<T: Real>(
         &self,
         values: &SVector<T, CHANNELS>,

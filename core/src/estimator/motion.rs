@@ -2,15 +2,15 @@
 //!
 //! The paper's filter ([`Estimator`](super::Estimator)) estimates six coefficients and lets the motion run open loop,
 //! so every model error ends up in the coefficients. This filter also has the motion in its state and, besides muscle
-//! input and damping, a residual load: the effect of small errors in the recorded joints. The size of that load
-//! follows from the model ([`posture_error`]) and from the joint error, which is a setting. Inputs return to their
-//! mean with a given spread, so those that no measurement observes stay there; no bound lies where the truth may be.
-//! An axis whose angular velocity departs from its prediction is awake ([`activity`]): its inputs may then change
-//! quickly.
+//! input and damping, a residual load: the effect of small errors in the recorded joints. The size of that load follows
+//! from the model ([`posture_error`]) and from the joint error, which is a setting. Inputs decay to a mean about which
+//! they vary with a given spread, so one that no measurement observes stays at its mean, and no bounds are needed near
+//! plausible values. An axis whose angular velocity departs from its prediction is awake ([`activity`]): its inputs may
+//! then change quickly.
 //!
-//! The errors are 21 coordinates ([`state`]). They are propagated over an interval by derivatives that the model
-//! supplies ([`transition`]) and updated channel by channel ([`measurement`], [`update`]), each channel behind a gate.
-//! [`watch`] compares the innovations with their error bars and reports when the error bars cannot be trusted.
+//! The error of the state has 21 coordinates ([`state`]). They are propagated over an interval by derivatives that the
+//! model supplies ([`transition`]) and updated channel by channel ([`measurement`], [`update`]), each channel behind a
+//! gate. [`watch`] compares the innovations with their error bars and reports when the error bars cannot be trusted.
 
 pub mod activity;
 pub mod estimate;
@@ -78,7 +78,7 @@ pub struct MotionFilter<T: Real, P: Propagation<T>> {
     interval: Option<P::Interval>,
     /// Motion to start from, until the first interval gives the joint rates.
     start: Option<Motion<T>>,
-    /// The last interval in full. Its size keeps it here rather than on the stack of an update.
+    /// The last interval in full, kept here because it is too large for the stack of an update.
     sample: PostureSample<T>,
     posture: Posture<T>,
     /// Samples since the last interval ended.
@@ -94,7 +94,7 @@ pub struct MotionFilter<T: Real, P: Propagation<T>> {
 }
 
 impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
-    /// Creates a filter that starts with the motion and posture of sample 0, whose errors are those of the sensors.
+    /// Creates a filter that starts with the motion and posture of sample 0, taken to be as accurate as the sensors.
     ///
     /// # Errors
     /// Returns an error if the settings are invalid or the start is not finite.
@@ -157,7 +157,7 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         &self.dynamics
     }
 
-    /// Returns the model for changes: the limb groups may change during a flight.
+    /// Returns the model mutably, so that the limb groups can be changed during a flight.
     pub fn dynamics_mut(&mut self) -> &mut Dynamics<T> {
         &mut self.dynamics
     }
@@ -515,7 +515,7 @@ mod tests {
     fn a_sensor_that_repeats_itself_is_reported_and_ignored() {
         let mut held = None;
         let (filter, estimate) = filtered(6, 0.3, |k, seen, _| {
-            // The noise of a sensor, in the last bits only.
+            // Sensor noise that affects the last bits only.
             let jitter = 1e-9 * f64::from(k % 7);
             seen.velocity = seen.velocity.map(|v| v + Vector::new(jitter, 0.0, 0.0));
             if k > 480 {

@@ -25,7 +25,7 @@ pub struct Preset {
     pub measurement: MeasurementModel,
     /// Limbs that produce the muscle input; the [`Dynamics`](crate::dynamics::Dynamics) must use the same.
     pub muscles: MuscleModel,
-    /// Initial state.
+    /// Initial state (dimensionless), within the bounds.
     pub state: [f32; STATES],
     /// Initial standard deviation; a larger one lets the first measurements change the state more.
     pub deviation: [f32; STATES],
@@ -35,13 +35,14 @@ pub struct Preset {
     pub low: [f32; STATES],
     /// Upper bounds of the state.
     pub high: [f32; STATES],
-    /// Weight of the central sigma point, W_0; a larger one spreads the other points wider.
+    /// Weight of the central sigma point, W_0, 0 to 0.99; a larger one spreads the other points wider.
     pub central_weight: f32,
-    /// Reflection factor k of paper eq. (movepukf).
+    /// Share by which a sigma point beyond a bound is reflected if the state is at that bound, 0 to 1: k of paper eq.
+    /// (movepukf).
     pub reflection: f32,
     /// Sample rate (Hz).
     pub sample_rate: f32,
-    /// N_pred: number of samples from the start of a prediction to the measurement it is compared with.
+    /// N_pred: number of samples from the start of a prediction to the measurement with which it is compared.
     pub prediction_window: usize,
     /// N_solve: number of samples from one update to the next.
     pub solution_window: usize,
@@ -159,7 +160,7 @@ impl Preset {
         PRESETS.iter().find(|preset| preset.name == name)
     }
 
-    /// Multiplies the process noise Q, the measurement noise R and the initial variances P0.
+    /// Multiplies the process noise Q, the measurement noise R and the initial variances P0 by these factors.
     pub fn scale(&mut self, process: f32, measurement: f32, start: f32) {
         self.process_noise_rate = self.process_noise_rate.map(|rate| rate * process);
         self.deviation = self.deviation.map(|deviation| deviation * start.root());

@@ -148,7 +148,7 @@ mod tests {
 
     #[test]
     fn the_trace_keeps_its_bits() {
-        // A change of these numbers means that the results of a unit change: update them only for a reason.
+        // If these numbers change, so do the results of every unit: update them only on purpose.
         let body = reference_body().cast();
         let reduced = hash::<Reduced, 30>(&body, 100).unwrap();
         let full = hash::<Full, 60>(&body, 8).unwrap();

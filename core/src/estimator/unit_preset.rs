@@ -17,8 +17,8 @@ pub enum UnitPreset {
 pub const MOTION_NAME: &str = "auto";
 
 impl UnitPreset {
-    /// Returns the preset with this number: first those of [`PRESETS`], then the motion filter with each of the limb
-    /// groups of [`MODELS`]. New presets must be appended.
+    /// Returns the preset with this number, or `None` if there is none: first come those of [`PRESETS`], then the
+    /// motion filter with each of the limb groups of [`MODELS`]. New presets must be appended.
     pub fn of(number: usize) -> Option<Self> {
         if let Some(preset) = PRESETS.get(number) {
             return Some(Self::Windows(*preset));
@@ -30,7 +30,8 @@ impl UnitPreset {
         ))
     }
 
-    /// Returns the number of a preset by name; `auto` is the motion filter with `muscles`.
+    /// Returns the number of the preset with this name; `auto` is the motion filter with `muscles`. Returns `None` if
+    /// there is no such preset, or if the motion filter has none for these limb groups.
     pub fn number(name: &str, muscles: &MuscleModel) -> Option<usize> {
         if name == MOTION_NAME {
             let mut models = MODELS.iter();

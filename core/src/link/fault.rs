@@ -90,7 +90,7 @@ enum Kind {
     Slip,
 }
 
-/// Passes on frames with injected faults.
+/// Passes frames on, injecting faults into some of them.
 #[derive(Debug, Clone)]
 pub struct Injector {
     faults: Faults,
@@ -141,7 +141,7 @@ impl Injector {
         }
     }
 
-    /// Sends a frame that is still held back, to be called at the end of a stream.
+    /// Sends the frame that is still held back, if there is one. Call it at the end of a stream.
     pub fn flush(&mut self, mut line: impl FnMut(&[u8])) {
         let length = core::mem::take(&mut self.held_length);
         if length > 0 {

@@ -4,10 +4,10 @@
 //!
 //! `sent == used + rejected + dropped_oldest + queued + late + damaged + lost`
 //!
-//! A duplicate is a second arrival of a number whose fate is already known, so it is counted with the frames:
-//! `sent + duplicate` frames were carried. Damaged and lost together are the numbers that never arrived. A damaged frame does
-//! not reveal its number, so as many missing numbers as there were damaged frames are counted as damaged. All sums
-//! hold modulo 2^32: counters and numbers wrap together.
+//! A duplicate is a second arrival of a number whose fate is already known, so it is counted with the frames, of which
+//! `sent + duplicate` were carried. Damaged and lost together are the numbers that never arrived. A damaged frame does
+//! not reveal its number, so as many missing numbers as there were damaged frames are counted as damaged. All sums hold
+//! modulo 2^32: counters and numbers wrap together.
 
 use core::fmt;
 
@@ -19,7 +19,7 @@ const WINDOW: u32 = u128::BITS;
 pub enum Arrival {
     /// The sample is newer than all before; `skipped` numbers in front of it are missing.
     New {
-        /// Number of skipped numbers.
+        /// How many numbers were skipped.
         skipped: u32,
     },
     /// A later sample arrived first: too late for a filter that only moves forward.

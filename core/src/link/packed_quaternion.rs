@@ -1,16 +1,16 @@
-//! Rotations in 48 bits.
+//! Rotations packed into 48 bits.
 
 use nalgebra::{Quaternion, UnitQuaternion};
 
 use super::wire::{BadValue, Reader, Wire, Writer};
 use crate::math::{self, Real};
 
-/// Counts for the largest magnitude of a component other than the largest, 1/sqrt(2).
+/// Counts for 1/sqrt(2), the largest magnitude that any component but the largest can have.
 const COMPONENT_COUNTS: i32 = 16_383;
 /// Counts for a component equal to one.
 const COUNTS_PER_UNIT: f32 = 23_169.06;
 /// In a unit quaternion, the squares of the three components other than the largest sum to at most 3/4; rounding each
-/// to half a count adds less than the second term.
+/// by up to half a count adds less than the second term.
 const SQUARES_MAX: i32 = COMPONENT_COUNTS * COMPONENT_COUNTS / 2 * 3 + 40_000;
 
 /// A rotation in 48 bits: the three smaller components of its quaternion in 15 bits each.

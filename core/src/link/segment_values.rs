@@ -165,7 +165,8 @@ impl SegmentTable {
         checksum(rows.values().flatten().map(<[u8; _]>::as_slice))
     }
 
-    /// Returns the body of stature `height` (m), if the table is complete and matches `digest`.
+    /// Returns the body, of stature `height` (m), if the table is complete, matches `digest` and describes a possible
+    /// body.
     ///
     /// # Errors
     /// Returns an error with the verdict to send back.

@@ -19,7 +19,7 @@ const ARMS_AHEAD: &JointAngles = &[
 /// Straight body, arms at the sides.
 const STRAIGHT: &JointAngles = &[];
 
-/// One way for some seconds, then the other way.
+/// Amount of a pattern (rad) that is held one way for some seconds, then the other way.
 const TO_AND_FRO: Knots<f64> = &[
     (1.0, 0.0),
     (2.0, 0.25),

@@ -1,8 +1,8 @@
 //! The paper's fourteen transitions between belly and back to earth, in its order ("Transition Maneuvers").
 //!
-//! Each is one pulse of posture, muscle input and damping. The only criteria in the search for their sizes were that
-//! the body goes over once, in the direction named by the paper, and comes to rest, for people of 62 to 90 kg who
-//! sway, with and without a rig.
+//! Each is one pulse of posture, muscle input and damping. The sizes of the pulses were found by a search with only two
+//! criteria: the body must go over once, in the direction named by the paper, and come to rest. Both must hold for
+//! people of 62 to 90 kg who sway, with and without a rig.
 
 use super::base::{BELLY, about};
 use super::{Maneuver, Track};
@@ -10,13 +10,14 @@ use crate::axis::AxisCoefficients;
 use crate::body::Segment;
 use crate::body::pattern::{DRAW_IN_LEFT, JointAngles, STRETCH, TO_BACK};
 
-/// Time of the first transition, and from each to the next (s).
+/// Time of the first transition (s).
 const FIRST: f64 = 2.0;
+/// Time from one transition to the next (s).
 const EVERY: f64 = 3.2;
 /// Rise and fall time of a pulse (s).
 const RISE: f64 = 0.3;
 
-/// How the body goes over: amounts of the patterns of [`TRACKS`] (rad), and inputs.
+/// How the body goes over: the amounts of the patterns in [`TRACKS`] (rad) and the inputs.
 #[derive(Clone, Copy)]
 struct Way {
     joints: [f64; 5],
@@ -222,7 +223,7 @@ const TRACKS: &[Track] = &[
     track(STRETCH, &const { joint(4) }),
 ];
 
-/// Duration 48 s, starting and ending belly to earth.
+/// The paper's fourteen transitions in one flight of 48 s that starts and ends belly to earth.
 pub const FOURTEEN_TRANSITIONS: Maneuver = Maneuver {
     name: "fourteen-transitions",
     summary: "the paper's order of flips, loops, rolls and layouts, one of which fails",

@@ -65,7 +65,7 @@ mod tests {
             for packet in 0..4 {
                 let ticks = start + packet * 100;
                 assert_eq!(clock.time(reading(ticks)), ticks * 100, "{wrap} {packet}");
-                // A GNSS solution 2.49 s old, in between.
+                // In between comes a GNSS solution that is 2.49 s old.
                 let old = ticks - 24_906;
                 assert_eq!(clock.time(reading(old)), old * 100, "{wrap} {packet}");
             }

@@ -17,7 +17,7 @@ pub enum MomentArm<T: Real> {
     Width,
     /// Length of the segment. With Cm = 3.5, the body is three to four times as stiff in pitch.
     Length,
-    /// A share of the segment's length.
+    /// A share of the segment's length, 0.001 to 10.
     FractionOfLength(T),
 }
 

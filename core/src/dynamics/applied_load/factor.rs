@@ -64,7 +64,7 @@ pub enum Factor<T> {
 }
 
 impl<T: Real> Factor<T> {
-    /// Returns the value of the factor.
+    /// Returns the value of the factor at this instant (dimensionless).
     pub fn at(&self, now: &Instant<'_, T>) -> T {
         match *self {
             Self::Speed { reference } => now.through_air.norm_squared().root() / reference,
@@ -80,7 +80,8 @@ impl<T: Real> Factor<T> {
                 let joint = now.posture.parent_from_segment(segment);
                 let imaginary = joint.imag();
                 let sine = imaginary.norm_squared().root();
-                // The rotation vector is twice the half angle along the axis; its limit is twice the imaginary part.
+                // The rotation vector is twice the half angle along the axis; for a small rotation it is twice the
+                // imaginary part.
                 let stretch = if sine > T::of(1e-6) {
                     wrap_angle(sine.arctangent2(joint.w) * T::of(2.0)) / sine
                 } else {

@@ -6,14 +6,14 @@ use crate::body::posture::Posture;
 use crate::dynamics::Motion;
 use crate::math::Real;
 
-/// An axis of a frame.
+/// An axis of a frame. A segment's axes are parallel to the body's in the H-pose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Axis {
-    /// The first axis.
+    /// First axis: left in the body frame, north in the inertial frame.
     X,
-    /// The second axis.
+    /// Second axis: dorsal (back) in the body frame, west in the inertial frame.
     Y,
-    /// The third axis.
+    /// Third axis: cranial (head) in the body frame, up in the inertial frame.
     Z,
 }
 

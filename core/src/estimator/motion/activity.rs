@@ -1,7 +1,7 @@
 //! Detects which axes the skydiver moves deliberately, and when an angular velocity is informative about damping.
 //!
 //! Muscle input is mostly zero, with occasional pushes within a tenth of a second, which no single spread fits. Inputs
-//! are therefore quiet until the innovations of an axis' angular velocity have the same sign for several samples, or a
+//! are therefore quiet until the innovations of an axis's angular velocity have the same sign for several samples, or a
 //! mean over a second that differs from zero by more than chance allows.
 
 use nalgebra::Vector3;
@@ -12,11 +12,11 @@ use crate::math::{Real, clamp};
 
 /// Time over which innovations are averaged (s); a longer one detects smaller inputs, but later.
 const WINDOW: f64 = 0.05;
-/// Averaging time for inputs that start slowly (s), and the number of standard deviations of that mean at which an
-/// axis wakes up.
+/// Averaging time for inputs that start slowly (s).
 const LONG_WINDOW: f64 = 1.0;
+/// Number of standard deviations of the mean over [`LONG_WINDOW`] at which an axis wakes up.
 const LONG_THRESHOLD: f64 = 4.5;
-/// Time constant of the smoothed angular velocity that is compared to infer damping (s).
+/// Time constant of the smoothed angular velocity used by [`Activity::damping_trust`] (s).
 const SLOW: f64 = 0.3;
 
 /// Activity of each axis: pitch, yaw, roll.

@@ -1,4 +1,4 @@
-//! Measurements of the motion: single channels, each with its derivative by the error coordinates.
+//! Measurements of the motion: single channels, each with its derivative with respect to the error coordinates.
 
 use nalgebra::{SVector, Vector3};
 
@@ -59,8 +59,8 @@ impl Noise<f32> {
 impl<T: Real> Noise<T> {
     /// Returns the variance of a channel for a body rotating at `spin` (rad/s, body axes).
     ///
-    /// Recordings give the angular velocity in inertial axes. It is rotated into body axes by the measured attitude,
-    /// whose error `n` adds an error of `n x spin`: in a fast turn more than the noise of the gyroscopes.
+    /// Recordings give the angular velocity in inertial axes. The measured attitude rotates it into body axes, so an
+    /// attitude error `n` adds an error of `n x spin`, which in a fast turn exceeds the noise of the gyroscopes.
     #[inline]
     pub fn variance(&self, channel: usize, spin: &Vector3<T>) -> T {
         let deviation = match channel {
@@ -132,7 +132,7 @@ impl<T: Real> MotionMeasurement<T> {
 pub struct Row<T: Real> {
     /// Measured minus predicted.
     pub innovation: T,
-    /// Derivative by the error coordinates of attitude, velocity and angular velocity.
+    /// Derivative of the prediction with respect to the error coordinates of attitude, velocity and angular velocity.
     pub slope: SVector<T, 9>,
 }
 
@@ -155,8 +155,8 @@ pub struct Prediction<T: Real> {
     pub motion: Motion<T>,
     velocity: Vector3<T>,
     rotation: nalgebra::Matrix3<T>,
-    /// Velocity of the centre of gravity relative to the pelvic joint, in body axes, for the derivative by the
-    /// attitude.
+    /// Velocity of the centre of gravity relative to the pelvic joint, in body axes, for the derivative with respect to
+    /// the attitude.
     offset: Vector3<T>,
     cg: Vector3<T>,
 }
@@ -206,7 +206,7 @@ impl<T: Real> Prediction<T> {
                 let speed = measured.horizontal_speed?;
                 let [x, y] = [self.velocity.x, self.velocity.y];
                 let predicted = (x * x + y * y).root();
-                // For a vertical fall the speed has no horizontal direction to be measured along.
+                // In a vertical fall the horizontal speed has no direction along which to differentiate.
                 let inverse = if predicted > T::of(0.1) {
                     T::one() / predicted
                 } else {

@@ -1,4 +1,4 @@
-//! Effect of errors in the recorded joints on the loads, from the model; this is the source of the residual load.
+//! Effect of errors in the recorded joints on the loads, computed from the model; such errors cause the residual load.
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
@@ -12,10 +12,10 @@ use crate::math::{Real, small_rotation};
 /// Number of joint axes, three for each segment except the pelvis.
 pub const JOINT_AXES: usize = 45;
 
-/// Variance added to each component (m4, m6).
+/// Variance added to each component of a load's covariance (m4 for forces, m6 for moments).
 const COVARIANCE_FLOOR: f64 = 1e-6;
 
-/// Joint rotation for which the loads are compared (rad).
+/// Joint rotation over which the change of the loads is taken (rad).
 const TURN: f64 = 0.03;
 
 /// Sensitivity of force and moment, divided by the dynamic pressure, to an error of 1 rad in each joint axis, from the
@@ -24,8 +24,7 @@ const TURN: f64 = 0.03;
 pub struct PostureError<T: Real> {
     columns: [SVector<T, 6>; JOINT_AXES],
     covariance: SMatrix<T, 6, 6>,
-    /// Covariance of the inertia (kg2 m4), in the order xx, xy, xz, yy, yz, zz, and the sum under way for the next
-    /// one.
+    /// Covariance of the inertia (kg2 m4), in the order xx, xy, xz, yy, yz, zz, and the partial sum for the next one.
     inertia: [SMatrix<T, 6, 6>; 2],
     next: usize,
 }
@@ -41,13 +40,14 @@ impl<T: Real> PostureError<T> {
         }
     }
 
-    /// Covariance of the aerodynamic load if every joint axis has a standard deviation of 1 rad.
+    /// Covariance of the aerodynamic load divided by the dynamic pressure (m4 for the force, m6 for the moment), if
+    /// every joint axis has a standard deviation of 1 rad.
     pub fn covariance(&self) -> &SMatrix<T, 6, 6> {
         &self.covariance
     }
 
-    /// Covariance of the moment that the body's rotation requires, divided by the dynamic pressure (m6), if every
-    /// joint axis has a standard deviation of 1 rad. In fast turns it exceeds that of the aerodynamic moment.
+    /// Covariance of the moment that the body's rotation requires, divided by the dynamic pressure (m6), if every joint
+    /// axis has a standard deviation of 1 rad. In fast turns it exceeds the covariance of the aerodynamic moment.
     pub fn turning_covariance(&self, dynamics: &Dynamics<T>, motion: &Motion<T>) -> Matrix3<T> {
         let spin = motion.angular_velocity.components;
         let scale = T::one() / flow(dynamics, motion).dynamic_pressure;
@@ -60,7 +60,7 @@ impl<T: Real> PostureError<T> {
         by_inertia * self.inertia[0] * by_inertia.transpose()
     }
 
-    /// Recomputes all axes, for a posture in motion.
+    /// Recomputes all axes for a body that holds `posture` and moves as `motion`. `sample` is scratch space.
     pub fn renew(
         &mut self,
         dynamics: &Dynamics<T>,

@@ -21,11 +21,11 @@ pub struct MotionPreset {
     pub muscle: [f32; 3],
     /// Correlation time of the muscle input (s); a longer one makes the estimate smoother and slower.
     pub muscle_time: f32,
-    /// Mean of the damping coefficients.
+    /// Mean of the damping coefficients, to which they decay (dimensionless).
     pub damping: [f32; 3],
-    /// Standard deviations of the damping coefficients.
+    /// Standard deviations of the damping coefficients; larger ones let them move further from the mean.
     pub damping_deviation: [f32; 3],
-    /// Correlation time of the damping (s).
+    /// Correlation time of the damping (s); with a longer one it changes more slowly.
     pub damping_time: f32,
     /// Standard deviations of muscle input and of damping while an axis is moved deliberately.
     pub awake: [f32; 2],
@@ -39,7 +39,7 @@ pub struct MotionPreset {
     /// Standard deviation of the recorded joints, each axis (rad); a larger one attributes more of the loads to joint
     /// errors.
     pub joint_error: f32,
-    /// Correlation time of the joint errors (s).
+    /// Correlation time of the joint errors (s); with a longer one the residual load changes more slowly.
     pub joint_error_time: f32,
     /// Rate at which the joints' load decorrelates as the airstream turns about the body (1/rad).
     pub turn_rate: f32,
@@ -47,7 +47,7 @@ pub struct MotionPreset {
     pub acceleration_noise: f32,
     /// Angular acceleration that the model misses, as white noise (rad/s2 per root Hz).
     pub angular_acceleration_noise: f32,
-    /// Innovation gate: number of standard deviations from the prediction beyond which a channel is rejected.
+    /// Innovation gate: number of standard deviations beyond which a channel is rejected; must be positive.
     pub gate: f32,
     /// Sample rate (Hz).
     pub sample_rate: f32,
@@ -119,9 +119,9 @@ impl MotionPreset {
     }
 }
 
-/// Assumed share of time in which muscles act deliberately, and the number of standard deviations at which that is
-/// noticed.
+/// Assumed share of time in which muscles act deliberately.
 const ON_PURPOSE: f64 = 0.25;
+/// Number of standard deviations at which deliberate input is noticed.
 const NOTICED: f64 = 2.0;
 
 /// Evolution of the inputs over one interval: they decay to their mean and are driven by noise.
@@ -403,7 +403,7 @@ mod tests {
             let known = deviation * deviation;
             (known + process.unnoticed(1, known, activity)).root()
         };
-        // Nothing was observed: an input of three, a quarter of the time.
+        // With nothing observed: as uncertain as an input of three during a quarter of the time.
         let unseen = stated(0.3, 0.0);
         assert!((1.4..1.6).contains(&unseen), "{unseen}");
         // An input known to a tenth becomes hardly less certain, and an awake axis already expects large inputs.

@@ -1,4 +1,4 @@
-//! The state of the filter, which is the motion and its inputs, and the difference of two states.
+//! The state of the filter, which is the motion and its inputs, and the difference between two states.
 
 use nalgebra::{SMatrix, SVector, Vector3};
 
@@ -30,7 +30,8 @@ pub const RESIDUAL_FORCE: usize = 15;
 /// Index of the residual moment (m3, body axes).
 pub const RESIDUAL_MOMENT: usize = 18;
 
-/// A small difference of two states, with the indices of the constants of this module.
+/// A small difference between two states, indexed by the constants of this module ([`ATTITUDE`] to
+/// [`RESIDUAL_MOMENT`]).
 pub type Difference<T> = SVector<T, STATES>;
 
 /// Covariance of the error coordinates.

@@ -21,7 +21,7 @@ pub type MotionSlope<T> = SMatrix<T, MOTION_STATES, STATES>;
 /// damping.
 const ERRORS: [f32; 5] = [0.01, 0.5, 0.05, 0.25, 0.5];
 
-/// Runs the model from `start` over an interval of `duration` (s); gives the state at its end and the derivatives.
+/// Runs the model from `start` over an interval of `duration` (s); returns the state at its end and the derivatives.
 #[inline(never)]
 pub fn fly<T: Real>(
     dynamics: &Dynamics<T>,
@@ -198,7 +198,7 @@ mod tests {
             let found = end.difference(&side, &interval);
             let expected = slope * error;
             for row in 0..MOTION_STATES {
-                // The derivative by a residual load neglects the damping over one interval.
+                // The derivative with respect to a residual load neglects the damping over one interval.
                 let tolerance = 0.06 * expected.norm() + 1e-9;
                 let gap = (found[row] - expected[row]).abs();
                 assert!(

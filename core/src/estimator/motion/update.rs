@@ -54,7 +54,8 @@ pub fn keep_positive<T: Real>(covariance: &mut SMatrix<T, STATES, STATES>) -> bo
     changed
 }
 
-/// Updates difference and covariance with an innovation; `spread` is the one returned by [`innovation`].
+/// Updates the difference `moved` and the covariance with an innovation; `spread` is the vector that [`innovation`]
+/// returned.
 pub fn take<T: Real>(
     covariance: &mut SMatrix<T, STATES, STATES>,
     moved: &mut Difference<T>,

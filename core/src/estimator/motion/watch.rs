@@ -1,4 +1,4 @@
-//! Judges whether the filter's error bars are right, from about a second of innovations of each channel.
+//! Judges from about a second of innovations of each channel whether the filter's error bars are right.
 //!
 //! If model and noise match reality, normalised innovations have a mean square of one and are independent of each
 //! other. A mean square above one means that an error bar is too small; correlation means that the filter lacks
@@ -44,9 +44,9 @@ impl Consistency {
 pub const MEAN_SQUARE: [f32; 2] = [2.0, 6.0];
 /// Correlation of consecutive innovations above which a channel is doubtful, and above which it is lost.
 const CORRELATION: [f32; 2] = [0.4, 0.8];
-/// Share of rejected innovations, with the same meaning.
+/// Share of rejected innovations above which a channel is doubtful, and above which it is lost.
 const REJECTED: [f32; 2] = [0.05, 0.3];
-/// Time for which the sensor has repeated its value (s), with the same meaning.
+/// Time (s) after which a channel whose sensor repeats its value is doubtful, and after which it is lost.
 const REPEATED: [f32; 2] = [BELIEVED, 1.0];
 
 /// Statistics of one channel.
@@ -86,7 +86,7 @@ impl<T: Real> ChannelWatch<T> {
     fn take(&mut self, normalised: T, rejected: bool, share: T) {
         self.seen = true;
         let one = T::one();
-        // A wild value has no more effect than a rejected one.
+        // An outlier counts no more than a value ten standard deviations off.
         let limit = T::of(10.0);
         let value = crate::math::clamp(normalised, -limit, limit);
         self.mean_square += (value * value - self.mean_square) * share;
