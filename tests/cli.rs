@@ -76,7 +76,7 @@ fn a_synthetic_flight_is_reconstructed_to_the_noise() {
     let report = json(&["simulate", &flight]);
     let rms = |channel: &str| report["rms"][channel].as_f64().expect(channel);
     let amplitude = |channel: &str| report["amplitude"][channel].as_f64().expect(channel);
-    // The paper's noise: 0.01 rad, 0.03 rad/s per axis, 0.1 and 1 m/s.
+    // The paper's noise is 0.01 rad in attitude, 0.03 rad/s about each axis, and 0.1 and 1 m/s in velocity.
     assert!(
         rms("roll_rad") < 0.02 && rms("pitch_rad") < 0.02,
         "{report}"

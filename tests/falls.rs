@@ -408,7 +408,7 @@ fn public_falls_are_divided_as_a_person_does_and_explained() {
         let area = number(&report["drag_area_m2"]);
         assert!((0.08..0.9).contains(&area), "{name}: {area} m2");
     }
-    // A normal distribution has 68 and 95 % within one and two standard deviations.
+    // Of a normal distribution, 68 % lie within one standard deviation and 95 % within two.
     let [made, within_one, within_two] = trials;
     assert!(made > 50.0, "{trials:?}");
     assert!((0.6..0.9).contains(&(within_one / made)), "{trials:?}");

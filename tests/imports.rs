@@ -81,7 +81,7 @@ fn mapping(head: &str, parts: &str) -> String {
 #[test]
 fn a_flight_survives_quaternions_of_either_handedness_and_order() {
     let folder = tempfile::tempdir().expect("a folder");
-    // As a suit writes them: relative to the T-pose, X forward, Y left, Z up, scalar first, in earth axes.
+    // Quaternions as a suit writes them: relative to the T-pose, X forward, Y left, Z up, scalar first, in earth axes.
     let table = quaternions("wxyz", |frame| {
         xsens::mvn_orientations(frame.pelvis.inertial_from_body, &frame.posture)
             .map(|_, turned| *turned.quaternion())
@@ -95,7 +95,8 @@ fn a_flight_survives_quaternions_of_either_handedness_and_order() {
         "{angles:?}, {places} m"
     );
 
-    // As a game engine writes them: left-handed, X right, Y up, Z forward, scalar last, in the axes of the parent.
+    // Quaternions as a game engine writes them: left-handed, X right, Y up, Z forward, scalar last, in the axes of the
+    // parent.
     let body_axes = Matrix3::from_columns(&[-Vector3::x(), Vector3::z(), -Vector3::y()]);
     let world_axes = Matrix3::from_columns(&[-Vector3::y(), Vector3::z(), Vector3::x()]);
     let table = quaternions("xyzw", |frame| {
@@ -252,7 +253,7 @@ fn a_mistake_in_axes_is_detected() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = bvh::written(&xsens::t_pose(), str::to_owned);
     let out = plain(&folder.path().join("out")).to_owned();
-    // Y and Z exchanged, as another program might write them.
+    // The file with Y and Z exchanged, as another program might write it.
     let tilted = file.replace("OFFSET ", "OFFSET  ");
     let tilted: String = tilted
         .lines()

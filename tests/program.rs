@@ -10,7 +10,7 @@ use serde_json::Value;
 pub struct Program(pub &'static str);
 
 impl Program {
-    /// Runs it.
+    /// Runs the program with these arguments.
     pub fn run(self, arguments: &[&str]) -> Output {
         Command::new(self.0)
             .args(arguments)

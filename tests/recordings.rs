@@ -266,7 +266,7 @@ fn written_files_are_read_back() {
     let frames: Vec<FlightFrame> = recording.collect::<Result<_, _>>().expect("good frames");
     assert_eq!(frames.len(), 200);
     for (found, expected) in frames.iter().zip(script(200)) {
-        // Six decimals, as MVN prints.
+        // The file has six decimals, like those of MVN.
         assert!(largest_joint_error(&found.posture, &expected.posture) < 1e-5);
         let pelvis = (&found.pelvis, &expected.pelvis);
         assert!((pelvis.0.position - pelvis.1.position).norm() < 2e-6);

@@ -13,7 +13,7 @@ use bodyflight_tests::arm_swing::RATE;
 use soak::host::{Host, Totals};
 use soak::memory::resident;
 
-/// Probability of each of these events per minute.
+/// Probabilities that in a given minute the unit restarts, the host restarts, and the line's faults change.
 const UNIT_RESTARTS: f32 = 0.2;
 const HOST_RESTARTS: f32 = 0.2;
 const NEW_FAULTS: f32 = 0.5;

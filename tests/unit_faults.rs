@@ -137,7 +137,7 @@ fn estimates_are_back_within_noise_half_a_second_after_the_faults() {
         assert_eq!(status.accounted(), sent);
         assert!(status.missing > 30 && status.crc_bad > 10);
         assert!(found.iter().all(|e| e.state.iter().all(|x| x.is_finite())));
-        // After half a second of clean samples. Updates may refer to other samples than in the clean flight.
+        // Compared after half a second of clean samples. Updates may refer to other samples than in the clean flight.
         let from = 5 * RATE + RATE / 2;
         let mut compared = 0;
         for estimate in found.iter().filter(|e| e.sample_sequence >= from) {
@@ -156,7 +156,8 @@ fn estimates_are_back_within_noise_half_a_second_after_the_faults() {
 
 #[test]
 fn ten_minutes_of_garbage_leave_the_unit_answering() {
-    // As many bytes as a line of 460800 baud carries in ten minutes, unless the environment sets another amount.
+    // The unit receives as many bytes as a line of 460800 baud carries in ten minutes; the environment can set another
+    // time.
     let minutes = std::env::var("BODYFLIGHT_GARBAGE_MIN").map_or(10, |text| text.parse().unwrap());
     let mut unit = running();
     let mut random = Random::new(4);

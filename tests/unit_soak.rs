@@ -32,7 +32,7 @@ const CYCLES: u32 = 312_345;
 const HOURS: f64 = 0.1;
 /// Number of parts of the flight that are evaluated separately.
 const PARTS: u32 = 6;
-/// Intervals (samples) at which one is lost, duplicated, or swapped with the next.
+/// One sample in this many is lost, sent twice, or swapped with the next.
 const LOST: u32 = 997;
 const TWICE: u32 = 1009;
 const SWAPPED: u32 = 1013;

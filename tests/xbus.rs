@@ -171,7 +171,7 @@ fn a_recording_that_starts_inside_a_packet_is_decoded_completely() {
         }
     }
     assert_eq!((solutions, measured), (190, 4746));
-    // 100 Hz without gaps.
+    // The samples come at 100 Hz, without gaps.
     assert!(times.windows(2).all(|pair| pair[1] - pair[0] == 10_000));
     assert_eq!(times[times.len() - 1] - times[0], 47_450_000);
 }

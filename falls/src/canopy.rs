@@ -9,7 +9,7 @@ use crate::wind::Wind;
 const PART: f64 = 30.0;
 const STRIDE: f64 = 15.0;
 
-/// Widest gap between the headings of a circle (rad).
+/// Widest gap between neighbouring headings in a part that still counts as a circle (rad).
 const GAP: f64 = 1.4;
 
 /// Range of a canopy's horizontal airspeed (m/s).

@@ -24,7 +24,7 @@ const JITTER: f64 = 0.03;
 /// Shortest length of a piece (s).
 const LEAST: f64 = 3.0;
 
-/// Penalty of a piece: number of logarithms of the number of blocks per fitted value.
+/// Penalty of a piece for each fitted value, as a multiple of the logarithm of the number of blocks.
 const PRICE: f64 = 3.0;
 
 /// Glide ratio from which lift is fitted too: tracking suits, wingsuits.

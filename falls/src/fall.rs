@@ -15,7 +15,7 @@ use crate::verdict::{Evidence, LEAST, PLAUSIBLE, Verdict, judged};
 use crate::wind::{Profile, Wind, wind};
 use crate::{Sample, median, slopes};
 
-/// Number of iterations of estimating wind from drag and drag from wind.
+/// Number of times that wind is estimated from drag and drag from wind in turn.
 const ROUNDS: usize = 4;
 
 /// Time after the exit in which the fall still accelerates (s).

@@ -61,7 +61,7 @@ impl Phase {
 /// angle of the flight path below the horizon (rad), logarithm of the drag factor (of m2/kg).
 const FEATURES: usize = 6;
 
-/// Distance of each feature from its range that has a cost of one.
+/// Distance outside its range at which a feature has a cost of one; the cost grows with the square of the distance.
 const SCALES: [f64; FEATURES] = [2.0, 4.0, 4.0, 1.2, 0.09, 0.15];
 
 /// Largest cost of one feature of one sample, so that no single bad sample is decisive.
@@ -128,7 +128,7 @@ const STEPS: [[f64; COUNT]; COUNT] = {
         [NEVER, ODD, 0.0, USUAL, USUAL, ODD],
         [NEVER, NEVER, SELDOM, 0.0, USUAL, ODD],
         [NEVER, NEVER, NEVER, SELDOM, 0.0, USUAL],
-        // A canopy that is cut away.
+        // A canopy that is cut away leads back to an exit.
         [USUAL, NEVER, ODD, NEVER, SELDOM, 0.0],
     ]
 };
@@ -224,7 +224,7 @@ pub struct Times {
     pub fall: [f64; 2],
     /// Start of the deceleration by the canopy.
     pub opening: Option<f64>,
-    /// The canopy is open.
+    /// Time from which the canopy is open.
     pub canopy: Option<f64>,
     /// Landing under canopy.
     pub landing: Option<f64>,

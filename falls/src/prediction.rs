@@ -12,24 +12,24 @@ use crate::atmosphere::Atmosphere;
 use crate::drag::{Piece, upwards};
 use crate::wind::Profile;
 
-/// Longest step (s).
+/// Longest integration step (s).
 const STEP: f64 = 0.05;
 
-/// Largest error of a prediction that `held`, as a fraction of the fall rate.
+/// Largest error with which a prediction counts as held, as a fraction of the fall rate.
 const HOLDS: f64 = 0.05;
 
 /// Smallest change of drag, or of lift as a fraction of the drag, that counts as another posture: a tenth, which
 /// changes the fall rate by a twentieth.
 const CHANGE: f64 = 0.1;
 
-/// Smallest such change in combined deviations of both pieces.
+/// Number of combined standard deviations of both pieces that such a change must exceed as well.
 const CERTAIN: f64 = 3.0;
 
 /// Variation of the fall rate from one minute to the next within one posture, as a fraction.
 const BREATH: f64 = 0.02;
 
-/// Assumed change of the fall rate by a change of posture if none has been seen yet, as a fraction. Public falls are at
-/// about 53 m/s belly to earth and from 71 m/s on upright; this is half of that.
+/// Assumed change of the fall rate by a change of posture if none has been seen yet, as a fraction. Falls in public
+/// tracks reach about 53 m/s belly to earth and at least 71 m/s upright; this is half of the difference.
 const UNSEEN: f64 = 0.17;
 
 /// Outcome of a prediction.

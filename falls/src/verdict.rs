@@ -8,7 +8,7 @@ use crate::drag::Piece;
 /// Shortest fall that is judged (s).
 pub const LEAST: f64 = 8.0;
 
-/// Fewest seconds of a fall with a drag estimate.
+/// Fewest seconds with a drag estimate in a fall that is judged.
 const LEAST_BLOCKS: usize = 6;
 
 /// Largest difference between the measured and the simulated fall: root mean square of the vertical velocity, as a

@@ -131,7 +131,7 @@ impl Profile {
     }
 }
 
-/// Process noise for one axis.
+/// Strengths of the drive and of the wind's changes for one axis, and the noise of a measured velocity.
 #[derive(Clone, Copy)]
 struct Strengths {
     drive: f64,

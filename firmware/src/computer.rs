@@ -1,7 +1,7 @@
 //! The filter behind the link: samples in, estimates out.
 //!
-//! No input, output or clock: results depend only on the samples and their sensor times, so a desktop that runs a
-//! [`Computer`] over the same samples gets the same bits as the unit.
+//! There is no input, output or clock here: results depend only on the samples and their sensor times, so a desktop
+//! that runs a [`Computer`] over the same samples gets the same bits as the unit.
 
 mod filter;
 
@@ -27,7 +27,7 @@ const ASSUMED_FALL: [f32; 3] = [0.0, 0.0, -50.0];
 /// Samples per interval of the filter; the number of samples per update is a multiple of it.
 const STRIDE: usize = 2;
 
-/// Lowest sample rate (Hz): an interval of the filter is at most 50 ms.
+/// Lowest sample rate (Hz), at which the samples of one filter interval span 50 ms.
 const LOWEST_RATE: f32 = 40.0;
 
 /// Configuration of the computation.

@@ -33,7 +33,7 @@ impl Glance {
             heading: degrees(heading),
             pitch: degrees(pitch),
             roll: degrees(roll),
-            // Called by path: with the standard library linked, its own method would take precedence.
+            // Called by its path, since the standard library's own method takes precedence where it is linked.
             turn: degrees(F32Ext::sqrt(square)),
         }
     }

@@ -160,7 +160,7 @@ impl Record {
         let mut places = self.place.iter_mut().rev();
         let mut rest = line;
         for place in places.by_ref() {
-            // A digit.
+            // The remainder is a digit, so the conversion cannot fail.
             *place = b'0' + u8::try_from(rest % 10).unwrap_or_default();
             rest /= 10;
             if rest == 0 {

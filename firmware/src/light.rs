@@ -25,8 +25,8 @@ const SILENCE: u32 = 20;
 /// Steps for which a rejected measurement is shown.
 const REMEMBERED: u32 = 20;
 
-/// Flags with their patterns, of which the first flag that is set applies; a set bit is a step with light, the first
-/// step lowest.
+/// The pattern for each flag; the first flag that is set decides. Each bit of a pattern is a step, lowest bit first,
+/// and the light is on where the bit is set.
 const PATTERNS: [(EstimateFlags, u32); 6] = [
     (EstimateFlags::FAULT, FAST),
     (EstimateFlags::LOST, FAST),

@@ -197,7 +197,7 @@ impl<B: Board> Shared<'_, B> {
     }
 }
 
-/// Handles an error of a receiver.
+/// Counts an error of a receiver, and yields to the other tasks after several in a row.
 async fn after_error(errors: &mut u32) {
     *errors += 1;
     if errors.is_multiple_of(ERRORS_AT_ONCE) {

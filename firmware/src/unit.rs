@@ -55,13 +55,13 @@ pub struct Unit<B: Board> {
     deadline_missed: u32,
     cycles_max: u32,
     not_taken_in: u32,
-    /// Number of samples processed: now, and at the last heartbeat.
+    /// Number of samples processed so far, and up to the last heartbeat.
     worked: [u32; 2],
 }
 
 impl<B: Board> Unit<B> {
-    /// Creates a unit that waits for a host. Inlined so that it is built in place: most of it is buffers that are still
-    /// empty.
+    /// Creates a unit that waits for a host. Inlined so that the unit, which consists mostly of empty buffers, is built
+    /// in place rather than copied.
     #[inline(always)]
     pub fn new(board: B, identity: Identity) -> Self {
         Self {
@@ -157,7 +157,7 @@ impl<B: Board> Unit<B> {
                 Some(recorder) => recorder.ask(*action, *block),
                 None => self.answer_log(*block, &[]),
             },
-            // Sent by units only.
+            // Only units send these.
             Message::HelloAcknowledge(_)
             | Message::Configured(_)
             | Message::Credit(_)
@@ -220,7 +220,7 @@ impl<B: Board> Unit<B> {
         let running = self.session.as_ref();
         if !running.is_some_and(|session| session.number == number && session.runs(mode)) {
             if self.computer.configuration().is_none() {
-                // Without a configuration, answer with what is missing.
+                // Repeats the answer to the last configuration, which tells the host what is missing.
                 if let Some(asked) = self.asked {
                     self.configure(asked);
                 }

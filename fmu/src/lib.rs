@@ -18,9 +18,9 @@ use std::slice;
 use bodyflight::diagnostic::{Problem, Result};
 use bodyflight::verbs::fmu::skydiver::Skydiver;
 
-/// `fmi3OK`.
+/// Status of a successful call, `fmi3OK` in the standard.
 const OK: i32 = 0;
-/// `fmi3Error`.
+/// Status of a failed call, `fmi3Error` in the standard.
 const ERROR: i32 = 3;
 
 type Log = unsafe extern "C" fn(*mut c_void, i32, *const c_char, *const c_char);

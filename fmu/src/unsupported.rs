@@ -1,6 +1,6 @@
-//! The rest of the standard: every function must exist, and these report that they are not supported.
+//! Functions of the standard that a skydiver does not support. Every function must exist, so these return an error.
 //!
-//! Arguments are ignored, since in C the caller removes them from the stack.
+//! They are declared without parameters, which is harmless: in C, the caller removes its arguments from the stack.
 
 use std::ffi::c_void;
 use std::ptr;

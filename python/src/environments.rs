@@ -21,7 +21,8 @@ const TUMBLING: f32 = 15.0;
 /// Reward of the step in which an episode is terminated.
 const FALLEN: f32 = -10.0;
 
-/// What every task observes of the body: indices into [`OBSERVED`], and what the value is divided by.
+/// What every task observes of the body: indices into [`OBSERVED`], and the divisors that scale the values to about
+/// one.
 const SUIT: [(usize, f32); 13] = [
     (0, 1.0),
     (1, 1.0),
@@ -44,12 +45,12 @@ const GOAL: [&str; 4] = [
     "target_ahead_m",
     "target_left_m",
 ];
-/// Distance by which the place of the target is divided (m).
+/// Distance of the target that is scaled to one (m).
 const GOAL_SCALE: f32 = 10.0;
 /// Number of controls, over which the effort is averaged.
 #[expect(clippy::cast_precision_loss, reason = "there are eight controls")]
 const EFFORT: f32 = CONTROLS.len() as f32;
-/// Numbers in an observation.
+/// Number of components in an observation.
 const WIDTH: usize = SUIT.len() + GOAL.len();
 
 /// What is rewarded.
@@ -277,7 +278,7 @@ impl Environment {
         )
     }
 
-    /// From the body to the target: north, west (m).
+    /// Returns the way from the body to the target: north, west (m).
     fn way(&self, row: &Row) -> [f32; 2] {
         let [.., north, west, _, _, _] = *row;
         let [to_north, to_west] = self.target;

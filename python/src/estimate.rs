@@ -18,7 +18,7 @@ use crate::long::long;
 use crate::problem::{dictionary, raise, unknown, warn_of_doubt};
 use crate::simulate::is_single;
 
-/// Number of the estimated coefficients.
+/// Number of estimated coefficients.
 const INPUTS: usize = Row::COLUMNS.len() - 1;
 
 /// Estimates at n instants.

@@ -16,7 +16,7 @@ use bodyflight_viewer::cockpit::{CONTROLS, Control, Start};
 use bodyflight_viewer::setup::Setup;
 use nalgebra::{Quaternion, UnitQuaternion};
 
-/// Share of a control's range that a joint moves through in a second, as in the page.
+/// Most that the amount of a control, -1 to 1, changes in a second. The viewer's page has the same limit.
 const SPEED: f32 = 3.0;
 /// Height at which flights begin (m).
 const START_HEIGHT: f32 = 4000.0;

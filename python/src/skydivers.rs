@@ -40,7 +40,7 @@ pub(crate) const OBSERVED: [&str; 16] = [
 /// One row of observations, in the order of [`OBSERVED`].
 pub(crate) type Row = [f32; OBSERVED.len()];
 
-/// Least number of neighbouring skydivers that one thread flies in a run.
+/// Smallest number of neighbouring skydivers that a thread flies in one go, so that threads have enough to do.
 pub(crate) const RUN: usize = 64;
 
 /// n skydivers with one body, each in a flight of its own. An action holds a share, -1 to 1, of the range of each movement

@@ -66,7 +66,7 @@ fn round_trip(sent: &[FlightFrame]) -> Vec<FlightFrame> {
     let address = source.local_address().expect("an address").to_string();
     let mut sink = sink_to(&address);
     let mut received = Vec::new();
-    // In small batches, since a socket's buffer is limited.
+    // Frames are sent in small batches, since a socket's buffer is limited.
     for (lot, frames) in sent.chunks(4).enumerate() {
         for frame in frames {
             sink.send(frame).expect("sent");

@@ -3,7 +3,7 @@
 use crate::table::Made::{CtrlC, Edit, File, Folder, FullDisk, Nothing};
 use crate::table::{Mistake, mistake};
 
-/// Wrong calls.
+/// Mistakes in the call itself, each with the message that it must produce.
 pub(crate) const CALLS: [Mistake; 27] = [
     mistake(
         "misspelt maneuver",

@@ -68,7 +68,7 @@ fn without_frames(text: String) -> Vec<u8> {
     format!("{head}<frames></frames></subject></mvnx>").into_bytes()
 }
 
-/// Mistakes in files.
+/// Mistakes in files, each with the message that it must produce.
 pub(crate) const FILES: [Mistake; 37] = [
     mistake(
         "misspelt verb",

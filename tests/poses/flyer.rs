@@ -145,7 +145,7 @@ impl Flyer {
     }
 }
 
-/// The missing stiffness about `axis`, and the limbs that provide it; `None` if none is missing.
+/// Creates the controller for tilt about `axis`, whose limbs add the missing stiffness; `None` if none is missing.
 fn answer(
     dynamics: &Dynamics<f64>,
     posture: &Posture<f64>,
@@ -155,7 +155,7 @@ fn answer(
 ) -> Option<Answer> {
     let sample = dynamics.hold(posture);
     let rest = turned_by(&sample, stream).dot(&axis);
-    // Of the effects in the two directions, the smaller is used.
+    // A limb may turn the body more in one direction than in the other; the smaller effect is used.
     let effects = limbs.map(|limb| {
         let [one, other] = [SMALL, -SMALL].map(|angle| {
             let moved = dynamics.hold(&pattern::moved(posture, limb, angle));

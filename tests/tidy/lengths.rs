@@ -27,7 +27,7 @@ impl Function {
     }
 }
 
-/// Collects functions.
+/// Collects the functions of a file with their lengths.
 struct Functions {
     of_test: bool,
     found: Vec<Function>,

@@ -1,4 +1,4 @@
-//! `cargo xtask hil`: hardware in the loop without hardware.
+//! `cargo xtask hil`: a hardware-in-the-loop test that needs no hardware.
 
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -201,7 +201,7 @@ impl Running {
         Ok(Self { line, child })
     }
 
-    /// Pauses the machine that the program has started, repeatedly.
+    /// Repeatedly pauses the machine that the program has started.
     fn halt_machine(&self) -> Result<()> {
         let process = self.child.id();
         let signal = |name| {

@@ -8,10 +8,10 @@ use object::{Object, ObjectSection, ObjectSymbol, SectionKind};
 use crate::budgets::Budgets;
 use crate::run::{Result, cargo_in, root, run, say, target_folder};
 
-/// A Cortex-M4 with single precision hardware.
+/// Compiler target of a Cortex-M4 with a single-precision floating-point unit.
 const M4: &str = "thumbv7em-none-eabihf";
 
-/// A Cortex-M33 with single precision hardware.
+/// Compiler target of a Cortex-M33 with a single-precision floating-point unit.
 const M33: &str = "thumbv8m.main-none-eabihf";
 
 /// Builds an image of the workspace for a Cortex-M4 and returns its path.

@@ -1,4 +1,4 @@
-//! Fuzzing and miri, which need a nightly compiler.
+//! `cargo xtask fuzz` and `cargo xtask miri`, which need a nightly compiler.
 
 use crate::run::{Result, root, run, run_in, say, target_folder};
 use crate::tool::tool;
@@ -17,7 +17,7 @@ pub(crate) enum Effort {
     Runs(u64),
 }
 
-/// An error message for users without network or rustup.
+/// Adds to an error that the task needs `what`, and that installing it takes rustup and a network.
 fn without(what: &str) -> impl FnOnce(String) -> String {
     let help = format!("this task needs {what}; installing it needs rustup and a network");
     move |error| format!("{error}\n{help}")

@@ -58,7 +58,8 @@ fn wheel(python: &Path) -> Result<PathBuf> {
         "CARGO_TARGET_DIR",
         target.join("python").display().to_string(),
     )];
-    // Both are built at once: separately, their dependencies would have other features and be built twice.
+    // The module and the library of co-simulation units are built at once: built separately, their dependencies would
+    // have other features and be compiled twice.
     let feature = "--features=bodyflight-python/extension-module";
     let both = ["build", "--release", "--locked", "--workspace", feature];
     cargo_in(&root().join("python"), &both, &variables)?;

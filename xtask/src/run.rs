@@ -113,7 +113,7 @@ mod tests {
     fn the_target_folder_is_the_one_that_cargo_builds_into() {
         let found = ask_for_target_folder(&[("CARGO_TARGET_DIR", "/elsewhere/built")]);
         assert_eq!(found, Ok(PathBuf::from("/elsewhere/built")));
-        // Passed as `build.target-dir` of cargo's configuration, over which CARGO_TARGET_DIR takes precedence.
+        // This variable sets `build.target-dir` of cargo's configuration, over which CARGO_TARGET_DIR takes precedence.
         if std::env::var_os("CARGO_TARGET_DIR").is_none() {
             let found = ask_for_target_folder(&[("CARGO_BUILD_TARGET_DIR", "/elsewhere/built")]);
             assert_eq!(found, Ok(PathBuf::from("/elsewhere/built")));

@@ -1,4 +1,4 @@
-//! Hours of streaming, killed processes and full disks.
+//! `cargo xtask soak`: hours of streaming, killed processes and full disks.
 
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -81,7 +81,7 @@ fn check_whole(folder: &Path) -> Result<u32> {
     Ok(whole)
 }
 
-/// Kills writing programs at times spread over their lives.
+/// Kills programs while they write, at moments spread over their lifetime.
 fn kill() -> Result<()> {
     let folder = target_folder()?.join("soak");
     let _ = std::fs::remove_dir_all(&folder);

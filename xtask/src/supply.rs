@@ -1,4 +1,4 @@
-//! Dependencies of the program: licences, sources, and a bill of materials.
+//! `cargo xtask supply`: licences and sources of the dependencies, and a bill of materials.
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;

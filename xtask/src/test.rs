@@ -1,4 +1,4 @@
-//! `cargo xtask test`.
+//! `cargo xtask test`: every test of the project, on this machine and for the unit's processor.
 
 use crate::f405::f405;
 use crate::hil::hil;
@@ -12,9 +12,9 @@ const SECONDS_OF_STREAM: u32 = 10;
 
 /// Runs every test of the project.
 pub(crate) fn test() -> Result<()> {
-    // First, since the program includes the page.
+    // The page comes first, since the program includes it.
     viewer::build()?;
-    // One run shows all failures.
+    // Tests go on after a failure, so that one run shows all failures.
     cargo(&["test", "--workspace", "--locked", "--no-fail-fast"])?;
     // Features of the core that nothing in the workspace enables.
     let features = ["--package", "bodyflight-core", "--features", "serde,defmt"];

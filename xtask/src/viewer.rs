@@ -12,7 +12,7 @@ const LEAST_NODE: u32 = 20;
 /// Compiler target of the page.
 const TARGET: &str = "wasm32-unknown-unknown";
 
-/// Names of the browser's executable.
+/// Names under which the browser may be installed.
 const BROWSERS: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
 
 fn folder() -> PathBuf {

@@ -17,7 +17,7 @@ static RECORD: Retained<WORDS> = Retained::new();
 #[unsafe(link_section = ".uninit.sequence")]
 static SEQUENCE: Retained<1> = Retained::new();
 
-/// Bit of the configuration and control register: division by zero faults.
+/// Bit of the configuration and control register that makes an integer division by zero a fault.
 const DIVISION_TRAP: u32 = 1 << 4;
 
 /// Causes in the configurable fault status: memory, bus and usage faults.
@@ -38,9 +38,9 @@ pub fn build() -> [u8; 8] {
     build
 }
 
-/// Counts this start and returns the history of starts.
+/// Makes division by zero a fault, counts this start and returns the history of starts.
 pub fn begin(reset: Reset) -> Record {
-    // SAFETY: only turns a division with a wrong quotient into a fault.
+    // SAFETY: division by zero then faults instead of giving zero, which changes nothing else.
     #[allow(unsafe_code, reason = "accesses a register of the processor")]
     unsafe {
         (*SCB::PTR).ccr.modify(|control| control | DIVISION_TRAP);

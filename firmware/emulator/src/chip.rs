@@ -256,7 +256,8 @@ impl Chip {
         self.ask(&json!({"do": "provoke", "kind": kind, "within": within}))
     }
 
-    /// Interrupts the power (`power-on`, `brown-out`) or pulls the reset pin (`pin`).
+    /// Interrupts the power (`power-on`, `brown-out`) or pulls the reset pin (`pin`); `keep_memory` says whether memory
+    /// keeps its contents.
     ///
     /// # Errors
     /// Returns an error if the emulator has ended.

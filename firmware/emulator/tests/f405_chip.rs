@@ -6,7 +6,7 @@ use bodyflight_emulator::{Chip, Flight, Host, Options, RATE};
 /// Mean cycles per instruction of the emulator's clock, the default of `stm32f405/__main__.py`.
 const CYCLES: f64 = 2.3;
 
-/// Interrupts of the receivers, the transmitter and the clock.
+/// Numbers of the interrupts of the receivers, the transmitter and the clock.
 const RECEIVERS: [&str; 4] = ["12", "57", "39", "71"];
 const TRANSMITTER: &str = "14";
 const CLOCK: &str = "28";

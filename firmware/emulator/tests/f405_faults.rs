@@ -146,7 +146,7 @@ fn the_unit_is_back_within_two_seconds_and_reports_the_cause() {
     let cases: Vec<&Case> = CASES.iter().chain([&REPLUG]).collect();
     let left = Mutex::new((0..cases.len()).collect::<Vec<_>>());
     let rows = Mutex::new(Vec::new());
-    // Two in parallel.
+    // Two cases run at a time.
     std::thread::scope(|scope| {
         for _ in 0..2 {
             scope.spawn(|| {

@@ -37,7 +37,7 @@ const WAKING: u32 = 50;
 const WRITING: [u32; 2] = [100, 100];
 const ERASING: [u32; 2] = [2_000, 225];
 
-/// Base-two logarithms of the capacities that three address bytes can reach and that hold a log.
+/// Capacities of usable chips, as base-two logarithms: 64 KiB to 16 MiB, the most that three address bytes can reach.
 const CAPACITIES: core::ops::RangeInclusive<u8> = 16..=24;
 
 /// A flash chip with its own select pin.
@@ -49,7 +49,7 @@ pub struct SerialFlash<B, P, D> {
     capacity: u32,
 }
 
-/// Bytes used for the log, and the number of sectors whose state is cached.
+/// Most bytes used for the log, and the number of sectors whose state is cached.
 const LOG: u32 = 2 << 20;
 const SECTORS: usize = (LOG / SECTOR) as usize;
 

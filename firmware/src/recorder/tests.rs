@@ -149,7 +149,7 @@ impl NorFlash for Chip {
     }
 }
 
-/// Times of the exit, and of the landing under a canopy that opens after 60 s (s).
+/// Times at which the exit, the opening of the canopy and the landing take place (s).
 const EXIT: f32 = 3.0;
 const OPENING: f32 = 45.0;
 const LANDING: f32 = 60.0;
@@ -331,7 +331,7 @@ fn blocks_are_read_in_any_order_and_again() {
     );
 }
 
-/// The sample at which the fall is detected.
+/// Number of the sample at which the fall is detected.
 fn told() -> u32 {
     let mut watch = Watch::default();
     let falls = |number: &u32| {

@@ -90,7 +90,7 @@ fn packets_without_an_attitude_are_not_samples() {
     let length = writer.finish().unwrap();
     let mut sensor = Sensor::new();
     assert!(sensor.next(&mut &bytes[..length], 0).is_none());
-    // Not a rotation.
+    // A quaternion of zeros is not a rotation.
     let bytes = packet(CoordinateSystem::NorthWestUp, [0.0; 4], [0.0; 3], [0.0; 3]);
     assert!(sensor.next(&mut bytes.as_slice(), 0).is_none());
 }
@@ -116,7 +116,7 @@ fn a_receivers_solution_is_attached_to_the_next_sample() {
     let attitude = DataId::QUATERNION.with(CoordinateSystem::NorthWestUp, NumberFormat::Float32);
     writer.reals(attitude, &[1.0, 0.0, 0.0, 0.0]).unwrap();
     let length = writer.finish().unwrap();
-    // Between two packets of the sensor, and split.
+    // The solution arrives between two packets of the sensor, in two parts.
     let mut found = Vec::new();
     for line in [
         &bytes[..length],

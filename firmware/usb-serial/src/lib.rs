@@ -13,7 +13,8 @@ use static_cell::StaticCell;
 /// Bytes of a packet at full speed.
 const PACKET: usize = 64;
 
-/// USB vendor and product id of pid.codes for projects without their own. Not for sale.
+/// USB vendor and product id that pid.codes provides for projects without their own; devices for sale must not use
+/// them.
 const IDENTITY: [u16; 2] = [0x1209, 0x0001];
 
 static CONFIGURATION: StaticCell<[u8; 128]> = StaticCell::new();

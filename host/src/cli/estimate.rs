@@ -285,7 +285,7 @@ impl Args {
         ] {
             if !(factor.is_finite() && factor > 0.0) {
                 return Err(Problem::bad_input(format!(
-                    "expected factors above zero, found {factor}"
+                    "expected --process-noise, --measurement-noise and --start-variance above 0, found {factor}"
                 )));
             }
         }

@@ -183,7 +183,7 @@ fn print_beside(beside: &Beside) {
             "the winds of both falls are {apart:.1} deviations apart, at {} heights",
             beside.heights
         ),
-        None => "one of the falls does not show the wind".to_owned(),
+        None => "the wind cannot be derived from one of the falls".to_owned(),
     };
     terminal::print(&format!(
         "beside    {:.1} m/s at the same height of the standard atmosphere; {winds}",
@@ -219,7 +219,7 @@ fn print_prediction(prediction: &Prediction) {
 
 fn print_winds(report: &Report) {
     if report.wind.is_empty() {
-        terminal::print("the fall glides or is short: it does not show the wind");
+        terminal::print("the wind cannot be derived from this fall, which glides or is too short");
     }
     if !report.wind.is_empty() || !report.canopy_wind.is_empty() {
         let mut table = terminal::table(&["wind at", "from", "m/s", "+- m/s", "source"]);

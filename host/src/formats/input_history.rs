@@ -244,9 +244,11 @@ impl InputHistory {
             rows.push(row);
         }
         if rows.is_empty() {
-            return Err(Problem::bad_input("no rows").in_file(path).help(
-                "the columns are time_s, pitch, yaw, roll, damp_pitch, damp_yaw, damp_roll",
-            ));
+            return Err(Problem::bad_input("no rows below the column names")
+                .in_file(path)
+                .help(
+                    "the columns are time_s, pitch, yaw, roll, damp_pitch, damp_yaw, damp_roll",
+                ));
         }
         Ok(Self { rows })
     }

@@ -104,7 +104,9 @@ fn linked(path: &Path) -> io::Result<PathBuf> {
             _ => return Ok(place),
         }
     }
-    Err(io::Error::other("links that lead to one another"))
+    Err(io::Error::other(
+        "too many symbolic links, which may lead to one another",
+    ))
 }
 
 #[cfg(test)]

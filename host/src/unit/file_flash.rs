@@ -15,7 +15,7 @@ use crate::diagnostic::{Problem, Result};
 /// Bytes per erasable sector.
 const SECTOR: u32 = 4096;
 
-/// Number of sectors: what a Raspberry Pi Pico 2 has left beside an image.
+/// Number of sectors: as many as the flash of a Raspberry Pi Pico 2 has left beside a firmware image.
 const SECTORS: u32 = 768;
 
 /// The backing file.
@@ -47,7 +47,8 @@ impl FileFlash {
             0 => file.write_all_at(&vec![0xff; (SECTOR * SECTORS) as usize], 0),
             found if found == size => Ok(()),
             found => {
-                let message = format!("expected the log of a unit, {size} bytes, found {found}");
+                let message =
+                    format!("expected the log of a unit with {size} bytes, found {found} bytes");
                 return Err(Problem::bad_input(message).in_file(path).help(
                     "name a file that does not exist yet, or one that was created by this option",
                 ));

@@ -113,7 +113,10 @@ impl Image {
                 .help("hold BOOTSEL while the board is plugged in; the drive RP2350 appears")
         })?;
         if !shown.contains("RP2350") {
-            return Err(Problem::bad_input("this is the drive of another board").in_file(&info));
+            return Err(Problem::bad_input(
+                "expected the drive of an RP2350, found that of another board",
+            )
+            .in_file(&info));
         }
         let place = drive.join("UNIT.UF2");
         let copied = File::create(&place)

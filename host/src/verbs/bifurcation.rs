@@ -20,7 +20,7 @@ use crate::output::plot::{Curve, Line, Panel, figure_svg_over};
 
 /// Density of the air (kg/m3).
 const DENSITY: f64 = 1.0;
-/// Lowest frequency that counts as an oscillation (rad/s): slower modes are changes of glide.
+/// Lowest frequency that counts as an oscillation (rad/s): slower modes are changes of the glide path.
 const SLOWEST: f64 = 1.5;
 
 /// Pitch damping coefficients to examine, with their lines.

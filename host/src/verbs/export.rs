@@ -67,7 +67,7 @@ impl Format {
         Self::from_name(&end.to_lowercase()).ok_or_else(|| {
             Problem::bad_input("expected a name that ends in .parquet, .csv, .mcap or .npz")
                 .in_file(path)
-                .help("or say the kind with --format")
+                .help("or give the kind of file with --format")
         })
     }
 }

@@ -303,7 +303,7 @@ impl fmt::Display for Report {
             write!(f, "{flight}")?;
         }
         if self.truncated {
-            writeln!(f, "the file ends too early: the last frame is not whole")?;
+            writeln!(f, "the file ends too early: its last frame is incomplete")?;
         }
         Ok(())
     }

@@ -49,7 +49,7 @@ pub struct Report {
     pub tunnel: Option<Tunnel>,
 }
 
-/// Sway of a relaxed skydiver (rad).
+/// Size of the involuntary sway of each joint of a relaxed skydiver (rad).
 pub const DEFAULT_SWAY: f64 = 0.02;
 const FRAME_RATE: f64 = 240.0;
 /// Height of the first frame above the inertial origin (m).
@@ -206,8 +206,9 @@ struct Sway {
 
 #[derive(Clone, Copy)]
 struct Wave {
+    /// Largest angle (rad).
     amplitude: f64,
-    /// rad/s
+    /// Angular frequency (rad/s).
     frequency: f64,
     phase: f64,
 }

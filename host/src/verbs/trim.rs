@@ -44,8 +44,8 @@ pub fn trim(subject: &Subject, density: f64) -> Result<Report> {
         TrimError::NoBalance => Problem::disagreement(
             "no bend of the knees balances the neutral pose of this subject",
         )
-        .help("moment arms of the segments' width give a balance for most bodies: moment_arm = \"width\""),
-        TrimError::NoSupport => Problem::disagreement("the air does not carry this subject"),
+        .help("most bodies balance if each moment arm is the width of its segment: moment_arm = \"width\""),
+        TrimError::NoSupport => Problem::disagreement("the air cannot carry this subject at any speed"),
     })?;
     Ok(Report {
         terminal_speed_mps: trim.terminal_speed,

@@ -25,7 +25,8 @@ use crate::interrupt;
 use crate::replay::comparison::{Channel, Comparison, PerChannel};
 use crate::replay::steps::{Replay, too_short};
 
-/// Scales of the gap: the paper's own accuracy, section "Model Validation in Experiments".
+/// Gap (rad/s, m/s, m/s) that counts as 1 in each channel: the paper's own accuracy, section "Model Validation in
+/// Experiments". A smaller scale gives its channel more weight in the search.
 const SCALES: [(Channel, f64); 3] = [
     (Channel::AngularVelocity, 0.15),
     (Channel::HorizontalVelocity, 0.45),

@@ -38,7 +38,7 @@ const BAUD: u32 = 460_800;
 const WATCHDOG: Duration = Duration::from_secs(1);
 /// Ratio of the divider at the supply (VSYS).
 const DIVIDER: u16 = 3;
-/// Mark in memory that is cleared only by a loss of power or the RUN pin.
+/// Mark left in a scratch register that only a loss of power or the RUN pin clears.
 const STARTED: u32 = 0xb0d7_f117;
 
 static HOST_ERRORS: LineErrors = LineErrors::new();
@@ -80,7 +80,8 @@ impl Board for Pico2 {
     }
 }
 
-/// Cause of the chip's reset. A reset by the program keeps all flags of the previous start, but also the mark.
+/// Cause of the chip's reset. A reset by the program keeps the flags of the previous start, but it also keeps the mark,
+/// which reveals it.
 fn reset(watchdog: &mut Watchdog) -> Reset {
     let flags = POWMAN.chip_reset().read();
     let marked = watchdog.get_scratch(0) == STARTED;

@@ -1,4 +1,4 @@
-//! Escapes control characters, which a terminal would obey, and those that reverse the order of letters.
+//! Escapes control characters, which a terminal would obey, and characters that reverse the direction of text.
 
 use std::borrow::Cow;
 use std::fmt::Write;

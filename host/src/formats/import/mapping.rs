@@ -247,14 +247,14 @@ impl Mapping {
             }
             let known = matches!(self.body.rest, Some(Rest::HPose | Rest::TPose));
             if self.kind != Kind::Points && !known {
-                let message = "expected rest: the posture in which the axes point this way";
+                let message = "the field rest is missing: it names the posture in which the axes point this way";
                 return Err(Problem::bad_input(message)
                     .at("body")
                     .help("rest = \"t-pose\" or \"h-pose\""));
             }
         }
         if self.kind != Kind::Points && self.body.axes.is_none() {
-            let message = "expected axes: where X, Y and Z of segments point in the rest posture";
+            let message = "the field axes is missing: it says where X, Y and Z of segments point in the rest posture";
             return Err(Problem::bad_input(message)
                 .at("body")
                 .help("axes = [\"left\", \"up\", \"forward\"]"));
@@ -308,7 +308,7 @@ impl Mapping {
                     ));
                 }
                 Kind::Points if row.from.is_none() || row.to.is_none() => {
-                    return problem("expected from and to, the points at its ends".into());
+                    return problem("expected both from and to, the points at its ends".into());
                 }
                 _ => {}
             }

@@ -9,7 +9,8 @@ use super::table::Table;
 use super::timing::{self, Timing};
 use crate::diagnostic::{Problem, Result};
 
-/// Largest error of the length of a quaternion, and of a rotation matrix.
+/// Largest accepted error of the length of a quaternion, and of a rotation matrix: the Frobenius norm of the difference
+/// between the matrix times its transpose and the identity.
 const OFF_UNIT: f64 = 0.02;
 /// Shortest vector between two points that defines a direction (units of the file), and smallest angle between two such
 /// vectors (rad).

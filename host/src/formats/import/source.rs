@@ -23,7 +23,7 @@ const UNITS: [f64; 4] = [1.0, 0.01, 0.0254, 0.001];
 /// (rad).
 const TRUNK: f64 = 0.6;
 const HIPS: f64 = 0.8;
-/// Largest angle between a limb and its direction in the rest posture (rad).
+/// Angle between a limb and its direction in the rest posture (rad) above which the import warns.
 const LIMB: f64 = 0.5;
 
 /// Limbs whose direction is given by their bones, with the segment whose joint is at the far end.
@@ -72,12 +72,14 @@ impl Source {
             None => {
                 let bvh = Bvh::read(file)?;
                 let Some(mapping) = names::mapping(&bvh) else {
-                    return Err(Problem::bad_input("the names of its joints are not known")
-                        .in_file(file)
-                        .help(format!(
-                            "map them with --mapping; the file has {}",
-                            joint_names(&bvh)
-                        )));
+                    return Err(Problem::bad_input(
+                        "its joint names are not those of any known skeleton",
+                    )
+                    .in_file(file)
+                    .help(format!(
+                        "map them with --mapping; the file has {}",
+                        joint_names(&bvh)
+                    )));
                 };
                 Self::of_bvh(bvh, &mapping).map_err(|problem| problem.in_file(file))
             }

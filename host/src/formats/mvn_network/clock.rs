@@ -4,7 +4,7 @@
 const TOLERANCE: f64 = 1e-3;
 /// Fraction of the difference that is corrected per sample: 0.5 ms of rounding changes a step by 0.01 ms.
 const PULL: f64 = 0.02;
-/// Samples after which a constant time code is a fault.
+/// Number of samples (0.2 s at 240 Hz) after which a time code that does not advance is a fault.
 const PATIENCE: u32 = 48;
 
 /// Turns sample counters and time codes into time. At 240 Hz the codes advance by 4 or 5 ms, but a filter needs steps

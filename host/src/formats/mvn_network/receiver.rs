@@ -16,7 +16,7 @@ use super::rates::{AngularUnit, Rates};
 use crate::formats::recording::{FlightFrame, PelvisMotion};
 use crate::formats::xsens::{self, MvnSegment};
 
-/// Largest error of the norm of a usable orientation.
+/// Largest difference from 1 of the norm of a usable orientation; samples beyond it count as bad.
 const NORM_TOLERANCE: f64 = 0.01;
 
 /// Most segments and points kept of a body; MVN has 67 segments with fingers and props, and about a hundred points.

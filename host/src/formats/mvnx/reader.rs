@@ -397,7 +397,7 @@ impl<R: BufRead> Reader<R> {
                     let problem = self
                         .scanner
                         .problem("a second document follows the recording");
-                    return Err(problem.help("one recording per file"));
+                    return Err(problem.help("write each recording to a file of its own"));
                 }
                 Token::Text(text) if outermost && !text.trim().is_empty() => {
                     return Err(self.scanner.problem("text follows the recording"));

@@ -24,7 +24,8 @@ const FINE: f64 = 0.005;
 /// Shortest time that recording and track must share (s).
 const SHARED: f64 = 8.0;
 
-/// Factor by which the best shift must beat all others that are further than [`OTHER`] (s) from it.
+/// Factor by which the misfit at every shift further than [`OTHER`] (s) from the best one must exceed the best misfit.
+/// A larger factor refuses more tracks as ambiguous.
 const BETTER: f64 = 1.3;
 const OTHER: f64 = 1.0;
 

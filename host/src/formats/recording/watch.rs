@@ -22,7 +22,8 @@ const LEAST_FRAMES: u64 = 10;
 /// Largest relative difference between the rate of the frame times, written in whole milliseconds, and the frame rate.
 const RATE_TOLERANCE: f64 = 0.03;
 
-/// Time over which rotations are compared (s): long enough that the noise of single attitudes is small in comparison.
+/// Time over which rotations are compared (s), long enough that the noise of single attitudes is small in comparison,
+/// and the fewest such comparisons that are judged.
 const TURN: f64 = 0.2;
 const LEAST_TURNS: u64 = 4;
 
@@ -36,16 +37,17 @@ const TURNS: f64 = 0.2;
 /// Smallest correlation of two angular velocities that differ only in their unit.
 const SAME: f64 = 0.7;
 
-/// Correlation of two that are the same except for noise.
+/// Correlation above which two angular velocities are taken to be the same except for noise.
 const ALIKE: f64 = 0.95;
 
-/// Ratios caused by degrees in place of radians, with a margin for noise.
+/// Ratios of two angular velocities that are explained by degrees in place of radians (57.3), with a margin for noise.
 const DEGREES: core::ops::Range<f64> = 40.0..75.0;
 
 /// Upward speed that no fall reaches (m/s).
 const RISES: f64 = 10.0;
 
-/// Distance over which positions and velocities are compared (m), and their largest relative difference.
+/// Shortest path (m), by positions or by velocities, for which the two are compared, and their largest relative
+/// difference: beyond it, units or the frame rate are wrong.
 const MOVES: f64 = 1.0;
 const WAYS_APART: f64 = 0.3;
 

@@ -174,7 +174,7 @@ pub fn write(flight: &LoggedFlight, subject: Option<&Subject>, folder: &Path) ->
     let frames = flight.frames();
     let Some(last) = frames.last() else {
         return Err(Problem::bad_input(
-            "no sample of the flight has an attitude",
+            "expected samples with an attitude, found none in this flight",
         ));
     };
     std::fs::create_dir_all(folder).map_err(|error| Problem::system("create", folder, error))?;

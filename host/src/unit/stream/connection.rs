@@ -82,7 +82,7 @@ impl Connection {
         let refused = |error: serialport::Error| {
             Problem::refused("cannot open the port")
                 .in_file(path)
-                .help("run `bodyflight ports` to list the ports; on Linux the user must be in the group dialout")
+                .help("run `bodyflight ports` to list the ports; on Linux your user must be in the group dialout")
                 .caused_by(error)
         };
         let mut port =

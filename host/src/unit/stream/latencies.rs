@@ -10,7 +10,7 @@ const REMEMBERED: usize = 8192;
 const SHORTEST: f64 = 1e-3;
 const STEP: f64 = 1.005;
 
-/// Number of classes, up to several minutes.
+/// Number of classes: the last one begins at about twelve minutes and takes every longer latency.
 const CLASSES: usize = 4096;
 
 /// When samples were sent, and how long their estimates took.
@@ -61,7 +61,7 @@ impl Latencies {
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
-            reason = "not negative, and limited below"
+            reason = "not negative, and limited by `min`"
         )]
         let class = (class.round() as usize).min(CLASSES - 1);
         if let Some(count) = self.counts.get_mut(class) {

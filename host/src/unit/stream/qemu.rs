@@ -14,9 +14,10 @@ use crate::diagnostic::{Problem, Result};
 
 const PROGRAM: &str = "qemu-system-arm";
 
-/// Each instruction takes 2^3 ns of the machine's time; a Cortex-M4 at 168 MHz takes half as long again. The machine's
-/// clock thus counts its own work: if the host stalls, the unit does not fall behind. Its line has no limited rate, and
-/// whatever is sent during a stall would arrive at once, so samples must be sent on credit.
+/// QEMU's `-icount`: each instruction takes 2^3 ns of the machine's time; on a Cortex-M4 at 168 MHz it takes half as
+/// long again. The machine's clock thus counts the instructions executed, so the unit does not fall behind if the host
+/// stalls. Nothing limits the rate of the line, so all that is sent during a stall would arrive at once; samples must
+/// therefore be sent on credit.
 const PACE: &str = "shift=3";
 
 /// Longest time from starting the machine until its line is open.

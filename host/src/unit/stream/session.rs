@@ -196,13 +196,13 @@ impl Session {
     fn ask_configured(&mut self, question: impl Into<Message>) -> Result<Configured> {
         let question = question.into();
         let mut found = None;
-        self.ask("a configuration", question, |_, message| {
+        self.ask("the configuration", question, |_, message| {
             if let Message::Configured(answer) = message {
                 found = Some(*answer);
             }
             found.is_some()
         })?;
-        found.ok_or_else(|| Problem::bad_input("the unit does not answer a configuration"))
+        found.ok_or_else(|| Problem::bad_input("the unit does not answer the configuration"))
     }
 
     /// Starts the session.
@@ -234,7 +234,7 @@ impl Session {
                 Some((at, header, message)) => self.hear(at, &header, &message)?,
                 None if waits == ATTEMPTS => {
                     return Err(Problem::disagreement(
-                        "the unit has stopped granting credit",
+                        "the unit has stopped granting credit, so no more samples can be sent",
                     ));
                 }
                 None => {

@@ -8,11 +8,11 @@ use super::smoother::{Constants, Found, Score, Scores};
 /// Assumptions about the noise.
 #[derive(Debug, Clone, Copy)]
 pub struct Assumed {
-    /// Deviations of whatever varies; its joint error is the wandering part only.
+    /// Standard deviations of everything that varies during the flight; `joint_error` is the wandering part only.
     pub preset: MotionPreset,
     /// The preset as given.
     first: MotionPreset,
-    /// Deviation of the constant joint errors (rad).
+    /// Standard deviation of the constant joint errors (rad); a larger one lets them explain more of the measurements.
     calibration: f64,
     /// Bounds of `calibration`.
     calibrations: [f64; 2],

@@ -10,9 +10,9 @@ use bodyflight_core::estimator::motion::posture_error::{JOINT_AXES, columns, cov
 use bodyflight_core::math::small_rotation;
 use nalgebra::{SMatrix, SVector, Vector3};
 
-/// Number of directions of joint error that are estimated. Belly flight has hardly more than a dozen. In barrel rolls,
-/// where the body's own rotation adds to the loads, any beyond a dozen used to be mistaken for muscle input, with error
-/// bars of a fifth of the error.
+/// Number of directions of joint error that are estimated. Belly flight has hardly more than a dozen. Barrel rolls have
+/// more, because the body's own rotation adds to the loads: with a dozen, the errors in the other directions were
+/// mistaken for muscle input, with error bars five times too small.
 pub const DIRECTIONS: usize = 24;
 
 /// One number for each direction.

@@ -249,7 +249,7 @@ impl Pass {
         }
     }
 
-    /// Ends the interval.
+    /// Ends the interval: keeps the state after its updates for the backward pass.
     pub fn settle(&mut self) {
         update::keep_positive(&mut self.covariance);
         if let Some(step) = self.steps.last_mut() {

@@ -14,7 +14,7 @@ pub const LONGEST_LOSS: f64 = 1.0;
 /// throughout, and the error bars are not reliable at other times either.
 pub const LARGEST_SHARE: f64 = 0.25;
 
-/// Share of a channel's noise by which it may be worse than with constant coefficients, by chance.
+/// Share of a channel's noise by which its gap may exceed that with constant coefficients and still count as chance.
 const WORSE: f64 = 0.5;
 
 /// How consistent an estimation was.

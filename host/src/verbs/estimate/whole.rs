@@ -260,9 +260,11 @@ impl Whole {
 
     /// Marks axes as active where, for a tenth of a second, measurements require more than quiet input.
     fn wake(&mut self, each: &[[Score; 6]]) {
-        /// Time on both sides that is judged together, and that becomes active together (s).
+        /// Time on either side of an interval over which its scores are pooled, and time on either side of a pooled
+        /// score above `LIMIT` that becomes active (s).
         const BESIDE: [f64; 2] = [0.05, 0.1];
-        /// Ratio of the mean square to its expectation that chance exceeds less than once in a flight.
+        /// Ratio of the mean square to its expectation above which an axis becomes active; chance exceeds it less than
+        /// once in a flight.
         const LIMIT: f64 = 6.0;
         let around = |index: usize, beside: usize, length: usize| {
             index.saturating_sub(beside)..(index + beside + 1).min(length)

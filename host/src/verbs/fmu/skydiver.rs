@@ -78,11 +78,11 @@ impl Skydiver {
         };
         let refused = |message: &str| Err(Problem::bad_input(message).at(variable.name.as_str()));
         match variable.causality {
-            Causality::Output => return refused("this is an output"),
+            Causality::Output => return refused("this is an output, which cannot be set"),
             Causality::Parameter if self.run.is_some() => {
-                return refused("this is a parameter, and the flight has already begun");
+                return refused("a parameter cannot be set once the flight has begun");
             }
-            _ if !value.is_finite() => return refused("expected a number"),
+            _ if !value.is_finite() => return refused("expected a finite number"),
             _ => {}
         }
         *kept = value;

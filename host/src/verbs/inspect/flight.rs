@@ -62,7 +62,9 @@ pub(crate) fn inspected(path: &Path, person: Option<&Body<f64>>) -> Result<Fligh
     Ok(FlightReport {
         warnings: recording.warnings(),
         centre_of_mass: centres.compared(person.is_some()),
-        picture: picture.ok_or_else(|| Problem::bad_input("no frames").in_file(path))?,
+        picture: picture.ok_or_else(|| {
+            Problem::bad_input("expected at least one usable frame, found none").in_file(path)
+        })?,
     })
 }
 

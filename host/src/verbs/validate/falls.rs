@@ -102,8 +102,8 @@ pub fn checks(rows: &[FallRow]) -> Vec<Check> {
         };
         let explained = report.verdict == Verdict::Explained;
         add(
-            "drag area of a body",
-            "one that flies the fall",
+            "mass per drag area",
+            "one that explains the fall",
             if explained {
                 format!("{:.0} kg/m2", report.ballistic_kgpm2)
             } else {
@@ -115,7 +115,7 @@ pub fn checks(rows: &[FallRow]) -> Vec<Check> {
             let off = prediction.measured_mps - prediction.predicted_mps;
             let deviations = off.abs() / prediction.deviation_mps;
             add(
-                "last third by the first two",
+                "last third, predicted from the first two",
                 "within 3 deviations",
                 format!(
                     "{:.1} +- {:.1}, {:.1} m/s",
@@ -142,8 +142,8 @@ pub fn checks(rows: &[FallRow]) -> Vec<Check> {
         let share = |count: usize| 100.0 * count as f64 / all.made as f64;
         checks.push(Check {
             data: "all falls".to_owned(),
-            what: format!("{} predictions on the way", all.made),
-            expected: "68 % within one deviation, at least 55".to_owned(),
+            what: format!("{} trial predictions", all.made),
+            expected: "at least 55 % within one deviation (ideally 68 %)".to_owned(),
             found: format!(
                 "{:.0} %, {:.0} % within two; {:.0} % within 5 %",
                 share(all.within_one),

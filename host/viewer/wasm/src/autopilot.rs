@@ -1,7 +1,7 @@
 //! An autopilot that holds the initial attitude with the limbs in poses that are otherwise unstable.
 //!
 //! It moves patterns of joints at the speed of the keys and by up to 0.8 rad. Unlike a person it senses tilt and
-//! turn rate without delay or error. It holds the attitude in which a flight begins, which need not be a trim.
+//! turn rate without delay or error. It holds the attitude in which a flight begins, which need not be in equilibrium.
 
 use bodyflight_core::Posture;
 use bodyflight_core::Segment;

@@ -46,7 +46,7 @@ impl Board for Lm3s6965 {
 
 static EXECUTOR: StaticCell<Executor> = StaticCell::new();
 static UNIT: StaticCell<RefCell<Unit<Lm3s6965>>> = StaticCell::new();
-/// The executor has work.
+/// Whether the executor has been woken since it was last polled.
 static PENDED: AtomicBool = AtomicBool::new(true);
 
 #[allow(unsafe_code, reason = "the executor calls this symbol to be woken")]
@@ -86,7 +86,7 @@ fn main() -> ! {
         Err(_) => defmt::error!("the task is running already"),
     }
     loop {
-        // SAFETY: called from here only, never from within itself.
+        // SAFETY: the executor is polled only here, and never from within itself.
         #[allow(unsafe_code, reason = "the executor requires a single caller")]
         unsafe {
             executor.poll();

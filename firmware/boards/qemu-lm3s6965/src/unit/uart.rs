@@ -27,16 +27,16 @@ const TRANSMIT_FULL: u32 = 1 << 5;
 const RECEIVED: u32 = 1 << 4;
 const PAUSE: u32 = 1 << 6;
 const ROOM: u32 = 1 << 5;
-/// Errors beside a received byte: framing, parity and break, overrun.
+/// Error bits beside a received byte: framing, parity or break; and overrun.
 const BYTE_ERRORS: u32 = 7 << 8;
 const OVERRUN: u32 = 1 << 11;
 /// 8 data bits, no parity, 1 stop bit, FIFOs of 16 bytes.
 const LINE: u32 = 3 << 5 | 1 << 4;
-/// Enabled, both directions.
+/// Control bits that enable the UART, its transmitter and its receiver.
 const ENABLED: u32 = 1 | 1 << 8 | 1 << 9;
 const FIFO: usize = 16;
 
-/// A UART.
+/// A UART with its receive buffer and error counters.
 pub(super) struct Port {
     base: usize,
     interrupt: Interrupt,
@@ -46,9 +46,9 @@ pub(super) struct Port {
     framing: AtomicU32,
 }
 
-/// To the host.
+/// The line to the host.
 pub(super) static UART0: Port = Port::new(0x4000_C000, Interrupt::UART0);
-/// From the inertial sensor.
+/// The line from the inertial sensor.
 pub(super) static UART1: Port = Port::new(0x4000_D000, Interrupt::UART1);
 
 impl Port {
@@ -88,7 +88,7 @@ impl Port {
         }
     }
 
-    /// Overruns and framing errors.
+    /// Number of overruns and of other errors since the start.
     pub(super) fn errors(&self) -> [u32; 2] {
         [&self.overruns, &self.framing].map(|counter| counter.load(Ordering::Relaxed))
     }
@@ -128,7 +128,7 @@ impl Port {
     }
 }
 
-/// Adds to a counter, which only one context writes.
+/// Adds to a counter. Only one context writes each counter, so the addition need not be atomic.
 fn add(counter: &AtomicU32, more: u32) {
     counter.store(
         counter.load(Ordering::Relaxed).wrapping_add(more),
