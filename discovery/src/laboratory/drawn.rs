@@ -17,10 +17,10 @@ const ON_SEGMENT: [f64; 2] = [30.0, 80.0];
 /// any other angle hardly acts, and one that acts in the neutral posture already is mostly a constant, which no flight can
 /// tell from errors of the joints.
 const HINGES: [(Segment, Axis, f64); 4] = [
-    (Segment::LeftForearm, Axis::Y, FRAC_PI_2),
-    (Segment::RightForearm, Axis::Y, -FRAC_PI_2),
-    (Segment::LeftShank, Axis::X, -1.0),
-    (Segment::RightShank, Axis::X, -1.0),
+    (Segment::LeftForearm, Axis::Y, -FRAC_PI_2),
+    (Segment::RightForearm, Axis::Y, FRAC_PI_2),
+    (Segment::LeftShank, Axis::X, 1.0),
+    (Segment::RightShank, Axis::X, 1.0),
 ];
 
 fn between(random: &mut ChaCha8Rng, [low, high]: [f64; 2]) -> f64 {
