@@ -2,7 +2,6 @@
 
 use bodyflight::diagnostic::Problem;
 use bodyflight::formats::flight::DEFAULT_DENSITY;
-use bodyflight::formats::subject;
 use bodyflight::verbs::view::page::setup;
 use bodyflight_core::dynamics::{Motion, PostureSample};
 use bodyflight_core::frame::{Inertial, Vector};

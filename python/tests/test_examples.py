@@ -93,6 +93,18 @@ def test_a_browser_shows_the_learned_flight(page):
     assert plot in shown.stdout and plot not in page.read_text()
 
 
+def test_the_snippet_of_the_front_page_runs_on_the_flight_that_its_commands_write(tmp_path, monkeypatch):
+    front_page = (PACKAGE.parent / "README.md").read_text()
+    (lines,) = re.findall(r"```python\n(.*?)```", front_page, re.DOTALL)
+    (command,) = re.findall(r"-- (synth \w+ --out t)\n(?=cargo run --release -- inspect)", front_page)
+    subprocess.run([PROGRAM, *command.split()], cwd=tmp_path, check=True)
+    monkeypatch.chdir(tmp_path)
+    names = {}
+    exec(lines, names)
+    assert names["run"].report["rms"] and names["found"] is not None
+    assert names["env"].reset()[0].shape == names["env"].observation_space.shape
+
+
 def test_the_lines_of_the_readme_reproduce_the_demo(tmp_path, monkeypatch, capsys):
     blocks = re.findall(r"```python\n(.*?)```", (PACKAGE / "README.md").read_text(), re.DOTALL)
     (lines,) = [block for block in blocks if "bodyflight.synth(" in block and "print(" in block]
