@@ -139,7 +139,8 @@ pub struct Named {
 }
 
 impl Named {
-    pub(super) fn new(effect: Effect, evidence: Evidence, rivals: Vec<Rival>) -> Self {
+    /// Creates an effect without its parameters.
+    pub fn new(effect: Effect, evidence: Evidence, rivals: Vec<Rival>) -> Self {
         let description = effect.description();
         let inputs = [Effect::Muscle, Effect::Damping].map(|input| input.description().name);
         let imitated = |name: &str| inputs.contains(&name);

@@ -1,6 +1,7 @@
 //! Tests of the parts of the search, with known answers.
 
 mod neighbours;
+mod slopes;
 mod strengths;
 
 use bodyflight_core::dynamics::{Dynamics, Inputs};
@@ -88,84 +89,6 @@ fn without_noise_the_model_flies_as_recorded_and_effects_are_felt() {
         assert!(
             with < 0.5 * without,
             "{effect:?}: {without} to {with}, floor {floor}"
-        );
-    }
-}
-
-/// Effects whose slope has kinks, because drag depends on the face with the largest projection.
-const SHAPES: [Effect; 3] = [Effect::TrunkShape, Effect::ArmShape, Effect::LegShape];
-
-#[test]
-fn every_parameter_has_a_column_and_every_stretch_its_numbers() {
-    let track = track(&[], 1.0);
-    let plain = plain(&track);
-    let all = all_parameters();
-    let mut felt = vec![0.0; all.len()];
-    let mut subject = vec![0.0; SUBJECT];
-    for stretch in stretches(&track) {
-        let columns = Columns::new(&track, &stretch, &plain, &Belief::files(), &all).unwrap();
-        assert_eq!(columns.effects.shape(), (NUMBERS, all.len()));
-        assert_eq!(
-            columns.joints.each_ref().map(nalgebra::DMatrix::ncols),
-            [JOINTS; 3]
-        );
-        for (felt, column) in felt.iter_mut().zip(columns.effects.column_iter()) {
-            *felt += column.norm_squared();
-        }
-        for (felt, column) in subject.iter_mut().zip(columns.subject.column_iter()) {
-            *felt += column.norm_squared();
-        }
-    }
-    // All but a tunnel's profile act in still air; a shape acts only through the face with the largest projection.
-    let unfelt = [&[Effect::TunnelProfile], &SHAPES[..]].concat();
-    for (id, felt) in all.iter().zip(felt) {
-        let name = id.effect.description().name;
-        assert!(
-            felt > 1e-6 || unfelt.contains(&id.effect),
-            "{name} {}",
-            id.index
-        );
-    }
-    for (k, felt) in subject.into_iter().enumerate() {
-        assert_eq!(felt > 1e-9, described(k).is_some(), "{k}: {felt}");
-    }
-}
-
-/// Some effects add to a value, some multiply it, some replace it. The columns must be right for all of them, even if
-/// the effect already acts.
-#[test]
-fn columns_are_slopes_wherever_an_effect_stands() {
-    let track = track(&[], 0.0);
-    let plain = plain(&track);
-    let stretch = &stretches(&track)[2];
-    let smooth = all_parameters()
-        .into_iter()
-        .filter(|id| !SHAPES.contains(&id.effect));
-    for id in smooth {
-        let parameter = &id.effect.description().parameters[id.index];
-        let mut values = id.effect.neutral();
-        values[id.index] += 0.5 * (parameter.high - parameter.neutral);
-        let at = |step: f64| {
-            let mut values = values;
-            values[id.index] += step;
-            -missing(&track, stretch, &plain, &believed(&[(id.effect, values)]))
-        };
-        let small = 0.02 * (parameter.high - parameter.low);
-        let central = (at(small) - at(-small)) / (2.0 * small);
-        let effects = vec![(id.effect, values)];
-        let (model, size) = changed(&plain, &effects, id);
-        let prepared = |model: &Model<f64>| {
-            let flight = Prepared::new(&track, stretch, model, &JointErrors::none(), Steps::Long);
-            flight.fly(&Channels::zeros(), None)
-        };
-        let column = prepared(&model).less(&prepared(&extended(&plain, &effects)), stretch) / size;
-        let name = id.effect.description().name;
-        let apart = (&column - &central).norm();
-        assert!(
-            apart < 0.25 * central.norm() + 1e-6,
-            "{name} {}: {apart} of {}",
-            id.index,
-            central.norm()
         );
     }
 }

@@ -45,50 +45,63 @@ pub(super) fn print_names(outcome: Outcome, effects: &[Named], nearest: &[Named]
         Outcome::Thin => "thin: not enough excitation to tell effects apart",
     };
     terminal::print(&format!("verdict: {verdict}"));
-    if !nearest.is_empty() {
-        terminal::print(if outcome == Outcome::Calibrated {
-            "perhaps instead of the adjustments below (indistinguishable from them in these flights):"
-        } else {
-            "closest effects, not used:"
-        });
+    for line in names(outcome, effects, nearest) {
+        terminal::print(&line);
     }
-    for named in effects.iter().chain(nearest) {
-        let parameters: Vec<String> = named
-            .parameters
-            .iter()
-            .zip(&named.standard_errors)
-            .map(|((name, value), (_, error))| format!("{name} = {value:.3} +- {error:.3}"))
-            .collect();
-        let stability = named.evidence.stability.map_or_else(String::new, |share| {
-            format!(", first in {:.0} % of resampled flights", 100.0 * share)
-        });
-        let sure = match named.evidence.chance {
-            Some(chance) => format!("as large by chance in {:.1} % of flights", 100.0 * chance),
-            None if named.evidence.deviations > 20.0 => "far beyond chance".to_owned(),
-            None => format!("{:.1} deviations beyond chance", named.evidence.deviations),
-        };
-        terminal::print(&format!(
-            "  {}: {} ({sure}{stability})",
-            named.name,
-            parameters.join(", "),
+}
+
+/// The named effects, then those that were not named, under a heading.
+fn names(outcome: Outcome, effects: &[Named], nearest: &[Named]) -> Vec<String> {
+    let heading = if outcome == Outcome::Calibrated {
+        "perhaps instead of the adjustments below (indistinguishable from them in these flights):"
+    } else {
+        "closest effects, not used:"
+    };
+    let heading = (!nearest.is_empty()).then(|| heading.to_owned());
+    let mut lines: Vec<String> = effects.iter().flat_map(described).collect();
+    lines.extend(heading);
+    lines.extend(nearest.iter().flat_map(described));
+    lines
+}
+
+/// An effect with its parameters and what limits their meaning.
+fn described(named: &Named) -> Vec<String> {
+    let parameters: Vec<String> = named
+        .parameters
+        .iter()
+        .zip(&named.standard_errors)
+        .map(|((name, value), (_, error))| format!("{name} = {value:.3} +- {error:.3}"))
+        .collect();
+    let stability = named.evidence.stability.map_or_else(String::new, |share| {
+        format!(", first in {:.0} % of resampled flights", 100.0 * share)
+    });
+    let sure = match named.evidence.chance {
+        Some(chance) => format!("as large by chance in {:.1} % of flights", 100.0 * chance),
+        None if named.evidence.deviations > 20.0 => "far beyond chance".to_owned(),
+        None => format!("{:.1} deviations beyond chance", named.evidence.deviations),
+    };
+    let mut lines = vec![format!(
+        "  {}: {} ({sure}{stability})",
+        named.name,
+        parameters.join(", "),
+    )];
+    if !named.rivals.is_empty() {
+        let rivals: Vec<&str> = named.rivals.iter().map(|rival| rival.name).collect();
+        lines.push(format!(
+            "    indistinguishable from {} in this flight; fly: {}",
+            rivals.join(", "),
+            named.separated_by
         ));
-        if !named.rivals.is_empty() {
-            let rivals: Vec<&str> = named.rivals.iter().map(|rival| rival.name).collect();
-            terminal::print(&format!(
-                "    indistinguishable from {} in this flight; fly: {}",
-                rivals.join(", "),
-                named.separated_by
-            ));
-        }
-        if named.at_limit {
-            terminal::print(
-                "    at the limit of its plausible range: something else is missing too",
-            );
-        }
-        if named.imitated_by_inputs {
-            terminal::print("    an estimator would mistake it for muscle input and damping");
-        }
     }
+    if named.at_limit {
+        lines.push(
+            "    at the limit of its plausible range: something else is missing too".to_owned(),
+        );
+    }
+    if named.imitated_by_inputs {
+        lines.push("    an estimator would mistake it for muscle input and damping".to_owned());
+    }
+    lines
 }
 
 /// Prints each channel before and after, and its floor. `titles` are those of the first and the last column.
@@ -197,5 +210,44 @@ fn calibrated(other: Option<&Named>, file: &str) -> (String, String) {
                 other.name, other.separated_by
             ),
         ),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bodyflight_core::effect::Effect;
+    use bodyflight_discovery::report::Evidence;
+
+    use super::*;
+
+    fn found(effect: Effect) -> Named {
+        let evidence = Evidence {
+            deviations: 30.0,
+            chance: Some(0.001),
+            stability: None,
+            explains: 1.0,
+        };
+        Named::new(effect, evidence, Vec::new())
+    }
+
+    #[test]
+    fn named_effects_come_before_the_heading_of_those_that_were_not() {
+        let lines = names(
+            Outcome::Named,
+            &[found(Effect::LocalFlow)],
+            &[found(Effect::Arch)],
+        );
+        let place = |what: &str| lines.iter().position(|line| line.contains(what)).unwrap();
+        assert!(place("local-flow") < place("closest effects, not used"));
+        assert!(place("closest effects, not used") < place("arch"));
+    }
+
+    #[test]
+    fn without_other_effects_there_is_no_heading() {
+        let lines = names(Outcome::Named, &[found(Effect::Wind)], &[]);
+        assert!(
+            lines.iter().all(|line| !line.contains("closest")),
+            "{lines:?}"
+        );
     }
 }
