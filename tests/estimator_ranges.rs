@@ -20,11 +20,12 @@ use nalgebra::Vector3;
 fn page() -> String {
     let mut text = String::from(
         "# Ranges\n\n\
-        Every number of the dynamics and the filter, with the range it is declared for and the 32-bit \
-        fixed-point format that holds it with a guard bit. Generated from `core/src/estimator/ranges.rs` by \
-        `BODYFLIGHT_WRITE_DOCS=1 cargo test -p bodyflight-tests --test estimator_ranges`; the test fails where \
-        the page is out of date, where a flight leaves a range, and where rounding every state to its format \
-        after every step moves a prediction over 0.25 s by more than a tenth of the sensors' noise.\n\n",
+        The table lists each number in the dynamics and the filter with its declared range and the 32-bit \
+        fixed-point format that holds it with one guard bit. It is generated from \
+        `core/src/estimator/ranges.rs` by \
+        `BODYFLIGHT_WRITE_DOCS=1 cargo test -p bodyflight-tests --test estimator_ranges`. The test fails if the \
+        page is out of date, if a flight leaves a range, or if rounding every state to its format after every \
+        step changes a prediction over 0.25 s by more than a tenth of the sensor noise.\n\n",
     );
     text.push_str(TABLE_HEAD);
     text.push('\n');

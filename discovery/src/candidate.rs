@@ -9,9 +9,13 @@ use super::statistics::deviations;
 /// Gain that each parameter costs (Schwarz criterion for a few hundred independent observations).
 pub const COST: f64 = 3.0;
 
-/// An effect is a rival of the best if its gain is within this difference, or within this share of the best gain.
-const RIVAL: f64 = 5.0;
-const RIVAL_SHARE: f64 = 0.02;
+/// An effect is as good as the best if its gain is within this difference, or within this share of the best gain.
+const EQUAL: f64 = 5.0;
+const EQUAL_SHARE: f64 = 0.02;
+
+/// An effect is a rival of the best if its gain is within this difference: fits that end in different minima differ by
+/// ten in each flight, so the best need not be the true one.
+const RIVAL: f64 = 20.0;
 
 /// Gain by which a competitor must be better to replace the best.
 const BETTER: f64 = 1.0;
@@ -61,9 +65,11 @@ impl Candidate {
         deviations(2.0 * gain.max(0.0), freedom(self.effect))
     }
 
-    /// Whether it is better than `best` after everything was refitted. Of two rivals, the first in the library is named.
+    /// Whether it is better than `best` after everything was refitted. Of two that are equally good, the first in the
+    /// library is named.
     pub fn replaces(&self, best: &Self) -> bool {
-        let is_second = best.is_rival_of(self) && best.effect < self.effect;
+        let is_equal = within(EQUAL, best.total(), self.total());
+        let is_second = is_equal && best.effect < self.effect;
         self.total() > best.total() + BETTER && !is_second
     }
 
@@ -114,8 +120,18 @@ impl Candidate {
             .any(|(parameter, value)| parameter.share_of_range(value) > MATERIAL)
     }
 
+    /// Whether the fitted flights alone cannot distinguish it from `best`.
+    pub fn gains_as_much_as(&self, best: &Self) -> bool {
+        within(EQUAL, self.gain, best.gain)
+    }
+
     /// Whether it is indistinguishable from `best`.
     pub fn is_rival_of(&self, best: &Self) -> bool {
-        self.total() > best.total() - RIVAL.max(RIVAL_SHARE * best.total())
+        within(RIVAL, self.total(), best.total())
     }
+}
+
+/// Whether a gain is less than the best one by at most `margin`, or by the share within which effects are equally good.
+fn within(margin: f64, gain: f64, best: f64) -> bool {
+    gain > best - margin.max(EQUAL_SHARE * best)
 }

@@ -77,12 +77,7 @@ impl<'a> Search<'a> {
                 .map(|other| &other.candidate)
                 .chain(&beaten)
                 .filter(|other| other.effect != best.effect && other.is_rival_of(best));
-            name.rivals = rivals
-                .map(|other| Rival {
-                    name: other.effect.description().name,
-                    share: other.total() / best.total(),
-                })
-                .collect();
+            name.rivals = rivals.map(|other| Rival::new(other, best)).collect();
             return Ok(());
         }
     }

@@ -7,6 +7,7 @@ use schemars::JsonSchema;
 use serde::{Serialize, Serializer};
 
 use super::adjustment::{Adjustment, JointCalibration};
+use super::candidate::Candidate;
 use super::description::told::Described;
 use super::effect_set::{EffectSet, estimated};
 use super::error_model::PUSH;
@@ -84,6 +85,15 @@ pub struct Rival {
     pub name: &'static str,
     /// Its gain relative to that of the named effect.
     pub share: f64,
+}
+
+impl Rival {
+    pub(super) fn new(candidate: &Candidate, best: &Candidate) -> Self {
+        Self {
+            name: candidate.effect.description().name,
+            share: candidate.total() / best.total(),
+        }
+    }
 }
 
 /// Serializes pairs as a map, keeping their order.

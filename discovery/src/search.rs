@@ -273,6 +273,8 @@ impl<'a> Search<'a> {
         let mut bare: Option<Scene<'a>> = None;
         let mut nearest: Option<Rejected> = None;
         let mut out_of_question: Vec<Effect> = Vec::new();
+        // Candidates rejected since the last name.
+        let mut rejected: Vec<Candidate> = Vec::new();
         while names.len() < self.settings.max_effects && out_of_question.len() < TRIED {
             begin(self.progress, "comparing the effects of the library")?;
             let tried = names.len() + out_of_question.len();
@@ -293,13 +295,25 @@ impl<'a> Search<'a> {
                 break;
             }
             let chance = found.chance.clone();
-            let (name, next) = self.fitted_beside(&files, &mut scene, found)?;
+            let (mut name, next) = self.fitted_beside(&files, &mut scene, found)?;
             self.reached(tried, 1.0);
-            let errors = next.as_ref().map(|next| self.standard_errors(next));
+            let deserves = self.deserves(&name.candidate, &chance);
+            let errors = match &next {
+                Some(next) if deserves || nearest.is_none() => Some(self.standard_errors(next)),
+                _ => None,
+            };
             if let (Some(next), Some(errors)) = (next, &errors)
-                && self.deserves(&name.candidate, &chance)
+                && deserves
                 && stands(&next.effects, errors, names.len())
             {
+                // Held-out flights alone speak against these.
+                let as_good = |other: &&Candidate| other.gains_as_much_as(&name.candidate);
+                let rivals = rejected.iter().filter(as_good);
+                let rivals: Vec<Rival> = rivals
+                    .map(|other| Rival::new(other, &name.candidate))
+                    .collect();
+                name.rivals.extend(rivals);
+                rejected.clear();
                 if plain.is_none() {
                     plain = self.quiet(&scene)?;
                 }
@@ -309,6 +323,7 @@ impl<'a> Search<'a> {
                 continue;
             }
             out_of_question.push(name.candidate.effect);
+            rejected.push(name.candidate.clone());
             nearest.get_or_insert(Rejected {
                 errors: errors.unwrap_or_else(|| name.candidate.standard_errors(&[])),
                 is_alternative: names.is_empty(),

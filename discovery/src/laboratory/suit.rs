@@ -132,7 +132,7 @@ impl Suit {
             let wave = (joints.wander_deg.to_radians() * share) / (WAVES as f64).sqrt();
             JointError {
                 constant,
-                // Suits without drift draw the same random numbers as before drift was added.
+                // Without wander no random numbers are drawn, so the other errors of a seed stay the same.
                 waves: core::array::from_fn(|_| {
                     if wave == 0.0 {
                         return (Vector3::zeros(), Vector3::zeros(), 0.0);
