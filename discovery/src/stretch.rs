@@ -5,11 +5,14 @@
 //! differentiated. Attitude, angular velocity and velocity are compared as averages over a tenth of a second, in which
 //! errors of sensors and errors of physics leave different patterns.
 
+use core::ops::RangeInclusive;
+
 use bodyflight_core::dynamics::Motion;
 use bodyflight_core::frame::{Rotation, Vector};
 use bodyflight_core::math::small_rotation;
 use nalgebra::{Matrix3, SVector, UnitQuaternion, Vector3};
 
+use super::recorded_noise::recorded_noise;
 use super::track::Track;
 
 /// Channels of a comparison: attitude (body axes), angular velocity (body), velocity (north, west, up).
@@ -30,10 +33,12 @@ const STEP_TURN: f64 = 0.25;
 const SHORT_STEP: f64 = 1.0 / 239.0;
 /// Comparison windows before the first stretch, enough for a plausible delay.
 const BEFORE: usize = 4;
-/// Longest time on either side of the start used for smoothing (s), and the rotation (rad) over which a parabola is
-/// adequate.
-const SMOOTHED: f64 = 0.1;
+/// Times on either side of the start that are used for smoothing (s), the longest for which a parabola is adequate: the
+/// body turns by at most this angle (rad), and the squared residuals of the angular velocity exceed those of its noise
+/// by at most this many standard deviations.
+const SMOOTHED: [f64; 4] = [0.1, 0.07, 0.05, 0.035];
 const SMOOTHED_TURN: f64 = 0.7;
+const SMOOTHED_EXCESS: f64 = 2.0;
 
 /// A difference in all channels.
 pub type Channels = SVector<f64, CHANNELS>;
@@ -99,13 +104,14 @@ pub struct Stretch {
 /// Cuts a track into stretches.
 pub fn stretches(track: &Track) -> Vec<Stretch> {
     let still = Grid::new(track.rate(), 0.0);
+    let [_, noise, ..] = recorded_noise(track);
     let count = track.measured.len();
     let mut first = BEFORE * still.window;
     let mut stretches = Vec::new();
     while first + still.frames() + still.window < count {
         let frames = &track.measured[first..first + still.frames()];
         let grid = Grid::new(track.rate(), turning(frames, still.window));
-        let smooth = Smooth::new(track, grid, first);
+        let smooth = Smooth::new(track, grid, first, noise);
         stretches.push(Stretch {
             first,
             grid,
@@ -139,31 +145,29 @@ struct Smooth {
 }
 
 impl Smooth {
-    /// Fits a parabola through the neighbouring frames, over a time in which the body turns little.
+    /// Fits a parabola through the neighbouring frames, over the longest time for which it is adequate. `noise` is that of
+    /// the angular velocity (rad/s).
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         reason = "only a few frames"
     )]
-    fn new(track: &Track, grid: Grid, frame: usize) -> Self {
+    fn new(track: &Track, grid: Grid, frame: usize, noise: f64) -> Self {
         let turn = track.measured[frame].angular_velocity.components.norm();
-        let side = SMOOTHED.min(SMOOTHED_TURN / turn.max(1e-6));
-        let frames = (side * track.rate()).round() as usize;
-        let half = frames.clamp(2, grid.window.max(2));
-        let (from, to) = (
-            frame.saturating_sub(half),
-            (frame + half).min(track.measured.len() - 1),
-        );
-        // Savitzky-Golay filter: the value of the parabola at zero.
+        let around = |longest: f64| {
+            let side = longest.min(SMOOTHED_TURN / turn.max(1e-6));
+            let frames = (side * track.rate()).round() as usize;
+            let half = frames.clamp(2, grid.window.max(2));
+            let last = (frame + half).min(track.measured.len() - 1);
+            Parabola::new(frame, frame.saturating_sub(half)..=last)
+        };
+        let [others @ .., shortest] = SMOOTHED;
+        let mut longer = others.into_iter().map(around);
+        let adequate = longer.find(|parabola| parabola.is_adequate(track, noise));
+        let parabola = adequate.unwrap_or_else(|| around(shortest));
+        let (from, to) = (*parabola.frames.start(), *parabola.frames.end());
+        let row = parabola.inverse.column(0);
         let offset = |k: usize| k as f64 - frame as f64;
-        let power = |n: i32| (from..=to).map(|k| offset(k).powi(n)).sum::<f64>();
-        let [p0, p1, p2, p3, p4] = [0, 1, 2, 3, 4].map(power);
-        let moments = Matrix3::new(p0, p1, p2, p1, p2, p3, p2, p3, p4);
-        let row = moments
-            .try_inverse()
-            .map_or(Vector3::new(1.0 / p0, 0.0, 0.0), |inverse| {
-                inverse.column(0).into()
-            });
         let weight = |k: usize| row[0] + row[1] * offset(k) + row[2] * offset(k).powi(2);
         let centre = track.measured[frame];
         let mut mean = Channels::zeros();
@@ -193,6 +197,49 @@ impl Smooth {
             after: (frame + 1..=to).map(weight).sum(),
         }
     }
+}
+
+/// A parabola through the frames around a start, by least squares (Savitzky-Golay filter).
+struct Parabola {
+    start: usize,
+    frames: RangeInclusive<usize>,
+    /// Inverse of the matrix of moments.
+    inverse: Matrix3<f64>,
+}
+
+impl Parabola {
+    fn new(start: usize, frames: RangeInclusive<usize>) -> Self {
+        let powers = frames.clone().map(|k| powers(k, start));
+        let moments: Matrix3<f64> = powers.map(|powers| powers * powers.transpose()).sum();
+        // With fewer than three frames, their mean has to do.
+        let mean = || Matrix3::from_partial_diagonal(&[1.0 / moments[(0, 0)]]);
+        Self {
+            start,
+            frames,
+            inverse: moments.try_inverse().unwrap_or_else(mean),
+        }
+    }
+
+    /// Whether what it leaves of the angular velocity is no more than its noise (rad/s).
+    fn is_adequate(&self, track: &Track, noise: f64) -> bool {
+        let spin = |k: usize| track.measured[k].angular_velocity.components;
+        let each = || {
+            self.frames
+                .clone()
+                .map(|k| (powers(k, self.start), spin(k)))
+        };
+        let sums: Matrix3<f64> = each().map(|(powers, spin)| powers * spin.transpose()).sum();
+        let fitted = self.inverse * sums;
+        let left = each().map(|(powers, spin)| (spin - fitted.tr_mul(&powers)).norm_squared());
+        let freedom = 3.0 * (self.frames.clone().count() as f64 - 3.0);
+        left.sum::<f64>() / noise.powi(2) <= freedom + SMOOTHED_EXCESS * (2.0 * freedom).sqrt()
+    }
+}
+
+/// One, the number of frames after the start, and its square.
+fn powers(frame: usize, start: usize) -> Vector3<f64> {
+    let offset = frame as f64 - start as f64;
+    Vector3::new(1.0, offset, offset.powi(2))
 }
 
 /// The rotation between two neighbouring frames according to the angular velocity.

@@ -4,7 +4,7 @@ mod neighbours;
 mod slopes;
 mod strengths;
 
-use bodyflight_core::dynamics::{Dynamics, Inputs};
+use bodyflight_core::dynamics::{Dynamics, Inputs, Motion};
 use bodyflight_core::effect::{Effect, Model};
 
 use super::effect_set::{all_parameters, changed, extended};
@@ -91,6 +91,28 @@ fn without_noise_the_model_flies_as_recorded_and_effects_are_felt() {
             "{effect:?}: {without} to {with}, floor {floor}"
         );
     }
+}
+
+/// Where the rotation changes faster than a parabola does, fewer frames are averaged.
+#[test]
+fn the_start_of_a_stretch_follows_a_rotation_that_changes_fast() {
+    let mut track = track(&[], 1.0);
+    let frequency = 18.0;
+    let truth = |time: f64| 4.0 * (frequency * time).sin();
+    for (motion, time) in track.measured.iter_mut().zip(&track.times) {
+        motion.angular_velocity.components.x += truth(*time);
+    }
+    let mut squares = 0.0;
+    let still = self::track(&[], 1.0);
+    let starts = stretches(&track);
+    for (stretch, before) in starts.iter().zip(stretches(&still)) {
+        let rate = |motion: &Motion<f64>| motion.angular_velocity.components.x;
+        let added = rate(&stretch.start) - rate(&before.start);
+        squares += (added - truth(track.times[stretch.first])).powi(2);
+    }
+    let error = (squares / starts.len() as f64).sqrt();
+    // The noise of a frame is 0.034 rad/s; a parabola of 0.2 s is wrong by more.
+    assert!(error < 0.04, "{error}");
 }
 
 #[test]
