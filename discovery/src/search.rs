@@ -8,6 +8,7 @@ use super::contest::Scene;
 use super::description::described;
 use super::effect_set::EffectSet;
 use super::error::{Error, Result};
+use super::error_bars::PLUG_IN;
 use super::error_model::Errors;
 use super::fitted::Fitted;
 use super::linearization::Belief;
@@ -217,10 +218,12 @@ fn best(candidates: &[Candidate], chance: &[f64]) -> Option<Name> {
 /// wider than the gain suggests if stretches or held-out flights disagree. What the first effect leaves may look like
 /// another, so further effects must be clear.
 fn stands(effects: &EffectSet, errors: &EffectSet, named: usize) -> bool {
-    let (Some(effect), Some(errors)) = (effects.last(), errors.last()) else {
+    let (Some(effect), Some((_, errors))) = (effects.last(), errors.last()) else {
         return false;
     };
-    differs(effect, errors, (named > 0).then_some(LEAST))
+    // Whether an effect acts was decided by its gain, so the intervals here are those of the fit.
+    let errors = (effect.0, errors.map(|error| error / PLUG_IN));
+    differs(effect, &errors, (named > 0).then_some(LEAST))
 }
 
 /// Whether a parameter of an effect differs from neutral by more than so many standard errors; by default, whether the
