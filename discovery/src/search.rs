@@ -175,6 +175,17 @@ pub(super) struct Name {
     pub(super) rivals: Vec<Rival>,
 }
 
+impl Name {
+    /// Adds those of the rejected candidates as rivals that gain as much in the fitted flights: held-out flights alone
+    /// speak against them.
+    fn contest(&mut self, rejected: &[Candidate]) {
+        let as_good = |other: &&Candidate| other.gains_as_much_as(&self.candidate);
+        let rivals = rejected.iter().filter(as_good);
+        let rivals = rivals.map(|other| Rival::new(other, &self.candidate));
+        self.rivals.extend(rivals);
+    }
+}
+
 /// A candidate that was not named.
 pub(super) struct Rejected {
     pub(super) name: Name,
@@ -301,22 +312,13 @@ impl<'a> Search<'a> {
             let (mut name, next) = self.fitted_beside(&files, &mut scene, found)?;
             self.reached(tried, 1.0);
             let deserves = self.deserves(&name.candidate, &chance);
-            let errors = match &next {
-                Some(next) if deserves || nearest.is_none() => Some(self.standard_errors(next)),
-                _ => None,
-            };
+            let needed = next.as_ref().filter(|_| deserves || nearest.is_none());
+            let errors = needed.map(|next| self.standard_errors(next));
             if let (Some(next), Some(errors)) = (next, &errors)
                 && deserves
                 && stands(&next.effects, errors, names.len())
             {
-                // Held-out flights alone speak against these.
-                let as_good = |other: &&Candidate| other.gains_as_much_as(&name.candidate);
-                let rivals = rejected.iter().filter(as_good);
-                let rivals: Vec<Rival> = rivals
-                    .map(|other| Rival::new(other, &name.candidate))
-                    .collect();
-                name.rivals.extend(rivals);
-                rejected.clear();
+                name.contest(&core::mem::take(&mut rejected));
                 if plain.is_none() {
                     plain = self.quiet(&scene)?;
                 }
