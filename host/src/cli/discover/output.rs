@@ -58,14 +58,14 @@ fn names(outcome: Outcome, effects: &[Named], nearest: &[Named]) -> Vec<String> 
         "closest effects, not used:"
     };
     let heading = (!nearest.is_empty()).then(|| heading.to_owned());
-    let mut lines: Vec<String> = effects.iter().flat_map(described).collect();
+    let mut lines: Vec<String> = effects.iter().flat_map(in_lines).collect();
     lines.extend(heading);
-    lines.extend(nearest.iter().flat_map(described));
+    lines.extend(nearest.iter().flat_map(in_lines));
     lines
 }
 
 /// An effect with its parameters and what limits their meaning.
-fn described(named: &Named) -> Vec<String> {
+fn in_lines(named: &Named) -> Vec<String> {
     let parameters: Vec<String> = named
         .parameters
         .iter()
