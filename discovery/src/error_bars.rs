@@ -15,17 +15,13 @@ use super::progress::Progress;
 /// Number of neighbouring stretches whose influence may be correlated (Newey and West 1987).
 const ALIKE: usize = 3;
 
-/// Factor for what the linear problem and the other factors leave out, above all the uncertainty of the estimated error
-/// sizes. Without it, 86 to 88 % of the true parameters of laboratory flights were within their 95 % intervals.
-pub(super) const PLUG_IN: f64 = 1.25;
-
 impl Scene<'_> {
-    /// Factors on the standard errors of a candidate's parameters.
+    /// Factors on the standard errors of a candidate's parameters, at least one.
     pub fn wider(&self, candidate: &Candidate, progress: &dyn Progress) -> Vec<f64> {
         let lasting = self.lasting(candidate, progress);
         let apart = self.apart(candidate, &lasting, progress);
         let both = lasting.iter().zip(apart);
-        both.map(|(lasting, apart)| PLUG_IN * lasting.sqrt() * apart)
+        both.map(|(lasting, apart)| lasting.sqrt() * apart)
             .collect()
     }
 

@@ -66,7 +66,7 @@ impl<'a> Problem<'a> {
     pub fn new(track: &'a Track, tolerances: &Tolerances) -> Self {
         let plain = Model::new(track.dynamics, track.start_height());
         let noise = recorded_noise(track);
-        let stretches = stretches(track);
+        let stretches = stretches(track, noise[1]);
         Self {
             track,
             plain,

@@ -8,7 +8,6 @@ use super::contest::Scene;
 use super::description::described;
 use super::effect_set::EffectSet;
 use super::error::{Error, Result};
-use super::error_bars::PLUG_IN;
 use super::error_model::Errors;
 use super::fitted::Fitted;
 use super::linearization::Belief;
@@ -18,6 +17,7 @@ use super::progress::{Progress, begin};
 use super::remainder::{unadjusted, without_push};
 use super::report::{Outcome, Report, Rival};
 use super::statistics::quantile_of_sorted;
+use super::stretch::first_frames;
 use super::track::Track;
 
 /// Settings of a search.
@@ -83,7 +83,7 @@ pub fn discover(
     let problem = |track: &Track| -> Result<()> {
         let found_s = track.duration();
         let least_s = LEAST_S;
-        if super::stretch::stretches(track).len() < SHORTEST {
+        if first_frames(track).count() < SHORTEST {
             return Err(Error::TooShort { least_s, found_s });
         }
         Ok(())
@@ -229,12 +229,10 @@ fn best(candidates: &[Candidate], chance: &[f64]) -> Option<Name> {
 /// wider than the gain suggests if stretches or held-out flights disagree. What the first effect leaves may look like
 /// another, so further effects must be clear.
 fn stands(effects: &EffectSet, errors: &EffectSet, named: usize) -> bool {
-    let (Some(effect), Some((_, errors))) = (effects.last(), errors.last()) else {
+    let (Some(effect), Some(errors)) = (effects.last(), errors.last()) else {
         return false;
     };
-    // Whether an effect acts was decided by its gain, so the intervals here are those of the fit.
-    let errors = (effect.0, errors.map(|error| error / PLUG_IN));
-    differs(effect, &errors, (named > 0).then_some(LEAST))
+    differs(effect, errors, (named > 0).then_some(LEAST))
 }
 
 /// Whether a parameter of an effect differs from neutral by more than so many standard errors; by default, whether the

@@ -7,7 +7,6 @@ use super::candidate::Candidate;
 use super::contest::Scene;
 use super::effect_set::EffectSet;
 use super::error::Result;
-use super::error_bars::PLUG_IN;
 use super::fitted::Fitted;
 use super::problem::Problem;
 use super::progress::{begin, check};
@@ -201,8 +200,6 @@ impl<'a> Search<'a> {
         values: &[f64; PARAMETER_COUNT],
     ) -> [f64; PARAMETER_COUNT] {
         let found = standard_errors(&flights(scene), effect, values);
-        found.map_or([0.0; PARAMETER_COUNT], |found| {
-            found.map(|error| PLUG_IN * error)
-        })
+        found.unwrap_or([0.0; PARAMETER_COUNT])
     }
 }

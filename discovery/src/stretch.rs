@@ -12,7 +12,6 @@ use bodyflight_core::frame::{Rotation, Vector};
 use bodyflight_core::math::small_rotation;
 use nalgebra::{Matrix3, SVector, UnitQuaternion, Vector3};
 
-use super::recorded_noise::recorded_noise;
 use super::track::Track;
 
 /// Channels of a comparison: attitude (body axes), angular velocity (body), velocity (north, west, up).
@@ -101,38 +100,43 @@ pub struct Stretch {
     pub start_covariance: f64,
 }
 
-/// Cuts a track into stretches.
-pub fn stretches(track: &Track) -> Vec<Stretch> {
-    let still = Grid::new(track.rate(), 0.0);
-    let [_, noise, ..] = recorded_noise(track);
-    let count = track.measured.len();
-    let mut first = BEFORE * still.window;
-    let mut stretches = Vec::new();
-    while first + still.frames() + still.window < count {
-        let frames = &track.measured[first..first + still.frames()];
-        let grid = Grid::new(track.rate(), turning(frames, still.window));
+/// The first frame of each stretch of a track.
+pub fn first_frames(track: &Track) -> impl Iterator<Item = usize> {
+    let grid = Grid::new(track.rate(), 0.0);
+    let ends = track
+        .measured
+        .len()
+        .saturating_sub(grid.frames() + grid.window);
+    (BEFORE * grid.window..ends).step_by(grid.frames())
+}
+
+/// Cuts a track into stretches. `noise` is that of the angular velocity (rad/s).
+pub fn stretches(track: &Track, noise: f64) -> Vec<Stretch> {
+    let stretch = |first: usize| {
+        let grid = Grid::new(track.rate(), turning(track, first));
         let smooth = Smooth::new(track, grid, first, noise);
-        stretches.push(Stretch {
+        Stretch {
             first,
             grid,
             start: smooth.motion,
             start_variance: smooth.variance,
             start_covariance: smooth.after / grid.window as f64,
-        });
-        first += grid.frames();
-    }
-    stretches
+        }
+    };
+    first_frames(track).map(stretch).collect()
 }
 
-/// The fastest rotation (rad/s) averaged over a window, so that a single wrong frame does not count.
-fn turning(frames: &[Motion<f64>], window: usize) -> f64 {
+/// The fastest rotation (rad/s) in a stretch, averaged over a window, so that a single wrong frame does not count.
+fn turning(track: &Track, first: usize) -> f64 {
+    let grid = Grid::new(track.rate(), 0.0);
     let mean = |window: &[Motion<f64>]| {
         let rates = window
             .iter()
             .map(|motion| motion.angular_velocity.components.norm());
         rates.sum::<f64>() / window.len() as f64
     };
-    frames.chunks(window).map(mean).fold(0.0, f64::max)
+    let frames = &track.measured[first..first + grid.frames()];
+    frames.chunks(grid.window).map(mean).fold(0.0, f64::max)
 }
 
 /// A smoothed motion.
@@ -166,9 +170,8 @@ impl Smooth {
         let adequate = longer.find(|parabola| parabola.is_adequate(track, noise));
         let parabola = adequate.unwrap_or_else(|| around(shortest));
         let (from, to) = (*parabola.frames.start(), *parabola.frames.end());
-        let row = parabola.inverse.column(0);
-        let offset = |k: usize| k as f64 - frame as f64;
-        let weight = |k: usize| row[0] + row[1] * offset(k) + row[2] * offset(k).powi(2);
+        // The value of the parabola at the start.
+        let weight = |k: usize| parabola.inverse.column(0).dot(&powers(k, frame));
         let centre = track.measured[frame];
         let mut mean = Channels::zeros();
         let mut carried = UnitQuaternion::identity();

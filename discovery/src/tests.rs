@@ -19,7 +19,7 @@ use super::progress::Progress;
 use super::recorded_noise::recorded_noise;
 use super::report::Outcome;
 use super::search::{Settings, discover};
-use super::stretch::{CHANNELS, Channels, NUMBERS, stretches};
+use super::stretch::{CHANNELS, Channels, NUMBERS, Stretch};
 use super::test_subject;
 use super::track::Track;
 
@@ -37,13 +37,23 @@ fn flown(hidden: &[Hidden], settings: &laboratory::Settings) -> Track {
 
 /// A short flight.
 fn track(hidden: &[Hidden], noise: f64) -> Track {
+    lasting(6.0, hidden, noise)
+}
+
+/// A flight of this duration (s).
+fn lasting(duration: f64, hidden: &[Hidden], noise: f64) -> Track {
     let settings = laboratory::Settings {
         seed: 3,
-        duration: 6.0,
+        duration,
         noise,
         ..laboratory::Settings::default()
     };
     flown(hidden, &settings)
+}
+
+/// The stretches of a flight, as the search cuts them.
+fn stretches(track: &Track) -> Vec<Stretch> {
+    Problem::new(track, &Tolerances::default()).stretches
 }
 
 fn plain(track: &Track) -> Model<f64> {
@@ -117,13 +127,7 @@ fn the_start_of_a_stretch_follows_a_rotation_that_changes_fast() {
 
 #[test]
 fn joint_errors_are_removed() {
-    let settings = laboratory::Settings {
-        seed: 3,
-        duration: 6.0,
-        noise: 0.0,
-        ..laboratory::Settings::default()
-    };
-    let exact = flown(&[], &settings);
+    let exact = track(&[], 0.0);
     let mut wrong = exact.clone();
     let mut errors = JointErrors::none();
     errors.course[0][4] = 0.05;

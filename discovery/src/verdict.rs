@@ -25,6 +25,11 @@ const FAILED: f64 = 1.02;
 /// Misfit per observation below which the model as given by the files agrees with the data.
 const AGREES: f64 = 1.15;
 
+/// Factor on reported standard errors, for what the linear problem leaves out, above all the uncertainty of the estimated
+/// error sizes. Without it, 86 to 88 % of the true parameters of laboratory flights were within their 95 % intervals.
+/// Whether an effect acts is decided without it.
+const PLUG_IN: f64 = 1.25;
+
 impl<'a> Search<'a> {
     /// Compiles the report.
     ///
@@ -171,6 +176,7 @@ fn told(name: &Name, effects: &EffectSet, errors: &EffectSet, explained: f64) ->
             .map(|(_, values)| *values)
     };
     let values = of(effects).unwrap_or_else(|| name.candidate.values());
+    let errors = of(errors).unwrap_or([0.0; PARAMETER_COUNT]);
     let evidence = Evidence {
         deviations: name.candidate.deviations(),
         chance: Some(name.chance),
@@ -178,7 +184,7 @@ fn told(name: &Name, effects: &EffectSet, errors: &EffectSet, explained: f64) ->
         explains: explained,
     };
     Named::new(name.candidate.effect, evidence, name.rivals.clone())
-        .with_parameters(&values, &of(errors).unwrap_or([0.0; PARAMETER_COUNT]))
+        .with_parameters(&values, &errors.map(|error| PLUG_IN * error))
 }
 
 /// Gain of the named effects in each held-out flight, and what remains there.

@@ -83,14 +83,8 @@ fn columns_are_slopes_wherever_an_effect_stands() {
 /// A body that hardly damps its rotation spins fast. Slopes from steps in which it turns far are wrong many times over.
 #[test]
 fn slopes_of_a_fast_spin_do_not_depend_on_the_step() {
-    let settings = laboratory::Settings {
-        seed: 3,
-        duration: 40.0,
-        noise: 0.0,
-        ..laboratory::Settings::default()
-    };
     let hidden = Hidden::Effect(Effect::LocalFlow, [1.28, 0.0, 0.0]);
-    let track = flown(&[hidden], &settings);
+    let track = lasting(40.0, &[hidden], 0.0);
     let plain = plain(&track);
     let mut fastest = 0.0_f64;
     for stretch in stretches(&track) {
