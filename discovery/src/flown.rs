@@ -1,20 +1,15 @@
 //! Simulates a stretch and the readings of its sensors.
 
-use std::rc::Rc;
-
-use bodyflight_core::Posture;
-use bodyflight_core::body::mass_properties::PostureRate;
 use bodyflight_core::dynamics::{Inputs, Motion, PostureSample, State};
-use bodyflight_core::effect::Model;
 use bodyflight_core::effect::sensors::Moving;
 use bodyflight_core::frame::Vector;
 use nalgebra::{DVector, Vector3};
 
 use super::motion_history::MotionHistory;
-use super::nuisance::JointErrors;
+use super::prepared::{Prepared, Steps, posture};
 use super::stretch::{CHANNELS, Channels, NUMBERS, Stretch, difference, moved};
 use super::track::Track;
-use super::window::{Push, Varied};
+use super::window::Push;
 
 /// Maximum number of iterations to find the true motion for a measured one, and the difference over all channels at
 /// which they stop.
@@ -24,155 +19,11 @@ const BEHIND_CLOSE: f64 = 1e-9;
 /// Longest sensor delay for which the motion before a stretch is computed (s); longer ones count as this one.
 const LONGEST_DELAY: f64 = 0.33;
 
-/// The recorded posture at a fractional frame index, for a recording that lags by `delay` (s).
-fn posture(track: &Track, place: f64, delay: f64) -> Posture<f64> {
-    let last = track.postures.len() - 1;
-    let interval = track.duration() / last as f64;
-    let place = (place + delay / interval).clamp(0.0, last as f64);
-    let before = place.floor();
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "clamped to the frames"
-    )]
-    let index = before as usize;
-    if place <= before {
-        return track.postures[index];
-    }
-    track.postures[index].interpolated(&track.postures[(index + 1).min(last)], place - before)
-}
-
-/// Length of the integration steps.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Steps {
-    /// For comparisons with the measurement.
-    Short,
-    /// For differences between two simulations, in which integration errors cancel.
-    Long,
-}
-
-/// The posture in the middle of an interval, and its rate of change.
-type Posed = (Posture<f64>, PostureRate<f64>);
-
-/// The intervals of a stretch, prepared for simulation from any start.
-pub struct Prepared<'a> {
-    track: &'a Track,
-    stretch: &'a Stretch,
-    model: Model<f64>,
-    joints: JointErrors,
-    steps: Steps,
-    /// Postures at the ends of the intervals: recorded and corrected.
-    ends: Rc<[[Posture<f64>; 2]]>,
-    postures: Rc<[Posed]>,
-    samples: Rc<[PostureSample<f64>]>,
-    varied: Option<Varied>,
-}
-
-impl<'a> Prepared<'a> {
-    /// Prepares the intervals for a model and given joint errors.
-    pub fn new(
-        track: &'a Track,
-        stretch: &'a Stretch,
-        model: &Model<f64>,
-        joints: &JointErrors,
-        steps: Steps,
-    ) -> Self {
-        let grid = stretch.grid;
-        let frames = grid.frames();
-        let count = match steps {
-            Steps::Short => frames * grid.parts,
-            Steps::Long => frames / grid.stride,
-        };
-        let place = |k: usize| stretch.first as f64 + (k * frames) as f64 / count as f64;
-        let at = |k: usize| {
-            let recorded = posture(track, place(k), model.sensors.posture_delay);
-            [recorded, joints.correct(&recorded, over_stretch(k, count))]
-        };
-        let prepared = Self {
-            track,
-            stretch,
-            samples: Rc::default(),
-            model: *model,
-            joints: joints.clone(),
-            steps,
-            ends: (0..=count).map(at).collect(),
-            postures: Rc::default(),
-            varied: None,
-        };
-        prepared.posed()
-    }
-
-    /// Derives the postures within the intervals from those at their ends.
-    fn posed(mut self) -> Self {
-        let frames = self.stretch.grid.frames();
-        let first = self.stretch.first;
-        let times = &self.track.times;
-        let count = self.ends.len() - 1;
-        let duration = (times[first + frames] - times[first]) / count as f64;
-        let posed = |pair: &[[Posture<f64>; 2]]| {
-            let [from, to] = [&pair[0][1], &pair[1][1]];
-            (
-                from.interpolated(to, 0.5),
-                PostureRate::between(from, to, duration),
-            )
-        };
-        self.postures = self.ends.windows(2).map(posed).collect();
-        self.samples = sampled(&self.model, &self.postures);
-        self
-    }
-
-    /// The same intervals for another model. Whatever does not depend on the change is reused.
-    pub fn changed_to(&self, model: &Model<f64>) -> Self {
-        if self.model.sensors != model.sensors {
-            return Self::new(self.track, self.stretch, model, &self.joints, self.steps);
-        }
-        let [now, then] = [&self.model.dynamics, &model.dynamics];
-        let same = now.body == then.body
-            && now.aerodynamics == then.aerodynamics
-            && now.stream == then.stream;
-        Self {
-            samples: if same {
-                self.samples.clone()
-            } else {
-                sampled(model, &self.postures)
-            },
-            model: *model,
-            joints: self.joints.clone(),
-            ends: self.ends.clone(),
-            postures: self.postures.clone(),
-            ..*self
-        }
-    }
-
-    /// The same model with other errors of one joint, given by its index among the segments that have a parent.
-    pub fn with_joint(&self, joints: &JointErrors, joint: usize) -> Self {
-        let count = self.ends.len() - 1;
-        let changed = |(k, [recorded, posture]): (usize, &[Posture<f64>; 2])| {
-            let mut posture = *posture;
-            joints.correct_joint(recorded, over_stretch(k, count), joint, &mut posture);
-            [*recorded, posture]
-        };
-        let prepared = Self {
-            ends: self.ends.iter().enumerate().map(changed).collect(),
-            samples: Rc::default(),
-            postures: Rc::default(),
-            joints: joints.clone(),
-            ..*self
-        };
-        prepared.posed()
-    }
-
-    /// The same model with air or inputs that differ in one window.
-    pub fn with_varied(&self, varied: Varied) -> Self {
-        let mut other = self.changed_to(&self.model);
-        other.varied = Some(varied);
-        other
-    }
-
+impl Prepared<'_> {
     /// Simulates the stretch from its smoothed start, changed by `start`, with an optional push in one window.
     pub fn fly(&self, start: &Channels, push: Option<Push>) -> Flown {
         let grid = self.stretch.grid;
-        let count = self.samples.len();
+        let count = self.count;
         let first = self.stretch.first;
         let times = &self.track.times;
         let begin_time = times[first] - times[0];
@@ -185,9 +36,6 @@ impl<'a> Prepared<'a> {
         let mut seen = Vec::with_capacity(count / kept + 1);
         let measured = moved(&self.stretch.start, start);
         seen.push(measured);
-        let Some(sample) = self.samples.first() else {
-            return Flown { seen, stride };
-        };
         let sensors = &self.model.sensors;
         let late = sensors.velocity_latency != 0.0 || sensors.rate_lag != 0.0;
         let past = if late {
@@ -200,13 +48,14 @@ impl<'a> Prepared<'a> {
         for (earlier, change) in past.iter().rev() {
             history.push(begin_time - earlier, shifted(&Moving::of(&begin), change));
         }
-        let mut state = State::from_motion(&begin, sample);
+        let mut state = self.start_state(&begin);
         let mut motions = Vec::with_capacity(count);
         let dynamics = &self.model.dynamics;
-        for (k, sample) in self.samples.iter().enumerate() {
+        for k in 0..count {
             let frame = first + (2 * k + 1) * grid.frames() / (2 * count);
             let inputs = self.model.inputs(&self.track.inputs[frame]);
-            let body = (&self.postures[k].0, sample);
+            let body = self.interval(k);
+            let (_, sample) = body;
             let apply = |state: &mut State<f64>, time: f64| {
                 let loads = &self.model.applied;
                 loads.push(dynamics, state, body, time, 0.5 * duration);
@@ -220,7 +69,7 @@ impl<'a> Prepared<'a> {
             {
                 push.act_on(&mut state, sample, duration);
             }
-            let motion = state.motion(sample);
+            let motion = self.end_motion(&state, k + 1);
             if late {
                 history.push(time(k + 1), Moving::of(&motion));
             }
@@ -240,7 +89,6 @@ impl<'a> Prepared<'a> {
         }
         Flown { seen, stride }
     }
-
     /// The state after a step in a window of the stretch.
     fn stepped(
         &self,
@@ -347,17 +195,6 @@ pub(super) fn behind(
         }
     }
     motion
-}
-
-/// Position of an interval's end within the stretch, from -1 to 1.
-fn over_stretch(k: usize, count: usize) -> f64 {
-    2.0 * k as f64 / count as f64 - 1.0
-}
-
-/// Samples the loads and mass properties that depend only on the postures.
-fn sampled(model: &Model<f64>, postures: &[Posed]) -> Rc<[PostureSample<f64>]> {
-    let sample = |(posture, rate): &Posed| model.dynamics.sample(posture, rate);
-    postures.iter().map(sample).collect()
 }
 
 /// Sensor readings of a simulated stretch.

@@ -34,6 +34,7 @@ pub mod normal_equations;
 pub mod nuisance;
 pub mod part;
 pub mod point;
+pub mod prepared;
 pub mod problem;
 mod product;
 pub mod progress;

@@ -9,8 +9,9 @@ use nalgebra::{DMatrix, DVector, Vector3};
 
 use super::effect_set::{EffectSet, ParameterId, changed, extended};
 use super::error_prior::{CONSTANTS, OWN};
-use super::flown::{Flown, Prepared, Steps};
+use super::flown::Flown;
 use super::nuisance::{Angles, GYRO, JOINTS, JointErrors, SUBJECT, Subject, bend, legendre};
+use super::prepared::{Prepared, Steps};
 use super::stretch::{CHANNELS, Channels, NUMBERS, ROWS, Stretch};
 use super::track::Track;
 use super::window::Push;

@@ -1,6 +1,7 @@
 //! Tests of the parts of the search, with known answers.
 
 mod neighbours;
+mod scripts;
 mod slopes;
 mod strengths;
 
@@ -9,11 +10,11 @@ use bodyflight_core::effect::{Effect, Model};
 
 use super::effect_set::{all_parameters, changed, extended};
 use super::error_model::{Components, WANDER, fit};
-use super::flown::{Prepared, Steps};
 use super::laboratory::{self, Hidden, JointErrors as Joints, fly};
 use super::linearization::{Belief, Columns, missing};
 use super::nuisance::{JOINTS, JointErrors, SUBJECT, Subject, Tolerances, described, twins};
 use super::part::Part;
+use super::prepared::{Prepared, Steps};
 use super::problem::Problem;
 use super::progress::Progress;
 use super::recorded_noise::recorded_noise;

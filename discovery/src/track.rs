@@ -19,7 +19,7 @@ pub struct Track {
     pub measured: Vec<Motion<f64>>,
     /// The model as given by the files.
     pub dynamics: Dynamics<f64>,
-    /// The skydiver's inputs at each frame, as given by the files.
+    /// The skydiver's inputs halfway from each frame to the next, as given by the files.
     pub inputs: Vec<Inputs<f64>>,
 }
 
@@ -35,17 +35,20 @@ pub struct Frame {
 }
 
 impl Track {
-    /// Creates a flight, with the inputs at each time.
+    /// Creates a flight; `inputs` returns the skydiver's inputs at a time (s).
     pub fn new(
         frames: &[Frame],
         dynamics: Dynamics<f64>,
         inputs: impl Fn(f64) -> Inputs<f64>,
     ) -> Self {
+        let next = frames.iter().skip(1).chain(frames.last());
+        let middles = frames.iter().zip(next);
+        let middles = middles.map(|(frame, next)| 0.5 * (frame.time + next.time));
         Self {
+            inputs: middles.map(inputs).collect(),
             times: frames.iter().map(|frame| frame.time).collect(),
             postures: frames.iter().map(|frame| frame.posture).collect(),
             measured: frames.iter().map(|frame| frame.motion).collect(),
-            inputs: frames.iter().map(|frame| inputs(frame.time)).collect(),
             dynamics,
         }
     }

@@ -7,8 +7,8 @@ use nalgebra::{DMatrix, Matrix3, Vector3};
 
 use super::effect_set::EffectSet;
 use super::error_prior::FIRST_RANDOM;
-use super::flown::{Prepared, Steps};
 use super::linearization::Belief;
+use super::prepared::{Prepared, Steps};
 use super::stretch::{Channels, NUMBERS, ROWS, Stretch};
 use super::track::Track;
 use super::window::{Varied, components};
