@@ -20,6 +20,10 @@ const RIVAL: f64 = 20.0;
 /// Gain by which a competitor must be better to replace the best.
 const BETTER: f64 = 1.0;
 
+/// Gain of a held-out flight that counts, relative to that of the fitted flights: movements differ, so one flight may say
+/// more about an effect than another.
+const CONFIRMS: f64 = 3.0;
+
 /// Share of the way from neutral to the end of its range above which a parameter matters.
 const MATERIAL: f64 = 0.02;
 
@@ -58,10 +62,11 @@ impl Candidate {
     }
 
     /// Significance of the gain in all flights together. Held-out flights did not take part in the fit and so lose by
-    /// chance; a gain beyond that of the fitted flights is not counted.
+    /// chance; a gain far beyond that of the fitted flights is not counted.
     pub fn deviations_together(&self) -> f64 {
         let held_out = self.gains_held_out.iter();
-        let gain = self.gain + held_out.map(|gain| gain.min(self.gain)).sum::<f64>();
+        let most = CONFIRMS * self.gain;
+        let gain = self.gain + held_out.map(|gain| gain.min(most)).sum::<f64>();
         deviations(2.0 * gain.max(0.0), freedom(self.effect))
     }
 

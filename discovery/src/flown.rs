@@ -7,7 +7,7 @@ use nalgebra::{DVector, Vector3};
 
 use super::motion_history::MotionHistory;
 use super::prepared::{Prepared, Steps, posture};
-use super::stretch::{CHANNELS, Channels, NUMBERS, Stretch, difference, moved};
+use super::stretch::{CHANNELS, Channels, NUMBERS, ROWS, Stretch, difference, moved};
 use super::track::Track;
 use super::window::Push;
 
@@ -61,7 +61,7 @@ impl Prepared<'_> {
                 loads.push(dynamics, state, body, time, 0.5 * duration);
             };
             apply(&mut state, time(k));
-            let window = k * super::stretch::ROWS / count;
+            let window = k * ROWS / count;
             state = self.stepped(&state, sample, &inputs, window, duration);
             apply(&mut state, time(k + 1));
             if let Some(push) = push
@@ -197,6 +197,9 @@ pub(super) fn behind(
     motion
 }
 
+/// Number of channels of the attitude, which come first.
+const ATTITUDE: usize = 3;
+
 /// Sensor readings of a simulated stretch.
 #[derive(Debug, Clone)]
 pub struct Flown {
@@ -213,32 +216,103 @@ impl Flown {
         self.averaged(stretch.grid.window, |k, seen| difference(measured(k), seen))
     }
 
-    /// Averaged differences from another simulation with the same stride.
-    pub fn less(&self, other: &Self, stretch: &Stretch) -> DVector<f64> {
+    /// Averaged differences from another simulation with the same stride: the residuals of the other less those of
+    /// this one. The difference between the two attitudes would not do, because rotations do not add up: it departs from
+    /// that of the residuals by half the residual.
+    pub fn less(&self, other: &Self, track: &Track, stretch: &Stretch) -> DVector<f64> {
+        let measured = |k: usize| &track.measured[stretch.first + k * self.stride];
         self.averaged(stretch.grid.window, |k, seen| {
-            difference(seen, &other.seen[k])
+            difference(measured(k), &other.seen[k]) - difference(measured(k), seen)
         })
     }
 
-    /// Averages over the frames of each window after its start, with linear interpolation between simulated frames.
+    /// Averages over the frames of each window after its start.
     fn averaged(
         &self,
         window: usize,
         difference: impl Fn(usize, &Motion<f64>) -> Channels,
     ) -> DVector<f64> {
+        let intervals = window / self.stride;
+        let weights = weights(intervals, self.stride);
         let mut averages = DVector::zeros(NUMBERS);
-        let stride = self.stride as f64;
-        let [early, late] = [stride - 1.0, stride + 1.0].map(|share| share / (2 * window) as f64);
-        let mut before = Channels::zeros();
         for (k, seen) in self.seen.iter().enumerate() {
-            let now = difference(k, seen);
-            if let Some(interval) = k.checked_sub(1) {
-                let row = interval * self.stride / window;
+            let difference = difference(k, seen);
+            let mut add = |row: usize, weights: &Channels| {
                 let mut mean = averages.rows_mut(row * CHANNELS, CHANNELS);
-                mean += before * early + now * late;
+                mean += difference.component_mul(weights);
+            };
+            let (row, place) = (k / intervals, k % intervals);
+            if row < ROWS {
+                add(row, &weights[place]);
             }
-            before = now;
+            if place == 0 && row > 0 {
+                add(row - 1, &weights[intervals]);
+            }
         }
         averages
+    }
+}
+
+/// Weights of the simulated frames of a window, from its start to its end, for the mean over all frames after the start.
+///
+/// The load of a step is constant, so between simulated frames velocities are straight, and the attitude is a parabola.
+fn weights(intervals: usize, stride: usize) -> Vec<Channels> {
+    let frames = intervals * stride;
+    let mut weights = vec![Channels::zeros(); intervals + 1];
+    for frame in 1..=frames {
+        let place = frame as f64 / stride as f64;
+        let before = frame.div_ceil(stride) - 1;
+        let after = place - before as f64;
+        let straight = [(before, 1.0 - after), (before + 1, after)];
+        for (at, weight) in straight {
+            let mut velocities = weights[at].rows_mut(ATTITUDE, CHANNELS - ATTITUDE);
+            velocities.add_scalar_mut(weight);
+        }
+        // A parabola through the nearest frames of the window.
+        let middle = before.clamp(1, intervals.max(2) - 1);
+        let after = place - middle as f64;
+        let parabola = [
+            (middle - 1, 0.5 * after * (after - 1.0)),
+            (middle, 1.0 - after * after),
+            (middle + 1, 0.5 * after * (after + 1.0)),
+        ];
+        let of_attitude = if intervals < 2 {
+            &straight[..]
+        } else {
+            &parabola
+        };
+        for (at, weight) in of_attitude {
+            weights[*at].rows_mut(0, ATTITUDE).add_scalar_mut(*weight);
+        }
+    }
+    weights
+        .iter()
+        .map(|weight| weight / frames as f64)
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Weights give the mean of a parabola in attitude and of a straight line in the velocities.
+    #[test]
+    fn a_mean_over_few_simulated_frames_is_that_over_all() {
+        for (intervals, stride) in [(1, 1), (12, 1), (2, 6), (3, 4), (4, 6)] {
+            let frames = intervals * stride;
+            let mean = |power: i32| {
+                let each = (1..=frames).map(|frame| (frame as f64 / stride as f64).powi(power));
+                each.sum::<f64>() / frames as f64
+            };
+            for power in 0..=2 {
+                let weights = weights(intervals, stride);
+                let sum = weights.iter().enumerate();
+                let sum: Channels = sum.map(|(k, weight)| weight * (k as f64).powi(power)).sum();
+                assert!((sum[0] - mean(power)).abs() < 1e-12, "{intervals} {stride}");
+                if power < 2 {
+                    assert!((sum[8] - mean(power)).abs() < 1e-12, "{intervals} {stride}");
+                }
+            }
+        }
     }
 }

@@ -127,7 +127,7 @@ impl Columns {
         let wrong = belief.joints_in(stretch);
         let base = Prepared::new(track, stretch, &belief.model(plain), &wrong, Steps::Long);
         let flown = base.fly(&still, None);
-        let change = |other: &Flown, size: f64| other.less(&flown, stretch) / size;
+        let change = |other: &Flown, size: f64| other.less(&flown, track, stretch) / size;
         let start = collected(CHANNELS, |k| {
             let mut by = still;
             by[k] = START_STEP[k];
@@ -257,7 +257,10 @@ fn effect_columns(
     collected(parameters.len(), |k| {
         let (other, size) = changed(plain, &belief.effects, parameters[k]);
         let flight = base.changed_to(&belief.subject.of(&other));
-        flight.fly(&Channels::zeros(), None).less(flown, stretch) / size
+        flight
+            .fly(&Channels::zeros(), None)
+            .less(flown, base.track, stretch)
+            / size
     })
 }
 

@@ -155,7 +155,9 @@ impl Alone {
 /// Whether a candidate is worth refitting everything with it. The threshold is lower than for a name, because errors
 /// fitted without the effect may have absorbed part of it.
 fn promises(candidate: &Candidate, chance: &[f64]) -> bool {
-    candidate.promise() > 0.0 && candidate.deviations() > quantile_of_sorted(chance, 0.99)
+    let least = quantile_of_sorted(chance, 0.99);
+    let is_confirmed = candidate.deviations_together() > LEAST.max(least + BEYOND_CHANCE);
+    candidate.promise() > 0.0 && (candidate.deviations() > least || is_confirmed)
 }
 
 /// A search in flights whose errors have been fitted without any effect.
@@ -335,15 +337,19 @@ impl<'a> Search<'a> {
         }
         begin(self.progress, "the remaining residual")?;
         let report = self.report(&scene, plain, unadjusted, names, nearest)?;
-        if report.verdict != Outcome::Unexplained {
-            return Ok(report);
+        match report.verdict {
+            // Inputs and gusts that change at random may look like errors of the suit.
+            Outcome::Calibrated => self.by_strength(scene, report),
+            Outcome::Unexplained => {
+                let bare = bare.unwrap_or(scene);
+                let report = described(&bare, report, self.progress)?;
+                if report.verdict != Outcome::Unexplained {
+                    return Ok(report);
+                }
+                self.by_strength(bare, report)
+            }
+            _ => Ok(report),
         }
-        let bare = bare.unwrap_or(scene);
-        let report = described(&bare, report, self.progress)?;
-        if report.verdict != Outcome::Unexplained {
-            return Ok(report);
-        }
-        self.by_strength(bare, report)
     }
 
     /// The best candidate in the first of several scenes in which it looks promising.
@@ -381,10 +387,8 @@ impl<'a> Search<'a> {
         } else {
             LEAST.max(beyond_chance + BEYOND_CHANCE)
         };
-        let gains = votes
-            && candidate.deviations() > beyond_chance
-            && candidate.deviations_together() > least
-            && candidate.total() > ALL_TOGETHER;
+        let gains =
+            votes && candidate.deviations_together() > least && candidate.total() > ALL_TOGETHER;
         gains && candidate.matters()
     }
 

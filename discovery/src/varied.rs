@@ -94,7 +94,7 @@ impl Varying {
             for k in 0..3 * ROWS {
                 let (varied, size) = Varied::new(*effect, k / 3, k % 3);
                 let other = base.with_varied(varied).fly(&still, None);
-                columns.set_column(k, &(other.less(&flown, stretch) / size));
+                columns.set_column(k, &(other.less(&flown, track, stretch) / size));
             }
             Changes {
                 effect: *effect,

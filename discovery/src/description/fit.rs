@@ -135,7 +135,7 @@ fn around(problem: &Problem<'_>, fitted: &Fitted, groups: &[Group]) -> Option<Qu
         let mut columns = DMatrix::zeros(NUMBERS, others.len() + 1);
         for (k, (model, size)) in others.iter().enumerate() {
             let other = prepared.changed_to(model).fly(&Channels::zeros(), None);
-            columns.set_column(k, &(other.less(&flown, stretch) / *size));
+            columns.set_column(k, &(other.less(&flown, track, stretch) / *size));
         }
         let missing = missing(track, stretch, &under.plain, belief);
         columns.set_column(others.len(), &missing);

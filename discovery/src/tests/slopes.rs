@@ -1,6 +1,8 @@
 //! Derivatives agree with differences of finely integrated simulations.
 
 use super::*;
+use crate::effect_set::parameters_of;
+use crate::linearization::effects_alone;
 
 /// Effects whose slope has kinks, because drag depends on the face with the largest projection.
 const SHAPES: [Effect; 3] = [Effect::TrunkShape, Effect::ArmShape, Effect::LegShape];
@@ -68,7 +70,8 @@ fn columns_are_slopes_wherever_an_effect_stands() {
             let flight = Prepared::new(&track, stretch, model, &JointErrors::none(), Steps::Long);
             flight.fly(&Channels::zeros(), None)
         };
-        let column = prepared(&model).less(&prepared(&extended(&plain, &effects)), stretch) / size;
+        let column =
+            prepared(&model).less(&prepared(&extended(&plain, &effects)), &track, stretch) / size;
         let name = id.effect.description().name;
         let apart = (&column - &central).norm();
         assert!(
@@ -96,7 +99,7 @@ fn slopes_of_a_fast_spin_do_not_depend_on_the_step() {
             let mut by = Channels::zeros();
             by.fixed_rows_mut::<3>(3).fill(0.01);
             let flown = flight.fly(&Channels::zeros(), None);
-            flight.fly(&by, None).less(&flown, &stretch)
+            flight.fly(&by, None).less(&flown, &track, &stretch)
         };
         let (found, fine) = (slopes(stretch.grid.stride), slopes(1));
         let frames = &track.measured[stretch.first..stretch.first + stretch.grid.frames()];
@@ -108,4 +111,31 @@ fn slopes_of_a_fast_spin_do_not_depend_on_the_step() {
         assert!(apart < 0.05, "frame {}: {apart}", stretch.first);
     }
     assert!(fastest > 12.0, "{fastest}");
+}
+
+/// Joints as wrong as a suit's leave residuals of some degrees, at which rotations no longer add up.
+#[test]
+fn slopes_are_those_of_the_residual_where_it_is_large() {
+    let track = track(&[], 1.0);
+    let plain = plain(&track);
+    for effect in [Effect::FootDrag, Effect::Drag, Effect::Muscle] {
+        let mut values = effect.neutral();
+        let ids = parameters_of([effect]);
+        let step = 0.05;
+        values[0] += step;
+        let changed = believed(&[(effect, values)]);
+        let (mut apart, mut norm) = (0.0, 0.0);
+        for stretch in stretches(&track) {
+            let at = |belief: &Belief| missing(&track, &stretch, &plain, belief);
+            let actual = (at(&Belief::files()) - at(&changed)) / step;
+            let slopes = effects_alone(&track, &stretch, &plain, &Belief::files(), &ids);
+            for row in (0..NUMBERS).step_by(CHANNELS) {
+                let attitude = actual.rows(row, 3);
+                apart += (attitude - slopes.view((row, 0), (3, 1))).norm_squared();
+                norm += attitude.norm_squared();
+            }
+        }
+        let share = f64::sqrt(apart / norm);
+        assert!(share < 0.02, "{effect:?}: {share}");
+    }
 }
