@@ -7,7 +7,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::candidate::Candidate;
 use super::contest::Scene;
-use super::effect_set::{EffectSet, ParameterId, parameters_of};
+use super::effect_set::{EffectSet, ParameterId, moved, parameters_of};
 use super::fitted::Fitted;
 use super::problem::Problem;
 use super::progress::Progress;
@@ -15,14 +15,42 @@ use super::progress::Progress;
 /// Number of neighbouring stretches whose influence may be correlated (Newey and West 1987).
 const ALIKE: usize = 3;
 
+/// Effects with the standard errors of their parameters.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Estimates {
+    pub(super) effects: EffectSet,
+    pub(super) errors: EffectSet,
+}
+
+/// What the fitted flights say about a set of effects, and what all flights say together.
+#[derive(Debug, Clone, Default)]
+pub(super) struct ErrorBars {
+    /// Standard errors in the fitted flights, wider if the held-out flights disagree.
+    pub(super) errors: EffectSet,
+    /// The mean over fitted and held-out flights, each weighted by its information.
+    pub(super) pooled: Estimates,
+}
+
 impl Scene<'_> {
-    /// Factors on the standard errors of a candidate's parameters, at least one.
-    pub fn wider(&self, candidate: &Candidate, progress: &dyn Progress) -> Vec<f64> {
+    /// The error bars of a candidate's effects.
+    pub(super) fn error_bars(&self, candidate: &Candidate, progress: &dyn Progress) -> ErrorBars {
         let lasting = self.lasting(candidate, progress);
-        let apart = self.apart(candidate, &lasting, progress);
-        let both = lasting.iter().zip(apart);
-        both.map(|(lasting, apart)| lasting.sqrt() * apart)
-            .collect()
+        let apart = self.apart(candidate, progress);
+        let both = lasting.iter().enumerate();
+        let wider: Vec<f64> = both
+            .map(|(k, lasting)| {
+                let own = candidate.covariance[(k, k)];
+                let birge = apart.iter().map(|there| {
+                    there.step[k].powi(2) / ((own + there.covariance[(k, k)]) * lasting)
+                });
+                let birge = birge.sum::<f64>() / apart.len().max(1) as f64;
+                lasting.sqrt() * birge.sqrt().max(1.0)
+            })
+            .collect();
+        ErrorBars {
+            errors: candidate.standard_errors(&wider),
+            pooled: pooled(candidate, &lasting, &apart),
+        }
     }
 
     /// Factor by which the variance of each parameter exceeds that for independent stretches; at least one.
@@ -61,30 +89,55 @@ impl Scene<'_> {
         .collect()
     }
 
-    /// Deviation of held-out flights from a candidate's parameters, in the combined standard errors of both estimates;
-    /// at least one (Birge ratio).
-    fn apart(&self, candidate: &Candidate, lasting: &[f64], progress: &dyn Progress) -> Vec<f64> {
+    /// The step from a candidate's parameters to those that fit each held-out flight.
+    fn apart(&self, candidate: &Candidate, progress: &dyn Progress) -> Vec<Step> {
         let effects = &candidate.effects;
         let parameters = parameters_of(effects.iter().map(|(effect, _)| *effect));
         let prior = Self::prior(effects);
-        let mut squares = vec![0.0; parameters.len()];
-        for flight in &self.held_out {
-            let there = self.around(&[flight], effects, &parameters, progress);
-            let Some((step, covariance)) =
-                there.and_then(|there| there.solved(&prior, &Self::from_neutral(effects)))
-            else {
-                continue;
-            };
-            for (k, square) in squares.iter_mut().enumerate() {
-                let variance = covariance[(k, k)] + candidate.covariance[(k, k)];
-                *square += step[k] * step[k] / (variance * lasting[k]);
-            }
-        }
-        let count = self.held_out.len().max(1) as f64;
-        squares
+        let each = self.held_out.iter();
+        each.filter_map(|flight| {
+            let there = self.around(&[flight], effects, &parameters, progress)?;
+            let (step, covariance) = there.solved(&prior, &Self::from_neutral(effects))?;
+            Some(Step { step, covariance })
+        })
+        .collect()
+    }
+}
+
+/// A change of parameters and its covariance.
+struct Step {
+    step: DVector<f64>,
+    covariance: DMatrix<f64>,
+}
+
+/// The mean of the estimates from all flights, with a standard error that is wider if they disagree (Birge ratio).
+/// `lasting` are factors on all variances.
+fn pooled(candidate: &Candidate, lasting: &[f64], apart: &[Step]) -> Estimates {
+    let parameters = lasting.len();
+    let (mut steps, mut wider) = (DVector::zeros(parameters), vec![1.0; parameters]);
+    for k in 0..parameters {
+        let own = candidate.covariance[(k, k)];
+        let others = apart
             .iter()
-            .map(|square| (square / count).sqrt().max(1.0))
-            .collect()
+            .map(|there| (there.step[k], there.covariance[(k, k)]));
+        let all: Vec<(f64, f64)> = core::iter::once((0.0, own)).chain(others).collect();
+        let information: f64 = all.iter().map(|(_, variance)| 1.0 / variance).sum();
+        let mean = all
+            .iter()
+            .map(|(step, variance)| step / variance)
+            .sum::<f64>()
+            / information;
+        let squares = all
+            .iter()
+            .map(|(step, variance)| (step - mean).powi(2) / variance);
+        let freedom = (all.len() - 1).max(1) as f64;
+        let birge = squares.sum::<f64>() / (freedom * lasting[k]);
+        steps[k] = mean;
+        wider[k] = (lasting[k] * birge.max(1.0) / (information * own)).sqrt();
+    }
+    Estimates {
+        effects: moved(&candidate.effects, &steps),
+        errors: candidate.standard_errors(&wider),
     }
 }
 

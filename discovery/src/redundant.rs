@@ -37,7 +37,7 @@ impl<'a> Search<'a> {
             }
             names.retain(|name| name.candidate.effect != effect);
             scene = without;
-            errors = self.standard_errors(&scene);
+            errors = self.error_bars(&scene).errors;
         }
         Ok(scene)
     }

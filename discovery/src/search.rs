@@ -8,6 +8,7 @@ use super::contest::Scene;
 use super::description::described;
 use super::effect_set::EffectSet;
 use super::error::{Error, Result};
+use super::error_bars::Estimates;
 use super::error_model::Errors;
 use super::fitted::Fitted;
 use super::linearization::Belief;
@@ -228,9 +229,10 @@ fn best(candidates: &[Candidate], chance: &[f64]) -> Option<Name> {
 }
 
 /// Whether the parameters of the last effect differ from neutral by more than their standard errors allow, which are
-/// wider than the gain suggests if stretches or held-out flights disagree. What the first effect leaves may look like
-/// another, so further effects must be clear.
-fn stands(effects: &EffectSet, errors: &EffectSet, named: usize) -> bool {
+/// wider than the gain suggests if stretches or flights disagree. What the first effect leaves may look like another, so
+/// further effects must be clear.
+fn stands(all_flights: &Estimates, named: usize) -> bool {
+    let Estimates { effects, errors } = all_flights;
     let (Some(effect), Some(errors)) = (effects.last(), errors.last()) else {
         return false;
     };
@@ -313,10 +315,10 @@ impl<'a> Search<'a> {
             self.reached(tried, 1.0);
             let deserves = self.deserves(&name.candidate, &chance);
             let needed = next.as_ref().filter(|_| deserves || nearest.is_none());
-            let errors = needed.map(|next| self.standard_errors(next));
-            if let (Some(next), Some(errors)) = (next, &errors)
+            let bars = needed.map(|next| self.error_bars(next));
+            if let (Some(next), Some(bars)) = (next, &bars)
                 && deserves
-                && stands(&next.effects, errors, names.len())
+                && stands(&bars.pooled, names.len())
             {
                 name.contest(&core::mem::take(&mut rejected));
                 if plain.is_none() {
@@ -324,13 +326,14 @@ impl<'a> Search<'a> {
                 }
                 bare.get_or_insert(core::mem::replace(&mut scene, next));
                 names.push(name);
-                scene = self.without_redundant(scene, errors.clone(), &mut names)?;
+                scene = self.without_redundant(scene, bars.errors.clone(), &mut names)?;
                 continue;
             }
             out_of_question.push(name.candidate.effect);
             rejected.push(name.candidate.clone());
             nearest.get_or_insert(Rejected {
-                errors: errors.unwrap_or_else(|| name.candidate.standard_errors(&[])),
+                errors: bars
+                    .map_or_else(|| name.candidate.standard_errors(&[]), |bars| bars.errors),
                 is_alternative: names.is_empty(),
                 name,
             });

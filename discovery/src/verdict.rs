@@ -7,6 +7,7 @@ use super::candidate::COST;
 use super::contest::Scene;
 use super::effect_set::EffectSet;
 use super::error::{Error, Result};
+use super::error_bars::ErrorBars;
 use super::error_model::Errors;
 use super::gap::gap;
 use super::remainder::Remainder;
@@ -63,7 +64,7 @@ impl<'a> Search<'a> {
             _ => 0.0,
         };
         let outcome = outcome(scene, unadjusted, &names, explained, &remainders);
-        let errors = self.standard_errors(scene);
+        let errors = self.error_bars(scene).errors;
         let named = |name: &Name| told(name, &scene.effects, &errors, explained);
         let told_names: Vec<Named> = names.iter().map(named).collect();
         let effects = if outcome == Outcome::Named {
@@ -118,22 +119,21 @@ impl<'a> Search<'a> {
         })
     }
 
-    /// Standard errors of the named effects.
-    pub(super) fn standard_errors(&self, scene: &Scene<'a>) -> EffectSet {
+    /// Error bars of the named effects.
+    pub(super) fn error_bars(&self, scene: &Scene<'a>) -> ErrorBars {
         let Some((last, _)) = scene.effects.last() else {
-            return EffectSet::new();
+            return ErrorBars::default();
         };
         let Some(found) = scene.followed(&scene.effects, *last, self.progress) else {
-            return EffectSet::new();
+            return ErrorBars::default();
         };
-        let wider = scene.wider(&found, self.progress);
-        let mut errors = found.standard_errors(&wider);
-        for ((effect, errors), (_, values)) in errors.iter_mut().zip(&scene.effects) {
+        let mut bars = scene.error_bars(&found, self.progress);
+        for ((effect, errors), (_, values)) in bars.errors.iter_mut().zip(&scene.effects) {
             if effect.is_random() {
                 *errors = self.errors_of_strength(scene, *effect, values);
             }
         }
-        errors
+        bars
     }
 }
 
