@@ -157,3 +157,36 @@ impl Problem<'_> {
         Some(left.iter().map(pull).collect())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bodyflight_core::effect::Effect;
+
+    /// The mean and its standard error if a held-out flight prefers an updraft that is `step` higher than 2 +- 1 m/s.
+    fn with_a_flight_that_is(step: f64) -> (f64, f64) {
+        let candidate = Candidate {
+            effect: Effect::Updraft,
+            effects: vec![(Effect::Updraft, [2.0, 0.0, 0.0])],
+            covariance: DMatrix::from_element(1, 1, 1.0),
+            gain: 2.0,
+            gains_held_out: vec![2.0],
+        };
+        let apart = Step {
+            step: DVector::from_element(1, step),
+            covariance: DMatrix::from_element(1, 1, 1.0),
+        };
+        let pooled = pooled(&candidate, &[1.0], &[apart]);
+        (pooled.effects[0].1[0], pooled.errors[0].1[0])
+    }
+
+    #[test]
+    fn flights_that_disagree_have_a_wider_mean() {
+        let (mean, error) = with_a_flight_that_is(0.0);
+        assert!((mean - 2.0).abs() < 1e-12 && (error - 0.5_f64.sqrt()).abs() < 1e-12);
+        let (mean, error) = with_a_flight_that_is(4.0);
+        assert!((mean - 4.0).abs() < 1e-12 && (error - 2.0).abs() < 1e-12);
+        let (mean, error) = with_a_flight_that_is(-4.0);
+        assert!(mean.abs() < 1e-12 && (error - 2.0).abs() < 1e-12);
+    }
+}

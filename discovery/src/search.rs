@@ -343,15 +343,19 @@ impl<'a> Search<'a> {
         match report.verdict {
             // Inputs and gusts that change at random may look like errors of the suit.
             Outcome::Calibrated => self.by_strength(scene, report),
-            Outcome::Unexplained => {
-                let bare = bare.unwrap_or(scene);
-                let report = described(&bare, report, self.progress)?;
-                if report.verdict != Outcome::Unexplained {
-                    return Ok(report);
-                }
-                self.by_strength(bare, report)
-            }
+            Outcome::Unexplained => self.by_description(bare.unwrap_or(scene), report),
             _ => Ok(report),
+        }
+    }
+
+    /// Describes what no effect with a value explains, or names an effect that changes at random. `bare` is the scene
+    /// without effects.
+    fn by_description(&self, bare: Scene<'a>, report: Report) -> Result<Report> {
+        let report = described(&bare, report, self.progress)?;
+        if report.verdict == Outcome::Unexplained {
+            self.by_strength(bare, report)
+        } else {
+            Ok(report)
         }
     }
 
