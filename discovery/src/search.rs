@@ -341,9 +341,11 @@ impl<'a> Search<'a> {
         begin(self.progress, "the remaining residual")?;
         let report = self.report(&scene, plain, unadjusted, names, nearest)?;
         match report.verdict {
-            // Inputs and gusts that change at random may look like errors of the suit.
-            Outcome::Calibrated => self.by_strength(scene, report),
             Outcome::Unexplained => self.by_description(bare.unwrap_or(scene), report),
+            // Loads and inputs that change fast may look like errors of the suit.
+            Outcome::Calibrated if !self.scored(&scene).is_empty() => {
+                self.by_description(scene, report)
+            }
             _ => Ok(report),
         }
     }
@@ -352,10 +354,10 @@ impl<'a> Search<'a> {
     /// without effects.
     fn by_description(&self, bare: Scene<'a>, report: Report) -> Result<Report> {
         let report = described(&bare, report, self.progress)?;
-        if report.verdict == Outcome::Unexplained {
-            self.by_strength(bare, report)
-        } else {
+        if report.verdict == Outcome::Described {
             Ok(report)
+        } else {
+            self.by_strength(bare, report)
         }
     }
 

@@ -114,7 +114,7 @@ impl<'a> Search<'a> {
     }
 
     /// Effects that are worth fitting, best first.
-    fn scored(&self, scene: &Scene<'a>) -> EffectSet {
+    pub(super) fn scored(&self, scene: &Scene<'a>) -> EffectSet {
         let tried: EffectSet = TRIED.to_vec();
         let of = |flights: &[(&Problem<'_>, Fitted)]| -> Vec<Vec<f64>> {
             let each = flights.iter();
