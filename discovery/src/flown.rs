@@ -210,33 +210,14 @@ pub struct Flown {
 }
 
 impl Flown {
-    /// Averaged residuals: measured less simulated.
+    /// Residuals, measured less simulated, averaged over the frames of each window after its start.
     pub fn missing(&self, track: &Track, stretch: &Stretch) -> DVector<f64> {
-        let measured = |k: usize| &track.measured[stretch.first + k * self.stride];
-        self.averaged(stretch.grid.window, |k, seen| difference(measured(k), seen))
-    }
-
-    /// Averaged differences from another simulation with the same stride: the residuals of the other less those of
-    /// this one. The difference between the two attitudes would not do, because rotations do not add up: it departs from
-    /// that of the residuals by half the residual.
-    pub fn less(&self, other: &Self, track: &Track, stretch: &Stretch) -> DVector<f64> {
-        let measured = |k: usize| &track.measured[stretch.first + k * self.stride];
-        self.averaged(stretch.grid.window, |k, seen| {
-            difference(measured(k), &other.seen[k]) - difference(measured(k), seen)
-        })
-    }
-
-    /// Averages over the frames of each window after its start.
-    fn averaged(
-        &self,
-        window: usize,
-        difference: impl Fn(usize, &Motion<f64>) -> Channels,
-    ) -> DVector<f64> {
-        let intervals = window / self.stride;
+        let intervals = stretch.grid.window / self.stride;
         let weights = weights(intervals, self.stride);
         let mut averages = DVector::zeros(NUMBERS);
         for (k, seen) in self.seen.iter().enumerate() {
-            let difference = difference(k, seen);
+            let measured = &track.measured[stretch.first + k * self.stride];
+            let difference = difference(measured, seen);
             let mut add = |row: usize, weights: &Channels| {
                 let mut mean = averages.rows_mut(row * CHANNELS, CHANNELS);
                 mean += difference.component_mul(weights);
@@ -250,6 +231,13 @@ impl Flown {
             }
         }
         averages
+    }
+
+    /// Difference from another simulation with the same stride: the residuals of the other less those of this one. The
+    /// difference between the two attitudes would not do, because rotations do not add up: it departs from that of the
+    /// residuals by half the residual.
+    pub fn less(&self, other: &Self, track: &Track, stretch: &Stretch) -> DVector<f64> {
+        other.missing(track, stretch) - self.missing(track, stretch)
     }
 }
 

@@ -50,7 +50,7 @@ fn exact(name: &str, duration: f64) -> Track {
     Track::new(&frames, dynamics, |time| maneuver.inputs(time))
 }
 
-/// Postures or inputs that are half a frame early miss it by 0.02 rad/s.
+/// With postures or inputs half a frame early, a stretch misses the flight by 0.02 rad/s.
 #[test]
 fn a_stretch_flies_like_a_free_run() {
     let track = exact("fourteen-transitions", 16.0);
