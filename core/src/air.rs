@@ -59,6 +59,12 @@ pub fn standard_density<T: Real>(altitude: T) -> T {
     T::of(1.225) * temperature_ratio.power(T::of(4.255_88))
 }
 
+/// Height of the U.S. Standard Atmosphere 1976 (m, geopotential, above sea level) at a pressure (Pa), troposphere.
+pub fn pressure_height<T: Real>(pressure: T) -> T {
+    let ratio = pressure / T::of(101_325.0);
+    T::of(44_330.77) * (T::one() - ratio.power(T::of(0.190_263)))
+}
+
 /// Density of dry air (kg/m3) at a height above ground (m), from pressure (Pa) and temperature (K) at ground level.
 /// The temperature falls by 6.5 K per kilometre, as in the troposphere of the U.S. Standard Atmosphere 1976.
 pub fn density_above_ground<T: Real>(pressure: T, temperature: T, height: T) -> T {

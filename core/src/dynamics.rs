@@ -222,6 +222,17 @@ pub struct Inputs<T: Real> {
     pub residual: ResidualLoad<T>,
 }
 
+impl<T: Real> Default for Inputs<T> {
+    /// No muscle input, no damping, no residual load.
+    fn default() -> Self {
+        Self {
+            muscle: AxisCoefficients::zero(),
+            damping: AxisCoefficients::zero(),
+            residual: ResidualLoad::none(),
+        }
+    }
+}
+
 impl<T: Real> Inputs<T> {
     /// No muscle input, with the paper's damping of belly turns, eq. (params).
     pub fn belly_turn() -> Self {

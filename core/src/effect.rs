@@ -25,6 +25,7 @@ mod forearm_drag;
 mod gnss_latency;
 mod gyro_bias;
 mod heading_drift;
+pub mod history;
 mod leg_shape;
 mod lift;
 mod mass;
@@ -230,6 +231,22 @@ impl Effect {
         self.change(&values.map(T::of), model);
         Ok(())
     }
+}
+
+/// The model with effects applied in the order of the library, since some act on what others have changed. An effect
+/// with a value outside its plausible range is left out.
+pub fn extended<T: Real>(
+    model: &Model<T>,
+    effects: &[(Effect, [f64; PARAMETER_COUNT])],
+) -> Model<T> {
+    let mut model = *model;
+    for next in Effect::ALL {
+        for (_, values) in effects.iter().filter(|(effect, _)| effect == next) {
+            // A refused effect leaves the model unchanged.
+            let _ = next.apply(values, &mut model);
+        }
+    }
+    model
 }
 
 #[cfg(test)]

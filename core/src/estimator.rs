@@ -29,6 +29,7 @@ pub mod ranges;
 pub mod reduced;
 pub mod status;
 pub mod trace;
+pub mod ud;
 pub mod unit_preset;
 pub mod unscented;
 pub mod window;

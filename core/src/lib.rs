@@ -63,6 +63,7 @@ pub mod body;
 pub mod dynamics;
 pub mod effect;
 pub mod estimator;
+pub mod flight_sample;
 pub mod frame;
 pub mod link;
 pub mod maneuver;
@@ -73,8 +74,12 @@ pub mod sensor_noise;
 mod serialization;
 #[cfg(test)]
 mod test_body;
+pub mod tolerances;
 pub mod ubx;
 pub mod xbus;
+
+/// The crate of the vectors and rotations in this interface, so that users need not find out its version.
+pub use nalgebra;
 
 pub use axis::AxisCoefficients;
 pub use body::posture::Posture;

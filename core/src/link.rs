@@ -27,6 +27,7 @@ mod decoder;
 pub mod fault;
 mod flags;
 mod frame;
+mod kept;
 mod layout;
 mod ledger;
 mod message;
@@ -34,25 +35,32 @@ mod packed_quaternion;
 mod sample;
 mod schema;
 mod segment_values;
+mod sensors;
+mod setup;
 mod status;
 mod wire;
 
 pub use block::{BLOCK_LENGTH, BlockReader, BlockWriter};
 pub use decode_error::DecodeError;
 pub use decoder::{Counters, Decoder, Event};
-pub use flags::{EstimateFlags, Validity};
+pub use flags::{EstimateFlags, SensorParts, Validity};
 pub use frame::{EncodeError, Header, MAX_FRAME_LENGTH, MAX_PACKET_LENGTH};
+pub use kept::{
+    LogAction, LogAsk, LogPiece, PIECE_LENGTH, SetupAction, SetupAsk, SetupState, Stored,
+};
 pub use layout::{FieldLayout, MessageLayout, PROTOCOL_VERSION};
 pub use ledger::{Arrival, Imbalance, Ledger};
 pub use message::{
-    ArchSource, Configure, Configured, Credit, Estimate, Hello, HelloAcknowledge, LogAction,
-    LogAsk, LogPiece, Message, PIECE_LENGTH, ResetFilter, Sample, SegmentValues, Start, Status,
-    Stop, StreamMode, TimeSync, Verdict,
+    ArchSource, Configure, Configured, Credit, Estimate, Hello, HelloAcknowledge, Message,
+    ResetFilter, Sample, SegmentValues, SensorKind, Sensors, Start, Status, Stop, StreamMode,
+    TimeSync, Verdict,
 };
 pub use packed_quaternion::PackedQuaternion;
 pub use sample::Motion;
 pub use schema::{HEADER, MESSAGES, SCHEMA_HASH};
 pub use segment_values::SegmentTable;
+pub use sensors::Readings;
+pub use setup::{SETUP_LENGTH, Setup, SetupError};
 
 #[cfg(test)]
 mod tests;

@@ -133,6 +133,16 @@ impl Real for f32 {
     }
 }
 
+/// Returns zero for a number too small to matter, before it becomes subnormal: processors differ in what they do with
+/// those.
+pub fn flushed<T: Real>(value: T) -> T {
+    if value.abs() < T::of(1e-20) {
+        T::zero()
+    } else {
+        value
+    }
+}
+
 /// Arc sine (rad); arguments beyond +-1 are clamped.
 pub fn arcsine<T: Real>(x: T) -> T {
     let x = clamp(x, -T::one(), T::one());

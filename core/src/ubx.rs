@@ -2,6 +2,10 @@
 //!
 //! A frame is `B5 62 | class | number | length | payload | two checksums`, little-endian. [`Decoder`] finds `NAV-PVT`
 //! frames in arbitrary bytes and skips all others; a solution that the receiver itself marks as invalid is not used.
+//!
+//! The decoder keeps the last bytes of the line and asks after each whether a whole frame ends there. A false start or
+//! a false length therefore hides nothing: every undamaged frame is found, whatever precedes it.
+//!
 //! Source: u-blox 8 / M8 receiver description, UBX-13003221, chapter 32; layouts of 84 bytes (protocol 14) and 92
 //! bytes.
 //!
@@ -23,8 +27,15 @@ const NAV_PVT: [u8; 2] = [0x01, 0x07];
 /// Lengths of the payload in older and newer receivers (bytes); newer ones append fields.
 const LENGTHS: [usize; 2] = [84, 92];
 
-/// Longest payload that is stored (bytes).
+/// Longest payload (bytes).
 const LONGEST: usize = 92;
+
+/// Bytes of a frame before its payload, and after it.
+const HEADER: usize = 6;
+const TRAILER: usize = 2;
+
+/// Bytes kept of the line: at least the longest frame, and a power of two.
+const KEPT: usize = 128;
 
 /// Three-dimensional kinds of fix, without and with dead reckoning.
 const THREE_DIMENSIONS: [u8; 2] = [3, 4];
@@ -47,6 +58,10 @@ pub struct NavPvt {
     pub ground_speed_mps: f32,
     /// Standard deviation of the speed as estimated by the receiver (m/s).
     pub speed_accuracy_mps: f32,
+    /// Height above mean sea level (m).
+    pub height_msl_m: f32,
+    /// Standard deviation of the height as estimated by the receiver (m).
+    pub vertical_accuracy_m: f32,
 }
 
 impl NavPvt {
@@ -72,22 +87,10 @@ impl NavPvt {
             velocity_mps: Vector3::new(metres(48)?, -metres(52)?, -metres(56)?),
             ground_speed_mps: metres(60)?,
             speed_accuracy_mps: word(68)?.cast_unsigned() as f32 / 1e3,
+            height_msl_m: metres(36)?,
+            vertical_accuracy_m: word(44)?.cast_unsigned() as f32 / 1e3,
         })
     }
-}
-
-/// Position of the next byte in a frame.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Place {
-    Sync,
-    SecondSync,
-    Class,
-    Number,
-    LowLength,
-    HighLength,
-    Payload,
-    FirstChecksum,
-    SecondChecksum,
 }
 
 /// Counters of a decoder since its creation. All of them wrap.
@@ -95,22 +98,19 @@ enum Place {
 pub struct Counters {
     /// Solutions decoded.
     pub solutions: u32,
-    /// Undamaged frames of other kinds.
-    pub others: u32,
-    /// Frames whose checksums do not match.
+    /// Starts of a solution whose checksums do not match: damaged or cut short, or there by chance.
     pub bad_checksum: u32,
 }
 
-/// Decodes a stream of bytes to navigation solutions; bytes that belong to no frame are skipped.
+/// Decodes a stream of bytes to navigation solutions; bytes that belong to no solution are skipped.
 #[derive(Debug)]
 pub struct Decoder {
-    place: Place,
-    kind: [u8; 2],
+    /// The last bytes of the line, a ring.
+    kept: [u8; KEPT],
+    /// Where the next byte goes.
+    next: usize,
+    /// Number of bytes kept since the end of the last solution.
     length: usize,
-    taken: usize,
-    payload: [u8; LONGEST],
-    sums: [u8; 2],
-    first_sum: u8,
     counters: Counters,
 }
 
@@ -124,16 +124,11 @@ impl Decoder {
     /// Creates a decoder that waits for its first frame.
     pub const fn new() -> Self {
         Self {
-            place: Place::Sync,
-            kind: [0; 2],
+            kept: [0; KEPT],
+            next: 0,
             length: 0,
-            taken: 0,
-            payload: [0; LONGEST],
-            sums: [0; 2],
-            first_sum: 0,
             counters: Counters {
                 solutions: 0,
-                others: 0,
                 bad_checksum: 0,
             },
         }
@@ -146,83 +141,47 @@ impl Decoder {
 
     /// Processes one byte; returns a solution if the byte completed one.
     pub fn push(&mut self, byte: u8) -> Option<NavPvt> {
-        let [first, second] = SYNC;
-        self.place = match self.place {
-            Place::Sync if byte == first => Place::SecondSync,
-            Place::Sync => Place::Sync,
-            Place::SecondSync if byte == second => {
-                self.sums = [0; 2];
-                self.taken = 0;
-                Place::Class
-            }
-            Place::SecondSync if byte == first => Place::SecondSync,
-            Place::SecondSync => Place::Sync,
-            Place::Class => {
-                self.kind[0] = byte;
-                self.cover(byte, Place::Number)
-            }
-            Place::Number => {
-                self.kind[1] = byte;
-                self.cover(byte, Place::LowLength)
-            }
-            Place::LowLength => {
-                self.length = usize::from(byte);
-                self.cover(byte, Place::HighLength)
-            }
-            Place::HighLength => {
-                self.length |= usize::from(byte) << 8;
-                let next = self.cover(byte, Place::Payload);
-                // Frames of other kinds are not stored, so they may have any length; a `NAV-PVT` frame must have a
-                // known one.
-                match (self.kind == NAV_PVT, self.length) {
-                    (true, length) if !LENGTHS.contains(&length) => Place::Sync,
-                    (_, 0) => Place::FirstChecksum,
-                    _ => next,
-                }
-            }
-            Place::Payload => {
-                if let Some(place) = self.payload.get_mut(self.taken) {
-                    *place = byte;
-                }
-                self.taken += 1;
-                let next = if self.taken == self.length {
-                    Place::FirstChecksum
-                } else {
-                    Place::Payload
-                };
-                self.cover(byte, next)
-            }
-            Place::FirstChecksum => {
-                self.first_sum = byte;
-                Place::SecondChecksum
-            }
-            Place::SecondChecksum => {
-                self.place = Place::Sync;
-                return self.judge([self.first_sum, byte]);
-            }
-        };
-        None
+        if let Some(place) = self.kept.get_mut(self.next) {
+            *place = byte;
+        }
+        self.next = (self.next + 1) % KEPT;
+        self.length = (self.length + 1).min(KEPT);
+        LENGTHS.into_iter().find_map(|length| self.ending(length))
     }
 
-    /// Adds a byte to the Fletcher checksums.
-    fn cover(&mut self, byte: u8, next: Place) -> Place {
-        let [a, b] = &mut self.sums;
-        *a = a.wrapping_add(byte);
-        *b = b.wrapping_add(*a);
-        next
+    /// The byte that came `back` bytes before the next one.
+    fn before(&self, back: usize) -> u8 {
+        let place = (self.next + KEPT - back) % KEPT;
+        self.kept.get(place).copied().unwrap_or_default()
     }
 
-    fn judge(&mut self, sums: [u8; 2]) -> Option<NavPvt> {
-        let counters = &mut self.counters;
-        let counter = match (sums == self.sums, self.kind == NAV_PVT) {
-            (false, _) => &mut counters.bad_checksum,
-            (true, false) => &mut counters.others,
-            (true, true) => &mut counters.solutions,
-        };
-        *counter = counter.wrapping_add(1);
-        let is_solution = sums == self.sums && self.kind == NAV_PVT;
-        let payload = self.payload.get(..self.length).filter(|_| is_solution)?;
-        NavPvt::of(payload)
+    /// Decodes a frame with a payload of `length` bytes that ends with the last byte, if there is one.
+    fn ending(&mut self, length: usize) -> Option<NavPvt> {
+        let total = HEADER + length + TRAILER;
+        let [low, high, ..] = length.to_le_bytes();
+        let header = [SYNC[0], SYNC[1], NAV_PVT[0], NAV_PVT[1], low, high];
+        let starts = (0..HEADER)
+            .zip(header)
+            .all(|(at, expected)| self.before(total - at) == expected);
+        if self.length < total || !starts {
+            return None;
+        }
+        let [mut a, mut b] = [0_u8; 2];
+        for back in (TRAILER + 1..=total - SYNC.len()).rev() {
+            a = a.wrapping_add(self.before(back));
+            b = b.wrapping_add(a);
+        }
+        if [self.before(2), self.before(1)] != [a, b] {
+            self.counters.bad_checksum = self.counters.bad_checksum.wrapping_add(1);
+            return None;
+        }
+        self.counters.solutions = self.counters.solutions.wrapping_add(1);
+        self.length = 0;
+        let mut payload = [0; LONGEST];
+        for (at, place) in payload.iter_mut().take(length).enumerate() {
+            *place = self.before(length + TRAILER - at);
+        }
+        NavPvt::of(payload.get(..length)?)
     }
 }
 

@@ -4,6 +4,8 @@
 //! the sagittal plane three equations remain: forces along Y and Z, and the pitching moment. They determine the
 //! terminal speed, the pitch of the body and the bend of the knees; every other joint stays fixed.
 
+use core::fmt;
+
 use nalgebra::Vector3;
 
 use super::Dynamics;
@@ -33,6 +35,19 @@ pub enum TrimError {
     /// The air cannot carry the body: there is no density, no area, or the airstream is that of a tunnel.
     NoSupport,
 }
+
+impl fmt::Display for TrimError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::NoBalance => "no bend of the knees within the range searched balances the posture",
+            Self::NoSupport => {
+                "the air cannot carry the body: it has no density, the body has no area, or the air is that of a tunnel"
+            }
+        })
+    }
+}
+
+impl core::error::Error for TrimError {}
 
 /// Range of knee bends searched (rad).
 const KNEE_RANGE: (f64, f64) = (0.0, 2.4);

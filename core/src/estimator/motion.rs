@@ -13,85 +13,48 @@
 //! gate. [`watch`] compares the innovations with their error bars and reports when the error bars cannot be trusted.
 
 pub mod activity;
+pub mod airflow;
+mod climb;
+pub mod constants;
+pub mod covariance;
+mod crossing;
 pub mod estimate;
+mod filter;
+mod fusion;
+mod held;
 pub mod measurement;
 pub mod posture_error;
+mod publish;
+mod rejection;
 pub mod repeats;
+pub mod sensors;
 pub mod settings;
 mod start;
 pub mod state;
+pub mod support;
+pub mod trail;
 pub mod transition;
 pub mod update;
 pub mod watch;
 
-use nalgebra::{SMatrix, Vector3};
-
-use super::factor::Cholesky;
 use super::full::Full;
 use super::propagation::Propagation;
 use super::reduced::Reduced;
-use super::status::Faults;
 use super::unscented::SettingsError;
 use crate::body::posture::Posture;
-use crate::dynamics::applied_load::AppliedLoads;
-use crate::dynamics::{Dynamics, Motion, PostureSample, State};
-use crate::frame::Vector;
+use crate::dynamics::{Dynamics, Motion};
 use crate::math::Real;
-use activity::Activity;
-use estimate::{ChannelEstimate, MotionEstimate, Recorder};
-use measurement::{CHANNELS, MotionMeasurement, Noise, Prediction};
-use posture_error::PostureError;
-use repeats::{BELIEVED, Repeats};
-use settings::{MotionPreset, Process};
-use state::{
-    Covariance, DAMPING, Difference, FlightState, MOTION_STATES, RESIDUAL_FORCE, SPIN, input_vector,
-};
-use transition::MotionSlope;
-use watch::Watch;
+use estimate::{MotionEstimate, Recorder};
+pub use filter::MotionFilter;
+use measurement::{MotionMeasurement, SensorMeasurement};
+use settings::MotionPreset;
+use support::Situation;
 
 /// The motion filter with the whole model and one step per sample.
 pub type FullMotionFilter<T> = MotionFilter<T, Full>;
 
 /// The motion filter for the unit, with one step for every two samples.
 pub type ReducedMotionFilter<T> = MotionFilter<T, Reduced>;
-
-/// Number of consecutive innovations beyond the gate after which a channel is accepted again, because then the filter
-/// is wrong rather than the sensor.
-const LONGEST_REJECTION: u16 = 60;
-
-/// A filter of the whole motion that takes one posture and one measurement at a time.
-#[derive(Debug, Clone)]
-pub struct MotionFilter<T: Real, P: Propagation<T>> {
-    dynamics: Dynamics<T>,
-    process: Process<T>,
-    noise: Noise<T>,
-    /// Squared number of standard deviations beyond which a channel is rejected.
-    gate: T,
-    activity: Activity<T>,
-    duration: T,
-    /// Number of intervals from one estimate to the next.
-    intervals: usize,
-    state: FlightState<T>,
-    covariance: Covariance<T>,
-    slope: MotionSlope<T>,
-    posture_error: PostureError<T>,
-    interval: Option<P::Interval>,
-    /// Motion to start from, until the first interval gives the joint rates.
-    start: Option<Motion<T>>,
-    /// The last interval in full, kept here because it is too large for the stack of an update.
-    sample: PostureSample<T>,
-    posture: Posture<T>,
-    /// Samples since the last interval ended.
-    waiting: usize,
-    /// Intervals since the last estimate.
-    since: usize,
-    samples: u32,
-    watch: Watch<T>,
-    repeats: Repeats<T>,
-    /// Sum and number of the normalised innovations squared since the last estimate.
-    squares: [T; 2],
-    faults: Faults,
-}
 
 impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
     /// Creates a filter that starts with the motion and posture of sample 0, taken to be as accurate as the sensors.
@@ -104,86 +67,9 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         motion: &Motion<T>,
         posture: &Posture<T>,
     ) -> Result<Self, SettingsError> {
-        let mut filter = Self::unstarted(preset, dynamics)?;
+        let mut filter = Self::unstarted(preset, Self::process(preset)?, dynamics);
         filter.restart(motion, posture)?;
         Ok(filter)
-    }
-
-    /// Creates a filter that ignores samples until [`MotionFilter::restart`] gives it a motion. Two filters do not fit
-    /// on a unit's stack, so the unit creates one in place first and starts it there.
-    ///
-    /// # Errors
-    /// Returns an error if the settings are invalid.
-    pub fn unstarted(preset: &MotionPreset, dynamics: &Dynamics<T>) -> Result<Self, SettingsError> {
-        let duration = preset.duration(P::STRIDE);
-        if !(duration > T::zero() && duration <= T::of(0.05)) {
-            return Err(SettingsError::TimeStep);
-        }
-        if preset.solution_window < P::STRIDE || !preset.solution_window.is_multiple_of(P::STRIDE) {
-            return Err(SettingsError::SolutionWindow);
-        }
-        let process = Process::new(preset, duration)?;
-        Ok(Self {
-            dynamics: *dynamics,
-            process,
-            noise: preset.noise.of(),
-            gate: T::single(preset.gate * preset.gate),
-            activity: Activity::new(preset, duration),
-            duration,
-            intervals: preset.solution_window / P::STRIDE,
-            state: FlightState {
-                motion: State::at_rest(),
-                inputs: state::inputs_of(&process.centre()),
-            },
-            covariance: SMatrix::zeros(),
-            slope: SMatrix::zeros(),
-            posture_error: PostureError::none(),
-            interval: None,
-            start: None,
-            sample: PostureSample::blank(),
-            posture: Posture::default(),
-            waiting: 0,
-            since: 0,
-            samples: 0,
-            watch: Watch::new(),
-            repeats: Repeats::new(),
-            squares: [T::zero(); 2],
-            faults: Faults::default(),
-        })
-    }
-
-    /// Returns the model.
-    pub fn dynamics(&self) -> &Dynamics<T> {
-        &self.dynamics
-    }
-
-    /// Returns the model mutably, so that the limb groups can be changed during a flight.
-    pub fn dynamics_mut(&mut self) -> &mut Dynamics<T> {
-        &mut self.dynamics
-    }
-
-    /// Returns motion and inputs after the last interval.
-    pub fn state(&self) -> &FlightState<T> {
-        &self.state
-    }
-
-    /// Returns the covariance of the state's errors.
-    pub fn covariance(&self) -> &Covariance<T> {
-        &self.covariance
-    }
-
-    /// Degree to which each axis is moved deliberately, 0 to 1: pitch, yaw, roll.
-    pub fn activity(&self) -> [T; 3] {
-        self.activity.level()
-    }
-
-    /// Applies known loads to the present state for `duration` (s); `time` (s since the start of the flight) is the
-    /// middle of that period. Has no effect before the first interval.
-    pub fn apply(&mut self, loads: &AppliedLoads<T>, time: T, duration: T) {
-        if let Some(interval) = &self.interval {
-            let body = (&self.posture, interval);
-            loads.push(&self.dynamics, &mut self.state.motion, body, time, duration);
-        }
     }
 
     /// Processes the next sample: a posture and the measurement of the same instant. Returns an estimate for that
@@ -196,14 +82,23 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         posture: &Posture<T>,
         measured: &MotionMeasurement<T>,
     ) -> Option<MotionEstimate<T>> {
+        self.push_sensors(posture, &(*measured).into())
+    }
+
+    /// Same as [`MotionFilter::push`], with the measurements of other sensors too.
+    pub fn push_sensors(
+        &mut self,
+        posture: &Posture<T>,
+        measured: &SensorMeasurement<T>,
+    ) -> Option<MotionEstimate<T>> {
         self.push_recorded(posture, measured, &mut ())
     }
 
-    /// Same as [`MotionFilter::push`], with a recorder that is called for each update.
+    /// Same as [`MotionFilter::push_sensors`], with a recorder that is called for each update.
     pub fn push_recorded(
         &mut self,
         posture: &Posture<T>,
-        measured: &MotionMeasurement<T>,
+        measured: &SensorMeasurement<T>,
         recorder: &mut impl Recorder<T>,
     ) -> Option<MotionEstimate<T>> {
         if !self.is_started() {
@@ -212,205 +107,26 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         self.samples = self.samples.wrapping_add(1);
         self.waiting += 1;
         if self.waiting < P::STRIDE {
+            let stride = T::of(P::STRIDE as f64);
+            let remaining = self.duration * (T::of((P::STRIDE - self.waiting) as f64) / stride);
+            self.held.hold(measured, remaining);
             return None;
         }
         self.waiting = 0;
         self.cross(posture);
-        let channels = self.take(measured, recorder);
+        for rejection in &mut self.rejections {
+            rejection.pass(self.duration);
+        }
+        self.take(measured, recorder);
+        if self.support.situation() == Situation::Supported {
+            self.forget_inputs();
+        }
         self.since += 1;
         if self.since < self.intervals {
             return None;
         }
         self.since = 0;
-        Some(self.publish(channels))
-    }
-
-    /// Advances to the next posture: first the posture's data, then the motion. They are separate functions so that
-    /// their stack frames do not add up.
-    fn cross(&mut self, posture: &Posture<T>) {
-        let motion = self.motion();
-        self.follow_posture(posture, &motion);
-        self.fly(&motion);
-    }
-
-    /// Updates the interval and the effect of joint errors for the next posture.
-    #[inline(never)]
-    fn follow_posture(&mut self, posture: &Posture<T>, motion: &Motion<T>) {
-        let good = posture.is_valid();
-        self.faults.posture |= !good;
-        // Once per estimate on the unit, so that every update costs the same.
-        if self.since == 0 || P::STRIDE == 1 {
-            let next = if good { posture } else { &self.posture };
-            self.posture_error
-                .renew_next(&self.dynamics, next, motion, &mut self.sample);
-        }
-        let next = if good { posture } else { &self.posture };
-        self.dynamics
-            .between_into(&self.posture, next, self.duration, &mut self.sample);
-        if good {
-            self.posture = *posture;
-        }
-    }
-
-    /// Propagates state and covariance over the interval.
-    #[inline(never)]
-    fn fly(&mut self, motion: &Motion<T>) {
-        let velocity = self.velocity_through_air(motion);
-        self.follow_joints(motion, &velocity);
-        let interval = P::keep(
-            &self.dynamics,
-            &self.sample,
-            &Vector::from_components(velocity),
-        );
-        if let Some(start) = self.start.take() {
-            self.state.motion = State::from_motion(&start, &interval);
-        }
-        let end = transition::fly(
-            &self.dynamics,
-            &interval,
-            &self.process,
-            &self.state,
-            self.duration,
-            &mut self.slope,
-        );
-        let spin = &motion.angular_velocity.components;
-        let variance = Vector3::from_fn(|axis, _| self.covariance[(SPIN + axis, SPIN + axis)]);
-        let trust = self.activity.damping_trust(spin, &variance);
-        for (axis, trust) in trust.into_iter().enumerate() {
-            for row in 0..MOTION_STATES {
-                self.slope[(row, DAMPING + axis)] *= trust;
-            }
-        }
-        if end.is_finite() && self.slope.iter().all(|v| v.is_finite()) {
-            self.state = end;
-            transition::spread(&mut self.covariance, &self.slope, &self.process);
-        } else {
-            self.faults.motion = true;
-        }
-        self.interval = Some(interval);
-    }
-
-    /// Updates the process noise for the effect of joint errors in this interval.
-    #[inline(never)]
-    fn follow_joints(&mut self, motion: &Motion<T>, velocity: &Vector3<T>) {
-        let length = |vector: Vector3<T>| vector.norm_squared().root();
-        let across = length(motion.angular_velocity.components.cross(velocity));
-        let turn = across * self.duration / length(*velocity);
-        self.process
-            .set_turn(if turn.is_finite() { turn } else { T::zero() });
-        self.process
-            .set_sensitivity(self.posture_error.covariance());
-        let turning = self
-            .posture_error
-            .turning_covariance(&self.dynamics, motion);
-        self.process.set_turning(&turning);
-    }
-
-    /// Fuses a measurement.
-    #[inline(never)]
-    fn take(
-        &mut self,
-        measured: &MotionMeasurement<T>,
-        recorder: &mut impl Recorder<T>,
-    ) -> [ChannelEstimate<T>; CHANNELS] {
-        let nothing = ChannelEstimate {
-            innovation: T::zero(),
-            variance: T::zero(),
-            fused: false,
-            rejected: false,
-        };
-        let mut channels = [nothing; CHANNELS];
-        let Some(interval) = &self.interval else {
-            return channels;
-        };
-        self.repeats.take(measured, self.duration);
-        let prediction = Prediction::of(&self.state, interval);
-        let spin = prediction.motion.angular_velocity.components;
-        let mut moved = Difference::zeros();
-        for (k, channel) in channels.iter_mut().enumerate() {
-            let repeated = self.repeats.time(k);
-            self.watch.channels[k].repeated = repeated;
-            let row = prediction.row(k, measured);
-            let Some(row) = row.filter(|_| repeated <= T::single(BELIEVED)) else {
-                continue;
-            };
-            let noise = self.noise.variance(k, &spin);
-            let (innovation, spread) = update::innovation(&self.covariance, &moved, &row, noise);
-            let normalised = innovation.value / innovation.variance.root();
-            let square = normalised * normalised;
-            let within = square <= self.gate;
-            // NaN is not within the gate either, so it is rejected.
-            let rejected = !within;
-            self.watch.take(k, normalised, rejected, self.duration);
-            self.activity.take(k, normalised);
-            self.squares[0] += if within { square } else { self.gate };
-            self.squares[1] += T::one();
-            let lost = self.watch.channels[k].streak >= LONGEST_REJECTION && square.is_finite();
-            *channel = ChannelEstimate {
-                innovation: innovation.value,
-                variance: innovation.variance,
-                fused: within || lost,
-                rejected,
-            };
-            if channel.fused {
-                recorder.taken(&row, &innovation, &spread);
-                update::take(&mut self.covariance, &mut moved, &innovation, &spread);
-            }
-        }
-        self.faults.covariance |= update::keep_positive(&mut self.covariance);
-        let mut next = self.state.moved(&moved, interval);
-        next.limit_inputs();
-        if next.is_finite() {
-            self.state = next;
-        } else {
-            self.faults.update = true;
-        }
-        self.process.set_activity(self.activity.level());
-        self.watch_residual();
-        channels
-    }
-
-    /// Compares the residual load with the load that joint errors can cause.
-    fn watch_residual(&mut self) {
-        let inputs = input_vector(&self.state.inputs);
-        let residual = inputs.fixed_rows::<6>(RESIDUAL_FORCE - MOTION_STATES);
-        let factor = Cholesky::new(&self.process.residual_covariance());
-        let whitened = factor.solve_transposed(&residual.transpose());
-        let mean = whitened.norm_squared() / T::of(6.0);
-        self.watch.take_residual(mean, self.duration);
-    }
-
-    fn motion(&self) -> Motion<T> {
-        match (&self.start, &self.interval) {
-            (Some(start), _) => *start,
-            (None, Some(interval)) => self.state.motion.motion(interval),
-            (None, None) => self.state.motion.motion(&self.sample),
-        }
-    }
-
-    fn velocity_through_air(&self, motion: &Motion<T>) -> Vector3<T> {
-        let air = self.dynamics.air.velocity_at(&motion.position);
-        (motion.velocity - motion.inertial_from_body.inverse() * air).components
-    }
-
-    fn publish(&mut self, channels: [ChannelEstimate<T>; CHANNELS]) -> MotionEstimate<T> {
-        let [sum, number] = core::mem::replace(&mut self.squares, [T::zero(); 2]);
-        self.faults.measurement |= channels.iter().any(|channel| channel.rejected);
-        MotionEstimate {
-            sample: self.samples,
-            inputs: self.state.inputs,
-            deviation: self.process.stated(&self.covariance),
-            motion: self.motion(),
-            channels,
-            normalised_innovation: if number > T::zero() {
-                sum / number
-            } else {
-                T::one()
-            },
-            watch: self.watch,
-            consistency: self.watch.consistency(),
-            faults: core::mem::take(&mut self.faults),
-        }
+        Some(self.publish())
     }
 }
 
@@ -418,13 +134,14 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
 mod tests {
     use super::*;
     use crate::body::pattern;
-    use crate::dynamics::Inputs;
     use crate::dynamics::muscle_input::{BACK_TRACKING, MuscleForces};
     use crate::dynamics::step::TIME_STEP;
-    use crate::frame::Rotation;
+    use crate::dynamics::{Inputs, State};
+    use crate::frame::{Rotation, Vector};
     use crate::test_body::reference_body;
-    use nalgebra::UnitQuaternion;
+    use nalgebra::{UnitQuaternion, Vector3};
     use settings::MOTION;
+    use state::DAMPING;
     use watch::Consistency;
 
     fn dynamics() -> Dynamics<f64> {
@@ -551,7 +268,7 @@ mod tests {
             }
         });
         assert!(filter.state().is_finite());
-        assert!(filter.covariance().iter().all(|v| v.is_finite()));
+        assert!(filter.factors().is_finite());
         assert!(estimate.unwrap().inputs.muscle.to_vector().norm() < 1.0);
     }
 

@@ -2,7 +2,7 @@
 //!
 //! A block is self-contained: its packets can be read whatever happens to other blocks, and each includes its
 //! checksum. A packet is stored as its type followed by the exclusive or with the previous packet of that type in the
-//! block (for samples and estimates; the first is combined with zeros), with runs of zeros shortened: a byte
+//! block (for samples, sensors and estimates; the first is combined with zeros), with runs of zeros shortened: a byte
 //! `0x80 + n` stands for `n + 1` zeros, and a byte `n` below `0x80` precedes `n + 1` literal bytes.
 
 use super::decode_error::DecodeError;
@@ -17,18 +17,19 @@ const LONGEST_RUN: usize = 0x80;
 
 /// The last packet of each recurring type.
 #[derive(Debug, Clone)]
-struct Before([[u8; MAX_PACKET_LENGTH]; 2]);
+struct Before([[u8; MAX_PACKET_LENGTH]; 3]);
 
 impl Before {
     const fn new() -> Self {
-        Self([[0; MAX_PACKET_LENGTH]; 2])
+        Self([[0; MAX_PACKET_LENGTH]; 3])
     }
 
     fn of(&mut self, code: u8) -> Option<&mut [u8; MAX_PACKET_LENGTH]> {
-        let [samples, estimates] = &mut self.0;
+        let [samples, estimates, sensors] = &mut self.0;
         match code {
             0x10 => Some(samples),
             0x11 => Some(estimates),
+            0x14 => Some(sensors),
             _ => None,
         }
     }

@@ -29,6 +29,8 @@ bitflags! {
         const DOUBTFUL = 1 << 8;
         /// Predictions do not follow the measurements: the estimate must not be used.
         const LOST = 1 << 9;
+        /// Attitude and velocity are given; the paper's filters have none.
+        const MOTION = 1 << 10;
     }
 }
 
@@ -49,10 +51,30 @@ bitflags! {
     }
 }
 
+bitflags! {
+    /// Parts of [`Sensors`](super::Sensors) that hold a measurement.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+    pub struct SensorParts: u8 {
+        /// The specific force.
+        const SPECIFIC_FORCE = 1 << 0;
+        /// The velocity of a receiver, with its accuracy and age.
+        const RECEIVER = 1 << 1;
+        /// The air pressure.
+        const PRESSURE = 1 << 2;
+    }
+}
+
 #[cfg(feature = "defmt")]
 impl defmt::Format for EstimateFlags {
     fn format(&self, out: defmt::Formatter<'_>) {
         defmt::write!(out, "{=u16:b}", self.bits());
+    }
+}
+
+#[cfg(feature = "defmt")]
+impl defmt::Format for SensorParts {
+    fn format(&self, out: defmt::Formatter<'_>) {
+        defmt::write!(out, "{=u8:b}", self.bits());
     }
 }
 
@@ -66,12 +88,24 @@ impl defmt::Format for Validity {
 impl Wire for EstimateFlags {
     const SIZE: usize = 2;
     const KIND: &'static str = "u16: bit 0 valid, 1 not taken in, 2 bridged, 3 late, 4 restarted, \
-                                5 inconsistent, 6 settling, 7 fault, 8 doubtful, 9 lost";
+                                5 inconsistent, 6 settling, 7 fault, 8 doubtful, 9 lost, \
+                                10 motion";
     fn put(self, writer: &mut Writer<'_>) -> Option<()> {
         self.bits().put(writer)
     }
     fn take(reader: &mut Reader<'_>) -> Result<Self, BadValue> {
         Self::from_bits(u16::take(reader)?).ok_or(BadValue::OutOfRange)
+    }
+}
+
+impl Wire for SensorParts {
+    const SIZE: usize = 1;
+    const KIND: &'static str = "u8: bit 0 specific force, 1 receiver, 2 pressure";
+    fn put(self, writer: &mut Writer<'_>) -> Option<()> {
+        self.bits().put(writer)
+    }
+    fn take(reader: &mut Reader<'_>) -> Result<Self, BadValue> {
+        Self::from_bits(u8::take(reader)?).ok_or(BadValue::OutOfRange)
     }
 }
 
@@ -107,7 +141,8 @@ mod tests {
 
     #[test]
     fn the_byte_table_names_every_bit() {
-        assert_eq!(named_bits::<EstimateFlags>(EstimateFlags::KIND), 10);
+        assert_eq!(named_bits::<EstimateFlags>(EstimateFlags::KIND), 11);
+        assert_eq!(named_bits::<SensorParts>(SensorParts::KIND), 3);
         assert_eq!(named_bits::<Validity>(Validity::KIND), 5);
     }
 
@@ -115,7 +150,7 @@ mod tests {
     fn every_set_of_known_bits_and_no_other_survives_the_round_trip() {
         for bits in 0..=u16::MAX {
             let read = EstimateFlags::take(&mut Reader::new(&bits.to_le_bytes()));
-            if bits < 1 << 10 {
+            if bits < 1 << 11 {
                 let mut bytes = [0; 2];
                 read.unwrap().put(&mut Writer::new(&mut bytes)).unwrap();
                 assert_eq!(u16::from_le_bytes(bytes), bits);

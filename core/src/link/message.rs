@@ -1,10 +1,11 @@
 //! The messages; commands are absolute and may be repeated, so a lost answer is resolved by asking again.
 
 use super::decode_error::DecodeError;
-use super::flags::{EstimateFlags, Validity};
+use super::flags::{EstimateFlags, SensorParts, Validity};
+use super::kept::{LogAsk, LogPiece, SetupAsk, Stored};
 use super::layout::MessageLayout;
 use super::packed_quaternion::PackedQuaternion;
-use super::wire::{BadValue, Body, Reader, Writer, body, code};
+use super::wire::{Body, Writer, body, code, take_body};
 use crate::body::{SEGMENT_COUNT, Segment};
 
 body! {
@@ -57,6 +58,16 @@ code! {
     }
 }
 
+code! {
+    /// The protocol of the sensor on the unit's own port.
+    SensorKind {
+        /// Xbus packets of an Xsens MTi, with the UBX solutions of a receiver between them
+        Xbus = 0,
+        /// A BNO08x in its UART-RVC mode, 115200 baud
+        Bno08xRvc = 1,
+    }
+}
+
 body! {
     /// Host to unit: configures the computation. The segment table follows as one [`SegmentValues`] for each segment.
     Configure {
@@ -78,6 +89,10 @@ body! {
         arch: f32 = "" in -10.0..=10.0,
         /// Mounting of the inertial sensor on the pelvis: sensor axes to body axes
         body_from_sensor: PackedQuaternion = "",
+        /// Time from the instant that a receiver's solution describes to its arrival, unless the solution says it
+        receiver_latency: f32 = "s" in 0.0..=2.0,
+        /// Protocol of the sensor on the unit's own port
+        sensor: SensorKind = "",
         /// CRC-32C over the bodies of the 16 segment messages in order
         table_digest: u32 = "",
     }
@@ -230,6 +245,32 @@ body! {
         nis: f32 = "" in 0.0..=1.0e30,
         /// Processor cycles of the update
         cycles: u32 = "cycles",
+        /// Attitude, body axes to inertial axes; only if the flags say that there is a motion
+        inertial_from_body: PackedQuaternion = "",
+        /// Velocity of the pelvis in inertial axes: north, west, up; only if the flags say that there is a motion
+        velocity: [f32; 3] = "m/s",
+    }
+}
+
+body! {
+    /// What sensors other than a suit measured at the instant of the [`Sample`] with the same number.
+    ///
+    /// Written to the log before that sample. Created by [`Sensors::new`] and read by its methods.
+    Sensors {
+        /// Which of the following fields hold a measurement
+        valid: SensorParts = "",
+        /// Specific force of the accelerometer in body axes: x, y, z
+        specific_force: [i16; 3] = "1/128 m/s2",
+        /// Velocity of the receiver in inertial axes: north, west, up
+        receiver_velocity: [i16; 3] = "1/256 m/s",
+        /// Standard deviation of each horizontal component of it
+        receiver_horizontal_deviation: u16 = "mm/s",
+        /// Standard deviation of its vertical component
+        receiver_vertical_deviation: u16 = "mm/s",
+        /// Time from the instant that the receiver's solution describes to the sample
+        receiver_age: u16 = "ms",
+        /// Air pressure
+        pressure: u32 = "Pa",
     }
 }
 
@@ -295,44 +336,16 @@ body! {
         fault_place: [u8; 24] = "",
         /// Voltage of the battery, 0 if not measured
         battery: u16 = "mV",
-    }
-}
-
-code! {
-    /// An action on the on-board log.
-    LogAction {
-        /// Read a block
-        Read = 0,
-        /// Erase the whole log
-        Erase = 1,
-    }
-}
-
-body! {
-    /// Host to unit: reads a block of the on-board log, answered by all its [`LogPiece`]s; or erases the log, answered
-    /// by the piece of a block that does not exist.
-    LogAsk {
-        /// Requested action
-        action: LogAction = "",
-        /// Number of the block, 0 the oldest
-        block: u32 = "",
-    }
-}
-
-/// Number of block bytes in one [`LogPiece`].
-pub const PIECE_LENGTH: usize = 96;
-
-body! {
-    /// Unit to host: a piece of a block of the log.
-    LogPiece {
-        /// Number of the block, 0 the oldest
-        block: u32 = "",
-        /// Length of the block, 0 if there is no such block
-        length: u16 = "bytes",
-        /// Offset of the piece in the block
-        offset: u16 = "bytes",
-        /// Bytes of the piece, zero beyond the end of the block
-        bytes: [u8; 96] = "",
+        /// Estimates with a number that is not finite or out of range, which were not sent
+        estimates_bad: u32 = "",
+        /// Number of times that the sensor on the unit's own port restarted
+        sensor_restarts: u32 = "",
+        /// Samples of that sensor
+        sensor_samples: u32 = "samples",
+        /// Solutions of a receiver on that port
+        receiver_solutions: u32 = "",
+        /// Number of times that the sensor fell silent in a session
+        sensor_silences: u32 = "",
     }
 }
 
@@ -397,21 +410,11 @@ messages! {
     0x09 Credit "CREDIT",
     0x0A TimeSync "TIMESYNC",
     0x0B LogAsk "LOG_ASK",
+    0x0C SetupAsk "SETUP_ASK",
     0x10 Sample "SAMPLE",
     0x11 Estimate "ESTIMATE",
     0x12 Status "STATUS",
     0x13 LogPiece "LOG_PIECE",
-}
-
-fn take_body<B: Body>(body: &[u8]) -> Result<B, DecodeError> {
-    if body.len() != B::SIZE {
-        return Err(DecodeError::Length {
-            found: body.len(),
-            expected: B::SIZE,
-        });
-    }
-    B::take(&mut Reader::new(body)).map_err(|(field, why)| match why {
-        BadValue::NotFinite => DecodeError::NotFinite { field },
-        BadValue::OutOfRange => DecodeError::OutOfRange { field },
-    })
+    0x14 Sensors "SENSORS",
+    0x15 Stored "STORED",
 }

@@ -120,7 +120,7 @@ fn is_unit(rotation: &UnitQuaternion<f32>) -> bool {
 }
 
 /// Counts of all three components; `None` if one is not finite or out of scale.
-fn counts_of(vector: Option<Vector3<f32>>, scale: f32) -> Option<[i16; 3]> {
+pub(super) fn counts_of(vector: Option<Vector3<f32>>, scale: f32) -> Option<[i16; 3]> {
     let [x, y, z]: [f32; 3] = vector?.into();
     // NaN would become 0 in the cast, so it is rejected here.
     let count = |value: f32| {

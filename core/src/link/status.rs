@@ -1,8 +1,8 @@
-//! The status report sent once a second, filled from the counters of the link.
+//! The status report sent once a second, filled from the counters of the link, and which estimates may be sent.
 
 use super::decoder::Counters;
 use super::ledger::Ledger;
-use super::message::Status;
+use super::message::{Estimate, Status};
 
 impl Status {
     /// Fills in the counts of decoder and ledger up to `uptime` (us); the rest is 0, to be filled in by the caller.
@@ -41,6 +41,11 @@ impl Status {
             sensor_framing: 0,
             fault_place: [0; 24],
             battery: 0,
+            estimates_bad: 0,
+            sensor_restarts: 0,
+            sensor_samples: 0,
+            receiver_solutions: 0,
+            sensor_silences: 0,
         }
     }
 
@@ -51,6 +56,19 @@ impl Status {
             .wrapping_add(self.dropped_oldest)
             .wrapping_add(self.late)
             .wrapping_add(self.missing)
+    }
+}
+
+impl Estimate {
+    /// Returns whether every number is finite and in the range of its field. A receiver refuses any other estimate, so
+    /// the unit counts it instead of sending it.
+    pub fn is_sendable(&self) -> bool {
+        let ranged = self.variance.iter().chain([&self.nis]);
+        let free = self.state.iter().chain(&self.measurement);
+        free.chain(&self.velocity).all(|value| value.is_finite())
+            && ranged
+                .into_iter()
+                .all(|value| (0.0..=1.0e30).contains(value))
     }
 }
 

@@ -41,8 +41,13 @@ fn sample() -> Sample {
     Sample::new(&posture, &attitude, &motion)
 }
 
-fn examples() -> [Message; 15] {
-    [
+fn examples() -> std::vec::Vec<Message> {
+    [commands(), answers()].concat()
+}
+
+/// Messages that a host sends.
+fn commands() -> std::vec::Vec<Message> {
+    std::vec![
         Message::Hello(Hello {
             schema_hash: 0x0123_4567_89AB_CDEF,
             max_frame_length: 144,
@@ -70,6 +75,8 @@ fn examples() -> [Message; 15] {
             arch_source: ArchSource::Scaled,
             arch: 1.5,
             body_from_sensor: PackedQuaternion::pack(&equal_quaternion()),
+            receiver_latency: 0.1,
+            sensor: SensorKind::Xbus,
             table_digest: 0x8765_4321,
         }),
         Message::SegmentValues(SegmentValues {
@@ -104,6 +111,15 @@ fn examples() -> [Message; 15] {
             action: LogAction::Erase,
             block: 0x0001_0203,
         }),
+        Message::SetupAsk(SetupAsk {
+            action: SetupAction::Read,
+        }),
+    ]
+}
+
+/// Samples, and what a unit answers.
+fn answers() -> std::vec::Vec<Message> {
+    std::vec![
         Message::Sample(sample()),
         Message::Estimate(Estimate {
             sample_sequence: 77,
@@ -113,6 +129,8 @@ fn examples() -> [Message; 15] {
             measurement: [9.5, -1.5, 0.1, 0.0],
             nis: 3.75,
             cycles: 312_000,
+            inertial_from_body: PackedQuaternion::pack(&equal_quaternion()),
+            velocity: [1.5, -2.5, -51.0],
         }),
         Message::Status(Status {
             uptime: 60_000_000,
@@ -144,12 +162,30 @@ fn examples() -> [Message; 15] {
             sensor_framing: 26,
             fault_place: *b"/src/unit/outbox.rs:1230",
             battery: 3712,
+            estimates_bad: 27,
+            sensor_restarts: 28,
+            sensor_samples: 29,
+            receiver_solutions: 30,
+            sensor_silences: 31,
         }),
         Message::LogPiece(LogPiece {
             block: 5,
             length: 1008,
             offset: 96,
             bytes: core::array::from_fn(|place| u8::try_from(place * 7 % 256).unwrap()),
+        }),
+        Message::Sensors(Sensors {
+            valid: SensorParts::RECEIVER | SensorParts::PRESSURE,
+            specific_force: [1, -2, 1255],
+            receiver_velocity: [2560, -256, -13_000],
+            receiver_horizontal_deviation: 120,
+            receiver_vertical_deviation: 180,
+            receiver_age: 95,
+            pressure: 81_234,
+        }),
+        Message::Stored(Stored {
+            state: SetupState::Present,
+            table_digest: 0x1234_5678,
         }),
     ]
 }

@@ -1,5 +1,6 @@
 //! The encoding of each kind of number, and the macro that defines messages.
 
+use super::decode_error::DecodeError;
 use super::layout::FieldLayout;
 
 /// Why a value of an undamaged frame is invalid.
@@ -251,3 +252,17 @@ macro_rules! code {
 }
 
 pub(super) use {body, code, unit_text};
+
+/// Decodes a body from bytes whose checksum is correct.
+pub(super) fn take_body<B: Body>(body: &[u8]) -> Result<B, DecodeError> {
+    if body.len() != B::SIZE {
+        return Err(DecodeError::Length {
+            found: body.len(),
+            expected: B::SIZE,
+        });
+    }
+    B::take(&mut Reader::new(body)).map_err(|(field, why)| match why {
+        BadValue::NotFinite => DecodeError::NotFinite { field },
+        BadValue::OutOfRange => DecodeError::OutOfRange { field },
+    })
+}

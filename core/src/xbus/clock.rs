@@ -10,27 +10,79 @@ const TICK: u64 = 100;
 /// Some sensors wrap at 2^32 ticks, some after a day; the clock chooses the reading nearest to the last one. The time
 /// of a GNSS solution, which is earlier than that of the packets around it, does not disturb the clock. Gaps of up to
 /// half a day are bridged.
+///
+/// A sensor that restarts counts from zero again. A reading further back than any solution, or readings that stay back,
+/// begin a new epoch: time continues from the last reading, and [`SampleClock::restarts`] counts it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct SampleClock {
     /// Latest reading and its unwrapped ticks.
     latest: Option<(u32, u64)>,
+    /// The last reading that lay back, and how many have followed each other forwards since the first of them.
+    back: Option<(u32, u32)>,
+    restarts: u32,
 }
+
+/// A reading that lies back by more than this (ticks) is a restart: solutions are a few seconds old at most.
+const LONGEST_BACK: i64 = 100_000;
+
+/// Number of consecutive readings that lie back, each later than the one before, after which the sensor has restarted.
+/// Solutions of a receiver come one at a time between other packets.
+const BACK_READINGS: u32 = 4;
 
 impl SampleClock {
     /// Creates a clock that starts with its first reading.
     pub const fn new() -> Self {
-        Self { latest: None }
+        Self {
+            latest: None,
+            back: None,
+            restarts: 0,
+        }
     }
 
-    /// Returns the time of a reading (us). It starts at the value of the first reading and never jumps at a wrap.
+    /// Returns the time of a reading (us). It starts at the value of the first reading, never jumps at a wrap, and
+    /// continues when the sensor restarts.
     pub fn time(&mut self, fine: u32) -> u64 {
         let (last, ticks) = self.latest.unwrap_or((fine, u64::from(fine)));
         let step = nearest_step(last, fine);
+        if step >= 0 {
+            self.back = None;
+        } else if self.has_restarted(fine, step) {
+            self.back = None;
+            self.restarts = self.restarts.wrapping_add(1);
+            let time = ticks.saturating_add(1);
+            self.latest = Some((fine, time));
+            return time * TICK;
+        }
         let time = ticks.saturating_add_signed(step);
         if step >= 0 {
             self.latest = Some((fine, time));
         }
         time * TICK
+    }
+
+    /// Returns by how much a reading lies behind the latest one (s), or `None` if it does not, or by more than any
+    /// solution does.
+    pub fn behind(&self, fine: u32) -> Option<f32> {
+        let (last, _) = self.latest?;
+        let step = nearest_step(last, fine);
+        // Exact: below 2^24.
+        let ticks = u16::try_from(-step).ok()?;
+        Some(f32::from(ticks) * 1e-4)
+    }
+
+    /// Number of times that the sensor has restarted; wraps.
+    pub const fn restarts(&self) -> u32 {
+        self.restarts
+    }
+
+    /// Judges a reading that lies back by `step` ticks.
+    fn has_restarted(&mut self, fine: u32, step: i64) -> bool {
+        let count = match self.back {
+            Some((before, count)) if fine >= before => count + 1,
+            _ => 1,
+        };
+        self.back = Some((fine, count));
+        step < -LONGEST_BACK || count >= BACK_READINGS
     }
 }
 
@@ -78,6 +130,37 @@ mod tests {
         for ticks in (DAY - 500..DAY + 500).step_by(100) {
             assert_eq!(clock.time(ticks), u64::from(ticks) * 100);
         }
+    }
+
+    /// A sensor that was up for 40 minutes, and one that was up for 2 s.
+    #[test]
+    fn time_goes_on_after_a_restart_of_the_sensor() {
+        for up in [24_000_000_u32, 20_000] {
+            let mut clock = SampleClock::new();
+            let mut last = clock.time(up);
+            let mut stood_still = 0;
+            for packet in 0..400_u32 {
+                let time = clock.time(packet * 100);
+                stood_still += u32::from(time <= last);
+                last = last.max(time);
+            }
+            assert_eq!(clock.restarts(), 1, "up for {up} ticks");
+            assert!(stood_still < BACK_READINGS, "{stood_still} of 400 lost");
+            assert!(last <= (u64::from(up) + 40_000) * TICK);
+            assert!(last >= (u64::from(up) + 39_500) * TICK);
+        }
+    }
+
+    #[test]
+    fn solutions_of_a_receiver_are_not_restarts() {
+        let mut clock = SampleClock::new();
+        for packet in 0..4_000_u32 {
+            clock.time(1_000_000 + packet * 25);
+            if packet % 40 == 0 {
+                clock.time(1_000_000 + packet * 25 - 25_000);
+            }
+        }
+        assert_eq!(clock.restarts(), 0);
     }
 
     proptest! {

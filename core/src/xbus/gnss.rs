@@ -1,5 +1,7 @@
 //! GNSS position, velocity and time as forwarded by the sensor.
 
+use nalgebra::Vector3;
+
 /// The 94 bytes of item 0x7010, as integers in the receiver's units.
 ///
 /// Position, speed and course are meaningless while `fix_type` is 0. The sample time of the packet is that of the GNSS
@@ -110,6 +112,19 @@ impl GnssPvt {
     pub fn horizontal_speed(&self) -> Option<f32> {
         self.has_fix()
             .then_some(self.ground_speed_mmps as f32 / 1000.0)
+    }
+
+    /// Returns the velocity in the model's inertial axes, north, west and up (m/s), or `None` if there is no fix.
+    #[expect(clippy::cast_precision_loss, reason = "exact up to 16 km/s")]
+    pub fn velocity(&self) -> Option<Vector3<f32>> {
+        let [north, east, down] = self.velocity_ned_mmps.map(|mm| mm as f32 / 1000.0);
+        self.has_fix().then(|| Vector3::new(north, -east, -down))
+    }
+
+    /// Returns the standard deviation of the velocity that the receiver states (m/s).
+    #[expect(clippy::cast_precision_loss, reason = "exact up to 16 km/s")]
+    pub fn speed_accuracy(&self) -> f32 {
+        self.speed_accuracy_mmps as f32 / 1000.0
     }
 }
 

@@ -7,8 +7,11 @@ pub(super) const PREAMBLE: u8 = 0xFA;
 /// Length byte which indicates that two bytes of extended length follow.
 pub(super) const EXTENDED: u8 = 0xFF;
 
-/// Bus addresses of a sensor that is alone on the line. With any other address the preamble occurred by chance.
-const ADDRESSES: [u8; 2] = [0xFF, 0x01];
+/// Bus address of a sensor that is alone on the line, or of the master.
+const MASTER: u8 = 0xFF;
+
+/// Highest bus address of a sensor: a station has up to 20. With any other address the preamble occurred by chance.
+const SENSORS: u8 = 20;
 
 /// Maximum number of data bytes in a packet.
 pub const MAX_DATA_LENGTH: usize = 2048;
@@ -43,7 +46,7 @@ impl MessageId {
 /// A packet with a correct checksum, borrowed from the buffer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Packet<'a> {
-    /// Bus address, 0xFF or 0x01 for a sensor that is alone on the line.
+    /// Bus address: 0xFF or 0x01 for a sensor that is alone on the line, 1 to 20 for one of several.
     pub bus_id: u8,
     /// Kind of the packet.
     pub message_id: MessageId,
@@ -69,7 +72,7 @@ pub(super) enum Candidate {
     Incomplete { total: usize },
     /// A complete packet of `total` bytes.
     Whole { total: usize },
-    /// The address is not that of a sensor alone on the line.
+    /// The address is not that of a sensor.
     BadAddress,
     /// The checksum does not match.
     BadChecksum,
@@ -82,7 +85,16 @@ pub(super) enum Candidate {
 /// Examines `bytes`, which start with a preamble.
 pub(super) fn judge(bytes: &[u8]) -> Candidate {
     if let [_, address, ..] = bytes
-        && !ADDRESSES.contains(address)
+        && *address != MASTER
+        && !(1..=SENSORS).contains(address)
+    {
+        return Candidate::BadAddress;
+    }
+    // One of several sensors on a line is only heard with its measurements: a preamble that occurs by chance is then
+    // rarely taken for one.
+    if let [_, address, message, ..] = bytes
+        && (2..=SENSORS).contains(address)
+        && *message != MessageId::MT_DATA2.0
     {
         return Candidate::BadAddress;
     }

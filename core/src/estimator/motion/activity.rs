@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 
 use super::measurement::RATE_CHANNELS;
 use super::settings::MotionPreset;
-use crate::math::{Real, clamp};
+use crate::math::{Real, clamp, flushed};
 
 /// Time over which innovations are averaged (s); a longer one detects smaller inputs, but later.
 const WINDOW: f64 = 0.05;
@@ -80,14 +80,15 @@ impl<T: Real> Activity<T> {
         }
         let axis = channel - RATE_CHANNELS.start;
         let value = clamp(normalised, T::of(-5.0), T::of(5.0));
-        self.mean[axis] += (value - self.mean[axis]) * self.share;
-        self.long[axis] += (value - self.long[axis]) * self.long_share;
+        let [mean, long] = [self.mean[axis], self.long[axis]];
+        self.mean[axis] = flushed(mean + (value - mean) * self.share);
+        self.long[axis] = flushed(long + (value - long) * self.long_share);
         let [mean, long] = [self.mean[axis], self.long[axis]];
         let awake = mean * mean > self.threshold || long * long > self.long_threshold;
         self.level[axis] = if awake {
             T::one()
         } else {
-            self.level[axis] * self.decay
+            flushed(self.level[axis] * self.decay)
         };
     }
 
@@ -104,7 +105,7 @@ impl<T: Real> Activity<T> {
             let instrument = slow + (now - slow) * self.level[axis];
             let share = now * instrument / (now * now + variance[axis] * self.damping_threshold);
             *trust = clamp(share, T::zero(), T::one());
-            self.slow[axis] += (now - slow) * self.slow_share;
+            self.slow[axis] = flushed(slow + (now - slow) * self.slow_share);
         }
         trust
     }

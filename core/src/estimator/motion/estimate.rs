@@ -4,13 +4,14 @@ use nalgebra::SVector;
 
 use super::measurement::{CHANNELS, Row};
 use super::state::{Difference, STATES};
+use super::support::Situation;
 use super::update::Innovation;
 use super::watch::{Consistency, Watch};
 use crate::dynamics::{Inputs, Motion};
 use crate::estimator::status::Faults;
 use crate::math::Real;
 
-/// One channel in the last interval.
+/// One channel since the last estimate; the last measurement if there were several.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ChannelEstimate<T> {
     /// Measured minus predicted; zero if nothing was measured.
@@ -21,6 +22,18 @@ pub struct ChannelEstimate<T> {
     pub fused: bool,
     /// Whether the innovation was beyond the gate.
     pub rejected: bool,
+}
+
+impl<T: Real> ChannelEstimate<T> {
+    /// A channel that was not measured.
+    pub(super) fn nothing() -> Self {
+        Self {
+            innovation: T::zero(),
+            variance: T::zero(),
+            fused: false,
+            rejected: false,
+        }
+    }
 }
 
 /// Output of the filter after a sample.
@@ -40,8 +53,10 @@ pub struct MotionEstimate<T: Real> {
     pub normalised_innovation: T,
     /// Consistency of each channel.
     pub watch: Watch<T>,
-    /// Consistency of the worst channel or of the residual load.
+    /// Consistency of the worst channel or of the residual load, or of the largest error bar.
     pub consistency: Consistency,
+    /// What carries the body; if it is not the air, the estimate is at least doubtful.
+    pub situation: Situation,
     /// Faults since the last estimate.
     pub faults: Faults,
 }

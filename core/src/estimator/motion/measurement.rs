@@ -2,6 +2,7 @@
 
 use nalgebra::{SVector, Vector3};
 
+use super::sensors::{Barometer, Gyroscope, ReceiverVelocity, SpecificForce};
 use super::state::{ATTITUDE, FlightState, SPIN, STATES, VELOCITY, turn_between};
 use crate::dynamics::Motion;
 use crate::dynamics::interval::Interval;
@@ -9,10 +10,25 @@ use crate::frame::{Body, Inertial, Rotation, Vector};
 use crate::math::Real;
 
 /// Number of channels.
-pub const CHANNELS: usize = 10;
+pub const CHANNELS: usize = 17;
+
+/// Number of channels of a recording: attitude, angular velocity and velocity.
+pub const RECORDED_CHANNELS: usize = 9;
 
 /// The channels of the angular velocity: pitch, yaw, roll.
 pub const RATE_CHANNELS: core::ops::Range<usize> = 3..6;
+
+/// The channel of the horizontal speed.
+pub const SPEED_CHANNEL: usize = 9;
+
+/// The channels of a receiver's velocity: north, west, up.
+pub const RECEIVER_CHANNELS: core::ops::Range<usize> = 10..13;
+
+/// The channel of the barometer's vertical velocity.
+pub const BAROMETER_CHANNEL: usize = 13;
+
+/// The channels of the accelerometer: the three body axes.
+pub const FORCE_CHANNELS: core::ops::Range<usize> = 14..17;
 
 /// Names of the channels in files, with their units.
 pub const NAMES: [&str; CHANNELS] = [
@@ -26,6 +42,13 @@ pub const NAMES: [&str; CHANNELS] = [
     "velocity_west_mps",
     "velocity_up_mps",
     "horizontal_speed_mps",
+    "receiver_north_mps",
+    "receiver_west_mps",
+    "receiver_up_mps",
+    "barometer_up_mps",
+    "specific_force_pitch_mps2",
+    "specific_force_yaw_mps2",
+    "specific_force_roll_mps2",
 ];
 
 /// Standard deviations of the sensors; larger values give the measurements less weight.
@@ -89,7 +112,7 @@ pub struct MotionMeasurement<T: Real> {
     pub angular_velocity: Option<Vector<T, Body>>,
     /// Velocity of the pelvic joint over the ground (m/s).
     pub velocity: Option<Vector<T, Inertial>>,
-    /// Horizontal speed from GNSS (m/s). If present, it is used instead of the horizontal part of the velocity.
+    /// Horizontal speed from GNSS (m/s). It has no direction, so it is used only if no velocity is measured.
     pub horizontal_speed: Option<T>,
 }
 
@@ -104,13 +127,13 @@ impl<T: Real> MotionMeasurement<T> {
         }
     }
 
-    /// Returns a complete measurement of a motion.
+    /// Returns the measurement of a suit: attitude, angular velocity and velocity of a motion.
     pub fn of(motion: &Motion<T>) -> Self {
         Self {
             inertial_from_body: Some(motion.inertial_from_body),
             angular_velocity: Some(motion.angular_velocity),
             velocity: Some(motion.velocity_inertial()),
-            horizontal_speed: None,
+            ..Self::none()
         }
     }
 }
@@ -125,6 +148,107 @@ impl<T: Real> MotionMeasurement<T> {
             horizontal_speed: self.horizontal_speed.map(|speed| U::of(speed.to_f64())),
         }
     }
+}
+
+/// Everything measured at an instant; `None` for what was not.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SensorMeasurement<T: Real> {
+    /// Motion as a suit or an attitude sensor reports it.
+    pub motion: MotionMeasurement<T>,
+    /// Velocity from a satellite receiver, fused at its own time.
+    pub receiver: Option<ReceiverVelocity<T>>,
+    /// Height or vertical velocity from a barometer.
+    pub barometer: Option<Barometer<T>>,
+    /// Angular velocity of a gyroscope, which is used if `motion` has none.
+    pub gyroscope: Option<Gyroscope<T>>,
+    /// Specific force of an accelerometer.
+    pub specific_force: Option<SpecificForce<T>>,
+}
+
+/// Smallest standard deviation that a sensor may state, in the unit of its channel; a smaller one is taken as this.
+const LEAST_DEVIATION: f32 = 0.02;
+
+impl<T: Real> SensorMeasurement<T> {
+    /// A measurement without any data.
+    pub fn none() -> Self {
+        MotionMeasurement::none().into()
+    }
+
+    /// Returns whether a channel's quantity was measured.
+    pub fn measures(&self, channel: usize) -> bool {
+        let motion = &self.motion;
+        match channel {
+            0..3 => motion.inertial_from_body.is_some(),
+            3..6 => motion.angular_velocity.is_some() || self.gyroscope.is_some(),
+            6..9 => motion.velocity.is_some(),
+            SPEED_CHANNEL => motion.horizontal_speed.is_some(),
+            10..13 => self.receiver.is_some(),
+            BAROMETER_CHANNEL => self
+                .barometer
+                .is_some_and(|b| b.vertical_velocity.is_some()),
+            _ => self.specific_force.is_some(),
+        }
+    }
+
+    /// Returns whether a channel was measured but another says the same better.
+    pub fn is_superseded(&self, channel: usize) -> bool {
+        let velocity = self.motion.velocity.is_some() || self.receiver.is_some();
+        channel == SPEED_CHANNEL && velocity
+    }
+
+    /// Returns the variance that the sensor of a channel states, if it states one.
+    pub fn stated_variance(&self, channel: usize) -> Option<T> {
+        let deviation = match channel {
+            3..6 if self.motion.angular_velocity.is_none() => self.gyroscope?.deviation,
+            10 | 11 => self.receiver?.horizontal_deviation,
+            12 => self.receiver?.vertical_deviation,
+            BAROMETER_CHANNEL => self.barometer?.vertical_velocity_deviation,
+            14..17 => self.specific_force?.deviation,
+            _ => return None,
+        };
+        // The comparison is false for NaN, so that the channel is then rejected.
+        let least = T::single(LEAST_DEVIATION);
+        let deviation = if deviation < least { least } else { deviation };
+        Some(deviation * deviation)
+    }
+
+    /// Converts the values to another precision.
+    pub fn cast<U: Real>(&self) -> SensorMeasurement<U> {
+        SensorMeasurement {
+            motion: self.motion.cast(),
+            receiver: self.receiver.map(|receiver| receiver.cast()),
+            barometer: self.barometer.map(|barometer| barometer.cast()),
+            gyroscope: self.gyroscope.map(|gyroscope| gyroscope.cast()),
+            specific_force: self.specific_force.map(|force| force.cast()),
+        }
+    }
+}
+
+impl<T: Real> From<MotionMeasurement<T>> for SensorMeasurement<T> {
+    fn from(motion: MotionMeasurement<T>) -> Self {
+        Self {
+            motion,
+            receiver: None,
+            barometer: None,
+            gyroscope: None,
+            specific_force: None,
+        }
+    }
+}
+
+fn unit<T: Real>(axis: usize) -> Vector3<T> {
+    let mut unit = Vector3::zeros();
+    unit[axis] = T::one();
+    unit
+}
+
+/// Largest velocity (m/s) and angular velocity (rad/s) of a measurement that is plausible.
+const FASTEST: f32 = 128.0;
+const FASTEST_SPIN: f32 = 35.0;
+
+/// Returns `None` unless a vector is no longer than `largest`.
+fn plausible<T: Real>(vector: &Vector3<T>, largest: f32) -> Option<()> {
+    (vector.norm_squared() <= T::single(largest * largest)).then_some(())
 }
 
 /// A channel at a given state: innovation, and derivative of the prediction.
@@ -179,7 +303,8 @@ impl<T: Real> Prediction<T> {
     }
 
     /// Compares a channel with its measurement; `None` if it was not measured or is not plausible.
-    pub fn row(&self, channel: usize, measured: &MotionMeasurement<T>) -> Option<Row<T>> {
+    pub fn row(&self, channel: usize, sensors: &SensorMeasurement<T>) -> Option<Row<T>> {
+        let measured = &sensors.motion;
         let mut slope = SVector::<T, 9>::zeros();
         let axis = channel % 3;
         let innovation = match channel {
@@ -189,21 +314,23 @@ impl<T: Real> Prediction<T> {
                 turn_between(&self.motion.inertial_from_body, &attitude)[axis]
             }
             3..6 => {
-                let spin = measured.angular_velocity?.components;
+                let gyroscope = || sensors.gyroscope.map(|read| read.angular_velocity);
+                let spin = measured.angular_velocity.or_else(gyroscope)?.components;
                 slope[SPIN + axis] = T::one();
+                plausible(&spin, FASTEST_SPIN)?;
                 spin[axis] - self.motion.angular_velocity.components[axis]
             }
             6..9 => {
-                if axis < 2 && measured.horizontal_speed.is_some() {
+                let velocity = measured.velocity?.components;
+                plausible(&velocity, FASTEST)?;
+                self.velocity_slope(&unit(axis), &Vector3::zeros(), &mut slope);
+                velocity[axis] - self.velocity[axis]
+            }
+            SPEED_CHANNEL => {
+                let speed = measured.horizontal_speed?;
+                if measured.velocity.is_some() || sensors.receiver.is_some() {
                     return None;
                 }
-                let mut direction = Vector3::zeros();
-                direction[axis] = T::one();
-                self.velocity_slope(&direction, &mut slope);
-                measured.velocity?.components[axis] - self.velocity[axis]
-            }
-            _ => {
-                let speed = measured.horizontal_speed?;
                 let [x, y] = [self.velocity.x, self.velocity.y];
                 let predicted = (x * x + y * y).root();
                 // In a vertical fall the horizontal speed has no direction along which to differentiate.
@@ -214,21 +341,39 @@ impl<T: Real> Prediction<T> {
                 };
                 self.velocity_slope(
                     &Vector3::new(x * inverse, y * inverse, T::zero()),
+                    &Vector3::zeros(),
                     &mut slope,
                 );
                 speed - predicted
             }
+            10..13 => {
+                let receiver = sensors.receiver?;
+                plausible(&receiver.velocity.components, FASTEST)?;
+                let axis = channel - RECEIVER_CHANNELS.start;
+                let arm = receiver.arm.components;
+                self.velocity_slope(&unit(axis), &arm, &mut slope);
+                let spin = self.motion.angular_velocity.components;
+                let predicted = self.velocity + self.rotation * spin.cross(&arm);
+                receiver.velocity.components[axis] - predicted[axis]
+            }
+            BAROMETER_CHANNEL => {
+                let up = sensors.barometer?.vertical_velocity?;
+                self.velocity_slope(&unit(2), &Vector3::zeros(), &mut slope);
+                up - self.velocity[2]
+            }
+            _ => return None,
         };
         innovation.is_finite().then_some(Row { innovation, slope })
     }
 
-    /// Derivative of the pelvic joint's velocity along an inertial direction: that of the centre of gravity, minus the
-    /// contributions of rotation and limb motion.
-    fn velocity_slope(&self, direction: &Vector3<T>, slope: &mut SVector<T, 9>) {
+    /// Derivative of the velocity along an inertial direction of the point `arm` of the body: that of the centre of
+    /// gravity, minus the contributions of rotation and limb motion.
+    fn velocity_slope(&self, direction: &Vector3<T>, arm: &Vector3<T>, slope: &mut SVector<T, 9>) {
         let along = self.rotation.transpose() * direction;
-        // -(turn x offset) . along, and -(spin x cg) . along.
-        let by_turn = -self.offset.cross(&along);
-        let by_spin = -self.cg.cross(&along);
+        let spin = self.motion.angular_velocity.components;
+        // -(turn x offset) . along, and -(spin x (cg - arm)) . along.
+        let by_turn = -(self.offset - spin.cross(arm)).cross(&along);
+        let by_spin = -(self.cg - arm).cross(&along);
         for k in 0..3 {
             slope[ATTITUDE + k] = by_turn[k];
             slope[VELOCITY + k] = direction[k];
@@ -279,17 +424,47 @@ mod tests {
             let speed = crate::observation::horizontal_speed(&measured.velocity.unwrap());
             prop_assume!(speed > 1.0);
             let prediction = Prediction::of(&state, &interval);
-            for (channel, name) in NAMES.iter().enumerate().take(CHANNELS - 1) {
+            // A receiver elsewhere on the body, and a barometer, see the same motion.
+            let flown = moved.motion.motion(&interval);
+            let arm = Vector::new(0.1, -0.2, 0.4);
+            let receiver = ReceiverVelocity {
+                velocity: flown.velocity_inertial()
+                    + flown.inertial_from_body * flown.angular_velocity.cross(&arm),
+                horizontal_deviation: 0.2,
+                vertical_deviation: 0.4,
+                age: 0.0,
+                arm,
+            };
+            let measured = SensorMeasurement {
+                receiver: Some(receiver),
+                barometer: Some(Barometer {
+                    height: None,
+                    height_deviation: 1.0,
+                    vertical_velocity: Some(flown.velocity_inertial().up()),
+                    vertical_velocity_deviation: 0.5,
+                }),
+                ..measured.into()
+            };
+            for (channel, name) in NAMES.iter().enumerate().take(BAROMETER_CHANNEL + 1) {
+                if channel == SPEED_CHANNEL {
+                    continue;
+                }
                 let row = prediction.row(channel, &measured).unwrap();
                 let gap = (row.innovation - row.along(&difference)).abs();
-                prop_assert!(gap < 2e-6, "{name}: {gap}");
+                prop_assert!(gap < 4e-6, "{name}: {gap}");
             }
-            let with_speed = MotionMeasurement { horizontal_speed: Some(speed), ..measured };
-            let row = prediction.row(CHANNELS - 1, &with_speed).unwrap();
+            // A speed has no direction, so it never replaces a velocity.
+            let mut with_speed = measured;
+            with_speed.motion.horizontal_speed = Some(speed);
+            prop_assert!(prediction.row(SPEED_CHANNEL, &with_speed).is_none());
+            prop_assert!(prediction.row(6, &with_speed).is_some());
+            let only_speed = MotionMeasurement {
+                horizontal_speed: Some(speed),
+                ..MotionMeasurement::none()
+            }
+            .into();
+            let row = prediction.row(SPEED_CHANNEL, &only_speed).unwrap();
             prop_assert!((row.innovation - row.along(&difference)).abs() < 2e-6);
-            // GNSS speed replaces the horizontal part of the velocity.
-            prop_assert!(prediction.row(6, &with_speed).is_none());
-            prop_assert!(prediction.row(8, &with_speed).is_some());
         }
     }
 }

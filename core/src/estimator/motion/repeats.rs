@@ -1,6 +1,6 @@
 //! Detects stuck sensors: a sensor with noise never repeats the same value for long.
 
-use super::measurement::{CHANNELS, MotionMeasurement};
+use super::measurement::{MotionMeasurement, RECORDED_CHANNELS};
 use crate::math::Real;
 
 /// Time for which a sensor may repeat the same value and still be used (s).
@@ -11,7 +11,7 @@ const SENSORS: usize = 3;
 
 /// Time for which each sensor has repeated its value.
 ///
-/// GNSS speed is not checked, since receivers repeat it until the next solution.
+/// Receivers and barometers are not checked, since they repeat their value until the next solution.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Repeats<T> {
     last: [[T; 4]; SENSORS],
@@ -57,7 +57,7 @@ impl<T: Real> Repeats<T> {
 
     /// Returns the time for which the sensor of a channel has repeated its value (s).
     pub fn time(&self, channel: usize) -> T {
-        if channel + 1 < CHANNELS {
+        if channel < RECORDED_CHANNELS {
             self.times[channel / 3]
         } else {
             T::zero()

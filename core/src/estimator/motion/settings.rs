@@ -47,6 +47,15 @@ pub struct MotionPreset {
     pub acceleration_noise: f32,
     /// Angular acceleration that the model misses, as white noise (rad/s2 per root Hz).
     pub angular_acceleration_noise: f32,
+    /// Standard deviation of the wind's horizontal components (m/s) about those of the model's air, if a receiver
+    /// measures the velocity over the ground; zero for no wind but the model's.
+    pub wind_deviation: f32,
+    /// How fast the wind changes on the way down (m/s per root second).
+    pub wind_noise: f32,
+    /// Standard deviation of a gyroscope's bias (rad/s), if one is read without correction.
+    pub gyroscope_bias: f32,
+    /// How fast the bias wanders (rad/s per root second).
+    pub gyroscope_bias_noise: f32,
     /// Innovation gate: number of standard deviations beyond which a channel is rejected; must be positive.
     pub gate: f32,
     /// Sample rate (Hz).
@@ -81,6 +90,10 @@ pub const MOTION: MotionPreset = MotionPreset {
     turn_rate: 2.0,
     acceleration_noise: 0.02,
     angular_acceleration_noise: 0.02,
+    wind_deviation: 8.0,
+    wind_noise: 0.3,
+    gyroscope_bias: 0.03,
+    gyroscope_bias_noise: 2e-4,
     gate: 5.0,
     sample_rate: SAMPLE_RATE,
     solution_window: 4,
@@ -123,6 +136,10 @@ impl MotionPreset {
 const ON_PURPOSE: f64 = 0.25;
 /// Number of standard deviations at which deliberate input is noticed.
 const NOTICED: f64 = 2.0;
+
+/// Standard deviation of the muscle input that an unknown posture may appear to be: a belly fall taken for a person
+/// standing upright with bent arms appears as up to 0.7.
+const UNKNOWN_POSTURE: f64 = 0.6;
 
 /// Evolution of the inputs over one interval: they decay to their mean and are driven by noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -281,13 +298,22 @@ impl<T: Real> Process<T> {
         self.activity
     }
 
-    /// Returns the standard deviations to publish. The covariance covers quiet input only, so where an input is poorly
+    /// Returns the standard deviations to publish. These variances cover quiet input only, so where an input is poorly
     /// observed, the variance of deliberate input that could go unnoticed is added.
-    pub fn stated(&self, covariance: &SMatrix<T, STATES, STATES>) -> SVector<T, STATES> {
-        let mut variance = covariance.diagonal();
+    ///
+    /// If the posture is not known, loads of the actual posture may appear as muscle input.
+    pub fn stated(
+        &self,
+        variance: &SVector<T, STATES>,
+        unknown_posture: bool,
+    ) -> SVector<T, STATES> {
+        let mut variance = *variance;
         for axis in 0..3 {
             let known = variance[MUSCLE + axis];
             variance[MUSCLE + axis] = known + self.unnoticed(axis, known, self.activity[axis]);
+            if unknown_posture {
+                variance[MUSCLE + axis] += T::of(UNKNOWN_POSTURE * UNKNOWN_POSTURE);
+            }
         }
         variance.map(Real::root)
     }
@@ -343,38 +369,47 @@ impl<T: Real> Process<T> {
         covariance
     }
 
+    /// Variance added per interval to each component of the velocity and of the angular velocity.
+    pub fn motion_noise(&self) -> [T; 2] {
+        self.motion
+    }
+
+    /// Variance added in this interval to a coordinate of muscle input (0 to 2) or damping (3 to 5) whose variance is
+    /// `present`.
+    pub fn input_noise(&self, k: usize, present: T) -> T {
+        let lost = T::one() - self.decay[k] * self.decay[k];
+        let quiet = self.spread[k] * lost;
+        let [variance, ceiling] = self.awake[k / 3];
+        if present + quiet < ceiling {
+            quiet + variance * self.activity[k % 3]
+        } else {
+            quiet
+        }
+    }
+
+    /// Covariance added in this interval to the residual load.
+    pub fn residual_noise(&self) -> SMatrix<T, 6, 6> {
+        let kept = self.joint_kept * self.joint_kept;
+        let mut noise = self.sensitivity * ((T::one() - kept) * self.joint_variance);
+        for axis in 0..3 {
+            noise[(3 + axis, 3 + axis)] += self.turned[axis] * kept * self.joint_variance;
+        }
+        noise
+    }
+
     /// Adds the process noise of one interval.
     pub fn add_noise(&self, covariance: &mut SMatrix<T, STATES, STATES>) {
-        let one = T::one();
         for (first, variance) in [VELOCITY, SPIN].into_iter().zip(self.motion) {
             for k in first..first + 3 {
                 covariance[(k, k)] += variance;
             }
         }
         for k in 0..6 {
-            let lost = one - self.decay[k] * self.decay[k];
-            covariance[(MUSCLE + k, MUSCLE + k)] += self.spread[k] * lost;
+            let noise = self.input_noise(k, covariance[(MUSCLE + k, MUSCLE + k)]);
+            covariance[(MUSCLE + k, MUSCLE + k)] += noise;
         }
-        for (first, [variance, ceiling]) in [MUSCLE, DAMPING].into_iter().zip(self.awake) {
-            for (axis, activity) in self.activity.into_iter().enumerate() {
-                let k = first + axis;
-                if covariance[(k, k)] < ceiling {
-                    covariance[(k, k)] += variance * activity;
-                }
-            }
-        }
-        let kept = self.joint_kept * self.joint_kept;
-        for axis in 0..3 {
-            let k = RESIDUAL_MOMENT + axis;
-            covariance[(k, k)] += self.turned[axis] * kept * self.joint_variance;
-        }
-        let lost = (one - kept) * self.joint_variance;
-        for j in 0..6 {
-            for i in 0..6 {
-                covariance[(RESIDUAL_FORCE + i, RESIDUAL_FORCE + j)] +=
-                    self.sensitivity[(i, j)] * lost;
-            }
-        }
+        let mut residual = covariance.fixed_view_mut::<6, 6>(RESIDUAL_FORCE, RESIDUAL_FORCE);
+        residual += self.residual_noise();
     }
 }
 

@@ -1,18 +1,28 @@
 //! Starting and restarting a motion filter.
 
-use super::MotionFilter;
-use super::state::{MOTION_STATES, STATES};
-use super::watch::Watch;
+use super::covariance;
+use super::filter::MotionFilter;
+use super::held::Held;
+use super::measurement::CHANNELS;
+use super::rejection::Rejection;
+use super::state::{MOTION_STATES, inputs_of};
+use super::support::Support;
+use super::trail::Trail;
+use super::watch::{Consistency, Watch};
 use crate::body::mass_properties::PostureRate;
 use crate::body::posture::Posture;
 use crate::dynamics::{Motion, State};
 use crate::estimator::propagation::Propagation;
+use crate::estimator::ud::Ud;
 use crate::estimator::unscented::SettingsError;
 use crate::math::Real;
 
+/// Largest muscle input that a restart keeps; nothing that a person does needs more.
+const PLAUSIBLE_INPUT: f64 = 6.0;
+
 impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
     /// Starts from a motion, either for the first time or again after a gap in the recording. A restart keeps the
-    /// estimated inputs. Motion and posture must be those of the sample pushed last.
+    /// estimated inputs, unless the filter was lost or they are not plausible. Motion and posture must be those of the sample pushed last.
     ///
     /// # Errors
     /// Returns an error if motion or posture is not finite; the filter is then unchanged.
@@ -21,23 +31,45 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         motion: &Motion<T>,
         posture: &Posture<T>,
     ) -> Result<(), SettingsError> {
-        let renewed = if self.is_started() {
-            MOTION_STATES
-        } else {
-            STATES
-        };
+        let is_first = !self.is_started();
+        // What led to a loss may be in the inputs too.
+        let sound = self.factors.is_finite() && self.is_plausible();
         self.start(motion, posture)?;
         let start = self.process.start(&self.noise);
-        for column in 0..STATES {
-            for row in 0..STATES {
-                if row < renewed || column < renewed {
-                    self.covariance[(row, column)] = start[(row, column)];
-                }
-            }
+        if is_first || !sound {
+            self.state.inputs = inputs_of(&self.process.centre());
+            self.factors = Ud::of(&start);
+        } else {
+            covariance::renew_motion(&mut self.factors, &core::array::from_fn(|k| start[(k, k)]));
         }
+        self.constants.disconnect();
+        self.trail = Trail::new();
+        self.held = Held::none();
+        self.rejections = [Rejection::new(); CHANNELS];
+        self.support = Support::new();
         self.watch = Watch::new();
         self.waiting = 0;
         Ok(())
+    }
+
+    /// Whether the inputs are finite and none has run to its limits, and the filter was not lost.
+    fn is_plausible(&self) -> bool {
+        let largest = T::of(PLAUSIBLE_INPUT);
+        let inputs = &self.state.inputs;
+        let within = inputs.muscle.to_vector().iter().all(|v| v.abs() <= largest);
+        within && self.state.is_finite() && self.watch.consistency() != Consistency::Lost
+    }
+
+    /// Takes the inputs as unknown, with their long-run spread: of a body that something other than the air supports,
+    /// nothing can be learned of them.
+    #[inline(never)]
+    pub(super) fn forget_inputs(&mut self) {
+        let start = self.process.start(&self.noise);
+        let motion: [T; MOTION_STATES] = core::array::from_fn(|k| self.factors.variance(k));
+        self.state.inputs = inputs_of(&self.process.centre());
+        self.factors = Ud::of(&start);
+        covariance::renew_motion(&mut self.factors, &motion);
+        self.constants.disconnect();
     }
 
     pub(super) fn is_started(&self) -> bool {
@@ -63,12 +95,7 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
             self.posture_error
                 .renew(&self.dynamics, posture, motion, &mut self.sample);
         }
-        self.process
-            .set_sensitivity(self.posture_error.covariance());
-        let turning = self
-            .posture_error
-            .turning_covariance(&self.dynamics, motion);
-        self.process.set_turning(&turning);
+        self.take_joint_errors(motion);
         Ok(())
     }
 }

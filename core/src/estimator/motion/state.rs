@@ -6,7 +6,7 @@ use crate::dynamics::interval::Interval;
 use crate::dynamics::residual::ResidualLoad;
 use crate::dynamics::{Inputs, State};
 use crate::frame::{Rotation, Vector};
-use crate::math::{Real, clamp, normalized, small_rotation};
+use crate::math::{Real, clamp, flushed, normalized, small_rotation};
 
 /// Number of error coordinates.
 pub const STATES: usize = 21;
@@ -39,6 +39,9 @@ pub type Covariance<T> = SMatrix<T, STATES, STATES>;
 
 /// Limits of muscle input and damping, far enough from any real value that they cause no bias.
 const INPUT_LIMITS: [[f32; 2]; 2] = [[-12.0, 12.0], [-0.5, 30.0]];
+
+/// Limits of the residual force (m2) and moment (m3): more than the whole body has of drag area, and that at half a metre.
+const RESIDUAL_LIMITS: [f32; 2] = [2.0, 1.0];
 
 /// Motion and inputs at one instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -106,13 +109,20 @@ impl<T: Real> FlightState<T> {
         difference
     }
 
-    /// Clamps muscle input and damping to their limits.
+    /// Clamps inputs to their limits.
     pub fn limit_inputs(&mut self) {
-        let within =
-            |[low, high]: [f32; 2]| move |value: T| clamp(value, T::single(low), T::single(high));
+        let within = |[low, high]: [f32; 2]| {
+            move |value: T| clamp(flushed(value), T::single(low), T::single(high))
+        };
         let [muscle, damping] = INPUT_LIMITS.map(within);
         self.inputs.muscle = self.inputs.muscle.map(muscle);
         self.inputs.damping = self.inputs.damping.map(damping);
+        let residual = &mut self.inputs.residual;
+        let [force, moment] = RESIDUAL_LIMITS.map(|limit| {
+            move |value: T| clamp(flushed(value), -T::single(limit), T::single(limit))
+        });
+        residual.force = residual.force.map(force);
+        residual.moment = residual.moment.map(moment);
     }
 
     /// Converts the state to another precision.

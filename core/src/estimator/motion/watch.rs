@@ -48,6 +48,18 @@ const CORRELATION: [f32; 2] = [0.4, 0.8];
 const REJECTED: [f32; 2] = [0.05, 0.3];
 /// Time (s) after which a channel whose sensor repeats its value is doubtful, and after which it is lost.
 const REPEATED: [f32; 2] = [BELIEVED, 1.0];
+/// Time (s) without any measurement after which the estimate is doubtful, and after which it is lost.
+const BLIND: [f32; 2] = [0.4, 2.0];
+/// Time (s) without a measurement of the attitude or of the angular velocity after which the estimate is doubtful.
+const WITHOUT_ROTATION: f32 = 1.0;
+/// Time (s) without a measurement of the velocity or of the air's force after which the estimate is doubtful: attitude
+/// and rates alone cannot tell a fall from lying on the ground.
+const WITHOUT_VELOCITY: f32 = 3.0;
+/// Standard deviations of attitude (rad), velocity (m/s) and angular velocity (rad/s) above which the estimate is
+/// doubtful, and above which it is lost.
+const DEVIATIONS: [[f32; 2]; 3] = [[0.3, 1.0], [6.0, 20.0], [1.0, 5.0]];
+/// Mean square and share of rejections of a channel that has just been reset: doubtful for half a second.
+const RESTARTED: [f32; 2] = [1.5, 0.08];
 
 /// Statistics of one channel.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -60,6 +72,11 @@ pub struct ChannelWatch<T> {
     pub rejected: T,
     product: T,
     last: T,
+    /// Time since the last rejection, in time constants of the means, up to one.
+    clean: T,
+    /// Shares of the mean square and of the product since the last rejection, and whether they will replace the means.
+    clean_sums: [T; 2],
+    renewing: bool,
     /// Time for which the sensor has repeated its value (s).
     pub repeated: T,
     /// Number of consecutive innovations beyond the gate.
@@ -77,33 +94,66 @@ impl<T: Real> ChannelWatch<T> {
             repeated: T::zero(),
             product: T::zero(),
             last: T::zero(),
+            clean: T::zero(),
+            clean_sums: [T::zero(); 2],
+            renewing: false,
             streak: 0,
             seen: false,
         }
     }
 
-    /// Processes an innovation divided by its standard deviation; `share` is its weight in the means.
+    /// Processes an innovation divided by its standard deviation; `share` is its weight in the means. One beyond the
+    /// gate counts as rejected and enters no mean.
     fn take(&mut self, normalised: T, rejected: bool, share: T) {
-        self.seen = true;
+        self.take_rejection(rejected, share);
+        if rejected || !normalised.is_finite() {
+            return;
+        }
         let one = T::one();
-        // An outlier counts no more than a value ten standard deviations off.
-        let limit = T::of(10.0);
-        let value = crate::math::clamp(normalised, -limit, limit);
-        self.mean_square += (value * value - self.mean_square) * share;
-        self.product += (value * self.last - self.product) * share;
+        let (square, product) = (normalised * normalised, normalised * self.last);
+        self.mean_square += (square - self.mean_square) * share;
+        self.product += (product - self.product) * share;
+        if self.clean < one {
+            self.clean_sums[0] += square * share;
+            self.clean_sums[1] += product * share;
+        } else if self.renewing {
+            // For as long as the means last nothing was rejected, so they are those of that time.
+            [self.mean_square, self.product] = self.clean_sums;
+            self.renewing = false;
+        }
         let floor = if self.mean_square > one {
             self.mean_square
         } else {
             one
         };
         self.correlation = self.product / floor;
-        self.last = value;
-        self.rejected += (if rejected { one } else { T::zero() } - self.rejected) * share;
-        self.streak = if rejected {
-            self.streak.saturating_add(1)
+        self.last = normalised;
+    }
+
+    fn take_rejection(&mut self, rejected: bool, share: T) {
+        self.seen = true;
+        if rejected {
+            self.rejected += (T::one() - self.rejected) * share;
+            self.streak = self.streak.saturating_add(1);
+            self.clean = T::zero();
+            self.clean_sums = [T::zero(); 2];
+            self.renewing = true;
+            return;
+        }
+        self.streak = 0;
+        self.clean += share;
+        if self.clean < T::one() {
+            self.rejected -= self.rejected * share;
         } else {
-            0
-        };
+            // Nothing was rejected for as long as the mean lasts.
+            self.clean = T::one();
+            self.rejected = T::zero();
+        }
+    }
+
+    /// Returns whether at least four measurements in a row were within the gate.
+    fn is_followed(&self, share: T) -> bool {
+        self.seen && self.clean >= share * T::of(3.5)
     }
 
     /// Returns the consistency of the channel.
@@ -122,6 +172,10 @@ pub struct Watch<T> {
     pub channels: [ChannelWatch<T>; CHANNELS],
     /// Mean square of the residual load relative to its expected covariance, by component; one is expected.
     pub residual: T,
+    /// Time since attitude or angular velocity was measured, and since the velocity or the force of the air was (s).
+    pub unseen: [T; 2],
+    /// Whether a sensor jumped, as no body can, and has not jumped back.
+    pub suspect: bool,
 }
 
 /// Mean square of the residual load by component above which the model is doubtful, and above which it is lost.
@@ -144,6 +198,8 @@ impl<T: Real> Watch<T> {
         Self {
             channels: [ChannelWatch::new(); CHANNELS],
             residual: T::zero(),
+            unseen: [T::zero(), T::single(WITHOUT_VELOCITY)],
+            suspect: false,
         }
     }
 
@@ -158,10 +214,15 @@ impl<T: Real> Watch<T> {
                 repeated: scalar(channel.repeated),
                 product: scalar(channel.product),
                 last: scalar(channel.last),
+                clean: scalar(channel.clean),
+                clean_sums: channel.clean_sums.map(scalar),
+                renewing: channel.renewing,
                 streak: channel.streak,
                 seen: channel.seen,
             }),
             residual: scalar(self.residual),
+            unseen: self.unseen.map(scalar),
+            suspect: self.suspect,
         }
     }
 
@@ -169,6 +230,66 @@ impl<T: Real> Watch<T> {
     pub fn take(&mut self, channel: usize, normalised: T, rejected: bool, duration: T) {
         let share = duration / T::of(WINDOW);
         self.channels[channel].take(normalised, rejected, share);
+    }
+
+    /// Processes a measurement that is not finite or not plausible.
+    pub fn take_unusable(&mut self, channel: usize, duration: T) {
+        self.channels[channel].take_rejection(true, duration / T::of(WINDOW));
+    }
+
+    /// Starts the statistics of a channel again, after the filter has given up what it believed of it.
+    pub fn restart(&mut self, channel: usize) {
+        let [mean_square, rejected] = RESTARTED.map(T::single);
+        self.channels[channel] = ChannelWatch {
+            mean_square,
+            rejected,
+            seen: true,
+            ..ChannelWatch::new()
+        };
+        // The residual load was given up too.
+        let doubtful = T::single(RESIDUAL[0]);
+        if self.residual > doubtful {
+            self.residual = doubtful;
+        }
+    }
+
+    /// Passes an interval of `duration` (s); `fused` says whether attitude or angular velocity was fused, and whether
+    /// the velocity or the force of the air was.
+    pub fn pass(&mut self, fused: [bool; 2], duration: T) {
+        for (time, fused) in self.unseen.iter_mut().zip(fused) {
+            if fused {
+                *time = T::zero();
+            } else if *time < T::of(1e4) {
+                *time += duration;
+            }
+        }
+    }
+
+    /// Returns the consistency of an estimate with these standard deviations, in the order of
+    /// [`state`](super::state): an error bar may be right and too large to be of use.
+    pub fn of_deviations(deviations: &[T]) -> Consistency {
+        let groups = deviations.chunks(3).zip(DEVIATIONS);
+        groups
+            .flat_map(|(group, limits)| group.iter().map(move |value| above(*value, limits)))
+            .fold(Consistency::Consistent, Ord::max)
+    }
+
+    /// Returns the consistency that follows from what is not measured.
+    fn blindness(&self) -> Consistency {
+        let [rotation, velocity] = self.unseen;
+        let anything = if rotation < velocity {
+            rotation
+        } else {
+            velocity
+        };
+        let without =
+            velocity >= T::single(WITHOUT_VELOCITY) || rotation >= T::single(WITHOUT_ROTATION);
+        let least = if without || self.suspect {
+            Consistency::Doubtful
+        } else {
+            Consistency::Consistent
+        };
+        above(anything, BLIND).max(least)
     }
 
     /// Processes the mean square of the residual load by component.
@@ -183,13 +304,23 @@ impl<T: Real> Watch<T> {
         above(self.residual, RESIDUAL)
     }
 
+    /// Returns whether the filter followed a channel and is consistent, apart from a sensor that jumped.
+    pub fn is_trusted(&self, channel: usize, duration: T) -> bool {
+        let apart = Self {
+            suspect: false,
+            ..*self
+        };
+        let followed = self.channels[channel].is_followed(duration / T::of(WINDOW));
+        followed && apart.consistency() == Consistency::Consistent
+    }
+
     /// Returns the worst consistency of all channels and of the residual load.
     pub fn consistency(&self) -> Consistency {
         self.channels
             .iter()
             .filter(|channel| channel.seen)
             .map(ChannelWatch::consistency)
-            .fold(self.residual_consistency(), Ord::max)
+            .fold(self.residual_consistency().max(self.blindness()), Ord::max)
     }
 }
 
@@ -222,6 +353,7 @@ mod tests {
 
     fn watched(change: impl Fn(f64) -> f64) -> Consistency {
         let mut watch = Watch::<f64>::new();
+        watch.pass([true; 2], 1.0 / 240.0);
         for value in noise().take(1000) {
             let value = change(value);
             watch.take(3, value, value.abs() > 5.0, 1.0 / 240.0);
@@ -242,6 +374,7 @@ mod tests {
     #[test]
     fn a_residual_load_beyond_joint_errors_is_flagged() {
         let mut watch = Watch::<f64>::new();
+        watch.pass([true; 2], 1.0 / 240.0);
         for (load, expected) in [
             (1.0, Consistency::Consistent),
             (9.0, Consistency::Doubtful),

@@ -147,7 +147,7 @@ fn each_refusal_has_its_reason_and_its_counter() {
     let not_finite: Vec<u8> = [0x00, 0x01]
         .into_iter()
         .chain(f32::NAN.to_le_bytes())
-        .chain([0; 39])
+        .chain([0; 44])
         .collect();
     let mut quaternion = [0xFF; 111];
     quaternion[0] = 0;

@@ -1,0 +1,290 @@
+//! Fusing a measurement: each channel behind its gate, then the state moved by what all of them say.
+
+use nalgebra::SVector;
+
+use super::constants::{Constant, Constants, WIND};
+use super::covariance;
+use super::estimate::{ChannelEstimate, Recorder};
+use super::filter::MotionFilter;
+use super::measurement::{
+    BAROMETER_CHANNEL, FORCE_CHANNELS, Prediction, RATE_CHANNELS, Row, SensorMeasurement,
+};
+use super::rejection::{Rejection, Verdict, coordinates};
+use super::repeats::BELIEVED;
+use super::state::{
+    ATTITUDE, Difference, MOTION_STATES, RESIDUAL_FORCE, SPIN, STATES, VELOCITY, input_vector,
+};
+use super::update::Innovation;
+use crate::dynamics::interval::Interval;
+use crate::estimator::factor::Cholesky;
+use crate::estimator::limits::limit;
+use crate::estimator::propagation::Propagation;
+use crate::frame::Vector;
+use crate::math::Real;
+
+/// Error that a motion may have whose attitude, velocity or angular velocity turned out wrong: attitude (rad), velocity
+/// (m/s), angular velocity (rad/s).
+const MISLED: [f32; 3] = [0.05, 3.0, 0.3];
+
+/// Correction of the state and of the constants by the channels fused so far.
+pub(super) struct Moved<T: Real> {
+    state: Difference<T>,
+    constants: Constant<T>,
+    /// Whether what was believed of a quantity was given up.
+    reset: bool,
+}
+
+/// A channel as the filter sees it: its innovation, and its derivative with respect to the first coordinates.
+struct Look<T: Real> {
+    innovation: T,
+    slope: SVector<T, STATES>,
+    reach: usize,
+    direct: Constant<T>,
+}
+
+impl<T: Real> Look<T> {
+    fn slope(&self) -> &[T] {
+        self.slope.as_slice().get(..self.reach).unwrap_or_default()
+    }
+
+    fn along(&self, moved: &Difference<T>) -> T {
+        let pairs = self.slope().iter().zip(moved.iter());
+        pairs.fold(T::zero(), |sum, (slope, moved)| sum + *slope * *moved)
+    }
+}
+
+impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
+    /// Fuses a measurement.
+    #[inline(never)]
+    pub(super) fn take(
+        &mut self,
+        measured: &SensorMeasurement<T>,
+        recorder: &mut impl Recorder<T>,
+    ) {
+        let Some(interval) = &self.interval else {
+            return;
+        };
+        let prediction = Prediction::of(&self.state, interval);
+        let cg = interval.cg().components;
+        let measured = self
+            .held
+            .joined(measured, &prediction.motion, &self.trail, self.duration);
+        let measured = self.climb.with_rate(&measured, self.duration);
+        self.repeats.take(&measured.motion, self.duration);
+        self.constants.concern(&measured);
+        let updraft = self.dynamics.air.velocity.up();
+        self.support
+            .take(&measured, &prediction.motion, updraft, self.duration);
+        let mut moved = Moved {
+            state: Difference::zeros(),
+            constants: Constant::zeros(),
+            reset: false,
+        };
+        let mut fused = [false; 2];
+        for k in 0..self.channels.len() {
+            if measured.measures(k) {
+                let done = self.take_channel(k, &measured, &prediction, &cg, &mut moved, recorder);
+                fused[usize::from(k >= RATE_CHANNELS.end)] |= done;
+            }
+        }
+        self.watch.suspect = self.rejections.iter().any(Rejection::is_suspect);
+        self.watch.pass(fused, self.duration);
+        self.settle(&moved);
+    }
+
+    /// Fuses a channel; returns whether it was.
+    #[inline(never)]
+    fn take_channel(
+        &mut self,
+        k: usize,
+        measured: &SensorMeasurement<T>,
+        prediction: &Prediction<T>,
+        cg: &nalgebra::Vector3<T>,
+        moved: &mut Moved<T>,
+        recorder: &mut impl Recorder<T>,
+    ) -> bool {
+        let repeated = self.repeats.time(k);
+        self.watch.channels[k].repeated = repeated;
+        let Some(look) = self.look(k, measured, prediction, cg) else {
+            if !measured.is_superseded(k) {
+                self.faults.measurement = true;
+                self.watch.take_unusable(k, self.duration);
+                self.channels[k].rejected = true;
+            }
+            return false;
+        };
+        if repeated > T::single(BELIEVED) {
+            return false;
+        }
+        let spin = &prediction.motion.angular_velocity.components;
+        let noise = measured
+            .stated_variance(k)
+            .unwrap_or_else(|| self.noise.variance(k, spin));
+        let noise = noise + self.unmodelled(k);
+        let mut seen = self.factors.see(look.slope());
+        let constants = self.constants.see(look.slope(), &look.direct);
+        let mut own = seen.variance + noise;
+        let mut variance = own + constants.variance();
+        let value = look.innovation - look.along(&moved.state) - look.direct.dot(&moved.constants);
+        let normalised = value / variance.root();
+        let square = normalised * normalised;
+        // NaN is not within the gate, so it is rejected.
+        let within = square <= self.gate;
+        let trusted = within || self.watch.is_trusted(k, self.duration);
+        self.watch.take(k, normalised, !within, self.duration);
+        self.activity.take(k, normalised);
+        self.squares[0] += if within { square } else { self.gate };
+        self.squares[1] += T::one();
+        let verdict = self.rejections[k].judge(k, [value, noise], within, trusted);
+        if verdict == Verdict::Reset && value.is_finite() {
+            self.give_up(k, value * value, moved);
+            seen = self.factors.see(look.slope());
+            own = seen.variance + noise;
+            variance = own + constants.variance();
+        }
+        let fused = within || verdict == Verdict::Reset;
+        self.channels[k] = ChannelEstimate {
+            innovation: value,
+            variance,
+            fused,
+            rejected: !within,
+        };
+        if fused {
+            let mut spread = self.factors.update(&seen, own);
+            let through = self.constants.update(&constants, own, &mut spread);
+            let gain = value / variance;
+            moved.state += spread * gain;
+            moved.constants += through * gain;
+            if look.reach == MOTION_STATES {
+                let row = Row {
+                    innovation: look.innovation,
+                    slope: look.slope.fixed_rows::<MOTION_STATES>(0).into_owned(),
+                };
+                recorder.taken(&row, &Innovation { value, variance }, &spread);
+            }
+        }
+        fused
+    }
+
+    /// Gives up what the filter believed of a channel's quantity, up to this variance: the filter is wrong, not the
+    /// sensor.
+    fn give_up(&mut self, k: usize, square: T, moved: &mut Moved<T>) {
+        for coordinate in coordinates(k) {
+            let largest = covariance::unknown::<T>(coordinate);
+            let added = if square < largest { square } else { largest };
+            self.factors.add_to(coordinate, added);
+        }
+        self.watch.restart(k);
+        moved.reset = true;
+        if (RATE_CHANNELS.end..BAROMETER_CHANNEL).contains(&k) {
+            self.constants.concern_wind();
+        }
+        if !self.rejections[k].is_suspect() {
+            // Back where the sensors agree.
+            self.rejections.iter_mut().for_each(Rejection::pardon);
+        }
+    }
+
+    /// Compares a channel with its prediction; `None` if the measurement is not plausible.
+    fn look(
+        &self,
+        k: usize,
+        measured: &SensorMeasurement<T>,
+        prediction: &Prediction<T>,
+        cg: &nalgebra::Vector3<T>,
+    ) -> Option<Look<T>> {
+        let mut slope = SVector::<T, STATES>::zeros();
+        let airflow = FORCE_CHANNELS.contains(&k);
+        let (mut innovation, reach) = if airflow {
+            let sensor = measured.specific_force?;
+            let axis = k - FORCE_CHANNELS.start;
+            let motion = &prediction.motion;
+            let predicted = self.airflow.at(
+                &(sensor.arm.components - cg),
+                motion.inertial_from_body.quaternion(),
+                &motion.angular_velocity.components,
+                self.duration,
+            );
+            slope = predicted.slope(axis, &self.slope);
+            (
+                sensor.force.components[axis] - predicted.force[axis],
+                STATES,
+            )
+        } else {
+            let row = prediction.row(k, measured)?;
+            slope
+                .fixed_rows_mut::<MOTION_STATES>(0)
+                .copy_from(&row.slope);
+            (row.innovation, MOTION_STATES)
+        };
+        let gyroscope = measured.motion.angular_velocity.is_none() && RATE_CHANNELS.contains(&k);
+        if gyroscope {
+            innovation -= self.constants.bias()[k - RATE_CHANNELS.start];
+        }
+        let direct = Constants::direct(k, slope.as_slice(), gyroscope, airflow);
+        innovation.is_finite().then_some(Look {
+            innovation,
+            slope,
+            reach,
+            direct,
+        })
+    }
+
+    /// Variance of a channel beyond that of its sensor: the acceleration that the model misses.
+    fn unmodelled(&self, k: usize) -> T {
+        if FORCE_CHANNELS.contains(&k) {
+            let [velocity, _] = self.process.motion_noise();
+            velocity / (self.duration * self.duration)
+        } else {
+            T::zero()
+        }
+    }
+
+    /// Moves the state, and keeps everything within its limits.
+    fn settle(&mut self, moved: &Moved<T>) {
+        let Some(interval) = &self.interval else {
+            return;
+        };
+        self.faults.covariance |= self.factors.keep_positive();
+        self.faults.covariance |= self.constants.settle(&moved.constants);
+        let wind = Vector::new(moved.constants[WIND], moved.constants[WIND + 1], T::zero());
+        let air = self.dynamics.air.velocity + wind;
+        if air.is_finite() && air.norm_squared() <= T::of(100.0 * 100.0) {
+            self.dynamics.air.velocity = air;
+        }
+        let mut next = self.state.moved(&moved.state, interval);
+        next.limit_inputs();
+        if next.is_finite() {
+            self.state = next;
+        } else {
+            self.faults.update = true;
+        }
+        if limit(&mut self.state.motion, interval) {
+            self.faults.motion = true;
+        }
+        if covariance::limit(&mut self.factors) {
+            self.constants.disconnect();
+        }
+        if moved.reset {
+            // A motion of which one part was wrong misled the others, and the inputs.
+            for (first, deviation) in [ATTITUDE, VELOCITY, SPIN].into_iter().zip(MISLED) {
+                for k in first..first + 3 {
+                    self.factors.add_to(k, T::single(deviation * deviation));
+                }
+            }
+            self.forget_inputs();
+        }
+        self.process.set_activity(self.activity.level());
+        self.watch_residual();
+    }
+
+    /// Compares the residual load with the load that joint errors can cause.
+    fn watch_residual(&mut self) {
+        let inputs = input_vector(&self.state.inputs);
+        let residual = inputs.fixed_rows::<6>(RESIDUAL_FORCE - MOTION_STATES);
+        let factor = Cholesky::new(&self.process.residual_covariance());
+        let whitened = factor.solve_transposed(&residual.transpose());
+        let mean = whitened.norm_squared() / T::of(6.0);
+        self.watch.take_residual(mean, self.duration);
+    }
+}

@@ -1,0 +1,48 @@
+//! What an estimate says of itself: deviations, situation and consistency.
+
+use super::estimate::{ChannelEstimate, MotionEstimate};
+use super::filter::{MotionFilter, STILL};
+use super::measurement::CHANNELS;
+use super::support::Situation;
+use super::watch::{Consistency, Watch};
+use crate::estimator::propagation::Propagation;
+use crate::math::Real;
+
+impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
+    /// Returns the estimate of the present state, and begins the counts of the next one.
+    pub(super) fn publish(&mut self) -> MotionEstimate<T> {
+        let nothing = [ChannelEstimate::nothing(); CHANNELS];
+        let channels = core::mem::replace(&mut self.channels, nothing);
+        let [sum, number] = core::mem::replace(&mut self.squares, [T::zero(); 2]);
+        let situation = self.support.situation();
+        let mut variances = self.factors.variances();
+        self.constants.add_variances(&mut variances);
+        let unknown_posture = self.still >= T::single(STILL);
+        let deviation = self.process.stated(&variances, unknown_posture);
+        let least = match situation {
+            Situation::Flying => Consistency::Consistent,
+            Situation::Supported => Consistency::Doubtful,
+        };
+        let consistency = self
+            .watch
+            .consistency()
+            .max(Watch::of_deviations(deviation.as_slice()))
+            .max(least);
+        MotionEstimate {
+            sample: self.samples,
+            inputs: self.state.inputs,
+            deviation,
+            motion: self.motion(),
+            channels,
+            normalised_innovation: if number > T::zero() {
+                sum / number
+            } else {
+                T::one()
+            },
+            watch: self.watch,
+            consistency,
+            situation,
+            faults: core::mem::take(&mut self.faults),
+        }
+    }
+}

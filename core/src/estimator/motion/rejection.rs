@@ -1,0 +1,219 @@
+//! When a channel that is beyond its gate is believed again, because the filter is wrong rather than the sensor.
+//!
+//! A sensor that is right while the filter is wrong says the same thing again and again; garbage contradicts itself.
+//! So innovations beyond the gate are believed once they have agreed with each other for a while, and those that never
+//! agree are not.
+//!
+//! If they agree from the first, right after the filter followed the sensor, then the sensor jumped, as no body can. It
+//! is followed, since the filter cannot tell which value is right, but it stays suspect until it jumps back.
+
+use super::measurement::{CHANNELS, FORCE_CHANNELS};
+use super::state::{ATTITUDE, RESIDUAL_FORCE, SPIN, VELOCITY};
+use crate::math::Real;
+
+/// Time for which innovations must agree (s), and how many must.
+const AGREEING: (f32, u16) = (0.3, 4);
+/// Number of standard deviations of the sensor by which innovations that agree may differ.
+const DEVIATIONS: f32 = 5.0;
+/// How fast the innovation of a wrong filter may change: attitude (rad/s), angular velocity (rad/s2), velocity (m/s2),
+/// specific force (m/s3).
+const RATES: [f32; 4] = [5.0, 20.0, 15.0, 40.0];
+
+/// Time after which a sensor that jumped is no longer suspect (s).
+const SUSPECT: f32 = 60.0;
+/// Share of a jump by which the jump back may differ.
+const BACK: f32 = 0.35;
+
+/// What to do with an innovation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Verdict {
+    /// Fuse it if it is within the gate.
+    Gate,
+    /// Give up what was believed of this quantity, then fuse it.
+    Reset,
+}
+
+/// The innovations of a channel since one was within the gate.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Rejection<T> {
+    last: T,
+    /// Time since the previous innovation, and for which innovations have agreed (s).
+    since: T,
+    agreeing: T,
+    count: u16,
+    /// The first innovation of the streak, and whether a later one contradicted it or the filter was not trusted.
+    first: T,
+    contradicted: bool,
+    /// Sum of the sensor's jumps, and the time for which it stays suspect (s).
+    jumped: T,
+    suspect: T,
+}
+
+impl<T: Real> Rejection<T> {
+    pub(super) fn new() -> Self {
+        Self {
+            last: T::zero(),
+            since: T::zero(),
+            agreeing: T::zero(),
+            count: 0,
+            first: T::zero(),
+            contradicted: false,
+            jumped: T::zero(),
+            suspect: T::zero(),
+        }
+    }
+
+    /// Whether the sensor jumped and has not jumped back.
+    pub(super) fn is_suspect(&self) -> bool {
+        self.suspect > T::zero()
+    }
+
+    /// Takes the sensor as no longer suspect.
+    pub(super) fn pardon(&mut self) {
+        self.jumped = T::zero();
+        self.suspect = T::zero();
+    }
+
+    /// Ends a streak.
+    fn end(&mut self) {
+        *self = Self {
+            jumped: self.jumped,
+            suspect: self.suspect,
+            ..Self::new()
+        };
+    }
+
+    /// Adds the jump with which a streak of agreeing innovations began; `deviation` is that of the sensor.
+    fn jump(&mut self, deviation: T) {
+        let largest = if self.first.abs() > self.jumped.abs() {
+            self.first.abs()
+        } else {
+            self.jumped.abs()
+        };
+        self.jumped += self.first;
+        let tolerance = largest * T::single(BACK) + deviation * T::single(DEVIATIONS);
+        if self.contradicted || self.jumped.abs() <= tolerance {
+            self.pardon();
+        } else {
+            self.suspect = T::single(SUSPECT);
+        }
+    }
+
+    /// Passes an interval of `duration` (s).
+    pub(super) fn pass(&mut self, duration: T) {
+        // Bounded, so that it stays exact.
+        if self.since < T::of(100.0) {
+            self.since += duration;
+        }
+        if self.is_suspect() {
+            self.suspect -= duration;
+            if !self.is_suspect() {
+                self.jumped = T::zero();
+            }
+        }
+    }
+
+    /// Judges an innovation of a channel with this measurement noise. `trusted` says whether the filter was consistent
+    /// before it: only then can the sensor be at fault.
+    pub(super) fn judge(
+        &mut self,
+        channel: usize,
+        [value, noise]: [T; 2],
+        within: bool,
+        trusted: bool,
+    ) -> Verdict {
+        let elapsed = core::mem::replace(&mut self.since, T::zero());
+        if within {
+            self.end();
+            return Verdict::Gate;
+        }
+        if self.count == 0 {
+            self.first = value;
+            self.contradicted = !trusted;
+        }
+        let drift = T::single(RATES[kind(channel)]) * elapsed;
+        let sensor = T::single(2.0 * DEVIATIONS * DEVIATIONS) * noise;
+        let change = value - self.last;
+        // The comparison is false for NaN.
+        let agrees = self.count > 0 && change * change <= sensor + drift * drift;
+        self.last = value;
+        if agrees {
+            self.agreeing += elapsed;
+            self.count = self.count.saturating_add(1);
+        } else {
+            self.contradicted |= self.count > 0;
+            self.agreeing = T::zero();
+            self.count = 1;
+        }
+        let (time, number) = AGREEING;
+        if self.count >= number && self.agreeing >= T::single(time) {
+            self.jump(noise.root());
+            self.end();
+            return Verdict::Reset;
+        }
+        Verdict::Gate
+    }
+}
+
+/// Index in [`RATES`] of the quantity of a channel.
+fn kind(channel: usize) -> usize {
+    match channel {
+        0..3 => 0,
+        3..6 => 1,
+        _ if FORCE_CHANNELS.contains(&channel) => 3,
+        _ => 2,
+    }
+}
+
+/// The error coordinates of what a channel measures.
+pub(super) fn coordinates(channel: usize) -> core::ops::Range<usize> {
+    let one = |k: usize| k..k + 1;
+    match channel {
+        0..3 => one(ATTITUDE + channel),
+        3..6 => one(SPIN + channel - 3),
+        6..9 => one(VELOCITY + channel - 6),
+        9 => VELOCITY..VELOCITY + 2,
+        10..13 => one(VELOCITY + channel - 10),
+        13 => one(VELOCITY + 2),
+        14..CHANNELS => one(RESIDUAL_FORCE + channel - 14),
+        _ => 0..0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn resets(values: impl Iterator<Item = f64>) -> Option<usize> {
+        let mut rejection = Rejection::<f64>::new();
+        values
+            .map(|value| {
+                rejection.pass(1.0 / 120.0);
+                rejection.judge(6, [value, 0.01], value.abs() < 0.5, true)
+            })
+            .position(|verdict| verdict == Verdict::Reset)
+    }
+
+    #[test]
+    fn what_agrees_is_believed_soon_and_what_contradicts_itself_never() {
+        let steady = resets((0..240).map(|k| 20.0 + 0.1 * f64::from(k % 3))).unwrap();
+        assert!((36..40).contains(&steady), "{steady}");
+        let garbage =
+            |k: i32| f64::from(k * 7919 % 61 - 30) + 0.5f64.copysign(f64::from(k % 2) - 0.5);
+        assert_eq!(resets((0..960).map(garbage)), None);
+        // A sensor that jumps is suspect until it jumps back.
+        let mut rejection = Rejection::<f64>::new();
+        for (size, suspect) in [(20.0, true), (-19.0, false), (8.0, true)] {
+            for _ in 0..50 {
+                rejection.pass(1.0 / 120.0);
+                if rejection.judge(6, [size, 0.01], false, true) == Verdict::Reset {
+                    break;
+                }
+            }
+            assert_eq!(rejection.is_suspect(), suspect, "{size}");
+        }
+        // One value within the gate ends a streak.
+        let now_and_then = |k: i32| if k % 30 == 0 { 0.0 } else { 20.0 };
+        assert_eq!(resets((1..960).map(now_and_then)), None);
+    }
+}
