@@ -11,7 +11,7 @@ use bodyflight_core::dynamics::{Dynamics, Motion};
 use bodyflight_core::estimator::unit_preset::UnitPreset;
 use bodyflight_core::frame::{Inertial, Vector};
 use bodyflight_core::link::{
-    self, Configure, EstimateFlags, Sample, SegmentTable, Validity, Verdict,
+    self, Configure, EstimateFlags, Sample, SegmentTable, Sensors, Validity, Verdict,
 };
 use bodyflight_core::{Posture, Real};
 
@@ -164,6 +164,17 @@ impl Computer {
 
     /// Processes the next sample; `sequence` and `time` (us) are those of its header.
     pub fn sample(&mut self, sequence: u32, time: u64, sample: &Sample) -> Outcome {
+        self.sample_with(sequence, time, sample, None)
+    }
+
+    /// Same as [`Computer::sample`], with what sensors other than a suit measured at that instant.
+    pub fn sample_with(
+        &mut self,
+        sequence: u32,
+        time: u64,
+        sample: &Sample,
+        sensors: Option<&Sensors>,
+    ) -> Outcome {
         let Some(configuration) = &self.configuration else {
             return Outcome::Rejected;
         };
@@ -199,7 +210,9 @@ impl Computer {
             let between = from.interpolated(&posture, share * f32::from(step));
             estimate = filter.push(&between, None).or(estimate);
         }
-        estimate = filter.push(&posture, Some((sample, &motion))).or(estimate);
+        estimate = filter
+            .push(&posture, Some((sample, &motion, sensors)))
+            .or(estimate);
         if steps > 1 {
             self.pending |= EstimateFlags::BRIDGED;
         }

@@ -2,8 +2,8 @@
 //!
 //! The unit records its configuration, inputs and results; [`Recorder`] packs them into blocks
 //! ([`bodyflight_core::link::BlockWriter`]). Blocks are written to storage from the exit to the landing. Before the
-//! exit the most recent blocks are kept in memory, so that the log begins before the exit was detected. If the vertical
-//! velocity is unknown, everything is written. Each flight begins with its configuration, so a log is self-contained.
+//! exit the most recent blocks are kept in memory, so that the log begins before the exit was detected. The vertical
+//! velocity is the measured one or, without it, that of the barometer; with neither, everything is written. Each flight begins with its configuration, so a log is self-contained.
 //! [`FlightLog`](storage::FlightLog) is the task that reads and writes storage.
 
 mod phase;
@@ -13,7 +13,8 @@ pub mod storage;
 use core::cell::RefCell;
 
 use bodyflight_core::link::{
-    BLOCK_LENGTH, BlockWriter, Header, LogAction, Message, Sample, Validity,
+    BLOCK_LENGTH, BlockWriter, Header, LogAction, Message, SETUP_LENGTH, Sample, SetupAction,
+    Validity,
 };
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
@@ -86,7 +87,11 @@ struct State {
     /// Number of blocks dropped before they were written.
     lost: u32,
     asked: Option<(LogAction, u32)>,
+    setup: Option<SetupRequest>,
 }
+
+/// A request concerning the stored configuration, with the record to store.
+pub(crate) type SetupRequest = (SetupAction, Option<[u8; SETUP_LENGTH]>);
 
 /// Ring buffer of closed blocks; the oldest is dropped when it is full.
 #[derive(Debug)]
@@ -161,6 +166,7 @@ impl Recorder {
                 until: Until::Landing,
                 lost: 0,
                 asked: None,
+                setup: None,
             }),
             changed: Signal::new(),
         }
@@ -200,6 +206,11 @@ impl Recorder {
             let phase = state.watch.update(header.time, velocity_up(sample));
             state.follow(phase);
         }
+        if let Message::Sensors(sensors) = message {
+            state
+                .watch
+                .see_height(header.time, sensors.pressure_height());
+        }
         if header.time.saturating_sub(state.opened) >= LONGEST_BLOCK {
             state.close();
         }
@@ -226,6 +237,21 @@ impl Recorder {
     pub fn ask(&self, action: LogAction, block: u32) {
         self.state.borrow_mut().asked = Some((action, block));
         self.changed.signal(());
+    }
+
+    /// Queues a request concerning the stored configuration.
+    pub(crate) fn ask_setup(&self, action: SetupAction, record: Option<[u8; SETUP_LENGTH]>) {
+        self.state.borrow_mut().setup = Some((action, record));
+        self.changed.signal(());
+    }
+
+    /// Takes the pending request concerning the stored configuration.
+    fn asked_setup(&self) -> Option<SetupRequest> {
+        self.state.borrow_mut().setup.take()
+    }
+
+    fn has_setup_request(&self) -> bool {
+        self.state.borrow().setup.is_some()
     }
 
     /// Number of blocks dropped before they were written, because the storage was too slow; wraps.

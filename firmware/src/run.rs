@@ -18,7 +18,7 @@ use crate::board::Board;
 use crate::display::Glance;
 use crate::light::STEP_MS;
 use crate::log::info;
-use crate::recorder::storage::Log;
+use crate::recorder::storage::{Answer, Log};
 use crate::unit::Unit;
 
 /// Transmission timeout of a frame, after which it counts as dropped.
@@ -53,7 +53,7 @@ pub async fn run<B: Board>(
     receiver: impl Read,
     transmitter: impl Write,
     sensor: impl Read,
-    log: impl Log,
+    mut log: impl Log,
 ) {
     let shared = Shared {
         unit,
@@ -62,8 +62,11 @@ pub async fn run<B: Board>(
     };
     info!("unit started");
     unit.borrow_mut().introduce();
-    let answer = |block, bytes: &[u8]| {
-        unit.borrow_mut().answer_log(block, bytes);
+    let answer = |answer: Answer<'_>| {
+        match answer {
+            Answer::Block(block, bytes) => unit.borrow_mut().answer_log(block, bytes),
+            Answer::Setup(state, setup) => unit.borrow_mut().answer_setup(state, setup),
+        }
         shared.outgoing.signal(());
     };
     join3(

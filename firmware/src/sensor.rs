@@ -1,48 +1,81 @@
-//! The inertial sensor on the unit's second port: converts Xbus packets to samples.
+//! The sensor on the unit's second port: converts its bytes to samples.
 //!
-//! An MTi at the pelvis provides attitude, angular velocity and, with a receiver, velocity; the posture stays as the
-//! host set it. The sensor must be configured beforehand to send MTData2 with packet counter, sample time, orientation
-//! and rate of turn; see `docs/unit.md`. `NAV-PVT` solutions (UBX) of a u-blox receiver on the same port provide
-//! velocity and speed for the next sample that has none of its own.
+//! An Xsens MTi at the pelvis provides attitude, angular velocity, specific force and, where it has them, air pressure
+//! and the velocity of its receiver; a BNO08x in its UART-RVC mode attitude and specific force. The posture stays as the
+//! host set it. An MTi must be configured beforehand to send MTData2 with packet counter, sample time, orientation, rate
+//! of turn and acceleration; see `docs/unit.md`. `NAV-PVT` solutions (UBX) of a u-blox receiver on the same port provide
+//! velocity for the next sample. On a line with several sensors the first that sends an orientation counts.
+
+mod reading;
+mod rvc;
 
 use bodyflight_core::Posture;
 use bodyflight_core::frame::{Rotation, Vector};
-use bodyflight_core::link::{Header, Motion, Sample, Validity};
-use bodyflight_core::math::normalized;
+use bodyflight_core::link::{Header, Motion, Readings, Sample, SensorKind, Sensors, Validity};
 use bodyflight_core::ubx;
-use bodyflight_core::xbus::{Decoder, Item, Packet, SampleClock};
-use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use bodyflight_core::xbus::{Decoder, SampleClock};
+use nalgebra::{UnitQuaternion, Vector3};
+
+use reading::Reading;
 
 /// Longest packet accepted from a sensor (bytes).
 const LONGEST: usize = 512;
 
+/// Time that is assumed to pass while a sensor restarts (us). The true one is unknown; this is longer than the model
+/// bridges, so that the motion is taken anew from the next sample.
+const RESTART: u64 = 1_000_000;
+
+/// Ratio of a receiver's vertical to its stated deviation: satellites are above only.
+const VERTICAL_RATIO: f32 = 1.5;
+
+/// Age (us) beyond which a pressure is not attached to a sample.
+const OLDEST_PRESSURE: u64 = 500_000;
+
+/// A receiver's velocity that has not been attached to a sample.
+#[derive(Debug, Clone, Copy)]
+struct Solution {
+    /// In inertial axes (m/s).
+    velocity: Vector3<f32>,
+    speed: f32,
+    /// Standard deviation (m/s).
+    deviation: f32,
+    /// Time at which it arrived (us, the board's clock), and its age then (s).
+    arrived: u64,
+    age: f32,
+}
+
+/// A sample with what else was measured at its instant.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sensed {
+    /// Number and time; the caller sets the session.
+    pub header: Header,
+    /// Posture and motion.
+    pub sample: Sample,
+    /// The other measurements.
+    pub sensors: Sensors,
+}
+
 /// Converts bytes of the sensor to samples.
 #[derive(Debug)]
 pub struct Sensor {
+    kind: SensorKind,
     decoder: Decoder<LONGEST>,
+    rvc: rvc::Decoder,
     receiver: ubx::Decoder,
     clock: SampleClock,
+    restarts: u32,
     body_from_sensor: UnitQuaternion<f32>,
+    /// Age of a UBX solution on arrival (s).
+    latency: f32,
     posture: Posture<f32>,
-    /// Latest speed from satellites that has not been attached to a sample (m/s).
-    speed: Option<f32>,
-    /// Latest velocity that has not been attached to a sample, in inertial axes (m/s).
-    velocity: Option<Vector3<f32>>,
+    solution: Option<Solution>,
+    solutions: u32,
+    /// Latest pressure (Pa) and its time of arrival (us).
+    pressure: Option<(u32, u64)>,
+    /// Address of the sensor in use.
+    address: Option<u8>,
     /// The sensor's counter and our sequence number of the last packet.
     last: Option<(u16, u32)>,
-}
-
-/// The content of a packet.
-#[derive(Debug, Clone, Copy, Default)]
-struct Reading {
-    counter: Option<u16>,
-    fine_time: Option<u32>,
-    inertial_from_sensor: Option<UnitQuaternion<f32>>,
-    /// In sensor axes (rad/s).
-    angular_velocity: Option<Vector3<f32>>,
-    /// In inertial axes (m/s).
-    velocity: Option<Vector3<f32>>,
-    speed: Option<f32>,
 }
 
 impl Default for Sensor {
@@ -55,13 +88,19 @@ impl Sensor {
     /// Creates a sensor aligned with the body axes, on a body in the H-pose.
     pub fn new() -> Self {
         Self {
+            kind: SensorKind::Xbus,
             decoder: Decoder::new(),
+            rvc: rvc::Decoder::new(),
             receiver: ubx::Decoder::new(),
             clock: SampleClock::new(),
+            restarts: 0,
             body_from_sensor: UnitQuaternion::identity(),
+            latency: 0.1,
             posture: Posture::h_pose(),
-            speed: None,
-            velocity: None,
+            solution: None,
+            solutions: 0,
+            pressure: None,
+            address: None,
             last: None,
         }
     }
@@ -69,6 +108,11 @@ impl Sensor {
     /// Sets the mounting: the rotation from sensor axes to body axes.
     pub fn mount(&mut self, body_from_sensor: UnitQuaternion<f32>) {
         self.body_from_sensor = body_from_sensor;
+    }
+
+    /// Sets the protocol of the sensor, and the age of a UBX solution on arrival (s).
+    pub fn connect(&mut self, kind: SensorKind, latency: f32) {
+        (self.kind, self.latency) = (kind, latency);
     }
 
     /// Adopts the posture of a sample if it has one.
@@ -81,32 +125,101 @@ impl Sensor {
     /// Restarts the sequence numbers and forgets pending solutions.
     pub fn restart(&mut self) {
         self.last = None;
-        self.speed = None;
-        self.velocity = None;
+        self.solution = None;
+        self.pressure = None;
+        self.address = None;
     }
 
-    /// Searches bytes for the solutions of a receiver.
-    pub fn receive_solutions(&mut self, bytes: &[u8]) {
+    /// Number of restarts of the sensor, and number of a receiver's solutions; both wrap.
+    pub fn counts(&self) -> [u32; 2] {
+        [self.restarts, self.solutions]
+    }
+
+    /// Searches bytes for the solutions of a receiver, arriving at `now` (us).
+    pub fn receive_solutions(&mut self, bytes: &[u8], now: u64) {
         for &byte in bytes {
             let Some(solution) = self.receiver.push(byte) else {
                 continue;
             };
+            self.solutions = self.solutions.wrapping_add(1);
             if let Some(velocity) = solution.velocity() {
-                self.velocity = Some(velocity);
-                self.speed = Some(solution.ground_speed_mps);
+                self.solution = Some(Solution {
+                    velocity,
+                    speed: solution.ground_speed_mps,
+                    deviation: solution.speed_accuracy_mps,
+                    arrived: now,
+                    age: self.latency,
+                });
             }
         }
     }
 
     /// Returns the next sample, and advances `input` past the bytes used; `None` if more bytes are needed. `now` (us)
     /// replaces a missing sensor time.
-    pub fn next(&mut self, input: &mut &[u8], now: u64) -> Option<(Header, Sample)> {
+    pub fn next(&mut self, input: &mut &[u8], now: u64) -> Option<Sensed> {
         loop {
-            let reading = Reading::of(&self.decoder.next(input)?);
-            self.speed = reading.speed.or(self.speed);
+            let reading = match self.kind {
+                SensorKind::Xbus => {
+                    let packet = self.decoder.next(input)?;
+                    if self.address.is_some_and(|own| own != packet.bus_id) {
+                        continue;
+                    }
+                    let reading = Reading::of(&packet);
+                    if reading.inertial_from_sensor.is_some() {
+                        self.address = Some(packet.bus_id);
+                    }
+                    reading
+                }
+                SensorKind::Bno08xRvc => self.rvc.next(input)?,
+            };
+            self.hold(&reading, now);
             if let Some(inertial_from_sensor) = reading.inertial_from_sensor {
                 return Some(self.sample(&reading, &inertial_from_sensor, now));
             }
+        }
+    }
+
+    /// Keeps a packet's solution and pressure for the next sample: they may come in packets of their own.
+    fn hold(&mut self, reading: &Reading, now: u64) {
+        if let Some(pressure) = reading.pressure {
+            self.pressure = Some((pressure, now));
+        }
+        let Some((velocity, speed, deviation)) = reading.solution else {
+            return;
+        };
+        self.solutions = self.solutions.wrapping_add(1);
+        // The sensor gives such a packet the time of the solution, so its age is known; the clock does not advance.
+        let age = reading.fine_time.and_then(|fine| self.clock.behind(fine));
+        self.solution = Some(Solution {
+            velocity,
+            speed,
+            deviation,
+            arrived: now,
+            age: age.unwrap_or(self.latency),
+        });
+    }
+
+    /// Number and time of a packet's sample.
+    fn header(&mut self, reading: &Reading, now: u64) -> Header {
+        let before = self.clock.restarts();
+        let time = reading.fine_time.map(|fine| self.clock.time(fine));
+        let restarted = self.clock.restarts() != before;
+        self.restarts = self.restarts.wrapping_add(u32::from(restarted));
+        let sequence = match (reading.counter, self.last) {
+            (_, None) => 0,
+            // A restarted sensor counts from zero again: nothing is missing.
+            (Some(counter), Some((last, number))) if !restarted => {
+                let step = counter.wrapping_sub(last);
+                number.wrapping_add(u32::from(step))
+            }
+            (_, Some((_, number))) => number.wrapping_add(1),
+        };
+        self.last = Some((reading.counter.unwrap_or_default(), sequence));
+        let elapsed = RESTART * u64::from(self.clock.restarts());
+        Header {
+            session: 0,
+            sequence,
+            time: time.map_or(now, |time| time + elapsed),
         }
     }
 
@@ -115,63 +228,36 @@ impl Sensor {
         reading: &Reading,
         inertial_from_sensor: &UnitQuaternion<f32>,
         now: u64,
-    ) -> (Header, Sample) {
-        let sequence = match (reading.counter, self.last) {
-            (_, None) => 0,
-            (Some(counter), Some((last, number))) => {
-                number.wrapping_add(u32::from(counter.wrapping_sub(last)))
-            }
-            (None, Some((_, number))) => number.wrapping_add(1),
-        };
-        self.last = Some((reading.counter.unwrap_or_default(), sequence));
-        let header = Header {
-            session: 0,
-            sequence,
-            time: reading.fine_time.map_or(now, |fine| self.clock.time(fine)),
-        };
+    ) -> Sensed {
+        let header = self.header(reading, now);
+        let solution = self.solution.take();
         let inertial_from_body = inertial_from_sensor * self.body_from_sensor.inverse();
+        let body_axes = |vector| Vector::from_components(self.body_from_sensor * vector);
+        let velocity = solution.map(|solution| solution.velocity);
         let motion = Motion {
-            angular_velocity: reading
-                .angular_velocity
-                .map(|turn| Vector::from_components(self.body_from_sensor * turn)),
-            velocity: reading
-                .velocity
-                .or(self.velocity.take())
-                .map(Vector::from_components),
-            horizontal_speed: self.speed.take(),
+            angular_velocity: reading.angular_velocity.map(body_axes),
+            velocity: reading.velocity.or(velocity).map(Vector::from_components),
+            horizontal_speed: solution.map(|solution| solution.speed),
         };
-        let attitude = Rotation::from_quaternion(inertial_from_body);
-        (header, Sample::new(&self.posture, &attitude, &motion))
-    }
-}
-
-impl Reading {
-    fn of(packet: &Packet<'_>) -> Self {
-        let mut reading = Self::default();
-        for item in packet.items() {
-            match item.decode() {
-                Ok(Item::PacketCounter(counter)) => reading.counter = Some(counter),
-                Ok(Item::SampleTimeFine(time)) => reading.fine_time = Some(time),
-                Ok(Item::Quaternion(system, values)) => {
-                    let [w, x, y, z] = values.to_f32();
-                    let sent = Quaternion::new(w, x, y, z);
-                    // Sensors send a norm of one to a few digits; anything else is not a rotation.
-                    let is_rotation = (sent.norm_squared() - 1.0).abs() < 0.02;
-                    reading.inertial_from_sensor =
-                        is_rotation.then(|| system.inertial_from_earth() * normalized(sent));
-                }
-                Ok(Item::RateOfTurn(values)) => {
-                    reading.angular_velocity = Some(values.to_f32().into());
-                }
-                Ok(Item::VelocityXyz(system, values)) => {
-                    let velocity = Vector3::from(values.to_f32());
-                    reading.velocity = Some(system.inertial_from_earth() * velocity);
-                }
-                Ok(Item::GnssPvt(solution)) => reading.speed = solution.horizontal_speed(),
-                _ => {}
-            }
+        let pressure = self.pressure.take();
+        let pressure = pressure.filter(|(_, at)| now.saturating_sub(*at) < OLDEST_PRESSURE);
+        let mut readings = Readings {
+            specific_force: reading.specific_force.map(body_axes),
+            pressure: pressure.map(|(pressure, _)| pressure),
+            ..Readings::default()
+        };
+        if let Some(solution) = solution {
+            let waited = u32::try_from(now.saturating_sub(solution.arrived)).unwrap_or(u32::MAX);
+            readings.receiver_velocity = Some(Vector::from_components(solution.velocity));
+            readings.receiver_deviation = [solution.deviation, VERTICAL_RATIO * solution.deviation];
+            readings.receiver_age = solution.age + waited as f32 * 1e-6;
         }
-        reading
+        let attitude = Rotation::from_quaternion(inertial_from_body);
+        Sensed {
+            header,
+            sample: Sample::new(&self.posture, &attitude, &motion),
+            sensors: Sensors::new(&readings),
+        }
     }
 }
 

@@ -5,7 +5,9 @@ use bodyflight_core::body::anthropometry::{Person, Sex};
 use bodyflight_core::body::pattern;
 use bodyflight_core::dynamics::{Dynamics, Inputs, Motion, State};
 use bodyflight_core::frame::{Rotation, Vector};
-use bodyflight_core::link::{self, ArchSource, Configure, PackedQuaternion, Sample, SegmentTable};
+use bodyflight_core::link::{
+    self, ArchSource, Configure, PackedQuaternion, Sample, SegmentTable, SensorKind,
+};
 use bodyflight_core::math::small_rotation;
 use bodyflight_core::{Body, Posture};
 use nalgebra::Vector3;
@@ -32,6 +34,8 @@ pub(crate) fn configure() -> Configure {
         arch_source: ArchSource::Posture,
         arch: 1.0,
         body_from_sensor: PackedQuaternion::default(),
+        receiver_latency: 0.1,
+        sensor: SensorKind::Xbus,
         table_digest: table().digest(),
     }
 }

@@ -1,6 +1,7 @@
 //! Handlers of panics and faults: they record the fault in memory that survives a reset, then restart.
 
 use core::panic::PanicInfo;
+use core::sync::atomic::{AtomicBool, Ordering};
 
 use bodyflight_firmware::fault::{Kind, Record, Reset, WORDS};
 use cortex_m::peripheral::SCB;
@@ -67,9 +68,16 @@ fn write_down(kind: Kind, address: u32, place: Option<(&str, u32)>) {
     RECORD.store(record.words());
 }
 
+/// Whether a panic is being handled.
+static PANICKING: AtomicBool = AtomicBool::new(false);
+
 #[panic_handler]
 fn panic(info: &PanicInfo<'_>) -> ! {
     cortex_m::interrupt::disable();
+    // The logger panics if the first panic came from within it: the record of the first is the one to keep.
+    if PANICKING.swap(true, Ordering::Relaxed) {
+        SCB::sys_reset();
+    }
     let place = info.location();
     let address = place.map_or(0, |place| core::ptr::from_ref(place) as u32);
     let place = place.map(|place| (place.file(), place.line()));

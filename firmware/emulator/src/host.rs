@@ -1,11 +1,5 @@
 //! A host connected to the emulated chip, in the chip's time.
 
-use bodyflight::formats::flight as file;
-use bodyflight::formats::subject::Subject;
-use bodyflight::unit::log::{self, LoggedFlight, Pieces};
-use bodyflight::unit::stream::twin::{Agreement, Twin};
-use bodyflight::unit::stream::{configuration, sample_of};
-use bodyflight::verbs::synthesize::{DEFAULT_SWAY, JointError, Request, fly};
 use bodyflight_core::link::{
     Configure, Decoder, Estimate, Event as LinkEvent, Header, Hello, HelloAcknowledge, LogAction,
     LogAsk, MAX_FRAME_LENGTH, Message, SCHEMA_HASH, Sample, SegmentTable, Start, Status, Stop,
@@ -13,6 +7,12 @@ use bodyflight_core::link::{
 };
 use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::sensor_noise::SensorNoise;
+use bodyflight_replay::flight as file;
+use bodyflight_replay::subject::Subject;
+use bodyflight_unit::log::{self, LoggedFlight, Pieces};
+use bodyflight_unit::stream::twin::{Agreement, Twin};
+use bodyflight_unit::stream::{configuration, sample_of};
+use bodyflight_verbs::synthesize::{DEFAULT_SWAY, JointError, Request, fly};
 
 use crate::Result;
 use crate::chip::{Chip, Cost, Event, Options};
@@ -51,12 +51,12 @@ impl Flight {
             joint_error: JointError::default(),
         };
         let mut frames = Vec::new();
-        let keep = |frame| {
+        let mut keep = |frame| {
             frames.push(frame);
             Ok(())
         };
         let failed = |problem| format!("{problem:?}");
-        fly(&request, &flight.dynamics(4000.0), keep, |_| ()).map_err(failed)?;
+        fly(&request, &flight.dynamics(4000.0), &mut keep, &mut |_| ()).map_err(failed)?;
         let first = frames.first().ok_or("the maneuver has no frames")?;
         let (configure, table) = configuration(&flight, first, preset, 240.0).map_err(failed)?;
         Ok(Self {

@@ -6,6 +6,9 @@ use bodyflight_emulator::{Chip, Flight, Host, Options, RATE};
 /// Mean cycles per instruction of the emulator's clock, the default of `stm32f405/__main__.py`.
 const CYCLES: f64 = 2.3;
 
+/// Least part of the 64 KiB for the stack that a flight leaves unused (bytes).
+const STACK_MARGIN: u32 = 24 * 1024;
+
 /// Numbers of the interrupts of the receivers, the transmitter and the clock.
 const RECEIVERS: [&str; 4] = ["12", "57", "39", "71"];
 const TRANSMITTER: &str = "14";
@@ -16,6 +19,7 @@ fn flying(options: &Options, samples: u32) -> Host {
     let mut host = Host::power(options, &flight).unwrap();
     host.connect(StreamMode::Paced).unwrap();
     host.fly(samples).unwrap();
+    assert_eq!(host.resets.len(), 1, "restarted: {:?}", host.resets);
     host
 }
 
@@ -53,6 +57,9 @@ fn the_load_at_240_hz_is_below_45_percent_by_the_cycle_model() {
     let mut host = flying(&Options::new(), 120);
     let samples = 48;
     let (cost, time) = host.fly_traced(samples).unwrap();
+    let status = host.stop().unwrap();
+    assert_eq!((status.used, status.missing), (120 + samples, 0));
+    assert!(status.stack_free > STACK_MARGIN, "{} B", status.stack_free);
     let load = |cycles: f64| cycles / 168.0 / time as f64;
     let clock = CYCLES * cost.instructions as f64;
     let mean = |cycles: u64| cycles as f64 / cost.instructions as f64;

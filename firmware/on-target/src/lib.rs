@@ -85,8 +85,9 @@ impl Counter {
     }
 }
 
-/// Bytes of stack below its caller that are painted before a measurement.
-const PAINTED: u32 = 10 * 1024;
+/// Bytes of stack below its caller that are painted before a measurement; more than any update uses, and with an
+/// estimator above it still within the board's memory.
+const PAINTED: u32 = 12 * 1024;
 const PAINT: u32 = 0xcccc_cccc;
 
 /// Measures the stack that `work` uses (bytes).

@@ -5,7 +5,7 @@ use bodyflight_core::dynamics::{Dynamics, Motion};
 use bodyflight_core::estimator::measurement::Measurement;
 use bodyflight_core::estimator::motion::ReducedMotionFilter;
 use bodyflight_core::estimator::motion::estimate::MotionEstimate;
-use bodyflight_core::estimator::motion::measurement::MotionMeasurement;
+use bodyflight_core::estimator::motion::measurement::{MotionMeasurement, SensorMeasurement};
 use bodyflight_core::estimator::motion::settings::MotionPreset;
 use bodyflight_core::estimator::motion::state::MUSCLE;
 use bodyflight_core::estimator::motion::watch::Consistency;
@@ -14,7 +14,7 @@ use bodyflight_core::estimator::status::{Estimate, Health};
 use bodyflight_core::estimator::unit_preset::UnitPreset;
 use bodyflight_core::estimator::unscented::SettingsError;
 use bodyflight_core::estimator::{ReducedFilter, input_coefficients};
-use bodyflight_core::link::{self, EstimateFlags, Sample, Validity};
+use bodyflight_core::link::{self, EstimateFlags, PackedQuaternion, Sample, Sensors, Validity};
 
 /// Either of the two filters.
 #[derive(Debug)]
@@ -79,20 +79,20 @@ impl Filter {
     pub(super) fn push(
         &mut self,
         posture: &Posture<f32>,
-        seen: Option<(&Sample, &Motion<f32>)>,
+        seen: Option<(&Sample, &Motion<f32>, Option<&Sensors>)>,
     ) -> Option<Answer> {
         match self {
             Self::Windows(filter) => {
-                let seen = seen.map_or_else(Measurement::none, |(sample, motion)| {
+                let seen = seen.map_or_else(Measurement::none, |(sample, motion, _)| {
                     measurement_of(sample, motion)
                 });
                 filter.push(posture, &seen).map(Answer::Windows)
             }
             Self::Motion(filter) => {
-                let seen = seen.map_or_else(MotionMeasurement::none, |(sample, _)| {
-                    motion_measurement_of(sample)
+                let seen = seen.map_or_else(SensorMeasurement::none, |(sample, _, sensors)| {
+                    sensor_measurement_of(sample, sensors)
                 });
-                filter.push(posture, &seen).map(Answer::Motion)
+                filter.push_sensors(posture, &seen).map(Answer::Motion)
             }
         }
     }
@@ -117,8 +117,11 @@ fn motion_in(
     preset: &MotionPreset,
     dynamics: &Dynamics<f32>,
 ) -> Result<(), SettingsError> {
-    ReducedMotionFilter::unstarted(preset, dynamics)
-        .map(|filter| *slot = Some(Filter::Motion(filter)))
+    let process = ReducedMotionFilter::process(preset)?;
+    *slot = Some(Filter::Motion(ReducedMotionFilter::unstarted(
+        preset, process, dynamics,
+    )));
+    Ok(())
 }
 
 impl Answer {
@@ -165,16 +168,24 @@ fn measurement_of(sample: &Sample, motion: &Motion<f32>) -> Measurement<f32> {
 }
 
 /// The measurement in the sample for the motion filter.
-fn motion_measurement_of(sample: &Sample) -> MotionMeasurement<f32> {
+fn sensor_measurement_of(sample: &Sample, sensors: Option<&Sensors>) -> SensorMeasurement<f32> {
     let measured = sample.motion();
-    MotionMeasurement {
+    let receiver = sensors.and_then(Sensors::receiver);
+    let motion = MotionMeasurement {
         inertial_from_body: sample
             .valid
             .contains(Validity::ATTITUDE)
             .then(|| sample.inertial_from_body()),
         angular_velocity: measured.angular_velocity,
-        velocity: measured.velocity,
-        horizontal_speed: measured.horizontal_speed,
+        // With its accuracy and age the same velocity is worth more, and must not count twice.
+        velocity: measured.velocity.filter(|_| receiver.is_none()),
+        horizontal_speed: measured.horizontal_speed.filter(|_| receiver.is_none()),
+    };
+    SensorMeasurement {
+        receiver,
+        barometer: sensors.and_then(Sensors::barometer),
+        specific_force: sensors.and_then(Sensors::specific_force),
+        ..motion.into()
     }
 }
 
@@ -199,6 +210,7 @@ fn motion_answer(
     );
     flags.set(EstimateFlags::LOST, consistency == Consistency::Lost);
     flags.set(EstimateFlags::FAULT, !estimate.faults.none());
+    flags |= EstimateFlags::MOTION;
     let seen = Measurement::of(&estimate.motion);
     let variance = |k: usize| estimate.deviation[MUSCLE + k] * estimate.deviation[MUSCLE + k];
     link::Estimate {
@@ -209,6 +221,8 @@ fn motion_answer(
         measurement: [seen.horizontal_speed, seen.heading, seen.pitch, seen.roll],
         nis: estimate.normalised_innovation,
         cycles: 0,
+        inertial_from_body: PackedQuaternion::pack(estimate.motion.inertial_from_body.quaternion()),
+        velocity: estimate.motion.velocity_inertial().to_array(),
     }
 }
 
@@ -231,5 +245,7 @@ fn answer(estimate: &Estimate<f32>, sequence: u32, pending: EstimateFlags) -> li
         measurement: estimate.channels.map(|channel| channel.predicted),
         nis: estimate.normalised_innovation,
         cycles: 0,
+        inertial_from_body: PackedQuaternion::default(),
+        velocity: [0.0; 3],
     }
 }

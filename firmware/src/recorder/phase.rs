@@ -1,4 +1,4 @@
-//! Detects the phase of a jump from the vertical velocity alone.
+//! Detects the phase of a jump from the vertical velocity alone: the measured one or that of a barometer.
 
 /// Part of a jump.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -39,9 +39,19 @@ const MEMORY: f32 = 0.5;
 /// Upper limit of the time step between samples (s).
 const LONGEST_STEP: f32 = 1.0;
 
+/// Shortest time over which a barometer's height is differentiated (s): a pascal is 8 cm near the ground.
+const CLIMB_TIME: f32 = 0.5;
+
+/// Age (us) beyond which a barometer's vertical velocity is not used.
+const OLDEST_CLIMB: u64 = 3_000_000;
+
 /// Tracks the phase of a jump.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Watch {
+    /// Time (us) and height (m) from which the barometer's next vertical velocity is taken.
+    height: Option<(u64, f32)>,
+    /// Its vertical velocity (m/s, up) and when it was taken (us).
+    climb: Option<(u64, f32)>,
     phase: Phase,
     /// Mean vertical velocity (m/s, up).
     mean: Option<f32>,
@@ -52,13 +62,35 @@ pub struct Watch {
 }
 
 impl Watch {
+    /// Adds the height of a barometer (m) at `time` (us).
+    pub fn see_height(&mut self, time: u64, height: Option<f32>) {
+        let Some(height) = height else {
+            return;
+        };
+        let Some((before, from)) = self.height.filter(|(before, _)| *before <= time) else {
+            self.height = Some((time, height));
+            return;
+        };
+        let elapsed = u32::try_from(time - before).unwrap_or(u32::MAX) as f32 * 1e-6;
+        if elapsed >= CLIMB_TIME {
+            self.climb = Some((time, (height - from) / elapsed));
+            self.height = Some((time, height));
+        }
+    }
+
+    /// The barometer's vertical velocity (m/s, up), if it is recent.
+    fn climb(&self, time: u64) -> Option<f32> {
+        let (taken, climb) = self.climb?;
+        (time.saturating_sub(taken) <= OLDEST_CLIMB).then_some(climb)
+    }
+
     /// Updates with a sample at `time` (us) and its vertical velocity (m/s, up), `None` if unknown. Returns the phase.
     pub fn update(&mut self, time: u64, velocity_up: Option<f32>) -> Phase {
         let elapsed = time.saturating_sub(self.last.unwrap_or(time));
         // Exact: integers below 1e6 fit the mantissa.
         let step = (u32::try_from(elapsed).unwrap_or(u32::MAX) as f32 * 1e-6).min(LONGEST_STEP);
         self.last = Some(time);
-        let Some(velocity) = velocity_up else {
+        let Some(velocity) = velocity_up.or(self.climb(time)) else {
             return self.phase;
         };
         let mean = self.mean.unwrap_or(velocity);
@@ -152,6 +184,42 @@ mod tests {
                 "{seen:?}"
             );
         }
+    }
+
+    /// The same jump with nothing but a barometer at 50 Hz with 2 Pa of noise.
+    #[test]
+    fn a_barometer_is_enough() {
+        let (mut watch, mut time, mut height) = (Watch::default(), 0_u64, 0.0_f32);
+        let (mut seen, mut noise) = (Vec::new(), 1_u32);
+        for (speed, seconds) in [
+            (0.0, 30),
+            (6.0, 600),
+            (0.0, 60),
+            (-53.0, 60),
+            (-5.0, 80),
+            (0.0, 60),
+        ] {
+            for _ in 0..seconds * 50 {
+                noise = noise.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                height += speed / 50.0;
+                let read = height + (noise >> 16) as f32 / 65_536.0 * 0.34 - 0.17;
+                watch.see_height(time, Some(read));
+                let phase = watch.update(time, None);
+                if seen.last() != Some(&phase) {
+                    seen.push(phase);
+                }
+                time += 20_000;
+            }
+        }
+        let jump = [
+            Phase::Unknown,
+            Phase::Ground,
+            Phase::Climb,
+            Phase::Fall,
+            Phase::Canopy,
+            Phase::Ground,
+        ];
+        assert_eq!(seen, jump);
     }
 
     #[test]

@@ -1,6 +1,8 @@
 //! Driver for SPI NOR flash: sectors of 4 KiB, pages of 256 bytes, and the commands common to all makers (JEDEC's basic
 //! ones, with addresses of three bytes).
 
+use core::ops::Range;
+
 use embedded_hal::digital::OutputPin;
 use embedded_hal::spi::SpiBus;
 use embedded_hal_async::delay::DelayNs;
@@ -53,6 +55,9 @@ pub struct SerialFlash<B, P, D> {
 const LOG: u32 = 2 << 20;
 const SECTORS: usize = (LOG / SECTOR) as usize;
 
+/// Length of the part that stores the configuration, at the end (bytes).
+const SETUP: u32 = 2 * SECTOR;
+
 /// Cache of sector states, so that a block is written without a search.
 pub type Sectors = Cache<ArrayPageStates<SECTORS>, ArrayPagePointers<SECTORS>, Uncached>;
 
@@ -102,9 +107,15 @@ impl<B: SpiBus, P: OutputPin, D: DelayNs> SerialFlash<B, P, D> {
         None
     }
 
+    /// Where the configuration is stored: the last two sectors of the part that is used.
+    pub fn setup(&self) -> Range<u32> {
+        let end = self.capacity.min(LOG);
+        end - SETUP..end
+    }
+
     /// Turns the chip into a queue of blocks, for a [`FlightLog`](super::storage::FlightLog).
     pub fn queue(self) -> QueueStorage<Self, Sectors> {
-        let end = self.capacity.min(LOG);
+        let end = self.setup().start;
         let kept = Cache::new(ArrayPageStates::new(), ArrayPagePointers::new(), Uncached);
         QueueStorage::new(self, QueueConfig::new(0..end), kept)
     }

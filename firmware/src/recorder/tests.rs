@@ -2,6 +2,7 @@
 #![allow(clippy::cast_possible_truncation, reason = "small numbers of a test")]
 
 mod battery;
+mod setup;
 
 use std::collections::BTreeMap;
 use std::rc::Rc;
@@ -21,11 +22,12 @@ use proptest::prelude::*;
 use sequential_storage::cache::{Cache, CacheImpl};
 use sequential_storage::queue::{QueueConfig, QueueStorage};
 
-use super::storage::{FlightLog, Log};
+use super::storage::{Answer, FlightLog, Log};
 use super::*;
 
 const SECTOR: usize = 4096;
 const SECTORS: usize = 48;
+const SETUP_SECTORS: usize = 2;
 
 /// NOR flash whose power fails after a given number of bytes: the write or erase in progress is then only partly done.
 struct Flash {
@@ -50,9 +52,13 @@ impl NorFlashError for NoPower {
 struct Chip(Rc<RefCell<Flash>>);
 
 impl Chip {
+    /// Where the configuration is stored, beyond the queue.
+    const SETUP: core::ops::Range<u32> =
+        (SECTOR * SECTORS) as u32..(SECTOR * (SECTORS + SETUP_SECTORS)) as u32;
+
     fn new(power: usize, noise: u32) -> Self {
         Self(Rc::new(RefCell::new(Flash {
-            bytes: vec![0xff; SECTOR * SECTORS],
+            bytes: vec![0xff; SECTOR * (SECTORS + SETUP_SECTORS)],
             power,
             noise,
         })))
@@ -104,7 +110,7 @@ impl ReadNorFlash for Chip {
     }
 
     fn capacity(&self) -> usize {
-        SECTOR * SECTORS
+        SECTOR * (SECTORS + SETUP_SECTORS)
     }
 }
 
@@ -194,7 +200,8 @@ fn fly(chip: &Chip, seconds: f32) -> u32 {
 }
 
 fn fly_with(recorder: &Recorder, chip: &Chip, seconds: f32) -> u32 {
-    let mut log = core::pin::pin!(FlightLog::new(recorder, chip.storage()).run(|_, _| {}));
+    let mut storage = FlightLog::new(recorder, chip.storage(), Chip::SETUP);
+    let mut log = core::pin::pin!(storage.run(|_| {}));
     recorder.begin(preamble());
     let last = (seconds * 240.0) as u32;
     for number in 0..last {
@@ -216,10 +223,14 @@ fn read(chip: &Chip) -> Vec<(Header, Message)> {
     chip.0.borrow_mut().power = usize::MAX;
     let recorder = Recorder::new(&mut []);
     let found = RefCell::new(BTreeMap::new());
-    let answer = |number: u32, bytes: &[u8]| {
+    let answer = |answer: Answer<'_>| {
+        let Answer::Block(number, bytes) = answer else {
+            return;
+        };
         found.borrow_mut().insert(number, bytes.to_vec());
     };
-    let mut log = core::pin::pin!(FlightLog::new(&recorder, chip.storage()).run(answer));
+    let mut storage = FlightLog::new(&recorder, chip.storage(), Chip::SETUP);
+    let mut log = core::pin::pin!(storage.run(answer));
     for number in 0.. {
         recorder.ask(LogAction::Read, number);
         assert!(poll_once(log.as_mut()).is_pending());
@@ -294,7 +305,8 @@ fn nothing_is_written_on_the_ground() {
 fn without_vertical_velocity_everything_is_written() {
     let chip = Chip::new(usize::MAX, 1);
     let recorder = Recorder::new(vec![Block::EMPTY; 8].leak());
-    let mut log = core::pin::pin!(FlightLog::new(&recorder, chip.storage()).run(|_, _| {}));
+    let mut storage = FlightLog::new(&recorder, chip.storage(), Chip::SETUP);
+    let mut log = core::pin::pin!(storage.run(|_| {}));
     recorder.begin(preamble());
     for number in 0..480 {
         let (header, message) = sample(number);
@@ -316,8 +328,13 @@ fn blocks_are_read_in_any_order_and_again() {
     fly(&chip, 20.0);
     let recorder = Recorder::new(&mut []);
     let heard = RefCell::new(Vec::new());
-    let answer = |number, bytes: &[u8]| heard.borrow_mut().push((number, bytes.to_vec()));
-    let mut log = core::pin::pin!(FlightLog::new(&recorder, chip.storage()).run(answer));
+    let answer = |answer: Answer<'_>| {
+        if let Answer::Block(number, bytes) = answer {
+            heard.borrow_mut().push((number, bytes.to_vec()));
+        }
+    };
+    let mut storage = FlightLog::new(&recorder, chip.storage(), Chip::SETUP);
+    let mut log = core::pin::pin!(storage.run(answer));
     for number in [0, 1, 1, 5, 3, 3, 0, 1_000_000, 2] {
         recorder.ask(LogAction::Read, number);
         assert!(poll_once(log.as_mut()).is_pending());
@@ -399,7 +416,8 @@ proptest! {
         }
         let recorder = Recorder::new(&mut []);
         recorder.ask(LogAction::Erase, 0);
-        let mut log = core::pin::pin!(FlightLog::new(&recorder, chip.storage()).run(|_, _| {}));
+        let mut storage = FlightLog::new(&recorder, chip.storage(), Chip::SETUP);
+        let mut log = core::pin::pin!(storage.run(|_| {}));
         assert!(poll_once(log.as_mut()).is_pending());
         prop_assert!(read(&chip).is_empty());
         fly(&chip, 15.0);

@@ -49,7 +49,7 @@ fn every_earth_frame_is_converted_to_the_models() {
     ] {
         let mut sensor = Sensor::new();
         let bytes = packet(system, wxyz, [0.1, 0.2, 0.3], velocity);
-        let (header, sample) = sensor.next(&mut bytes.as_slice(), 42).unwrap();
+        let Sensed { header, sample, .. } = sensor.next(&mut bytes.as_slice(), 42).unwrap();
         assert_eq!((header.sequence, header.time), (0, 42));
         let turn = sample.inertial_from_body().quaternion().angle();
         assert!(turn < 1e-3, "{system:?}: {turn}");
@@ -74,7 +74,7 @@ fn the_mounting_turns_attitude_and_angular_velocity() {
         [1.0, 0.0, 0.0],
         [0.0; 3],
     );
-    let (_, sample) = sensor.next(&mut bytes.as_slice(), 0).unwrap();
+    let Sensed { sample, .. } = sensor.next(&mut bytes.as_slice(), 0).unwrap();
     let spin = sample.motion().angular_velocity.unwrap().components;
     assert!((spin - Vector3::z()).norm() < 2e-3, "{spin}");
     // The body's Z points where the sensor's X does: to the north.
@@ -99,7 +99,13 @@ fn packets_without_an_attitude_are_not_samples() {
 fn a_receivers_solution_is_attached_to_the_next_sample() {
     let mut payload = [0; 92];
     let mut put = |at: usize, value: i32| payload[at..at + 4].copy_from_slice(&value.to_le_bytes());
-    for (at, value) in [(48, 30_000), (52, -1_000), (56, 50_000), (60, 30_017)] {
+    for (at, value) in [
+        (48, 30_000),
+        (52, -1_000),
+        (56, 50_000),
+        (60, 30_017),
+        (68, 240),
+    ] {
         put(at, value);
     }
     (payload[20], payload[21]) = (3, 1);
@@ -125,16 +131,103 @@ fn a_receivers_solution_is_attached_to_the_next_sample() {
         &bytes[..length],
         &bytes[..length],
     ] {
-        sensor.receive_solutions(line);
+        sensor.receive_solutions(line, 0);
         let mut input = line;
-        while let Some((_, sample)) = sensor.next(&mut input, 0) {
-            found.push(sample.motion());
+        while let Some(Sensed {
+            sample, sensors, ..
+        }) = sensor.next(&mut input, 0)
+        {
+            found.push((sample.motion(), sensors.receiver()));
         }
     }
     let velocities: Vec<_> = found
         .iter()
-        .map(|motion| motion.velocity.map(Vector::to_array))
+        .map(|(motion, _)| motion.velocity.map(Vector::to_array))
         .collect();
     assert_eq!(velocities, [None, Some([30.0, 1.0, -50.0]), None]);
-    assert!((found[1].horizontal_speed.unwrap() - 30.017).abs() < 0.01);
+    assert!((found[1].0.horizontal_speed.unwrap() - 30.017).abs() < 0.01);
+}
+
+fn raw_packet(counter: u16, ticks: u32, items: &[(DataId, &[f32])]) -> Vec<u8> {
+    let mut bytes = [0; 256];
+    let mut writer = PacketWriter::new(&mut bytes, MessageId::MT_DATA2);
+    writer
+        .item(DataId::PACKET_COUNTER, &counter.to_be_bytes())
+        .unwrap();
+    writer
+        .item(DataId::SAMPLE_TIME_FINE, &ticks.to_be_bytes())
+        .unwrap();
+    for (id, values) in items {
+        writer.reals(*id, values).unwrap();
+    }
+    let length = writer.finish().unwrap();
+    bytes[..length].to_vec()
+}
+
+const ATTITUDE: DataId =
+    DataId::QUATERNION.with(CoordinateSystem::NorthWestUp, NumberFormat::Float32);
+
+#[test]
+fn the_specific_force_is_turned_to_body_axes() {
+    let body_from_sensor =
+        UnitQuaternion::from_axis_angle(&Vector3::y_axis(), -core::f32::consts::FRAC_PI_2);
+    let mut sensor = Sensor::new();
+    sensor.mount(body_from_sensor);
+    let items: [(DataId, &[f32]); 2] = [
+        (ATTITUDE, &[1.0, 0.0, 0.0, 0.0]),
+        (DataId::ACCELERATION, &[9.81, 0.0, 0.0]),
+    ];
+    let bytes = raw_packet(0, 0, &items);
+    let sensed = sensor.next(&mut bytes.as_slice(), 0).unwrap();
+    let force = sensed.sensors.specific_force().unwrap().force.components;
+    assert!(
+        (force - Vector3::new(0.0, 0.0, 9.81)).norm() < 0.02,
+        "{force}"
+    );
+    assert_eq!(sensed.sensors.receiver(), None);
+    // NaN is no measurement.
+    let items: [(DataId, &[f32]); 2] = [
+        (ATTITUDE, &[1.0, 0.0, 0.0, 0.0]),
+        (DataId::ACCELERATION, &[f32::NAN, 0.0, 0.0]),
+    ];
+    let bytes = raw_packet(1, 100, &items);
+    let sensed = sensor.next(&mut bytes.as_slice(), 0).unwrap();
+    assert_eq!(sensed.sensors.specific_force(), None);
+}
+
+#[test]
+fn a_restart_of_the_sensor_loses_nothing_but_the_packets_until_it_is_seen() {
+    let mut sensor = Sensor::new();
+    let items: [(DataId, &[f32]); 1] = [(ATTITUDE, &[1.0, 0.0, 0.0, 0.0])];
+    let mut seen = |counter: u16, ticks: u32| {
+        let bytes = raw_packet(counter, ticks, &items);
+        sensor.next(&mut bytes.as_slice(), 0).unwrap().header
+    };
+    // Up for 40 minutes at 100 Hz.
+    let before = seen(43_000, 24_000_000);
+    let headers: Vec<_> = (0..50).map(|k| seen(k, u32::from(k) * 100)).collect();
+    assert!(headers[0].time >= before.time + RESTART);
+    assert!(headers.is_sorted_by(|a, b| a.time < b.time && b.sequence == a.sequence + 1));
+    assert_eq!(headers[0].sequence, before.sequence + 1);
+    assert_eq!(sensor.counts()[0], 1);
+}
+
+#[test]
+fn of_several_sensors_on_a_line_the_first_counts() {
+    let mut sensor = Sensor::new();
+    let items: [(DataId, &[f32]); 1] = [(ATTITUDE, &[1.0, 0.0, 0.0, 0.0])];
+    let of = |address: u8, counter| {
+        let mut bytes = raw_packet(counter, 0, &items);
+        let last = bytes.len() - 1;
+        bytes[last] = bytes[last].wrapping_sub(address.wrapping_sub(bytes[1]));
+        bytes[1] = address;
+        bytes
+    };
+    let line = [of(1, 0), of(2, 0), of(3, 0), of(1, 1), of(2, 1), of(3, 1)].concat();
+    let mut input = line.as_slice();
+    let mut numbers = Vec::new();
+    while let Some(sensed) = sensor.next(&mut input, 0) {
+        numbers.push(sensed.header.sequence);
+    }
+    assert_eq!(numbers, [0, 1]);
 }

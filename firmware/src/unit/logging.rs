@@ -2,9 +2,9 @@
 
 use bodyflight_core::link::{Header, Message, Start, Status, StreamMode};
 
-use super::Unit;
 use super::outbox::pieces;
 use super::session::Session;
+use super::state::Unit;
 use crate::board::Board;
 
 impl<B: Board> Unit<B> {
@@ -18,10 +18,12 @@ impl<B: Board> Unit<B> {
             sequence: 0,
             time: self.board.now(),
         };
+        // Says why the unit started: after a reset in flight a log begins in the air.
+        let start = Message::from(self.introduction());
         let rows = self.table.rows().map(|row| Message::from(*row));
         let messages = core::iter::once(Message::from(asked))
             .chain(rows)
-            .chain([Message::from(Start { mode })]);
+            .chain([start, Message::from(Start { mode })]);
         recorder.begin(messages.map(|message| (header, message)));
     }
 

@@ -70,3 +70,50 @@ impl Session {
         Some(granted)
     }
 }
+
+/// Silence after which a sensor is missed (us), and after which its receiver is taken to be dead.
+const MISSED: u64 = 1_000_000;
+const DEAD: u64 = 3_000_000;
+
+/// Watches whether the sensor on the unit's own port is heard.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Silence {
+    /// Time at which it was heard last (us).
+    heard: Option<u64>,
+    missed: bool,
+    count: u32,
+}
+
+impl Silence {
+    pub(super) const fn new() -> Self {
+        Self {
+            heard: None,
+            missed: false,
+            count: 0,
+        }
+    }
+
+    /// Notes a sample at `now` (us).
+    pub(super) fn hear(&mut self, now: u64) {
+        self.heard = Some(now);
+        self.missed = false;
+    }
+
+    /// Whether the sensor was heard before and has been silent for so long that its receiver must be dead.
+    pub(super) fn judge(&mut self, now: u64) -> bool {
+        let Some(heard) = self.heard else {
+            return false;
+        };
+        let silent = now.saturating_sub(heard);
+        if silent >= MISSED && !self.missed {
+            self.missed = true;
+            self.count = self.count.wrapping_add(1);
+        }
+        silent >= DEAD
+    }
+
+    /// Number of silences so far; wraps.
+    pub(super) const fn count(&self) -> u32 {
+        self.count
+    }
+}

@@ -1,45 +1,23 @@
 //! Tests of the protocol, in virtual time.
 
+mod alone;
+mod bench;
 mod credit;
 
 use core::cell::Cell;
 use std::vec::Vec;
 
 use bodyflight_core::Segment;
-use bodyflight_core::link::{Estimate, ResetFilter, Start, TimeSync};
+use bodyflight_core::link::{
+    Configure, Configured, Credit, Estimate, EstimateFlags, ResetFilter, Sample, Start, Stop,
+    Verdict,
+};
 use proptest::prelude::*;
 
 use super::*;
+use crate::board::Identity;
 use crate::test_flight::{configure, samples, table, time};
-
-/// A settable clock that advances slightly each time it is read.
-struct Bench {
-    now: Cell<u64>,
-    step: u64,
-    fed: Cell<u32>,
-}
-
-impl Board for Bench {
-    fn now(&self) -> u64 {
-        self.now.replace(self.now.get() + self.step)
-    }
-    fn cycles(&self) -> u32 {
-        7
-    }
-    fn stack_free(&self) -> u32 {
-        1234
-    }
-    fn line_errors(&self) -> [u32; 2] {
-        [3, 4]
-    }
-    fn sensor_errors(&self) -> [u32; 2] {
-        [5, 6]
-    }
-    fn feed_watchdog(&self) {
-        self.fed.set(self.fed.get() + 1);
-    }
-    fn note(&self, _: u32) {}
-}
+use bench::Bench;
 
 fn unit() -> Unit<Bench> {
     let bench = Bench {

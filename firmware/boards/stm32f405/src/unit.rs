@@ -10,6 +10,7 @@ use core::cell::RefCell;
 
 use bodyflight_cortex_m::{count_cycles, faults, stack};
 use bodyflight_firmware::ports::{Counted, LineErrors, Preferred};
+use bodyflight_firmware::recorder::serial_flash::Sectors;
 use bodyflight_firmware::recorder::storage::FlightLog;
 use bodyflight_firmware::recorder::{Block, Recorder, Until};
 use bodyflight_firmware::{Board, RECEIVER_BYTES, Unit, run};
@@ -19,8 +20,9 @@ use cortex_m::peripheral::DWT;
 use defmt_rtt as _;
 use embassy_executor::Spawner;
 use embassy_stm32::gpio::{Level, Output, Speed};
+use embassy_stm32::mode::Async;
 use embassy_stm32::peripherals::{DMA1_CH1, DMA1_CH3, DMA2_CH1, IWDG, USART3, USART6, USB_OTG_FS};
-use embassy_stm32::usart::{self, Uart, UartRx};
+use embassy_stm32::usart::{self, RingBufferedUartRx, Uart, UartRx, UartTx};
 use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_stm32::{bind_interrupts, dma, usb};
 use static_cell::{ConstStaticCell, StaticCell};
@@ -90,9 +92,14 @@ impl Board for Stm32f405 {
 }
 
 type Usb = usb::Driver<'static, USB_OTG_FS>;
+type FromHost = Preferred<usb_serial::Receiver<Usb>, Counted<RingBufferedUartRx<'static>>>;
+type ToHost = Preferred<usb_serial::Transmitter<Usb>, UartTx<'static, Async>>;
+type FromSensor = Counted<RingBufferedUartRx<'static>>;
+type OnBoardLog = FlightLog<'static, chip::Flash, Sectors>;
 
 static UNIT: StaticCell<RefCell<Unit<Stm32f405>>> = StaticCell::new();
 static RECORDER: StaticCell<Recorder> = StaticCell::new();
+static LOG: StaticCell<OnBoardLog> = StaticCell::new();
 /// Blocks from the seconds before the exit is detected.
 static BLOCKS: ConstStaticCell<[Block; 48]> = ConstStaticCell::new([Block::EMPTY; 48]);
 static FROM_HOST: StaticCell<[u8; RECEIVER_BYTES]> = StaticCell::new();
@@ -104,10 +111,31 @@ async fn usb_device(mut device: embassy_usb::UsbDevice<'static, Usb>) {
     device.run().await;
 }
 
+/// Starts with the stored configuration, if there is one, and runs. A task of its own, because the stack frame of
+/// `main` holds what each step of the set-up moves.
+#[embassy_executor::task]
+async fn application(
+    unit: &'static RefCell<Unit<Stm32f405>>,
+    receiver: FromHost,
+    transmitter: ToHost,
+    sensor: FromSensor,
+    mut log: Option<&'static mut OnBoardLog>,
+) {
+    let setup = match &mut log {
+        Some(log) => log.setup().await,
+        None => None,
+    };
+    if let Some(setup) = setup {
+        unit.borrow_mut().resume(&setup);
+    }
+    run(unit, receiver, transmitter, sensor, log).await;
+}
+
 #[embassy_executor::main]
 async fn main(spawner: Spawner) {
     let watchdog = chip::watchdog();
     let record = faults::begin(chip::reset());
+    chip::guard_supply();
     let board = embassy_stm32::init(chip::clocks());
     chip::accelerate_flash();
     count_cycles();
@@ -151,7 +179,9 @@ async fn main(spawner: Spawner) {
     let flash = chip::flash(board.SPI3, pins).await;
     let log = flash.map(|flash| {
         let recorder = RECORDER.init_with(|| Recorder::new(BLOCKS.take()).until(Until::Canopy));
-        (&*recorder, FlightLog::new(recorder, flash.queue()))
+        let setup = flash.setup();
+        let log = LOG.init_with(|| FlightLog::new(recorder, flash.queue(), setup));
+        (&*recorder, log)
     });
     let (recorder, log) = log.unzip();
     let chance = chip::random().unwrap_or_else(DWT::cycle_count);
@@ -162,12 +192,15 @@ async fn main(spawner: Spawner) {
         battery: RefCell::new(battery),
         recorder,
     };
-    let unit = UNIT.init_with(|| RefCell::new(Unit::new(board, identity)));
+    let unit = Unit::new_in(&UNIT, board, identity);
     let is_overrun = |error: &usart::Error| matches!(error, usart::Error::Overrun);
     let receiver = Counted::new(receiver, &HOST_ERRORS, is_overrun);
     let sensor = Counted::new(sensor, &SENSOR_ERRORS, is_overrun);
     usb_serial::spawn(spawner, usb_device(device));
     let receiver = Preferred(from_usb, receiver);
     let transmitter = Preferred(to_usb, transmitter);
-    run(unit, receiver, transmitter, sensor, log).await;
+    match application(unit, receiver, transmitter, sensor, log) {
+        Ok(task) => spawner.spawn(task),
+        Err(_) => defmt::error!("the application is running already"),
+    }
 }

@@ -1,0 +1,193 @@
+//! BNO08x in its UART-RVC mode: 19 bytes, a hundred times a second, at 115200 baud.
+//!
+//! `AA AA | index | yaw, pitch, roll | x, y, z acceleration | three reserved | checksum`, little-endian: hundredths of a
+//! degree and milli-g. The checksum is the sum of the bytes between the header and itself. Source: CEVA, BNO08X data
+//! sheet, chapter 1.3.5.2 (UART-RVC protocol).
+//!
+//! The mode gives neither angular velocity nor magnetometer, and its yaw drifts from an arbitrary start: a receiver must
+//! give the direction of flight.
+
+use bodyflight_core::math::Real;
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+
+use super::reading::Reading;
+
+const HEADER: u8 = 0xaa;
+
+/// Length of a packet (bytes).
+const LENGTH: usize = 19;
+
+/// Ticks of 0.1 ms between packets.
+const INTERVAL: u32 = 100;
+
+/// Acceleration of a milli-g (m/s2).
+const MILLI_G: f32 = 9.806_65e-3;
+
+/// Finds packets in arbitrary bytes: after a wrong checksum the search resumes one byte later.
+#[derive(Debug)]
+pub(super) struct Decoder {
+    bytes: [u8; LENGTH],
+    length: usize,
+    /// Index and unwrapped number of the last packet, from which its time follows.
+    last: Option<(u8, u32)>,
+}
+
+impl Decoder {
+    pub(super) const fn new() -> Self {
+        Self {
+            bytes: [0; LENGTH],
+            length: 0,
+            last: None,
+        }
+    }
+
+    /// Returns the next packet's content and advances `input` past the bytes used.
+    pub(super) fn next(&mut self, input: &mut &[u8]) -> Option<Reading> {
+        while let Some((byte, rest)) = input.split_first() {
+            *input = rest;
+            if let Some(place) = self.bytes.get_mut(self.length) {
+                *place = *byte;
+                self.length += 1;
+            }
+            // Drops bytes from the front until what is left may be a packet.
+            while self.length > 0 && !self.is_possible() {
+                self.bytes.copy_within(1.., 0);
+                self.length -= 1;
+            }
+            if self.length == LENGTH {
+                self.length = 0;
+                return Some(self.decode());
+            }
+        }
+        None
+    }
+
+    /// Whether the bytes so far are the start of a packet, or a whole one with the right checksum.
+    fn is_possible(&self) -> bool {
+        let [first, second, content @ .., sum] = &self.bytes;
+        let starts = *first == HEADER && (self.length < 2 || *second == HEADER);
+        let found = content
+            .iter()
+            .fold(0_u8, |sum, byte| sum.wrapping_add(*byte));
+        starts && (self.length < LENGTH || found == *sum)
+    }
+
+    fn decode(&mut self) -> Reading {
+        let [
+            _,
+            _,
+            index,
+            y0,
+            y1,
+            p0,
+            p1,
+            r0,
+            r1,
+            fx0,
+            fx1,
+            fy0,
+            fy1,
+            fz0,
+            fz1,
+            ..,
+        ] = self.bytes;
+        let number = self.last.map_or(0, |(last, number)| {
+            number.wrapping_add(u32::from(index.wrapping_sub(last)))
+        });
+        self.last = Some((index, number));
+        let angle = |low, high| f32::from(i16::from_le_bytes([low, high])) * 0.01;
+        let force = |low, high| f32::from(i16::from_le_bytes([low, high])) * MILLI_G;
+        let turn = |degrees: f32, axis: usize| {
+            let (sine, cosine) = (degrees.to_radians() * 0.5).sine_cosine();
+            let mut parts = [0.0; 3];
+            if let Some(part) = parts.get_mut(axis) {
+                *part = sine;
+            }
+            let [x, y, z] = parts;
+            UnitQuaternion::new_unchecked(Quaternion::new(cosine, x, y, z))
+        };
+        let [yaw, pitch, roll] = [angle(y0, y1), angle(p0, p1), angle(r0, r1)];
+        // Rotated about X by the roll, then Y by the pitch, then Z by the yaw. The start of the yaw is taken as north.
+        let inertial_from_sensor = turn(yaw, 2) * turn(pitch, 1) * turn(roll, 0);
+        Reading {
+            fine_time: Some(number.wrapping_mul(INTERVAL)),
+            inertial_from_sensor: Some(inertial_from_sensor),
+            specific_force: Some(Vector3::new(
+                force(fx0, fx1),
+                force(fy0, fy1),
+                force(fz0, fz1),
+            )),
+            ..Reading::default()
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::vec::Vec;
+
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// The example of the data sheet: index 0xDE, yaw 0.01 deg, pitch -1.10 deg, roll 20.85 deg, accelerations -371,
+    /// -20 and 977 milli-g.
+    const PUBLISHED: [u8; LENGTH] = [
+        0xaa, 0xaa, 0xde, 0x01, 0x00, 0x92, 0xff, 0x25, 0x08, 0x8d, 0xfe, 0xec, 0xff, 0xd1, 0x03,
+        0x00, 0x00, 0x00, 0xe7,
+    ];
+
+    fn sealed(mut packet: [u8; LENGTH]) -> [u8; LENGTH] {
+        packet[LENGTH - 1] = packet[2..LENGTH - 1]
+            .iter()
+            .fold(0, |sum: u8, byte| sum.wrapping_add(*byte));
+        packet
+    }
+
+    #[test]
+    fn the_published_packet_is_read() {
+        let mut decoder = Decoder::new();
+        let reading = decoder.next(&mut PUBLISHED.as_slice()).unwrap();
+        let (roll, pitch, yaw) = reading.inertial_from_sensor.unwrap().euler_angles();
+        for (found, degrees) in [(yaw, 0.01_f32), (pitch, -1.10), (roll, 20.85)] {
+            assert!(
+                (found.to_degrees() - degrees).abs() < 1e-3,
+                "{found} {degrees}"
+            );
+        }
+        let force = reading.specific_force.unwrap() / MILLI_G;
+        assert!(
+            (force - Vector3::new(-371.0, -20.0, 977.0)).amax() < 0.1,
+            "{force}"
+        );
+    }
+
+    #[test]
+    fn lost_packets_are_seen_in_the_time() {
+        let mut decoder = Decoder::new();
+        let times: Vec<_> = [250_u8, 251, 255, 3]
+            .into_iter()
+            .map(|index| {
+                let mut packet = PUBLISHED;
+                packet[2] = index;
+                let reading = decoder.next(&mut sealed(packet).as_slice());
+                reading.unwrap().fine_time.unwrap()
+            })
+            .collect();
+        assert_eq!(times, [0, 100, 500, 900]);
+    }
+
+    proptest! {
+        #[test]
+        fn a_packet_is_found_after_anything(noise in prop::collection::vec(prop_oneof![Just(0xaa_u8), any::<u8>()], 0..60)) {
+            let line = [&noise[..], &PUBLISHED, &PUBLISHED, &PUBLISHED].concat();
+            let mut decoder = Decoder::new();
+            let mut input = line.as_slice();
+            let mut found = 0;
+            while decoder.next(&mut input).is_some() {
+                found += 1;
+            }
+            prop_assert!(found >= 2, "{found}");
+        }
+    }
+}
