@@ -11,16 +11,6 @@ pub enum Error {
         /// Duration of the flight (s).
         found_s: f64,
     },
-    /// No free fall in the track is long enough.
-    #[error("expected at least {least_s} s of free fall, found {found_s:.1} s")]
-    NoFreeFall {
-        /// Minimum duration of a fall (s).
-        least_s: f64,
-        /// Duration of the longest fall (s).
-        found_s: f64,
-        /// Minimum speed of descent that counts as free fall (m/s).
-        descent_mps: f64,
-    },
     /// The caller cancelled the search.
     #[error("the search was cancelled")]
     Cancelled,

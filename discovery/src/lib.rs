@@ -1,58 +1,172 @@
 //! Finds what a flight model misses in recorded flights: where simulation and measurement disagree, which effect is
 //! missing, and how much of the gap it closes.
 //!
-//! This crate works on flights in memory and returns reports; files, figures and commands belong to the host. Each step
-//! has its own module: the flight ([`track`]) and the noise of its sensors ([`recorded_noise`]); short simulations and
-//! their residuals ([`stretch`], [`flown`]); the derivatives of the residuals with respect to everything that may be
-//! wrong ([`linearization`], [`nuisance`]); the size of the errors in this flight ([`error_model`], [`problem`],
-//! [`fitted`]); the effect that makes the flights most likely ([`contest`]); a load that describes what no effect
-//! explains ([`description`]); the remaining residual ([`remainder`]); and errors in the files ([`adjustment`]). The
-//! [`search`] combines these steps. [`point`] works without postures, and [`laboratory`] simulates flights with hidden
-//! effects.
+//! This crate works on flights in memory and returns reports; files, figures and commands belong to the host. Each stage
+//! has its own folder and uses only those before it: the flight and the noise of its sensors ([`input`]); short
+//! simulations and their residuals (`shooting`); the derivatives of the residuals with respect to everything that may be
+//! wrong (`jacobian`); the size of the errors in this flight (`likelihood`); the effect that makes the flights most
+//! likely (`hypotheses`); the report ([`output`]); and a load that describes what no effect explains (`unmodelled`).
+//! [`discover`] runs them: it fits every flight alone, selects effects, and reports; what no effect explains is described,
+//! or named if it changes at random.
 #![forbid(unsafe_code)]
 
-pub mod adjustment;
-mod beside;
-pub mod candidate;
-mod challenge;
-pub mod contest;
-mod criteria;
-pub mod description;
-pub mod effect_set;
 pub mod error;
-mod error_bars;
-pub mod error_model;
-pub mod error_prior;
-pub mod fitted;
-pub mod flown;
-pub mod gap;
-pub mod laboratory;
-pub mod linearization;
-mod moments;
-pub mod motion_history;
-pub mod normal_equations;
-pub mod nuisance;
-pub mod part;
-pub mod point;
-pub mod prepared;
-pub mod problem;
-mod product;
+mod hypotheses;
+pub mod input;
+mod jacobian;
+mod likelihood;
+pub mod named_effect;
+pub mod output;
 pub mod progress;
-pub mod recorded_noise;
-mod redundant;
-pub mod remainder;
-pub mod report;
-pub mod search;
-pub mod spectrum;
-pub mod statistics;
-mod strength;
-pub mod stretch;
+mod shooting;
 #[cfg(test)]
 mod test_subject;
 #[cfg(test)]
 mod tests;
-pub mod track;
-pub mod varied;
-mod verdict;
-pub mod whitened;
-pub mod window;
+mod unmodelled;
+
+use bodyflight_core::tolerances::Tolerances;
+
+use error::{Error, Result};
+use hypotheses::decision::DECISION;
+use hypotheses::forward_selection::{ERRORS, FitWithoutEffects, Limits, selected};
+use hypotheses::random_effect_test::{scored, strongest};
+use hypotheses::refit::Refit;
+use hypotheses::score_test::JointFit;
+use input::flight::RecordedFlight;
+use likelihood::flight_problem::FlightProblem;
+use named_effect::Outcome;
+use output::report::Report;
+use output::verdict::report;
+use progress::{Progress, begin};
+use shooting::smoothed_start::first_frames;
+pub use shooting::stretch::CHANNELS;
+use unmodelled::search::described;
+
+/// Settings of a search.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Settings {
+    /// Maximum number of effects to name.
+    pub max_effects: usize,
+    /// Seed of the random draws.
+    pub seed: u64,
+    /// Tolerances of suit, subject and sensors.
+    pub tolerances: Tolerances,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            max_effects: 3,
+            seed: 1,
+            tolerances: Tolerances::default(),
+        }
+    }
+}
+
+/// Searches for effects that the model lacks in flights of one subject. The flights in `held_out` are not fitted, but
+/// must confirm the result.
+///
+/// # Errors
+/// Returns an error if a flight is too short, or if the search was cancelled.
+pub fn discover(
+    flights: &[RecordedFlight],
+    held_out: &[RecordedFlight],
+    settings: &Settings,
+    progress: &dyn Progress,
+) -> Result<Report> {
+    begin(progress, "sensor noise")?;
+    let problem = |track: &RecordedFlight| -> Result<()> {
+        let found_s = track.duration();
+        let least_s = DECISION.shortest_s;
+        if first_frames(track).count() < DECISION.shortest_stretches {
+            return Err(Error::TooShort { least_s, found_s });
+        }
+        Ok(())
+    };
+    flights.iter().chain(held_out).try_for_each(problem)?;
+    if flights.is_empty() {
+        return Err(Error::TooShort {
+            least_s: DECISION.shortest_s,
+            found_s: 0.0,
+        });
+    }
+    let mut problems: Vec<FlightProblem<'_>> = flights
+        .iter()
+        .chain(held_out)
+        .map(|track| FlightProblem::new(track, &settings.tolerances))
+        .collect();
+    begin(progress, "errors of suit, subject and sensors")?;
+    let mut alone = Vec::new();
+    let all = problems.len() as f64;
+    for (k, problem) in problems.iter_mut().enumerate() {
+        alone.push(FitWithoutEffects::new(problem, progress)?);
+        progress.reached(ERRORS * (k + 1) as f64 / all);
+    }
+    let refit = Refit {
+        problems: &problems,
+        count: flights.len(),
+        tolerances: settings.tolerances,
+        progress,
+    };
+    let limits = Limits {
+        max_effects: settings.max_effects,
+        seed: settings.seed,
+    };
+    let found = selected(&refit, alone, limits)?;
+    begin(progress, "the remaining residual")?;
+    let (joint_fit, bare) = (found.joint_fit, found.bare);
+    let report = report(
+        &joint_fit,
+        found.plain,
+        found.unadjusted,
+        found.names,
+        found.nearest,
+        progress,
+    )?;
+    match report.verdict {
+        Outcome::Unexplained => by_description(&refit, bare.unwrap_or(joint_fit), report),
+        // Loads and inputs that change fast may look like errors of the suit.
+        Outcome::Calibrated if !scored(&joint_fit).is_empty() => {
+            by_description(&refit, joint_fit, report)
+        }
+        _ => Ok(report),
+    }
+}
+
+/// Describes what no effect with a value explains, or names an effect that changes at random. `bare` has the flights
+/// without effects.
+fn by_description<'a>(refit: &Refit<'a>, bare: JointFit<'a>, report: Report) -> Result<Report> {
+    let report = described(&bare, report, refit.progress)?;
+    if report.verdict == Outcome::Described {
+        Ok(report)
+    } else {
+        by_strength(refit, bare, report)
+    }
+}
+
+/// Names an effect that changes at random, or lists it as the nearest.
+///
+/// A random process explains a part of any load, so it must leave nothing for unknown loads to explain, and the flights
+/// must be more likely with it alone than with anything else that was tried.
+fn by_strength<'a>(refit: &Refit<'a>, bare: JointFit<'a>, before: Report) -> Result<Report> {
+    let described = before.nearest_description.as_ref();
+    let gain = described.map_or(0.0, |nearest| (nearest.gain - nearest.cost).max(0.0));
+    let Some(found) = strongest(refit, bare, gain)? else {
+        return Ok(before);
+    };
+    let plain = found.without.without_wrench(refit.progress)?;
+    let unadjusted = before.misfit_unadjusted;
+    let names = vec![found.name];
+    let mut named = report(&found.with, plain, unadjusted, names, None, refit.progress)?;
+    let is_left = named.remainders.iter().any(|left| left.is_unexplained);
+    if found.stands_out && !is_left && named.verdict == Outcome::Named {
+        return Ok(named);
+    }
+    let mut before = before;
+    if found.is_significant {
+        before.nearest.append(&mut named.effects);
+        before.nearest.append(&mut named.nearest);
+    }
+    Ok(before)
+}

@@ -5,44 +5,49 @@ mod scripts;
 mod slopes;
 mod strengths;
 
+use crate::named_effect::Outcome;
 use bodyflight_core::dynamics::{Dynamics, Inputs, Motion};
-use bodyflight_core::effect::{Effect, Model};
+use bodyflight_core::effect::{Effect, Model, extended};
+use bodyflight_core::flight_sample::FlightSample;
+use bodyflight_core::tolerances::Tolerances;
+use bodyflight_laboratory::{self as laboratory, Hidden, JointErrors as Joints, fly};
 
-use super::effect_set::{all_parameters, changed, extended};
-use super::error_model::{Components, WANDER, fit};
-use super::laboratory::{self, Hidden, JointErrors as Joints, fly};
-use super::linearization::{Belief, Columns, missing};
-use super::nuisance::{JOINTS, JointErrors, SUBJECT, Subject, Tolerances, described, twins};
-use super::part::Part;
-use super::prepared::{Prepared, Steps};
-use super::problem::Problem;
-use super::progress::Progress;
-use super::recorded_noise::recorded_noise;
-use super::report::Outcome;
-use super::search::{Settings, discover};
-use super::stretch::{CHANNELS, Channels, NUMBERS, Stretch};
-use super::test_subject;
-use super::track::Track;
+use crate::hypotheses::decision::DECISION;
+use crate::input::flight::RecordedFlight;
+use crate::input::sensor_noise::recorded_noise;
+use crate::jacobian::effect_parameters::{all_parameters, changed};
+use crate::jacobian::finite_difference::{linearized, residual};
+use crate::jacobian::layout::{Components, WANDER};
+use crate::jacobian::linearization_point::LinearizationPoint;
+use crate::jacobian::subject_error::{SUBJECT, Subject, aliased, described};
+use crate::likelihood::factor::StretchFactor;
+use crate::likelihood::flight_problem::FlightProblem;
+use crate::likelihood::variance_components::fit;
+use crate::progress::Progress;
+use crate::shooting::joint_error::{JOINTS, JointErrors};
+use crate::shooting::simulator::{Simulator, Steps};
+use crate::shooting::stretch::{CHANNELS, Channels, RESIDUAL_DIM, Stretch};
+use crate::{Settings, discover, test_subject};
 
 fn model() -> (Dynamics<f64>, Inputs<f64>) {
     (test_subject::dynamics(), Inputs::belly_turn())
 }
 
 /// A flight of the laboratory.
-fn flown(hidden: &[Hidden], settings: &laboratory::Settings) -> Track {
+fn flown(hidden: &[Hidden], settings: &laboratory::Settings) -> RecordedFlight {
     let (dynamics, inputs) = model();
-    Track::new(&fly(&dynamics, &inputs, hidden, settings), dynamics, |_| {
+    RecordedFlight::new(&fly(&dynamics, &inputs, hidden, settings), dynamics, |_| {
         inputs
     })
 }
 
 /// A short flight.
-fn track(hidden: &[Hidden], noise: f64) -> Track {
+fn track(hidden: &[Hidden], noise: f64) -> RecordedFlight {
     lasting(6.0, hidden, noise)
 }
 
 /// A flight of this duration (s).
-fn lasting(duration: f64, hidden: &[Hidden], noise: f64) -> Track {
+fn lasting(duration: f64, hidden: &[Hidden], noise: f64) -> RecordedFlight {
     let settings = laboratory::Settings {
         seed: 3,
         duration,
@@ -53,26 +58,26 @@ fn lasting(duration: f64, hidden: &[Hidden], noise: f64) -> Track {
 }
 
 /// The stretches of a flight, as the search cuts them.
-fn stretches(track: &Track) -> Vec<Stretch> {
-    Problem::new(track, &Tolerances::default()).stretches
+fn stretches(track: &RecordedFlight) -> Vec<Stretch> {
+    FlightProblem::new(track, &Tolerances::default()).stretches
 }
 
-fn plain(track: &Track) -> Model<f64> {
+fn plain(track: &RecordedFlight) -> Model<f64> {
     Model::new(track.dynamics, track.start_height())
 }
 
-fn believed(effects: &[(Effect, [f64; 3])]) -> Belief {
-    Belief {
+fn believed(effects: &[(Effect, [f64; 3])]) -> LinearizationPoint {
+    LinearizationPoint {
         effects: effects.to_vec(),
-        ..Belief::files()
+        ..LinearizationPoint::files()
     }
 }
 
-fn residuals(track: &Track, belief: &Belief) -> f64 {
+fn residuals(track: &RecordedFlight, point: &LinearizationPoint) -> f64 {
     let plain = plain(track);
     let squares: f64 = stretches(track)
         .iter()
-        .map(|stretch| missing(track, stretch, &plain, belief).norm_squared())
+        .map(|stretch| residual(track, stretch, &plain, point).norm_squared())
         .sum();
     squares.sqrt()
 }
@@ -88,10 +93,10 @@ fn without_noise_the_model_flies_as_recorded_and_effects_are_felt() {
         (Effect::RateLag, [0.05, 0.0, 0.0]),
         (Effect::HeadingDrift, [0.02, 0.0, 0.0]),
     ];
-    let floor = residuals(&track(&[], 0.0), &Belief::files());
+    let floor = residuals(&track(&[], 0.0), &LinearizationPoint::files());
     for (effect, values) in effects {
         let track = track(&[Hidden::Effect(effect, values)], 0.0);
-        let without = residuals(&track, &Belief::files());
+        let without = residuals(&track, &LinearizationPoint::files());
         let with = residuals(&track, &believed(&[(effect, values)]));
         assert!(
             without > 5.0 * floor,
@@ -110,8 +115,8 @@ fn the_start_of_a_stretch_follows_a_rotation_that_changes_fast() {
     let mut track = track(&[], 1.0);
     let frequency = 18.0;
     let truth = |time: f64| 4.0 * (frequency * time).sin();
-    for (motion, time) in track.measured.iter_mut().zip(&track.times) {
-        motion.angular_velocity.components.x += truth(*time);
+    for sample in &mut track.samples {
+        sample.motion.angular_velocity.components.x += truth(sample.time);
     }
     let mut squares = 0.0;
     let still = self::track(&[], 1.0);
@@ -119,7 +124,7 @@ fn the_start_of_a_stretch_follows_a_rotation_that_changes_fast() {
     for (stretch, before) in starts.iter().zip(stretches(&still)) {
         let rate = |motion: &Motion<f64>| motion.angular_velocity.components.x;
         let added = rate(&stretch.start) - rate(&before.start);
-        squares += (added - truth(track.times[stretch.first])).powi(2);
+        squares += (added - truth(track.samples[stretch.first].time)).powi(2);
     }
     let error = (squares / starts.len() as f64).sqrt();
     // The noise of a frame is 0.034 rad/s; a parabola of 0.2 s is wrong by more.
@@ -135,28 +140,28 @@ fn joint_errors_are_removed() {
     errors.bend[31] = 0.1;
     let mut back = JointErrors::none();
     back.course[0][4] = -0.05;
-    for posture in &mut wrong.postures {
-        *posture = back.correct(posture, 0.0);
+    for sample in &mut wrong.samples {
+        sample.posture = back.correct(&sample.posture, 0.0);
     }
     let mut calibration = JointErrors::none();
     calibration.course[0][4] = 0.05;
-    let belief = Belief {
+    let point = LinearizationPoint {
         joints: calibration,
-        ..Belief::files()
+        ..LinearizationPoint::files()
     };
     let (before, after) = (
-        residuals(&wrong, &Belief::files()),
-        residuals(&wrong, &belief),
+        residuals(&wrong, &LinearizationPoint::files()),
+        residuals(&wrong, &point),
     );
-    let floor = residuals(&exact, &Belief::files());
+    let floor = residuals(&exact, &LinearizationPoint::files());
     assert!(before > 3.0 * floor, "{before}, floor {floor}");
     assert!(
         (after - floor).abs() < 0.05 * before,
         "{before} to {after}, floor {floor}"
     );
     // The error includes a part proportional to the bend.
-    let corrected = errors.correct(&exact.postures[100], 0.3);
-    assert_ne!(corrected, exact.postures[100]);
+    let corrected = errors.correct(&exact.samples[100].posture, 0.3);
+    assert_ne!(corrected, exact.samples[100].posture);
 }
 
 #[test]
@@ -200,9 +205,9 @@ fn the_wander_of_joints_is_found_and_leaves_the_misfit_at_one() {
             ..laboratory::Settings::default()
         };
         let track = flown(&[], &settings);
-        let problem = Problem::new(&track, &Tolerances::default());
+        let problem = FlightProblem::new(&track, &Tolerances::default());
         let fitted = problem
-            .fit(&Belief::files(), None, 2, &())
+            .fit(&LinearizationPoint::files(), None, 2, &())
             .unwrap()
             .unwrap();
         let misfit = fitted.errors.misfit();
@@ -223,14 +228,14 @@ fn the_wander_of_joints_is_found_and_leaves_the_misfit_at_one() {
 #[test]
 fn the_fit_of_errors_is_at_a_maximum() {
     let track = track(&[], 1.0);
-    let problem = Problem::new(&track, &Tolerances::default());
-    let belief = Belief::files();
-    let parts: Vec<Part> = problem
+    let problem = FlightProblem::new(&track, &Tolerances::default());
+    let point = LinearizationPoint::files();
+    let parts: Vec<StretchFactor> = problem
         .stretches
         .iter()
         .map(|stretch| {
-            let columns = Columns::new(&track, stretch, &problem.plain, &belief, &[]).unwrap();
-            Part::new(stretch, columns, &belief)
+            let columns = linearized(&track, stretch, &problem.plain, &point, &[]).unwrap();
+            StretchFactor::new(stretch, columns, &point)
         })
         .collect();
     let best = fit(&parts, &problem.prior, None, 40, &()).unwrap().errors;
@@ -292,11 +297,14 @@ fn no_effect_is_named_in_a_flight_without_movement() {
         ..laboratory::Settings::default()
     };
     let mut still = flown(&[], &settings);
-    assert!(!still.is_still());
-    let (posture, motion) = (still.postures[0], still.measured[0]);
-    still.postures.fill(posture);
-    still.measured.fill(motion);
-    assert!(still.is_still());
+    assert!(!still.is_still(DECISION.still_rad));
+    let FlightSample {
+        posture, motion, ..
+    } = still.samples[0];
+    for sample in &mut still.samples {
+        (sample.posture, sample.motion) = (posture, motion);
+    }
+    assert!(still.is_still(DECISION.still_rad));
     let report = discover(&[still], &[], &Settings::default(), &()).unwrap();
     assert_eq!(report.verdict, Outcome::Thin);
     assert!(report.effects.is_empty() && report.model.is_empty());
@@ -352,8 +360,8 @@ fn zero_errors_leave_the_model_unchanged_and_each_parameter_changes_it() {
         let changes = subject.possible().of(&model) != model;
         assert_eq!(changes, described(k).is_some(), "{k}");
     }
-    assert_eq!(twins(Effect::Mass), [0]);
-    assert!(twins(Effect::Wind).is_empty());
+    assert_eq!(aliased(Effect::Mass), [0]);
+    assert!(aliased(Effect::Wind).is_empty());
 }
 
 #[test]
@@ -376,5 +384,5 @@ fn errors_of_joints_are_read_from_words() {
     ] {
         assert!(Joints::parse(wrong).is_err(), "{wrong}");
     }
-    assert_eq!(CHANNELS * 6, NUMBERS);
+    assert_eq!(CHANNELS * 6, RESIDUAL_DIM);
 }

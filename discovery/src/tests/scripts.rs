@@ -3,14 +3,14 @@
 use bodyflight_core::body::mass_properties::PostureRate;
 use bodyflight_core::dynamics::free_run::{Equations, FreeRun};
 use bodyflight_core::dynamics::step::TIME_STEP;
+use bodyflight_core::flight_sample::FlightSample;
 use bodyflight_core::frame::Vector;
 use bodyflight_core::maneuver::Maneuver;
 
 use super::*;
-use crate::track::Frame;
 
 /// The beginning of a script, recorded without errors.
-fn exact(name: &str, duration: f64) -> Track {
+fn exact(name: &str, duration: f64) -> RecordedFlight {
     let maneuver = Maneuver::from_name(name).unwrap();
     let dynamics = Dynamics {
         muscles: maneuver.muscles,
@@ -39,7 +39,7 @@ fn exact(name: &str, duration: f64) -> Track {
     let mut frames = Vec::new();
     let times = (0..).map(|k| f64::from(k) * TIME_STEP);
     for time in times.take_while(|time: &f64| *time < duration) {
-        frames.push(Frame {
+        frames.push(FlightSample {
             time,
             posture: posture(time),
             motion: run.motion(&dynamics, &rate(time)),
@@ -47,7 +47,7 @@ fn exact(name: &str, duration: f64) -> Track {
         let inputs = maneuver.inputs(time + 0.5 * TIME_STEP);
         run.advance(&dynamics, &inputs, &posture(time + TIME_STEP), TIME_STEP);
     }
-    Track::new(&frames, dynamics, |time| maneuver.inputs(time))
+    RecordedFlight::new(&frames, dynamics, |time| maneuver.inputs(time))
 }
 
 /// With postures or inputs half a frame early, a stretch misses the flight by 0.02 rad/s.
@@ -57,15 +57,15 @@ fn a_stretch_flies_like_a_free_run() {
     let plain = plain(&track);
     let (mut squares, mut count) = (0.0, 0.0);
     for mut stretch in stretches(&track) {
-        stretch.start = track.measured[stretch.first];
-        let residual = missing(&track, &stretch, &plain, &Belief::files());
+        stretch.start = track.samples[stretch.first].motion;
+        let residual = residual(&track, &stretch, &plain, &LinearizationPoint::files());
         for row in residual.as_slice().chunks_exact(CHANNELS) {
             squares += row[3..6].iter().map(|rate| rate * rate).sum::<f64>();
             count += 1.0;
         }
     }
-    let fastest = track.measured.iter();
-    let fastest = fastest.map(|motion| motion.angular_velocity.norm());
+    let fastest = track.samples.iter();
+    let fastest = fastest.map(|sample| sample.motion.angular_velocity.norm());
     assert!(fastest.fold(0.0, f64::max) > 8.0);
     let error = (squares / count).sqrt();
     assert!(error < 0.005, "{error} rad/s");

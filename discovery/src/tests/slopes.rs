@@ -1,8 +1,8 @@
 //! Derivatives agree with differences of finely integrated simulations.
 
 use super::*;
-use crate::effect_set::parameters_of;
-use crate::linearization::effects_alone;
+use crate::jacobian::effect_parameters::parameters_of;
+use crate::jacobian::finite_difference::effects_alone;
 
 /// Effects whose slope has kinks, because drag depends on the face with the largest projection.
 const SHAPES: [Effect; 3] = [Effect::TrunkShape, Effect::ArmShape, Effect::LegShape];
@@ -15,8 +15,9 @@ fn every_parameter_has_a_column_and_every_stretch_its_numbers() {
     let mut felt = vec![0.0; all.len()];
     let mut subject = vec![0.0; SUBJECT];
     for stretch in stretches(&track) {
-        let columns = Columns::new(&track, &stretch, &plain, &Belief::files(), &all).unwrap();
-        assert_eq!(columns.effects.shape(), (NUMBERS, all.len()));
+        let columns =
+            linearized(&track, &stretch, &plain, &LinearizationPoint::files(), &all).unwrap();
+        assert_eq!(columns.effects.shape(), (RESIDUAL_DIM, all.len()));
         assert_eq!(
             columns.joints.each_ref().map(nalgebra::DMatrix::ncols),
             [JOINTS; 3]
@@ -60,14 +61,14 @@ fn columns_are_slopes_wherever_an_effect_stands() {
         let at = |step: f64| {
             let mut values = values;
             values[id.index] += step;
-            -missing(&track, stretch, &plain, &believed(&[(id.effect, values)]))
+            -residual(&track, stretch, &plain, &believed(&[(id.effect, values)]))
         };
         let small = 0.02 * (parameter.high - parameter.low);
         let central = (at(small) - at(-small)) / (2.0 * small);
         let effects = vec![(id.effect, values)];
         let (model, size) = changed(&plain, &effects, id);
         let prepared = |model: &Model<f64>| {
-            let flight = Prepared::new(&track, stretch, model, &JointErrors::none(), Steps::Long);
+            let flight = Simulator::new(&track, stretch, model, &JointErrors::none(), Steps::Long);
             flight.fly(&Channels::zeros(), None)
         };
         let column =
@@ -95,17 +96,17 @@ fn slopes_of_a_fast_spin_do_not_depend_on_the_step() {
             let mut stretch = stretch.clone();
             stretch.grid.stride = stride;
             let none = JointErrors::none();
-            let flight = Prepared::new(&track, &stretch, &plain, &none, Steps::Long);
+            let flight = Simulator::new(&track, &stretch, &plain, &none, Steps::Long);
             let mut by = Channels::zeros();
             by.fixed_rows_mut::<3>(3).fill(0.01);
             let flown = flight.fly(&Channels::zeros(), None);
             flight.fly(&by, None).less(&flown, &track, &stretch)
         };
         let (found, fine) = (slopes(stretch.grid.stride), slopes(1));
-        let frames = &track.measured[stretch.first..stretch.first + stretch.grid.frames()];
+        let frames = &track.samples[stretch.first..stretch.first + stretch.grid.frames()];
         let spin = frames
             .iter()
-            .map(|motion| motion.angular_velocity.components.norm());
+            .map(|sample| sample.motion.angular_velocity.components.norm());
         fastest = spin.fold(fastest, f64::max);
         let apart = (&found - &fine).norm() / fine.norm();
         assert!(apart < 0.05, "frame {}: {apart}", stretch.first);
@@ -126,10 +127,11 @@ fn slopes_are_those_of_the_residual_where_it_is_large() {
         let changed = believed(&[(effect, values)]);
         let (mut apart, mut norm) = (0.0, 0.0);
         for stretch in stretches(&track) {
-            let at = |belief: &Belief| missing(&track, &stretch, &plain, belief);
-            let actual = (at(&Belief::files()) - at(&changed)) / step;
-            let slopes = effects_alone(&track, &stretch, &plain, &Belief::files(), &ids);
-            for row in (0..NUMBERS).step_by(CHANNELS) {
+            let at = |point: &LinearizationPoint| residual(&track, &stretch, &plain, point);
+            let actual = (at(&LinearizationPoint::files()) - at(&changed)) / step;
+            let slopes =
+                effects_alone(&track, &stretch, &plain, &LinearizationPoint::files(), &ids);
+            for row in (0..RESIDUAL_DIM).step_by(CHANNELS) {
                 let attitude = actual.rows(row, 3);
                 apart += (attitude - slopes.view((row, 0), (3, 1))).norm_squared();
                 norm += attitude.norm_squared();

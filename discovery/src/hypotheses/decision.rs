@@ -1,0 +1,175 @@
+//! Every threshold of a decision: which effect is tried, refitted, named, and what the verdict is.
+//!
+//! Gains are differences of log-likelihood.
+
+/// Thresholds of the decisions.
+pub(crate) struct Decision {
+    /// Root mean square of joint angles and of the direction of the stream below which a flight counts as motionless
+    /// (rad): the jitter of suit and sensors.
+    pub(crate) still_rad: f64,
+    /// Number of effects that are refined by Gauss-Newton steps before they are compared.
+    pub(crate) refined: usize,
+    /// First-order gain that this requires, as a share of the cost of the parameters.
+    pub(crate) refined_share: f64,
+    /// Quantile of the null distribution that an effect must exceed.
+    pub(crate) null_quantile: f64,
+    /// Largest loss of a held-out flight that is expected to remain after refitting, as a share of the gain of the fitted
+    /// flights: with large joint errors a held-out flight may seem to lose because of its own errors.
+    pub(crate) held_out_loss: f64,
+    /// Gain that each parameter costs (Schwarz criterion for a few hundred independent observations).
+    pub(crate) gain_per_parameter: f64,
+    /// An effect is as good as the best if its gain is within this difference, or within `equal_share`.
+    pub(crate) equal_gain: f64,
+    /// The same as a share of the best gain.
+    pub(crate) equal_share: f64,
+    /// An effect is a rival of the best if its gain is within this difference: fits that end in different minima differ by
+    /// ten in each flight, so the best need not be the true one.
+    pub(crate) rival_gain: f64,
+    /// Gain by which a runner-up must be better to replace the best.
+    pub(crate) replacing_gain: f64,
+    /// Gain of a held-out flight that counts, relative to that of the fitted flights: movements differ, so one flight may
+    /// say more about an effect than another.
+    pub(crate) confirming_ratio: f64,
+    /// Share of the way from neutral to the end of its range above which a parameter matters.
+    pub(crate) material_share_of_range: f64,
+    /// Minimum duration of a flight (stretches).
+    pub(crate) shortest_stretches: usize,
+    /// The same as told to the user (s).
+    pub(crate) shortest_s: f64,
+    /// Standard deviations by which a named effect must exceed the 99th percentile of the null distribution.
+    pub(crate) z_beyond_null: f64,
+    /// Least significance of a named effect in any case.
+    pub(crate) least_z: f64,
+    /// Half the width of intervals that contain all of one, two or three parameters in 95 % of flights (standard errors).
+    pub(crate) intervals: [f64; 3],
+    /// Least significance without a held-out flight.
+    pub(crate) least_z_without_held_out: f64,
+    /// Gain required in each held-out flight.
+    pub(crate) held_out_gain: f64,
+    /// Gain required in all flights together after the cost of the parameters.
+    pub(crate) total_gain: f64,
+    /// Difference of log-likelihood that is too small to rank effects.
+    pub(crate) equal_rank_gain: f64,
+    /// Number of rejected effects after which the search ends.
+    pub(crate) rejections: usize,
+    /// Share of the best gain above which a runner-up is refitted too.
+    pub(crate) runner_up_share: f64,
+    /// Difference that a first-order estimate may be wrong by.
+    pub(crate) runner_up_gain: f64,
+    /// How many runners-up are refitted.
+    pub(crate) runner_ups: usize,
+    /// Share of the best gain by which a runner-up may be worse before its own slopes are computed.
+    pub(crate) runner_up_deficit: f64,
+    /// A runner-up is dropped if the fitted flights are less likely with it by more than this, and by more than
+    /// `hopeless_share`: converging fits change by tens.
+    pub(crate) hopeless_deficit: f64,
+    /// The same as a share of the best gain.
+    pub(crate) hopeless_share: f64,
+    /// Gain from refitting the flights without an effect above which the choice of effect is reconsidered.
+    pub(crate) rethought_gain: f64,
+    /// Standard deviations that the slope at zero strength must exceed for an effect that changes at random to be fitted.
+    pub(crate) score_z: f64,
+    /// The same in held-out flights.
+    pub(crate) score_z_held_out: f64,
+    /// Share of the best slope above which another effect that changes at random is fitted too.
+    pub(crate) score_share: f64,
+    /// Shortest flight in which effects can be distinguished (stretches).
+    pub(crate) thin_stretches: usize,
+    /// Share of what arbitrary forces and moments could explain that the named effects must explain.
+    pub(crate) explained_share: f64,
+    /// Misfit per observation above which the fit has failed, so that names found with it mean nothing.
+    pub(crate) failed_misfit: f64,
+    /// Misfit per observation below which the model as given by the files agrees with the data.
+    pub(crate) agreeing_misfit: f64,
+    /// Gain of log-likelihood above which an unknown force or moment acts beyond what sensors, joints and subject can
+    /// explain.
+    pub(crate) wrench_gain: f64,
+    /// Unknown moment (N m) and force (N) in a tenth of a second below which they are too small to matter.
+    pub(crate) immaterial_wrench: [f64; 2],
+    /// Ratio of fitted to recorded noise of attitude and angular velocity above which the sensors no longer explain it.
+    pub(crate) noise_ratio: f64,
+    /// Number of standard errors above which an adjustment is reported.
+    pub(crate) adjustment_z: f64,
+    /// The same for the calibration of a joint.
+    pub(crate) joint_z: f64,
+    /// Factor on reported standard errors, for what the linear problem leaves out, above all the uncertainty of the
+    /// estimated error sizes. Without it, 86 to 88 % of the true parameters of laboratory flights were within their 95 %
+    /// intervals. Whether an effect acts is decided without it.
+    pub(crate) reported_error: f64,
+    /// Correlation of two estimates above which they count as indistinguishable.
+    pub(crate) correlated: f64,
+    /// Maximum number of groups of loads in a description.
+    pub(crate) groups: usize,
+    /// The same for the loads in a group.
+    pub(crate) loads_in_group: usize,
+    /// Fraction of its gain that counts for a force at a point, so that a similar one on the whole body is preferred.
+    pub(crate) at_a_point: f64,
+    /// Share of the previous groups' gain that a further group of loads must gain.
+    pub(crate) group_share: f64,
+    /// Standard errors by which a load must differ from zero.
+    pub(crate) load_z: f64,
+    /// Gain that a description needs beyond its cost.
+    pub(crate) description_gain: f64,
+    /// Gain that a description needs in each held-out flight.
+    pub(crate) description_held_out_gain: f64,
+    /// Share of what arbitrary forces and moments could explain that a description must explain in the fitted flights.
+    pub(crate) description_share: f64,
+    /// The same in held-out flights.
+    pub(crate) description_share_held_out: f64,
+}
+
+/// The thresholds in use; docs/discovery.md says with which flights they were calibrated.
+pub(crate) const DECISION: Decision = Decision {
+    still_rad: 0.04,
+    refined: 6,
+    refined_share: 0.5,
+    null_quantile: 0.99,
+    held_out_loss: 0.5,
+    gain_per_parameter: 3.0,
+    equal_gain: 5.0,
+    equal_share: 0.02,
+    rival_gain: 20.0,
+    replacing_gain: 1.0,
+    confirming_ratio: 3.0,
+    material_share_of_range: 0.02,
+    shortest_stretches: 2,
+    shortest_s: 4.0,
+    z_beyond_null: 1.0,
+    least_z: 4.5,
+    intervals: [1.96, 2.24, 2.39],
+    least_z_without_held_out: 7.0,
+    held_out_gain: 2.0,
+    total_gain: 12.0,
+    equal_rank_gain: 0.5,
+    rejections: 3,
+    runner_up_share: 0.4,
+    runner_up_gain: 25.0,
+    runner_ups: 4,
+    runner_up_deficit: 0.05,
+    hopeless_deficit: 100.0,
+    hopeless_share: 0.3,
+    rethought_gain: 10.0,
+    score_z: 3.0,
+    score_z_held_out: 1.5,
+    score_share: 0.5,
+    thin_stretches: 20,
+    explained_share: 0.6,
+    failed_misfit: 1.02,
+    agreeing_misfit: 1.15,
+    wrench_gain: 12.0,
+    immaterial_wrench: [1.5, 12.0],
+    noise_ratio: 2.0,
+    adjustment_z: 1.5,
+    joint_z: 3.0,
+    reported_error: 1.25,
+    correlated: 0.7,
+    groups: 4,
+    loads_in_group: 6,
+    at_a_point: 0.95,
+    group_share: 0.03,
+    load_z: 4.0,
+    description_gain: 12.0,
+    description_held_out_gain: 4.0,
+    description_share: 0.6,
+    description_share_held_out: 0.7,
+};

@@ -1,0 +1,333 @@
+//! Ranks the effects of the library: each is tried in addition to those already named, on the fitted and on the
+//! held-out flights.
+
+use crate::named_effect::EffectSet;
+use bodyflight_core::effect::Effect;
+use bodyflight_core::tolerances::Tolerances;
+use bodyflight_falls::statistics::z_score;
+use nalgebra::{DMatrix, DVector};
+use rand::rngs::ChaCha8Rng;
+use rand::{RngExt, SeedableRng};
+use rand_distr::StandardNormal;
+
+use crate::error::Result;
+use crate::hypotheses::decision::DECISION;
+use crate::hypotheses::hypothesis::Hypothesis;
+use crate::jacobian::effect_parameters::{
+    ParameterId, all_parameters, freedom, moved, numbers, parameters_of,
+};
+use crate::likelihood::flight_problem::FlightProblem;
+use crate::likelihood::gauss_newton::Fitted;
+use crate::likelihood::linear_fit::LinearFit;
+use crate::likelihood::prior::{fixed_by, subject_precision};
+use crate::likelihood::schur::InformationForm;
+use crate::likelihood::variance_components::FittedErrors;
+use crate::progress::{Progress, check};
+
+/// Number of draws from the null distribution.
+const DRAWS: usize = 999;
+
+/// Flights with their errors fitted, given the effects named so far.
+pub(crate) struct JointFit<'a> {
+    /// Flights that effects are fitted to.
+    pub fitted: Vec<(&'a FlightProblem<'a>, LinearFit)>,
+    /// Flights held out.
+    pub held_out: Vec<(&'a FlightProblem<'a>, LinearFit)>,
+    /// The effects named so far.
+    pub effects: EffectSet,
+    /// Tolerances of subject and suit.
+    pub tolerances: Tolerances,
+}
+
+/// Precision of subject and suit, given the effects.
+pub(crate) fn precision(tolerances: &Tolerances, effects: &EffectSet) -> DVector<f64> {
+    subject_precision(tolerances, &fixed_by(effects))
+}
+
+impl<'a> JointFit<'a> {
+    /// The fitted flights.
+    pub(crate) fn flights(&self) -> Vec<(&'a FlightProblem<'a>, &LinearFit)> {
+        let each = self.fitted.iter();
+        each.map(|(problem, fitted)| (*problem, fitted)).collect()
+    }
+
+    /// A hypothesis with its gain after refitting: `self` has the flights without it, `with` those with it.
+    pub(crate) fn compared(&self, with: &JointFit<'_>, hypothesis: &Hypothesis) -> Hypothesis {
+        let gains = |before: &[(&FlightProblem<'_>, LinearFit)],
+                     after: &[(&FlightProblem<'_>, LinearFit)]|
+         -> Vec<f64> {
+            let likelihoods = before.iter().zip(after);
+            likelihoods
+                .map(|((_, a), (_, b))| b.errors.likelihood - a.errors.likelihood)
+                .collect()
+        };
+        Hypothesis {
+            effects: with.effects.clone(),
+            gain: gains(&self.fitted, &with.fitted).iter().sum(),
+            gains_held_out: gains(&self.held_out, &with.held_out),
+            ..hypothesis.clone()
+        }
+    }
+
+    /// Errors of the fitted flights without unknown forces and moments.
+    ///
+    /// # Errors
+    /// Returns an error if the search was cancelled.
+    pub(crate) fn without_wrench(
+        &self,
+        progress: &dyn Progress,
+    ) -> Result<Option<Vec<FittedErrors>>> {
+        let each = self.fitted.iter();
+        each.map(|(problem, fitted)| fitted.without_wrench(&problem.prior, progress))
+            .collect()
+    }
+
+    /// Log-likelihood of the fitted flights.
+    pub(crate) fn likelihood(&self) -> f64 {
+        self.fitted
+            .iter()
+            .map(|(_, fit)| fit.errors.likelihood)
+            .sum()
+    }
+
+    fn precision(&self, effects: &EffectSet) -> DVector<f64> {
+        precision(&self.tolerances, effects)
+    }
+
+    /// Standard deviations of the parameters' prior.
+    pub(crate) fn prior(effects: &EffectSet) -> Vec<f64> {
+        let parameters = parameters_of(effects.iter().map(|(effect, _)| *effect));
+        parameters.iter().map(|id| id.prior_deviation()).collect()
+    }
+
+    pub(crate) fn from_neutral(effects: &EffectSet) -> DVector<f64> {
+        let neutral: EffectSet = effects.iter().map(|(e, _)| (*e, e.neutral())).collect();
+        numbers(effects) - numbers(&neutral)
+    }
+
+    /// The most promising effects, best first, without those in `out_of_question`.
+    ///
+    /// # Errors
+    /// Returns an error if the search was cancelled.
+    pub(crate) fn hypotheses(
+        &self,
+        out_of_question: &[Effect],
+        progress: &dyn Progress,
+    ) -> Result<Vec<Hypothesis>> {
+        let of_flights = |flights: &[(&FlightProblem<'_>, LinearFit)]| -> Vec<DMatrix<f64>> {
+            flights
+                .iter()
+                .map(|(_, fitted)| fitted.all_effects())
+                .collect()
+        };
+        let (here, there) = (of_flights(&self.fitted), of_flights(&self.held_out));
+        let mut hypotheses: Vec<Hypothesis> = Effect::ALL
+            .iter()
+            .filter(|effect| !effect.is_random() && !out_of_question.contains(effect))
+            .filter(|effect| !self.effects.iter().any(|(named, _)| named == *effect))
+            .filter_map(|effect| self.sketched(*effect, &here, &there))
+            .collect();
+        hypotheses.sort_by(|a, b| b.penalized_gain().total_cmp(&a.penalized_gain()));
+        let mut followed = Vec::new();
+        for hypothesis in hypotheses.into_iter().take(DECISION.refined) {
+            check(progress)?;
+            if hypothesis.gain
+                < DECISION.refined_share * DECISION.gain_per_parameter * freedom(hypothesis.effect)
+            {
+                followed.push(hypothesis);
+                continue;
+            }
+            followed.push(
+                self.followed(&hypothesis.effects, hypothesis.effect, progress)
+                    .unwrap_or(hypothesis),
+            );
+        }
+        check(progress)?;
+        followed.sort_by(|a, b| b.penalized_gain().total_cmp(&a.penalized_gain()));
+        Ok(followed)
+    }
+
+    /// First-order estimate of an effect.
+    fn sketched(
+        &self,
+        effect: Effect,
+        here: &[DMatrix<f64>],
+        there: &[DMatrix<f64>],
+    ) -> Option<Hypothesis> {
+        let all = all_parameters();
+        let mut effects = self.effects.clone();
+        effects.push((effect, effect.neutral()));
+        let columns_of = |effects: &EffectSet| -> Vec<usize> {
+            let wanted = parameters_of(effects.iter().map(|(effect, _)| *effect));
+            let place = |id: &ParameterId| all.iter().position(|other| other == id);
+            wanted.iter().filter_map(place).collect()
+        };
+        let (known, columns) = (columns_of(&self.effects), columns_of(&effects));
+        let before = self.precision(&self.effects);
+        let precision = self.precision(&effects);
+        let zero = DVector::zeros(known.len());
+        let plain = InformationForm::joint(here, &known, &before)?;
+        let problem = InformationForm::joint(here, &columns, &precision)?;
+        let (step, covariance) =
+            problem.solved(&Self::prior(&effects), &Self::from_neutral(&effects))?;
+        let effects = moved(&effects, &step);
+        let mut start = self.effects.clone();
+        start.push((effect, effect.neutral()));
+        let step = numbers(&effects) - numbers(&start);
+        let known_step = step.rows(0, known.len()).into_owned();
+        let plain_left = if known.is_empty() {
+            plain.left(&zero)
+        } else {
+            plain.left(&known_step).min(plain.left(&zero))
+        };
+        let held_out = there.iter().map(|flight| {
+            let flight = core::slice::from_ref(flight);
+            let (plain, problem) = (
+                InformationForm::joint(flight, &known, &before)?,
+                InformationForm::joint(flight, &columns, &precision)?,
+            );
+            Some(plain.left(&zero) - problem.left(&step))
+        });
+        Some(Hypothesis {
+            effect,
+            gain: plain_left - problem.left(&step),
+            gains_held_out: held_out.collect::<Option<Vec<_>>>()?,
+            effects,
+            covariance,
+        })
+    }
+
+    /// The quadratic approximation for the requested parameters around `effects`, in flights of one subject.
+    pub(crate) fn around(
+        &self,
+        flights: &[&(&FlightProblem<'_>, LinearFit)],
+        effects: &EffectSet,
+        parameters: &[ParameterId],
+        progress: &dyn Progress,
+    ) -> Option<InformationForm> {
+        let reduced: Option<Vec<DMatrix<f64>>> = flights
+            .iter()
+            .map(|(problem, fitted)| problem.around(fitted, effects, parameters, progress))
+            .collect();
+        let columns: Vec<usize> = (0..parameters.len()).collect();
+        InformationForm::joint(&reduced?, &columns, &self.precision(effects))
+    }
+
+    /// Refines a first-order estimate by Gauss-Newton steps. Returns `None` if the simulation diverges or the search
+    /// was cancelled.
+    pub(crate) fn followed(
+        &self,
+        sketch: &EffectSet,
+        effect: Effect,
+        progress: &dyn Progress,
+    ) -> Option<Hypothesis> {
+        let here: Vec<_> = self.fitted.iter().collect();
+        let parameters = parameters_of(sketch.iter().map(|(effect, _)| *effect));
+        let prior = Self::prior(sketch);
+        // Starts from zero, so that an estimate that overshoots is damped.
+        let mut effects: EffectSet = self.effects.clone();
+        if !effects.iter().any(|(known, _)| *known == effect) {
+            effects.push((effect, effect.neutral()));
+        }
+        // For a fair comparison, the effects already named may also move without the new one.
+        let plain = self.around(
+            &here,
+            &self.effects,
+            &parameters_of(self.effects.iter().map(|(e, _)| *e)),
+            progress,
+        )?;
+        let settled = plain.solved(
+            &Self::prior(&self.effects),
+            &Self::from_neutral(&self.effects),
+        );
+        let plain_left = match settled {
+            Some((step, _)) if !step.is_empty() => plain.left(&step).min(0.5 * plain.square),
+            _ => 0.5 * plain.square,
+        };
+        let best = self.around(&here, &effects, &parameters, progress)?;
+        let mut step = numbers(sketch) - numbers(&effects);
+        if step.norm() <= 0.0 {
+            step = best.solved(&prior, &Self::from_neutral(&effects))?.0;
+        }
+        let fit = Fitted {
+            prior: &prior,
+            around: |effects: &EffectSet| self.around(&here, effects, &parameters, progress),
+            moved,
+            away: Self::from_neutral,
+        };
+        let (effects, best) = fit.from(effects, best, step)?;
+        let (_, covariance) = best.solved(&prior, &Self::from_neutral(&effects))?;
+        let held_out = self.held_out.iter().map(|flight| {
+            let plain = self.around(&[flight], &self.effects, &[], progress)?;
+            let found = self.around(&[flight], &effects, &[], progress)?;
+            Some(0.5 * (plain.square - found.square))
+        });
+        Some(Hypothesis {
+            effect,
+            gain: plain_left - 0.5 * best.square,
+            gains_held_out: held_out.collect::<Option<Vec<_>>>()?,
+            effects,
+            covariance,
+        })
+    }
+
+    /// The null distribution: the significance of the best effect in random draws of the fitted errors, in ascending
+    /// order.
+    pub(crate) fn null_distribution(&self, seed: u64) -> Vec<f64> {
+        let here: Vec<DMatrix<f64>> = self.fitted.iter().map(|(_, f)| f.all_effects()).collect();
+        let all = all_parameters();
+        let columns: Vec<usize> = (0..all.len()).collect();
+        let Some(problem) = InformationForm::joint(&here, &columns, &self.precision(&self.effects))
+        else {
+            return Vec::new();
+        };
+        // The covariance of slopes caused by errors alone is the information matrix.
+        let mut information = problem.information.clone();
+        for k in 0..all.len() {
+            information[(k, k)] *= 1.0 + 1e-9;
+            information[(k, k)] += 1e-12;
+        }
+        let Some(factor) = information.cholesky() else {
+            return Vec::new();
+        };
+        let lower = factor.l();
+        let solvers: Vec<_> = Effect::ALL
+            .iter()
+            .filter(|effect| !effect.is_random())
+            .filter_map(|effect| {
+                let own: Vec<usize> = (0..all.len())
+                    .filter(|k| all[*k].effect == *effect)
+                    .collect();
+                let mut block = DMatrix::from_fn(own.len(), own.len(), |j, k| {
+                    problem.information[(own[j], own[k])]
+                });
+                for (j, k) in own.iter().enumerate() {
+                    block[(j, j)] += all[*k].prior_deviation().powi(-2);
+                }
+                Some((freedom(*effect), own, block.cholesky()?))
+            })
+            .collect();
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let mut best: Vec<f64> = (0..DRAWS)
+            .map(|_| {
+                let noise =
+                    DVector::from_fn(all.len(), |_, _| random.sample::<f64, _>(StandardNormal));
+                let slope = &lower * noise;
+                let of_effect = |(freedom, own, factor): &(
+                    f64,
+                    Vec<usize>,
+                    nalgebra::Cholesky<f64, nalgebra::Dyn>,
+                )| {
+                    let slope = DVector::from_fn(own.len(), |k, _| slope[own[k]]);
+                    z_score(slope.dot(&factor.solve(&slope)), *freedom)
+                };
+                solvers
+                    .iter()
+                    .map(of_effect)
+                    .fold(f64::NEG_INFINITY, f64::max)
+            })
+            .collect();
+        best.sort_by(f64::total_cmp);
+        best
+    }
+}

@@ -1,0 +1,238 @@
+//! The linear problem of a stretch: its residual, and its derivatives with respect to everything that may be wrong.
+//!
+//! Every column is the difference of two simulations, so a new effect needs no code here.
+
+use crate::named_effect::EffectSet;
+use bodyflight_core::effect::{Effect, Model, extended};
+use nalgebra::{DMatrix, DVector, Vector3};
+
+use crate::input::flight::RecordedFlight;
+use crate::jacobian::columns::Jacobian;
+use crate::jacobian::effect_parameters::{ParameterId, changed};
+use crate::jacobian::linearization_point::LinearizationPoint;
+use crate::jacobian::random_effects::{Changes, RandomEffectColumns};
+use crate::jacobian::subject_error::{GYRO, SUBJECT};
+use crate::shooting::joint_error::{Angles, JOINTS, bend, legendre};
+use crate::shooting::perturbation::{InputPerturbation, UnknownWrench};
+use crate::shooting::prediction::Prediction;
+use crate::shooting::simulator::{Simulator, Steps};
+use crate::shooting::stretch::{CHANNELS, Channels, RESIDUAL_DIM, ROWS, Stretch};
+
+/// Steps of the finite differences.
+const START_STEP: [f64; CHANNELS] = [0.003, 0.003, 0.003, 0.01, 0.01, 0.01, 0.1, 0.1, 0.1];
+const JOINT_STEP: f64 = 0.02;
+const SUBJECT_STEP: f64 = 0.01;
+const FORCE_STEP: f64 = 10.0;
+const MOMENT_STEP: f64 = 3.0;
+
+fn collected(count: usize, column: impl Fn(usize) -> DVector<f64>) -> DMatrix<f64> {
+    let mut matrix = DMatrix::zeros(RESIDUAL_DIM, count);
+    for k in 0..count {
+        matrix.set_column(k, &column(k));
+    }
+    matrix
+}
+
+/// Computes all derivatives of a stretch. Returns `None` if a simulation diverges.
+pub(crate) fn linearized(
+    track: &RecordedFlight,
+    stretch: &Stretch,
+    plain: &Model<f64>,
+    point: &LinearizationPoint,
+    parameters: &[ParameterId],
+) -> Option<Jacobian> {
+    let still = Channels::zeros();
+    let wrong = point.joints_in(stretch);
+    let base = Simulator::new(track, stretch, &point.model(plain), &wrong, Steps::Long);
+    let flown = base.fly(&still, None);
+    let change = |other: &Prediction, size: f64| other.less(&flown, track, stretch) / size;
+    let start = collected(CHANNELS, |k| {
+        let mut by = still;
+        by[k] = START_STEP[k];
+        change(&base.fly(&by, None), START_STEP[k])
+    });
+    let joints = [0, 1, 2].map(|degree| {
+        collected(JOINTS, |k| {
+            let mut joints = wrong.clone();
+            joints.course[degree][k] += JOINT_STEP;
+            change(
+                &base.with_joint(&joints, k / 3).fly(&still, None),
+                JOINT_STEP,
+            )
+        })
+    });
+    let bends = bends(track, stretch);
+    let bend = collected(JOINTS, |k| {
+        let parts = joints.iter().zip(&bends);
+        parts.map(|(matrix, bend)| matrix.column(k) * bend[k]).sum()
+    });
+    let effects = extended(plain, &point.effects);
+    let subject = collected(SUBJECT, |k| {
+        let mut subject = point.subject.clone();
+        subject.0[k] += SUBJECT_STEP;
+        let subject = subject.possible();
+        let step = subject.0[k] - point.subject.0[k];
+        if step == 0.0 {
+            return DVector::zeros(RESIDUAL_DIM);
+        }
+        change(
+            &base.changed_to(&subject.of(&effects)).fly(&still, None),
+            step,
+        )
+    });
+    let pushed = |force: f64, moment: f64| {
+        collected(3 * ROWS, |k| {
+            let mut axis = Vector3::zeros();
+            axis[k % 3] = 1.0;
+            let push = UnknownWrench {
+                window: k / 3,
+                force: axis * force,
+                moment: axis * moment,
+            };
+            change(&base.fly(&still, Some(push)), force + moment)
+        })
+    };
+    let columns = Jacobian {
+        residual: residual(track, stretch, plain, point),
+        gyro: gyro(track, stretch, &start),
+        start,
+        joints,
+        bend,
+        subject,
+        force: pushed(FORCE_STEP, 0.0),
+        moment: pushed(0.0, MOMENT_STEP),
+        effects: effect_columns(stretch, plain, point, parameters, (&base, &flown)),
+    };
+    columns.is_finite().then_some(columns)
+}
+
+/// The residual of a stretch.
+pub(crate) fn residual(
+    track: &RecordedFlight,
+    stretch: &Stretch,
+    plain: &Model<f64>,
+    point: &LinearizationPoint,
+) -> DVector<f64> {
+    let model = point.model(plain);
+    let joints = point.joints_in(stretch);
+    let flight = Simulator::new(track, stretch, &model, &joints, Steps::Short);
+    flight
+        .fly(&Channels::zeros(), None)
+        .residual(track, stretch)
+}
+
+/// Derivatives with respect to some parameters, and the residual in the last column.
+pub(crate) fn effects_and_residual(
+    track: &RecordedFlight,
+    stretch: &Stretch,
+    plain: &Model<f64>,
+    point: &LinearizationPoint,
+    parameters: &[ParameterId],
+) -> DMatrix<f64> {
+    let columns = effects_alone(track, stretch, plain, point, parameters);
+    let mut columns = columns.insert_column(parameters.len(), 0.0);
+    columns.set_column(parameters.len(), &residual(track, stretch, plain, point));
+    columns
+}
+
+/// Derivatives with respect to some parameters.
+pub(crate) fn effects_alone(
+    track: &RecordedFlight,
+    stretch: &Stretch,
+    plain: &Model<f64>,
+    point: &LinearizationPoint,
+    parameters: &[ParameterId],
+) -> DMatrix<f64> {
+    if parameters.is_empty() {
+        return DMatrix::zeros(RESIDUAL_DIM, 0);
+    }
+    let joints = point.joints_in(stretch);
+    let base = Simulator::new(track, stretch, &point.model(plain), &joints, Steps::Long);
+    let flown = base.fly(&Channels::zeros(), None);
+    effect_columns(stretch, plain, point, parameters, (&base, &flown))
+}
+
+fn effect_columns(
+    stretch: &Stretch,
+    plain: &Model<f64>,
+    point: &LinearizationPoint,
+    parameters: &[ParameterId],
+    (base, flown): (&Simulator<'_>, &Prediction),
+) -> DMatrix<f64> {
+    collected(parameters.len(), |k| {
+        let (other, size) = changed(plain, &point.effects, parameters[k]);
+        let flight = base.changed_to(&point.subject.of(&other));
+        flight
+            .fly(&Channels::zeros(), None)
+            .less(flown, base.track, stretch)
+            / size
+    })
+}
+
+/// Derivatives with respect to effects that change at random, in each window. Returns `None` if there are none or a
+/// derivative is not finite.
+pub(crate) fn random_effects(
+    track: &RecordedFlight,
+    stretch: &Stretch,
+    plain: &Model<f64>,
+    point: &LinearizationPoint,
+    effects: &EffectSet,
+) -> Option<RandomEffectColumns> {
+    if effects.is_empty() {
+        return None;
+    }
+    let model = point.model(plain);
+    let joints = point.joints_in(stretch);
+    let base = Simulator::new(track, stretch, &model, &joints, Steps::Long);
+    let still = Channels::zeros();
+    let flown = base.fly(&still, None);
+    let start = &stretch.start;
+    let air = model.dynamics.air.velocity_at(&start.position);
+    let through_air = (start.velocity_inertial() - air).components;
+    let of = |(effect, _): &(Effect, [f64; 3])| Changes {
+        effect: *effect,
+        columns: collected(3 * ROWS, |k| {
+            let (varied, size) = InputPerturbation::new(*effect, k / 3, k % 3);
+            let other = base.with_varied(varied).fly(&still, None);
+            other.less(&flown, track, stretch) / size
+        }),
+    };
+    RandomEffectColumns::new(effects.iter().map(of).collect(), through_air)
+}
+
+/// Derivatives with respect to the elements of the gyroscope's error matrix, including their effect on the start.
+fn gyro(track: &RecordedFlight, stretch: &Stretch, start: &DMatrix<f64>) -> DMatrix<f64> {
+    let window = stretch.grid.window;
+    let spin = |frame: usize| track.samples[frame].motion.angular_velocity.components;
+    collected(GYRO, |k| {
+        let (to, from) = (k / 3, k % 3);
+        let first = stretch.start.angular_velocity.components[from];
+        let mut column = start.column(3 + to) * -first;
+        for row in 0..ROWS {
+            let begin = stretch.first + row * window + 1;
+            let mean = (begin..begin + window)
+                .map(|frame| spin(frame)[from])
+                .sum::<f64>();
+            column[row * CHANNELS + 3 + to] += mean / window as f64;
+        }
+        column
+    })
+}
+
+/// How far the joints are bent over a stretch, by degree of the polynomial.
+fn bends(track: &RecordedFlight, stretch: &Stretch) -> [Angles; 3] {
+    let mut bends = [Angles::zeros(); 3];
+    let mut norms = [0.0; 3];
+    for k in 0..=ROWS {
+        let bend = bend(&track.samples[stretch.first + k * stretch.grid.window].posture);
+        let polynomials = legendre(2.0 * k as f64 / ROWS as f64 - 1.0);
+        for ((sum, norm), value) in bends.iter_mut().zip(&mut norms).zip(polynomials) {
+            *sum += bend * value;
+            *norm += value * value;
+        }
+    }
+    for (sum, norm) in bends.iter_mut().zip(norms) {
+        *sum /= norm;
+    }
+    bends
+}

@@ -1,0 +1,130 @@
+//! A stretch as a linear problem with the covariance of its errors.
+
+use std::sync::Arc;
+
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+
+use crate::jacobian::columns::Jacobian;
+use crate::jacobian::layout::{COMPONENTS, Components};
+use crate::jacobian::linearization_point::{CONSTANTS, LinearizationPoint};
+use crate::jacobian::random_effects::RandomEffectColumns;
+use crate::likelihood::gemm::product_transposed;
+use crate::shooting::stretch::{CHANNELS, RESIDUAL_DIM, Stretch};
+
+/// Sensor group of each channel.
+const GROUP: [usize; CHANNELS] = [0, 0, 0, 1, 1, 1, 2, 2, 3];
+
+/// Residual and derivatives of a stretch, with everything that contributes to its covariance.
+#[derive(Clone)]
+pub struct StretchFactor {
+    /// Residual at zero constants, to first order.
+    pub residual: DVector<f64>,
+    /// Derivatives with respect to the constants.
+    pub constants: DMatrix<f64>,
+    /// Derivatives with respect to the effects.
+    pub effects: DMatrix<f64>,
+    /// Derivatives with respect to a force and a moment in each window.
+    pub pushes: [DMatrix<f64>; 2],
+    /// Covariance of each component for a unit variance.
+    kernels: Arc<[DMatrix<f64>]>,
+    /// The effects that change at random, if the model has any.
+    pub varying: Option<Arc<RandomEffectColumns>>,
+    /// Weight of the stretch, less than one for outliers.
+    pub weight: f64,
+    /// First frame of the stretch.
+    pub(crate) first: usize,
+    /// Derivatives with respect to the joints, by degree of their course.
+    pub(crate) joints: [DMatrix<f64>; 3],
+    /// First-order effect of the wander at the point of linearization.
+    pub wandered: DVector<f64>,
+}
+
+impl StretchFactor {
+    /// Creates the problem from derivatives at a point of linearization.
+    pub fn new(stretch: &Stretch, columns: Jacobian, point: &LinearizationPoint) -> Self {
+        let mut kernels = Vec::with_capacity(COMPONENTS);
+        let averaged = 1.0 / stretch.grid.window as f64;
+        for group in 0..4 {
+            let mut kernel = DMatrix::zeros(RESIDUAL_DIM, RESIDUAL_DIM);
+            for channel in (0..CHANNELS).filter(|channel| GROUP[*channel] == group) {
+                for row in (channel..RESIDUAL_DIM).step_by(CHANNELS) {
+                    kernel[(row, row)] += averaged;
+                }
+                // The simulation starts from a smoothed motion that shares noise with the measurement it is compared
+                // to.
+                let start = columns.start.column(channel);
+                kernel += start * start.transpose() * stretch.start_variance;
+                for row in 0..RESIDUAL_DIM {
+                    let both = start[row] * stretch.start_covariance;
+                    kernel[(row, channel)] -= both;
+                    kernel[(channel, row)] -= both;
+                }
+            }
+            kernels.push(kernel);
+        }
+        let square = |matrix: &DMatrix<f64>| product_transposed(matrix, matrix);
+        kernels.extend(columns.joints.iter().map(square));
+        kernels.extend([&columns.moment, &columns.force].map(square));
+        let mut constants = DMatrix::zeros(RESIDUAL_DIM, CONSTANTS);
+        let groups = [
+            &columns.joints[0],
+            &columns.bend,
+            &columns.gyro,
+            &columns.subject,
+        ];
+        let mut first = 0;
+        for group in groups {
+            constants.columns_mut(first, group.ncols()).copy_from(group);
+            first += group.ncols();
+        }
+        let part = Self {
+            residual: DVector::zeros(RESIDUAL_DIM),
+            constants,
+            effects: columns.effects,
+            pushes: [columns.force, columns.moment],
+            kernels: kernels.into(),
+            varying: None,
+            weight: 1.0,
+            first: stretch.first,
+            joints: columns.joints,
+            wandered: DVector::zeros(RESIDUAL_DIM),
+        };
+        part.around(&columns.residual, point)
+    }
+
+    /// The same derivatives at another point of linearization, with the residual found there.
+    pub fn around(mut self, residual: &DVector<f64>, point: &LinearizationPoint) -> Self {
+        self.wandered.fill(0.0);
+        if let Some(wander) = point.wander.get(&self.first) {
+            for (columns, wander) in self.joints.iter().zip(wander) {
+                self.wandered += columns * wander;
+            }
+        }
+        self.residual = residual + &self.constants * point.constants() + &self.wandered;
+        self
+    }
+
+    /// The components that this stretch has, with their covariance for a unit variance.
+    pub(crate) fn kernels(&self) -> impl Iterator<Item = (usize, &DMatrix<f64>)> {
+        let varying = self.varying.iter().flat_map(|varying| &varying.kernels);
+        let varying = varying.map(|(k, kernel)| (*k, kernel));
+        self.kernels.iter().enumerate().chain(varying)
+    }
+
+    /// The factored covariance.
+    pub fn covariance(&self, sizes: &Components) -> Option<Cholesky<f64, Dyn>> {
+        let mut covariance = DMatrix::zeros(RESIDUAL_DIM, RESIDUAL_DIM);
+        for (k, kernel) in self.kernels() {
+            covariance += kernel * (sizes[k] / self.weight);
+        }
+        covariance.cholesky()
+    }
+}
+
+/// A stretch weighted by the errors of its flight.
+pub(crate) struct WeightedStretch {
+    /// Inverse of the covariance.
+    pub(crate) inverse: DMatrix<f64>,
+    /// The columns of the constants, multiplied by the inverse.
+    pub(crate) pulled: DMatrix<f64>,
+}

@@ -1,0 +1,390 @@
+//! A flight as a linear problem: fits its errors, and reduces columns by marginalizing the constants.
+
+use std::sync::Arc;
+
+use crate::named_effect::EffectSet;
+use bodyflight_core::dynamics::applied_load::AppliedLoads;
+use bodyflight_core::effect::Model;
+use bodyflight_core::tolerances::Tolerances;
+use nalgebra::DMatrix;
+use rayon::prelude::*;
+
+use crate::error::Result;
+use crate::input::flight::RecordedFlight;
+use crate::input::sensor_noise::recorded_noise;
+use crate::jacobian::effect_parameters::{ParameterId, all_parameters, random};
+use crate::jacobian::finite_difference::{
+    effects_alone, effects_and_residual, linearized, random_effects, residual,
+};
+use crate::jacobian::linearization_point::LinearizationPoint;
+use crate::likelihood::factor::StretchFactor;
+use crate::likelihood::linear_fit::LinearFit;
+use crate::likelihood::prior::{Prior, fixed_by};
+use crate::likelihood::schur::SchurComplement;
+use crate::likelihood::variance_components::{self, FittedErrors};
+use crate::progress::{Progress, check};
+use crate::shooting::smoothed_start::stretches;
+use crate::shooting::stretch::{RESIDUAL_DIM, Stretch};
+
+/// Maximum number of steps in a fit of the errors: from the prior, and from a similar fit.
+const FIRST_STEPS: usize = 20;
+const NEXT_STEPS: usize = 8;
+/// The same if the slopes of another fit are reused: several such fits follow one another.
+const FURTHER_STEPS: usize = 3;
+
+/// Squared residuals per observation above which a stretch loses weight, since no distribution of errors produces them.
+const OUTLYING: f64 = 3.0;
+
+/// Maximum number of fits with fixed slopes until the constants converge, the step at which they have converged
+/// (standard errors, root mean square), and the ratio of successive steps above which the iteration is stopped.
+const SETTLING: usize = 8;
+const SETTLED_STEP: f64 = 0.1;
+const STAGNANT: f64 = 0.8;
+
+/// Maximum number of times slopes are recomputed.
+const RELINEARIZATIONS: usize = 6;
+
+/// Gain from recomputed slopes above which they are recomputed once more.
+pub(crate) const AGAIN: f64 = 20.0;
+
+/// A flight to be explained.
+#[derive(Clone)]
+pub struct FlightProblem<'a> {
+    /// The flight.
+    pub track: &'a RecordedFlight,
+    /// The model as given by the files.
+    pub plain: Model<f64>,
+    /// The stretches that are simulated.
+    pub stretches: Vec<Stretch>,
+    /// Noise of single frames, estimated from the recording.
+    pub noise: [f64; 4],
+    /// Prior of the errors.
+    pub prior: Prior,
+    /// Weight of each stretch.
+    weights: Vec<f64>,
+}
+
+impl<'a> FlightProblem<'a> {
+    /// Estimates the sensor noise and cuts the flight into stretches.
+    pub fn new(track: &'a RecordedFlight, tolerances: &Tolerances) -> Self {
+        let plain = Model::new(track.dynamics, track.start_height());
+        let noise = recorded_noise(track);
+        let stretches = stretches(track, noise[1]);
+        Self {
+            track,
+            plain,
+            weights: vec![1.0; stretches.len()],
+            stretches,
+            noise,
+            prior: Prior::new(&noise, tolerances),
+        }
+    }
+
+    fn linearized(
+        &self,
+        point: &LinearizationPoint,
+        parameters: &[ParameterId],
+        progress: &dyn Progress,
+    ) -> Result<Option<Vec<StretchFactor>>> {
+        let parts: Option<Vec<StretchFactor>> = self
+            .stretches
+            .par_iter()
+            .zip(&self.weights)
+            .map(|(stretch, weight)| {
+                check(progress).ok()?;
+                let columns = linearized(self.track, stretch, &self.plain, point, parameters)?;
+                let mut part = StretchFactor::new(stretch, columns, point);
+                part.weight = *weight;
+                let random = random(&point.effects);
+                let varying = random_effects(self.track, stretch, &self.plain, point, &random);
+                part.varying = varying.map(Arc::new);
+                Some(part)
+            })
+            .collect();
+        check(progress)?;
+        Ok(parts)
+    }
+
+    /// Drops stretches in which the simulation diverges.
+    pub fn without_stretches_beyond_numbers(&mut self, point: &LinearizationPoint) {
+        let flies = |stretch: &Stretch| {
+            effects_and_residual(self.track, stretch, &self.plain, point, &[])
+                .iter()
+                .all(|value| value.is_finite())
+        };
+        self.stretches.retain(flies);
+        self.weights = vec![1.0; self.stretches.len()];
+    }
+
+    /// Fits the errors, relinearizing `rounds` times, starting from `errors` if given. Returns `None` if the simulation
+    /// diverges.
+    ///
+    /// # Errors
+    /// Returns an error if the search was cancelled.
+    pub fn fit(
+        &self,
+        point: &LinearizationPoint,
+        errors: Option<&FittedErrors>,
+        rounds: usize,
+        progress: &dyn Progress,
+    ) -> Result<Option<LinearFit>> {
+        let mut point = point.clone();
+        for k in fixed_by(&point.effects) {
+            point.subject.0[k] = 0.0;
+        }
+        let parameters = all_parameters();
+        let mut errors = errors.cloned();
+        let mut found = None;
+        for _ in 0..rounds {
+            let Some(parts) = self.linearized(&point, &parameters, progress)? else {
+                return Ok(None);
+            };
+            let steps = if errors.is_some() {
+                NEXT_STEPS
+            } else {
+                FIRST_STEPS
+            };
+            let Some(fitted) = self.fitted(parts, point, errors.as_ref(), steps, progress)? else {
+                return Ok(None);
+            };
+            errors = Some(fitted.errors.clone());
+            point = fitted.point_with(&fitted.point.effects);
+            found = Some(fitted);
+        }
+        Ok(found)
+    }
+
+    /// Fits the errors of the model as given by the files, without any effect. Returns `None` if the simulation
+    /// diverges.
+    ///
+    /// # Errors
+    /// Returns an error if the search was cancelled.
+    pub fn first(&self, progress: &dyn Progress) -> Result<Option<LinearFit>> {
+        let point = LinearizationPoint::files();
+        match self.linearized(&point, &[], progress)? {
+            Some(parts) => self.fitted(parts, point, None, FIRST_STEPS, progress),
+            None => Ok(None),
+        }
+    }
+
+    /// Fits the errors around another point, reusing the slopes of a fit. Only the residual is simulated again, which
+    /// is far cheaper than recomputing all slopes. Returns `None` if the simulation diverges.
+    ///
+    /// # Errors
+    /// Returns an error if the search was cancelled.
+    pub fn fit_with_slopes_of(
+        &self,
+        fitted: &LinearFit,
+        point: &LinearizationPoint,
+        progress: &dyn Progress,
+    ) -> Result<Option<LinearFit>> {
+        let mut point = point.clone();
+        for k in fixed_by(&point.effects) {
+            point.subject.0[k] = 0.0;
+        }
+        let parts: Option<Vec<StretchFactor>> = self
+            .stretches
+            .par_iter()
+            .zip(&fitted.parts)
+            .map(|(stretch, part)| {
+                check(progress).ok()?;
+                let residual = residual(self.track, stretch, &self.plain, &point);
+                let finite = residual.iter().all(|value| value.is_finite());
+                finite.then(|| part.clone().around(&residual, &point))
+            })
+            .collect();
+        check(progress)?;
+        match parts {
+            Some(parts) => {
+                let errors = Some(&fitted.errors);
+                self.fitted(parts, point, errors, FURTHER_STEPS, progress)
+            }
+            None => Ok(None),
+        }
+    }
+
+    /// Repeats the fit around the constants it found until they converge, because likelihoods at other points of
+    /// linearization cannot be compared.
+    ///
+    /// # Errors
+    /// Returns an error if the search was cancelled.
+    pub fn settled(&self, fitted: LinearFit, progress: &dyn Progress) -> Result<LinearFit> {
+        let mut moved = fitted.moved();
+        let mut best = fitted;
+        for _ in 0..SETTLING {
+            if moved < SETTLED_STEP {
+                break;
+            }
+            let point = best.point_with(&best.point.effects);
+            let Some(next) = self.fit_with_slopes_of(&best, &point, progress)? else {
+                break;
+            };
+            let before = moved;
+            (moved, best) = (next.moved(), next);
+            if moved > STAGNANT * before {
+                break;
+            }
+        }
+        Ok(best)
+    }
+
+    /// Repeats the fit with recomputed slopes while the flight gains from it: any effect would seem to explain what a
+    /// fit that has not converged leaves.
+    ///
+    /// # Errors
+    /// Returns an error if the search was cancelled.
+    pub fn converged(&self, fitted: LinearFit, progress: &dyn Progress) -> Result<LinearFit> {
+        let mut best = self.settled(fitted, progress)?;
+        for _ in 0..RELINEARIZATIONS {
+            let point = best.point_with(&best.point.effects);
+            let Some(next) = self.fit(&point, Some(&best.errors), 1, progress)? else {
+                break;
+            };
+            let next = self.settled(next, progress)?;
+            let gained = next.errors.likelihood - best.errors.likelihood;
+            if gained > 0.0 {
+                best = next;
+            }
+            if gained < AGAIN {
+                break;
+            }
+        }
+        Ok(best)
+    }
+
+    fn fitted(
+        &self,
+        parts: Vec<StretchFactor>,
+        point: LinearizationPoint,
+        errors: Option<&FittedErrors>,
+        steps: usize,
+        progress: &dyn Progress,
+    ) -> Result<Option<LinearFit>> {
+        let prior = self.prior.given(&point.effects);
+        let estimate = variance_components::fit(&parts, &prior, errors, steps, progress);
+        check(progress)?;
+        let Some(estimate) = estimate else {
+            return Ok(None);
+        };
+        let prior_deviations = estimate.errors.prior_deviations;
+        let whitened =
+            SchurComplement::new(estimate.weighed, &estimate.information, &prior_deviations);
+        Ok(whitened.map(|whitened| LinearFit {
+            point,
+            parts,
+            errors: estimate.errors,
+            whitened,
+            joint_limit: prior.tolerances.joint_limit_deg().to_radians(),
+        }))
+    }
+
+    /// Reduces the weight of outlying stretches.
+    pub fn weigh(&mut self, fitted: &LinearFit) {
+        for (weight, square) in self.weights.iter_mut().zip(&fitted.errors.squares) {
+            *weight = (*weight * OUTLYING * RESIDUAL_DIM as f64 / square).min(1.0);
+        }
+    }
+
+    /// The residual and the derivatives with respect to some parameters, around effects that may differ from those of
+    /// the fit, reduced by the fit.
+    ///
+    /// The constants stay those of the fit. Returns `None` if the simulation diverges or the search was cancelled.
+    pub fn around(
+        &self,
+        fitted: &LinearFit,
+        effects: &EffectSet,
+        parameters: &[ParameterId],
+        progress: &dyn Progress,
+    ) -> Option<DMatrix<f64>> {
+        let columns = self.columns_around(fitted, effects, parameters, progress)?;
+        Some(fitted.whitened.reduced(&columns))
+    }
+
+    /// The same at the fit's own point of linearization, where the residual is known.
+    pub fn slopes_here(
+        &self,
+        fitted: &LinearFit,
+        parameters: &[ParameterId],
+        progress: &dyn Progress,
+    ) -> Option<DMatrix<f64>> {
+        let columns: Option<Vec<DMatrix<f64>>> = self
+            .stretches
+            .par_iter()
+            .zip(&fitted.parts)
+            .map(|(stretch, part)| {
+                check(progress).ok()?;
+                let (track, point) = (self.track, &fitted.point);
+                let slopes = effects_alone(track, stretch, &self.plain, point, parameters);
+                let mut columns = slopes.insert_column(parameters.len(), 0.0);
+                columns.set_column(parameters.len(), &part.residual);
+                let finite = columns.iter().all(|value| value.is_finite());
+                finite.then_some(columns)
+            })
+            .collect();
+        Some(fitted.whitened.reduced(&columns?))
+    }
+
+    /// The same for each stretch, before the reduction.
+    pub fn columns_around(
+        &self,
+        fitted: &LinearFit,
+        effects: &EffectSet,
+        parameters: &[ParameterId],
+        progress: &dyn Progress,
+    ) -> Option<Vec<DMatrix<f64>>> {
+        let mut point = LinearizationPoint {
+            effects: effects.clone(),
+            ..fitted.point.clone()
+        };
+        for k in fixed_by(effects) {
+            point.subject.0[k] = 0.0;
+        }
+        self.columns_of(fitted, &point, |stretch| {
+            check(progress).ok()?;
+            let track = self.track;
+            let columns = effects_and_residual(track, stretch, &self.plain, &point, parameters);
+            Some(columns)
+        })
+    }
+
+    /// The same flight under loads of the description grammar.
+    #[must_use]
+    pub fn under(&self, loads: &AppliedLoads<f64>) -> Self {
+        let mut other = self.clone();
+        other.plain.applied = *loads;
+        other
+    }
+
+    /// Columns of every stretch around a point, the last being the residual, reduced by a fit. Returns `None` if the
+    /// simulation diverges or `columns` returns `None`.
+    pub fn reduced_around(
+        &self,
+        fitted: &LinearFit,
+        point: &LinearizationPoint,
+        columns: impl Fn(&Stretch) -> Option<DMatrix<f64>> + Sync,
+    ) -> Option<DMatrix<f64>> {
+        let columns = self.columns_of(fitted, point, columns)?;
+        Some(fitted.whitened.reduced(&columns))
+    }
+
+    fn columns_of(
+        &self,
+        fitted: &LinearFit,
+        point: &LinearizationPoint,
+        columns: impl Fn(&Stretch) -> Option<DMatrix<f64>> + Sync,
+    ) -> Option<Vec<DMatrix<f64>>> {
+        let around = point.constants();
+        self.stretches
+            .par_iter()
+            .zip(&fitted.parts)
+            .map(|(stretch, part)| {
+                let mut columns = columns(stretch)?;
+                let last = columns.ncols() - 1;
+                let mut residual = columns.column_mut(last);
+                residual += &part.constants * &around + &part.wandered;
+                let finite = columns.iter().all(|value| value.is_finite());
+                finite.then_some(columns)
+            })
+            .collect()
+    }
+}

@@ -1,0 +1,230 @@
+//! Likelihood of the errors for given variances, with slope and curvature.
+
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn, SMatrix};
+use rayon::prelude::*;
+
+use crate::jacobian::layout::{COMPONENTS, Components};
+use crate::jacobian::linearization_point::CONSTANTS;
+use crate::likelihood::factor::{StretchFactor, WeightedStretch};
+use crate::likelihood::gemm::{product, product_transposed, transposed_product};
+use crate::likelihood::prior::{Prior, PriorDeviations, subject_precision};
+use crate::shooting::joint_error::JOINTS;
+use crate::shooting::stretch::RESIDUAL_DIM;
+
+/// Weight of the tolerances when the spread of the joint errors is estimated: they count as much as this many joint
+/// angles.
+const TOLERANCE_WEIGHT: f64 = 45.0;
+
+/// A weighted stretch and its contribution to the sums.
+struct Share {
+    weighed: WeightedStretch,
+    information: DMatrix<f64>,
+    slope: DVector<f64>,
+    /// Whitened squared residual plus the logarithm of the determinant.
+    sum: f64,
+}
+
+impl Share {
+    fn new(part: &StretchFactor, sizes: &Components) -> Option<Self> {
+        let factor = part.covariance(sizes)?;
+        let inverse = inverse(&factor);
+        let pulled = product(&inverse, &part.constants);
+        Some(Self {
+            information: transposed_product(&part.constants, &pulled),
+            slope: pulled.tr_mul(&part.residual),
+            sum: part.residual.dot(&(&inverse * &part.residual)) + factor.ln_determinant(),
+            weighed: WeightedStretch { inverse, pulled },
+        })
+    }
+}
+
+/// The inverse of a factored matrix, computed from the inverse of its triangle.
+fn inverse(factor: &Cholesky<f64, Dyn>) -> DMatrix<f64> {
+    let lower = factor.l_dirty();
+    let count = lower.nrows();
+    let mut triangle = DMatrix::identity(count, count);
+    for mut column in triangle.as_mut_slice().chunks_exact_mut(count) {
+        let mut first = count - column.len();
+        // A column of the inverse triangle is zero above the diagonal.
+        while let Some((value, below)) = column.split_first_mut() {
+            if *value != 0.0 {
+                let pivots = &lower.as_slice()[first * count + first..(first + 1) * count];
+                *value /= pivots[0];
+                for (below, pivot) in below.iter_mut().zip(&pivots[1..]) {
+                    *below -= *value * pivot;
+                }
+            }
+            column = below;
+            first += 1;
+        }
+    }
+    transposed_product(&triangle, &triangle)
+}
+
+/// Sums over the stretches for given variances.
+pub(crate) struct RemlEvaluation {
+    pub(crate) likelihood: f64,
+    /// The likelihood with the prior of calibration and bend. The fit maximizes this.
+    pub(crate) objective: f64,
+    pub(crate) constants: DVector<f64>,
+    pub(crate) covariance: DMatrix<f64>,
+    /// Information of the constants, without their prior.
+    pub(crate) information: DMatrix<f64>,
+    /// One for each stretch.
+    pub(crate) weighed: Vec<WeightedStretch>,
+}
+
+/// Square root of the factor on the curvature that makes a step in one log-variance end near the maximum.
+///
+/// If squared residuals are `r` times as large as a variance predicts, the slope is `n (r - 1) / 2` and the curvature
+/// `n r / 2`, so for small `r` a step overshoots by far. Subtracting half the slope from the curvature gives the step
+/// `2 (r - 1) / (r + 1)`, which is the logarithm of `r` to third order.
+fn scale(slope: f64, curvature: f64) -> f64 {
+    if curvature > 0.0 {
+        (1.0 - 0.5 * slope / curvature).max(0.25).sqrt()
+    } else {
+        1.0
+    }
+}
+
+/// Penalty of [`RemlEvaluation::prior_deviations`] for deviations of calibration and bend that depart from the tolerances.
+fn penalty(prior_deviations: &PriorDeviations, prior: &Prior) -> f64 {
+    let tolerance = PriorDeviations::new(&prior.tolerances);
+    let of = |size: f64, middle: f64| size.ln() + 0.5 * (middle / size).powi(2);
+    TOLERANCE_WEIGHT
+        * (of(prior_deviations.calibration, tolerance.calibration)
+            + of(prior_deviations.bend, tolerance.bend))
+}
+
+/// Slope and curvature.
+type Slopes = (Components, SMatrix<f64, COMPONENTS, COMPONENTS>);
+
+impl RemlEvaluation {
+    pub(crate) fn new(
+        parts: &[StretchFactor],
+        prior: &Prior,
+        sizes: &Components,
+        prior_deviations: &PriorDeviations,
+    ) -> Option<Self> {
+        let each: Option<Vec<Share>> = parts
+            .par_iter()
+            .map(|part| Share::new(part, sizes))
+            .collect();
+        let mut information = DMatrix::zeros(CONSTANTS, CONSTANTS);
+        let mut slope = DVector::zeros(CONSTANTS);
+        let mut sum = 0.0;
+        let mut weighed = Vec::with_capacity(parts.len());
+        for share in each? {
+            information += share.information;
+            slope += share.slope;
+            sum += share.sum;
+            weighed.push(share.weighed);
+        }
+        let own = prior_deviations.own_precision();
+        let subject = subject_precision(&prior.tolerances, &prior.fixed);
+        let mut with_prior = information.clone();
+        for (k, precision) in own.iter().chain(&subject).enumerate() {
+            with_prior[(k, k)] += precision;
+            sum -= precision.ln();
+        }
+        let factor = with_prior.cholesky()?;
+        let constants = factor.solve(&slope);
+        sum += factor.ln_determinant() - slope.dot(&constants);
+        let likelihood = -0.5 * sum - prior.penalty(sizes);
+        Some(Self {
+            likelihood,
+            objective: likelihood - penalty(prior_deviations, prior),
+            constants,
+            covariance: inverse(&factor),
+            information,
+            weighed,
+        })
+    }
+
+    /// Slope and curvature of the likelihood in the log-variances.
+    ///
+    /// The curvature is the average of expected and observed information (Gilmour, Thompson and Cullis 1995), which
+    /// needs only matrix-vector products where the other two need products of matrices, scaled by [`scale`].
+    pub(crate) fn slopes(
+        &self,
+        parts: &[StretchFactor],
+        prior: &Prior,
+        sizes: &Components,
+    ) -> Slopes {
+        let (mut slope, mut curvature) = self.by_variance(parts);
+        for j in 0..COMPONENTS {
+            for k in 0..COMPONENTS {
+                curvature[(j, k)] *= sizes[j] * sizes[k];
+            }
+        }
+        slope.component_mul_assign(sizes);
+        let scales = Components::from_fn(|k, _| scale(slope[k], curvature[(k, k)]));
+        curvature.component_mul_assign(&(scales * scales.transpose()));
+        for (k, (middle, deviation)) in prior.sizes.iter().enumerate() {
+            if *deviation > 0.0 {
+                slope[k] -= (sizes[k].ln() - middle) / (deviation * deviation);
+                curvature[(k, k)] += 1.0 / (deviation * deviation);
+            } else {
+                slope[k] = 0.0;
+                curvature.row_mut(k).fill(0.0);
+                curvature.column_mut(k).fill(0.0);
+                curvature[(k, k)] = 1.0;
+            }
+        }
+        (slope, curvature)
+    }
+
+    /// Slope and curvature of the likelihood in the sizes themselves, without their priors.
+    pub(crate) fn by_variance(&self, parts: &[StretchFactor]) -> Slopes {
+        let each: Vec<_> = parts
+            .par_iter()
+            .zip(&self.weighed)
+            .map(|(part, weighed)| {
+                let WeightedStretch { inverse, pulled } = weighed;
+                let left = inverse * &part.residual - pulled * &self.constants;
+                let taken = product_transposed(&product(pulled, &self.covariance), pulled);
+                let rest = inverse - taken;
+                let share = 1.0 / part.weight;
+                let mut slope = Components::zeros();
+                let mut changes = DMatrix::zeros(RESIDUAL_DIM, COMPONENTS);
+                for (k, kernel) in part.kernels() {
+                    let change = kernel * &left * share;
+                    slope[k] = 0.5 * (left.dot(&change) - share * rest.dot(kernel));
+                    changes.set_column(k, &change);
+                }
+                let of_constants = transposed_product(pulled, &changes);
+                let square = transposed_product(&changes, &product(inverse, &changes));
+                (slope, of_constants, square)
+            })
+            .collect();
+        let mut slope = Components::zeros();
+        let mut of_constants = DMatrix::zeros(CONSTANTS, COMPONENTS);
+        let mut square = DMatrix::zeros(COMPONENTS, COMPONENTS);
+        for (part_slope, part_constants, part_square) in each {
+            slope += part_slope;
+            of_constants += part_constants;
+            square += part_square;
+        }
+        square -= of_constants.tr_mul(&(&self.covariance * &of_constants));
+        let curvature =
+            SMatrix::<f64, COMPONENTS, COMPONENTS>::from_fn(|j, k| 0.5 * square[(j, k)]);
+        (slope, curvature)
+    }
+
+    /// Standard deviations of calibration and bend by expectation maximization, regularized by the tolerances.
+    pub(crate) fn prior_deviations(&self, prior: &Prior) -> PriorDeviations {
+        let tolerance = PriorDeviations::new(&prior.tolerances);
+        let limit = prior.tolerances.joint_limit_deg().to_radians();
+        let share = |first: usize, before: f64| {
+            let expected = (first..first + JOINTS)
+                .map(|k| self.constants[k].powi(2) + self.covariance[(k, k)])
+                .sum::<f64>();
+            let fixed = TOLERANCE_WEIGHT * before * before;
+            ((expected + fixed) / (JOINTS as f64 + TOLERANCE_WEIGHT)).sqrt()
+        };
+        PriorDeviations {
+            calibration: share(0, tolerance.calibration).min(limit),
+            bend: share(JOINTS, tolerance.bend),
+        }
+    }
+}

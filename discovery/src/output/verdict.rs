@@ -1,0 +1,228 @@
+//! The outcome of a search: the verdict, and the report with residuals, adjustments and what to fly next.
+
+use crate::named_effect::{EffectEvidence, EffectSet, Named, Outcome, model_of};
+use bodyflight_core::effect::PARAMETER_COUNT;
+
+use crate::error::{Error, Result};
+use crate::hypotheses::decision::DECISION;
+use crate::hypotheses::hypothesis::{NamedEffect, Rejected};
+use crate::hypotheses::robust_covariance::error_bars;
+use crate::hypotheses::score_test::JointFit;
+use crate::jacobian::effect_parameters::estimated;
+use crate::likelihood::variance_components::FittedErrors;
+use crate::output::adjusted_parameters::{adjustments, corrections, joint_calibrations};
+use crate::output::report::{ErrorSizes, HeldOut, Report};
+use crate::output::residual_rms::gap;
+use crate::output::residual_wrench::Remainder;
+use crate::progress::Progress;
+
+/// Compiles the report.
+///
+/// # Errors
+/// Returns an error if the search was cancelled.
+pub(crate) fn report(
+    joint_fit: &JointFit<'_>,
+    plain: Option<Vec<FittedErrors>>,
+    unadjusted: f64,
+    names: Vec<NamedEffect>,
+    nearest: Option<Rejected>,
+    progress: &dyn Progress,
+) -> Result<Report> {
+    let quiet = joint_fit.without_wrench(progress)?;
+    let remainders: Vec<Remainder> = joint_fit
+        .fitted
+        .iter()
+        .enumerate()
+        .map(|(k, (problem, fitted))| {
+            let quiet = quiet.as_ref().and_then(|quiet| quiet.get(k));
+            Remainder::new(problem, fitted, quiet)
+        })
+        .collect();
+    let explained = explained(joint_fit, plain.as_deref(), quiet.as_deref());
+    let outcome = outcome(joint_fit, unadjusted, &names, explained, &remainders);
+    let errors = error_bars(joint_fit, progress).errors;
+    let named = |name: &NamedEffect| reported_effect(name, &joint_fit.effects, &errors, explained);
+    let told_names: Vec<Named> = names.iter().map(named).collect();
+    let effects = if outcome == Outcome::Named {
+        joint_fit.effects.clone()
+    } else {
+        EffectSet::new()
+    };
+    let (named, mut near) = outcome.split(told_names);
+    let is_near = |near: &Rejected| match outcome {
+        Outcome::Calibrated => near.is_alternative,
+        _ => near.name.hypothesis.total() > DECISION.gain_per_parameter,
+    };
+    near.extend(nearest.filter(is_near).map(|near| {
+        let effects = &near.name.hypothesis.effects;
+        reported_effect(&near.name, effects, &near.errors, explained)
+    }));
+    let mut gaps = joint_fit
+        .fitted
+        .iter()
+        .map(|(problem, fitted)| gap(problem, fitted, &joint_fit.effects));
+    let (gap_here, residual_map) = gaps.next().ok_or(Error::Cancelled)?;
+    let fly_next = explain(outcome, &named, &remainders);
+    Ok(Report {
+        verdict: outcome,
+        effects: named,
+        nearest: near,
+        explained,
+        misfit_unadjusted: unadjusted,
+        errors: joint_fit
+            .fitted
+            .iter()
+            .map(|(problem, fitted)| ErrorSizes::new(problem, fitted))
+            .collect(),
+        adjustments: adjustments(&joint_fit.fitted),
+        joints: joint_fit
+            .fitted
+            .iter()
+            .flat_map(|(_, fitted)| joint_calibrations(fitted))
+            .collect(),
+        gap: gap_here,
+        held_out: held_out(joint_fit, &names),
+        residual_map,
+        remainders,
+        description: None,
+        nearest_description: None,
+        fly_next,
+        model: model_of(&effects),
+        corrections: joint_fit
+            .fitted
+            .first()
+            .map_or_else(Vec::new, |(_, f)| model_of(&corrections(f))),
+    })
+}
+
+/// Share of the residual wrench's gain in likelihood that the named effects explain.
+fn explained(
+    joint_fit: &JointFit<'_>,
+    plain: Option<&[FittedErrors]>,
+    quiet: Option<&[FittedErrors]>,
+) -> f64 {
+    let likelihood = |errors: &[FittedErrors]| errors.iter().map(|e| e.likelihood).sum::<f64>();
+    let fitted = joint_fit.fitted.iter();
+    let with_wrench: f64 = fitted.map(|(_, f)| f.errors.likelihood).sum();
+    match (plain, quiet) {
+        (Some(plain), Some(quiet)) => {
+            let gained = likelihood(quiet) - likelihood(plain);
+            gained / (with_wrench - likelihood(plain)).max(gained).max(1e-9)
+        }
+        _ => 0.0,
+    }
+}
+
+fn outcome(
+    joint_fit: &JointFit<'_>,
+    unadjusted: f64,
+    names: &[NamedEffect],
+    explained: f64,
+    remainders: &[Remainder],
+) -> Outcome {
+    let thin = joint_fit.fitted.iter().all(|(problem, _)| {
+        problem.stretches.len() < DECISION.thin_stretches
+            || problem.track.is_still(DECISION.still_rad)
+    });
+    let unexplained = remainders.iter().any(|left| left.is_unexplained);
+    // Joints that wander beyond the suit's limit, or a misfit above one, mean that the fit ended far from the truth.
+    let failed = remainders.iter().any(|left| left.is_beyond_suit)
+        || joint_fit
+            .fitted
+            .iter()
+            .any(|(_, fitted)| fitted.errors.misfit() > DECISION.failed_misfit);
+    if thin {
+        Outcome::Thin
+    } else if !names.is_empty()
+        && !failed
+        && (!unexplained || explained >= DECISION.explained_share)
+    {
+        Outcome::Named
+    } else if unexplained || failed {
+        Outcome::Unexplained
+    } else if unadjusted < DECISION.agreeing_misfit {
+        Outcome::None
+    } else {
+        Outcome::Calibrated
+    }
+}
+
+/// A named effect with its fitted values and their standard errors.
+fn reported_effect(
+    name: &NamedEffect,
+    effects: &EffectSet,
+    errors: &EffectSet,
+    explained: f64,
+) -> Named {
+    let of = |set: &EffectSet| {
+        let mut own = set.iter();
+        own.find(|(effect, _)| *effect == name.hypothesis.effect)
+            .map(|(_, values)| *values)
+    };
+    let values = of(effects).unwrap_or_else(|| name.hypothesis.values());
+    let errors = of(errors).unwrap_or([0.0; PARAMETER_COUNT]);
+    let evidence = EffectEvidence {
+        z_score: name.hypothesis.z_score(),
+        chance: Some(name.chance),
+        explains: explained,
+    };
+    let effect = name.hypothesis.effect;
+    let errors = errors.map(|error| DECISION.reported_error * error);
+    Named::new(effect, evidence, name.rivals.clone()).with_parameters(
+        estimated(effect),
+        &values,
+        &errors,
+    )
+}
+
+/// Gain of the named effects in each held-out flight, and what remains there.
+fn held_out(joint_fit: &JointFit<'_>, names: &[NamedEffect]) -> Vec<HeldOut> {
+    let flights = joint_fit.held_out.iter().enumerate();
+    flights
+        .map(|(k, (problem, fitted))| {
+            let gains = names
+                .iter()
+                .filter_map(|name| name.hypothesis.gains_held_out.get(k));
+            HeldOut {
+                gain: gains.sum(),
+                gap: gap(problem, fitted, &joint_fit.effects).0,
+                remainder: Remainder::new(problem, fitted, None),
+            }
+        })
+        .collect()
+}
+
+/// What to fly next.
+fn explain(outcome: Outcome, named: &[Named], remainders: &[Remainder]) -> String {
+    match outcome {
+        Outcome::Named => {
+            let rivals = named.iter().find(|named| !named.rivals.is_empty());
+            rivals.map_or_else(
+                || "no further flight is needed to separate these effects from others".to_owned(),
+                |named| {
+                    format!(
+                        "to tell {} from its rivals, fly {}",
+                        named.name, named.separated_by
+                    )
+                },
+            )
+        }
+        Outcome::None => "nothing; model and data agree".to_owned(),
+        Outcome::Calibrated => {
+            "the same postures at another speed, belly, back and head-down: mass, area and drag \
+            then do different things"
+                .to_owned()
+        }
+        Outcome::Unexplained => {
+            let words = remainders.iter().find(|left| left.is_unexplained);
+            words.map_or_else(String::new, |left| {
+                format!(
+                    "a similar flight with more variety; look for {}",
+                    left.in_words
+                )
+            })
+        }
+        Outcome::Described => "the same load in another posture and at another speed".to_owned(),
+        Outcome::Thin => "at least 20 s with changes of posture, attitude and speed".to_owned(),
+    }
+}

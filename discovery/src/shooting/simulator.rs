@@ -1,0 +1,396 @@
+//! Simulates a stretch from any start: its intervals with their postures, and the readings of the sensors.
+
+use std::rc::Rc;
+
+use bodyflight_core::Posture;
+use bodyflight_core::body::mass_properties::PostureRate;
+use bodyflight_core::dynamics::{Inputs, Motion, PostureSample, State};
+use bodyflight_core::effect::Model;
+use bodyflight_core::effect::history::moving_at;
+use bodyflight_core::effect::sensors::Moving;
+use bodyflight_core::frame::Vector;
+use nalgebra::Vector3;
+
+use crate::input::flight::RecordedFlight;
+use crate::shooting::joint_error::JointErrors;
+use crate::shooting::perturbation::{InputPerturbation, UnknownWrench};
+use crate::shooting::prediction::Prediction;
+use crate::shooting::stretch::{Channels, ROWS, Stretch, difference, moved};
+
+/// Maximum number of iterations to find the true motion for a measured one, and the difference over all channels at
+/// which they stop.
+const BEHIND_STEPS: usize = 12;
+const BEHIND_CLOSE: f64 = 1e-9;
+
+/// Longest sensor delay for which the motion before a stretch is computed (s); longer ones count as this one.
+const LONGEST_DELAY: f64 = 0.33;
+
+/// Length of the integration steps.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Steps {
+    /// For comparisons with the measurement.
+    Short,
+    /// For differences between two simulations, in which integration errors cancel.
+    Long,
+}
+
+impl Steps {
+    /// Number of intervals before and after the stretch that are sampled too.
+    pub(crate) const fn margin(self) -> usize {
+        match self {
+            Self::Short => 1,
+            Self::Long => 0,
+        }
+    }
+}
+
+/// The posture in the middle of an interval, and its rate of change.
+type Posed = (Posture<f64>, PostureRate<f64>);
+
+/// The intervals of a stretch, prepared for simulation from any start.
+pub(crate) struct Simulator<'a> {
+    pub(crate) track: &'a RecordedFlight,
+    pub(crate) stretch: &'a Stretch,
+    pub(crate) model: Model<f64>,
+    pub(crate) joints: JointErrors,
+    pub(crate) steps: Steps,
+    /// Number of intervals in the stretch.
+    pub(crate) count: usize,
+    /// Postures at the ends of the intervals: recorded and corrected. With short steps, these and the following lists
+    /// include an interval before the stretch and one after it.
+    ends: Rc<[[Posture<f64>; 2]]>,
+    postures: Rc<[Posed]>,
+    samples: Rc<[PostureSample<f64>]>,
+    varied: Option<InputPerturbation>,
+}
+
+impl<'a> Simulator<'a> {
+    /// Prepares the intervals for a model and given joint errors.
+    pub(crate) fn new(
+        track: &'a RecordedFlight,
+        stretch: &'a Stretch,
+        model: &Model<f64>,
+        joints: &JointErrors,
+        steps: Steps,
+    ) -> Self {
+        let grid = stretch.grid;
+        let frames = grid.frames();
+        let count = match steps {
+            Steps::Short => frames * grid.parts,
+            Steps::Long => frames / grid.stride,
+        };
+        let margin = steps.margin();
+        let at = |k: usize| {
+            let after = (k as f64 - margin as f64) * frames as f64 / count as f64;
+            let place = stretch.first as f64 + after;
+            let recorded = track.posture_at(place, model.sensors.posture_delay);
+            let over_stretch = over_stretch(k, margin, count);
+            [recorded, joints.correct(&recorded, over_stretch)]
+        };
+        let prepared = Self {
+            track,
+            stretch,
+            samples: Rc::default(),
+            model: *model,
+            joints: joints.clone(),
+            steps,
+            count,
+            ends: (0..=count + 2 * margin).map(at).collect(),
+            postures: Rc::default(),
+            varied: None,
+        };
+        prepared.posed()
+    }
+
+    /// Time of a frame (s).
+    fn time(&self, frame: usize) -> f64 {
+        self.track.samples[frame].time
+    }
+
+    /// Derives the postures within the intervals from those at their ends.
+    fn posed(mut self) -> Self {
+        let frames = self.stretch.grid.frames();
+        let first = self.stretch.first;
+        let duration = (self.time(first + frames) - self.time(first)) / self.count as f64;
+        let posed = |pair: &[[Posture<f64>; 2]]| {
+            let [from, to] = [&pair[0][1], &pair[1][1]];
+            (
+                from.interpolated(to, 0.5),
+                PostureRate::between(from, to, duration),
+            )
+        };
+        self.postures = self.ends.windows(2).map(posed).collect();
+        self.samples = sampled(&self.model, &self.postures);
+        self
+    }
+
+    /// The same intervals for another model. Whatever does not depend on the change is reused.
+    pub(crate) fn changed_to(&self, model: &Model<f64>) -> Self {
+        if self.model.sensors != model.sensors {
+            return Self::new(self.track, self.stretch, model, &self.joints, self.steps);
+        }
+        let [now, then] = [&self.model.dynamics, &model.dynamics];
+        let same = now.body == then.body
+            && now.aerodynamics == then.aerodynamics
+            && now.stream == then.stream;
+        Self {
+            samples: if same {
+                self.samples.clone()
+            } else {
+                sampled(model, &self.postures)
+            },
+            model: *model,
+            joints: self.joints.clone(),
+            ends: self.ends.clone(),
+            postures: self.postures.clone(),
+            ..*self
+        }
+    }
+
+    /// The same model with other errors of one joint, given by its index among the segments that have a parent.
+    pub(crate) fn with_joint(&self, joints: &JointErrors, joint: usize) -> Self {
+        let margin = self.steps.margin();
+        let changed = |(k, [recorded, posture]): (usize, &[Posture<f64>; 2])| {
+            let mut posture = *posture;
+            let place = over_stretch(k, margin, self.count);
+            joints.correct_joint(recorded, place, joint, &mut posture);
+            [*recorded, posture]
+        };
+        let prepared = Self {
+            ends: self.ends.iter().enumerate().map(changed).collect(),
+            samples: Rc::default(),
+            postures: Rc::default(),
+            joints: joints.clone(),
+            ..*self
+        };
+        prepared.posed()
+    }
+
+    /// The same model with air or inputs that differ in one window.
+    pub(crate) fn with_varied(&self, varied: InputPerturbation) -> Self {
+        let mut other = self.changed_to(&self.model);
+        other.varied = Some(varied);
+        other
+    }
+
+    /// The posture and the sample of an interval.
+    pub(crate) fn interval(&self, k: usize) -> (&Posture<f64>, &PostureSample<f64>) {
+        let place = k + self.steps.margin();
+        (&self.postures[place].0, &self.samples[place])
+    }
+
+    /// The samples of the intervals before and after the given end of an interval.
+    fn around(&self, end: usize) -> [&PostureSample<f64>; 2] {
+        let place = end + self.steps.margin();
+        let last = self.samples.len() - 1;
+        [place.saturating_sub(1), place.min(last)].map(|place| &self.samples[place])
+    }
+
+    /// The state at the start of the stretch. A sample has the posture of the middle of its interval; that of the start
+    /// is the mean of two.
+    pub(crate) fn start_state(&self, motion: &Motion<f64>) -> State<f64> {
+        let [before, after] = self.around(0);
+        let mut state = State::from_motion(motion, before);
+        let other = State::from_motion(motion, after);
+        state.cg_position = mean(&state.cg_position, &other.cg_position);
+        state.linear_momentum = mean(&state.linear_momentum, &other.linear_momentum);
+        state.angular_momentum = mean(&state.angular_momentum, &other.angular_momentum);
+        state
+    }
+
+    /// The motion at the end of an interval, likewise.
+    pub(crate) fn end_motion(&self, state: &State<f64>, end: usize) -> Motion<f64> {
+        let [before, after] = self.around(end);
+        let mut motion = state.motion(before);
+        let other = state.motion(after);
+        motion.position = mean(&motion.position, &other.position);
+        motion.velocity = mean(&motion.velocity, &other.velocity);
+        motion.angular_velocity = mean(&motion.angular_velocity, &other.angular_velocity);
+        motion
+    }
+
+    /// Simulates the stretch from its smoothed start, changed by `start`, with an optional push in one window.
+    pub(crate) fn fly(&self, start: &Channels, push: Option<UnknownWrench>) -> Prediction {
+        let grid = self.stretch.grid;
+        let count = self.count;
+        let first = self.stretch.first;
+        let begin_time = self.time(first) - self.time(0);
+        let duration = (self.time(first + grid.frames()) - self.time(first)) / count as f64;
+        let time = |k: usize| begin_time + duration * k as f64;
+        let (kept, stride) = match self.steps {
+            Steps::Short => (grid.parts, 1),
+            Steps::Long => (1, grid.stride),
+        };
+        let mut seen = Vec::with_capacity(count / kept + 1);
+        let measured = moved(&self.stretch.start, start);
+        seen.push(measured);
+        let sensors = &self.model.sensors;
+        let late = sensors.velocity_latency != 0.0 || sensors.rate_lag != 0.0;
+        let past = if late {
+            self.past(&measured)
+        } else {
+            Vec::new()
+        };
+        let begin = self.true_start(&measured, &past);
+        let mut history = Vec::new();
+        for (earlier, change) in past.iter().rev() {
+            history.push((begin_time - earlier, shifted(&Moving::of(&begin), change)));
+        }
+        let mut state = self.start_state(&begin);
+        let mut motions = Vec::with_capacity(count);
+        let dynamics = &self.model.dynamics;
+        for k in 0..count {
+            let frame = first + (2 * k + 1) * grid.frames() / (2 * count);
+            let inputs = self.model.inputs(&self.track.inputs[frame]);
+            let body = self.interval(k);
+            let (_, sample) = body;
+            let apply = |state: &mut State<f64>, time: f64| {
+                let loads = &self.model.applied;
+                loads.push(dynamics, state, body, time, 0.5 * duration);
+            };
+            apply(&mut state, time(k));
+            let window = k * ROWS / count;
+            state = self.stepped(&state, sample, &inputs, window, duration);
+            apply(&mut state, time(k + 1));
+            if let Some(push) = push
+                && push.window == window
+            {
+                push.act_on(&mut state, sample, duration);
+            }
+            let motion = self.end_motion(&state, k + 1);
+            if late {
+                history.push((time(k + 1), Moving::of(&motion)));
+            }
+            motions.push(motion);
+        }
+        for (k, motion) in motions.iter().enumerate() {
+            if (k + 1) % kept != 0 {
+                continue;
+            }
+            let now = time(k + 1);
+            let past =
+                |delay: f64| moving_at(&history, now - delay).unwrap_or_else(|| Moving::of(motion));
+            seen.push(sensors.observe(motion, past, now));
+        }
+        Prediction { seen, stride }
+    }
+
+    /// The state after a step in a window of the stretch.
+    fn stepped(
+        &self,
+        state: &State<f64>,
+        sample: &PostureSample<f64>,
+        inputs: &Inputs<f64>,
+        window: usize,
+        duration: f64,
+    ) -> State<f64> {
+        let dynamics = &self.model.dynamics;
+        match &self.varied {
+            None => dynamics.step(state, sample, inputs, duration),
+            Some(varied) => {
+                let (dynamics, inputs) = varied.applied(window, dynamics, inputs);
+                dynamics.step(state, sample, &inputs, duration)
+            }
+        }
+    }
+
+    /// The motion before a start: how much earlier it is (s), and by how much velocity and angular velocity differ.
+    ///
+    /// The motion comes from a simulation backwards in time. The measurement itself would not do, because its noise
+    /// also enters the first comparisons, and a sensor that follows this noise would seem late.
+    fn past(&self, start: &Motion<f64>) -> Vec<(f64, [Vector3<f64>; 2])> {
+        let grid = self.stretch.grid;
+        let first = self.stretch.first;
+        let delay = self.model.sensors.posture_delay;
+        let length = grid.frames() as f64;
+        let at = |frame: usize| {
+            let place = 2.0 * (frame as f64 - first as f64) / length - 1.0;
+            let recorded = self.track.posture_at(frame as f64, delay);
+            self.joints.correct(&recorded, place)
+        };
+        let now = Moving::of(start);
+        let mut past = vec![(0.0, [Vector3::zeros(); 2])];
+        let mut state: Option<State<f64>> = None;
+        let mut frame = first;
+        let sensors = &self.model.sensors;
+        let longest = sensors.velocity_latency.max(sensors.rate_lag);
+        while self.time(first) - self.time(frame) < longest.min(LONGEST_DELAY) && frame >= grid.back
+        {
+            let before = frame - grid.back;
+            let duration = self.time(frame) - self.time(before);
+            let sample = self
+                .model
+                .dynamics
+                .between(&at(before), &at(frame), duration);
+            let inputs = self.model.inputs(&self.track.inputs[before]);
+            let from = state.unwrap_or_else(|| State::from_motion(start, &sample));
+            let then = self.model.dynamics.step(&from, &sample, &inputs, -duration);
+            let moving = Moving::of(&then.motion(&sample));
+            let change = [
+                moving.velocity.components - now.velocity.components,
+                moving.angular_velocity.components - now.angular_velocity.components,
+            ];
+            past.push((self.time(first) - self.time(before), change));
+            (state, frame) = (Some(then), before);
+        }
+        past
+    }
+
+    fn true_start(&self, measured: &Motion<f64>, past: &[(f64, [Vector3<f64>; 2])]) -> Motion<f64> {
+        let time = self.time(self.stretch.first) - self.time(0);
+        behind(measured, |start| {
+            let now = Moving::of(start);
+            let at = |delay: f64| {
+                let after = past.partition_point(|(earlier, _)| *earlier < delay);
+                let (Some((late, from)), Some((early, to))) =
+                    (past.get(after), past.get(after.saturating_sub(1)))
+                else {
+                    return past.last().map_or(now, |(_, change)| shifted(&now, change));
+                };
+                let share = if late > early {
+                    (delay - early) / (late - early)
+                } else {
+                    0.0
+                };
+                shifted(&now, &[0, 1].map(|k| to[k] + (from[k] - to[k]) * share))
+            };
+            self.model.sensors.observe(start, at, time)
+        })
+    }
+}
+
+fn mean<F>(a: &Vector<f64, F>, b: &Vector<f64, F>) -> Vector<f64, F> {
+    Vector::from_components((a.components + b.components) * 0.5)
+}
+
+/// Position of an interval's end within the stretch, from -1 to 1. The first `margin` ends are before it.
+fn over_stretch(k: usize, margin: usize, count: usize) -> f64 {
+    2.0 * (k as f64 - margin as f64) / count as f64 - 1.0
+}
+
+/// Samples the loads and mass properties that depend only on the postures.
+fn sampled(model: &Model<f64>, postures: &[Posed]) -> Rc<[PostureSample<f64>]> {
+    let sample = |(posture, rate): &Posed| model.dynamics.sample(posture, rate);
+    postures.iter().map(sample).collect()
+}
+
+/// The motion with velocity and angular velocity changed.
+fn shifted(moving: &Moving<f64>, change: &[Vector3<f64>; 2]) -> Moving<f64> {
+    Moving {
+        velocity: Vector::from_components(moving.velocity.components + change[0]),
+        angular_velocity: Vector::from_components(moving.angular_velocity.components + change[1]),
+    }
+}
+
+/// The true motion for which `observe` returns the measured one.
+fn behind(measured: &Motion<f64>, observe: impl Fn(&Motion<f64>) -> Motion<f64>) -> Motion<f64> {
+    let mut motion = *measured;
+    for _ in 0..BEHIND_STEPS {
+        let residual = difference(measured, &observe(&motion));
+        motion = moved(&motion, &residual);
+        if residual.norm() < BEHIND_CLOSE {
+            break;
+        }
+    }
+    motion
+}

@@ -1,0 +1,176 @@
+//! Cuts a flight into stretches, each with the smoothed motion at its start.
+
+use bodyflight_core::flight_sample::FlightSample;
+use core::ops::RangeInclusive;
+
+use bodyflight_core::dynamics::Motion;
+use bodyflight_core::frame::Rotation;
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+
+use crate::input::flight::RecordedFlight;
+use crate::shooting::stretch::{Channels, Grid, Stretch, difference, moved};
+
+/// Comparison windows before the first stretch, enough for a plausible delay.
+const BEFORE: usize = 4;
+/// Times on either side of the start that are used for smoothing (s), the longest for which a parabola is adequate: the
+/// body turns by at most this angle (rad), and the squared residuals of the angular velocity exceed those of its noise
+/// by at most this many standard deviations.
+const SMOOTHED: [f64; 4] = [0.1, 0.07, 0.05, 0.035];
+const SMOOTHED_TURN: f64 = 0.7;
+const SMOOTHED_EXCESS: f64 = 2.0;
+
+/// The first frame of each stretch of a track.
+pub(crate) fn first_frames(track: &RecordedFlight) -> impl Iterator<Item = usize> {
+    let grid = Grid::new(track.rate(), 0.0);
+    let ends = track
+        .samples
+        .len()
+        .saturating_sub(grid.frames() + grid.window);
+    (BEFORE * grid.window..ends).step_by(grid.frames())
+}
+
+/// Cuts a track into stretches. `noise` is that of the angular velocity (rad/s).
+pub(crate) fn stretches(track: &RecordedFlight, noise: f64) -> Vec<Stretch> {
+    let stretch = |first: usize| {
+        let grid = Grid::new(track.rate(), turning(track, first));
+        let smooth = Smooth::new(track, grid, first, noise);
+        Stretch {
+            first,
+            grid,
+            start: smooth.motion,
+            start_variance: smooth.variance,
+            start_covariance: smooth.after / grid.window as f64,
+        }
+    };
+    first_frames(track).map(stretch).collect()
+}
+
+/// The fastest rotation (rad/s) in a stretch, averaged over a window, so that a single wrong frame does not count.
+fn turning(track: &RecordedFlight, first: usize) -> f64 {
+    let grid = Grid::new(track.rate(), 0.0);
+    let mean = |window: &[FlightSample]| {
+        let rates = window
+            .iter()
+            .map(|sample| sample.motion.angular_velocity.components.norm());
+        rates.sum::<f64>() / window.len() as f64
+    };
+    let frames = &track.samples[first..first + grid.frames()];
+    frames.chunks(grid.window).map(mean).fold(0.0, f64::max)
+}
+
+/// A smoothed motion.
+struct Smooth {
+    motion: Motion<f64>,
+    /// Sum of the squares of the weights.
+    variance: f64,
+    /// Sum of the weights after the frame.
+    after: f64,
+}
+
+impl Smooth {
+    /// Fits a parabola through the neighbouring frames, over the longest time for which it is adequate. `noise` is that of
+    /// the angular velocity (rad/s).
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "only a few frames"
+    )]
+    fn new(track: &RecordedFlight, grid: Grid, frame: usize, noise: f64) -> Self {
+        let turn = track.samples[frame]
+            .motion
+            .angular_velocity
+            .components
+            .norm();
+        let around = |longest: f64| {
+            let side = longest.min(SMOOTHED_TURN / turn.max(1e-6));
+            let frames = (side * track.rate()).round() as usize;
+            let half = frames.clamp(2, grid.window.max(2));
+            let last = (frame + half).min(track.samples.len() - 1);
+            Parabola::new(frame, frame.saturating_sub(half)..=last)
+        };
+        let [others @ .., shortest] = SMOOTHED;
+        let mut longer = others.into_iter().map(around);
+        let adequate = longer.find(|parabola| parabola.is_adequate(track, noise));
+        let parabola = adequate.unwrap_or_else(|| around(shortest));
+        let (from, to) = (*parabola.frames.start(), *parabola.frames.end());
+        // The value of the parabola at the start.
+        let weight = |k: usize| parabola.inverse.column(0).dot(&powers(k, frame));
+        let centre = track.samples[frame].motion;
+        let mut mean = Channels::zeros();
+        let mut carried = UnitQuaternion::identity();
+        let add = |mean: &mut Channels, k: usize, carried: &UnitQuaternion<f64>| {
+            // The rotation in between is removed using the angular velocity.
+            let mut motion = track.samples[k].motion;
+            let velocity = motion.velocity_inertial();
+            motion.inertial_from_body =
+                Rotation::from_quaternion(motion.inertial_from_body.quaternion() * carried);
+            motion.velocity = motion.inertial_from_body.inverse() * velocity;
+            *mean += difference(&motion, &centre) * weight(k);
+        };
+        add(&mut mean, frame, &carried);
+        for k in frame + 1..=to {
+            carried = turned(track, k - 1, k).inverse() * carried;
+            add(&mut mean, k, &carried);
+        }
+        carried = UnitQuaternion::identity();
+        for k in (from..frame).rev() {
+            carried = turned(track, k, k + 1) * carried;
+            add(&mut mean, k, &carried);
+        }
+        Self {
+            motion: moved(&centre, &mean),
+            variance: (from..=to).map(|k| weight(k).powi(2)).sum(),
+            after: (frame + 1..=to).map(weight).sum(),
+        }
+    }
+}
+
+/// A parabola through the frames around a start, by least squares (Savitzky-Golay filter).
+struct Parabola {
+    start: usize,
+    frames: RangeInclusive<usize>,
+    /// Inverse of the matrix of moments.
+    inverse: Matrix3<f64>,
+}
+
+impl Parabola {
+    fn new(start: usize, frames: RangeInclusive<usize>) -> Self {
+        let powers = frames.clone().map(|k| powers(k, start));
+        let moments: Matrix3<f64> = powers.map(|powers| powers * powers.transpose()).sum();
+        // With fewer than three frames, their mean has to do.
+        let mean = || Matrix3::from_partial_diagonal(&[1.0 / moments[(0, 0)]]);
+        Self {
+            start,
+            frames,
+            inverse: moments.try_inverse().unwrap_or_else(mean),
+        }
+    }
+
+    /// Whether what it leaves of the angular velocity is no more than its noise (rad/s).
+    fn is_adequate(&self, track: &RecordedFlight, noise: f64) -> bool {
+        let spin = |k: usize| track.samples[k].motion.angular_velocity.components;
+        let each = || {
+            self.frames
+                .clone()
+                .map(|k| (powers(k, self.start), spin(k)))
+        };
+        let sums: Matrix3<f64> = each().map(|(powers, spin)| powers * spin.transpose()).sum();
+        let fitted = self.inverse * sums;
+        let left = each().map(|(powers, spin)| (spin - fitted.tr_mul(&powers)).norm_squared());
+        let freedom = 3.0 * (self.frames.clone().count() as f64 - 3.0);
+        left.sum::<f64>() / noise.powi(2) <= freedom + SMOOTHED_EXCESS * (2.0 * freedom).sqrt()
+    }
+}
+
+/// One, the number of frames after the start, and its square.
+fn powers(frame: usize, start: usize) -> Vector3<f64> {
+    let offset = frame as f64 - start as f64;
+    Vector3::new(1.0, offset, offset.powi(2))
+}
+
+/// The rotation between two neighbouring frames according to the angular velocity.
+fn turned(track: &RecordedFlight, from: usize, to: usize) -> UnitQuaternion<f64> {
+    let spin = |k: usize| track.samples[k].motion.angular_velocity.components;
+    let duration = track.samples[to].time - track.samples[from].time;
+    UnitQuaternion::from_scaled_axis((spin(from) + spin(to)) * (0.5 * duration))
+}
