@@ -22,6 +22,13 @@ const VELOCITY_NEIGHBOURS: f64 = 0.5;
 /// Longest gap within a jump (s). A longer one means another flight, or a clock that was set between two rows.
 const LONGEST_GAP: f64 = 60.0;
 
+/// Highest rate of fixes that is used (Hz): no receiver of a logger has more than 25.
+const HIGHEST_RATE: f64 = 30.0;
+
+/// Fewest rows of a section between two such gaps, and the loss of height without which it has no jump (m).
+const FEWEST: usize = 20;
+const LOSES: f64 = 50.0;
+
 /// Rows that were removed.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct TakenOut {
@@ -31,10 +38,50 @@ pub struct TakenOut {
     pub first_time: Option<f64>,
 }
 
-/// Returns the section between long gaps that loses the most height, without rows that disagree with their neighbours.
-pub fn cleaned(samples: &[Sample]) -> (Vec<Sample>, TakenOut) {
-    let whole = samples;
-    let samples = jump_without_gaps(whole);
+/// Returns the sections between long gaps, without rows that disagree with their neighbours. Sections without a loss of
+/// height are removed if another one has it.
+pub fn cleaned(samples: &[Sample]) -> (Vec<Vec<Sample>>, TakenOut) {
+    let samples = &thinned(samples)[..];
+    let near = |before: &Sample, after: &Sample| after.time - before.time <= LONGEST_GAP;
+    let mut out = TakenOut::default();
+    let sections: Vec<&[Sample]> = samples.chunk_by(near).collect();
+    let is_jump = |part: &[Sample]| part.len() >= FEWEST && height_range(part) >= LOSES;
+    let has_jump = sections.iter().any(|part| is_jump(part));
+    let mut kept = Vec::new();
+    for part in sections {
+        if has_jump && !is_jump(part) {
+            out.count += part.len();
+            let first = part.first().map(|sample| sample.time);
+            out.first_time = out.first_time.or(first);
+        } else {
+            kept.push(consistent(part, &mut out));
+        }
+    }
+    (kept, out)
+}
+
+/// The samples at no more than the highest rate; others would only repeat their neighbours.
+fn thinned(samples: &[Sample]) -> Vec<Sample> {
+    let mut kept: Vec<Sample> = Vec::with_capacity(samples.len());
+    for sample in samples {
+        if kept
+            .last()
+            .is_none_or(|last| sample.time - last.time >= 1.0 / HIGHEST_RATE)
+        {
+            kept.push(*sample);
+        }
+    }
+    kept
+}
+
+/// Difference between the highest and the lowest sample (m).
+fn height_range(part: &[Sample]) -> f64 {
+    let heights = || part.iter().map(Sample::height);
+    heights().fold(f64::MIN, f64::max) - heights().fold(f64::MAX, f64::min)
+}
+
+/// A section without the rows that disagree with their neighbours.
+fn consistent(samples: &[Sample], out: &mut TakenOut) -> Vec<Sample> {
     // Height plus the distance fallen, which should be nearly constant.
     let mut way = 0.0;
     let mut left: Vec<f64> = Vec::with_capacity(samples.len());
@@ -46,10 +93,6 @@ pub fn cleaned(samples: &[Sample]) -> (Vec<Sample>, TakenOut) {
         left.push(sample.height() - way);
     }
     let mut kept = Vec::with_capacity(samples.len());
-    let mut out = TakenOut {
-        count: whole.len() - samples.len(),
-        first_time: outside(whole, samples).map(|sample| sample.time),
-    };
     for (index, sample) in samples.iter().enumerate() {
         let around = neighbours(samples, index, NEIGHBOURS);
         let height_off = median(around.map(|other| left[other]))
@@ -63,37 +106,12 @@ pub fn cleaned(samples: &[Sample]) -> (Vec<Sample>, TakenOut) {
             .fold(0.0, f64::max);
         if height_off > HEIGHT || velocity_off > VELOCITY {
             out.count += 1;
-            out.first_time = Some(
-                out.first_time
-                    .map_or(sample.time, |first| first.min(sample.time)),
-            );
+            out.first_time.get_or_insert(sample.time);
         } else {
             kept.push(*sample);
         }
     }
-    (kept, out)
-}
-
-/// The section between two gaps that loses the most height.
-fn jump_without_gaps(samples: &[Sample]) -> &[Sample] {
-    let lost = |part: &[Sample]| {
-        let heights = || part.iter().map(Sample::height);
-        heights().fold(f64::MIN, f64::max) - heights().fold(f64::MAX, f64::min)
-    };
-    let near = |before: &Sample, after: &Sample| after.time - before.time <= LONGEST_GAP;
-    (samples.chunk_by(near))
-        .map(|part| (lost(part), part))
-        .max_by(|(a, _), (b, _)| a.total_cmp(b))
-        .map_or(&[], |(_, part)| part)
-}
-
-/// The first row of `whole` that is not in `part`.
-fn outside<'a>(whole: &'a [Sample], part: &[Sample]) -> Option<&'a Sample> {
-    let begin = part.first()?.time;
-    whole.iter().find(|sample| sample.time < begin).or_else(|| {
-        let end = part.last()?.time;
-        whole.iter().find(|sample| sample.time > end)
-    })
+    kept
 }
 
 /// Indices of the samples within `reach` (s) of a sample, including it.
@@ -119,7 +137,7 @@ mod tests {
         samples[exit + 100].velocity.x += 60.0;
         let (kept, out) = cleaned(&samples);
         assert_eq!(out.count, 16);
-        assert_eq!(kept.len(), samples.len() - 16);
+        assert_eq!(kept[0].len(), samples.len() - 16);
         assert_eq!(out.first_time, Some(samples[exit].time));
     }
 
@@ -131,7 +149,7 @@ mod tests {
             sample.time -= 3.2e10;
         }
         let (kept, out) = cleaned(&samples);
-        assert_eq!(kept, good[7..]);
+        assert_eq!(kept, [good[7..].to_vec()]);
         assert_eq!(out.count, 7);
         assert_eq!(out.first_time, Some(samples[0].time));
     }

@@ -9,6 +9,7 @@ use bodyflight_core::air::GRAVITY;
 use nalgebra::Vector3;
 
 use crate::atmosphere::Atmosphere;
+use crate::statistics::{noise_from_third_differences, third_difference};
 use crate::wind::Profile;
 use crate::{Sample, median};
 
@@ -276,13 +277,12 @@ pub fn pieces(blocks: &[Block]) -> Vec<Piece> {
 pub fn velocity_noise(samples: &[Sample]) -> f64 {
     const LEAST_NOISE: f64 = 0.1;
     let left = samples.windows(4).flat_map(|four| {
-        let third =
-            four[3].velocity - four[2].velocity * 3.0 + four[1].velocity * 3.0 - four[0].velocity;
+        let third = third_difference(core::array::from_fn(|k| four[k].velocity));
         [third.x.abs(), third.y.abs(), third.z.abs()]
     });
-    // For a normal distribution the median is 0.6745 deviations; the third difference has the variance of twenty.
-    let noise = median(left).map_or(0.0, |middle| middle / 0.6745 / 20.0_f64.sqrt());
-    noise.max(LEAST_NOISE)
+    median(left)
+        .map_or(0.0, noise_from_third_differences)
+        .max(LEAST_NOISE)
 }
 
 #[cfg(test)]

@@ -1,22 +1,24 @@
-//! The phases of a jump: aircraft, exit, fall, opening, canopy, ground.
+//! The phases of a track: aircraft, exit, fall, opening, canopy, ground.
 //!
 //! Phases are not separated by thresholds. A table gives each phase a range for each feature, and phases follow one
 //! another as on a jump. Of all ways to divide the track, dynamic programming finds the one that fits best as a whole
-//! (a hidden Markov chain, Viterbi). Boundaries are then placed at the kinks of the vertical velocity.
+//! (a hidden Markov chain, Viterbi). No feature separates a fall from a canopy by its speed over ground, since a canopy
+//! that runs with the wind is as fast as a wingsuit: what counts is how fast energy is lost, how large the aerodynamic
+//! force is for the speed, and the opening between them. [`crate::jumps`] finds the jumps among the phases.
 
 use bodyflight_core::air::GRAVITY;
-use nalgebra::{DMatrix, DVector, Vector3};
+use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::atmosphere::Atmosphere;
-use crate::{Sample, slopes};
+use crate::{Sample, longest_step, slopes};
 
 /// A phase of a jump.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, JsonSchema, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Phase {
-    /// Standing or walking.
+    /// Standing or walking, before a flight.
     Ground,
     /// In the aircraft.
     Aircraft,
@@ -24,114 +26,216 @@ pub enum Phase {
     Exit,
     /// Free fall, or flight in a wingsuit.
     Fall,
+    /// A wingsuit pulling up, which trades speed for height.
+    Flare,
     /// From the deployment to the open canopy.
     Opening,
     /// Under the open canopy.
     Canopy,
+    /// On the ground after a flight.
+    Landed,
 }
 
-/// Number of phases.
-const COUNT: usize = 6;
+/// Number of states; a canopy has two: in steady flight, and in a fast turn or dive.
+const COUNT: usize = 9;
 
-impl Phase {
-    /// All phases in the order of a jump.
-    pub const ALL: [Self; COUNT] = [
-        Self::Ground,
-        Self::Aircraft,
-        Self::Exit,
-        Self::Fall,
-        Self::Opening,
-        Self::Canopy,
-    ];
-
-    /// Name for people.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Ground => "ground",
-            Self::Aircraft => "aircraft",
-            Self::Exit => "exit",
-            Self::Fall => "fall",
-            Self::Opening => "opening",
-            Self::Canopy => "canopy",
-        }
-    }
-}
+/// The phase of each state, in the order of a jump.
+const PHASES: [Phase; COUNT] = [
+    Phase::Ground,
+    Phase::Aircraft,
+    Phase::Exit,
+    Phase::Fall,
+    Phase::Flare,
+    Phase::Opening,
+    Phase::Canopy,
+    Phase::Canopy,
+    Phase::Landed,
+];
 
 /// Features that distinguish phases: vertical velocity, horizontal speed, speed (m/s), vertical acceleration (m/s2),
-/// angle of the flight path below the horizon (rad), logarithm of the drag factor (of m2/kg).
-const FEATURES: usize = 6;
+/// loss of energy per weight (m/s: the sink speed of a steady descent), logarithms of the force factor, aerodynamic
+/// force over mass and dynamic pressure, and of its part against the motion (of m2/kg).
+const FEATURES: usize = 7;
 
-/// Distance outside its range at which a feature has a cost of one; the cost grows with the square of the distance.
-const SCALES: [f64; FEATURES] = [2.0, 4.0, 4.0, 1.2, 0.09, 0.15];
+/// Which features depend on the horizontal motion.
+const BY_HORIZONTAL: [bool; FEATURES] = [false, true, true, false, false, true, true];
 
 /// Largest cost of one feature of one sample, so that no single bad sample is decisive.
 const MOST: f64 = 12.0;
 
-const ANY: [f64; 2] = [-1e9, 1e9];
+/// Range of a feature in a phase. Outside, the cost grows with the square of the distance; it is one at `scale`.
+#[derive(Clone, Copy)]
+struct Range {
+    low: f64,
+    high: f64,
+    scale: f64,
+}
 
-/// Logarithm of the drag factor (m2/kg) that separates a body from an opening canopy: 0.016.
-const OPENED: f64 = -4.135;
+const fn range(low: f64, high: f64, scale: f64) -> Range {
+    Range { low, high, scale }
+}
 
-/// Ranges of the features in each phase: wide enough for slow and fast falls, wingsuits, helicopters and swoops.
-const RANGES: [[[f64; 2]; FEATURES]; COUNT] = [
-    // Ground: at rest or walking.
-    [[-0.8, 0.8], [0.0, 6.0], ANY, [-0.6, 0.6], ANY, ANY],
-    // Aircraft: a flat, steady path.
-    [
-        [-14.0, 20.0],
-        [25.0, 110.0],
-        ANY,
-        [-1.5, 1.5],
-        [-0.45, 0.22],
-        ANY,
-    ],
-    // Exit: nearly weightless.
-    [[-45.0, 3.0], ANY, ANY, [-12.0, -4.5], ANY, [-1e9, OPENED]],
-    // Fall: a steep path, fast, with the drag of a body.
-    [
-        [-140.0, -5.0],
-        ANY,
-        [24.0, 150.0],
-        [-7.0, 9.0],
-        [0.2, 1.6],
-        [-1e9, OPENED],
-    ],
-    // Opening: decelerated by more drag than a body has.
-    [
-        [-140.0, -3.0],
-        ANY,
-        [6.0, 150.0],
-        [2.0, 80.0],
-        ANY,
-        [OPENED, 1e9],
-    ],
-    // Canopy: slow, in steady flight.
-    [
-        [-32.0, 2.0],
-        ANY,
-        [2.0, 34.0],
-        [-4.5, 4.5],
-        ANY,
-        [OPENED, 1e9],
-    ],
-];
+const ANY: Range = range(-1e9, 1e9, 1.0);
 
-/// Cost of the transition from one phase (row) to another (column), in the order of [`Phase::ALL`].
+/// What a state looks like.
+struct Look {
+    features: [Range; FEATURES],
+    /// Cost of each sample: above zero for phases that do not last.
+    each: f64,
+}
+
+/// How each state looks: wide enough for slow and fast falls, wingsuits, balloons, cliffs, helicopters, swoops and
+/// strong winds.
+const LOOKS: [Look; COUNT] = {
+    const REST: [Range; FEATURES] = [
+        range(-0.8, 0.8, 2.0),
+        range(0.0, 6.0, 4.0),
+        ANY,
+        range(-0.6, 0.6, 1.2),
+        ANY,
+        ANY,
+        ANY,
+    ];
+    [
+        // Ground: at rest or walking.
+        Look {
+            features: REST,
+            each: 0.0,
+        },
+        // Aircraft, also a balloon or a paraglider: a path without long pushes, climbing or descending.
+        Look {
+            features: [
+                range(-35.0, 20.0, 2.5),
+                ANY,
+                ANY,
+                range(-1.5, 1.5, 1.8),
+                ANY,
+                ANY,
+                ANY,
+            ],
+            each: 0.0,
+        },
+        // Exit: nearly weightless.
+        Look {
+            features: [
+                range(-50.0, 5.0, 2.5),
+                ANY,
+                ANY,
+                range(-12.0, -4.0, 1.2),
+                ANY,
+                range(-1e9, -3.5, 0.25),
+                ANY,
+            ],
+            each: 0.0,
+        },
+        // Fall: loses more energy than a canopy, and has less area for its weight (0.03 m2/kg).
+        Look {
+            features: [
+                range(-160.0, -3.0, 2.5),
+                ANY,
+                range(20.0, 170.0, 4.0),
+                range(-7.0, 9.0, 1.2),
+                range(7.0, 1e9, 3.0),
+                range(-1e9, -3.5, 0.25),
+                ANY,
+            ],
+            each: 0.0,
+        },
+        // Flare: lift slows the descent; the drag is still that of a body, not that of a canopy (0.018 m2/kg).
+        Look {
+            features: [
+                range(-22.0, 15.0, 2.5),
+                ANY,
+                range(17.0, 90.0, 4.0),
+                range(-9.5, 20.0, 1.2),
+                ANY,
+                ANY,
+                range(-1e9, -4.0, 0.25),
+            ],
+            each: 1.5,
+        },
+        // Opening: decelerated by more area than a body has (0.014 m2/kg).
+        Look {
+            features: [
+                range(-160.0, -2.0, 2.5),
+                ANY,
+                range(4.0, 160.0, 4.0),
+                range(1.5, 80.0, 1.2),
+                ANY,
+                range(-4.27, 1e9, 0.25),
+                range(-4.6, 1e9, 0.25),
+            ],
+            each: 0.0,
+        },
+        // Canopy: loses little energy, and has a large area for its weight (0.018 m2/kg, in a strong tailwind).
+        Look {
+            features: [
+                range(-25.0, 4.0, 2.5),
+                ANY,
+                range(4.0, 36.0, 4.0),
+                range(-5.0, 8.0, 1.2),
+                range(-8.0, 14.0, 3.0),
+                range(-4.0, 1e9, 0.25),
+                ANY,
+            ],
+            each: 0.0,
+        },
+        // Canopy in a dive, which lasts for some seconds.
+        Look {
+            features: [
+                range(-45.0, 4.0, 2.5),
+                ANY,
+                range(4.0, 55.0, 4.0),
+                range(-10.0, 20.0, 1.2),
+                ANY,
+                range(-4.6, 1e9, 0.25),
+                ANY,
+            ],
+            each: 0.4,
+        },
+        // Landed: like the ground.
+        Look {
+            features: REST,
+            each: 0.0,
+        },
+    ]
+};
+
+/// Cost of the transition from one phase (row) to another (column), in the order of [`PHASES`].
 const STEPS: [[f64; COUNT]; COUNT] = {
     const USUAL: f64 = 8.0;
+    const FEW: f64 = 20.0;
     const SELDOM: f64 = 60.0;
     const ODD: f64 = 150.0;
     const NEVER: f64 = 800.0;
     [
-        [0.0, ODD, NEVER, NEVER, NEVER, ODD],
-        [ODD, 0.0, USUAL, NEVER, NEVER, NEVER],
-        [NEVER, ODD, 0.0, USUAL, USUAL, ODD],
-        [NEVER, NEVER, SELDOM, 0.0, USUAL, ODD],
-        [NEVER, NEVER, NEVER, SELDOM, 0.0, USUAL],
-        // A canopy that is cut away leads back to an exit.
-        [USUAL, NEVER, ODD, NEVER, SELDOM, 0.0],
+        // From the ground, also over a cliff's edge.
+        [0.0, FEW, FEW, NEVER, NEVER, NEVER, ODD, NEVER, NEVER],
+        [FEW, 0.0, USUAL, NEVER, NEVER, NEVER, NEVER, NEVER, NEVER],
+        [NEVER, ODD, 0.0, USUAL, NEVER, USUAL, ODD, NEVER, NEVER],
+        [NEVER, NEVER, SELDOM, 0.0, USUAL, USUAL, ODD, NEVER, NEVER],
+        [NEVER, NEVER, NEVER, USUAL, 0.0, USUAL, ODD, NEVER, NEVER],
+        // A canopy that does not open well is cut away; a wingsuit pulls out of a dive.
+        [NEVER, NEVER, ODD, SELDOM, NEVER, 0.0, USUAL, SELDOM, NEVER],
+        [NEVER, NEVER, ODD, NEVER, NEVER, NEVER, 0.0, USUAL, USUAL],
+        [NEVER, NEVER, NEVER, NEVER, NEVER, NEVER, USUAL, 0.0, FEW],
+        [ODD, ODD, NEVER, NEVER, NEVER, NEVER, NEVER, NEVER, 0.0],
     ]
 };
+
+/// Cost of any later phase after a gap, in which the phases between were missed.
+const MISSED: f64 = 15.0;
+
+/// Places of the aircraft and of the canopy among the states.
+const AIRCRAFT: usize = 1;
+const CANOPY: usize = 6;
+
+/// An aircraft that sinks steeply (m/s) is fast (m/s); the cost of each sample of one that is not. A wingsuit over a
+/// cliff hardly pushes at its exit, and may open without slowing its descent, so that little else tells it from an
+/// aircraft.
+const STEEP: f64 = 8.0;
+const FAST: f64 = 42.0;
+const UNLIKELY: f64 = 0.4;
 
 /// Time around a sample from which its acceleration is taken (s).
 const REACH: f64 = 0.6;
@@ -153,19 +257,25 @@ pub struct Stretch {
     pub end: usize,
 }
 
-/// Divides a track into phases.
-pub fn divided(samples: &[Sample]) -> Vec<Stretch> {
+/// Divides a track into phases; `has_horizontal` says whether the horizontal motion is known.
+pub fn divided(samples: &[Sample], has_horizontal: bool) -> Vec<Stretch> {
     let accelerations = slopes(samples, REACH);
+    let gap = longest_step(samples);
     let mut costs = [0.0; COUNT];
     let mut from: Vec<[u8; COUNT]> = Vec::with_capacity(samples.len());
     for (index, sample) in samples.iter().enumerate() {
         let next = samples.get(index + 1).unwrap_or(sample).time;
         let weight = (next - sample.time).clamp(0.02, LONGEST) * RATE;
-        let own = emission(sample, &accelerations[index]);
+        let own = emission(sample, &accelerations[index], has_horizontal);
+        let is_after_gap = index > 0 && sample.time - samples[index - 1].time > gap;
         let mut best = [(f64::INFINITY, 0); COUNT];
         for (to, best) in best.iter_mut().enumerate() {
-            for (phase, (cost, steps)) in (0_u8..).zip(costs.iter().zip(&STEPS)) {
-                let step = if index == 0 { 0.0 } else { steps[to] };
+            for (phase, cost) in (0_u8..).zip(&costs) {
+                let step = if index == 0 {
+                    0.0
+                } else {
+                    step(usize::from(phase), to, is_after_gap)
+                };
                 let cost = cost + step;
                 if cost < best.0 {
                     *best = (cost, phase);
@@ -183,9 +293,9 @@ pub fn divided(samples: &[Sample]) -> Vec<Stretch> {
     let mut stretches: Vec<Stretch> = Vec::new();
     for (index, from) in from.iter().enumerate().rev() {
         match stretches.last_mut() {
-            Some(stretch) if stretch.phase == Phase::ALL[phase] => stretch.first = index,
+            Some(stretch) if stretch.phase == PHASES[phase] => stretch.first = index,
             _ => stretches.push(Stretch {
-                phase: Phase::ALL[phase],
+                phase: PHASES[phase],
                 first: index,
                 end: index + 1,
             }),
@@ -196,142 +306,62 @@ pub fn divided(samples: &[Sample]) -> Vec<Stretch> {
     stretches
 }
 
+/// Cost of going from one phase to another between two samples.
+fn step(from: usize, to: usize, is_after_gap: bool) -> f64 {
+    let usual = STEPS[from][to];
+    let is_later = to > from || (from >= CANOPY && to < 2);
+    if is_after_gap && is_later {
+        usual.min(MISSED)
+    } else {
+        usual
+    }
+}
+
+/// Speed (m/s) below which dynamic pressure is too small for a factor: just after the exit from a cliff, errors of the
+/// acceleration would make it as large as that of a canopy.
+const SLOW: f64 = 20.0;
+
+/// Force factor of a sample: aerodynamic force over mass and dynamic pressure, by the speed over ground (m2/kg).
+pub fn force_factor(sample: &Sample, acceleration: &Vector3<f64>) -> f64 {
+    let force = acceleration + Vector3::z() * GRAVITY;
+    let density = Atmosphere::Standard.density(sample.height());
+    force.norm() / (0.5 * density * sample.velocity.norm_squared().max(SLOW * SLOW))
+}
+
+/// Drag factor of a sample: the part of that force which brakes the motion over ground (m2/kg).
+fn drag_factor(sample: &Sample, acceleration: &Vector3<f64>) -> f64 {
+    let force = acceleration + Vector3::z() * GRAVITY;
+    let density = Atmosphere::Standard.density(sample.height());
+    let speed = sample.velocity.norm().max(1.0);
+    -force.dot(&sample.velocity) / (0.5 * density * speed.powi(3))
+}
+
 /// Cost of a sample in each phase.
-fn emission(sample: &Sample, acceleration: &Vector3<f64>) -> [f64; COUNT] {
-    let (up, across) = (sample.velocity.z, sample.across());
+fn emission(sample: &Sample, acceleration: &Vector3<f64>, has_horizontal: bool) -> [f64; COUNT] {
     let speed = sample.velocity.norm();
     let force = acceleration + Vector3::z() * GRAVITY;
-    let pressure = 0.5 * Atmosphere::Standard.density(sample.height()) * speed.max(1.0).powi(3);
-    let drag = (-force.dot(&sample.velocity) / pressure).max(1e-6).ln();
-    let features = [up, across, speed, acceleration.z, (-up).atan2(across), drag];
-    RANGES.map(|ranges| {
-        let outside = features.iter().zip(ranges).zip(SCALES);
-        outside
-            .map(|((value, [low, high]), scale)| {
-                let outside = (low - value).max(value - high).max(0.0) / scale;
-                (outside * outside).min(MOST)
-            })
-            .sum()
-    })
-}
-
-/// The times of a jump (s); `None` for what the track does not show.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Times {
-    /// Exit from the aircraft.
-    pub exit: Option<f64>,
-    /// Start and end of the fall, as far as it is on the track.
-    pub fall: [f64; 2],
-    /// Start of the deceleration by the canopy.
-    pub opening: Option<f64>,
-    /// Time from which the canopy is open.
-    pub canopy: Option<f64>,
-    /// Landing under canopy.
-    pub landing: Option<f64>,
-}
-
-/// The times of the longest fall of a track; `None` if there is none.
-pub fn times(samples: &[Sample], stretches: &[Stretch]) -> Option<Times> {
-    // A deceleration as by a canopy that is followed by further fall is a wingsuit pulling out of a dive.
-    let falls = |place: usize| match stretches[place].phase {
-        Phase::Exit | Phase::Fall => true,
-        Phase::Opening => stretches
-            .get(place + 1)
-            .is_some_and(|next| next.phase == Phase::Fall),
-        _ => false,
-    };
-    let mut falling: Vec<[usize; 2]> = Vec::new();
-    for place in 0..stretches.len() {
-        match falling.last_mut() {
-            Some(last) if falls(place) && last[1] == place => last[1] = place + 1,
-            _ if falls(place) => falling.push([place, place + 1]),
-            _ => {}
-        }
-    }
-    let time = |index: usize| samples[index.min(samples.len() - 1)].time;
-    let duration =
-        |places: &[usize; 2]| time(stretches[places[1] - 1].end) - time(stretches[places[0]].first);
-    let [first, end] = falling
-        .into_iter()
-        .max_by(|a, b| duration(a).total_cmp(&duration(b)))?;
-    // A head-down flyer who changes to belly flight resembles a second exit, so an exit must follow an aircraft phase.
-    let before = first.checked_sub(1).map(|place| stretches[place].phase);
-    let begin = time(stretches[first].first);
-    let exit = match before {
-        Some(_) if stretches[first].phase == Phase::Exit => {
-            kink(samples, begin, [4.0, 2.5], Side::After)
-        }
-        _ => None,
-    };
-    let last = time(stretches[end - 1].end);
-    let after = stretches.get(end).map(|stretch| stretch.phase);
-    let opening = match after {
-        Some(Phase::Opening) => kink(samples, last, [4.0, 1.5], Side::After),
-        Some(Phase::Canopy) => Some(last),
-        _ => None,
-    };
-    let canopy_place =
-        (end..stretches.len()).find(|place| stretches[*place].phase == Phase::Canopy);
-    let canopy = canopy_place.and_then(|place| {
-        let begin = time(stretches[place].first);
-        kink(samples, begin, [2.0, 4.0], Side::Before).or(Some(begin))
-    });
-    let landing = canopy_place.and_then(|place| {
-        let ground = stretches[place..]
-            .iter()
-            .find(|stretch| stretch.phase == Phase::Ground)?;
-        Some(time(ground.first))
-    });
-    Some(Times {
-        exit,
-        fall: [exit.unwrap_or(begin), opening.unwrap_or(last)],
-        opening,
-        canopy,
-        landing,
-    })
-}
-
-/// Side of a kink on which the slope changes.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Side {
-    Before,
-    After,
-}
-
-/// Time near `near` (s) at which two lines fitted to the vertical velocity meet with the least squares.
-///
-/// The lines are fitted over `reach` (s) before and after.
-fn kink(samples: &[Sample], near: f64, reach: [f64; 2], side: Side) -> Option<f64> {
-    const STEP: f64 = 0.05;
-    let within = |sample: &&Sample| (near - reach[0]..=near + reach[1]).contains(&sample.time);
-    let part: Vec<&Sample> = samples.iter().filter(within).collect();
-    let (first, last) = (part.first()?.time, part.last()?.time);
-    if part.len() < 6 {
-        return None;
-    }
-    let mut best: Option<(f64, f64)> = None;
-    let mut place = first + 0.4;
-    while place < last - 0.4 {
-        let slopes = DMatrix::from_fn(part.len(), 3, |row, column| {
-            let since = part[row].time - place;
-            match column {
-                0 => 1.0,
-                1 => since,
-                _ if side == Side::Before => since.min(0.0),
-                _ => since.max(0.0),
-            }
+    let features = [
+        sample.velocity.z,
+        sample.across(),
+        speed,
+        acceleration.z,
+        -force.dot(&sample.velocity) / GRAVITY,
+        force_factor(sample, acceleration).max(1e-9).ln(),
+        drag_factor(sample, acceleration).max(1e-9).ln(),
+    ];
+    let mut costs = LOOKS.map(|look| {
+        let known = features.iter().zip(look.features).zip(BY_HORIZONTAL);
+        let known = known.filter(|(_, by_horizontal)| has_horizontal || !by_horizontal);
+        let outside = known.map(|((value, range), _)| {
+            let outside = (range.low - value).max(value - range.high).max(0.0) / range.scale;
+            (outside * outside).min(MOST)
         });
-        let values =
-            DVector::from_iterator(part.len(), part.iter().map(|sample| sample.velocity.z));
-        let normal = (slopes.transpose() * &slopes).cholesky()?;
-        let line = normal.solve(&(slopes.transpose() * &values));
-        let left = (values - slopes * line).norm_squared();
-        if best.is_none_or(|(least, _)| left < least) {
-            best = Some((left, place));
-        }
-        place += STEP;
+        look.each + outside.sum::<f64>()
+    });
+    if has_horizontal && sample.velocity.z < -STEEP && speed < FAST {
+        costs[AIRCRAFT] += UNLIKELY;
     }
-    best.map(|(_, place)| place)
+    costs
 }
 
 #[cfg(test)]
@@ -339,55 +369,34 @@ mod tests {
     use super::*;
     use crate::synthetic::{EXIT, Jump, jump};
 
-    fn found(jumped: &Jump) -> Times {
-        let samples = jump(jumped);
-        times(&samples, &divided(&samples)).unwrap()
-    }
-
     #[test]
-    fn a_jump_is_divided_at_its_true_phases() {
-        let slow = Jump {
-            rate: 1.0,
-            ..Jump::default()
-        };
-        let head_down = Jump {
-            drag: vec![(0.0, 1.0 / 153.0), (15.0, 1.0 / 320.0), (35.0, 1.0 / 150.0)],
-            ..Jump::default()
-        };
-        for (jumped, allowed) in [(Jump::default(), 0.5), (head_down, 0.5), (slow, 1.0)] {
-            let times = found(&jumped);
-            let off = |time: Option<f64>, flown: f64| (time.unwrap() - flown).abs();
-            assert!(off(times.exit, EXIT) < allowed, "{times:?}");
-            assert!(
-                off(times.opening, EXIT + jumped.opening) < allowed + 0.3,
-                "{times:?}"
-            );
-            let canopy = times.canopy.unwrap() - EXIT - jumped.opening;
-            assert!((1.0..5.0).contains(&canopy), "{times:?}");
-            assert!(times.landing.is_some());
-        }
-    }
-
-    #[test]
-    fn a_track_that_stays_in_the_aircraft_has_no_fall() {
+    fn a_jump_has_its_phases_in_order() {
         let samples = jump(&Jump::default());
-        let inside: Vec<Sample> = samples
-            .into_iter()
-            .filter(|sample| sample.time < EXIT)
+        let phases: Vec<Phase> = divided(&samples, true)
+            .iter()
+            .map(|stretch| stretch.phase)
             .collect();
-        assert_eq!(times(&inside, &divided(&inside)), None);
-        assert_eq!(times(&[], &divided(&[])), None);
+        let expected = [
+            Phase::Aircraft,
+            Phase::Exit,
+            Phase::Fall,
+            Phase::Opening,
+            Phase::Canopy,
+            Phase::Landed,
+        ];
+        assert_eq!(phases, expected);
+        assert_eq!(divided(&[], true), []);
     }
 
     #[test]
-    fn a_track_that_begins_in_the_fall_has_no_exit() {
-        let samples = jump(&Jump::default());
-        let late: Vec<Sample> = samples
-            .into_iter()
-            .filter(|sample| sample.time > EXIT + 20.0)
-            .collect();
-        let times = times(&late, &divided(&late)).unwrap();
-        assert_eq!(times.exit, None);
-        assert!(times.opening.is_some());
+    fn a_flight_in_the_aircraft_is_nothing_else() {
+        let mut inside = jump(&Jump::default());
+        inside.retain(|sample| sample.time < EXIT);
+        let phases = divided(&inside, true);
+        assert!(
+            phases
+                .iter()
+                .all(|stretch| stretch.phase == Phase::Aircraft)
+        );
     }
 }

@@ -28,6 +28,20 @@ pub enum Verdict {
     Thin,
     /// No plausible drag, lift and wind reproduce the fall.
     Unexplained,
+    /// It is not certain that this part of the track is a fall.
+    Uncertain,
+}
+
+impl Verdict {
+    /// Name for people.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Explained => "explained",
+            Self::Thin => "thin",
+            Self::Unexplained => "unexplained",
+            Self::Uncertain => "uncertain",
+        }
+    }
 }
 
 /// The numbers by which a fall is judged.
@@ -45,10 +59,18 @@ pub struct Evidence<'a> {
     pub gap: f64,
     /// Mean speed (m/s).
     pub speed: f64,
+    /// Why the phases are not certain, in a clause; `None` if they are.
+    pub doubt: Option<&'a str>,
 }
 
 /// Returns the verdict and the reason.
 pub fn judged(evidence: &Evidence<'_>) -> (Verdict, String) {
+    if let Some(doubt) = evidence.doubt {
+        return (
+            Verdict::Uncertain,
+            format!("it is not certain that this is a fall: {doubt}"),
+        );
+    }
     let duration = evidence.duration;
     if duration < LEAST || evidence.seconds < LEAST_BLOCKS {
         return (

@@ -19,6 +19,9 @@ const DRIVES: [f64; 7] = [0.15, 0.3, 0.6, 1.2, 2.4, 4.8, 9.6];
 const CHANGES: [f64; 3] = [1.0, 2.0, 4.0];
 const LAYER: f64 = 500.0;
 
+/// Most layers of a profile: more than the atmosphere has.
+const MOST_LAYERS: usize = 1000;
+
 /// Prior standard deviation of the wind, per axis (m/s).
 const PRIOR: f64 = 10.0;
 
@@ -123,7 +126,7 @@ impl Profile {
         };
         let mut layers = Vec::new();
         let mut height = (first.height / thickness).floor() * thickness;
-        while height >= last.height {
+        while height >= last.height && layers.len() < MOST_LAYERS {
             layers.extend(self.at(height).map(|wind| Wind { height, ..*wind }));
             height -= thickness;
         }

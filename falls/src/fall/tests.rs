@@ -1,17 +1,26 @@
 //! Analyses of synthetic jumps.
 
+use bodyflight_core::air::GRAVITY;
+
 use super::*;
 use crate::prediction::Outcome;
 use crate::synthetic::{EXIT, Jump as Flying, jump, wind_at};
 
+/// The only jump of a track.
+fn only(samples: &[Sample]) -> Jump {
+    let mut jumps = analysed(samples, &Settings::default());
+    assert_eq!(jumps.len(), 1, "{jumps:?}");
+    jumps.remove(0)
+}
+
 #[test]
 fn drag_wind_and_opening_of_a_jump_are_found() {
     let flying = Flying::default();
-    let found = analysed(&jump(&flying), &Settings::default()).unwrap();
+    let found = only(&jump(&flying));
     assert_eq!(found.verdict, Verdict::Explained, "{}", found.reason);
     assert_eq!(found.pieces.len(), 1, "{:?}", found.pieces);
     assert!((found.drag * 153.0 - 1.0).abs() < 0.02, "{}", found.drag);
-    assert!((found.times.exit.unwrap() - EXIT).abs() < 0.5);
+    assert!((found.times.exit.unwrap().time - EXIT).abs() < 0.5);
     for wind in found.wind.layers(500.0) {
         let flown = wind_at(&flying, wind.height).xy();
         for axis in 0..2 {
@@ -39,7 +48,7 @@ fn postures_that_change_are_pieces() {
         drag: vec![(0.0, 1.0 / 153.0), (15.0, 1.0 / 290.0), (35.0, 1.0 / 150.0)],
         ..Flying::default()
     };
-    let found = analysed(&jump(&flying), &Settings::default()).unwrap();
+    let found = only(&jump(&flying));
     assert_eq!(found.verdict, Verdict::Explained, "{}", found.reason);
     assert_eq!(found.pieces.len(), 3, "{:?}", found.pieces);
     for (piece, (from, factor)) in found.pieces.iter().zip(&flying.drag) {
@@ -59,7 +68,7 @@ fn a_posture_change_is_reported_instead_of_a_miss() {
             drag: vec![(0.0, 1.0 / 153.0), (from, factor)],
             ..Flying::default()
         };
-        let found = analysed(&jump(&flying), &Settings::default()).unwrap();
+        let found = only(&jump(&flying));
         let prediction = found.prediction.unwrap();
         assert_eq!(
             prediction.outcome,
@@ -84,7 +93,7 @@ fn a_posture_change_is_reported_instead_of_a_miss() {
             noise: 0.3,
             ..Flying::default()
         };
-        let found = analysed(&jump(&flying), &Settings::default()).unwrap();
+        let found = only(&jump(&flying));
         let prediction = found.prediction.unwrap();
         assert_eq!(prediction.outcome, Outcome::Held, "{prediction:?}");
     }
@@ -96,24 +105,20 @@ fn a_short_fall_is_thin_and_that_of_an_anvil_is_not_explained() {
         opening: 5.0,
         ..Flying::default()
     };
-    assert_eq!(
-        analysed(&jump(&hop), &Settings::default()).unwrap().verdict,
-        Verdict::Thin
-    );
+    assert_eq!(only(&jump(&hop)).verdict, Verdict::Thin);
     let anvil = Flying {
         drag: vec![(0.0, 0.000_2)],
         opening: 15.0,
         ..Flying::default()
     };
-    let found = analysed(&jump(&anvil), &Settings::default()).unwrap();
+    let found = only(&jump(&anvil));
     assert_eq!(found.verdict, Verdict::Unexplained, "{}", found.reason);
 }
 
 #[test]
 fn thin_air_makes_a_fall_of_the_same_drag_faster_but_not_its_normalised_rate() {
     let flown = jump(&Flying::default());
-    let settings = Settings::default();
-    let found = analysed(&flown, &settings).unwrap();
+    let found = only(&flown);
     let density = Atmosphere::Standard.density(2000.0);
     let terminal = (2.0 * GRAVITY * 153.0 / density).sqrt();
     assert!(

@@ -1,0 +1,200 @@
+//! Channels that are late: displacements against the integral of velocities, at several lags.
+//!
+//! A logger can write a channel late, by filters and queues, but not early. So the later of two channels is the wrong
+//! one, and is moved back.
+
+use super::compare::{Channel, Finding, Remedy, displacements};
+use crate::{Sample, longest_step};
+
+/// Steps between the lags that are tried (s), their number and largest, and the smallest that is mended: filters of
+/// receivers delay by half a second.
+const STEP: f64 = 0.1;
+const STEPS: i32 = 40;
+const LAGS: f64 = STEP * STEPS as f64;
+const LATE: f64 = 0.8;
+
+/// Least time between the displacements that are compared (s).
+const EVERY: f64 = 0.2;
+
+/// Half of the time over which displacements are compared (s).
+const HALF: f64 = 1.0;
+
+/// Change of the velocity within `HALF` on either side that shows a lag (m/s).
+const CHANGES: f64 = 5.0;
+
+/// Fewest comparisons, and the largest share of the misfit without a lag that is left with it.
+const FEWEST: usize = 5;
+const LEFT: f64 = 0.4;
+
+/// Largest difference that counts in full (m).
+const CLIPPED: f64 = 8.0;
+
+/// A channel over time that is interpolated, and nowhere across missing fixes.
+struct Line {
+    times: Vec<f64>,
+    values: Vec<f64>,
+    gap: f64,
+}
+
+impl Line {
+    fn at(&self, time: f64) -> Option<f64> {
+        let next = self.times.partition_point(|own| *own < time);
+        let before = next.checked_sub(1)?;
+        let (from, to) = (self.times[before], *self.times.get(next)?);
+        if to - from > self.gap {
+            return None;
+        }
+        let share = (time - from) / (to - from);
+        Some(self.values[before] + share * (self.values[next] - self.values[before]))
+    }
+}
+
+/// One axis: positions, velocities, and the integral of these.
+struct Axis {
+    places: Line,
+    speeds: Line,
+    displacements: Line,
+}
+
+impl Axis {
+    fn new(samples: &[Sample], axis: usize) -> Self {
+        let gap = longest_step(samples);
+        let times: Vec<f64> = samples.iter().map(|sample| sample.time).collect();
+        let line = |values: Vec<f64>| Line {
+            times: times.clone(),
+            values,
+            gap,
+        };
+        Self {
+            places: line(samples.iter().map(|sample| sample.position[axis]).collect()),
+            speeds: line(samples.iter().map(|sample| sample.velocity[axis]).collect()),
+            displacements: line(displacements(samples, axis, gap)),
+        }
+    }
+
+    /// Times at which the velocity changes.
+    fn changes(&self) -> Vec<f64> {
+        let changes = |time: &f64| {
+            let ends = (self.speeds.at(time - HALF)).zip(self.speeds.at(time + HALF));
+            ends.is_some_and(|(from, to)| (to - from).abs() > CHANGES)
+        };
+        self.places.times.iter().copied().filter(changes).collect()
+    }
+
+    /// Mean square of the displacements less those by velocities that are read `lag` (s) later, near `times`; and their
+    /// number.
+    fn misfit(&self, times: &[f64], lag: f64) -> (f64, usize) {
+        let off = |time: &f64| {
+            let displacement = |line: &Line, lag: f64| {
+                Some(line.at(time + lag + HALF)? - line.at(time + lag - HALF)?)
+            };
+            let off = displacement(&self.places, 0.0)? - displacement(&self.displacements, lag)?;
+            Some(off.abs().min(CLIPPED).powi(2))
+        };
+        let squares: Vec<f64> = times.iter().filter_map(off).collect();
+        (squares.iter().sum(), squares.len())
+    }
+}
+
+/// Uncertainty of times after a channel was moved (s): lags of different channels of one logger differ by as much.
+pub(super) const UNCERTAIN: f64 = 0.4;
+
+/// Finds the lag of the velocities along some axes behind the positions, and moves the later of both back. Returns
+/// whether one was moved.
+pub(super) fn checked(
+    samples: &mut [Sample],
+    axes: &[usize],
+    [places, velocities]: [Channel; 2],
+    findings: &mut Vec<Finding>,
+) -> bool {
+    let Some(lag) = lag(samples, axes) else {
+        return false;
+    };
+    let (late, name, other) = if lag > 0.0 {
+        (velocities, velocities.name(), places.name())
+    } else {
+        (places, places.name(), velocities.name())
+    };
+    let gap = longest_step(samples);
+    for &axis in axes {
+        let times = samples.iter().map(|sample| sample.time).collect();
+        let value = |sample: &Sample| {
+            if lag > 0.0 {
+                sample.velocity[axis]
+            } else {
+                sample.position[axis]
+            }
+        };
+        let line = Line {
+            times,
+            values: samples.iter().map(value).collect(),
+            gap,
+        };
+        for sample in samples.iter_mut() {
+            // Where the later value is missing, at the end, the last one moves on.
+            if let Some(moved) = line.at(sample.time + lag.abs()) {
+                if lag > 0.0 {
+                    sample.velocity[axis] = moved;
+                } else {
+                    sample.position[axis] = moved;
+                }
+            } else if lag < 0.0 {
+                sample.position[axis] += sample.velocity[axis] * lag.abs();
+            }
+        }
+    }
+    findings.push(Finding {
+        channel: late,
+        remedy: Remedy::Converted,
+        sentence: format!(
+            "the {name} are {:.1} s later than the {other}: they are moved back",
+            lag.abs()
+        ),
+    });
+    true
+}
+
+/// The lag (s) that the motion shows clearly.
+fn lag(samples: &[Sample], axes: &[usize]) -> Option<f64> {
+    let lines: Vec<(Axis, Vec<f64>)> = axes
+        .iter()
+        .map(|axis| Axis::new(samples, *axis))
+        .map(|line| {
+            let changes = line.changes();
+            (line, changes)
+        })
+        .collect();
+    // A late velocity changes late: all times within the lags around are compared.
+    let near: Vec<Vec<f64>> = lines
+        .iter()
+        .map(|(line, changes)| {
+            let is_near = |time: &f64| {
+                let next = changes.partition_point(|other| *other < *time - LAGS);
+                changes
+                    .get(next)
+                    .is_some_and(|other| *other <= *time + LAGS)
+            };
+            let mut near: Vec<f64> = line.places.times.iter().copied().filter(is_near).collect();
+            near.dedup_by(|time, before| *time - *before < EVERY);
+            near
+        })
+        .collect();
+    let misfit = |lag: f64| {
+        let (mut squares, mut count) = (0.0, 0);
+        for ((line, _), times) in lines.iter().zip(&near) {
+            let own = line.misfit(times, lag);
+            squares += own.0;
+            count += own.1;
+        }
+        (count >= FEWEST).then(|| squares / count as f64)
+    };
+    let tried: Vec<(f64, f64)> = (-STEPS..=STEPS)
+        .filter_map(|step| {
+            let lag = f64::from(step) * STEP;
+            Some((lag, misfit(lag)?))
+        })
+        .collect();
+    let (lag, least) = (tried.iter().copied()).min_by(|a, b| a.1.total_cmp(&b.1))?;
+    let is_inside = lag.abs() < LAGS - 0.5 * STEP;
+    (is_inside && lag.abs() >= LATE && least < LEFT * misfit(0.0)?).then_some(lag)
+}

@@ -1,0 +1,128 @@
+//! Channels with faults, one at a time.
+
+use super::*;
+use crate::synthetic::{Jump, jump};
+
+const GIVEN: Given = Given {
+    places: true,
+    velocities: true,
+    speeds: false,
+};
+
+/// A jump of which each sample is changed; what is found, and the mended samples beside the true ones.
+fn changed(change: impl Fn(&mut Sample)) -> (Checked, Vec<Sample>) {
+    let flown = jump(&Jump::default());
+    let mut samples = flown.clone();
+    samples.iter_mut().for_each(change);
+    (checked(&samples, GIVEN), flown)
+}
+
+fn assert_mended(checked: &Checked, flown: &[Sample], channel: Channel, remedy: Remedy) {
+    let [finding] = &checked.findings[..] else {
+        panic!("{:?}", checked.findings);
+    };
+    assert_eq!((finding.channel, finding.remedy), (channel, remedy));
+    let off = checked.samples.iter().zip(flown);
+    let off = off.map(|(mended, flown)| (mended.velocity - flown.velocity).norm());
+    assert!(crate::median(off).unwrap() < 1.5);
+}
+
+#[test]
+fn a_good_track_is_left_unchanged() {
+    let (checked, flown) = changed(|_| {});
+    assert_eq!(checked.findings, []);
+    assert_eq!(checked.samples, flown);
+}
+
+#[test]
+fn units_are_recognised_by_the_other_channel() {
+    let (checked, flown) = changed(|sample| sample.position.z /= 0.3048);
+    assert_mended(&checked, &flown, Channel::Height, Remedy::Converted);
+    for factor in [3.6, 1.0 / 0.514_444, 1.0 / 0.447_04] {
+        let (checked, flown) = changed(|sample| {
+            sample.velocity.x *= factor;
+            sample.velocity.y *= factor;
+        });
+        assert_mended(
+            &checked,
+            &flown,
+            Channel::HorizontalVelocity,
+            Remedy::Converted,
+        );
+        let (checked, flown) = changed(|sample| sample.velocity.z *= factor);
+        assert_mended(
+            &checked,
+            &flown,
+            Channel::VerticalVelocity,
+            Remedy::Converted,
+        );
+    }
+}
+
+#[test]
+fn signs_and_axes_are_recognised() {
+    let (checked, flown) = changed(|sample| sample.velocity.z *= -1.0);
+    assert_mended(
+        &checked,
+        &flown,
+        Channel::VerticalVelocity,
+        Remedy::Converted,
+    );
+    let (checked, flown) = changed(|sample| sample.velocity.x *= -1.0);
+    assert_mended(
+        &checked,
+        &flown,
+        Channel::HorizontalVelocity,
+        Remedy::Converted,
+    );
+    let (checked, flown) = changed(|sample| {
+        let [north, west] = [sample.velocity.x, sample.velocity.y];
+        (sample.velocity.x, sample.velocity.y) = (-west, -north);
+    });
+    assert_mended(
+        &checked,
+        &flown,
+        Channel::HorizontalVelocity,
+        Remedy::Converted,
+    );
+    let (checked, flown) = changed(|sample| {
+        sample.velocity.x = sample.velocity.x.abs();
+        sample.velocity.y = -sample.velocity.y.abs();
+    });
+    assert_mended(
+        &checked,
+        &flown,
+        Channel::HorizontalVelocity,
+        Remedy::NotUsed,
+    );
+}
+
+#[test]
+fn empty_channels_are_replaced() {
+    let (checked, flown) = changed(|sample| sample.velocity.z *= 0.02);
+    assert_mended(&checked, &flown, Channel::VerticalVelocity, Remedy::NotUsed);
+    let (checked, flown) = changed(|sample| sample.position.z = 0.0);
+    assert_mended(&checked, &flown, Channel::Height, Remedy::NotUsed);
+    let top = checked.samples[0].height();
+    assert!((top - 4000.0).abs() < 20.0, "{top}");
+    let (checked, flown) = changed(|sample| {
+        (sample.velocity.x, sample.velocity.y) = (0.0, 0.0);
+    });
+    assert_mended(
+        &checked,
+        &flown,
+        Channel::HorizontalVelocity,
+        Remedy::NotUsed,
+    );
+}
+
+#[test]
+fn heights_alone_have_no_horizontal_motion() {
+    let given = Given {
+        places: false,
+        velocities: false,
+        speeds: false,
+    };
+    let checked = checked(&jump(&Jump::default()), given);
+    assert!(!checked.motion.has_horizontal);
+}
