@@ -1,0 +1,91 @@
+//! Errors of the recorded joints that are constant over the flight.
+//!
+//! Errors about 45 joint axes change only the six components of the load at any time, and span about two dozen
+//! dimensions over a flight. The directions of joint error that matter are the principal axes of these loads.
+
+use bodyflight_core::body::Segment;
+use bodyflight_core::body::posture::Posture;
+use bodyflight_core::dynamics::{Dynamics, Motion, PostureSample};
+use bodyflight_core::estimator::motion::posture_error::{JOINT_AXES, columns, covariance_of};
+use bodyflight_core::math::small_rotation;
+use nalgebra::{SMatrix, SVector, Vector3};
+
+/// Number of directions of joint error that are estimated. Belly flight has hardly more than a dozen. Barrel rolls have
+/// more, because the body's own rotation adds to the loads: with a dozen, the errors in the other directions were
+/// mistaken for muscle input, with error bars five times too small.
+pub const DIRECTIONS: usize = 24;
+
+/// One number for each direction.
+pub type Directions = SVector<f64, DIRECTIONS>;
+
+/// Load (force and moment divided by the dynamic pressure) per direction.
+pub type Loads = SMatrix<f64, 6, DIRECTIONS>;
+
+/// Number of samples that share one load from joint errors.
+const SAMPLES: usize = 2;
+
+/// Directions of joint error, and the load that each causes over the flight.
+pub struct JointDirections {
+    axes: SMatrix<f64, JOINT_AXES, DIRECTIONS>,
+    loads: Vec<Loads>,
+    /// Covariances of the load if every axis has a deviation of 1 rad.
+    covariances: Vec<SMatrix<f64, 6, 6>>,
+}
+
+impl JointDirections {
+    /// Computes the directions from the posture and motion at each sample of a flight.
+    pub fn new<'a>(
+        dynamics: &Dynamics<f64>,
+        flight: impl Iterator<Item = (&'a Posture<f64>, &'a Motion<f64>)>,
+    ) -> Self {
+        let mut sample = PostureSample::blank();
+        let mut covariances = Vec::new();
+        let all: Vec<SMatrix<f64, 6, JOINT_AXES>> = flight
+            .step_by(SAMPLES)
+            .map(|(posture, motion)| {
+                let columns = columns(dynamics, posture, motion, &mut sample);
+                covariances.push(covariance_of(&columns));
+                SMatrix::from_columns(&columns)
+            })
+            .collect();
+        let mut sum = nalgebra::DMatrix::<f64>::zeros(JOINT_AXES, JOINT_AXES);
+        for loads in &all {
+            // Square metres of force are weighted like cubic metres of moment, since a body measures about one metre.
+            sum += loads.tr_mul(loads);
+        }
+        let eigen = sum.symmetric_eigen();
+        let mut order: Vec<usize> = (0..JOINT_AXES).collect();
+        order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
+        let axes = SMatrix::from_fn(|row, column| eigen.eigenvectors[(row, order[column])]);
+        let loads = all.iter().map(|loads| loads * axes).collect();
+        Self {
+            axes,
+            loads,
+            covariances,
+        }
+    }
+
+    /// Covariance of the load at a sample if every axis has a deviation of 1 rad.
+    pub fn covariance(&self, index: usize) -> SMatrix<f64, 6, 6> {
+        let place = (index / SAMPLES).min(self.covariances.len().saturating_sub(1));
+        let covariance = self.covariances.get(place);
+        covariance.copied().unwrap_or_else(SMatrix::identity)
+    }
+
+    /// Loads at a sample.
+    pub fn at(&self, index: usize) -> Loads {
+        let place = (index / SAMPLES).min(self.loads.len().saturating_sub(1));
+        self.loads.get(place).copied().unwrap_or_else(Loads::zeros)
+    }
+
+    /// The posture corrected for these errors (rad, along the directions).
+    pub fn corrected(&self, posture: &Posture<f64>, errors: &Directions) -> Posture<f64> {
+        let turns = self.axes * errors;
+        let joints = Segment::ALL.into_iter().skip(1).enumerate();
+        joints.fold(*posture, |posture, (joint, segment)| {
+            let turn = Vector3::new(turns[3 * joint], turns[3 * joint + 1], turns[3 * joint + 2]);
+            let turned = posture.parent_from_segment(segment) * small_rotation(&turn);
+            posture.with(segment, turned)
+        })
+    }
+}

@@ -1,0 +1,107 @@
+//! Muscle inputs over time from a recording, and how much better they reconstruct the flight than constant coefficients
+//! do. The paper makes the same comparison.
+//!
+//! [`request`] chooses the filter: that of the paper over windows ([`windows`]), or the motion filter ([`motion`]), from
+//! whose result a solution for the whole flight ([`whole`], [`smoother`]) can start. [`verdict`] judges the result.
+#![forbid(unsafe_code)]
+
+pub mod assumed;
+pub mod joints;
+pub mod measured;
+pub mod motion;
+mod replayed;
+pub mod report;
+pub mod request;
+pub mod smoother;
+pub mod verdict;
+pub mod whole;
+pub mod windows;
+
+use std::path::Path;
+
+use bodyflight_core::estimator::motion::watch::Consistency;
+use bodyflight_io::diagnostic::Result;
+use bodyflight_io::files::{CsvFile, number};
+use bodyflight_replay::comparison::Comparison;
+use bodyflight_replay::input_history::InputRow;
+
+use report::{Point, Report};
+
+/// The filter to run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Filter {
+    /// The paper's filter: thirteen runs of the full model over 60 samples.
+    Paper,
+    /// The reduced filter, as on the unit.
+    Reduced,
+}
+
+/// An estimation, with the data for plots and files.
+#[derive(Debug, Clone)]
+pub struct Estimation {
+    /// The numbers.
+    pub report: Report,
+    /// Coefficients over time.
+    pub points: Vec<Point>,
+    /// Reconstruction with estimated inputs.
+    pub estimated: Comparison,
+    /// Free run with constant coefficients.
+    pub constant: Comparison,
+}
+
+impl Estimation {
+    /// For each axis, the share of estimates whose muscle input exceeds two standard deviations.
+    #[expect(clippy::cast_precision_loss, reason = "counts of estimates")]
+    pub fn active_shares(&self) -> [(&'static str, f64); 3] {
+        ["pitch", "yaw", "roll"].map(|axis| {
+            let place = InputRow::COLUMNS.iter().position(|name| *name == axis);
+            let beyond = self.points.iter().filter(|point| {
+                let of = |row: &InputRow| place.map_or(0.0, |place| row.columns()[place]);
+                of(&point.inputs).abs() > 2.0 * of(&point.deviation)
+            });
+            (
+                axis,
+                beyond.count() as f64 / self.points.len().max(1) as f64,
+            )
+        })
+    }
+
+    /// Writes coefficients over time as CSV. The first columns are those that `inputs` in `flight.toml` expects.
+    ///
+    /// # Errors
+    /// Returns an error if the file cannot be written.
+    pub fn write_csv(&self, path: &Path) -> Result<()> {
+        let columns: Vec<&str> = InputRow::COLUMNS
+            .into_iter()
+            .chain(InputRow::MORE_COLUMNS)
+            .chain(DEVIATIONS)
+            .chain(["nis", "consistency"])
+            .collect();
+        let mut file = CsvFile::create(path, &columns)?;
+        for point in &self.points {
+            let numbers = point.inputs.columns().map(number);
+            let deviation = point.deviation.columns();
+            let rest = deviation.iter().skip(1).copied();
+            let rest = rest.chain([point.normalised_innovation]).map(number);
+            let consistency = point.consistency.map_or("", Consistency::name);
+            let more = point.inputs.more_fields();
+            let fields = numbers.into_iter().chain(more).chain(rest);
+            file.write_fields(fields.chain([consistency.to_owned()]))?;
+        }
+        file.finish()
+    }
+}
+
+/// Columns of the standard deviations.
+const DEVIATIONS: [&str; 6] = [
+    "sd_pitch",
+    "sd_yaw",
+    "sd_roll",
+    "sd_damp_pitch",
+    "sd_damp_yaw",
+    "sd_damp_roll",
+];
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

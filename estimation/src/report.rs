@@ -1,0 +1,145 @@
+//! The numbers of an estimation.
+
+use bodyflight_core::dynamics::Motion;
+use bodyflight_core::estimator::motion::watch::{Consistency, Watch};
+use bodyflight_core::estimator::status::{Faults, Health};
+use schemars::JsonSchema;
+use serde::Serialize;
+
+use crate::verdict::Consistencies;
+use bodyflight_replay::comparison::PerChannel;
+use bodyflight_replay::input_history::InputRow;
+
+/// Number of updates with each kind of fault.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, JsonSchema, Serialize)]
+pub struct Flags {
+    /// A posture was unusable.
+    pub posture: u64,
+    /// A measured channel was unusable.
+    pub measurement: u64,
+    /// An update was rejected.
+    pub update: u64,
+    /// The covariance was kept from degenerating.
+    pub covariance: u64,
+    /// The reconstructed motion was limited.
+    pub motion: u64,
+    /// Updates in which predictions were far from the measurements.
+    pub inconsistent: u64,
+    /// Number of restarts after the motion had been lost for a second.
+    pub restarted: u64,
+}
+
+impl Flags {
+    pub(crate) fn count(&mut self, faults: Faults, health: Health) {
+        self.count_faults(faults);
+        self.inconsistent += u64::from(health == Health::Inconsistent);
+    }
+
+    pub(crate) fn count_faults(&mut self, faults: Faults) {
+        for (count, set) in [
+            (&mut self.posture, faults.posture),
+            (&mut self.measurement, faults.measurement),
+            (&mut self.update, faults.update),
+            (&mut self.covariance, faults.covariance),
+            (&mut self.motion, faults.motion),
+        ] {
+            *count += u64::from(set);
+        }
+    }
+}
+
+/// The result of an estimation.
+#[derive(Debug, Clone, JsonSchema, Serialize)]
+pub struct Report {
+    /// Gap of the reconstruction with estimated inputs.
+    pub rms: PerChannel,
+    /// Gap of a free run with constant coefficients.
+    pub rms_constant: PerChannel,
+    /// Gap of a free run from the first frame with the estimated inputs; motion filter only.
+    pub rms_free_run: Option<PerChannel>,
+    /// Largest absolute value of the measured channel.
+    pub amplitude: PerChannel,
+    /// Number of updates.
+    pub updates: u64,
+    /// Mean normalised innovation squared of the updates, all channels.
+    pub nis_mean: f64,
+    /// Faults by kind.
+    pub flags: Flags,
+    /// Time spent in the filter itself (s).
+    pub filter_s: f64,
+    /// Length of the flight (s).
+    pub duration_s: f64,
+    /// Time from a sample to the estimate for it (s): the prediction window.
+    pub delay_s: f64,
+    /// Error of the recorded joints, per axis (deg), as assumed by the motion filter.
+    pub joint_error_deg: Option<f64>,
+    /// How consistent the motion filter was.
+    pub consistency: Option<Consistencies>,
+    /// Why the estimate should not be trusted.
+    pub doubt: Option<String>,
+}
+
+/// Coefficients at one time.
+#[derive(Debug, Clone, Copy)]
+pub struct Point {
+    /// Time from which they apply (s).
+    pub time: f64,
+    /// Coefficients.
+    pub inputs: InputRow,
+    /// Their standard deviations.
+    pub deviation: InputRow,
+    /// Normalised innovation squared of the update: over all channels for the paper's filter, the mean per channel for
+    /// the motion filter.
+    pub normalised_innovation: f64,
+    /// The filter's own verdict on its consistency.
+    pub consistency: Option<Consistency>,
+    /// What the filter monitors.
+    pub watched: Watched,
+    /// Motion at that time; motion filter only.
+    pub motion: Option<Motion<f64>>,
+}
+
+/// Mean squares over about a second of quantities whose mean square should be 1; NaN for those that a filter does not
+/// monitor.
+#[derive(Debug, Clone, Copy)]
+pub struct Watched {
+    /// Normalised innovations of attitude, angular velocity and velocity, the worst channel of each.
+    pub sensors: [f64; 3],
+    /// The residual load, per component.
+    pub residual: f64,
+    /// Normalised innovations of all channels.
+    pub all: f64,
+}
+
+impl Watched {
+    /// The values in the order of the fields.
+    pub fn values(&self) -> [f64; 5] {
+        let [attitude, spin, velocity] = self.sensors;
+        [attitude, spin, velocity, self.residual, self.all]
+    }
+
+    /// For a filter that monitors all channels together.
+    pub fn of_all(mean_square: f64) -> Self {
+        Self {
+            sensors: [f64::NAN; 3],
+            residual: f64::NAN,
+            all: mean_square,
+        }
+    }
+
+    /// For the motion filter.
+    pub fn of(watch: &Watch<f64>) -> Self {
+        // The horizontal speed of a satellite receiver counts as a velocity.
+        let worst = |sensor: usize| {
+            let channels = watch.channels.iter().enumerate();
+            let seen = channels.filter(|(k, channel)| channel.seen && (k / 3).min(2) == sensor);
+            seen.map(|(_, channel)| channel.mean_square)
+                .fold(f64::NAN, f64::max)
+        };
+        Self {
+            sensors: [0, 1, 2].map(worst),
+            residual: watch.residual,
+            all: f64::NAN,
+        }
+    }
+}

@@ -1,0 +1,374 @@
+//! A source opened with its mapping: each frame as the orientations of the mapped segments and the position of the
+//! pelvis.
+
+use std::path::Path;
+
+use bodyflight_core::{Segment, SegmentArray};
+use nalgebra::{Matrix3, Vector3};
+
+use crate::mapping::{Kind, Mapping, Rest};
+use crate::rows::Rows;
+use crate::skeleton::{Skeleton, SourceFrame};
+use crate::systems::{self, Content};
+use crate::table::Table;
+use crate::timing::Timing;
+use crate::tree::Tree;
+use crate::{bvh, names};
+use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::input;
+
+/// Plausible lengths of a person's thigh (m).
+const THIGH: core::ops::Range<f64> = 0.25..0.65;
+/// Length of an average person's thigh (m).
+const AVERAGE_THIGH: f64 = 0.42;
+/// Units of files that do not state theirs (m): metres, centimetres, millimetres, inches, decimetres, feet, and that of
+/// the CMU library, which is an inch over 0.45.
+const UNITS: [f64; 7] = [1.0, 0.01, 0.001, 0.0254, 0.1, 0.3048, 0.0254 / 0.45];
+/// Largest angle between the trunk of a rest posture and the vertical, and between the hips and the left direction
+/// (rad).
+const TRUNK: f64 = 0.6;
+const HIPS: f64 = 0.8;
+/// Angle between a limb and its direction in the rest posture (rad) above which the import warns.
+const LIMB: f64 = 0.5;
+
+/// Limbs whose direction is given by their bones, with the segment whose joint is at the far end.
+const LIMBS: [(Segment, Segment); 8] = [
+    (Segment::LeftUpperArm, Segment::LeftForearm),
+    (Segment::LeftForearm, Segment::LeftHand),
+    (Segment::RightUpperArm, Segment::RightForearm),
+    (Segment::RightForearm, Segment::RightHand),
+    (Segment::LeftThigh, Segment::LeftShank),
+    (Segment::LeftShank, Segment::LeftFoot),
+    (Segment::RightThigh, Segment::RightShank),
+    (Segment::RightShank, Segment::RightFoot),
+];
+
+/// An open source.
+pub struct Source {
+    motion: Motion,
+    /// Conversion of segment rotations.
+    pub skeleton: Skeleton,
+    /// Rate and indices of its frames.
+    pub timing: Timing,
+    /// Name of each segment in the source, `None` if it has none.
+    pub names: SegmentArray<Option<String>>,
+    /// Length of one unit (m).
+    pub unit_m: f64,
+    /// Rows that were skipped because of an empty cell.
+    pub skipped: usize,
+    /// Length of a thigh (m), if the source has it.
+    pub thigh_m: Option<f64>,
+    /// Suspicious findings that do not prevent the import.
+    pub warnings: Vec<String>,
+}
+
+enum Motion {
+    Joints(Tree, SegmentArray<Option<usize>>),
+    Rows(Rows),
+}
+
+impl Source {
+    /// Opens a file, or a folder of sensors, with a mapping; without one, a file whose system or joint names are known.
+    ///
+    /// # Errors
+    /// Returns an error if the file cannot be used, or does not match the mapping.
+    pub fn open(file: &Path, mapping: Option<&Mapping>) -> Result<Self> {
+        let content = match systems::read(file)? {
+            Ok(content) => content,
+            Err(bytes) => unknown(bytes, file, mapping)?,
+        };
+        Self::of(content, mapping).map_err(|problem| problem.in_file(file))
+    }
+
+    fn of(content: Content, mapping: Option<&Mapping>) -> Result<Self> {
+        let own = content.mapping.as_ref();
+        let mut source = match (content.motion, mapping.or(own)) {
+            (systems::Motion::Joints(tree), None) => {
+                let Some(mapping) = names::mapping(&tree) else {
+                    return Err(Problem::bad_input(
+                        "its joint names are not those of any known skeleton",
+                    )
+                    .help(format!(
+                        "map them with --mapping; the file has {}",
+                        joint_names(&tree)
+                    )));
+                };
+                Self::of_tree(tree, &mapping, content.has_lengths)?
+            }
+            (systems::Motion::Joints(tree), Some(mapping)) if mapping.kind == Kind::Bvh => {
+                Self::of_tree(tree, mapping, content.has_lengths)?
+            }
+            (systems::Motion::Table(table), Some(mapping)) if mapping.kind != Kind::Bvh => {
+                Self::of_table(table, mapping)?
+            }
+            (systems::Motion::Joints(tree), Some(_)) => {
+                return Err(Problem::bad_input(
+                    "the file has joints: expected a mapping with kind = \"bvh\"",
+                )
+                .help(format!("it has {}", joint_names(&tree))));
+            }
+            (systems::Motion::Table(_), _) => {
+                let message = format!(
+                    "this is {}, with columns or points instead of joints",
+                    content.kind
+                );
+                return Err(Problem::bad_input(message)
+                    .help("use --mapping to say which of them belongs to which segment: kind = \"points\", \"quaternions\" or \"angles\""));
+            }
+        };
+        source.warnings.splice(0..0, content.warnings);
+        Ok(source)
+    }
+
+    /// Number of frames.
+    pub fn frames(&self) -> usize {
+        self.timing.indices.len()
+    }
+
+    /// A frame, by its position in [`Timing::indices`].
+    ///
+    /// # Errors
+    /// Returns an error if its numbers do not define rotations.
+    pub fn frame(&mut self, place: usize) -> Result<SourceFrame> {
+        match &mut self.motion {
+            Motion::Rows(rows) => rows.frame(place),
+            Motion::Joints(bvh, joints) => {
+                let placed = bvh.placed(place);
+                let at = |segment: Segment| {
+                    let joint = joints[segment].and_then(|joint| placed.get(joint));
+                    joint.map_or_else(Vector3::zeros, |joint| joint.position)
+                };
+                let middle = (at(Segment::LeftThigh) + at(Segment::RightThigh)) * 0.5;
+                Ok(SourceFrame {
+                    world_from_segment: joints.map(|_, joint| {
+                        joint
+                            .and_then(|joint| placed.get(joint))
+                            .map_or_else(Matrix3::identity, |joint| joint.orientation)
+                    }),
+                    position: Some(middle * self.unit_m),
+                })
+            }
+        }
+    }
+
+    fn of_tree(mut bvh: Tree, mapping: &Mapping, has_lengths: bool) -> Result<Self> {
+        if let Some(rate) = mapping.time.rate_hz {
+            bvh.rate = rate;
+        }
+        let starts_at_rest = bvh.starts_at_rest();
+        if starts_at_rest {
+            bvh.drop_first();
+        }
+        let mut joints = SegmentArray::from_fn(|_| None);
+        for (segment, joint) in joints.iter_mut() {
+            let named = mapping.segments.get(segment.name());
+            let Some(name) = named.and_then(|row| row.joint.as_deref()) else {
+                continue;
+            };
+            *joint = Some(bvh.joint(name).ok_or_else(|| {
+                Problem::bad_input(format!("the file has no joint \"{name}\""))
+                    .at(format!("segments.{}", segment.name()))
+                    .help(format!("it has {}", joint_names(&bvh)))
+            })?);
+        }
+        let mut skeleton = Skeleton::new(mapping)?;
+        let bones = mapping.body.rest.is_none_or(|rest| rest == Rest::Bones);
+        let mut warnings = lay(&mut skeleton, &bvh, &joints, bones)?;
+        if starts_at_rest {
+            warnings.push(
+                "frame 0 is a rest posture from which the motion jumps: it was left out".to_owned(),
+            );
+        }
+        let thigh = bvh_thigh(&bvh, &joints);
+        let unit_m = match mapping.world.unit_m {
+            Some(unit_m) if !has_lengths => unit_m,
+            said => unit(thigh, said, &mut warnings)?,
+        };
+        let thigh = has_lengths.then_some(thigh * unit_m);
+        let timing = Timing {
+            rate: bvh.rate,
+            indices: (0..bvh.frames() as u64).collect(),
+        };
+        Ok(Self {
+            names: joints.map(|_, joint| Some(bvh.joints.get((*joint)?)?.name.clone())),
+            motion: Motion::Joints(bvh, joints),
+            skeleton,
+            timing,
+            unit_m,
+            skipped: 0,
+            thigh_m: thigh,
+            warnings,
+        })
+    }
+
+    fn of_table(table: Table, mapping: &Mapping) -> Result<Self> {
+        let mut warnings = table.angle_warnings(mapping);
+        let said = mapping.world.unit_m.or(table.unit_m);
+        let unit_name = table.unit_name.clone();
+        let skeleton = Skeleton::new(mapping)?;
+        let (rows, timing, skipped) =
+            Rows::open(table, mapping, |thigh| match (said, thigh, &unit_name) {
+                (Some(unit), _, _) => Ok(unit),
+                (None, Some(thigh), Some(_)) => unit(thigh, None, &mut warnings),
+                (None, None, Some(name)) => {
+                    let message = format!("expected a unit of mm, cm, m, in or ft, found {name}");
+                    Err(Problem::bad_input(message)
+                        .help("give the length of one unit in the mapping: [world] unit_m"))
+                }
+                (None, _, None) => Ok(1.0),
+            })?;
+        warnings.extend(rows.faults.iter().map(ToString::to_string));
+        let (unit_m, thigh_m) = (rows.unit_m(), rows.thigh_m);
+        if let Some(thigh) = thigh_m
+            && !THIGH.contains(&thigh)
+        {
+            return Err(no_thigh(thigh));
+        }
+        Ok(Self {
+            names: SegmentArray::from_fn(|segment| rows.name(segment)),
+            motion: Motion::Rows(rows),
+            skeleton,
+            timing,
+            unit_m,
+            skipped,
+            thigh_m,
+            warnings,
+        })
+    }
+}
+
+/// A file that no system claims: BVH, or a table if the mapping says so.
+fn unknown(bytes: Vec<u8>, file: &Path, mapping: Option<&Mapping>) -> Result<Content> {
+    let in_file = |problem: Problem| problem.in_file(file);
+    let motion = if mapping.is_none_or(|mapping| mapping.kind == Kind::Bvh) {
+        systems::Motion::Joints(bvh::parse(&bytes).map_err(in_file)?)
+    } else {
+        systems::Motion::Table(Table::parse(&input::utf_8(bytes, file)?).map_err(in_file)?)
+    };
+    Ok(Content {
+        kind: "a table",
+        motion,
+        mapping: None,
+        warnings: Vec::new(),
+        has_lengths: true,
+    })
+}
+
+fn joint_names(bvh: &Tree) -> String {
+    let names: Vec<&str> = bvh.joints.iter().map(|joint| joint.name.as_str()).collect();
+    names.join(", ")
+}
+
+fn no_thigh(thigh: f64) -> Problem {
+    let message = format!(
+        "expected a thigh of {} to {} m, found one of {thigh:.3} m",
+        THIGH.start, THIGH.end
+    );
+    Problem::bad_input(message).at("world.unit_m").help(
+        "give the length of one unit of the file: 0.01 for centimetres, 0.001 for millimetres",
+    )
+}
+
+/// Length of the left thigh (units of the file).
+fn bvh_thigh(bvh: &Tree, joints: &SegmentArray<Option<usize>>) -> f64 {
+    let rest = bvh.at_rest();
+    let place = |segment: Segment| Some(rest.get(joints[segment]?)?.position);
+    place(Segment::LeftThigh)
+        .zip(place(Segment::LeftShank))
+        .map_or(0.0, |(hip, knee)| (knee - hip).norm())
+}
+
+/// Length of one unit (m), as said or guessed from the length of a thigh in that unit.
+fn unit(thigh: f64, said: Option<f64>, warnings: &mut Vec<String>) -> Result<f64> {
+    if let Some(unit) = said {
+        return (THIGH.contains(&(thigh * unit)))
+            .then_some(unit)
+            .ok_or_else(|| no_thigh(thigh * unit));
+    }
+    // The unit whose thigh is nearest to that of an average person.
+    let off = |unit: &f64| (thigh * unit / AVERAGE_THIGH).ln().abs();
+    let fits = UNITS
+        .iter()
+        .filter(|unit| THIGH.contains(&(thigh * **unit)));
+    let known = fits.min_by(|a, b| off(a).total_cmp(&off(b))).copied();
+    let unit = match known {
+        Some(unit) => unit,
+        None if thigh > 0.0 && thigh.is_finite() => AVERAGE_THIGH / thigh,
+        None => return Err(no_thigh(thigh)),
+    };
+    warnings.push(format!(
+        "the file states no unit: one unit is taken as {unit:.6} m{}, which makes the thigh {:.3} m long; unit_m in a mapping says it otherwise",
+        if known.is_some() { "" } else { ", as no common unit fits" },
+        thigh * unit
+    ));
+    Ok(unit)
+}
+
+/// Checks the rest posture of a file against the mapping, and aligns limbs with their bones if `bones` is set.
+fn lay(
+    skeleton: &mut Skeleton,
+    bvh: &Tree,
+    joints: &SegmentArray<Option<usize>>,
+    bones: bool,
+) -> Result<Vec<String>> {
+    let rest = bvh.at_rest();
+    let place = |segment: Segment| Some(rest.get(joints[segment]?)?.position);
+    let middle = |left, right| Some((place(left)? + place(right)?) * 0.5);
+    let way = |from: Option<Vector3<f64>>, to: Option<Vector3<f64>>| Some(to? - from?);
+    let hips = middle(Segment::LeftThigh, Segment::RightThigh);
+    let shoulders = middle(Segment::LeftUpperArm, Segment::RightUpperArm);
+    let checks = [
+        (
+            "the shoulders are not above the hips",
+            way(hips, shoulders),
+            Vector3::z(),
+            TRUNK,
+        ),
+        (
+            "the left hip is not left of the right one",
+            way(place(Segment::RightThigh), place(Segment::LeftThigh)),
+            Vector3::x(),
+            HIPS,
+        ),
+    ];
+    for (what, way, expected, most) in checks {
+        let (Some(way), Some(found)) = (way, way.and_then(|way| skeleton.in_body(&way))) else {
+            continue;
+        };
+        if found.angle(&expected) > most {
+            let [x, y, z]: [f64; 3] = way.normalize().into();
+            let message = format!(
+                "with all rotations zero, {what}, but at {x:.2}, {y:.2}, {z:.2} from there in the file's axes"
+            );
+            return Err(Problem::bad_input(message).at("body, axes").help(
+                "use a mapping to say where the axes of the file point: [world] axes and [body] axes",
+            ));
+        }
+    }
+    let mut warnings = Vec::new();
+    for (segment, next) in LIMBS {
+        let Some(along) = way(place(segment), place(next)).filter(|way| way.norm() > 0.0) else {
+            continue;
+        };
+        if bones {
+            skeleton.align(segment, &along);
+        } else if let Some(angle) = skeleton.angle_to(segment, &along)
+            && angle > LIMB
+        {
+            warnings.push(format!(
+                "{}: its bone is {:.0} degrees off the rest posture; rest = \"bones\" aligns the segment with its bone",
+                segment.name(),
+                angle.to_degrees()
+            ));
+        }
+    }
+    if bones {
+        for (end, arm) in [
+            (Segment::LeftHand, Segment::LeftForearm),
+            (Segment::RightHand, Segment::RightForearm),
+        ] {
+            skeleton.follow(end, arm);
+        }
+    }
+    Ok(warnings)
+}

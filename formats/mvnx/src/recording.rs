@@ -1,0 +1,423 @@
+//! A recorded flight: posture and motion of the pelvis, frame by frame, from an MVNX file.
+//!
+//! Bad frames are never used silently. By default a short run of them is replaced by frames interpolated between its
+//! good neighbours (marked by [`FlightFrame::bridged`], counted in [`Quality`]); a longer run is an error that names
+//! file, line, frame and element. With [`BadFrames::Refuse`], the first bad frame is an error.
+
+mod bridge;
+mod frame;
+mod plausibility;
+mod warning;
+mod watch;
+
+pub use bridge::{BRIDGE_LIMIT, BadFrames, Quality};
+pub use frame::{FlightFrame, PelvisMotion};
+
+use std::collections::VecDeque;
+use std::io::BufRead;
+use std::path::Path;
+
+use bodyflight_core::SegmentArray;
+use bodyflight_core::frame::{Inertial, Vector};
+use nalgebra::{Quaternion, UnitQuaternion};
+
+use crate::closure::Skeleton;
+use crate::xsens::{self, MvnSegment};
+use crate::{ArmFrame, Fault, Field, Fields, Frame, FrameKind, Header, ReadOptions, Reader};
+use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::input::Input;
+use plausibility::{JOINT_LIMIT, OpenJoint};
+pub use warning::{Warning, faults};
+
+/// Largest closure error of a usable recording (m): well above the 0.01 of a good file whose shoulder girdle moves, and
+/// well below the 0.2 or more that a wrong convention gives.
+const CLOSURE_LIMIT: f64 = JOINT_LIMIT;
+/// Number of frames, besides those of the calibration, that determine the convention of the arms.
+const FRAMES_FOR_ARMS: usize = 8;
+
+/// How to read a flight.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Options {
+    /// What to do with a frame whose numbers are unusable.
+    pub bad_frames: BadFrames,
+    /// Accepts a file that ends too early, up to its last complete frame.
+    pub allow_truncated: bool,
+    /// Convention of the arms, if known; otherwise the one with which the joints close best.
+    pub arm_frame: Option<ArmFrame>,
+}
+
+/// A flight read frame by frame; memory does not grow with its length.
+pub struct Recording<R: BufRead> {
+    reader: Reader<R>,
+    /// Frames read ahead to determine the convention of the arms.
+    ahead: VecDeque<Frame>,
+    frame: Frame,
+    places: Places,
+    skeleton: Skeleton,
+    arm_frame: ArmFrame,
+    closure_error: f64,
+    bridge: bridge::Bridge,
+    watch: watch::Watch,
+    /// Velocities that replace the suit's.
+    velocities: Option<Velocities>,
+    finished: bool,
+}
+
+/// Velocity of the pelvis (m/s, inertial axes) at a time since frame 0 (s), from another sensor than the suit; `None`
+/// where it has none.
+pub type Velocities = Box<dyn Fn(f64) -> Option<Vector<f64, Inertial>> + Send>;
+
+/// Position of each of the model's segments among those of a frame.
+type Places = SegmentArray<usize>;
+
+impl Recording<Input> {
+    /// Opens a flight.
+    ///
+    /// # Errors
+    /// Returns an error if the file cannot be read or holds no flight, see [`Recording::new`].
+    pub fn open(path: &Path, options: Options) -> Result<Self> {
+        let reader = Reader::open(path, reader_options(options))?;
+        Self::from_reader(reader, options)
+    }
+}
+
+fn reader_options(options: Options) -> ReadOptions {
+    ReadOptions {
+        fields: Fields::FLIGHT,
+        allow_truncated: options.allow_truncated,
+    }
+}
+
+impl<R: BufRead> Recording<R> {
+    /// Reads a flight from any input; `path` is used in messages.
+    ///
+    /// # Errors
+    /// Returns an error if the input is not a recording, if it lacks segments, orientation or position, if it has no
+    /// joints and the convention of its arms is not given, or if its segments do not meet at their joints.
+    pub fn new(input: R, path: &Path, options: Options) -> Result<Self> {
+        let reader = Reader::new(input, path, reader_options(options))?;
+        Self::from_reader(reader, options)
+    }
+
+    fn from_reader(mut reader: Reader<R>, options: Options) -> Result<Self> {
+        let path = reader.path().to_path_buf();
+        let named = |problem: Problem| problem.in_file(&path);
+        let places = places(reader.header()).map_err(named)?;
+        let skeleton = match (Skeleton::of(reader.header()), options.arm_frame) {
+            (Some(skeleton), _) => skeleton,
+            (None, Some(_)) => Skeleton::without_joints(reader.header()),
+            (None, None) => {
+                return Err(named(
+                    Problem::bad_input(
+                        "found no joints with points, so the convention of the arms is unknown",
+                    )
+                    .help(
+                        "export the recording again, with segments, points and joints, or give the \
+                         convention with --arm-frame t-pose or isb",
+                    ),
+                ));
+            }
+        };
+        let mut ahead = VecDeque::with_capacity(FRAMES_FOR_ARMS);
+        let mut frame = Frame::default();
+        while ahead.len() < FRAMES_FOR_ARMS && reader.next_frame(&mut frame)? {
+            ahead.push_back(frame.clone());
+        }
+        let Some(first) = ahead.front() else {
+            return Err(named(
+                Problem::bad_input(
+                    "found no complete frame of type \"normal\", so there is no flight in it",
+                )
+                .help("export the recording again, with its frames"),
+            ));
+        };
+        check_fields(first, &ahead).map_err(named)?;
+        let (told, closure_error) = arm_frame(&skeleton, reader.calibration(), ahead.iter())
+            .unwrap_or((ArmFrame::TPose, 0.0));
+        if closure_error > CLOSURE_LIMIT {
+            return Err(named(open_joints(&skeleton, &ahead, closure_error)));
+        }
+        let arm_frame = options.arm_frame.unwrap_or(told);
+        let frame_rate = reader.header().frame_rate;
+        let bridge = bridge::Bridge::new(frame_rate, options.bad_frames);
+        Ok(Self {
+            reader,
+            ahead,
+            frame,
+            places,
+            skeleton,
+            arm_frame,
+            closure_error,
+            bridge,
+            watch: watch::Watch::new(frame_rate),
+            velocities: None,
+            finished: false,
+        })
+    }
+
+    /// The header of the file.
+    pub fn header(&self) -> &Header {
+        self.reader.header()
+    }
+
+    /// Convention in which the file gives the arms, and the closure error (m) of the convention that fits best. Frames
+    /// are always returned in the convention of the T-pose.
+    pub fn arm_frame(&self) -> (ArmFrame, f64) {
+        (self.arm_frame, self.closure_error)
+    }
+
+    /// Counts of good and bad frames so far, and the first fault.
+    pub fn quality(&self) -> &Quality {
+        &self.bridge.quality
+    }
+
+    /// Replaces the suit's velocities from now on by those at the frames' times (s).
+    #[must_use]
+    pub fn with_velocities(mut self, velocities: Velocities) -> Self {
+        self.velocities = Some(velocities);
+        self
+    }
+
+    /// Whatever is implausible for a flight in the frames read so far.
+    pub fn warnings(&self) -> Vec<Warning> {
+        let mut warnings = self.watch.warnings();
+        let props = self.header().segments.iter().map(|segment| &segment.label);
+        let props = props.filter(|label| MvnSegment::ALL.iter().all(|own| own.label() != *label));
+        for prop in props {
+            let message = format!("the segment {prop} is not part of the body and is left out");
+            warnings.push(Warning::new(0, message));
+        }
+        for other in self.reader.other_subjects() {
+            let message = format!(
+                "the file has a second subject, {other}, which is not read: export each to a file of its own"
+            );
+            warnings.push(Warning::new(0, message));
+        }
+        warnings
+    }
+
+    /// The first good calibration frame of a kind, as posture and motion; `None` if there is none.
+    pub fn calibration(&self, kind: FrameKind) -> Option<FlightFrame> {
+        let mut frame = self
+            .reader
+            .calibration()
+            .iter()
+            .find(|frame| frame.kind == kind && frame.fault.is_none())?
+            .clone();
+        self.flight_frame(&mut frame)
+    }
+
+    /// Number of bytes held, to check that memory does not grow.
+    pub fn buffered_bytes(&self) -> usize {
+        self.reader.buffered_bytes() + self.frame.capacity_bytes() + self.bridge.held_bytes()
+    }
+
+    /// Posture and motion of a good frame; `None` if elements are missing.
+    fn flight_frame(&self, frame: &mut Frame) -> Option<FlightFrame> {
+        if self.arm_frame == ArmFrame::Isb && frame.kind != FrameKind::Identity
+            || frame.kind == FrameKind::TposeIsb
+        {
+            self.skeleton
+                .convert_to_t_pose(frame.numbers_mut(Field::Orientation)?);
+        }
+        let orientation = frame.numbers(Field::Orientation)?;
+        let mut missing = false;
+        let leading = self.places.map(|_, place| {
+            let numbers = orientation.get(4 * place..4 * place + 4);
+            let [w, x, y, z] = numbers.and_then(|q| q.try_into().ok()).unwrap_or_else(|| {
+                missing = true;
+                [1.0, 0.0, 0.0, 0.0]
+            });
+            UnitQuaternion::new_normalize(Quaternion::new(w, x, y, z))
+        });
+        if missing {
+            return None;
+        }
+        let (inertial_from_body, posture) = xsens::attitude_and_posture(&leading);
+        let pelvis = self.places[bodyflight_core::Segment::Pelvis];
+        let vector = |field, place| frame.vector(field, place).map(Vector::from_components);
+        let time = self.bridge.time(frame.index);
+        Some(FlightFrame {
+            index: frame.index,
+            time,
+            posture,
+            pelvis: PelvisMotion {
+                inertial_from_body,
+                position: vector(Field::Position, pelvis)?,
+                velocity: match &self.velocities {
+                    Some(velocity_at) => velocity_at(time),
+                    None => vector(Field::Velocity, pelvis),
+                },
+                angular_velocity: vector(Field::AngularVelocity, pelvis),
+            },
+            centre_of_mass: vector(Field::CenterOfMass, 0),
+            bridged: false,
+        })
+    }
+
+    /// The joint that closes worst in a frame whose arms have the convention of the T-pose.
+    fn worst_joint(&self, frame: &Frame) -> Option<OpenJoint> {
+        let orientation = frame.numbers(Field::Orientation)?;
+        let position = frame.numbers(Field::Position)?;
+        let (segment, apart) = self
+            .skeleton
+            .worst_joint(orientation, position, ArmFrame::TPose)?;
+        let label = (apart > JOINT_LIMIT).then(|| self.header().segments.get(segment))??;
+        Some(OpenJoint {
+            segment: label.label.clone(),
+            apart,
+        })
+    }
+
+    /// The next frame, `None` at the end.
+    fn advance(&mut self) -> Result<Option<FlightFrame>> {
+        loop {
+            if let Some(frame) = self.bridge.ready() {
+                return Ok(Some(frame));
+            }
+            if self.finished {
+                return Ok(None);
+            }
+            let mut frame = core::mem::take(&mut self.frame);
+            let more = match self.ahead.pop_front() {
+                Some(first) => {
+                    frame = first;
+                    true
+                }
+                None => self.reader.next_frame(&mut frame)?,
+            };
+            if !more {
+                self.finished = true;
+                self.bridge.end()?;
+                self.bridge.quality.truncated = self.reader.is_truncated();
+            } else if let Some(fault) = frame.fault.take() {
+                self.bridge.bad(fault)?;
+            } else if let Some(flight) = self.flight_frame(&mut frame) {
+                let joint = self.worst_joint(&frame);
+                self.watch.see(&flight, frame.written_time, joint);
+                self.bridge.good(flight)?;
+            } else {
+                // Not expected: a frame without these elements has a fault.
+                self.bridge.bad(Fault {
+                    index: frame.index,
+                    line: frame.line,
+                    element: Field::Orientation.element(),
+                    message: "orientation or position is missing".into(),
+                })?;
+            }
+            self.frame = frame;
+        }
+    }
+}
+
+impl<R: BufRead> Iterator for Recording<R> {
+    type Item = Result<FlightFrame>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let result = self.advance();
+        if result.is_err() {
+            self.finished = true;
+            self.bridge.discard();
+        }
+        result
+            .map_err(|problem| problem.in_file(self.reader.path()))
+            .transpose()
+    }
+}
+
+/// The convention of the arms with which the segments meet best, and the remaining closure error (m).
+///
+/// The calibration frame in ISB axes, which version 4 adds, is ignored: it says nothing about the others. Returns
+/// `None` if no good frame has orientation and position.
+pub fn arm_frame<'a>(
+    skeleton: &Skeleton,
+    calibration: &'a [Frame],
+    normal: impl Iterator<Item = &'a Frame>,
+) -> Option<(ArmFrame, f64)> {
+    let calibration = calibration
+        .iter()
+        .filter(|frame| frame.kind != FrameKind::TposeIsb);
+    let mut errors = [f64::NEG_INFINITY; 2];
+    for frame in calibration
+        .chain(normal)
+        .filter(|frame| frame.fault.is_none())
+    {
+        let numbers = frame.numbers(Field::Orientation);
+        if let (Some(orientation), Some(position)) = (numbers, frame.numbers(Field::Position)) {
+            for (error, arms) in errors.iter_mut().zip([ArmFrame::TPose, ArmFrame::Isb]) {
+                *error = error.max(skeleton.closure_error(orientation, position, arms));
+            }
+        }
+    }
+    let [t_pose, isb] = errors;
+    (t_pose >= 0.0).then_some(if isb < t_pose {
+        (ArmFrame::Isb, isb)
+    } else {
+        (ArmFrame::TPose, t_pose)
+    })
+}
+
+/// The error for segments that do not meet; if they would with the quaternions in another order, the advice says so.
+fn open_joints(skeleton: &Skeleton, frames: &VecDeque<Frame>, closure_error: f64) -> Problem {
+    let reordered = frames.iter().filter_map(|frame| {
+        let orientation = frame.numbers(Field::Orientation)?;
+        let position = frame.numbers(Field::Position)?;
+        let from_xyzw: Vec<f64> = orientation
+            .chunks_exact(4)
+            .flat_map(|q| [q[3], q[0], q[1], q[2]])
+            .collect();
+        let closes = |arms| skeleton.closure_error(&from_xyzw, position, arms);
+        Some(closes(ArmFrame::TPose).min(closes(ArmFrame::Isb)))
+    });
+    let reordered = reordered.fold(f64::NEG_INFINITY, f64::max);
+    let first = frames.front().map_or(0, |frame| frame.index);
+    let problem = Problem::bad_input(format!(
+        "the segments do not meet at their joints: {closure_error:.3} m apart, expected below {CLOSURE_LIMIT} m"
+    ))
+    .at(format!("frame {first} and after"));
+    if (0.0..CLOSURE_LIMIT).contains(&reordered) {
+        return problem.help(format!(
+            "read as x y z w, the quaternions close the joints to {reordered:.4} m: write them as w x y z"
+        ));
+    }
+    problem.help("orientations must be quaternions w x y z of the same subject as the points")
+}
+
+/// Finds the model's segments in a file.
+fn places(header: &Header) -> Result<Places> {
+    let mut missing = Vec::new();
+    let places = SegmentArray::from_fn(|segment| {
+        let label = MvnSegment::leading(segment).label();
+        header.segment_index(label).unwrap_or_else(|| {
+            missing.push(label);
+            0
+        })
+    });
+    if missing.is_empty() {
+        return Ok(places);
+    }
+    Err(Problem::bad_input(format!(
+        "a flight needs the full body, but the file has no segment {}",
+        missing.join(", ")
+    ))
+    .help("export the recording again with all 23 segments"))
+}
+
+/// Checks that orientation and position are present in some of the first frames; faults of single frames are handled
+/// later.
+fn check_fields(first: &Frame, frames: &VecDeque<Frame>) -> Result<()> {
+    for field in [Field::Orientation, Field::Position] {
+        if frames.iter().all(|frame| !frame.present().contains(field)) {
+            let element = field.element();
+            return Err(
+                Problem::bad_input(format!("expected <{element}>, found none"))
+                    .at_line(first.line)
+                    .at(format!("frame {}", first.index))
+                    .help(format!(
+                        "export the recording again from MVN with <{element}> included"
+                    )),
+            );
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,210 @@
+//! Parts of the body that contradict the rest: a segment that keeps its attitude while all others turn, and joints
+//! whose two sides are apart. Each finding names the segment and the time.
+
+use bodyflight_core::SegmentArray;
+use nalgebra::UnitQuaternion;
+
+use super::frame::FlightFrame;
+use super::warning::Warning;
+
+/// Shortest time that a segment keeps its attitude to be called frozen (s).
+const FROZEN_FOR: f64 = 0.2;
+/// Change of a component of a quaternion below which an attitude is the same, as in a repeated number.
+const SAME: f64 = 1e-9;
+/// Fewest other segments that must turn meanwhile: a body at rest is not frozen.
+const TURNING: usize = 12;
+/// Largest distance between the two sides of a joint (m).
+pub(super) const JOINT_LIMIT: f64 = 0.05;
+
+/// A run of frames.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Run {
+    first: (u64, f64),
+    last: f64,
+    /// Largest value in it.
+    largest: f64,
+}
+
+impl Run {
+    fn new(frame: &FlightFrame) -> Self {
+        Self {
+            first: (frame.index, frame.time),
+            last: frame.time,
+            largest: 0.0,
+        }
+    }
+
+    fn length(&self) -> f64 {
+        self.last - self.first.1
+    }
+}
+
+/// The joint that closes worst in a frame, by the name of its outer segment.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct OpenJoint {
+    pub(super) segment: String,
+    /// Distance between its two sides (m).
+    pub(super) apart: f64,
+}
+
+/// What has been seen of single segments.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Plausibility {
+    last: Option<(FlightFrame, SegmentArray<UnitQuaternion<f64>>)>,
+    still: Option<SegmentArray<Option<Run>>>,
+    frozen: Option<SegmentArray<Option<Run>>>,
+    open: Vec<(String, Run)>,
+}
+
+impl Plausibility {
+    /// Takes a good frame, with its joint that closes worst.
+    pub(super) fn see(&mut self, frame: &FlightFrame, joint: Option<OpenJoint>) {
+        if let Some(joint) = joint.filter(|joint| joint.apart > JOINT_LIMIT) {
+            let known = self
+                .open
+                .iter()
+                .position(|(segment, _)| *segment == joint.segment);
+            let at = known.unwrap_or_else(|| {
+                self.open.push((joint.segment, Run::new(frame)));
+                self.open.len() - 1
+            });
+            let run = &mut self.open[at].1;
+            run.last = frame.time;
+            run.largest = run.largest.max(joint.apart);
+        }
+        let attitude = *frame.pelvis.inertial_from_body.quaternion();
+        let here = (frame.posture.body_from_segments()).map(|_, turned| attitude * turned);
+        if let Some((before, last)) = self.last {
+            self.compare(&before, frame, &last, &here);
+        }
+        self.last = Some((*frame, here));
+    }
+
+    fn compare(
+        &mut self,
+        before: &FlightFrame,
+        frame: &FlightFrame,
+        last: &SegmentArray<UnitQuaternion<f64>>,
+        here: &SegmentArray<UnitQuaternion<f64>>,
+    ) {
+        let same = here.map(|segment, turned| {
+            let apart = (turned.coords - last[segment].coords).amax();
+            apart.min((turned.coords + last[segment].coords).amax()) < SAME
+        });
+        let turning = same.values().filter(|same| !**same).count();
+        let still = self
+            .still
+            .get_or_insert_with(|| SegmentArray::from_fn(|_| None));
+        let frozen = self
+            .frozen
+            .get_or_insert_with(|| SegmentArray::from_fn(|_| None));
+        for (segment, same) in same.iter() {
+            if !same || turning < TURNING {
+                still[segment] = None;
+                continue;
+            }
+            let run = still[segment].get_or_insert_with(|| Run::new(before));
+            run.last = frame.time;
+            let longest = &mut frozen[segment];
+            if longest.is_none_or(|longest| run.length() > longest.length()) {
+                *longest = Some(*run);
+            }
+        }
+    }
+
+    /// What is implausible so far.
+    pub(super) fn warnings(&self) -> Vec<Warning> {
+        let frozen = self.frozen.iter().flat_map(SegmentArray::iter);
+        let frozen = frozen.filter_map(|(segment, run)| {
+            let run = run.filter(|run| run.length() >= FROZEN_FOR)?;
+            let name = segment.name().to_owned();
+            let message = format!(
+                "{name} keeps exactly the same attitude from {:.3} to {:.3} s while the body turns: its sensor is frozen",
+                run.first.1, run.last
+            );
+            Some(fault(&name, &run, message))
+        });
+        let open = self.open.iter().map(|(segment, run)| {
+            let message = format!(
+                "the joint at {segment} is up to {:.2} m apart from {:.3} to {:.3} s; expected below {JOINT_LIMIT} m",
+                run.largest, run.first.1, run.last
+            );
+            fault(segment, run, message)
+        });
+        frozen.chain(open).collect()
+    }
+}
+
+fn fault(segment: &str, run: &Run, message: String) -> Warning {
+    Warning {
+        segment: Some(segment.to_owned()),
+        span_s: Some([run.first.1, run.last]),
+        is_fault: true,
+        ..Warning::new(run.first.0, message)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::recording::PelvisMotion;
+    use bodyflight_core::frame::{Rotation, Vector};
+    use bodyflight_core::{Posture, Segment};
+
+    /// A body that tumbles with both arms moving, and one segment that keeps its attitude from a frame on.
+    fn watched(frozen: Option<(Segment, u64)>, rate: f64) -> Vec<Warning> {
+        let mut seen = Plausibility::default();
+        let mut kept = None;
+        for index in 0..400_u64 {
+            let time = index as f64 / rate;
+            let attitude =
+                UnitQuaternion::from_euler_angles(1.3 * time, 0.4 * time.sin(), 0.7 * time);
+            let posture = Posture::h_pose()
+                .with_angles(Segment::LeftUpperArm, 0.0, time.sin(), 0.2)
+                .with_angles(Segment::RightUpperArm, 0.0, time.cos(), 0.1);
+            let mut turned = posture
+                .body_from_segments()
+                .map(|_, turned| attitude * turned);
+            if let Some((segment, _)) = frozen.filter(|(_, from)| index >= *from) {
+                turned[segment] = *kept.get_or_insert(turned[segment]);
+            }
+            let frame = FlightFrame {
+                index,
+                time,
+                posture: Posture::from_body_rotations(&turned),
+                pelvis: PelvisMotion {
+                    inertial_from_body: Rotation::from_quaternion(attitude),
+                    position: Vector::zero(),
+                    velocity: None,
+                    angular_velocity: None,
+                },
+                centre_of_mass: None,
+                bridged: false,
+            };
+            let apart = if index == 50 { 0.2 } else { 0.001 };
+            seen.see(
+                &frame,
+                Some(OpenJoint {
+                    segment: "LeftHand".to_owned(),
+                    apart,
+                }),
+            );
+        }
+        seen.warnings()
+    }
+
+    #[test]
+    fn a_frozen_segment_and_an_open_joint_are_named_with_their_time() {
+        for segment in [Segment::RightForearm, Segment::LeftFoot, Segment::Thorax] {
+            let said = watched(Some((segment, 150)), 100.0);
+            assert_eq!(said.len(), 2, "{said:?}");
+            assert_eq!(said[0].segment.as_deref(), Some(segment.name()));
+            assert_eq!((said[0].frame, said[0].span_s), (150, Some([1.5, 3.99])));
+            assert_eq!(
+                (said[1].segment.as_deref(), said[1].frame),
+                (Some("LeftHand"), 50)
+            );
+        }
+        assert_eq!(watched(None, 100.0).len(), 1);
+    }
+}

@@ -1,0 +1,187 @@
+//! Between a file and the XML parser: checks the first bytes, and limits the size of each event.
+
+use std::io::{self, BufRead, Chain, Cursor, Read};
+
+use bodyflight_io::diagnostic::{Problem, Result};
+
+/// Longest single XML event (bytes); the longest of a recording, 92 numbers, is below 2 KiB.
+const EVENT_LIMIT: usize = 1 << 20;
+/// Most bytes passed to the parser at once, so that the limit also holds for inputs that are entirely in memory.
+const CHUNK: usize = 1 << 16;
+/// Bytes examined to recognise files that are not XML.
+const HEAD: usize = 64;
+
+/// A buffered input whose first bytes were examined and put back.
+pub(super) type Sniffed<R> = Chain<Cursor<Vec<u8>>, R>;
+
+/// Refuses input that is recognisably not XML in UTF-8.
+pub(super) fn sniff<R: BufRead>(
+    mut input: R,
+    is_container: bool,
+) -> core::result::Result<Result<Sniffed<R>>, io::Error> {
+    let mut head = Vec::with_capacity(HEAD);
+    Read::by_ref(&mut input)
+        .take(HEAD as u64)
+        .read_to_end(&mut head)?;
+    Ok(match foreign_content(&head, is_container) {
+        Some(problem) => Err(problem),
+        None => Ok(Cursor::new(head).chain(input)),
+    })
+}
+
+/// A file type for which there is another verb.
+struct Other {
+    /// What its text starts with.
+    marks: &'static [&'static [u8]],
+    /// Number of bytes before the mark.
+    after: usize,
+    is: &'static str,
+    give: &'static str,
+}
+
+impl Other {
+    fn begins(&self, head: &[u8], text: &[u8]) -> bool {
+        let text = if self.after > 0 { head } else { text };
+        let text = text.get(self.after..).unwrap_or_default();
+        self.marks.iter().any(|mark| text.starts_with(mark))
+    }
+}
+
+const OTHERS: [Other; 3] = [
+    Other {
+        marks: &[b"HIERARCHY"],
+        after: 0,
+        is: "this is a BVH file, not MVNX",
+        give: "convert it to a recording: bodyflight import FILE --out FOLDER",
+    },
+    Other {
+        marks: &[b"$FLYS", b"time,lat,lon"],
+        after: 0,
+        is: "this is the track of a FlySight, which has no postures",
+        give: "see what it says about the jump: bodyflight fall FILE; or name it as gnss in a flight.toml",
+    },
+    Other {
+        // The first byte says where the parameters start.
+        marks: &[b"\x50"],
+        after: 1,
+        is: "this is a C3D file, not MVNX",
+        give: "convert its points to a recording: bodyflight import FILE --mapping MAPPING.toml --out FOLDER",
+    },
+];
+
+/// Identifies content by its first bytes, `None` for text that may be XML.
+fn foreign_content(head: &[u8], is_container: bool) -> Option<Problem> {
+    const UNPACK: &str = "unpack it and give the .mvnx file inside";
+    const UTF_8: &str = "save it as UTF-8, as MVN does";
+    let problem = |message: &str, help: &str| Some(Problem::bad_input(message).help(help));
+    // The container of MVN: a header of 128 bytes, then frames of the suit's bus.
+    let container = head.starts_with(&[0x42, 0x00, 0x42, 0x00]) || is_container;
+    let text = head.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(head);
+    let first = text.iter().find(|byte| !byte.is_ascii_whitespace());
+    if head.is_empty() {
+        problem("this file is empty", "export the recording again")
+    } else if container && first != Some(&b'<') {
+        problem(
+            "this is the proprietary .mvn container, which only MVN can read",
+            "open it in MVN and export it as .mvnx",
+        )
+    } else if head.starts_with(&[0x1F, 0x8B]) {
+        problem("this is a gzip archive, not XML", UNPACK)
+    } else if head.starts_with(b"PK") {
+        problem("this is a zip archive, not XML", UNPACK)
+    } else if head.starts_with(&[0xFF, 0xFE])
+        || head.starts_with(&[0xFE, 0xFF])
+        || head.starts_with(b"<\0")
+        || head.starts_with(b"\0<")
+    {
+        problem("this file is UTF-16 text; MVNX is UTF-8", UTF_8)
+    } else if head.starts_with(b"version https://git-lfs") {
+        problem(
+            "this is a Git LFS pointer, not the recording itself",
+            "fetch the content with `git lfs pull`",
+        )
+    } else if first != Some(&b'<') {
+        let other = OTHERS.iter().find(|other| other.begins(head, text));
+        if let Some(Other { is, give, .. }) = other {
+            return problem(is, give);
+        }
+        problem(
+            "this is not an XML file: it does not begin with `<`",
+            "give a recording exported from MVN as .mvnx",
+        )
+    } else {
+        None
+    }
+}
+
+/// An input that counts lines and refuses endless events.
+#[derive(Debug)]
+pub(super) struct LimitedInput<R> {
+    input: R,
+    used: usize,
+    line: u64,
+    at_end: bool,
+}
+
+impl<R: BufRead> LimitedInput<R> {
+    pub(super) fn new(input: R) -> Self {
+        Self {
+            input,
+            used: 0,
+            line: 1,
+            at_end: false,
+        }
+    }
+
+    /// Starts a new event.
+    pub(super) fn next_event(&mut self) {
+        self.used = 0;
+    }
+
+    /// Line of the next byte, from 1.
+    pub(super) fn line(&self) -> u64 {
+        self.line
+    }
+
+    /// Whether the parser has been told that the input ended.
+    pub(super) fn at_end(&self) -> bool {
+        self.at_end
+    }
+
+    /// Whether the current event exceeds the limit.
+    pub(super) fn is_over(&self) -> bool {
+        self.used >= EVENT_LIMIT
+    }
+}
+
+impl<R: BufRead> BufRead for LimitedInput<R> {
+    fn fill_buf(&mut self) -> io::Result<&[u8]> {
+        if self.is_over() {
+            return Err(io::ErrorKind::FileTooLarge.into());
+        }
+        let bytes = self.input.fill_buf()?;
+        self.at_end = bytes.is_empty();
+        Ok(&bytes[..bytes.len().min(CHUNK)])
+    }
+
+    fn consume(&mut self, amount: usize) {
+        if amount == 0 {
+            return;
+        }
+        // The bytes are buffered already, so this neither reads nor fails.
+        if let Ok(bytes) = self.input.fill_buf() {
+            let seen = &bytes[..amount.min(bytes.len())];
+            self.line += seen.iter().filter(|byte| **byte == b'\n').count() as u64;
+        }
+        self.used = self.used.saturating_add(amount);
+        self.input.consume(amount);
+    }
+}
+
+impl<R: BufRead> Read for LimitedInput<R> {
+    fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
+        let amount = self.fill_buf()?.read(into)?;
+        self.consume(amount);
+        Ok(amount)
+    }
+}

@@ -1,0 +1,294 @@
+//! Recordings of FlySight receivers: `TRACK.CSV` of FlySight 2, with `SENSOR.CSV` beside it, and the CSV files of
+//! FlySight 1.
+//!
+//! FlySight 2 names its columns in `$COL` lines and marks each row with its sensor; FlySight 1 has one line of names
+//! and often one of units. Rows that cannot be used are skipped and counted, with the line of the first of them.
+//! Known receiver faults: negative milliseconds (`:28.-001` is a millisecond before the full second), truncated rows,
+//! and time that runs backwards.
+
+mod clock;
+mod table;
+
+use std::path::Path;
+
+use bodyflight_core::frame::{Inertial, Vector};
+use chrono::NaiveDateTime;
+use nalgebra::Vector3;
+
+use bodyflight_falls::Sample;
+use bodyflight_falls::channels::Given;
+use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::input;
+
+use crate::points::{Flat, in_order};
+use crate::text;
+use crate::track;
+pub use crate::track::InertialSample;
+use clock::SensorClock;
+pub use table::Skipped;
+use table::{Row, Tables};
+
+/// Standard gravity, the unit of the accelerometer (m/s2).
+const STANDARD_GRAVITY: f64 = 9.806_65;
+
+/// Seconds of a week of GPS time.
+const WEEK: f64 = 604_800.0;
+
+/// Sunday 1980-01-06, when the weeks of GPS begin (s since 1970).
+const GPS_EPOCH: f64 = 315_964_800.0;
+
+/// One GNSS fix.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Fix {
+    /// Time since 1970 (s, UTC).
+    pub time: f64,
+    /// Position north and west of the first fix, height above mean sea level (m).
+    pub position: Vector<f64, Inertial>,
+    /// Velocity over ground (m/s).
+    pub velocity: Vector<f64, Inertial>,
+    /// The receiver's own estimate of its speed accuracy (m/s), if available.
+    pub speed_accuracy: Option<f64>,
+}
+
+/// One sample of the barometer.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PressureSample {
+    /// Time in the week (s).
+    pub time_of_week: f64,
+    /// Pressure (Pa).
+    pub pressure: f64,
+}
+
+/// A recording.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Track {
+    /// In order of time.
+    pub fixes: Vec<Fix>,
+    /// Samples of the inertial sensor, in order of time; empty if there is no `SENSOR.CSV`.
+    pub inertial: Vec<InertialSample>,
+    /// Samples of the barometer, in order of time; empty if there is no `SENSOR.CSV`.
+    pub pressure: Vec<PressureSample>,
+    /// Rows skipped in both files.
+    pub skipped: Skipped,
+    /// What was done about the clock, in sentences.
+    pub notes: Vec<String>,
+}
+
+impl Track {
+    /// Reads a track, and `SENSOR.CSV` in the same folder if the track is from a FlySight 2.
+    ///
+    /// # Errors
+    /// Returns an error if the file is not from a FlySight, has no usable row, or has more unusable rows than usable
+    /// ones.
+    pub fn read(path: &Path) -> Result<Self> {
+        let bytes = input::bytes(path)?;
+        Self::parse(&bytes, path)
+    }
+
+    /// Like [`Track::read`], for bytes already read from `path`.
+    ///
+    /// # Errors
+    /// Same as [`Track::read`].
+    pub fn parse(bytes: &[u8], path: &Path) -> Result<Self> {
+        let text = text::plain(bytes);
+        let tables = Tables::parse(&text::with_commas(&text));
+        let mut skipped = tables.skipped.clone();
+        let (mut rows, mut without_fix) = (Vec::new(), 0);
+        let mut flat = Flat::default();
+        for row in tables.rows("GNSS") {
+            if row.number("gpsFix").is_ok_and(|kind| kind < 3.0) {
+                without_fix += 1;
+                continue;
+            }
+            match fix(&row, &mut flat) {
+                Err(why) => skipped.add(row.line, &why),
+                Ok(fix) => rows.push((row.line, fix)),
+            }
+        }
+        let lines: Vec<u64> = rows.iter().map(|(line, _)| *line).collect();
+        let (rows, out_of_order, mut notes) = in_order(rows, |(_, fix)| &mut fix.time);
+        // Names the first row that is not in order.
+        if out_of_order > 0 {
+            let kept = rows.iter().map(|(line, _)| line);
+            let first = lines.iter().zip(kept).find(|(line, kept)| line != kept);
+            let line = first.map_or(0, |(line, _)| *line);
+            skipped.add(line, "not later than the previous row");
+            skipped.count += out_of_order - 1;
+        }
+        let fixes: Vec<Fix> = rows.into_iter().map(|(_, fix)| fix).collect();
+        if fixes.is_empty() || skipped.count > fixes.len() + out_of_order {
+            let problem = Problem::bad_input(format!(
+                "expected FlySight rows (time, lat, lon, hMSL, velN, velE, velD), found {} usable, {} unusable and \
+                 {without_fix} without a three-dimensional fix",
+                fixes.len(),
+                skipped.count
+            ))
+            .in_file(path);
+            return Err(match skipped.first {
+                Some((line, why)) => problem
+                    .at_line(line)
+                    .help(format!("the first unusable row: {why}")),
+                None if without_fix > 0 => problem.help(
+                    "switch the logger on with a view of the sky, some minutes before the exit",
+                ),
+                None => problem.help("give a TRACK.CSV of FlySight 2 or a CSV file of FlySight 1"),
+            });
+        }
+        skipped.count += without_fix;
+        let beside = path.with_file_name("SENSOR.CSV");
+        let (mut inertial, mut pressure) = (Vec::new(), Vec::new());
+        if tables.is_second_generation && beside.is_file() {
+            let sensors = Tables::read(&beside)?;
+            let clock = SensorClock::of(&sensors);
+            notes.extend(clock.drift());
+            inertial = inertial_samples(&sensors, &clock, &mut skipped);
+            pressure = pressure_samples(&sensors, &clock, &mut skipped);
+        }
+        Ok(Self {
+            fixes,
+            inertial,
+            pressure,
+            skipped,
+            notes,
+        })
+    }
+}
+
+/// Whether the head of a text has the columns of a FlySight.
+pub(crate) fn is_flysight_text(text: &[u8]) -> bool {
+    let mut lines = text.split(|byte| *byte == b'\n').take(40);
+    text.starts_with(b"$FLYS")
+        || lines.any(|line| {
+            let mut fields = line.split(|byte| *byte == b',').map(<[u8]>::trim_ascii);
+            fields.any(|field| field == b"velD")
+        })
+}
+
+/// Reads a text with the columns of a FlySight; its sensors are in the folder of `path`.
+pub(crate) fn track(text: &[u8], path: &Path) -> Result<track::Track> {
+    let track = Track::parse(text, path)?;
+    let first = track.fixes.first().copied();
+    let samples = track.fixes.iter().map(|fix| Sample {
+        time: fix.time - first.map_or(0.0, |first| first.time),
+        position: fix.position.components,
+        velocity: fix.velocity.components,
+    });
+    let week = first.map_or(0.0, |first| first.time_of_week());
+    let inertial = track.inertial.iter();
+    let pressure = track.pressure.iter();
+    Ok(track::Track {
+        format: "FlySight",
+        samples: samples.collect(),
+        start: first.map(|first| first.time),
+        given: Given {
+            places: true,
+            velocities: true,
+            speeds: false,
+        },
+        inertial: inertial
+            .map(|sample| (sample.time_of_week - week, *sample))
+            .collect(),
+        pressure: pressure
+            .map(|sample| (sample.time_of_week - week, sample.pressure))
+            .collect(),
+        skipped: track.skipped.count,
+        notes: track.notes,
+    })
+}
+
+/// Seconds since 1970 of `2023-10-08T21:36:27.798Z`; milliseconds may be negative.
+fn seconds(text: &str) -> Option<f64> {
+    let text = text.trim_end_matches('Z');
+    let (whole, part) = text.split_once('.').unwrap_or((text, "0"));
+    let whole = NaiveDateTime::parse_from_str(whole, "%Y-%m-%dT%H:%M:%S").ok()?;
+    let (sign, digits) = match part.strip_prefix('-') {
+        Some(digits) => (-1.0, digits),
+        None => (1.0, part),
+    };
+    if digits.is_empty() || digits.len() > 9 || !digits.bytes().all(|byte| byte.is_ascii_digit()) {
+        return None;
+    }
+    let share: f64 = format!("0.{digits}").parse().ok()?;
+    #[expect(
+        clippy::cast_precision_loss,
+        reason = "exact for any date of the calendar"
+    )]
+    Some(whole.and_utc().timestamp() as f64 + sign * share)
+}
+
+fn fix(row: &Row<'_>, flat: &mut Flat) -> core::result::Result<Fix, String> {
+    let time = row.text("time")?;
+    let time = seconds(time).ok_or_else(|| {
+        format!("expected a time like 2023-10-08T21:36:27.798Z, found \"{time}\"")
+    })?;
+    let [latitude, longitude] = [row.within("lat", 90.0)?, row.within("lon", 180.0)?];
+    let height = row.within("hMSL", 50_000.0)?;
+    let velocity = ["velN", "velE", "velD"].map(|name| row.within(name, 1000.0));
+    let [north, east, down] = velocity;
+    Ok(Fix {
+        time,
+        position: Vector::from_components(flat.position([latitude, longitude], height)),
+        velocity: Vector::new(north?, -east?, -down?),
+        speed_accuracy: row.number("sAcc").ok().filter(|accuracy| *accuracy > 0.0),
+    })
+}
+
+/// Barometer rows on the GNSS clock.
+fn pressure_samples(
+    tables: &Tables,
+    clock: &SensorClock,
+    skipped: &mut Skipped,
+) -> Vec<PressureSample> {
+    let mut samples = Vec::new();
+    for row in tables.rows("BARO") {
+        let sample = || {
+            Ok::<_, String>(PressureSample {
+                time_of_week: clock.time_of_week(row.number("time")?),
+                pressure: row.within("pressure", 120_000.0)?,
+            })
+        };
+        match sample() {
+            Ok(sample) => samples.push(sample),
+            Err(why) => skipped.add(row.line, &why),
+        }
+    }
+    samples
+}
+
+/// Rows of the inertial sensor on the GNSS clock.
+fn inertial_samples(
+    tables: &Tables,
+    clock: &SensorClock,
+    skipped: &mut Skipped,
+) -> Vec<InertialSample> {
+    let vector = |row: &Row<'_>, names: [&str; 3], unit: f64| {
+        let [x, y, z] = names.map(|name| row.within(name, 10_000.0));
+        Ok::<_, String>(Vector3::new(x?, y?, z?) * unit)
+    };
+    let mut samples: Vec<InertialSample> = Vec::new();
+    for row in tables.rows("IMU") {
+        let sample = || {
+            Ok::<_, String>(InertialSample {
+                time_of_week: clock.time_of_week(row.number("time")?),
+                specific_force: vector(&row, ["ax", "ay", "az"], STANDARD_GRAVITY)?,
+                angular_velocity: vector(&row, ["wx", "wy", "wz"], 1.0_f64.to_radians())?,
+            })
+        };
+        match sample() {
+            Ok(sample) => samples.push(sample),
+            Err(why) => skipped.add(row.line, &why),
+        }
+    }
+    samples
+}
+
+impl Fix {
+    /// Time in the week (s), the clock of [`InertialSample`]. Public recordings of both files begin and end together
+    /// without leap seconds: `$TIME` rows count as the fixes do.
+    pub fn time_of_week(&self) -> f64 {
+        (self.time - GPS_EPOCH).rem_euclid(WEEK)
+    }
+}
+
+#[cfg(test)]
+mod tests;

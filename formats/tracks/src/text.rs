@@ -1,0 +1,84 @@
+//! Text in the encodings and dialects that spreadsheets and loggers write.
+
+use std::borrow::Cow;
+
+/// Number of bytes at the start by which the dialect is recognised.
+const HEAD: usize = 4096;
+
+/// The text of a file in UTF-8, without byte order mark and leading blanks. UTF-16 is recognised by its mark, or by its
+/// zeros.
+pub(crate) fn plain(bytes: &[u8]) -> Cow<'_, [u8]> {
+    let head = &bytes[..bytes.len().min(HEAD)];
+    let zeros = |odd: usize| {
+        let bytes = head.iter().skip(odd).step_by(2);
+        bytes.filter(|byte| **byte == 0).count() * 5 > head.len() * 2
+    };
+    let wide = match bytes {
+        [0xFF, 0xFE, rest @ ..] => Some((rest, false)),
+        [0xFE, 0xFF, rest @ ..] => Some((rest, true)),
+        _ if head.len() > 8 && zeros(1) => Some((bytes, false)),
+        _ if head.len() > 8 && zeros(0) => Some((bytes, true)),
+        _ => None,
+    };
+    if let Some((rest, is_big)) = wide {
+        let units = rest.chunks_exact(2).map(|pair| match is_big {
+            true => u16::from_be_bytes([pair[0], pair[1]]),
+            false => u16::from_le_bytes([pair[0], pair[1]]),
+        });
+        let text: String = char::decode_utf16(units)
+            .map(|read| read.unwrap_or(char::REPLACEMENT_CHARACTER))
+            .collect();
+        return Cow::Owned(text.trim_start().as_bytes().to_vec());
+    }
+    let text = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
+    let start = text.iter().position(|byte| !byte.is_ascii_whitespace());
+    Cow::Borrowed(start.map_or(&[][..], |start| &text[start..]))
+}
+
+/// CSV with commas between fields and points in numbers, from a text with semicolons or tabs, and then perhaps decimal
+/// commas.
+pub(crate) fn with_commas(text: &[u8]) -> Cow<'_, [u8]> {
+    let first = text.split(|byte| *byte == b'\n').next().unwrap_or(text);
+    let count = |wanted: u8| first.iter().filter(|byte| **byte == wanted).count();
+    let delimiter = if count(b';') > count(b',') {
+        b';'
+    } else if count(b'\t') > count(b',') {
+        b'\t'
+    } else {
+        return Cow::Borrowed(text);
+    };
+    let converted = text.iter().map(|byte| match *byte {
+        b',' => b'.',
+        byte if byte == delimiter => b',',
+        byte => byte,
+    });
+    Cow::Owned(converted.collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn both_orders_of_utf_16_are_read_with_and_without_a_mark() {
+        let text = "time,lat\n2020,46.5\n";
+        let little: Vec<u8> = text.encode_utf16().flat_map(u16::to_le_bytes).collect();
+        let big: Vec<u8> = text.encode_utf16().flat_map(u16::to_be_bytes).collect();
+        for bytes in [
+            [&[0xFF, 0xFE], &little[..]].concat(),
+            [&[0xFE, 0xFF], &big[..]].concat(),
+            little,
+            big,
+            [b"\xEF\xBB\xBF\r\n", text.as_bytes()].concat(),
+        ] {
+            assert_eq!(&*plain(&bytes), text.as_bytes());
+        }
+    }
+
+    #[test]
+    fn semicolons_and_tabs_become_commas() {
+        assert_eq!(&*with_commas(b"a;b\n1,5;2\n"), b"a,b\n1.5,2\n");
+        assert_eq!(&*with_commas(b"a\tb\n1.5\t2\n"), b"a,b\n1.5,2\n");
+        assert_eq!(&*with_commas(b"a,b\n1.5,2\n"), b"a,b\n1.5,2\n");
+    }
+}

@@ -1,0 +1,287 @@
+//! Input files: plain, compressed by gzip or xz, or standard input.
+//!
+//! Files opened here are remembered, so that no output replaces them. Devices and named pipes are refused, and files
+//! read as a whole are limited in size.
+
+use std::collections::BTreeSet;
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+use flate2::bufread::MultiGzDecoder;
+use lzma_rust2::XzReader;
+
+use crate::diagnostic::{Problem, Result};
+
+/// The name for standard input.
+pub const STANDARD_INPUT: &str = "-";
+
+/// Bytes read at once.
+const BUFFER: usize = 1 << 16;
+
+/// Largest settings file (bytes).
+const LARGEST_TEXT: u64 = 16 << 20;
+
+/// Largest board image, as UF2 (bytes): more than any board's flash holds.
+const LARGEST_IMAGE: u64 = 16 << 20;
+
+/// Largest file held in memory as a whole, uncompressed (bytes).
+const LARGEST_WHOLE: u64 = 256 << 20;
+
+/// Largest recording of another system, uncompressed (bytes).
+const LARGEST_MOVEMENT: u64 = 1 << 30;
+
+/// Files that this process reads.
+static CLAIMED: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+
+/// An open file, decompressed while it is read.
+pub type Input = BufReader<Box<dyn Read + Send>>;
+
+/// First bytes of compressed files.
+const GZIP: [u8; 2] = [0x1F, 0x8B];
+const XZ: [u8; 6] = [0xFD, b'7', b'z', b'X', b'Z', 0];
+
+/// Remembers a file that is or will be read: no output may replace it.
+pub fn claim(path: &Path) {
+    // A file that does not exist has no content to lose.
+    if let Ok(path) = path.canonicalize() {
+        let mut claimed = CLAIMED.lock().unwrap_or_else(PoisonError::into_inner);
+        claimed.insert(path);
+    }
+}
+
+/// The files that this process reads, or will read.
+pub fn claimed() -> Vec<PathBuf> {
+    let claimed = CLAIMED.lock().unwrap_or_else(PoisonError::into_inner);
+    claimed.iter().cloned().collect()
+}
+
+/// Whether this process reads a file, under any of its names.
+pub fn is_claimed(path: &Path) -> bool {
+    path.canonicalize().is_ok_and(|path| {
+        let claimed = CLAIMED.lock().unwrap_or_else(PoisonError::into_inner);
+        claimed.contains(&path)
+    })
+}
+
+/// Opens a file for reading; `-` is standard input. Input compressed with gzip or xz, recognised by its first bytes, is
+/// decompressed.
+///
+/// # Errors
+/// Returns an error if the file cannot be opened, is not a file, or its first bytes cannot be read.
+pub fn open(path: &Path) -> Result<Input> {
+    let plain: Box<dyn Read + Send> = if path == Path::new(STANDARD_INPUT) {
+        Box::new(io::stdin())
+    } else {
+        Box::new(file(path)?)
+    };
+    unpacked(plain).map_err(|error| Problem::system("read", path, error))
+}
+
+/// Opens a file for reading, without decompression.
+///
+/// # Errors
+/// Returns an error if the file cannot be opened, or is a folder, a device or a named pipe: those never end, or give
+/// nothing until somebody writes to them.
+pub fn file(path: &Path) -> Result<File> {
+    let refused = |error| Problem::system("read", path, error);
+    let kind = std::fs::metadata(path).map_err(refused)?.file_type();
+    if kind.is_dir() {
+        return Err(refused(io::ErrorKind::IsADirectory.into()));
+    }
+    // Pipes between commands, such as a shell's <(command), have no name in the file system.
+    if !kind.is_file() && path.canonicalize().is_ok() {
+        return Err(
+            Problem::bad_input("expected a file, found a device or a pipe")
+                .in_file(path)
+                .help("write the data to a file first; recordings and tracks can also come from standard input, as -"),
+        );
+    }
+    let file = File::open(path).map_err(refused)?;
+    claim(path);
+    Ok(file)
+}
+
+/// The text of a settings file.
+///
+/// # Errors
+/// Returns an error if the file cannot be read, is not UTF-8, or is larger than 16 MiB.
+pub fn text(path: &Path) -> Result<String> {
+    utf_8(limited(file(path)?, path, LARGEST_TEXT)?, path)
+}
+
+/// The bytes of a board image, without decompression.
+///
+/// # Errors
+/// Returns an error if the file cannot be read or is larger than 16 MiB.
+pub fn image(path: &Path) -> Result<Vec<u8>> {
+    limited(file(path)?, path, LARGEST_IMAGE)
+}
+
+/// The bytes of a recorded movement, decompressed.
+///
+/// # Errors
+/// Returns an error if the file cannot be read or is larger than 1 GiB.
+pub fn movement(path: &Path) -> Result<Vec<u8>> {
+    limited(open(path)?, path, LARGEST_MOVEMENT)
+}
+
+/// Converts the bytes of a file to text.
+///
+/// # Errors
+/// Returns an error that names the line if they are not UTF-8.
+pub fn utf_8(bytes: Vec<u8>, path: &Path) -> Result<String> {
+    String::from_utf8(bytes).map_err(|error| {
+        let valid = error.utf8_error().valid_up_to();
+        let before = error.as_bytes().get(..valid).unwrap_or_default();
+        let lines = before.iter().filter(|byte| **byte == b'\n').count();
+        Problem::bad_input("expected text in UTF-8")
+            .in_file(path)
+            .at_line(lines as u64 + 1)
+    })
+}
+
+/// The bytes of a file, decompressed.
+///
+/// # Errors
+/// Returns an error if the file cannot be read or is larger than 256 MiB.
+pub fn bytes(path: &Path) -> Result<Vec<u8>> {
+    limited(open(path)?, path, LARGEST_WHOLE)
+}
+
+fn limited(input: impl Read, path: &Path, limit: u64) -> Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    input
+        .take(limit + 1)
+        .read_to_end(&mut bytes)
+        .map_err(|error| Problem::system("read", path, error))?;
+    if bytes.len() as u64 > limit {
+        return Err(Problem::bad_input(format!(
+            "expected at most {} MiB, found more",
+            limit >> 20
+        ))
+        .in_file(path));
+    }
+    Ok(bytes)
+}
+
+/// Whether two files have the same content.
+///
+/// # Errors
+/// Returns an error if either cannot be read.
+pub fn are_alike(one: &Path, other: &Path) -> Result<bool> {
+    let (mut first, mut second) = (file(one)?, file(other)?);
+    let read = |file: &mut File, path: &Path| {
+        let mut piece = Vec::with_capacity(BUFFER);
+        file.take(BUFFER as u64)
+            .read_to_end(&mut piece)
+            .map_err(|error| Problem::system("read", path, error))?;
+        Ok(piece)
+    };
+    loop {
+        let pieces = (read(&mut first, one)?, read(&mut second, other)?);
+        if pieces.0 != pieces.1 {
+            return Ok(false);
+        }
+        if pieces.0.is_empty() {
+            return Ok(true);
+        }
+    }
+}
+
+fn unpacked(plain: Box<dyn Read + Send>) -> io::Result<Input> {
+    let mut input = BufReader::with_capacity(BUFFER, plain);
+    let head = input.fill_buf()?;
+    let unpacked: Box<dyn Read + Send> = if head.starts_with(&GZIP) {
+        Box::new(MultiGzDecoder::new(input))
+    } else if head.starts_with(&XZ) {
+        Box::new(XzReader::new(input, true))
+    } else {
+        return Ok(input);
+    };
+    Ok(BufReader::with_capacity(BUFFER, unpacked))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Write;
+
+    use super::*;
+
+    fn read(bytes: Vec<u8>) -> String {
+        let mut text = String::new();
+        unpacked(Box::new(io::Cursor::new(bytes)))
+            .unwrap()
+            .read_to_string(&mut text)
+            .unwrap();
+        text
+    }
+
+    #[test]
+    fn compressed_files_are_read_like_plain_ones() {
+        let text = "a recording\n".repeat(1000);
+        assert_eq!(read(text.clone().into_bytes()), text);
+
+        let mut gzip = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+        gzip.write_all(text.as_bytes()).unwrap();
+        assert_eq!(read(gzip.finish().unwrap()), text);
+
+        let mut xz =
+            lzma_rust2::XzWriter::new(Vec::new(), lzma_rust2::XzOptions::with_preset(1)).unwrap();
+        xz.write_all(text.as_bytes()).unwrap();
+        assert_eq!(read(xz.finish().unwrap()), text);
+    }
+
+    #[test]
+    fn files_above_the_limit_are_refused() {
+        let path = Path::new("subject.toml");
+        assert_eq!(limited(&[7_u8; 10][..], path, 10).unwrap().len(), 10);
+        let problem = limited(io::repeat(7), path, 3 << 20).unwrap_err();
+        assert_eq!(
+            problem.to_string(),
+            "subject.toml: expected at most 3 MiB, found more"
+        );
+    }
+
+    #[test]
+    fn inputs_are_recognised_by_any_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.toml");
+        std::fs::write(&path, "mass = 80").unwrap();
+        assert!(!is_claimed(&path));
+        assert_eq!(text(&path).unwrap(), "mass = 80");
+        let inside = folder.path().join("inside");
+        std::fs::create_dir(&inside).unwrap();
+        assert!(is_claimed(&inside.join("../a.toml")));
+        assert!(!is_claimed(&folder.path().join("b.toml")));
+        std::fs::write(folder.path().join("b.toml"), "mass = 81").unwrap();
+        assert!(!are_alike(&path, &folder.path().join("b.toml")).unwrap());
+        assert!(are_alike(&path, &path).unwrap());
+    }
+
+    #[test]
+    fn invalid_text_is_reported_with_its_line() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.toml");
+        std::fs::write(&path, b"mass = 80\n\xFF").unwrap();
+        let problem = text(&path).unwrap_err().to_string();
+        assert!(
+            problem.ends_with("a.toml:2: expected text in UTF-8"),
+            "{problem}"
+        );
+    }
+
+    #[test]
+    fn a_truncated_compressed_file_is_an_error() {
+        let mut gzip = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+        gzip.write_all(&[7; 5000]).unwrap();
+        let mut bytes = gzip.finish().unwrap();
+        bytes.truncate(bytes.len() - 6);
+        let mut rest = Vec::new();
+        let outcome = unpacked(Box::new(io::Cursor::new(bytes)))
+            .unwrap()
+            .read_to_end(&mut rest);
+        assert!(outcome.is_err());
+    }
+}

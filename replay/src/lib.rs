@@ -1,0 +1,23 @@
+//! Replays a recorded flight alongside a simulated one.
+
+pub mod comparison;
+pub mod flight;
+pub mod frames;
+pub mod gnss;
+pub mod input_history;
+pub mod model_file;
+mod model_run;
+mod motion_history;
+mod precision;
+pub mod preset_file;
+pub mod recorded;
+pub mod start;
+pub mod steps;
+pub mod subject;
+mod tolerances;
+
+pub use precision::Precision;
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

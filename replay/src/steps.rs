@@ -1,0 +1,296 @@
+//! A recording and the model side by side, step by step: a free run from the first frame, driven by the recorded
+//! postures.
+
+use std::collections::VecDeque;
+use std::path::Path;
+
+use bodyflight_core::Posture;
+use bodyflight_core::dynamics::{Dynamics, Inputs, Motion};
+use bodyflight_core::effect::Model;
+use bodyflight_core::effect::sensors::Moving;
+use bodyflight_core::observation::Observation;
+
+use super::comparison::Pair;
+use super::model_run::{ModelRun, PostureChange};
+use super::motion_history::MotionHistory;
+use super::recorded::Recorded;
+use super::start::{SMOOTHED_OVER, first_motion};
+use crate::Precision;
+use crate::flight::{Flight, Start};
+use crate::frames::Frames;
+use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_mvnx::recording::{FlightFrame, Options};
+
+/// Longest sensor delay supported (s).
+const LONGEST_DELAY: f64 = 1.0;
+
+/// Largest component of a velocity that is plausible (m/s).
+const PLAUSIBLE_SPEED: f64 = 1e4;
+
+/// One frame of a replay: the recording and the model's response.
+#[derive(Debug, Clone, Copy)]
+pub struct Step {
+    /// Time since frame 0 (s).
+    pub time: f64,
+    /// Recorded posture.
+    pub posture: Posture<f64>,
+    /// Recorded motion of the pelvis.
+    pub measured: Motion<f64>,
+    /// Motion of the model, before its sensors.
+    pub simulated: Motion<f64>,
+    /// Conscious inputs up to this frame.
+    pub inputs: Inputs<f64>,
+    /// The compared pair: the recorded motion, and the model's motion as seen by its sensors.
+    pub pair: Pair,
+}
+
+/// What a replay does if the simulation diverges.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Divergence {
+    /// Stops with an error.
+    #[default]
+    Refused,
+    /// Continues, comparing with the last plausible motion.
+    Held,
+}
+
+/// The steps of a flight, from the second frame on. `F` is the source of the frames.
+pub struct Replay<'a, F> {
+    frames: F,
+    /// Frames already read to smooth the start, not yet replayed.
+    read: VecDeque<FlightFrame>,
+    ahead: Option<FlightFrame>,
+    side_by_side: SideBySide<'a>,
+}
+
+/// The model beside the recording; it does not depend on the source of the frames.
+struct SideBySide<'a> {
+    flight: &'a Flight,
+    divergence: Divergence,
+    start: Step,
+    last: Step,
+    model: Model<f64>,
+    run: ModelRun,
+    history: MotionHistory,
+}
+
+impl<'a> Replay<'a, Frames> {
+    /// Opens the recording of a flight.
+    ///
+    /// # Errors
+    /// Returns an error if a file cannot be used, if there are fewer than two frames, or if the first frame has no
+    /// velocity or angular velocity.
+    pub fn open(flight: &'a Flight, options: Options, precision: Precision) -> Result<Self> {
+        let frames = flight.open(options)?;
+        Self::with_dynamics(flight, frames, precision, |height| flight.dynamics(height))
+    }
+}
+
+impl<'a, F: Iterator<Item = Result<FlightFrame>>> Replay<'a, F> {
+    /// Replays frames of a flight in double precision.
+    ///
+    /// # Errors
+    /// Returns an error if there are fewer than two frames, or if the first frame has no velocity or angular velocity.
+    pub fn new(flight: &'a Flight, frames: F) -> Result<Self> {
+        let dynamics = |height| flight.dynamics(height);
+        Self::with_dynamics(flight, frames, Precision::Double, dynamics)
+    }
+
+    /// Like [`Replay::new`], with other dynamics than the flight's, before effects are applied; `dynamics` is called
+    /// with the height of the first frame (m, inertial).
+    ///
+    /// # Errors
+    /// Same as [`Replay::new`].
+    pub fn with_dynamics(
+        flight: &'a Flight,
+        mut frames: F,
+        precision: Precision,
+        dynamics: impl FnOnce(f64) -> Dynamics<f64>,
+    ) -> Result<Self> {
+        let mut next = || {
+            let frame = frames.next().transpose()?;
+            frame.ok_or_else(|| too_short(&flight.recording))
+        };
+        let (first, second) = (next()?, next()?);
+        let mut read = VecDeque::from([first, second]);
+        if flight.start == Start::Smoothed {
+            let is_enough = |last: &FlightFrame| last.time - first.time >= SMOOTHED_OVER - 1e-6;
+            while !read.back().is_some_and(is_enough) {
+                let Some(frame) = frames.next().transpose()? else {
+                    break;
+                };
+                read.push_back(frame);
+            }
+        }
+        let dynamics = dynamics(first.pelvis.position.up());
+        let side_by_side = SideBySide::new(flight, precision, read.make_contiguous(), dynamics)?;
+        read.drain(..2);
+        Ok(Self {
+            frames,
+            read,
+            ahead: Some(second),
+            side_by_side,
+        })
+    }
+
+    /// Sets what happens if the simulation diverges.
+    #[must_use]
+    pub fn on_divergence(mut self, divergence: Divergence) -> Self {
+        self.side_by_side.divergence = divergence;
+        self
+    }
+
+    /// The first frame, with the initial motion of the model.
+    pub const fn start(&self) -> &Step {
+        &self.side_by_side.start
+    }
+
+    /// The model including its effects.
+    pub const fn model(&self) -> &Model<f64> {
+        &self.side_by_side.model
+    }
+
+    /// The source of the frames.
+    pub const fn frames(&self) -> &F {
+        &self.frames
+    }
+}
+
+impl<'a> SideBySide<'a> {
+    /// Starts from the first two frames or more.
+    fn new(
+        flight: &'a Flight,
+        precision: Precision,
+        frames: &[FlightFrame],
+        dynamics: Dynamics<f64>,
+    ) -> Result<Self> {
+        let [first, second, ..] = frames else {
+            return Err(too_short(&flight.recording));
+        };
+        let model = flight
+            .effects
+            .applied(dynamics, first.pelvis.position.up())?;
+        let measured = motion_of(flight, first)?;
+        let inputs = model.inputs(&flight.inputs_at(first.time));
+        let recorded = Recorded::new(frames, model.dynamics, inputs)
+            .map_err(|problem| problem.in_file(&flight.recording))?
+            .under(&model.applied);
+        let simulated = first_motion(flight.start, &recorded, 0, flight.equations);
+        let start = Step {
+            time: first.time,
+            posture: first.posture,
+            measured,
+            simulated,
+            inputs,
+            pair: Pair {
+                time: first.time,
+                measured: Observation::of(&measured),
+                simulated: Observation::of(&simulated),
+            },
+        };
+        let mut history = MotionHistory::default();
+        history.push(first.time, &simulated, LONGEST_DELAY);
+        let change = PostureChange {
+            from: &first.posture,
+            to: &second.posture,
+            duration: second.time - first.time,
+        };
+        let run = ModelRun::new(precision, &model, flight.equations, &simulated, change);
+        Ok(Self {
+            flight,
+            divergence: Divergence::default(),
+            start,
+            last: start,
+            model,
+            run,
+            history,
+        })
+    }
+
+    /// Advances to `frame`; if a frame follows, it is used for the joint rates at `frame`.
+    fn advance(&mut self, frame: &FlightFrame, ahead: Option<&FlightFrame>) -> Result<Step> {
+        let (before, duration) = (self.last.time, frame.time - self.last.time);
+        let inputs = self.flight.inputs_at(before + 0.5 * duration);
+        let inputs = self.model.inputs(&inputs);
+        if let Some(history) = &self.flight.inputs {
+            let muscles = history.muscles_at(before, &self.flight.muscles);
+            self.run.set_muscles(muscles);
+        }
+        let since_start = before - self.start.time;
+        self.run
+            .advance(since_start, &inputs, &frame.posture, duration);
+        // Central difference if there are frames on both sides.
+        let last = ahead.unwrap_or(frame);
+        let simulated = self.run.motion(PostureChange {
+            from: &self.last.posture,
+            to: &last.posture,
+            duration: last.time - before,
+        });
+        let seen = self.seen(&simulated, frame.time)?;
+        let measured = motion_of(self.flight, frame)?;
+        Ok(Step {
+            time: frame.time,
+            posture: frame.posture,
+            measured,
+            simulated,
+            inputs,
+            pair: Pair {
+                time: frame.time,
+                measured: Observation::of(&measured),
+                simulated: seen,
+            },
+        })
+    }
+
+    /// The motion as seen by the model's sensors.
+    fn seen(&mut self, motion: &Motion<f64>, time: f64) -> Result<Observation<f64>> {
+        self.history.push(time, motion, LONGEST_DELAY);
+        let past = |delay: f64| {
+            let moving = self.history.at(time - delay);
+            moving.unwrap_or_else(|| Moving::of(motion))
+        };
+        let sensors = &self.model.sensors;
+        let seen = Observation::of(&sensors.observe(motion, past, time - self.start.time));
+        let is_plausible = |v: &f64| v.abs() < PLAUSIBLE_SPEED;
+        match self.divergence {
+            _ if motion.velocity.to_array().iter().all(is_plausible) => Ok(seen),
+            Divergence::Held => Ok(self.last.pair.simulated),
+            Divergence::Refused => Err(Problem::bad_input(format!(
+                "the simulation diverges at {time:.3} s"
+            ))
+            .help("check the damping coefficients and the segment table of the subject")),
+        }
+    }
+}
+
+impl<F: Iterator<Item = Result<FlightFrame>>> Iterator for Replay<'_, F> {
+    type Item = Result<Step>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let frame = self.ahead.take()?;
+        let ahead = match self.read.pop_front() {
+            Some(ahead) => Ok(Some(ahead)),
+            None => self.frames.next().transpose(),
+        };
+        let step = ahead.and_then(|ahead| {
+            self.ahead = ahead;
+            self.side_by_side.advance(&frame, self.ahead.as_ref())
+        });
+        match step {
+            Ok(step) => self.side_by_side.last = step,
+            Err(_) => self.ahead = None,
+        }
+        Some(step)
+    }
+}
+
+/// The error for a recording with fewer than two frames.
+pub fn too_short(recording: &Path) -> Problem {
+    Problem::bad_input("expected at least two frames of type \"normal\"").in_file(recording)
+}
+
+fn motion_of(flight: &Flight, frame: &FlightFrame) -> Result<Motion<f64>> {
+    frame
+        .motion()
+        .map_err(|problem| problem.in_file(&flight.recording))
+}
