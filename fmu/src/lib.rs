@@ -1,5 +1,5 @@
 //! The library of a skydiver as a co-simulation unit: the C functions of FMI 3.0 over
-//! [`bodyflight::verbs::fmu::skydiver::Skydiver`].
+//! [`bodyflight_fmi::skydiver::Skydiver`].
 //!
 //! `bodyflight fmu` packs it with a description of its variables. The rest of the standard (clocks, events, types other
 //! than 64-bit floats, model exchange) returns an error.
@@ -8,15 +8,15 @@
     reason = "a C interface: pointers come from the importer, which follows the standard"
 )]
 
-mod unsupported;
+pub mod unsupported;
 
 use std::ffi::{CStr, CString, c_char, c_void};
 use std::path::PathBuf;
 use std::ptr;
 use std::slice;
 
-use bodyflight::diagnostic::{Problem, Result};
-use bodyflight::verbs::fmu::skydiver::Skydiver;
+use bodyflight_fmi::skydiver::Skydiver;
+use bodyflight_io::diagnostic::{Problem, Result};
 
 /// Status of a successful call, `fmi3OK` in the standard.
 const OK: i32 = 0;

@@ -1,5 +1,6 @@
 //! The command line: one file per verb, for its arguments and output. The work itself is in the library.
 
+mod airborne;
 mod demo;
 mod discover;
 mod estimate;
@@ -11,6 +12,7 @@ mod fmu;
 mod hide;
 mod import;
 mod inspect;
+mod interrupt;
 mod monitor;
 mod mvn;
 mod outputs;
@@ -33,8 +35,7 @@ mod watch;
 
 use std::ffi::OsString;
 
-use bodyflight::diagnostic::{Kind, Problem, Result};
-use bodyflight::interrupt;
+use bodyflight_io::diagnostic::{Kind, Problem, Result};
 use clap::{CommandFactory, Parser, Subcommand};
 
 /// Simulate, estimate and stream human body flight.
@@ -56,6 +57,7 @@ struct Cli {
 #[derive(Subcommand)]
 enum Verb {
     Demo(demo::Args),
+    Airborne(airborne::Args),
     Import(import::Args),
     Inspect(inspect::Args),
     Simulate(simulate::Args),
@@ -95,7 +97,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     interrupt::listen(move || terminal::print_problem(Problem::interrupted(), json));
     match run(&cli).and_then(|()| terminal::finish()) {
         // For verbs that run until Ctrl-C this is success, but the exit code still stops a script that calls them.
-        Ok(()) if interrupt::requested() => Kind::Interrupted.exit_code(),
+        Ok(()) if bodyflight_io::interrupt::requested() => Kind::Interrupted.exit_code(),
         Ok(()) => 0,
         Err(problem) => {
             let code = problem.kind.exit_code();
@@ -108,6 +110,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> u8 {
 fn run(cli: &Cli) -> Result<()> {
     match &cli.verb {
         Verb::Demo(args) => demo::run(args, cli.json),
+        Verb::Airborne(args) => airborne::run(args, cli.json),
         Verb::Import(args) => import::run(args, cli.json),
         Verb::Inspect(args) => inspect::run(args, cli.json),
         Verb::Simulate(args) => simulate::run(args, cli.json),

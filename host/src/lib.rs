@@ -1,14 +1,5 @@
-//! Host side of bodyflight: recordings, subjects, the commands as functions, and the command line itself.
-
-// The command line refers to the library by name, as any other program would.
-extern crate self as bodyflight;
+//! The command line of bodyflight: arguments and output. The work is done by the library `bodyflight-verbs`.
+//!
+//! The command line is a library function, so that the Python package can call it too.
 
 pub mod cli;
-pub mod diagnostic;
-pub mod formats;
-pub mod interrupt;
-pub mod output;
-pub mod progress;
-pub mod replay;
-pub mod unit;
-pub mod verbs;

@@ -1,11 +1,11 @@
-// Bundles the page: scripts, styles and the core's wasm in one HTML file, dist/viewer.html.
+// Bundles the page: scripts, styles and the core's wasm in one HTML file.
 
 import { readFile, writeFile } from "node:fs/promises";
 import { build } from "esbuild";
 
-const wasm = process.env.BODYFLIGHT_WASM;
-if (!wasm) {
-  throw new Error("BODYFLIGHT_WASM names no file: run cargo xtask viewer, which builds it first");
+const { BODYFLIGHT_WASM: wasm, BODYFLIGHT_PAGE: target } = process.env;
+if (!wasm || !target) {
+  throw new Error("BODYFLIGHT_WASM and BODYFLIGHT_PAGE name no files: run cargo xtask viewer, which sets them");
 }
 const bundle = await build({
   entryPoints: ["src/main.ts"],
@@ -14,7 +14,7 @@ const bundle = await build({
   format: "iife",
   target: "es2022",
   write: false,
-  outdir: "dist",
+  outdir: "page",
   legalComments: "inline",
   loader: { ".wasm": "binary" },
   alias: { "core.wasm": wasm },
@@ -24,5 +24,5 @@ const text = (end) => bundle.outputFiles.find((file) => file.path.endsWith(end))
 const script = text(".js").replaceAll("</script", "<\\/script");
 const page = await readFile("src/page.html", "utf8");
 const html = page.replace("/* style */", () => text(".css")).replace("/* script */", () => script);
-await writeFile("dist/viewer.html", html);
-console.log(`dist/viewer.html: ${Math.round(html.length / 1000)} kB`);
+await writeFile(target, html);
+console.log(`${target}: ${Math.round(html.length / 1000)} kB`);

@@ -1,8 +1,8 @@
 //! The search for effects that the model misses.
 
-use bodyflight::interrupt;
-use bodyflight::verbs::discover::{Request, discover_flights};
 use bodyflight_discovery::progress::Progress;
+use bodyflight_io::interrupt;
+use bodyflight_verbs::discover::{Request, discover_flights};
 use pyo3::prelude::*;
 
 use crate::flight::Flight;

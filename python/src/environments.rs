@@ -1,8 +1,8 @@
 //! Environments for learning: skydivers with a task, flown, observed and rewarded in one pass on all cores.
 
-use bodyflight::formats::flight::DEFAULT_DENSITY;
 use bodyflight_core::dynamics::PostureSample;
 use bodyflight_core::math::{Real, clamp};
+use bodyflight_replay::flight::DEFAULT_DENSITY;
 use bodyflight_viewer::cockpit::CONTROLS;
 use numpy::{
     PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods,

@@ -2,13 +2,12 @@
 
 use std::path::PathBuf;
 
-use bodyflight::formats::input_history::Row;
-use bodyflight::formats::preset_file::Tuning;
-use bodyflight::verbs;
-use bodyflight::verbs::estimate::Filter;
-use bodyflight::verbs::estimate::motion::Method;
-use bodyflight::verbs::estimate::request::Request;
 use bodyflight_core::estimator::motion::watch::Consistency;
+use bodyflight_estimation::Filter;
+use bodyflight_estimation::motion::Method;
+use bodyflight_estimation::request::Request;
+use bodyflight_replay::input_history::InputRow;
+use bodyflight_replay::preset_file::Tuning;
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 
@@ -16,10 +15,10 @@ use crate::arrays::rows;
 use crate::flight::Flight;
 use crate::long::long;
 use crate::problem::{dictionary, raise, unknown, warn_of_doubt};
-use crate::simulate::is_single;
+use crate::simulate::precision_of;
 
 /// Number of estimated coefficients.
-const INPUTS: usize = Row::COLUMNS.len() - 1;
+const INPUTS: usize = InputRow::COLUMNS.len() - 1;
 
 /// Estimates at n instants.
 #[pyclass(frozen, module = "bodyflight")]
@@ -45,7 +44,7 @@ pub(crate) struct Estimation {
     /// The dictionary that `bodyflight estimate --json` prints.
     #[pyo3(get)]
     report: Py<PyAny>,
-    inner: verbs::estimate::Estimation,
+    inner: bodyflight_estimation::Estimation,
 }
 
 #[pymethods]
@@ -53,7 +52,7 @@ impl Estimation {
     /// Names of the six coefficients.
     #[classattr]
     fn columns() -> Vec<&'static str> {
-        let [_, columns @ ..] = Row::COLUMNS;
+        let [_, columns @ ..] = InputRow::COLUMNS;
         columns.to_vec()
     }
 
@@ -92,17 +91,13 @@ pub(crate) fn estimate(
             Some(name) => return Err(unknown("filter", name, &["paper", "reduced"])),
         },
     };
-    let is_single = is_single(precision)?;
+    let precision = precision_of(precision)?;
     let found = long(py, progress, |progress| {
-        if is_single {
-            request.run::<f32>(&flight.inner, flight.options, progress)
-        } else {
-            request.run::<f64>(&flight.inner, flight.options, progress)
-        }
+        request.run(&flight.inner, flight.options, precision, progress)
     })?;
     warn_of_doubt(py, found.report.doubt.as_deref())?;
     let points = &found.points;
-    let of = |row: &Row| -> [f64; INPUTS] {
+    let of = |row: &InputRow| -> [f64; INPUTS] {
         let [_, columns @ ..] = row.columns();
         columns
     };

@@ -3,10 +3,10 @@
 use std::ffi::OsString;
 use std::path::PathBuf;
 
-use bodyflight::output::destination;
-use bodyflight::verbs::estimate::motion::Method;
-use bodyflight::verbs::export::{self as exports, Format};
-use bodyflight::verbs::fmu as units;
+use bodyflight_estimation::motion::Method;
+use bodyflight_io::destination;
+use bodyflight_verbs::export::{self as exports, Format};
+use bodyflight_verbs::fmu as units;
 use pyo3::prelude::*;
 
 use crate::flight::Flight;

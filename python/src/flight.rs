@@ -2,16 +2,16 @@
 
 use std::path::PathBuf;
 
-use bodyflight::formats::flight::{self, Start};
-use bodyflight::formats::model_file::Effects;
-use bodyflight::formats::mvnx::ArmFrame;
-use bodyflight::formats::recording::{BadFrames, Options};
-use bodyflight::verbs::synthesize::{DEFAULT_SWAY, JointError, Request, synthesize};
 use bodyflight_core::Segment;
 use bodyflight_core::dynamics::free_run::Equations;
 use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::maneuver::scripts::MANEUVERS;
 use bodyflight_core::sensor_noise::SensorNoise;
+use bodyflight_mvnx::ArmFrame;
+use bodyflight_mvnx::recording::{BadFrames, Options};
+use bodyflight_replay::flight::{self, Start};
+use bodyflight_replay::model_file::Effects;
+use bodyflight_verbs::synthesize::{DEFAULT_SWAY, JointError, Request, synthesize};
 use numpy::{PyArray, PyArray1};
 use pyo3::prelude::*;
 
@@ -159,7 +159,7 @@ impl Recording {
                 motions.push(&frame.motion()?);
                 if time.len().is_multiple_of(1024) {
                     progress(frame.time);
-                    bodyflight::interrupt::check()?;
+                    bodyflight_io::interrupt::check()?;
                 }
             }
             let warnings = recording.warnings();

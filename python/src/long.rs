@@ -1,7 +1,7 @@
 //! Long work without the interpreter's lock, with progress and Ctrl-C.
 
-use bodyflight::diagnostic::{Problem, Result};
-use bodyflight::interrupt;
+use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::interrupt;
 use pyo3::prelude::*;
 
 use crate::problem::raise;

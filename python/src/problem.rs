@@ -1,6 +1,6 @@
 //! Conversion of the library's problems to Python exceptions, and of its reports to dictionaries.
 
-use bodyflight::diagnostic::{Kind, Problem};
+use bodyflight_io::diagnostic::{Kind, Problem};
 use pyo3::create_exception;
 use pyo3::exceptions::{PyException, PyKeyboardInterrupt, PyUserWarning};
 use pyo3::prelude::*;

@@ -2,13 +2,13 @@
 
 use std::path::PathBuf;
 
-use bodyflight::formats::flight::DEFAULT_DENSITY;
-use bodyflight::formats::mvnx::writer::{Description, Origin, Writer};
-use bodyflight::formats::recording::FlightFrame;
-use bodyflight::output::destination;
 use bodyflight_core::Posture;
 use bodyflight_core::dynamics::Motion;
 use bodyflight_core::dynamics::step::TIME_STEP;
+use bodyflight_io::destination;
+use bodyflight_mvnx::recording::FlightFrame;
+use bodyflight_mvnx::writer::{Description, Origin, Writer};
+use bodyflight_replay::flight::DEFAULT_DENSITY;
 use bodyflight_viewer::cockpit::CONTROLS;
 use numpy::{PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;

@@ -1,8 +1,9 @@
 //! A free run of the model, compared with a recording.
 
-use bodyflight::replay::comparison::Channel;
-use bodyflight::replay::steps::Step;
-use bodyflight::verbs;
+use bodyflight_replay::Precision;
+use bodyflight_replay::comparison::Channel;
+use bodyflight_replay::steps::Step;
+use bodyflight_verbs as verbs;
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 
@@ -74,18 +75,14 @@ pub(crate) fn simulate(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Run> {
     let of_start = flight.starting(start)?;
-    let is_single = is_single(precision)?;
+    let precision = precision_of(precision)?;
     let mut columns = Columns::default();
     let simulation = long(py, progress, |progress| {
-        let each = |step: &Step| {
+        let each = &mut |step: &Step| {
             columns.push(step);
             Ok(())
         };
-        if is_single {
-            verbs::simulate::simulate::<f32>(&of_start, flight.options, each, progress)
-        } else {
-            verbs::simulate::simulate::<f64>(&of_start, flight.options, each, progress)
-        }
+        verbs::simulate::simulate(&of_start, flight.options, precision, each, progress)
     })?;
     Ok(Run {
         time: PyArray1::from_vec(py, columns.time).unbind(),
@@ -96,11 +93,11 @@ pub(crate) fn simulate(
     })
 }
 
-/// Returns whether the precision of this name is single.
-pub(crate) fn is_single(precision: &str) -> PyResult<bool> {
+/// Returns the precision of this name.
+pub(crate) fn precision_of(precision: &str) -> PyResult<Precision> {
     match precision {
-        "double" => Ok(false),
-        "single" => Ok(true),
+        "double" => Ok(Precision::Double),
+        "single" => Ok(Precision::Single),
         _ => Err(unknown("precision", precision, &["double", "single"])),
     }
 }

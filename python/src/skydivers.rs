@@ -1,12 +1,12 @@
 //! Many skydivers that fly in parallel: movement patterns in, the quantities that a motion-capture suit measures out.
 
-use bodyflight::diagnostic::Problem;
-use bodyflight::formats::flight::DEFAULT_DENSITY;
-use bodyflight::verbs::view::page::setup;
 use bodyflight_core::dynamics::{Motion, PostureSample};
 use bodyflight_core::frame::{Inertial, Vector};
 use bodyflight_core::math::Real;
 use bodyflight_core::observation::Observation;
+use bodyflight_io::diagnostic::Problem;
+use bodyflight_replay::flight::DEFAULT_DENSITY;
+use bodyflight_verbs::view::page::setup;
 use bodyflight_viewer::cockpit::{CONTROLS, STARTS};
 use numpy::{PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;

@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
-use bodyflight::formats::flight::DEFAULT_DENSITY;
-use bodyflight::formats::subject;
-use bodyflight::verbs;
 use bodyflight_core::Segment;
+use bodyflight_replay::flight::DEFAULT_DENSITY;
+use bodyflight_replay::subject;
+use bodyflight_verbs as verbs;
 use numpy::PyArray2;
 use pyo3::prelude::*;
 

@@ -1,11 +1,11 @@
 //! Many runs of one flight, and the search for coefficients.
 
-use bodyflight::formats::recording::FlightFrame;
-use bodyflight::interrupt;
-use bodyflight::replay::comparison::{Channel, Comparison};
-use bodyflight::replay::steps::{Divergence, Replay};
-use bodyflight::verbs;
-use bodyflight::verbs::tune::Search;
+use bodyflight_io::interrupt;
+use bodyflight_mvnx::recording::FlightFrame;
+use bodyflight_replay::comparison::{Channel, Comparison};
+use bodyflight_replay::steps::{Divergence, Replay};
+use bodyflight_verbs as verbs;
+use bodyflight_verbs::tune::Search;
 use numpy::{PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
 use rayon::prelude::*;
@@ -39,7 +39,7 @@ pub(crate) fn sweep(
                 varied.subject = varied.subject.with_coefficients_times(*factors);
                 let frames = frames.iter().copied().map(Ok);
                 let mut comparison = Comparison::default();
-                let replay = Replay::<f64, _>::new(&varied, frames)?;
+                let replay = Replay::new(&varied, frames)?;
                 for step in replay.on_divergence(Divergence::Held) {
                     comparison.push(step?.pair);
                 }
@@ -53,7 +53,7 @@ pub(crate) fn sweep(
 
 /// Reads the rows of factors. Returns an error unless each has three factors of 0 to 100.
 fn three_columns(factors: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<[f64; 3]>> {
-    use bodyflight::diagnostic::Problem;
+    use bodyflight_io::diagnostic::Problem;
     let rows = factors.as_array();
     rows.outer_iter()
         .enumerate()

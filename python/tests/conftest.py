@@ -33,4 +33,4 @@ def turn(tmp_path_factory):
 @pytest.fixture(scope="session")
 def acrobatics():
     """A real twisting somersault, part of the project."""
-    return ROOT / "host/data/acrobatics/flight-1.toml"
+    return ROOT / "verbs/data/acrobatics/flight-1.toml"

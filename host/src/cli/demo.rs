@@ -2,16 +2,17 @@
 
 use std::path::PathBuf;
 
-use bodyflight::diagnostic::{Problem, Result};
-use bodyflight::formats::flight::Flight;
-use bodyflight::formats::recording::Options;
-use bodyflight::formats::subject::Subject;
-use bodyflight::output::files::write_file;
-use bodyflight::output::plot::comparison_svg;
-use bodyflight::verbs::simulate::{RunFile, simulate};
-use bodyflight::verbs::synthesize::{DEFAULT_SWAY, FILES, JointError, Request};
 use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::sensor_noise::SensorNoise;
+use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::files::write_file;
+use bodyflight_mvnx::recording::Options;
+use bodyflight_replay::Precision;
+use bodyflight_replay::flight::Flight;
+use bodyflight_replay::subject::Subject;
+use bodyflight_verbs::output::plot::comparison_svg;
+use bodyflight_verbs::simulate::{RunFile, simulate};
+use bodyflight_verbs::synthesize::{DEFAULT_SWAY, FILES, JointError, Request};
 
 use super::outputs::Outputs;
 use super::terminal::FlightBar;
@@ -39,7 +40,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     let request = Request {
         maneuver,
         subject: &subject,
-        density: bodyflight::formats::flight::DEFAULT_DENSITY,
+        density: bodyflight_replay::flight::DEFAULT_DENSITY,
         seed: SEED,
         noise: SensorNoise::PAPER,
         joint_error: JointError::default(),
@@ -54,8 +55,13 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     let (csv, svg) = (args.out.join("run.csv"), args.out.join("run.svg"));
     let mut file = RunFile::create(&csv)?;
     let bar = FlightBar::new("simulating", &flight);
-    let each = |step: &_| file.write(step);
-    let simulation = simulate::<f64>(&flight, Options::default(), each, |time| bar.at(time));
+    let simulation = simulate(
+        &flight,
+        Options::default(),
+        Precision::Double,
+        &mut |step| file.write(step),
+        &mut |time| bar.at(time),
+    );
     bar.end();
     let simulation = simulation?;
     file.finish()?;

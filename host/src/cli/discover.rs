@@ -2,20 +2,19 @@
 
 mod args;
 mod output;
-mod point;
 
 use std::path::{Path, PathBuf};
 
-use bodyflight::diagnostic::{Problem, Result};
-use bodyflight::formats::flight::Flight;
-use bodyflight::formats::flysight;
-use bodyflight::interrupt;
-use bodyflight::output::files::write_file;
-use bodyflight::verbs::discover::{
-    Request, calibration_toml, discover_flights, figure, model_toml, refuse_same_flights,
-};
+use bodyflight_discovery::named_effect::Outcome;
+use bodyflight_discovery::output::report::{CHANNEL_NAMES, Report};
 use bodyflight_discovery::progress::Progress;
-use bodyflight_discovery::report::{CHANNEL_NAMES, Outcome, Report};
+use bodyflight_io::diagnostic::Result;
+use bodyflight_io::files::write_file;
+use bodyflight_io::interrupt;
+use bodyflight_replay::flight::Flight;
+use bodyflight_verbs::discover::{
+    Request, calibration_toml, discover_flights, figure, model_toml, refuse_track,
+};
 use indicatif::ProgressBar;
 
 use super::terminal;
@@ -29,19 +28,10 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     if let Some(folder) = &args.out {
         args.outputs.check_in(folder, output::FILES)?;
     }
-    let fitted = flights.first();
-    if fitted.is_some_and(|flight| flysight::is_flysight(&flight.recording)) {
-        if let Some(second) = args.flights.get(1) {
-            return Err(
-                Problem::bad_input("expected one recording of a point to be fitted")
-                    .in_file(second)
-                    .help("give the others after --hold-out"),
-            );
-        }
-        refuse_same_flights(&flights, &held_out)?;
-        return point::run(args, json);
+    for flight in flights.iter().chain(&held_out) {
+        refuse_track(&flight.recording)?;
     }
-    if let Some(flight) = fitted {
+    if let Some(flight) = flights.first() {
         terminal::note_assumed_subject(flight);
     }
     let request = Request {

@@ -4,23 +4,24 @@ mod report;
 
 use std::path::{Path, PathBuf};
 
-use bodyflight::diagnostic::{Problem, Result};
-use bodyflight::formats::flight::Flight;
-use bodyflight::formats::model_file::Effects;
-use bodyflight::formats::preset_file::{AUTO, Tuning};
-use bodyflight::verbs::estimate::Filter;
-use bodyflight::verbs::estimate::motion::Method;
-use bodyflight::verbs::estimate::report::Report;
-use bodyflight::verbs::estimate::request::Request;
 use bodyflight_core::estimator::measurement::Quantity;
 use bodyflight_core::estimator::motion::measurement::NAMES;
 use bodyflight_core::estimator::preset::{PRESETS, Preset};
+use bodyflight_estimation::Filter;
+use bodyflight_estimation::motion::Method;
+use bodyflight_estimation::report::Report;
+use bodyflight_estimation::request::Request;
+use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_replay::flight::Flight;
+use bodyflight_replay::model_file::Effects;
+use bodyflight_replay::preset_file::{AUTO, Tuning};
+use bodyflight_verbs::estimate::svg;
 use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::outputs::{Outputs, Plot};
 use super::several::{each, output_of};
-use super::simulate::{Precision, Reading};
+use super::simulate::{PrecisionName, Reading};
 use super::terminal::{self, FlightBar};
 
 /// Estimate muscle inputs and damping over time, and compare the reconstruction with and without them.
@@ -73,7 +74,7 @@ pub(super) struct Args {
     model: Option<PathBuf>,
     /// Floating-point precision of filter and model.
     #[arg(long, value_enum, default_value = "double")]
-    precision: Precision,
+    precision: PrecisionName,
     #[command(flatten)]
     outputs: Outputs,
     #[command(flatten)]
@@ -211,19 +212,16 @@ fn run_flight(
     let plot = args.plot.of(path, &args.flights)?;
     args.outputs.check_with([&out], &plot)?;
     let bar = FlightBar::new("estimating", &flight);
-    let progress = |time: f64| bar.at(time);
     let options = args.reading.options();
-    let estimation = match args.precision {
-        Precision::Single => request.run::<f32>(&flight, options, progress),
-        Precision::Double => request.run::<f64>(&flight, options, progress),
-    };
+    let precision = args.precision.into();
+    let estimation = request.run(&flight, options, precision, &mut |time| bar.at(time));
     bar.end();
     let estimation = estimation?;
     if let Some(path) = &out {
         estimation.write_csv(path)?;
     }
     let title = || format!("{}: preset {}", path.display(), args.preset);
-    plot.write(|| estimation.svg(&plot.title(title)))?;
+    plot.write(|| svg(&estimation, &plot.title(title)))?;
     if !json {
         report::print(&estimation);
         for path in [&out, &plot.path].into_iter().flatten() {

@@ -2,11 +2,11 @@
 
 use std::path::PathBuf;
 
-use bodyflight::diagnostic::{Problem, Result};
-use bodyflight::formats::flight::Flight;
-use bodyflight::formats::model_file::Effects;
-use bodyflight::verbs::estimate::motion::Method;
-use bodyflight::verbs::export::{Format, Report, export};
+use bodyflight_estimation::motion::Method;
+use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_replay::flight::Flight;
+use bodyflight_replay::model_file::Effects;
+use bodyflight_verbs::export::{Format, Report, export};
 
 use super::outputs::Outputs;
 use super::several::name_of;
@@ -90,9 +90,9 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         MethodName::Smooth => Method::Smooth,
     });
     let spinner = terminal::spinner("exporting");
-    let progress = |time: f64| spinner.set_message(format!("exporting, {time:.0} s"));
+    let mut progress = |time: f64| spinner.set_message(format!("exporting, {time:.0} s"));
     let options = args.reading.options();
-    let report = export(&flight, options, (&path, format), estimates, progress);
+    let report = export(&flight, options, (&path, format), estimates, &mut progress);
     spinner.finish_and_clear();
     let report = report?;
     terminal::note_assumed_subject(&flight);

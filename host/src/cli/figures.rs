@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
-use bodyflight::diagnostic::{Problem, Result};
-use bodyflight::formats::flight::Flight;
-use bodyflight::output::figure::Format;
-use bodyflight::verbs::figures::{Settings, files, write};
+use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_replay::flight::Flight;
+use bodyflight_verbs::figures::{Settings, files, write};
+use bodyflight_verbs::output::figure::Format;
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -89,11 +89,19 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
     args.outputs.check_in(&args.out, &names)?;
     let bar = FlightBar::new("drawing", &flight);
-    let progress = |time: f64| bar.at(time);
     let title = args.title.clone();
     let title = title.unwrap_or_else(|| name_of(&args.flight));
     let options = args.reading.options();
-    let figures = write(&flight, &title, &settings, options, &args.out, progress);
+    let figures = write(
+        &flight,
+        &title,
+        &settings,
+        options,
+        &args.out,
+        &mut |time| {
+            bar.at(time);
+        },
+    );
     bar.end();
     let figures = figures?;
     if json {

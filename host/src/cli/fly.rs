@@ -3,15 +3,15 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use bodyflight::diagnostic::{Problem, Result};
-use bodyflight::formats::flight::DEFAULT_DENSITY;
-use bodyflight::formats::subject::Subject;
-use bodyflight::interrupt;
-use bodyflight::output::files::write_file;
-use bodyflight::verbs::view::flown::{frames, write};
-use bodyflight::verbs::view::page::{FlyData, Mode, PageData, Provenance, html};
-use bodyflight::verbs::view::server::Server;
 use bodyflight_core::aerodynamics::load_model::LoadModel;
+use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::files::write_file;
+use bodyflight_io::interrupt;
+use bodyflight_replay::flight::DEFAULT_DENSITY;
+use bodyflight_replay::subject::Subject;
+use bodyflight_verbs::view::flown::{frames, write};
+use bodyflight_verbs::view::page::{FlyData, Mode, PageData, Provenance, html};
+use bodyflight_verbs::view::server::Server;
 use schemars::JsonSchema;
 use serde::Serialize;
 

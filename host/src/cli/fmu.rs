@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use bodyflight::diagnostic::Result;
-use bodyflight::verbs::fmu::{library, read, write};
+use bodyflight_io::diagnostic::Result;
+use bodyflight_verbs::fmu::{library, read, write};
 
 use super::outputs::Outputs;
 use super::terminal;

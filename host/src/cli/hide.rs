@@ -2,17 +2,17 @@
 
 use std::path::PathBuf;
 
-use bodyflight::diagnostic::{Problem, Result};
-use bodyflight::formats::flight::Flight;
-use bodyflight::formats::model_file::Effects;
-use bodyflight::formats::subject::Subject;
-use bodyflight::interrupt;
-use bodyflight::output::files::write_file;
-use bodyflight::verbs::hide::{FILES, truth_toml, write};
 use bodyflight_core::effect::Effect;
-use bodyflight_discovery::laboratory::drawn::drawn;
-use bodyflight_discovery::laboratory::outside::Outside;
-use bodyflight_discovery::laboratory::{FRAME_RATE, Hidden, JointErrors, Settings, fly, strength};
+use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::files::write_file;
+use bodyflight_io::interrupt;
+use bodyflight_laboratory::drawn::drawn;
+use bodyflight_laboratory::outside::Outside;
+use bodyflight_laboratory::{FRAME_RATE, Hidden, JointErrors, Settings, fly, strength};
+use bodyflight_replay::flight::Flight;
+use bodyflight_replay::model_file::Effects;
+use bodyflight_replay::subject::Subject;
+use bodyflight_verbs::hide::{FILES, truth_toml, write};
 use schemars::JsonSchema;
 use serde::Serialize;
 

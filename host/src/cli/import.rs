@@ -2,16 +2,16 @@
 
 use std::path::PathBuf;
 
-use bodyflight::diagnostic::Result;
-use bodyflight::formats::import::mapping::Mapping;
-use bodyflight::formats::subject::Subject;
-use bodyflight::verbs::import::{FILES, Request, import};
+use bodyflight_io::diagnostic::Result;
+use bodyflight_mocap::mapping::Mapping;
+use bodyflight_replay::subject::Subject;
+use bodyflight_verbs::import::{FILES, Request, import};
 
 use super::outputs::Outputs;
 use super::terminal;
 
-/// Convert another system's motion into a recording: BVH, or a table of joint angles, segment quaternions or points
-/// (CSV, MOT, STO, TRC).
+/// Convert another system's motion into a recording: joints (BVH, ASF/AMC, SMPL), points (C3D, TRC, Vicon Nexus), joint
+/// angles or quaternions (OpenSim, OpenSense, CSV), workbooks of MVN, and folders of Xsens sensors.
 #[derive(clap::Args)]
 #[command(
     after_help = "A mapping says where the axes of the file point and what its segments are called (docs/import.md). \
@@ -19,9 +19,9 @@ use super::terminal;
                   Example: bodyflight import jump.csv --mapping mapping.toml --subject athlete.toml --out jump"
 )]
 pub(super) struct Args {
-    /// The file, possibly compressed (.gz, .xz).
+    /// The file, possibly compressed (.gz, .xz), or a folder with a file for each sensor.
     file: PathBuf,
-    /// The mapping; not needed for a BVH file with common joint names.
+    /// The mapping; not needed for BVH with common joint names, ASF/AMC, AMASS, OpenSense and MVN.
     #[arg(long, value_name = "TOML")]
     mapping: Option<PathBuf>,
     /// A subject.toml; by default the default subject.
@@ -55,7 +55,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
             has_subject: args.subject.is_some(),
             folder: &args.out,
         },
-        |share| bar.set_position((100.0 * share) as u64),
+        &mut |share| bar.set_position((100.0 * share) as u64),
     );
     bar.finish_and_clear();
     let report = report?;

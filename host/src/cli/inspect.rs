@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
-use bodyflight::diagnostic::Result;
-use bodyflight::formats::subject::Subject;
-use bodyflight::verbs::inspect::inspect;
+use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_replay::subject::Subject;
+use bodyflight_verbs::inspect::inspect;
 
 use super::several::each;
 use super::terminal;
@@ -13,7 +13,7 @@ use super::terminal;
 /// first frame as a picture.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  bodyflight inspect flight.mvnx --subject subject.toml\n  \
+    after_help = "Exit code 5: the recording contradicts itself, so that results from it cannot be trusted.\n\nExamples:\n  bodyflight inspect flight.mvnx --subject subject.toml\n  \
                   bodyflight inspect flight.mvnx turn-1/flight.mvnx --json"
 )]
 pub(super) struct Args {
@@ -36,6 +36,10 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         if !json {
             terminal::print(report.to_string().trim_end());
         }
-        Ok((report, Ok(())))
+        let verdict = match report.doubt() {
+            Some(doubt) => Err(Problem::doubt(doubt).in_file(file)),
+            None => Ok(()),
+        };
+        Ok((report, verdict))
     })
 }

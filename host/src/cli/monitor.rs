@@ -3,9 +3,9 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use bodyflight::diagnostic::Result;
-use bodyflight::interrupt;
-use bodyflight::unit::monitor::{Chunk, Defmt, Input, PacketReading, Xbus, XbusTotals};
+use bodyflight_io::diagnostic::Result;
+use bodyflight_io::interrupt;
+use bodyflight_unit::monitor::{Chunk, Defmt, Input, PacketReading, Xbus, XbusTotals};
 use serde_json::json;
 
 use super::terminal;
@@ -179,6 +179,9 @@ fn print_totals(totals: &XbusTotals) {
         totals.skipped_bytes,
         totals.bytes
     ));
+    for finding in &totals.findings {
+        terminal::print(finding);
+    }
 }
 
 fn text(packet: &PacketReading) -> String {

@@ -4,16 +4,14 @@ use std::net::IpAddr;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use bodyflight::diagnostic::{Problem, Result};
-use bodyflight::formats::flight::Flight;
-use bodyflight::formats::mvn_network::{
-    AngularUnit, Options, Receiver, Sink, Source, Speed, replay,
-};
-use bodyflight::formats::mvnx::live::LiveRecording;
-use bodyflight::formats::recording::{self, FlightFrame};
-use bodyflight::formats::subject::Subject;
-use bodyflight::interrupt;
-use bodyflight::verbs::view::live::{LiveView, Received};
+use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::interrupt;
+use bodyflight_mvn_network::{AngularUnit, Options, Receiver, Sink, Source, Speed, replay};
+use bodyflight_mvnx::live::LiveRecording;
+use bodyflight_mvnx::recording::{self, FlightFrame};
+use bodyflight_replay::flight::Flight;
+use bodyflight_replay::subject::Subject;
+use bodyflight_verbs::view::live::{LiveView, Received};
 use clap::Subcommand;
 use serde_json::json;
 

@@ -2,11 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use bodyflight::diagnostic::Result;
-use bodyflight::formats::mvnx::live::{Kept, LiveRecording};
-use bodyflight::output::destination;
-use bodyflight::output::figure::{Format, write_figure};
 use bodyflight_core::Body;
+use bodyflight_io::destination;
+use bodyflight_io::diagnostic::Result;
+use bodyflight_mvnx::live::{Kept, LiveRecording};
+use bodyflight_verbs::output::figure::{Format, write_figure};
 
 use super::terminal;
 

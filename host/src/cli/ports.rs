@@ -1,7 +1,7 @@
 //! `bodyflight ports`.
 
-use bodyflight::diagnostic::Result;
-use bodyflight::unit::ports::{self, Port};
+use bodyflight_io::diagnostic::Result;
+use bodyflight_unit::ports::{self, Port};
 
 use super::terminal;
 

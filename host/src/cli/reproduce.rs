@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
-use bodyflight::diagnostic::Result;
-use bodyflight::verbs::reproduce::experiments::EXPERIMENTS;
-use bodyflight::verbs::reproduce::{PARTS, reproduce};
+use bodyflight_io::diagnostic::Result;
+use bodyflight_verbs::reproduce::experiments::EXPERIMENTS;
+use bodyflight_verbs::reproduce::{PARTS, reproduce};
 
 use super::outputs::Outputs;
 use super::terminal;
@@ -44,7 +44,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     // Parts that were not requested take no time.
     let count = count + PARTS.len();
     let bar = terminal::bar(count as u64, "experiments");
-    let report = reproduce(&args.what, &args.out, || bar.inc(1));
+    let report = reproduce(&args.what, &args.out, &|| bar.inc(1));
     bar.finish_and_clear();
     let report = report?;
     if json {

@@ -1,10 +1,10 @@
 //! `bodyflight schema`.
 
-use bodyflight::diagnostic::{Problem, Result};
-use bodyflight::formats::mvn_network::Sent;
-use bodyflight::unit::ports::Port;
-use bodyflight::unit::stream;
-use bodyflight::verbs;
+use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_mvn_network::Sent;
+use bodyflight_unit::ports::Port;
+use bodyflight_unit::stream;
+use bodyflight_verbs as verbs;
 use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
 use serde_json::Value;
@@ -26,21 +26,25 @@ type Row = (&'static str, fn() -> Value);
 
 /// Verbs that answer with one value. `monitor` and `mvn listen` print an endless stream of lines, described in
 /// docs/formats.md.
-const ANSWERS: [Row; 28] = [
-    ("demo", answer::<verbs::simulate::Report>),
-    ("discover", answer::<bodyflight_discovery::report::Report>),
+const ANSWERS: &[Row] = &[
+    ("airborne", answer::<verbs::airborne::Report>),
     (
-        "discover-track",
-        answer::<bodyflight_discovery::point::report::Report>,
+        "airborne-several",
+        answer::<Several<verbs::airborne::Report>>,
     ),
-    ("estimate", answer::<verbs::estimate::report::Report>),
+    ("demo", answer::<verbs::simulate::Report>),
+    (
+        "discover",
+        answer::<bodyflight_discovery::output::report::Report>,
+    ),
+    ("estimate", answer::<bodyflight_estimation::report::Report>),
     ("estimate-presets", plain::<Vec<estimate::Listed>>),
     (
         "estimate-several",
-        answer::<Several<verbs::estimate::report::Report>>,
+        answer::<Several<bodyflight_estimation::report::Report>>,
     ),
     ("export", answer::<verbs::export::Report>),
-    ("fall", answer::<verbs::fall::Report>),
+    ("fall", answer::<verbs::fall::logbook::Answers>),
     ("figures", answer::<figures::Written>),
     ("fmu", answer::<verbs::fmu::Report>),
     ("hide", answer::<hide::Written>),
@@ -60,8 +64,10 @@ const ANSWERS: [Row; 28] = [
     ("synth", answer::<verbs::synthesize::Report>),
     ("trim", answer::<verbs::trim::Report>),
     ("tune", answer::<verbs::tune::Report>),
+    ("unit-configure", answer::<unit::Stored>),
     ("unit-flash", answer::<unit::Flashed>),
     ("unit-log", answer::<unit::Report>),
+    ("unit-show", answer::<unit::Stored>),
     ("validate", answer::<verbs::validate::Report>),
     ("view", answer::<view::Written>),
 ];

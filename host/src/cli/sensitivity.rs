@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
-use bodyflight::diagnostic::{Problem, Result};
-use bodyflight::formats::flight::Flight;
-use bodyflight::replay::comparison::PerChannel;
-use bodyflight::verbs::sensitivity::{Parameter, Report, SHOWN, sensitivity};
+use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_replay::comparison::PerChannel;
+use bodyflight_replay::flight::Flight;
+use bodyflight_verbs::sensitivity::{Parameter, Report, SHOWN, sensitivity};
 
 use super::outputs::{Outputs, Plot};
 use super::{estimate, simulate, terminal};
@@ -44,9 +44,15 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     let flight = Flight::read(&args.flight)?;
     args.outputs.check_with([], &args.plot)?;
     let bar = terminal::bar(2 * Parameter::ALL.len() as u64, "variations");
-    let report = sensitivity(&flight, args.share, preset, args.reading.options(), || {
-        bar.inc(1);
-    });
+    let report = sensitivity(
+        &flight,
+        args.share,
+        preset,
+        args.reading.options(),
+        &mut || {
+            bar.inc(1);
+        },
+    );
     bar.finish_and_clear();
     let report = report?;
     let title = || format!("Sensitivity of {}", args.flight.display());

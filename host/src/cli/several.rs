@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use bodyflight::diagnostic::{Kind, Problem, Result};
+use bodyflight_io::diagnostic::{Kind, Problem, Result};
 use schemars::JsonSchema;
 use serde::Serialize;
 

@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use bodyflight::diagnostic::{Problem, Result};
-use bodyflight::output::files::write_file;
+use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::files::write_file;
 use clap::Command;
 use clap_complete::Shell;
 

@@ -2,14 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
-use bodyflight::diagnostic::Result;
-use bodyflight::formats::flight::{Flight, Start};
-use bodyflight::formats::model_file::Effects;
-use bodyflight::formats::mvnx::ArmFrame;
-use bodyflight::formats::recording::{BadFrames, Options};
-use bodyflight::output::plot::comparison_svg;
-use bodyflight::verbs::simulate::{Report, RunFile, Simulation, simulate};
 use bodyflight_core::dynamics::free_run::Equations;
+use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_mvnx::ArmFrame;
+use bodyflight_mvnx::recording::{BadFrames, Options, faults};
+use bodyflight_replay::Precision;
+use bodyflight_replay::flight::{Flight, Start};
+use bodyflight_replay::model_file::Effects;
+use bodyflight_verbs::output::plot::comparison_svg;
+use bodyflight_verbs::simulate::{Report, RunFile, Simulation, simulate};
 
 use super::outputs::{Outputs, Plot};
 use super::several::{each, output_of};
@@ -41,7 +42,7 @@ pub(super) struct Args {
     start: StartName,
     /// Floating-point precision of the model; the recording is always read in double precision.
     #[arg(long, value_enum, default_value = "double")]
-    precision: Precision,
+    precision: PrecisionName,
     #[command(flatten)]
     outputs: Outputs,
     #[command(flatten)]
@@ -105,16 +106,30 @@ enum EquationsName {
 }
 
 #[derive(clap::ValueEnum, Clone, Copy)]
-pub(super) enum Precision {
+pub(super) enum PrecisionName {
     /// As on the unit.
     Single,
     /// For reference.
     Double,
 }
 
+impl From<PrecisionName> for Precision {
+    fn from(name: PrecisionName) -> Self {
+        match name {
+            PrecisionName::Single => Self::Single,
+            PrecisionName::Double => Self::Double,
+        }
+    }
+}
+
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     each(&args.flights, json, |path| {
-        run_flight(path, args, json).map(|report| (report, Ok(())))
+        let report = run_flight(path, args, json)?;
+        let verdict = match faults(&report.warnings) {
+            Some(doubt) => Err(Problem::doubt(doubt).in_file(path)),
+            None => Ok(()),
+        };
+        Ok((report, verdict))
     })
 }
 
@@ -153,12 +168,13 @@ fn simulated(flight: &Flight, args: &Args, out: Option<&Path>) -> Result<Simulat
     let bar = FlightBar::new("simulating", flight);
     let mut file = out.map(RunFile::create).transpose()?;
     let options = args.reading.options();
-    let each = |step: &_| file.as_mut().map_or(Ok(()), |file| file.write(step));
-    let progress = |time: f64| bar.at(time);
-    let simulation = match args.precision {
-        Precision::Single => simulate::<f32>(flight, options, each, progress),
-        Precision::Double => simulate::<f64>(flight, options, each, progress),
-    };
+    let simulation = simulate(
+        flight,
+        options,
+        args.precision.into(),
+        &mut |step| file.as_mut().map_or(Ok(()), |file| file.write(step)),
+        &mut |time| bar.at(time),
+    );
     bar.end();
     let simulation = simulation?;
     if let Some(file) = file {

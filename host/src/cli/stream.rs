@@ -4,17 +4,17 @@ use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use bodyflight::diagnostic::{Problem, Result};
-use bodyflight::formats::flight::Flight;
-use bodyflight::formats::model_file::Effects;
-use bodyflight::formats::mvn_network::Source;
-use bodyflight::formats::mvnx::live::LiveRecording;
-use bodyflight::formats::recording::FlightFrame;
-use bodyflight::unit::monitor::Defmt;
-use bodyflight::unit::stream::connection::{DEFAULT_BAUD, Target};
-use bodyflight::unit::stream::report::Report;
-use bodyflight::unit::stream::{Pace, Settings, stream};
 use bodyflight_core::link::fault::Faults;
+use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_mvn_network::Source;
+use bodyflight_mvnx::live::LiveRecording;
+use bodyflight_mvnx::recording::FlightFrame;
+use bodyflight_replay::flight::Flight;
+use bodyflight_replay::model_file::Effects;
+use bodyflight_unit::monitor::Defmt;
+use bodyflight_unit::stream::connection::{DEFAULT_BAUD, Target};
+use bodyflight_unit::stream::report::Report;
+use bodyflight_unit::stream::{Pace, Settings, stream};
 
 use super::outputs::{Outputs, print_kept};
 use super::simulate::Reading;
@@ -197,7 +197,14 @@ fn run_frames(
     settings: &Settings,
 ) -> Result<()> {
     // The image contains the strings of the unit's log.
-    let mut logs = args.qemu.as_deref().map(Defmt::open).transpose()?;
+    let mut logs = match args.qemu.as_deref() {
+        Some(image) if cfg!(feature = "full") => Some(Defmt::open(image)?),
+        Some(_) => {
+            terminal::note("this program was built without the decoder of the unit's logs");
+            None
+        }
+        None => None,
+    };
     let mut kept = args.outputs.live(&args.out, || flight.subject.body())?;
     // Every frame advances the simulated body, but the page is updated less often.
     let view = RefCell::new(args.watch.begin(flight, args.flight.as_ref())?);

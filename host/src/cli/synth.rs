@@ -2,13 +2,13 @@
 
 use std::path::PathBuf;
 
-use bodyflight::diagnostic::{Problem, Result};
-use bodyflight::formats::flight::DEFAULT_DENSITY;
-use bodyflight::formats::subject::Subject;
-use bodyflight::verbs::synthesize::{DEFAULT_SWAY, FILES, JointError, Report, Request, synthesize};
 use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::maneuver::scripts::MANEUVERS;
 use bodyflight_core::sensor_noise::SensorNoise;
+use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_replay::flight::DEFAULT_DENSITY;
+use bodyflight_replay::subject::Subject;
+use bodyflight_verbs::synthesize::{DEFAULT_SWAY, FILES, JointError, Report, Request, synthesize};
 
 use super::outputs::Outputs;
 use super::terminal;
@@ -108,7 +108,7 @@ pub(super) fn write(request: &Request<'_>, folder: &std::path::Path) -> Result<R
         clippy::cast_sign_loss,
         reason = "scripts last seconds"
     )]
-    let report = synthesize(request, folder, |time| bar.set_position(time as u64));
+    let report = synthesize(request, folder, &mut |time| bar.set_position(time as u64));
     bar.finish_and_clear();
     report
 }

@@ -12,12 +12,13 @@ use std::path::PathBuf;
 use std::sync::OnceLock;
 
 pub(super) use bars::{FlightBar, Stages, bar, set_share, share_bar, spinner};
-use bodyflight::diagnostic::{Problem, Result};
-use bodyflight::formats::flight::Flight;
-use bodyflight::formats::input;
-use bodyflight::formats::model_file::Effects;
-use bodyflight::replay::comparison::{Channel, PerChannel};
+use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::input;
+use bodyflight_replay::comparison::{Channel, PerChannel};
+use bodyflight_replay::flight::Flight;
+use bodyflight_replay::model_file::Effects;
 use comfy_table::{CellAlignment, Table};
+use console::style;
 use schemars::JsonSchema;
 use serde::Serialize;
 use visible::{json_without_controls, visible, visible_problem};
@@ -173,8 +174,23 @@ pub(super) fn print_problem(problem: Problem, json: bool) {
         let told = serde_json::json!({ "error": Told::of(&problem) });
         writeln!(err, "{}", json_without_controls(&told.to_string()))
     } else {
-        writeln!(err, "{:?}", miette::Report::new(problem))
+        err.write_all(told(&problem).as_bytes())
     };
+}
+
+/// A problem, its causes and the next step, each on its own line.
+fn told(problem: &Problem) -> String {
+    let label = |text: &'static str| style(text).for_stderr().bold();
+    let mut text = format!("{} {problem}\n", label("error:").red());
+    let mut cause = problem.source();
+    while let Some(error) = cause {
+        text += &format!("  {} {error}\n", label("cause:"));
+        cause = error.source();
+    }
+    if let Some(help) = &problem.help {
+        text += &format!("  {} {help}\n", label("help:").cyan());
+    }
+    text
 }
 
 /// Writes what was wrong with the arguments, or the requested help.

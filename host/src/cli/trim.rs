@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
-use bodyflight::diagnostic::Result;
-use bodyflight::formats::flight::DEFAULT_DENSITY;
-use bodyflight::formats::subject::Subject;
-use bodyflight::verbs::trim::trim;
+use bodyflight_io::diagnostic::Result;
+use bodyflight_replay::flight::DEFAULT_DENSITY;
+use bodyflight_replay::subject::Subject;
+use bodyflight_verbs::trim::trim;
 
 use super::terminal;
 

@@ -3,11 +3,11 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use bodyflight::diagnostic::{Problem, Result};
-use bodyflight::formats::flight::Flight;
-use bodyflight::formats::subject::CommonCoefficients;
-use bodyflight::output::files::write_file;
-use bodyflight::verbs::tune::{Report, Search, tune};
+use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::files::write_file;
+use bodyflight_replay::flight::Flight;
+use bodyflight_replay::subject::CommonCoefficients;
+use bodyflight_verbs::tune::{Report, Search, tune};
 
 use super::outputs::Outputs;
 use super::{simulate, terminal};

@@ -1,20 +1,24 @@
 //! `bodyflight unit`.
 
+mod setup;
+pub(super) use setup::Stored;
+
 use std::path::PathBuf;
 use std::time::Duration;
 
-use bodyflight::diagnostic::{Problem, Result};
-use bodyflight::formats::subject::Subject;
-use bodyflight::interrupt;
-use bodyflight::unit::image::{Board, Image};
-use bodyflight::unit::log;
-use bodyflight::unit::stream::connection::{DEFAULT_BAUD, Target};
-use bodyflight::unit::virtual_unit::VirtualUnit;
+use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::interrupt;
+use bodyflight_replay::subject::Subject;
+use bodyflight_unit::image::{Board, Image};
+use bodyflight_unit::log;
+use bodyflight_unit::stream::connection::{DEFAULT_BAUD, Target};
+use bodyflight_unit::virtual_unit::VirtualUnit;
 use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::outputs::Outputs;
 use super::terminal;
+use setup::{ConfigureArgs, ShowArgs};
 
 /// Run a unit on this machine behind a pseudo-terminal until Ctrl-C, read a unit's log, or check its image.
 #[derive(clap::Args)]
@@ -35,6 +39,8 @@ pub(super) struct Args {
 
 #[derive(clap::Subcommand)]
 enum Verb {
+    Configure(ConfigureArgs),
+    Show(ShowArgs),
     Log(LogArgs),
     Flash(FlashArgs),
 }
@@ -105,6 +111,8 @@ pub(super) struct Report {
 
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     match &args.verb {
+        Some(Verb::Configure(args)) => return setup::configure(args, json),
+        Some(Verb::Show(args)) => return setup::show(args, json),
         Some(Verb::Log(args)) => return read_log(args, json),
         Some(Verb::Flash(args)) => return flash(args, json),
         None => {}
@@ -114,6 +122,9 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         None => VirtualUnit::start()?,
     };
     terminal::print(&unit.path().display().to_string());
+    if unit.resumed().is_some() {
+        terminal::note("started on its own with the stored configuration");
+    }
     // Ctrl-C is the normal way to end.
     while interrupt::check().is_ok() {
         std::thread::sleep(Duration::from_millis(50));
@@ -135,7 +146,7 @@ fn read_log(args: &LogArgs, json: bool) -> Result<()> {
     };
     if let Some(folder) = &args.out {
         let bar = terminal::spinner("blocks");
-        let blocks = log::read(&target, |count| bar.set_position(count as u64))?;
+        let blocks = log::read(&target, &mut |count| bar.set_position(count as u64))?;
         bar.finish_and_clear();
         let (flights, damaged) = log::flights(&blocks);
         (report.blocks, report.damaged) = (blocks.len(), damaged);

@@ -2,12 +2,13 @@
 
 use std::path::PathBuf;
 
-use bodyflight::diagnostic::{Problem, Result};
-use bodyflight::interrupt::Unfinished;
-use bodyflight::replay::recorded::Recorded;
-use bodyflight::verbs::validate::falls::{self, is_track};
-use bodyflight::verbs::validate::windows::{MODELS, Spread};
-use bodyflight::verbs::validate::{Report, bundled, figure, read, validate};
+use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::interrupt::Unfinished;
+use bodyflight_replay::recorded::Recorded;
+use bodyflight_tracks::folder::{is_track, tracks};
+use bodyflight_verbs::validate::captures::{Captures, LENGTH, is_table, judged};
+use bodyflight_verbs::validate::windows::{MODELS, Spread};
+use bodyflight_verbs::validate::{Report, bundled, figure, read, validate};
 
 use super::outputs::{Outputs, Plot};
 use super::terminal::{self, Stages};
@@ -18,12 +19,12 @@ use super::terminal::{self, Stages};
 #[command(
     after_help = "Exit code 4: the exact equations are off by more than 5 degrees in 0.25 s or 12 in 0.5 s, the published \
     ones are less than five times worse, or a fall is not explained or predicted.\n\n\
-                  Examples:\n  bodyflight validate --plot validation.svg\n  bodyflight validate turn-1 turn-2"
+                  Examples:\n  bodyflight validate --plot validation.svg\n  bodyflight validate turn-1 turn-2\n  bodyflight validate captures.toml"
 )]
 pub(super) struct Args {
     /// Your own flights without a canopy, instead of the two bundled with the program; loggers' tracks, or folders of
-    /// them.
-    #[arg(value_name = "FLIGHT|TRACK")]
+    /// them; tables of captures (docs/airborne.md).
+    #[arg(value_name = "FLIGHT|TRACK|TABLE")]
     paths: Vec<PathBuf>,
     #[command(flatten)]
     plot: Plot,
@@ -35,19 +36,25 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     let stages = Stages::new("validating");
     let folder = bundled::temporary()?;
     let _unfinished = Unfinished::new(folder.path());
-    let of_loggers =
+    let is_of_logger =
         |path: &&PathBuf| is_track(path) || path.is_dir() && !path.join("flight.toml").exists();
-    let (tracks, mut paths): (Vec<&PathBuf>, Vec<&PathBuf>) =
-        args.paths.iter().partition(of_loggers);
-    let bundled_paths = if paths.is_empty() {
+    let (tables, others): (Vec<&PathBuf>, Vec<&PathBuf>) =
+        args.paths.iter().partition(|path| is_table(path));
+    let (of_loggers, mut paths): (Vec<&PathBuf>, Vec<&PathBuf>) =
+        others.into_iter().partition(is_of_logger);
+    let mut tables: Vec<PathBuf> = tables.into_iter().cloned().collect();
+    let bundled_paths = if paths.is_empty() && tables.is_empty() {
         bundled::write(folder.path())?
     } else {
         Vec::new()
     };
+    if args.paths.is_empty() {
+        tables.push(bundled::write_table(folder.path())?);
+    }
     paths.extend(&bundled_paths);
-    let tracks = tracks
+    let tracks = of_loggers
         .into_iter()
-        .map(|path| falls::tracks(path))
+        .map(|path| tracks(path))
         .collect::<Result<Vec<_>>>()?
         .concat();
     let flights = paths
@@ -58,7 +65,8 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         })
         .collect::<Result<Vec<(String, Recorded)>>>()?;
     args.outputs.check_with([], &args.plot)?;
-    let report = validate(&flights, &tracks)?;
+    let mut report = validate(&flights, &tracks)?;
+    report.captures = judged(&tables)?;
     let title = args.plot.title(|| "Whole flights, start fitted".to_owned());
     let drawn = args.plot.write(|| figure::svg(&title, &flights));
     stages.end();
@@ -82,7 +90,49 @@ fn degrees(spread: &Spread) -> String {
     )
 }
 
+/// Prints the jumps of captures, a row for each source.
+fn print_captures(captures: &Captures) {
+    terminal::print(&format!(
+        "Times in the air: attitude error after {LENGTH} s, start smoothed over 0.1 s, degrees: median (90th percentile)."
+    ));
+    let mut heads = vec!["source", "people", "phases", "windows", "g, m/s2"];
+    heads.extend(MODELS.iter().map(|model| model.name));
+    let mut table = terminal::table(&heads);
+    for row in &captures.sources {
+        let first = row.predictions.first();
+        let gravity = row.g_mps2.zip(row.g_standard_error_mps2);
+        let mut cells = vec![
+            row.source.clone(),
+            row.people.to_string(),
+            row.phases.to_string(),
+            first.map_or(0, |row| row.windows).to_string(),
+            gravity.map_or(String::new(), |(g, error)| format!("{g:.2} +- {error:.2}")),
+        ];
+        cells.extend(MODELS.iter().map(|model| {
+            let row = row.predictions.iter().find(|row| row.model == model.key);
+            row.map_or(String::new(), |row| degrees(&row.smoothed))
+        }));
+        table.add_row(cells);
+    }
+    terminal::print(&table.to_string());
+    for skipped in &captures.skipped {
+        terminal::print(&format!(
+            "skipped: {}, {}: {}",
+            skipped.source,
+            skipped.file.display(),
+            skipped.reason
+        ));
+    }
+    terminal::print(&format!("{} captures were skipped", captures.skipped.len()));
+}
+
 fn print(report: &Report) {
+    if !(report.captures.sources.is_empty() && report.captures.skipped.is_empty()) {
+        print_captures(&report.captures);
+    }
+    if report.flights.is_empty() && report.checks.is_empty() {
+        return;
+    }
     terminal::print(&format!(
         "Error angle at the end of a window, degrees: median (90th percentile). Flights: {}.",
         report.flights.join(", ")

@@ -1,36 +1,43 @@
 //! `bodyflight view`.
 
+mod track;
+
 use std::path::{Path, PathBuf};
 
-use bodyflight::diagnostic::{Problem, Result};
-use bodyflight::formats::flight::Flight;
-use bodyflight::formats::input;
-use bodyflight::formats::model_file::Effects;
-use bodyflight::formats::recording::Options;
-use bodyflight::output::files::write_file;
-use bodyflight::verbs::view::estimated::estimated;
-use bodyflight::verbs::view::page::{PageData, Provenance, html};
-use bodyflight::verbs::view::run::{Run, fly};
+use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::files::write_file;
+use bodyflight_io::input;
+use bodyflight_mvnx::recording::Options;
+use bodyflight_replay::flight::Flight;
+use bodyflight_replay::model_file::Effects;
+use bodyflight_verbs::fall::DEFAULT_MASS;
+use bodyflight_verbs::view::estimated::estimated;
+use bodyflight_verbs::view::page::{PageData, Provenance, html};
+use bodyflight_verbs::view::run::{Run, fly};
 use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::Value;
 
 use super::estimate::MethodName;
+use super::fall::UnitsName;
 use super::outputs::Outputs;
 use super::several::{file_of, name_of};
 use super::simulate::Reading;
 use super::terminal::{self, FlightBar};
 
-/// Write a page that replays flights with body, plots and forces: one HTML file to view or send.
+/// Write a page that replays flights with body, plots and forces: one HTML file to view or send. For loggers' tracks, a
+/// page about their jumps.
 #[derive(clap::Args)]
 #[command(
     after_help = "Examples:\n  bodyflight view flight.toml --out flight.html --open\n  \
                   bodyflight view turn-1 turn-2 --estimate\n  \
                   bodyflight view flight.toml --model found/model.toml --discovery found/report.json\n\n\
-                  With --model, a second run with the effects is shown beside the plain one."
+                  bodyflight view TRACK.CSV --units kmh\n  bodyflight view CARD --out logbook.html\n\n\
+                  With --model, a second run with the effects is shown beside the plain one. Of a logger's tracks, or a folder \
+                  of them, the page has figures, map, height, speed and drag area."
 )]
 pub(super) struct Args {
-    /// flight.toml files, or MVNX files on their own; several flights are overlaid.
+    /// flight.toml files, or MVNX files on their own; several flights are overlaid. Or loggers' tracks, or folders of them.
     #[arg(required = true)]
     flights: Vec<PathBuf>,
     /// The page to write.
@@ -46,6 +53,12 @@ pub(super) struct Args {
     /// whole flight.
     #[arg(long, value_enum, value_name = "METHOD", num_args = 0..=1, require_equals = true, default_missing_value = "filter")]
     estimate: Option<MethodName>,
+    /// Units of the page about tracks.
+    #[arg(long, value_enum, default_value_t = UnitsName::Si)]
+    units: UnitsName,
+    /// Mass of skydiver and equipment (kg), for the drag areas of tracks.
+    #[arg(long, value_name = "KG", default_value_t = DEFAULT_MASS)]
+    mass: f64,
     /// Open the page in a browser.
     #[arg(long)]
     open: bool,
@@ -63,8 +76,18 @@ pub(super) struct Written {
 }
 
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
-    let page = page(args)?;
-    let html = html(&page)?;
+    let (html, runs) = if track::are_tracks(&args.flights) {
+        if args.model.is_some() || args.discovery.is_some() || args.estimate.is_some() {
+            return Err(Problem::bad_input(
+                "--model, --discovery and --estimate need flights with postures, and these are tracks",
+            ));
+        }
+        args.outputs.check([&Some(args.out.clone())])?;
+        track::page(&args.flights, args.mass, args.units.units())?
+    } else {
+        let page = page(args)?;
+        (html(&page)?, page.runs.len())
+    };
     write_file(&args.out, html.as_bytes())?;
     if args.open {
         open(&args.out);
@@ -73,7 +96,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         return terminal::print_json(&Written {
             page: args.out.clone(),
             bytes: html.len(),
-            runs: page.runs.len(),
+            runs,
         });
     }
     terminal::print(&format!(
@@ -113,7 +136,7 @@ fn page(args: &Args) -> Result<PageData> {
         let mut run = flown(&name, &flight, options)?;
         if let Some(method) = args.estimate {
             let bar = FlightBar::new("estimating", &flight);
-            let found = estimated(&flight, method.method(), options, |time| bar.at(time));
+            let found = estimated(&flight, method.method(), options, &mut |time| bar.at(time));
             bar.end();
             run.estimated = Some(found?);
         }
@@ -139,7 +162,7 @@ fn page(args: &Args) -> Result<PageData> {
 
 fn flown(name: &str, flight: &Flight, options: Options) -> Result<Run> {
     let bar = FlightBar::new("flying", flight);
-    let run = fly(name, flight, options, |time| bar.at(time));
+    let run = fly(name, flight, options, &mut |time| bar.at(time));
     bar.end();
     run
 }

@@ -2,10 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use bodyflight::diagnostic::Result;
-use bodyflight::formats::flight::Flight;
-use bodyflight::verbs::view::live::LiveView;
-use bodyflight::verbs::view::page::Provenance;
+use bodyflight_io::diagnostic::Result;
+use bodyflight_replay::flight::Flight;
+use bodyflight_verbs::view::live::LiveView;
+use bodyflight_verbs::view::page::Provenance;
 
 use super::several::file_of;
 use super::terminal;

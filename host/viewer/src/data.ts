@@ -28,7 +28,7 @@ export function pageData(): PageData {
 /** Time series: for each column, one list per component. */
 export type Columns = Map<string, Float64Array[]>;
 
-/** The inverse of host/src/verbs/view/series.rs. */
+/** The inverse of verbs/src/view/series.rs. */
 export async function unpack(packed: Packed): Promise<Columns> {
   let bytes: Uint8Array;
   try {

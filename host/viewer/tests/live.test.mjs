@@ -113,7 +113,7 @@ function legendMatches(plot) {
 
 test("a streamed recording of a real flight is shown with a simulated body", async () => {
   // A recorded somersault with two twists: 1.14 s at 200 Hz, not produced by the model.
-  const real = (name) => join(import.meta.dirname, "../../data/acrobatics", name);
+  const real = (name) => join(import.meta.dirname, "../../../verbs/data/acrobatics", name);
   const frames = 228;
   const program = begin(
     ...["--json", "mvn", "listen", "--bind", "127.0.0.1:0", "--frames", String(frames)],

@@ -16,8 +16,7 @@ use crate::cli::simulate::Reading;
                   Without recordings of your own: bodyflight hide wind --out lab makes flights to try it on."
 )]
 pub(in crate::cli) struct Args {
-    /// A flight.toml, an MVNX file on its own, or a FlySight CSV file, which is checked for density, wind and drag area
-    /// only. Several flights of one person are fitted together.
+    /// A flight.toml, or an MVNX file on its own. Several flights of one person are fitted together.
     #[arg(required = true)]
     pub(super) flights: Vec<PathBuf>,
     /// Flights left out of the fit; an effect is named only if it improves these too.

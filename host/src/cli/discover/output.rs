@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use bodyflight::diagnostic::{Problem, Result};
-use bodyflight::output::files::write_file;
-use bodyflight_discovery::report::{Named, Outcome};
+use bodyflight_discovery::named_effect::{Named, Outcome};
+use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::files::write_file;
 use serde::Serialize;
 
 use crate::cli::terminal;
@@ -72,16 +72,13 @@ fn in_lines(named: &Named) -> Vec<String> {
         .zip(&named.standard_errors)
         .map(|((name, value), (_, error))| format!("{name} = {value:.3} +- {error:.3}"))
         .collect();
-    let stability = named.evidence.stability.map_or_else(String::new, |share| {
-        format!(", first in {:.0} % of resampled flights", 100.0 * share)
-    });
     let sure = match named.evidence.chance {
         Some(chance) => format!("as large by chance in {:.1} % of flights", 100.0 * chance),
-        None if named.evidence.deviations > 20.0 => "far beyond chance".to_owned(),
-        None => format!("{:.1} deviations beyond chance", named.evidence.deviations),
+        None if named.evidence.z_score > 20.0 => "far beyond chance".to_owned(),
+        None => format!("{:.1} deviations beyond chance", named.evidence.z_score),
     };
     let mut lines = vec![format!(
-        "  {}: {} ({sure}{stability})",
+        "  {}: {} ({sure})",
         named.name,
         parameters.join(", "),
     )];
@@ -112,21 +109,6 @@ pub(super) fn print_gap(titles: [&str; 2], channels: &[&str], gap: [&[f64]; 3]) 
         table.add_row([&[(*name).to_owned()][..], &numbers].concat());
     }
     terminal::print(&table.to_string());
-}
-
-/// Prints the misfits of a held-out recording: before, after, and expected if nothing is missing.
-pub(super) fn print_held_out(
-    what: &str,
-    index: usize,
-    [before, after, expected]: [f64; 3],
-    closed: f64,
-) {
-    terminal::print(&format!(
-        "held-out {what} {}: misfit {before:.0} -> {after:.0}, {expected:.0} if nothing were missing; {:.0} % of \
-         the gap closed",
-        index + 1,
-        100.0 * closed
-    ));
 }
 
 /// Prints what the verdict means, and what to do next. `effects` are those named or, if the flight is calibrated, those
@@ -216,15 +198,14 @@ fn calibrated(other: Option<&Named>, file: &str) -> (String, String) {
 #[cfg(test)]
 mod tests {
     use bodyflight_core::effect::Effect;
-    use bodyflight_discovery::report::Evidence;
+    use bodyflight_discovery::named_effect::EffectEvidence;
 
     use super::*;
 
     fn found(effect: Effect) -> Named {
-        let evidence = Evidence {
-            deviations: 30.0,
+        let evidence = EffectEvidence {
+            z_score: 30.0,
             chance: Some(0.001),
-            stability: None,
             explains: 1.0,
         };
         Named::new(effect, evidence, Vec::new())

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use bodyflight::replay::comparison::Channel;
-use bodyflight::verbs::estimate::Estimation;
+use bodyflight_estimation::Estimation;
+use bodyflight_replay::comparison::Channel;
 
 use crate::cli::terminal;
 

@@ -4,9 +4,9 @@ use std::io::IsTerminal;
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
-use bodyflight::formats::flight::Flight;
-use bodyflight::formats::mvnx::length::length;
-use bodyflight::progress::{Listening, Told, listen};
+use bodyflight_io::progress::{Listening, Told, listen};
+use bodyflight_mvnx::length::length;
+use bodyflight_replay::flight::Flight;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 /// Time between redraws of a bar while no progress is reported.

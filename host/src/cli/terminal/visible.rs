@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::fmt::Write;
 
-use bodyflight::diagnostic::Problem;
+use bodyflight_io::diagnostic::Problem;
 
 /// Whether a terminal interprets the character as a command instead of showing it.
 fn is_obeyed(c: char) -> bool {

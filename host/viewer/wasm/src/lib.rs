@@ -10,3 +10,7 @@ pub mod frame;
 #[cfg(target_arch = "wasm32")]
 mod page;
 pub mod setup;
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -1,0 +1,207 @@
+//! `bodyflight unit configure` and `bodyflight unit show`.
+
+use std::path::PathBuf;
+
+use bodyflight_core::link::{PackedQuaternion, SensorKind, Setup};
+use bodyflight_core::nalgebra::{Quaternion, UnitQuaternion};
+use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_unit::setup;
+use bodyflight_unit::stream::configuration_at;
+use bodyflight_unit::stream::connection::{DEFAULT_BAUD, Target};
+use bodyflight_unit::virtual_unit::VirtualUnit;
+use schemars::JsonSchema;
+use serde::Serialize;
+
+use super::super::{estimate, terminal};
+
+/// Where the unit is.
+#[derive(clap::Args)]
+#[group(required = true, multiple = false)]
+struct Place {
+    /// The unit's serial port; `bodyflight ports` lists them.
+    #[arg(long, value_name = "DEVICE")]
+    port: Option<PathBuf>,
+    /// The memory of a virtual unit, as in `bodyflight unit --flash`.
+    #[arg(long, value_name = "FILE")]
+    flash: Option<PathBuf>,
+}
+
+/// Protocols of the sensor on the unit's own port.
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum Kind {
+    /// An Xsens MTi.
+    Xbus,
+    /// A BNO08x in its UART-RVC mode.
+    Bno08xRvc,
+}
+
+/// Store a configuration on a unit, with which it then starts on its own.
+///
+/// From then on power is all that the unit needs: it starts with its own sensor, without a greeting, also after a reset
+/// in flight.
+#[derive(clap::Args)]
+#[command(after_help = "Example: bodyflight unit configure me.toml --port /dev/ttyACM0 --rate 100")]
+pub(super) struct ConfigureArgs {
+    /// A subject.toml, or a flight.toml for the subject, the air and the limbs.
+    #[arg(required_unless_present = "erase")]
+    flight: Option<PathBuf>,
+    #[command(flatten)]
+    place: Place,
+    /// Sample rate of the sensor (Hz).
+    #[arg(long, value_name = "HZ", default_value_t = 100.0)]
+    rate: f64,
+    /// Filter preset, a built-in one as in `estimate`.
+    #[arg(long, default_value = "auto")]
+    preset: String,
+    /// Protocol of the sensor.
+    #[arg(long, value_enum, default_value = "xbus")]
+    sensor: Kind,
+    /// Mounting: the rotation from the sensor's axes to the body's (X left, Y back, Z head), as a quaternion.
+    #[arg(long, num_args = 4, value_names = ["W", "X", "Y", "Z"], allow_negative_numbers = true)]
+    mounting: Option<Vec<f32>>,
+    /// Time from the instant of a receiver's solution to its arrival (s).
+    #[arg(long, value_name = "S", default_value_t = 0.1)]
+    latency: f32,
+    /// Erase the stored configuration instead.
+    #[arg(long, conflicts_with = "flight")]
+    erase: bool,
+}
+
+/// Show the configuration stored on a unit.
+#[derive(clap::Args)]
+#[command(after_help = "Example: bodyflight unit show --port /dev/ttyACM0")]
+pub(super) struct ShowArgs {
+    #[command(flatten)]
+    place: Place,
+}
+
+/// The configuration stored on a unit.
+#[derive(JsonSchema, Serialize)]
+pub(crate) struct Stored {
+    /// Whether there is one.
+    present: bool,
+    /// Filter preset, by its number in docs/link.md.
+    preset: Option<u16>,
+    /// Sample rate of the sensor (Hz).
+    sample_rate_hz: Option<f32>,
+    /// Rate of estimates (Hz).
+    update_rate_hz: Option<f32>,
+    /// Stature (m) and mass (kg) of the subject.
+    height_m: Option<f32>,
+    /// See `height_m`.
+    mass_kg: Option<f32>,
+    /// Air density (kg/m3).
+    air_density_kgpm3: Option<f32>,
+    /// Protocol of the sensor.
+    sensor: Option<&'static str>,
+    /// Age of a receiver's solution on arrival (s).
+    receiver_latency_s: Option<f32>,
+    /// Mounting, a quaternion w, x, y, z.
+    body_from_sensor_wxyz: Option<[f32; 4]>,
+    /// Checksum of the segment table, eight hexadecimal digits.
+    table: Option<String>,
+}
+
+/// A unit that runs as long as this exists, and its address.
+fn reach(place: &Place) -> Result<(Option<VirtualUnit>, Target)> {
+    let at = |path: PathBuf| Target::Port {
+        path,
+        baud: DEFAULT_BAUD,
+    };
+    match (&place.port, &place.flash) {
+        (_, Some(flash)) => {
+            let unit = VirtualUnit::start_with_log(flash)?;
+            let target = at(unit.path().to_path_buf());
+            Ok((Some(unit), target))
+        }
+        (port, None) => Ok((None, at(port.clone().unwrap_or_default()))),
+    }
+}
+
+pub(super) fn configure(args: &ConfigureArgs, json: bool) -> Result<()> {
+    let setup = args.flight.as_ref().map(|_| args.setup()).transpose()?;
+    let (_unit, target) = reach(&args.place)?;
+    match &setup {
+        Some(setup) => setup::store(&target, setup)?,
+        None => setup::erase(&target)?,
+    }
+    print(setup.as_ref(), json)
+}
+
+impl ConfigureArgs {
+    fn setup(&self) -> Result<Setup> {
+        let path = self.flight.clone().unwrap_or_default();
+        let flight = setup::flight_of(&path)?;
+        let preset = estimate::unit_preset(&self.preset)?;
+        let (mut configure, table) = configuration_at(&flight, 0.0, &preset, self.rate)?;
+        if let Some([w, x, y, z]) = self.mounting.as_deref().and_then(<[f32]>::first_chunk) {
+            let sent = Quaternion::new(*w, *x, *y, *z);
+            if (sent.norm() - 1.0).abs() > 0.01 {
+                return Err(Problem::bad_input(format!(
+                    "expected --mounting with a norm of 1, found {:.3}",
+                    sent.norm()
+                )));
+            }
+            configure.body_from_sensor =
+                PackedQuaternion::pack(&UnitQuaternion::new_normalize(sent));
+        }
+        if !(0.0..=2.0).contains(&self.latency) {
+            return Err(Problem::bad_input(format!(
+                "expected --latency of 0 to 2 s, found {}",
+                self.latency
+            )));
+        }
+        configure.receiver_latency = self.latency;
+        configure.sensor = match self.sensor {
+            Kind::Xbus => SensorKind::Xbus,
+            Kind::Bno08xRvc => SensorKind::Bno08xRvc,
+        };
+        Ok(Setup { configure, table })
+    }
+}
+
+pub(super) fn show(args: &ShowArgs, json: bool) -> Result<()> {
+    let (_unit, target) = reach(&args.place)?;
+    print(setup::read(&target)?.as_ref(), json)
+}
+
+fn print(setup: Option<&Setup>, json: bool) -> Result<()> {
+    let configure = setup.map(|setup| setup.configure);
+    let stored = Stored {
+        present: setup.is_some(),
+        preset: configure.map(|c| c.preset),
+        sample_rate_hz: configure.map(|c| c.sample_rate),
+        update_rate_hz: configure.map(|c| c.update_rate),
+        height_m: configure.map(|c| c.height),
+        mass_kg: setup.map(|setup| setup.table.rows().map(|row| row.mass).sum()),
+        air_density_kgpm3: configure.map(|c| c.air_density),
+        sensor: configure.map(|c| match c.sensor {
+            SensorKind::Xbus => "xbus",
+            SensorKind::Bno08xRvc => "bno08x-rvc",
+        }),
+        receiver_latency_s: configure.map(|c| c.receiver_latency),
+        body_from_sensor_wxyz: configure.map(|c| {
+            let q = c.body_from_sensor.unpack();
+            [q.w, q.i, q.j, q.k]
+        }),
+        table: setup.map(|setup| format!("{:08x}", setup.table.digest())),
+    };
+    if json {
+        return terminal::print_json(&stored);
+    }
+    let (Some(configure), Some(mass)) = (configure, stored.mass_kg) else {
+        terminal::print("no configuration is stored: the unit waits for a host");
+        return Ok(());
+    };
+    terminal::print(&format!(
+        "{:.2} m, {mass:.1} kg; {} at {} Hz, estimates at {:.1} Hz, preset {}; air {:.3} kg/m3; table {}",
+        configure.height,
+        stored.sensor.unwrap_or_default(),
+        configure.sample_rate,
+        configure.update_rate,
+        configure.preset,
+        configure.air_density,
+        stored.table.unwrap_or_default(),
+    ));
+    Ok(())
+}

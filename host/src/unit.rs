@@ -1,9 +1,0 @@
-//! A unit on a serial line: ports, streaming to it, reading its output and its log, and a virtual unit on this machine.
-
-mod file_flash;
-pub mod image;
-pub mod log;
-pub mod monitor;
-pub mod ports;
-pub mod stream;
-pub mod virtual_unit;

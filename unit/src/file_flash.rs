@@ -1,0 +1,112 @@
+//! A file used like flash memory, for the log of a unit on this machine: erased by sector, written by word.
+
+use std::fs::{File, OpenOptions};
+use std::ops::Range;
+use std::os::unix::fs::FileExt;
+use std::path::Path;
+
+use embedded_storage_async::nor_flash::{
+    ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
+};
+use sequential_storage::cache::{Cache, CacheImpl};
+use sequential_storage::queue::{QueueConfig, QueueStorage};
+
+use bodyflight_io::diagnostic::{Problem, Result};
+
+/// Bytes per erasable sector.
+const SECTOR: u32 = 4096;
+
+/// Number of sectors: as many as the flash of a Raspberry Pi Pico 2 has left beside a firmware image.
+const SECTORS: u32 = 768;
+
+/// The backing file.
+#[derive(Debug)]
+pub(super) struct FileFlash(File);
+
+/// The file system refused an operation.
+#[derive(Debug)]
+pub(super) struct Refused;
+
+impl NorFlashError for Refused {
+    fn kind(&self) -> NorFlashErrorKind {
+        NorFlashErrorKind::Other
+    }
+}
+
+impl FileFlash {
+    /// Opens a file, or creates an erased one.
+    ///
+    /// # Errors
+    /// Returns an error if the file cannot be opened or created, or has a different size.
+    pub(super) fn open(path: &Path) -> Result<Self> {
+        let system = |error| Problem::system("open", path, error);
+        let size = u64::from(SECTOR * SECTORS);
+        let mut options = OpenOptions::new();
+        let options = options.read(true).write(true).create(true).truncate(false);
+        let file = options.open(path).map_err(system)?;
+        match file.metadata().map_err(system)?.len() {
+            0 => file.write_all_at(&vec![0xff; (SECTOR * SECTORS) as usize], 0),
+            found if found == size => Ok(()),
+            found => {
+                let message =
+                    format!("expected the log of a unit with {size} bytes, found {found} bytes");
+                return Err(Problem::bad_input(message).in_file(path).help(
+                    "name a file that does not exist yet, or one that was created by this option",
+                ));
+            }
+        }
+        .map_err(system)?;
+        Ok(Self(file))
+    }
+
+    /// Where the configuration is stored.
+    pub(super) const SETUP: Range<u32> = SECTOR * (SECTORS - 2)..SECTOR * SECTORS;
+
+    /// The rest of the file as a queue of blocks.
+    pub(super) fn queue(self) -> QueueStorage<Self, impl CacheImpl<()>> {
+        let config = const { QueueConfig::new(0..SECTOR * (SECTORS - 2)) };
+        QueueStorage::new(self, config, Cache::new_uncached())
+    }
+}
+
+impl ErrorType for FileFlash {
+    type Error = Refused;
+}
+
+impl ReadNorFlash for FileFlash {
+    const READ_SIZE: usize = 1;
+
+    async fn read(
+        &mut self,
+        offset: u32,
+        bytes: &mut [u8],
+    ) -> core::result::Result<(), Self::Error> {
+        let read = self.0.read_exact_at(bytes, u64::from(offset));
+        read.map_err(|_| Refused)
+    }
+
+    fn capacity(&self) -> usize {
+        (SECTOR * SECTORS) as usize
+    }
+}
+
+impl NorFlash for FileFlash {
+    const WRITE_SIZE: usize = 4;
+    const ERASE_SIZE: usize = SECTOR as usize;
+
+    async fn erase(&mut self, from: u32, to: u32) -> core::result::Result<(), Self::Error> {
+        let erased = vec![0xff; to.saturating_sub(from) as usize];
+        let written = self.0.write_all_at(&erased, u64::from(from));
+        written.map_err(|_| Refused)
+    }
+
+    async fn write(&mut self, offset: u32, bytes: &[u8]) -> core::result::Result<(), Self::Error> {
+        let mut cells = vec![0; bytes.len()];
+        self.read(offset, &mut cells).await?;
+        for (cell, byte) in cells.iter_mut().zip(bytes) {
+            *cell &= byte;
+        }
+        let written = self.0.write_all_at(&cells, u64::from(offset));
+        written.map_err(|_| Refused)
+    }
+}

@@ -1,0 +1,14 @@
+//! A unit on a serial line: ports, streaming to it, reading its output and its log, and a virtual unit on this machine.
+
+mod file_flash;
+pub mod image;
+pub mod log;
+pub mod monitor;
+pub mod ports;
+pub mod setup;
+pub mod stream;
+pub mod virtual_unit;
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -1,0 +1,221 @@
+//! Turns the blocks of a log into flights: recordings that every command can read, with the unit's estimates beside
+//! them.
+
+use std::path::{Path, PathBuf};
+
+use bodyflight_core::Body;
+use bodyflight_core::frame::{Inertial, Vector};
+use bodyflight_core::link::{
+    BlockReader, Configure, Estimate, Message, Sample, SegmentTable, Status, Validity,
+};
+use schemars::JsonSchema;
+use serde::Serialize;
+
+use super::tables;
+use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::files::write_file;
+use bodyflight_mvnx::recording::{FlightFrame, PelvisMotion};
+use bodyflight_mvnx::writer::{Description, Origin, Writer};
+use bodyflight_replay::subject::Subject;
+
+/// A flight found in the log.
+#[derive(Debug, Default)]
+pub struct LoggedFlight {
+    configure: Option<Configure>,
+    table: SegmentTable,
+    /// Sensor time (us).
+    samples: Vec<(u64, Sample)>,
+    estimates: Vec<(u64, Estimate)>,
+    reports: Vec<(u64, Status)>,
+}
+
+/// What was written for a flight.
+#[derive(Debug, Clone, JsonSchema, Serialize)]
+pub struct Written {
+    /// The `flight.toml`.
+    pub flight: PathBuf,
+    /// Frames of the recording.
+    pub frames: u64,
+    /// Number of estimates beside it.
+    pub estimates: usize,
+    /// Duration (s).
+    pub duration_s: f64,
+    /// Lowest voltage of the unit's battery during the flight, if the unit measures it (V).
+    pub battery_v: Option<f64>,
+}
+
+/// The flights in the blocks of a log, and the number of blocks that end in damage. The beginning of the oldest flight,
+/// and with it its configuration, may have been overwritten by newer ones.
+pub fn flights(blocks: &[Vec<u8>]) -> (Vec<LoggedFlight>, usize) {
+    let mut flights: Vec<LoggedFlight> = Vec::new();
+    let mut damaged = 0;
+    for read in blocks.iter().flat_map(|block| BlockReader::new(block)) {
+        let Ok((header, message)) = read else {
+            damaged += 1;
+            continue;
+        };
+        if flights.is_empty() || matches!(message, Message::Configure(_)) {
+            flights.push(LoggedFlight::default());
+        }
+        let Some(flight) = flights.last_mut() else {
+            continue;
+        };
+        match message {
+            Message::Configure(configure) => flight.configure = Some(configure),
+            Message::SegmentValues(row) => flight.table.insert(row),
+            Message::Sample(sample) => flight.samples.push((header.time, sample)),
+            Message::Estimate(estimate) => flight.estimates.push((header.time, estimate)),
+            Message::Status(report) => flight.reports.push((header.time, report)),
+            _ => {}
+        }
+    }
+    flights.retain(|flight| !flight.samples.is_empty());
+    (flights, damaged)
+}
+
+impl LoggedFlight {
+    /// Number of samples and estimates.
+    pub fn lengths(&self) -> [usize; 2] {
+        [self.samples.len(), self.estimates.len()]
+    }
+
+    /// Sample rate (Hz): as configured, or else from the shortest interval.
+    fn rate(&self) -> f64 {
+        if let Some(configure) = &self.configure {
+            return f64::from(configure.sample_rate);
+        }
+        let pairs = self.samples.windows(2);
+        let intervals = pairs.filter_map(|pair| pair[1].0.checked_sub(pair[0].0));
+        let shortest = intervals.filter(|&interval| interval > 0).min();
+        #[expect(clippy::cast_precision_loss, reason = "intervals are short")]
+        let rate = shortest.map_or(240.0, |interval| (1e6 / interval as f64).round());
+        rate
+    }
+
+    /// The body that the unit used in its computations.
+    fn body(&self) -> Option<Body<f64>> {
+        let configure = self.configure.as_ref()?;
+        let body = self.table.body(configure.height, configure.table_digest);
+        body.ok().map(|body| body.cast())
+    }
+
+    /// Samples with an attitude, as frames. A log contains no position: it is integrated from the velocity.
+    fn frames(&self) -> Vec<FlightFrame> {
+        let rate = self.rate();
+        let first = self.samples.first().map_or(0, |(time, _)| *time);
+        let mut frames: Vec<FlightFrame> = Vec::new();
+        for (time, sample) in &self.samples {
+            let index = index(time.saturating_sub(first), rate);
+            let is_next = frames.last().is_none_or(|last| last.index < index);
+            if is_next && sample.valid.contains(Validity::ATTITUDE) {
+                let frame = frame(index, rate, sample, frames.last());
+                frames.push(frame);
+            }
+        }
+        frames
+    }
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::cast_precision_loss,
+    reason = "saturates; a flight has far fewer frames than 2^53"
+)]
+fn index(elapsed_us: u64, rate: f64) -> u64 {
+    (elapsed_us as f64 * 1e-6 * rate).round() as u64
+}
+
+fn frame(index: u64, rate: f64, sample: &Sample, before: Option<&FlightFrame>) -> FlightFrame {
+    #[expect(clippy::cast_precision_loss, reason = "indices count frames")]
+    let time = index as f64 / rate;
+    let motion = sample.motion();
+    let inertial_from_body = sample.inertial_from_body().cast();
+    let velocity = motion.velocity.map(|velocity| velocity.cast());
+    let position = before.map_or_else(Vector::zero, |before| {
+        let step = time - before.time;
+        let speeds = [before.pelvis.velocity, velocity.or(before.pelvis.velocity)];
+        let halves =
+            speeds.map(|speed| speed.unwrap_or_else(Vector::<f64, Inertial>::zero) * (0.5 * step));
+        before.pelvis.position + halves[0] + halves[1]
+    });
+    FlightFrame {
+        index,
+        time,
+        posture: sample.posture().cast(),
+        pelvis: PelvisMotion {
+            inertial_from_body,
+            position,
+            velocity,
+            angular_velocity: motion
+                .angular_velocity
+                .map(|turn| inertial_from_body * turn.cast()),
+        },
+        centre_of_mass: None,
+        bridged: false,
+    }
+}
+
+/// Files written by [`write()`].
+pub const FILES: [&str; 5] = [
+    "flight.toml",
+    "flight.mvnx",
+    "estimates.csv",
+    "unit.csv",
+    "subject.toml",
+];
+
+/// Writes a flight into `folder` as `flight.toml`, `flight.mvnx`, `estimates.csv` and `unit.csv` (the unit's reports on
+/// itself), plus `subject.toml` if the subject is known.
+///
+/// # Errors
+/// Returns an error if the folder cannot be written to, or if no sample has an attitude.
+pub fn write(flight: &LoggedFlight, subject: Option<&Subject>, folder: &Path) -> Result<Written> {
+    let frames = flight.frames();
+    let Some(last) = frames.last() else {
+        return Err(Problem::bad_input(
+            "expected samples with an attitude, found none in this flight",
+        ));
+    };
+    std::fs::create_dir_all(folder).map_err(|error| Problem::system("create", folder, error))?;
+    let description = Description {
+        subject_label: "Unit".to_owned(),
+        frame_rate: flight.rate(),
+        start_unix_ms: 0,
+        comment: "bodyflight unit log".to_owned(),
+        origin: Origin::Logged,
+    };
+    let body = match subject {
+        Some(subject) => subject.body(),
+        None => flight.body().unwrap_or_else(|| Subject::default().body()),
+    };
+    let mut writer = Writer::create(&folder.join("flight.mvnx"), description, &body)?;
+    for frame in &frames {
+        writer.write(frame)?;
+    }
+    writer.finish()?;
+    let first = flight.samples.first().map_or(0, |(time, _)| *time);
+    tables::write_estimates(first, &flight.estimates, &folder.join("estimates.csv"))?;
+    tables::write_reports(first, &flight.reports, &folder.join("unit.csv"))?;
+    let mut text = "recording = \"flight.mvnx\"\n".to_owned();
+    if let Some(subject) = subject {
+        write_file(&folder.join("subject.toml"), subject.to_toml()?.as_bytes())?;
+        text += "subject = \"subject.toml\"\n";
+    }
+    if let Some(configure) = &flight.configure {
+        text += &format!("\n[air]\ndensity = {:?}\n", configure.air_density);
+    }
+    let path = folder.join("flight.toml");
+    write_file(&path, text.as_bytes())?;
+    Ok(Written {
+        flight: path,
+        frames: frames.len() as u64,
+        estimates: flight.estimates.len(),
+        duration_s: last.time,
+        battery_v: flight
+            .reports
+            .iter()
+            .filter_map(|(_, report)| tables::battery_v(report))
+            .reduce(f64::min),
+    })
+}

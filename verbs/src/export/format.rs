@@ -1,0 +1,67 @@
+//! Kinds of files that `export` writes.
+
+use std::path::Path;
+
+use bodyflight_io::diagnostic::{Problem, Result};
+use schemars::JsonSchema;
+use serde::Serialize;
+
+/// A kind of file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, JsonSchema, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Format {
+    /// Compressed columns.
+    Parquet,
+    /// Columns as text.
+    Csv,
+    /// A moving body, for Foxglove.
+    Mcap,
+    /// Arrays, for NumPy.
+    Npz,
+}
+
+impl Format {
+    /// All kinds.
+    pub const ALL: [Self; 4] = [Self::Parquet, Self::Csv, Self::Mcap, Self::Npz];
+
+    /// Name, which is also the file extension.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Parquet => "parquet",
+            Self::Csv => "csv",
+            Self::Mcap => "mcap",
+            Self::Npz => "npz",
+        }
+    }
+
+    /// The kind with that name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|format| format.name() == name)
+    }
+
+    /// The kind of a file according to its extension.
+    ///
+    /// # Errors
+    /// Returns an error if the extension is unknown.
+    pub fn of(path: &Path) -> Result<Self> {
+        let end = path.extension().unwrap_or_default().to_string_lossy();
+        Self::from_name(&end.to_lowercase()).ok_or_else(|| {
+            Problem::bad_input("expected a name that ends in .parquet, .csv, .mcap or .npz")
+                .in_file(path)
+                .help("or give the kind of file with --format")
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_kind_of_a_file_is_detected() {
+        assert_eq!(Format::of(Path::new("a/run.MCAP")).unwrap(), Format::Mcap);
+        for wrong in ["run", "run.xlsx", ".csv"] {
+            assert!(Format::of(Path::new(wrong)).is_err(), "{wrong}");
+        }
+    }
+}

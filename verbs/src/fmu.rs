@@ -1,0 +1,180 @@
+//! `bodyflight fmu`: a skydiver as a co-simulation unit of FMI 3.0, for Simulink, OpenModelica and others.
+//!
+//! A unit is an archive with `modelDescription.xml`, the library of the crate bodyflight-fmu for this platform, and the
+//! person and the air as resources, which the library reads when it is loaded.
+
+#[cfg_attr(not(feature = "fmu"), path = "fmu/without_archive.rs")]
+mod archive;
+
+use std::path::{Path, PathBuf};
+
+use schemars::JsonSchema;
+use serde::Serialize;
+use sha2::{Digest, Sha256};
+
+use self::archive::archive;
+use bodyflight_fmi::description::description;
+use bodyflight_fmi::variables::variables;
+use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::files::AtomicFile;
+use bodyflight_io::input;
+use bodyflight_replay::flight::{DensityChoice, Flight};
+use bodyflight_replay::subject::{SEGMENTS_FILE, Subject};
+
+/// Name of the library in the unit, without its extension; FMI calls it the model's identifier.
+const IDENTIFIER: &str = "bodyflight";
+/// Environment variable with the library's path, which takes precedence over a library beside the program.
+const LIBRARY_VARIABLE: &str = "BODYFLIGHT_FMU";
+
+/// Description of the written unit.
+#[derive(Debug, Clone, JsonSchema, Serialize)]
+pub struct Report {
+    /// The unit's file.
+    pub file: PathBuf,
+    /// The unit's instantiation token.
+    pub token: String,
+    /// The platform of the library, in FMI's terms.
+    pub platform: String,
+    /// Number of inputs, parameters and outputs.
+    pub variables: usize,
+    /// Size of the file (bytes).
+    pub bytes: u64,
+}
+
+/// Reads a `flight.toml`, or a `subject.toml` as a flight in still air.
+///
+/// # Errors
+/// Returns an error if the file is neither, or unusable.
+pub fn read(path: &Path) -> Result<Flight> {
+    let is_flight = path.is_dir() || {
+        let table: Option<toml::Table> = input::text(path)?.parse().ok();
+        table.is_none_or(|table| table.contains_key("recording"))
+    };
+    if is_flight {
+        return Flight::read(path);
+    }
+    Ok(Flight {
+        subject: Subject::read(path)?,
+        has_subject: true,
+        ..Flight::bare(Path::new("none.mvnx"))
+    })
+}
+
+/// Finds the library of units: as given, from the environment, or beside the program.
+///
+/// # Errors
+/// Returns an error if there is none.
+pub fn library(given: Option<&Path>) -> Result<PathBuf> {
+    if let Some(path) = given {
+        return Ok(path.to_path_buf());
+    }
+    if let Some(path) = std::env::var_os(LIBRARY_VARIABLE) {
+        return Ok(PathBuf::from(path));
+    }
+    let name = format!(
+        "{}bodyflight_fmu{}",
+        std::env::consts::DLL_PREFIX,
+        std::env::consts::DLL_SUFFIX
+    );
+    let beside = std::env::current_exe().map(|program| program.with_file_name(&name));
+    beside.ok().filter(|path| path.is_file()).ok_or_else(|| {
+        Problem::bad_input(format!("the unit's library, {name}, was not found beside the program"))
+            .help("released wheels contain it, an installation from source does not: build it with cargo build --release --package bodyflight-fmu, and pass its path with --library")
+    })
+}
+
+/// The platform as FMI 3.0 names it: architecture and system.
+fn platform() -> String {
+    let system = match std::env::consts::OS {
+        "macos" => "darwin",
+        other => other,
+    };
+    format!("{}-{system}", std::env::consts::ARCH)
+}
+
+/// The resource files that the library reads: the flight without its recording.
+fn resources(flight: &Flight) -> Result<Vec<(&'static str, String)>> {
+    let [north, west, up] = flight.air_velocity;
+    let density = match flight.density {
+        DensityChoice::Constant(density) => format!("density = {density:?}"),
+        DensityChoice::FirstFrameAltitude(altitude) => format!("altitude_m = {altitude:?}"),
+    };
+    let text = format!(
+        "recording = \"none.mvnx\"\nsubject = \"subject.toml\"\nmuscles = \"{}\"\nmuscle_forces = \"{}\"\n\n\
+         [air]\n{density}\nvelocity = [{north:?}, {west:?}, {up:?}]\n",
+        flight.muscles.name(),
+        flight.muscles.forces.name()
+    );
+    let mut files = vec![
+        ("flight.toml", text),
+        ("subject.toml", flight.subject.to_toml()?),
+    ];
+    if let Some(table) = flight.subject.segments_json() {
+        files.push((SEGMENTS_FILE, table.to_owned()));
+    }
+    Ok(files)
+}
+
+/// Writes a unit with a flight's person and air, and the given library.
+///
+/// # Errors
+/// Returns an error if the library cannot be read or the file cannot be written; no partial file is left.
+pub fn write(flight: &Flight, library: &Path, path: &Path) -> Result<Report> {
+    let binary = std::fs::read(library).map_err(|error| Problem::system("read", library, error))?;
+    let resources = resources(flight)?;
+    let variables = variables(flight);
+    let mut hasher = Sha256::new();
+    hasher.update(&binary);
+    for (_, text) in &resources {
+        hasher.update(text);
+    }
+    let digest = hasher.finalize();
+    let token: String = digest.iter().map(|byte| format!("{byte:02x}")).collect();
+    let platform = platform();
+    let end = std::env::consts::DLL_SUFFIX;
+    let mut entries = vec![
+        (
+            "modelDescription.xml".to_owned(),
+            description(IDENTIFIER, &token, &variables).into_bytes(),
+        ),
+        (format!("binaries/{platform}/{IDENTIFIER}{end}"), binary),
+    ];
+    let resource = |(name, text): (&str, String)| (format!("resources/{name}"), text.into_bytes());
+    entries.extend(resources.into_iter().map(resource));
+    let file = archive(path, AtomicFile::create(path)?, &entries)?;
+    file.finish()?;
+    let size = std::fs::metadata(path).map_err(|error| Problem::system("read", path, error))?;
+    Ok(Report {
+        file: path.to_path_buf(),
+        token,
+        platform,
+        variables: variables.len(),
+        bytes: size.len(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_unit_has_the_person_and_the_air_of_its_flight() {
+        let flight = Flight {
+            air_velocity: [1.0, -2.5, 0.0],
+            density: DensityChoice::FirstFrameAltitude(1200.0),
+            ..Flight::bare(Path::new("none.mvnx"))
+        };
+        let folder = tempfile::tempdir().unwrap();
+        for (name, text) in resources(&flight).unwrap() {
+            std::fs::write(folder.path().join(name), text).unwrap();
+        }
+        let again = Flight::read(folder.path()).unwrap();
+        assert_eq!(again.dynamics(3.0), flight.dynamics(3.0));
+    }
+
+    #[test]
+    fn a_missing_library_is_reported() {
+        let problem = library(None).unwrap_err();
+        assert!(problem.help.unwrap().contains("--library"));
+    }
+}

@@ -1,0 +1,308 @@
+//! `bodyflight import`: the motion of another system as a recording, with a picture of its first frame.
+
+use core::fmt;
+use std::path::{Path, PathBuf};
+
+use bodyflight_core::frame::Vector;
+use bodyflight_core::{Posture, Segment};
+use nalgebra::Vector3;
+use schemars::JsonSchema;
+use serde::Serialize;
+
+use crate::output::limbs;
+use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::files::write_file;
+use bodyflight_io::interrupt;
+use bodyflight_mocap::mapping::Mapping;
+use bodyflight_mocap::source::Source;
+use bodyflight_mvnx::recording::{FlightFrame, PelvisMotion};
+use bodyflight_mvnx::writer::{Description, Origin, Writer};
+use bodyflight_replay::subject::{SEGMENTS_FILE, Subject};
+
+use super::inspect;
+
+/// Name of the picture file.
+const PICTURE_FILE: &str = "first-frame.svg";
+/// Files that are written; the segments only if the subject has its own table.
+pub const FILES: &[&str] = &[
+    "flight.toml",
+    "subject.toml",
+    SEGMENTS_FILE,
+    "flight.mvnx",
+    PICTURE_FILE,
+];
+/// If the knees are bent the wrong way by more than this (rad) in more than half of the frames, the mapping is wrong.
+const KNEE: f64 = 0.2;
+/// Relative difference allowed between the thigh lengths of source and subject.
+const THIGH: f64 = 0.15;
+/// Lowest frame rate that can follow a body in flight (Hz).
+const SLOW: f64 = 50.0;
+
+/// What to import.
+#[derive(Debug, Clone)]
+pub struct Request<'a> {
+    /// The file.
+    pub file: &'a Path,
+    /// The mapping; without one, a BVH file is mapped by its joint names.
+    pub mapping: Option<&'a Mapping>,
+    /// The person.
+    pub subject: &'a Subject,
+    /// Whether the person is known; otherwise a default one is written.
+    pub has_subject: bool,
+    /// Output folder.
+    pub folder: &'a Path,
+}
+
+/// Result of an import.
+#[derive(Debug, Clone, JsonSchema, Serialize)]
+pub struct Report {
+    /// The `flight.toml`.
+    pub flight: PathBuf,
+    /// The picture of the first frame.
+    pub picture: PathBuf,
+    /// Frames written.
+    pub frames: u64,
+    /// Rows skipped because of an empty cell.
+    pub rows_skipped: usize,
+    /// Frame rate (Hz).
+    pub frame_rate_hz: f64,
+    /// From the first to the last frame (s).
+    pub duration_s: f64,
+    /// The source's unit of length (m).
+    pub unit_m: f64,
+    /// Whether the source contains positions.
+    pub has_places: bool,
+    /// Segments with their names in the source; null for a segment that moves rigidly with its neighbours.
+    pub segments: Vec<MappedSegment>,
+    /// Warnings about the flight.
+    pub warnings: Vec<String>,
+    /// The first frame, as text art.
+    #[serde(skip)]
+    pub letters: String,
+}
+
+/// A segment of the model and its name in the source.
+#[derive(Debug, Clone, JsonSchema, Serialize)]
+pub struct MappedSegment {
+    /// Name in the model.
+    pub segment: &'static str,
+    /// Name in the source.
+    pub source: Option<String>,
+}
+
+/// Imports a file: `flight.mvnx`, `subject.toml`, `flight.toml` and a picture of the first frame.
+///
+/// # Errors
+/// Returns an error if the source or its mapping cannot be used or the folder cannot be written to.
+pub fn import(request: &Request<'_>, progress: &mut dyn FnMut(f64)) -> Result<Report> {
+    let mut source = Source::open(request.file, request.mapping)?;
+    let first = source
+        .frame(0)
+        .map_err(|problem| problem.in_file(request.file))?;
+    let has_places = first.position.is_some();
+    std::fs::create_dir_all(request.folder)
+        .map_err(|error| Problem::system("create", request.folder, error))?;
+    let body = request.subject.body();
+    let recording = request.folder.join("flight.mvnx");
+    let name = request
+        .file
+        .file_name()
+        .unwrap_or_default()
+        .to_string_lossy();
+    let description = Description {
+        subject_label: "Imported".to_owned(),
+        frame_rate: source.timing.rate,
+        start_unix_ms: 0,
+        comment: format!("bodyflight import {name}"),
+        origin: Origin::Imported { has_places },
+    };
+    let mut writer = Writer::create(&recording, description, &body)?;
+    let mut knees = Knees::default();
+    let mut drawn = None;
+    for place in 0..source.frames() {
+        let frame =
+            flight_frame(&mut source, place).map_err(|problem| problem.in_file(request.file))?;
+        knees.see(&frame.posture);
+        drawn.get_or_insert(frame);
+        writer.write(&frame)?;
+        if place % 1000 == 0 {
+            progress(place as f64 / source.frames() as f64);
+            interrupt::check()?;
+        }
+    }
+    writer.finish()?;
+    let picture = request.folder.join(PICTURE_FILE);
+    if let Some(frame) = drawn {
+        let drawing = limbs::svg(
+            &name,
+            &body,
+            &frame.posture,
+            frame.pelvis.inertial_from_body,
+        );
+        write_file(&picture, drawing.as_bytes())?;
+    }
+    let flight = write_flight(request)?;
+    // The same checks as for any other recording.
+    let seen = inspect::flight::inspected(&recording, Some(&body))?;
+    let mut warnings = warnings(request, &source, &knees, has_places);
+    warnings.extend(seen.warnings.iter().map(ToString::to_string));
+    let last = source.timing.indices.last().copied().unwrap_or(0);
+    Ok(Report {
+        flight,
+        picture,
+        frames: source.frames() as u64,
+        rows_skipped: source.skipped,
+        frame_rate_hz: source.timing.rate,
+        duration_s: last as f64 / source.timing.rate,
+        unit_m: source.unit_m,
+        has_places,
+        segments: (source.names.iter())
+            .map(|(segment, name)| MappedSegment {
+                segment: segment.name(),
+                source: name.clone(),
+            })
+            .collect(),
+        warnings,
+        letters: seen.picture,
+    })
+}
+
+/// A frame of the source as one of a flight.
+fn flight_frame(source: &mut Source, place: usize) -> Result<FlightFrame> {
+    let frame = source.frame(place)?;
+    let (inertial_from_body, posture) = source.skeleton.posture(&frame.world_from_segment);
+    let index = source.timing.indices.get(place).copied().unwrap_or(0);
+    let position = frame.position.map(|at| source.skeleton.to_inertial(&at));
+    Ok(FlightFrame {
+        index,
+        time: index as f64 / source.timing.rate,
+        posture,
+        pelvis: PelvisMotion {
+            inertial_from_body,
+            position: Vector::from_components(position.unwrap_or_else(Vector3::zeros)),
+            velocity: None,
+            angular_velocity: None,
+        },
+        centre_of_mass: None,
+        bridged: false,
+    })
+}
+
+/// Counts frames in which a knee is bent the wrong way.
+#[derive(Debug, Default)]
+struct Knees {
+    frames: u64,
+    wrong: u64,
+}
+
+impl Knees {
+    fn see(&mut self, posture: &Posture<f64>) {
+        let is_wrong = |shank: Segment| {
+            let down = posture.parent_from_segment(shank) * -Vector3::z();
+            // The heel goes backwards, which is dorsal.
+            down.y < -KNEE.sin()
+        };
+        self.frames += 1;
+        self.wrong += u64::from(is_wrong(Segment::LeftShank) || is_wrong(Segment::RightShank));
+    }
+}
+
+fn warnings(
+    request: &Request<'_>,
+    source: &Source,
+    knees: &Knees,
+    has_places: bool,
+) -> Vec<String> {
+    let mut warnings = source.warnings.clone();
+    if 2 * knees.wrong > knees.frames {
+        warnings.push(format!(
+            "the knees are bent forwards in {} of {} frames: an axis or a sign of the mapping is wrong; look at {PICTURE_FILE}",
+            knees.wrong, knees.frames
+        ));
+    }
+    if !has_places {
+        warnings.push(
+            "the source has no positions, so the recording has no velocity; add a receiver's track for it: \
+             gnss = \"TRACK.CSV\" in flight.toml"
+                .to_owned(),
+        );
+    }
+    if source.timing.rate < SLOW {
+        warnings.push(format!(
+            "only {:.1} frames per second: rotation between frames is assumed to be uniform",
+            source.timing.rate
+        ));
+    }
+    if !request.has_subject {
+        warnings.push(format!(
+            "no subject was given: a person of {:.0} kg with equipment is written to subject.toml",
+            request.subject.body().mass()
+        ));
+    }
+    let own = request.subject.body().segments[Segment::LeftThigh].length;
+    if let Some(thigh) = source.thigh_m
+        && ((thigh / own) - 1.0).abs() > THIGH
+    {
+        warnings.push(format!(
+            "the thigh of the source is {thigh:.3} m long, that of the subject {own:.3} m: is it the same person?"
+        ));
+    }
+    warnings
+}
+
+/// Writes the person, and the `flight.toml` that ties the files together.
+fn write_flight(request: &Request<'_>) -> Result<PathBuf> {
+    let subject = request.folder.join("subject.toml");
+    write_file(&subject, request.subject.to_toml()?.as_bytes())?;
+    if let Some(table) = request.subject.segments_json() {
+        write_file(&request.folder.join(SEGMENTS_FILE), table.as_bytes())?;
+    }
+    let path = request.folder.join("flight.toml");
+    let text = "recording = \"flight.mvnx\"\nsubject = \"subject.toml\"\n";
+    write_file(&path, text.as_bytes())?;
+    Ok(path)
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(
+            f,
+            "frames          {} in {:.3} s at {} Hz, {} rows skipped",
+            self.frames, self.duration_s, self.frame_rate_hz, self.rows_skipped
+        )?;
+        writeln!(f, "unit of length  {} m", self.unit_m)?;
+        let (own, with): (Vec<_>, Vec<_>) =
+            (self.segments.iter()).partition(|mapped| mapped.source.is_some());
+        let named = own.iter().filter_map(|mapped| {
+            let source = mapped.source.as_deref()?;
+            Some(if mapped.segment == source {
+                source.to_owned()
+            } else {
+                format!("{} = {source}", mapped.segment)
+            })
+        });
+        writeln!(
+            f,
+            "segments        {}",
+            named.collect::<Vec<_>>().join(", ")
+        )?;
+        if !with.is_empty() {
+            let names: Vec<&str> = with.iter().map(|mapped| mapped.segment).collect();
+            writeln!(
+                f,
+                "missing         {}: they move with their neighbours",
+                names.join(", ")
+            )?;
+        }
+        for warning in &self.warnings {
+            writeln!(f, "warning         {warning}")?;
+        }
+        writeln!(
+            f,
+            "first frame     from the front, and from the left; R is the right hand ({})\n{}",
+            self.picture.display(),
+            self.letters
+        )?;
+        write!(f, "written         {}", self.flight.display())
+    }
+}

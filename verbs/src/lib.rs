@@ -1,0 +1,24 @@
+//! The work of each command as a function: arguments in, a report out.
+
+pub mod airborne;
+pub mod bifurcation;
+pub mod discover;
+pub mod estimate;
+pub mod export;
+pub mod fall;
+pub mod figures;
+pub mod fmu;
+pub mod hide;
+pub mod import;
+pub mod inspect;
+pub mod output;
+pub mod poses;
+pub mod reproduce;
+pub mod sensitivity;
+pub mod simulate;
+pub mod stability;
+pub mod synthesize;
+pub mod trim;
+pub mod tune;
+pub mod validate;
+pub mod view;

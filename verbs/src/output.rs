@@ -1,0 +1,5 @@
+//! Plots and figures.
+
+pub mod figure;
+pub mod limbs;
+pub mod plot;

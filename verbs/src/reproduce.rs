@@ -1,0 +1,175 @@
+//! `bodyflight reproduce`: the paper's experiments as simulated flights that anyone can reconstruct, in one report.
+//!
+//! The paper recorded people; here the model flies scripts of the same maneuvers, with the paper's sensor noise. So a
+//! report shows what the method recovers if the model is right, not that the model is right about people: for that, use
+//! `bodyflight validate`, and `simulate` on recordings.
+
+pub mod experiments;
+pub mod report;
+
+use std::path::{Path, PathBuf};
+
+use bodyflight_core::estimator::motion::settings::MOTION;
+use bodyflight_core::estimator::preset::Preset;
+use bodyflight_core::maneuver::Maneuver;
+use bodyflight_core::sensor_noise::SensorNoise;
+use rayon::prelude::*;
+use schemars::JsonSchema;
+use serde::Serialize;
+
+use super::sensitivity::{self, sensitivity};
+use super::synthesize::{self, DEFAULT_SWAY, JointError, Request};
+use super::{bifurcation, poses};
+use crate::estimate::svg;
+use bodyflight_estimation::motion::{Method, Settings};
+use bodyflight_estimation::windows::estimate;
+use bodyflight_estimation::{Filter, motion};
+use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::files::write_file;
+use bodyflight_mvnx::recording::Options;
+use bodyflight_replay::Precision;
+use bodyflight_replay::flight::{DEFAULT_DENSITY, Flight};
+use bodyflight_replay::subject::Subject;
+use experiments::{EXPERIMENTS, Experiment};
+use report::{Outcome, Parts};
+
+/// Seed of sway and noise.
+const SEED: u64 = 1;
+
+/// Result of a reproduction.
+#[derive(Debug, Clone, JsonSchema, Serialize)]
+pub struct Report {
+    /// The file with the report.
+    pub report: PathBuf,
+    /// Experiments in the order of the paper.
+    pub outcomes: Vec<Outcome>,
+}
+
+/// Parts of a report that are not flights.
+pub const PARTS: [&str; 3] = ["poses", "oscillation-map", "sensitivity"];
+
+/// Flies and reconstructs the named experiments, or all if none is named, and writes `report.md`, figures and flights
+/// into `folder`. `progress` is called once for each experiment.
+///
+/// # Errors
+/// Returns an error if a name is unknown, or the folder cannot be written to.
+pub fn reproduce(what: &[String], folder: &Path, progress: &(dyn Fn() + Sync)) -> Result<Report> {
+    let wanted = |name: &str| what.is_empty() || what.iter().any(|asked| asked == name);
+    let known = || EXPERIMENTS.iter().map(|e| e.name).chain(PARTS);
+    if let Some(unknown) = what.iter().find(|asked| known().all(|name| name != *asked)) {
+        return Err(Problem::unknown("experiment", unknown, known()));
+    }
+    std::fs::create_dir_all(folder).map_err(|error| Problem::system("create", folder, error))?;
+    let outcomes = EXPERIMENTS
+        .par_iter()
+        .filter(|experiment| wanted(experiment.name))
+        .map(|experiment| {
+            let outcome = run(experiment, folder);
+            progress();
+            outcome
+        })
+        .collect::<Result<Vec<_>>>()?;
+    let parts = parts(wanted, folder, progress)?;
+    let path = folder.join("report.md");
+    let text = report::markdown(&outcomes, &parts);
+    write_file(&path, text.as_bytes())?;
+    Ok(Report {
+        report: path,
+        outcomes,
+    })
+}
+
+/// Computes the parts that are not flights.
+fn parts(wanted: impl Fn(&str) -> bool, folder: &Path, progress: &dyn Fn()) -> Result<Parts> {
+    let poses = wanted("poses").then(poses::table).transpose()?;
+    progress();
+    let map = wanted("oscillation-map");
+    if map {
+        let dynamics = Flight::bare(Path::new("")).dynamics(0.0);
+        write_file(
+            &folder.join("oscillation-map.svg"),
+            bifurcation::svg(&dynamics)?.as_bytes(),
+        )?;
+    }
+    progress();
+    let sensitivity = wanted("sensitivity").then(|| vary(folder)).transpose()?;
+    progress();
+    Ok(Parts {
+        poses,
+        map,
+        sensitivity,
+    })
+}
+
+fn fly(maneuver: &str, tunnel: bool, folder: &Path) -> Result<synthesize::Report> {
+    let maneuver = Maneuver::from_name(maneuver)
+        .ok_or_else(|| Problem::internal(format!("there is no maneuver {maneuver}")))?;
+    let request = Request {
+        maneuver,
+        subject: &Subject::default(),
+        density: DEFAULT_DENSITY,
+        seed: SEED,
+        noise: SensorNoise::PAPER,
+        joint_error: JointError::default(),
+        sway: DEFAULT_SWAY,
+        tunnel,
+    };
+    synthesize::synthesize(&request, folder, &mut |_| {})
+}
+
+fn preset(name: &str) -> Result<&'static Preset> {
+    Preset::from_name(name).ok_or_else(|| Problem::internal(format!("there is no preset {name}")))
+}
+
+/// Varies each parameter by 30 % in the turns of an experienced skydiver, and draws the result.
+fn vary(folder: &Path) -> Result<sensitivity::Report> {
+    let flown = fly("rotations", false, &folder.join("flights/sensitivity"))?;
+    let flight = Flight::read(&flown.flight)?;
+    let preset = preset("turning-experienced")?;
+    let found = sensitivity(&flight, 0.3, Some(preset), Options::default(), &mut || {})?;
+    let svg = found.svg("Turns in free fall, each parameter 30 % less and more")?;
+    write_file(&folder.join("sensitivity.svg"), svg.as_bytes())?;
+    Ok(found)
+}
+
+fn run(experiment: &Experiment, folder: &Path) -> Result<Outcome> {
+    let preset = preset(experiment.preset)?;
+    let flights = folder.join("flights").join(experiment.name);
+    let flown = fly(experiment.maneuver, experiment.tunnel, &flights)?;
+    // The reconstruction does not know the inputs that were flown.
+    let flight = Flight {
+        inputs: None,
+        muscles: preset.muscles,
+        ..Flight::read(&flown.flight)?
+    };
+    let options = Options::default();
+    let by_paper = estimate(
+        &flight,
+        preset,
+        Filter::Paper,
+        options,
+        Precision::Double,
+        &mut |_| {},
+    )?;
+    let settings = Settings {
+        preset: MOTION,
+        keep_noise: false,
+        find_joint_error: false,
+        filter: Filter::Reduced,
+        method: Method::Filter,
+    };
+    let by_motion = motion::estimate(&flight, &settings, options, Precision::Double, &mut |_| {})?;
+    let figure = PathBuf::from(format!("{}.svg", experiment.name));
+    let svg = svg(&by_paper, experiment.title)?;
+    write_file(&folder.join(&figure), svg.as_bytes())?;
+    Ok(Outcome {
+        name: experiment.name,
+        duration_s: flown.duration_s,
+        amplitude: by_paper.report.amplitude,
+        constant: by_paper.report.rms_constant,
+        paper_filter: by_paper.report.rms,
+        motion_filter: by_motion.report.rms,
+        tunnel: flown.tunnel,
+        figure,
+    })
+}

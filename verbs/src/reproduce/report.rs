@@ -1,0 +1,217 @@
+//! The outcome of an experiment, and the report as Markdown.
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use schemars::JsonSchema;
+use serde::Serialize;
+
+use super::experiments::EXPERIMENTS;
+use crate::sensitivity;
+use crate::synthesize::Tunnel;
+use bodyflight_replay::comparison::{Channel, PerChannel};
+
+/// One experiment, flown and reconstructed.
+#[derive(Debug, Clone, JsonSchema, Serialize)]
+pub struct Outcome {
+    /// Name of the experiment.
+    pub name: &'static str,
+    /// Length (s).
+    pub duration_s: f64,
+    /// Largest absolute value of each measured channel.
+    pub amplitude: PerChannel,
+    /// RMS gap with constant damping and no muscle input.
+    pub constant: PerChannel,
+    /// RMS gap with inputs estimated by the paper's filter and settings.
+    pub paper_filter: PerChannel,
+    /// RMS gap with inputs estimated by the motion filter.
+    pub motion_filter: PerChannel,
+    /// Events in the tunnel, for experiments in one.
+    pub tunnel: Option<Tunnel>,
+    /// File name of the figure.
+    pub figure: PathBuf,
+}
+
+/// The paper's accuracy, sections "Model Validation in Experiments" and "Discussion", for the channels that it gives.
+const PAPER: [(Channel, f64); 6] = [
+    (Channel::Roll, 0.15),
+    (Channel::Pitch, 0.15),
+    (Channel::YawRate, 0.15),
+    (Channel::AngularVelocity, 0.15),
+    (Channel::HorizontalVelocity, 0.45),
+    (Channel::VerticalVelocity, 1.5),
+];
+
+fn paper(channel: Channel) -> Option<f64> {
+    let mut known = PAPER.into_iter();
+    known
+        .find(|(of, _)| *of == channel)
+        .map(|(_, accuracy)| accuracy)
+}
+
+/// Parts of the report that are not flights.
+#[derive(Debug, Default)]
+pub(super) struct Parts {
+    /// Table of the poses.
+    pub poses: Option<String>,
+    /// Whether there is a map of the oscillation.
+    pub map: bool,
+    /// Sensitivity to the parameters.
+    pub sensitivity: Option<sensitivity::Report>,
+}
+
+pub(super) fn markdown(outcomes: &[Outcome], parts: &Parts) -> String {
+    let mut text = String::from(
+        "# The paper's experiments\n\n\
+         Made by `bodyflight reproduce`. **Same model**: the flights below are scripts flown by the model itself, seen through the \
+         paper's sensor noise, and reconstructed by the same model without knowing the inputs. They show what the method \
+         recovers if the model is right. The paper's results are for people; its accuracy (RMS over all experiments; results \
+         of single experiments appear only in its figures) is given as a scale, and numbers above it are **bold**.\n",
+    );
+    let any = !outcomes.is_empty();
+    if any {
+        text.push_str(
+            "\nConstant: damping 3, 0.5, 6 and no muscle input, as for the paper's basic maneuvers. Paper's filter: its windows, bounds \
+             and noise. Motion filter: this program's default.\n\n\
+             The paper's presets include its muscle forces (eq. `eq1_1`), so that an input is also a force of hundreds of newtons; the \
+             flights here have none (docs/equations.md). The last table lists what is not reconstructed, and why.\n",
+        );
+    }
+    for outcome in outcomes {
+        section(&mut text, outcome);
+    }
+    if let Some(table) = &parts.poses {
+        let _ = write!(
+            text,
+            "\n## Speeds of every pose\n\nBeyond the paper, see docs/poses.md.\n\n{table}"
+        );
+    }
+    if parts.map {
+        text.push_str(
+            "\n## Where belly flight oscillates\n\n\
+             ![growth over arms and damping](oscillation-map.svg)\n\n\
+             Eigenvalues of the linearised step about the steady fall, default subject, see docs/equations.md.\n",
+        );
+    }
+    if let Some(found) = &parts.sensitivity {
+        sensitivity_section(&mut text, found);
+    }
+    if any {
+        summary(&mut text, outcomes);
+    }
+    text
+}
+
+/// How 30 % in a parameter changes a free run of turns, and their reconstruction.
+fn sensitivity_section(text: &mut String, found: &sensitivity::Report) {
+    text.push_str(
+        "\n## What 30 % in a parameter changes\n\n\
+         The flight with turns in free fall. Free run: same postures and inputs, change relative to the channel's largest value. \
+         Reconstructed: inputs re-estimated by the paper's filter, gap relative to the largest value; the inputs absorb errors of a \
+         coefficient. The paper's \"less than 1 %\" applies to the second, see docs/equations.md.\n\n\
+         | parameter | yaw rate, free run | vertical velocity, free run | yaw rate, reconstructed |\n|---|---|---|---|\n",
+    );
+    let per_cent = |value: f64, of: f64| format!("{:.1} %", 100.0 * value / of.max(1e-9));
+    let rebuilt = |gap: Option<&PerChannel>| {
+        gap.zip(found.measured_amplitude.as_ref()).map_or_else(
+            || "-".to_owned(),
+            |(gap, size)| per_cent(gap.get(Channel::YawRate), size.get(Channel::YawRate)),
+        )
+    };
+    let plain = rebuilt(found.reconstruction.as_ref());
+    let _ = writeln!(text, "| nothing | 0 | 0 | {plain} |");
+    for effect in &found.effects {
+        let free = |channel| per_cent(effect.change.get(channel), found.amplitude.get(channel));
+        let _ = writeln!(
+            text,
+            "| {}, {:+.0} % | {} | {} | {} |",
+            effect.parameter.label(),
+            100.0 * (effect.factor - 1.0),
+            free(Channel::YawRate),
+            free(Channel::VerticalVelocity),
+            rebuilt(effect.reconstruction.as_ref()),
+        );
+    }
+    text.push_str("\n![change of every channel](sensitivity.svg)\n");
+}
+
+/// The table at the end, with the worst channel of each filter.
+fn summary(text: &mut String, outcomes: &[Outcome]) {
+    text.push_str(
+        "\n## What is not reconstructed, and why\n\n\
+         The worst channel of each experiment, as a multiple of the paper's accuracy.\n\n\
+         | experiment | paper's filter | motion filter | why |\n|---|---|---|---|\n",
+    );
+    for outcome in outcomes {
+        let Some(experiment) = EXPERIMENTS.iter().find(|e| e.name == outcome.name) else {
+            continue;
+        };
+        let [paper, motion] = [&outcome.paper_filter, &outcome.motion_filter].map(worst);
+        let cell = |(channel, times): (Channel, f64)| format!("{}: {times:.1}", channel.label().0);
+        let met = paper.1 <= 1.0 && motion.1 <= 1.0;
+        let why = if met {
+            "Both are within it."
+        } else {
+            experiment.why
+        };
+        let (paper, motion) = (cell(paper), cell(motion));
+        let _ = writeln!(
+            text,
+            "| {} | {paper} | {motion} | {why} |",
+            experiment.title
+        );
+    }
+}
+
+/// The channel with the largest ratio of gap to the paper's accuracy, and that ratio.
+fn worst(gaps: &PerChannel) -> (Channel, f64) {
+    let over = PAPER.map(|(channel, accuracy)| (channel, gaps.get(channel) / accuracy));
+    over.into_iter()
+        .max_by(|a, b| a.1.total_cmp(&b.1))
+        .unwrap_or((Channel::Roll, 0.0))
+}
+
+fn section(text: &mut String, outcome: &Outcome) {
+    let Some(experiment) = EXPERIMENTS.iter().find(|e| e.name == outcome.name) else {
+        return;
+    };
+    // Writing to a String cannot fail.
+    let _ = writeln!(
+        text,
+        "\n## {}\n\nFigures of the paper: {}. `bodyflight synth {}{} --seed 1`, {:.0} s; preset `{}`.\n",
+        experiment.title,
+        experiment.figures,
+        experiment.maneuver,
+        if experiment.tunnel { " --tunnel" } else { "" },
+        outcome.duration_s,
+        experiment.preset,
+    );
+    text.push_str(
+        "| channel | largest | paper | constant | paper's filter | motion filter |\n|---|---|---|---|---|---|\n",
+    );
+    for channel in Channel::ALL {
+        let (label, unit) = channel.label();
+        let scale = paper(channel);
+        let cell = |values: &PerChannel| {
+            let value = values.get(channel);
+            match scale {
+                Some(scale) if value > scale => format!("**{value:.3}**"),
+                _ => format!("{value:.3}"),
+            }
+        };
+        let _ = writeln!(
+            text,
+            "| {label} ({unit}) | {:.2} | {} | {} | {} | {} |",
+            outcome.amplitude.get(channel),
+            scale.map_or_else(|| "-".to_owned(), |scale| scale.to_string()),
+            cell(&outcome.constant),
+            cell(&outcome.paper_filter),
+            cell(&outcome.motion_filter),
+        );
+    }
+    let _ = writeln!(text, "\n{}", experiment.differs);
+    if let Some(tunnel) = &outcome.tunnel {
+        let _ = writeln!(text, "\nTunnel: {tunnel}.");
+    }
+    let _ = writeln!(text, "\n![reconstruction]({})", outcome.figure.display());
+}

@@ -1,0 +1,373 @@
+//! `bodyflight tune`: the paper's Monte-Carlo search for aerodynamic coefficients.
+//!
+//! Coefficients are drawn around the subject's, and each draw is simulated with the same postures. The draw with the
+//! smallest gap in linear and angular velocity is kept and checked on flights that were not used; a search per segment
+//! does this in rounds. The same seed gives the same answer on any number of cores.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use bodyflight_core::Segment;
+use bodyflight_core::aerodynamics::Coefficients;
+use bodyflight_core::body::SegmentArray;
+use bodyflight_core::dynamics::Dynamics;
+use rand::rngs::ChaCha8Rng;
+use rand::{RngExt, SeedableRng};
+use rand_distr::StandardNormal;
+use rayon::prelude::*;
+use schemars::JsonSchema;
+use serde::Serialize;
+
+use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::interrupt;
+use bodyflight_mvnx::recording::{FlightFrame, Options};
+use bodyflight_replay::Precision;
+use bodyflight_replay::comparison::{Channel, Comparison, PerChannel};
+use bodyflight_replay::flight::Flight;
+use bodyflight_replay::steps::{Replay, too_short};
+use bodyflight_replay::subject::CommonCoefficients;
+
+/// Gap (rad/s, m/s, m/s) that counts as 1 in each channel: the paper's own accuracy, section "Model Validation in
+/// Experiments". A smaller scale gives its channel more weight in the search.
+const SCALES: [(Channel, f64); 3] = [
+    (Channel::AngularVelocity, 0.15),
+    (Channel::HorizontalVelocity, 0.45),
+    (Channel::VerticalVelocity, 1.5),
+];
+
+/// Search per segment: draws per round, the share of coefficients that each draw changes, the factor by which the
+/// spread shrinks after a round, and its smallest share.
+const ROUND: usize = 10;
+const CHANGED: f64 = 0.15;
+const NARROWER: f64 = 0.9;
+const NARROWEST: f64 = 0.2;
+
+/// How to search.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Search {
+    /// Number of draws, not counting the guess itself.
+    pub draws: usize,
+    /// Standard deviation of each draw, as a share of the guess.
+    pub spread: f64,
+    /// Seed of the draws.
+    pub seed: u64,
+    /// Whether each segment has its own coefficients, the same left and right.
+    pub per_segment: bool,
+}
+
+/// A set of coefficients: common ones, and factors by which each segment differs from them.
+#[derive(Debug, Clone, Copy)]
+struct Candidate {
+    common: CommonCoefficients,
+    /// Factors on drag, lift and moment, in addition to the subject's own coefficients of a segment.
+    factors: SegmentArray<[f64; 3]>,
+}
+
+impl Candidate {
+    fn plain(common: CommonCoefficients) -> Self {
+        Self {
+            common,
+            factors: SegmentArray::from_fn(|_| [1.0; 3]),
+        }
+    }
+
+    /// Coefficients of a segment that has `own` if the common ones are `guess`.
+    fn of(
+        &self,
+        segment: Segment,
+        own: &Coefficients<f64>,
+        guess: &CommonCoefficients,
+    ) -> Coefficients<f64> {
+        let [drag, lift, moment] = self.factors[segment];
+        // A coefficient of zero has no ratio, and is kept.
+        let ratio = |to: f64, from: f64| if from > 0.0 { to / from } else { 1.0 };
+        Coefficients {
+            drag: own.drag * drag * ratio(self.common.cd, guess.cd),
+            lift: own.lift * lift * ratio(self.common.cl, guess.cl),
+            moment: own.moment * moment * ratio(self.common.cm, guess.cm),
+        }
+    }
+}
+
+/// Coefficients of one segment.
+#[derive(Debug, Clone, Copy, JsonSchema, Serialize)]
+pub struct SegmentBest {
+    /// Name of the segment.
+    pub segment: &'static str,
+    /// Drag.
+    pub cd: f64,
+    /// Lift, the force across the airflow.
+    pub cl: f64,
+    /// Moment.
+    pub cm: f64,
+}
+
+/// The result of a search.
+#[derive(Debug, Clone, JsonSchema, Serialize)]
+pub struct Report {
+    /// Initial coefficients.
+    pub guess: CommonCoefficients,
+    /// The best draw.
+    pub best: CommonCoefficients,
+    /// Coefficients of segments that differ from the common ones: from a search per segment, or the subject's, scaled.
+    pub segments: Vec<SegmentBest>,
+    /// Gap of the guess on the flights used, in units of the paper's accuracy.
+    pub score_before: f64,
+    /// Gap of the best draw, in the same units.
+    pub score_after: f64,
+    /// Flights that were not used.
+    pub held_out: Vec<HeldOut>,
+    /// Number of draws simulated.
+    pub draws: usize,
+    /// Whether Ctrl-C ended the search: the best is that of the draws so far, and was not checked on held-out flights.
+    pub interrupted: bool,
+}
+
+/// A flight that was not used in the search.
+#[derive(Debug, Clone, JsonSchema, Serialize)]
+pub struct HeldOut {
+    /// The recording.
+    pub recording: String,
+    /// Gap with the guess.
+    pub rms_before: PerChannel,
+    /// Gap with the best.
+    pub rms_after: PerChannel,
+    /// Score with the guess.
+    pub score_before: f64,
+    /// Score with the best.
+    pub score_after: f64,
+}
+
+/// A flight in memory, since a search simulates it hundreds of times.
+struct Loaded<'a> {
+    flight: &'a Flight,
+    dynamics: Dynamics<f64>,
+    frames: Vec<FlightFrame>,
+}
+
+impl<'a> Loaded<'a> {
+    fn read(flight: &'a Flight, options: Options) -> Result<Self> {
+        let frames: Vec<FlightFrame> = flight.open(options)?.collect::<Result<_>>()?;
+        let [first, _, ..] = frames.as_slice() else {
+            return Err(too_short(&flight.recording));
+        };
+        let dynamics = flight.dynamics(first.pelvis.position.up());
+        Ok(Self {
+            flight,
+            dynamics,
+            frames,
+        })
+    }
+
+    /// Simulates the postures with other coefficients.
+    fn fly(&self, candidate: &Candidate) -> Result<Comparison> {
+        let mut dynamics = self.dynamics;
+        let guess = self.flight.subject.common_coefficients();
+        for (segment, own) in dynamics.aerodynamics.coefficients.iter_mut() {
+            *own = candidate.of(segment, own, &guess);
+        }
+        let mut flight = self.flight.clone();
+        flight.subject.set_damping(candidate.common.damp.into());
+        let frames = self.frames.iter().copied().map(Ok);
+        let mut comparison = Comparison::default();
+        for step in Replay::with_dynamics(&flight, frames, Precision::Double, |_| dynamics)? {
+            comparison.push(step?.pair);
+            if comparison.count().is_multiple_of(1024) {
+                interrupt::check()?;
+            }
+        }
+        Ok(comparison)
+    }
+}
+
+/// Searches over `flights` and checks on `held_out`. `progress` is called once for each draw. Ctrl-C ends the search
+/// with the best so far.
+///
+/// # Errors
+/// Returns an error if a flight cannot be read, the simulation with the guess diverges, or Ctrl-C is pressed before the
+/// first draw is complete.
+pub fn tune(
+    flights: &[Flight],
+    held_out: &[Flight],
+    search: Search,
+    options: Options,
+    progress: impl Fn() + Sync,
+) -> Result<Report> {
+    let Some(first) = flights.first() else {
+        return Err(Problem::bad_input(
+            "expected at least one flight to tune on",
+        ));
+    };
+    // Problems with any file are reported before the long work.
+    let (used, held_out) = (load(flights, options)?, load(held_out, options)?);
+    let guess = first.subject.common_coefficients();
+    let start = Candidate::plain(guess);
+    let score_before = total_score(&used, &start)?;
+    let (mut score_after, mut best) = (score_before, start);
+    let mut random = ChaCha8Rng::seed_from_u64(search.seed);
+    let mut spread = search.spread;
+    let flown = AtomicUsize::new(0);
+    for draws in rounds(search) {
+        let candidates = draw(&best, search.per_segment, spread, draws, &mut random);
+        spread = (spread * NARROWER).max(search.spread * NARROWEST);
+        let found = candidates
+            .par_iter()
+            .enumerate()
+            .filter(|_| !interrupt::requested())
+            .filter_map(|(index, candidate)| {
+                let score = total_score(&used, candidate);
+                // An incomplete draw has no score.
+                if interrupt::requested() {
+                    return None;
+                }
+                flown.fetch_add(1, Ordering::Relaxed);
+                progress();
+                // A draw that diverges has lost.
+                Some((score.unwrap_or(f64::INFINITY), index, *candidate))
+            })
+            .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        if let Some((score, _, candidate)) = found.filter(|found| found.0 < score_after) {
+            (score_after, best) = (score, candidate);
+        }
+        if interrupt::requested() {
+            break;
+        }
+    }
+    let draws = flown.into_inner();
+    if draws == 0 {
+        interrupt::check()?;
+    }
+    let checked: Result<Vec<HeldOut>> = held_out
+        .iter()
+        .map(|flight| check(flight, &start, &best))
+        .collect();
+    let interrupted = interrupt::requested();
+    let held_out = if interrupted { Vec::new() } else { checked? };
+    Ok(Report {
+        guess,
+        best: best.common,
+        segments: differing(first, &best),
+        score_before,
+        score_after,
+        held_out,
+        draws,
+        interrupted,
+    })
+}
+
+fn load(flights: &[Flight], options: Options) -> Result<Vec<Loaded<'_>>> {
+    flights
+        .iter()
+        .map(|flight| Loaded::read(flight, options))
+        .collect()
+}
+
+/// Segments of the best set that differ from the common coefficients.
+fn differing(flight: &Flight, best: &Candidate) -> Vec<SegmentBest> {
+    let guess = flight.subject.common_coefficients();
+    let own = flight.subject.aerodynamics().coefficients;
+    let common = best.common;
+    own.iter()
+        .filter_map(|(segment, own)| {
+            let found = best.of(segment, own, &guess);
+            let as_common = [
+                (found.drag, common.cd),
+                (found.lift, common.cl),
+                (found.moment, common.cm),
+            ];
+            let differs = as_common.iter().any(|(a, b)| (a - b).abs() > 1e-9);
+            differs.then_some(SegmentBest {
+                segment: segment.name(),
+                cd: found.drag,
+                cl: found.lift,
+                cm: found.moment,
+            })
+        })
+        .collect()
+}
+
+fn check(flight: &Loaded<'_>, guess: &Candidate, best: &Candidate) -> Result<HeldOut> {
+    let (before, after) = (flight.fly(guess)?, flight.fly(best)?);
+    Ok(HeldOut {
+        recording: flight.flight.recording.display().to_string(),
+        rms_before: before.rms(),
+        rms_after: after.rms(),
+        score_before: score(&before),
+        score_after: score(&after),
+    })
+}
+
+/// Number of draws in each round; common coefficients need only one round. Random changes to all coefficients of all
+/// segments at once hardly ever improve, so a search per segment continues from the best of each round.
+fn rounds(search: Search) -> Vec<usize> {
+    if !search.per_segment {
+        return vec![search.draws];
+    }
+    let whole = search.draws / ROUND;
+    let mut rounds = vec![ROUND; whole];
+    rounds.extend(Some(search.draws % ROUND).filter(|rest| *rest > 0));
+    rounds
+}
+
+/// Draws coefficients around the best so far, normally distributed and at least a tenth of it. In a search per segment
+/// only some of them change.
+fn draw(
+    best: &Candidate,
+    per_segment: bool,
+    spread: f64,
+    draws: usize,
+    random: &mut ChaCha8Rng,
+) -> Vec<Candidate> {
+    let mut near = |value: f64| {
+        if per_segment && random.random::<f64>() > CHANGED {
+            return value;
+        }
+        let factor = 1.0 + spread * random.sample::<f64, _>(StandardNormal);
+        value * factor.max(0.1)
+    };
+    (0..draws)
+        .map(|_| {
+            let mut candidate = Candidate {
+                common: CommonCoefficients {
+                    cd: near(best.common.cd),
+                    cl: near(best.common.cl),
+                    cm: near(best.common.cm),
+                    damp: best.common.damp.map(&mut near),
+                },
+                ..*best
+            };
+            if per_segment {
+                for segment in Segment::ALL {
+                    // The left side is drawn first, and the right side copies it.
+                    let mirrored = segment.mirrored();
+                    candidate.factors[segment] = if mirrored < segment {
+                        candidate.factors[mirrored]
+                    } else {
+                        best.factors[segment].map(&mut near)
+                    };
+                }
+            }
+            candidate
+        })
+        .collect()
+}
+
+/// Root mean square of the flights' scores.
+fn total_score(flights: &[Loaded<'_>], candidate: &Candidate) -> Result<f64> {
+    let mut sum = 0.0;
+    for flight in flights {
+        sum += score(&flight.fly(candidate)?).powi(2);
+    }
+    #[expect(clippy::cast_precision_loss, reason = "only a few flights")]
+    let count = flights.len().max(1) as f64;
+    Ok((sum / count).sqrt())
+}
+
+/// Gap in linear and angular velocity relative to the paper's accuracy, root mean square over channels.
+fn score(comparison: &Comparison) -> f64 {
+    let rms = comparison.rms();
+    let sum: f64 = SCALES
+        .iter()
+        .map(|(channel, scale)| (rms.get(*channel) / scale).powi(2))
+        .sum();
+    (sum / 3.0).sqrt()
+}

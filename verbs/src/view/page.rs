@@ -1,0 +1,249 @@
+//! The page with its data.
+
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+
+use bodyflight_core::dynamics::{Dynamics, Inputs};
+use bodyflight_viewer::cockpit::{CONTROLS, STARTS};
+use bodyflight_viewer::frame;
+use bodyflight_viewer::setup::Setup;
+use serde::Serialize;
+use serde_json::Value;
+use sha2::{Digest, Sha256};
+
+use super::run::Run;
+use super::shape::{Shape, Worn, shapes};
+use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::input;
+use bodyflight_replay::subject::Subject;
+
+/// The page, as `cargo xtask viewer` builds it.
+const PAGE: &str = include_str!("../../data/viewer.html");
+
+/// The place for the data.
+const MARK: &str = "<script type=\"application/json\" id=\"bodyflight-data\">null</script>";
+
+/// Version of the data; a page refuses versions that it does not know.
+pub const SCHEMA: u32 = 3;
+
+/// Kind of page.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
+#[serde(rename_all = "kebab-case")]
+pub enum Mode {
+    /// Shows flights.
+    Replay,
+    /// Shows what a stream sends.
+    Live,
+    /// Flies by keyboard.
+    Fly,
+}
+
+/// An input file, to record the origin of a page.
+#[derive(Debug, Clone, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
+pub struct Input {
+    /// Name of the file, without its folder.
+    pub file: String,
+    /// SHA-256 of its content, hexadecimal.
+    pub sha256: String,
+}
+
+impl Input {
+    /// Hashes a file.
+    ///
+    /// # Errors
+    /// Returns an error if it cannot be read.
+    pub fn of(path: &Path) -> Result<Self> {
+        let refused = |error| Problem::system("read", path, error);
+        let mut hasher = Sha256::new();
+        let mut file = BufReader::new(input::file(path)?);
+        loop {
+            let piece = file.fill_buf().map_err(refused)?;
+            if piece.is_empty() {
+                break;
+            }
+            hasher.update(piece);
+            let length = piece.len();
+            file.consume(length);
+        }
+        let name = path.file_name().unwrap_or(path.as_os_str());
+        Ok(Self {
+            file: name.to_string_lossy().into_owned(),
+            sha256: hasher
+                .finalize()
+                .iter()
+                .map(|byte| format!("{byte:02x}"))
+                .collect(),
+        })
+    }
+}
+
+/// Origin of a page.
+#[derive(Debug, Clone, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
+pub struct Provenance {
+    /// Version of bodyflight.
+    pub version: &'static str,
+    /// The command that made the page.
+    pub command: String,
+    /// The files that were read.
+    pub inputs: Vec<Input>,
+}
+
+impl Provenance {
+    /// Records a command and the files that it read.
+    ///
+    /// # Errors
+    /// Returns an error if a file cannot be read.
+    pub fn of(command: String, files: &[&Path]) -> Result<Self> {
+        Ok(Self {
+            version: env!("CARGO_PKG_VERSION"),
+            command,
+            inputs: files
+                .iter()
+                .map(|file| Input::of(file))
+                .collect::<Result<_>>()?,
+        })
+    }
+}
+
+/// Data that the page needs for its own simulation.
+#[derive(Debug, Clone, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
+pub struct FlyData {
+    /// The model, see [`bodyflight_viewer::setup`].
+    pub setup: Vec<f32>,
+    /// How segments are drawn.
+    pub shapes: Vec<Shape>,
+    /// What the skydiver wears.
+    pub worn: Worn,
+    /// Names of the start conditions.
+    pub starts: Vec<&'static str>,
+    /// Names of the controls.
+    pub controls: Vec<&'static str>,
+    /// Parts of a frame, with the count of numbers in each.
+    pub layout: Vec<(&'static str, usize)>,
+    /// Parts of a segment, with the count of numbers in each.
+    pub segment_layout: Vec<(&'static str, usize)>,
+}
+
+/// All data of a page.
+#[derive(Debug, Clone, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
+pub struct PageData {
+    /// Version of the data, [`SCHEMA`].
+    pub schema: u32,
+    /// Kind of page.
+    pub mode: Mode,
+    /// Title.
+    pub title: String,
+    /// Origin of the page.
+    pub provenance: Provenance,
+    /// Flights.
+    pub runs: Vec<Run>,
+    /// The report of `bodyflight discover`.
+    #[cfg_attr(test, ts(type = "unknown"))]
+    pub discovery: Option<Value>,
+    /// Data for flying.
+    pub fly: Option<FlyData>,
+}
+
+/// The model of a subject for the page, in still air of constant density (kg/m3).
+pub fn setup(subject: &Subject, density: f64) -> Setup {
+    let mut dynamics = Dynamics::paper(subject.body(), density);
+    dynamics.aerodynamics = subject.aerodynamics();
+    let inputs = Inputs {
+        damping: subject.damping(),
+        ..Inputs::belly_turn()
+    };
+    #[expect(clippy::cast_possible_truncation, reason = "the page's precision")]
+    let single = density as f32;
+    Setup {
+        dynamics: dynamics.cast(),
+        inputs: inputs.cast(),
+        density: single,
+    }
+}
+
+impl FlyData {
+    /// Data for a subject in air of this density (kg/m3).
+    pub fn new(subject: &Subject, density: f64) -> Self {
+        Self {
+            setup: setup(subject, density).numbers().to_vec(),
+            shapes: shapes(subject),
+            worn: Worn::of(subject),
+            starts: STARTS.iter().map(|start| start.name).collect(),
+            controls: CONTROLS.iter().map(|control| control.name).collect(),
+            layout: frame::LAYOUT.to_vec(),
+            segment_layout: frame::SEGMENT_LAYOUT.to_vec(),
+        }
+    }
+}
+
+impl PageData {
+    /// A page without flights.
+    pub fn of(mode: Mode, title: String, provenance: Provenance, fly: FlyData) -> Self {
+        Self {
+            mode,
+            fly: Some(fly),
+            ..Self::replay(title, provenance, Vec::new())
+        }
+    }
+
+    /// A page that shows flights.
+    pub fn replay(title: String, provenance: Provenance, runs: Vec<Run>) -> Self {
+        Self {
+            schema: SCHEMA,
+            mode: Mode::Replay,
+            title,
+            provenance,
+            runs,
+            discovery: None,
+            fly: None,
+        }
+    }
+}
+
+/// The page as one HTML file.
+///
+/// # Errors
+/// Returns an error if the data cannot be written as JSON.
+pub fn html(data: &PageData) -> Result<String> {
+    filled(PAGE, data)
+}
+
+fn filled(page: &str, data: &PageData) -> Result<String> {
+    let (before, after) = page
+        .split_once(MARK)
+        .ok_or_else(|| Problem::internal("the viewer's page has no place for data"))?;
+    let json = serde_json::to_string(data)
+        .map_err(|error| Problem::internal("cannot write JSON").caused_by(error))?;
+    // Names come from users, and must not be able to end the script.
+    let json = json.replace('<', "\\u003c");
+    let mark = MARK.replace("null", &json);
+    Ok([before, &mark, after].concat())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn data(title: &str) -> PageData {
+        let provenance = Provenance::of("view".to_owned(), &[]).unwrap();
+        PageData::replay(title.to_owned(), provenance, Vec::new())
+    }
+
+    #[test]
+    fn a_title_cannot_close_its_script_element() {
+        let page = format!("<html>{MARK}</html>");
+        let html = filled(&page, &data("</script><script>alert(1)")).unwrap();
+        assert_eq!(html.matches("</script>").count(), 1, "{html}");
+        assert!(html.contains("\\u003c/script"));
+    }
+
+    #[test]
+    fn the_page_has_a_place_for_data() {
+        assert!(html(&data("x")).unwrap().contains("\"x\""));
+    }
+}

@@ -1,0 +1,155 @@
+//! A recording and its simulation, with all data that the page shows.
+
+use bodyflight_core::body::SEGMENT_COUNT;
+use bodyflight_core::dynamics::Dynamics;
+use bodyflight_viewer::frame::{SEGMENT_NUMBERS, frame, place};
+use serde::Serialize;
+
+use super::estimated::Estimated;
+use super::series::{Packed, RATE, Series};
+use super::shape::{Shape, Worn, shapes};
+use bodyflight_io::diagnostic::Result;
+use bodyflight_io::interrupt;
+use bodyflight_mvnx::recording::Options;
+use bodyflight_replay::Precision;
+use bodyflight_replay::comparison::{Channel, Comparison, PerChannel};
+use bodyflight_replay::flight::Flight;
+use bodyflight_replay::steps::{Replay, Step};
+
+/// The columns of a run, with the count of numbers in a row and their step.
+///
+/// Axes and units as in [`bodyflight_viewer::frame::LAYOUT`]; `measured` and `simulated` are the channels in the
+/// order of [`Channel::ALL`].
+const COLUMNS: [(&str, usize, f64); 12] = [
+    ("time_s", 1, 1e-4),
+    ("simulated_position_m", 3, 1e-2),
+    ("simulated_attitude", 4, 2e-4),
+    ("measured_position_m", 3, 1e-2),
+    ("measured_attitude", 4, 2e-4),
+    ("simulated", 7, 1e-3),
+    ("measured", 7, 1e-3),
+    ("inputs", 6, 1e-3),
+    ("cg_m", 3, 2e-3),
+    ("segment_attitude", 4 * SEGMENT_COUNT, 5e-4),
+    ("segment_cg_m", 3 * SEGMENT_COUNT, 2e-3),
+    ("segment_force_n", 3 * SEGMENT_COUNT, 0.5),
+];
+
+/// A run as the page shows it.
+#[derive(Debug, Clone, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
+pub struct Run {
+    /// Readable name.
+    pub name: String,
+    /// How segments are drawn.
+    pub shapes: Vec<Shape>,
+    /// What the skydiver wears.
+    pub worn: Worn,
+    /// Root mean square of measured minus simulated, over all frames.
+    #[cfg_attr(test, ts(type = "Record<string, number>"))]
+    pub rms: PerChannel,
+    /// Largest absolute value of the measured channel.
+    #[cfg_attr(test, ts(type = "Record<string, number>"))]
+    pub amplitude: PerChannel,
+    /// Number of frames in the recording.
+    pub frames: u64,
+    /// Velocity of the air (m/s), north, west, up.
+    pub air_velocity_mps: [f64; 3],
+    /// The data over time.
+    pub series: Packed,
+    /// Estimated inputs, if requested.
+    pub estimated: Option<Estimated>,
+}
+
+/// Simulates a recording for the page.
+///
+/// # Errors
+/// Same as [`crate::simulate::simulate`].
+pub fn fly(
+    name: &str,
+    flight: &Flight,
+    options: Options,
+    progress: &mut dyn FnMut(f64),
+) -> Result<Run> {
+    let (series, comparison) = fly_series(flight, options, progress)?;
+    let air = flight
+        .effects
+        .applied(flight.dynamics(0.0), 0.0)?
+        .dynamics
+        .air;
+    Ok(Run {
+        name: name.to_owned(),
+        shapes: shapes(&flight.subject),
+        worn: Worn::of(&flight.subject),
+        rms: comparison.rms(),
+        amplitude: comparison.amplitude(),
+        frames: comparison.count(),
+        air_velocity_mps: air.velocity.to_array(),
+        series: series.packed(),
+        estimated: None,
+    })
+}
+
+/// Simulates a recording. Returns the data to show, [`RATE`] rows a second, and the comparison of all frames.
+///
+/// # Errors
+/// Same as [`crate::simulate::simulate`].
+pub fn fly_series(
+    flight: &Flight,
+    options: Options,
+    progress: &mut dyn FnMut(f64),
+) -> Result<(Series, Comparison)> {
+    let replay = Replay::open(flight, options, Precision::Double)?;
+    let dynamics = replay.model().dynamics;
+    let mut series = Series::new(&COLUMNS);
+    let mut comparison = Comparison::default();
+    let start = *replay.start();
+    series.push(row(&dynamics, &start));
+    let mut due = start.time + 1.0 / RATE;
+    let mut steps = replay.peekable();
+    while let Some(step) = steps.next() {
+        let step = step?;
+        comparison.push(step.pair);
+        // Some slack, since the rates need not divide evenly.
+        if step.time >= due - 1e-3 || steps.peek().is_none() {
+            due = (due + 1.0 / RATE).max(step.time);
+            series.push(row(&dynamics, &step));
+            progress(step.time);
+            interrupt::check()?;
+        }
+    }
+    Ok((series, comparison))
+}
+
+/// A row of [`COLUMNS`].
+fn row(dynamics: &Dynamics<f64>, step: &Step) -> Vec<f64> {
+    let (inputs, measured) = (&step.inputs, &step.measured);
+    let frame = frame(dynamics, inputs, &step.posture, &step.simulated, step.time);
+    let part = |name: &str, count: usize| {
+        let from = place(name).unwrap_or(0);
+        frame[from..from + count].iter().copied().map(f64::from)
+    };
+    let attitude = measured.inertial_from_body.quaternion();
+    let [simulated, measured_channels] = [&step.pair.simulated, &step.pair.measured]
+        .map(|seen| Channel::ALL.map(|channel| channel.value(seen)));
+    let segments: Vec<f64> = part("segments", SEGMENT_COUNT * SEGMENT_NUMBERS).collect();
+    let of_segments = |from: usize, count: usize| {
+        segments
+            .chunks_exact(SEGMENT_NUMBERS)
+            .flat_map(move |segment| segment[from..from + count].iter().copied())
+    };
+    part("time_s", 1)
+        .chain(part("position_m", 3))
+        .chain(part("inertial_from_body", 4))
+        .chain(measured.position.to_array())
+        .chain([attitude.w, attitude.i, attitude.j, attitude.k])
+        .chain(simulated)
+        .chain(measured_channels)
+        .chain(inputs.muscle.to_array())
+        .chain(inputs.damping.to_array())
+        .chain(part("cg_m", 3))
+        .chain(of_segments(4, 4))
+        .chain(of_segments(8, 3))
+        .chain(of_segments(11, 3))
+        .collect()
+}
