@@ -13,17 +13,19 @@ mod score;
 use std::ops::Range;
 use std::path::Path;
 
-use bodyflight::formats::flight::Flight;
-use bodyflight::formats::recording::Options;
-use bodyflight::formats::subject::Subject;
-use bodyflight::verbs::estimate::motion::{self, Method};
-use bodyflight::verbs::estimate::{Estimation, Filter, estimate};
-use bodyflight::verbs::synthesize::{DEFAULT_SWAY, JointError, Request, synthesize};
 use bodyflight_core::estimator::motion::settings::MOTION;
 use bodyflight_core::estimator::preset::TRACKING_ON_BACK;
 use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::maneuver::scripts::MANEUVERS;
 use bodyflight_core::sensor_noise::SensorNoise;
+use bodyflight_estimation::motion::{self, Method};
+use bodyflight_estimation::windows::estimate;
+use bodyflight_estimation::{Estimation, Filter};
+use bodyflight_mvnx::recording::Options;
+use bodyflight_replay::Precision;
+use bodyflight_replay::flight::Flight;
+use bodyflight_replay::subject::Subject;
+use bodyflight_verbs::synthesize::{DEFAULT_SWAY, JointError, Request, synthesize};
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 use score::{INPUTS, RECONSTRUCTION, Score};
 
@@ -77,7 +79,7 @@ impl Laboratory {
             tunnel: false,
         };
         let folder = folder.join(format!("{}-{seed}", maneuver.name));
-        let written = synthesize(&request, &folder, |_| ()).expect("a flight");
+        let written = synthesize(&request, &folder, &mut |_| ()).expect("a flight");
         let mut flight = Flight::read(&written.flight).expect("the flight");
         // The true inputs are withheld, since they are to be estimated.
         flight.inputs = None;
@@ -229,7 +231,16 @@ fn families(laboratory: &Laboratory, flights: &[(&'static Maneuver, u64)]) {
 
 fn run(flight: &Flight, method: usize) -> Estimation {
     let options = Options::default();
-    let windows = |filter| estimate::<f64>(flight, &TRACKING_ON_BACK, filter, options, |_| ());
+    let windows = |filter| {
+        estimate(
+            flight,
+            &TRACKING_ON_BACK,
+            filter,
+            options,
+            Precision::Double,
+            &mut |_| (),
+        )
+    };
     let motion = |filter, method| {
         let settings = motion::Settings {
             preset: MOTION,
@@ -238,11 +249,12 @@ fn run(flight: &Flight, method: usize) -> Estimation {
             filter,
             method,
         };
-        match filter {
-            Filter::Paper => motion::estimate::<f64>(flight, &settings, options, |_| ()),
+        let precision = match filter {
+            Filter::Paper => Precision::Double,
             // The unit also uses the reduced filter in f32.
-            Filter::Reduced => motion::estimate::<f32>(flight, &settings, options, |_| ()),
-        }
+            Filter::Reduced => Precision::Single,
+        };
+        motion::estimate(flight, &settings, options, precision, &mut |_| ())
     };
     match method {
         0 | 2 => windows(Filter::Reduced),

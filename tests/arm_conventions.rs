@@ -2,14 +2,14 @@
 
 use std::path::Path;
 
-use bodyflight::formats::mvnx::closure::t_pose_from_isb;
-use bodyflight::formats::mvnx::{ArmFrame, Field, Frame, FrameKind, Header, ReadOptions, Reader};
-use bodyflight::formats::recording::{FlightFrame, Options, Recording};
-use bodyflight::formats::xsens::{self, MvnSegment};
-use bodyflight::verbs::inspect::inspect;
 use bodyflight_core::Segment;
+use bodyflight_mvnx::closure::t_pose_from_isb;
+use bodyflight_mvnx::recording::{FlightFrame, Options, Recording};
+use bodyflight_mvnx::xsens::{self, MvnSegment};
+use bodyflight_mvnx::{ArmFrame, Field, Frame, FrameKind, Header, ReadOptions, Reader};
 use bodyflight_tests::data_folder;
 use bodyflight_tests::small_recording::{NAME, read, with_numbers, written};
+use bodyflight_verbs::inspect::inspect;
 use nalgebra::{Quaternion, UnitQuaternion};
 
 /// Rewrites the arms of every frame in ISB axes, as in version 3.

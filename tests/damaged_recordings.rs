@@ -4,11 +4,11 @@
 use std::io::{BufReader, Read};
 use std::path::Path;
 
-use bodyflight::formats::recording::Options;
-use bodyflight::verbs::inspect::{inspect, inspect_input};
+use bodyflight_mvnx::recording::Options;
 use bodyflight_tests::small_recording::{
     NAME, is_usable, read, read_as, replaced, survey, with_numbers, written,
 };
+use bodyflight_verbs::inspect::{inspect, inspect_input};
 use proptest::prelude::*;
 
 #[test]

@@ -229,62 +229,23 @@ fn loads_outside_the_library_are_described_and_not_named() {
     ]);
 }
 
-/// Rows of a FlySight 1 carried by a 75 kg body that falls through wind, with one truncated row.
-fn fall(wind_north: f64) -> String {
-    let mut text = "time,lat,lon,hMSL,velN,velE,velD,hAcc,vAcc,sAcc,gpsFix,numSV\n".to_owned();
-    let (mut north, mut down, mut height) = (35.0_f64, 16.0_f64, 4000.0_f64);
-    for k in 0..250 {
-        let time = 0.2 * f64::from(k);
-        text += &format!(
-            "2024-06-01T10:00:{:05.2}Z,46.0,17.0,{height:.3},{north:.2},0.00,{down:.2},2,3,0.4,3,12\n",
-            time
-        );
-        if k == 100 {
-            text += "2024-06-01T10:00:20.10Z,46.0\n";
-        }
-        let through_air = (north - wind_north).hypot(down);
-        let drag = 9.81 / (45.0 * 45.0) * through_air;
-        north -= drag * (north - wind_north) * 0.2;
-        down += (9.81 - drag * down) * 0.2;
-        height -= down * 0.2;
-    }
-    text
-}
-
 #[test]
-fn the_track_of_a_flysight_shows_wind() {
+fn the_track_of_a_point_is_refused_with_the_verb_that_analyses_it() {
     let folder = tempfile::tempdir().expect("a folder");
-    let path = |name: &str| folder.path().join(name).to_str().expect("plain").to_owned();
-    for (name, wind) in [("A.CSV", 14.0), ("B.CSV", 13.8)] {
-        std::fs::write(path(name), fall(wind)).expect("a file");
+    let track = folder.path().join("TRACK.CSV");
+    std::fs::write(&track, "time_s,height_m\n0,4000\n1,3995\n").expect("a file");
+    let track = track.to_str().expect("plain");
+    let [flight, _] = hide("wind", "7", &folder.path().join("lab"));
+    for flights in [&[track][..], &[&flight, "--hold-out", track]] {
+        let refused = Command::new(env!("CARGO_BIN_EXE_bodyflight"))
+            .arg("discover")
+            .args(flights)
+            .output()
+            .expect("the binary starts");
+        assert_eq!(refused.status.code(), Some(2));
+        let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+        assert!(said.contains(&format!("bodyflight fall {track}")), "{said}");
     }
-    let [first, second, out] = ["A.CSV", "B.CSV", "found"].map(path);
-    let report = json(&["discover", &first, "--hold-out", &second, "--out", &out]);
-    assert_eq!(report["verdict"], "named", "{report}");
-    assert_eq!(report["rows_skipped"], 1);
-    let effects = report["effects"].as_array().expect("a list");
-    let wind = effects.iter().find(|effect| effect["name"] == "wind");
-    let wind = &wind.expect("a wind")["parameters"];
-    let north = wind["north_mps"].as_f64().expect("a number");
-    assert!((north - 14.0).abs() < 3.0, "{north} m/s");
-    assert!(
-        report["held_out"][0]["closed_share"]
-            .as_f64()
-            .expect("a number")
-            > 0.9
-    );
-    let model = std::fs::read_to_string(folder.path().join("found/model.toml")).expect("a model");
-    assert!(model.contains("name = \"wind\""), "{model}");
-
-    // The first few seconds are too short for a free fall.
-    let ground = fall(0.0).lines().take(20).collect::<Vec<_>>().join("\n");
-    std::fs::write(path("G.CSV"), ground).expect("a file");
-    let refused = Command::new(env!("CARGO_BIN_EXE_bodyflight"))
-        .args(["discover", &path("G.CSV")])
-        .output()
-        .expect("the binary starts");
-    assert_eq!(refused.status.code(), Some(2));
-    assert!(String::from_utf8_lossy(&refused.stderr).contains("free fall"));
 }
 
 /// Only the strength of turbulence is known: each flight has its own path, and a model uses the mean.

@@ -6,6 +6,8 @@
 #![expect(clippy::expect_used, reason = "tests may panic: that is how they fail")]
 
 use std::path::{Path, PathBuf};
+
+use bodyflight_shared_data::{shared, skipped};
 use std::process::Command;
 
 use serde_json::Value;
@@ -90,12 +92,11 @@ fn judged(flight: &Path, truth: [f64; 6], method: &str) -> (bool, f64) {
 
 #[test]
 fn flights_of_another_simulator_are_consistent_or_flagged() {
-    let flights = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/flights");
-    let Ok(entries) = std::fs::read_dir(&flights) else {
-        println!("skipped: there is no {}", flights.display());
+    let Some(flights) = shared("flights") else {
         return;
     };
-    let mut pairs: Vec<PathBuf> = entries
+    let mut pairs: Vec<PathBuf> = std::fs::read_dir(&flights)
+        .expect("a folder")
         .map(|entry| entry.expect("an entry").path())
         .filter(|path| path.join("flight-1").is_dir())
         .collect();
@@ -106,7 +107,7 @@ fn flights_of_another_simulator_are_consistent_or_flagged() {
             let from = pair.join(part);
             let folder = tempfile::tempdir().expect("a folder");
             let Some(flight) = unpacked(&from, folder.path()) else {
-                println!("skipped: there is no xz to unpack the flights with");
+                skipped("there is no xz to unpack the flights with");
                 return;
             };
             for method in ["filter", "smooth"] {

@@ -10,6 +10,8 @@
 )]
 
 use std::path::{Path, PathBuf};
+
+use bodyflight_shared_data::{shared, skipped};
 use std::process::Command;
 use std::time::Instant;
 
@@ -110,12 +112,11 @@ fn is_right(pair: &str, report: &Value) -> bool {
 
 #[test]
 fn flights_of_another_simulator_are_judged_rightly() {
-    let flights = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/flights");
-    let Ok(entries) = std::fs::read_dir(&flights) else {
-        println!("skipped: there is no {}", flights.display());
+    let Some(flights) = shared("flights") else {
         return;
     };
-    let mut pairs: Vec<PathBuf> = entries
+    let mut pairs: Vec<PathBuf> = std::fs::read_dir(&flights)
+        .expect("a folder")
         .map(|entry| entry.expect("an entry").path())
         .filter(|path| path.join("flight-1").is_dir())
         .collect();
@@ -129,7 +130,7 @@ fn flights_of_another_simulator_are_judged_rightly() {
             .into_owned();
         let folder = tempfile::tempdir().expect("a folder");
         let Some([flight, other]) = unpacked(pair, folder.path()) else {
-            println!("skipped: there is no xz to unpack the flights with");
+            skipped("there is no xz to unpack the flights with");
             return;
         };
         let begin = Instant::now();

@@ -9,8 +9,9 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use bodyflight::replay::comparison::Channel;
 use bodyflight_core::Segment;
+use bodyflight_replay::comparison::Channel;
+use bodyflight_shared_data::shared;
 use bodyflight_tests::program::{Program, plain};
 use serde_json::Value;
 
@@ -214,12 +215,9 @@ fn every_field_of_a_search_is_on_the_page() {
 #[test]
 fn every_field_of_real_flights_is_on_the_page() {
     check("Others", &PROGRAM.json(&["validate"]));
-    let track = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("../../shared/data/flysight/skyderby/speed_skydiving_411.csv");
-    if !track.is_file() {
-        eprintln!("skipped: {} is not there", track.display());
+    let Some(track) = shared("data/flysight/skyderby/speed_skydiving_411.csv") else {
         return;
-    }
+    };
     check("`fall`", &PROGRAM.answer(&["fall", plain(&track)]).0);
 }
 

@@ -1,7 +1,7 @@
 //! The greeting and configuration that a host sends, for tests of the unit.
 
 use bodyflight_core::link::{
-    ArchSource, Configure, Hello, PackedQuaternion, SCHEMA_HASH, SegmentTable,
+    ArchSource, Configure, Hello, PackedQuaternion, SCHEMA_HASH, SegmentTable, SensorKind,
 };
 
 /// The greeting of a host that accepts only short frames.
@@ -25,6 +25,8 @@ pub fn configure(preset: u16, table: &SegmentTable) -> Configure {
         arch_source: ArchSource::Posture,
         arch: 1.0,
         body_from_sensor: PackedQuaternion::default(),
+        receiver_latency: 0.1,
+        sensor: SensorKind::Xbus,
         table_digest: table.digest(),
     }
 }

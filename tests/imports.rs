@@ -1,20 +1,26 @@
 //! Import by the real binary: a known flight, written in each format, is recovered.
 #![expect(clippy::expect_used, reason = "tests may panic: that is how they fail")]
 
+#[path = "imports/acclaim.rs"]
+mod acclaim;
 #[path = "imports/bvh.rs"]
 mod bvh;
 #[path = "imports/c3d.rs"]
 mod c3d;
 #[path = "imports/known.rs"]
 mod known;
+#[path = "imports/sensors.rs"]
+mod sensors;
+#[path = "imports/systems.rs"]
+mod systems;
 
 use std::fmt::Write;
 
-use bodyflight::formats::recording::FlightFrame;
-use bodyflight::formats::subject::Subject;
-use bodyflight::formats::xsens;
 use bodyflight_core::body::posture::pose;
 use bodyflight_core::{Segment, SegmentArray};
+use bodyflight_mvnx::recording::FlightFrame;
+use bodyflight_mvnx::xsens;
+use bodyflight_replay::subject::Subject;
 use bodyflight_tests::program::{plain, text, written};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
@@ -150,6 +156,25 @@ fn points() -> (Vec<String>, Vec<Vec<[f64; 3]>>) {
     (names.collect(), frames.collect())
 }
 
+/// The points as Vicon Nexus exports them.
+fn nexus(names: &[String], frames: &[Vec<[f64; 3]>]) -> String {
+    let mut text = "Trajectories\n200\n,".to_owned();
+    for name in names {
+        let _ = write!(text, ",Athlete:{name},,");
+    }
+    let each = |cell: &str| cell.repeat(3 * names.len());
+    let axes = ",X,Y,Z".repeat(names.len());
+    let _ = writeln!(text, "\nFrame,Sub Frame{axes}\n,{}", each(",mm"));
+    for (k, frame) in frames.iter().enumerate() {
+        let _ = write!(text, "{},0", 101 + k);
+        for [x, y, z] in frame {
+            let _ = write!(text, ",{x:.3},{y:.3},{z:.3}");
+        }
+        text.push('\n');
+    }
+    text
+}
+
 #[test]
 fn a_flight_survives_conversion_to_points() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -183,7 +208,8 @@ fn a_flight_survives_conversion_to_points() {
         let _ = writeln!(map, "left = [\"{name}.from\", \"{name}.left\"]");
     }
     let map = written(folder.path(), "points.toml", &map);
-    for file in [trc.as_str(), plain(&c3d)] {
+    let nexus = written(folder.path(), "jump.csv", &nexus(&names, &frames));
+    for file in [trc.as_str(), plain(&c3d), &nexus] {
         let (angles, places) = imported(folder.path(), &[file, "--mapping", &map]);
         assert!(largest(&angles) < RETURNS, "{file}: {angles:?}");
         assert!(places < 0.005, "{file}: {places} m");

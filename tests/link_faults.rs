@@ -15,7 +15,7 @@ use bodyflight_core::frame::{Rotation, Vector};
 use bodyflight_core::link::fault::Random;
 use bodyflight_core::link::{
     Credit, Decoder, Estimate, EstimateFlags, Event, Header, MAX_FRAME_LENGTH, Message, Motion,
-    Sample, Stop, TimeSync,
+    PackedQuaternion, Sample, Stop, TimeSync,
 };
 use bodyflight_core::{Posture, Segment};
 
@@ -85,6 +85,8 @@ fn any_message(random: &mut Random) -> Sent {
         measurement: core::array::from_fn(|_| value()),
         nis: 0.5,
         cycles: 300_000,
+        inertial_from_body: PackedQuaternion::default(),
+        velocity: core::array::from_fn(|_| value()),
     };
     // Mostly samples, as on a real link.
     let message = match random.below(8) {

@@ -38,12 +38,5 @@ fn plain(path: &Path) -> &str {
 
 /// A file of the shared data, or `None` with a visible notice if it is absent.
 fn shared(name: &str) -> Option<PathBuf> {
-    let path: PathBuf = [env!("CARGO_MANIFEST_DIR"), "../../shared/data", name]
-        .iter()
-        .collect();
-    if path.exists() {
-        return Some(path);
-    }
-    eprintln!("skipped: {} is not there", path.display());
-    None
+    bodyflight_shared_data::shared(&format!("data/{name}"))
 }

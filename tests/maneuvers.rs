@@ -1,14 +1,14 @@
 //! The scripts perform the maneuvers that they are named after, flown by the default subject.
 
-use bodyflight::formats::flight::Flight;
-use bodyflight::formats::recording::FlightFrame;
-use bodyflight::formats::subject::Subject;
-use bodyflight::verbs::synthesize::{JointError, Request, fly};
 use bodyflight_core::dynamics::muscle_input::MuscleForces;
 use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::math::wrap_angle;
 use bodyflight_core::observation::Observation;
 use bodyflight_core::sensor_noise::SensorNoise;
+use bodyflight_mvnx::recording::FlightFrame;
+use bodyflight_replay::flight::Flight;
+use bodyflight_replay::subject::Subject;
+use bodyflight_verbs::synthesize::{JointError, Request, fly};
 
 /// The channels of a maneuver, frame by frame, without noise and sway, flown with the paper's muscle forces.
 fn seen(name: &str) -> Vec<(f64, Observation<f64>)> {
@@ -36,12 +36,12 @@ fn flown(name: &str, forces: MuscleForces) -> Vec<(f64, Observation<f64>)> {
         tunnel: false,
     };
     let mut seen = Vec::new();
-    let each = |frame: FlightFrame| {
+    let mut each = |frame: FlightFrame| {
         let motion = frame.motion()?;
         seen.push((frame.time, Observation::of(&motion)));
         Ok(())
     };
-    fly(&request, &flight.dynamics(4000.0), each, |_| {}).expect("a flight");
+    fly(&request, &flight.dynamics(4000.0), &mut each, &mut |_| {}).expect("a flight");
     seen
 }
 

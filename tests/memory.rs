@@ -3,11 +3,11 @@
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
-use bodyflight::formats::mvnx::writer::{Description, Origin, Writer};
-use bodyflight::formats::recording::{FlightFrame, Options, PelvisMotion, Recording};
-use bodyflight::formats::subject::Subject;
 use bodyflight_core::Posture;
 use bodyflight_core::frame::{Rotation, Vector};
+use bodyflight_mvnx::recording::{FlightFrame, Options, PelvisMotion, Recording};
+use bodyflight_mvnx::writer::{Description, Origin, Writer};
+use bodyflight_replay::subject::Subject;
 
 /// A short recording of a person at rest.
 fn written(count: u64) -> Vec<u8> {
@@ -102,7 +102,7 @@ impl Read for Endless {
 /// Peak memory of this process (MB), or `None` with a visible notice if the system does not report it.
 fn peak_memory_mb() -> Option<u64> {
     let Ok(status) = std::fs::read_to_string("/proc/self/status") else {
-        eprintln!("skipped: peak memory, /proc/self/status is absent");
+        bodyflight_shared_data::skipped("there is no /proc/self/status with the peak memory");
         return None;
     };
     let line = status.lines().find(|line| line.starts_with("VmHWM"));

@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use bodyflight::formats::flight::Flight;
-use bodyflight::verbs::bifurcation::{self, growth_of_run, map, oscillation};
 use bodyflight_core::dynamics::Dynamics;
+use bodyflight_replay::flight::Flight;
+use bodyflight_verbs::bifurcation::{self, growth_of_run, map, oscillation};
 
 /// Damping at which the oscillation neither grows nor decays, interpolated between no damping and a damping of one.
 fn threshold(dynamics: &Dynamics<f64>, arms: f64) -> f64 {

@@ -4,9 +4,6 @@
 #[path = "poses/flyer.rs"]
 mod flyer;
 
-use bodyflight::verbs::poses::{
-    FIRM, Fall, POSES, Pose, best_glide, dynamics, fall, modes_table, person, table,
-};
 use bodyflight_core::aerodynamics::BELLY_TURN_DAMPING;
 use bodyflight_core::aerodynamics::load_model::LoadModel;
 use bodyflight_core::body::anthropometry::{Person, Sex};
@@ -17,6 +14,9 @@ use bodyflight_core::dynamics::trim::trim;
 use bodyflight_core::dynamics::{Dynamics, Inputs, Motion, State};
 use bodyflight_core::frame::{Vector, facing_north};
 use bodyflight_core::{AxisCoefficients, Body, Segment};
+use bodyflight_verbs::poses::{
+    FIRM, Fall, POSES, Pose, best_glide, dynamics, fall, modes_table, person, table,
+};
 use flyer::Flyer;
 
 #[test]

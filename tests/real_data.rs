@@ -10,7 +10,7 @@ use std::io::Write as _;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
-use bodyflight::formats::recording::{FlightFrame, Options, Recording};
+use bodyflight_mvnx::recording::{FlightFrame, Options, Recording};
 use serde_json::Value;
 
 fn bodyflight(arguments: &[&str]) -> Output {

@@ -4,17 +4,17 @@ use std::collections::HashMap;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
-use bodyflight::formats::mvnx::writer::{Description, Origin, Writer};
-use bodyflight::formats::mvnx::{ArmFrame, Field, Frame, ReadOptions, Reader};
-use bodyflight::formats::recording::{FlightFrame, Options, PelvisMotion, Recording};
-use bodyflight::formats::subject::Subject;
-use bodyflight::formats::xsens::MvnSegment;
-use bodyflight::verbs::inspect::inspect;
 use bodyflight_core::body::posture::{joint_rotation, pose};
 use bodyflight_core::frame::{Rotation, Vector};
 use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::{Body, Posture, Segment};
+use bodyflight_mvnx::recording::{FlightFrame, Options, PelvisMotion, Recording};
+use bodyflight_mvnx::writer::{Description, Origin, Writer};
+use bodyflight_mvnx::xsens::MvnSegment;
+use bodyflight_mvnx::{ArmFrame, Field, Frame, ReadOptions, Reader};
+use bodyflight_replay::subject::Subject;
 use bodyflight_tests::data_folder;
+use bodyflight_verbs::inspect::inspect;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 const VERSION_3: &str = "mvnx/robotology-xsens-mvn/Meri-020.mvnx";
@@ -247,7 +247,7 @@ fn written(count: u64) -> Vec<u8> {
     writer.complete().expect("complete")
 }
 
-fn read(bytes: &[u8]) -> Result<Vec<FlightFrame>, bodyflight::diagnostic::Problem> {
+fn read(bytes: &[u8]) -> Result<Vec<FlightFrame>, bodyflight_io::diagnostic::Problem> {
     Recording::new(bytes, Path::new("synthetic.mvnx"), Options::default())?.collect()
 }
 
@@ -336,7 +336,7 @@ fn a_bad_frame_is_bridged_and_reported_or_refused() {
     let fault = recording.quality().first_fault.clone().expect("reported");
     assert_eq!((fault.index, fault.element), (20, "orientation"));
     let strict = Options {
-        bad_frames: bodyflight::formats::recording::BadFrames::Refuse,
+        bad_frames: bodyflight_mvnx::recording::BadFrames::Refuse,
         ..Options::default()
     };
     let refused = Recording::new(broken.as_bytes(), Path::new("x.mvnx"), strict)
@@ -381,4 +381,33 @@ fn broken_files_are_refused_with_reason_and_place() {
         );
         assert!(problem.starts_with("synthetic.mvnx"), "{problem}");
     }
+}
+
+#[test]
+fn recordings_that_contradict_themselves_are_named_with_segment_and_time() {
+    let Some(cases) = bodyflight_shared_data::shared("cases/recordings") else {
+        return;
+    };
+    let report = inspect(&cases.join("bad-frozen.mvnx.xz"), None).expect("read");
+    let flight = report.flight.as_ref().expect("a flight");
+    let faults: Vec<_> = flight.warnings.iter().filter(|w| w.is_fault).collect();
+    let frozen = faults
+        .iter()
+        .find(|w| w.segment.as_deref() == Some("r_forearm"));
+    let frozen = frozen.expect("the forearm is named");
+    // The 300th frame of the file, after three of calibration.
+    assert!(frozen.frame.abs_diff(297) <= 1, "{frozen}");
+    assert!((frozen.span_s.expect("a time")[0] - 297.0 / 240.0).abs() < 0.02);
+    assert!(
+        faults.iter().any(|w| w.message.contains("apart")),
+        "{faults:?}"
+    );
+    assert!(report.verdict.starts_with("doubtful") && report.doubt().is_some());
+
+    let report = inspect(&cases.join("bad-vel0.mvnx.xz"), None).expect("read");
+    let doubt = report.doubt().expect("a doubt");
+    assert!(
+        doubt.contains("by positions, 0.0 m by velocities"),
+        "{doubt}"
+    );
 }

@@ -2,14 +2,14 @@
 
 use std::path::Path;
 
-use bodyflight::diagnostic::Problem;
-use bodyflight::formats::mvnx::writer::{Description, Origin, Writer};
-use bodyflight::formats::recording::{FlightFrame, Options, PelvisMotion, Quality, Recording};
-use bodyflight::formats::subject::Subject;
-use bodyflight::verbs::inspect::{Report, inspect_input};
 use bodyflight_core::body::posture::joint_rotation;
 use bodyflight_core::frame::{Rotation, Vector};
 use bodyflight_core::{Posture, Segment};
+use bodyflight_io::diagnostic::Problem;
+use bodyflight_mvnx::recording::{FlightFrame, Options, PelvisMotion, Quality, Recording};
+use bodyflight_mvnx::writer::{Description, Origin, Writer};
+use bodyflight_replay::subject::Subject;
+use bodyflight_verbs::inspect::{Report, inspect_input};
 
 /// Name of the recording in messages.
 pub const NAME: &str = "flight.mvnx";

@@ -12,34 +12,18 @@ use std::path::PathBuf;
 
 use bodyflight_core::body::posture::joint_rotation;
 use bodyflight_core::{Body, Posture, Real, Segment, SegmentArray, SegmentParameters};
+use bodyflight_shared_data::shared;
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use serde_json::Value;
 
-/// The folder of reference numbers: `BODYFLIGHT_REFERENCE`, or `../shared/reference` beside the checkout. `None`, with
-/// a visible notice, if neither exists.
+/// The folder of reference numbers; `None`, with a notice, if it is absent.
 pub fn reference_folder() -> Option<PathBuf> {
-    let folder = match std::env::var_os("BODYFLIGHT_REFERENCE") {
-        Some(folder) => PathBuf::from(folder),
-        None => shared().join("reference"),
-    };
-    present(folder)
+    shared("reference")
 }
 
-/// The folder of public recordings, or `None` with a visible notice.
+/// The folder of public recordings; `None`, with a notice, if it is absent.
 pub fn data_folder() -> Option<PathBuf> {
-    present(shared().join("data"))
-}
-
-fn shared() -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared")
-}
-
-fn present(folder: PathBuf) -> Option<PathBuf> {
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    eprintln!("skipped: {} is absent", folder.display());
-    None
+    shared("data")
 }
 
 /// Parses a reference file; `None` if the folder is absent. Panics if the file is not readable.

@@ -1,8 +1,16 @@
 //! The project's rules as tests: sizes, module pages, the architecture map and the equation map.
+#![expect(
+    clippy::expect_used,
+    clippy::panic,
+    reason = "tests may panic: that is how they fail"
+)]
 
 mod tidy {
     pub(crate) mod circles;
+    pub(crate) mod floors;
+    pub(crate) mod items;
     pub(crate) mod lengths;
+    pub(crate) mod methods;
     pub(crate) mod modules;
 }
 
@@ -185,11 +193,8 @@ fn equation_map() -> BTreeMap<String, Row> {
 
 /// Labels of the paper's equations without `eq:`; `None` if the paper is absent.
 fn paper_labels() -> Option<Vec<String>> {
-    let path = root().join("../shared/paper/skydiver-model.tex");
-    let Ok(text) = fs::read_to_string(&path) else {
-        eprintln!("skipped: {} is absent", path.display());
-        return None;
-    };
+    let path = bodyflight_shared_data::shared("paper/skydiver-model.tex")?;
+    let text = fs::read_to_string(path).expect("the paper");
     let labels = text
         .split("\\label{eq")
         .skip(1)

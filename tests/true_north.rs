@@ -2,6 +2,8 @@
 #![expect(clippy::expect_used, reason = "tests may panic: that is how they fail")]
 
 use std::path::{Path, PathBuf};
+
+use bodyflight_shared_data::{shared, skipped};
 use std::process::Command;
 
 use serde_json::Value;
@@ -11,16 +13,10 @@ const RECORDING: &str = "flight.mvnx";
 
 /// Unpacks the flight into `folder`; `None`, with a visible notice, if it or `xz` is absent.
 fn unpacked(folder: &Path) -> Option<PathBuf> {
-    let source: PathBuf = [env!("CARGO_MANIFEST_DIR"), "../../shared/flights", FLIGHT]
-        .iter()
-        .collect();
-    if !source.is_dir() {
-        eprintln!("skipped: {} is absent", source.display());
-        return None;
-    }
+    let source = shared(&format!("flights/{FLIGHT}"))?;
     let packed = source.join(format!("{RECORDING}.xz"));
     let Ok(xz) = Command::new("xz").arg("-dc").arg(&packed).output() else {
-        eprintln!("skipped: xz is not installed");
+        skipped("xz is not installed");
         return None;
     };
     assert!(xz.status.success(), "{} is damaged", packed.display());

@@ -11,7 +11,6 @@ mod golden_texts;
 mod known_packets;
 
 use std::fs;
-use std::path::PathBuf;
 
 use bodyflight_core::link::fault::Random;
 use bodyflight_core::xbus::{
@@ -20,14 +19,8 @@ use bodyflight_core::xbus::{
 
 /// A file of the shared data, or `None` with a visible notice if it is absent.
 fn recording(name: &str) -> Option<Vec<u8>> {
-    let path: PathBuf = [env!("CARGO_MANIFEST_DIR"), "../../shared/data", name]
-        .iter()
-        .collect();
-    let bytes = fs::read(&path).ok();
-    if bytes.is_none() {
-        eprintln!("skipped: {} is not there", path.display());
-    }
-    bytes
+    let path = bodyflight_shared_data::shared(&format!("data/{name}"))?;
+    Some(fs::read(path).expect("readable"))
 }
 
 /// A packet that owns its data.

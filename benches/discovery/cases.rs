@@ -3,9 +3,9 @@
 use bodyflight_core::effect::Effect;
 use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::maneuver::scripts::MANEUVERS;
-use bodyflight_discovery::laboratory::drawn::drawn;
-use bodyflight_discovery::laboratory::outside::Outside;
-use bodyflight_discovery::laboratory::{Hidden, JointErrors, strength};
+use bodyflight_laboratory::drawn::drawn;
+use bodyflight_laboratory::outside::Outside;
+use bodyflight_laboratory::{Hidden, JointErrors, strength};
 
 /// A family of joint errors of the suit.
 pub(super) struct Family {
@@ -13,28 +13,20 @@ pub(super) struct Family {
     pub(super) joints: JointErrors,
 }
 
-const fn family(name: &'static str, [constant_deg, wander_deg, gain]: [f64; 3]) -> Family {
-    Family {
-        name,
-        joints: JointErrors {
-            constant_deg,
-            wander_deg,
-            wander_hz: 0.3,
-            gain,
-        },
-    }
+const fn family(name: &'static str, joints: JointErrors) -> Family {
+    Family { name, joints }
 }
 
 /// All families: each effect is hidden in each of them.
 pub(super) const FAMILIES: [Family; 4] = [
-    family("constant", [1.1, 0.0, 0.0]),
-    family("wander", [0.0, 1.1, 0.0]),
-    family("mixed", [1.1, 0.9, 0.05]),
-    family("wide", [2.9, 2.3, 0.08]),
+    family("constant", JointErrors::CONSTANT),
+    family("wander", JointErrors::WANDER),
+    family("mixed", JointErrors::MIXED),
+    family("wide", JointErrors::WIDE),
 ];
 
 /// Default joint errors, which are those of `synth`.
-const EXACT: Family = family("exact", [0.0; 3]);
+const EXACT: Family = family("exact", JointErrors::NONE);
 
 /// Range of sensor noise relative to the paper's, sampled evenly in its logarithm.
 const SENSOR_NOISE: [f64; 2] = [0.5, 2.0];

@@ -3,20 +3,21 @@
 use std::path::Path;
 use std::time::Instant;
 
-use bodyflight::diagnostic::Result;
-use bodyflight::formats::flight::Flight;
-use bodyflight::formats::recording::Options;
-use bodyflight::formats::subject::Subject;
-use bodyflight::verbs::discover::read_track;
-use bodyflight::verbs::synthesize::{DEFAULT_SWAY, JointError, Request, synthesize};
 use bodyflight_core::dynamics::muscle_input::BACK_TRACKING;
 use bodyflight_core::dynamics::{Dynamics, Inputs};
 use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::sensor_noise::SensorNoise;
-use bodyflight_discovery::laboratory::{self, Hidden, fly};
-use bodyflight_discovery::report::{Named, Outcome, Report};
-use bodyflight_discovery::search::{Settings, discover};
-use bodyflight_discovery::track::Track;
+use bodyflight_discovery::input::flight::RecordedFlight;
+use bodyflight_discovery::named_effect::{Named, Outcome};
+use bodyflight_discovery::output::report::Report;
+use bodyflight_discovery::{Settings, discover};
+use bodyflight_io::diagnostic::Result;
+use bodyflight_laboratory::{self as laboratory, Hidden, fly};
+use bodyflight_mvnx::recording::Options;
+use bodyflight_replay::flight::Flight;
+use bodyflight_replay::subject::Subject;
+use bodyflight_verbs::discover::read_track;
+use bodyflight_verbs::synthesize::{DEFAULT_SWAY, JointError, Request, synthesize};
 use serde_json::{Value, json};
 
 use super::cases::{Case, Flown};
@@ -52,7 +53,7 @@ pub(super) fn row(case: &Case) -> Value {
     row
 }
 
-fn flown(case: &Case, further: u64) -> Result<Track> {
+fn flown(case: &Case, further: u64) -> Result<RecordedFlight> {
     match &case.flown {
         Flown::Laboratory(hidden) => Ok(in_laboratory(case, hidden, case.flight_seed + further)),
         Flown::Maneuver(maneuver, tunnel) => {
@@ -67,7 +68,7 @@ fn flown(case: &Case, further: u64) -> Result<Track> {
     }
 }
 
-fn in_laboratory(case: &Case, hidden: &[Hidden], seed: u64) -> Track {
+fn in_laboratory(case: &Case, hidden: &[Hidden], seed: u64) -> RecordedFlight {
     let subject = Subject::default();
     let dynamics = Dynamics {
         aerodynamics: subject.aerodynamics(),
@@ -87,11 +88,16 @@ fn in_laboratory(case: &Case, hidden: &[Hidden], seed: u64) -> Track {
         ..laboratory::Settings::default()
     };
     let flight = fly(&dynamics, &inputs, hidden, &settings);
-    Track::new(&flight, dynamics, |_| inputs)
+    RecordedFlight::new(&flight, dynamics, |_| inputs)
 }
 
 /// A script of `synth`, written and read as by a user.
-fn scripted(maneuver: &'static Maneuver, tunnel: bool, seed: u64, folder: &Path) -> Result<Track> {
+fn scripted(
+    maneuver: &'static Maneuver,
+    tunnel: bool,
+    seed: u64,
+    folder: &Path,
+) -> Result<RecordedFlight> {
     let request = Request {
         maneuver,
         subject: &Subject::default(),
@@ -102,7 +108,7 @@ fn scripted(maneuver: &'static Maneuver, tunnel: bool, seed: u64, folder: &Path)
         sway: DEFAULT_SWAY,
         tunnel,
     };
-    let written = synthesize(&request, folder, |_| ())?;
+    let written = synthesize(&request, folder, &mut |_| ())?;
     read_track(&Flight::read(&written.flight)?, Options::default())
 }
 

@@ -1,8 +1,8 @@
 //! Accumulated errors of a method over several flights, and the rows of the tables.
 
-use bodyflight::replay::comparison::{Channel, PerChannel};
-use bodyflight::verbs::estimate::Estimation;
 use bodyflight_core::estimator::motion::watch::Consistency;
+use bodyflight_estimation::Estimation;
+use bodyflight_replay::comparison::{Channel, PerChannel};
 
 /// Largest stated standard deviation with which a muscle input counts as observed.
 const OBSERVED: f64 = 0.15;

@@ -2,14 +2,14 @@
 
 use std::path::Path;
 
-use bodyflight::formats::flight::Flight;
-use bodyflight::formats::flysight::Track;
-use bodyflight::formats::input_history::InputHistory;
-use bodyflight::formats::model_file::Effects;
-use bodyflight::formats::preset_file::Tuning;
-use bodyflight::formats::subject::Subject;
-use bodyflight::formats::track;
-use bodyflight::verbs::fall::{Conditions, fall};
+use bodyflight_replay::flight::Flight;
+use bodyflight_replay::input_history::InputHistory;
+use bodyflight_replay::model_file::Effects;
+use bodyflight_replay::preset_file::Tuning;
+use bodyflight_replay::subject::Subject;
+use bodyflight_tracks as track;
+use bodyflight_tracks::flysight::Track;
+use bodyflight_verbs::fall::{Conditions, fall};
 
 /// A folder that does not exist, so that inputs cannot name a file on this machine.
 const NOWHERE: &str = "/nowhere/of/fuzz";

@@ -1,6 +1,6 @@
 //! The network stream of MVN.
 
-use bodyflight::formats::mvn_network::{Options, Receiver};
+use bodyflight_mvn_network::{Options, Receiver};
 
 use super::choices::Choices;
 

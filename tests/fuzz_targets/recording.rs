@@ -2,9 +2,9 @@
 
 use std::sync::OnceLock;
 
-use bodyflight::formats::mvnx::writer::{Description, Origin, Writer};
-use bodyflight::formats::recording::{BadFrames, FlightFrame, Options};
-use bodyflight::formats::subject::Subject;
+use bodyflight_mvnx::recording::{BadFrames, FlightFrame, Options};
+use bodyflight_mvnx::writer::{Description, Origin, Writer};
+use bodyflight_replay::subject::Subject;
 
 use super::choices::Choices;
 use crate::small_recording::{NAME, is_usable, read_as, survey, written};

@@ -2,17 +2,17 @@
 
 use std::fmt::Write;
 
-use bodyflight::formats::subject::Subject;
-use bodyflight::formats::xsens;
 use bodyflight_core::body::posture::pose;
 use bodyflight_core::{Posture, Segment, SegmentArray};
+use bodyflight_mvnx::xsens;
+use bodyflight_replay::subject::Subject;
 use bodyflight_tests::program;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 use crate::known::{RETURNS, imported, known, largest, turned};
 
 /// The axes of most BVH files (X left, Y up, Z forward): in body axes and, facing north, in inertial ones.
-fn bvh_axes() -> [Matrix3<f64>; 2] {
+pub(crate) fn bvh_axes() -> [Matrix3<f64>; 2] {
     let columns = |x, y, z| Matrix3::from_columns(&[x, y, z]);
     [
         columns(Vector3::x(), Vector3::z(), -Vector3::y()),

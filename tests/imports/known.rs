@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use bodyflight::formats::recording::{FlightFrame, Options, Recording};
 use bodyflight_core::SegmentArray;
+use bodyflight_mvnx::recording::{FlightFrame, Options, Recording};
 use bodyflight_tests::program::{Program, plain};
 use nalgebra::UnitQuaternion;
 
@@ -13,7 +13,7 @@ pub(crate) const PROGRAM: Program = Program(env!("CARGO_BIN_EXE_bodyflight"));
 pub(crate) const RETURNS: f64 = 0.5;
 
 pub(crate) fn acrobatics(name: &str) -> PathBuf {
-    [env!("CARGO_MANIFEST_DIR"), "data/acrobatics", name]
+    [env!("CARGO_MANIFEST_DIR"), "../verbs/data/acrobatics", name]
         .iter()
         .collect()
 }

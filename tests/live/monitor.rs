@@ -137,8 +137,9 @@ fn monitor_reads_a_terminal_until_ctrl_c() {
     sender.join().expect("the sender ends");
 }
 
+#[cfg(feature = "full")]
 #[test]
-fn monitor_reports_what_it_cannot_use() {
+fn logs_need_the_elf_file_of_a_program_with_defmt() {
     let message = fails(&["monitor", "--defmt", "no.elf"], 3);
     assert!(message.contains("no.elf"), "{message}");
     let folder = tempfile::tempdir().expect("a folder");
@@ -153,6 +154,10 @@ fn monitor_reports_what_it_cannot_use() {
         let message = fails(&["monitor", "--defmt", BINARY], 2);
         assert!(message.contains("does not use defmt"), "{message}");
     }
+}
+
+#[test]
+fn monitor_reports_what_it_cannot_use() {
     let message = fails(&["monitor", "--xbus", "/dev/no-such-port"], 3);
     assert!(message.contains("bodyflight ports"), "{message}");
     fails(&["monitor"], 2);

@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-use bodyflight::formats::mvn_network::{AngularUnit, Options, Receiver, Sink, Source};
-use bodyflight::formats::recording::{self, FlightFrame, Recording};
-use bodyflight::formats::subject::Subject;
 use bodyflight_core::Segment;
+use bodyflight_mvn_network::{AngularUnit, Options, Receiver, Sink, Source};
+use bodyflight_mvnx::recording::{self, FlightFrame, Recording};
+use bodyflight_replay::subject::Subject;
 use serde_json::Value;
 
 use crate::{BINARY, bodyflight, fails, plain, shared};

@@ -3,7 +3,6 @@
 use std::cell::Cell;
 use std::fmt;
 
-use bodyflight::unit::stream::twin::Twin;
 use bodyflight_core::aerodynamics::Aerodynamics;
 use bodyflight_core::dynamics::muscle_input::BACK_TRACKING;
 use bodyflight_core::estimator::unit_preset::UnitPreset;
@@ -15,6 +14,7 @@ use bodyflight_core::link::{
 use bodyflight_firmware::{Board, Identity, Unit};
 use bodyflight_tests::arm_swing::{self, RATE};
 use bodyflight_tests::greeting;
+use bodyflight_unit::stream::twin::Twin;
 
 /// Number of samples in the flight, which is repeated.
 const FLIGHT: u32 = 60 * RATE;

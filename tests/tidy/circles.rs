@@ -193,6 +193,18 @@ fn a_parent_and_its_child_form_a_cycle_if_each_uses_the_other() {
 }
 
 #[test]
+fn methods_of_one_type_in_two_files_form_a_cycle_if_each_file_needs_the_other() {
+    let lib = ("lib.rs", "mod a; mod b;");
+    let child = ("b.rs", "use super::a::A; impl A { fn more(&self) {} }");
+    let calls = "pub struct A; impl A { fn f(&self) { self.more(); } }";
+    assert_eq!(found(&[lib, ("a.rs", calls), child]), ["a -> b", "b -> a"]);
+    let own = "pub struct A; impl A { fn f(&self) { self.g(); } fn g(&self) {} }";
+    assert!(found(&[lib, ("a.rs", own), child]).is_empty());
+    let of_a_trait = "pub struct A; impl Clone for A { fn clone(&self) -> A { self.more() } }";
+    assert!(found(&[lib, ("a.rs", of_a_trait), child]).is_empty());
+}
+
+#[test]
 fn a_name_leads_to_the_file_that_defines_it() {
     // The root re-exports both, which does not count as a dependency.
     let lib = ("lib.rs", "mod a; mod b; pub use a::A; pub use b::B;");

@@ -6,7 +6,7 @@ use std::path::Path;
 use syn::spanned::Spanned;
 use syn::visit::{self, Visit};
 
-use super::modules::is_cfg_test;
+use super::items::is_cfg_test;
 
 /// Longest function, from opening to closing brace. Longer ones usually do several things.
 const LINE_LIMIT: usize = 75;

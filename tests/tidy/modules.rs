@@ -7,6 +7,9 @@ use std::path::{Path, PathBuf};
 use proc_macro2::{Span, TokenStream, TokenTree};
 use syn::visit::{self, Visit};
 
+use crate::tidy::items::{is_cfg_test, is_for_tests, item_name, path_attribute};
+use crate::tidy::methods::{Implementation, calls_between};
+
 /// Longest chain of re-exports to follow.
 const LONGEST_CHAIN: usize = 16;
 
@@ -34,6 +37,7 @@ struct Module {
     globs: Vec<Vec<String>>,
     /// Paths that the module refers to.
     named: Vec<Named>,
+    implementations: Vec<Implementation>,
 }
 
 /// A path that a module refers to.
@@ -93,9 +97,34 @@ impl Crate {
                 }
             }
         }
+        imports.extend(self.calls());
         imports.sort();
         imports.dedup();
         imports
+    }
+
+    /// References to other files by methods of the same type that they have.
+    fn calls(&self) -> Vec<Import> {
+        let mut types = BTreeMap::<(usize, &String), Vec<(&Path, &Implementation)>>::new();
+        for (module, content) in self.modules.iter().enumerate() {
+            for found in &content.implementations {
+                if let (Some(Meaning::Item(owner)), Some(name)) = (
+                    self.meaning(module, &found.of, LONGEST_CHAIN),
+                    found.of.last(),
+                ) {
+                    let all = types.entry((owner, name)).or_default();
+                    all.push((&content.file, found));
+                }
+            }
+        }
+        let calls = types.values().flat_map(|all| calls_between(all));
+        let import = |(from, to, line, method): (&Path, &Path, usize, &String)| Import {
+            from: from.to_path_buf(),
+            to: to.to_path_buf(),
+            line,
+            path: format!("self.{method}"),
+        };
+        calls.map(import).collect()
     }
 
     fn add_file(&mut self, file: PathBuf, folder: PathBuf, parent: usize) -> usize {
@@ -126,6 +155,9 @@ impl Crate {
                 let content = &mut self.modules[module];
                 if let Some(name) = item_name(item) {
                     content.items.insert(name);
+                }
+                if let syn::Item::Impl(item) = item {
+                    content.implementations.extend(Implementation::new(item));
                 }
                 Names { module: content }.visit_item(item);
             }
@@ -336,66 +368,4 @@ impl<'a> Visit<'a> for Names<'_> {
     // Paths in `pub(in path)` and attributes are not dependencies.
     fn visit_visibility(&mut self, _: &'a syn::Visibility) {}
     fn visit_attribute(&mut self, _: &'a syn::Attribute) {}
-}
-
-fn is_for_tests(item: &syn::Item) -> bool {
-    attributes(item).is_some_and(is_cfg_test)
-}
-
-/// Whether an item is compiled for tests only.
-pub(crate) fn is_cfg_test(attributes: &[syn::Attribute]) -> bool {
-    attributes.iter().any(|attribute| {
-        attribute.path().is_ident("cfg")
-            && matches!(&attribute.meta, syn::Meta::List(list) if list.tokens.to_string() == "test")
-    })
-}
-
-/// The file given by `#[path = "…"]`.
-fn path_attribute(attributes: &[syn::Attribute]) -> Option<String> {
-    attributes.iter().find_map(|attribute| {
-        let syn::Meta::NameValue(pair) = &attribute.meta else {
-            return None;
-        };
-        let syn::Expr::Lit(syn::ExprLit {
-            lit: syn::Lit::Str(text),
-            ..
-        }) = &pair.value
-        else {
-            return None;
-        };
-        pair.path.is_ident("path").then(|| text.value())
-    })
-}
-
-fn attributes(item: &syn::Item) -> Option<&[syn::Attribute]> {
-    Some(match item {
-        syn::Item::Const(item) => &item.attrs,
-        syn::Item::Enum(item) => &item.attrs,
-        syn::Item::Fn(item) => &item.attrs,
-        syn::Item::Impl(item) => &item.attrs,
-        syn::Item::Macro(item) => &item.attrs,
-        syn::Item::Mod(item) => &item.attrs,
-        syn::Item::Static(item) => &item.attrs,
-        syn::Item::Struct(item) => &item.attrs,
-        syn::Item::Trait(item) => &item.attrs,
-        syn::Item::Type(item) => &item.attrs,
-        syn::Item::Use(item) => &item.attrs,
-        _ => return None,
-    })
-}
-
-fn item_name(item: &syn::Item) -> Option<String> {
-    let ident = match item {
-        syn::Item::Const(item) => &item.ident,
-        syn::Item::Enum(item) => &item.ident,
-        syn::Item::Fn(item) => &item.sig.ident,
-        syn::Item::Macro(item) => item.ident.as_ref()?,
-        syn::Item::Static(item) => &item.ident,
-        syn::Item::Struct(item) => &item.ident,
-        syn::Item::Trait(item) => &item.ident,
-        syn::Item::Type(item) => &item.ident,
-        syn::Item::Union(item) => &item.ident,
-        _ => return None,
-    };
-    Some(ident.to_string())
 }

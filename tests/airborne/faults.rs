@@ -1,0 +1,198 @@
+//! Faults planted in real captures: which of them `airborne` names.
+
+use core::f64::consts::PI;
+use std::path::{Path, PathBuf};
+
+use bodyflight_core::frame::{Rotation, Vector};
+use bodyflight_core::{Posture, Segment, SegmentArray};
+use bodyflight_mvnx::recording::{FlightFrame, Options, Recording};
+use bodyflight_mvnx::writer::{Description, Origin, Writer};
+use bodyflight_replay::subject::Subject;
+use bodyflight_tests::program::plain;
+use nalgebra::{UnitQuaternion, Vector3};
+
+use crate::{PROGRAM, acrobatics};
+
+/// Frames of a capture, its rate (Hz), and its person.
+struct Capture {
+    name: &'static str,
+    frames: Vec<FlightFrame>,
+    rate: f64,
+    subject: Option<PathBuf>,
+}
+
+fn frames(path: &Path) -> (Vec<FlightFrame>, f64) {
+    let recording = Recording::open(path, Options::default()).expect("a recording");
+    let rate = recording.header().frame_rate;
+    (
+        recording.map(|frame| frame.expect("a frame")).collect(),
+        rate,
+    )
+}
+
+/// The bundled somersaults, and two jumps of the CMU library.
+fn captures(folder: &Path) -> Vec<Capture> {
+    let mut all: Vec<Capture> = [
+        ("flight-1", "subject-1.toml"),
+        ("flight-3", "subject-3.toml"),
+    ]
+    .into_iter()
+    .map(|(name, subject)| {
+        let (frames, rate) = frames(&acrobatics().join(format!("{name}.mvnx.gz")));
+        let subject = Some(acrobatics().join(subject));
+        Capture {
+            name,
+            frames,
+            rate,
+            subject,
+        }
+    })
+    .collect();
+    let out = folder.join("cmu");
+    let file = acrobatics().join("../cmu/01_01.amc.gz");
+    PROGRAM.json(&["import", plain(&file), "--out", plain(&out)]);
+    let (frames, rate) = frames(&out.join("flight.mvnx"));
+    all.push(Capture {
+        name: "cmu",
+        frames,
+        rate,
+        subject: None,
+    });
+    all
+}
+
+/// Attitudes of all segments, changed by a function.
+fn turned(
+    frame: &FlightFrame,
+    change: impl Fn(&mut SegmentArray<UnitQuaternion<f64>>),
+) -> FlightFrame {
+    let body = *frame.pelvis.inertial_from_body.quaternion();
+    let mut segments = frame
+        .posture
+        .body_from_segments()
+        .map(|_, segment| body * segment);
+    change(&mut segments);
+    let mut changed = *frame;
+    changed.posture = Posture::from_body_rotations(&segments);
+    changed.pelvis.inertial_from_body = Rotation::from_quaternion(segments[Segment::Pelvis]);
+    changed
+}
+
+/// A fault: its name, the kind of verdict that names it, the factor of the rate, and how it changes a frame. The flag
+/// tells whether the frame is among those that the fault concerns.
+type Fault = (
+    &'static str,
+    &'static str,
+    f64,
+    fn(&FlightFrame, bool) -> FlightFrame,
+);
+
+const FAULTS: [Fault; 6] = [
+    ("tilt of 1 degree", "tilt", 1.0, |frame, _| {
+        let tilt = UnitQuaternion::from_scaled_axis(Vector3::x() * (PI / 180.0));
+        let mut tilted = turned(frame, |segments| {
+            for (_, segment) in segments.iter_mut() {
+                *segment = tilt * *segment;
+            }
+        });
+        tilted.pelvis.position = Vector::from_components(tilt * frame.pelvis.position.components);
+        tilted
+    }),
+    ("rate 2 % high", "rate", 1.02, |frame, _| *frame),
+    ("rate 2 % low", "rate", 0.98, |frame, _| *frame),
+    ("exchanged forearms", "step", 1.0, |frame, is_concerned| {
+        turned(frame, |segments| {
+            if is_concerned {
+                let left = segments[Segment::LeftForearm];
+                segments[Segment::LeftForearm] = segments[Segment::RightForearm];
+                segments[Segment::RightForearm] = left;
+            }
+        })
+    }),
+    ("slipped marker", "step", 1.0, |frame, is_concerned| {
+        turned(frame, |segments| {
+            if is_concerned {
+                segments[Segment::LeftShank] *=
+                    UnitQuaternion::from_scaled_axis(Vector3::x() * 0.25);
+            }
+        })
+    }),
+    (
+        "thigh mounted 5 degrees off",
+        "momentum",
+        1.0,
+        |frame, _| {
+            turned(frame, |segments| {
+                segments[Segment::LeftThigh] *=
+                    UnitQuaternion::from_scaled_axis(Vector3::x() * (5.0 * PI / 180.0));
+            })
+        },
+    ),
+];
+
+/// Kinds of faults that `airborne` names in a capture after a change.
+fn named(
+    folder: &Path,
+    capture: &Capture,
+    rate: f64,
+    change: impl Fn(&FlightFrame, bool) -> FlightFrame,
+) -> Vec<&'static str> {
+    let subject = capture
+        .subject
+        .as_deref()
+        .map(|path| Subject::read(path).expect("a subject"));
+    let body = subject.unwrap_or_default().body();
+    // A file that was read is never written again by the same process.
+    let folder = tempfile::tempdir_in(folder).expect("a folder");
+    let folder = folder.path();
+    let file = folder.join("flight.mvnx");
+    let description = Description {
+        subject_label: "Planted".to_owned(),
+        frame_rate: capture.rate * rate,
+        start_unix_ms: 0,
+        comment: "a planted fault".to_owned(),
+        origin: Origin::Imported { has_places: true },
+    };
+    let mut writer = Writer::create(&file, description, &body).expect("a file");
+    let count = capture.frames.len();
+    for (k, frame) in capture.frames.iter().enumerate() {
+        let mut changed = change(frame, (count / 2..count / 2 + 20).contains(&k));
+        changed.time = frame.time / rate;
+        changed.pelvis.velocity = None;
+        changed.pelvis.angular_velocity = None;
+        writer.write(&changed).expect("a frame");
+    }
+    writer.finish().expect("a file");
+    let mut flight = "recording = \"flight.mvnx\"\n".to_owned();
+    if let Some(subject) = &capture.subject {
+        flight.push_str(&format!("subject = \"{}\"\n", plain(subject)));
+    }
+    let flight = bodyflight_tests::program::written(folder, "flight.toml", &flight);
+    let capture = bodyflight_verbs::airborne::Capture::read(Path::new(&flight)).expect("a capture");
+    let parts = bodyflight_verbs::airborne::parts(&capture).expect("parts");
+    let verdict = bodyflight_verbs::airborne::judged(&capture, &parts);
+    verdict.faults.iter().map(|fault| fault.kind).collect()
+}
+
+/// Jumps of segments are named in every capture, a tilt and a wrong rate in those that are a second in the air; a
+/// sensor mounted a few degrees off is named in none.
+#[test]
+fn planted_faults_are_named_and_clean_captures_are_not_blamed() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut hits = Vec::new();
+    for capture in captures(folder.path()) {
+        let clean = named(folder.path(), &capture, 1.0, |frame, _| *frame);
+        assert!(clean.is_empty(), "{}: {clean:?}", capture.name);
+        for (name, kind, rate, change) in FAULTS {
+            let found = named(folder.path(), &capture, rate, change);
+            println!("{} {name}: {found:?}", capture.name);
+            if found.contains(&kind) {
+                hits.push(kind);
+            }
+        }
+    }
+    let count = |kind: &str| hits.iter().filter(|hit| **hit == kind).count();
+    // Of three captures with two jumps each, of two long ones with a tilt, of two long ones with two wrong rates.
+    assert_eq!(count("step"), 6);
+    assert!(count("tilt") >= 2 && count("rate") >= 3, "{hits:?}");
+}

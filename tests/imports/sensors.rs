@@ -1,0 +1,202 @@
+//! The known flight as quaternions of sensors that lie anyhow on their segments.
+
+use std::fmt::Write;
+use std::path::Path;
+
+use bodyflight_core::{Posture, Segment, SegmentArray};
+use bodyflight_mvnx::xsens;
+use bodyflight_tests::program::{plain, text, written};
+use nalgebra::{UnitQuaternion, Vector3};
+
+use crate::known::{PROGRAM, RETURNS, frames, known, turned};
+
+/// The known flight after a still frame in the H-pose, as quaternions of sensors that lie anyhow on their segments. The
+/// z axis of that on the pelvis points forwards in the still frame.
+fn sensors() -> Vec<SegmentArray<UnitQuaternion<f64>>> {
+    let still = Posture::h_pose().body_from_segments();
+    let facing = *xsens::facing_forward().quaternion();
+    let mounted = SegmentArray::from_fn(|segment| match segment {
+        Segment::Pelvis => {
+            UnitQuaternion::rotation_between(&Vector3::z(), &-Vector3::y()).expect("not opposite")
+        }
+        _ => UnitQuaternion::from_scaled_axis(Vector3::new(0.4, segment as usize as f64, -0.9)),
+    });
+    let first = still.map(|_, turned| facing * turned);
+    let all = core::iter::once(first).chain(known().into_iter().map(|frame| turned(&frame)));
+    all.map(|frame| frame.map(|segment, turned| turned * mounted[segment]))
+        .collect()
+}
+
+/// Checks the postures of an import of [`sensors`]; they have no positions.
+fn same_postures(folder: &Path) {
+    let came = frames(&folder.join("out/flight.mvnx"));
+    let went = known();
+    assert_eq!(came.len(), went.len() + 1);
+    for (came, went) in came.iter().skip(1).zip(&went) {
+        let (a, b) = (turned(came), turned(went));
+        for segment in Segment::ALL {
+            let angle = a[segment].angle_to(&b[segment]).to_degrees();
+            assert!(angle < RETURNS, "{segment:?}: {angle}");
+        }
+    }
+}
+
+#[test]
+fn postures_survive_opensense() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = plain(&folder.path().join("out")).to_owned();
+    let bone = |segment: Segment| {
+        let name = segment.name();
+        let bones = [
+            ("upperarm", "humerus"),
+            ("forearm", "ulna"),
+            ("hand", "hand"),
+            ("thigh", "femur"),
+            ("shank", "tibia"),
+            ("foot", "calcn"),
+        ];
+        match name.split_once('_') {
+            Some((side, limb)) => {
+                let (_, bone) = bones.iter().find(|(own, _)| *own == limb).expect("a bone");
+                format!("{bone}_{side}_imu")
+            }
+            None => format!(
+                "{}_imu",
+                name.replace("thorax", "torso").replace("abdomen", "spine")
+            ),
+        }
+    };
+    let flight = sensors();
+    let mut sto =
+        "DataRate=200.000000\nDataType=Quaternion\nversion=3\nOpenSimVersion=4.4\nendheader\ntime"
+            .to_owned();
+    for segment in Segment::ALL {
+        let _ = write!(sto, "\t{}", bone(segment));
+    }
+    for (k, frame) in flight.iter().enumerate() {
+        let _ = write!(sto, "\n{:.3}", k as f64 / 200.0);
+        for q in frame.values() {
+            let _ = write!(sto, "\t{:.8},{:.8},{:.8},{:.8}", q.w, q.i, q.j, q.k);
+        }
+    }
+    let file = written(folder.path(), "walking_orientations.sto", &sto);
+    let output = PROGRAM.run(&["import", &file, "--out", &out]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    assert!(
+        text(&output.stdout).contains("OpenSense"),
+        "{}",
+        text(&output.stdout)
+    );
+    // OpenSense has no sensor on the abdomen, so it is halfway between its neighbours.
+    let came = frames(&folder.path().join("out/flight.mvnx"));
+    for (came, went) in came.iter().skip(1).zip(&known()) {
+        let (a, b) = (turned(came), turned(went));
+        for segment in Segment::ALL
+            .into_iter()
+            .filter(|segment| *segment != Segment::Abdomen)
+        {
+            assert!(
+                a[segment].angle_to(&b[segment]).to_degrees() < RETURNS,
+                "{segment:?}"
+            );
+        }
+    }
+    // Without positions nothing is known to be in the air; the still frame is a jump of its own.
+    let (report, code) = PROGRAM.answer(&["airborne", &file]);
+    assert_eq!(
+        report["phases"].as_array().map(Vec::len),
+        Some(0),
+        "{report}"
+    );
+    assert!([Some(4), Some(5)].contains(&code), "{report}");
+}
+
+#[test]
+fn postures_survive_folders_of_sensors() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = plain(&folder.path().join("out")).to_owned();
+    let flight = sensors();
+    let mut map = "kind = \"quaternions\"\n[world]\naxes = [\"north\", \"west\", \"up\"]\n[body]\naxes = [\"forward\", \"left\", \"up\"]\n\
+        rest = \"h-pose\"\n[time]\ncolumn = \"Time\"\n[quaternions]\nmounting = \"first-row\"\nforward = \"z\"\n"
+        .to_owned();
+    for form in ["dot", "mt"] {
+        let part = folder.path().join(form);
+        std::fs::create_dir(&part).expect("a folder");
+        for segment in Segment::ALL {
+            let tag = format!("D422CD{:02X}", segment as usize);
+            if form == "dot" {
+                let _ = write!(
+                    map,
+                    "[segments.{}]\ncolumns = [\"{tag}\"]\n",
+                    segment.name()
+                );
+            }
+            let mut file = match form {
+                "dot" => format!("sep=,\nDeviceTag:,{tag}\nFirmwareVersion:,2.0.0\nPacketCounter,SampleTimeFine,Quat_W,Quat_X,Quat_Y,Quat_Z,Status,\n"),
+                _ => "// Start Time: Unknown\n// Update Rate: 200.0Hz\n// Filter Profile: human (46.1)\nPacketCounter\tSampleTimeFine\tMat[1][1]\tMat[2][1]\tMat[3][1]\tMat[1][2]\tMat[2][2]\tMat[3][2]\tMat[1][3]\tMat[2][3]\tMat[3][3]\n".to_owned(),
+            };
+            for (k, frame) in flight.iter().enumerate() {
+                // A radio lost some packets of one sensor.
+                if segment == Segment::LeftHand && (50..55).contains(&k) && form == "dot" {
+                    continue;
+                }
+                let q = frame[segment];
+                let _ = if form == "dot" {
+                    let ticks = (4_294_000_000_u64 + 5000 * k as u64) % (1 << 32);
+                    writeln!(
+                        file,
+                        "{},{ticks},{:.7},{:.7},{:.7},{:.7},0,",
+                        k + segment as usize,
+                        q.w,
+                        q.i,
+                        q.j,
+                        q.k
+                    )
+                } else {
+                    let matrix = q.to_rotation_matrix();
+                    let cells: Vec<String> = matrix
+                        .matrix()
+                        .iter()
+                        .map(|cell| format!("{cell:.6}"))
+                        .collect();
+                    writeln!(file, "{:05}\t\t{}", (65_500 + k) % 65_536, cells.join("\t"))
+                };
+            }
+            let name = match form {
+                "dot" => format!("jump_{tag}_20240501.csv"),
+                _ => format!("MT_0120_000-000_{tag}.txt"),
+            };
+            written(&part, &name, &file);
+        }
+        let map = written(folder.path(), "sensors.toml", &map);
+        let output = PROGRAM.run(&[
+            "import",
+            plain(&part),
+            "--mapping",
+            &map,
+            "--out",
+            &out,
+            "--force",
+        ]);
+        let said = text(&output.stdout);
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        assert!(said.contains("200 Hz"), "{said}");
+        if form == "dot" {
+            assert!(
+                said.contains("D422CD06 lacks 5 of") && said.contains("5 rows skipped"),
+                "{said}"
+            );
+            assert_eq!(
+                frames(&folder.path().join("out/flight.mvnx")).len(),
+                known().len() - 4
+            );
+        } else {
+            same_postures(folder.path());
+        }
+        let said = PROGRAM.fails(&["import", plain(&part), "--out", &out, "--force"], 2);
+        assert!(
+            said.contains("a folder of sensors") && said.contains("--mapping"),
+            "{said}"
+        );
+    }
+}
