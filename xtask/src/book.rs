@@ -14,7 +14,7 @@ const PARTS: [&str; 9] = [
     "README.md",
     "SECURITY.md",
     "firmware/emulator/README.md",
-    "host/data/acrobatics/README.md",
+    "verbs/data/acrobatics/README.md",
     "python/README.md",
     "python/examples/learn_turn.py",
 ];

@@ -1,4 +1,4 @@
-//! `budgets.toml`: the budgets of the unit.
+//! `budgets.toml`: the budgets of the unit, and of the program's first build.
 
 use std::collections::BTreeMap;
 
@@ -11,10 +11,21 @@ use crate::run::{Result, root};
 #[serde(deny_unknown_fields)]
 pub(crate) struct Budgets {
     tolerance: f64,
+    pub(crate) first_build: FirstBuild,
     board: BTreeMap<String, Board>,
     image: BTreeMap<String, Image>,
     /// Budgets of measured costs, by board and name: instructions and bytes of stack.
     cost: BTreeMap<String, BTreeMap<String, u64>>,
+}
+
+/// Budget of the README's first command.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct FirstBuild {
+    /// Number of crates.
+    pub(crate) crates: usize,
+    /// Processor time, as a multiple of that of the core with what it depends on.
+    pub(crate) times_the_core: f64,
 }
 
 /// Memory of a board.

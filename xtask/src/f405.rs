@@ -5,18 +5,27 @@ use std::path::Path;
 use crate::image;
 use crate::page;
 use crate::python;
-use crate::run::{Result, cargo_in, root, target_folder};
+use crate::run::{LIBRARIES, Result, cargo_in, root, target_folder};
 
 /// Python packages that the emulator needs.
 const REQUIREMENTS: &str = "firmware/emulator/requirements.txt";
+
+/// Repetitions of each fault in every test run, and for the table in the documentation.
+const TIMES: [&str; 2] = ["5", "20"];
 
 /// Runs every test on the emulated chip; `write` puts the table of faults into the documentation.
 pub(crate) fn f405(write: bool) -> Result<()> {
     let image = image::build_board("stm32f405", "unit")?;
     image::check(&image, "unit-stm32f405")?;
     let table = target_folder()?.join("f405-faults.md");
-    let place = [("BODYFLIGHT_F405_TABLE", table.display().to_string())];
-    test("f405_*", &image, &place)?;
+    let variables = [
+        ("BODYFLIGHT_F405_TABLE", table.display().to_string()),
+        (
+            "BODYFLIGHT_F405_TIMES",
+            TIMES[usize::from(write)].to_owned(),
+        ),
+    ];
+    test("f405_*", &image, &variables)?;
     if write {
         page::put("faults", &table)?;
     }
@@ -33,7 +42,7 @@ pub(crate) fn paced(seconds: u32) -> Result<()> {
     )
 }
 
-/// Runs tests on the chip. They are built with the workspace, so that earlier builds are reused.
+/// Runs tests on the chip. They are built with all libraries, so that earlier builds are reused.
 fn test(name: &str, image: &Path, variables: &[(&str, String)]) -> Result<()> {
     let mut all = vec![
         ("BODYFLIGHT_F405_IMAGE", image.display().to_string()),
@@ -45,15 +54,7 @@ fn test(name: &str, image: &Path, variables: &[(&str, String)]) -> Result<()> {
         ),
     ];
     all.extend_from_slice(variables);
-    let arguments = [
-        "test",
-        "--workspace",
-        "--locked",
-        "--test",
-        name,
-        "--",
-        "--ignored",
-        "--nocapture",
-    ];
+    let selected = ["--locked", "--test", name, "--", "--ignored", "--nocapture"];
+    let arguments = [&["test"], &LIBRARIES[..], &selected].concat();
     cargo_in(&root(), &arguments, &all)
 }

@@ -8,7 +8,7 @@ use serde::Deserialize;
 
 use crate::f405;
 use crate::on_target::install_qemu;
-use crate::run::{Result, build_program, run, say, target_folder};
+use crate::run::{PROGRAM, Result, build_full_program, run, say, target_folder};
 use crate::unit::unit;
 
 /// The fields of a stream's report that are checked here.
@@ -62,7 +62,7 @@ const HALT: Duration = Duration::from_millis(300);
 pub(crate) fn hil(seconds: u32) -> Result<()> {
     let image = unit()?.qemu;
     install_qemu()?;
-    build_program()?;
+    build_full_program()?;
     let folder = target_folder()?.join("hil");
     let flight = folder.join("flight.toml");
     Running::start(
@@ -191,7 +191,7 @@ impl Running {
     fn start(arguments: &[&str], path: &Path) -> Result<Self> {
         let line = format!("bodyflight {} {}", arguments.join(" "), path.display());
         say(&format!("$ {line}"));
-        let child = Command::new(target_folder()?.join("debug/bodyflight"))
+        let child = Command::new(target_folder()?.join(PROGRAM))
             .args(arguments)
             .arg(path)
             .stdout(Stdio::piped())

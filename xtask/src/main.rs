@@ -3,6 +3,7 @@
 mod book;
 mod budgets;
 mod f405;
+mod first_build;
 mod hil;
 mod image;
 mod nightly;
@@ -36,6 +37,8 @@ struct Cli {
 enum Verb {
     /// Run every test, on this machine and for the unit's processor. Installs what is missing.
     Test,
+    /// Count the crates of the README's first command and measure its processor time, in a fresh target folder.
+    FirstBuild,
     /// Run the core on the boards' processors in QEMU: same bits as on this machine, cost within the budgets.
     OnTarget,
     /// Build the unit's images for all boards, check their sizes, and write files for flashing without a probe.
@@ -115,6 +118,7 @@ enum Verb {
 fn main() -> ExitCode {
     let result = match Cli::parse().verb {
         Verb::Test => test::test(),
+        Verb::FirstBuild => first_build::first_build(),
         Verb::OnTarget => on_target::on_target(),
         Verb::Unit => unit::unit().map(|_| ()),
         Verb::F405 { table } => f405::f405(table),

@@ -2,22 +2,22 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::run::{Result, build_program, cargo_in, root, run, run_in, target_folder};
-use crate::viewer;
+use crate::run::{PROGRAM, Result, build_full_program, cargo, root, run, run_in, target_folder};
 
 /// Python packages needed to build and test the package.
 const REQUIREMENTS: &str = "python/requirements-test.txt";
 
-/// Builds the wheel, installs it in a separate environment, and runs the package's tests with it.
+/// Builds the wheel as `pip install python/` does, installs it in a separate environment, and runs the package's tests.
 pub(crate) fn python() -> Result<()> {
-    // The program in the wheel includes the page.
-    if !root().join("host/viewer/dist/viewer.html").is_file() {
-        viewer::build()?;
-    }
+    tested_wheel("release").map(|_| ())
+}
+
+/// Does the same with a profile, and returns the wheel's path.
+pub(crate) fn tested_wheel(profile: &str) -> Result<PathBuf> {
     let python = environment("python", REQUIREMENTS)?;
-    let wheel = wheel(&python)?;
+    let built = wheel(&python, profile)?;
     let python = python.display().to_string();
-    let wheel = wheel.display().to_string();
+    let wheel = built.display().to_string();
     let pip = [
         "-m",
         "pip",
@@ -30,42 +30,40 @@ pub(crate) fn python() -> Result<()> {
         &python,
         &[&pip[..], &["--disable-pip-version-check", &wheel]].concat(),
     )?;
-    build_program()?;
-    let program = target_folder()?.join("debug/bodyflight");
+    build_full_program()?;
+    let program = target_folder()?.join(PROGRAM);
     let variables = [("BODYFLIGHT", program.display().to_string())];
     run_in(
         &root().join("python"),
         &python,
         &["-m", "pytest", "--quiet"],
         &variables,
-    )
-}
-
-/// Builds the wheel alone and returns its path.
-pub(crate) fn build_wheel() -> Result<PathBuf> {
-    wheel(&environment("python", REQUIREMENTS)?)
+    )?;
+    Ok(built)
 }
 
 /// Builds the wheel in `wheels` of the target folder.
-fn wheel(python: &Path) -> Result<PathBuf> {
+fn wheel(python: &Path, profile: &str) -> Result<PathBuf> {
     let target = target_folder()?;
     let folder = target.join("wheels");
     let _ = std::fs::remove_dir_all(&folder);
     let out = folder.display().to_string();
     let maturin = python.with_file_name("maturin").display().to_string();
-    // The folder is shared with the workspace; profiles keep their builds apart.
-    let variables = [(
-        "CARGO_TARGET_DIR",
-        target.join("python").display().to_string(),
-    )];
     // The module and the library of co-simulation units are built at once: built separately, their dependencies would
     // have other features and be compiled twice.
-    let feature = "--features=bodyflight-python/extension-module";
-    let both = ["build", "--release", "--locked", "--workspace", feature];
-    cargo_in(&root().join("python"), &both, &variables)?;
-    take_library(&target.join("python/release"))?;
-    let arguments = ["build", "--release", "--locked", "--out", &out];
-    run_in(&root().join("python"), &maturin, &arguments, &variables)?;
+    let build = ["build", "--profile", profile, "--locked"];
+    let both = [
+        "--package",
+        "bodyflight-python",
+        "--package",
+        "bodyflight-fmu",
+        "--features",
+        "bodyflight-python/extension-module",
+    ];
+    cargo(&[&build[..], &both].concat())?;
+    take_library(&target.join(profile))?;
+    let arguments = [&build[..], &["--out", &out]].concat();
+    run_in(&root().join("python"), &maturin, &arguments, &[])?;
     let entries = std::fs::read_dir(&folder).map_err(|error| format!("{out}: {error}"))?;
     let mut wheels = entries.filter_map(|entry| Some(entry.ok()?.path()));
     let found = wheels.find(|path| path.extension().is_some_and(|end| end == "whl"));

@@ -29,8 +29,7 @@ pub(crate) fn release() -> Result<()> {
     let folder = target_folder()?.join("release-files");
     let _ = std::fs::remove_dir_all(&folder);
     std::fs::create_dir_all(&folder).map_err(failed(&folder))?;
-    // The page comes first, since programs include it.
-    viewer::build()?;
+    viewer::check()?;
     let programs = MACHINES
         .map(build_program)
         .into_iter()
@@ -47,7 +46,7 @@ pub(crate) fn release() -> Result<()> {
         let name = format!("bodyflight-{}-{}", board.display(), name_of(&file));
         copy(&file, &folder.join(name))?;
     }
-    let wheel = python::build_wheel()?;
+    let wheel = python::tested_wheel("dist")?;
     copy(&wheel, &folder.join(name_of(&wheel)))?;
     copy(&supply::list_parts()?, &folder.join("sbom.json"))?;
     checksums(&folder)?;
@@ -78,15 +77,18 @@ fn build_program(machine: &str) -> Result<PathBuf> {
     );
     let arguments = [
         "build",
-        "--release",
+        "--profile",
+        "dist",
         "--locked",
         "--package",
         "bodyflight",
+        "--features",
+        "full",
         "--target",
         machine,
     ];
     cargo_in(&root(), &arguments, &[(&linker, "rust-lld".to_owned())])?;
-    Ok(target_folder()?.join(machine).join("release/bodyflight"))
+    Ok(target_folder()?.join(machine).join("dist/bodyflight"))
 }
 
 /// Man pages and completions, as the program itself writes them.

@@ -79,17 +79,25 @@ pub(crate) fn cargo(arguments: &[&str]) -> Result<()> {
     cargo_in(&root(), arguments, &[])
 }
 
-/// Builds the program, `debug/bodyflight` in the [target folder](target_folder).
-pub(crate) fn build_program() -> Result<()> {
-    build_as_tested(&["--bin", "bodyflight"])
-}
+/// What `cargo test` needs to select every crate but the program's: libraries, their features, and tests through their
+/// interfaces. With debug assertions; the program itself is tested as it is released, and the Python package by Python.
+pub(crate) const LIBRARIES: [&str; 7] = [
+    "--workspace",
+    "--exclude",
+    "bodyflight",
+    "--exclude",
+    "bodyflight-python",
+    "--features",
+    "bodyflight-unit/logs,bodyflight-verbs/export,bodyflight-verbs/figures,bodyflight-verbs/fmu",
+];
 
-/// Builds a part of the workspace like `cargo test --workspace`, so that its builds are reused.
-pub(crate) fn build_as_tested(part: &[&str]) -> Result<()> {
-    let workspace = ["build", "--locked", "--profile", "test", "--workspace"];
-    // Together with one of the tests, since their dependencies enable features of the program's dependencies.
-    let a_test = ["--test", "cli"];
-    cargo(&[&workspace[..], part, &a_test].concat())
+/// Place of the program in the [target folder](target_folder).
+pub(crate) const PROGRAM: &str = "release/bodyflight";
+
+/// Builds the program with everything that the first build leaves out, at [`PROGRAM`].
+pub(crate) fn build_full_program() -> Result<()> {
+    let program = ["build", "--locked", "--release", "--package", "bodyflight"];
+    cargo(&[&program[..], &["--features", "full"]].concat())
 }
 
 /// Runs cargo in a folder with these arguments and environment variables.

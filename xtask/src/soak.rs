@@ -5,7 +5,7 @@ use std::process::{Command, Stdio};
 use std::time::Duration;
 
 use crate::page;
-use crate::run::{Result, build_program, cargo_in, root, say, target_folder};
+use crate::run::{PROGRAM, Result, build_full_program, cargo_in, root, say, target_folder};
 
 /// Number of programs to kill.
 const KILLS: u32 = 100;
@@ -19,7 +19,7 @@ const ROOM_KIB: [u32; 4] = [16, 64, 256, 1024];
 /// Kills running programs and fills disks, then streams for hours of virtual time through faults, restarts and wrapping
 /// clocks. `write` puts the table of the streaming test into the documentation.
 pub(crate) fn soak(hours: u32, write: bool) -> Result<()> {
-    build_program()?;
+    build_full_program()?;
     kill()?;
     fill_disks()?;
     let table = target_folder()?.join("soak.md");
@@ -46,7 +46,7 @@ pub(crate) fn soak(hours: u32, write: bool) -> Result<()> {
 }
 
 fn program() -> Result<Command> {
-    Ok(Command::new(target_folder()?.join("debug/bodyflight")))
+    Ok(Command::new(target_folder()?.join(PROGRAM)))
 }
 
 /// Checks that every file under `folder` with a final name is complete: a recording ends with its last tag, others with

@@ -11,13 +11,12 @@ use crate::run::{Result, root, run, say, target_folder};
 use crate::tool::tool;
 
 /// Workspaces, each with its own lock file.
-const MANIFESTS: [&str; 6] = [
+const MANIFESTS: [&str; 5] = [
     "Cargo.toml",
     "firmware/boards/qemu-an505/Cargo.toml",
     "firmware/boards/rp2350-pico2/Cargo.toml",
     "firmware/boards/stm32f405/Cargo.toml",
     "fuzz/Cargo.toml",
-    "python/Cargo.toml",
 ];
 
 #[derive(Deserialize)]

@@ -1,21 +1,25 @@
 //! `cargo xtask test`: every test of the project, on this machine and for the unit's processor.
 
+use bodyflight_shared_data::SKIPPED;
+
 use crate::f405::f405;
+use crate::first_build::first_build;
 use crate::hil::hil;
 use crate::on_target::on_target;
 use crate::python::python;
-use crate::run::{Result, cargo};
+use crate::run::{LIBRARIES, Result, cargo, cargo_in, root, say, target_folder};
 use crate::viewer;
 
 /// Duration of the flight streamed in real time to each kind of unit (s).
 const SECONDS_OF_STREAM: u32 = 10;
 
+/// Tests of the program that need, or also try, what the first build leaves out.
+const FULL_ONLY: [&str; 4] = ["exports", "live", "outputs", "transcripts"];
+
 /// Runs every test of the project.
 pub(crate) fn test() -> Result<()> {
-    // The page comes first, since the program includes it.
-    viewer::build()?;
-    // Tests go on after a failure, so that one run shows all failures.
-    cargo(&["test", "--workspace", "--locked", "--no-fail-fast"])?;
+    viewer::check()?;
+    with_cargo()?;
     // Features of the core that nothing in the workspace enables.
     let features = ["--package", "bodyflight-core", "--features", "serde,defmt"];
     cargo(
@@ -31,4 +35,29 @@ pub(crate) fn test() -> Result<()> {
     hil(SECONDS_OF_STREAM)?;
     python()?;
     viewer::test()
+}
+
+/// The tests that cargo runs. They go on after a failure, so that one run shows all failures, and end with the number of
+/// those that were skipped because their data is absent.
+fn with_cargo() -> Result<()> {
+    let list = target_folder()?.join("skipped-tests.txt");
+    let _ = std::fs::remove_file(&list);
+    let variables = [(SKIPPED, list.display().to_string())];
+    let run = |parts: &[&[&str]]| {
+        let test = ["test", "--locked", "--no-fail-fast"];
+        cargo_in(&root(), &[&test, &parts.concat()[..]].concat(), &variables)
+    };
+    let libraries = run(&[&LIBRARIES]);
+    let light = first_build();
+    // End to end with the program that the README's first command builds, and then with everything built in.
+    let program: &[&str] = &["--release", "--package", "bodyflight"];
+    let first = run(&[program]);
+    let rest = FULL_ONLY.map(|name| ["--test", name]).concat();
+    let full = run(&[program, &["--features", "full"], &rest]);
+    let skipped = std::fs::read_to_string(&list).unwrap_or_default();
+    let count = skipped.lines().count();
+    say(&format!(
+        "{skipped}{count} tests were skipped because their data is absent"
+    ));
+    libraries.and(light).and(first).and(full)
 }

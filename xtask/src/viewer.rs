@@ -1,10 +1,12 @@
 //! `cargo xtask viewer`: the viewer's page, its tests in a browser, and the pictures of the README.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use crate::image::install_target;
-use crate::run::{Result, build_as_tested, build_program, cargo, root, run, run_in, target_folder};
+use crate::run::{
+    PROGRAM, Result, build_full_program, cargo, cargo_in, root, run, run_in, target_folder,
+};
 
 /// Oldest version of Node that can build the page.
 const LEAST_NODE: u32 = 20;
@@ -19,11 +21,32 @@ fn folder() -> PathBuf {
     root().join("host/viewer")
 }
 
-/// Builds the page into `host/viewer/dist`, from where the next build of the program includes it.
+/// The page that programs include. It is part of the repository, so that nobody needs Node to build a program.
+const PAGE: &str = "verbs/data/viewer.html";
+
+/// Builds the page anew.
 pub(crate) fn build() -> Result<()> {
+    build_to(&root().join(PAGE))
+}
+
+/// Builds the page and compares it with the one in the repository.
+pub(crate) fn check() -> Result<()> {
+    let built = target_folder()?.join("viewer.html");
+    build_to(&built)?;
+    let read =
+        |path: &Path| std::fs::read(path).map_err(|error| format!("{}: {error}", path.display()));
+    if read(&built)? == read(&root().join(PAGE))? {
+        return Ok(());
+    }
+    Err(format!(
+        "{PAGE} differs from what its sources give: cargo xtask viewer builds it anew"
+    ))
+}
+
+fn build_to(page: &Path) -> Result<()> {
     install_node()?;
     install_target(TARGET)?;
-    cargo(&[
+    let arguments = [
         "build",
         "--locked",
         "--profile",
@@ -32,7 +55,10 @@ pub(crate) fn build() -> Result<()> {
         "bodyflight-viewer",
         "--target",
         TARGET,
-    ])?;
+    ];
+    // Messages of dependencies' panics hold the paths of their sources, which differ from machine to machine.
+    let flags = ("CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_RUSTFLAGS", remapped()?);
+    cargo_in(&root(), &arguments, &[flags])?;
     let wasm = target_folder()?.join(format!("{TARGET}/viewer/bodyflight_viewer.wasm"));
     let wasm = wasm
         .canonicalize()
@@ -40,15 +66,39 @@ pub(crate) fn build() -> Result<()> {
     let folder = folder();
     run_in(&folder, "npm", &["ci", "--no-audit", "--no-fund"], &[])?;
     run_in(&folder, "npm", &["run", "--silent", "check"], &[])?;
-    let variables = [("BODYFLIGHT_WASM", wasm.display().to_string())];
+    let variables = [
+        ("BODYFLIGHT_WASM", wasm.display().to_string()),
+        ("BODYFLIGHT_PAGE", page.display().to_string()),
+    ];
     run_in(&folder, "npm", &["run", "--silent", "build"], &variables)
+}
+
+/// The compiler's flags that shorten the paths of dependencies' sources.
+fn remapped() -> Result<String> {
+    let home = std::env::var_os("CARGO_HOME").map(PathBuf::from);
+    let home = home.or_else(|| Some(std::env::home_dir()?.join(".cargo")));
+    let sources = home.ok_or("there is no home folder")?.join("registry/src");
+    let entries = std::fs::read_dir(&sources);
+    let entries = entries.map_err(|error| format!("{}: {error}", sources.display()))?;
+    let flags = entries
+        .flatten()
+        .map(|registry| format!("--remap-path-prefix={}=registry", registry.path().display()));
+    Ok(flags.collect::<Vec<_>>().join(" "))
 }
 
 /// Runs the page's tests in a browser; screenshots are left in `pictures` of the target folder.
 pub(crate) fn test() -> Result<()> {
     let browser = install_browser()?;
-    build_program()?;
-    build_as_tested(&["--example", "keys"])?;
+    build_full_program()?;
+    cargo(&[
+        "build",
+        "--locked",
+        "--release",
+        "--package",
+        "bodyflight-viewer",
+        "--example",
+        "keys",
+    ])?;
     node(
         &browser,
         &[
@@ -66,7 +116,7 @@ pub(crate) fn test() -> Result<()> {
 /// Makes the pictures of the README, `docs/*.jpg`.
 pub(crate) fn pictures() -> Result<()> {
     let browser = install_browser()?;
-    build_program()?;
+    build_full_program()?;
     node(&browser, &["pictures.mjs"])
 }
 
@@ -74,8 +124,8 @@ fn node(browser: &str, arguments: &[&str]) -> Result<()> {
     let target = target_folder()?;
     let built = |path: &str| target.join(path).display().to_string();
     let variables = [
-        ("BODYFLIGHT", built("debug/bodyflight")),
-        ("BODYFLIGHT_NATIVE", built("debug/examples/keys")),
+        ("BODYFLIGHT", built(PROGRAM)),
+        ("BODYFLIGHT_NATIVE", built("release/examples/keys")),
         ("BODYFLIGHT_CHROMIUM", browser.to_owned()),
         ("BODYFLIGHT_OUTPUT", built("pictures")),
     ];
