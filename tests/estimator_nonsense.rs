@@ -334,11 +334,11 @@ fn random_minutes_leave_the_filter_definite_and_it_comes_back() {
     );
     // Aims: none late, and never confident and wrong. What the filter reaches is on the page of the estimator.
     assert!(
-        f64::from(counts.late) <= 0.12 * f64::from(counts.events),
+        f64::from(counts.late) <= 0.02 * f64::from(counts.events),
         "{counts:?}"
     );
     assert!(
-        f64::from(counts.confident_and_wrong) <= 0.02 * f64::from(counts.events),
+        f64::from(counts.confident_and_wrong) <= 0.01 * f64::from(counts.events),
         "{counts:?}"
     );
 }

@@ -25,6 +25,7 @@ mod held;
 pub mod measurement;
 pub mod posture_error;
 mod publish;
+mod recovery;
 mod rejection;
 pub mod repeats;
 pub mod sensors;

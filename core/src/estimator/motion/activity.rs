@@ -67,6 +67,12 @@ impl<T: Real> Activity<T> {
         self.slow = *spin;
     }
 
+    /// Takes every axis as quiet: a motion that was wrong, and not the skydiver, caused the innovations so far.
+    pub fn calm(&mut self) {
+        let quiet = [T::zero(); 3];
+        (self.mean, self.long, self.level) = (quiet, quiet, quiet);
+    }
+
     /// Degree to which each axis is moved deliberately, 0 to 1.
     pub fn level(&self) -> [T; 3] {
         self.level

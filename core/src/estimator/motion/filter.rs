@@ -11,6 +11,7 @@ use super::estimate::ChannelEstimate;
 use super::held::Held;
 use super::measurement::{CHANNELS, Noise};
 use super::posture_error::PostureError;
+use super::recovery::Recovery;
 use super::rejection::Rejection;
 use super::repeats::Repeats;
 use super::settings::{MotionPreset, Process};
@@ -68,6 +69,7 @@ pub struct MotionFilter<T: Real, P: Propagation<T>> {
     pub(super) airflow: Airflow<T>,
     pub(super) support: Support<T>,
     pub(super) rejections: [Rejection<T>; CHANNELS],
+    pub(super) recovery: Recovery<T>,
     /// Time since the posture changed (s).
     pub(super) still: T,
     /// Channels since the last estimate: for each the last measurement.
@@ -131,6 +133,7 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
             airflow: Airflow::none(),
             support: Support::new(),
             rejections: [Rejection::new(); CHANNELS],
+            recovery: Recovery::new(),
             still: T::zero(),
             channels: [ChannelEstimate::nothing(); CHANNELS],
             squares: [T::zero(); 2],

@@ -32,6 +32,8 @@ pub(super) struct Moved<T: Real> {
     constants: Constant<T>,
     /// Whether what was believed of a quantity was given up.
     reset: bool,
+    /// Whether the filter follows its sensors again after it was lost.
+    recovered: bool,
 }
 
 /// A channel as the filter sees it: its innovation, and its derivative with respect to the first coordinates.
@@ -79,16 +81,22 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
             state: Difference::zeros(),
             constants: Constant::zeros(),
             reset: false,
+            recovered: false,
         };
         let mut fused = [false; 2];
+        let mut followed = true;
         for k in 0..self.channels.len() {
             if measured.measures(k) {
                 let done = self.take_channel(k, &measured, &prediction, &cg, &mut moved, recorder);
                 fused[usize::from(k >= RATE_CHANNELS.end)] |= done;
+                followed &= done;
             }
         }
         self.watch.suspect = self.rejections.iter().any(Rejection::is_suspect);
         self.watch.pass(fused, self.duration);
+        followed &= fused.contains(&true) && !moved.reset;
+        let consistency = self.watch.consistency();
+        moved.recovered = self.recovery.take(consistency, followed, self.duration);
         self.settle(&moved);
     }
 
@@ -136,13 +144,16 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         self.squares[0] += if within { square } else { self.gate };
         self.squares[1] += T::one();
         let verdict = self.rejections[k].judge(k, [value, noise], within, trusted);
-        if verdict == Verdict::Reset && value.is_finite() {
+        if verdict != Verdict::Gate && value.is_finite() {
             self.give_up(k, value * value, moved);
+            if verdict == Verdict::Return {
+                self.rejections.iter_mut().for_each(Rejection::excuse);
+            }
             seen = self.factors.see(look.slope());
             own = seen.variance + noise;
             variance = own + constants.variance();
         }
-        let fused = within || verdict == Verdict::Reset;
+        let fused = within || verdict != Verdict::Gate;
         self.channels[k] = ChannelEstimate {
             innovation: value,
             variance,
@@ -178,10 +189,6 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         moved.reset = true;
         if (RATE_CHANNELS.end..BAROMETER_CHANNEL).contains(&k) {
             self.constants.concern_wind();
-        }
-        if !self.rejections[k].is_suspect() {
-            // Back where the sensors agree.
-            self.rejections.iter_mut().for_each(Rejection::pardon);
         }
     }
 
@@ -272,7 +279,13 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
                     self.factors.add_to(k, T::single(deviation * deviation));
                 }
             }
+        }
+        if moved.reset || moved.recovered {
             self.forget_inputs();
+        }
+        if moved.recovered {
+            self.activity.calm();
+            self.watch.renew();
         }
         self.process.set_activity(self.activity.level());
         self.watch_residual();

@@ -21,6 +21,9 @@ const RATES: [f32; 4] = [5.0, 20.0, 15.0, 40.0];
 
 /// Time after which a sensor that jumped is no longer suspect (s).
 const SUSPECT: f32 = 60.0;
+/// Time for which it stays suspect once another channel has jumped back (s): one sensor's channels are believed again
+/// one after another.
+const EXCUSED: f32 = 1.0;
 /// Share of a jump by which the jump back may differ.
 const BACK: f32 = 0.35;
 
@@ -31,6 +34,8 @@ pub(super) enum Verdict {
     Gate,
     /// Give up what was believed of this quantity, then fuse it.
     Reset,
+    /// The same, after which the sensor is back where it was before it jumped.
+    Return,
 }
 
 /// The innovations of a channel since one was within the gate.
@@ -69,9 +74,17 @@ impl<T: Real> Rejection<T> {
     }
 
     /// Takes the sensor as no longer suspect.
-    pub(super) fn pardon(&mut self) {
+    fn pardon(&mut self) {
         self.jumped = T::zero();
         self.suspect = T::zero();
+    }
+
+    /// Takes the sensor as no longer suspect in a moment, because another channel has jumped back.
+    pub(super) fn excuse(&mut self) {
+        let longest = T::single(EXCUSED);
+        if self.suspect > longest {
+            self.suspect = longest;
+        }
     }
 
     /// Ends a streak.
@@ -83,8 +96,9 @@ impl<T: Real> Rejection<T> {
         };
     }
 
-    /// Adds the jump with which a streak of agreeing innovations began; `deviation` is that of the sensor.
-    fn jump(&mut self, deviation: T) {
+    /// Adds the jump with which a streak of agreeing innovations began; `deviation` is that of the sensor. Returns
+    /// whether it was a jump back.
+    fn jump(&mut self, deviation: T) -> bool {
         let largest = if self.first.abs() > self.jumped.abs() {
             self.first.abs()
         } else {
@@ -92,11 +106,15 @@ impl<T: Real> Rejection<T> {
         };
         self.jumped += self.first;
         let tolerance = largest * T::single(BACK) + deviation * T::single(DEVIATIONS);
-        if self.contradicted || self.jumped.abs() <= tolerance {
+        let small = self.jumped.abs() <= tolerance;
+        // While it follows a wrong sensor the filter may become inconsistent, and so do the jumps back.
+        let back = self.contradicted || small && self.is_suspect();
+        if back || small {
             self.pardon();
         } else {
             self.suspect = T::single(SUSPECT);
         }
+        back
     }
 
     /// Passes an interval of `duration` (s).
@@ -108,7 +126,7 @@ impl<T: Real> Rejection<T> {
         if self.is_suspect() {
             self.suspect -= duration;
             if !self.is_suspect() {
-                self.jumped = T::zero();
+                self.pardon();
             }
         }
     }
@@ -147,9 +165,13 @@ impl<T: Real> Rejection<T> {
         }
         let (time, number) = AGREEING;
         if self.count >= number && self.agreeing >= T::single(time) {
-            self.jump(noise.root());
+            let back = self.jump(noise.root());
             self.end();
-            return Verdict::Reset;
+            return if back {
+                Verdict::Return
+            } else {
+                Verdict::Reset
+            };
         }
         Verdict::Gate
     }
@@ -191,7 +213,7 @@ mod tests {
                 rejection.pass(1.0 / 120.0);
                 rejection.judge(6, [value, 0.01], value.abs() < 0.5, true)
             })
-            .position(|verdict| verdict == Verdict::Reset)
+            .position(|verdict| verdict != Verdict::Gate)
     }
 
     #[test]
@@ -206,12 +228,22 @@ mod tests {
         for (size, suspect) in [(20.0, true), (-19.0, false), (8.0, true)] {
             for _ in 0..50 {
                 rejection.pass(1.0 / 120.0);
-                if rejection.judge(6, [size, 0.01], false, true) == Verdict::Reset {
+                if rejection.judge(6, [size, 0.01], false, true) != Verdict::Gate {
                     break;
                 }
             }
             assert_eq!(rejection.is_suspect(), suspect, "{size}");
         }
+        // It stays suspect for a moment after another channel has jumped back, and takes its own jump back as one.
+        rejection.excuse();
+        assert!(rejection.is_suspect());
+        for _ in 0..50 {
+            rejection.pass(1.0 / 120.0);
+            if rejection.judge(6, [-8.0, 0.01], false, true) != Verdict::Gate {
+                break;
+            }
+        }
+        assert!(!rejection.is_suspect());
         // One value within the gate ends a streak.
         let now_and_then = |k: i32| if k % 30 == 0 { 0.0 } else { 20.0 };
         assert_eq!(resets((1..960).map(now_and_then)), None);

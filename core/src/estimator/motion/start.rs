@@ -4,6 +4,7 @@ use super::covariance;
 use super::filter::MotionFilter;
 use super::held::Held;
 use super::measurement::CHANNELS;
+use super::recovery::Recovery;
 use super::rejection::Rejection;
 use super::state::{MOTION_STATES, inputs_of};
 use super::support::Support;
@@ -46,6 +47,7 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         self.trail = Trail::new();
         self.held = Held::none();
         self.rejections = [Rejection::new(); CHANNELS];
+        self.recovery = Recovery::new();
         self.support = Support::new();
         self.watch = Watch::new();
         self.waiting = 0;

@@ -60,6 +60,8 @@ const WITHOUT_VELOCITY: f32 = 3.0;
 const DEVIATIONS: [[f32; 2]; 3] = [[0.3, 1.0], [6.0, 20.0], [1.0, 5.0]];
 /// Mean square and share of rejections of a channel that has just been reset: doubtful for half a second.
 const RESTARTED: [f32; 2] = [1.5, 0.08];
+/// Share of rejections of each channel after a recovery: doubtful for a tenth of a second more.
+const RECOVERED: f32 = 0.055;
 
 /// Statistics of one channel.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -250,6 +252,16 @@ impl<T: Real> Watch<T> {
         let doubtful = T::single(RESIDUAL[0]);
         if self.residual > doubtful {
             self.residual = doubtful;
+        }
+    }
+
+    /// Starts the statistics of all channels again, after the filter has recovered from a loss.
+    pub fn renew(&mut self) {
+        for channel in 0..CHANNELS {
+            if self.channels[channel].seen {
+                self.restart(channel);
+                self.channels[channel].rejected = T::single(RECOVERED);
+            }
         }
     }
 
