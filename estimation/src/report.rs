@@ -23,6 +23,8 @@ pub struct Flags {
     pub covariance: u64,
     /// The reconstructed motion was limited.
     pub motion: u64,
+    /// The samples were not at the rate of the recording.
+    pub rate: u64,
     /// Updates in which predictions were far from the measurements.
     pub inconsistent: u64,
     /// Number of restarts after the motion had been lost for a second.
@@ -42,6 +44,7 @@ impl Flags {
             (&mut self.update, faults.update),
             (&mut self.covariance, faults.covariance),
             (&mut self.motion, faults.motion),
+            (&mut self.rate, faults.rate),
         ] {
             *count += u64::from(set);
         }

@@ -32,6 +32,8 @@ pub struct Consistencies {
     pub loss_begins_s: f64,
     /// The channel that was worst then, or the residual load.
     pub worst: Option<String>,
+    /// Time that passes per time by the recording's rate, if the rate is certainly wrong.
+    pub time_ratio: Option<f64>,
     /// Statistics of each channel over the flight.
     pub nis: Vec<ChannelConsistency>,
 }
@@ -57,6 +59,7 @@ pub struct Collector {
     since: Option<f64>,
     longest: [f64; 2],
     worst: Option<&'static str>,
+    time_ratio: Option<f64>,
     sums: [[f64; 3]; CHANNELS],
     counts: [f64; CHANNELS],
 }
@@ -78,6 +81,7 @@ impl Collector {
                 *count += 1.0;
             }
         }
+        self.time_ratio = watch.pace;
         if self.take_state(consistency, time, duration) {
             self.worst = Some(worst(watch));
         }
@@ -112,6 +116,7 @@ impl Collector {
             longest_loss_s: self.longest[0],
             loss_begins_s: self.longest[1],
             worst: self.worst.map(str::to_owned),
+            time_ratio: self.time_ratio,
             nis: channels
                 .filter(|(_, (_, count))| *count > 0.0)
                 .map(|(&channel, (sums, count))| ChannelConsistency {
@@ -159,6 +164,12 @@ pub fn worse_channels(rms: &PerChannel, constant: &PerChannel, noise: &Noise<f32
 
 /// Why an estimate should not be trusted, in a sentence; `None` if it can be.
 pub fn sentence(worse: &[(Channel, f64, f64)], found: &Consistencies) -> Option<String> {
+    if let Some(ratio) = found.time_ratio {
+        return Some(format!(
+            "the frame rate is wrong: by the attitudes, {ratio:.2} times as much time passes as by the rate and the \
+             angular velocities"
+        ));
+    }
     if let Some((channel, estimated, constant)) = worse.first() {
         let (label, unit) = channel.label();
         return Some(format!(

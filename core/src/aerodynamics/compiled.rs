@@ -305,6 +305,11 @@ impl<T: Real> CompiledAerodynamics<T> {
 /// Lower bound of the frozen areas as a share of those at the reference direction, however the airstream turns.
 const LEAST_SHARE: f64 = 0.25;
 
+#[inline]
+fn at_least<T: Real>(value: T, least: T) -> T {
+    if value > least { value } else { least }
+}
+
 /// Aerodynamics of one posture without its segments: exact while each segment exposes the same face to the airstream
 /// as at the reference direction, first-order accurate beyond that.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -321,14 +326,19 @@ pub struct FrozenAerodynamics<T: Real> {
 }
 
 impl<T: Real> FrozenAerodynamics<T> {
+    /// Area exposed to an airstream in this `direction` (m2).
+    #[inline]
+    pub fn exposed_area(&self, direction: &Vector3<T>) -> T {
+        at_least(self.silhouette.dot(direction), self.least[0])
+    }
+
     /// Force and moment on the body, see [`CompiledAerodynamics::total_load`].
     #[inline]
     pub fn total_load(&self, flow: &Flow<T>) -> Loads<T> {
-        let at_least = |value: T, least: T| if value > least { value } else { least };
-        let [least_area, least_drag] = self.least;
+        let [_, least_drag] = self.least;
         let u = &flow.direction;
         let drag = Drag {
-            exposed_area: at_least(self.silhouette.dot(u), least_area),
+            exposed_area: self.exposed_area(u),
             area: at_least(self.drag_silhouette.dot(u), least_drag),
             centre: self.drag_centre * u,
         };

@@ -4,12 +4,37 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::muscle_input::muscle_load;
+use super::muscle_input::{GroupMoments, MuscleLoad, muscle_load};
 use super::{Dynamics, Inputs, Motion, PostureSample, State};
 use crate::aerodynamics::compiled::Seen;
 use crate::aerodynamics::{Flow, Loads, damping_rate};
+use crate::axis::AxisCoefficients;
 use crate::frame::{Body, Vector};
 use crate::math::Real;
+
+/// Loads of inputs of one, in body axes: the derivatives of the loads, which are linear in the inputs.
+#[derive(Debug, Clone, Copy)]
+pub struct UnitLoads<T: Real> {
+    /// Load of the muscle input of each axis.
+    pub muscle: [MuscleLoad<T>; 3],
+    /// Damping of an axis for a coefficient of one (N m s).
+    pub damping: T,
+}
+
+impl<T: Real> UnitLoads<T> {
+    /// Loads of the limb `groups` for the reciprocal lever arms of [`MuscleModel::levers`], and this damping.
+    ///
+    /// [`MuscleModel::levers`]: super::muscle_input::MuscleModel::levers
+    #[inline]
+    pub fn of(groups: &GroupMoments<T>, levers: &[T; 4], damping: T) -> Self {
+        let [zero, one] = [T::zero(), T::one()];
+        let units = [[one, zero, zero], [zero, one, zero], [zero, zero, one]];
+        Self {
+            muscle: units.map(|input| groups.load(&input.into(), levers)),
+            damping,
+        }
+    }
+}
 
 /// A body during one time interval, in body axes.
 pub trait Interval<T: Real> {
@@ -38,6 +63,15 @@ pub trait Interval<T: Real> {
         spin: &Vector<T, Body>,
         density: T,
     ) -> (Loads<T>, Vector3<T>);
+
+    /// Returns the loads of inputs of one, see [`UnitLoads`]; arguments as for [`Interval::loads`].
+    fn unit_loads(
+        &self,
+        dynamics: &Dynamics<T>,
+        velocity_through_air: &Vector<T, Body>,
+        spin: &Vector<T, Body>,
+        density: T,
+    ) -> UnitLoads<T>;
 
     /// Returns the angular velocity (rad/s) that corresponds to this angular momentum about the centre of gravity.
     #[inline]
@@ -91,15 +125,10 @@ impl<T: Real> Interval<T> for PostureSample<T> {
         spin: &Vector<T, Body>,
         density: T,
     ) -> (Loads<T>, Vector3<T>) {
-        let velocity_through_air = &velocity_through_air.components;
-        let flow = Flow::new(velocity_through_air, density);
+        let flow = Flow::new(&velocity_through_air.components, density);
         let mut seen = Seen::nothing();
-        let mut loads = self.aerodynamics.total_load_seen(&flow, &mut seen);
-        if !dynamics.stream.is_uniform() {
-            let (aerodynamics, stream) = (&self.aerodynamics, &dynamics.stream);
-            let spin = &spin.components;
-            loads = aerodynamics.total_load_in(stream, velocity_through_air, spin, density);
-        }
+        let air = (velocity_through_air, density);
+        let mut loads = self.air_loads(dynamics, air, spin, &flow, &mut seen);
         let muscle = muscle_load(
             &dynamics.muscles,
             &inputs.muscle,
@@ -117,6 +146,46 @@ impl<T: Real> Interval<T> for PostureSample<T> {
             &flow,
         );
         (loads, damping)
+    }
+
+    fn unit_loads(
+        &self,
+        dynamics: &Dynamics<T>,
+        velocity_through_air: &Vector<T, Body>,
+        spin: &Vector<T, Body>,
+        density: T,
+    ) -> UnitLoads<T> {
+        let flow = Flow::new(&velocity_through_air.components, density);
+        let mut seen = Seen::nothing();
+        let air = (velocity_through_air, density);
+        let loads = self.air_loads(dynamics, air, spin, &flow, &mut seen);
+        let unit = AxisCoefficients::repeat(T::one());
+        let segments = &self.aerodynamics.segments;
+        let groups = GroupMoments::of(&dynamics.muscles, &unit, segments, &seen, &flow);
+        let height = dynamics.body.height;
+        let damping = damping_rate(&unit, loads.exposed_area, height, &flow);
+        UnitLoads::of(&groups, &dynamics.muscles.levers(height), damping.x)
+    }
+}
+
+impl<T: Real> PostureSample<T> {
+    /// Loads of the air; `seen` receives the areas that it sees. Other arguments as for [`Interval::loads`].
+    #[inline(always)]
+    fn air_loads(
+        &self,
+        dynamics: &Dynamics<T>,
+        (velocity_through_air, density): (&Vector<T, Body>, T),
+        spin: &Vector<T, Body>,
+        flow: &Flow<T>,
+        seen: &mut Seen<T>,
+    ) -> Loads<T> {
+        let loads = self.aerodynamics.total_load_seen(flow, seen);
+        if dynamics.stream.is_uniform() {
+            return loads;
+        }
+        let (aerodynamics, stream) = (&self.aerodynamics, &dynamics.stream);
+        let (velocity, spin) = (&velocity_through_air.components, &spin.components);
+        aerodynamics.total_load_in(stream, velocity, spin, density)
     }
 }
 

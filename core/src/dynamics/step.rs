@@ -10,7 +10,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::interval::Interval;
 use super::{Dynamics, Inputs, State};
 use crate::aerodynamics::Loads;
-use crate::frame::{Body as BodyFrame, Inertial, Rotation, Vector};
+use crate::frame::{Body as BodyFrame, Inertial, Rotation, RotationMatrix, Vector};
 use crate::math::{Real, renormalized, small_rotation, solve_symmetric};
 
 /// Time step of simulation and filter (s), the sample interval of Xsens recordings.
@@ -47,18 +47,9 @@ impl<T: Real> Dynamics<T> {
         self.air.density.at(state.cg_position.up())
     }
 
-    /// Same as [`Dynamics::step`] with a given density (kg/m3), which many runs over a short time can share.
-    #[inline]
-    pub fn step_at_density(
-        &self,
-        state: &State<T>,
-        sample: &impl Interval<T>,
-        inputs: &Inputs<T>,
-        duration: T,
-        density: T,
-    ) -> State<T> {
-        let half = duration * T::of(0.5);
-
+    /// Returns the motion at the middle of an interval, `half` its duration (s) after `state`.
+    #[inline(always)]
+    pub fn middle(&self, state: &State<T>, sample: &impl Interval<T>, half: T) -> Middle<T> {
         // Predict the attitude at the middle of the interval from the present angular velocity.
         let momentum = state.inertial_from_body.inverse() * state.angular_momentum;
         let spin = sample.angular_velocity(&momentum);
@@ -73,7 +64,29 @@ impl<T: Real> Dynamics<T> {
         let relative_momentum = state.linear_momentum - air * sample.mass();
         let linear_momentum = &middle_from_inertial * relative_momentum;
         let spin = sample.angular_velocity(&angular_momentum);
-        let velocity = sample.origin_velocity(&linear_momentum, &spin);
+        Middle {
+            inertial_from_middle,
+            velocity_through_air: sample.origin_velocity(&linear_momentum, &spin),
+            spin,
+        }
+    }
+
+    /// Same as [`Dynamics::step`] with a given density (kg/m3), which many runs over a short time can share.
+    #[inline]
+    pub fn step_at_density(
+        &self,
+        state: &State<T>,
+        sample: &impl Interval<T>,
+        inputs: &Inputs<T>,
+        duration: T,
+        density: T,
+    ) -> State<T> {
+        let half = duration * T::of(0.5);
+        let Middle {
+            inertial_from_middle,
+            velocity_through_air: velocity,
+            spin,
+        } = self.middle(state, sample, half);
         let (loads, damping) = self.loads(sample, inputs, &velocity, &spin, density);
         let mut force = Vector::<T, BodyFrame>::from_components(loads.force);
         let mut moment = Vector::from_components(loads.moment) - sample.cg().cross(&force);
@@ -105,6 +118,17 @@ impl<T: Real> Dynamics<T> {
             angular_momentum: state.angular_momentum + &inertial_from_middle * push,
         }
     }
+}
+
+/// The motion at which a step evaluates the forces, in the body axes of the middle of its interval.
+#[derive(Debug, Clone, Copy)]
+pub struct Middle<T: Real> {
+    /// Attitude.
+    pub inertial_from_middle: RotationMatrix<T, Inertial, BodyFrame>,
+    /// Velocity of the origin through the air (m/s).
+    pub velocity_through_air: Vector<T, BodyFrame>,
+    /// Angular velocity (rad/s).
+    pub spin: Vector<T, BodyFrame>,
 }
 
 /// Attitude after rotating at `angular_velocity` (rad/s) for `duration` (s), paper eq. (quat).

@@ -23,6 +23,7 @@ mod filter;
 mod fusion;
 mod held;
 pub mod measurement;
+mod pace;
 pub mod posture_error;
 mod publish;
 mod recovery;
@@ -246,6 +247,34 @@ mod tests {
         assert!(!estimate.channels[3].fused && estimate.channels[0].fused);
         assert!(estimate.watch.channels[0].repeated < 0.1);
         assert!(filter.state().motion.is_finite());
+    }
+
+    #[test]
+    fn a_wrong_rate_is_named() {
+        let dynamics = dynamics();
+        let posture = pattern::neutral();
+        let interval = dynamics.hold(&posture);
+        for (rate, named) in [(200.0, true), (240.0, false), (300.0, true), (400.0, true)] {
+            let preset = MotionPreset {
+                sample_rate: rate,
+                ..MOTION
+            };
+            let mut flown = State::from_motion(&falling(), &interval);
+            let mut filter =
+                MotionFilter::<f64, Full>::new(&preset, &dynamics, &falling(), &posture).unwrap();
+            let mut last = None;
+            for k in 0..2400 {
+                let mut inputs = Inputs::belly_turn();
+                inputs.muscle.pitch = 2.5 * libm::sin(0.02 * f64::from(k));
+                flown = dynamics.step(&flown, &interval, &inputs, TIME_STEP);
+                let seen = MotionMeasurement::of(&flown.motion(&interval));
+                last = filter.push(&posture, &seen).or(last);
+            }
+            let estimate = last.unwrap();
+            assert_eq!(estimate.faults.rate, named, "{rate}");
+            assert_eq!(estimate.watch.pace.is_some(), named);
+            assert_eq!(estimate.consistency == Consistency::Consistent, !named);
+        }
     }
 
     #[test]

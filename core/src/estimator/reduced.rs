@@ -17,7 +17,7 @@ use super::window::Window;
 use crate::aerodynamics::compiled::FrozenAerodynamics;
 use crate::aerodynamics::{Flow, Loads, damping_rate};
 use crate::axis::AxisCoefficients;
-use crate::dynamics::interval::Interval;
+use crate::dynamics::interval::{Interval, UnitLoads};
 use crate::dynamics::muscle_input::{GROUPS, GroupMoments};
 use crate::dynamics::{Dynamics, Inputs, PostureSample, State};
 use crate::frame::{Body, Vector};
@@ -153,6 +153,22 @@ impl<T: Real> Interval<T> for ReducedInterval<T> {
         let height = dynamics.body.height;
         let damping = damping_rate(&inputs.damping, loads.exposed_area, height, &flow);
         (loads, damping)
+    }
+
+    fn unit_loads(
+        &self,
+        dynamics: &Dynamics<T>,
+        velocity_through_air: &Vector<T, Body>,
+        _spin: &Vector<T, Body>,
+        density: T,
+    ) -> UnitLoads<T> {
+        let velocity_through_air = &velocity_through_air.components;
+        let flow = Flow::new(velocity_through_air, density);
+        let groups = self.groups.at(velocity_through_air, density);
+        let unit = AxisCoefficients::repeat(T::one());
+        let area = self.aerodynamics.exposed_area(&flow.direction);
+        let damping = damping_rate(&unit, area, dynamics.body.height, &flow);
+        UnitLoads::of(&groups, &self.levers, damping.x)
     }
 }
 

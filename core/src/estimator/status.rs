@@ -45,6 +45,8 @@ pub struct Faults {
     pub covariance: bool,
     /// The reconstructed motion left its limits and was clamped, or was not finite and was held.
     pub motion: bool,
+    /// Samples do not arrive at the configured rate: attitude and angular velocity disagree about how fast time passes.
+    pub rate: bool,
 }
 
 impl Faults {
@@ -61,12 +63,14 @@ impl Faults {
             update,
             covariance,
             motion,
+            rate,
         } = self;
         u8::from(posture)
             | u8::from(measurement) << 1
             | u8::from(update) << 2
             | u8::from(covariance) << 3
             | u8::from(motion) << 4
+            | u8::from(rate) << 5
     }
 }
 

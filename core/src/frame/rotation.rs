@@ -80,6 +80,12 @@ pub struct RotationMatrix<T: Real, To, From> {
 }
 
 impl<T: Real, To, From> RotationMatrix<T, To, From> {
+    /// Returns the matrix without its frames.
+    #[inline]
+    pub fn matrix(&self) -> &Matrix3<T> {
+        &self.matrix
+    }
+
     /// Returns the inverse rotation.
     #[inline]
     pub fn inverse(&self) -> RotationMatrix<T, From, To> {

@@ -8,6 +8,7 @@ use bodyflight_core::estimator::motion::estimate::MotionEstimate;
 use bodyflight_core::estimator::motion::measurement::{MotionMeasurement, SensorMeasurement};
 use bodyflight_core::estimator::motion::settings::MotionPreset;
 use bodyflight_core::estimator::motion::state::MUSCLE;
+use bodyflight_core::estimator::motion::support::Situation;
 use bodyflight_core::estimator::motion::watch::Consistency;
 use bodyflight_core::estimator::preset::Preset;
 use bodyflight_core::estimator::status::{Estimate, Health};
@@ -210,6 +211,11 @@ fn motion_answer(
     );
     flags.set(EstimateFlags::LOST, consistency == Consistency::Lost);
     flags.set(EstimateFlags::FAULT, !estimate.faults.none());
+    flags.set(EstimateFlags::RATE, estimate.faults.rate);
+    flags.set(
+        EstimateFlags::SUPPORTED,
+        estimate.situation == Situation::Supported,
+    );
     flags |= EstimateFlags::MOTION;
     let seen = Measurement::of(&estimate.motion);
     let variance = |k: usize| estimate.deviation[MUSCLE + k] * estimate.deviation[MUSCLE + k];

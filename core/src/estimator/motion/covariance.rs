@@ -155,6 +155,25 @@ pub fn renew_motion<T: Real>(factors: &mut Factors<T>, variances: &[T; MOTION_ST
     }
 }
 
+/// Forgets what was known of the inputs, which then have their long-run covariance, in place: two covariances do not fit on
+/// a unit's stack.
+pub fn renew_inputs<T: Real>(factors: &mut Factors<T>, process: &Process<T>) {
+    let motion: [T; MOTION_STATES] = core::array::from_fn(|k| factors.variance(k));
+    let (spread, residual) = (process.spread(), Ud::of(&process.residual_covariance()));
+    let elements = factors.elements_mut();
+    for k in MUSCLE..STATES {
+        elements.column_mut(k).fill(T::zero());
+    }
+    for k in 0..6 {
+        elements[(MUSCLE + k, MUSCLE + k)] = spread[k];
+    }
+    elements
+        .fixed_view_mut::<6, 6>(RESIDUAL_FORCE, RESIDUAL_FORCE)
+        .copy_from(residual.elements());
+    renew_motion(factors, &motion);
+    factors.keep_positive();
+}
+
 /// Limits the variances of the motion to those of an unknown motion. Returns whether any was larger.
 pub fn limit<T: Real>(factors: &mut Factors<T>) -> bool {
     let mut variances = [T::zero(); MOTION_STATES];

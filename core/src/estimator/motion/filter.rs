@@ -10,6 +10,7 @@ use super::covariance::Factors;
 use super::estimate::ChannelEstimate;
 use super::held::Held;
 use super::measurement::{CHANNELS, Noise};
+use super::pace::Pace;
 use super::posture_error::PostureError;
 use super::recovery::Recovery;
 use super::rejection::Rejection;
@@ -68,6 +69,7 @@ pub struct MotionFilter<T: Real, P: Propagation<T>> {
     pub(super) climb: Climb<T>,
     pub(super) airflow: Airflow<T>,
     pub(super) support: Support<T>,
+    pub(super) pace: Pace<T>,
     pub(super) rejections: [Rejection<T>; CHANNELS],
     pub(super) recovery: Recovery<T>,
     /// Time since the posture changed (s).
@@ -132,6 +134,7 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
             climb: Climb::new(),
             airflow: Airflow::none(),
             support: Support::new(),
+            pace: Pace::new(T::single(preset.noise.attitude * preset.noise.attitude)),
             rejections: [Rejection::new(); CHANNELS],
             recovery: Recovery::new(),
             still: T::zero(),

@@ -19,7 +19,7 @@ use crate::dynamics::interval::Interval;
 use crate::estimator::factor::Cholesky;
 use crate::estimator::limits::limit;
 use crate::estimator::propagation::Propagation;
-use crate::frame::Vector;
+use crate::frame::{Rotation, Vector};
 use crate::math::Real;
 
 /// Error that a motion may have whose attitude, velocity or angular velocity turned out wrong: attitude (rad), velocity
@@ -73,6 +73,13 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
             .joined(measured, &prediction.motion, &self.trail, self.duration);
         let measured = self.climb.with_rate(&measured, self.duration);
         self.repeats.take(&measured.motion, self.duration);
+        let attitude = measured.motion.inertial_from_body;
+        let spin = measured.motion.angular_velocity;
+        self.pace.take(
+            attitude.as_ref().map(Rotation::quaternion),
+            spin.map(|spin| spin.components),
+            self.duration,
+        );
         self.constants.concern(&measured);
         let updraft = self.dynamics.air.velocity.up();
         self.support
@@ -93,6 +100,7 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
             }
         }
         self.watch.suspect = self.rejections.iter().any(Rejection::is_suspect);
+        self.watch.pace = self.pace.wrong();
         self.watch.pass(fused, self.duration);
         followed &= fused.contains(&true) && !moved.reset;
         let consistency = self.watch.consistency();

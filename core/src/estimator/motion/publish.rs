@@ -10,6 +10,7 @@ use crate::math::Real;
 
 impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
     /// Returns the estimate of the present state, and begins the counts of the next one.
+    #[inline(never)]
     pub(super) fn publish(&mut self) -> MotionEstimate<T> {
         let nothing = [ChannelEstimate::nothing(); CHANNELS];
         let channels = core::mem::replace(&mut self.channels, nothing);
@@ -17,6 +18,7 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         let situation = self.support.situation();
         let mut variances = self.factors.variances();
         self.constants.add_variances(&mut variances);
+        self.faults.rate |= self.watch.pace.is_some();
         let unknown_posture = self.still >= T::single(STILL);
         let deviation = self.process.stated(&variances, unknown_posture);
         let least = match situation {

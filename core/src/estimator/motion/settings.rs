@@ -4,8 +4,8 @@ use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 use super::measurement::Noise;
 use super::state::{
-    ATTITUDE, DAMPING, INPUT_STATES, MUSCLE, RESIDUAL_FORCE, RESIDUAL_MOMENT, SPIN, STATES,
-    VELOCITY,
+    ATTITUDE, DAMPING, INPUT_STATES, MOTION_STATES, MUSCLE, RESIDUAL_FORCE, RESIDUAL_MOMENT, SPIN,
+    STATES, VELOCITY,
 };
 use crate::estimator::preset::SAMPLE_RATE;
 use crate::estimator::unscented::SettingsError;
@@ -345,20 +345,32 @@ impl<T: Real> Process<T> {
         self.sensitivity * self.joint_variance
     }
 
+    /// Returns the long-run variances of muscle input and damping.
+    pub fn spread(&self) -> SVector<T, 6> {
+        self.spread
+    }
+
+    /// Returns the variances of a motion measured with these errors.
+    pub fn start_variances(noise: &Noise<T>) -> [T; MOTION_STATES] {
+        let mut variances = [T::zero(); MOTION_STATES];
+        let [north, up] = [noise.horizontal_velocity, noise.vertical_velocity];
+        for (first, deviations) in [
+            (ATTITUDE, [noise.attitude; 3]),
+            (VELOCITY, [north, north, up]),
+            (SPIN, [noise.angular_velocity; 3]),
+        ] {
+            for (k, deviation) in deviations.into_iter().enumerate() {
+                variances[first + k] = deviation * deviation;
+            }
+        }
+        variances
+    }
+
     /// Returns the initial covariance for a motion measured with these errors and inputs that are not yet observed.
     pub fn start(&self, noise: &Noise<T>) -> SMatrix<T, STATES, STATES> {
         let mut covariance = SMatrix::<T, STATES, STATES>::zeros();
-        let squares = |values: [T; 3]| values.map(|value| value * value);
-        let [north, up] = [noise.horizontal_velocity, noise.vertical_velocity];
-        let parts = [
-            (ATTITUDE, squares([noise.attitude; 3])),
-            (VELOCITY, squares([north, north, up])),
-            (SPIN, squares([noise.angular_velocity; 3])),
-        ];
-        for (first, variances) in parts {
-            for (k, variance) in variances.into_iter().enumerate() {
-                covariance[(first + k, first + k)] = variance;
-            }
+        for (k, variance) in Self::start_variances(noise).into_iter().enumerate() {
+            covariance[(k, k)] = variance;
         }
         for k in 0..6 {
             covariance[(MUSCLE + k, MUSCLE + k)] = self.spread[k];

@@ -6,7 +6,8 @@ use super::held::Held;
 use super::measurement::CHANNELS;
 use super::recovery::Recovery;
 use super::rejection::Rejection;
-use super::state::{MOTION_STATES, inputs_of};
+use super::settings::Process;
+use super::state::inputs_of;
 use super::support::Support;
 use super::trail::Trail;
 use super::watch::{Consistency, Watch};
@@ -14,7 +15,6 @@ use crate::body::mass_properties::PostureRate;
 use crate::body::posture::Posture;
 use crate::dynamics::{Motion, State};
 use crate::estimator::propagation::Propagation;
-use crate::estimator::ud::Ud;
 use crate::estimator::unscented::SettingsError;
 use crate::math::Real;
 
@@ -36,19 +36,18 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         // What led to a loss may be in the inputs too.
         let sound = self.factors.is_finite() && self.is_plausible();
         self.start(motion, posture)?;
-        let start = self.process.start(&self.noise);
         if is_first || !sound {
             self.state.inputs = inputs_of(&self.process.centre());
-            self.factors = Ud::of(&start);
-        } else {
-            covariance::renew_motion(&mut self.factors, &core::array::from_fn(|k| start[(k, k)]));
+            covariance::renew_inputs(&mut self.factors, &self.process);
         }
+        covariance::renew_motion(&mut self.factors, &Process::start_variances(&self.noise));
         self.constants.disconnect();
         self.trail = Trail::new();
         self.held = Held::none();
         self.rejections = [Rejection::new(); CHANNELS];
         self.recovery = Recovery::new();
         self.support = Support::new();
+        self.pace.interrupt();
         self.watch = Watch::new();
         self.waiting = 0;
         Ok(())
@@ -66,11 +65,8 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
     /// nothing can be learned of them.
     #[inline(never)]
     pub(super) fn forget_inputs(&mut self) {
-        let start = self.process.start(&self.noise);
-        let motion: [T; MOTION_STATES] = core::array::from_fn(|k| self.factors.variance(k));
         self.state.inputs = inputs_of(&self.process.centre());
-        self.factors = Ud::of(&start);
-        covariance::renew_motion(&mut self.factors, &motion);
+        covariance::renew_inputs(&mut self.factors, &self.process);
         self.constants.disconnect();
     }
 

@@ -1,6 +1,6 @@
 //! The state of the filter, which is the motion and its inputs, and the difference between two states.
 
-use nalgebra::{SMatrix, SVector, Vector3};
+use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3};
 
 use crate::dynamics::interval::Interval;
 use crate::dynamics::residual::ResidualLoad;
@@ -186,7 +186,11 @@ pub(super) fn turn_between<T: Real, A, B>(
     from: &Rotation<T, A, B>,
     to: &Rotation<T, A, B>,
 ) -> Vector3<T> {
-    let turn = *(from.quaternion().inverse() * to.quaternion());
+    turned_by(&(from.quaternion().inverse() * to.quaternion()))
+}
+
+/// Rotation vector (rad) of a small rotation, accurate to third order.
+pub(super) fn turned_by<T: Real>(turn: &UnitQuaternion<T>) -> Vector3<T> {
     let imaginary = turn.imag();
     let square = imaginary.norm_squared();
     // The series of 2 asin(s) / s to fourth order.

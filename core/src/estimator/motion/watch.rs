@@ -178,6 +178,8 @@ pub struct Watch<T> {
     pub unseen: [T; 2],
     /// Whether a sensor jumped, as no body can, and has not jumped back.
     pub suspect: bool,
+    /// Time that passes per configured time, if samples certainly do not arrive at the configured rate.
+    pub pace: Option<T>,
 }
 
 /// Mean square of the residual load by component above which the model is doubtful, and above which it is lost.
@@ -202,6 +204,7 @@ impl<T: Real> Watch<T> {
             residual: T::zero(),
             unseen: [T::zero(), T::single(WITHOUT_VELOCITY)],
             suspect: false,
+            pace: None,
         }
     }
 
@@ -225,6 +228,7 @@ impl<T: Real> Watch<T> {
             residual: scalar(self.residual),
             unseen: self.unseen.map(scalar),
             suspect: self.suspect,
+            pace: self.pace.map(scalar),
         }
     }
 
@@ -296,7 +300,7 @@ impl<T: Real> Watch<T> {
         };
         let without =
             velocity >= T::single(WITHOUT_VELOCITY) || rotation >= T::single(WITHOUT_ROTATION);
-        let least = if without || self.suspect {
+        let least = if without || self.suspect || self.pace.is_some() {
             Consistency::Doubtful
         } else {
             Consistency::Consistent

@@ -39,12 +39,13 @@ pub(super) fn print(estimation: &Estimation) {
     }
     let flags = report.flags;
     terminal::print(&format!(
-        "updates with faults: posture {}, measurement {}, update {}, covariance {}, motion {}; inconsistent {}, restarted {}",
+        "updates with faults: posture {}, measurement {}, update {}, covariance {}, motion {}, rate {}; inconsistent {}, restarted {}",
         flags.posture,
         flags.measurement,
         flags.update,
         flags.covariance,
         flags.motion,
+        flags.rate,
         flags.inconsistent,
         flags.restarted
     ));
