@@ -187,6 +187,7 @@ pub fn opening(
     let peak = peak.max_by(|a, b| b.velocity.z.total_cmp(&a.velocity.z));
     let soonest = match peak {
         Some(peak) if !is_long => peak.time - GATHERS,
+        _ if glides => least_braked(part, near),
         _ => first,
     };
     let placed = GROWS.map(|power| {
@@ -211,15 +212,47 @@ pub fn opening(
     });
     let placed: Vec<(Boundary, f64)> = placed.into_iter().flatten().collect();
     let (best, least) = *placed.iter().min_by(|a, b| a.1.total_cmp(&b.1))?;
-    // How the canopy grows is not known, which is part of the uncertainty.
-    let others = placed
+    // How the canopy grows is not known. One that grows ever faster seems to start before anything is seen of it, so the
+    // opening is not before the middle of what nearly fits.
+    let near = placed
         .iter()
         .filter(|(_, squares)| *squares <= NEARLY * least);
-    let apart = others.map(|(other, _)| (other.time - best.time).abs());
+    let times = near.map(|(near, _)| near.time);
+    let (first, last) = times.fold((best.time, best.time), |(first, last), time| {
+        (first.min(time), last.max(time))
+    });
     Some(Boundary {
-        deviation: best.deviation.hypot(0.5 * apart.fold(0.0, f64::max)),
-        ..best
+        time: best.time.max(0.5 * (first + last)),
+        deviation: best.deviation.hypot(0.5 * (last - first)),
     })
+}
+
+/// Time over which the acceleration is taken where the drag of a gliding fall is least (s).
+const SMOOTHED: f64 = 0.6;
+
+/// Growth of the drag factor towards earlier times that shows another manoeuvre (m2/kg).
+const ANOTHER: f64 = 0.003;
+
+/// The earliest time at which the opening near `near` can begin: that of the least drag since the manoeuvre before it
+/// (s). A wingsuit that pulls up brakes too, and often just before it opens.
+fn least_braked(part: &[Sample], near: f64) -> f64 {
+    let accelerations = slopes(part, SMOOTHED);
+    let mut least = (near, f64::INFINITY);
+    for (sample, acceleration) in part.iter().zip(&accelerations).rev() {
+        if sample.time > near {
+            continue;
+        }
+        let force = acceleration + Vector3::z() * GRAVITY;
+        let density = Atmosphere::Standard.density(sample.height());
+        let speed = sample.velocity.norm().max(1.0);
+        let drag = -force.dot(&sample.velocity) / (0.5 * density * speed.powi(3));
+        if drag < least.1 {
+            least = (sample.time, drag);
+        } else if drag > least.1 + ANOTHER {
+            break;
+        }
+    }
+    least.0 - SMOOTHED
 }
 
 /// Mean of a power of time over `reach` on either side of `since`; the power is zero before time zero.
@@ -319,5 +352,36 @@ pub fn opening_in_gap(before: &Sample, after: &Sample) -> Boundary {
         deviation: (0.5 * OPENS[1])
             .hypot(HEIGHT / slower)
             .min(gap / 12.0_f64.sqrt()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_opening_begins_after_the_pull_up_before_it() {
+        // A level flight whose drag factor is that of a wingsuit, of a pull-up, less after it, and that of a canopy.
+        let drag = |time: f64| match time {
+            ..3.0 => 0.003,
+            3.0..5.0 => 0.017,
+            5.0..6.0 => 0.010,
+            _ => 0.010 + 0.03 * (time - 6.0),
+        };
+        let density = Atmosphere::Standard.density(1000.0);
+        let mut speed = 50.0;
+        let samples: Vec<Sample> = (0..80)
+            .map(|step| {
+                let time = 0.1 * f64::from(step);
+                speed -= 0.1 * 0.5 * density * speed * speed * drag(time);
+                Sample {
+                    time,
+                    position: Vector3::new(0.0, 0.0, 1000.0),
+                    velocity: Vector3::new(speed, 0.0, 0.0),
+                }
+            })
+            .collect();
+        let earliest = least_braked(&samples, 7.5);
+        assert!((4.5..6.0).contains(&earliest), "{earliest}");
     }
 }

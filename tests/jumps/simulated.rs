@@ -9,6 +9,9 @@ use rand_distr::{Distribution, StandardNormal};
 const GRAVITY: f64 = 9.81;
 const STEP: f64 = 0.02;
 
+/// Time from the end of a pull-up to the opening (s).
+const STALLS: f64 = 3.0;
+
 /// A kind of jump.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Kind {
@@ -18,6 +21,8 @@ pub(crate) enum Kind {
     Base,
     Speed,
     Tandem,
+    /// From a cliff in a wingsuit, which pulls up until it stalls, and then opens.
+    Flare,
 }
 
 /// A track and its truth.
@@ -113,6 +118,8 @@ struct Body {
     lift: f64,
     /// Time of a pull-up, or of a drogue (s).
     event: f64,
+    /// Time of the opening (s).
+    opening: f64,
 }
 
 impl Body {
@@ -126,6 +133,17 @@ impl Body {
                     0.006 + settled * (self.drag * more - 0.006),
                     settled * self.lift * more,
                 )
+            }
+            // It pulls up for three seconds, and falls without lift until the canopy opens.
+            Kind::Flare => {
+                let before = self.opening - since;
+                if before > STALLS + 3.0 {
+                    (0.006 + settled * (self.drag - 0.006), settled * self.lift)
+                } else if before > STALLS {
+                    (0.018, 0.028)
+                } else {
+                    (0.011, 0.003)
+                }
             }
             Kind::Tandem if since < self.event => (0.6 * self.drag, 0.0),
             _ => (self.drag, 0.0),
@@ -164,6 +182,11 @@ pub(crate) fn flown(kind: Kind, seed: u64) -> Flown {
             between(random, 4.0, 12.0),
             0.0068,
         ),
+        Kind::Flare => (
+            between(random, 1300.0, 2200.0),
+            between(random, 30.0, 60.0),
+            between(random, 0.0035, 0.0055),
+        ),
         Kind::Speed => (
             4000.0,
             between(random, 20.0, 30.0),
@@ -179,12 +202,13 @@ pub(crate) fn flown(kind: Kind, seed: u64) -> Flown {
         drag: body,
         lift: between(random, 0.010, 0.018),
         event: between(random, 5.0, 50.0).min(if kind == Kind::Tandem { 9.0 } else { 50.0 }),
+        opening: falls,
     };
     let canopy = Canopy::drawn(random);
     let (opens, grows) = (between(random, 1.8, 4.5), between(random, 1.0, 2.5));
     let exit = between(random, 15.0, 200.0);
     let aircraft = match kind {
-        Kind::Base => Vector3::zeros(),
+        Kind::Base | Kind::Flare => Vector3::zeros(),
         // From a balloon or a helicopter, which drift.
         _ if random.random_bool(0.15) => wind.at(height),
         _ => {

@@ -3,10 +3,13 @@
 //! A wingsuit that pulls up is slowed as by an opening, and then glides on, at a sink speed that a canopy has too. Its
 //! speed over ground alone does not tell it from a canopy that runs with the wind, but what follows does: the true
 //! opening, and a canopy flight whose velocities lie around those of the wind. Seen from this wind, the part before was
-//! much faster than any canopy.
+//! much faster than any canopy. A wingsuit that pulls up until it stalls has the drag of an opening too, but then it
+//! falls again, with less force than a canopy would have, and is pushed a second time.
 
-use nalgebra::Vector2;
+use bodyflight_core::air::GRAVITY;
+use nalgebra::{Vector2, Vector3};
 
+use crate::atmosphere::Atmosphere;
 use crate::phases::{Phase, Stretch};
 use crate::{Sample, between, median, slopes};
 
@@ -65,6 +68,33 @@ pub(super) fn moved(samples: &[Sample], stretches: Vec<Stretch>) -> Vec<Stretch>
             _ => moved.push(stretch),
         }
     }
+    without_stalls(samples, &moved)
+}
+
+/// Returns the phases with each opening that was the pull-up of a wingsuit moved behind the stall after it.
+fn without_stalls(samples: &[Sample], stretches: &[Stretch]) -> Vec<Stretch> {
+    let mut moved: Vec<Stretch> = Vec::with_capacity(stretches.len());
+    for stretch in stretches {
+        let opening = moved.last().copied().filter(|opening| {
+            let fell = moved.iter().rev().skip(1);
+            let fell = fell.take_while(|fell| matches!(fell.phase, Phase::Fall | Phase::Flare));
+            let begin = fell.last().map_or(opening.first, |fell| fell.first);
+            opening.phase == Phase::Opening
+                && stretch.phase == Phase::Canopy
+                && samples[opening.first].time - samples[begin].time > GLIDES
+        });
+        match opening.and_then(|opening| stalled(samples, opening.first, stretch.end)) {
+            Some(stalled) => {
+                moved.pop();
+                moved.extend(stalled);
+                moved.push(Stretch {
+                    first: stalled[2].end,
+                    ..*stretch
+                });
+            }
+            None => moved.push(*stretch),
+        }
+    }
     moved
 }
 
@@ -115,6 +145,87 @@ fn late_opening(canopy: &[Sample]) -> Option<[usize; 2]> {
     let place = |time: f64| canopy.partition_point(|sample| sample.time < time);
     let [begin, end] = [place(hardest - 0.5), place(hardest + 2.0)];
     (0 < begin && begin < end && end < canopy.len()).then_some([begin, end])
+}
+
+/// Shortest fall of a wingsuit, without its exit (s): after a shorter one, the glide ratio is that of the aircraft.
+const GLIDES: f64 = 10.0;
+
+/// Longest time from a pull-up to the opening after it (s).
+const SOON: f64 = 14.0;
+
+/// Least gain of sink speed of a wingsuit that has stalled (m/s), and least ratio of its sink speed to that of the
+/// canopy.
+const GAINS: f64 = 6.0;
+const TWICE: f64 = 2.0;
+
+/// Aerodynamic force over mass and dynamic pressure (m2/kg), which a canopy exceeds even in a dive.
+const OF_A_BODY: f64 = 0.035;
+
+/// Specific force of an opening at the sink speed of a stalled wingsuit (multiples of gravity), and how long it lasts (s).
+const PUSHES: f64 = 1.4;
+const PUSHED: f64 = 4.0;
+
+/// The phases from what was taken for an opening, at `first`, to the true one, if the wingsuit stalled between them:
+/// the pull-up, the fall after it, and the opening. `end` is that of the canopy flight.
+fn stalled(samples: &[Sample], first: usize, end: usize) -> Option<[Stretch; 3]> {
+    let begin = samples.get(first)?.time;
+    let sink = |sample: &Sample| -sample.velocity.z;
+    let before = between(samples, [begin - 10.0, begin - 1.0]).iter();
+    let glide = median(before.map(|sample| sample.across() / sink(sample).max(1.0)))?;
+    if glide < 1.0 {
+        return None;
+    }
+    let part = between(samples.get(first..end)?, [begin, begin + SOON + PUSHED]);
+    let (mut level, mut fastest) = (0, None::<(usize, usize, f64)>);
+    for (index, sample) in part.iter().enumerate() {
+        if sample.time > begin + SOON {
+            break;
+        }
+        if sink(sample) < sink(&part[level]) {
+            level = index;
+        }
+        let gained = sink(sample) - sink(&part[level]);
+        if fastest.is_none_or(|(_, _, most)| gained > most) {
+            fastest = Some((level, index, gained));
+        }
+    }
+    let (level, fastest, gained) = fastest?;
+    let steady = between(samples.get(first..end)?, [begin + 20.0, begin + 45.0]);
+    let steady = median(steady.iter().map(sink));
+    let sinks = sink(&part[fastest]);
+    if gained < GAINS || sinks < SINKS_AGAIN || steady.is_some_and(|steady| sinks < TWICE * steady)
+    {
+        return None;
+    }
+    let forces: Vec<Vector3<f64>> = slopes(part, 0.6)
+        .iter()
+        .map(|slope| slope + Vector3::z() * GRAVITY)
+        .collect();
+    let least = (level..=fastest).map(|index| {
+        let density = Atmosphere::Standard.density(part[index].height());
+        forces[index].norm() / (0.5 * density * part[index].velocity.norm_squared().max(1.0))
+    });
+    let pushed = part.iter().zip(&forces).skip(fastest);
+    let pushed = pushed.take_while(|(sample, _)| sample.time < part[fastest].time + PUSHED);
+    let pushed = pushed.map(|(_, force)| force.norm()).fold(0.0, f64::max);
+    if least.fold(f64::INFINITY, f64::min) > OF_A_BODY || pushed < PUSHES * GRAVITY {
+        return None;
+    }
+    let place = |time: f64| part.partition_point(|sample| sample.time < time);
+    let opens = place(part[fastest].time - 0.5).max(level + 1);
+    let open = place(part[fastest].time + 2.0);
+    (0 < level && opens < open && first + open < end).then(|| {
+        [
+            (Phase::Flare, 0, level),
+            (Phase::Fall, level, opens),
+            (Phase::Opening, opens, open),
+        ]
+        .map(|(phase, from, to)| Stretch {
+            phase,
+            first: first + from,
+            end: first + to,
+        })
+    })
 }
 
 /// Time after an opening in which a wingsuit that pulled up falls again (s), and that after which its canopy flies

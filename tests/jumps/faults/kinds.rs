@@ -252,4 +252,13 @@ pub(super) const FAULTS: &[Fault] = &[
         found: &[&[(CLOCK, Remedy::Converted)]],
         least: 0.6,
     },
+    Fault {
+        name: "a clock that makes five rows a second four, and ten eight, or the reverse",
+        change: |samples, random| {
+            let fast = if random.random_bool(0.5) { 1.25 } else { 0.8 };
+            each(samples, |sample| sample.time *= fast)
+        },
+        found: &[&[(CLOCK, Remedy::Converted)]],
+        least: 0.6,
+    },
 ];
