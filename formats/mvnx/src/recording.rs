@@ -6,12 +6,14 @@
 
 mod bridge;
 mod frame;
+mod mounting;
 mod plausibility;
 mod warning;
 mod watch;
 
 pub use bridge::{BRIDGE_LIMIT, BadFrames, Quality};
 pub use frame::{FlightFrame, PelvisMotion};
+pub use mounting::Mounting;
 
 use std::collections::VecDeque;
 use std::io::BufRead;
@@ -58,6 +60,7 @@ pub struct Recording<R: BufRead> {
     closure_error: f64,
     bridge: bridge::Bridge,
     watch: watch::Watch,
+    mountings: mounting::Mountings,
     /// Velocities that replace the suit's.
     velocities: Option<Velocities>,
     finished: bool,
@@ -150,6 +153,7 @@ impl<R: BufRead> Recording<R> {
             closure_error,
             bridge,
             watch: watch::Watch::new(frame_rate),
+            mountings: mounting::Mountings::default(),
             velocities: None,
             finished: false,
         })
@@ -178,9 +182,20 @@ impl<R: BufRead> Recording<R> {
         self
     }
 
+    /// Segments whose attitude is off by a constant angle in the frames read so far, the worst first.
+    pub fn mountings(&self) -> Vec<Mounting> {
+        let segments = &self.header().segments;
+        let label = |at: usize| segments.get(at).map(|segment| segment.label.as_str());
+        self.mountings.found(label)
+    }
+
     /// Whatever is implausible for a flight in the frames read so far.
     pub fn warnings(&self) -> Vec<Warning> {
         let mut warnings = self.watch.warnings();
+        warnings.extend(self.mountings().iter().map(|mounting| Warning {
+            segment: Some(mounting.segment.to_owned()),
+            ..Warning::new(0, mounting.message())
+        }));
         let props = self.header().segments.iter().map(|segment| &segment.label);
         let props = props.filter(|label| MvnSegment::ALL.iter().all(|own| own.label() != *label));
         for prop in props {
@@ -295,6 +310,12 @@ impl<R: BufRead> Recording<R> {
             } else if let Some(flight) = self.flight_frame(&mut frame) {
                 let joint = self.worst_joint(&frame);
                 self.watch.see(&flight, frame.written_time, joint);
+                let numbers = |field| frame.numbers(field);
+                if let Some((turned, placed)) =
+                    numbers(Field::Orientation).zip(numbers(Field::Position))
+                {
+                    self.mountings.see(&self.skeleton, turned, placed);
+                }
                 self.bridge.good(flight)?;
             } else {
                 // Not expected: a frame without these elements has a fault.
