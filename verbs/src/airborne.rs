@@ -14,12 +14,12 @@ pub mod verdict;
 
 use std::path::Path;
 
+pub use blocks::Part;
 use blocks::{Blocks, Heights};
 use bodyflight_core::air::Density;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_mvnx::recording::{Mounting, Options, Warning};
 use bodyflight_replay::flight::Flight;
-use bodyflight_replay::recorded::Recorded;
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -113,21 +113,6 @@ impl Capture {
     pub fn into_parts(self) -> Vec<Part> {
         self.parts
     }
-}
-
-/// A part in which nothing touches the body, with its frames.
-#[derive(Debug, Clone)]
-pub struct Part {
-    /// Its begin (s since frame 0).
-    pub begin_s: f64,
-    /// Its length (s).
-    pub length_s: f64,
-    /// The fall of the centre of mass.
-    pub fall: Fall,
-    /// The angular momentum about the centre of mass.
-    pub momentum: Momentum,
-    /// Its frames.
-    pub recorded: Recorded,
 }
 
 /// Finds and judges the phases of a recording.

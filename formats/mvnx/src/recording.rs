@@ -1,8 +1,7 @@
 //! A recorded flight: posture and motion of the pelvis, frame by frame, from an MVNX file.
 //!
-//! Bad frames are never used silently. By default a short run of them is replaced by frames interpolated between its
-//! good neighbours (marked by [`FlightFrame::bridged`], counted in [`Quality`]); a longer run is an error that names
-//! file, line, frame and element. With [`BadFrames::Refuse`], the first bad frame is an error.
+//! Bad frames are never used silently. A short run is interpolated (marked by [`FlightFrame::bridged`], counted in
+//! [`Quality`]); a longer one, or any with [`BadFrames::Refuse`], is an error that names file, line, frame and element.
 
 mod bridge;
 mod frame;
@@ -184,18 +183,14 @@ impl<R: BufRead> Recording<R> {
 
     /// Segments whose attitude is off by a constant angle in the frames read so far, the worst first.
     pub fn mountings(&self) -> Vec<Mounting> {
-        let segments = &self.header().segments;
-        let label = |at: usize| segments.get(at).map(|segment| segment.label.as_str());
-        self.mountings.found(label)
+        self.mountings
+            .found(|at| Some(self.header().segments.get(at)?.label.as_str()))
     }
 
     /// Whatever is implausible for a flight in the frames read so far.
     pub fn warnings(&self) -> Vec<Warning> {
         let mut warnings = self.watch.warnings();
-        warnings.extend(self.mountings().iter().map(|mounting| Warning {
-            segment: Some(mounting.segment.to_owned()),
-            ..Warning::new(0, mounting.message())
-        }));
+        warnings.extend(self.mountings().iter().map(Mounting::warning));
         let props = self.header().segments.iter().map(|segment| &segment.label);
         let props = props.filter(|label| MvnSegment::ALL.iter().all(|own| own.label() != *label));
         for prop in props {
@@ -272,11 +267,8 @@ impl<R: BufRead> Recording<R> {
 
     /// The joint that closes worst in a frame whose arms have the convention of the T-pose.
     fn worst_joint(&self, frame: &Frame) -> Option<OpenJoint> {
-        let orientation = frame.numbers(Field::Orientation)?;
-        let position = frame.numbers(Field::Position)?;
-        let (segment, apart) = self
-            .skeleton
-            .worst_joint(orientation, position, ArmFrame::TPose)?;
+        let [turned, placed] = [Field::Orientation, Field::Position].map(|of| frame.numbers(of));
+        let (segment, apart) = (self.skeleton).worst_joint(turned?, placed?, ArmFrame::TPose)?;
         let label = (apart > JOINT_LIMIT).then(|| self.header().segments.get(segment))??;
         Some(OpenJoint {
             segment: label.label.clone(),
@@ -310,15 +302,9 @@ impl<R: BufRead> Recording<R> {
             } else if let Some(flight) = self.flight_frame(&mut frame) {
                 let joint = self.worst_joint(&frame);
                 self.watch.see(&flight, frame.written_time, joint);
-                let numbers = |field| frame.numbers(field);
-                if let Some((turned, placed)) =
-                    numbers(Field::Orientation).zip(numbers(Field::Position))
-                {
-                    self.mountings.see(&self.skeleton, turned, placed);
-                }
+                self.mountings.see_frame(&self.skeleton, &frame);
                 self.bridge.good(flight)?;
             } else {
-                // Not expected: a frame without these elements has a fault.
                 self.bridge.bad(Fault {
                     index: frame.index,
                     line: frame.line,

@@ -9,7 +9,7 @@ use bodyflight_replay::recorded::Recorded;
 use nalgebra::{UnitQuaternion, Vector3};
 
 use super::physics::{self, Fall, Momentum};
-use super::{Part, phases, steps};
+use super::{phases, steps};
 
 /// Length of a block (s), and what is kept of it for the next (s): a part at its end may go on.
 const BLOCK: f64 = 60.0;
@@ -27,6 +27,21 @@ const TOUCHED_DRIFT: f64 = 40.0;
 const TOUCHED_DRIFT_NMS: f64 = 3.0;
 /// Shortest part of which gravity alone is believed (s).
 const SHORT: f64 = 0.25;
+
+/// A part in which nothing touches the body, with its frames.
+#[derive(Debug, Clone)]
+pub struct Part {
+    /// Its begin (s since frame 0).
+    pub begin_s: f64,
+    /// Its length (s).
+    pub length_s: f64,
+    /// The fall of the centre of mass.
+    pub fall: Fall,
+    /// The angular momentum about the centre of mass.
+    pub momentum: Momentum,
+    /// Its frames.
+    pub recorded: Recorded,
+}
 
 /// Height of the centre of mass (m) over time (s), thinned out in long recordings.
 #[derive(Debug, Clone, Default)]

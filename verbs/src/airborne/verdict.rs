@@ -103,6 +103,23 @@ fn median(falls: &[Fall]) -> Vector3<f64> {
     })
 }
 
+/// Drifts of the angular momentum (percent) in ascending order; small ones count as no more than the limit.
+fn drifts(momenta: &[Momentum]) -> Vec<f64> {
+    let mut drifts: Vec<f64> = momenta
+        .iter()
+        .map(|momentum| {
+            let percent = momentum.drift_percent.unwrap_or(0.0);
+            if momentum.drift_nms > LEAST_DRIFT_NMS {
+                percent
+            } else {
+                percent.min(LEAST_DRIFT)
+            }
+        })
+        .collect();
+    drifts.sort_by(f64::total_cmp);
+    drifts
+}
+
 impl Verdict {
     /// Judges the falls and angular momenta of all phases in a capture of that frame rate (Hz), with other faults that were
     /// found.
@@ -145,18 +162,7 @@ impl Verdict {
                 time_s: None,
             });
         }
-        let mut drifts: Vec<f64> = momenta
-            .iter()
-            .map(|momentum| {
-                let percent = momentum.drift_percent.unwrap_or(0.0);
-                if momentum.drift_nms > LEAST_DRIFT_NMS {
-                    percent
-                } else {
-                    percent.min(LEAST_DRIFT)
-                }
-            })
-            .collect();
-        drifts.sort_by(f64::total_cmp);
+        let drifts = drifts(momenta);
         if let Some(drift) = drifts
             .get(drifts.len() / 2)
             .filter(|drift| **drift > LEAST_DRIFT && rate >= SLOW)

@@ -3,8 +3,10 @@
 
 use nalgebra::Vector3;
 
+use super::warning::Warning;
 use crate::closure::{Gap, Skeleton};
 use crate::xsens::MvnSegment;
+use crate::{Field, Frame};
 
 /// Fewest frames that show it.
 const LEAST_FRAMES: u64 = 10;
@@ -41,6 +43,16 @@ impl Mounting {
     }
 }
 
+impl Mounting {
+    /// As something implausible in the recording.
+    pub(super) fn warning(&self) -> Warning {
+        Warning {
+            segment: Some(self.segment.to_owned()),
+            ..Warning::new(0, self.message())
+        }
+    }
+}
+
 /// Sums over the frames of one joint.
 #[derive(Debug, Clone, Copy, Default)]
 struct Sums {
@@ -58,8 +70,16 @@ pub(super) struct Mountings {
 }
 
 impl Mountings {
+    /// Takes a good frame whose arms have the convention of the T-pose.
+    pub(super) fn see_frame(&mut self, skeleton: &Skeleton, frame: &Frame) {
+        let numbers = |field| frame.numbers(field);
+        if let Some((turned, placed)) = numbers(Field::Orientation).zip(numbers(Field::Position)) {
+            self.see(skeleton, turned, placed);
+        }
+    }
+
     /// Takes the numbers of a good frame whose arms have the convention of the T-pose.
-    pub(super) fn see(&mut self, skeleton: &Skeleton, orientation: &[f64], position: &[f64]) {
+    fn see(&mut self, skeleton: &Skeleton, orientation: &[f64], position: &[f64]) {
         for (joint, gap) in skeleton.gaps(orientation, position).enumerate() {
             if joint >= self.joints.len() {
                 self.joints.resize(joint + 1, Sums::default());
