@@ -87,7 +87,10 @@ type Fault = (
     fn(&FlightFrame, bool) -> FlightFrame,
 );
 
-const FAULTS: [Fault; 6] = [
+/// A fault of an attitude after which the places of the joints are as measured.
+const PLACES_KEPT: &str = "thigh mounted 5 degrees off, joints where they are";
+
+const FAULTS: [Fault; 7] = [
     ("tilt of 1 degree", "tilt", 1.0, |frame, _| {
         let tilt = UnitQuaternion::from_scaled_axis(Vector3::x() * (PI / 180.0));
         let mut tilted = turned(frame, |segments| {
@@ -117,24 +120,42 @@ const FAULTS: [Fault; 6] = [
             }
         })
     }),
+    (PLACES_KEPT, "mounting", 1.0, |frame, _| mounted(frame)),
     (
-        "thigh mounted 5 degrees off",
-        "momentum",
+        "thigh mounted 5 degrees off, joints where that puts them",
+        "mounting",
         1.0,
-        |frame, _| {
-            turned(frame, |segments| {
-                segments[Segment::LeftThigh] *=
-                    UnitQuaternion::from_scaled_axis(Vector3::x() * (5.0 * PI / 180.0));
-            })
-        },
+        |frame, _| mounted(frame),
     ),
 ];
+
+fn mounted(frame: &FlightFrame) -> FlightFrame {
+    turned(frame, |segments| {
+        segments[Segment::LeftThigh] *=
+            UnitQuaternion::from_scaled_axis(Vector3::x() * (5.0 * PI / 180.0));
+    })
+}
+
+/// The text of a recording with the places of another one of the same frames.
+fn with_places(text: &str, of: &str) -> String {
+    let (begin, end) = ("<position>", "</position>");
+    let mut places = of.split(begin).skip(1).filter_map(|part| part.split_once(end));
+    let mut parts = text.split(begin);
+    let mut merged = parts.next().unwrap_or_default().to_owned();
+    for part in parts {
+        let (_, rest) = part.split_once(end).expect("its end");
+        let (place, _) = places.next().expect("as many frames");
+        merged.push_str(&format!("{begin}{place}{end}{rest}"));
+    }
+    merged
+}
 
 /// Kinds of faults that `airborne` names in a capture after a change.
 fn named(
     folder: &Path,
     capture: &Capture,
     rate: f64,
+    keeps_places: bool,
     change: impl Fn(&FlightFrame, bool) -> FlightFrame,
 ) -> Vec<&'static str> {
     let subject = capture
@@ -145,54 +166,68 @@ fn named(
     // A file that was read is never written again by the same process.
     let folder = tempfile::tempdir_in(folder).expect("a folder");
     let folder = folder.path();
-    let file = folder.join("flight.mvnx");
-    let description = Description {
-        subject_label: "Planted".to_owned(),
-        frame_rate: capture.rate * rate,
-        start_unix_ms: 0,
-        comment: "a planted fault".to_owned(),
-        origin: Origin::Imported { has_places: true },
+    let write = |name: &str, change: &dyn Fn(&FlightFrame, bool) -> FlightFrame| {
+        let file = folder.join(name);
+        let description = Description {
+            subject_label: "Planted".to_owned(),
+            frame_rate: capture.rate * rate,
+            start_unix_ms: 0,
+            comment: "a planted fault".to_owned(),
+            origin: Origin::Imported { has_places: true },
+        };
+        let mut writer = Writer::create(&file, description, &body).expect("a file");
+        let count = capture.frames.len();
+        for (k, frame) in capture.frames.iter().enumerate() {
+            let mut changed = change(frame, (count / 2..count / 2 + 20).contains(&k));
+            changed.time = frame.time / rate;
+            changed.pelvis.velocity = None;
+            changed.pelvis.angular_velocity = None;
+            writer.write(&changed).expect("a frame");
+        }
+        writer.finish().expect("a file");
+        std::fs::read_to_string(&file).expect("text")
     };
-    let mut writer = Writer::create(&file, description, &body).expect("a file");
-    let count = capture.frames.len();
-    for (k, frame) in capture.frames.iter().enumerate() {
-        let mut changed = change(frame, (count / 2..count / 2 + 20).contains(&k));
-        changed.time = frame.time / rate;
-        changed.pelvis.velocity = None;
-        changed.pelvis.angular_velocity = None;
-        writer.write(&changed).expect("a frame");
+    if keeps_places {
+        let clean = write("clean.mvnx", &|frame, _| *frame);
+        let turned = write("turned.mvnx", &change);
+        let merged = with_places(&turned, &clean);
+        bodyflight_tests::program::written(folder, "flight.mvnx", &merged);
+    } else {
+        write("flight.mvnx", &change);
     }
-    writer.finish().expect("a file");
     let mut flight = "recording = \"flight.mvnx\"\n".to_owned();
     if let Some(subject) = &capture.subject {
         flight.push_str(&format!("subject = \"{}\"\n", plain(subject)));
     }
     let flight = bodyflight_tests::program::written(folder, "flight.toml", &flight);
     let capture = bodyflight_verbs::airborne::Capture::read(Path::new(&flight)).expect("a capture");
-    let parts = bodyflight_verbs::airborne::parts(&capture).expect("parts");
-    let verdict = bodyflight_verbs::airborne::judged(&capture, &parts);
+    let verdict = bodyflight_verbs::airborne::judged(&capture);
     verdict.faults.iter().map(|fault| fault.kind).collect()
 }
 
-/// Jumps of segments are named in every capture, a tilt and a wrong rate in those that are a second in the air; a
-/// sensor mounted a few degrees off is named in none.
+/// Jumps of segments are named in every capture, a tilt and a wrong rate in those that are a second in the air. A segment
+/// that is mounted a few degrees off is named where the places of its joints were measured, and only there.
 #[test]
 fn planted_faults_are_named_and_clean_captures_are_not_blamed() {
     let folder = tempfile::tempdir().expect("a folder");
     let mut hits = Vec::new();
     for capture in captures(folder.path()) {
-        let clean = named(folder.path(), &capture, 1.0, |frame, _| *frame);
+        let clean = named(folder.path(), &capture, 1.0, false, |frame, _| *frame);
         assert!(clean.is_empty(), "{}: {clean:?}", capture.name);
         for (name, kind, rate, change) in FAULTS {
-            let found = named(folder.path(), &capture, rate, change);
+            let keeps_places = name == PLACES_KEPT;
+            let found = named(folder.path(), &capture, rate, keeps_places, change);
             println!("{} {name}: {found:?}", capture.name);
             if found.contains(&kind) {
                 hits.push(kind);
             }
+            // Whatever else is named would be wrong.
+            assert!(found.iter().all(|named| *named == kind), "{name}: {found:?}");
         }
     }
     let count = |kind: &str| hits.iter().filter(|hit| **hit == kind).count();
     // Of three captures with two jumps each, of two long ones with a tilt, of two long ones with two wrong rates.
     assert_eq!(count("step"), 6);
+    assert_eq!(count("mounting"), 3);
     assert!(count("tilt") >= 2 && count("rate") >= 3, "{hits:?}");
 }

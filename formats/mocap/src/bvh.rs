@@ -31,6 +31,9 @@ pub(crate) fn parse(text: &[u8]) -> Result<Tree> {
     })
 }
 
+/// Longest time from one frame to the next (s).
+const LONGEST_FRAME: f64 = 1.0;
+
 /// Lines with their numbers; blank lines are skipped.
 struct Lines<R> {
     input: R,
@@ -161,11 +164,17 @@ fn channel(lines: &Lines<impl BufRead>, name: &str) -> Result<Channel> {
     }
 }
 
+/// A finite number, also with a decimal comma.
+fn parsed(text: &str) -> Option<f64> {
+    let number: Option<f64> = text
+        .parse()
+        .or_else(|_| text.replace(',', ".").parse())
+        .ok();
+    number.filter(|number| number.is_finite())
+}
+
 fn number(lines: &Lines<impl BufRead>, text: &str) -> Result<f64> {
-    let number: Option<f64> = text.parse().ok();
-    number
-        .filter(|number| number.is_finite())
-        .ok_or_else(|| lines.problem(format!("expected a number, found \"{text}\"")))
+    parsed(text).ok_or_else(|| lines.problem(format!("expected a number, found \"{text}\"")))
 }
 
 /// Frames per second (Hz), and the numbers of all frames.
@@ -188,14 +197,18 @@ fn motion(lines: &mut Lines<impl BufRead>, channels: usize) -> Result<(f64, Vec<
             "expected a frame time above 0 s, found {frame_time}"
         )));
     }
+    if frame_time > LONGEST_FRAME {
+        return Err(lines
+            .problem(format!(
+                "expected a frame time of at most {LONGEST_FRAME} s, found {frame_time}"
+            ))
+            .help("it is in seconds: 0.0083333 for 120 frames per second"));
+    }
     let mut values = Vec::new();
     let mut read = 0;
     while let Some(words) = lines.next()? {
         let (count, before) = (words.len(), values.len());
-        values.extend(words.iter().filter_map(|word| {
-            let number: Option<f64> = word.parse().ok();
-            number.filter(|number| number.is_finite())
-        }));
+        values.extend(words.iter().filter_map(|word| parsed(word)));
         if values.len() - before != count {
             return Err(lines
                 .problem("expected numbers only")

@@ -17,6 +17,7 @@ const LIMBS: [(&str, &[&str]); 6] = [
             "arm",
             "upperarm",
             "uparm",
+            "uarm",
             "shldrbend",
             "shldr",
             "humerus",
@@ -30,6 +31,7 @@ const LIMBS: [(&str, &[&str]); 6] = [
             "forearm",
             "lowerarm",
             "lowarm",
+            "farm",
             "radius",
             "elbow",
         ],
@@ -52,6 +54,10 @@ const HEAD: [&str; 2] = ["head", "neck"];
 
 /// Prefixes that programs put before every name.
 const PREFIXES: [&str; 4] = ["mixamorig", "bip001", "bip01", "character1"];
+
+/// Fewest names that show what all have in common, and the shortest such ending.
+const FEWEST_NAMES: usize = 10;
+const SHORTEST_ENDING: usize = 3;
 
 /// The side of a joint and its bare name, in small letters without separators.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -109,7 +115,48 @@ impl Name {
                 (side, bare) = (Some(letter), rest.to_owned());
             }
         }
+        // Some rigs number the parts of a limb: the first stands for it.
+        let unnumbered = bare.trim_end_matches(|c: char| c.is_ascii_digit());
+        if unnumbered.len() < bare.len()
+            && LIMBS.iter().any(|(_, names)| names.contains(&unnumbered))
+        {
+            bare = unnumbered.to_owned();
+        }
         Self { side, bare }
+    }
+}
+
+/// What programs put before and after every name: the end of what all names begin with that is a separator, and the
+/// begin of a word that all end with.
+fn shared(names: &[&str]) -> [usize; 2] {
+    let Some((first, rest)) = names.split_first().filter(|_| names.len() >= FEWEST_NAMES) else {
+        return [0, 0];
+    };
+    let same = |alike: fn(&str, &str) -> usize| {
+        rest.iter()
+            .map(|name| alike(first, name))
+            .min()
+            .unwrap_or(0)
+    };
+    let begin = same(|a, b| a.bytes().zip(b.bytes()).take_while(|(a, b)| a == b).count());
+    let end = same(|a, b| {
+        let both = a.bytes().rev().zip(b.bytes().rev());
+        both.take_while(|(a, b)| a == b).count()
+    });
+    let begin = first
+        .get(..begin)
+        .and_then(|same| same.rfind(|c: char| c.is_ascii() && !c.is_alphanumeric()))
+        .map_or(0, |at| at + 1);
+    let is_word = |same: &&str| same.len() >= SHORTEST_ENDING && same.is_ascii();
+    let end = first
+        .get(first.len() - end..)
+        .filter(is_word)
+        .map_or(0, str::len);
+    let is_longer = |name: &&str| name.len() > begin + end;
+    if names.iter().all(is_longer) {
+        [begin, end]
+    } else {
+        [0, 0]
     }
 }
 
@@ -162,7 +209,10 @@ impl Joints<'_> {
 
 /// The joint of each segment; `None` if the skeleton is not understood.
 fn joints(bvh: &Tree) -> Option<BTreeMap<Segment, usize>> {
-    let names = bvh.joints.iter().map(|joint| Name::of(&joint.name));
+    let all: Vec<&str> = bvh.joints.iter().map(|joint| joint.name.as_str()).collect();
+    let [begin, end] = shared(&all);
+    let names =
+        (all.iter()).map(|name| Name::of(name.get(begin..name.len() - end).unwrap_or(name)));
     let joints = Joints {
         bvh,
         names: names.collect(),
@@ -256,9 +306,29 @@ mod tests {
             ("lfemur", Some('l'), "femur"),
             ("lowerneck", None, "lowerneck"),
             ("Hips", None, "hips"),
+            ("LUArm", Some('l'), "uarm"),
+            ("upperleg01.L", Some('l'), "upperleg"),
+            ("Spine1", None, "spine1"),
         ] {
             let name = Name::of(joint);
             assert_eq!((name.side, name.bare.as_str()), (side, bare), "{joint}");
         }
+    }
+
+    #[test]
+    fn what_all_names_have_in_common_says_nothing() {
+        let parts = [
+            "Hips", "Spine", "Head", "L_Arm", "R_Arm", "L_Hand", "R_Hand", "L_Leg", "R_Leg", "Neck",
+        ];
+        let named = |name: fn(&str) -> String| {
+            let names: Vec<String> = parts.iter().map(|part| name(part)).collect();
+            shared(&names.iter().map(String::as_str).collect::<Vec<_>>())
+        };
+        assert_eq!(named(|part| part.to_owned()), [0, 0]);
+        assert_eq!(named(|part| format!("J_Bip_{part}")), [6, 0]);
+        assert_eq!(named(|part| format!("{part}Joint")), [0, 5]);
+        // A few names may begin alike by chance.
+        assert_eq!(shared(&["L_Arm", "L_Leg"]), [0, 0]);
+        assert_eq!(shared(&[]), [0, 0]);
     }
 }

@@ -16,6 +16,8 @@ pub const BRIDGE: f64 = 0.1;
 /// exchanging the points back.
 const JUMP: f64 = 0.05;
 const REMAINS: f64 = 0.3;
+/// Ratio of the lengths of all bones of two points that tells which way they are exchanged.
+const CLEAR: f64 = 0.99;
 /// Relative and absolute change of a length (m) that a rigid segment with markers on the skin does not show.
 const STRETCH: f64 = 0.2;
 const LEAST_STRETCH: f64 = 0.03;
@@ -192,8 +194,11 @@ impl Points<'_> {
         }
         let mut faults = Vec::new();
         for (pair, mut rows) in exchanged {
-            // If most of the file were exchanged, the rest is.
-            if 2 * rows.len() > self.rows() {
+            // Bones that lead to the right points are shorter. If that does not tell, the smaller part is exchanged.
+            let [kept, crossed] = [false, true].map(|crosses| self.total(&pair, crosses));
+            let is_most = 2 * rows.len() > self.rows();
+            let is_rest = crossed < CLEAR * kept || is_most && kept >= CLEAR * crossed;
+            if is_rest {
                 for row in 0..self.rows() {
                     let [one, other] = pair.map(|marker| self.at(row, marker));
                     self.put(row, pair[0], other);
@@ -206,6 +211,27 @@ impl Points<'_> {
             faults.extend(self.runs(&rows, &pair, "are exchanged, and were exchanged back"));
         }
         faults
+    }
+
+    /// Length of all segments that end at one of two points, over all rows (m), perhaps with the points exchanged.
+    fn total(&self, pair: &[usize; 2], crosses: bool) -> f64 {
+        let other = |marker: usize| match pair.iter().position(|own| *own == marker) {
+            Some(at) if crosses => pair[1 - at],
+            _ => marker,
+        };
+        let concerned = |rod: &&Rod| rod.ends.iter().flatten().any(|own| pair.contains(own));
+        let rods: Vec<[Vec<usize>; 2]> = (self.rods.iter().filter(concerned))
+            .map(|rod| {
+                let [from, to] = &rod.ends;
+                [from, to].map(|end| end.iter().map(|marker| other(*marker)).collect())
+            })
+            .collect();
+        let lengths = (0..self.rows()).flat_map(|row| {
+            rods.iter().filter_map(move |[from, to]| {
+                Some((self.end(row, to)? - self.end(row, from)?).norm())
+            })
+        });
+        lengths.sum()
     }
 
     fn drop_stretched(&mut self) -> Vec<Fault> {
@@ -440,7 +466,13 @@ mod tests {
 
     #[test]
     fn exchanged_points_are_exchanged_back_and_named() {
-        for (rows, span) in [(30..90, "0.30 to 0.89 s"), (0..40, "0.00 to 0.39 s")] {
+        // The last is most of the file: the bones show which part is right.
+        let spans = [
+            (30..90, "0.30 to 0.89 s"),
+            (0..40, "0.00 to 0.39 s"),
+            (60..200, "0.60 to 1.99 s"),
+        ];
+        for (rows, span) in spans {
             for pair in [[4, 7], [4, 10]] {
                 let mut table = arm();
                 for row in rows.clone() {

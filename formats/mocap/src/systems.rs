@@ -128,6 +128,23 @@ const SYSTEMS: [System; 5] = [
 /// Bytes at the beginning of a text that show its format.
 const HEAD: usize = 4096;
 
+/// Text in UTF-16, as spreadsheets write it, in UTF-8; anything else as it is.
+fn utf_8(bytes: Vec<u8>) -> Vec<u8> {
+    let (rest, is_big) = match &bytes[..] {
+        [0xFF, 0xFE, rest @ ..] => (rest, false),
+        [0xFE, 0xFF, rest @ ..] => (rest, true),
+        _ => return bytes,
+    };
+    let units = rest.chunks_exact(2).map(|pair| match is_big {
+        true => u16::from_be_bytes([pair[0], pair[1]]),
+        false => u16::from_le_bytes([pair[0], pair[1]]),
+    });
+    let text: String = char::decode_utf16(units)
+        .map(|read| read.unwrap_or(char::REPLACEMENT_CHARACTER))
+        .collect();
+    text.into_bytes()
+}
+
 fn begins(bytes: &[u8], is: fn(&str) -> bool) -> bool {
     let head = bytes.get(..HEAD).unwrap_or(bytes);
     is(&String::from_utf8_lossy(head))
@@ -207,7 +224,7 @@ pub(crate) fn read(path: &Path) -> Result<core::result::Result<Content, Vec<u8>>
             warnings,
         )));
     }
-    let bytes = input::movement(path)?;
+    let bytes = utf_8(input::movement(path)?);
     if let Some(problem) = refused(&bytes) {
         return Err(problem.in_file(path));
     }
@@ -222,6 +239,20 @@ pub(crate) fn read(path: &Path) -> Result<core::result::Result<Content, Vec<u8>>
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn text_in_utf_16_is_read_in_either_order() {
+        let text = "HIERARCHY\u{e9}";
+        for (mark, bytes) in [
+            ([0xFF, 0xFE], u16::to_le_bytes as fn(u16) -> [u8; 2]),
+            ([0xFE, 0xFF], u16::to_be_bytes),
+        ] {
+            let wide = text.encode_utf16().flat_map(bytes);
+            let wide: Vec<u8> = mark.into_iter().chain(wide).collect();
+            assert_eq!(utf_8(wide), text.as_bytes());
+        }
+        assert_eq!(utf_8(b"PK\x03".to_vec()), b"PK\x03");
+    }
 
     #[test]
     fn formats_without_a_reader_are_named_with_what_to_do() {

@@ -224,7 +224,8 @@ impl Table {
         let before = self.values.len();
         for (cell, column) in cells.zip(0..) {
             let empty = cell.is_empty() || cell.eq_ignore_ascii_case("nan");
-            let value: f64 = match cell.parse() {
+            // Where commas do not separate cells, they may be those of decimals.
+            let value: f64 = match cell.parse().or_else(|_| cell.replace(',', ".").parse()) {
                 Ok(value) => value,
                 Err(_) if empty => f64::NAN,
                 Err(_) => {
@@ -405,6 +406,8 @@ mod tests {
         let csv = Table::parse("\u{feff}time_s;knee\n0;1.5\n# a remark\n0.1;\n").unwrap();
         assert_eq!((csv.rows(), csv.line(1)), (2, 4));
         assert!(csv.value(1, 1).is_nan());
+        let decimal_commas = Table::parse("time;knee\n0,00;1,5\n0,10;-2\n").unwrap();
+        assert_eq!(decimal_commas.value(0, 1).to_bits(), 1.5_f64.to_bits());
         let mot = Table::parse(
             "Coordinates\nversion=1\nnRows=2\ninDegrees=yes\nendheader\ntime\tknee\n0 \t 1\n0.1\t2\n",
         );

@@ -8,6 +8,9 @@ use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 use super::header::{Header, SegmentDefinition};
 
+/// Distance from a segment's origin within which a joint is there (m).
+const ORIGIN: f64 = 0.003;
+
 /// Frame in which a file gives the orientation of the arms.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ArmFrame {
@@ -55,6 +58,17 @@ pub struct Skeleton {
 struct Connector {
     segment: usize,
     point: Vector3<f64>,
+}
+
+/// The distance between the two points of a joint.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Gap {
+    /// Index of the inner segment.
+    pub segment: usize,
+    /// Where the joint is on it, in its axes (m).
+    pub lever: Vector3<f64>,
+    /// From there to the point of the outer segment, in the axes of the inner one (m).
+    pub gap: Vector3<f64>,
 }
 
 impl Skeleton {
@@ -130,6 +144,30 @@ impl Skeleton {
                 _ => (b.segment, f64::INFINITY),
             })
             .max_by(|a, b| a.1.total_cmp(&b.1))
+    }
+
+    /// The distances at all joints whose outer segment begins there, always in the same order. Orientations (w x y z) are
+    /// those of the T-pose.
+    pub fn gaps<'a>(
+        &'a self,
+        orientation: &'a [f64],
+        position: &'a [f64],
+    ) -> impl Iterator<Item = Gap> + 'a {
+        let place = |at: usize| {
+            let q = orientation.get(4 * at..4 * at + 4)?;
+            let p = position.get(3 * at..3 * at + 3)?;
+            let q = UnitQuaternion::new_normalize(Quaternion::new(q[0], q[1], q[2], q[3]));
+            Some((Vector3::from_column_slice(p), q))
+        };
+        let begins = |[_, outer]: &&[Connector; 2]| outer.point.norm() < ORIGIN;
+        self.joints.iter().filter(begins).filter_map(move |[a, b]| {
+            let ((from, attitude), (to, _)) = (place(a.segment)?, place(b.segment)?);
+            Some(Gap {
+                segment: a.segment,
+                lever: a.point,
+                gap: attitude.inverse() * (to - from) - a.point,
+            })
+        })
     }
 
     /// Converts orientations w x y z from ISB to T-pose arm axes.

@@ -1,17 +1,18 @@
 //! A recorded flight: posture and motion of the pelvis, frame by frame, from an MVNX file.
 //!
-//! Bad frames are never used silently. By default a short run of them is replaced by frames interpolated between its
-//! good neighbours (marked by [`FlightFrame::bridged`], counted in [`Quality`]); a longer run is an error that names
-//! file, line, frame and element. With [`BadFrames::Refuse`], the first bad frame is an error.
+//! Bad frames are never used silently. A short run is interpolated (marked by [`FlightFrame::bridged`], counted in
+//! [`Quality`]); a longer one, or any with [`BadFrames::Refuse`], is an error that names file, line, frame and element.
 
 mod bridge;
 mod frame;
+mod mounting;
 mod plausibility;
 mod warning;
 mod watch;
 
 pub use bridge::{BRIDGE_LIMIT, BadFrames, Quality};
 pub use frame::{FlightFrame, PelvisMotion};
+pub use mounting::Mounting;
 
 use std::collections::VecDeque;
 use std::io::BufRead;
@@ -58,6 +59,7 @@ pub struct Recording<R: BufRead> {
     closure_error: f64,
     bridge: bridge::Bridge,
     watch: watch::Watch,
+    mountings: mounting::Mountings,
     /// Velocities that replace the suit's.
     velocities: Option<Velocities>,
     finished: bool,
@@ -150,6 +152,7 @@ impl<R: BufRead> Recording<R> {
             closure_error,
             bridge,
             watch: watch::Watch::new(frame_rate),
+            mountings: mounting::Mountings::default(),
             velocities: None,
             finished: false,
         })
@@ -178,9 +181,16 @@ impl<R: BufRead> Recording<R> {
         self
     }
 
+    /// Segments whose attitude is off by a constant angle in the frames read so far, the worst first.
+    pub fn mountings(&self) -> Vec<Mounting> {
+        self.mountings
+            .found(|at| Some(self.header().segments.get(at)?.label.as_str()))
+    }
+
     /// Whatever is implausible for a flight in the frames read so far.
     pub fn warnings(&self) -> Vec<Warning> {
         let mut warnings = self.watch.warnings();
+        warnings.extend(self.mountings().iter().map(Mounting::warning));
         let props = self.header().segments.iter().map(|segment| &segment.label);
         let props = props.filter(|label| MvnSegment::ALL.iter().all(|own| own.label() != *label));
         for prop in props {
@@ -257,11 +267,8 @@ impl<R: BufRead> Recording<R> {
 
     /// The joint that closes worst in a frame whose arms have the convention of the T-pose.
     fn worst_joint(&self, frame: &Frame) -> Option<OpenJoint> {
-        let orientation = frame.numbers(Field::Orientation)?;
-        let position = frame.numbers(Field::Position)?;
-        let (segment, apart) = self
-            .skeleton
-            .worst_joint(orientation, position, ArmFrame::TPose)?;
+        let [turned, placed] = [Field::Orientation, Field::Position].map(|of| frame.numbers(of));
+        let (segment, apart) = (self.skeleton).worst_joint(turned?, placed?, ArmFrame::TPose)?;
         let label = (apart > JOINT_LIMIT).then(|| self.header().segments.get(segment))??;
         Some(OpenJoint {
             segment: label.label.clone(),
@@ -295,9 +302,9 @@ impl<R: BufRead> Recording<R> {
             } else if let Some(flight) = self.flight_frame(&mut frame) {
                 let joint = self.worst_joint(&frame);
                 self.watch.see(&flight, frame.written_time, joint);
+                self.mountings.see_frame(&self.skeleton, &frame);
                 self.bridge.good(flight)?;
             } else {
-                // Not expected: a frame without these elements has a fault.
                 self.bridge.bad(Fault {
                     index: frame.index,
                     line: frame.line,

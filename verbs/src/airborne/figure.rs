@@ -1,8 +1,10 @@
 //! Height of the centre of mass and angular momentum over time, with the phases in the air.
 
+use super::blocks::states;
 use super::{Capture, Report};
 use crate::output::plot::{Curve, MODEL_PARTS, Panel, figure_svg};
 use bodyflight_io::diagnostic::Result;
+use nalgebra::Vector3;
 
 /// Draws a capture.
 ///
@@ -17,16 +19,23 @@ pub fn svg(title: &str, capture: &Capture, report: &Report) -> Result<String> {
             .iter()
             .any(|phase| within(phase.begin_s, phase.length_s))
     };
-    let centres = capture.centres();
-    let times = capture.times();
-    let heights: Vec<(f64, f64)> = (times.iter().copied())
-        .zip(centres.iter().map(|centre| centre.z))
-        .collect();
+    let heights = &capture.heights.points;
     let aloft = heights.iter().copied().filter(|(time, _)| in_air(*time));
+    let aloft_momenta: Vec<(f64, Vector3<f64>)> = (capture.parts.iter())
+        .flat_map(|part| {
+            let times = part.recorded.samples.iter().map(|sample| sample.time);
+            let states = states(&part.recorded);
+            let momenta = states
+                .into_iter()
+                .map(|state| state.angular_momentum.components);
+            times.zip(momenta).collect::<Vec<_>>()
+        })
+        .collect();
     let momenta = |axis: usize| {
-        let states = times.iter().zip(&capture.states);
-        let values = states.map(|(time, state)| (*time, state.angular_momentum.components[axis]));
-        values.filter(|(time, _)| in_air(*time)).collect()
+        let values = aloft_momenta.iter();
+        values
+            .map(|(time, momentum)| (*time, momentum[axis]))
+            .collect()
     };
     let named = |line: &crate::output::plot::Line, label: &'static str| crate::output::plot::Line {
         label,

@@ -10,7 +10,7 @@ use super::phases::Parabola;
 const LEAST_NOISE: f64 = 5e-4;
 /// Error of the centre of mass relative to the body (m) that changes within a phase: tables of segments do not know the
 /// person's own masses, and no frame shows that error by itself.
-const BODY: f64 = 0.006;
+const BODY: f64 = 0.004;
 /// Angular momentum (kg m2/s) below which a drift in percent says nothing.
 const SMALL: f64 = 1.0;
 

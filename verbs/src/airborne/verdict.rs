@@ -1,6 +1,8 @@
 //! What the phases say of the capture.
 
+use bodyflight_core::Segment;
 use bodyflight_core::air::GRAVITY;
+use bodyflight_mvnx::recording::{Mounting, Warning};
 use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -13,13 +15,19 @@ use super::steps::Step;
 const SURE: f64 = 3.0;
 const LEAST_TILT: f64 = 0.0105;
 const LEAST_G: f64 = 0.025;
-/// Median drift of the angular momentum over a phase (percent) that measurement does not explain.
+/// Median drift of the angular momentum over a phase that measurement does not explain: in percent, and (kg m2/s) where
+/// the body hardly rotates. The mass distribution of a default person gives up to 4.6 in jumps.
 const LEAST_DRIFT: f64 = 20.0;
+const LEAST_DRIFT_NMS: f64 = 6.0;
+/// Lowest frame rate whose differences hold the momentum of limbs (Hz).
+const SLOW: f64 = 50.0;
+/// Distance from the median acceleration, in standard errors, beyond which a phase counts less.
+const FAR: f64 = 3.0;
 
 /// A fault of the capture.
 #[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
 pub struct Fault {
-    /// `tilt`, `rate`, `step` or `momentum`.
+    /// `tilt`, `rate`, `step`, `mounting`, `recording` or `momentum`.
     pub kind: &'static str,
     /// In a sentence, with size and error bar.
     pub message: String,
@@ -48,7 +56,13 @@ pub struct Verdict {
 
 /// Weighted mean of the accelerations (m/s2), and the standard error of a component.
 pub(crate) fn combined(falls: &[Fall]) -> Option<(Vector3<f64>, f64)> {
-    let weight = |fall: &Fall| fall.standard_error_mps2.powi(-2);
+    let middle = median(falls);
+    // A phase with a glitch or a touch in it must not decide.
+    let weight = |fall: &Fall| {
+        let error = fall.standard_error_mps2;
+        let apart = (Vector3::from(fall.acceleration_mps2) - middle).norm() / error;
+        (FAR / apart.max(FAR)).powi(2) / (error * error)
+    };
     let total: f64 = falls.iter().map(weight).sum();
     if falls.is_empty() || !total.is_normal() {
         return None;
@@ -71,10 +85,50 @@ pub(crate) fn combined(falls: &[Fall]) -> Option<(Vector3<f64>, f64)> {
     Some((mean, (inflation / total).sqrt()))
 }
 
+/// Median of each component of the accelerations (m/s2).
+fn median(falls: &[Fall]) -> Vector3<f64> {
+    Vector3::from_fn(|axis, _| {
+        let mut parts: Vec<f64> = falls
+            .iter()
+            .map(|fall| fall.acceleration_mps2[axis])
+            .collect();
+        parts.sort_by(f64::total_cmp);
+        let middle = parts.len() / 2;
+        let upper = parts.get(middle).copied().unwrap_or(0.0);
+        let lower = parts
+            .get(parts.len().saturating_sub(1) / 2)
+            .copied()
+            .unwrap_or(upper);
+        0.5 * (lower + upper)
+    })
+}
+
+/// Drifts of the angular momentum (percent) in ascending order; small ones count as no more than the limit.
+fn drifts(momenta: &[Momentum]) -> Vec<f64> {
+    let mut drifts: Vec<f64> = momenta
+        .iter()
+        .map(|momentum| {
+            let percent = momentum.drift_percent.unwrap_or(0.0);
+            if momentum.drift_nms > LEAST_DRIFT_NMS {
+                percent
+            } else {
+                percent.min(LEAST_DRIFT)
+            }
+        })
+        .collect();
+    drifts.sort_by(f64::total_cmp);
+    drifts
+}
+
 impl Verdict {
-    /// Judges the falls and angular momenta of all phases, and jumps of segments, in a capture of that frame rate (Hz).
-    pub(super) fn of(falls: &[Fall], momenta: &[Momentum], steps: Vec<Step>, rate: f64) -> Self {
-        let mut faults: Vec<Fault> = steps.into_iter().map(step).collect();
+    /// Judges the falls and angular momenta of all phases in a capture of that frame rate (Hz), with other faults that were
+    /// found.
+    pub(super) fn of(
+        falls: &[Fall],
+        momenta: &[Momentum],
+        mut faults: Vec<Fault>,
+        rate: f64,
+    ) -> Self {
         let Some((mean, error)) = combined(falls) else {
             let jumps = sentence(&faults);
             return Self {
@@ -108,14 +162,10 @@ impl Verdict {
                 time_s: None,
             });
         }
-        let mut drifts: Vec<f64> = momenta
-            .iter()
-            .filter_map(|momentum| momentum.drift_percent)
-            .collect();
-        drifts.sort_by(f64::total_cmp);
+        let drifts = drifts(momenta);
         if let Some(drift) = drifts
             .get(drifts.len() / 2)
-            .filter(|drift| **drift > LEAST_DRIFT)
+            .filter(|drift| **drift > LEAST_DRIFT && rate >= SLOW)
         {
             faults.push(Fault {
                 kind: "momentum",
@@ -168,7 +218,29 @@ fn sentence(faults: &[Fault]) -> String {
         .collect()
 }
 
-fn step(step: Step) -> Fault {
+pub(super) fn mounted(mounting: &Mounting) -> Fault {
+    Fault {
+        kind: "mounting",
+        message: mounting.message(),
+        segments: vec![mounting.segment],
+        time_s: None,
+    }
+}
+
+/// A fault that the recording shows by itself.
+pub(super) fn contradiction(warning: &Warning) -> Fault {
+    let known = |segment: &Segment| Some(segment.name()) == warning.segment.as_deref();
+    Fault {
+        kind: "recording",
+        message: warning.message.clone(),
+        segments: (Segment::ALL.iter().filter(|segment| known(segment)))
+            .map(|segment| segment.name())
+            .collect(),
+        time_s: warning.span_s.map(|[begin, _]| begin),
+    }
+}
+
+pub(super) fn step(step: &Step) -> Fault {
     let names: Vec<&'static str> = step
         .segments
         .iter()

@@ -1,7 +1,7 @@
 //! What the body does for most of a recording, from positions and attitudes alone.
 
 use bodyflight_core::Segment;
-use nalgebra::Vector3;
+use nalgebra::{UnitQuaternion, Vector3};
 
 use bodyflight_mvnx::recording::FlightFrame;
 
@@ -13,12 +13,15 @@ const FALLS: f64 = 8.0;
 const STILL: f64 = 0.15;
 const WALKS: f64 = 0.4;
 const RUNS: f64 = 2.6;
+/// Rotation of the pelvis that no walk or run has (rad/s).
+const TUMBLES: f64 = 4.0;
 /// Cosine of the angle to the vertical below which a trunk is not upright, and bend of the knees that sit (rad).
 const UPRIGHT: f64 = 0.7;
 const SITS: f64 = 1.2;
 
 /// Names of activities, in the order of [`Activities::times`].
-const NAMES: [&str; 7] = [
+const NAMES: [&str; 8] = [
+    "tumbles",
     "falls",
     "stands",
     "sits",
@@ -31,7 +34,7 @@ const NAMES: [&str; 7] = [
 /// Time spent on each activity.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Activities {
-    begin: Option<(f64, Vector3<f64>)>,
+    begin: Option<(f64, Vector3<f64>, UnitQuaternion<f64>)>,
     times: [f64; NAMES.len()],
     moved: bool,
 }
@@ -39,30 +42,34 @@ pub(super) struct Activities {
 impl Activities {
     pub(super) fn see(&mut self, frame: &FlightFrame) {
         let here = frame.pelvis.position.components;
-        let (time, from) = *self.begin.get_or_insert((frame.time, here));
+        let attitude = *frame.pelvis.inertial_from_body.quaternion();
+        let (time, from, turned) = *(self.begin).get_or_insert((frame.time, here, attitude));
         let duration = frame.time - time;
         if duration < PIECE {
             return;
         }
         self.moved |= here != from;
-        self.begin = Some((frame.time, here));
+        self.begin = Some((frame.time, here, attitude));
         let velocity = (here - from) / duration;
         let level = velocity.xy().norm();
-        let up = frame.pelvis.inertial_from_body.quaternion() * Vector3::z();
+        let up = attitude * Vector3::z();
+        let turns = attitude.angle_to(&turned) / duration;
         let bent = |shank: Segment| frame.posture.parent_from_segment(shank).angle();
         let at = if velocity.z < -FALLS {
+            1
+        } else if turns > TUMBLES {
             0
         } else if velocity.norm() < STILL && up.z < UPRIGHT {
-            3
+            4
         } else if velocity.norm() < STILL {
             let sits = bent(Segment::LeftShank).min(bent(Segment::RightShank)) > SITS;
-            if sits { 2 } else { 1 }
+            if sits { 3 } else { 2 }
         } else if level < WALKS {
-            4
-        } else if level < RUNS {
             5
-        } else {
+        } else if level < RUNS {
             6
+        } else {
+            7
         };
         self.times[at] += duration;
     }
@@ -86,9 +93,12 @@ mod tests {
     use bodyflight_core::Posture;
     use bodyflight_core::frame::{Rotation, Vector};
     use bodyflight_mvnx::recording::PelvisMotion;
-    use nalgebra::UnitQuaternion;
 
     fn does(velocity: Vector3<f64>, lean: f64, knees: f64) -> Option<&'static str> {
+        turning(velocity, lean, knees, 0.0)
+    }
+
+    fn turning(velocity: Vector3<f64>, lean: f64, knees: f64, rate: f64) -> Option<&'static str> {
         let mut activities = Activities::default();
         for index in 0..200_u64 {
             let time = index as f64 / 100.0;
@@ -102,7 +112,7 @@ mod tests {
                 pelvis: PelvisMotion {
                     inertial_from_body: Rotation::from_quaternion(UnitQuaternion::from_axis_angle(
                         &Vector3::x_axis(),
-                        lean,
+                        lean + rate * time,
                     )),
                     position: Vector::from_components(velocity * time + sway),
                     velocity: None,
@@ -127,5 +137,7 @@ mod tests {
         ] {
             assert_eq!(does(velocity, lean, knees), Some(name));
         }
+        let level = Vector3::new(1.0, 0.0, 1.0);
+        assert_eq!(turning(level, 0.1, 0.3, 6.0), Some("tumbles"));
     }
 }

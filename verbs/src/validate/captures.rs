@@ -19,7 +19,7 @@ use super::bundled;
 use super::windows::{self, Row, predicted};
 use crate::airborne::physics::Fall;
 use crate::airborne::verdict::combined;
-use crate::airborne::{Capture, Part, parts};
+use crate::airborne::{Capture, Part};
 use crate::import::{Request, import};
 
 /// Length of the windows that are predicted (s).
@@ -191,7 +191,7 @@ impl Entry {
         } else {
             Capture::read(&self.file)?
         };
-        let mut parts = parts(&capture)?;
+        let mut parts = capture.into_parts();
         if let Some(phases) = &self.phases {
             let middle = |part: &Part| part.begin_s + 0.5 * part.length_s;
             let is_listed = |part: &Part| {

@@ -18,6 +18,8 @@ use bodyflight_replay::start::{Noise, SMOOTHED_OVER, fitted};
 /// flights they are further apart.
 const STRIDE: f64 = 0.06;
 const MOST_WINDOWS: f64 = 100.0;
+/// Time by which a window may be shorter (s).
+const ENDS_EARLY: f64 = 1e-3;
 
 /// A model, or a part of it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -114,11 +116,14 @@ fn windows(flight: &Recorded, length: f64) -> Vec<[usize; 2]> {
         return windows;
     };
     let stride = STRIDE.max((end.time - begin.time - length) / MOST_WINDOWS);
+    // A window ends at a frame: at the rate of video, up to half a frame earlier.
+    let intervals = flight.samples.len().saturating_sub(1).max(1) as f64;
+    let slack = ENDS_EARLY.max(0.51 * (end.time - begin.time) / intervals);
     let mut start = 0.0;
     loop {
         let first = flight.frame_at(0, start);
         let last = flight.frame_at(first, length);
-        if flight.samples[last].time - flight.samples[first].time < length - 1e-3 {
+        if flight.samples[last].time - flight.samples[first].time < length - slack {
             return windows;
         }
         windows.push([first, last]);

@@ -78,6 +78,12 @@ impl Agreement {
     }
 }
 
+/// Correlation of displacements and velocities below which they do not belong together.
+const ASKEW: f64 = 0.5;
+/// Distance between displacement and velocity in one frame that is a jump (m), and the least number of frames for each.
+const JUMPS: f64 = 0.3;
+const SELDOM: u64 = 30;
+
 /// Rotation since a frame, according to the angular velocities (rad).
 #[derive(Debug, Clone, Copy)]
 struct Turn {
@@ -115,6 +121,9 @@ pub(super) struct Watch {
     /// Path length according to the positions, and to the velocities (m).
     lengths: [f64; 2],
     up: f64,
+    /// Time (s) and size (m) of the first jump of the pelvis that its velocity does not explain, and their number.
+    jump: Option<(f64, f64)>,
+    jumps: u64,
     segments: Plausibility,
 }
 
@@ -196,6 +205,11 @@ impl Watch {
         if let Some(velocity) = mean(before.velocity, now.velocity) {
             let moved = now.position.components - before.position.components;
             self.ways.add(&moved, &(velocity * duration));
+            let jump = (moved - velocity * duration).norm();
+            if jump > JUMPS {
+                self.jumps += 1;
+                self.jump.get_or_insert((frame.time, moved.norm()));
+            }
             self.lengths[0] += moved.norm();
             self.lengths[1] += velocity.norm() * duration;
             self.up += velocity.z * duration;
@@ -238,8 +252,12 @@ impl Watch {
             );
         }
         if let Some((frame, message)) = self.rates().or_else(|| self.directions()) {
-            warn(frame, message);
+            warnings.push(Warning {
+                is_fault: self.rates_are_useless(),
+                ..Warning::new(frame, message)
+            });
         }
+        let mut warn = |frame: u64, message: String| warnings.push(Warning::new(frame, message));
         if duration > 0.0 && self.up / duration > RISES {
             warn(
                 last.index,
@@ -280,6 +298,12 @@ impl Watch {
         self.turns >= LEAST_TURNS && (self.global.expected / count).sqrt() > TURNS
     }
 
+    /// Whether the angular velocities are empty or in degrees: nothing computed from them is right.
+    fn rates_are_useless(&self) -> bool {
+        self.global.found < NONE * NONE * self.global.expected
+            || DEGREES.contains(&self.global.scale())
+    }
+
     /// Angular velocities in the wrong unit.
     fn rates(&self) -> Option<(u64, String)> {
         let (frame, fastest) = self.fastest.filter(|_| self.is_turning())?;
@@ -309,7 +333,9 @@ impl Watch {
         if correlation > 0.5 && !fits_segment {
             return None;
         }
-        let what = if fits_segment {
+        let what = if self.rates_are_useless() {
+            "they are empty"
+        } else if fits_segment {
             "they match in segment axes; expected global axes"
         } else if correlation < -SAME {
             "they rotate the other way: expected quaternions w x y z from segment to global axes"
@@ -340,6 +366,17 @@ impl Watch {
         if by_velocities < NONE * by_positions || by_positions < NONE * by_velocities {
             return Some(format!(
                 "the body moves {by_positions:.1} m by positions, {by_velocities:.1} m by velocities: one of them is empty"
+            ));
+        }
+        if let Some((time, jump)) = self.jump.filter(|_| SELDOM * self.jumps < self.frames) {
+            return Some(format!(
+                "the body jumps by {jump:.2} m in one frame at {time:.3} s, {} times in all, against its velocity",
+                self.jumps
+            ));
+        }
+        if correlation < ASKEW {
+            return Some(format!(
+                "positions and velocities point in different directions (correlation {correlation:.2}): two axes of one of them are exchanged"
             ));
         }
         let apart = by_velocities / by_positions.max(f64::MIN_POSITIVE);
@@ -433,6 +470,28 @@ mod tests {
             frame.pelvis.velocity.as_mut().unwrap().components *= -1.0;
         });
         assert!(says(&against, "opposite directions"), "{against:?}");
+
+        let exchanged = watched(300, |frame| {
+            let velocity = &mut frame.pelvis.velocity.as_mut().unwrap().components;
+            velocity.swap_rows(0, 2);
+        });
+        assert!(says(&exchanged, "different directions"), "{exchanged:?}");
+
+        let jumps = watched(300, |frame| {
+            if frame.index >= 150 {
+                frame.pelvis.position.components.x += 1.0;
+            }
+        });
+        assert!(
+            says(&jumps, "in one frame at 1.500 s, 1 times"),
+            "{jumps:?}"
+        );
+
+        let empty = watched(300, |frame| {
+            frame.pelvis.angular_velocity = Some(Vector::zero());
+        });
+        assert!(says(&empty, "they are empty"), "{empty:?}");
+        assert!(empty.iter().any(|warning| warning.is_fault), "{empty:?}");
 
         let lost = watched(300, |frame| {
             if frame.index >= 150 {
