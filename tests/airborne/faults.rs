@@ -139,7 +139,10 @@ fn mounted(frame: &FlightFrame) -> FlightFrame {
 /// The text of a recording with the places of another one of the same frames.
 fn with_places(text: &str, of: &str) -> String {
     let (begin, end) = ("<position>", "</position>");
-    let mut places = of.split(begin).skip(1).filter_map(|part| part.split_once(end));
+    let mut places = of
+        .split(begin)
+        .skip(1)
+        .filter_map(|part| part.split_once(end));
     let mut parts = text.split(begin);
     let mut merged = parts.next().unwrap_or_default().to_owned();
     for part in parts {
@@ -222,7 +225,10 @@ fn planted_faults_are_named_and_clean_captures_are_not_blamed() {
                 hits.push(kind);
             }
             // Whatever else is named would be wrong.
-            assert!(found.iter().all(|named| *named == kind), "{name}: {found:?}");
+            assert!(
+                found.iter().all(|named| *named == kind),
+                "{name}: {found:?}"
+            );
         }
     }
     let count = |kind: &str| hits.iter().filter(|hit| **hit == kind).count();
