@@ -73,13 +73,6 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
             .joined(measured, &prediction.motion, &self.trail, self.duration);
         let measured = self.climb.with_rate(&measured, self.duration);
         self.repeats.take(&measured.motion, self.duration);
-        let attitude = measured.motion.inertial_from_body;
-        let spin = measured.motion.angular_velocity;
-        self.pace.take(
-            attitude.as_ref().map(Rotation::quaternion),
-            spin.map(|spin| spin.components),
-            self.duration,
-        );
         self.constants.concern(&measured);
         let updraft = self.dynamics.air.velocity.up();
         self.support
@@ -99,6 +92,14 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
                 followed &= done;
             }
         }
+        // What is rejected tells nothing of the rate.
+        let is_fused = self.channels[..RATE_CHANNELS.end].iter().all(|c| c.fused);
+        let attitude = measured.motion.inertial_from_body.filter(|_| is_fused);
+        self.pace.take(
+            attitude.as_ref().map(Rotation::quaternion),
+            measured.motion.angular_velocity.map(|spin| spin.components),
+            self.duration,
+        );
         self.watch.suspect = self.rejections.iter().any(Rejection::is_suspect);
         self.watch.pace = self.pace.wrong();
         self.watch.pass(fused, self.duration);

@@ -3,7 +3,7 @@
 use nalgebra::{SVector, Vector3};
 
 use super::sensors::{Barometer, Gyroscope, ReceiverVelocity, SpecificForce};
-use super::state::{ATTITUDE, FlightState, SPIN, STATES, VELOCITY, turn_between};
+use super::state::{ATTITUDE, FlightState, MOTION_STATES, SPIN, STATES, VELOCITY, turn_between};
 use crate::dynamics::Motion;
 use crate::dynamics::interval::Interval;
 use crate::frame::{Body, Inertial, Rotation, Vector};
@@ -80,6 +80,11 @@ impl Noise<f32> {
 }
 
 impl<T: Real> Noise<T> {
+    /// Returns the variances of a motion measured at rest, in the order of the error coordinates.
+    pub fn motion_variances(&self) -> [T; MOTION_STATES] {
+        [0, 1, 2, 6, 7, 8, 3, 4, 5].map(|channel| self.variance(channel, &Vector3::zeros()))
+    }
+
     /// Returns the variance of a channel for a body rotating at `spin` (rad/s, body axes).
     ///
     /// Recordings give the angular velocity in inertial axes. The measured attitude rotates it into body axes, so an

@@ -4,8 +4,7 @@ use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 use super::measurement::Noise;
 use super::state::{
-    ATTITUDE, DAMPING, INPUT_STATES, MOTION_STATES, MUSCLE, RESIDUAL_FORCE, RESIDUAL_MOMENT, SPIN,
-    STATES, VELOCITY,
+    DAMPING, INPUT_STATES, MUSCLE, RESIDUAL_FORCE, RESIDUAL_MOMENT, SPIN, STATES, VELOCITY,
 };
 use crate::estimator::preset::SAMPLE_RATE;
 use crate::estimator::unscented::SettingsError;
@@ -350,26 +349,10 @@ impl<T: Real> Process<T> {
         self.spread
     }
 
-    /// Returns the variances of a motion measured with these errors.
-    pub fn start_variances(noise: &Noise<T>) -> [T; MOTION_STATES] {
-        let mut variances = [T::zero(); MOTION_STATES];
-        let [north, up] = [noise.horizontal_velocity, noise.vertical_velocity];
-        for (first, deviations) in [
-            (ATTITUDE, [noise.attitude; 3]),
-            (VELOCITY, [north, north, up]),
-            (SPIN, [noise.angular_velocity; 3]),
-        ] {
-            for (k, deviation) in deviations.into_iter().enumerate() {
-                variances[first + k] = deviation * deviation;
-            }
-        }
-        variances
-    }
-
     /// Returns the initial covariance for a motion measured with these errors and inputs that are not yet observed.
     pub fn start(&self, noise: &Noise<T>) -> SMatrix<T, STATES, STATES> {
         let mut covariance = SMatrix::<T, STATES, STATES>::zeros();
-        for (k, variance) in Self::start_variances(noise).into_iter().enumerate() {
+        for (k, variance) in noise.motion_variances().into_iter().enumerate() {
             covariance[(k, k)] = variance;
         }
         for k in 0..6 {

@@ -6,7 +6,6 @@ use super::held::Held;
 use super::measurement::CHANNELS;
 use super::recovery::Recovery;
 use super::rejection::Rejection;
-use super::settings::Process;
 use super::state::inputs_of;
 use super::support::Support;
 use super::trail::Trail;
@@ -40,7 +39,7 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
             self.state.inputs = inputs_of(&self.process.centre());
             covariance::renew_inputs(&mut self.factors, &self.process);
         }
-        covariance::renew_motion(&mut self.factors, &Process::start_variances(&self.noise));
+        covariance::renew_motion(&mut self.factors, &self.noise.motion_variances());
         self.constants.disconnect();
         self.trail = Trail::new();
         self.held = Held::none();

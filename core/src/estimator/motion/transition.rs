@@ -114,8 +114,8 @@ fn load_columns<T: Real>(
     let loads = interval.unit_loads(dynamics, velocity, &middle.spin, density);
     let damping = start.inputs.damping.to_vector() * loads.damping;
     // The step turns the body at its mean angular velocity.
-    let turn = turn_between(&start.motion.inertial_from_body, &end.inertial_from_body);
-    let mean_spin = turn / duration;
+    let turned = turn_between(&start.motion.inertial_from_body, &end.inertial_from_body);
+    let mean_spin = turned / duration;
     let pressure = T::of(0.5) * density * velocity.norm_squared();
     let push = middle.inertial_from_middle.matrix() * (duration / interval.mass());
     let turns = turns_by_moments(interval, end, &middle, &damping, duration);
