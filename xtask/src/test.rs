@@ -33,8 +33,9 @@ pub(crate) fn test() -> Result<()> {
     on_target()?;
     f405(false)?;
     hil(SECONDS_OF_STREAM)?;
-    python()?;
-    viewer::test()
+    // It installs the browser, which an example of the Python package needs too.
+    viewer::test()?;
+    python()
 }
 
 /// The tests that cargo runs. They go on after a failure, so that one run shows all failures, and end with the number of

@@ -376,7 +376,7 @@ impl Watch {
         }
         if correlation < ASKEW {
             return Some(format!(
-                "positions and velocities point in different directions (correlation {correlation:.2}): two axes of one of them are exchanged"
+                "positions and velocities point in different directions (correlation {correlation:.2}): two axes of one of them are exchanged, or they are not of the same time"
             ));
         }
         let apart = by_velocities / by_positions.max(f64::MIN_POSITIVE);
