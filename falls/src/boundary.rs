@@ -8,6 +8,7 @@ use bodyflight_core::air::GRAVITY;
 use nalgebra::{Matrix3, Vector3};
 
 use crate::atmosphere::Atmosphere;
+use crate::force::{drag_factor, specific_force};
 use crate::{Sample, connected, median, slopes};
 
 /// A moment at which one phase becomes another.
@@ -146,7 +147,7 @@ fn intervals(part: &[Sample], near: f64, glides: bool) -> Vec<(f64, f64, f64)> {
         }
         let density = Atmosphere::Standard.density(pair[0].height());
         let pressure = 0.5 * density * velocity.norm() * speed(&velocity);
-        let force = (pair[1].velocity - pair[0].velocity) / duration + Vector3::z() * GRAVITY;
+        let force = specific_force(&((pair[1].velocity - pair[0].velocity) / duration));
         let braking = if glides {
             -force.dot(&velocity) / velocity.norm().max(1.0)
         } else {
@@ -242,10 +243,7 @@ fn least_braked(part: &[Sample], near: f64) -> f64 {
         if sample.time > near {
             continue;
         }
-        let force = acceleration + Vector3::z() * GRAVITY;
-        let density = Atmosphere::Standard.density(sample.height());
-        let speed = sample.velocity.norm().max(1.0);
-        let drag = -force.dot(&sample.velocity) / (0.5 * density * speed.powi(3));
+        let drag = drag_factor(sample, acceleration);
         if drag < least.1 {
             least = (sample.time, drag);
         } else if drag > least.1 + ANOTHER {
@@ -307,12 +305,9 @@ pub fn exit_in_gap(samples: &[Sample], before: usize, after: usize) -> Option<Bo
 fn drag_after(samples: &[Sample]) -> Option<f64> {
     let begin = samples.first()?.time;
     let part = connected(samples, begin, [begin, begin + 8.0]);
-    let factors = part.iter().zip(slopes(part, 0.5)).map(|(sample, slope)| {
-        let force = slope + Vector3::z() * GRAVITY;
-        let density = Atmosphere::Standard.density(sample.height());
-        let speed = sample.velocity.norm().max(1.0);
-        -force.dot(&sample.velocity) / (0.5 * density * speed.powi(3))
-    });
+    let slopes = slopes(part, 0.5);
+    let factors = part.iter().zip(&slopes);
+    let factors = factors.map(|(sample, slope)| drag_factor(sample, slope));
     Some(median(factors)?.clamp(5e-4, 0.03))
 }
 

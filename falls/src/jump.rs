@@ -9,6 +9,7 @@ use crate::Sample;
 use crate::canopy::Circle;
 use crate::cleaning::TakenOut;
 use crate::drag::{Block, Piece};
+use crate::force::specific_force;
 use crate::jumps::Times;
 use crate::prediction::Prediction;
 use crate::verdict::Verdict;
@@ -118,12 +119,14 @@ impl Jump {
             .iter()
             .zip(&self.accelerations)
             .filter(|(sample, _)| (begin..=end).contains(&sample.time));
-        let force = |acceleration: &Vector3<f64>| (acceleration + Vector3::z() * GRAVITY).norm();
         Some(Opening {
             height_m: from?,
             duration_s: end - begin,
             lost_m: from? - to?,
-            largest_g: during.map(|(_, a)| force(a)).fold(0.0, f64::max) / GRAVITY,
+            largest_g: during
+                .map(|(_, a)| specific_force(a).norm())
+                .fold(0.0, f64::max)
+                / GRAVITY,
         })
     }
 

@@ -4,7 +4,8 @@ mod late;
 
 use crate::boundary::{Boundary, Side, exit_in_gap, kink, opening, opening_in_gap};
 use crate::channels::Motion;
-use crate::phases::{Phase, Stretch, force_factor};
+use crate::force::force_factor;
+use crate::phases::{Phase, SLOW, Stretch};
 use crate::{Sample, longest_step, median, slopes};
 
 /// Shortest fall (s).
@@ -310,7 +311,7 @@ fn doubt(samples: &[Sample], times: &Times) -> Option<String> {
             .map(|sample| sample.across() / (-sample.velocity.z).max(1.0)),
     );
     let factors = steady.iter().zip(slopes(steady, 0.6));
-    let factor = median(factors.map(|(sample, slope)| force_factor(sample, &slope)));
+    let factor = median(factors.map(|(sample, slope)| force_factor(sample, &slope, SLOW)));
     let glides = glide.is_some_and(|glide| glide > 2.0);
     if !has_both && glides && factor.is_some_and(|factor| factor < AIRCRAFT) {
         return Some(

@@ -3,8 +3,8 @@
 //!
 //! The steps, one file each: channels that contradict each other are found ([`channels`]), impossible rows are removed
 //! ([`cleaning`]), the track is divided into phases ([`phases`]) and these into jumps ([`jumps`]), whose boundaries are
-//! placed ([`boundary`]), the wind is estimated from the drift of the fall ([`wind`]), drag and lift over time are divided into pieces of
-//! constant posture ([`drag`]), circles under canopy give a second estimate of the wind ([`canopy`]), and the last
+//! placed ([`boundary`]), the wind is estimated from the drift of the fall ([`wind`]), drag and lift over time are divided
+//! into pieces of constant posture ([`drag`]), circles under canopy give a second estimate of the wind ([`canopy`]), and the last
 //! third of the fall is predicted from the first two ([`prediction`]). [`fall`] combines them, and [`verdict`] judges
 //! the result.
 #![forbid(unsafe_code)]
@@ -16,6 +16,7 @@ pub mod channels;
 pub mod cleaning;
 pub mod drag;
 pub mod fall;
+pub mod force;
 pub mod jump;
 pub mod jumps;
 pub mod phases;

@@ -11,7 +11,7 @@ use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::atmosphere::Atmosphere;
+use crate::force::{drag_factor, force_factor, specific_force};
 use crate::{Sample, longest_step, slopes};
 
 /// A phase of a jump.
@@ -319,34 +319,19 @@ fn step(from: usize, to: usize, is_after_gap: bool) -> f64 {
 
 /// Speed (m/s) below which dynamic pressure is too small for a factor: just after the exit from a cliff, errors of the
 /// acceleration would make it as large as that of a canopy.
-const SLOW: f64 = 20.0;
-
-/// Force factor of a sample: aerodynamic force over mass and dynamic pressure, by the speed over ground (m2/kg).
-pub fn force_factor(sample: &Sample, acceleration: &Vector3<f64>) -> f64 {
-    let force = acceleration + Vector3::z() * GRAVITY;
-    let density = Atmosphere::Standard.density(sample.height());
-    force.norm() / (0.5 * density * sample.velocity.norm_squared().max(SLOW * SLOW))
-}
-
-/// Drag factor of a sample: the part of that force which brakes the motion over ground (m2/kg).
-fn drag_factor(sample: &Sample, acceleration: &Vector3<f64>) -> f64 {
-    let force = acceleration + Vector3::z() * GRAVITY;
-    let density = Atmosphere::Standard.density(sample.height());
-    let speed = sample.velocity.norm().max(1.0);
-    -force.dot(&sample.velocity) / (0.5 * density * speed.powi(3))
-}
+pub const SLOW: f64 = 20.0;
 
 /// Cost of a sample in each phase.
 fn emission(sample: &Sample, acceleration: &Vector3<f64>, has_horizontal: bool) -> [f64; COUNT] {
     let speed = sample.velocity.norm();
-    let force = acceleration + Vector3::z() * GRAVITY;
+    let force = specific_force(acceleration);
     let features = [
         sample.velocity.z,
         sample.across(),
         speed,
         acceleration.z,
         -force.dot(&sample.velocity) / GRAVITY,
-        force_factor(sample, acceleration).max(1e-9).ln(),
+        force_factor(sample, acceleration, SLOW).max(1e-9).ln(),
         drag_factor(sample, acceleration).max(1e-9).ln(),
     ];
     let mut costs = LOOKS.map(|look| {

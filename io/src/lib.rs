@@ -17,3 +17,4 @@ pub mod files;
 pub mod input;
 pub mod interrupt;
 pub mod progress;
+pub mod text;

@@ -127,8 +127,14 @@ impl<T: Real> Interval<T> for PostureSample<T> {
     ) -> (Loads<T>, Vector3<T>) {
         let flow = Flow::new(&velocity_through_air.components, density);
         let mut seen = Seen::nothing();
-        let air = (velocity_through_air, density);
-        let mut loads = self.air_loads(dynamics, air, spin, &flow, &mut seen);
+        let mut loads = self.air_loads(
+            dynamics,
+            velocity_through_air,
+            spin,
+            density,
+            &flow,
+            &mut seen,
+        );
         let muscle = muscle_load(
             &dynamics.muscles,
             &inputs.muscle,
@@ -157,8 +163,14 @@ impl<T: Real> Interval<T> for PostureSample<T> {
     ) -> UnitLoads<T> {
         let flow = Flow::new(&velocity_through_air.components, density);
         let mut seen = Seen::nothing();
-        let air = (velocity_through_air, density);
-        let loads = self.air_loads(dynamics, air, spin, &flow, &mut seen);
+        let loads = self.air_loads(
+            dynamics,
+            velocity_through_air,
+            spin,
+            density,
+            &flow,
+            &mut seen,
+        );
         let unit = AxisCoefficients::repeat(T::one());
         let segments = &self.aerodynamics.segments;
         let groups = GroupMoments::of(&dynamics.muscles, &unit, segments, &seen, &flow);
@@ -174,8 +186,9 @@ impl<T: Real> PostureSample<T> {
     fn air_loads(
         &self,
         dynamics: &Dynamics<T>,
-        (velocity_through_air, density): (&Vector<T, Body>, T),
+        velocity_through_air: &Vector<T, Body>,
         spin: &Vector<T, Body>,
+        density: T,
         flow: &Flow<T>,
         seen: &mut Seen<T>,
     ) -> Loads<T> {

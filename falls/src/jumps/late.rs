@@ -7,9 +7,9 @@
 //! falls again, with less force than a canopy would have, and is pushed a second time.
 
 use bodyflight_core::air::GRAVITY;
-use nalgebra::{Vector2, Vector3};
+use nalgebra::Vector2;
 
-use crate::atmosphere::Atmosphere;
+use crate::force::{force_factor, specific_force};
 use crate::phases::{Phase, Stretch};
 use crate::{Sample, between, median, slopes};
 
@@ -197,17 +197,13 @@ fn stalled(samples: &[Sample], first: usize, end: usize) -> Option<[Stretch; 3]>
     {
         return None;
     }
-    let forces: Vec<Vector3<f64>> = slopes(part, 0.6)
-        .iter()
-        .map(|slope| slope + Vector3::z() * GRAVITY)
-        .collect();
-    let least = (level..=fastest).map(|index| {
-        let density = Atmosphere::Standard.density(part[index].height());
-        forces[index].norm() / (0.5 * density * part[index].velocity.norm_squared().max(1.0))
-    });
-    let pushed = part.iter().zip(&forces).skip(fastest);
+    let slopes = slopes(part, 0.6);
+    let least = (level..=fastest).map(|index| force_factor(&part[index], &slopes[index], 1.0));
+    let pushed = part.iter().zip(&slopes).skip(fastest);
     let pushed = pushed.take_while(|(sample, _)| sample.time < part[fastest].time + PUSHED);
-    let pushed = pushed.map(|(_, force)| force.norm()).fold(0.0, f64::max);
+    let pushed = pushed
+        .map(|(_, slope)| specific_force(slope).norm())
+        .fold(0.0, f64::max);
     if least.fold(f64::INFINITY, f64::min) > OF_A_BODY || pushed < PUSHES * GRAVITY {
         return None;
     }

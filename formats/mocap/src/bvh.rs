@@ -9,6 +9,7 @@ use nalgebra::Vector3;
 use crate::timing;
 use crate::tree::{Channel, Joint, Tree};
 use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::text::decimal;
 
 /// Most joints in a file, and most channels of a joint, that are accepted.
 const JOINT_LIMIT: usize = 10_000;
@@ -166,11 +167,7 @@ fn channel(lines: &Lines<impl BufRead>, name: &str) -> Result<Channel> {
 
 /// A finite number, also with a decimal comma.
 fn parsed(text: &str) -> Option<f64> {
-    let number: Option<f64> = text
-        .parse()
-        .or_else(|_| text.replace(',', ".").parse())
-        .ok();
-    number.filter(|number| number.is_finite())
+    decimal(text).filter(|number| number.is_finite())
 }
 
 fn number(lines: &Lines<impl BufRead>, text: &str) -> Result<f64> {

@@ -8,7 +8,7 @@ use crate::table::Table;
 use crate::tree::Tree;
 use crate::{acclaim, c3d, movella, nexus, opensense, sensors, smpl, workbook};
 use bodyflight_io::diagnostic::{Problem, Result};
-use bodyflight_io::input;
+use bodyflight_io::{input, text};
 
 /// What a file holds.
 pub(crate) struct Content {
@@ -130,19 +130,7 @@ const HEAD: usize = 4096;
 
 /// Text in UTF-16, as spreadsheets write it, in UTF-8; anything else as it is.
 fn utf_8(bytes: Vec<u8>) -> Vec<u8> {
-    let (rest, is_big) = match &bytes[..] {
-        [0xFF, 0xFE, rest @ ..] => (rest, false),
-        [0xFE, 0xFF, rest @ ..] => (rest, true),
-        _ => return bytes,
-    };
-    let units = rest.chunks_exact(2).map(|pair| match is_big {
-        true => u16::from_be_bytes([pair[0], pair[1]]),
-        false => u16::from_le_bytes([pair[0], pair[1]]),
-    });
-    let text: String = char::decode_utf16(units)
-        .map(|read| read.unwrap_or(char::REPLACEMENT_CHARACTER))
-        .collect();
-    text.into_bytes()
+    text::marked_utf_16(&bytes).map_or(bytes, String::into_bytes)
 }
 
 fn begins(bytes: &[u8], is: fn(&str) -> bool) -> bool {

@@ -5,6 +5,7 @@ use bodyflight_core::Segment;
 use crate::mapping::{AngleUnit, Kind, Mapping};
 use crate::{c3d, storage};
 use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::text::decimal;
 
 /// Most column names listed in the message about a missing one.
 const NAMES_SHOWN: usize = 40;
@@ -225,10 +226,10 @@ impl Table {
         for (cell, column) in cells.zip(0..) {
             let empty = cell.is_empty() || cell.eq_ignore_ascii_case("nan");
             // Where commas do not separate cells, they may be those of decimals.
-            let value: f64 = match cell.parse().or_else(|_| cell.replace(',', ".").parse()) {
-                Ok(value) => value,
-                Err(_) if empty => f64::NAN,
-                Err(_) => {
+            let value = match decimal(cell) {
+                Some(value) => value,
+                None if empty => f64::NAN,
+                None => {
                     let name = self.columns.get(column).map_or("", String::as_str);
                     return Err(
                         Problem::bad_input(format!("expected a number, found \"{cell}\""))

@@ -128,14 +128,12 @@ impl Skeleton {
     ) -> Option<(usize, f64)> {
         let place = |connector: &Connector| {
             let at = connector.segment;
-            let q = orientation.get(4 * at..4 * at + 4)?;
-            let p = position.get(3 * at..3 * at + 3)?;
-            let q = UnitQuaternion::new_normalize(Quaternion::new(q[0], q[1], q[2], q[3]));
-            let q = match arm_frame {
-                ArmFrame::TPose => q,
-                ArmFrame::Isb => q * self.isb_from_t_pose[at],
+            let (origin, attitude) = placed(orientation, position, at)?;
+            let attitude = match arm_frame {
+                ArmFrame::TPose => attitude,
+                ArmFrame::Isb => attitude * self.isb_from_t_pose[at],
             };
-            Some(Vector3::from_column_slice(p) + q * connector.point)
+            Some(origin + attitude * connector.point)
         };
         self.joints
             .iter()
@@ -153,12 +151,7 @@ impl Skeleton {
         orientation: &'a [f64],
         position: &'a [f64],
     ) -> impl Iterator<Item = Gap> + 'a {
-        let place = |at: usize| {
-            let q = orientation.get(4 * at..4 * at + 4)?;
-            let p = position.get(3 * at..3 * at + 3)?;
-            let q = UnitQuaternion::new_normalize(Quaternion::new(q[0], q[1], q[2], q[3]));
-            Some((Vector3::from_column_slice(p), q))
-        };
+        let place = |at| placed(orientation, position, at);
         let begins = |[_, outer]: &&[Connector; 2]| outer.point.norm() < ORIGIN;
         self.joints.iter().filter(begins).filter_map(move |[a, b]| {
             let ((from, attitude), (to, _)) = (place(a.segment)?, place(b.segment)?);
@@ -177,6 +170,18 @@ impl Skeleton {
             q.copy_from_slice(&[converted.w, converted.i, converted.j, converted.k]);
         }
     }
+}
+
+/// Origin (m) and attitude of a segment among the numbers of a frame; `None` if there are too few.
+fn placed(
+    orientation: &[f64],
+    position: &[f64],
+    segment: usize,
+) -> Option<(Vector3<f64>, UnitQuaternion<f64>)> {
+    let q = orientation.get(4 * segment..4 * segment + 4)?;
+    let p = position.get(3 * segment..3 * segment + 3)?;
+    let attitude = UnitQuaternion::new_normalize(Quaternion::new(q[0], q[1], q[2], q[3]));
+    Some((Vector3::from_column_slice(p), attitude))
 }
 
 /// Joints found by points with the same name; landmarks (`p...`) may be on two segments without being joints.

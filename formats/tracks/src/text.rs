@@ -2,6 +2,8 @@
 
 use std::borrow::Cow;
 
+use bodyflight_io::text::{marked_utf_16, utf_16};
+
 /// Number of bytes at the start by which the dialect is recognised.
 const HEAD: usize = 4096;
 
@@ -13,21 +15,13 @@ pub(crate) fn plain(bytes: &[u8]) -> Cow<'_, [u8]> {
         let bytes = head.iter().skip(odd).step_by(2);
         bytes.filter(|byte| **byte == 0).count() * 5 > head.len() * 2
     };
-    let wide = match bytes {
-        [0xFF, 0xFE, rest @ ..] => Some((rest, false)),
-        [0xFE, 0xFF, rest @ ..] => Some((rest, true)),
-        _ if head.len() > 8 && zeros(1) => Some((bytes, false)),
-        _ if head.len() > 8 && zeros(0) => Some((bytes, true)),
-        _ => None,
+    let unmarked = |is_big_endian| utf_16(bytes, is_big_endian);
+    let wide = match marked_utf_16(bytes) {
+        None if head.len() > 8 && zeros(1) => Some(unmarked(false)),
+        None if head.len() > 8 && zeros(0) => Some(unmarked(true)),
+        marked => marked,
     };
-    if let Some((rest, is_big)) = wide {
-        let units = rest.chunks_exact(2).map(|pair| match is_big {
-            true => u16::from_be_bytes([pair[0], pair[1]]),
-            false => u16::from_le_bytes([pair[0], pair[1]]),
-        });
-        let text: String = char::decode_utf16(units)
-            .map(|read| read.unwrap_or(char::REPLACEMENT_CHARACTER))
-            .collect();
+    if let Some(text) = wide {
         return Cow::Owned(text.trim_start().as_bytes().to_vec());
     }
     let text = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);

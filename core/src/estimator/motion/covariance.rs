@@ -155,8 +155,8 @@ pub fn renew_motion<T: Real>(factors: &mut Factors<T>, variances: &[T; MOTION_ST
     }
 }
 
-/// Forgets what was known of the inputs, which then have their long-run covariance, in place: two covariances do not fit on
-/// a unit's stack.
+/// Forgets what was known of the inputs, which then have their long-run covariance. Works in place, because two
+/// covariances do not fit on a unit's stack.
 pub fn renew_inputs<T: Real>(factors: &mut Factors<T>, process: &Process<T>) {
     let motion: [T; MOTION_STATES] = core::array::from_fn(|k| factors.variance(k));
     let (spread, residual) = (process.spread(), Ud::of(&process.residual_covariance()));

@@ -22,7 +22,8 @@ const PLAUSIBLE_INPUT: f64 = 6.0;
 
 impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
     /// Starts from a motion, either for the first time or again after a gap in the recording. A restart keeps the
-    /// estimated inputs, unless the filter was lost or they are not plausible. Motion and posture must be those of the sample pushed last.
+    /// estimated inputs, unless the filter was lost or they are not plausible. Motion and posture must be those of the
+    /// sample pushed last.
     ///
     /// # Errors
     /// Returns an error if motion or posture is not finite; the filter is then unchanged.
@@ -36,8 +37,7 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         let sound = self.factors.is_finite() && self.is_plausible();
         self.start(motion, posture)?;
         if is_first || !sound {
-            self.state.inputs = inputs_of(&self.process.centre());
-            covariance::renew_inputs(&mut self.factors, &self.process);
+            self.forget_inputs();
         }
         covariance::renew_motion(&mut self.factors, &self.noise.motion_variances());
         self.constants.disconnect();
@@ -60,8 +60,8 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         within && self.state.is_finite() && self.watch.consistency() != Consistency::Lost
     }
 
-    /// Takes the inputs as unknown, with their long-run spread: of a body that something other than the air supports,
-    /// nothing can be learned of them.
+    /// Takes the inputs as unknown, with their long-run spread: what was learned of them while the filter was wrong, or
+    /// while something other than the air supported the body, means nothing.
     #[inline(never)]
     pub(super) fn forget_inputs(&mut self) {
         self.state.inputs = inputs_of(&self.process.centre());

@@ -4,7 +4,7 @@
 use nalgebra::Vector3;
 
 use super::warning::Warning;
-use crate::closure::{Gap, Skeleton};
+use crate::closure::Skeleton;
 use crate::xsens::MvnSegment;
 use crate::{Field, Frame};
 
@@ -41,9 +41,7 @@ impl Mounting {
             self.apart
         )
     }
-}
 
-impl Mounting {
     /// As something implausible in the recording.
     pub(super) fn warning(&self) -> Warning {
         Warning {
@@ -84,21 +82,12 @@ impl Mountings {
             if joint >= self.joints.len() {
                 self.joints.resize(joint + 1, Sums::default());
             }
-            let (
-                sums,
-                Gap {
-                    segment,
-                    lever,
-                    gap,
-                },
-            ) = (&mut self.joints[joint], gap);
-            *sums = Sums {
-                frames: sums.frames + 1,
-                gap: sums.gap + gap,
-                squares: sums.squares + gap.norm_squared(),
-                lever,
-                segment,
-            };
+            let sums = &mut self.joints[joint];
+            sums.frames += 1;
+            sums.gap += gap.gap;
+            sums.squares += gap.gap.norm_squared();
+            sums.lever = gap.lever;
+            sums.segment = gap.segment;
         }
     }
 
