@@ -47,6 +47,10 @@ fn what_is_left_out_is_said_with_the_command_that_adds_it() {
     let at = |name: &str| folder.path().join(name).display().to_string();
     let elf = at("unit.elf");
     fs::write(&elf, b"").expect("a file");
+    // A flat image begins with its stack and its first instruction.
+    let image = at("unit.bin");
+    let words = [0x1001_0000_u32, 0x0800_0189].map(u32::to_le_bytes);
+    fs::write(&image, [&words.concat()[..], &[0; 1016]].concat()).expect("a file");
     for words in [
         vec!["export", &flight, "--out", &at("t.parquet")],
         vec!["export", &flight, "--out", &at("t.mcap")],
@@ -54,6 +58,9 @@ fn what_is_left_out_is_said_with_the_command_that_adds_it() {
         vec!["simulate", &flight, "--plot", &at("t.pdf")],
         vec!["simulate", &flight, "--plot", &at("t.png")],
         vec!["monitor", "--defmt", &elf],
+        vec!["unit", "flash", &image, "--key", &elf],
+        vec!["completions", "bash"],
+        vec!["man", "--out", &at("man")],
         vec!["fmu", &flight, "--library", &elf, "--out", &at("t.fmu")],
     ] {
         let said = PROGRAM.fails(&words, 2);

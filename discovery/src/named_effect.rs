@@ -1,16 +1,14 @@
 //! How a search for missing effects reports: its outcome, and the effects that it names with the evidence for each.
 
-use std::collections::BTreeMap;
-
 use bodyflight_core::effect::{Effect, PARAMETER_COUNT, Parameter};
-use schemars::JsonSchema;
 use serde::{Serialize, Serializer};
 
 /// Effects with their parameters.
 pub type EffectSet = Vec<(Effect, [f64; PARAMETER_COUNT])>;
 
 /// The outcome of a search.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Outcome {
     /// The effects found explain the disagreement.
@@ -46,7 +44,8 @@ fn as_map<S: Serializer>(
 }
 
 /// Evidence for a named effect.
-#[derive(Debug, Clone, Copy, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct EffectEvidence {
     /// Significance of its gain, in standard deviations.
     #[serde(rename = "confidence")]
@@ -59,7 +58,8 @@ pub struct EffectEvidence {
 }
 
 /// Another effect that explains about as much.
-#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Rival {
     /// Its name.
     pub name: &'static str,
@@ -68,17 +68,24 @@ pub struct Rival {
 }
 
 /// A named effect.
-#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Named {
     /// Its name.
     pub name: &'static str,
     /// Parameters by name.
     #[serde(serialize_with = "as_map")]
-    #[schemars(with = "BTreeMap<String, f64>")]
+    #[cfg_attr(
+        feature = "schema",
+        schemars(with = "std::collections::BTreeMap<String, f64>")
+    )]
     pub parameters: Vec<(&'static str, f64)>,
     /// Their standard errors.
     #[serde(serialize_with = "as_map")]
-    #[schemars(with = "BTreeMap<String, f64>")]
+    #[cfg_attr(
+        feature = "schema",
+        schemars(with = "std::collections::BTreeMap<String, f64>")
+    )]
     pub standard_errors: Vec<(&'static str, f64)>,
     /// The evidence.
     #[serde(flatten)]

@@ -3,7 +3,6 @@
 use bodyflight_core::dynamics::Motion;
 use bodyflight_core::estimator::motion::watch::{Consistency, Watch};
 use bodyflight_core::estimator::status::{Faults, Health};
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::verdict::Consistencies;
@@ -11,7 +10,8 @@ use bodyflight_replay::comparison::PerChannel;
 use bodyflight_replay::input_history::InputRow;
 
 /// Number of updates with each kind of fault.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Flags {
     /// A posture was unusable.
     pub posture: u64,
@@ -52,7 +52,8 @@ impl Flags {
 }
 
 /// The result of an estimation.
-#[derive(Debug, Clone, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Report {
     /// Gap of the reconstruction with estimated inputs.
     pub rms: PerChannel,

@@ -2,7 +2,6 @@
 
 use bodyflight_core::estimator::motion::measurement::{CHANNELS, NAMES, Noise};
 use bodyflight_core::estimator::motion::watch::{ChannelWatch, Consistency, Watch};
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use bodyflight_replay::comparison::{Channel, PerChannel};
@@ -18,7 +17,8 @@ pub const LARGEST_SHARE: f64 = 0.25;
 const WORSE: f64 = 0.5;
 
 /// How consistent an estimation was.
-#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Consistencies {
     /// Share of the time in which the error bars were right, as far as measurements can tell.
     pub consistent: f64,
@@ -39,7 +39,8 @@ pub struct Consistencies {
 }
 
 /// A channel over the whole flight.
-#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct ChannelConsistency {
     /// Name.
     pub channel: &'static str,

@@ -2,7 +2,6 @@
 
 use bodyflight_core::air::GRAVITY;
 use nalgebra::Vector3;
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::Sample;
@@ -61,7 +60,8 @@ pub struct Jump {
 }
 
 /// The opening of the canopy.
-#[derive(Debug, Clone, Copy, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Opening {
     /// Height at its start (m above mean sea level).
     pub height_m: f64,

@@ -8,14 +8,14 @@
 
 use bodyflight_core::air::GRAVITY;
 use nalgebra::Vector3;
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::force::{drag_factor, force_factor, specific_force};
 use crate::{Sample, longest_step, slopes};
 
 /// A phase of a jump.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Phase {
     /// Standing or walking, before a flight.

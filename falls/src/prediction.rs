@@ -4,7 +4,6 @@ use bodyflight_core::air::{Air, GRAVITY};
 use bodyflight_core::dynamics::point_mass::PointMass;
 use bodyflight_core::frame::Vector;
 use nalgebra::Vector3;
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::Sample;
@@ -43,7 +42,8 @@ const USUAL: f64 = 1.0 / 153.0;
 const AFFECTED: f64 = 1.0 / 3.0;
 
 /// Outcome of a prediction.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Outcome {
     /// The prediction agrees with the last third of the fall.
@@ -152,7 +152,8 @@ fn sinks(piece: &Piece) -> f64 {
 }
 
 /// Trial predictions at many times of one fall, which test whether their error bars are accurate.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Trials {
     /// Number of predictions made.
     pub made: usize,
@@ -179,7 +180,8 @@ impl Trials {
 }
 
 /// The last third of the fall, predicted from the first two.
-#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Prediction {
     /// Outcome of the prediction.
     pub outcome: Outcome,

@@ -1,6 +1,5 @@
 //! Decides whether a fall is explained, and gives the reason.
 
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::drag::Piece;
@@ -19,7 +18,8 @@ const LARGEST_GAP: f64 = 0.06;
 pub const PLAUSIBLE: [f64; 2] = [0.000_9, 0.016];
 
 /// Whether the fall is explained.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
     /// A simulation with plausible drag, lift and wind reproduces the fall.

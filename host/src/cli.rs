@@ -21,6 +21,7 @@ mod reproduce;
 mod schema;
 mod sensitivity;
 mod several;
+#[cfg_attr(not(feature = "full"), path = "cli/without_shell.rs")]
 mod shell;
 mod simulate;
 mod stream;

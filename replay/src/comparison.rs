@@ -1,13 +1,9 @@
 //! Measured and simulated motion side by side, channel by channel: RMS differences, and a thinned series for plots.
 //! Memory use does not grow with the length of the flight.
 
-use std::borrow::Cow;
-
 use bodyflight_core::math::wrap_angle;
 use bodyflight_core::observation::Observation;
-use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::Serialize;
-use serde_json::json;
 
 /// A channel in which flights are compared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -126,20 +122,21 @@ impl Serialize for PerChannel {
     }
 }
 
-impl JsonSchema for PerChannel {
-    fn schema_name() -> Cow<'static, str> {
+#[cfg(feature = "schema")]
+impl schemars::JsonSchema for PerChannel {
+    fn schema_name() -> std::borrow::Cow<'static, str> {
         "PerChannel".into()
     }
 
-    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+    fn json_schema(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
         let number = |channel: Channel| {
             let (label, unit) = channel.label();
             let description = format!("{label} ({unit})");
-            let schema = json!({ "type": "number", "description": description });
+            let schema = serde_json::json!({ "type": "number", "description": description });
             (channel.key().to_owned(), schema)
         };
         let properties: serde_json::Map<_, _> = Channel::ALL.into_iter().map(number).collect();
-        json_schema!({
+        schemars::json_schema!({
             "description": "One number per channel.",
             "type": "object",
             "properties": properties,

@@ -9,7 +9,6 @@ use bodyflight_core::dynamics::muscle_input::{self, MuscleForces, MuscleModel};
 use bodyflight_core::dynamics::{Dynamics, Inputs};
 use bodyflight_core::frame::Vector;
 use bodyflight_core::tolerances::Tolerances;
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::frames::Frames;
@@ -54,7 +53,8 @@ pub struct Flight {
 }
 
 /// How a free run gets its initial motion.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Start {
     /// The first frame alone.

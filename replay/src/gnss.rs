@@ -8,7 +8,6 @@
 use bodyflight_core::frame::{Inertial, Vector};
 use bodyflight_falls::Sample;
 use nalgebra::{Rotation2, Vector2, Vector3};
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use bodyflight_io::diagnostic::{Problem, Result};
@@ -42,7 +41,8 @@ pub struct Aligned {
 }
 
 /// How a track is aligned with a recording.
-#[derive(Debug, Clone, Copy, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Alignment {
     /// Time of the track minus time of the recording (s).
     pub shift_s: f64,

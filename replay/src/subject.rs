@@ -11,7 +11,6 @@ use bodyflight_core::aerodynamics::{Aerodynamics, ArchFactor, Coefficients};
 use bodyflight_core::body::anthropometry::{Girth, Measure, MomentArm, Person, Sex};
 use bodyflight_core::body::gear::{Gear, Shoes, Suit};
 use bodyflight_core::{AxisCoefficients, Body, Segment, SegmentArray};
-use schemars::JsonSchema;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -66,7 +65,8 @@ impl Default for Subject {
 }
 
 /// Coefficients shared by all segments.
-#[derive(Debug, Clone, Copy, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct CommonCoefficients {
     /// Drag.
     pub cd: f64,

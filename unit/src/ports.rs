@@ -5,7 +5,6 @@ use std::io;
 use std::path::Path;
 use std::time::Duration;
 
-use schemars::JsonSchema;
 use serde::Serialize;
 use serialport::{ErrorKind, SerialPort, SerialPortInfo, SerialPortType};
 
@@ -18,7 +17,8 @@ pub const READ_TIMEOUT: Duration = Duration::from_millis(100);
 const TERMINALS: &str = "/sys/class/tty";
 
 /// A serial port.
-#[derive(Debug, Clone, PartialEq, Eq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Port {
     /// Name to open it with.
     pub name: String,

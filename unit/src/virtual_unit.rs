@@ -15,6 +15,7 @@ use embassy_sync::pipe::Pipe;
 use embedded_io_async::{ErrorType, Read, Write};
 use serialport::{SerialPort, TTYPort};
 
+use super::block_on::block_on;
 use super::file_flash::FileFlash;
 use bodyflight_io::diagnostic::{Problem, Result};
 
@@ -96,7 +97,7 @@ fn serve(
     };
     let unit = RefCell::new(Unit::new(board, identity()));
     let (receiver, transmitter) = (FromHost(received), ToHost(writer));
-    pollster::block_on(async {
+    block_on(async {
         match flash {
             Some(flash) => {
                 let mut log = FlightLog::new(&recorder, flash.queue(), FileFlash::SETUP);
@@ -164,7 +165,7 @@ fn receive(mut port: TTYPort, received: &Received) {
     let _ = port.set_timeout(Duration::from_secs(3600));
     loop {
         match port.read(&mut bytes) {
-            Ok(count) => pollster::block_on(received.write_all(&bytes[..count])),
+            Ok(count) => block_on(received.write_all(&bytes[..count])),
             Err(error) if matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted) => {}
             Err(_) => std::thread::sleep(Duration::from_millis(20)),
         }

@@ -20,7 +20,6 @@ use bodyflight_core::air::Density;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_mvnx::recording::{Mounting, Options, Warning};
 use bodyflight_replay::flight::Flight;
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::validate::windows::{self, Row, predicted};
@@ -33,7 +32,8 @@ pub const LENGTHS: [f64; 3] = [0.1, 0.25, 0.5];
 const SLACK: f64 = 2e-3;
 
 /// The result for one recording.
-#[derive(Debug, Clone, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Report {
     /// The parts in the air.
     pub phases: Vec<Phase>,
@@ -46,7 +46,8 @@ pub struct Report {
 }
 
 /// A part in which nothing touches the body.
-#[derive(Debug, Clone, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Phase {
     /// Its begin (s since frame 0).
     pub begin_s: f64,

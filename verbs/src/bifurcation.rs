@@ -11,7 +11,6 @@ use bodyflight_core::math::small_rotation;
 use bodyflight_core::{Posture, frame::Rotation};
 use nalgebra::Vector3;
 use plotters::style::RGBColor;
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::stability::modes;
@@ -42,7 +41,8 @@ const fn line(label: &'static str, red: u8, green: u8, blue: u8) -> Line {
 }
 
 /// The oscillation in pitch of one posture.
-#[derive(Debug, Clone, Copy, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Point {
     /// Arms below (positive) or above the neutral posture (rad).
     pub arms_down_rad: f64,

@@ -10,7 +10,6 @@ mod packed;
 
 use std::path::{Path, PathBuf};
 
-use schemars::JsonSchema;
 use serde::Serialize;
 
 pub use self::format::Format;
@@ -31,7 +30,8 @@ use bodyflight_replay::preset_file::{AUTO, Tuning};
 use bodyflight_replay::steps::{Replay, Step};
 
 /// Description of the written file.
-#[derive(Debug, Clone, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Report {
     /// The file.
     pub file: PathBuf,

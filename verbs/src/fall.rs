@@ -16,7 +16,6 @@ use bodyflight_falls::fall::{Jump, Opening, Settings, analysed};
 use bodyflight_falls::prediction::Prediction;
 use bodyflight_falls::verdict::Verdict;
 use bodyflight_falls::wind::Wind;
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use beside::Beside;
@@ -55,7 +54,8 @@ impl Default for Conditions {
 }
 
 /// A moment of the jump.
-#[derive(Debug, Clone, Copy, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Moment {
     /// Time from the start of the track (s).
     pub time_s: f64,
@@ -68,7 +68,8 @@ pub struct Moment {
 }
 
 /// A piece of the fall with one posture.
-#[derive(Debug, Clone, Copy, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct PieceRow {
     /// Beginning, from the start of the fall (s).
     pub from_s: f64,
@@ -85,7 +86,8 @@ pub struct PieceRow {
 }
 
 /// The wind at a height.
-#[derive(Debug, Clone, Copy, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct WindRow {
     /// Height above mean sea level (m).
     pub height_m: f64,
@@ -112,7 +114,8 @@ impl WindRow {
 }
 
 /// A jump in numbers.
-#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Report {
     /// Whether the fall is explained.
     pub verdict: Verdict,
@@ -189,7 +192,8 @@ pub struct Falls {
 }
 
 /// What is known of one track.
-#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Answer {
     /// The jump that the track is about: the longest certain fall.
     #[serde(flatten)]

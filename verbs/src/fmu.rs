@@ -8,15 +8,11 @@ mod archive;
 
 use std::path::{Path, PathBuf};
 
-use schemars::JsonSchema;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
 use self::archive::archive;
-use bodyflight_fmi::description::description;
-use bodyflight_fmi::variables::variables;
 use bodyflight_io::diagnostic::{Problem, Result};
-use bodyflight_io::files::AtomicFile;
 use bodyflight_io::input;
 use bodyflight_replay::flight::{DensityChoice, Flight};
 use bodyflight_replay::subject::{SEGMENTS_FILE, Subject};
@@ -27,7 +23,8 @@ const IDENTIFIER: &str = "bodyflight";
 const LIBRARY_VARIABLE: &str = "BODYFLIGHT_FMU";
 
 /// Description of the written unit.
-#[derive(Debug, Clone, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Report {
     /// The unit's file.
     pub file: PathBuf,
@@ -122,7 +119,6 @@ fn resources(flight: &Flight) -> Result<Vec<(&'static str, String)>> {
 pub fn write(flight: &Flight, library: &Path, path: &Path) -> Result<Report> {
     let binary = std::fs::read(library).map_err(|error| Problem::system("read", library, error))?;
     let resources = resources(flight)?;
-    let variables = variables(flight);
     let mut hasher = Sha256::new();
     hasher.update(&binary);
     for (_, text) in &resources {
@@ -132,23 +128,16 @@ pub fn write(flight: &Flight, library: &Path, path: &Path) -> Result<Report> {
     let token: String = digest.iter().map(|byte| format!("{byte:02x}")).collect();
     let platform = platform();
     let end = std::env::consts::DLL_SUFFIX;
-    let mut entries = vec![
-        (
-            "modelDescription.xml".to_owned(),
-            description(IDENTIFIER, &token, &variables).into_bytes(),
-        ),
-        (format!("binaries/{platform}/{IDENTIFIER}{end}"), binary),
-    ];
+    let mut entries = vec![(format!("binaries/{platform}/{IDENTIFIER}{end}"), binary)];
     let resource = |(name, text): (&str, String)| (format!("resources/{name}"), text.into_bytes());
     entries.extend(resources.into_iter().map(resource));
-    let file = archive(path, AtomicFile::create(path)?, &entries)?;
-    file.finish()?;
+    let variables = archive(path, flight, &token, &entries)?;
     let size = std::fs::metadata(path).map_err(|error| Problem::system("read", path, error))?;
     Ok(Report {
         file: path.to_path_buf(),
         token,
         platform,
-        variables: variables.len(),
+        variables,
         bytes: size.len(),
     })
 }

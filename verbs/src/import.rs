@@ -6,7 +6,6 @@ use std::path::{Path, PathBuf};
 use bodyflight_core::frame::Vector;
 use bodyflight_core::{Posture, Segment};
 use nalgebra::Vector3;
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::output::limbs;
@@ -54,7 +53,8 @@ pub struct Request<'a> {
 }
 
 /// Result of an import.
-#[derive(Debug, Clone, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Report {
     /// The `flight.toml`.
     pub flight: PathBuf,
@@ -82,7 +82,8 @@ pub struct Report {
 }
 
 /// A segment of the model and its name in the source.
-#[derive(Debug, Clone, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct MappedSegment {
     /// Name in the model.
     pub segment: &'static str,

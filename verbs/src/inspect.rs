@@ -9,7 +9,6 @@ use std::io::BufRead;
 use std::path::Path;
 
 use bodyflight_core::Body;
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use bodyflight_io::diagnostic::Result;
@@ -25,7 +24,8 @@ const LIST_LIMIT: usize = 100;
 const FRAMES_FOR_ARMS: usize = 8;
 
 /// Contents of a recording.
-#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Report {
     /// Always `mvnx`.
     pub format: &'static str,
@@ -101,7 +101,8 @@ impl Report {
 }
 
 /// A frame whose numbers are unusable.
-#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct BadFrame {
     /// Index of the frame.
     pub index: u64,
@@ -125,7 +126,8 @@ impl From<Fault> for BadFrame {
 }
 
 /// An event marked in the recording.
-#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Marker {
     /// Time since frame 0 (s).
     pub time_s: f64,

@@ -12,7 +12,6 @@ use bodyflight_core::dynamics::steady::steady;
 use bodyflight_core::dynamics::{Dynamics, Inputs};
 use bodyflight_core::{AxisCoefficients, Body};
 use nalgebra::Vector3;
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::stability::{Mode, modes};
@@ -97,7 +96,8 @@ pub fn person() -> Result<Body<f64>> {
 }
 
 /// One pose in one model.
-#[derive(Debug, Clone, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Fall {
     /// Speed straight down with the pose and its attitude held (m/s).
     pub speed_mps: f64,

@@ -14,7 +14,6 @@ use bodyflight_core::estimator::preset::Preset;
 use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::sensor_noise::SensorNoise;
 use rayon::prelude::*;
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::sensitivity::{self, sensitivity};
@@ -37,7 +36,8 @@ use report::{Outcome, Parts};
 const SEED: u64 = 1;
 
 /// Result of a reproduction.
-#[derive(Debug, Clone, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Report {
     /// The file with the report.
     pub report: PathBuf,

@@ -9,7 +9,6 @@ mod figure;
 use bodyflight_core::dynamics::Dynamics;
 use bodyflight_core::estimator::preset::Preset;
 use bodyflight_core::observation::Observation;
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use bodyflight_estimation::Filter;
@@ -24,7 +23,8 @@ use bodyflight_replay::input_history::{InputHistory, InputRow};
 use bodyflight_replay::steps::{Divergence, Replay, too_short};
 
 /// A parameter of the model.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Parameter {
     /// Cd of all segments.
@@ -127,7 +127,8 @@ impl Parameter {
 }
 
 /// The effect of a parameter.
-#[derive(Debug, Clone, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Effect {
     /// The parameter.
     pub parameter: Parameter,
@@ -140,7 +141,8 @@ pub struct Effect {
 }
 
 /// The sensitivity of a flight.
-#[derive(Debug, Clone, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Report {
     /// Largest absolute value of each channel of the unvaried run.
     pub amplitude: PerChannel,

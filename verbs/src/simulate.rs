@@ -4,7 +4,6 @@
 use std::path::Path;
 use std::time::Instant;
 
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use bodyflight_io::diagnostic::Result;
@@ -18,7 +17,8 @@ use bodyflight_replay::gnss::Alignment;
 use bodyflight_replay::steps::{Replay, Step};
 
 /// The result of a simulation.
-#[derive(Debug, Clone, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Report {
     /// Number of frames compared.
     pub frames: u64,

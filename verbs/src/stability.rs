@@ -5,7 +5,6 @@ use bodyflight_core::dynamics::{Dynamics, Inputs, Motion, PostureSample, State};
 use bodyflight_core::frame::{Rotation, Vector};
 use bodyflight_core::math::small_rotation;
 use nalgebra::{SMatrix, SVector, Vector3};
-use schemars::JsonSchema;
 use serde::Serialize;
 
 /// Number of states of a small motion: rotation (rad), velocity (m/s), angular velocity (rad/s).
@@ -16,7 +15,8 @@ const DISTURBANCE: f64 = 1e-5;
 const NEUTRAL: f64 = 1e-3;
 
 /// The development of a small motion: `exp(growth t)`, oscillating with `frequency`.
-#[derive(Debug, Clone, Copy, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Mode {
     /// Rate of growth (1/s); negative if it decays.
     pub growth_per_s: f64,

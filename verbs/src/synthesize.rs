@@ -22,7 +22,6 @@ use nalgebra::Vector3;
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use rand_distr::StandardNormal;
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use bodyflight_io::diagnostic::{Problem, Result};
@@ -37,7 +36,8 @@ pub use request::{JointError, Request};
 pub use tunnel::Tunnel;
 
 /// Description of the written flight.
-#[derive(Debug, Clone, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Report {
     /// The `flight.toml`.
     pub flight: PathBuf,

@@ -4,7 +4,6 @@ use std::path::Path;
 
 use bodyflight_core::body::pattern;
 use bodyflight_core::dynamics::trim::{TrimError, trim as balance};
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use bodyflight_io::diagnostic::{Problem, Result};
@@ -12,7 +11,8 @@ use bodyflight_replay::flight::{DensityChoice, Flight};
 use bodyflight_replay::subject::Subject;
 
 /// A steady fall.
-#[derive(Debug, Clone, Copy, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Report {
     /// Speed of the fall (m/s).
     pub terminal_speed_mps: f64,

@@ -14,7 +14,6 @@ use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use rand_distr::StandardNormal;
 use rayon::prelude::*;
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use bodyflight_io::diagnostic::{Problem, Result};
@@ -89,7 +88,8 @@ impl Candidate {
 }
 
 /// Coefficients of one segment.
-#[derive(Debug, Clone, Copy, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Copy, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct SegmentBest {
     /// Name of the segment.
     pub segment: &'static str,
@@ -102,7 +102,8 @@ pub struct SegmentBest {
 }
 
 /// The result of a search.
-#[derive(Debug, Clone, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Report {
     /// Initial coefficients.
     pub guess: CommonCoefficients,
@@ -123,7 +124,8 @@ pub struct Report {
 }
 
 /// A flight that was not used in the search.
-#[derive(Debug, Clone, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct HeldOut {
     /// The recording.
     pub recording: String,

@@ -13,7 +13,6 @@ pub mod windows;
 
 use std::path::{Path, PathBuf};
 
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use bodyflight_io::diagnostic::Result;
@@ -35,7 +34,8 @@ const LARGEST: [f64; 2] = [0.0873, 0.2094];
 const LEAST_RATIO: f64 = 5.0;
 
 /// The result of a validation.
-#[derive(Debug, Clone, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Report {
     /// Names of the flights.
     pub flights: Vec<String>,

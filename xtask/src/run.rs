@@ -88,7 +88,7 @@ pub(crate) const LIBRARIES: [&str; 7] = [
     "--exclude",
     "bodyflight-python",
     "--features",
-    "bodyflight-unit/logs,bodyflight-verbs/export,bodyflight-verbs/figures,bodyflight-verbs/fmu",
+    "bodyflight-unit/logs,bodyflight-unit/signatures,bodyflight-verbs/export,bodyflight-verbs/figures,bodyflight-verbs/fmu",
 ];
 
 /// Place of the program in the [target folder](target_folder).

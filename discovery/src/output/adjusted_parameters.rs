@@ -4,7 +4,6 @@
 use crate::named_effect::EffectSet;
 use bodyflight_core::Segment;
 use bodyflight_core::effect::Effect;
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::hypotheses::decision::DECISION;
@@ -20,7 +19,8 @@ const ADJUSTMENTS: usize = 8;
 const CALIBRATIONS: usize = 3;
 
 /// A value in the files that the flights contradict.
-#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Adjustment {
     /// The quantity, in words.
     pub what: String,
@@ -122,7 +122,8 @@ pub fn corrections(fitted: &LinearFit) -> EffectSet {
 }
 
 /// A joint with a significant calibration error.
-#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct JointCalibration {
     /// The segment this joint attaches to its parent.
     pub segment: &'static str,

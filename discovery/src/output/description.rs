@@ -1,11 +1,11 @@
 //! A description as reported, in numbers and words.
 
 use bodyflight_core::dynamics::applied_load::AppliedLoad;
-use schemars::JsonSchema;
 use serde::Serialize;
 
 /// A load of a description.
-#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct DescribedLoad {
     /// In words: `moment about left, 25.0 +- 0.4 N m, 3.10 +- 0.01 Hz`.
     pub in_words: String,
@@ -21,7 +21,8 @@ pub struct DescribedLoad {
 }
 
 /// A description of what no effect of the library explains.
-#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Described {
     /// The loads.
     pub loads: Vec<DescribedLoad>,

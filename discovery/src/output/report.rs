@@ -1,7 +1,6 @@
 //! The report of a search, for people and machines.
 
 use crate::named_effect::{ByName, Named, Outcome};
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::jacobian::layout::WRENCH;
@@ -27,7 +26,8 @@ pub const CHANNEL_NAMES: [&str; CHANNELS] = [
 ];
 
 /// Estimated sizes of the errors in a flight.
-#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct ErrorSizes {
     /// Noise of single frames: attitude (rad), angular velocity (rad/s), horizontal and vertical velocity (m/s).
     pub sensors: [f64; 4],
@@ -61,7 +61,8 @@ impl ErrorSizes {
 }
 
 /// A held-out flight.
-#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct HeldOut {
     /// Gain of log-likelihood with the named effects.
     pub gain: f64,
@@ -72,7 +73,8 @@ pub struct HeldOut {
 }
 
 /// The report of a search.
-#[derive(Debug, Clone, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Report {
     /// The outcome.
     pub verdict: Outcome,

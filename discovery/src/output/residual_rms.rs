@@ -5,7 +5,6 @@ use crate::named_effect::EffectSet;
 use bodyflight_core::dynamics::Motion;
 use nalgebra::DVector;
 use rayon::prelude::*;
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::jacobian::finite_difference::residual;
@@ -15,7 +14,8 @@ use crate::likelihood::linear_fit::LinearFit;
 use crate::shooting::stretch::{CHANNELS, Channels};
 
 /// Root mean squares of the residuals by channel.
-#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Gap {
     /// The model as given by the files.
     pub before: [f64; CHANNELS],
@@ -28,7 +28,8 @@ pub struct Gap {
 }
 
 /// The disagreement in one stretch.
-#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Spot {
     /// Start of the stretch (s).
     pub time_s: f64,

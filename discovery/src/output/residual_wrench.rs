@@ -3,7 +3,6 @@
 
 use nalgebra::{DVector, Vector3};
 use rayon::prelude::*;
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::hypotheses::decision::DECISION;
@@ -24,7 +23,8 @@ const AXES: [&str; 3] = [
 ];
 
 /// The residual of a flight.
-#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Remainder {
     /// Whether the residual exceeds what sensors, joints and subject can explain.
     pub is_unexplained: bool,

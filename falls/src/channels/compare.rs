@@ -1,13 +1,13 @@
 //! What comparisons of channels share: findings, windows of a track, and units that are mistaken for others.
 
 use nalgebra::Vector3;
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::{Sample, longest_step};
 
 /// A channel of a track.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Channel {
     /// Height.
@@ -36,7 +36,8 @@ impl Channel {
 }
 
 /// What was done about a fault.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Remedy {
     /// The channel was converted to the unit, sign or axes that agree with the others.
@@ -48,7 +49,8 @@ pub enum Remedy {
 }
 
 /// A fault of a channel.
-#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Finding {
     /// The channel.
     pub channel: Channel,

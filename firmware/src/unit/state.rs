@@ -1,12 +1,12 @@
 //! What a unit knows, and how it is created.
 
 use core::cell::RefCell;
+use core::mem::MaybeUninit;
 
 use bodyflight_core::link::{
     Configure, Decoder, Header, HelloAcknowledge, MAX_FRAME_LENGTH, Message, SCHEMA_HASH, Sample,
     SegmentTable, Sensors,
 };
-use static_cell::StaticCell;
 
 use super::outbox::Outbox;
 use super::session::{Session, Silence};
@@ -90,16 +90,13 @@ impl<B: Board> Unit<B> {
 
     /// Creates a unit in static memory. A function of its own, never inlined: a unit fills most of a board's stack, and
     /// what its caller keeps there stays below everything that runs afterwards.
-    ///
-    /// # Panics
-    /// Panics if `place` is in use.
     #[inline(never)]
     pub fn new_in(
-        place: &'static StaticCell<RefCell<Self>>,
+        place: &'static mut MaybeUninit<RefCell<Self>>,
         board: B,
         identity: Identity,
     ) -> &'static RefCell<Self> {
-        place.init_with(|| RefCell::new(Self::new(board, identity)))
+        place.write(RefCell::new(Self::new(board, identity)))
     }
 
     /// The board that the unit runs on.

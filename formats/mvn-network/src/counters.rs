@@ -1,10 +1,10 @@
 //! Counters of what a receiver has received.
 
-use schemars::JsonSchema;
 use serde::Serialize;
 
 /// What has been received so far.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Counters {
     /// Datagrams of any kind.
     pub datagrams: u64,

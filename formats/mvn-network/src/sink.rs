@@ -6,7 +6,6 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use bodyflight_core::Body;
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::datagram::{Datagram, Header, Kind};
@@ -53,7 +52,8 @@ impl FromStr for Speed {
 }
 
 /// What was sent.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Sent {
     /// Frames.
     pub frames: u64,

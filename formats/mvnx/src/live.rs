@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 
 use bodyflight_core::Body;
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::writer::{Description, Origin, Writer};
@@ -22,7 +21,8 @@ const NEAR: f64 = 0.02;
 const USUAL_RATE: f64 = RATES[0];
 
 /// The recording that was saved.
-#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Kept {
     /// Number of frames in it.
     pub file: PathBuf,

@@ -16,7 +16,6 @@ use bodyflight_replay::flight::Flight;
 use bodyflight_replay::model_file::Effects;
 use bodyflight_replay::preset_file::{AUTO, Tuning};
 use bodyflight_verbs::estimate::svg;
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::outputs::{Outputs, Plot};
@@ -126,7 +125,8 @@ impl FilterName {
 }
 
 /// A row of the list of presets.
-#[derive(JsonSchema, Serialize)]
+#[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct Listed {
     name: &'static str,
     measures: Vec<&'static str>,

@@ -6,7 +6,6 @@ use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_replay::flight::Flight;
 use bodyflight_verbs::figures::{Settings, files, write};
 use bodyflight_verbs::output::figure::Format;
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::outputs::Outputs;
@@ -66,7 +65,8 @@ impl FormatName {
     }
 }
 
-#[derive(JsonSchema, Serialize)]
+#[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct Written {
     figures: Vec<PathBuf>,
 }

@@ -12,7 +12,6 @@ use bodyflight_replay::subject::Subject;
 use bodyflight_verbs::view::flown::{frames, write};
 use bodyflight_verbs::view::page::{FlyData, Mode, PageData, Provenance, html};
 use bodyflight_verbs::view::server::Server;
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::outputs::Outputs;
@@ -45,7 +44,8 @@ pub(super) struct Args {
     open: bool,
 }
 
-#[derive(JsonSchema, Serialize)]
+#[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Opened<'a> {
     url: &'a str,
 }

@@ -13,7 +13,6 @@ use bodyflight_replay::flight::Flight;
 use bodyflight_replay::model_file::Effects;
 use bodyflight_replay::subject::Subject;
 use bodyflight_verbs::hide::{FILES, truth_toml, write};
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::outputs::Outputs;
@@ -86,7 +85,8 @@ fn hidden_help() -> String {
     )
 }
 
-#[derive(JsonSchema, Serialize)]
+#[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct Written {
     flights: Vec<PathBuf>,
     truth: PathBuf,

@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use bodyflight_io::diagnostic::{Kind, Problem, Result};
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::terminal;
@@ -77,13 +76,15 @@ pub(super) fn output_of(
 }
 
 /// Results for several flights, in the order given.
-#[derive(JsonSchema, Serialize)]
+#[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct Several<R> {
     flights: Vec<Outcome<R>>,
 }
 
 /// The result for one of several flights.
-#[derive(JsonSchema, Serialize)]
+#[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Outcome<R> {
     flight: PathBuf,
     /// The result; null if there is none.
@@ -97,7 +98,7 @@ struct Outcome<R> {
 /// # Errors
 /// Returns the error of a single flight. Several flights are all processed before an error is returned, except after
 /// Ctrl-C.
-pub(super) fn each<R: Serialize + JsonSchema>(
+pub(super) fn each<R: Serialize>(
     flights: &[PathBuf],
     json: bool,
     mut work: impl FnMut(&Path) -> Result<(R, Result<()>)>,

@@ -19,7 +19,6 @@ use bodyflight_replay::flight::Flight;
 use bodyflight_replay::model_file::Effects;
 use comfy_table::{CellAlignment, Table};
 use console::style;
-use schemars::JsonSchema;
 use serde::Serialize;
 use visible::{json_without_controls, visible, visible_problem};
 
@@ -45,12 +44,14 @@ pub(super) fn print(text: &str) {
 }
 
 /// Writes text for a shell, unchanged.
+#[cfg(feature = "full")]
 pub(super) fn verbatim(text: &str) {
     put(text);
 }
 
 /// The answer of a verb with `--json`.
-#[derive(JsonSchema, Serialize)]
+#[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct Answer<'a, T> {
     made_by: MadeBy,
     #[serde(flatten)]
@@ -58,7 +59,8 @@ pub(super) struct Answer<'a, T> {
 }
 
 /// The run that produced an answer.
-#[derive(JsonSchema, Serialize)]
+#[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct MadeBy {
     /// Version of the program.
     version: &'static str,
@@ -72,7 +74,7 @@ struct MadeBy {
 ///
 /// # Errors
 /// Returns an error if the result cannot be written as JSON.
-pub(super) fn print_json(result: &(impl Serialize + JsonSchema)) -> Result<()> {
+pub(super) fn print_json(result: &impl Serialize) -> Result<()> {
     let lossy = |argument: &OsString| argument.to_string_lossy().into_owned();
     let made_by = MadeBy {
         version: env!("CARGO_PKG_VERSION"),
@@ -210,7 +212,8 @@ pub(super) fn print_usage(error: &clap::Error) -> u8 {
 }
 
 /// A problem, machine-readable.
-#[derive(JsonSchema, Serialize)]
+#[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct Told {
     exit_code: u8,
     message: String,

@@ -1,7 +1,6 @@
 //! `bodyflight unit`.
 
-mod setup;
-pub(super) use setup::Stored;
+pub(super) mod setup;
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -13,7 +12,6 @@ use bodyflight_unit::image::{Board, Image};
 use bodyflight_unit::log;
 use bodyflight_unit::stream::connection::{DEFAULT_BAUD, Target};
 use bodyflight_unit::virtual_unit::VirtualUnit;
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::outputs::Outputs;
@@ -64,7 +62,8 @@ struct FlashArgs {
 }
 
 /// The result of a check.
-#[derive(JsonSchema, Serialize)]
+#[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct Flashed {
     board: Board,
     bytes: usize,
@@ -101,7 +100,8 @@ struct LogArgs {
 }
 
 /// Contents of a log.
-#[derive(JsonSchema, Serialize)]
+#[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct Report {
     blocks: usize,
     damaged: usize,

@@ -14,7 +14,6 @@ use bodyflight_verbs::fall::DEFAULT_MASS;
 use bodyflight_verbs::view::estimated::estimated;
 use bodyflight_verbs::view::page::{PageData, Provenance, html};
 use bodyflight_verbs::view::run::{Run, fly};
-use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::Value;
 
@@ -68,7 +67,8 @@ pub(super) struct Args {
     reading: Reading,
 }
 
-#[derive(JsonSchema, Serialize)]
+#[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct Written {
     page: PathBuf,
     bytes: usize,

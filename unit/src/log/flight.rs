@@ -8,7 +8,6 @@ use bodyflight_core::frame::{Inertial, Vector};
 use bodyflight_core::link::{
     BlockReader, Configure, Estimate, Message, Sample, SegmentTable, Status, Validity,
 };
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::tables;
@@ -30,7 +29,8 @@ pub struct LoggedFlight {
 }
 
 /// What was written for a flight.
-#[derive(Debug, Clone, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Written {
     /// The `flight.toml`.
     pub flight: PathBuf,

@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 
 use bodyflight_core::xbus::{Decoder, Item, MAX_PACKET_LENGTH, MessageId, Packet, SampleClock};
-use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::{Map, Value};
 
@@ -11,7 +10,8 @@ use super::findings::{Findings, LONGEST_MISSING};
 use super::reading::reading;
 
 /// A decoded packet.
-#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct PacketReading {
     /// Sensor time (s), unwrapped; none if the packet has no time.
     pub time_s: Option<f64>,
@@ -26,7 +26,8 @@ pub struct PacketReading {
 }
 
 /// How often an item occurred.
-#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct ItemTotals {
     /// Name with unit.
     pub name: &'static str,
@@ -39,7 +40,8 @@ pub struct ItemTotals {
 }
 
 /// Totals of what was decoded so far.
-#[derive(Debug, Clone, PartialEq, Default, JsonSchema, Serialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct XbusTotals {
     /// Bytes received.
     pub bytes: u64,

@@ -4,7 +4,6 @@ use std::fmt::Write as _;
 
 use bodyflight_core::link::Status;
 use bodyflight_core::link::fault::Struck;
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::session::Session;
@@ -14,7 +13,8 @@ use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_mvnx::live::Kept;
 
 /// The progress of a stream.
-#[derive(Debug, Clone, Copy, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 pub struct Live {
     /// Time of the flight (s).
@@ -36,7 +36,8 @@ pub struct Live {
 }
 
 /// An estimate of the unit.
-#[derive(Debug, Clone, Copy, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 pub struct LiveEstimate {
     /// Muscle input and damping coefficients, each in pitch, yaw, roll.
@@ -68,7 +69,8 @@ impl Live {
 }
 
 /// Latencies from a sample to its estimate (ms).
-#[derive(Debug, Clone, Copy, PartialEq, Default, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Latency {
     /// Median.
     pub median_ms: f64,
@@ -81,7 +83,8 @@ pub struct Latency {
 }
 
 /// The unit's counters at the end; see `docs/unit.md`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[expect(missing_docs, reason = "documented in Status")]
 pub struct UnitCounters {
     pub received_bytes: u32,
@@ -155,7 +158,8 @@ fn place_of_panic(status: &Status) -> Option<String> {
 }
 
 /// Frames damaged on purpose.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[expect(missing_docs, reason = "documented in Struck")]
 pub struct Harmed {
     pub dropped: u32,
@@ -174,7 +178,8 @@ impl From<&Struck> for Harmed {
 }
 
 /// The result of a stream.
-#[derive(Debug, Clone, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Report {
     /// Build ID of the unit.
     pub unit_build: String,

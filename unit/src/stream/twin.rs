@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 
 use bodyflight_core::link::{Estimate, EstimateFlags, MAX_FRAME_LENGTH, Message, PackedQuaternion};
 use bodyflight_firmware::{Board, Identity, Unit};
-use schemars::JsonSchema;
 use serde::Serialize;
 
 /// A unit without ports or time: samples are processed as they arrive.
@@ -20,7 +19,8 @@ pub struct Twin {
 }
 
 /// How the unit's estimates compare with the desktop's.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Agreement {
     /// Estimates of the twin on the desktop.
     pub expected: u64,

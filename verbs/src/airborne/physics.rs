@@ -1,7 +1,6 @@
 //! Gravity and angular momentum in a phase, with error bars.
 
 use nalgebra::Vector3;
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::phases::Parabola;
@@ -15,7 +14,8 @@ const BODY: f64 = 0.004;
 const SMALL: f64 = 1.0;
 
 /// The fall of a centre of mass.
-#[derive(Debug, Clone, Copy, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Fall {
     /// Fitted acceleration: north, west, up (m/s2).
     pub acceleration_mps2: [f64; 3],
@@ -56,7 +56,8 @@ pub fn fall(times: &[f64], centres: &[Vector3<f64>]) -> Option<Fall> {
 }
 
 /// The angular momentum about the centre of mass in a phase.
-#[derive(Debug, Clone, Copy, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Momentum {
     /// Its mean: north, west, up (kg m2/s).
     pub mean_nms: [f64; 3],

@@ -4,7 +4,6 @@ use bodyflight_core::Segment;
 use bodyflight_core::air::GRAVITY;
 use bodyflight_mvnx::recording::{Mounting, Warning};
 use nalgebra::Vector3;
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::physics::{Fall, Momentum};
@@ -25,7 +24,8 @@ const SLOW: f64 = 50.0;
 const FAR: f64 = 3.0;
 
 /// A fault of the capture.
-#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Fault {
     /// `tilt`, `rate`, `step`, `mounting`, `recording` or `momentum`.
     pub kind: &'static str,
@@ -38,7 +38,8 @@ pub struct Fault {
 }
 
 /// What a capture is worth.
-#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Verdict {
     /// Its faults.
     pub faults: Vec<Fault>,

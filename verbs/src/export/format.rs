@@ -3,11 +3,11 @@
 use std::path::Path;
 
 use bodyflight_io::diagnostic::{Problem, Result};
-use schemars::JsonSchema;
 use serde::Serialize;
 
 /// A kind of file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Format {
     /// Compressed columns.

@@ -1,13 +1,13 @@
 //! Compares two jumpers from the same load, who fell through the same wind.
 
-use schemars::JsonSchema;
 use serde::Serialize;
 
 /// Number of standard deviations beyond which two winds are not from the same load.
 pub const MOST_APART: f64 = 3.0;
 
 /// The other jumper's fall, and how its wind agrees.
-#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Beside {
     /// Speed downwards in the steady part, at the reference height of the standard atmosphere (m/s).
     pub normalised_rate_mps: f64,

@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 
 use bodyflight_falls::verdict::Verdict;
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::{Answer, Conditions, Moment, Report, falls};
@@ -13,7 +12,8 @@ use bodyflight_io::progress;
 use bodyflight_tracks as track;
 
 /// A jump in a line.
-#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Line {
     /// The file.
     pub track: String,
@@ -65,7 +65,8 @@ pub const COLUMNS: [&str; 15] = [
 ];
 
 /// The jumps on many tracks.
-#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Logbook {
     /// Number of tracks read.
     pub tracks: usize,
@@ -76,7 +77,8 @@ pub struct Logbook {
 }
 
 /// The answer of `bodyflight fall`: for one track, or for a folder of tracks.
-#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(untagged)]
 pub enum Answers {
     /// For one track.

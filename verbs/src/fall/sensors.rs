@@ -4,13 +4,13 @@ use bodyflight_core::air::{GRAVITY, standard_density};
 use bodyflight_falls::fall::Jump;
 use bodyflight_falls::median;
 use nalgebra::Vector3;
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use bodyflight_tracks::Track;
 
 /// Data of the logger's other sensors.
-#[derive(Debug, Clone, Copy, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Sensors {
     /// Largest specific force during the opening (multiples of gravity).
     pub largest_g: Option<f64>,

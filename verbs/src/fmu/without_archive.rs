@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use bodyflight_io::diagnostic::{Problem, Result};
-use bodyflight_io::files::AtomicFile;
+use bodyflight_replay::flight::Flight;
 
 /// Refuses: the command that adds archives is in the message.
-pub(super) fn archive(_: &Path, _: AtomicFile, _: &[(String, Vec<u8>)]) -> Result<AtomicFile> {
+pub(super) fn archive(_: &Path, _: &Flight, _: &str, _: &[(String, Vec<u8>)]) -> Result<usize> {
     Err(Problem::not_built_in("co-simulation units"))
 }

@@ -7,7 +7,6 @@ use bodyflight_core::Body;
 use bodyflight_core::body::mass_properties::MassProperties;
 use bodyflight_core::body::posture::pose;
 use nalgebra::Vector3;
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::activity::Activities;
@@ -16,7 +15,8 @@ use bodyflight_mvnx::recording::{FlightFrame, Options, Recording, Warning};
 use bodyflight_replay::subject::Subject;
 
 /// Difference between MVN's centre of mass and the model's, in body axes: left, dorsal, cranial.
-#[derive(Debug, Clone, Copy, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct CentreOfMass {
     /// Number of frames compared.
     pub frames: u64,
@@ -31,7 +31,8 @@ pub struct CentreOfMass {
 }
 
 /// Information about a flight before it is simulated.
-#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct FlightReport {
     /// Values that are implausible for a flight.
     pub warnings: Vec<Warning>,

@@ -3,7 +3,6 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::experiments::EXPERIMENTS;
@@ -12,7 +11,8 @@ use crate::synthesize::Tunnel;
 use bodyflight_replay::comparison::{Channel, PerChannel};
 
 /// One experiment, flown and reconstructed.
-#[derive(Debug, Clone, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Outcome {
     /// Name of the experiment.
     pub name: &'static str,

@@ -1,11 +1,11 @@
 //! Contacts of a flight in a wind tunnel with wall, net and top.
 
 use bodyflight_core::frame::{Inertial, Vector};
-use schemars::JsonSchema;
 use serde::Serialize;
 
 /// A flight in a wind tunnel 4.2 m wide, which begins in the middle, 3 m above the net and 8 m below the top.
-#[derive(Debug, Clone, Copy, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Tunnel {
     /// Speed of the airflow (m/s).
     pub stream_mps: f64,

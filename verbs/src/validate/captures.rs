@@ -12,7 +12,6 @@ use bodyflight_mocap::mapping::Mapping;
 use bodyflight_mocap::systems::is_of_another_system;
 use bodyflight_replay::recorded::Recorded;
 use bodyflight_replay::subject::Subject;
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::bundled;
@@ -55,7 +54,8 @@ struct Entry {
 }
 
 /// Jumps by source.
-#[derive(Debug, Clone, Default, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Default, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Captures {
     /// A row for each source, and one for all of them if there are several.
     pub sources: Vec<Source>,
@@ -64,7 +64,8 @@ pub struct Captures {
 }
 
 /// The jumps of a source.
-#[derive(Debug, Clone, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Source {
     /// Its name.
     pub source: String,
@@ -85,7 +86,8 @@ pub struct Source {
 }
 
 /// A capture that was not used.
-#[derive(Debug, Clone, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Skipped {
     /// Its source.
     pub source: String,

@@ -1,10 +1,10 @@
 //! A row of the table of results.
 
-use schemars::JsonSchema;
 use serde::Serialize;
 
 /// A requirement on real data, and whether it holds.
-#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Check {
     /// Name of the data.
     pub data: String,

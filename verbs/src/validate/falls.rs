@@ -5,7 +5,6 @@ use std::path::PathBuf;
 
 use bodyflight_falls::prediction::Trials;
 use bodyflight_falls::verdict::Verdict;
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::check::Check;
@@ -23,7 +22,8 @@ const ENOUGH_TRIALS: usize = 30;
 const LEAST_WITHIN: f64 = 0.55;
 
 /// The fall of a track.
-#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct FallRow {
     /// The file.
     pub track: String,

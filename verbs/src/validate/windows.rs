@@ -6,7 +6,6 @@ use bodyflight_core::dynamics::Motion;
 use bodyflight_core::dynamics::free_run::Equations;
 use bodyflight_falls::statistics::interpolated_quantile;
 use rayon::prelude::*;
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use bodyflight_io::diagnostic::Result;
@@ -57,7 +56,8 @@ pub const MODELS: [Model; 4] = [
 ];
 
 /// Median and 90th percentile of errors.
-#[derive(Debug, Clone, Copy, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Spread {
     /// Median (rad).
     pub median_rad: f64,
@@ -76,7 +76,8 @@ impl Spread {
 }
 
 /// Windows of one length in one model: the angle between measured and predicted attitude at the end.
-#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Row {
     /// The model's name in files.
     pub model: &'static str,
@@ -95,7 +96,8 @@ pub struct Row {
 }
 
 /// Whole flights in one model, with fitted start: root mean square angle between measured and simulated attitude.
-#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Whole {
     /// The model's name in files.
     pub model: &'static str,

@@ -12,8 +12,10 @@ use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
+use base64::Engine;
+use base64::prelude::BASE64_STANDARD;
+use sha1::{Digest, Sha1};
 use tempfile::NamedTempFile;
-use tungstenite::handshake::derive_accept_key;
 use tungstenite::protocol::{Role, WebSocketConfig};
 use tungstenite::{Message, WebSocket};
 
@@ -176,7 +178,7 @@ impl Shared {
                 "too many pages are already connected",
             ),
             Request::Socket(key) => {
-                let accept = derive_accept_key(key.as_bytes());
+                let accept = accept_key(&key);
                 write!(
                     stream,
                     "HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Accept: {accept}\r\n\r\n"
@@ -288,6 +290,15 @@ enum Request {
     Page,
     Socket(String),
     Refused(&'static str, &'static str),
+}
+
+/// The answer to a browser's key (RFC 6455, section 1.3).
+fn accept_key(key: &str) -> String {
+    let digest = Sha1::new()
+        .chain_update(key)
+        .chain_update("258EAFA5-E914-47DA-95CA-C5AB0DC85B11")
+        .finalize();
+    BASE64_STANDARD.encode(digest)
 }
 
 /// Compares in constant time.

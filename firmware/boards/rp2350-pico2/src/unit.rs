@@ -139,7 +139,7 @@ async fn main(spawner: Spawner) {
         light,
         supply,
     };
-    let unit = Unit::new_in(&UNIT, board, identity);
+    let unit = Unit::new_in(UNIT.uninit(), board, identity);
     usb_serial::spawn(spawner, usb_device(device));
     let receiver = Preferred(from_usb, receiver);
     let transmitter = Preferred(to_usb, transmitter);

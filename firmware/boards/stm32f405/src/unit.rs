@@ -192,7 +192,7 @@ async fn main(spawner: Spawner) {
         battery: RefCell::new(battery),
         recorder,
     };
-    let unit = Unit::new_in(&UNIT, board, identity);
+    let unit = Unit::new_in(UNIT.uninit(), board, identity);
     let is_overrun = |error: &usart::Error| matches!(error, usart::Error::Overrun);
     let receiver = Counted::new(receiver, &HOST_ERRORS, is_overrun);
     let sensor = Counted::new(sensor, &SENSOR_ERRORS, is_overrun);

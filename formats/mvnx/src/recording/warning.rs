@@ -1,10 +1,10 @@
 //! What is implausible in a recording.
 
-use schemars::JsonSchema;
 use serde::Serialize;
 
 /// Something implausible in a flight.
-#[derive(Debug, Clone, PartialEq, JsonSchema, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Warning {
     /// The frame that shows it.
     pub frame: u64,

@@ -9,7 +9,6 @@ use bodyflight_unit::setup;
 use bodyflight_unit::stream::configuration_at;
 use bodyflight_unit::stream::connection::{DEFAULT_BAUD, Target};
 use bodyflight_unit::virtual_unit::VirtualUnit;
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::super::{estimate, terminal};
@@ -76,7 +75,8 @@ pub(super) struct ShowArgs {
 }
 
 /// The configuration stored on a unit.
-#[derive(JsonSchema, Serialize)]
+#[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(crate) struct Stored {
     /// Whether there is one.
     present: bool,

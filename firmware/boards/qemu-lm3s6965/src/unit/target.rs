@@ -79,7 +79,7 @@ fn main() -> ! {
     }
     // The counter has a different value at each start of the machine.
     let identity = record.identity(faults::build(), SYST::get_current() << 8);
-    let unit = Unit::new_in(&UNIT, Lm3s6965, identity);
+    let unit = Unit::new_in(UNIT.uninit(), Lm3s6965, identity);
     let executor = EXECUTOR.init_with(|| Executor::new(core::ptr::null_mut()));
     match application(unit) {
         Ok(task) => executor.spawner().spawn(task),
