@@ -21,11 +21,11 @@ use bodyflight_core::sensor_noise::SensorNoise;
 use bodyflight_estimation::motion::{self, Method};
 use bodyflight_estimation::windows::estimate;
 use bodyflight_estimation::{Estimation, Filter};
+use bodyflight_laboratory::synthesize::{DEFAULT_SWAY, JointError, Request, synthesize};
 use bodyflight_mvnx::recording::Options;
 use bodyflight_replay::Precision;
 use bodyflight_replay::flight::Flight;
 use bodyflight_replay::subject::Subject;
-use bodyflight_verbs::synthesize::{DEFAULT_SWAY, JointError, Request, synthesize};
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 use score::{INPUTS, RECONSTRUCTION, Score};
 

@@ -5,10 +5,10 @@ use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::math::wrap_angle;
 use bodyflight_core::observation::Observation;
 use bodyflight_core::sensor_noise::SensorNoise;
+use bodyflight_laboratory::synthesize::{JointError, Request, fly};
 use bodyflight_mvnx::recording::FlightFrame;
 use bodyflight_replay::flight::Flight;
 use bodyflight_replay::subject::Subject;
-use bodyflight_verbs::synthesize::{JointError, Request, fly};
 
 /// The channels of a maneuver, frame by frame, without noise and sway, flown with the paper's muscle forces.
 fn seen(name: &str) -> Vec<(f64, Observation<f64>)> {

@@ -7,6 +7,7 @@ use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::sensor_noise::SensorNoise;
 use bodyflight_estimation::Filter;
 use bodyflight_estimation::windows::estimate;
+use bodyflight_laboratory::synthesize::{JointError, Report, Request, synthesize};
 use bodyflight_mvnx::recording::Options;
 use bodyflight_replay::Precision;
 use bodyflight_replay::comparison::Channel;
@@ -14,7 +15,6 @@ use bodyflight_replay::flight::Flight;
 use bodyflight_replay::subject::Subject;
 use bodyflight_verbs::reproduce::reproduce;
 use bodyflight_verbs::sensitivity::{Parameter, sensitivity};
-use bodyflight_verbs::synthesize::{JointError, Report, Request, synthesize};
 use bodyflight_verbs::tune::{Search, tune};
 
 /// A folder for the files of one test.

@@ -12,12 +12,12 @@ use bodyflight_discovery::named_effect::{Named, Outcome};
 use bodyflight_discovery::output::report::Report;
 use bodyflight_discovery::{Settings, discover};
 use bodyflight_io::diagnostic::Result;
+use bodyflight_laboratory::synthesize::{DEFAULT_SWAY, JointError, Request, synthesize};
 use bodyflight_laboratory::{self as laboratory, Hidden, fly};
 use bodyflight_mvnx::recording::Options;
 use bodyflight_replay::flight::Flight;
 use bodyflight_replay::subject::Subject;
 use bodyflight_verbs::discover::read_track;
-use bodyflight_verbs::synthesize::{DEFAULT_SWAY, JointError, Request, synthesize};
 use serde_json::{Value, json};
 
 use super::cases::{Case, Flown};

@@ -9,6 +9,7 @@ pub mod drawn;
 pub mod outside;
 mod paths;
 mod suit;
+pub mod synthesize;
 
 use bodyflight_core::body::mass_properties::PostureRate;
 use bodyflight_core::body::pattern::{self, JointAngles};

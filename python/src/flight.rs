@@ -7,11 +7,11 @@ use bodyflight_core::dynamics::free_run::Equations;
 use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::maneuver::scripts::MANEUVERS;
 use bodyflight_core::sensor_noise::SensorNoise;
+use bodyflight_laboratory::synthesize::{DEFAULT_SWAY, JointError, Request, synthesize};
 use bodyflight_mvnx::ArmFrame;
 use bodyflight_mvnx::recording::{BadFrames, Options};
 use bodyflight_replay::flight::{self, Start};
 use bodyflight_replay::model_file::Effects;
-use bodyflight_verbs::synthesize::{DEFAULT_SWAY, JointError, Request, synthesize};
 use numpy::{PyArray, PyArray1};
 use pyo3::prelude::*;
 

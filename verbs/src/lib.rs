@@ -17,7 +17,6 @@ pub mod reproduce;
 pub mod sensitivity;
 pub mod simulate;
 pub mod stability;
-pub mod synthesize;
 pub mod trim;
 pub mod tune;
 pub mod validate;

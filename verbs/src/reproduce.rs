@@ -17,7 +17,6 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::sensitivity::{self, sensitivity};
-use super::synthesize::{self, DEFAULT_SWAY, JointError, Request};
 use super::{bifurcation, poses};
 use crate::estimate::svg;
 use bodyflight_estimation::motion::{Method, Settings};
@@ -25,6 +24,7 @@ use bodyflight_estimation::windows::estimate;
 use bodyflight_estimation::{Filter, motion};
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::files::write_file;
+use bodyflight_laboratory::synthesize::{self, DEFAULT_SWAY, JointError, Request};
 use bodyflight_mvnx::recording::Options;
 use bodyflight_replay::Precision;
 use bodyflight_replay::flight::{DEFAULT_DENSITY, Flight};

@@ -7,12 +7,12 @@ use bodyflight_core::link::{
 };
 use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::sensor_noise::SensorNoise;
+use bodyflight_laboratory::synthesize::{DEFAULT_SWAY, JointError, Request, fly};
 use bodyflight_replay::flight as file;
 use bodyflight_replay::subject::Subject;
 use bodyflight_unit::log::{self, LoggedFlight, Pieces};
 use bodyflight_unit::stream::twin::{Agreement, Twin};
 use bodyflight_unit::stream::{configuration, sample_of};
-use bodyflight_verbs::synthesize::{DEFAULT_SWAY, JointError, Request, fly};
 
 use crate::Result;
 use crate::chip::{Chip, Cost, Event, Options};

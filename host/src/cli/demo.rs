@@ -6,13 +6,13 @@ use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::sensor_noise::SensorNoise;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::files::write_file;
+use bodyflight_laboratory::synthesize::{DEFAULT_SWAY, FILES, JointError, Request};
 use bodyflight_mvnx::recording::Options;
 use bodyflight_replay::Precision;
 use bodyflight_replay::flight::Flight;
 use bodyflight_replay::subject::Subject;
 use bodyflight_verbs::output::plot::comparison_svg;
 use bodyflight_verbs::simulate::{RunFile, simulate};
-use bodyflight_verbs::synthesize::{DEFAULT_SWAY, FILES, JointError, Request};
 
 use super::outputs::Outputs;
 use super::terminal::FlightBar;

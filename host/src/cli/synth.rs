@@ -6,9 +6,11 @@ use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::maneuver::scripts::MANEUVERS;
 use bodyflight_core::sensor_noise::SensorNoise;
 use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_laboratory::synthesize::{
+    DEFAULT_SWAY, FILES, JointError, Report, Request, synthesize,
+};
 use bodyflight_replay::flight::DEFAULT_DENSITY;
 use bodyflight_replay::subject::Subject;
-use bodyflight_verbs::synthesize::{DEFAULT_SWAY, FILES, JointError, Report, Request, synthesize};
 
 use super::outputs::Outputs;
 use super::terminal;

@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::experiments::EXPERIMENTS;
 use crate::sensitivity;
-use crate::synthesize::Tunnel;
+use bodyflight_laboratory::synthesize::Tunnel;
 use bodyflight_replay::comparison::{Channel, PerChannel};
 
 /// One experiment, flown and reconstructed.

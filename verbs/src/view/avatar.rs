@@ -139,7 +139,7 @@ mod tests {
     use bodyflight_core::maneuver::Maneuver;
     use bodyflight_core::sensor_noise::SensorNoise;
 
-    use crate::synthesize::{JointError, Request, synthesize};
+    use bodyflight_laboratory::synthesize::{JointError, Request, synthesize};
     use bodyflight_mvnx::recording::Options;
     use bodyflight_replay::flight::DensityChoice;
     use bodyflight_replay::steps::Replay;

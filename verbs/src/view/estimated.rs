@@ -73,7 +73,7 @@ mod tests {
     use bodyflight_core::maneuver::Maneuver;
     use bodyflight_core::sensor_noise::SensorNoise;
 
-    use crate::synthesize::{self, DEFAULT_SWAY, JointError, synthesize};
+    use bodyflight_laboratory::synthesize::{self, DEFAULT_SWAY, JointError, synthesize};
     use bodyflight_replay::subject::Subject;
 
     #[test]

@@ -53,7 +53,7 @@ const ANSWERS: &[Row] = &[
         answer::<Several<verbs::simulate::Report>>,
     ),
     ("stream", answer::<stream::report::Report>),
-    ("synth", answer::<verbs::synthesize::Report>),
+    ("synth", answer::<bodyflight_laboratory::synthesize::Report>),
     ("trim", answer::<verbs::trim::Report>),
     ("tune", answer::<verbs::tune::Report>),
     ("unit-configure", answer::<unit::setup::Stored>),
