@@ -78,6 +78,11 @@ impl Agreement {
     }
 }
 
+/// What is said if velocities and angular velocities are both opposite to the motion. The two explanations give the same
+/// numbers: gravity does not tell the direction of time.
+const BACKWARDS: &str = "velocities and angular velocities are opposite to the motion of positions and attitudes: the \
+    frames run backwards in time, or all velocities have the opposite sign";
+
 /// Correlation of displacements and velocities below which they do not belong together.
 const ASKEW: f64 = 0.5;
 /// Distance between displacement and velocity in one frame that is a jump (m), and the least number of frames for each.
@@ -251,7 +256,14 @@ impl Watch {
                 ),
             );
         }
-        if let Some((frame, message)) = self.rates().or_else(|| self.directions()) {
+        let is_backwards = self.is_backwards();
+        if is_backwards {
+            warnings.push(Warning {
+                span_s: Some([first.time, last.time]),
+                is_fault: true,
+                ..Warning::new(last.index, BACKWARDS.to_owned())
+            });
+        } else if let Some((frame, message)) = self.rates().or_else(|| self.directions()) {
             warnings.push(Warning {
                 is_fault: self.rates_are_useless(),
                 ..Warning::new(frame, message)
@@ -267,7 +279,7 @@ impl Watch {
                 ),
             );
         }
-        if let Some(message) = self.paths() {
+        if let Some(message) = self.paths().filter(|_| !is_backwards) {
             warnings.push(Warning {
                 span_s: Some([first.time, last.time]),
                 is_fault: true,
@@ -296,6 +308,15 @@ impl Watch {
         #[expect(clippy::cast_precision_loss, reason = "counts of turns")]
         let count = self.turns.max(1) as f64;
         self.turns >= LEAST_TURNS && (self.global.expected / count).sqrt() > TURNS
+    }
+
+    /// Whether both kinds of velocity are those of the same motion the other way round. One of them alone would mean
+    /// reversed axes or inverse quaternions.
+    fn is_backwards(&self) -> bool {
+        let against =
+            |of: &Agreement| of.correlation() < -SAME && (of.scale() + 1.0).abs() < WAYS_APART;
+        let moves = self.lengths[0] > MOVES && self.frames >= LEAST_FRAMES;
+        moves && self.is_turning() && against(&self.global) && against(&self.ways)
     }
 
     /// Whether the angular velocities are empty or in degrees: nothing computed from them is right.
@@ -399,8 +420,8 @@ mod tests {
     const RATE: f64 = 100.0;
 
     /// A falling body that rotates about two axes in turn, changed by `change`.
-    fn watched(frames: u64, change: impl Fn(&mut FlightFrame)) -> Vec<Warning> {
-        let mut watch = Watch::new(RATE);
+    fn flight(frames: u64, change: impl Fn(&mut FlightFrame)) -> Vec<FlightFrame> {
+        let mut flight = Vec::new();
         let mut attitude = UnitQuaternion::identity();
         for index in 0..frames {
             let time = index as f64 / RATE;
@@ -420,10 +441,22 @@ mod tests {
             };
             attitude = UnitQuaternion::from_scaled_axis(spin / RATE) * attitude;
             change(&mut frame);
+            flight.push(frame);
+        }
+        flight
+    }
+
+    fn seen(flight: &[FlightFrame]) -> Vec<Warning> {
+        let mut watch = Watch::new(RATE);
+        for frame in flight {
             let written = (frame.index as f64 * 1000.0 / RATE).round();
-            watch.see(&frame, Some(written), None);
+            watch.see(frame, Some(written), None);
         }
         watch.warnings()
+    }
+
+    fn watched(frames: u64, change: impl Fn(&mut FlightFrame)) -> Vec<Warning> {
+        seen(&flight(frames, change))
     }
 
     fn says(warnings: &[Warning], what: &str) -> bool {
@@ -502,6 +535,37 @@ mod tests {
         assert!(says(&lost, "frame 187: 0.38 s without frames"), "{lost:?}");
 
         assert!(says(&watched(120, |_| {}), "ends after 1.19 s"));
+    }
+
+    #[test]
+    fn frames_that_run_backwards_are_called_that_and_nothing_else() {
+        let forwards = flight(300, |_| {});
+        let mut backwards: Vec<FlightFrame> = forwards.iter().rev().copied().collect();
+        for (frame, right) in backwards.iter_mut().zip(&forwards) {
+            (frame.index, frame.time) = (right.index, right.time);
+        }
+        let said = seen(&backwards);
+        assert!(says(&said, "run backwards in time"), "{said:?}");
+        assert!(
+            said.len() == 1 && said[0].is_fault && said[0].span_s == Some([0.0, 2.99]),
+            "{said:?}"
+        );
+
+        // One kind of velocity alone does not tell of time.
+        let only_velocity = watched(300, |frame| {
+            frame.pelvis.velocity.as_mut().unwrap().components *= -1.0;
+        });
+        assert!(
+            says(&only_velocity, "opposite directions"),
+            "{only_velocity:?}"
+        );
+        assert!(!says(&only_velocity, "backwards"), "{only_velocity:?}");
+        let only_spin = watched(300, |frame| {
+            let spin = frame.pelvis.angular_velocity.as_mut().unwrap();
+            spin.components *= -1.0;
+        });
+        assert!(says(&only_spin, "rotate the other way"), "{only_spin:?}");
+        assert!(!says(&only_spin, "backwards"), "{only_spin:?}");
     }
 
     #[test]
