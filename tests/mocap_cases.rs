@@ -90,6 +90,35 @@ fn arms_near_and_past_the_left_axis_do_not_spin() {
 }
 
 #[test]
+fn points_without_a_unit_are_taken_in_the_unit_of_a_person() {
+    let Some((file, map)) = case("t-pose.csv").zip(case("points.toml")) else {
+        return;
+    };
+    let metres = read(&file, Some(&map));
+    assert!((metres.unit_m - 1.0).abs() < 1e-12 && metres.warnings.is_empty());
+    let text = std::fs::read_to_string(&file).expect("the case");
+    let (head, rows) = text.split_once('\n').expect("rows");
+    let row = |line: &str| {
+        let scaled = line.split(',').enumerate().map(|(column, word)| {
+            let value: f64 = word.trim().parse().expect("a number");
+            (if column == 0 { value } else { value * 1000.0 }).to_string()
+        });
+        scaled.collect::<Vec<_>>().join(",")
+    };
+    let rows: Vec<String> = rows.lines().map(row).collect();
+    let folder = tempfile::tempdir().expect("a folder");
+    let millimetres = folder.path().join("millimetres.csv");
+    std::fs::write(&millimetres, format!("{head}\n{}\n", rows.join("\n"))).expect("a file");
+    let read = read(&millimetres, Some(&map));
+    assert!((read.unit_m - 1e-3).abs() < 1e-12, "{}", read.unit_m);
+    assert!(
+        read.warnings.contains("states no unit"),
+        "{}",
+        read.warnings
+    );
+}
+
+#[test]
 fn the_upper_of_two_joints_of_the_spine_is_the_thorax() {
     let Some(file) = case("chest-chest2.bvh") else {
         return;

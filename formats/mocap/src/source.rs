@@ -215,6 +215,9 @@ impl Source {
                     Err(Problem::bad_input(message)
                         .help("give the length of one unit in the mapping: [world] unit_m"))
                 }
+                (None, Some(thigh), None) if !THIGH.contains(&thigh) => {
+                    unit(thigh, None, &mut warnings)
+                }
                 (None, _, None) => Ok(1.0),
             })?;
         warnings.extend(rows.faults.iter().map(ToString::to_string));
