@@ -290,12 +290,12 @@ impl AirTable {
                 .help(
                     "keep one: density for constant air, altitude_m for the standard atmosphere",
                 )),
-            (Some(density), None) if density.is_finite() && (0.0..=2.0).contains(&density) => {
+            (Some(density), None) if density > 0.0 && density <= 2.0 => {
                 Ok(DensityChoice::Constant(density))
             }
             (Some(density), None) => Err(at(
                 "air.density",
-                format!("expected 0 to 2 kg/m3, found {density}"),
+                format!("expected more than 0 and at most 2 kg/m3, found {density}"),
             )),
             (None, Some(altitude)) if (-500.0..=11_000.0).contains(&altitude) => {
                 Ok(DensityChoice::FirstFrameAltitude(altitude))
@@ -365,6 +365,10 @@ mod tests {
             (
                 "recording = \"a\"\n[air]\ndensity = -1",
                 ["air.density", "-1"],
+            ),
+            (
+                "recording = \"a\"\n[air]\ndensity = 0.0",
+                ["air.density", "more than 0"],
             ),
             (
                 "recording = \"a\"\n[air]\ndensity = 1.0\naltitude_m = 3",

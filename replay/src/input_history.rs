@@ -57,6 +57,10 @@ pub struct InputRow {
     pub muscle_forces: Option<MuscleForces>,
 }
 
+/// Help for a file without the right columns.
+const COLUMNS_HELP: &str =
+    "the columns are time_s, pitch, yaw, roll, damp_pitch, damp_yaw, damp_roll";
+
 /// Number of numeric values in a row, not counting the time.
 const VALUES: usize = 12;
 
@@ -222,6 +226,20 @@ impl InputHistory {
         let mut reader = csv::ReaderBuilder::new()
             .trim(csv::Trim::All)
             .from_reader(bytes);
+        if let Ok(head) = reader.headers()
+            && let Some(missing) = InputRow::COLUMNS
+                .iter()
+                .find(|name| !head.iter().any(|own| own == **name))
+        {
+            let problem = Problem::bad_input(format!("expected a column {missing}"))
+                .in_file(path)
+                .at_line(1);
+            return Err(match head.iter().any(|own| own.contains([';', '\t'])) {
+                true => problem
+                    .help("columns are separated by commas, and numbers have a decimal point"),
+                false => problem.help(COLUMNS_HELP),
+            });
+        }
         let mut rows: Vec<InputRow> = Vec::new();
         for row in reader.deserialize() {
             let row: InputRow = row.map_err(|error| csv_problem(error, path))?;
@@ -246,9 +264,7 @@ impl InputHistory {
         if rows.is_empty() {
             return Err(Problem::bad_input("no rows below the column names")
                 .in_file(path)
-                .help(
-                    "the columns are time_s, pitch, yaw, roll, damp_pitch, damp_yaw, damp_roll",
-                ));
+                .help(COLUMNS_HELP));
         }
         Ok(Self { rows })
     }
@@ -392,7 +408,7 @@ mod tests {
     #[test]
     fn bad_rows_are_named() {
         for (text, part) in [
-            ("", "no rows"),
+            ("", "expected a column time_s"),
             (HEAD, "no rows"),
             (
                 &format!("{HEAD}1,0,0,0,0,0,0\n1,0,0,0,0,0,0\n"),
@@ -403,7 +419,8 @@ mod tests {
                 "inputs.csv:2: expected finite",
             ),
             (&format!("{HEAD}1,0,x,0,0,0,0\n"), "inputs.csv:2"),
-            ("time_s,yaw\n1,2\n", "missing field"),
+            ("time_s,yaw\n1,2\n", "inputs.csv:1: expected a column pitch"),
+            (&HEAD.replace(',', ";"), "expected a column time_s"),
         ] {
             let problem = read(text).unwrap_err().to_string();
             assert!(problem.contains(part), "{text}: {problem}");

@@ -4,6 +4,7 @@ mod file;
 mod segment_table;
 mod units;
 
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use bodyflight_core::aerodynamics::load_model::LoadModel;
@@ -79,11 +80,19 @@ pub struct CommonCoefficients {
 }
 
 impl Subject {
-    /// Reads a `subject.toml` and the segment table that it refers to.
+    /// Reads a `subject.toml`, or the one in a folder, and the segment table that it refers to.
     ///
     /// # Errors
     /// Returns an error with file, line, field and what was expected if a file is missing or a value is invalid.
     pub fn read(path: &Path) -> Result<Self> {
+        let inside = path.join("subject.toml");
+        let path = if path.is_dir() { &inside } else { path };
+        let recorded = |end: &OsStr| ["mvnx", "gz", "xz"].iter().any(|known| end == *known);
+        if path.extension().is_some_and(recorded) {
+            return Err(Problem::bad_input("expected a subject.toml, found a recording")
+                .in_file(path)
+                .help("a flight.toml names its subject; `bodyflight synth` and `import` write one"));
+        }
         let text = input::text(path)?;
         Self::parse(&text, path)
     }

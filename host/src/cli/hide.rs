@@ -44,7 +44,7 @@ pub(super) struct Args {
     #[arg(long)]
     strength: Option<f64>,
     /// Seed of strengths, movements, errors and noise; another seed gives other flights.
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, allow_negative_numbers = true)]
     seed: u64,
     /// Factor on noise and errors; 0 for none.
     #[arg(long, default_value_t = 1.0)]

@@ -73,7 +73,7 @@ pub(super) struct Args {
     #[arg(long, default_value_t = 0.0, value_name = "P")]
     reorder: f32,
     /// Seed of the faults; another seed affects other samples.
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, allow_negative_numbers = true)]
     seed: u64,
     /// Effects to add to the model: a model.toml. Only effects that change the body are supported.
     #[arg(long, value_name = "TOML")]

@@ -25,7 +25,7 @@ pub(super) struct Args {
     #[arg(long)]
     subject: Option<PathBuf>,
     /// Seed of sway and sensor noise; another seed gives another flight of the same maneuver.
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, allow_negative_numbers = true)]
     seed: u64,
     /// Folder for flight.toml, subject.toml, inputs.csv and flight.mvnx; created if absent.
     #[arg(long)]

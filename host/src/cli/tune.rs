@@ -32,7 +32,7 @@ pub(super) struct Args {
     #[arg(long, default_value_t = 0.3)]
     spread: f64,
     /// Seed of the draws; another seed tries other sets.
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, allow_negative_numbers = true)]
     seed: u64,
     /// Tune separate coefficients for each segment, the same left and right: 42 more numbers, so hold a flight out.
     #[arg(long)]

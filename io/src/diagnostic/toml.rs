@@ -16,7 +16,8 @@ impl Problem {
         }
         let line = line.and_then(|line| text.lines().nth(line));
         let meant = line
-            .and_then(without_quotes)
+            .and_then(|line| without_quotes(line).or_else(|| backslash(line)))
+            .or_else(|| line.and_then(|line| wrong_length(error.message(), line)))
             .or_else(|| mistyped(error.message()));
         match meant {
             Some(help) => problem.help(help),
@@ -32,6 +33,22 @@ fn without_quotes(line: &str) -> Option<String> {
     let is_text = value.starts_with(|c: char| c.is_alphabetic() || c == '/' || c == '.')
         && !["true", "false", "inf", "nan"].contains(&value);
     is_text.then(|| format!("put text in quotes: {} = \"{value}\"", key.trim()))
+}
+
+/// Help for a path with backslashes, which start escape sequences between double quotes.
+fn backslash(line: &str) -> Option<String> {
+    let (_, value) = line.split_once('=')?;
+    let value = value.trim();
+    (value.starts_with('"') && value.contains('\\')).then(|| {
+        "a backslash between double quotes starts an escape sequence: use single quotes, or / in paths"
+            .to_owned()
+    })
+}
+
+/// Help for a list that is too short or too long: the message has its length, but not its name.
+fn wrong_length(message: &str, line: &str) -> Option<String> {
+    let (key, _) = line.split_once('=')?;
+    (message.starts_with("invalid length")).then(|| format!("this is the list {}", key.trim()))
 }
 
 /// Help for a misspelt key or choice: messages name what was found and what was expected in backticks.
@@ -57,6 +74,8 @@ mod tests {
         height_m: Option<f64>,
         #[expect(dead_code, reason = "only read")]
         recording: Option<String>,
+        #[expect(dead_code, reason = "only read")]
+        wind: Option<[f64; 3]>,
     }
 
     fn problem(text: &str) -> Problem {
@@ -77,6 +96,20 @@ mod tests {
         assert_eq!(problem.line, Some(2));
         let help = "put text in quotes: recording = \"flight.mvnx\"";
         assert_eq!(problem.help.as_deref(), Some(help));
+    }
+
+    #[test]
+    fn paths_of_windows_and_lists_of_another_length_are_explained() {
+        let windows = problem("recording = \"C:\\Users\\me\\flight.mvnx\"\n");
+        assert_eq!(windows.line, Some(1));
+        assert!(
+            windows
+                .help
+                .is_some_and(|help| help.contains("single quotes"))
+        );
+        let list = problem("wind = [0, 60]\n");
+        assert_eq!(list.line, Some(1));
+        assert_eq!(list.help.as_deref(), Some("this is the list wind"));
     }
 
     #[test]
