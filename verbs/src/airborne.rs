@@ -160,3 +160,98 @@ pub fn judged(capture: &Capture) -> Verdict {
         .chain(capture.steps.iter().map(verdict::step));
     Verdict::of(&falls, &momenta, faults.collect(), capture.rate)
 }
+
+/// Judges recordings of one set-up together: its vertical, and its clock or scale. Errors fall with the number of phases,
+/// so a set of jumps shows what none shows alone. `None` unless at least two recordings are in the air, all of the same
+/// frame rate.
+pub fn together(reports: &[&Report]) -> Option<Verdict> {
+    let flown = || reports.iter().filter(|report| !report.phases.is_empty());
+    let rate = flown().next()?.frame_rate_hz;
+    let alike = flown().all(|report| (report.frame_rate_hz / rate - 1.0).abs() < 1e-3);
+    if !alike || flown().count() < 2 {
+        return None;
+    }
+    let phases = flown().flat_map(|report| &report.phases);
+    let falls: Vec<Fall> = phases.map(|phase| phase.fall).collect();
+    Some(Verdict::of(&falls, &[], Vec::new(), rate))
+}
+
+#[cfg(test)]
+mod tests {
+    use bodyflight_core::air::GRAVITY;
+    use nalgebra::Vector3;
+
+    use super::*;
+
+    /// A recording of one jump of 0.4 s, whose acceleration is off by `off` (m/s2).
+    fn jump(off: Vector3<f64>) -> Report {
+        let acceleration = Vector3::new(0.0, 0.0, -GRAVITY) + off;
+        let fall = Fall {
+            acceleration_mps2: acceleration.into(),
+            g_mps2: acceleration.norm(),
+            standard_error_mps2: 0.2,
+            residual_m: 0.003,
+        };
+        let momentum = Momentum {
+            mean_nms: [0.0; 3],
+            drift_nms: 0.0,
+            drift_percent: None,
+        };
+        Report {
+            phases: vec![Phase {
+                begin_s: 1.0,
+                length_s: 0.4,
+                fall,
+                momentum,
+                predictions: Vec::new(),
+            }],
+            verdict: Verdict::of(&[fall], &[], Vec::new(), 100.0),
+            frame_rate_hz: 100.0,
+            has_subject: false,
+        }
+    }
+
+    /// Jumps with errors of their own, of a set-up that is off by `off` (m/s2).
+    fn set(off: Vector3<f64>) -> Vec<Report> {
+        let errors = (0..40).map(|k| {
+            let turn = 2.4 * f64::from(k);
+            Vector3::new(turn.cos(), turn.sin(), (1.7 * turn).cos()) * 0.2
+        });
+        errors.map(|error| jump(off + error)).collect()
+    }
+
+    fn kinds(verdict: &Verdict) -> Vec<&str> {
+        verdict.faults.iter().map(|fault| fault.kind).collect()
+    }
+
+    #[test]
+    fn a_set_of_short_jumps_shows_what_none_shows_alone() {
+        let tilt = Vector3::x() * (GRAVITY * 1.0_f64.to_radians());
+        let fast = Vector3::z() * (-0.04 * GRAVITY);
+        for (off, expected) in [
+            (Vector3::zeros(), vec![]),
+            (tilt, vec!["tilt"]),
+            (fast, vec!["rate"]),
+        ] {
+            let reports = set(off);
+            for report in &reports {
+                assert!(
+                    kinds(&report.verdict).is_empty(),
+                    "{}",
+                    report.verdict.sentence
+                );
+            }
+            let all: Vec<&Report> = reports.iter().collect();
+            let verdict = together(&all).unwrap();
+            assert_eq!(kinds(&verdict), expected, "{}", verdict.sentence);
+        }
+    }
+
+    #[test]
+    fn recordings_of_different_rates_are_not_one_set() {
+        let mut reports = set(Vector3::zeros());
+        reports[3].frame_rate_hz = 120.0;
+        assert!(together(&reports.iter().collect::<Vec<_>>()).is_none());
+        assert!(together(&[&reports[0]]).is_none());
+    }
+}

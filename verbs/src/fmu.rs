@@ -131,7 +131,7 @@ pub fn write(flight: &Flight, library: &Path, path: &Path) -> Result<Report> {
     let mut entries = vec![(format!("binaries/{platform}/{IDENTIFIER}{end}"), binary)];
     let resource = |(name, text): (&str, String)| (format!("resources/{name}"), text.into_bytes());
     entries.extend(resources.into_iter().map(resource));
-    let variables = archive(path, flight, &token, &entries)?;
+    let variables = archive(path, flight, [IDENTIFIER, &token], &entries)?;
     let size = std::fs::metadata(path).map_err(|error| Problem::system("read", path, error))?;
     Ok(Report {
         file: path.to_path_buf(),

@@ -6,19 +6,23 @@ use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_mocap::mapping::Mapping;
 use bodyflight_mocap::systems::is_of_another_system;
 use bodyflight_replay::subject::Subject;
-use bodyflight_verbs::airborne::{Capture, Report, airborne, figure};
+use bodyflight_verbs::airborne::verdict::Verdict;
+use bodyflight_verbs::airborne::{Capture, Report, airborne, figure, together};
 use bodyflight_verbs::import::{Request, import};
 use bodyflight_verbs::validate::windows::MODELS;
 
+use serde::Serialize;
+
 use super::outputs::{Outputs, Plot};
-use super::several::each;
+use super::several::{Outcome, all, each};
 use super::terminal::{self, Stages};
 
 /// Find the parts of a recording in the air, and judge the capture by them: the centre of mass must fall with g, and
 /// the angular momentum must not change.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Exit code 4: the capture has a fault; 5: nothing is in the air, so it cannot be judged.\n\n\
+    after_help = "Several recordings should be of one set-up: its vertical and its clock are judged by all of them together.\n\n\
+                  Exit code 4: the capture has a fault; 5: nothing is in the air, so it cannot be judged.\n\n\
                   Examples:\n  bodyflight airborne somersault.mvnx --plot somersault.svg\n  bodyflight airborne jump.csv --mapping mapping.toml --subject athlete.toml"
 )]
 pub(super) struct Args {
@@ -40,7 +44,7 @@ pub(super) struct Args {
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     let mapping = args.mapping.as_deref().map(Mapping::read).transpose()?;
     let subject = args.subject.as_deref().map(Subject::read).transpose()?;
-    each(&args.files, json, |file| {
+    let work = |file: &Path| {
         let plot = args.plot.of(file, &args.files)?;
         args.outputs.check_with([], &plot)?;
         let stages = Stages::new("reading");
@@ -61,7 +65,41 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
             Ok(())
         };
         Ok((report, verdict))
-    })
+    };
+    if args.files.len() == 1 {
+        return each(&args.files, json, work);
+    }
+    let (flights, end) = all(&args.files, json, work)?;
+    let reports: Vec<&Report> = flights.iter().flat_map(|flight| &flight.report).collect();
+    let together = together(&reports);
+    let sentence = |verdict: &Verdict| {
+        let count = reports.len();
+        format!("{count} recordings together: {}", verdict.sentence)
+    };
+    let told = together.as_ref().map(|verdict| {
+        let is_faulty = !verdict.faults.is_empty();
+        (sentence(verdict), is_faulty)
+    });
+    if json {
+        terminal::print_json(&Set { flights, together })?;
+    } else if let Some((sentence, _)) = &told {
+        terminal::print(sentence);
+    }
+    end?;
+    match told {
+        Some((sentence, true)) => Err(Problem::disagreement(sentence)),
+        _ => Ok(()),
+    }
+}
+
+/// Results for several recordings.
+#[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub(super) struct Set {
+    flights: Vec<Outcome<Report>>,
+    /// What all phases say of the set-up, its vertical and its clock or scale; null unless at least two recordings of the
+    /// same frame rate are in the air.
+    together: Option<Verdict>,
 }
 
 /// Reads a recording; files of other systems are converted first, into a folder that is deleted.

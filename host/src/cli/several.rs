@@ -85,10 +85,10 @@ pub(super) struct Several<R> {
 /// The result for one of several flights.
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-struct Outcome<R> {
+pub(super) struct Outcome<R> {
     flight: PathBuf,
     /// The result; null if there is none.
-    report: Option<R>,
+    pub(super) report: Option<R>,
     /// The problem, if there was one.
     error: Option<terminal::Told>,
 }
@@ -110,6 +110,22 @@ pub(super) fn each<R: Serialize>(
         }
         return verdict;
     }
+    let (reports, end) = all(flights, json, work)?;
+    if json {
+        terminal::print_json(&Several { flights: reports })?;
+    }
+    end
+}
+
+/// Calls `work` for each of several flights; returns what came of each, and the error to end with.
+///
+/// # Errors
+/// Returns an error after Ctrl-C.
+pub(super) fn all<R>(
+    flights: &[PathBuf],
+    json: bool,
+    mut work: impl FnMut(&Path) -> Result<(R, Result<()>)>,
+) -> Result<(Vec<Outcome<R>>, Result<()>)> {
     let mut reports = Vec::new();
     let mut worst: Option<Kind> = None;
     let mut failed = 0;
@@ -142,15 +158,14 @@ pub(super) fn each<R: Serialize>(
             terminal::print_problem(problem, false);
         }
     }
-    if json {
-        terminal::print_json(&Several { flights: reports })?;
-    }
-    let Some(kind) = worst else { return Ok(()) };
-    let message = format!("{failed} of {} flights have problems", flights.len());
-    Err(Problem {
-        kind,
-        ..Problem::bad_input(message)
-    })
+    let message = || format!("{failed} of {} flights have problems", flights.len());
+    let end = worst.map_or(Ok(()), |kind| {
+        Err(Problem {
+            kind,
+            ..Problem::bad_input(message())
+        })
+    });
+    Ok((reports, end))
 }
 
 /// Severity of a problem: failing to do the work is worse than a negative answer.

@@ -9,9 +9,11 @@ use serde::Serialize;
 use super::physics::{Fall, Momentum};
 use super::steps::Step;
 
-/// Faults are named if they exceed this many standard errors, and these sizes: a tilt (rad), and a relative difference
-/// of g, within which the mass distribution of a default person leaves it.
+/// Faults are named if they exceed these many standard errors, and these sizes: a tilt (rad), and a relative difference
+/// of g, within which the mass distribution of a default person leaves it. By chance 27 of 10,000 captures exceed the
+/// errors: g is one number, and a tilt has two, whose length follows Rayleigh's distribution.
 const SURE: f64 = 3.0;
+const SURE_OF_TILT: f64 = 3.44;
 const LEAST_TILT: f64 = 0.0105;
 const LEAST_G: f64 = 0.025;
 /// Median drift of the angular momentum over a phase that measurement does not explain: in percent, and (kg m2/s) where
@@ -146,7 +148,7 @@ impl Verdict {
         let g = mean.norm();
         let tilt = mean.angle(&-Vector3::z());
         let tilt_error = error / g;
-        if tilt > LEAST_TILT.max(SURE * tilt_error) {
+        if tilt > LEAST_TILT.max(SURE_OF_TILT * tilt_error) {
             faults.push(tilted(&mean, tilt, tilt_error));
         }
         let ratio = g / GRAVITY;

@@ -11,20 +11,19 @@ use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::files::AtomicFile;
 use bodyflight_replay::flight::Flight;
 
-use super::IDENTIFIER;
-
-/// Writes an archive with the description of a unit and the other entries; returns the number of its variables.
+/// Writes an archive with the description of a unit of this identifier and token, and the other entries; returns the number
+/// of its variables.
 ///
 /// # Errors
 /// Returns an error if the file cannot be written; no partial file is left.
 pub(super) fn archive(
     path: &Path,
     flight: &Flight,
-    token: &str,
+    [identifier, token]: [&str; 2],
     entries: &[(String, Vec<u8>)],
 ) -> Result<usize> {
     let variables = variables(flight);
-    let description = description(IDENTIFIER, token, &variables);
+    let description = description(identifier, token, &variables);
     let refused = |error: zip::result::ZipError| {
         Problem::refused("cannot write the unit")
             .in_file(path)

@@ -6,6 +6,11 @@ use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_replay::flight::Flight;
 
 /// Refuses: the command that adds archives is in the message.
-pub(super) fn archive(_: &Path, _: &Flight, _: &str, _: &[(String, Vec<u8>)]) -> Result<usize> {
+pub(super) fn archive(
+    _: &Path,
+    _: &Flight,
+    _: [&str; 2],
+    _: &[(String, Vec<u8>)],
+) -> Result<usize> {
     Err(Problem::not_built_in("co-simulation units"))
 }

@@ -12,7 +12,7 @@ use serde_json::Value;
 
 use super::super::several::Several;
 use super::super::terminal::Answer;
-use super::super::{estimate, figures, hide, unit, view};
+use super::super::{airborne, estimate, figures, hide, unit, view};
 
 /// A name, and the schema of the verb's answer.
 type Row = (&'static str, fn() -> Value);
@@ -20,10 +20,7 @@ type Row = (&'static str, fn() -> Value);
 /// Verbs that answer with one value.
 const ANSWERS: &[Row] = &[
     ("airborne", answer::<verbs::airborne::Report>),
-    (
-        "airborne-several",
-        answer::<Several<verbs::airborne::Report>>,
-    ),
+    ("airborne-several", answer::<airborne::Set>),
     ("demo", answer::<verbs::simulate::Report>),
     (
         "discover",
