@@ -6,8 +6,11 @@
 //! velocity is the measured one or, without it, that of the barometer; with neither, everything is written. Each flight begins with its configuration, so a log is self-contained.
 //! [`FlightLog`](storage::FlightLog) is the task that reads and writes storage.
 
+mod kept_setup;
 mod phase;
+mod ring;
 pub mod serial_flash;
+mod slots;
 pub mod storage;
 
 use core::cell::RefCell;
@@ -250,8 +253,14 @@ impl Recorder {
         self.state.borrow_mut().setup.take()
     }
 
-    fn has_setup_request(&self) -> bool {
-        self.state.borrow().setup.is_some()
+    /// Whether a session has begun since power was applied.
+    fn has_begun(&self) -> bool {
+        self.state.borrow().filled > 0
+    }
+
+    /// Whether a flight is being recorded.
+    fn is_recording(&self) -> bool {
+        self.state.borrow().recording
     }
 
     /// Number of blocks dropped before they were written, because the storage was too slow; wraps.
@@ -267,11 +276,6 @@ impl Recorder {
     /// Current phase of the jump.
     pub fn phase(&self) -> Phase {
         self.state.borrow().watch.phase()
-    }
-
-    /// Whether there is a block to write.
-    fn is_due(&self) -> bool {
-        self.state.borrow().is_due()
     }
 
     /// Takes the host's pending request.
