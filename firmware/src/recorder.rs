@@ -129,6 +129,14 @@ impl Ring {
         lost
     }
 
+    /// Marks all blocks to be written. Makes room for the next one, which may close before the first is taken.
+    fn mark_all(&mut self) {
+        if self.length == self.blocks.len() {
+            self.drop_oldest();
+        }
+        self.due = self.length;
+    }
+
     fn drop_oldest(&mut self) {
         self.oldest = (self.oldest + 1) % self.blocks.len().max(1);
         self.length = self.length.saturating_sub(1);
@@ -319,7 +327,7 @@ impl State {
         if recording && !self.recording {
             self.taken = 0;
             // The blocks kept from before the exit are written too.
-            self.ring.due = self.ring.length;
+            self.ring.mark_all();
         } else if !recording && self.recording {
             self.close();
         }

@@ -4,6 +4,7 @@
 mod battery;
 mod chip;
 mod damage;
+mod erase_ahead;
 mod setup;
 
 use std::collections::BTreeMap;
