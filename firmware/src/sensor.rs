@@ -176,6 +176,7 @@ impl Sensor {
             if let Some(inertial_from_sensor) = reading.inertial_from_sensor {
                 return Some(self.sample(&reading, &inertial_from_sensor, now));
             }
+            self.pass(&reading);
         }
     }
 
@@ -197,6 +198,15 @@ impl Sensor {
             arrived: now,
             age: age.unwrap_or(self.latency),
         });
+    }
+
+    /// Counts a packet without an orientation, which has a number of its own: it is no missing sample.
+    fn pass(&mut self, reading: &Reading) {
+        if let (Some(counter), Some((last, _))) = (reading.counter, &mut self.last)
+            && counter == last.wrapping_add(1)
+        {
+            *last = counter;
+        }
     }
 
     /// Number and time of a packet's sample.

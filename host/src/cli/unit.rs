@@ -1,5 +1,6 @@
 //! `bodyflight unit`.
 
+pub(super) mod sensor;
 pub(super) mod setup;
 
 use std::path::PathBuf;
