@@ -1,6 +1,7 @@
 //! The unit's application on this machine with nothing but the bytes of its sensor, as when it flies alone.
 
 use std::cell::{Cell, RefCell};
+use std::path::Path;
 use std::time::Duration;
 
 use bodyflight_core::link::{
@@ -13,12 +14,15 @@ use serde::Serialize;
 
 use crate::log::{LoggedFlight, Written};
 use crate::monitor::{Chunk, Input, Xbus};
+use crate::virtual_unit::SensorLine;
 
 /// Longest wait for bytes between checks for Ctrl-C.
 const PATIENCE: Duration = Duration::from_millis(100);
 /// Time lost (s) and share of doubtful estimates beyond which the result is not to be trusted, as in `estimate`.
 const LONGEST_LOST: f64 = 1.0;
 const LARGEST_DOUBT: f64 = 0.25;
+/// Bytes that a BNO08x in its UART-RVC mode sends in a second: a hundred packets of 19.
+const RVC_PACE: f64 = 1900.0;
 /// Share by which the rate of the samples may differ from the configured one.
 const RATE_TOLERANCE: f64 = 0.05;
 
@@ -137,6 +141,31 @@ pub fn run(
         bytes,
     );
     Ok((flight, report))
+}
+
+/// Opens a sensor's port, or its recorded bytes to be played at the pace at which they were sent.
+///
+/// # Errors
+/// Returns an error if it cannot be read.
+pub fn open(source: &str, baud: u32) -> Result<SensorLine> {
+    let path = Path::new(source);
+    let input = Input::open(source, baud)?;
+    if !path.is_file() {
+        return Ok(SensorLine { input, pace: None });
+    }
+    let bytes = std::fs::read(path).map_err(|error| Problem::system("read", path, error))?;
+    let mut contents = Xbus::new();
+    contents.push(&bytes);
+    #[expect(clippy::cast_precision_loss, reason = "lengths of files")]
+    let length = bytes.len() as f64;
+    let duration = contents.totals().duration_s;
+    let pace = if duration > 0.0 {
+        length / duration
+    } else {
+        RVC_PACE
+    };
+    let pace = Some(pace);
+    Ok(SensorLine { input, pace })
 }
 
 /// Processes what has arrived, and reports once a second.

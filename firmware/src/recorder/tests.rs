@@ -304,7 +304,7 @@ fn nothing_is_written_on_the_ground() {
 #[test]
 fn without_vertical_velocity_everything_is_written() {
     let chip = Chip::new(usize::MAX, 1);
-    let recorder = Recorder::new(vec![Block::EMPTY; 8].leak());
+    let recorder = Recorder::new(vec![Block::EMPTY; 64].leak());
     let mut storage = FlightLog::new(&recorder, chip.storage(), Chip::SETUP);
     let mut log = core::pin::pin!(storage.run(|_| {}));
     recorder.begin(preamble());
@@ -356,7 +356,7 @@ fn told() -> u32 {
         let Message::Sample(sample) = message else {
             unreachable!("a sample");
         };
-        watch.update(header.time, velocity_up(&sample)) == Phase::Fall
+        watch.update(header.time, velocity_up(&sample), None) == Phase::Fall
     };
     (0..).find(falls).unwrap()
 }
