@@ -51,8 +51,10 @@ fn the_desk_flies_a_sensors_bytes_and_writes_what_a_log_would_hold() {
     assert!(found["consistent"].as_f64() > Some(0.95), "{found}");
     // What was written is a flight for every verb.
     let written = found["written"]["flight"].as_str().expect("a path");
-    let inspected = bodyflight().args(["inspect", written]).output();
-    assert!(inspected.expect("the binary starts").status.success());
+    let recording = written.replace("flight.toml", "flight.mvnx");
+    let inspected = bodyflight().args(["inspect", &recording]).output();
+    let inspected = inspected.expect("the binary starts");
+    assert!(inspected.status.success(), "{}", text(&inspected.stderr));
     let table = std::fs::read_to_string(folder.path().join("alone/estimates.csv"));
     let table = table.expect("a table");
     let last: Vec<f64> = (table.lines().last().expect("rows").split(','))

@@ -112,7 +112,7 @@ const PATIENCE: Duration = Duration::from_millis(100);
 const PIECE: usize = 32;
 
 impl SensorLine {
-    /// Passes the bytes on until the line ends. As on a board, what does not fit is lost.
+    /// Passes the bytes on until the line ends. A unit that is behind delays them: nothing is lost.
     fn play(self, sensed: &Received) {
         let mut due = Instant::now();
         loop {
@@ -128,7 +128,7 @@ impl SensorLine {
                     let length = piece.len() as f64;
                     due += Duration::from_secs_f64(length / pace);
                 }
-                let _ = sensed.try_write(piece);
+                block_on(sensed.write_all(piece));
             }
         }
     }
