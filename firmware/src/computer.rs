@@ -116,6 +116,8 @@ struct Last {
 pub struct Computer {
     configuration: Option<Configuration>,
     filter: Option<Filter>,
+    /// Whether the filter started without a posture.
+    is_posture_assumed: bool,
     last: Option<Last>,
     /// Flags to be reported with the next estimate.
     pending: EstimateFlags,
@@ -135,6 +137,7 @@ impl Computer {
         Self {
             configuration: None,
             filter: None,
+            is_posture_assumed: false,
             last: None,
             pending: EstimateFlags::empty(),
             inconsistent: 0,
@@ -178,19 +181,19 @@ impl Computer {
         let Some(configuration) = &self.configuration else {
             return Outcome::Rejected;
         };
+        let has_posture = sample.valid.contains(Validity::POSTURE);
+        if self.is_posture_assumed && has_posture {
+            self.filter = None;
+        }
         let (Some(filter), Some(last)) = (&mut self.filter, &self.last) else {
-            return self.start(time, sample);
+            return self.start(time, sample, sensors.is_some());
         };
         let steps = steps_between(last.time, time, configuration.sample_rate);
         if steps == 0 {
             return Outcome::Rejected;
         }
         let from = last.posture;
-        let posture = if sample.valid.contains(Validity::POSTURE) {
-            sample.posture()
-        } else {
-            from
-        };
+        let posture = if has_posture { sample.posture() } else { from };
         let motion = motion_of(sample, last.velocity);
         self.last = Some(Last {
             time,
@@ -225,10 +228,11 @@ impl Computer {
         Outcome::Used(Some(answer))
     }
 
-    /// Starts from the motion of the first sample.
-    fn start(&mut self, time: u64, sample: &Sample) -> Outcome {
-        let needed = [Validity::POSTURE, Validity::ATTITUDE];
-        let complete = needed.iter().all(|&part| sample.valid.contains(part));
+    /// Starts from the motion of the first sample. Without a posture it only starts if the sample `is_sensed` by the
+    /// unit's own sensor: the one in the sample is assumed then.
+    fn start(&mut self, time: u64, sample: &Sample, is_sensed: bool) -> Outcome {
+        let has_posture = sample.valid.contains(Validity::POSTURE);
+        let complete = sample.valid.contains(Validity::ATTITUDE) && (has_posture || is_sensed);
         let Some(configuration) = self.configuration.as_ref().filter(|_| complete) else {
             return Outcome::Rejected;
         };
@@ -237,9 +241,15 @@ impl Computer {
         let Configuration {
             preset, dynamics, ..
         } = configuration;
-        if Filter::start_in(&mut self.filter, preset, dynamics, &motion, &posture).is_err() {
+        let preset = if has_posture {
+            *preset
+        } else {
+            preset.with_assumed_posture()
+        };
+        if Filter::start_in(&mut self.filter, &preset, dynamics, &motion, &posture).is_err() {
             return Outcome::Rejected;
         }
+        self.is_posture_assumed = !has_posture;
         self.last = Some(Last {
             time,
             posture,

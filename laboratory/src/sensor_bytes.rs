@@ -24,8 +24,8 @@ const LONGEST: usize = 128;
 pub struct SensorBytes {
     /// Seed of the noise.
     pub seed: u64,
-    /// Standard deviation of the specific force, white and constant, each axis (m/s2).
-    pub specific_force: [f64; 2],
+    /// Standard deviation of the specific force, white and constant, each axis (m/s2); none without accelerometer.
+    pub specific_force: Option<[f64; 2]>,
     /// Standard deviation of the air pressure (Pa).
     pub pressure: f64,
     /// Solutions of the receiver in a second; 0 for none.
@@ -42,7 +42,7 @@ impl SensorBytes {
     /// An MTi-3 and a receiver of the M8 generation by their data sheets, in the open sky.
     pub const TYPICAL: Self = Self {
         seed: 0,
-        specific_force: [0.02, 0.05],
+        specific_force: Some([0.02, 0.05]),
         pressure: 3.0,
         receiver_rate: 5.0,
         latency: 0.1,
@@ -53,7 +53,8 @@ impl SensorBytes {
     /// The bytes sent with each frame, and after which time they are complete (s).
     pub fn of(&self, frames: &[FlightFrame]) -> Vec<(f64, Vec<u8>)> {
         let mut noise = Noise(ChaCha8Rng::seed_from_u64(self.seed));
-        let bias = noise.vector(self.specific_force[1]);
+        let [white, constant] = self.specific_force.unwrap_or_default();
+        let bias = noise.vector(constant);
         let mut answered = 0.0;
         let mut sent = Vec::with_capacity(frames.len());
         for (index, frame) in frames.iter().enumerate() {
@@ -64,10 +65,10 @@ impl SensorBytes {
             let fall = free_acceleration([before, frame, after]);
             let body_from_inertial = frame.pelvis.inertial_from_body.inverse();
             let force = body_from_inertial * (fall + Vector::new(0.0, 0.0, GRAVITY));
-            let force =
-                Vector3::from(force.to_array()) + bias + noise.vector(self.specific_force[0]);
+            let force = Vector3::from(force.to_array()) + bias + noise.vector(white);
+            let force = self.specific_force.map(|_| force);
             let pressure = pressure_at(frame.pelvis.position.up()) + self.pressure * noise.normal();
-            let mut bytes = packet(index, frame, &force, pressure);
+            let mut bytes = packet(index, frame, force, pressure);
             // The solution that arrives now, and its instant.
             let instant = frame.time - self.latency;
             if self.receiver_rate > 0.0 && instant >= answered {
@@ -132,14 +133,19 @@ fn pressure_at(height: f64) -> f64 {
     clippy::cast_sign_loss,
     reason = "the sensor's formats; counters wrap"
 )]
-fn packet(index: usize, frame: &FlightFrame, force: &Vector3<f64>, pressure: f64) -> Vec<u8> {
+fn packet(
+    index: usize,
+    frame: &FlightFrame,
+    force: Option<Vector3<f64>>,
+    pressure: f64,
+) -> Vec<u8> {
     let pelvis = &frame.pelvis;
     let attitude_wxyz = pelvis.inertial_from_body.wxyz().map(|part| part as f32);
     let turn = pelvis.angular_velocity.map(|spin| {
         let spin = pelvis.inertial_from_body.inverse() * spin;
         spin.to_array().map(|part| part as f32)
     });
-    let force = [force.x, force.y, force.z].map(|part| part as f32);
+    let force = force.map(|force| [force.x, force.y, force.z].map(|part| part as f32));
     let mut bytes = [0; LONGEST];
     let mut writer = PacketWriter::new(&mut bytes, MessageId::MT_DATA2);
     let counter = (index as u16).to_be_bytes();
@@ -153,7 +159,9 @@ fn packet(index: usize, frame: &FlightFrame, force: &Vector3<f64>, pressure: f64
     if let Some(turn) = turn {
         let _ = writer.reals(DataId::RATE_OF_TURN, &turn);
     }
-    let _ = writer.reals(DataId::ACCELERATION, &force);
+    if let Some(force) = force {
+        let _ = writer.reals(DataId::ACCELERATION, &force);
+    }
     let _ = writer.item(DataId::BARO_PRESSURE, &pressure);
     let length = writer.finish().unwrap_or(0);
     bytes.get(..length).unwrap_or_default().to_vec()
@@ -222,7 +230,7 @@ mod tests {
     fn decoders_read_back_what_was_flown() {
         let frames: Vec<_> = (0..300).map(falling).collect();
         let exact = SensorBytes {
-            specific_force: [0.0; 2],
+            specific_force: Some([0.0; 2]),
             velocity: [0.0; 2],
             pressure: 0.0,
             ..SensorBytes::TYPICAL

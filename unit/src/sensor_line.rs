@@ -200,7 +200,7 @@ fn nothing_in(bytes: u64, contents: Option<&Xbus>) -> Problem {
 impl SensorReport {
     fn of(flight: &LoggedFlight, status: &Status, rate: f64, bytes: u64) -> Self {
         let count = |wanted: EstimateFlags, but: EstimateFlags| {
-            let flags = flight.estimates().map(|estimate| estimate.flags);
+            let flags = flight.estimates().map(|(_, estimate)| estimate.flags);
             flags
                 .filter(|flags| flags.intersects(wanted) && !flags.intersects(but))
                 .count()
@@ -228,7 +228,10 @@ impl SensorReport {
             consistent: share(other, flying),
             doubtful: share(doubtful, flying),
             lost: share(lost, flying),
-            last: flight.estimates().last().map(LastEstimate::from),
+            last: flight
+                .estimates()
+                .last()
+                .map(|(_, estimate)| estimate.into()),
             written: None,
             doubt: None,
         };

@@ -88,6 +88,16 @@ impl UnitPreset {
         }
         self
     }
+
+    /// Returns the preset for a body whose posture is not measured but assumed. The paper's filters know no errors of
+    /// the posture, so theirs stay as they are.
+    #[must_use]
+    pub const fn with_assumed_posture(mut self) -> Self {
+        if let Self::Motion(preset, _) = &mut self {
+            *preset = preset.with_assumed_posture();
+        }
+        self
+    }
 }
 
 /// Longest solution window of the motion filter: a quarter of a second at 240 Hz.

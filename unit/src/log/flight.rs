@@ -94,9 +94,11 @@ impl LoggedFlight {
         [self.samples.len(), self.estimates.len()]
     }
 
-    /// Its estimates.
-    pub fn estimates(&self) -> impl DoubleEndedIterator<Item = &Estimate> {
-        self.estimates.iter().map(|(_, estimate)| estimate)
+    /// Its estimates, each with the time of its sample since the first sample (s).
+    pub fn estimates(&self) -> impl DoubleEndedIterator<Item = (f64, &Estimate)> {
+        let first = self.samples.first().map_or(0, |(time, _)| *time);
+        let estimates = self.estimates.iter();
+        estimates.map(move |(time, estimate)| (since(first, *time), estimate))
     }
 
     /// Time from the first sample to the last (s).
