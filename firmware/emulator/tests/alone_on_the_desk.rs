@@ -50,7 +50,7 @@ const KINDS: [Kind; 4] = [
     Kind {
         name: "accelerometer, receiver at 5 Hz",
         sensor: SensorBytes::TYPICAL,
-        limits: [0.15, 0.2, 0.8],
+        limits: [0.15, 0.2, 0.95],
     },
     Kind {
         name: "receiver at 5 Hz",
@@ -58,7 +58,7 @@ const KINDS: [Kind; 4] = [
             specific_force: None,
             ..SensorBytes::TYPICAL
         },
-        limits: [0.3, 0.4, 0.8],
+        limits: [0.3, 0.4, 0.95],
     },
     // The wind stays unknown without a receiver: up to 8 m/s in one of the flights.
     Kind {
@@ -67,7 +67,7 @@ const KINDS: [Kind; 4] = [
             receiver_rate: 0.0,
             ..SensorBytes::TYPICAL
         },
-        limits: [9.0, 3.0, 0.9],
+        limits: [9.0, 1.0, 0.95],
     },
     Kind {
         name: "neither",
@@ -76,7 +76,7 @@ const KINDS: [Kind; 4] = [
             receiver_rate: 0.0,
             ..SensorBytes::TYPICAL
         },
-        limits: [f64::INFINITY, f64::INFINITY, 0.9],
+        limits: [9.0, 2.0, 0.95],
     },
 ];
 

@@ -209,7 +209,9 @@ struct Row {
 #[test]
 #[ignore = "needs the image: cargo xtask f405"]
 fn the_unit_alone_is_back_within_two_seconds_and_its_log_says_why() {
+    // A repetition begins with a flight of its own, which takes five times as long as one with a host.
     let times = std::env::var("BODYFLIGHT_F405_TIMES").map_or(5, |times| times.parse().unwrap());
+    let times: usize = (times / 5).max(1);
     let Some(sensed) = Sensed::of("none-slow-101/flight-0", 29.0, &SensorBytes::TYPICAL).unwrap()
     else {
         return;
