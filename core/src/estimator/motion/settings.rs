@@ -10,6 +10,19 @@ use crate::estimator::preset::SAMPLE_RATE;
 use crate::estimator::unscented::SettingsError;
 use crate::math::Real;
 
+/// How the model's derivatives are taken with respect to velocity and angular velocity, in which it is not linear; in all
+/// other coordinates it is, or they follow from these.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Slopes {
+    /// By differences over small steps: those of an extended filter.
+    #[default]
+    Differences,
+    /// By sigma points spread as far as the state is uncertain: statistically linearised, with the shift of the mean, as
+    /// in an unscented filter whose linear coordinates are marginalised. The curvature's own share of the spread, which
+    /// is of fourth order in the deviations, is left out.
+    SigmaPoints,
+}
+
 /// All settings of a motion filter. Arrays of three are in the order pitch, yaw, roll.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MotionPreset {
@@ -60,6 +73,8 @@ pub struct MotionPreset {
     pub gyroscope_bias_noise: f32,
     /// Innovation gate: number of standard deviations beyond which a channel is rejected; must be positive.
     pub gate: f32,
+    /// How derivatives are taken.
+    pub slopes: Slopes,
     /// Sample rate (Hz).
     pub sample_rate: f32,
     /// Number of samples from one estimate to the next.
@@ -98,6 +113,7 @@ pub const MOTION: MotionPreset = MotionPreset {
     gyroscope_bias: 0.03,
     gyroscope_bias_noise: 2e-4,
     gate: 5.0,
+    slopes: Slopes::Differences,
     sample_rate: SAMPLE_RATE,
     solution_window: 4,
 };
