@@ -130,8 +130,11 @@ enum Wrong {
     SensorRestart,
 }
 
-/// Each fault with the cause and kind that the unit must report after the start, if it starts again.
-const CASES: [(&str, Wrong, Option<(u8, u8)>); 19] = [
+/// The cause and kind that the unit must report if it starts again.
+type Told = Option<(u8, u8)>;
+
+/// Each fault, and what the unit must report.
+const CASES: [(&str, Wrong, Told); 19] = [
     (
         "undefined instruction",
         Wrong::Program("undefined", ""),
@@ -288,7 +291,7 @@ fn go_wrong(
     host: &mut Host,
     sensed: &Sensed,
     wrong: Wrong,
-    told: Option<(u8, u8)>,
+    told: Told,
     random: &mut Random,
 ) -> Result<u64, String> {
     let begin = host.chip.now() + BEGIN;

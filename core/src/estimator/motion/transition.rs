@@ -309,12 +309,7 @@ mod tests {
         let process = Process::new(&MOTION, STEP).unwrap();
         let mut slope = MotionSlope::zeros();
         let end = fly(
-            &dynamics,
-            &interval,
-            &process,
-            (&start, None),
-            STEP,
-            &mut slope,
+            &dynamics, &interval, &process, &start, None, STEP, &mut slope,
         );
         let sizes = [1e-4, 1e-3, 1e-3, 1e-3, 1e-3, 1e-4, 1e-4];
         for column in 0..STATES {
@@ -326,7 +321,8 @@ mod tests {
                 &dynamics,
                 &interval,
                 &process,
-                (&moved, None),
+                &moved,
+                None,
                 STEP,
                 &mut unused,
             );
@@ -433,12 +429,7 @@ mod tests {
         process.set_sensitivity(&SMatrix::from_fn(|i, j| if i == j { 0.3 } else { 0.1 }));
         let mut slope = MotionSlope::zeros();
         let _ = fly(
-            &dynamics,
-            &interval,
-            &process,
-            (&start, None),
-            STEP,
-            &mut slope,
+            &dynamics, &interval, &process, &start, None, STEP, &mut slope,
         );
         let mut covariance = SMatrix::<f64, STATES, STATES>::from_fn(|i, j| {
             let mix = |k: usize| libm::sin(1.0 + k as f64);
