@@ -7,8 +7,11 @@
 //! unknown is written. Each flight begins with its configuration, so a log is self-contained.
 //! [`FlightLog`](storage::FlightLog) is the task that reads and writes storage.
 
+mod kept_setup;
 mod phase;
+mod ring;
 pub mod serial_flash;
+mod slots;
 pub mod storage;
 
 use core::cell::RefCell;
@@ -128,6 +131,14 @@ impl Ring {
             self.due = self.length;
         }
         lost
+    }
+
+    /// Marks all blocks to be written. Makes room for the next one, which may close before the first is taken.
+    fn mark_all(&mut self) {
+        if self.length == self.blocks.len() {
+            self.drop_oldest();
+        }
+        self.due = self.length;
     }
 
     fn drop_oldest(&mut self) {
@@ -259,8 +270,14 @@ impl Recorder {
         self.state.borrow_mut().setup.take()
     }
 
-    fn has_setup_request(&self) -> bool {
-        self.state.borrow().setup.is_some()
+    /// Whether a session has begun since power was applied.
+    fn has_begun(&self) -> bool {
+        self.state.borrow().filled > 0
+    }
+
+    /// Whether a flight is being recorded.
+    fn is_recording(&self) -> bool {
+        self.state.borrow().recording
     }
 
     /// Number of blocks dropped before they were written, because the storage was too slow; wraps.
@@ -276,11 +293,6 @@ impl Recorder {
     /// Current phase of the jump.
     pub fn phase(&self) -> Phase {
         self.state.borrow().watch.phase()
-    }
-
-    /// Whether there is a block to write.
-    fn is_due(&self) -> bool {
-        self.state.borrow().is_due()
     }
 
     /// Takes the host's pending request.
@@ -331,7 +343,7 @@ impl State {
         if recording && !self.recording {
             self.taken = 0;
             // The blocks kept from before the exit are written too.
-            self.ring.due = self.ring.length;
+            self.ring.mark_all();
         } else if !recording && self.recording {
             self.close();
         }

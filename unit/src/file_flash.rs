@@ -8,8 +8,6 @@ use std::path::Path;
 use embedded_storage_async::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
-use sequential_storage::cache::{Cache, CacheImpl};
-use sequential_storage::queue::{QueueConfig, QueueStorage};
 
 use bodyflight_io::diagnostic::{Problem, Result};
 
@@ -62,11 +60,8 @@ impl FileFlash {
     /// Where the configuration is stored.
     pub(super) const SETUP: Range<u32> = SECTOR * (SECTORS - 2)..SECTOR * SECTORS;
 
-    /// The rest of the file as a queue of blocks.
-    pub(super) fn queue(self) -> QueueStorage<Self, impl CacheImpl<()>> {
-        let config = const { QueueConfig::new(0..SECTOR * (SECTORS - 2)) };
-        QueueStorage::new(self, config, Cache::new_uncached())
-    }
+    /// Where the log is stored: the rest of the file.
+    pub(super) const LOG: Range<u32> = 0..SECTOR * (SECTORS - 2);
 }
 
 impl ErrorType for FileFlash {

@@ -14,6 +14,7 @@ use nalgebra::Quaternion;
 use crate::dynamics::State;
 use crate::frame::{Inertial, Rotation, Vector};
 use crate::math::{Real, normalized};
+use Bound::{Construction, Relative, Search};
 
 /// Why a number stays in its range.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -94,9 +95,9 @@ impl fmt::Display for Range {
             write!(f, " |")?;
         }
         f.write_str(match self.bound {
-            Bound::Construction => " construction |",
-            Bound::Search => " search |",
-            Bound::Relative => " relative |",
+            Construction => " construction |",
+            Search => " search |",
+            Relative => " relative |",
         })
     }
 }
@@ -116,8 +117,6 @@ const fn range(
         bound,
     }
 }
-
-use Bound::{Construction, Relative, Search};
 
 /// Component of the attitude quaternion.
 pub const ATTITUDE: Range = range("attitude quaternion", "1", 1.0, 0.005, Construction);

@@ -9,10 +9,6 @@ use embedded_hal_async::delay::DelayNs;
 use embedded_storage_async::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
-use sequential_storage::cache::page_pointers::ArrayPagePointers;
-use sequential_storage::cache::page_states::ArrayPageStates;
-use sequential_storage::cache::{Cache, Uncached};
-use sequential_storage::queue::{QueueConfig, QueueStorage};
 
 /// Size of a sector, the unit of erasing (bytes).
 pub const SECTOR: u32 = 4096;
@@ -51,15 +47,8 @@ pub struct SerialFlash<B, P, D> {
     capacity: u32,
 }
 
-/// Most bytes used for the log, and the number of sectors whose state is cached.
-const LOG: u32 = 2 << 20;
-const SECTORS: usize = (LOG / SECTOR) as usize;
-
 /// Length of the part that stores the configuration, at the end (bytes).
 const SETUP: u32 = 2 * SECTOR;
-
-/// Cache of sector states, so that a block is written without a search.
-pub type Sectors = Cache<ArrayPageStates<SECTORS>, ArrayPagePointers<SECTORS>, Uncached>;
 
 /// Errors of the chip.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -107,17 +96,14 @@ impl<B: SpiBus, P: OutputPin, D: DelayNs> SerialFlash<B, P, D> {
         None
     }
 
-    /// Where the configuration is stored: the last two sectors of the part that is used.
-    pub fn setup(&self) -> Range<u32> {
-        let end = self.capacity.min(LOG);
-        end - SETUP..end
+    /// Where the log is stored.
+    pub fn log(&self) -> Range<u32> {
+        0..self.capacity - SETUP
     }
 
-    /// Turns the chip into a queue of blocks, for a [`FlightLog`](super::storage::FlightLog).
-    pub fn queue(self) -> QueueStorage<Self, Sectors> {
-        let end = self.setup().start;
-        let kept = Cache::new(ArrayPageStates::new(), ArrayPagePointers::new(), Uncached);
-        QueueStorage::new(self, QueueConfig::new(0..end), kept)
+    /// Where the configuration is stored: the last two sectors.
+    pub fn setup(&self) -> Range<u32> {
+        self.capacity - SETUP..self.capacity
     }
 
     fn command(&mut self, head: &[u8], written: &[u8], read: &mut [u8]) -> Result<(), FlashError> {

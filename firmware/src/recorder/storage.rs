@@ -2,22 +2,17 @@
 
 use core::ops::Range;
 
-use bodyflight_core::link::{
-    BLOCK_LENGTH, LogAction, SETUP_LENGTH, Setup, SetupAction, SetupState,
-};
+use bodyflight_core::link::{BLOCK_LENGTH, LogAction, Setup, SetupAction, SetupState};
+use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::NorFlash;
-use sequential_storage::Error;
-use sequential_storage::cache::{Cache, CacheImpl};
-use sequential_storage::map::{MapConfig, MapStorage};
-use sequential_storage::queue::{QueueIterator, QueueStorage};
 
+use super::kept_setup::KeptSetup;
+use super::ring::SlotRing;
+use super::slots::{Content, Memory};
 use super::{Block, Recorder, SetupRequest};
 
-/// Key of the configuration in its part of the storage.
-const SETUP_KEY: u8 = 0;
-
-/// Length of the buffer for the configuration with its key, rounded up to whole words (bytes).
-const SETUP_BUFFER: usize = SETUP_LENGTH + 32;
+/// Sent in place of a block of which nothing could be read: no packet begins with this byte, so it counts as damaged.
+const UNREADABLE: [u8; 1] = [0xff];
 
 /// What the storage has for the host.
 #[derive(Debug, Clone, Copy)]
@@ -61,53 +56,89 @@ impl<L: Log> Log for Option<L> {
     }
 }
 
-/// A log in a queue of blocks; the oldest are overwritten. A block that was cut short by a loss of power is ignored,
-/// since its checksum is wrong.
-pub struct FlightLog<'a, S: NorFlash, C: CacheImpl<()>> {
-    recorder: &'a Recorder,
-    storage: QueueStorage<S, C>,
-    /// Where the configuration is stored.
-    setup: Range<u32>,
+/// How much memory is erased before it is needed, since erasing takes longer than writing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct EraseAhead {
+    /// Share of the log's sectors that is kept erased during a session, as its reciprocal. The log holds the rest.
+    one_in: u32,
+    /// Whether sectors are erased ahead also while a flight is recorded.
+    in_flight: bool,
 }
 
-impl<'a, S: NorFlash, C: CacheImpl<()>> FlightLog<'a, S, C> {
-    /// Creates the log of `recorder` in `storage`. The configuration is stored in the range `setup` of the same memory,
-    /// at least two sectors outside the queue.
+impl EraseAhead {
+    /// A chip of its own, which can be erased in flight as well: a fifth.
+    pub const OWN_CHIP: Self = Self {
+        one_in: 5,
+        in_flight: true,
+    };
+
+    /// The flash that holds the program, which stops while a sector is erased: half, enough for a whole flight.
+    pub const PROGRAM_FLASH: Self = Self {
+        one_in: 2,
+        in_flight: false,
+    };
+}
+
+/// Where a host reads.
+#[derive(Debug, Clone, Copy)]
+struct Cursor {
+    /// Number of a block as the host counts, and of the slot that holds it or is the first that may.
+    block: u32,
+    slot: u32,
+}
+
+/// A log in a ring of slots; the oldest are overwritten. Damage in the memory costs only the blocks that it hits.
+pub struct FlightLog<'a, S: NorFlash> {
+    recorder: &'a Recorder,
+    memory: Memory<S>,
+    ring: SlotRing,
+    setup: KeptSetup,
+    ahead: EraseAhead,
+    /// Whether the log was found in the memory.
+    is_found: bool,
+    cursor: Option<Cursor>,
+    /// Set while a host reads, and after a sector could not be erased: nothing is erased ahead until the next block.
+    is_paused: bool,
+}
+
+impl<'a, S: NorFlash> FlightLog<'a, S> {
+    /// Creates the log of `recorder` in the range `log` of a memory. The configuration is stored in the range `setup` of
+    /// the same memory, two sectors outside the log.
     pub const fn new(
         recorder: &'a Recorder,
-        storage: QueueStorage<S, C>,
+        flash: S,
+        log: Range<u32>,
         setup: Range<u32>,
+        ahead: EraseAhead,
     ) -> Self {
         Self {
             recorder,
-            storage,
-            setup,
+            memory: Memory::new(flash),
+            ring: SlotRing::new(log),
+            setup: KeptSetup::new(setup),
+            ahead,
+            is_found: false,
+            cursor: None,
+            is_paused: false,
         }
     }
 
     /// Reads the stored configuration; `None` if there is none that this build can use.
     pub async fn setup(&mut self) -> Option<Setup> {
-        let mut buffer = [0; SETUP_BUFFER];
-        let config = MapConfig::try_new(self.setup.clone()).ok()?;
-        let mut map = MapStorage::new(self.storage.flash(), config, Cache::new_uncached());
-        let bytes: &[u8] = map.fetch_item(&mut buffer, &SETUP_KEY).await.ok()??;
-        Setup::decode(bytes).ok()
+        self.setup.read(&mut self.memory).await
     }
 
     /// Serves a request concerning the stored configuration. A record is replaced as a whole: if power fails meanwhile,
     /// the old one stays.
     async fn keep(&mut self, (action, record): SetupRequest, answer: &mut impl FnMut(Answer<'_>)) {
         let done = match (action, record) {
-            (SetupAction::Store, Some(record)) => self.store(&record).await,
-            (SetupAction::Erase, _) => {
-                let Range { start, end } = self.setup.clone();
-                self.storage.flash().erase(start, end).await.is_ok()
-            }
-            _ => true,
+            (SetupAction::Store, Some(record)) => self.setup.store(&mut self.memory, &record).await,
+            (SetupAction::Erase, _) => self.setup.erase(&mut self.memory).await,
+            _ => Ok(()),
         };
         let setup = self.setup().await;
         let state = match &setup {
-            _ if !done => SetupState::Failed,
+            _ if done.is_err() => SetupState::Failed,
             Some(_) => SetupState::Present,
             None => SetupState::Absent,
         };
@@ -115,119 +146,94 @@ impl<'a, S: NorFlash, C: CacheImpl<()>> FlightLog<'a, S, C> {
         answer(Answer::Setup(state, asked));
     }
 
-    async fn store(&mut self, record: &[u8]) -> bool {
-        let mut buffer = [0; SETUP_BUFFER];
-        let range = self.setup.clone();
-        let Ok(config) = MapConfig::try_new(range.clone()) else {
-            return false;
-        };
-        let mut map = MapStorage::new(self.storage.flash(), config, Cache::new_uncached());
-        let mut stored = map.store_item(&mut buffer, &SETUP_KEY, &record).await;
-        if matches!(stored, Err(Error::Corrupted { .. })) {
-            let _ = map.erase_all().await;
-            stored = map.store_item(&mut buffer, &SETUP_KEY, &record).await;
-        }
-        stored.is_ok()
-    }
-
     /// Writes all blocks that are due.
     async fn write(&mut self) {
         let mut block = Block::EMPTY;
         while self.recorder.take(&mut block) {
-            let mut written = self.storage.push(block.bytes(), true).await;
-            if matches!(written, Err(Error::Corrupted { .. })) {
-                // The queue could not repair itself: give up its contents so that new blocks can be stored.
-                let _ = self.storage.erase_all().await;
-                written = self.storage.push(block.bytes(), true).await;
-            }
-            if written.is_err() {
+            self.is_paused = false;
+            if self.ring.append(&mut self.memory, &block).await.is_err() {
                 self.recorder.count_lost();
             }
         }
     }
 
-    /// Reads `block`, then further blocks for as long as the host asks for them in order and nothing has to be written.
-    /// Returns the request that ended this, if any.
-    async fn read(
-        &mut self,
-        block: u32,
-        answer: &mut impl FnMut(Answer<'_>),
-    ) -> Option<(LogAction, u32)> {
-        let Ok(iterator) = self.storage.iter().await else {
-            answer(Answer::Block(block, &[]));
-            return None;
+    /// Whether a sector should be erased now.
+    fn is_short(&self) -> bool {
+        let enough = self.ring.sectors::<S>() / self.ahead.one_in;
+        let may = self.ahead.in_flight || !self.recorder.is_recording();
+        self.recorder.has_begun() && may && !self.is_paused && self.ring.erased < enough
+    }
+
+    /// Reads a block of the host's count, in which the oldest is 0.
+    async fn read(&mut self, block: u32, answer: &mut impl FnMut(Answer<'_>)) {
+        let start = Cursor {
+            block: 0,
+            slot: self.ring.oldest,
         };
-        let mut reader = Reader {
-            iterator,
-            buffer: [0; BLOCK_LENGTH],
-            length: 0,
-            next: 0,
+        let mut at = match self.cursor {
+            Some(cursor) if (1..=block).contains(&cursor.block) => cursor,
+            _ => start,
         };
-        let mut block = block;
-        loop {
-            answer(Answer::Block(block, reader.seek(block).await));
-            let asked = loop {
-                self.recorder.changed.wait().await;
-                if self.recorder.is_due() || self.recorder.has_setup_request() {
-                    return self.recorder.asked();
-                }
-                if let Some(asked) = self.recorder.asked() {
-                    break asked;
-                }
-            };
-            match asked {
-                (LogAction::Read, next) if next.wrapping_add(1) >= reader.next => block = next,
-                other => return Some(other),
+        self.is_paused = true;
+        while at.slot < self.ring.next {
+            if !self.ring.holds(&mut self.memory, at.slot).await {
+                at.slot += 1;
+                continue;
             }
-        }
-    }
-}
-
-/// Reads blocks in order.
-struct Reader<'s, S: NorFlash, C: CacheImpl<()>> {
-    iterator: QueueIterator<'s, S, C>,
-    buffer: [u8; BLOCK_LENGTH],
-    /// Length of the block read last.
-    length: usize,
-    /// Number of the following block.
-    next: u32,
-}
-
-impl<S: NorFlash, C: CacheImpl<()>> Reader<'_, S, C> {
-    /// Returns the bytes of a block, which must be the one read last or a later one; empty if the log ends before it.
-    async fn seek(&mut self, number: u32) -> &[u8] {
-        while self.next <= number {
-            let read = self.iterator.next(&mut self.buffer).await;
-            let Ok(Some(entry)) = read else {
-                return &[];
+            if at.block < block {
+                at.block += 1;
+                at.slot += 1;
+                continue;
+            }
+            self.cursor = Some(at);
+            let mut buffer = [0; BLOCK_LENGTH];
+            let content = self.ring.read(&mut self.memory, at.slot, &mut buffer);
+            let bytes = match content.await {
+                Content::Whole(bytes) | Content::Damaged(bytes) if !bytes.is_empty() => bytes,
+                _ => &UNREADABLE,
             };
-            self.length = entry.into_buf().len();
-            self.next += 1;
+            answer(Answer::Block(block, bytes));
+            return;
         }
-        self.buffer.get(..self.length).unwrap_or_default()
+        self.cursor = None;
+        self.is_paused = false;
+        answer(Answer::Block(block, &[]));
+    }
+
+    /// Erases the log; other tasks run between its sectors.
+    async fn erase(&mut self) {
+        let mut place = 0;
+        while self.ring.erase_place(&mut self.memory, place).await {
+            place += 1;
+            yield_now().await;
+        }
+        self.cursor = None;
     }
 }
 
-impl<S: NorFlash, C: CacheImpl<()>> Log for FlightLog<'_, S, C> {
+impl<S: NorFlash> Log for FlightLog<'_, S> {
     async fn run(&mut self, mut answer: impl FnMut(Answer<'_>)) {
-        let mut asked = None;
+        if !self.is_found {
+            self.ring.find(&mut self.memory).await;
+            self.is_found = true;
+        }
         loop {
             self.write().await;
             if let Some(request) = self.recorder.asked_setup() {
                 self.keep(request, &mut answer).await;
             }
-            asked = match asked.or_else(|| self.recorder.asked()) {
+            match self.recorder.asked() {
                 Some((LogAction::Read, block)) => self.read(block, &mut answer).await,
                 Some((LogAction::Erase, block)) => {
-                    let _ = self.storage.erase_all().await;
+                    self.erase().await;
                     answer(Answer::Block(block, &[]));
-                    None
                 }
-                None => {
-                    self.recorder.changed.wait().await;
-                    None
+                None if self.is_short() => {
+                    self.is_paused = self.ring.erase_one(&mut self.memory).await.is_err();
+                    yield_now().await;
                 }
-            };
+                None => self.recorder.changed.wait().await,
+            }
         }
     }
 }

@@ -21,6 +21,7 @@ use bodyflight_replay::subject::Subject;
 /// A flight found in the log.
 #[derive(Debug, Default)]
 pub struct LoggedFlight {
+    session: u16,
     configure: Option<Configure>,
     table: SegmentTable,
     /// Sensor time (us).
@@ -55,8 +56,14 @@ pub fn flights(blocks: &[Vec<u8>]) -> (Vec<LoggedFlight>, usize) {
             damaged += 1;
             continue;
         };
-        if flights.is_empty() || matches!(message, Message::Configure(_)) {
-            flights.push(LoggedFlight::default());
+        if flights
+            .last()
+            .is_none_or(|flight| flight.ends_before(&header, &message))
+        {
+            flights.push(LoggedFlight {
+                session: header.session,
+                ..LoggedFlight::default()
+            });
         }
         let Some(flight) = flights.last_mut() else {
             continue;
@@ -86,6 +93,17 @@ impl LoggedFlight {
             Message::Estimate(estimate) => self.estimates.push((header.time, estimate)),
             Message::Status(report) => self.reports.push((header.time, report)),
             _ => {}
+        }
+    }
+
+    /// Whether this message belongs to the next flight. Its configuration, with which it begins, may be damaged.
+    fn ends_before(&self, header: &Header, message: &Message) -> bool {
+        match message {
+            Message::Configure(_) => true,
+            Message::SegmentValues(_) | Message::HelloAcknowledge(_) | Message::Start(_) => {
+                !self.samples.is_empty()
+            }
+            _ => header.session != self.session,
         }
     }
 
@@ -246,4 +264,49 @@ pub fn write(flight: &LoggedFlight, subject: Option<&Subject>, folder: &Path) ->
             .filter_map(|(_, report)| tables::battery_v(report))
             .reduce(f64::min),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use bodyflight_core::Posture;
+    use bodyflight_core::frame::Rotation;
+    use bodyflight_core::link::{BlockWriter, Motion, Start, StreamMode};
+    use nalgebra::UnitQuaternion;
+
+    use super::*;
+
+    /// A block with one message in each session given.
+    fn block(message: &Message, sessions: &[u16]) -> Vec<u8> {
+        let mut block = BlockWriter::new();
+        for session in sessions {
+            let header = Header {
+                session: *session,
+                ..Header::default()
+            };
+            assert!(block.push(&header, message));
+        }
+        block.bytes().to_vec()
+    }
+
+    #[test]
+    fn flights_are_told_apart_where_a_configuration_is_damaged() {
+        let attitude = Rotation::from_quaternion(UnitQuaternion::identity());
+        let sample = Sample::new(&Posture::h_pose(), &attitude, &Motion::default()).into();
+        let mode = StreamMode::Sensor;
+        let start = Start { mode }.into();
+        // What a unit sends of a block that it cannot read.
+        let unreadable = vec![0xff];
+        let log = [
+            block(&start, &[1]),
+            block(&sample, &[1, 1]),
+            unreadable.clone(),
+            block(&start, &[1]),
+            block(&sample, &[1, 1, 1]),
+            unreadable,
+            block(&sample, &[2]),
+        ];
+        let (found, damaged) = flights(&log);
+        let samples: Vec<_> = found.iter().map(|flight| flight.lengths()[0]).collect();
+        assert_eq!((samples, damaged), (vec![2, 3, 1], 2));
+    }
 }

@@ -10,8 +10,7 @@ use core::cell::RefCell;
 
 use bodyflight_cortex_m::{count_cycles, faults, stack};
 use bodyflight_firmware::ports::{Counted, LineErrors, Preferred};
-use bodyflight_firmware::recorder::serial_flash::Sectors;
-use bodyflight_firmware::recorder::storage::FlightLog;
+use bodyflight_firmware::recorder::storage::{EraseAhead, FlightLog};
 use bodyflight_firmware::recorder::{Block, Recorder, Until};
 use bodyflight_firmware::{Board, RECEIVER_BYTES, Unit, run};
 use bodyflight_usb_serial as usb_serial;
@@ -95,7 +94,7 @@ type Usb = usb::Driver<'static, USB_OTG_FS>;
 type FromHost = Preferred<usb_serial::Receiver<Usb>, Counted<RingBufferedUartRx<'static>>>;
 type ToHost = Preferred<usb_serial::Transmitter<Usb>, UartTx<'static, Async>>;
 type FromSensor = Counted<RingBufferedUartRx<'static>>;
-type OnBoardLog = FlightLog<'static, chip::Flash, Sectors>;
+type OnBoardLog = FlightLog<'static, chip::Flash>;
 
 static UNIT: StaticCell<RefCell<Unit<Stm32f405>>> = StaticCell::new();
 static RECORDER: StaticCell<Recorder> = StaticCell::new();
@@ -179,8 +178,9 @@ async fn main(spawner: Spawner) {
     let flash = chip::flash(board.SPI3, pins).await;
     let log = flash.map(|flash| {
         let recorder = RECORDER.init_with(|| Recorder::new(BLOCKS.take()).until(Until::Canopy));
-        let setup = flash.setup();
-        let log = LOG.init_with(|| FlightLog::new(recorder, flash.queue(), setup));
+        let [part, setup] = [flash.log(), flash.setup()];
+        let log =
+            LOG.init_with(|| FlightLog::new(recorder, flash, part, setup, EraseAhead::OWN_CHIP));
         (&*recorder, log)
     });
     let (recorder, log) = log.unzip();

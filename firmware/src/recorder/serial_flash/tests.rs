@@ -181,23 +181,10 @@ fn data_written_across_pages_is_read_back_and_erased_data_is_gone() {
 }
 
 #[test]
-fn a_queue_of_blocks_lives_on_the_chip() {
-    let mut queue = Pins::new().find().unwrap().queue();
-    block_on(async {
-        queue.erase_all().await.unwrap();
-        for number in 0..100_u8 {
-            queue.push(&[number; 1008], true).await.unwrap();
-        }
-        let (mut buffer, mut found) = ([0; 1008], Vec::new());
-        let mut iterator = queue.iter().await.unwrap();
-        while let Some(entry) = iterator.next(&mut buffer).await.unwrap() {
-            found.push(entry[0]);
-        }
-        // Three or four fit into a sector; the oldest were overwritten.
-        assert_eq!(found.last(), Some(&99));
-        assert!((45..=64).contains(&found.len()), "{}", found.len());
-        assert!(found.windows(2).all(|pair| pair[1] == pair[0] + 1));
-    });
+fn log_and_configuration_share_the_chip() {
+    let flash = Pins::new().find().unwrap();
+    assert_eq!(flash.log(), 0..BYTES as u32 - 2 * SECTOR);
+    assert_eq!(flash.setup(), BYTES as u32 - 2 * SECTOR..BYTES as u32);
 }
 
 #[test]

@@ -37,7 +37,7 @@ impl Board for Wearable<'_> {
 fn the_log_contains_the_reported_battery_voltage() {
     let chip = Chip::new(usize::MAX, 1);
     let recorder = Recorder::new(vec![Block::EMPTY; 8].leak());
-    let mut storage = FlightLog::new(&recorder, chip.storage(), Chip::SETUP);
+    let mut storage = chip.log(&recorder);
     let mut log = core::pin::pin!(storage.run(|_| {}));
     let mut unit = Unit::new(Wearable(&recorder), Identity::default());
     let mut tell = |sequence, message: Message| {

@@ -14,7 +14,7 @@ fn kept(chip: &Chip, requests: &[SetupRequest]) -> Vec<(SetupState, Option<Setup
             heard.borrow_mut().push((state, setup.copied()));
         }
     };
-    let mut storage = FlightLog::new(&recorder, chip.storage(), Chip::SETUP);
+    let mut storage = chip.log(&recorder);
     let mut log = core::pin::pin!(storage.run(answer));
     for (action, record) in requests {
         recorder.ask_setup(*action, *record);
@@ -86,4 +86,15 @@ fn a_loss_of_power_leaves_the_old_configuration_or_the_new_one() {
             "after {power} bytes: {height:?}"
         );
     }
+}
+
+/// Stores a configuration with a subject of this height (m).
+pub(super) fn store(chip: &Chip, height: f32) {
+    kept(chip, &[(SetupAction::Store, setup(height).encode())]);
+}
+
+/// Height of the subject in the stored configuration (m), if there is one.
+pub(super) fn height(chip: &Chip) -> Option<f32> {
+    let heard = kept(chip, &[(SetupAction::Read, None)]);
+    heard[0].1.map(|setup| setup.configure.height)
 }
