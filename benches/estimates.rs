@@ -13,7 +13,7 @@ mod score;
 use std::ops::Range;
 use std::path::Path;
 
-use bodyflight_core::estimator::motion::settings::MOTION;
+use bodyflight_core::estimator::motion::settings::{MOTION, MotionPreset, Slopes};
 use bodyflight_core::estimator::preset::TRACKING_ON_BACK;
 use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::maneuver::scripts::MANEUVERS;
@@ -29,12 +29,13 @@ use bodyflight_replay::subject::Subject;
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 use score::{INPUTS, RECONSTRUCTION, Score};
 
-const METHODS: [&str; 6] = [
+const METHODS: [&str; 7] = [
     "constant",
     "paper's, `tracking`",
     "the same, reduced",
     "motion filter",
     "the same, reduced, f32",
+    "that with sigma points",
     "smoother",
 ];
 
@@ -241,9 +242,9 @@ fn run(flight: &Flight, method: usize) -> Estimation {
             &mut |_| (),
         )
     };
-    let motion = |filter, method| {
+    let motion_by = |filter, method, slopes| {
         let settings = motion::Settings {
-            preset: MOTION,
+            preset: MotionPreset { slopes, ..MOTION },
             keep_noise: false,
             find_joint_error: true,
             filter,
@@ -256,11 +257,13 @@ fn run(flight: &Flight, method: usize) -> Estimation {
         };
         motion::estimate(flight, &settings, options, precision, &mut |_| ())
     };
+    let motion = |filter, method| motion_by(filter, method, Slopes::Differences);
     match method {
         0 | 2 => windows(Filter::Reduced),
         1 => windows(Filter::Paper),
         3 => motion(Filter::Paper, Method::Filter),
         4 => motion(Filter::Reduced, Method::Filter),
+        5 => motion_by(Filter::Reduced, Method::Filter, Slopes::SigmaPoints),
         _ => motion(Filter::Paper, Method::Smooth),
     }
     .expect("an estimate")

@@ -1,16 +1,20 @@
 //! Declared ranges: their page, flights within them, and the effect of rounding to their formats.
 
+use bodyflight_core::body::anthropometry::{Person, Sex};
+use bodyflight_core::body::posture::joint_rotation;
 use bodyflight_core::dynamics::muscle_input::BACK_TRACKING;
 use bodyflight_core::dynamics::step::TIME_STEP;
-use bodyflight_core::dynamics::{Dynamics, Inputs, PostureSample, State};
+use bodyflight_core::dynamics::{Dynamics, Inputs, Motion, PostureSample, State};
+use bodyflight_core::estimator::MOTION_LIMITS;
 use bodyflight_core::estimator::measurement::Measurement;
 use bodyflight_core::estimator::ranges::{
     ANGULAR_MOMENTUM, ANGULAR_VELOCITY, CENTRE, DAMPING, DAMPING_RATE, DYNAMIC_PRESSURE, FORCE,
-    INERTIA, INVERSE_INERTIA, LINEAR_MOMENTUM, MOMENT, MUSCLE_INPUT, POSITION, RANGES, Range,
-    TABLE_HEAD, VELOCITY, quantised,
+    INERTIA, INVERSE_INERTIA, LINEAR_MOMENTUM, MOMENT, MUSCLE_INPUT, POSITION, RANGES,
+    RESIDUAL_FORCE, RESIDUAL_MOMENT, Range, TABLE_HEAD, VELOCITY, quantised,
 };
-use bodyflight_core::frame::Vector;
+use bodyflight_core::frame::{Rotation, Vector};
 use bodyflight_core::math::wrap_angle;
+use bodyflight_core::{Posture, Segment};
 use bodyflight_tests::estimator_flights::{ANGLE_FLYING, FLIPS_AND_ROLLS, Flight, TURNS};
 use bodyflight_tests::transitions::STYLES;
 use bodyflight_tests::{reference, reference_body};
@@ -24,8 +28,14 @@ fn page() -> String {
         fixed-point format that holds it with one guard bit. It is generated from \
         `core/src/estimator/ranges.rs` by \
         `BODYFLIGHT_WRITE_DOCS=1 cargo test -p bodyflight-tests --test estimator_ranges`. The test fails if the \
-        page is out of date, if a flight leaves a range, or if rounding every state to its format after every \
-        step changes a prediction over 0.25 s by more than a tenth of the sensor noise.\n\n",
+        page is out of date, if a flight leaves a range or a random search over allowed people, densities, winds, motions \
+        and inputs does, or if rounding every state to its format after every \
+        step changes a prediction over 0.25 s by more than a tenth of the sensor noise.\n\n\
+        What is bounded by *construction* is normalised or clamped, or follows from numbers that are; by *search*, it is \
+        what the largest value found leaves room for (20,000 motions in every test run, more with \
+        `BODYFLIGHT_RANGES_ROUNDS`); *relative* means that it grows with time and is taken from a point that moves along. \
+        Covariances are not in the table: they are kept as factors `U D U^T` whose elements span twenty decades, for which \
+        no fixed-point format serves; they need floating point.\n\n",
     );
     text.push_str(TABLE_HEAD);
     text.push('\n');
@@ -102,6 +112,125 @@ fn whole_flights_stay_in_range() {
     }
     for (range, top) in used {
         println!("{:24} reached {top:9.3} of {}", range.name, range.limit);
+    }
+}
+
+/// Numbers from -1 to 1, half of them at the edges.
+struct Edges(u64);
+
+impl Edges {
+    fn next(&mut self) -> f64 {
+        self.0 = self
+            .0
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1);
+        let between = (self.0 >> 11) as f64 / (1_u64 << 52) as f64 - 1.0;
+        if self.0 >> 9 & 1 == 0 {
+            between.signum()
+        } else {
+            between
+        }
+    }
+
+    fn within(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * (0.5 * self.next() + 0.5)
+    }
+
+    fn vector(&mut self, size: f64) -> [f64; 3] {
+        [(); 3].map(|()| size * self.next())
+    }
+}
+
+/// Motions, inputs and winds up to everything that the link lets a unit be told and that the filter lets a state be, for
+/// people of 1.2 to 2.3 m and 30 to 200 kg in any posture.
+#[test]
+fn nothing_that_is_allowed_leaves_a_range() {
+    let rounds = std::env::var("BODYFLIGHT_RANGES_ROUNDS");
+    let rounds = rounds.map_or(20_000, |rounds| rounds.parse().unwrap());
+    let mut edges = Edges(7);
+    let mut used: Vec<(Range, f64)> = RANGES.iter().map(|range| (*range, 0.0)).collect();
+    let mut note = |range: &Range, values: &[f64]| {
+        let largest = values.iter().fold(0.0_f64, |a, v| a.max(v.abs()));
+        let (_, top) = used.iter_mut().find(|(r, _)| r == range).unwrap();
+        *top = top.max(largest);
+        assert!(
+            values.iter().all(|v| range.holds(*v)),
+            "{}: {values:?}",
+            range.name
+        );
+    };
+    let mut flown = 0;
+    for _ in 0..rounds {
+        let sex = if edges.next() < 0.0 {
+            Sex::Female
+        } else {
+            Sex::Male
+        };
+        let person = Person::new(edges.within(1.2, 2.3), edges.within(30.0, 200.0), sex);
+        let Ok(body) = person.body() else {
+            continue;
+        };
+        flown += 1;
+        let mut dynamics = Dynamics {
+            muscles: BACK_TRACKING,
+            ..Dynamics::paper(body, edges.within(0.1, 2.0))
+        };
+        dynamics.air.velocity = Vector::from_components(edges.vector(100.0).into());
+        let mut postures = [(); 2].map(|()| {
+            Segment::ALL
+                .into_iter()
+                .skip(1)
+                .fold(Posture::h_pose(), |posture, segment| {
+                    let [psi, theta, phi] = edges.vector(3.0);
+                    posture.with(segment, joint_rotation(psi, theta, phi))
+                })
+        });
+        // A limb moves by up to 30 rad/s, faster than any.
+        postures[1] = postures[0].interpolated(&postures[1], 0.04);
+        let sample = dynamics.between(&postures[0], &postures[1], TIME_STEP);
+        let limited = |vector: [f64; 3], limit: f32| {
+            let vector = Vector3::from(vector);
+            vector * (f64::from(limit) / vector.norm().max(f64::from(limit)))
+        };
+        let [fastest, spinning] = MOTION_LIMITS;
+        let [psi, theta, phi] = edges.vector(3.0);
+        let attitude = Rotation::from_quaternion(joint_rotation(psi, theta, phi));
+        let motion = Motion {
+            inertial_from_body: attitude,
+            position: Vector::zero(),
+            velocity: Vector::from_components(limited(edges.vector(100.0), fastest)),
+            angular_velocity: Vector::from_components(limited(edges.vector(35.0), spinning)),
+        };
+        let state = State::from_motion(&motion, &sample);
+        let damping = [(); 3].map(|()| edges.within(-0.5, 30.0));
+        let inputs = Inputs {
+            muscle: edges.vector(12.0).into(),
+            damping: damping.into(),
+            ..Inputs::belly_turn()
+        };
+        let through_air = motion.velocity - attitude.inverse() * dynamics.air.velocity;
+        let spin = motion.angular_velocity;
+        let density = dynamics.air.density.at(0.0);
+        let (loads, damping) = dynamics.loads(&sample, &inputs, &through_air, &spin, density);
+        note(&VELOCITY, &motion.velocity.to_array());
+        note(&ANGULAR_VELOCITY, &motion.angular_velocity.to_array());
+        note(&LINEAR_MOMENTUM, &state.linear_momentum.to_array());
+        note(&ANGULAR_MOMENTUM, &state.angular_momentum.to_array());
+        note(&CENTRE, sample.mass.cg.as_slice());
+        note(&INERTIA, sample.inertia.as_slice());
+        note(&INVERSE_INERTIA, sample.inverse_inertia.as_slice());
+        let pressure = 0.5 * density * through_air.norm_squared();
+        let residual = [RESIDUAL_FORCE.limit, RESIDUAL_MOMENT.limit].map(|size| size * pressure);
+        note(&FORCE, &[loads.force.abs().max() + residual[0]]);
+        note(&MOMENT, &[loads.moment.abs().max() + residual[1]]);
+        note(&DAMPING_RATE, damping.as_slice());
+        note(&DYNAMIC_PRESSURE, &[pressure]);
+        note(&MUSCLE_INPUT, &inputs.muscle.to_array());
+        note(&DAMPING, &inputs.damping.to_array());
+    }
+    assert!(flown > rounds / 4, "{flown} of {rounds} people have a body");
+    for (range, top) in used {
+        println!("{:24} reached {top:12.3} of {}", range.name, range.limit);
     }
 }
 

@@ -11,6 +11,8 @@ mod c3d;
 mod known;
 #[path = "imports/sensors.rs"]
 mod sensors;
+#[path = "imports/slips.rs"]
+mod slips;
 #[path = "imports/systems.rs"]
 mod systems;
 

@@ -1,6 +1,9 @@
 //! Streaming with the real binary to a unit behind a pseudo-terminal.
 #![expect(clippy::expect_used, reason = "tests may panic: that is how they fail")]
 
+#[path = "stream/alone.rs"]
+mod alone;
+
 use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};

@@ -240,8 +240,9 @@ impl Whole {
             process.set_sensitivity(&self.directions.covariance(index));
             process.set_turn(turn_rate(&dynamics, &from.motion.motion(&sample)) * duration);
             process.set_activity(end.activity);
-            let flown =
-                transition::fly(&dynamics, &sample, &process, &pushed, duration, &mut slope);
+            let flown = transition::fly(
+                &dynamics, &sample, &process, &pushed, None, duration, &mut slope,
+            );
             let gap = to.difference(&flown, &sample);
             pass.cross(&slope, &process, &gap, &self.directions.at(index));
             repeats.take(&MotionMeasurement::of(&end.motion), duration);

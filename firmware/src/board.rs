@@ -1,5 +1,7 @@
 //! The interface between the application and a board.
 
+use bodyflight_core::link::{Header, Message};
+
 use crate::recorder::Recorder;
 
 /// Bytes that a board's receiver should be able to buffer during an update.
@@ -47,6 +49,9 @@ pub trait Board {
     fn recorder(&self) -> Option<&Recorder> {
         None
     }
+
+    /// Shows every message that a log may keep: samples, readings, estimates and reports.
+    fn observe(&self, _header: &Header, _message: &Message) {}
 
     /// Notes the sample being processed, for the fault record.
     fn note(&self, sequence: u32);

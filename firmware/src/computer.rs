@@ -24,6 +24,12 @@ pub const LONGEST_BRIDGE: u16 = 12;
 /// Velocity assumed until one is measured: north, west, up (m/s).
 const ASSUMED_FALL: [f32; 3] = [0.0, 0.0, -50.0];
 
+/// Standard deviation of each component of that velocity (m/s): people exit at up to 60 m/s, and some stand.
+const ASSUMED_DEVIATION: f32 = 25.0;
+
+/// Change of the velocity in a second that nothing measures (m/s), of which the above is the limit.
+const UNMEASURED: f32 = 10.0;
+
 /// Samples per interval of the filter; the number of samples per update is a multiple of it.
 const STRIDE: usize = 2;
 
@@ -116,6 +122,8 @@ struct Last {
 pub struct Computer {
     configuration: Option<Configuration>,
     filter: Option<Filter>,
+    /// Whether the filter started without a posture.
+    is_posture_assumed: bool,
     last: Option<Last>,
     /// Flags to be reported with the next estimate.
     pending: EstimateFlags,
@@ -135,6 +143,7 @@ impl Computer {
         Self {
             configuration: None,
             filter: None,
+            is_posture_assumed: false,
             last: None,
             pending: EstimateFlags::empty(),
             inconsistent: 0,
@@ -178,19 +187,19 @@ impl Computer {
         let Some(configuration) = &self.configuration else {
             return Outcome::Rejected;
         };
+        let has_posture = sample.valid.contains(Validity::POSTURE);
+        if self.is_posture_assumed && has_posture {
+            self.filter = None;
+        }
         let (Some(filter), Some(last)) = (&mut self.filter, &self.last) else {
-            return self.start(time, sample);
+            return self.start(time, sample, sensors.is_some());
         };
         let steps = steps_between(last.time, time, configuration.sample_rate);
         if steps == 0 {
             return Outcome::Rejected;
         }
         let from = last.posture;
-        let posture = if sample.valid.contains(Validity::POSTURE) {
-            sample.posture()
-        } else {
-            from
-        };
+        let posture = if has_posture { sample.posture() } else { from };
         let motion = motion_of(sample, last.velocity);
         self.last = Some(Last {
             time,
@@ -199,7 +208,9 @@ impl Computer {
         });
         if steps > LONGEST_BRIDGE {
             // Coefficients and covariance are kept.
-            if filter.restart(&motion, &posture).is_ok() {
+            let gap = f32::from(steps) / configuration.sample_rate;
+            let unknown = unless_measured(sample, (UNMEASURED * gap).min(ASSUMED_DEVIATION));
+            if filter.restart(&motion, &posture, unknown).is_ok() {
                 self.pending |= EstimateFlags::RESTARTED;
             }
             return Outcome::Used(None);
@@ -225,10 +236,11 @@ impl Computer {
         Outcome::Used(Some(answer))
     }
 
-    /// Starts from the motion of the first sample.
-    fn start(&mut self, time: u64, sample: &Sample) -> Outcome {
-        let needed = [Validity::POSTURE, Validity::ATTITUDE];
-        let complete = needed.iter().all(|&part| sample.valid.contains(part));
+    /// Starts from the motion of the first sample. Without a posture it only starts if the sample `is_sensed` by the
+    /// unit's own sensor: the one in the sample is assumed then.
+    fn start(&mut self, time: u64, sample: &Sample, is_sensed: bool) -> Outcome {
+        let has_posture = sample.valid.contains(Validity::POSTURE);
+        let complete = sample.valid.contains(Validity::ATTITUDE) && (has_posture || is_sensed);
         let Some(configuration) = self.configuration.as_ref().filter(|_| complete) else {
             return Outcome::Rejected;
         };
@@ -237,9 +249,17 @@ impl Computer {
         let Configuration {
             preset, dynamics, ..
         } = configuration;
-        if Filter::start_in(&mut self.filter, preset, dynamics, &motion, &posture).is_err() {
+        let preset = if has_posture {
+            *preset
+        } else {
+            preset.with_assumed_posture()
+        };
+        let unknown = unless_measured(sample, ASSUMED_DEVIATION);
+        let slot = &mut self.filter;
+        if Filter::start_in(slot, &preset, dynamics, &motion, &posture, unknown).is_err() {
             return Outcome::Rejected;
         }
+        self.is_posture_assumed = !has_posture;
         self.last = Some(Last {
             time,
             posture,
@@ -269,7 +289,7 @@ impl Computer {
             .iter()
             .all(|&part| sample.valid.contains(part));
         if lost && whole {
-            let restarted = filter.restart(motion, posture).is_ok();
+            let restarted = filter.restart(motion, posture, 0.0).is_ok();
             if restarted {
                 self.pending |= EstimateFlags::RESTARTED;
             }
@@ -283,6 +303,15 @@ fn steps_between(last: u64, time: u64, sample_rate: f32) -> u16 {
     let elapsed = u32::try_from(time.saturating_sub(last)).unwrap_or(u32::MAX);
     let steps = (elapsed as f32 * sample_rate * 1e-6).nearest();
     u16::try_from(whole(steps)).unwrap_or(u16::MAX)
+}
+
+/// Standard deviation of the velocity that a start takes (m/s): `assumed` if the sample measures none.
+fn unless_measured(sample: &Sample, assumed: f32) -> f32 {
+    if sample.valid.contains(Validity::VELOCITY) {
+        0.0
+    } else {
+        assumed
+    }
 }
 
 /// Motion of the pelvis as far as it is known; `velocity` is used if none is measured.

@@ -2,8 +2,9 @@
 //!
 //! The unit records its configuration, inputs and results; [`Recorder`] packs them into blocks
 //! ([`bodyflight_core::link::BlockWriter`]). Blocks are written to storage from the exit to the landing. Before the
-//! exit the most recent blocks are kept in memory, so that the log begins before the exit was detected. The vertical
-//! velocity is the measured one or, without it, that of the barometer; with neither, everything is written. Each flight begins with its configuration, so a log is self-contained.
+//! exit the most recent blocks are kept in memory, so that the log begins before the exit was detected. The phase of the
+//! jump is told by the vertical velocity, measured or of a barometer, or else by load and rest; a flight whose phase is
+//! unknown is written. Each flight begins with its configuration, so a log is self-contained.
 //! [`FlightLog`](storage::FlightLog) is the task that reads and writes storage.
 
 mod kept_setup;
@@ -26,6 +27,9 @@ pub use phase::{Phase, Watch};
 
 /// Longest time that a block covers (us). This much may be lost with the power, in addition to the block being written.
 const LONGEST_BLOCK: u64 = 250_000;
+
+/// Standard gravity (m/s2).
+const STANDARD_GRAVITY: f32 = 9.806_65;
 
 /// Number of blocks that hold the configuration, which is 18 messages.
 const PREAMBLE: usize = 3;
@@ -214,13 +218,18 @@ impl Recorder {
     pub fn note(&self, header: &Header, message: &Message) {
         let state = &mut *self.state.borrow_mut();
         if let Message::Sample(sample) = message {
-            let phase = state.watch.update(header.time, velocity_up(sample));
+            let phase = state
+                .watch
+                .update(header.time, velocity_up(sample), turn(sample));
             state.follow(phase);
         }
         if let Message::Sensors(sensors) = message {
             state
                 .watch
                 .see_height(header.time, sensors.pressure_height());
+            let force = sensors.specific_force();
+            let load = force.map(|force| force.force.norm() / STANDARD_GRAVITY);
+            state.watch.see_load(header.time, load);
         }
         if header.time.saturating_sub(state.opened) >= LONGEST_BLOCK {
             state.close();
@@ -320,10 +329,17 @@ impl State {
     /// Starts and stops recording with the phase of the jump.
     fn follow(&mut self, phase: Phase) {
         let recording = match phase {
-            Phase::Unknown | Phase::Fall => true,
+            // Until then, as before an exit, the latest blocks are kept in memory.
+            Phase::Unknown => self.watch.is_lastingly_unknown(),
+            Phase::Fall => true,
             Phase::Canopy => self.until == Until::Landing,
             Phase::Ground | Phase::Climb => false,
         };
+        self.record(recording);
+    }
+
+    /// Starts or stops recording.
+    fn record(&mut self, recording: bool) {
         if recording && !self.recording {
             self.taken = 0;
             // The blocks kept from before the exit are written too.
@@ -346,6 +362,10 @@ impl State {
     }
 
     fn finish(&mut self) {
+        // Too short to tell a flight from the wait for a receiver: better written.
+        if self.watch.phase() == Phase::Unknown && !self.recording {
+            self.record(true);
+        }
         self.close();
         self.recording = false;
         // Blocks not marked for writing belong to no flight.
@@ -356,6 +376,12 @@ impl State {
 fn velocity_up(sample: &Sample) -> Option<f32> {
     let known = sample.valid.contains(Validity::VELOCITY);
     sample.motion().velocity.filter(|_| known).map(|v| v.up())
+}
+
+fn turn(sample: &Sample) -> Option<f32> {
+    let known = sample.valid.contains(Validity::ANGULAR_VELOCITY);
+    let turn = sample.motion().angular_velocity.filter(|_| known);
+    turn.map(|turn| turn.norm())
 }
 
 #[cfg(test)]

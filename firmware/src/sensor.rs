@@ -2,7 +2,7 @@
 //!
 //! An Xsens MTi at the pelvis provides attitude, angular velocity, specific force and, where it has them, air pressure
 //! and the velocity of its receiver; a BNO08x in its UART-RVC mode attitude and specific force. The posture stays as the
-//! host set it. An MTi must be configured beforehand to send MTData2 with packet counter, sample time, orientation, rate
+//! host set it; without one it is assumed. An MTi must be configured beforehand to send MTData2 with packet counter, sample time, orientation, rate
 //! of turn and acceleration; see `docs/unit.md`. `NAV-PVT` solutions (UBX) of a u-blox receiver on the same port provide
 //! velocity for the next sample. On a line with several sensors the first that sends an orientation counts.
 
@@ -13,7 +13,7 @@ use bodyflight_core::Posture;
 use bodyflight_core::frame::{Rotation, Vector};
 use bodyflight_core::link::{Header, Motion, Readings, Sample, SensorKind, Sensors, Validity};
 use bodyflight_core::ubx;
-use bodyflight_core::xbus::{Decoder, SampleClock};
+use bodyflight_core::xbus::{Decoder, MessageId, SampleClock};
 use nalgebra::{UnitQuaternion, Vector3};
 
 use reading::Reading;
@@ -75,7 +75,8 @@ pub struct Sensor {
     body_from_sensor: UnitQuaternion<f32>,
     /// Age of a UBX solution on arrival (s).
     latency: f32,
-    posture: Posture<f32>,
+    /// As the host set it; without one the H-pose is assumed.
+    posture: Option<Posture<f32>>,
     solution: Option<Solution>,
     solutions: u32,
     /// Latest pressure (Pa) and its time of arrival (us).
@@ -97,14 +98,14 @@ impl Sensor {
     pub fn new() -> Self {
         Self {
             kind: SensorKind::Xbus,
-            decoder: Decoder::new(),
+            decoder: Decoder::new().only(MessageId::MT_DATA2),
             rvc: rvc::Decoder::new(),
             receiver: ubx::Decoder::new(),
             clock: SampleClock::new(),
             restarts: 0,
             body_from_sensor: UnitQuaternion::identity(),
             latency: 0.1,
-            posture: Posture::h_pose(),
+            posture: None,
             solution: None,
             solutions: 0,
             pressure: None,
@@ -129,7 +130,7 @@ impl Sensor {
     /// Adopts the posture of a sample if it has one.
     pub fn set_posture(&mut self, sample: &Sample) {
         if sample.valid.contains(Validity::POSTURE) {
-            self.posture = sample.posture();
+            self.posture = Some(sample.posture());
         }
     }
 
@@ -187,6 +188,7 @@ impl Sensor {
             if let Some(inertial_from_sensor) = reading.inertial_from_sensor {
                 return Some(self.sample(&reading, &inertial_from_sensor, now));
             }
+            self.pass(&reading);
         }
     }
 
@@ -208,6 +210,15 @@ impl Sensor {
             arrived: now,
             age: age.unwrap_or(self.latency),
         });
+    }
+
+    /// Counts a packet without an orientation, which has a number of its own: it is no missing sample.
+    fn pass(&mut self, reading: &Reading) {
+        if let (Some(counter), Some((last, _))) = (reading.counter, &mut self.last)
+            && counter == last.wrapping_add(1)
+        {
+            *last = counter;
+        }
     }
 
     /// Number and time of a packet's sample.
@@ -264,9 +275,12 @@ impl Sensor {
             readings.receiver_age = solution.age + waited as f32 * 1e-6;
         }
         let attitude = Rotation::from_quaternion(inertial_from_body);
+        let posture = self.posture.unwrap_or_else(Posture::h_pose);
+        let mut sample = Sample::new(&posture, &attitude, &motion);
+        sample.valid.set(Validity::POSTURE, self.posture.is_some());
         Sensed {
             header,
-            sample: Sample::new(&self.posture, &attitude, &motion),
+            sample,
             sensors: Sensors::new(&readings),
         }
     }

@@ -69,6 +69,7 @@ impl<B: Board> Unit<B> {
     }
 
     fn serve(&mut self, header: &Header, message: &Message) {
+        self.host_heard = Some(self.board.now());
         match message {
             Message::Hello(hello) => self.greet(hello),
             _ if !self.greeted => {}

@@ -29,8 +29,10 @@ const LARGEST_IMAGE: u64 = 16 << 20;
 /// Largest file held in memory as a whole, uncompressed (bytes).
 const LARGEST_WHOLE: u64 = 256 << 20;
 
-/// Largest recording of another system, uncompressed (bytes).
-const LARGEST_MOVEMENT: u64 = 1 << 30;
+/// Largest recording of another system (bytes): what a compressed one may unpack to, and a plain one, which is no larger
+/// in memory than on the disk.
+const LARGEST_UNPACKED: u64 = 1 << 30;
+const LARGEST_MOVEMENT: u64 = 4 << 30;
 
 /// Files that this process reads.
 static CLAIMED: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
@@ -122,9 +124,14 @@ pub fn image(path: &Path) -> Result<Vec<u8>> {
 /// The bytes of a recorded movement, decompressed.
 ///
 /// # Errors
-/// Returns an error if the file cannot be read or is larger than 1 GiB.
+/// Returns an error if the file cannot be read, is larger than 4 GiB, or unpacks to more than 1 GiB and its own size.
 pub fn movement(path: &Path) -> Result<Vec<u8>> {
-    limited(open(path)?, path, LARGEST_MOVEMENT)
+    let size = std::fs::metadata(path).map_or(0, |metadata| metadata.len());
+    if size > LARGEST_MOVEMENT {
+        return Err(too_large(path, LARGEST_MOVEMENT).help("cut the recording into parts"));
+    }
+    let limit = size.max(LARGEST_UNPACKED);
+    limited_of(size, open(path)?, path, limit)
 }
 
 /// Converts the bytes of a file to text.
@@ -151,19 +158,28 @@ pub fn bytes(path: &Path) -> Result<Vec<u8>> {
 }
 
 fn limited(input: impl Read, path: &Path, limit: u64) -> Result<Vec<u8>> {
+    limited_of(0, input, path, limit)
+}
+
+/// The same, for an input of at least so many bytes, for which room is made at once.
+fn limited_of(size: u64, input: impl Read, path: &Path, limit: u64) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
+    let room = usize::try_from(size.min(limit)).unwrap_or(0);
+    // Without the room, growing by doubling is tried, and fails in its own way.
+    let _ = bytes.try_reserve_exact(room);
     input
         .take(limit + 1)
         .read_to_end(&mut bytes)
         .map_err(|error| Problem::system("read", path, error))?;
     if bytes.len() as u64 > limit {
-        return Err(Problem::bad_input(format!(
-            "expected at most {} MiB, found more",
-            limit >> 20
-        ))
-        .in_file(path));
+        return Err(too_large(path, limit));
     }
     Ok(bytes)
+}
+
+fn too_large(path: &Path, limit: u64) -> Problem {
+    let message = format!("expected at most {} MiB, found more", limit >> 20);
+    Problem::bad_input(message).in_file(path)
 }
 
 /// Whether two files have the same content.
@@ -242,6 +258,21 @@ mod tests {
             problem.to_string(),
             "subject.toml: expected at most 3 MiB, found more"
         );
+    }
+
+    #[test]
+    fn a_plain_movement_may_be_larger_than_an_unpacked_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("long.csv");
+        let file = File::create(&path).unwrap();
+        // A file with a hole takes no space on the disk.
+        file.set_len(LARGEST_MOVEMENT + 1).unwrap();
+        let problem = movement(&path).unwrap_err();
+        assert!(
+            problem.to_string().contains("at most 4096 MiB"),
+            "{problem}"
+        );
+        assert!(problem.help.unwrap().contains("parts"));
     }
 
     #[test]

@@ -8,6 +8,7 @@
 pub mod drawn;
 pub mod outside;
 mod paths;
+pub mod sensor_bytes;
 mod suit;
 pub mod synthesize;
 

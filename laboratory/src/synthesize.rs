@@ -32,6 +32,8 @@ use bodyflight_mvnx::writer::{Description, Origin, Writer};
 use bodyflight_replay::flight::{DensityChoice, Flight};
 use bodyflight_replay::input_history::InputRow;
 use bodyflight_replay::subject::SEGMENTS_FILE;
+
+use crate::sensor_bytes::SensorBytes;
 pub use request::{JointError, Request};
 pub use tunnel::Tunnel;
 
@@ -55,8 +57,12 @@ const FRAME_RATE: f64 = 240.0;
 /// Height of the first frame above the inertial origin (m).
 const START_HEIGHT: f64 = 4000.0;
 
-/// Files of a synthetic flight; the segments only if the subject has its own table.
+/// Name of the file of a sensor's bytes.
+const SENSOR_FILE: &str = "imu.bin";
+
+/// Files of a synthetic flight; the segments only if the subject has its own table, and the sensor's bytes on request.
 pub const FILES: &[&str] = &[
+    SENSOR_FILE,
     "flight.toml",
     "subject.toml",
     SEGMENTS_FILE,
@@ -70,6 +76,19 @@ pub const FILES: &[&str] = &[
 /// Returns an error if a number is out of range or the folder cannot be written to.
 pub fn synthesize(
     request: &Request<'_>,
+    folder: &Path,
+    progress: &mut dyn FnMut(f64),
+) -> Result<Report> {
+    synthesize_with(request, None, folder, progress)
+}
+
+/// Same as [`synthesize`], with the bytes of a sensor at the pelvis in `imu.bin`.
+///
+/// # Errors
+/// Same as [`synthesize`].
+pub fn synthesize_with(
+    request: &Request<'_>,
+    sensor: Option<&SensorBytes>,
     folder: &Path,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Report> {
@@ -96,7 +115,11 @@ pub fn synthesize(
         origin: Origin::Simulated,
     };
     let mut writer = Writer::create(&flight.recording, description, &dynamics.body)?;
+    let mut kept = Vec::new();
     let mut each = |frame: FlightFrame| {
+        if sensor.is_some() {
+            kept.push(frame);
+        }
         if let Some(tunnel) = &mut tunnel {
             tunnel.see(
                 frame.time,
@@ -107,6 +130,10 @@ pub fn synthesize(
     };
     let frames = fly(request, &dynamics, &mut each, progress)?;
     writer.finish()?;
+    if let Some(sensor) = sensor {
+        let bytes: Vec<u8> = sensor.of(&kept).into_iter().flat_map(|(_, b)| b).collect();
+        write_file(&folder.join(SENSOR_FILE), &bytes)?;
+    }
     write_inputs(request.maneuver, &folder.join("inputs.csv"))?;
     write_file(
         &folder.join("subject.toml"),

@@ -8,8 +8,9 @@
 
 use std::path::Path;
 
-use bodyflight_core::estimator::motion::settings::{MOTION, MotionPreset};
+use bodyflight_core::estimator::motion::settings::{MOTION, MotionPreset, Slopes};
 use bodyflight_core::estimator::preset::{PRESETS, Preset};
+use bodyflight_core::estimator::unit_preset;
 use serde::Deserialize;
 
 use bodyflight_io::diagnostic::choices::choices;
@@ -18,6 +19,9 @@ use bodyflight_io::input;
 
 /// Name of the default preset: the motion filter with the limb groups and damping of the flight.
 pub const AUTO: &str = "auto";
+
+/// Name of the same filter with derivatives by sigma points.
+pub const SIGMA_POINTS: &str = unit_preset::SIGMA_POINTS_NAME;
 
 /// Settings of one of the two filters.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -98,9 +102,14 @@ impl Tuning {
     }
 
     fn built_in(name: &str) -> Option<Self> {
-        if name == AUTO {
+        let slopes = match name {
+            AUTO => Some(Slopes::Differences),
+            SIGMA_POINTS => Some(Slopes::SigmaPoints),
+            _ => None,
+        };
+        if let Some(slopes) = slopes {
             return Some(Self::Motion {
-                preset: MOTION,
+                preset: MotionPreset { slopes, ..MOTION },
                 joint_error_given: false,
                 noise_given: false,
                 damping_given: false,
@@ -250,7 +259,7 @@ fn set<V>(place: &mut V, value: Option<V>) {
 
 fn unknown(name: &str) -> Problem {
     let names = PRESETS.iter().map(|preset| preset.name);
-    let known = choices(name, std::iter::once(AUTO).chain(names));
+    let known = choices(name, [AUTO, SIGMA_POINTS].into_iter().chain(names));
     Problem::bad_input(format!("unknown preset \"{name}\"")).help(format!(
         "{known}; or give a preset.toml, see docs/estimator.md"
     ))

@@ -9,6 +9,7 @@ use bodyflight_mvnx::recording::{FlightFrame, Options, Recording};
 use bodyflight_mvnx::writer::{Description, Origin, Writer};
 use bodyflight_replay::subject::Subject;
 use bodyflight_tests::program::plain;
+use bodyflight_verbs::airborne::verdict::Verdict;
 use nalgebra::{UnitQuaternion, Vector3};
 
 use crate::{PROGRAM, acrobatics};
@@ -161,6 +162,18 @@ fn named(
     keeps_places: bool,
     change: impl Fn(&FlightFrame, bool) -> FlightFrame,
 ) -> Vec<&'static str> {
+    let verdict = verdict(folder, capture, rate, keeps_places, change);
+    verdict.faults.iter().map(|fault| fault.kind).collect()
+}
+
+/// The verdict on a capture after a change.
+fn verdict(
+    folder: &Path,
+    capture: &Capture,
+    rate: f64,
+    keeps_places: bool,
+    change: impl Fn(&FlightFrame, bool) -> FlightFrame,
+) -> Verdict {
     let subject = capture
         .subject
         .as_deref()
@@ -204,8 +217,7 @@ fn named(
     }
     let flight = bodyflight_tests::program::written(folder, "flight.toml", &flight);
     let capture = bodyflight_verbs::airborne::Capture::read(Path::new(&flight)).expect("a capture");
-    let verdict = bodyflight_verbs::airborne::judged(&capture);
-    verdict.faults.iter().map(|fault| fault.kind).collect()
+    bodyflight_verbs::airborne::judged(&capture)
 }
 
 /// Jumps of segments are named in every capture, a tilt and a wrong rate in those that are a second in the air. A segment
@@ -236,4 +248,42 @@ fn planted_faults_are_named_and_clean_captures_are_not_blamed() {
     assert_eq!(count("step"), 6);
     assert_eq!(count("mounting"), 3);
     assert!(count("tilt") >= 2 && count("rate") >= 3, "{hits:?}");
+}
+
+/// A file that is written at a rate other than that of its recording: gravity is what the wrong rate makes of it, so the
+/// true rate is named, even where the wrong gravity is beyond what counts as falling at first sight.
+#[test]
+fn a_rate_far_off_is_named_with_the_true_one() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut told = 0;
+    for capture in captures(folder.path()) {
+        let gravity = |rate: f64| {
+            let verdict = verdict(folder.path(), &capture, rate, false, |frame, _| *frame);
+            let has_bar = verdict.sentence.contains(" Hz instead of ")
+                && verdict.sentence.matches("+-").count() > 1;
+            assert_eq!(
+                has_bar,
+                (rate - 1.0).abs() > 0.01 && verdict.g_mps2.is_some(),
+                "{}",
+                verdict.sentence
+            );
+            verdict.g_mps2.zip(verdict.g_standard_error_mps2)
+        };
+        let (clean, _) = gravity(1.0).expect("a phase");
+        for rate in [0.85, 0.9, 1.1, 1.15, 1.2] {
+            // Where nothing is found, nothing is claimed.
+            let Some((found, error)) = gravity(rate) else {
+                continue;
+            };
+            let off = (found / clean).sqrt() / rate - 1.0;
+            println!(
+                "{} {rate}: g {found:.2} +- {error:.2}, rate {:+.2} %",
+                capture.name,
+                100.0 * off
+            );
+            assert!(off.abs() < 0.01, "{} {rate}: {off}", capture.name);
+            told += 1;
+        }
+    }
+    assert!(told >= 12, "{told} of 15");
 }

@@ -6,6 +6,7 @@ pub mod image;
 pub mod log;
 pub mod monitor;
 pub mod ports;
+pub mod sensor_line;
 pub mod setup;
 pub mod stream;
 pub mod virtual_unit;

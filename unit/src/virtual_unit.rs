@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use bodyflight_core::link::StreamMode;
 use bodyflight_firmware::recorder::storage::{EraseAhead, FlightLog, NoLog};
 use bodyflight_firmware::recorder::{Block, Recorder};
-use bodyflight_firmware::{Board, Identity, NoPort, RECEIVER_BYTES, Unit, run};
+use bodyflight_firmware::{Board, Identity, RECEIVER_BYTES, Unit, run};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::pipe::Pipe;
 use embedded_io_async::{ErrorType, Read, Write};
@@ -17,6 +17,7 @@ use serialport::{SerialPort, TTYPort};
 
 use super::block_on::block_on;
 use super::file_flash::FileFlash;
+use super::monitor::{Chunk, Input};
 use bodyflight_io::diagnostic::{Problem, Result};
 
 /// Capacity, in blocks, of the buffer between the unit and its file.
@@ -38,7 +39,7 @@ impl VirtualUnit {
     /// # Errors
     /// Returns an error if the system cannot provide a pseudo-terminal.
     pub fn start() -> Result<Self> {
-        Self::start_with(None)
+        Self::start_with(None, None)
     }
 
     /// Starts a unit that keeps its log in a file, as a board does in flash.
@@ -46,10 +47,18 @@ impl VirtualUnit {
     /// # Errors
     /// Returns an error if the system cannot provide a pseudo-terminal, or the file cannot be used.
     pub fn start_with_log(path: &Path) -> Result<Self> {
-        Self::start_with(Some(FileFlash::open(path)?))
+        Self::start_with(Some(FileFlash::open(path)?), None)
     }
 
-    fn start_with(flash: Option<FileFlash>) -> Result<Self> {
+    /// Same as [`VirtualUnit::start_with_log`], with a sensor on the unit's own port.
+    ///
+    /// # Errors
+    /// Same as [`VirtualUnit::start_with_log`].
+    pub fn start_with_sensor(path: &Path, sensor: SensorLine) -> Result<Self> {
+        Self::start_with(Some(FileFlash::open(path)?), Some(sensor))
+    }
+
+    fn start_with(flash: Option<FileFlash>, sensor: Option<SensorLine>) -> Result<Self> {
         let (ours, port) =
             TTYPort::pair().map_err(|error| refused("open a pseudo-terminal").caused_by(error))?;
         let path = port
@@ -62,8 +71,12 @@ impl VirtualUnit {
         // The threads run until the process exits; a unit never stops on its own.
         let received: &'static Received = Box::leak(Box::new(Pipe::new()));
         std::thread::spawn(move || receive(ours, received));
+        let sensed: &'static Received = Box::leak(Box::new(Pipe::new()));
+        if let Some(sensor) = sensor {
+            std::thread::spawn(move || sensor.play(sensed));
+        }
         let (started, starts) = std::sync::mpsc::channel();
-        std::thread::spawn(move || serve(received, writer, flash, &started));
+        std::thread::spawn(move || serve([received, sensed], writer, flash, &started));
         let resumed = starts.recv().ok().flatten();
         Ok(Self {
             path,
@@ -83,9 +96,47 @@ impl VirtualUnit {
     }
 }
 
+/// The line of a sensor.
+#[derive(Debug)]
+pub struct SensorLine {
+    /// Its bytes.
+    pub input: Input,
+    /// Pace of a recorded line (bytes/s); a port sets its own.
+    pub pace: Option<f64>,
+}
+
+/// Longest wait for a sensor's bytes.
+const PATIENCE: Duration = Duration::from_millis(100);
+
+/// Bytes of a recorded line that arrive at once.
+const PIECE: usize = 32;
+
+impl SensorLine {
+    /// Passes the bytes on until the line ends. A unit that is behind delays them: nothing is lost.
+    fn play(self, sensed: &Received) {
+        let mut due = Instant::now();
+        loop {
+            let bytes = match self.input.next(PATIENCE) {
+                Ok(Chunk::Bytes(bytes)) => bytes,
+                Ok(Chunk::Silence) => continue,
+                Ok(Chunk::End) | Err(_) => return,
+            };
+            for piece in bytes.chunks(PIECE) {
+                if let Some(pace) = self.pace {
+                    std::thread::sleep(due.saturating_duration_since(Instant::now()));
+                    #[expect(clippy::cast_precision_loss, reason = "a piece is short")]
+                    let length = piece.len() as f64;
+                    due += Duration::from_secs_f64(length / pace);
+                }
+                block_on(sensed.write_all(piece));
+            }
+        }
+    }
+}
+
 /// Runs the unit on its own thread, forever.
 fn serve(
-    received: &'static Received,
+    [received, sensed]: [&'static Received; 2],
     writer: TTYPort,
     flash: Option<FileFlash>,
     started: &Sender<Option<StreamMode>>,
@@ -96,7 +147,8 @@ fn serve(
         recorder: flash.is_some().then_some(&recorder),
     };
     let unit = RefCell::new(Unit::new(board, identity()));
-    let (receiver, transmitter) = (FromHost(received), ToHost(writer));
+    let (receiver, sensor) = (FromLine(received), FromLine(sensed));
+    let transmitter = ToHost(writer);
     block_on(async {
         match flash {
             Some(flash) => {
@@ -106,11 +158,11 @@ fn serve(
                 let setup = log.setup().await;
                 let resumed = setup.is_some_and(|setup| unit.borrow_mut().resume(&setup));
                 let _ = started.send(resumed.then_some(StreamMode::Sensor));
-                run(&unit, receiver, transmitter, NoPort, log).await;
+                run(&unit, receiver, transmitter, sensor, log).await;
             }
             None => {
                 let _ = started.send(None);
-                run(&unit, receiver, transmitter, NoPort, NoLog).await;
+                run(&unit, receiver, transmitter, sensor, NoLog).await;
             }
         }
     });
@@ -174,13 +226,13 @@ fn receive(mut port: TTYPort, received: &Received) {
     }
 }
 
-struct FromHost(&'static Received);
+struct FromLine(&'static Received);
 
-impl ErrorType for FromHost {
+impl ErrorType for FromLine {
     type Error = std::convert::Infallible;
 }
 
-impl Read for FromHost {
+impl Read for FromLine {
     async fn read(&mut self, bytes: &mut [u8]) -> core::result::Result<usize, Self::Error> {
         Ok(self.0.read(bytes).await)
     }

@@ -16,7 +16,7 @@ use std::path::Path;
 
 pub use blocks::Part;
 use blocks::{Blocks, Heights};
-use bodyflight_core::air::Density;
+use bodyflight_core::air::{Density, GRAVITY};
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_mvnx::recording::{Mounting, Options, Warning};
 use bodyflight_replay::flight::Flight;
@@ -24,12 +24,15 @@ use serde::Serialize;
 
 use crate::validate::windows::{self, Row, predicted};
 use physics::{Fall, Momentum};
-use verdict::Verdict;
+use verdict::{Verdict, combined};
 
 /// Lengths over which the attitude is predicted (s), besides the whole phase.
 pub const LENGTHS: [f64; 3] = [0.1, 0.25, 0.5];
 /// Difference of time within which a phase has a length (s).
 const SLACK: f64 = 2e-3;
+/// Relative change of gravity beyond which phases are looked for again, and how often.
+const SETTLED: f64 = 0.05;
+const PASSES: usize = 4;
 
 /// The result for one recording.
 #[derive(Debug, Clone, Serialize)]
@@ -79,12 +82,36 @@ impl Capture {
     /// Returns an error if a file is unusable or has fewer than three frames.
     pub fn read(path: &Path) -> Result<Self> {
         let flight = Flight::read(path)?;
+        let mut capture = Self::pass(&flight, path, GRAVITY)?;
+        // A wrong rate or scale moves gravity towards the limit of what counts as falling, and only the part of the phases
+        // below it would be seen: they are looked for again around what was found.
+        let mut around = GRAVITY;
+        for _ in 0..PASSES {
+            let falls: Vec<Fall> = capture.parts.iter().map(|part| part.fall).collect();
+            let Some(gravity) = combined(&falls).map(|(mean, _)| mean.norm()) else {
+                break;
+            };
+            if (gravity / around - 1.0).abs() < SETTLED {
+                break;
+            }
+            around = gravity;
+            let again = Self::pass(&flight, path, around)?;
+            if again.parts.is_empty() {
+                break;
+            }
+            capture = again;
+        }
+        Ok(capture)
+    }
+
+    /// Reads the frames, and looks for phases with an acceleration near `gravity` (m/s2).
+    fn pass(flight: &Flight, path: &Path, gravity: f64) -> Result<Self> {
         let mut recording = flight.open(Options::default())?;
         let rate = recording.header().frame_rate;
         let mut dynamics = flight.dynamics(0.0);
         // The air does nothing in a jump, and is far below the noise in a short one from a tower.
         dynamics.air.density = Density::Constant(0.0);
-        let mut blocks = Blocks::new(dynamics, flight.constant_inputs());
+        let mut blocks = Blocks::new(dynamics, flight.constant_inputs(), gravity);
         for frame in recording.by_ref() {
             blocks.see(frame?)?;
         }
@@ -103,6 +130,13 @@ impl Capture {
             rate,
             has_subject: flight.has_subject,
         })
+    }
+
+    /// The same with faults that its source shows, which the recording made of it no longer does.
+    #[must_use]
+    pub fn with_faults(mut self, faults: impl IntoIterator<Item = Warning>) -> Self {
+        self.contradictions.extend(faults);
+        self
     }
 
     /// The parts in which nothing touches the body.
@@ -178,7 +212,6 @@ pub fn together(reports: &[&Report]) -> Option<Verdict> {
 
 #[cfg(test)]
 mod tests {
-    use bodyflight_core::air::GRAVITY;
     use nalgebra::Vector3;
 
     use super::*;

@@ -13,8 +13,9 @@ use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::files::write_file;
 use bodyflight_io::interrupt;
 use bodyflight_mocap::mapping::Mapping;
+use bodyflight_mocap::slip as mocap;
 use bodyflight_mocap::source::Source;
-use bodyflight_mvnx::recording::{FlightFrame, PelvisMotion};
+use bodyflight_mvnx::recording::{FlightFrame, PelvisMotion, Warning};
 use bodyflight_mvnx::writer::{Description, Origin, Writer};
 use bodyflight_replay::subject::{SEGMENTS_FILE, Subject};
 
@@ -22,12 +23,14 @@ use super::inspect;
 
 /// Name of the picture file.
 const PICTURE_FILE: &str = "first-frame.svg";
+/// Name of the recording file.
+pub(crate) const RECORDING_FILE: &str = "flight.mvnx";
 /// Files that are written; the segments only if the subject has its own table.
 pub const FILES: &[&str] = &[
     "flight.toml",
     "subject.toml",
     SEGMENTS_FILE,
-    "flight.mvnx",
+    RECORDING_FILE,
     PICTURE_FILE,
 ];
 /// If the knees are bent the wrong way by more than this (rad) in more than half of the frames, the mapping is wrong.
@@ -76,6 +79,8 @@ pub struct Report {
     pub segments: Vec<MappedSegment>,
     /// Warnings about the flight.
     pub warnings: Vec<String>,
+    /// Markers that slipped along the skin and stay there, in order of time.
+    pub slips: Vec<Slip>,
     /// The first frame, as text art.
     #[serde(skip)]
     pub letters: String,
@@ -91,6 +96,62 @@ pub struct MappedSegment {
     pub source: Option<String>,
 }
 
+/// A marker that slipped along the skin and stays there.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub struct Slip {
+    /// The segment whose length shows it best.
+    pub segment: String,
+    /// The marker; several if the lengths do not tell which of them it is.
+    pub markers: Vec<String>,
+    /// When it begins (s since frame 0).
+    pub begin_s: f64,
+    /// How long it takes (s).
+    pub duration_s: f64,
+    /// Change of the length that shows it best (m), apart from what the posture does.
+    pub change_m: f64,
+    /// Its standard error (m).
+    pub error_m: f64,
+    /// Standard deviation of that length (m) that neither posture nor slip explains: soft tissue.
+    pub tissue_m: f64,
+    /// In a sentence.
+    pub message: String,
+}
+
+impl Slip {
+    fn of(slip: &mocap::Slip, first: f64) -> Self {
+        Self {
+            segment: slip.segment.clone(),
+            markers: slip.markers.clone(),
+            begin_s: slip.begin_s - first,
+            duration_s: slip.duration_s,
+            change_m: slip.change_m,
+            error_m: slip.error_m,
+            tissue_m: slip.tissue_m,
+            message: slip.to_string(),
+        }
+    }
+}
+
+impl Report {
+    /// The slips as faults of the recording that was written.
+    pub fn faults(&self) -> Vec<Warning> {
+        let warning = |slip: &Slip| Warning {
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "the index of a frame"
+            )]
+            frame: (slip.begin_s * self.frame_rate_hz).round().max(0.0) as u64,
+            message: slip.message.clone(),
+            segment: Some(slip.segment.clone()),
+            span_s: Some([slip.begin_s, self.duration_s]),
+            is_fault: true,
+        };
+        self.slips.iter().map(warning).collect()
+    }
+}
+
 /// Imports a file: `flight.mvnx`, `subject.toml`, `flight.toml` and a picture of the first frame.
 ///
 /// # Errors
@@ -104,7 +165,7 @@ pub fn import(request: &Request<'_>, progress: &mut dyn FnMut(f64)) -> Result<Re
     std::fs::create_dir_all(request.folder)
         .map_err(|error| Problem::system("create", request.folder, error))?;
     let body = request.subject.body();
-    let recording = request.folder.join("flight.mvnx");
+    let recording = request.folder.join(RECORDING_FILE);
     let name = request
         .file
         .file_name()
@@ -164,6 +225,9 @@ pub fn import(request: &Request<'_>, progress: &mut dyn FnMut(f64)) -> Result<Re
             })
             .collect(),
         warnings,
+        slips: (source.slips.iter())
+            .map(|slip| Slip::of(slip, source.first_s))
+            .collect(),
         letters: seen.picture,
     })
 }
@@ -215,6 +279,7 @@ fn warnings(
     has_places: bool,
 ) -> Vec<String> {
     let mut warnings = source.warnings.clone();
+    warnings.extend(source.slips.iter().map(ToString::to_string));
     if 2 * knees.wrong > knees.frames {
         warnings.push(format!(
             "the knees are bent forwards in {} of {} frames: an axis or a sign of the mapping is wrong; look at {PICTURE_FILE}",

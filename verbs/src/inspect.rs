@@ -11,11 +11,15 @@ use std::path::Path;
 use bodyflight_core::Body;
 use serde::Serialize;
 
+use crate::import::{RECORDING_FILE, Request, import};
+use crate::validate::bundled;
 use bodyflight_io::diagnostic::Result;
 use bodyflight_io::input::STANDARD_INPUT;
+use bodyflight_mocap::mapping::Mapping;
 use bodyflight_mvnx::closure::Skeleton;
 use bodyflight_mvnx::recording::{self, faults};
 use bodyflight_mvnx::{ArmFrame, Fault, Field, Fields, Frame, ReadOptions, Reader};
+use bodyflight_replay::subject::Subject;
 use flight::FlightReport;
 
 /// Most bad frames and markers listed one by one.
@@ -69,6 +73,8 @@ pub struct Report {
     pub markers: Vec<Marker>,
     /// Whether the file is truncated.
     pub truncated: bool,
+    /// What the import of a file of another system found; empty for a recording.
+    pub notes: Vec<String>,
     /// The recording as a flight, if it is one.
     pub flight: Option<FlightReport>,
     /// What kind of recording this is, and whether it can be used, in a sentence.
@@ -155,6 +161,45 @@ pub fn inspect(path: &Path, person: Option<&Body<f64>>) -> Result<Report> {
     Ok(report)
 }
 
+/// Imports a file of another system and describes the recording made of it, with what the file shows besides.
+///
+/// # Errors
+/// Returns an error if the file cannot be imported.
+pub fn inspect_imported(
+    file: &Path,
+    mapping: Option<&Mapping>,
+    person: Option<&Subject>,
+) -> Result<Report> {
+    let folder = bundled::temporary()?;
+    let default = Subject::default();
+    let imported = import(
+        &Request {
+            file,
+            mapping,
+            subject: person.unwrap_or(&default),
+            has_subject: person.is_some(),
+            folder: folder.path(),
+        },
+        &mut |_| {},
+    )?;
+    let body = person.map(Subject::body);
+    let mut report = inspect(&folder.path().join(RECORDING_FILE), body.as_ref())?;
+    let own = report
+        .flight
+        .as_ref()
+        .map_or(&[][..], |flight| &flight.warnings);
+    let own: Vec<String> = own.iter().map(ToString::to_string).collect();
+    let faults = imported.faults();
+    let is_said =
+        |note: &String| own.contains(note) || faults.iter().any(|fault| fault.message == *note);
+    let notes = imported.warnings.into_iter();
+    report.notes = notes.filter(|note| !is_said(note)).collect();
+    if let Some(flight) = &mut report.flight {
+        flight.warnings.splice(0..0, faults);
+    }
+    Ok(report.judged(None))
+}
+
 /// Same as [`inspect`], for any input.
 ///
 /// # Errors
@@ -207,6 +252,7 @@ fn inspect_reader<R: BufRead>(mut reader: Reader<R>) -> Result<Report> {
         bad_frame_list: survey.bad_frame_list,
         markers: survey.markers,
         truncated: reader.is_truncated(),
+        notes: Vec::new(),
         flight: None,
         verdict: "not judged".to_owned(),
     })
@@ -335,6 +381,9 @@ impl fmt::Display for Report {
         }
         for marker in &self.markers {
             writeln!(f, "marker          {:.3} s {}", marker.time_s, marker.name)?;
+        }
+        for note in &self.notes {
+            writeln!(f, "import          {note}")?;
         }
         if let Some(flight) = &self.flight {
             write!(f, "{flight}")?;

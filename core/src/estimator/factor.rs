@@ -83,6 +83,24 @@ impl<T: Real, const N: usize> Cholesky<T, N> {
         self.repaired
     }
 
+    /// Computes `rhs L^-1`: for changes `S L` along the columns of `L` this is the slope `S`.
+    pub fn solve<const R: usize>(&self, rhs: &SMatrix<T, R, N>) -> SMatrix<T, R, N> {
+        let mut solution = *rhs;
+        for j in (0..N).rev() {
+            for k in j + 1..N {
+                let factor = self.lower[(k, j)];
+                for i in 0..R {
+                    let known = solution[(i, k)];
+                    solution[(i, j)] -= factor * known;
+                }
+            }
+            for i in 0..R {
+                solution[(i, j)] *= self.inverse_diagonal[j];
+            }
+        }
+        solution
+    }
+
     /// Computes `rhs L^-T`: for a cross covariance C_xz and `C_z = L L^T` this is the factor U with
     /// `K C_z K^T = U U^T`.
     #[inline]

@@ -1,7 +1,11 @@
 //! The range of every number in the dynamics and the filter, and the 32-bit fixed-point format it fits.
 //!
 //! This table defines what "fixed-point-safe" means here: the formats follow from the ranges, tests fly whole flights
-//! against them, and [`quantised`] rounds a state as a fixed-point unit would.
+//! against them, search them at random up to the edges of what the link lets a unit be told, and [`quantised`] rounds a
+//! state as a fixed-point unit would.
+//!
+//! A number is [bounded](Bound) either by construction, because something clamps it or it follows from what is clamped, or
+//! only by what the search has found, with a reserve of a guard bit.
 
 use core::fmt;
 
@@ -10,6 +14,18 @@ use nalgebra::Quaternion;
 use crate::dynamics::State;
 use crate::frame::{Inertial, Rotation, Vector};
 use crate::math::{Real, normalized};
+use Bound::{Construction, Relative, Search};
+
+/// Why a number stays in its range.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Bound {
+    /// By construction: it is normalised or clamped, or follows from numbers that are.
+    Construction,
+    /// Found by random search over allowed people, densities, winds, motions and inputs.
+    Search,
+    /// It grows with time, and is taken relative to a point that moves along.
+    Relative,
+}
 
 /// The range of a number.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -22,6 +38,8 @@ pub struct Range {
     pub limit: f64,
     /// Standard deviation of the sensor that measures the number, in the same unit; 0 if none does.
     pub sensor_noise: f64,
+    /// Why it holds.
+    pub bound: Bound,
 }
 
 impl Range {
@@ -72,62 +90,78 @@ impl fmt::Display for Range {
             self.last_bit()
         )?;
         if self.sensor_noise > 0.0 {
-            write!(f, " {:.0} |", self.sensor_noise / self.last_bit())
+            write!(f, " {:.0} |", self.sensor_noise / self.last_bit())?;
         } else {
-            write!(f, " |")
+            write!(f, " |")?;
         }
+        f.write_str(match self.bound {
+            Construction => " construction |",
+            Search => " search |",
+            Relative => " relative |",
+        })
     }
 }
 
-const fn range(name: &'static str, unit: &'static str, limit: f64, sensor_noise: f64) -> Range {
+const fn range(
+    name: &'static str,
+    unit: &'static str,
+    limit: f64,
+    sensor_noise: f64,
+    bound: Bound,
+) -> Range {
     Range {
         name,
         unit,
         limit,
         sensor_noise,
+        bound,
     }
 }
 
 /// Component of the attitude quaternion.
-pub const ATTITUDE: Range = range("attitude quaternion", "1", 1.0, 0.005);
-/// Position of the centre of gravity.
-pub const POSITION: Range = range("position", "m", 8192.0, 1.0);
-/// Velocity of the pelvic joint or of the air.
-pub const VELOCITY: Range = range("velocity", "m/s", 128.0, 0.1);
-/// Angular velocity of the body frame.
-pub const ANGULAR_VELOCITY: Range = range("angular velocity", "rad/s", 35.0, 0.01);
-/// Linear momentum.
-pub const LINEAR_MOMENTUM: Range = range("linear momentum", "kg m/s", 16_000.0, 7.5);
+pub const ATTITUDE: Range = range("attitude quaternion", "1", 1.0, 0.005, Construction);
+/// Position of the centre of gravity, relative to a point that moves along once a minute: 100 m/s for 80 s.
+pub const POSITION: Range = range("position", "m", 8192.0, 1.0, Relative);
+/// Velocity of the pelvic joint or of the air; its magnitude is clamped to 100 m/s.
+pub const VELOCITY: Range = range("velocity", "m/s", 128.0, 0.1, Construction);
+/// Angular velocity of the body frame; its magnitude is clamped.
+pub const ANGULAR_VELOCITY: Range = range("angular velocity", "rad/s", 35.0, 0.01, Construction);
+/// Linear momentum: 300 kg a segment are allowed, but no person has more than 250 kg.
+pub const LINEAR_MOMENTUM: Range = range("linear momentum", "kg m/s", 32_000.0, 7.5, Search);
 /// Angular momentum about the centre of gravity.
-pub const ANGULAR_MOMENTUM: Range = range("angular momentum", "kg m2/s", 1024.0, 0.1);
+pub const ANGULAR_MOMENTUM: Range = range("angular momentum", "kg m2/s", 8192.0, 0.1, Search);
 /// Centre of gravity in body axes.
-pub const CENTRE: Range = range("centre of gravity", "m", 1.0, 0.0);
+pub const CENTRE: Range = range("centre of gravity", "m", 1.0, 0.0, Search);
 /// Element of the inertia about the centre of gravity.
-pub const INERTIA: Range = range("inertia", "kg m2", 64.0, 0.0);
+pub const INERTIA: Range = range("inertia", "kg m2", 128.0, 0.0, Search);
 /// Element of the inverse inertia about the centre of gravity.
-pub const INVERSE_INERTIA: Range = range("inverse inertia", "1/(kg m2)", 8.0, 0.0);
+pub const INVERSE_INERTIA: Range = range("inverse inertia", "1/(kg m2)", 16.0, 0.0, Search);
 /// Force.
-pub const FORCE: Range = range("force", "N", 16_000.0, 0.0);
+pub const FORCE: Range = range("force", "N", 2_097_152.0, 0.0, Search);
 /// Moment.
-pub const MOMENT: Range = range("moment", "N m", 8000.0, 0.0);
-/// Muscle input coefficient.
-pub const MUSCLE_INPUT: Range = range("muscle input", "1", 10.5, 0.0);
-/// Damping coefficient.
-pub const DAMPING: Range = range("damping", "1", 24.0, 0.0);
+pub const MOMENT: Range = range("moment", "N m", 1_048_576.0, 0.0, Search);
+/// Muscle input coefficient; the filter clamps it.
+pub const MUSCLE_INPUT: Range = range("muscle input", "1", 12.0, 0.0, Construction);
+/// Damping coefficient; the filter clamps it.
+pub const DAMPING: Range = range("damping", "1", 30.0, 0.0, Construction);
 /// Coefficient of the damping moment.
-pub const DAMPING_RATE: Range = range("damping rate", "N m s", 4096.0, 0.0);
-/// Dynamic pressure.
-pub const DYNAMIC_PRESSURE: Range = range("dynamic pressure", "Pa", 12_000.0, 0.0);
+pub const DAMPING_RATE: Range = range("damping rate", "N m s", 131_072.0, 0.0, Search);
+/// Dynamic pressure: half of 2 kg/m3 times the square of a clamped speed and a wind of up to 100 m/s along each axis.
+pub const DYNAMIC_PRESSURE: Range = range("dynamic pressure", "Pa", 131_072.0, 0.0, Construction);
+/// Residual force, divided by the dynamic pressure; the filter clamps it.
+pub const RESIDUAL_FORCE: Range = range("residual force", "m2", 2.0, 0.0, Construction);
+/// Residual moment, divided by the dynamic pressure; the filter clamps it.
+pub const RESIDUAL_MOMENT: Range = range("residual moment", "m3", 1.0, 0.0, Construction);
 /// Attitude angle of a measurement.
-pub const ANGLE: Range = range("measured angle", "rad", 64.0, 0.01);
-/// Horizontal speed of a measurement.
-pub const HORIZONTAL_SPEED: Range = range("measured speed", "m/s", 128.0, 0.1);
+pub const ANGLE: Range = range("measured angle", "rad", 64.0, 0.01, Construction);
+/// Horizontal speed of a measurement; the link holds no larger one.
+pub const HORIZONTAL_SPEED: Range = range("measured speed", "m/s", 128.0, 0.1, Construction);
 
 /// Component of the vertical in body axes.
-pub const VERTICAL: Range = range("measured vertical", "1", 1.5, 0.01);
+pub const VERTICAL: Range = range("measured vertical", "1", 1.5, 0.01, Construction);
 
 /// The table of all ranges.
-pub const RANGES: [Range; 18] = [
+pub const RANGES: [Range; 20] = [
     ATTITUDE,
     POSITION,
     VELOCITY,
@@ -143,6 +177,8 @@ pub const RANGES: [Range; 18] = [
     DAMPING,
     DAMPING_RATE,
     DYNAMIC_PRESSURE,
+    RESIDUAL_FORCE,
+    RESIDUAL_MOMENT,
     ANGLE,
     HORIZONTAL_SPEED,
     VERTICAL,
@@ -150,8 +186,8 @@ pub const RANGES: [Range; 18] = [
 
 /// Head of the table in Markdown; the rows are the text of the [`Range`]s.
 pub const TABLE_HEAD: &str = "\
-| number | unit | range | format | last bit | sensor noise in last bits |
-|---|---|---|---|---|---|";
+| number | unit | range | format | last bit | sensor noise in last bits | bounded by |
+|---|---|---|---|---|---|---|";
 
 /// Returns a state rounded to the formats of the table, as fixed-point memory would hold it.
 pub fn quantised<T: Real>(state: &State<T>) -> State<T> {

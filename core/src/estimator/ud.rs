@@ -114,6 +114,25 @@ impl<T: Real, const N: usize> Ud<T, N> {
         sum
     }
 
+    /// Returns the covariance of `M` coordinates from `first` on.
+    pub fn block<const M: usize>(&self, first: usize) -> SMatrix<T, M, M> {
+        let unit = |row: usize, column: usize| {
+            if row == column {
+                T::one()
+            } else {
+                self.elements[(row, column)]
+            }
+        };
+        SMatrix::from_fn(|i, j| {
+            let (row, column) = (first + i.min(j), first + i.max(j));
+            let mut sum = T::zero();
+            for k in column..N {
+                sum += unit(row, k) * self.elements[(k, k)] * unit(column, k);
+            }
+            sum
+        })
+    }
+
     /// Returns the variances of all coordinates.
     pub fn variances(&self) -> SVector<T, N> {
         SVector::from_fn(|k, _| self.variance(k))

@@ -1,6 +1,6 @@
 //! The presets that a unit supports, by the numbers that the link uses for them.
 
-use super::motion::settings::{MOTION, MotionPreset};
+use super::motion::settings::{MOTION, MotionPreset, Slopes};
 use super::preset::{PRESETS, Preset};
 use crate::dynamics::muscle_input::{MODELS, MuscleForces, MuscleModel};
 
@@ -16,27 +16,42 @@ pub enum UnitPreset {
 /// Common name of the motion filter's presets.
 pub const MOTION_NAME: &str = "auto";
 
+/// The same with derivatives by sigma points.
+pub const SIGMA_POINTS_NAME: &str = "sigma-points";
+
 impl UnitPreset {
     /// Returns the preset with this number, or `None` if there is none: first come those of [`PRESETS`], then the
-    /// motion filter with each of the limb groups of [`MODELS`]. New presets must be appended.
+    /// motion filter with each of the limb groups of [`MODELS`], then the same with sigma points. New presets must be
+    /// appended.
     pub fn of(number: usize) -> Option<Self> {
         if let Some(preset) = PRESETS.get(number) {
             return Some(Self::Windows(*preset));
         }
-        let (_, muscles) = MODELS.get(number.checked_sub(PRESETS.len())?)?;
+        let place = number.checked_sub(PRESETS.len())?;
+        let slopes = match place / MODELS.len() {
+            0 => Slopes::Differences,
+            1 => Slopes::SigmaPoints,
+            _ => return None,
+        };
+        let (_, muscles) = MODELS.get(place % MODELS.len())?;
         Some(Self::Motion(
-            MOTION,
+            MotionPreset { slopes, ..MOTION },
             muscles.with_forces(MuscleForces::Moment),
         ))
     }
 
-    /// Returns the number of the preset with this name; `auto` is the motion filter with `muscles`. Returns `None` if
+    /// Returns the number of the preset with this name; `auto` and `sigma-points` are the motion filter with `muscles`. Returns `None` if
     /// there is no such preset, or if the motion filter has none for these limb groups.
     pub fn number(name: &str, muscles: &MuscleModel) -> Option<usize> {
-        if name == MOTION_NAME {
+        let block = match name {
+            MOTION_NAME => Some(0),
+            SIGMA_POINTS_NAME => Some(1),
+            _ => None,
+        };
+        if let Some(block) = block {
             let mut models = MODELS.iter();
             let place = models.position(|(known, _)| *known == muscles.name())?;
-            return Some(PRESETS.len() + place);
+            return Some(PRESETS.len() + block * MODELS.len() + place);
         }
         PRESETS.iter().position(|preset| preset.name == name)
     }
@@ -45,7 +60,10 @@ impl UnitPreset {
     pub const fn name(&self) -> &'static str {
         match self {
             Self::Windows(preset) => preset.name,
-            Self::Motion(..) => MOTION_NAME,
+            Self::Motion(preset, _) => match preset.slopes {
+                Slopes::Differences => MOTION_NAME,
+                Slopes::SigmaPoints => SIGMA_POINTS_NAME,
+            },
         }
     }
 
@@ -88,6 +106,16 @@ impl UnitPreset {
         }
         self
     }
+
+    /// Returns the preset for a body whose posture is not measured but assumed. The paper's filters know no errors of
+    /// the posture, so theirs stay as they are.
+    #[must_use]
+    pub const fn with_assumed_posture(mut self) -> Self {
+        if let Self::Motion(preset, _) = &mut self {
+            *preset = preset.with_assumed_posture();
+        }
+        self
+    }
 }
 
 /// Longest solution window of the motion filter: a quarter of a second at 240 Hz.
@@ -107,7 +135,7 @@ mod tests {
             );
             number += 1;
         }
-        assert_eq!(number, PRESETS.len() + MODELS.len());
+        assert_eq!(number, PRESETS.len() + 2 * MODELS.len());
         assert_eq!(UnitPreset::number("none", &MODELS[0].1), None);
     }
 }

@@ -1,6 +1,6 @@
 //! Decodes bytes to packets.
 
-use super::packet::{Candidate, MAX_PACKET_LENGTH, PREAMBLE, Packet, judge, view};
+use super::packet::{Candidate, MAX_PACKET_LENGTH, MessageId, PREAMBLE, Packet, judge, view};
 
 /// Counters of a decoder since its creation. All of them wrap.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -30,6 +30,8 @@ pub struct Decoder<const N: usize> {
     end: usize,
     /// Length of the packet returned last; its bytes are released by the next call.
     given: usize,
+    /// The only kind of message that is accepted.
+    only: Option<MessageId>,
     counters: Counters,
 }
 
@@ -48,6 +50,7 @@ impl<const N: usize> Decoder<N> {
             start: 0,
             end: 0,
             given: 0,
+            only: None,
             counters: Counters {
                 packets: 0,
                 skipped_bytes: 0,
@@ -56,6 +59,14 @@ impl<const N: usize> Decoder<N> {
                 bad_items: 0,
             },
         }
+    }
+
+    /// Accepts only messages of this kind. On a line that carries other protocols too, a preamble that occurs by chance
+    /// then neither delays nor hides the packets around it: a receiver's small negative velocity, `FA FF FF FF`, did.
+    #[must_use]
+    pub const fn only(mut self, message: MessageId) -> Self {
+        self.only = Some(message);
+        self
     }
 
     /// Returns the counters.
@@ -77,6 +88,10 @@ impl<const N: usize> Decoder<N> {
         self.start += core::mem::take(&mut self.given);
         let total = loop {
             self.skip_to_preamble();
+            if self.is_unwanted() {
+                self.skip_one();
+                continue;
+            }
             match judge(self.buffer.get(self.start..self.end).unwrap_or_default()) {
                 Candidate::Whole { total } => break total,
                 Candidate::Incomplete { total } if total > N => {
@@ -118,6 +133,13 @@ impl<const N: usize> Decoder<N> {
         if self.start < self.end {
             self.skip_one();
         }
+    }
+
+    /// Whether the bytes stored start a message of another kind than the one that is accepted.
+    fn is_unwanted(&self) -> bool {
+        let message = self.buffer.get(self.start + 2..self.end);
+        let message = message.and_then(<[u8]>::first);
+        (self.only.zip(message)).is_some_and(|(only, message)| only.0 != *message)
     }
 
     fn skip_one(&mut self) {
@@ -189,6 +211,20 @@ mod tests {
         }
         let total = writer.finish().unwrap();
         packet[..total].to_vec()
+    }
+
+    /// Between packets a receiver sends words that start with a preamble, the address of a sensor and a length.
+    #[test]
+    fn a_decoder_for_one_kind_of_message_waits_for_no_other() {
+        let word = (-6_i32).to_le_bytes();
+        assert_eq!(word[..2], [PREAMBLE, 0xff]);
+        let mut decoder = Decoder::<512>::new().only(MessageId::MT_DATA2);
+        for number in 0..1000 {
+            let bytes = [&word[..], &[0x20; 5], &measurement(number, 1)].concat();
+            let mut input = &bytes[..];
+            let packet = decoder.next(&mut input).expect("is there at once");
+            assert_eq!(packet.data[3..5], number.to_be_bytes());
+        }
     }
 
     /// Data of all packets in `bytes`, supplied in pieces of `piece` bytes; the remainder is abandoned.

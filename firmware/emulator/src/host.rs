@@ -2,8 +2,8 @@
 
 use bodyflight_core::link::{
     Configure, Decoder, Estimate, Event as LinkEvent, Header, Hello, HelloAcknowledge, LogAction,
-    LogAsk, MAX_FRAME_LENGTH, Message, SCHEMA_HASH, Sample, SegmentTable, Start, Status, Stop,
-    StreamMode, Verdict,
+    LogAsk, MAX_FRAME_LENGTH, Message, SCHEMA_HASH, Sample, SegmentTable, Setup, SetupAction,
+    SetupAsk, SetupState, Start, Status, Stop, StreamMode, Verdict,
 };
 use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::sensor_noise::SensorNoise;
@@ -101,6 +101,9 @@ pub struct Host {
     pub status: Option<Status>,
     configured: Option<(Verdict, u16)>,
     started: bool,
+    /// Whether the unit flies alone: nothing is sent to it, and estimates of any session count.
+    alone: bool,
+    stored: Option<SetupState>,
     /// The requested block of the log, in pieces and complete.
     pieces: Pieces,
     block: Option<Vec<u8>>,
@@ -128,6 +131,8 @@ impl Host {
             status: None,
             configured: None,
             started: false,
+            alone: false,
+            stored: None,
             pieces: Pieces::new(0),
             block: None,
             resets: Vec::new(),
@@ -165,6 +170,8 @@ impl Host {
             Message::Configured(answer) => {
                 self.configured = Some((answer.verdict, answer.segments));
             }
+            Message::Estimate(estimate) if self.alone => self.estimates.push((at, *estimate)),
+            Message::Stored(answer) => self.stored = Some(answer.state),
             Message::Estimate(estimate) if ours => {
                 self.twin.answer(estimate);
                 self.estimates.push((at, *estimate));
@@ -225,6 +232,17 @@ impl Host {
     /// # Errors
     /// Returns an error if the unit does not answer.
     pub fn connect(&mut self, mode: StreamMode) -> Result<()> {
+        self.greet()?;
+        let (configure, table) = (self.flight.configure, self.flight.table);
+        self.configure(configure, &table)?;
+        self.ask("the start", Start { mode }, |host| host.started)?;
+        self.due = self.chip.now();
+        Ok(())
+    }
+
+    /// Begins a session with a greeting.
+    fn greet(&mut self) -> Result<()> {
+        self.alone = false;
         self.session = self.session.wrapping_add(1);
         (self.sent, self.started, self.configured) = (0, false, None);
         self.twin = Twin::new();
@@ -238,7 +256,10 @@ impl Host {
             let greetings = self.greeted.1;
             self.ask("a greeting", hello, |host| host.greeted.1 > greetings)?;
         }
-        let (configure, table) = (self.flight.configure, self.flight.table);
+        Ok(())
+    }
+
+    fn configure(&mut self, configure: Configure, table: &SegmentTable) -> Result<()> {
         self.ask("the configuration", configure, |host| {
             host.configured.is_some()
         })?;
@@ -252,9 +273,37 @@ impl Host {
         if self.configured.map(|(verdict, _)| verdict) != Some(Verdict::Accepted) {
             return Err(format!("the unit refuses: {:?}", self.configured));
         }
-        self.ask("the start", Start { mode }, |host| host.started)?;
-        self.due = self.chip.now();
         Ok(())
+    }
+
+    /// Stores a configuration on the unit, on the ground, and cuts the power: from then on the host only listens.
+    ///
+    /// # Errors
+    /// Returns an error if the unit does not answer, or does not store it.
+    pub fn store_and_leave(&mut self, setup: &Setup) -> Result<()> {
+        self.greet()?;
+        self.configure(setup.configure, &setup.table)?;
+        let action = SetupAction::Store;
+        self.ask("to store", SetupAsk { action }, |host| {
+            host.stored.is_some()
+        })?;
+        if self.stored != Some(SetupState::Present) {
+            return Err(format!("the unit does not store: {:?}", self.stored));
+        }
+        self.chip.power("power-on", false)?;
+        self.resets.clear();
+        self.estimates.clear();
+        self.decoder = Decoder::new();
+        self.alone = true;
+        Ok(())
+    }
+
+    /// Comes back to a unit that flew alone, to read its log.
+    ///
+    /// # Errors
+    /// Returns an error if the unit does not answer.
+    pub fn return_to_unit(&mut self) -> Result<()> {
+        self.greet()
     }
 
     /// The next sample as a frame, with the time at which it is due (us).

@@ -6,6 +6,7 @@
 mod chip;
 mod host;
 mod result;
+pub mod sensed;
 
 pub use chip::{Chip, Cost, Event, Look, Options, Provoked, Watchdog};
 pub use host::{Flight, Host, Limits, RATE};

@@ -19,7 +19,7 @@ use bodyflight_core::estimator::full::Full;
 use bodyflight_core::estimator::measurement::Measurement;
 use bodyflight_core::estimator::motion::ReducedMotionFilter;
 use bodyflight_core::estimator::motion::measurement::MotionMeasurement;
-use bodyflight_core::estimator::motion::settings::MOTION;
+use bodyflight_core::estimator::motion::settings::{MOTION, MotionPreset, Slopes};
 use bodyflight_core::estimator::preset::{Preset, TRACKING_ON_BACK};
 use bodyflight_core::estimator::propagation::Propagation;
 use bodyflight_core::estimator::reduced::Reduced;
@@ -234,9 +234,11 @@ fn motion_pushes(
     counter: &mut Counter,
     dynamics: &Dynamics<f32>,
     posture: &Posture<f32>,
+    slopes: Slopes,
 ) -> Option<[u32; 2]> {
     let motion = falling();
-    let mut filter = ReducedMotionFilter::new(&MOTION, dynamics, &motion, posture).ok()?;
+    let preset = MotionPreset { slopes, ..MOTION };
+    let mut filter = ReducedMotionFilter::new(&preset, dynamics, &motion, posture).ok()?;
     let seen = MotionMeasurement::of(&motion);
     let mut most = 0;
     for _ in 0..12 {
@@ -366,9 +368,14 @@ pub fn run(timer: SYST, pace: Pace) -> Option<()> {
         "spread_of_reduced_update {}",
         spread(&mut counter, &dynamics)?
     );
-    let [estimate, stack] = motion_pushes(&mut counter, &dynamics, &posture)?;
-    println!("motion_estimate {estimate}");
-    println!("stack_of_motion_estimate {stack}");
+    for (name, slopes) in [
+        ("motion_estimate", Slopes::Differences),
+        ("motion_estimate_by_sigma_points", Slopes::SigmaPoints),
+    ] {
+        let [estimate, stack] = motion_pushes(&mut counter, &dynamics, &posture, slopes)?;
+        println!("{name} {estimate}");
+        println!("stack_of_{name} {stack}");
+    }
     // The paper's window of 60 samples does not fit this board. Its cost is extrapolated from two shorter ones, since
     // every sample of the window costs the same.
     let [_, of_8, _] = paper_pushes::<8>(&mut counter, &dynamics, &posture)?;

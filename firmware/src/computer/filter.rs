@@ -39,7 +39,8 @@ pub(super) enum Answer {
 }
 
 impl Filter {
-    /// Starts the filter of a preset in `slot`, which is left empty if the preset or the start is refused.
+    /// Starts the filter of a preset in `slot`, which is left empty if the preset or the start is refused. The velocity is
+    /// known to within `velocity_deviation` (m/s), zero if it was measured.
     ///
     /// Each kind is moved to its place only once, and the motion filter is started in place: filters are so large that
     /// a unit's stack cannot hold several.
@@ -49,14 +50,15 @@ impl Filter {
         dynamics: &Dynamics<f32>,
         motion: &Motion<f32>,
         posture: &Posture<f32>,
+        velocity_deviation: f32,
     ) -> Result<(), SettingsError> {
         match preset {
             UnitPreset::Windows(preset) => windows_in(slot, preset, dynamics, motion, posture),
             UnitPreset::Motion(preset, _) => {
                 motion_in(slot, preset, dynamics)?;
-                let started = slot
-                    .as_mut()
-                    .map_or(Ok(()), |filter| filter.restart(motion, posture));
+                let started = slot.as_mut().map_or(Ok(()), |filter| {
+                    filter.restart(motion, posture, velocity_deviation)
+                });
                 if started.is_err() {
                     *slot = None;
                 }
@@ -65,14 +67,16 @@ impl Filter {
         }
     }
 
+    /// Starts again; see [`Filter::start_in`]. The paper's filters take every velocity as measured.
     pub(super) fn restart(
         &mut self,
         motion: &Motion<f32>,
         posture: &Posture<f32>,
+        velocity_deviation: f32,
     ) -> Result<(), SettingsError> {
         match self {
             Self::Windows(filter) => filter.restart(motion, posture),
-            Self::Motion(filter) => filter.restart(motion, posture),
+            Self::Motion(filter) => filter.restart_assuming(motion, posture, velocity_deviation),
         }
     }
 

@@ -187,7 +187,7 @@ fn nothing_is_written_on_the_ground() {
 #[test]
 fn without_vertical_velocity_everything_is_written() {
     let chip = Chip::new(usize::MAX, 1);
-    let recorder = Recorder::new(vec![Block::EMPTY; 8].leak());
+    let recorder = Recorder::new(vec![Block::EMPTY; 64].leak());
     let mut storage = chip.log(&recorder);
     let mut log = core::pin::pin!(storage.run(|_| {}));
     recorder.begin(preamble());
@@ -239,7 +239,7 @@ fn told() -> u32 {
         let Message::Sample(sample) = message else {
             unreachable!("a sample");
         };
-        watch.update(header.time, velocity_up(&sample)) == Phase::Fall
+        watch.update(header.time, velocity_up(&sample), None) == Phase::Fall
     };
     (0..).find(falls).unwrap()
 }

@@ -1,8 +1,8 @@
 //! The content of a sensor's packet that the unit uses.
 
-use bodyflight_core::math::normalized;
-use bodyflight_core::xbus::{Item, Packet, Reals};
-use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use bodyflight_core::math::{Real, normalized};
+use bodyflight_core::xbus::{CoordinateSystem, Item, Packet, Reals};
+use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
 
 /// The content of a packet. Values that are not finite are left out: some sensors send NaN until they have settled.
 #[derive(Debug, Clone, Copy, Default)]
@@ -37,6 +37,25 @@ pub(super) fn rotation([w, x, y, z]: [f32; 4]) -> Option<UnitQuaternion<f32>> {
     ((sent.norm_squared() - 1.0).abs() < 0.02).then(|| normalized(sent))
 }
 
+/// The rotation about X by the roll, then Y by the pitch, then Z by the yaw (deg).
+pub(super) fn from_angles(roll_pitch_yaw: [f32; 3]) -> UnitQuaternion<f32> {
+    let turn = |degrees: f32| (degrees.to_radians() * 0.5).sine_cosine();
+    let [(i, u), (j, v), (k, w)] = roll_pitch_yaw.map(turn);
+    let roll = Quaternion::new(u, i, 0.0, 0.0);
+    let pitch = Quaternion::new(v, 0.0, j, 0.0);
+    let yaw = Quaternion::new(w, 0.0, 0.0, k);
+    normalized(yaw * pitch * roll)
+}
+
+/// The rotation of a matrix given row by row, unless its columns are not unit vectors at right angles.
+fn from_rows(rows: &[f32; 9]) -> Option<UnitQuaternion<f32>> {
+    let matrix = Matrix3::from_row_slice(rows);
+    let error = matrix.transpose() * matrix - Matrix3::identity();
+    let is_rotation = error.iter().all(|part| part.abs() < 0.02) && matrix.determinant() > 0.0;
+    is_rotation
+        .then(|| UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(matrix)))
+}
+
 impl Reading {
     /// Decodes the items of an Xbus packet.
     pub(super) fn of(packet: &Packet<'_>) -> Self {
@@ -46,9 +65,14 @@ impl Reading {
                 Ok(Item::PacketCounter(counter)) => reading.counter = Some(counter),
                 Ok(Item::SampleTimeFine(time)) => reading.fine_time = Some(time),
                 Ok(Item::Quaternion(system, values)) => {
-                    let sent = rotation(values.to_f32());
-                    reading.inertial_from_sensor =
-                        sent.map(|sent| system.inertial_from_earth() * sent);
+                    reading.orient(system, rotation(values.to_f32()));
+                }
+                Ok(Item::EulerAngles(system, values)) => {
+                    let angles = finite(&values).map(|_| from_angles(values.to_f32()));
+                    reading.orient(system, angles);
+                }
+                Ok(Item::RotationMatrix(system, values)) => {
+                    reading.orient(system, from_rows(&values.to_f32()));
                 }
                 Ok(Item::RateOfTurn(values)) => reading.angular_velocity = finite(&values),
                 Ok(Item::Acceleration(values)) => reading.specific_force = finite(&values),
@@ -66,5 +90,11 @@ impl Reading {
             }
         }
         reading
+    }
+
+    /// Takes an orientation, unless the packet already had a valid one.
+    fn orient(&mut self, system: CoordinateSystem, earth_from_sensor: Option<UnitQuaternion<f32>>) {
+        let turned = earth_from_sensor.map(|turn| system.inertial_from_earth() * turn);
+        self.inertial_from_sensor = self.inertial_from_sensor.or(turned);
     }
 }

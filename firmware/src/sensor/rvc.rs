@@ -7,10 +7,9 @@
 //! The mode gives neither angular velocity nor magnetometer, and its yaw drifts from an arbitrary start: a receiver must
 //! give the direction of flight.
 
-use bodyflight_core::math::Real;
-use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use nalgebra::Vector3;
 
-use super::reading::Reading;
+use super::reading::{Reading, from_angles};
 
 const HEADER: u8 = 0xaa;
 
@@ -97,19 +96,12 @@ impl Decoder {
         self.last = Some((index, number));
         let angle = |low, high| f32::from(i16::from_le_bytes([low, high])) * 0.01;
         let force = |low, high| f32::from(i16::from_le_bytes([low, high])) * MILLI_G;
-        let turn = |degrees: f32, axis: usize| {
-            let (sine, cosine) = (degrees.to_radians() * 0.5).sine_cosine();
-            let mut parts = [0.0; 3];
-            if let Some(part) = parts.get_mut(axis) {
-                *part = sine;
-            }
-            let [x, y, z] = parts;
-            UnitQuaternion::new_unchecked(Quaternion::new(cosine, x, y, z))
-        };
         let [yaw, pitch, roll] = [angle(y0, y1), angle(p0, p1), angle(r0, r1)];
-        // Rotated about X by the roll, then Y by the pitch, then Z by the yaw. The start of the yaw is taken as north.
-        let inertial_from_sensor = turn(yaw, 2) * turn(pitch, 1) * turn(roll, 0);
+        // The start of the yaw is taken as north.
+        let inertial_from_sensor = from_angles([roll, pitch, yaw]);
+        let [low, high, ..] = number.to_le_bytes();
         Reading {
+            counter: Some(u16::from_le_bytes([low, high])),
             fine_time: Some(number.wrapping_mul(INTERVAL)),
             inertial_from_sensor: Some(inertial_from_sensor),
             specific_force: Some(Vector3::new(

@@ -231,3 +231,54 @@ fn of_several_sensors_on_a_line_the_first_counts() {
     }
     assert_eq!(numbers, [0, 1]);
 }
+
+/// An MTi counts its packets of solutions too; they are no missing samples.
+#[test]
+fn packets_without_an_orientation_are_not_missing() {
+    let mut sensor = Sensor::new();
+    let counted = |counter: u16, with_attitude: bool| {
+        let mut bytes = [0; 64];
+        let mut writer = PacketWriter::new(&mut bytes, MessageId::MT_DATA2);
+        writer
+            .item(DataId::PACKET_COUNTER, &counter.to_be_bytes())
+            .unwrap();
+        if with_attitude {
+            let north = CoordinateSystem::NorthWestUp;
+            let attitude = DataId::QUATERNION.with(north, NumberFormat::Float32);
+            writer.reals(attitude, &[1.0, 0.0, 0.0, 0.0]).unwrap();
+        }
+        let length = writer.finish().unwrap();
+        bytes[..length].to_vec()
+    };
+    let mut numbers = Vec::new();
+    for (counter, with_attitude) in [(65_534, true), (65_535, false), (0, true), (3, true)] {
+        let bytes = counted(counter, with_attitude);
+        let sensed = sensor.next(&mut bytes.as_slice(), 0);
+        numbers.extend(sensed.map(|sensed| sensed.header.sequence));
+    }
+    // The packets counted 1 and 2 are missing.
+    assert_eq!(numbers, [0, 1, 4]);
+}
+
+/// The same attitude as a quaternion, as angles and as a matrix.
+#[test]
+fn every_form_of_an_orientation_is_read() {
+    let sent = UnitQuaternion::from_euler_angles(0.3_f32, -0.7, 2.1);
+    let (roll, pitch, yaw) = (0.3_f32, -0.7_f32, 2.1_f32);
+    let matrix = sent.to_rotation_matrix().matrix().transpose();
+    let north = CoordinateSystem::NorthWestUp;
+    let angles = [roll, pitch, yaw].map(f32::to_degrees);
+    for (id, numbers) in [
+        (DataId::EULER_ANGLES, &angles[..]),
+        (DataId::ROTATION_MATRIX, matrix.as_slice()),
+    ] {
+        let mut bytes = [0; 64];
+        let mut writer = PacketWriter::new(&mut bytes, MessageId::MT_DATA2);
+        let id = id.with(north, NumberFormat::Float32);
+        writer.reals(id, numbers).unwrap();
+        let length = writer.finish().unwrap();
+        let sensed = Sensor::new().next(&mut &bytes[..length], 0).unwrap();
+        let found = sensed.sample.inertial_from_body();
+        assert!(found.quaternion().angle_to(&sent) < 1e-3, "{found:?}");
+    }
+}

@@ -5,13 +5,17 @@ use bodyflight_core::link::{Status, StreamMode};
 use super::state::Unit;
 use crate::board::Board;
 
+/// Time after its last message for which a host is taken to be there (us).
+const ATTENDED: u64 = 10_000_000;
+
 impl<B: Board> Unit<B> {
     /// Handles a heartbeat: feeds the watchdog unless samples are waiting and none was processed since the last
     /// heartbeat. A single such heartbeat is harmless, since the sample may just have arrived; the watchdog resets the
     /// chip after several.
     ///
     /// A sensor that was heard in this session and then fell silent gets one reset of the chip, since the receiver of its
-    /// port may be stuck. After that start nothing is expected of it until it is heard again.
+    /// port may be stuck. After that start nothing is expected of it until it is heard again. While a host talks, for
+    /// example to read the log after a flight, nothing is reset.
     pub fn feed_watchdog(&mut self) {
         let [worked, before] = self.worked;
         self.worked[1] = worked;
@@ -19,7 +23,11 @@ impl<B: Board> Unit<B> {
             .session
             .as_ref()
             .is_some_and(|s| s.runs(StreamMode::Sensor));
-        let is_dead = self.silence.judge(self.board.now()) && sensor;
+        let now = self.board.now();
+        let attended = self
+            .host_heard
+            .is_some_and(|heard| now.saturating_sub(heard) < ATTENDED);
+        let is_dead = self.silence.judge(now) && sensor && !attended;
         if (self.samples.is_empty() || worked != before) && !is_dead {
             self.board.feed_watchdog();
         }

@@ -34,10 +34,12 @@ impl<B: Board> Unit<B> {
         }
     }
 
-    /// Records a message if there is a log.
+    /// Shows a message to the board, and records it if there is a log.
     pub(super) fn note(&self, header: &Header, message: impl Into<Message>) {
+        let message = message.into();
+        self.board.observe(header, &message);
         if let Some(recorder) = self.board.recorder() {
-            recorder.note(header, &message.into());
+            recorder.note(header, &message);
         }
     }
 

@@ -37,6 +37,8 @@ pub struct Unit<B: Board> {
     pub(super) identity: Identity,
     /// Whether a host with the same schema hash has sent `HELLO`; until then all other messages are ignored.
     pub(super) greeted: bool,
+    /// Time of the host's last message (us).
+    pub(super) host_heard: Option<u64>,
     pub(super) decoder: Decoder,
     pub(super) table: SegmentTable,
     pub(super) asked: Option<Configure>,
@@ -67,6 +69,7 @@ impl<B: Board> Unit<B> {
             board,
             identity,
             greeted: false,
+            host_heard: None,
             decoder: Decoder::new(),
             table: SegmentTable::new(),
             asked: None,

@@ -3,7 +3,7 @@
 //!
 //! A [`mapping::Mapping`] gives the directions of the source's axes and the names of its segments. Each reader returns
 //! segment orientations in the source's axes; [`skeleton`] converts them to those of the model. [`repair`] finds points
-//! that were lost or exchanged, and segments whose length changes.
+//! that were lost or exchanged, and segments whose length changes; [`slip`] finds markers that slipped.
 #![forbid(unsafe_code)]
 
 mod acclaim;
@@ -24,6 +24,7 @@ pub mod repair;
 pub mod rows;
 mod sensors;
 pub mod skeleton;
+pub mod slip;
 mod smpl;
 pub mod source;
 mod storage;

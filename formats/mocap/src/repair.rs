@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
 
+use crate::slip::{self, Slip};
 use crate::table::Table;
 
 /// Longest time without a point that is bridged (s).
@@ -38,6 +39,10 @@ pub(crate) struct Rod {
     pub(crate) ends: [Vec<usize>; 2],
     /// Whether its length is that of a bone; the trunk is not rigid.
     pub(crate) rigid: bool,
+    /// Its parent, by its index.
+    pub(crate) parent: Option<usize>,
+    /// The points to its right and left, if it has them.
+    pub(crate) left: Option<[Vec<usize>; 2]>,
 }
 
 /// A run of frames with the same fault.
@@ -79,16 +84,18 @@ pub(crate) struct Points<'a> {
 }
 
 impl Points<'_> {
-    /// Repairs what can be repaired, and returns what was found. Points that are lost for longer are left empty.
-    pub(crate) fn repair(mut self) -> Vec<Fault> {
+    /// Repairs what can be repaired, and returns what was found, and the points that slipped. Points that are lost for
+    /// longer are left empty.
+    pub(crate) fn repair(mut self) -> (Vec<Fault>, Vec<Slip>) {
         self.drop_zeros();
         let mut faults = self.exchange_back();
+        let slips = slip::found(&self);
         faults.extend(self.drop_stretched());
         faults.extend(self.bridge());
-        faults
+        (faults, slips)
     }
 
-    fn rows(&self) -> usize {
+    pub(crate) fn rows(&self) -> usize {
         self.times.len()
     }
 
@@ -107,7 +114,7 @@ impl Points<'_> {
     }
 
     /// The middle of an end of a rod (m).
-    fn end(&self, row: usize, markers: &[usize]) -> Option<Vector3<f64>> {
+    pub(crate) fn end(&self, row: usize, markers: &[usize]) -> Option<Vector3<f64>> {
         let mut sum = Vector3::zeros();
         for marker in markers {
             sum += self.at(row, *marker)?;
@@ -408,6 +415,8 @@ mod tests {
             segment: segment.to_owned(),
             ends: [vec![from], vec![to]],
             rigid: true,
+            parent: None,
+            left: None,
         };
         let points = Points {
             markers: markers.collect(),
@@ -417,7 +426,7 @@ mod tests {
             dropped: BTreeMap::new(),
             table,
         };
-        points.repair().iter().map(ToString::to_string).collect()
+        points.repair().0.iter().map(ToString::to_string).collect()
     }
 
     /// Largest difference of a coordinate from the arm's (mm); infinite if one is missing.

@@ -11,6 +11,7 @@ use crate::mounting;
 use crate::points::{self, Carried};
 use crate::repair::{Fault, Marker, Points, Rod};
 use crate::skeleton::SourceFrame;
+use crate::slip::Slip;
 use crate::table::Table;
 use crate::timing::{self, Timing};
 use bodyflight_io::diagnostic::{Problem, Result};
@@ -33,6 +34,8 @@ pub struct Rows {
     pub thigh_m: Option<f64>,
     /// Faults of single points.
     pub faults: Vec<Fault>,
+    /// Points that slipped.
+    pub slips: Vec<Slip>,
     /// Axes of each link in the previous frame, for links whose rotation about the long axis is carried on.
     carried: Vec<Option<Carried>>,
 }
@@ -73,7 +76,7 @@ impl Rows {
             .collect();
         let thigh = thigh(&table, &links);
         let unit_m = unit_m(thigh)?;
-        let faults = repaired(&mut table, &links, &times, unit_m);
+        let (faults, slips) = repaired(&mut table, &links, &times, unit_m);
         let used: Vec<usize> = (links.iter().flat_map(Link::columns))
             .chain(position.iter().flat_map(|(columns, _)| *columns))
             .chain(time)
@@ -114,6 +117,7 @@ impl Rows {
             unit_m,
             thigh_m: thigh.map(|thigh| thigh * unit_m),
             faults,
+            slips,
             carried: Vec::new(),
         };
         Ok((opened, timing, skipped))
@@ -122,6 +126,12 @@ impl Rows {
     /// Length of one unit (m).
     pub fn unit_m(&self) -> f64 {
         self.unit_m
+    }
+
+    /// Time of the first complete row (s).
+    pub fn first_s(&self) -> f64 {
+        let row = self.rows.first().and_then(|row| self.times.get(*row));
+        row.copied().unwrap_or(0.0)
     }
 
     /// Name of a segment in the source, `None` if it is not mapped.
@@ -291,7 +301,12 @@ fn thigh(table: &Table, links: &[Link]) -> Option<f64> {
 }
 
 /// Repairs the points of all links.
-fn repaired(table: &mut Table, links: &[Link], times: &[f64], unit_m: f64) -> Vec<Fault> {
+fn repaired(
+    table: &mut Table,
+    links: &[Link],
+    times: &[f64],
+    unit_m: f64,
+) -> (Vec<Fault>, Vec<Slip>) {
     let mut markers: Vec<Marker> = Vec::new();
     let mut index = |columns: &[usize; 3]| {
         let known = markers.iter().position(|marker| marker.columns == *columns);
@@ -311,9 +326,7 @@ fn repaired(table: &mut Table, links: &[Link], times: &[f64], unit_m: f64) -> Ve
         };
         let mut all = |points: &[[usize; 3]]| points.iter().map(&mut index).collect::<Vec<_>>();
         let ends_of = [all(&ends.from), all(&ends.to)];
-        for side in ends.left.iter().flatten() {
-            all(side);
-        }
+        let left = (ends.left.as_ref()).map(|[right, left]| [all(right), all(left)]);
         let trunk = [
             Segment::Pelvis,
             Segment::Abdomen,
@@ -326,6 +339,8 @@ fn repaired(table: &mut Table, links: &[Link], times: &[f64], unit_m: f64) -> Ve
             rigid: link
                 .segment
                 .is_some_and(|segment| !trunk.contains(&segment)),
+            parent: link.parent,
+            left,
         });
     }
     let points = Points {

@@ -9,6 +9,7 @@ use nalgebra::{Matrix3, Vector3};
 use crate::mapping::{Kind, Mapping, Rest};
 use crate::rows::Rows;
 use crate::skeleton::{Skeleton, SourceFrame};
+use crate::slip::Slip;
 use crate::systems::{self, Content};
 use crate::table::Table;
 use crate::timing::Timing;
@@ -60,6 +61,10 @@ pub struct Source {
     pub thigh_m: Option<f64>,
     /// Suspicious findings that do not prevent the import.
     pub warnings: Vec<String>,
+    /// Time of its first frame in the file (s).
+    pub first_s: f64,
+    /// Markers that slipped and stayed there.
+    pub slips: Vec<Slip>,
 }
 
 enum Motion {
@@ -198,6 +203,8 @@ impl Source {
             skipped: 0,
             thigh_m: thigh,
             warnings,
+            first_s: 0.0,
+            slips: Vec::new(),
         })
     }
 
@@ -221,6 +228,7 @@ impl Source {
                 (None, _, None) => Ok(1.0),
             })?;
         warnings.extend(rows.faults.iter().map(ToString::to_string));
+        let (slips, first_s) = (rows.slips.clone(), rows.first_s());
         let (unit_m, thigh_m) = (rows.unit_m(), rows.thigh_m);
         if let Some(thigh) = thigh_m
             && !THIGH.contains(&thigh)
@@ -236,6 +244,8 @@ impl Source {
             skipped,
             thigh_m,
             warnings,
+            first_s,
+            slips,
         })
     }
 }

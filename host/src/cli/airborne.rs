@@ -120,7 +120,7 @@ fn read(file: &Path, mapping: Option<&Mapping>, subject: Option<&Subject>) -> Re
     for warning in &imported.warnings {
         terminal::note(&format!("warning: {warning}"));
     }
-    Capture::read(&imported.flight)
+    Ok(Capture::read(&imported.flight)?.with_faults(imported.faults()))
 }
 
 fn print(report: &Report) {

@@ -50,7 +50,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     for names in [FILES, &["run.csv", "run.svg"]] {
         args.outputs.check_in(&args.out, names)?;
     }
-    let written = synth::write(&request, &args.out)?;
+    let written = synth::write(&request, None, &args.out)?;
     let flight = Flight::read(&written.flight)?;
     let (csv, svg) = (args.out.join("run.csv"), args.out.join("run.svg"));
     let mut file = RunFile::create(&csv)?;

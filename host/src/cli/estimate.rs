@@ -14,7 +14,7 @@ use bodyflight_estimation::request::Request;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_replay::flight::Flight;
 use bodyflight_replay::model_file::Effects;
-use bodyflight_replay::preset_file::{AUTO, Tuning};
+use bodyflight_replay::preset_file::{AUTO, SIGMA_POINTS, Tuning};
 use bodyflight_verbs::estimate::svg;
 use serde::Serialize;
 
@@ -31,7 +31,8 @@ pub(super) struct Args {
     #[arg(required_unless_present = "presets", value_name = "FLIGHT")]
     flights: Vec<PathBuf>,
     /// A built-in preset or a preset.toml: which quantities are measured, and how the filter is tuned. "auto" measures
-    /// everything that the recording contains, with the limbs and the damping of the flight.
+    /// everything that the recording contains, with the limbs and the damping of the flight; "sigma-points" is the same
+    /// with derivatives over the spread of the state.
     #[arg(long, default_value = AUTO)]
     preset: String,
     /// List the built-in presets.
@@ -135,12 +136,12 @@ pub(super) struct Listed {
 }
 
 fn list_presets(json: bool) -> Result<()> {
-    let auto = Listed {
-        name: AUTO,
+    let motion = [AUTO, SIGMA_POINTS].map(|name| Listed {
+        name,
         measures: NAMES.to_vec(),
         limbs: "those of the flight",
         late_s: 0.0,
-    };
+    });
     let windows = PRESETS.iter().map(|preset| Listed {
         name: preset.name,
         measures: preset
@@ -151,7 +152,7 @@ fn list_presets(json: bool) -> Result<()> {
         limbs: preset.muscles.name(),
         late_s: preset.time_step::<f64>() * preset.prediction_window as f64,
     });
-    let listed: Vec<Listed> = std::iter::once(auto).chain(windows).collect();
+    let listed: Vec<Listed> = motion.into_iter().chain(windows).collect();
     if json {
         return terminal::print_plain_json(&listed);
     }
@@ -170,7 +171,7 @@ fn list_presets(json: bool) -> Result<()> {
 
 /// Checks that a unit has a preset of this name.
 pub(super) fn unit_preset(name: &str) -> Result<String> {
-    if name != AUTO {
+    if ![AUTO, SIGMA_POINTS].contains(&name) {
         preset(name)?;
     }
     Ok(name.to_owned())

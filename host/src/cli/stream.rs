@@ -1,5 +1,7 @@
 //! `bodyflight stream`.
 
+mod sensor;
+
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -18,6 +20,7 @@ use bodyflight_unit::stream::{Pace, Settings, stream};
 
 use super::outputs::{Outputs, print_kept};
 use super::simulate::Reading;
+use super::unit::sensor::SensorArgs;
 use super::watch::Watch;
 use super::{estimate, terminal};
 
@@ -25,23 +28,26 @@ use super::{estimate, terminal};
 #[derive(clap::Args)]
 #[command(
     group = clap::ArgGroup::new("target").required(true),
-    after_help = "Exit code 4: an estimate differs, or a sample was lost other than by --drop, --corrupt or --reorder.\n\n\
+    after_help = "Exit code 4: an estimate differs, or a sample was lost other than by --drop, --corrupt or --reorder; with \
+                  --sensor, the estimates are not to be trusted.\n\n\
                   Examples:\n  bodyflight stream flight.toml --virtual\n  \
                   bodyflight stream flight.toml --port /dev/ttyACM0 --speed max\n  \
                   bodyflight stream flight.toml --qemu --drop 0.05 --corrupt 0.05 --reorder 0.02\n  \
                   bodyflight stream flight.toml --virtual --view --open\n  \
-                  bodyflight stream --mvn :9763 --port /dev/ttyACM0 --out jump.mvnx"
+                  bodyflight stream --mvn :9763 --port /dev/ttyACM0 --out jump.mvnx\n  \
+                  bodyflight stream me.toml --sensor imu.bin --rate 100 --log jump"
 )]
 pub(super) struct Args {
-    /// A flight.toml, or an MVNX file on its own; with --mvn, a flight.toml for the subject and the air.
+    /// A flight.toml, or an MVNX file on its own; with --mvn or --sensor, a flight.toml for the subject and the air, or
+    /// with --sensor a subject.toml.
     #[arg(required_unless_present = "mvn")]
     flight: Option<PathBuf>,
     /// Take samples from MVN's network stream instead of a recording.
     #[arg(long, value_name = "HOST:PORT", conflicts_with_all = ["speed", "seconds"])]
     mvn: Option<String>,
-    /// Sample rate of that stream (Hz).
-    #[arg(long, value_name = "HZ", default_value_t = 240.0)]
-    rate: f64,
+    /// Sample rate of that stream, 240 by default, or of the sensor, 100 by default (Hz).
+    #[arg(long, value_name = "HZ")]
+    rate: Option<f64>,
     /// The unit's serial port; `bodyflight ports` lists them.
     #[arg(long, group = "target", value_name = "DEVICE")]
     port: Option<PathBuf>,
@@ -51,6 +57,16 @@ pub(super) struct Args {
     /// Use a unit in this process, behind a pseudo-terminal.
     #[arg(long, group = "target")]
     r#virtual: bool,
+    /// Run the unit here as it flies alone, with nothing but the bytes of its sensor: a recorded file, the sensor's
+    /// serial port, or - for standard input.
+    #[arg(long, group = "target", value_name = "BYTES", requires = "flight",
+          conflicts_with_all = ["mvn", "speed", "seconds", "drop", "corrupt", "reorder", "seed", "model", "out", "view"])]
+    sensor: Option<String>,
+    #[command(flatten)]
+    unit_sensor: SensorArgs,
+    /// With --sensor: write the flight and the estimates into this folder, as `unit log` does.
+    #[arg(long, value_name = "FOLDER", requires = "sensor")]
+    log: Option<PathBuf>,
     /// Rate of the port (baud).
     #[arg(long, default_value_t = DEFAULT_BAUD)]
     baud: u32,
@@ -150,6 +166,15 @@ impl Args {
 }
 
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
+    if let Some(source) = &args.sensor {
+        return sensor::run(args, source, json);
+    }
+    if args.unit_sensor.is_given() {
+        return Err(Problem::bad_input(
+            "--protocol, --mounting and --latency describe a sensor, but there is none",
+        )
+        .help("name its bytes with --sensor, or store the configuration with `unit configure`"));
+    }
     let settings = Settings {
         target: args.target(),
         preset: estimate::unit_preset(&args.preset)?,
@@ -174,7 +199,14 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
             patience = SILENCE;
             frame
         });
-        return run_frames(args, json, &flight, args.rate, frames, &settings);
+        return run_frames(
+            args,
+            json,
+            &flight,
+            args.rate.unwrap_or(240.0),
+            frames,
+            &settings,
+        );
     }
     let recording = flight.open(args.reading.options())?;
     let frame_rate = recording.header().frame_rate;

@@ -1,13 +1,14 @@
 //! `bodyflight synth`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::maneuver::scripts::MANEUVERS;
 use bodyflight_core::sensor_noise::SensorNoise;
 use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_laboratory::sensor_bytes::SensorBytes;
 use bodyflight_laboratory::synthesize::{
-    DEFAULT_SWAY, FILES, JointError, Report, Request, synthesize,
+    DEFAULT_SWAY, FILES, JointError, Report, Request, synthesize_with,
 };
 use bodyflight_replay::flight::DEFAULT_DENSITY;
 use bodyflight_replay::subject::Subject;
@@ -47,6 +48,10 @@ pub(super) struct Args {
     /// Fly in a wind tunnel whose airflow carries the neutral pose; reports when the body would touch net, wall or top.
     #[arg(long)]
     tunnel: bool,
+    /// Also write imu.bin: the bytes that an MTi at the pelvis and a receiver on its line would have sent, for
+    /// `stream --sensor`.
+    #[arg(long)]
+    imu: bool,
 }
 
 fn maneuvers_help() -> String {
@@ -81,7 +86,11 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     };
     request.check()?;
     args.outputs.check_in(&args.out, FILES)?;
-    let report = write(&request, &args.out)?;
+    let sensor = args.imu.then_some(SensorBytes {
+        seed: args.seed,
+        ..SensorBytes::TYPICAL
+    });
+    let report = write(&request, sensor.as_ref(), &args.out)?;
     if json {
         return terminal::print_json(&report);
     }
@@ -97,8 +106,12 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     Ok(())
 }
 
-/// Writes a synthetic flight, and shows a progress bar.
-pub(super) fn write(request: &Request<'_>, folder: &std::path::Path) -> Result<Report> {
+/// Writes a synthetic flight, with the bytes of a sensor if one is given, and shows a progress bar.
+pub(super) fn write(
+    request: &Request<'_>,
+    sensor: Option<&SensorBytes>,
+    folder: &Path,
+) -> Result<Report> {
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -110,7 +123,9 @@ pub(super) fn write(request: &Request<'_>, folder: &std::path::Path) -> Result<R
         clippy::cast_sign_loss,
         reason = "scripts last seconds"
     )]
-    let report = synthesize(request, folder, &mut |time| bar.set_position(time as u64));
+    let report = synthesize_with(request, sensor, folder, &mut |time| {
+        bar.set_position(time as u64);
+    });
     bar.finish_and_clear();
     report
 }

@@ -1,5 +1,6 @@
 //! `bodyflight unit`.
 
+pub(super) mod sensor;
 pub(super) mod setup;
 
 use std::path::PathBuf;
@@ -10,6 +11,7 @@ use bodyflight_io::interrupt;
 use bodyflight_replay::subject::Subject;
 use bodyflight_unit::image::{Board, Image};
 use bodyflight_unit::log;
+use bodyflight_unit::sensor_line;
 use bodyflight_unit::stream::connection::{DEFAULT_BAUD, Target};
 use bodyflight_unit::virtual_unit::VirtualUnit;
 use serde::Serialize;
@@ -24,6 +26,7 @@ use setup::{ConfigureArgs, ShowArgs};
     args_conflicts_with_subcommands = true,
     after_help = "Without a subcommand, prints the pseudo-terminal to stream to.\n\n\
                   Examples:\n  bodyflight unit   (and in another terminal: stream flight.toml --port and what it printed)\n  \
+                  bodyflight unit --flash unit.bin --sensor /dev/ttyUSB0 --baud 115200\n  \
                   bodyflight unit log --port /dev/ttyACM0 --out jump\n  \
                   bodyflight unit flash unit.uf2 --key maker.pub --drive /media/me/RP2350"
 )]
@@ -33,6 +36,13 @@ pub(super) struct Args {
     /// Keep the unit's log in this file, 3 MiB that act as flash memory; created if absent.
     #[arg(long, value_name = "FILE")]
     flash: Option<PathBuf>,
+    /// Connect a sensor to the unit's own port: its serial port here, or its recorded bytes, which arrive in real time.
+    /// With a configuration stored in --flash the unit then needs no host.
+    #[arg(long, value_name = "BYTES", requires = "flash")]
+    sensor: Option<String>,
+    /// Rate of the sensor's port (baud).
+    #[arg(long, default_value_t = DEFAULT_BAUD, requires = "sensor")]
+    baud: u32,
 }
 
 #[derive(clap::Subcommand)]
@@ -117,9 +127,13 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         Some(Verb::Flash(args)) => return flash(args, json),
         None => {}
     }
-    let unit = match &args.flash {
-        Some(path) => VirtualUnit::start_with_log(path)?,
-        None => VirtualUnit::start()?,
+    let unit = match (&args.flash, &args.sensor) {
+        (Some(path), Some(sensor)) => {
+            let sensor = sensor_line::open(sensor, args.baud)?;
+            VirtualUnit::start_with_sensor(path, sensor)?
+        }
+        (Some(path), None) => VirtualUnit::start_with_log(path)?,
+        (None, _) => VirtualUnit::start()?,
     };
     terminal::print(&unit.path().display().to_string());
     if unit.resumed().is_some() {

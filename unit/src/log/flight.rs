@@ -6,11 +6,12 @@ use std::path::{Path, PathBuf};
 use bodyflight_core::Body;
 use bodyflight_core::frame::{Inertial, Vector};
 use bodyflight_core::link::{
-    BlockReader, Configure, Estimate, Header, Message, Sample, SegmentTable, Status, Validity,
+    BlockReader, Configure, Estimate, Header, Message, Sample, SegmentTable, Setup, Status,
+    Validity,
 };
 use serde::Serialize;
 
-use super::tables;
+use super::tables::{self, since};
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::files::write_file;
 use bodyflight_mvnx::recording::{FlightFrame, PelvisMotion};
@@ -30,7 +31,7 @@ pub struct LoggedFlight {
 }
 
 /// What was written for a flight.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Written {
     /// The `flight.toml`.
@@ -67,20 +68,34 @@ pub fn flights(blocks: &[Vec<u8>]) -> (Vec<LoggedFlight>, usize) {
         let Some(flight) = flights.last_mut() else {
             continue;
         };
-        match message {
-            Message::Configure(configure) => flight.configure = Some(configure),
-            Message::SegmentValues(row) => flight.table.insert(row),
-            Message::Sample(sample) => flight.samples.push((header.time, sample)),
-            Message::Estimate(estimate) => flight.estimates.push((header.time, estimate)),
-            Message::Status(report) => flight.reports.push((header.time, report)),
-            _ => {}
-        }
+        flight.push(&header, message);
     }
     flights.retain(|flight| !flight.samples.is_empty());
     (flights, damaged)
 }
 
 impl LoggedFlight {
+    /// A flight without samples yet, of a unit with this configuration.
+    pub fn new(setup: &Setup) -> Self {
+        Self {
+            configure: Some(setup.configure),
+            table: setup.table,
+            ..Self::default()
+        }
+    }
+
+    /// Adds a message of the log.
+    pub fn push(&mut self, header: &Header, message: Message) {
+        match message {
+            Message::Configure(configure) => self.configure = Some(configure),
+            Message::SegmentValues(row) => self.table.insert(row),
+            Message::Sample(sample) => self.samples.push((header.time, sample)),
+            Message::Estimate(estimate) => self.estimates.push((header.time, estimate)),
+            Message::Status(report) => self.reports.push((header.time, report)),
+            _ => {}
+        }
+    }
+
     /// Whether this message belongs to the next flight. Its configuration, with which it begins, may be damaged.
     fn ends_before(&self, header: &Header, message: &Message) -> bool {
         match message {
@@ -95,6 +110,19 @@ impl LoggedFlight {
     /// Number of samples and estimates.
     pub fn lengths(&self) -> [usize; 2] {
         [self.samples.len(), self.estimates.len()]
+    }
+
+    /// Its estimates, each with the time of its sample since the first sample (s).
+    pub fn estimates(&self) -> impl DoubleEndedIterator<Item = (f64, &Estimate)> {
+        let first = self.samples.first().map_or(0, |(time, _)| *time);
+        let estimates = self.estimates.iter();
+        estimates.map(move |(time, estimate)| (since(first, *time), estimate))
+    }
+
+    /// Time from the first sample to the last (s).
+    pub fn duration(&self) -> f64 {
+        let ends = self.samples.first().zip(self.samples.last());
+        ends.map_or(0.0, |(first, last)| since(first.0, last.0))
     }
 
     /// Sample rate (Hz): as configured, or else from the shortest interval.

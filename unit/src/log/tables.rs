@@ -7,8 +7,9 @@ use bodyflight_core::link::{Estimate, Status};
 use bodyflight_io::diagnostic::Result;
 use bodyflight_io::files::CsvFile;
 
-/// Columns of the estimates, in the order of the link's `ESTIMATE` message.
-const ESTIMATES: [&str; 15] = [
+/// Columns of the estimates, in the order of the link's `ESTIMATE` message. The paper's filters have neither attitude
+/// nor velocity; the flag `MOTION` tells.
+const ESTIMATES: [&str; 22] = [
     "time_s",
     "flags",
     "input_pitch",
@@ -24,6 +25,13 @@ const ESTIMATES: [&str; 15] = [
     "variance_damping_yaw",
     "variance_damping_roll",
     "nis",
+    "inertial_from_body_w",
+    "inertial_from_body_x",
+    "inertial_from_body_y",
+    "inertial_from_body_z",
+    "velocity_north",
+    "velocity_west",
+    "velocity_up",
 ];
 
 /// Columns of the unit's reports; the counters are those of its `STATUS` message.
@@ -39,7 +47,7 @@ const REPORTS: [&str; 8] = [
 ];
 
 /// Time (s) of a message at `time` since the first sample at `first` (us).
-fn since(first: u64, time: u64) -> f64 {
+pub(super) fn since(first: u64, time: u64) -> f64 {
     #[expect(clippy::cast_precision_loss, reason = "a flight is short")]
     let since = time.saturating_sub(first) as f64 * 1e-6;
     since
@@ -54,10 +62,15 @@ pub(super) fn write_estimates(
     let mut table = CsvFile::create(path, &ESTIMATES)?;
     for (time, estimate) in estimates {
         let numbers = estimate.state.iter().chain(&estimate.variance);
+        let attitude = estimate.inertial_from_body.unpack();
+        let motion = [attitude.w, attitude.i, attitude.j, attitude.k];
+        let numbers = numbers
+            .chain([&estimate.nis])
+            .chain(&motion)
+            .chain(&estimate.velocity);
         let row = [since(first, *time), f64::from(estimate.flags.bits())]
             .into_iter()
-            .chain(numbers.map(|number| f64::from(*number)))
-            .chain([f64::from(estimate.nis)]);
+            .chain(numbers.map(|number| f64::from(*number)));
         table.write(row)?;
     }
     table.finish()

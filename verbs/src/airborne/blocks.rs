@@ -70,6 +70,8 @@ impl Heights {
 pub(super) struct Blocks {
     dynamics: Dynamics<f64>,
     inputs: Inputs<f64>,
+    /// Acceleration near which phases are looked for (m/s2).
+    gravity: f64,
     /// Frames that have not been judged yet, after those that are kept from the last block.
     frames: Vec<FlightFrame>,
     /// Time until which everything has been judged (s).
@@ -81,10 +83,11 @@ pub(super) struct Blocks {
 }
 
 impl Blocks {
-    pub(super) fn new(dynamics: Dynamics<f64>, inputs: Inputs<f64>) -> Self {
+    pub(super) fn new(dynamics: Dynamics<f64>, inputs: Inputs<f64>, gravity: f64) -> Self {
         Self {
             dynamics,
             inputs,
+            gravity,
             frames: Vec::new(),
             judged_until: f64::NEG_INFINITY,
             seen: 0,
@@ -134,7 +137,7 @@ impl Blocks {
         } else {
             times.partition_point(|time| *time < end - KEPT)
         };
-        for [first, last] in phases::found(&times, &centres) {
+        for [first, last] in phases::found(&times, &centres, self.gravity) {
             if !is_last && times[last] > end - OPEN {
                 let before = times[first] - OPEN;
                 next = next.min(times.partition_point(|time| *time < before));

@@ -1,6 +1,5 @@
 //! Parts of a recording in which the centre of mass moves on a parabola.
 
-use bodyflight_core::air::GRAVITY;
 use nalgebra::{Matrix3, Vector3};
 
 /// Half the time over which the acceleration of the centre of mass is fitted (s), more if that holds too few frames.
@@ -68,7 +67,7 @@ fn half(times: &[f64]) -> f64 {
 }
 
 /// Whether the centre of mass falls freely around a frame.
-fn falls(times: &[f64], centres: &[Vector3<f64>], frame: usize, half: f64) -> bool {
+fn falls(times: &[f64], centres: &[Vector3<f64>], frame: usize, half: f64, gravity: f64) -> bool {
     let (begin, end) = (times[frame] - half, times[frame] + half);
     if begin < times[0] - 1e-6 || end > times[times.len() - 1] + 1e-6 {
         return false;
@@ -78,21 +77,30 @@ fn falls(times: &[f64], centres: &[Vector3<f64>], frame: usize, half: f64) -> bo
     let fitted = (last - first >= LEAST)
         .then(|| Parabola::fitted(&times[first..last], &centres[first..last]))
         .flatten();
-    fitted.is_some_and(|fit| (fit.acceleration() + Vector3::z() * GRAVITY).norm() < APART)
+    fitted.is_some_and(|fit| (fit.acceleration() + Vector3::z() * gravity).norm() < APART)
 }
 
-/// First and last frame of each phase.
-pub fn found(times: &[f64], centres: &[Vector3<f64>]) -> Vec<[usize; 2]> {
+/// First and last frame of each phase, in which the acceleration of the centre of mass is near `gravity` (m/s2): that of
+/// the Earth, or what a wrong rate or scale makes of it.
+pub fn found(times: &[f64], centres: &[Vector3<f64>], gravity: f64) -> Vec<[usize; 2]> {
     let half = half(times);
     let falling: Vec<usize> = (0..times.len())
-        .filter(|frame| falls(times, centres, *frame, half))
+        .filter(|frame| falls(times, centres, *frame, half, gravity))
         .collect();
     let runs = falling.chunk_by(|a, b| b - a == 1);
     let mut cores: Vec<[usize; 2]> = Vec::new();
     for run in runs {
         let [first, last] = [run[0], run[run.len() - 1]];
         match cores.last_mut() {
-            Some(before) if are_one(times, centres, [before[0], last], first - before[1]) => {
+            Some(before)
+                if are_one(
+                    times,
+                    centres,
+                    [before[0], last],
+                    first - before[1],
+                    gravity,
+                ) =>
+            {
                 before[1] = last;
             }
             _ => cores.push([first, last]),
@@ -116,13 +124,19 @@ pub fn found(times: &[f64], centres: &[Vector3<f64>]) -> Vec<[usize; 2]> {
 }
 
 /// Whether two runs with a gap of so many frames between them are one fall.
-fn are_one(times: &[f64], centres: &[Vector3<f64>], [first, last]: [usize; 2], gap: usize) -> bool {
+fn are_one(
+    times: &[f64],
+    centres: &[Vector3<f64>],
+    [first, last]: [usize; 2],
+    gap: usize,
+    gravity: f64,
+) -> bool {
     let frame = (times[last] - times[first]) / (last - first).max(1) as f64;
     let parts = (&times[first..=last], &centres[first..=last]);
     let fit = (gap as f64 * frame <= GAP).then(|| Parabola::fitted(parts.0, parts.1));
     fit.flatten().is_some_and(|fit| {
         let off = |(time, centre): (&f64, &Vector3<f64>)| (centre - fit.at(*time)).norm();
-        let falls = (fit.acceleration() + Vector3::z() * GRAVITY).norm() < APART;
+        let falls = (fit.acceleration() + Vector3::z() * gravity).norm() < APART;
         falls && parts.0.iter().zip(parts.1).map(off).fold(0.0, f64::max) < JOINED
     })
 }
@@ -165,6 +179,7 @@ fn extended(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use bodyflight_core::air::GRAVITY;
     use proptest::prelude::*;
 
     proptest! {
@@ -190,7 +205,7 @@ mod tests {
                 let n = |f: f64| noise * (f * time + phase).sin();
                 Vector3::new(0.3 * time + n(91.0), n(57.0), height(*time) + n(133.0))
             }).collect();
-            let found = found(&times, &centres);
+            let found = found(&times, &centres, GRAVITY);
             prop_assert_eq!(found.len(), usize::from(air > 0.25).max(found.len().min(1)));
             for [first, last] in found {
                 prop_assert!(times[first] > 1.0 + push - 0.03, "{}", times[first]);

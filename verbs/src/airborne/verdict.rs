@@ -156,9 +156,10 @@ impl Verdict {
             faults.push(Fault {
                 kind: "rate",
                 message: format!(
-                    "g = {g:.2} +- {error:.2} m/s2: the frame rate is {:.1} % off ({:.1} Hz instead of {rate:.1}), or lengths are by {:+.1} %",
+                    "g = {g:.2} +- {error:.2} m/s2: the frame rate is {:.1} % off ({:.1} +- {:.1} Hz instead of {rate:.1}), or lengths are by {:+.1} %",
                     100.0 * (ratio.sqrt() - 1.0).abs(),
                     rate / ratio.sqrt(),
+                    0.5 * error / g * rate / ratio.sqrt(),
                     100.0 * (ratio - 1.0)
                 ),
                 segments: Vec::new(),

@@ -5,7 +5,8 @@ use nalgebra::Vector3;
 use super::airflow::Airflow;
 use super::covariance;
 use super::filter::{MotionFilter, STILL};
-use super::state::{DAMPING, MOTION_STATES, SPIN};
+use super::settings::Slopes;
+use super::state::{DAMPING, MOTION_STATES, SPIN, VELOCITY};
 use super::transition;
 use crate::body::posture::Posture;
 use crate::dynamics::interval::Interval;
@@ -63,11 +64,16 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         if let Some(start) = self.start.take() {
             self.state.motion = State::from_motion(&start, &interval);
         }
+        let spread = match self.slopes {
+            Slopes::Differences => None,
+            Slopes::SigmaPoints => Some(self.factors.block(VELOCITY)),
+        };
         let end = transition::fly(
             &self.dynamics,
             &interval,
             &self.process,
             &self.state,
+            spread.as_ref(),
             self.duration,
             &mut self.slope,
         );

@@ -15,7 +15,7 @@ use super::posture_error::PostureError;
 use super::recovery::Recovery;
 use super::rejection::Rejection;
 use super::repeats::Repeats;
-use super::settings::{MotionPreset, Process};
+use super::settings::{MotionPreset, Process, Slopes};
 use super::state::{Covariance, FlightState, inputs_of};
 use super::support::Support;
 use super::trail::Trail;
@@ -57,6 +57,7 @@ pub struct MotionFilter<T: Real, P: Propagation<T>> {
     /// The last interval in full, kept here because it is too large for the stack of an update.
     pub(super) sample: PostureSample<T>,
     pub(super) posture: Posture<T>,
+    pub(super) slopes: Slopes,
     /// Samples since the last interval ended.
     pub(super) waiting: usize,
     /// Intervals since the last estimate.
@@ -124,6 +125,7 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
             start: None,
             sample: PostureSample::blank(),
             posture: Posture::default(),
+            slopes: preset.slopes,
             waiting: 0,
             since: 0,
             samples: 0,

@@ -10,6 +10,19 @@ use crate::estimator::preset::SAMPLE_RATE;
 use crate::estimator::unscented::SettingsError;
 use crate::math::Real;
 
+/// How the model's derivatives are taken with respect to velocity and angular velocity, in which it is not linear; in all
+/// other coordinates it is, or they follow from these.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Slopes {
+    /// By differences over small steps: those of an extended filter.
+    #[default]
+    Differences,
+    /// By sigma points spread as far as the state is uncertain: statistically linearised, with the shift of the mean, as
+    /// in an unscented filter whose linear coordinates are marginalised. The curvature's own share of the spread, which
+    /// is of fourth order in the deviations, is left out.
+    SigmaPoints,
+}
+
 /// All settings of a motion filter. Arrays of three are in the order pitch, yaw, roll.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MotionPreset {
@@ -38,6 +51,9 @@ pub struct MotionPreset {
     /// Standard deviation of the recorded joints, each axis (rad); a larger one attributes more of the loads to joint
     /// errors.
     pub joint_error: f32,
+    /// Standard deviations of the residual force (m2) and moment (m3), divided by the dynamic pressure, beyond what joint
+    /// errors of first order cause: that of a posture that is not known at all. Zero if the posture is measured.
+    pub unknown_load: [f32; 2],
     /// Correlation time of the joint errors (s); with a longer one the residual load changes more slowly.
     pub joint_error_time: f32,
     /// Rate at which the joints' load decorrelates as the airstream turns about the body (1/rad).
@@ -57,6 +73,8 @@ pub struct MotionPreset {
     pub gyroscope_bias_noise: f32,
     /// Innovation gate: number of standard deviations beyond which a channel is rejected; must be positive.
     pub gate: f32,
+    /// How derivatives are taken.
+    pub slopes: Slopes,
     /// Sample rate (Hz).
     pub sample_rate: f32,
     /// Number of samples from one estimate to the next.
@@ -85,6 +103,7 @@ pub const MOTION: MotionPreset = MotionPreset {
     awake_threshold: 4.0,
     damping_threshold: 10.0,
     joint_error: 2.0 * core::f32::consts::PI / 180.0,
+    unknown_load: [0.0; 2],
     joint_error_time: 20.0,
     turn_rate: 2.0,
     acceleration_noise: 0.02,
@@ -94,11 +113,23 @@ pub const MOTION: MotionPreset = MotionPreset {
     gyroscope_bias: 0.03,
     gyroscope_bias_noise: 2e-4,
     gate: 5.0,
+    slopes: Slopes::Differences,
     sample_rate: SAMPLE_RATE,
     solution_window: 4,
 };
 
 impl MotionPreset {
+    /// Returns the preset for a body whose posture is not measured but assumed.
+    ///
+    /// Joints are off by 20 degrees an axis, and the load by a fifth of a belly fall's drag area at a lever of 0.2 m:
+    /// an arm or a leg at an angle changes the drag by its cosine, which errors of first order do not show.
+    #[must_use]
+    pub const fn with_assumed_posture(mut self) -> Self {
+        self.joint_error = 20.0 * core::f32::consts::PI / 180.0;
+        self.unknown_load = [0.1, 0.02];
+        self
+    }
+
     /// Multiplies process noise, measurement noise and initial covariance, as variances. Inputs start with their
     /// long-run spread, so the factor for the start also applies to the process.
     pub fn scale(&mut self, process: f32, measurement: f32, start: f32) {
@@ -161,6 +192,8 @@ pub struct Process<T: Real> {
     turn_rate: T,
     /// Variance of the joint errors (rad2).
     joint_variance: T,
+    /// Variances of force (m4) and moment (m6) of an unknown posture, for joint errors of 1 rad.
+    unknown: [T; 2],
     /// Share of the residual load that remains after an interval, allowing for time and rotation of the airstream.
     joint_kept: T,
     /// Covariance of the residual load for joint errors of 1 rad.
@@ -189,6 +222,10 @@ impl<T: Real> Process<T> {
             &preset.angular_acceleration_noise,
         ]);
         if !sizes.all(|value| positive(*value)) || !positive(preset.gate) {
+            return Err(SettingsError::Variance);
+        }
+        let mut unknown = preset.unknown_load.iter();
+        if !unknown.all(|load| load.is_finite() && *load >= 0.0) {
             return Err(SettingsError::Variance);
         }
         if !times.into_iter().all(positive) || !preset.damping.iter().all(|v| v.is_finite()) {
@@ -223,6 +260,9 @@ impl<T: Real> Process<T> {
             joint_rate: duration / T::single(preset.joint_error_time),
             turn_rate: T::single(preset.turn_rate),
             joint_variance: square(preset.joint_error),
+            unknown: preset
+                .unknown_load
+                .map(|load| square::<T>(load) / square(preset.joint_error)),
             joint_kept: joint,
             sensitivity: SMatrix::zeros(),
             turning: Vector3::zeros(),
@@ -243,6 +283,11 @@ impl<T: Real> Process<T> {
     /// Sets the covariance of the residual load for joint errors of 1 rad.
     pub fn set_sensitivity(&mut self, sensitivity: &SMatrix<T, 6, 6>) {
         self.sensitivity = *sensitivity;
+        let [force, moment] = self.unknown;
+        for axis in 0..3 {
+            self.sensitivity[(axis, axis)] += force;
+            self.sensitivity[(3 + axis, 3 + axis)] += moment;
+        }
     }
 
     /// Sets the rotation of the airstream relative to the body in this interval (rad): the effect of joint errors on

@@ -6,7 +6,7 @@ use super::held::Held;
 use super::measurement::CHANNELS;
 use super::recovery::Recovery;
 use super::rejection::Rejection;
-use super::state::inputs_of;
+use super::state::{VELOCITY, inputs_of};
 use super::support::Support;
 use super::trail::Trail;
 use super::watch::{Consistency, Watch};
@@ -32,6 +32,20 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         motion: &Motion<T>,
         posture: &Posture<T>,
     ) -> Result<(), SettingsError> {
+        self.restart_assuming(motion, posture, T::zero())
+    }
+
+    /// Same as [`MotionFilter::restart`], from a motion whose velocity is not measured but assumed, with this standard
+    /// deviation of each component (m/s).
+    ///
+    /// # Errors
+    /// Same as [`MotionFilter::restart`].
+    pub fn restart_assuming(
+        &mut self,
+        motion: &Motion<T>,
+        posture: &Posture<T>,
+        velocity_deviation: T,
+    ) -> Result<(), SettingsError> {
         let is_first = !self.is_started();
         // What led to a loss may be in the inputs too.
         let sound = self.factors.is_finite() && self.is_plausible();
@@ -39,7 +53,11 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         if is_first || !sound {
             self.forget_inputs();
         }
-        covariance::renew_motion(&mut self.factors, &self.noise.motion_variances());
+        let mut variances = self.noise.motion_variances();
+        for variance in variances.iter_mut().skip(VELOCITY).take(3) {
+            *variance += velocity_deviation * velocity_deviation;
+        }
+        covariance::renew_motion(&mut self.factors, &variances);
         self.constants.disconnect();
         self.trail = Trail::new();
         self.held = Held::none();

@@ -1,7 +1,7 @@
 //! Propagation of the state and its covariance over an interval.
 //!
-//! The model is run once for the motion as it is, and once for each component of velocity and angular velocity. The
-//! other derivatives need no run: turning the body is the same as turning gravity and the velocity the other way, and
+//! The model is run once for the motion as it is, and once for each component of velocity and angular velocity, or twice
+//! with sigma points. The other derivatives need no run: turning the body is the same as turning gravity and the velocity the other way, and
 //! the loads of inputs and residual load are linear.
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
@@ -15,6 +15,7 @@ use super::state::{
 use crate::dynamics::interval::Interval;
 use crate::dynamics::step::Middle;
 use crate::dynamics::{Dynamics, State};
+use crate::estimator::factor::Cholesky;
 use crate::frame::{Inertial, Vector};
 use crate::math::{Real, inverse_symmetric};
 
@@ -27,13 +28,24 @@ type Change<T> = SVector<T, MOTION_STATES>;
 /// Size of the step for the derivatives that need a run: velocity (m/s), angular velocity (rad/s).
 const STEPS: [f32; 2] = [0.5, 0.05];
 
+/// Covariance of velocity and angular velocity.
+pub type Spread<T> = SMatrix<T, POINTS, POINTS>;
+
+/// Number of coordinates in which the model is not linear.
+const POINTS: usize = MUSCLE - VELOCITY;
+
+/// Distance of sigma points in deviations: with it they have the fourth moment of a Gaussian.
+const DISTANCE: f64 = 1.732_050_807_568_877_2;
+
 /// Runs the model from `start` over an interval of `duration` (s); returns the state at its end and the derivatives.
+/// With a `spread` they are those of sigma points.
 #[inline(never)]
 pub fn fly<T: Real>(
     dynamics: &Dynamics<T>,
     interval: &impl Interval<T>,
     process: &Process<T>,
     start: &FlightState<T>,
+    spread: Option<&Spread<T>>,
     duration: T,
     slope: &mut MotionSlope<T>,
 ) -> FlightState<T> {
@@ -42,13 +54,10 @@ pub fn fly<T: Real>(
     let step =
         |motion: &State<T>| dynamics.step_at_density(motion, interval, inputs, duration, density);
     let end = step(motion);
-    for column in VELOCITY..MUSCLE {
-        let size = T::single(STEPS[column / 3 - 1]);
-        let mut change = Change::zeros();
-        change[column] = size;
-        let side = step(&moved_motion(motion, &change, interval));
-        let difference = motion_difference(&end, &side, interval);
-        slope.set_column(column, &(difference / size));
+    let mut shift = Change::zeros();
+    match spread {
+        None => differences(&step, motion, &end, interval, slope),
+        Some(spread) => shift = sigma_points(&step, motion, &end, interval, spread, slope),
     }
     turned_columns(dynamics, interval, motion, &end, duration, slope);
     load_columns(dynamics, interval, start, &end, (density, duration), slope);
@@ -56,9 +65,67 @@ pub fn fly<T: Real>(
     let inputs = input_vector(inputs);
     let decayed = centre + (inputs - centre).component_mul(&process.decay());
     FlightState {
-        motion: end,
+        motion: if spread.is_some() {
+            moved_motion(&end, &shift, interval)
+        } else {
+            end
+        },
         inputs: inputs_of(&decayed),
     }
+}
+
+/// Columns of velocity and angular velocity, by differences.
+fn differences<T: Real>(
+    step: &impl Fn(&State<T>) -> State<T>,
+    motion: &State<T>,
+    end: &State<T>,
+    interval: &impl Interval<T>,
+    slope: &mut MotionSlope<T>,
+) {
+    for column in VELOCITY..MUSCLE {
+        let size = T::single(STEPS[column / 3 - 1]);
+        let mut change = Change::zeros();
+        change[column] = size;
+        let side = step(&moved_motion(motion, &change, interval));
+        let difference = motion_difference(end, &side, interval);
+        slope.set_column(column, &(difference / size));
+    }
+}
+
+/// The same columns by sigma points along the columns of the spread's Cholesky factor; returns the shift of the mean.
+#[inline(never)]
+fn sigma_points<T: Real>(
+    step: &impl Fn(&State<T>) -> State<T>,
+    motion: &State<T>,
+    end: &State<T>,
+    interval: &impl Interval<T>,
+    spread: &Spread<T>,
+    slope: &mut MotionSlope<T>,
+) -> Change<T> {
+    let root = Cholesky::new(spread);
+    let distance = T::of(DISTANCE);
+    let mut changes = SMatrix::<T, MOTION_STATES, POINTS>::zeros();
+    let mut shift = Change::zeros();
+    for point in 0..POINTS {
+        let side = |sign: T| {
+            let mut change = Change::zeros();
+            for row in point..POINTS {
+                change[VELOCITY + row] = root.lower()[(row, point)] * (sign * distance);
+            }
+            motion_difference(
+                end,
+                &step(&moved_motion(motion, &change, interval)),
+                interval,
+            )
+        };
+        let (after, before) = (side(T::one()), side(-T::one()));
+        changes.set_column(point, &((after - before) / (distance * T::of(2.0))));
+        shift += (after + before) / (distance * distance * T::of(2.0));
+    }
+    slope
+        .fixed_columns_mut::<POINTS>(VELOCITY)
+        .copy_from(&root.solve(&changes));
+    shift
 }
 
 /// Columns of the attitude.
@@ -241,14 +308,24 @@ mod tests {
         let (dynamics, interval, start) = flight();
         let process = Process::new(&MOTION, STEP).unwrap();
         let mut slope = MotionSlope::zeros();
-        let end = fly(&dynamics, &interval, &process, &start, STEP, &mut slope);
+        let end = fly(
+            &dynamics, &interval, &process, &start, None, STEP, &mut slope,
+        );
         let sizes = [1e-4, 1e-3, 1e-3, 1e-3, 1e-3, 1e-4, 1e-4];
         for column in 0..STATES {
             let mut error = SVector::<f64, STATES>::zeros();
             error[column] = sizes[column / 3];
             let moved = start.moved(&error, &interval);
             let mut unused = MotionSlope::zeros();
-            let side = fly(&dynamics, &interval, &process, &moved, STEP, &mut unused);
+            let side = fly(
+                &dynamics,
+                &interval,
+                &process,
+                &moved,
+                None,
+                STEP,
+                &mut unused,
+            );
             let found = end.difference(&side, &interval);
             let expected = slope * error;
             for row in 0..MOTION_STATES {
@@ -264,13 +341,96 @@ mod tests {
         }
     }
 
+    /// Within small deviations both are the derivatives; within large ones the mean and the slope are those of many
+    /// samples.
+    #[test]
+    fn sigma_points_agree_with_differences_and_with_samples() {
+        let (dynamics, interval, start) = flight();
+        let process = Process::new(&MOTION, STEP).unwrap();
+        let fly = |spread: Option<&Spread<f64>>| {
+            let mut slope = MotionSlope::zeros();
+            (
+                fly(
+                    &dynamics, &interval, &process, &start, spread, STEP, &mut slope,
+                ),
+                slope,
+            )
+        };
+        let (end, by_differences) = fly(None);
+        let root = |size: f64| {
+            SMatrix::<f64, POINTS, POINTS>::from_fn(|i, j| {
+                let scale = if i < 3 { 1.0 } else { 0.1 };
+                let mix = libm::sin(1.0 + (3 * i + j) as f64);
+                size * scale * if i == j { 1.0 } else { 0.3 * mix }
+            })
+        };
+        let narrow = root(1e-2);
+        let (_, narrow) = fly(Some(&(narrow * narrow.transpose())));
+        assert!((narrow - by_differences).abs().max() < 2e-3 * by_differences.abs().max());
+
+        let wide = root(8.0);
+        let (shifted, slope) = fly(Some(&(wide * wide.transpose())));
+        let shift = end.difference(&shifted, &interval);
+        let mut mean = SVector::<f64, STATES>::zeros();
+        let mut noise = 1_u64;
+        let mut normal = || {
+            (0..12)
+                .map(|_| {
+                    noise = noise
+                        .wrapping_mul(6_364_136_223_846_793_005)
+                        .wrapping_add(1);
+                    (noise >> 11) as f64 / (1_u64 << 53) as f64
+                })
+                .sum::<f64>()
+                - 6.0
+        };
+        let samples = 40_000;
+        let mut unexplained = 0.0;
+        let mut whole = 0.0;
+        for _ in 0..samples {
+            let error = wide * SVector::<f64, POINTS>::from_fn(|_, _| normal());
+            let mut moved = SVector::<f64, STATES>::zeros();
+            moved.fixed_rows_mut::<POINTS>(VELOCITY).copy_from(&error);
+            let mut unused = MotionSlope::zeros();
+            let side = start.moved(&moved, &interval);
+            let side = super::fly(
+                &dynamics,
+                &interval,
+                &process,
+                &side,
+                None,
+                STEP,
+                &mut unused,
+            );
+            let difference = end.difference(&side, &interval);
+            mean += difference / f64::from(samples);
+            let expected = slope * moved;
+            for row in VELOCITY..VELOCITY + 3 {
+                unexplained += (difference[row] - shift[row] - expected[row]).powi(2);
+                whole += difference[row].powi(2);
+            }
+        }
+        for row in VELOCITY..VELOCITY + 3 {
+            let error = 4.0 * (whole / 3.0).sqrt() / f64::from(samples);
+            assert!(
+                (mean[row] - shift[row]).abs() < error.max(0.02),
+                "{row}: {} {}",
+                mean[row],
+                shift[row]
+            );
+        }
+        assert!(unexplained < 1e-3 * whole, "{unexplained} of {whole}");
+    }
+
     #[test]
     fn the_covariance_crosses_as_the_whole_product_does() {
         let (dynamics, interval, start) = flight();
         let mut process = Process::new(&MOTION, STEP).unwrap();
         process.set_sensitivity(&SMatrix::from_fn(|i, j| if i == j { 0.3 } else { 0.1 }));
         let mut slope = MotionSlope::zeros();
-        let _ = fly(&dynamics, &interval, &process, &start, STEP, &mut slope);
+        let _ = fly(
+            &dynamics, &interval, &process, &start, None, STEP, &mut slope,
+        );
         let mut covariance = SMatrix::<f64, STATES, STATES>::from_fn(|i, j| {
             let mix = |k: usize| libm::sin(1.0 + k as f64);
             mix(i) * mix(j) + if i == j { 1.0 } else { 0.0 }

@@ -4,7 +4,7 @@ use super::*;
 
 /// Writes a flight of `seconds` in which everything is recorded, as number `session`.
 fn record(chip: &Chip, session: u16, seconds: u32) {
-    let recorder = Recorder::new(vec![Block::EMPTY; 8].leak());
+    let recorder = Recorder::new(vec![Block::EMPTY; 64].leak());
     let mut storage = chip.log(&recorder);
     let mut log = core::pin::pin!(storage.run(|_| {}));
     recorder.begin(preamble().map(|(header, message)| (Header { session, ..header }, message)));

@@ -175,6 +175,10 @@ fn a_dead_receiver_is_seen_once() {
     fly(&mut unit, &samples(48), 0);
     assert!(fed(&mut unit, 10) < 14);
     assert_eq!(unit.status().sensor_silences, 1);
+    // A host that talks, for example to read the log after the flight, is not interrupted.
+    tell(&mut unit, SESSION, hello());
+    assert_eq!(fed(&mut unit, 9), 36);
+    assert!(fed(&mut unit, 10) < 14);
 }
 
 #[test]

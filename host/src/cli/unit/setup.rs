@@ -2,16 +2,15 @@
 
 use std::path::PathBuf;
 
-use bodyflight_core::link::{PackedQuaternion, SensorKind, Setup};
-use bodyflight_core::nalgebra::{Quaternion, UnitQuaternion};
-use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_core::link::{SensorKind, Setup};
+use bodyflight_io::diagnostic::Result;
 use bodyflight_unit::setup;
-use bodyflight_unit::stream::configuration_at;
 use bodyflight_unit::stream::connection::{DEFAULT_BAUD, Target};
 use bodyflight_unit::virtual_unit::VirtualUnit;
 use serde::Serialize;
 
-use super::super::{estimate, terminal};
+use super::super::terminal;
+use super::sensor::SensorArgs;
 
 /// Where the unit is.
 #[derive(clap::Args)]
@@ -23,15 +22,6 @@ struct Place {
     /// The memory of a virtual unit, as in `bodyflight unit --flash`.
     #[arg(long, value_name = "FILE")]
     flash: Option<PathBuf>,
-}
-
-/// Protocols of the sensor on the unit's own port.
-#[derive(Debug, Clone, Copy, clap::ValueEnum)]
-enum Kind {
-    /// An Xsens MTi.
-    Xbus,
-    /// A BNO08x in its UART-RVC mode.
-    Bno08xRvc,
 }
 
 /// Store a configuration on a unit, with which it then starts on its own.
@@ -52,15 +42,8 @@ pub(super) struct ConfigureArgs {
     /// Filter preset, a built-in one as in `estimate`.
     #[arg(long, default_value = "auto")]
     preset: String,
-    /// Protocol of the sensor.
-    #[arg(long, value_enum, default_value = "xbus")]
-    sensor: Kind,
-    /// Mounting: the rotation from the sensor's axes to the body's (X left, Y back, Z head), as a quaternion.
-    #[arg(long, num_args = 4, value_names = ["W", "X", "Y", "Z"], allow_negative_numbers = true)]
-    mounting: Option<Vec<f32>>,
-    /// Time from the instant of a receiver's solution to its arrival (s).
-    #[arg(long, value_name = "S", default_value_t = 0.1)]
-    latency: f32,
+    #[command(flatten)]
+    sensor: SensorArgs,
     /// Erase the stored configuration instead.
     #[arg(long, conflicts_with = "flight")]
     erase: bool,
@@ -131,32 +114,7 @@ pub(super) fn configure(args: &ConfigureArgs, json: bool) -> Result<()> {
 impl ConfigureArgs {
     fn setup(&self) -> Result<Setup> {
         let path = self.flight.clone().unwrap_or_default();
-        let flight = setup::flight_of(&path)?;
-        let preset = estimate::unit_preset(&self.preset)?;
-        let (mut configure, table) = configuration_at(&flight, 0.0, &preset, self.rate)?;
-        if let Some([w, x, y, z]) = self.mounting.as_deref().and_then(<[f32]>::first_chunk) {
-            let sent = Quaternion::new(*w, *x, *y, *z);
-            if (sent.norm() - 1.0).abs() > 0.01 {
-                return Err(Problem::bad_input(format!(
-                    "expected --mounting with a norm of 1, found {:.3}",
-                    sent.norm()
-                )));
-            }
-            configure.body_from_sensor =
-                PackedQuaternion::pack(&UnitQuaternion::new_normalize(sent));
-        }
-        if !(0.0..=2.0).contains(&self.latency) {
-            return Err(Problem::bad_input(format!(
-                "expected --latency of 0 to 2 s, found {}",
-                self.latency
-            )));
-        }
-        configure.receiver_latency = self.latency;
-        configure.sensor = match self.sensor {
-            Kind::Xbus => SensorKind::Xbus,
-            Kind::Bno08xRvc => SensorKind::Bno08xRvc,
-        };
-        Ok(Setup { configure, table })
+        self.sensor.setup(&path, &self.preset, self.rate)
     }
 }
 

@@ -1,0 +1,129 @@
+//! The unit without a host or a suit in flights of the independent simulator, on the desk: its person differs from the
+//! one that is configured, flies in postures that the unit does not know, and something may act that no model has.
+
+use std::fmt::Write as _;
+use std::io::Cursor;
+use std::path::Path;
+
+use bodyflight_emulator::sensed::{Errors, Sensed};
+use bodyflight_laboratory::sensor_bytes::SensorBytes;
+use bodyflight_unit::monitor::Input;
+use bodyflight_unit::sensor_line;
+
+/// Names of the flights' folders, with what acts in them.
+const FLIGHTS: [&str; 12] = [
+    "asym-slow-112",
+    "damping-mixed-108",
+    "legs_drag-slow-107",
+    "mass-mixed-105",
+    "none-mixed-102",
+    "none-slow-101",
+    "none-wide-103",
+    "pitch_input-wide-111",
+    "rig-constant-106",
+    "unknown_shake-slow-109",
+    "updraft-mixed-110",
+    "wind-slow-104",
+];
+
+/// Errors after the first three seconds.
+fn flown(sensed: &Sensed) -> Errors {
+    let bytes: Vec<u8> = sensed.bytes.iter().flat_map(|(_, b)| b.clone()).collect();
+    let input = Input::new(Cursor::new(bytes), Path::new("a flight"));
+    let (flight, report) = sensor_line::run(&sensed.setup, &input, |_| ()).unwrap();
+    assert_eq!(
+        (report.missing, report.rejected, report.estimates_bad),
+        (0, 0, 0)
+    );
+    sensed.errors(flight.estimates().filter(|(time, _)| *time > 3.0))
+}
+
+/// A sensor, and the limits of its errors: velocity, horizontal and vertical (m/s), and the least share of estimates
+/// that agree with the measurements.
+struct Kind {
+    name: &'static str,
+    sensor: SensorBytes,
+    limits: [f64; 3],
+}
+
+const KINDS: [Kind; 4] = [
+    Kind {
+        name: "accelerometer, receiver at 5 Hz",
+        sensor: SensorBytes::TYPICAL,
+        limits: [0.15, 0.2, 0.95],
+    },
+    Kind {
+        name: "receiver at 5 Hz",
+        sensor: SensorBytes {
+            specific_force: None,
+            ..SensorBytes::TYPICAL
+        },
+        limits: [0.3, 0.4, 0.95],
+    },
+    // The wind stays unknown without a receiver: up to 8 m/s in one of the flights.
+    Kind {
+        name: "accelerometer",
+        sensor: SensorBytes {
+            receiver_rate: 0.0,
+            ..SensorBytes::TYPICAL
+        },
+        limits: [9.0, 1.0, 0.95],
+    },
+    Kind {
+        name: "neither",
+        sensor: SensorBytes {
+            specific_force: None,
+            receiver_rate: 0.0,
+            ..SensorBytes::TYPICAL
+        },
+        limits: [9.0, 2.0, 0.95],
+    },
+];
+
+#[test]
+fn attitude_and_velocity_are_right_without_a_posture() {
+    let mut rows = String::new();
+    let mut means = String::new();
+    for kind in KINDS {
+        let (mut squares, mut consistent_mean) = ([0.0; 5], 0.0);
+        for name in FLIGHTS {
+            let flight = format!("{name}/flight-0");
+            let Some(sensed) = Sensed::of(&flight, 30.0, &kind.sensor).unwrap() else {
+                return;
+            };
+            let found = flown(&sensed);
+            let numbers = [
+                found.horizontal,
+                found.vertical,
+                found.attitude.to_degrees(),
+                found.muscle,
+                found.muscle_deviations,
+            ];
+            for (sum, number) in squares.iter_mut().zip(numbers) {
+                *sum += number * number / FLIGHTS.len() as f64;
+            }
+            consistent_mean += found.consistent / FLIGHTS.len() as f64;
+            let place = format!("{}, {name}", kind.name);
+            writeln!(rows, "{}", row(&place, found.consistent, numbers)).unwrap();
+            let [horizontal, vertical, consistent] = kind.limits;
+            assert!(found.horizontal < horizontal, "{place}: {found:?}");
+            assert!(found.vertical < vertical, "{place}: {found:?}");
+            assert!(found.consistent > consistent, "{place}: {found:?}");
+            assert!(found.attitude.to_degrees() < 1.2, "{place}: {found:?}");
+            assert!(found.muscle_deviations < 1.5, "{place}: {found:?}");
+        }
+        writeln!(
+            means,
+            "{}",
+            row(kind.name, consistent_mean, squares.map(f64::sqrt))
+        )
+        .unwrap();
+    }
+    eprintln!("{rows}\n{means}");
+}
+
+/// A row of a table: velocity, horizontal and vertical (m/s), attitude (deg), muscle input, and that in its deviations.
+fn row(name: &str, consistent: f64, [a, b, c, d, e]: [f64; 5]) -> String {
+    let share = 100.0 * consistent;
+    format!("| {name} | {share:.0} % | {a:.2}, {b:.2} | {c:.2} | {d:.2}, {e:.1} |")
+}

@@ -1,0 +1,78 @@
+//! `bodyflight stream --sensor`: the unit on this machine with nothing but its sensor's bytes.
+
+use std::path::Path;
+
+use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_unit::log;
+use bodyflight_unit::monitor::Input;
+use bodyflight_unit::sensor_line::{self, SensorReport};
+
+use super::super::terminal;
+use super::Args;
+
+pub(super) fn run(args: &Args, source: &str, json: bool) -> Result<()> {
+    let path = args.flight.as_deref().unwrap_or(Path::new(""));
+    let rate = args.rate.unwrap_or(100.0);
+    let setup = args.unit_sensor.setup(path, &args.preset, rate)?;
+    let input = Input::open(source, args.baud)?;
+    if let Some(folder) = &args.log {
+        args.outputs.check_in(folder, &log::FILES)?;
+    }
+    let spinner = terminal::spinner("samples");
+    let found = sensor_line::run(&setup, &input, |samples| {
+        spinner.set_position(u64::from(samples));
+    });
+    spinner.finish_and_clear();
+    let (flight, mut report) = found.map_err(|problem| problem.in_file(Path::new(source)))?;
+    if let Some(folder) = &args.log {
+        report.written = Some(log::write(&flight, None, folder)?);
+    }
+    if json {
+        terminal::print_json(&report)?;
+    } else {
+        print(&report);
+    }
+    match report.doubt {
+        None => Ok(()),
+        Some(sentence) => Err(Problem::doubt(sentence)
+            .in_file(Path::new(source))
+            .help("the files hold all estimates with their flags, see docs/link.md, ESTIMATE")),
+    }
+}
+
+fn print(report: &SensorReport) {
+    terminal::print(&format!(
+        "{:.1} s of a sensor, {} bytes: {} samples used, {} rejected, {} missing; {} restarts of the sensor, {} solutions \
+         of a receiver",
+        report.flight_s,
+        report.bytes,
+        report.used,
+        report.rejected,
+        report.missing,
+        report.sensor_restarts,
+        report.receiver_solutions
+    ));
+    let percent = |share: f64| 100.0 * share;
+    terminal::print(&format!(
+        "{} estimates, {:.0} % of them not in flight; in flight consistent {:.0} %, doubtful {:.0} %, lost {:.0} %",
+        report.estimates,
+        percent(report.supported),
+        percent(report.consistent),
+        percent(report.doubtful),
+        percent(report.lost)
+    ));
+    let last = report.last.filter(|_| report.doubt.is_none());
+    if let Some([north, west, up]) = last.and_then(|last| last.velocity_mps) {
+        terminal::print(&format!(
+            "last velocity: {north:.1} m/s north, {west:.1} west, {up:.1} up"
+        ));
+    }
+    if let Some(written) = &report.written {
+        terminal::print(&format!(
+            "written: {} ({} frames, {} estimates)",
+            written.flight.display(),
+            written.frames,
+            written.estimates
+        ));
+    }
+}

@@ -1,0 +1,267 @@
+//! The bytes that an inertial sensor at the pelvis, and a receiver on its line, would have sent during a flight.
+//!
+//! The sensor is an MTi that sends orientation, rate of turn, acceleration and air pressure with each frame; the
+//! receiver sends UBX `NAV-PVT`. Acceleration and the receiver's velocity follow from the positions by differences, so
+//! they must be those of a simulator; attitude and rate of turn are the recorded ones, with their noise.
+
+use bodyflight_core::frame::{Inertial, Vector};
+use bodyflight_core::xbus::{CoordinateSystem, DataId, MessageId, NumberFormat, PacketWriter};
+use bodyflight_mvnx::recording::FlightFrame;
+use nalgebra::Vector3;
+use rand::rngs::ChaCha8Rng;
+use rand::{RngExt, SeedableRng};
+use rand_distr::StandardNormal;
+
+/// Standard gravity (m/s2).
+const GRAVITY: f64 = 9.806_65;
+/// Ticks of the sensor's clock in a second.
+const TICKS: f64 = 10_000.0;
+/// Longest packet (bytes).
+const LONGEST: usize = 128;
+
+/// A sensor and a receiver.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SensorBytes {
+    /// Seed of the noise.
+    pub seed: u64,
+    /// Standard deviation of the specific force, white and constant, each axis (m/s2); none without accelerometer.
+    pub specific_force: Option<[f64; 2]>,
+    /// Standard deviation of the air pressure (Pa).
+    pub pressure: f64,
+    /// Solutions of the receiver in a second; 0 for none.
+    pub receiver_rate: f64,
+    /// Time from the instant of a solution to its arrival (s).
+    pub latency: f64,
+    /// Standard deviations of the receiver's velocity, horizontal and vertical (m/s).
+    pub velocity: [f64; 2],
+    /// Accuracy that the receiver states (m/s).
+    pub stated: f64,
+}
+
+impl SensorBytes {
+    /// An MTi-3 and a receiver of the M8 generation by their data sheets, in the open sky.
+    pub const TYPICAL: Self = Self {
+        seed: 0,
+        specific_force: Some([0.02, 0.05]),
+        pressure: 3.0,
+        receiver_rate: 5.0,
+        latency: 0.1,
+        velocity: [0.1, 0.2],
+        stated: 0.25,
+    };
+
+    /// The bytes sent with each frame, and after which time they are complete (s).
+    pub fn of(&self, frames: &[FlightFrame]) -> Vec<(f64, Vec<u8>)> {
+        let mut noise = Noise(ChaCha8Rng::seed_from_u64(self.seed));
+        let [white, constant] = self.specific_force.unwrap_or_default();
+        let bias = noise.vector(constant);
+        let mut answered = 0.0;
+        let mut sent = Vec::with_capacity(frames.len());
+        for (index, frame) in frames.iter().enumerate() {
+            let [before, after] = [index.saturating_sub(1), index + 1];
+            let [Some(before), Some(after)] = [before, after].map(|at| frames.get(at)) else {
+                continue;
+            };
+            let fall = free_acceleration([before, frame, after]);
+            let body_from_inertial = frame.pelvis.inertial_from_body.inverse();
+            let force = body_from_inertial * (fall + Vector::new(0.0, 0.0, GRAVITY));
+            let force = Vector3::from(force.to_array()) + bias + noise.vector(white);
+            let force = self.specific_force.map(|_| force);
+            let pressure = pressure_at(frame.pelvis.position.up()) + self.pressure * noise.normal();
+            let mut bytes = packet(index, frame, force, pressure);
+            // The solution that arrives now, and its instant.
+            let instant = frame.time - self.latency;
+            if self.receiver_rate > 0.0 && instant >= answered {
+                answered += 1.0 / self.receiver_rate;
+                let at = frames.partition_point(|frame| frame.time < instant);
+                let velocity = velocity_at(frames, at) + noise.velocity(self.velocity);
+                bytes.extend(solution(instant, &velocity, self.stated));
+            }
+            sent.push((frame.time, bytes));
+        }
+        sent
+    }
+}
+
+struct Noise(ChaCha8Rng);
+
+impl Noise {
+    fn normal(&mut self) -> f64 {
+        self.0.sample(StandardNormal)
+    }
+
+    fn vector(&mut self, size: f64) -> Vector3<f64> {
+        Vector3::from_fn(|_, _| size * self.normal())
+    }
+
+    fn velocity(&mut self, [horizontal, vertical]: [f64; 2]) -> Vector<f64, Inertial> {
+        let [north, west, up] = [horizontal, horizontal, vertical].map(|size| size * self.normal());
+        Vector::new(north, west, up)
+    }
+}
+
+/// Acceleration at the middle one of three frames (m/s2).
+fn free_acceleration([before, now, after]: [&FlightFrame; 3]) -> Vector<f64, Inertial> {
+    let [first, last] = [now.time - before.time, after.time - now.time];
+    if first <= 0.0 || last <= 0.0 {
+        // The first frame has none before it: as in the next ones, a steady fall.
+        return Vector::zero();
+    }
+    let arriving = (now.pelvis.position - before.pelvis.position) * (1.0 / first);
+    let leaving = (after.pelvis.position - now.pelvis.position) * (1.0 / last);
+    (leaving - arriving) * (2.0 / (first + last))
+}
+
+/// Velocity at a frame, from its neighbours (m/s).
+fn velocity_at(frames: &[FlightFrame], at: usize) -> Vector<f64, Inertial> {
+    let last = frames.len().saturating_sub(1);
+    let ends = [at.saturating_sub(1).min(last), (at + 1).min(last)].map(|at| frames.get(at));
+    let [Some(before), Some(after)] = ends else {
+        return Vector::zero();
+    };
+    let elapsed = (after.time - before.time).max(f64::EPSILON);
+    (after.pelvis.position - before.pelvis.position) * (1.0 / elapsed)
+}
+
+/// Pressure of the standard atmosphere (Pa) at a height (m).
+fn pressure_at(height: f64) -> f64 {
+    101_325.0 * (1.0 - 2.255_77e-5 * height).max(0.0).powf(5.255_88)
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "the sensor's formats; counters wrap"
+)]
+fn packet(
+    index: usize,
+    frame: &FlightFrame,
+    force: Option<Vector3<f64>>,
+    pressure: f64,
+) -> Vec<u8> {
+    let pelvis = &frame.pelvis;
+    let attitude_wxyz = pelvis.inertial_from_body.wxyz().map(|part| part as f32);
+    let turn = pelvis.angular_velocity.map(|spin| {
+        let spin = pelvis.inertial_from_body.inverse() * spin;
+        spin.to_array().map(|part| part as f32)
+    });
+    let force = force.map(|force| [force.x, force.y, force.z].map(|part| part as f32));
+    let mut bytes = [0; LONGEST];
+    let mut writer = PacketWriter::new(&mut bytes, MessageId::MT_DATA2);
+    let counter = (index as u16).to_be_bytes();
+    let ticks = ((frame.time * TICKS).round() as u32).to_be_bytes();
+    let pressure = (pressure.round() as u32).to_be_bytes();
+    let attitude = DataId::QUATERNION.with(CoordinateSystem::NorthWestUp, NumberFormat::Float32);
+    // The buffer holds all items.
+    let _ = writer.item(DataId::PACKET_COUNTER, &counter);
+    let _ = writer.item(DataId::SAMPLE_TIME_FINE, &ticks);
+    let _ = writer.reals(attitude, &attitude_wxyz);
+    if let Some(turn) = turn {
+        let _ = writer.reals(DataId::RATE_OF_TURN, &turn);
+    }
+    if let Some(force) = force {
+        let _ = writer.reals(DataId::ACCELERATION, &force);
+    }
+    let _ = writer.item(DataId::BARO_PRESSURE, &pressure);
+    let length = writer.finish().unwrap_or(0);
+    bytes.get(..length).unwrap_or_default().to_vec()
+}
+
+/// `NAV-PVT` of a valid three-dimensional fix.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "the receiver's formats"
+)]
+fn solution(time: f64, velocity: &Vector<f64, Inertial>, stated: f64) -> Vec<u8> {
+    let millimetres = |metres: f64| (metres * 1e3).round() as i32;
+    let mut payload = [0; 92];
+    let mut put = |at: usize, word: i32| {
+        for (place, byte) in payload.iter_mut().skip(at).zip(word.to_le_bytes()) {
+            *place = byte;
+        }
+    };
+    put(0, ((time * 1e3).max(0.0) as u32).cast_signed());
+    put(20, i32::from_le_bytes([3, 1, 0, 0]));
+    let [north, west, up] = [velocity.north(), velocity.west(), velocity.up()];
+    put(48, millimetres(north));
+    put(52, millimetres(-west));
+    put(56, millimetres(-up));
+    put(60, millimetres(north.hypot(west)));
+    put(68, millimetres(stated));
+    let covered = [&[0x01, 0x07, 92, 0], &payload[..]].concat();
+    let sums = covered.iter().fold([0_u8; 2], |[a, b], byte| {
+        let a = a.wrapping_add(*byte);
+        [a, b.wrapping_add(a)]
+    });
+    [&[0xb5, 0x62], &covered[..], &sums].concat()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bodyflight_core::Posture;
+    use bodyflight_core::frame::Rotation;
+    use bodyflight_core::ubx;
+    use bodyflight_core::xbus::{Decoder, Item};
+    use bodyflight_mvnx::recording::PelvisMotion;
+    use nalgebra::UnitQuaternion;
+
+    /// A body that falls freely from rest, turned by a quarter about the vertical, at 100 Hz.
+    fn falling(index: u64) -> FlightFrame {
+        let time = index as f64 / 100.0;
+        let quarter = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), 0.5);
+        FlightFrame {
+            index,
+            time,
+            posture: Posture::h_pose(),
+            pelvis: PelvisMotion {
+                inertial_from_body: Rotation::from_quaternion(quarter),
+                position: Vector::new(20.0 * time, 0.0, 1000.0 - 0.5 * GRAVITY * time * time),
+                velocity: None,
+                angular_velocity: Some(Vector::new(0.0, 0.0, 0.5)),
+            },
+            centre_of_mass: None,
+            bridged: false,
+        }
+    }
+
+    #[test]
+    fn decoders_read_back_what_was_flown() {
+        let frames: Vec<_> = (0..300).map(falling).collect();
+        let exact = SensorBytes {
+            specific_force: Some([0.0; 2]),
+            velocity: [0.0; 2],
+            pressure: 0.0,
+            ..SensorBytes::TYPICAL
+        };
+        let bytes: Vec<u8> = exact.of(&frames).into_iter().flat_map(|(_, b)| b).collect();
+        let mut receiver = ubx::Decoder::new();
+        let found: Vec<_> = bytes.iter().filter_map(|&b| receiver.push(b)).collect();
+        assert_eq!(found.len(), 15);
+        for solution in &found {
+            let time = f64::from(solution.time_of_week_ms) * 1e-3;
+            let velocity = solution.velocity().unwrap();
+            assert!((velocity.x - 20.0).abs() < 2e-3, "{velocity}");
+            assert!((f64::from(velocity.z) + GRAVITY * time).abs() < 0.1);
+        }
+        let (mut decoder, mut input) = (Decoder::<512>::new(), &bytes[..]);
+        let (mut packets, mut weightless) = (0, 0);
+        while let Some(packet) = decoder.next(&mut input) {
+            packets += 1;
+            for item in packet.items().filter_map(|item| item.decode().ok()) {
+                match item {
+                    Item::Acceleration(force) => {
+                        let force = Vector3::from(force.to_f64());
+                        weightless += usize::from(force.norm() < 1e-3);
+                    }
+                    Item::RateOfTurn(turn) => assert!((turn.to_f64()[2] - 0.5).abs() < 1e-6),
+                    Item::BaroPressure(pascals) => assert!((89_800..90_400).contains(&pascals)),
+                    _ => {}
+                }
+            }
+        }
+        // Of the first sample nothing is known but its attitude; the last has none after it.
+        assert_eq!((packets, weightless), (299, 298));
+    }
+}
