@@ -2,7 +2,7 @@
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
-use embassy_futures::select::{Either, select};
+use embassy_futures::select::{self, select};
 use embedded_io_async::{ErrorType, Read, Write};
 
 /// Error counters of a receiver since the start: overruns (lost bytes), and others.
@@ -85,6 +85,28 @@ pub trait Opened {
 #[derive(Debug)]
 pub struct Preferred<A, B>(pub A, pub B);
 
+/// Either of two receivers, whichever a board has.
+#[derive(Debug)]
+pub enum Either<A, B> {
+    /// The first.
+    First(A),
+    /// The second.
+    Second(B),
+}
+
+impl<A: Read, B: Read> ErrorType for Either<A, B> {
+    type Error = LineError;
+}
+
+impl<A: Read, B: Read> Read for Either<A, B> {
+    async fn read(&mut self, bytes: &mut [u8]) -> Result<usize, LineError> {
+        match self {
+            Self::First(receiver) => receiver.read(bytes).await.map_err(LineError::of),
+            Self::Second(receiver) => receiver.read(bytes).await.map_err(LineError::of),
+        }
+    }
+}
+
 /// An error of either line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct LineError(embedded_io_async::ErrorKind);
@@ -124,9 +146,9 @@ impl<A: Read + Opened, B: Read> Read for Preferred<A, B> {
             let room = second.get_mut(..length).unwrap_or_default();
             let heard = select(self.0.read(bytes), self.1.read(room)).await;
             match heard {
-                Either::First(result) => return result.map_err(LineError::of),
-                Either::Second(_) if self.0.is_open() => {}
-                Either::Second(result) => {
+                select::Either::First(result) => return result.map_err(LineError::of),
+                select::Either::Second(_) if self.0.is_open() => {}
+                select::Either::Second(result) => {
                     let count = result.map_err(LineError::of)?;
                     let places = bytes.iter_mut().zip(&second).take(count);
                     places.for_each(|(place, byte)| *place = *byte);

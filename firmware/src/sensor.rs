@@ -8,6 +8,7 @@
 //! receiver on the same port provide velocity for the next sample. On a line with several sensors the first that sends an
 //! orientation counts.
 
+pub mod icm42688;
 mod level;
 mod reading;
 mod rvc;

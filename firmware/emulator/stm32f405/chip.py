@@ -10,7 +10,7 @@ from elftools.elf.elffile import ELFFile
 from unicorn import UC_HOOK_MEM_INVALID, UC_PROT_ALL, UC_PROT_EXEC, UC_PROT_READ
 
 from . import processor as cpu
-from .flash import Port, SerialFlash, Spi
+from .flash import Nothing, Port, SerialFlash, Spi
 from .lines import Dma, Usart
 from .peripherals import NEVER, TICKS, Converter, Random, Rcc, Registers, Timer, Usb, Watchdog
 
@@ -86,6 +86,7 @@ class Chip(cpu.Processor):
         self.devices = {
             0x4000_0000: self.timer,
             0x4000_3000: self.watchdog,
+            0x4000_3800: Spi(Nothing()),
             0x4000_3C00: Spi(self.flash),
             0x4000_4800: self.ports["host"],
             0x4001_1400: self.ports["sensor"],

@@ -70,6 +70,13 @@ class SerialFlash:
         self.writable, self.busy_until = False, self.chip.now + int(seconds * TICKS)
 
 
+class Nothing:
+    """A bus on which no chip answers: its line is pulled up."""
+
+    def exchange(self, _):
+        return 0xFF
+
+
 class Spi(Registers):
     """SPI in full duplex [28.3]: bytes take no time; flags are those after each byte."""
 

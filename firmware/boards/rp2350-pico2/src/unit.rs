@@ -1,5 +1,6 @@
-//! The unit on a Raspberry Pi Pico 2: USB serial or UART0 to the host (GP0 out, GP1 in), UART1 from a sensor (GP5 in), a
-//! log in the program's flash, a third of the supply voltage (GP29), a light (GP25), logs by RTT.
+//! The unit on a Raspberry Pi Pico 2: USB serial or UART0 to the host (GP0 out, GP1 in), UART1 from a sensor (GP5 in)
+//! or SPI0 to one (GP16 to GP19), a log in the program's flash, a third of the supply voltage (GP29), a light (GP25), logs by
+//! RTT.
 #![no_std]
 #![no_main]
 
@@ -9,7 +10,7 @@ mod sensor;
 use core::cell::RefCell;
 
 use bodyflight_cortex_m::{count_cycles, faults, stack};
-use bodyflight_firmware::ports::{Counted, LineErrors, Preferred};
+use bodyflight_firmware::ports::{Counted, Either, LineErrors, Preferred};
 use bodyflight_firmware::recorder::storage::{EraseAhead, FlightLog};
 use bodyflight_firmware::recorder::{Block, Recorder, Until};
 use bodyflight_firmware::{Board, RECEIVER_BYTES, Unit, millivolts, start};
@@ -118,7 +119,17 @@ async fn main(spawner: Spawner) {
     let (transmitter, receiver) = host.split();
     let is_overrun = |error: &uart::Error| matches!(error, uart::Error::Overrun);
     let receiver = Counted::new(receiver, &HOST_ERRORS, is_overrun);
-    let sensor = Counted::new(sensor, &SENSOR_ERRORS, is_overrun);
+    let pins = sensor::ImuPins {
+        clock: chip.PIN_18,
+        to_chip: chip.PIN_19,
+        from_chip: chip.PIN_16,
+        select: chip.PIN_17,
+    };
+    // A sensor on SPI is used rather than one on a line.
+    let sensor = match sensor::imu(chip.SPI0, pins).await {
+        Some(imu) => Either::First(Counted::new(imu, &SENSOR_ERRORS, |_| false)),
+        None => Either::Second(Counted::new(sensor, &SENSOR_ERRORS, is_overrun)),
+    };
     let (device, from_usb, to_usb) = usb_serial::start(usb::Driver::new(chip.USB, Interrupts));
     let identity = record.identity(faults::build(), RoscRng.next_u32());
     let light = RefCell::new(Output::new(chip.PIN_25, Level::Low));

@@ -1,6 +1,6 @@
 //! The unit on an STM32F405: USB serial (PA11, PA12) or USART3 to the host (PB10 out, PB11 in, 460800 baud), USART6
-//! from an inertial sensor (PC7 in), a log in a memory chip (PB3, PB4, PB5, PA15), half the voltage of the
-//! battery (PA3), a light (PC1), logs by RTT, a crystal of 12 MHz. The chip itself is in `chip.rs`.
+//! from an inertial sensor (PC7 in) or SPI2 to one (PB13, PB14, PB15, PB9), a log in a memory chip (PB3, PB4, PB5, PA15),
+//! half the voltage of the battery (PA3), a light (PC1), logs by RTT, a crystal of 12 MHz. The chip itself is in `chip.rs`.
 #![no_std]
 #![no_main]
 
@@ -9,7 +9,7 @@ mod chip;
 use core::cell::RefCell;
 
 use bodyflight_cortex_m::{count_cycles, faults, stack};
-use bodyflight_firmware::ports::{Counted, LineErrors, Preferred};
+use bodyflight_firmware::ports::{Counted, Either, LineErrors, Preferred};
 use bodyflight_firmware::recorder::storage::{EraseAhead, FlightLog};
 use bodyflight_firmware::recorder::{Block, Recorder, Until};
 use bodyflight_firmware::{Board, RECEIVER_BYTES, Unit, start};
@@ -97,7 +97,7 @@ impl Board for Stm32f405 {
 type Usb = usb::Driver<'static, USB_OTG_FS>;
 type FromHost = Preferred<usb_serial::Receiver<Usb>, Counted<RingBufferedUartRx<'static>>>;
 type ToHost = Preferred<usb_serial::Transmitter<Usb>, UartTx<'static, Async>>;
-type FromSensor = Counted<RingBufferedUartRx<'static>>;
+type FromSensor = Either<Counted<chip::Imu>, Counted<RingBufferedUartRx<'static>>>;
 type OnBoardLog = FlightLog<'static, chip::Flash>;
 
 static UNIT: StaticCell<RefCell<Unit<Stm32f405>>> = StaticCell::new();
@@ -180,6 +180,18 @@ async fn main(spawner: Spawner) {
         (&*recorder, log)
     });
     let (recorder, log) = log.unzip();
+    let is_overrun = |error: &usart::Error| matches!(error, usart::Error::Overrun);
+    let pins = chip::ImuPins {
+        clock: board.PB13,
+        to_chip: board.PB15,
+        from_chip: board.PB14,
+        select: board.PB9,
+    };
+    // A sensor on SPI is used rather than one on a line.
+    let sensor = match chip::imu(board.SPI2, pins).await {
+        Some(imu) => Either::First(Counted::new(imu, &SENSOR_ERRORS, |_| false)),
+        None => Either::Second(Counted::new(sensor, &SENSOR_ERRORS, is_overrun)),
+    };
     let chance = chip::random().unwrap_or_else(DWT::cycle_count);
     let identity = record.identity(faults::build(), chance);
     let board = Stm32f405 {
@@ -189,9 +201,7 @@ async fn main(spawner: Spawner) {
         recorder,
     };
     let unit = Unit::new_in(UNIT.uninit(), board, identity);
-    let is_overrun = |error: &usart::Error| matches!(error, usart::Error::Overrun);
     let receiver = Counted::new(receiver, &HOST_ERRORS, is_overrun);
-    let sensor = Counted::new(sensor, &SENSOR_ERRORS, is_overrun);
     usb_serial::spawn(spawner, usb_device(device));
     let receiver = Preferred(from_usb, receiver);
     let transmitter = Preferred(to_usb, transmitter);
