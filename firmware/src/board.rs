@@ -31,6 +31,9 @@ pub trait Board {
         [0; 2]
     }
 
+    /// Sets the rate of the sensor's line (baud), if there is one. Until then it has that of an Xsens MTi.
+    fn set_sensor_rate(&self, _baud: u32) {}
+
     /// Voltage of the battery (mV), 0 if not measured.
     fn battery(&self) -> u16 {
         0

@@ -26,5 +26,5 @@ pub mod unit;
 
 pub use board::{Board, Identity, RECEIVER_BYTES, millivolts};
 pub use computer::Computer;
-pub use run::{NoPort, run};
+pub use run::{NoPort, run, start};
 pub use unit::Unit;

@@ -46,6 +46,20 @@ struct Shared<'a, B: Board> {
     outgoing: Signal<NoopRawMutex, ()>,
 }
 
+/// Starts with the configuration that is stored in the log's memory, if there is one, and [runs](run).
+pub async fn start<B: Board>(
+    unit: &RefCell<Unit<B>>,
+    receiver: impl Read,
+    transmitter: impl Write,
+    sensor: impl Read,
+    mut log: impl Log,
+) {
+    if let Some(setup) = log.stored().await {
+        unit.borrow_mut().resume(&setup);
+    }
+    run(unit, receiver, transmitter, sensor, log).await;
+}
+
 /// Runs the unit on its ports forever. `sensor` is the port of the inertial sensor, or [`NoPort`] without one; `log`
 /// keeps the on-board log, or is [`NoLog`](crate::recorder::storage::NoLog) without storage.
 pub async fn run<B: Board>(

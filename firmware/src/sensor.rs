@@ -18,6 +18,14 @@ use nalgebra::{UnitQuaternion, Vector3};
 
 use reading::Reading;
 
+/// Rate of the line of a sensor of this kind (baud): an MTi as it is set up for the unit, a BNO08x as it always is.
+pub const fn line_rate(kind: SensorKind) -> u32 {
+    match kind {
+        SensorKind::Xbus => 460_800,
+        SensorKind::Bno08xRvc => 115_200,
+    }
+}
+
 /// Longest packet accepted from a sensor (bytes).
 const LONGEST: usize = 512;
 
@@ -111,9 +119,12 @@ impl Sensor {
         self.body_from_sensor = body_from_sensor;
     }
 
-    /// Sets the protocol of the sensor, and the age of a UBX solution on arrival (s).
-    pub fn connect(&mut self, kind: SensorKind, latency: f32) {
+    /// Sets the protocol of the sensor, and the age of a UBX solution on arrival (s). Returns the rate of the line (baud)
+    /// if it changes.
+    pub fn connect(&mut self, kind: SensorKind, latency: f32) -> Option<u32> {
+        let [before, rate] = [self.kind, kind].map(line_rate);
         (self.kind, self.latency) = (kind, latency);
+        (before != rate).then_some(rate)
     }
 
     /// Adopts the posture of a sample if it has one.

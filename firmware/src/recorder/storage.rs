@@ -25,6 +25,9 @@ pub enum Answer<'a> {
 
 /// A task that keeps a log.
 pub trait Log {
+    /// Reads the stored configuration; `None` if there is none that this build can use.
+    fn stored(&mut self) -> impl Future<Output = Option<Setup>>;
+
     /// Runs forever: writes blocks, and passes what was requested to `answer`.
     fn run(&mut self, answer: impl FnMut(Answer<'_>)) -> impl Future<Output = ()>;
 }
@@ -34,6 +37,10 @@ pub trait Log {
 pub struct NoLog;
 
 impl Log for NoLog {
+    async fn stored(&mut self) -> Option<Setup> {
+        None
+    }
+
     async fn run(&mut self, _: impl FnMut(Answer<'_>)) {
         core::future::pending().await
     }
@@ -41,6 +48,10 @@ impl Log for NoLog {
 
 /// A log in static memory: a large one would be copied at each call.
 impl<L: Log> Log for &mut L {
+    async fn stored(&mut self) -> Option<Setup> {
+        (**self).stored().await
+    }
+
     async fn run(&mut self, answer: impl FnMut(Answer<'_>)) {
         (**self).run(answer).await;
     }
@@ -48,6 +59,13 @@ impl<L: Log> Log for &mut L {
 
 /// A log if there is storage, none otherwise.
 impl<L: Log> Log for Option<L> {
+    async fn stored(&mut self) -> Option<Setup> {
+        match self {
+            Some(log) => log.stored().await,
+            None => None,
+        }
+    }
+
     async fn run(&mut self, answer: impl FnMut(Answer<'_>)) {
         match self {
             Some(log) => log.run(answer).await,
@@ -212,6 +230,10 @@ impl<'a, S: NorFlash> FlightLog<'a, S> {
 }
 
 impl<S: NorFlash> Log for FlightLog<'_, S> {
+    async fn stored(&mut self) -> Option<Setup> {
+        self.setup().await
+    }
+
     async fn run(&mut self, mut answer: impl FnMut(Answer<'_>)) {
         if !self.is_found {
             self.ring.find(&mut self.memory).await;

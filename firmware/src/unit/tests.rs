@@ -24,6 +24,7 @@ fn unit() -> Unit<Bench> {
         now: Cell::new(0),
         step: 10,
         fed: Cell::new(0),
+        rate: Cell::new(None),
     };
     Unit::new(bench, Identity::default())
 }

@@ -17,7 +17,10 @@ impl<B: Board> Unit<B> {
             Ok(configuration) => {
                 self.computer.configure(configuration);
                 self.sensor.mount(asked.body_from_sensor.unpack());
-                self.sensor.connect(asked.sensor, asked.receiver_latency);
+                let rate = self.sensor.connect(asked.sensor, asked.receiver_latency);
+                if let Some(rate) = rate {
+                    self.board.set_sensor_rate(rate);
+                }
                 Verdict::Accepted
             }
             Err(verdict) => verdict,

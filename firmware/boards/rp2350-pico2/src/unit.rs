@@ -1,15 +1,18 @@
-//! The unit on a Raspberry Pi Pico 2: USB serial or UART0 to the host (GP0 out, GP1 in), UART1 from a sensor (GP5 in),
-//! a third of the supply voltage (GP29), a light (GP25), logs by RTT.
+//! The unit on a Raspberry Pi Pico 2: USB serial or UART0 to the host (GP0 out, GP1 in), UART1 from a sensor (GP5 in), a
+//! log in the program's flash, a third of the supply voltage (GP29), a light (GP25), logs by RTT.
 #![no_std]
 #![no_main]
+
+mod chip;
+mod sensor;
 
 use core::cell::RefCell;
 
 use bodyflight_cortex_m::{count_cycles, faults, stack};
-use bodyflight_firmware::fault::Reset;
 use bodyflight_firmware::ports::{Counted, LineErrors, Preferred};
-use bodyflight_firmware::recorder::storage::NoLog;
-use bodyflight_firmware::{Board, RECEIVER_BYTES, Unit, millivolts, run};
+use bodyflight_firmware::recorder::storage::{EraseAhead, FlightLog};
+use bodyflight_firmware::recorder::{Block, Recorder, Until};
+use bodyflight_firmware::{Board, RECEIVER_BYTES, Unit, millivolts, start};
 use bodyflight_usb_serial as usb_serial;
 use cortex_m::peripheral::DWT;
 // Linked for its logger.
@@ -18,28 +21,21 @@ use embassy_executor::Spawner;
 use embassy_rp::adc::{self, Adc};
 use embassy_rp::clocks::RoscRng;
 use embassy_rp::gpio::{Level, Output, Pull};
-use embassy_rp::pac::POWMAN;
-use embassy_rp::peripherals::{UART0, UART1, USB};
-use embassy_rp::uart::{self, BufferedInterruptHandler, BufferedUart, BufferedUartRx};
+use embassy_rp::peripherals::{UART0, USB};
+use embassy_rp::uart::{self, BufferedInterruptHandler, BufferedUart};
 use embassy_rp::watchdog::Watchdog;
 use embassy_rp::{bind_interrupts, usb};
-use embassy_time::Duration;
-use static_cell::StaticCell;
+use static_cell::{ConstStaticCell, StaticCell};
 
 bind_interrupts!(struct Interrupts {
     UART0_IRQ => BufferedInterruptHandler<UART0>;
-    UART1_IRQ => BufferedInterruptHandler<UART1>;
     USBCTRL_IRQ => usb::InterruptHandler<USB>;
 });
 
-/// Rate of both lines (baud).
+/// Rate of the host's line, and of the sensor's until the kind of the sensor is known (baud).
 const BAUD: u32 = 460_800;
-/// Watchdog timeout: four heartbeats.
-const WATCHDOG: Duration = Duration::from_secs(1);
 /// Ratio of the divider at the supply (VSYS).
 const DIVIDER: u16 = 3;
-/// Mark left in a scratch register that only a loss of power or the RUN pin clears.
-const STARTED: u32 = 0xb0d7_f117;
 
 static HOST_ERRORS: LineErrors = LineErrors::new();
 static SENSOR_ERRORS: LineErrors = LineErrors::new();
@@ -49,6 +45,7 @@ struct Pico2 {
     watchdog: RefCell<Watchdog>,
     light: RefCell<Output<'static>>,
     supply: RefCell<(Adc<'static, adc::Blocking>, adc::Channel<'static>)>,
+    recorder: &'static Recorder,
 }
 
 impl Board for Pico2 {
@@ -64,6 +61,9 @@ impl Board for Pico2 {
     fn sensor_errors(&self) -> [u32; 2] {
         SENSOR_ERRORS.counted()
     }
+    fn set_sensor_rate(&self, baud: u32) {
+        sensor::set_rate(baud);
+    }
     fn battery(&self) -> u16 {
         let (converter, pin) = &mut *self.supply.borrow_mut();
         let count = converter.blocking_read(pin);
@@ -72,30 +72,22 @@ impl Board for Pico2 {
     fn shine(&self, on: bool) {
         self.light.borrow_mut().set_level(on.into());
     }
+    fn recorder(&self) -> Option<&Recorder> {
+        Some(self.recorder)
+    }
     fn feed_watchdog(&self) {
-        self.watchdog.borrow_mut().feed(WATCHDOG);
+        self.watchdog.borrow_mut().feed(chip::TIMEOUT);
     }
     fn note(&self, sequence: u32) {
         faults::note(sequence);
     }
 }
 
-/// Cause of the chip's reset. A reset by the program keeps the flags of the previous start, but it also keeps the mark,
-/// which reveals it.
-fn reset(watchdog: &mut Watchdog) -> Reset {
-    let flags = POWMAN.chip_reset().read();
-    let marked = watchdog.get_scratch(0) == STARTED;
-    watchdog.set_scratch(0, STARTED);
-    match marked {
-        true if watchdog.reset_reason().is_some() => Reset::Watchdog,
-        true => Reset::Software,
-        false if flags.had_por() => Reset::Power,
-        false if flags.had_bor() => Reset::BrownOut,
-        false => Reset::Other,
-    }
-}
-
 static UNIT: StaticCell<RefCell<Unit<Pico2>>> = StaticCell::new();
+static RECORDER: StaticCell<Recorder> = StaticCell::new();
+static LOG: StaticCell<FlightLog<'static, chip::ProgramFlash>> = StaticCell::new();
+/// Blocks from the seconds before the exit is detected.
+static BLOCKS: ConstStaticCell<[Block; 48]> = ConstStaticCell::new([Block::EMPTY; 48]);
 
 type Usb = usb::Driver<'static, USB>;
 
@@ -107,23 +99,22 @@ async fn usb_device(mut device: embassy_usb::UsbDevice<'static, Usb>) {
 #[embassy_executor::main]
 async fn main(spawner: Spawner) {
     stack::guard();
+    let (mut watchdog, cause) = chip::watchdog();
+    let record = faults::begin(cause);
+    chip::guard_supply();
     let chip = embassy_rp::init(embassy_rp::config::Config::default());
-    let mut watchdog = Watchdog::new(chip.WATCHDOG);
-    let record = faults::begin(reset(&mut watchdog));
-    watchdog.start(WATCHDOG);
+    watchdog.start(chip::TIMEOUT);
     count_cycles();
     static TO_HOST: StaticCell<[u8; 256]> = StaticCell::new();
     static FROM_HOST: StaticCell<[u8; RECEIVER_BYTES]> = StaticCell::new();
-    static FROM_SENSOR: StaticCell<[u8; RECEIVER_BYTES]> = StaticCell::new();
     let mut line = uart::Config::default();
     line.baudrate = BAUD;
     let to_host = TO_HOST.init([0; 256]);
-    let [from_host, from_sensor] =
-        [&FROM_HOST, &FROM_SENSOR].map(|cell| cell.init([0; RECEIVER_BYTES]));
+    let from_host = FROM_HOST.init([0; RECEIVER_BYTES]);
     let host = BufferedUart::new(
         chip.UART0, chip.PIN_0, chip.PIN_1, Interrupts, to_host, from_host, line,
     );
-    let sensor = BufferedUartRx::new(chip.UART1, Interrupts, chip.PIN_5, from_sensor, line);
+    let sensor = sensor::FromSensor::new(chip.UART1, chip.PIN_5, chip.DMA_CH0, line);
     let (transmitter, receiver) = host.split();
     let is_overrun = |error: &uart::Error| matches!(error, uart::Error::Overrun);
     let receiver = Counted::new(receiver, &HOST_ERRORS, is_overrun);
@@ -134,14 +125,21 @@ async fn main(spawner: Spawner) {
     let watchdog = RefCell::new(watchdog);
     let converter = Adc::new_blocking(chip.ADC, adc::Config::default());
     let supply = RefCell::new((converter, adc::Channel::new_pin(chip.PIN_29, Pull::None)));
+    let recorder = RECORDER.init_with(|| Recorder::new(BLOCKS.take()).until(Until::Canopy));
+    let flash = chip::ProgramFlash::new(chip.FLASH);
+    let log = LOG.init_with(|| {
+        let ahead = EraseAhead::PROGRAM_FLASH;
+        FlightLog::new(recorder, flash, chip::LOG, chip::SETUP, ahead)
+    });
     let board = Pico2 {
         watchdog,
         light,
         supply,
+        recorder,
     };
     let unit = Unit::new_in(UNIT.uninit(), board, identity);
     usb_serial::spawn(spawner, usb_device(device));
     let receiver = Preferred(from_usb, receiver);
     let transmitter = Preferred(to_usb, transmitter);
-    run(unit, receiver, transmitter, sensor, NoLog).await;
+    start(unit, receiver, transmitter, sensor, log).await;
 }

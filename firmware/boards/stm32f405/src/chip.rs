@@ -7,7 +7,7 @@ use embassy_stm32::adc::{Adc, SampleTime};
 use embassy_stm32::gpio::{Level, Output, Speed};
 use embassy_stm32::interrupt::{self, InterruptExt, Priority};
 use embassy_stm32::mode::Blocking;
-use embassy_stm32::pac::{FLASH, RCC, RNG};
+use embassy_stm32::pac::{FLASH, RCC, RNG, USART6};
 use embassy_stm32::peripherals::{ADC1, IWDG, PA3, PA15, PB3, PB4, PB5, SPI3};
 use embassy_stm32::spi::{self, Spi, mode::Master};
 use embassy_stm32::time::Hertz;
@@ -111,6 +111,15 @@ pub(crate) fn clocks() -> Config {
     config.rcc.sys = rcc::Sysclk::PLL1_P;
     config.dma_interrupt_priority = Priority::P1;
     config
+}
+
+/// Clock of USART6: half of the processor's (Hz).
+const SENSOR_CLOCK: u32 = 84_000_000;
+
+/// Sets the rate of the sensor's line (baud). The register holds the clock cycles of a bit, since each is sampled 16 times.
+pub(crate) fn set_sensor_rate(baud: u32) {
+    let cycles = (SENSOR_CLOCK + baud / 2) / baud.max(1);
+    USART6.brr().write(|divider| divider.0 = cycles);
 }
 
 /// Enables prefetch and both caches, which make flash with five wait states nearly as fast as with none.

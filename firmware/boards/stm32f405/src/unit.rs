@@ -1,5 +1,5 @@
 //! The unit on an STM32F405: USB serial (PA11, PA12) or USART3 to the host (PB10 out, PB11 in, 460800 baud), USART6
-//! from an inertial sensor (PC7 in, 460800 baud), a log in a memory chip (PB3, PB4, PB5, PA15), half the voltage of the
+//! from an inertial sensor (PC7 in), a log in a memory chip (PB3, PB4, PB5, PA15), half the voltage of the
 //! battery (PA3), a light (PC1), logs by RTT, a crystal of 12 MHz. The chip itself is in `chip.rs`.
 #![no_std]
 #![no_main]
@@ -12,7 +12,7 @@ use bodyflight_cortex_m::{count_cycles, faults, stack};
 use bodyflight_firmware::ports::{Counted, LineErrors, Preferred};
 use bodyflight_firmware::recorder::storage::{EraseAhead, FlightLog};
 use bodyflight_firmware::recorder::{Block, Recorder, Until};
-use bodyflight_firmware::{Board, RECEIVER_BYTES, Unit, run};
+use bodyflight_firmware::{Board, RECEIVER_BYTES, Unit, start};
 use bodyflight_usb_serial as usb_serial;
 use cortex_m::peripheral::DWT;
 // Linked for its logger.
@@ -35,7 +35,7 @@ bind_interrupts!(struct Interrupts {
     OTG_FS => usb::InterruptHandler<USB_OTG_FS>;
 });
 
-/// Rate of both lines (baud).
+/// Rate of the host's line, and of the sensor's until the kind of the sensor is known (baud).
 const BAUD: u32 = 460_800;
 
 /// Buffer for USB reception: a packet for each of its two endpoints, and one for line control.
@@ -67,6 +67,10 @@ impl Board for Stm32f405 {
 
     fn sensor_errors(&self) -> [u32; 2] {
         SENSOR_ERRORS.counted()
+    }
+
+    fn set_sensor_rate(&self, baud: u32) {
+        chip::set_sensor_rate(baud);
     }
 
     fn battery(&self) -> u16 {
@@ -110,24 +114,16 @@ async fn usb_device(mut device: embassy_usb::UsbDevice<'static, Usb>) {
     device.run().await;
 }
 
-/// Starts with the stored configuration, if there is one, and runs. A task of its own, because the stack frame of
-/// `main` holds what each step of the set-up moves.
+/// A task of its own, because the stack frame of `main` holds what each step of the set-up moves.
 #[embassy_executor::task]
 async fn application(
     unit: &'static RefCell<Unit<Stm32f405>>,
     receiver: FromHost,
     transmitter: ToHost,
     sensor: FromSensor,
-    mut log: Option<&'static mut OnBoardLog>,
+    log: Option<&'static mut OnBoardLog>,
 ) {
-    let setup = match &mut log {
-        Some(log) => log.setup().await,
-        None => None,
-    };
-    if let Some(setup) = setup {
-        unit.borrow_mut().resume(&setup);
-    }
-    run(unit, receiver, transmitter, sensor, log).await;
+    start(unit, receiver, transmitter, sensor, log).await;
 }
 
 #[embassy_executor::main]

@@ -1,7 +1,7 @@
 //! A unit that no host ever greeted: power, a sensor's bytes, a receiver's.
 
 use bodyflight_core::estimator::unit_preset::UnitPreset;
-use bodyflight_core::link::Setup;
+use bodyflight_core::link::{SensorKind, Setup};
 use bodyflight_core::xbus::{CoordinateSystem, DataId, MessageId, NumberFormat, PacketWriter};
 
 use super::*;
@@ -192,4 +192,20 @@ fn without_storage_a_request_to_store_says_so() {
         panic!("no answer");
     };
     assert_eq!(state, SetupState::NoStorage);
+}
+
+#[test]
+fn the_line_of_the_sensor_has_the_rate_of_its_kind() {
+    let mut unit = unit();
+    let mut rate_with = |sensor| {
+        let mut setup = setup();
+        setup.configure.sensor = sensor;
+        assert!(unit.resume(&setup));
+        unit.board.rate.take()
+    };
+    // As it is from the start.
+    assert_eq!(rate_with(SensorKind::Xbus), None);
+    assert_eq!(rate_with(SensorKind::Bno08xRvc), Some(115_200));
+    assert_eq!(rate_with(SensorKind::Bno08xRvc), None);
+    assert_eq!(rate_with(SensorKind::Xbus), Some(460_800));
 }

@@ -9,6 +9,8 @@ pub(super) struct Bench {
     pub(super) now: Cell<u64>,
     pub(super) step: u64,
     pub(super) fed: Cell<u32>,
+    /// Rate that was set for the sensor's line since the last look (baud).
+    pub(super) rate: Cell<Option<u32>>,
 }
 
 impl Board for Bench {
@@ -26,6 +28,9 @@ impl Board for Bench {
     }
     fn sensor_errors(&self) -> [u32; 2] {
         [5, 6]
+    }
+    fn set_sensor_rate(&self, baud: u32) {
+        self.rate.set(Some(baud));
     }
     fn feed_watchdog(&self) {
         self.fed.set(self.fed.get() + 1);
