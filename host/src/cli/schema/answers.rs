@@ -49,6 +49,14 @@ const ANSWERS: &[Row] = &[
         "simulate-several",
         answer::<Several<verbs::simulate::Report>>,
     ),
+    (
+        "simulate-what-if",
+        answer::<verbs::simulate::what_if::Report>,
+    ),
+    (
+        "simulate-what-if-several",
+        answer::<Several<verbs::simulate::what_if::Report>>,
+    ),
     ("stream", answer::<stream::report::Report>),
     ("synth", answer::<bodyflight_laboratory::synthesize::Report>),
     ("trim", answer::<verbs::trim::Report>),
