@@ -12,6 +12,7 @@ use bodyflight_replay::joint_change::JointChange;
 use bodyflight_replay::model_file::Effects;
 use bodyflight_replay::subject::Subject;
 use bodyflight_verbs::output::plot::comparison_svg;
+use bodyflight_verbs::simulate::pair_file::PairFile;
 use bodyflight_verbs::simulate::what_if::{self, Change};
 use bodyflight_verbs::simulate::{Report, RunFile, Simulation, simulate};
 
@@ -186,7 +187,7 @@ fn run_what_if(path: &Path, args: &Args, change: &Change, json: bool) -> Result<
     let plot = args.plot.of(path, &args.flights)?;
     args.outputs.check_with([&out], &plot)?;
     let bar = FlightBar::new("simulating", &flight);
-    let mut file = out.as_deref().map(what_if::RunFile::create).transpose()?;
+    let mut file = out.as_deref().map(PairFile::create).transpose()?;
     let simulation = what_if::what_if(
         &flight,
         change,
