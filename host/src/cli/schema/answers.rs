@@ -58,6 +58,10 @@ const ANSWERS: &[Row] = &[
         answer::<Several<verbs::simulate::what_if::Report>>,
     ),
     ("stream", answer::<stream::report::Report>),
+    (
+        "stream-sensor",
+        answer::<bodyflight_unit::sensor_line::SensorReport>,
+    ),
     ("synth", answer::<bodyflight_laboratory::synthesize::Report>),
     ("trim", answer::<verbs::trim::Report>),
     ("tune", answer::<verbs::tune::Report>),
