@@ -13,6 +13,7 @@ pub mod bvh;
 pub mod c3d;
 mod links;
 pub mod mapping;
+mod markers;
 mod mounting;
 mod movella;
 pub mod names;

@@ -186,7 +186,10 @@ fn run_what_if(path: &Path, args: &Args, change: &Change, json: bool) -> Result<
     let plot = args.plot.of(path, &args.flights)?;
     args.outputs.check_with([&out], &plot)?;
     let bar = FlightBar::new("simulating", &flight);
-    let mut file = out.as_deref().map(what_if::RunFile::create).transpose()?;
+    let mut file = out
+        .as_deref()
+        .map(what_if::output::RunFile::create)
+        .transpose()?;
     let simulation = what_if::what_if(
         &flight,
         change,
@@ -202,7 +205,7 @@ fn run_what_if(path: &Path, args: &Args, change: &Change, json: bool) -> Result<
     }
     terminal::note_assumed_subject(&flight);
     let title = || format!("{}: unchanged and changed", path.display());
-    plot.write(|| what_if::svg(&plot.title(title), &simulation))?;
+    plot.write(|| what_if::output::svg(&plot.title(title), &simulation))?;
     let report = simulation.report;
     for note in &report.notes {
         terminal::note(&format!("warning: {note}"));

@@ -1,0 +1,72 @@
+//! The points of a table, and the segments between them.
+
+use std::collections::BTreeMap;
+
+use nalgebra::Vector3;
+
+use crate::table::Table;
+
+/// A point with its three columns.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct Marker {
+    pub(crate) name: String,
+    pub(crate) columns: [usize; 3],
+}
+
+/// A segment between two points, or between midpoints of several, given by their indices.
+#[derive(Debug, Clone)]
+pub(crate) struct Rod {
+    pub(crate) segment: String,
+    pub(crate) ends: [Vec<usize>; 2],
+    /// Whether its length is that of a bone; the trunk is not rigid.
+    pub(crate) rigid: bool,
+    /// Its parent, by its index.
+    pub(crate) parent: Option<usize>,
+    /// The points to its right and left, if it has them.
+    pub(crate) left: Option<[Vec<usize>; 2]>,
+}
+
+/// The points of a table with the segments between them.
+pub(crate) struct Points<'a> {
+    pub(crate) table: &'a mut Table,
+    pub(crate) markers: Vec<Marker>,
+    pub(crate) rods: Vec<Rod>,
+    /// Time of each row (s).
+    pub(crate) times: Vec<f64>,
+    /// Length of one unit (m).
+    pub(crate) unit_m: f64,
+    /// Why a point was dropped in a row.
+    pub(crate) dropped: BTreeMap<[usize; 2], &'static str>,
+}
+
+impl Points<'_> {
+    /// Number of rows.
+    pub(crate) fn rows(&self) -> usize {
+        self.times.len()
+    }
+
+    /// Where a point is in a row (m); `None` if it is missing there.
+    pub(crate) fn at(&self, row: usize, marker: usize) -> Option<Vector3<f64>> {
+        let place = self.markers[marker]
+            .columns
+            .map(|column| self.table.value(row, column));
+        (place.iter().all(|value| value.is_finite())).then(|| Vector3::from(place) * self.unit_m)
+    }
+
+    /// Moves a point in a row (m), or removes it.
+    pub(crate) fn put(&mut self, row: usize, marker: usize, place: Option<Vector3<f64>>) {
+        let place = place.map_or([f64::NAN; 3], |place| (place / self.unit_m).into());
+        for (column, value) in self.markers[marker].columns.into_iter().zip(place) {
+            self.table.set(row, column, value);
+        }
+    }
+
+    /// The middle of an end of a rod (m).
+    pub(crate) fn end(&self, row: usize, markers: &[usize]) -> Option<Vector3<f64>> {
+        let mut sum = Vector3::zeros();
+        for marker in markers {
+            sum += self.at(row, *marker)?;
+        }
+        Some(sum / markers.len() as f64)
+    }
+}
