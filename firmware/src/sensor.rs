@@ -1,11 +1,14 @@
 //! The sensor on the unit's second port: converts its bytes to samples.
 //!
 //! An Xsens MTi at the pelvis provides attitude, angular velocity, specific force and, where it has them, air pressure
-//! and the velocity of its receiver; a BNO08x in its UART-RVC mode attitude and specific force. The posture stays as the
-//! host set it; without one it is assumed. An MTi must be configured beforehand to send MTData2 with packet counter, sample time, orientation, rate
-//! of turn and acceleration; see `docs/unit.md`. `NAV-PVT` solutions (UBX) of a u-blox receiver on the same port provide
-//! velocity for the next sample. On a line with several sensors the first that sends an orientation counts.
+//! and the velocity of its receiver; a BNO08x in its UART-RVC mode attitude and specific force. A sensor that never sends
+//! an orientation is levelled at rest, and then its angular velocity is integrated. The posture stays as the host set it;
+//! without one it is assumed. An MTi must be configured beforehand to send MTData2 with packet counter, sample time,
+//! acceleration and rate of turn, and orientation if it has it; see `docs/unit.md`. `NAV-PVT` solutions (UBX) of a u-blox
+//! receiver on the same port provide velocity for the next sample. On a line with several sensors the first that sends an
+//! orientation counts.
 
+mod level;
 mod reading;
 mod rvc;
 
@@ -16,6 +19,7 @@ use bodyflight_core::ubx;
 use bodyflight_core::xbus::{Decoder, MessageId, SampleClock};
 use nalgebra::{UnitQuaternion, Vector3};
 
+use level::{Attitude, Level};
 use reading::Reading;
 
 /// Rate of the line of a sensor of this kind (baud): an MTi as it is set up for the unit, a BNO08x as it always is.
@@ -35,6 +39,10 @@ const RESTART: u64 = 1_000_000;
 
 /// Ratio of a receiver's vertical to its stated deviation: satellites are above only.
 const VERTICAL_RATIO: f32 = 1.5;
+
+/// Speed of a receiver on somebody who moves (m/s), and the time for which this holds (us).
+const MOVING_SPEED: f32 = 3.0;
+const MOVING: u64 = 3_000_000;
 
 /// Age (us) beyond which a pressure is not attached to a sample.
 const OLDEST_PRESSURE: u64 = 500_000;
@@ -83,6 +91,9 @@ pub struct Sensor {
     pressure: Option<(u32, u64)>,
     /// Address of the sensor in use.
     address: Option<u8>,
+    /// Attitude of a sensor that sends none, and time (us) at which a receiver said last that it moves.
+    level: Level,
+    moved: Option<u64>,
     /// The sensor's counter and our sequence number of the last packet.
     last: Option<(u16, u32)>,
 }
@@ -110,6 +121,8 @@ impl Sensor {
             solutions: 0,
             pressure: None,
             address: None,
+            level: Level::default(),
+            moved: None,
             last: None,
         }
     }
@@ -140,6 +153,8 @@ impl Sensor {
         self.solution = None;
         self.pressure = None;
         self.address = None;
+        self.level = Level::default();
+        self.moved = None;
     }
 
     /// Number of restarts of the sensor, and number of a receiver's solutions; both wrap.
@@ -155,6 +170,7 @@ impl Sensor {
             };
             self.solutions = self.solutions.wrapping_add(1);
             if let Some(velocity) = solution.velocity() {
+                self.see_speed(velocity.norm(), now);
                 self.solution = Some(Solution {
                     velocity,
                     speed: solution.ground_speed_mps,
@@ -185,11 +201,36 @@ impl Sensor {
                 SensorKind::Bno08xRvc => self.rvc.next(input)?,
             };
             self.hold(&reading, now);
-            if let Some(inertial_from_sensor) = reading.inertial_from_sensor {
-                return Some(self.sample(&reading, &inertial_from_sensor, now));
+            if let Some(attitude) = self.attitude(&reading, now) {
+                return Some(self.sample(&reading, &attitude, now));
             }
             self.pass(&reading);
         }
+    }
+
+    /// The attitude at a packet: as the sensor sends it or, if it never does, from angular velocity and specific force.
+    fn attitude(&mut self, reading: &Reading, now: u64) -> Option<Attitude> {
+        if let Some(inertial_from_sensor) = reading.inertial_from_sensor {
+            return Some(Attitude {
+                inertial_from_sensor,
+                turn: reading.angular_velocity,
+                is_measured: true,
+            });
+        }
+        let (Some(turn), Some(force), None) = (
+            reading.angular_velocity,
+            reading.specific_force,
+            self.address,
+        ) else {
+            return None;
+        };
+        // Differences count only, so it may wrap.
+        #[expect(clippy::cast_possible_truncation, reason = "wraps")]
+        let time = reading.fine_time.unwrap_or((now / 100) as u32);
+        let is_moving = self
+            .moved
+            .is_some_and(|moved| now.saturating_sub(moved) < MOVING);
+        Some(self.level.update(time, turn, force, is_moving))
     }
 
     /// Keeps a packet's solution and pressure for the next sample: they may come in packets of their own.
@@ -201,6 +242,7 @@ impl Sensor {
             return;
         };
         self.solutions = self.solutions.wrapping_add(1);
+        self.see_speed(velocity.norm(), now);
         // The sensor gives such a packet the time of the solution, so its age is known; the clock does not advance.
         let age = reading.fine_time.and_then(|fine| self.clock.behind(fine));
         self.solution = Some(Solution {
@@ -210,6 +252,13 @@ impl Sensor {
             arrived: now,
             age: age.unwrap_or(self.latency),
         });
+    }
+
+    /// Notes whether a receiver's speed (m/s) is that of somebody who moves.
+    fn see_speed(&mut self, speed: f32, now: u64) {
+        if speed > MOVING_SPEED {
+            self.moved = Some(now);
+        }
     }
 
     /// Counts a packet without an orientation, which has a number of its own: it is no missing sample.
@@ -245,19 +294,14 @@ impl Sensor {
         }
     }
 
-    fn sample(
-        &mut self,
-        reading: &Reading,
-        inertial_from_sensor: &UnitQuaternion<f32>,
-        now: u64,
-    ) -> Sensed {
+    fn sample(&mut self, reading: &Reading, attitude: &Attitude, now: u64) -> Sensed {
         let header = self.header(reading, now);
         let solution = self.solution.take();
-        let inertial_from_body = inertial_from_sensor * self.body_from_sensor.inverse();
+        let inertial_from_body = attitude.inertial_from_sensor * self.body_from_sensor.inverse();
         let body_axes = |vector| Vector::from_components(self.body_from_sensor * vector);
         let velocity = solution.map(|solution| solution.velocity);
         let motion = Motion {
-            angular_velocity: reading.angular_velocity.map(body_axes),
+            angular_velocity: attitude.turn.map(body_axes),
             velocity: reading.velocity.or(velocity).map(Vector::from_components),
             horizontal_speed: solution.map(|solution| solution.speed),
         };
@@ -274,9 +318,10 @@ impl Sensor {
             readings.receiver_deviation = [solution.deviation, VERTICAL_RATIO * solution.deviation];
             readings.receiver_age = solution.age + waited as f32 * 1e-6;
         }
-        let attitude = Rotation::from_quaternion(inertial_from_body);
+        let inertial_from_body = Rotation::from_quaternion(inertial_from_body);
         let posture = self.posture.unwrap_or_else(Posture::h_pose);
-        let mut sample = Sample::new(&posture, &attitude, &motion);
+        let mut sample = Sample::new(&posture, &inertial_from_body, &motion);
+        sample.valid.set(Validity::ATTITUDE, attitude.is_measured);
         sample.valid.set(Validity::POSTURE, self.posture.is_some());
         Sensed {
             header,

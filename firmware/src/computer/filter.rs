@@ -6,6 +6,7 @@ use bodyflight_core::estimator::measurement::Measurement;
 use bodyflight_core::estimator::motion::ReducedMotionFilter;
 use bodyflight_core::estimator::motion::estimate::MotionEstimate;
 use bodyflight_core::estimator::motion::measurement::{MotionMeasurement, SensorMeasurement};
+use bodyflight_core::estimator::motion::sensors::Gyroscope;
 use bodyflight_core::estimator::motion::settings::MotionPreset;
 use bodyflight_core::estimator::motion::state::MUSCLE;
 use bodyflight_core::estimator::motion::support::Situation;
@@ -16,6 +17,9 @@ use bodyflight_core::estimator::unit_preset::UnitPreset;
 use bodyflight_core::estimator::unscented::SettingsError;
 use bodyflight_core::estimator::{ReducedFilter, input_coefficients};
 use bodyflight_core::link::{self, EstimateFlags, PackedQuaternion, Sample, Sensors, Validity};
+
+/// Standard deviation of a gyroscope on the body, vibration included (rad/s).
+const GYROSCOPE_DEVIATION: f32 = 0.02;
 
 /// Either of the two filters.
 #[derive(Debug)]
@@ -176,12 +180,13 @@ fn measurement_of(sample: &Sample, motion: &Motion<f32>) -> Measurement<f32> {
 fn sensor_measurement_of(sample: &Sample, sensors: Option<&Sensors>) -> SensorMeasurement<f32> {
     let measured = sample.motion();
     let receiver = sensors.and_then(Sensors::receiver);
+    let has_attitude = sample.valid.contains(Validity::ATTITUDE);
+    // A sensor without an attitude does not correct its gyroscope for the bias.
+    let is_raw = !has_attitude && sensors.is_some();
+    let raw = measured.angular_velocity.filter(|_| is_raw);
     let motion = MotionMeasurement {
-        inertial_from_body: sample
-            .valid
-            .contains(Validity::ATTITUDE)
-            .then(|| sample.inertial_from_body()),
-        angular_velocity: measured.angular_velocity,
+        inertial_from_body: has_attitude.then(|| sample.inertial_from_body()),
+        angular_velocity: measured.angular_velocity.filter(|_| !is_raw),
         // With its accuracy and age the same velocity is worth more, and must not count twice.
         velocity: measured.velocity.filter(|_| receiver.is_none()),
         horizontal_speed: measured.horizontal_speed.filter(|_| receiver.is_none()),
@@ -189,6 +194,10 @@ fn sensor_measurement_of(sample: &Sample, sensors: Option<&Sensors>) -> SensorMe
     SensorMeasurement {
         receiver,
         barometer: sensors.and_then(Sensors::barometer),
+        gyroscope: raw.map(|angular_velocity| Gyroscope {
+            angular_velocity,
+            deviation: GYROSCOPE_DEVIATION,
+        }),
         specific_force: sensors.and_then(Sensors::specific_force),
         ..motion.into()
     }

@@ -3,6 +3,7 @@
 mod alone;
 mod bench;
 mod credit;
+mod raw;
 
 use core::cell::Cell;
 use std::vec::Vec;

@@ -6,7 +6,7 @@ use bodyflight_core::xbus::{CoordinateSystem, DataId, MessageId, NumberFormat, P
 
 use super::*;
 
-fn setup() -> Setup {
+pub(super) fn setup() -> Setup {
     let configure = configure();
     let muscles = *UnitPreset::of(0).unwrap().muscles();
     let preset = UnitPreset::number("auto", &muscles).unwrap();
@@ -41,7 +41,7 @@ fn packet(counter: u16, ticks: u32, sample: &Sample) -> Vec<u8> {
 }
 
 /// A solution of a receiver with this velocity (north, west, up).
-fn solution([north, west, up]: [f32; 3]) -> Vec<u8> {
+pub(super) fn solution([north, west, up]: [f32; 3]) -> Vec<u8> {
     let mut payload = [0; 92];
     let mut put = |at: usize, metres: f32| {
         #[expect(

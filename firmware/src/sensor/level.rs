@@ -1,0 +1,240 @@
+//! Attitude of a sensor that measures angular velocity and specific force only.
+//!
+//! While the sensor lies or stands still, its specific force points up, and what its gyroscope reads is its bias. From
+//! then on the angular velocity is integrated. The attitude is never corrected towards the specific force in flight, which
+//! points along the force of the air there and not up. The heading is relative: it is zero where the sensor was level first.
+
+use bodyflight_core::math::{normalized, small_rotation};
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+
+/// Standard gravity (m/s2), and the most by which an accelerometer at rest may differ from it.
+const GRAVITY: f32 = 9.806_65;
+const GRAVITY_ERROR: f32 = 0.5;
+
+/// Largest bias of a gyroscope (rad/s).
+const LARGEST_BIAS: f32 = 0.1;
+
+/// Largest change of angular velocity (rad/s) and specific force (m/s2) of a sensor that is still. Nobody is in the air.
+const STILL_TURN: f32 = 0.03;
+const STILL_FORCE: f32 = 0.3;
+
+/// How long a sensor must be still (s).
+const STILL: f32 = 1.0;
+
+/// Error of the bias (rad/s) and of the scale of a gyroscope, and the attitude error (rad) beyond which the integrated
+/// attitude is no measurement any more.
+const DRIFT: f32 = 0.002;
+const SCALE: f32 = 0.01;
+const TRUSTED: f32 = 0.06;
+
+/// Longest time without a measurement over which the attitude is kept (s).
+const LONGEST_GAP: f32 = 0.25;
+
+/// Means over the time for which the sensor was still.
+#[derive(Debug, Clone, Copy)]
+struct Rest {
+    turn: Vector3<f32>,
+    force: Vector3<f32>,
+    count: f32,
+    time: f32,
+}
+
+/// The attitude after a measurement.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Attitude {
+    pub(super) inertial_from_sensor: UnitQuaternion<f32>,
+    /// Angular velocity, without the bias if it is known (rad/s, sensor axes).
+    pub(super) turn: Option<Vector3<f32>>,
+    /// Whether it is measured, and not only integrated since it was.
+    pub(super) is_measured: bool,
+}
+
+/// Integrates the attitude.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Level {
+    inertial_from_sensor: UnitQuaternion<f32>,
+    bias: Vector3<f32>,
+    /// Bound of the attitude's error (rad): infinite until the sensor has been still.
+    error: f32,
+    rest: Option<Rest>,
+    /// Time of the last measurement in ticks of 0.1 ms.
+    last: Option<u32>,
+}
+
+impl Default for Level {
+    fn default() -> Self {
+        Self {
+            inertial_from_sensor: UnitQuaternion::identity(),
+            bias: Vector3::zeros(),
+            error: f32::INFINITY,
+            rest: None,
+            last: None,
+        }
+    }
+}
+
+impl Level {
+    /// Takes in angular velocity (rad/s) and specific force (m/s2) at `time`, in ticks of 0.1 ms. A sensor that is known
+    /// to move `is_moving` and never still.
+    pub(super) fn update(
+        &mut self,
+        time: u32,
+        turn: Vector3<f32>,
+        force: Vector3<f32>,
+        is_moving: bool,
+    ) -> Attitude {
+        // Exact: longer gaps than 2^24 ticks are gaps all the same.
+        let elapsed = self
+            .last
+            .map_or(0.0, |last| time.wrapping_sub(last) as f32 * 1e-4);
+        self.last = Some(time);
+        if elapsed > LONGEST_GAP {
+            (self.error, self.rest) = (f32::INFINITY, None);
+        }
+        let rest = self.rest(elapsed, &turn, &force).filter(|_| !is_moving);
+        if let Some(rest) = rest {
+            self.bias = rest.turn;
+            self.error = 0.0;
+            self.inertial_from_sensor = upright(&rest.force, &self.inertial_from_sensor);
+        } else {
+            let turn = (turn - self.bias) * elapsed;
+            self.error += DRIFT * elapsed + SCALE * turn.norm();
+            let step = small_rotation(&turn);
+            self.inertial_from_sensor = normalized((self.inertial_from_sensor * step).into_inner());
+        }
+        Attitude {
+            inertial_from_sensor: self.inertial_from_sensor,
+            turn: Some(turn - self.bias),
+            is_measured: self.error < TRUSTED,
+        }
+    }
+
+    /// The means over the rest so far, if it has been long enough.
+    fn rest(&mut self, elapsed: f32, turn: &Vector3<f32>, force: &Vector3<f32>) -> Option<Rest> {
+        let is_still = |rest: &Rest| {
+            (turn - rest.turn).norm() < STILL_TURN && (force - rest.force).norm() < STILL_FORCE
+        };
+        let is_possible =
+            turn.norm() < LARGEST_BIAS && (force.norm() - GRAVITY).abs() < GRAVITY_ERROR;
+        self.rest = match self.rest.filter(is_still) {
+            _ if !is_possible => None,
+            Some(rest) => {
+                let count = rest.count + 1.0;
+                Some(Rest {
+                    turn: rest.turn + (turn - rest.turn) / count,
+                    force: rest.force + (force - rest.force) / count,
+                    count: count.min(MEMORY),
+                    time: rest.time + elapsed,
+                })
+            }
+            None => Some(Rest {
+                turn: *turn,
+                force: *force,
+                count: 1.0,
+                time: 0.0,
+            }),
+        };
+        self.rest.filter(|rest| rest.time >= STILL)
+    }
+}
+
+/// Number of measurements over which means are taken at most.
+const MEMORY: f32 = 1000.0;
+
+/// The attitude in which `force` points up and the heading is that of `before`.
+fn upright(force: &Vector3<f32>, before: &UnitQuaternion<f32>) -> UnitQuaternion<f32> {
+    let up = before * force.normalize();
+    // The shortest rotation of `up` to the vertical: about a horizontal axis, so it keeps the heading.
+    let cosine = up.z;
+    let axis = up.cross(&Vector3::z());
+    let turn = if cosine > -0.999 {
+        Quaternion::from_parts(1.0 + cosine, axis)
+    } else {
+        Quaternion::new(0.0, 1.0, 0.0, 0.0)
+    };
+    normalized((normalized(turn) * before).into_inner())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Attitude of a sensor after `seconds` of this angular velocity and specific force at 200 Hz from `time` on.
+    fn after(
+        level: &mut Level,
+        time: &mut u32,
+        seconds: u32,
+        turn: [f32; 3],
+        force: [f32; 3],
+    ) -> Attitude {
+        for _ in 1..seconds * 200 {
+            *time = time.wrapping_add(50);
+            level.update(*time, turn.into(), force.into(), false);
+        }
+        *time = time.wrapping_add(50);
+        level.update(*time, turn.into(), force.into(), false)
+    }
+
+    #[test]
+    fn a_still_sensor_is_level_and_its_bias_known() {
+        for force in [
+            [0.0, 0.0, 9.8],
+            [0.0, 9.8, 0.0],
+            [0.0, 0.0, -9.8],
+            [5.6, -5.6, 5.6],
+        ] {
+            let (mut level, mut time) = (Level::default(), u32::MAX - 7_000);
+            let found = after(&mut level, &mut time, 3, [0.02, -0.01, 0.03], force);
+            let up = found.inertial_from_sensor * Vector3::from(force).normalize();
+            assert!((up - Vector3::z()).norm() < 1e-3, "{force:?}: {up}");
+            assert!(found.is_measured && found.turn.unwrap().norm() < 1e-5);
+        }
+    }
+
+    #[test]
+    fn a_turn_in_a_fall_is_integrated_without_the_bias() {
+        let (mut level, mut time) = (Level::default(), 0);
+        let bias = [0.02, -0.01, 0.03];
+        let start = after(&mut level, &mut time, 2, bias, [0.0, 0.0, 9.8]);
+        let turning = [bias[0], bias[1] + 1.0, bias[2]];
+        // The force of the air points forward: it does not count.
+        let end = after(&mut level, &mut time, 2, turning, [7.0, 0.0, 9.0]);
+        let turned = start.inertial_from_sensor.inverse() * end.inertial_from_sensor;
+        assert!(end.is_measured);
+        assert!(
+            (turned.scaled_axis() - Vector3::y() * 2.0).norm() < 0.02,
+            "{turned}"
+        );
+    }
+
+    #[test]
+    fn after_many_turns_an_attitude_is_no_measurement() {
+        let (mut level, mut time) = (Level::default(), 0);
+        let up = [0.0, 0.0, 9.8];
+        after(&mut level, &mut time, 2, [0.0; 3], up);
+        // Four seconds of a turn add 0.01 x 4 rad + 0.002 rad/s x 4 s.
+        let turned = after(&mut level, &mut time, 4, [0.0, 0.0, 1.0], up);
+        assert!(turned.is_measured);
+        let turned = after(&mut level, &mut time, 2, [0.0, 0.0, 1.0], up);
+        assert!(!turned.is_measured);
+        let slow = |level: &mut Level, is_moving| {
+            (0..400_u32).find(|k| {
+                let found = level.update(time + k * 50, [0.0; 3].into(), up.into(), is_moving);
+                found.is_measured
+            })
+        };
+        assert_eq!(slow(&mut level.clone(), true), None);
+        assert!(slow(&mut level, false).is_some());
+    }
+
+    #[test]
+    fn what_was_never_still_or_was_interrupted_has_no_attitude() {
+        let (mut level, mut time) = (Level::default(), 0);
+        let up = [0.0, 0.0, 9.8];
+        assert!(!after(&mut level, &mut time, 2, [0.5, 0.0, 0.0], up).is_measured);
+        assert!(!after(&mut level, &mut time, 2, [0.0; 3], [0.0, 0.0, 5.0]).is_measured);
+        assert!(after(&mut level, &mut time, 2, [0.0; 3], up).is_measured);
+        time += 3_000;
+        assert!(!after(&mut level, &mut time, 1, [0.5; 3], [0.0, 0.0, 5.0]).is_measured);
+    }
+}
