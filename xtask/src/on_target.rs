@@ -45,7 +45,8 @@ pub(crate) fn on_target() -> Result<()> {
     let image = image::build_board(M33.board, "on-target")?;
     image::check(&image, "on-target-m33")?;
     judge(&budgets, &M33, &image)?;
-    overflow()
+    overflow()?;
+    logging()
 }
 
 fn judge(budgets: &Budgets, machine: &Machine, image: &Path) -> Result<()> {
@@ -62,6 +63,27 @@ fn overflow() -> Result<()> {
     say(&format!("overflow: cause, kind and sample {told:?}"));
     if told.map(|value| value.map(String::as_str)) != [Some("1"), Some("3"), Some("4711")] {
         return Err("the stack overflow was not reported as one".into());
+    }
+    Ok(())
+}
+
+/// A panic within the logger, which panics again when the first is logged, must be reported once and as the first.
+fn logging() -> Result<()> {
+    let image = image::build_board(M33.board, "logging")?;
+    let found = run_image(&M33, &image)?;
+    let told = [
+        "reset_cause",
+        "fault_kind",
+        "fault_sequence",
+        "fault_resets",
+    ];
+    let told = told.map(|name| found.get(name).map(String::as_str));
+    let place = found.get("fault_place").map_or("", String::as_str);
+    say(&format!(
+        "panic while logging: cause, kind, sample and resets {told:?} at {place}"
+    ));
+    if told != [Some("1"), Some("1"), Some("4712"), Some("1")] || !place.contains("logging.rs:") {
+        return Err("the panic within the logger was not reported as one".into());
     }
     Ok(())
 }

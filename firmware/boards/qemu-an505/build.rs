@@ -4,5 +4,7 @@ fn main() {
     println!("cargo::rerun-if-changed=memory.x");
     println!("cargo::rustc-link-arg-bins=-Tlink.x");
     println!("cargo::rustc-link-arg-bins=--nmagic");
-    println!("cargo::rustc-link-arg-bin=overflow=-Tdefmt.x");
+    for image in ["overflow", "logging"] {
+        println!("cargo::rustc-link-arg-bin={image}=-Tdefmt.x");
+    }
 }
