@@ -13,7 +13,7 @@
 //! square to the expected square is 1 if the noise is as large as assumed.
 
 use bodyflight_core::estimator::motion::measurement::Row;
-use bodyflight_core::estimator::motion::settings::Process;
+use bodyflight_core::estimator::motion::process::Process;
 use bodyflight_core::estimator::motion::state::{
     Covariance, Difference, INPUT_STATES, MOTION_STATES, RESIDUAL_FORCE, STATES,
 };

@@ -16,8 +16,9 @@ use bodyflight_core::estimator::motion::measurement::{
     CHANNELS, MotionMeasurement, Noise, Prediction,
 };
 use bodyflight_core::estimator::motion::posture_error::load;
+use bodyflight_core::estimator::motion::process::Process;
 use bodyflight_core::estimator::motion::repeats::{BELIEVED, Repeats};
-use bodyflight_core::estimator::motion::settings::{MotionPreset, Process};
+use bodyflight_core::estimator::motion::settings::MotionPreset;
 use bodyflight_core::estimator::motion::state::{
     Difference, FlightState, INPUT_STATES, MUSCLE, input_vector,
 };

@@ -5,6 +5,7 @@ pub mod flight;
 pub mod frames;
 pub mod gnss;
 pub mod input_history;
+pub mod joint_change;
 pub mod model_file;
 mod model_run;
 mod motion_history;

@@ -18,6 +18,7 @@ use super::start::{SMOOTHED_OVER, first_motion};
 use crate::Precision;
 use crate::flight::{Flight, Start};
 use crate::frames::Frames;
+use crate::joint_change::{JointChange, changed};
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_mvnx::recording::{FlightFrame, Options};
 
@@ -32,7 +33,7 @@ const PLAUSIBLE_SPEED: f64 = 1e4;
 pub struct Step {
     /// Time since frame 0 (s).
     pub time: f64,
-    /// Recorded posture.
+    /// Posture that the model flies: the recorded one, with the changes of joints if there are any.
     pub posture: Posture<f64>,
     /// Recorded motion of the pelvis.
     pub measured: Motion<f64>,
@@ -66,6 +67,7 @@ pub struct Replay<'a, F> {
 /// The model beside the recording; it does not depend on the source of the frames.
 struct SideBySide<'a> {
     flight: &'a Flight,
+    joints: &'a [JointChange],
     divergence: Divergence,
     start: Step,
     last: Step,
@@ -83,6 +85,26 @@ impl<'a> Replay<'a, Frames> {
     pub fn open(flight: &'a Flight, options: Options, precision: Precision) -> Result<Self> {
         let frames = flight.open(options)?;
         Self::with_dynamics(flight, frames, precision, |height| flight.dynamics(height))
+    }
+
+    /// Like [`Replay::open`], with changes of joints, and with a given initial motion.
+    ///
+    /// # Errors
+    /// Same as [`Replay::open`].
+    pub fn open_changed(
+        flight: &'a Flight,
+        options: Options,
+        precision: Precision,
+        joints: &'a [JointChange],
+        start: &Motion<f64>,
+    ) -> Result<Self> {
+        let mut frames = flight.open(options)?;
+        let mut read = first_frames(flight, &mut frames)?;
+        let first = read.make_contiguous();
+        let dynamics = flight.dynamics(first[0].pelvis.position.up());
+        let side_by_side =
+            SideBySide::new(flight, precision, first, dynamics, joints, Some(start))?;
+        Ok(Self::from(frames, read, side_by_side))
     }
 }
 
@@ -107,30 +129,22 @@ impl<'a, F: Iterator<Item = Result<FlightFrame>>> Replay<'a, F> {
         precision: Precision,
         dynamics: impl FnOnce(f64) -> Dynamics<f64>,
     ) -> Result<Self> {
-        let mut next = || {
-            let frame = frames.next().transpose()?;
-            frame.ok_or_else(|| too_short(&flight.recording))
-        };
-        let (first, second) = (next()?, next()?);
-        let mut read = VecDeque::from([first, second]);
-        if flight.start == Start::Smoothed {
-            let is_enough = |last: &FlightFrame| last.time - first.time >= SMOOTHED_OVER - 1e-6;
-            while !read.back().is_some_and(is_enough) {
-                let Some(frame) = frames.next().transpose()? else {
-                    break;
-                };
-                read.push_back(frame);
-            }
-        }
-        let dynamics = dynamics(first.pelvis.position.up());
-        let side_by_side = SideBySide::new(flight, precision, read.make_contiguous(), dynamics)?;
-        read.drain(..2);
-        Ok(Self {
+        let mut read = first_frames(flight, &mut frames)?;
+        let first = read.make_contiguous();
+        let dynamics = dynamics(first[0].pelvis.position.up());
+        let side_by_side = SideBySide::new(flight, precision, first, dynamics, &[], None)?;
+        Ok(Self::from(frames, read, side_by_side))
+    }
+
+    fn from(frames: F, mut read: VecDeque<FlightFrame>, side_by_side: SideBySide<'a>) -> Self {
+        read.pop_front();
+        let ahead = read.pop_front();
+        Self {
             frames,
             read,
-            ahead: Some(second),
+            ahead,
             side_by_side,
-        })
+        }
     }
 
     /// Sets what happens if the simulation diverges.
@@ -157,12 +171,14 @@ impl<'a, F: Iterator<Item = Result<FlightFrame>>> Replay<'a, F> {
 }
 
 impl<'a> SideBySide<'a> {
-    /// Starts from the first two frames or more.
+    /// Starts from the first two frames or more, with a given motion or that of the recording.
     fn new(
         flight: &'a Flight,
         precision: Precision,
         frames: &[FlightFrame],
         dynamics: Dynamics<f64>,
+        joints: &'a [JointChange],
+        start: Option<&Motion<f64>>,
     ) -> Result<Self> {
         let [first, second, ..] = frames else {
             return Err(too_short(&flight.recording));
@@ -175,10 +191,12 @@ impl<'a> SideBySide<'a> {
         let recorded = Recorded::new(frames, model.dynamics, inputs)
             .map_err(|problem| problem.in_file(&flight.recording))?
             .under(&model.applied);
-        let simulated = first_motion(flight.start, &recorded, 0, flight.equations);
+        let of_recording = || first_motion(flight.start, &recorded, 0, flight.equations);
+        let simulated = start.copied().unwrap_or_else(of_recording);
+        let posture = changed(joints, first.time, &first.posture);
         let start = Step {
             time: first.time,
-            posture: first.posture,
+            posture,
             measured,
             simulated,
             inputs,
@@ -191,13 +209,14 @@ impl<'a> SideBySide<'a> {
         let mut history = MotionHistory::default();
         history.push(first.time, &simulated, LONGEST_DELAY);
         let change = PostureChange {
-            from: &first.posture,
-            to: &second.posture,
+            from: &posture,
+            to: &changed(joints, second.time, &second.posture),
             duration: second.time - first.time,
         };
         let run = ModelRun::new(precision, &model, flight.equations, &simulated, change);
         Ok(Self {
             flight,
+            joints,
             divergence: Divergence::default(),
             start,
             last: start,
@@ -217,20 +236,20 @@ impl<'a> SideBySide<'a> {
             self.run.set_muscles(muscles);
         }
         let since_start = before - self.start.time;
-        self.run
-            .advance(since_start, &inputs, &frame.posture, duration);
+        let posture = changed(self.joints, frame.time, &frame.posture);
+        self.run.advance(since_start, &inputs, &posture, duration);
         // Central difference if there are frames on both sides.
         let last = ahead.unwrap_or(frame);
         let simulated = self.run.motion(PostureChange {
             from: &self.last.posture,
-            to: &last.posture,
+            to: &changed(self.joints, last.time, &last.posture),
             duration: last.time - before,
         });
         let seen = self.seen(&simulated, frame.time)?;
         let measured = motion_of(self.flight, frame)?;
         Ok(Step {
             time: frame.time,
-            posture: frame.posture,
+            posture,
             measured,
             simulated,
             inputs,
@@ -282,6 +301,29 @@ impl<F: Iterator<Item = Result<FlightFrame>>> Iterator for Replay<'_, F> {
         }
         Some(step)
     }
+}
+
+/// The first two frames, or as many as a smoothed start needs.
+fn first_frames(
+    flight: &Flight,
+    frames: &mut impl Iterator<Item = Result<FlightFrame>>,
+) -> Result<VecDeque<FlightFrame>> {
+    let mut next = || {
+        let frame = frames.next().transpose()?;
+        frame.ok_or_else(|| too_short(&flight.recording))
+    };
+    let (first, second) = (next()?, next()?);
+    let mut read = VecDeque::from([first, second]);
+    if flight.start == Start::Smoothed {
+        let is_enough = |last: &FlightFrame| last.time - first.time >= SMOOTHED_OVER - 1e-6;
+        while !read.back().is_some_and(is_enough) {
+            let Some(frame) = frames.next().transpose()? else {
+                break;
+            };
+            read.push_back(frame);
+        }
+    }
+    Ok(read)
 }
 
 /// The error for a recording with fewer than two frames.

@@ -30,8 +30,11 @@ use verdict::{Verdict, combined};
 pub const LENGTHS: [f64; 3] = [0.1, 0.25, 0.5];
 /// Difference of time within which a phase has a length (s).
 const SLACK: f64 = 2e-3;
-/// Relative change of gravity beyond which phases are looked for again, and how often.
-const SETTLED: f64 = 0.05;
+/// Relative change of gravity beyond which phases are looked for again, and how often. Unless it is sure by so many standard
+/// errors, what is found then must have at most this part of the error, or pushes would be taken for falls.
+const SETTLED: f64 = 0.1;
+const SURE: f64 = 3.0;
+const SURER: f64 = 0.5;
 const PASSES: usize = 4;
 
 /// The result for one recording.
@@ -87,21 +90,32 @@ impl Capture {
         // below it would be seen: they are looked for again around what was found.
         let mut around = GRAVITY;
         for _ in 0..PASSES {
-            let falls: Vec<Fall> = capture.parts.iter().map(|part| part.fall).collect();
-            let Some(gravity) = combined(&falls).map(|(mean, _)| mean.norm()) else {
+            let Some((gravity, error)) = capture.gravity() else {
                 break;
             };
-            if (gravity / around - 1.0).abs() < SETTLED {
+            let off = (gravity - around).abs();
+            if off < SETTLED * around {
                 break;
             }
             around = gravity;
             let again = Self::pass(&flight, path, around)?;
-            if again.parts.is_empty() {
+            let most = if off > SURE * error {
+                f64::INFINITY
+            } else {
+                SURER * error
+            };
+            if again.gravity().is_none_or(|(_, error)| error > most) {
                 break;
             }
             capture = again;
         }
         Ok(capture)
+    }
+
+    /// Gravity from all phases (m/s2), and its standard error.
+    fn gravity(&self) -> Option<(f64, f64)> {
+        let falls: Vec<Fall> = self.parts.iter().map(|part| part.fall).collect();
+        combined(&falls).map(|(mean, error)| (mean.norm(), error))
     }
 
     /// Reads the frames, and looks for phases with an acceleration near `gravity` (m/s2).

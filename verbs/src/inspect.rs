@@ -11,15 +11,11 @@ use std::path::Path;
 use bodyflight_core::Body;
 use serde::Serialize;
 
-use crate::import::{RECORDING_FILE, Request, import};
-use crate::validate::bundled;
 use bodyflight_io::diagnostic::Result;
 use bodyflight_io::input::STANDARD_INPUT;
-use bodyflight_mocap::mapping::Mapping;
 use bodyflight_mvnx::closure::Skeleton;
 use bodyflight_mvnx::recording::{self, faults};
 use bodyflight_mvnx::{ArmFrame, Fault, Field, Fields, Frame, ReadOptions, Reader};
-use bodyflight_replay::subject::Subject;
 use flight::FlightReport;
 
 /// Most bad frames and markers listed one by one.
@@ -87,7 +83,7 @@ impl Report {
         faults(&self.flight.as_ref()?.warnings)
     }
 
-    fn judged(mut self, not_a_flight: Option<String>) -> Self {
+    pub(crate) fn judged(mut self, not_a_flight: Option<String>) -> Self {
         let does = self.flight.as_ref().and_then(|flight| flight.activity);
         let body = format!(
             "the body {} for most of the time",
@@ -159,45 +155,6 @@ pub fn inspect(path: &Path, person: Option<&Body<f64>>) -> Result<Report> {
         });
     }
     Ok(report)
-}
-
-/// Imports a file of another system and describes the recording made of it, with what the file shows besides.
-///
-/// # Errors
-/// Returns an error if the file cannot be imported.
-pub fn inspect_imported(
-    file: &Path,
-    mapping: Option<&Mapping>,
-    person: Option<&Subject>,
-) -> Result<Report> {
-    let folder = bundled::temporary()?;
-    let default = Subject::default();
-    let imported = import(
-        &Request {
-            file,
-            mapping,
-            subject: person.unwrap_or(&default),
-            has_subject: person.is_some(),
-            folder: folder.path(),
-        },
-        &mut |_| {},
-    )?;
-    let body = person.map(Subject::body);
-    let mut report = inspect(&folder.path().join(RECORDING_FILE), body.as_ref())?;
-    let own = report
-        .flight
-        .as_ref()
-        .map_or(&[][..], |flight| &flight.warnings);
-    let own: Vec<String> = own.iter().map(ToString::to_string).collect();
-    let faults = imported.faults();
-    let is_said =
-        |note: &String| own.contains(note) || faults.iter().any(|fault| fault.message == *note);
-    let notes = imported.warnings.into_iter();
-    report.notes = notes.filter(|note| !is_said(note)).collect();
-    if let Some(flight) = &mut report.flight {
-        flight.warnings.splice(0..0, faults);
-    }
-    Ok(report.judged(None))
 }
 
 /// Same as [`inspect`], for any input.

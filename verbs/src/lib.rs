@@ -11,6 +11,7 @@ pub mod fmu;
 pub mod hide;
 pub mod import;
 pub mod inspect;
+pub mod inspect_imported;
 pub mod output;
 pub mod poses;
 pub mod reproduce;

@@ -1,6 +1,9 @@
 //! `bodyflight simulate`: compares a free run of the model, from the first frame and with the recorded postures, with
 //! the recorded motion of the pelvis.
 
+pub mod pair_file;
+pub mod what_if;
+
 use std::path::Path;
 use std::time::Instant;
 

@@ -25,6 +25,7 @@ mod held;
 pub mod measurement;
 mod pace;
 pub mod posture_error;
+pub mod process;
 mod publish;
 mod recovery;
 mod rejection;

@@ -2,70 +2,18 @@
 
 use bodyflight_core::link::{
     Configure, Decoder, Estimate, Event as LinkEvent, Header, Hello, HelloAcknowledge, LogAction,
-    LogAsk, MAX_FRAME_LENGTH, Message, SCHEMA_HASH, Sample, SegmentTable, Setup, SetupAction,
-    SetupAsk, SetupState, Start, Status, Stop, StreamMode, Verdict,
+    LogAsk, MAX_FRAME_LENGTH, Message, SCHEMA_HASH, SegmentTable, Setup, SetupAction, SetupAsk,
+    SetupState, Start, Status, Stop, StreamMode, Verdict,
 };
-use bodyflight_core::maneuver::Maneuver;
-use bodyflight_core::sensor_noise::SensorNoise;
-use bodyflight_laboratory::synthesize::{DEFAULT_SWAY, JointError, Request, fly};
-use bodyflight_replay::flight as file;
-use bodyflight_replay::subject::Subject;
 use bodyflight_unit::log::{self, LoggedFlight, Pieces};
 use bodyflight_unit::stream::twin::{Agreement, Twin};
-use bodyflight_unit::stream::{configuration, sample_of};
 
 use crate::Result;
 use crate::chip::{Chip, Cost, Event, Options};
+use crate::flight::Flight;
 
 /// Sample rate (Hz).
 pub const RATE: u64 = 240;
-
-/// A flight as samples, with the configuration that the unit needs.
-#[derive(Debug, Clone)]
-pub struct Flight {
-    configure: Configure,
-    table: SegmentTable,
-    samples: Vec<Sample>,
-}
-
-impl Flight {
-    /// Flies the bundled maneuver of this name with the paper's sensor noise, for a unit that runs `preset`.
-    ///
-    /// # Errors
-    /// Returns an error if there is no such maneuver or preset.
-    pub fn of(maneuver: &str, preset: &str) -> Result<Self> {
-        let maneuver =
-            Maneuver::from_name(maneuver).ok_or_else(|| format!("no maneuver {maneuver}"))?;
-        let subject = Subject::default();
-        let mut flight = file::Flight::bare("flight.mvnx".as_ref());
-        flight.subject = subject.clone();
-        flight.muscles = maneuver.muscles;
-        let request = Request {
-            maneuver,
-            subject: &subject,
-            density: 1.0,
-            seed: 1,
-            noise: SensorNoise::PAPER,
-            sway: DEFAULT_SWAY,
-            tunnel: false,
-            joint_error: JointError::default(),
-        };
-        let mut frames = Vec::new();
-        let mut keep = |frame| {
-            frames.push(frame);
-            Ok(())
-        };
-        let failed = |problem| format!("{problem:?}");
-        fly(&request, &flight.dynamics(4000.0), &mut keep, &mut |_| ()).map_err(failed)?;
-        let first = frames.first().ok_or("the maneuver has no frames")?;
-        let (configure, table) = configuration(&flight, first, preset, 240.0).map_err(failed)?;
-        Ok(Self {
-            configure,
-            table,
-            samples: frames.iter().map(sample_of).collect(),
-        })
-    }
-}
 
 /// Timeouts of the host (us).
 #[derive(Debug, Clone, Copy)]

@@ -4,10 +4,12 @@
 //! configures and flies, and compares every estimate with the desktop's. `cargo xtask f405` runs the tests.
 
 mod chip;
+mod flight;
 mod host;
 mod result;
 pub mod sensed;
 
 pub use chip::{Chip, Cost, Event, Look, Options, Provoked, Watchdog};
-pub use host::{Flight, Host, Limits, RATE};
+pub use flight::Flight;
+pub use host::{Host, Limits, RATE};
 pub use result::Result;

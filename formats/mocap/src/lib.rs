@@ -13,6 +13,7 @@ pub mod bvh;
 pub mod c3d;
 mod links;
 pub mod mapping;
+mod marker_set;
 mod mounting;
 mod movella;
 pub mod names;

@@ -8,8 +8,8 @@ use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
 
+use crate::marker_set::{Points, Rod};
 use crate::slip::{self, Slip};
-use crate::table::Table;
 
 /// Longest time without a point that is bridged (s).
 pub const BRIDGE: f64 = 0.1;
@@ -24,26 +24,6 @@ const STRETCH: f64 = 0.2;
 const LEAST_STRETCH: f64 = 0.03;
 /// If more than this share of the frames is off, the points do not mark a rigid segment.
 const SOFT: f64 = 0.3;
-
-/// A point with its three columns.
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) struct Marker {
-    pub(crate) name: String,
-    pub(crate) columns: [usize; 3],
-}
-
-/// A segment between two points, or between midpoints of several, given by their indices.
-#[derive(Debug, Clone)]
-pub(crate) struct Rod {
-    pub(crate) segment: String,
-    pub(crate) ends: [Vec<usize>; 2],
-    /// Whether its length is that of a bone; the trunk is not rigid.
-    pub(crate) rigid: bool,
-    /// Its parent, by its index.
-    pub(crate) parent: Option<usize>,
-    /// The points to its right and left, if it has them.
-    pub(crate) left: Option<[Vec<usize>; 2]>,
-}
 
 /// A run of frames with the same fault.
 #[derive(Debug, Clone, PartialEq)]
@@ -70,19 +50,6 @@ impl core::fmt::Display for Fault {
     }
 }
 
-/// The points of a table with the segments between them.
-pub(crate) struct Points<'a> {
-    pub(crate) table: &'a mut Table,
-    pub(crate) markers: Vec<Marker>,
-    pub(crate) rods: Vec<Rod>,
-    /// Time of each row (s).
-    pub(crate) times: Vec<f64>,
-    /// Length of one unit (m).
-    pub(crate) unit_m: f64,
-    /// Why a point was dropped in a row.
-    pub(crate) dropped: BTreeMap<[usize; 2], &'static str>,
-}
-
 impl Points<'_> {
     /// Repairs what can be repaired, and returns what was found, and the points that slipped. Points that are lost for
     /// longer are left empty.
@@ -95,31 +62,11 @@ impl Points<'_> {
         (faults, slips)
     }
 
-    pub(crate) fn rows(&self) -> usize {
-        self.times.len()
-    }
-
-    fn at(&self, row: usize, marker: usize) -> Option<Vector3<f64>> {
-        let place = self.markers[marker]
-            .columns
-            .map(|column| self.table.value(row, column));
-        (place.iter().all(|value| value.is_finite())).then(|| Vector3::from(place) * self.unit_m)
-    }
-
     fn put(&mut self, row: usize, marker: usize, place: Option<Vector3<f64>>) {
         let place = place.map_or([f64::NAN; 3], |place| (place / self.unit_m).into());
         for (column, value) in self.markers[marker].columns.into_iter().zip(place) {
             self.table.set(row, column, value);
         }
-    }
-
-    /// The middle of an end of a rod (m).
-    pub(crate) fn end(&self, row: usize, markers: &[usize]) -> Option<Vector3<f64>> {
-        let mut sum = Vector3::zeros();
-        for marker in markers {
-            sum += self.at(row, *marker)?;
-        }
-        Some(sum / markers.len() as f64)
     }
 
     /// The segments that a point belongs to.
@@ -377,6 +324,8 @@ impl Points<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::marker_set::Marker;
+    use crate::table::Table;
 
     const RATE: f64 = 100.0;
 

@@ -7,9 +7,10 @@ use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
 
 use crate::links::{Ends, Link, OFF_UNIT, Turn, links};
 use crate::mapping::Mapping;
+use crate::marker_set::{Marker, Points, Rod};
 use crate::mounting;
 use crate::points::{self, Carried};
-use crate::repair::{Fault, Marker, Points, Rod};
+use crate::repair::Fault;
 use crate::skeleton::SourceFrame;
 use crate::slip::Slip;
 use crate::table::Table;

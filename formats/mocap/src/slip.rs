@@ -10,7 +10,7 @@ use std::collections::BTreeSet;
 
 use nalgebra::Vector3;
 
-use crate::repair::{Points, Rod};
+use crate::marker_set::{Points, Rod};
 use step::{Change, Regression, Series, Step};
 
 /// Smallest change that is a slip: in size (m), in standard errors, and relative to what soft tissue does in the recording.

@@ -6,7 +6,8 @@ use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_mocap::mapping::Mapping;
 use bodyflight_mocap::systems::is_of_another_system;
 use bodyflight_replay::subject::Subject;
-use bodyflight_verbs::inspect::{inspect, inspect_imported};
+use bodyflight_verbs::inspect::inspect;
+use bodyflight_verbs::inspect_imported::inspect_imported;
 
 use super::several::each;
 use super::terminal;

@@ -8,8 +8,12 @@ use bodyflight_mvnx::ArmFrame;
 use bodyflight_mvnx::recording::{BadFrames, Options, faults};
 use bodyflight_replay::Precision;
 use bodyflight_replay::flight::{Flight, Start};
+use bodyflight_replay::joint_change::JointChange;
 use bodyflight_replay::model_file::Effects;
+use bodyflight_replay::subject::Subject;
 use bodyflight_verbs::output::plot::comparison_svg;
+use bodyflight_verbs::simulate::pair_file::PairFile;
+use bodyflight_verbs::simulate::what_if::{self, Change};
 use bodyflight_verbs::simulate::{Report, RunFile, Simulation, simulate};
 
 use super::outputs::{Outputs, Plot};
@@ -19,7 +23,11 @@ use super::terminal::{self, FlightBar};
 /// Simulate a flight from its recorded postures and first frame, and compare it with the measured motion of the pelvis.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  bodyflight simulate flight.toml --out run.csv --plot run.pdf\n  \
+    after_help = "What if: --joint, --subject and --inputs none simulate the flight again with a change, from the same start, and\n\
+                  report the difference to the unchanged simulation. Joints are segments, such as l_shank for the left knee;\n\
+                  their angles are psi, theta and phi about Z, Y and X, and bend for knees (docs/what-if.md).\n\n\
+                  Examples:\n  bodyflight simulate flight.toml --out run.csv --plot run.pdf\n  \
+                  bodyflight simulate flight.toml --joint l_shank.bend=+20@1.0..2.5\n  \
                   bodyflight simulate turn-1 turn-2 --out {}.csv   ({} is the name of the flight)"
 )]
 pub(super) struct Args {
@@ -34,6 +42,19 @@ pub(super) struct Args {
     /// Effects to add to the model: a model.toml.
     #[arg(long, value_name = "TOML")]
     model: Option<PathBuf>,
+    /// What if: change a joint by degrees, in a window of seconds or all the time, or by a column of a CSV file; repeatable.
+    #[arg(
+        long,
+        value_name = "JOINT.ANGLE=DEGREES[@FROM..TO]|FILE:COLUMN",
+        allow_hyphen_values = true
+    )]
+    joint: Vec<String>,
+    /// What if: another person, a subject.toml.
+    #[arg(long, value_name = "TOML")]
+    subject: Option<PathBuf>,
+    /// What if: without the known conscious inputs of the flight.
+    #[arg(long, value_enum)]
+    inputs: Option<InputsName>,
     /// Equations of motion, instead of those in flight.toml.
     #[arg(long, value_enum)]
     equations: Option<EquationsName>,
@@ -90,6 +111,12 @@ impl Reading {
 }
 
 #[derive(clap::ValueEnum, Clone, Copy)]
+enum InputsName {
+    /// No muscle input, and the subject's damping.
+    None,
+}
+
+#[derive(clap::ValueEnum, Clone, Copy)]
 enum StartName {
     /// The first frame alone.
     First,
@@ -123,6 +150,17 @@ impl From<PrecisionName> for Precision {
 }
 
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
+    let change = changes(args)?;
+    if !change.is_none() {
+        return each(&args.flights, json, |path| {
+            let report = run_what_if(path, args, &change, json)?;
+            let verdict = match faults(&report.warnings) {
+                Some(doubt) => Err(Problem::doubt(doubt).in_file(path)),
+                None => Ok(()),
+            };
+            Ok((report, verdict))
+        });
+    }
     each(&args.flights, json, |path| {
         let report = run_flight(path, args, json)?;
         let verdict = match faults(&report.warnings) {
@@ -133,7 +171,57 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     })
 }
 
-fn run_flight(path: &Path, args: &Args, json: bool) -> Result<Report> {
+/// What is to be changed.
+fn changes(args: &Args) -> Result<Change> {
+    let joints = args.joint.iter().map(|text| JointChange::parse(text));
+    Ok(Change {
+        joints: joints.collect::<Result<_>>()?,
+        subject: args.subject.as_deref().map(Subject::read).transpose()?,
+        without_inputs: args.inputs.is_some(),
+    })
+}
+
+fn run_what_if(path: &Path, args: &Args, change: &Change, json: bool) -> Result<what_if::Report> {
+    let flight = flight_of(path, args)?;
+    let out = output_of(args.out.as_ref(), path, &args.flights)?;
+    let plot = args.plot.of(path, &args.flights)?;
+    args.outputs.check_with([&out], &plot)?;
+    let bar = FlightBar::new("simulating", &flight);
+    let mut file = out.as_deref().map(PairFile::create).transpose()?;
+    let simulation = what_if::what_if(
+        &flight,
+        change,
+        args.reading.options(),
+        args.precision.into(),
+        &mut |steps| file.as_mut().map_or(Ok(()), |file| file.write(steps)),
+        &mut |time| bar.at(time),
+    );
+    bar.end();
+    let simulation = simulation?;
+    if let Some(file) = file {
+        file.finish()?;
+    }
+    terminal::note_assumed_subject(&flight);
+    let title = || format!("{}: unchanged and changed", path.display());
+    plot.write(|| what_if::svg(&plot.title(title), &simulation))?;
+    let report = simulation.report;
+    for note in &report.notes {
+        terminal::note(&format!("warning: {note}"));
+    }
+    if !json {
+        terminal::print(&report.to_string());
+        for warning in &report.warnings {
+            terminal::note(&format!("warning: {warning}"));
+        }
+        for path in [&out, &plot.path].into_iter().flatten() {
+            terminal::print(&format!("written: {}", path.display()));
+        }
+    }
+    Ok(report)
+}
+
+/// A flight with the settings of the arguments.
+fn flight_of(path: &Path, args: &Args) -> Result<Flight> {
     let mut flight = Flight::read(path)?;
     match args.equations {
         Some(EquationsName::Exact) => flight.equations = Equations::Exact,
@@ -148,6 +236,11 @@ fn run_flight(path: &Path, args: &Args, json: bool) -> Result<Report> {
         flight.effects = Effects::read(model)?;
         terminal::note_random(&flight.effects);
     }
+    Ok(flight)
+}
+
+fn run_flight(path: &Path, args: &Args, json: bool) -> Result<Report> {
+    let flight = flight_of(path, args)?;
     let out = output_of(args.out.as_ref(), path, &args.flights)?;
     let plot = args.plot.of(path, &args.flights)?;
     args.outputs.check_with([&out], &plot)?;

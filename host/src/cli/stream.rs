@@ -23,6 +23,7 @@ use super::simulate::Reading;
 use super::unit::sensor::SensorArgs;
 use super::watch::Watch;
 use super::{estimate, terminal};
+use sensor::Alone;
 
 /// Stream a flight to a unit, and compare its estimates bit for bit with those of the same filter on this machine.
 #[derive(clap::Args)]
@@ -167,7 +168,17 @@ impl Args {
 
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     if let Some(source) = &args.sensor {
-        return sensor::run(args, source, json);
+        let alone = Alone {
+            flight: args.flight.as_deref().unwrap_or(Path::new("")),
+            preset: &args.preset,
+            sensor: &args.unit_sensor,
+            rate: args.rate.unwrap_or(100.0),
+            source,
+            baud: args.baud,
+            log: args.log.as_deref(),
+            outputs: args.outputs,
+        };
+        return sensor::run(&alone, json);
     }
     if args.unit_sensor.is_given() {
         return Err(Problem::bad_input(

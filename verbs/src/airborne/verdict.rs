@@ -22,6 +22,8 @@ const LEAST_DRIFT: f64 = 20.0;
 const LEAST_DRIFT_NMS: f64 = 6.0;
 /// Lowest frame rate whose differences hold the momentum of limbs (Hz).
 const SLOW: f64 = 50.0;
+/// Most faults that the sentence tells.
+const TOLD: usize = 12;
 /// Distance from the median acceleration, in standard errors, beyond which a phase counts less.
 const FAR: f64 = 3.0;
 
@@ -215,11 +217,15 @@ fn tilted(mean: &Vector3<f64>, tilt: f64, error: f64) -> Fault {
     }
 }
 
+/// The faults in a sentence; of many, the first.
 fn sentence(faults: &[Fault]) -> String {
-    faults
-        .iter()
+    let told: String = (faults.iter().take(TOLD))
         .map(|fault| format!("; {}", fault.message))
-        .collect()
+        .collect();
+    match faults.len().saturating_sub(TOLD) {
+        0 => told,
+        more => format!("{told}; and {more} more"),
+    }
 }
 
 pub(super) fn mounted(mounting: &Mounting) -> Fault {

@@ -9,8 +9,8 @@ use plotters::prelude::*;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_replay::comparison::{Channel, Comparison, Pair};
 pub use lines::{
-    AXES, BORDER, CONSTANT, ESTIMATED, ESTIMATED_PIECES, EXTENDED, FINE, FLOOR, FLOWN, LIMITS,
-    Line, MEASURED, MODEL_PARTS, PLAIN, SIMULATED, WATCHED,
+    AXES, BORDER, CHANGED, CONSTANT, ESTIMATED, ESTIMATED_PIECES, EXTENDED, FINE, FLOOR, FLOWN,
+    LIMITS, Line, MEASURED, MODEL_PARTS, PLAIN, SIMULATED, UNCHANGED, WATCHED,
 };
 use parts::{thinned, unwrapped_parts};
 

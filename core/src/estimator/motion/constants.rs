@@ -7,7 +7,8 @@
 use nalgebra::{SMatrix, SVector, Vector3};
 
 use super::measurement::{RATE_CHANNELS, SensorMeasurement};
-use super::settings::{MotionPreset, Process};
+use super::process::Process;
+use super::settings::MotionPreset;
 use super::state::{Difference, INPUT_STATES, MOTION_STATES, STATES, VELOCITY};
 use super::transition::MotionSlope;
 use crate::estimator::ud::{Seen, Ud};

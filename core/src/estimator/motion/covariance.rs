@@ -6,7 +6,7 @@
 
 use nalgebra::SVector;
 
-use super::settings::Process;
+use super::process::Process;
 use super::state::{
     ATTITUDE, INPUT_STATES, MOTION_STATES, MUSCLE, RESIDUAL_FORCE, SPIN, STATES, VELOCITY,
 };

@@ -6,7 +6,7 @@
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
-use super::settings::Process;
+use super::process::Process;
 use super::state::{
     ATTITUDE, DAMPING, FlightState, INPUT_STATES, MOTION_STATES, MUSCLE, RESIDUAL_FORCE,
     RESIDUAL_MOMENT, SPIN, STATES, VELOCITY, input_vector, inputs_of, motion_difference,

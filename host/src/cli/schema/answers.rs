@@ -49,7 +49,19 @@ const ANSWERS: &[Row] = &[
         "simulate-several",
         answer::<Several<verbs::simulate::Report>>,
     ),
+    (
+        "simulate-what-if",
+        answer::<verbs::simulate::what_if::Report>,
+    ),
+    (
+        "simulate-what-if-several",
+        answer::<Several<verbs::simulate::what_if::Report>>,
+    ),
     ("stream", answer::<stream::report::Report>),
+    (
+        "stream-sensor",
+        answer::<bodyflight_unit::sensor_line::SensorReport>,
+    ),
     ("synth", answer::<bodyflight_laboratory::synthesize::Report>),
     ("trim", answer::<verbs::trim::Report>),
     ("tune", answer::<verbs::tune::Report>),

@@ -7,16 +7,32 @@ use bodyflight_unit::log;
 use bodyflight_unit::monitor::Input;
 use bodyflight_unit::sensor_line::{self, SensorReport};
 
+use super::super::outputs::Outputs;
 use super::super::terminal;
-use super::Args;
+use super::super::unit::sensor::SensorArgs;
 
-pub(super) fn run(args: &Args, source: &str, json: bool) -> Result<()> {
-    let path = args.flight.as_deref().unwrap_or(Path::new(""));
-    let rate = args.rate.unwrap_or(100.0);
-    let setup = args.unit_sensor.setup(path, &args.preset, rate)?;
-    let input = Input::open(source, args.baud)?;
-    if let Some(folder) = &args.log {
-        args.outputs.check_in(folder, &log::FILES)?;
+/// What to run on a sensor's bytes.
+pub(super) struct Alone<'a> {
+    /// A flight.toml or a subject.toml.
+    pub(super) flight: &'a Path,
+    pub(super) preset: &'a str,
+    pub(super) sensor: &'a SensorArgs,
+    /// Sample rate of the sensor (Hz).
+    pub(super) rate: f64,
+    /// A file, a port at `baud`, or - for standard input.
+    pub(super) source: &'a str,
+    pub(super) baud: u32,
+    /// Folder for what a log would hold.
+    pub(super) log: Option<&'a Path>,
+    pub(super) outputs: Outputs,
+}
+
+pub(super) fn run(alone: &Alone<'_>, json: bool) -> Result<()> {
+    let setup = alone.sensor.setup(alone.flight, alone.preset, alone.rate)?;
+    let source = alone.source;
+    let input = Input::open(source, alone.baud)?;
+    if let Some(folder) = alone.log {
+        alone.outputs.check_in(folder, &log::FILES)?;
     }
     let spinner = terminal::spinner("samples");
     let found = sensor_line::run(&setup, &input, |samples| {
@@ -24,7 +40,7 @@ pub(super) fn run(args: &Args, source: &str, json: bool) -> Result<()> {
     });
     spinner.finish_and_clear();
     let (flight, mut report) = found.map_err(|problem| problem.in_file(Path::new(source)))?;
-    if let Some(folder) = &args.log {
+    if let Some(folder) = alone.log {
         report.written = Some(log::write(&flight, None, folder)?);
     }
     if json {

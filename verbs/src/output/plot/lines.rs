@@ -34,6 +34,16 @@ pub const SIMULATED: Line = Line {
     colour: RGBColor(0x9c, 0x2f, 0x00),
     width: 1,
 };
+/// A simulation without a change that is asked about, and with it.
+pub const UNCHANGED: Line = Line {
+    label: "unchanged",
+    ..MEASURED
+};
+/// See [`UNCHANGED`].
+pub const CHANGED: Line = Line {
+    label: "changed",
+    ..SIMULATED
+};
 /// Reconstruction with estimated inputs.
 pub const ESTIMATED: Line = Line {
     label: "with estimated inputs",
