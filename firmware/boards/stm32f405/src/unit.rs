@@ -126,6 +126,27 @@ async fn application(
     start(unit, receiver, transmitter, sensor, log).await;
 }
 
+fn is_overrun(error: &usart::Error) -> bool {
+    matches!(error, usart::Error::Overrun)
+}
+
+/// The sensor: one on SPI, if there is one, rather than one on the line.
+fn from_sensor(line: RingBufferedUartRx<'static>, imu: Option<chip::Imu>) -> FromSensor {
+    match imu {
+        Some(imu) => Either::First(Counted::new(imu, &SENSOR_ERRORS, |_| false)),
+        None => Either::Second(Counted::new(line, &SENSOR_ERRORS, is_overrun)),
+    }
+}
+
+/// The recorder, and the log in the memory chip.
+fn on_board_log(flash: chip::Flash) -> (&'static Recorder, &'static mut OnBoardLog) {
+    let recorder = RECORDER.init_with(|| Recorder::new(BLOCKS.take()).until(Until::Canopy));
+    let [part, setup] = [flash.log(), flash.setup()];
+    let ahead = EraseAhead::OWN_CHIP;
+    let log = LOG.init_with(|| FlightLog::new(recorder, flash, part, setup, ahead));
+    (recorder, log)
+}
+
 #[embassy_executor::main]
 async fn main(spawner: Spawner) {
     let watchdog = chip::watchdog();
@@ -172,26 +193,14 @@ async fn main(spawner: Spawner) {
         select: board.PA15,
     };
     let flash = chip::flash(board.SPI3, pins).await;
-    let log = flash.map(|flash| {
-        let recorder = RECORDER.init_with(|| Recorder::new(BLOCKS.take()).until(Until::Canopy));
-        let [part, setup] = [flash.log(), flash.setup()];
-        let log =
-            LOG.init_with(|| FlightLog::new(recorder, flash, part, setup, EraseAhead::OWN_CHIP));
-        (&*recorder, log)
-    });
-    let (recorder, log) = log.unzip();
-    let is_overrun = |error: &usart::Error| matches!(error, usart::Error::Overrun);
+    let (recorder, log) = flash.map(on_board_log).unzip();
     let pins = chip::ImuPins {
         clock: board.PB13,
         to_chip: board.PB15,
         from_chip: board.PB14,
         select: board.PB9,
     };
-    // A sensor on SPI is used rather than one on a line.
-    let sensor = match chip::imu(board.SPI2, pins).await {
-        Some(imu) => Either::First(Counted::new(imu, &SENSOR_ERRORS, |_| false)),
-        None => Either::Second(Counted::new(sensor, &SENSOR_ERRORS, is_overrun)),
-    };
+    let sensor = from_sensor(sensor, chip::imu(board.SPI2, pins).await);
     let chance = chip::random().unwrap_or_else(DWT::cycle_count);
     let identity = record.identity(faults::build(), chance);
     let board = Stm32f405 {
