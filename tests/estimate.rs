@@ -230,9 +230,21 @@ fn the_whole_flight_distinguishes_joints_from_muscle_input() {
 fn presets_are_listed_and_read_from_files() {
     let listed = json(&["estimate", "--presets"]);
     assert_eq!(listed[0]["name"], "auto");
-    assert_eq!(listed[1]["name"], "tracking");
+    assert_eq!(listed[1]["name"], "sigma-points");
+    assert_eq!(listed[2]["name"], "tracking");
     let folder = tempfile::tempdir().expect("a folder");
     let flight = synth("layouts", folder.path(), &[]);
+    // The same filter with other derivatives: nearly the same estimate.
+    let nis = |preset: &str| {
+        let report = json(&["estimate", &flight, "--preset", preset]);
+        report["nis_mean"].as_f64().expect("a number")
+    };
+    let [differences, points] = ["auto", "sigma-points"].map(nis);
+    assert!(
+        (points / differences - 1.0).abs() < 0.1,
+        "{points} {differences}"
+    );
+    assert!(points != differences, "the preset does nothing");
     let preset = folder.path().join("preset.toml");
     std::fs::write(&preset, "joint_error_deg = 0.5\n").expect("written");
     let preset = preset.to_str().expect("plain");

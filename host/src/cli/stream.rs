@@ -36,7 +36,7 @@ use sensor::Alone;
                   bodyflight stream flight.toml --qemu --drop 0.05 --corrupt 0.05 --reorder 0.02\n  \
                   bodyflight stream flight.toml --virtual --view --open\n  \
                   bodyflight stream --mvn :9763 --port /dev/ttyACM0 --out jump.mvnx\n  \
-                  bodyflight stream me.toml --sensor imu.bin --rate 100 --log jump"
+                  bodyflight stream subject.toml --sensor /dev/ttyUSB0 --baud 115200 --rate 100 --log jump"
 )]
 pub(super) struct Args {
     /// A flight.toml, or an MVNX file on its own; with --mvn or --sensor, a flight.toml for the subject and the air, or
