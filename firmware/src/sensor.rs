@@ -92,6 +92,8 @@ pub struct Sensor {
     pressure: Option<(u32, u64)>,
     /// Address of the sensor in use.
     address: Option<u8>,
+    /// Address of the first sensor that sent rates and forces but no orientation.
+    raw_address: Option<u8>,
     /// Attitude of a sensor that sends none, and time (us) at which a receiver said last that it moves.
     level: Level,
     moved: Option<u64>,
@@ -122,6 +124,7 @@ impl Sensor {
             solutions: 0,
             pressure: None,
             address: None,
+            raw_address: None,
             level: Level::default(),
             moved: None,
             last: None,
@@ -154,6 +157,7 @@ impl Sensor {
         self.solution = None;
         self.pressure = None;
         self.address = None;
+        self.raw_address = None;
         self.level = Level::default();
         self.moved = None;
     }
@@ -196,6 +200,10 @@ impl Sensor {
                     let reading = Reading::of(&packet);
                     if reading.inertial_from_sensor.is_some() {
                         self.address = Some(packet.bus_id);
+                    } else if reading.is_raw()
+                        && *self.raw_address.get_or_insert(packet.bus_id) != packet.bus_id
+                    {
+                        continue;
                     }
                     reading
                 }

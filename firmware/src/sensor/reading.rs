@@ -57,6 +57,13 @@ fn from_rows(rows: &[f32; 9]) -> Option<UnitQuaternion<f32>> {
 }
 
 impl Reading {
+    /// Whether it has rates and forces but no orientation.
+    pub(super) fn is_raw(&self) -> bool {
+        self.inertial_from_sensor.is_none()
+            && self.angular_velocity.is_some()
+            && self.specific_force.is_some()
+    }
+
     /// Decodes the items of an Xbus packet.
     pub(super) fn of(packet: &Packet<'_>) -> Self {
         let mut reading = Self::default();

@@ -212,12 +212,11 @@ fn a_restart_of_the_sensor_loses_nothing_but_the_packets_until_it_is_seen() {
     assert_eq!(sensor.counts()[0], 1);
 }
 
-#[test]
-fn of_several_sensors_on_a_line_the_first_counts() {
+/// Numbers of the samples from three sensors on one line that send these items in turn.
+fn numbers_from_three(items: &[(DataId, &[f32])]) -> Vec<u32> {
     let mut sensor = Sensor::new();
-    let items: [(DataId, &[f32]); 1] = [(ATTITUDE, &[1.0, 0.0, 0.0, 0.0])];
     let of = |address: u8, counter| {
-        let mut bytes = raw_packet(counter, 0, &items);
+        let mut bytes = raw_packet(counter, 0, items);
         let last = bytes.len() - 1;
         bytes[last] = bytes[last].wrapping_sub(address.wrapping_sub(bytes[1]));
         bytes[1] = address;
@@ -229,7 +228,18 @@ fn of_several_sensors_on_a_line_the_first_counts() {
     while let Some(sensed) = sensor.next(&mut input, 0) {
         numbers.push(sensed.header.sequence);
     }
-    assert_eq!(numbers, [0, 1]);
+    numbers
+}
+
+#[test]
+fn of_several_sensors_on_a_line_the_first_counts() {
+    let oriented = numbers_from_three(&[(ATTITUDE, &[1.0, 0.0, 0.0, 0.0])]);
+    assert_eq!(oriented, [0, 1]);
+    let raw = numbers_from_three(&[
+        (DataId::RATE_OF_TURN, &[0.0; 3]),
+        (DataId::ACCELERATION, &[0.0, 0.0, 9.8]),
+    ]);
+    assert_eq!(raw, [0, 1]);
 }
 
 /// An MTi counts its packets of solutions too; they are no missing samples.
