@@ -17,6 +17,8 @@ const CLOCK: &str = "28";
 fn flying(options: &Options, samples: u32) -> Host {
     let flight = Flight::of("tracking", "auto").unwrap();
     let mut host = Host::power(options, &flight).unwrap();
+    // The unit first looks for the end of its log.
+    host.listen(500_000).unwrap();
     host.connect(StreamMode::Paced).unwrap();
     host.fly(samples).unwrap();
     assert_eq!(host.resets.len(), 1, "restarted: {:?}", host.resets);
