@@ -1,8 +1,8 @@
 //! Markers that slip along the skin and stay there.
 //!
 //! The distance between two points of one segment depends a little on the posture, since skin and muscles move. A marker
-//! that slips changes it for the rest of the recording. [`step`] finds such changes in one distance; here they are found in
-//! all of them, and assigned to the marker that explains most.
+//! that slips changes it for the rest of the recording. The module `step` finds such changes in one distance; here they
+//! are found in all of them, and assigned to the marker that explains most.
 
 mod step;
 
