@@ -2,6 +2,7 @@
 //! accelerometer without a suit, on the ground, in an aircraft, and in a fall. The flights are the same model's; noise,
 //! wind, biases and drag are not those that the filter assumes.
 
+use bodyflight_core::air::STANDARD_GRAVITY;
 use bodyflight_core::body::anthropometry::{Person, Sex};
 use bodyflight_core::body::pattern;
 use bodyflight_core::dynamics::muscle_input::BACK_TRACKING;
@@ -23,7 +24,6 @@ use bodyflight_core::{Posture, Real};
 use bodyflight_tests::estimator_flights::Noise;
 use nalgebra::Vector3;
 
-const GRAVITY: f64 = 9.806_65;
 /// Sample rate (Hz).
 const RATE: f64 = 100.0;
 /// Place of the sensor on the chest (m).
@@ -80,7 +80,7 @@ fn sensed(motion: &Motion<f64>, before: &Motion<f64>, noise: &mut Noise) -> Sens
         Vector::<_, Body>::from_components(ARM.into()),
     );
     let change = motion.velocity_inertial() - before.velocity_inertial();
-    let force = change * RATE + Vector::new(0.0, 0.0, GRAVITY);
+    let force = change * RATE + Vector::new(0.0, 0.0, STANDARD_GRAVITY);
     let turn = (spin - before.angular_velocity) * RATE;
     let force = motion.inertial_from_body.inverse() * force
         + turn.cross(&arm)

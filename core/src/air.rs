@@ -6,6 +6,9 @@ use crate::math::{Real, clamp};
 /// Gravitational acceleration used throughout (m/s2), as in the reference numbers.
 pub const GRAVITY: f64 = 9.81;
 
+/// Standard gravity (m/s2): the unit in which accelerometers state a load.
+pub const STANDARD_GRAVITY: f64 = 9.806_65;
+
 /// Density of the air.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Density<T> {

@@ -18,6 +18,8 @@
 
 use nalgebra::Vector3;
 
+use crate::math::Real;
+
 /// Bytes at the start of a frame.
 const SYNC: [u8; 2] = [0xb5, 0x62];
 
@@ -33,6 +35,9 @@ const LONGEST: usize = 92;
 /// Bytes of a frame before its payload, and after it.
 const HEADER: usize = 6;
 const TRAILER: usize = 2;
+
+/// Length of a frame with the longest payload (bytes).
+pub const FRAME_LENGTH: usize = HEADER + LONGEST + TRAILER;
 
 /// Bytes kept of the line: at least the longest frame, and a power of two.
 const KEPT: usize = 128;
@@ -71,6 +76,42 @@ impl NavPvt {
         (self.is_valid && THREE_DIMENSIONS.contains(&self.fix)).then_some(self.velocity_mps)
     }
 
+    /// Returns the frame that a receiver sends of this solution, with the longer payload. Lengths and speeds are rounded
+    /// to millimetres; what this crate does not read is zero.
+    pub fn encode(&self) -> [u8; FRAME_LENGTH] {
+        let [north, west, up] = self.velocity_mps.into();
+        let mut frame = [0; FRAME_LENGTH];
+        let [low, high, ..] = LONGEST.to_le_bytes();
+        let header = [SYNC[0], SYNC[1], NAV_PVT[0], NAV_PVT[1], low, high];
+        let mut put = |at: usize, bytes: &[u8]| {
+            let places = frame.iter_mut().skip(at);
+            places.zip(bytes).for_each(|(place, byte)| *place = *byte);
+        };
+        put(0, &header);
+        put(HEADER, &self.time_of_week_ms.to_le_bytes());
+        put(HEADER + 20, &[self.fix, u8::from(self.is_valid)]);
+        for (at, metres) in [
+            (32, self.height_m),
+            (36, self.height_msl_m),
+            (44, self.vertical_accuracy_m),
+            (48, north),
+            (52, -west),
+            (56, -up),
+            (60, self.ground_speed_mps),
+            (68, self.speed_accuracy_mps),
+        ] {
+            #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+            let millimetres = (metres * 1e3).nearest() as i32;
+            put(HEADER + at, &millimetres.to_le_bytes());
+        }
+        let covered = frame.get(SYNC.len()..FRAME_LENGTH - TRAILER);
+        let sums = checksums(covered.unwrap_or_default().iter().copied());
+        if let Some(trailer) = frame.last_chunk_mut() {
+            *trailer = sums;
+        }
+        frame
+    }
+
     fn of(payload: &[u8]) -> Option<Self> {
         let word = |at: usize| {
             let bytes = payload.get(at..)?.first_chunk::<4>()?;
@@ -91,6 +132,14 @@ impl NavPvt {
             vertical_accuracy_m: word(44)?.cast_unsigned() as f32 / 1e3,
         })
     }
+}
+
+/// Both checksums of a frame over everything between its start and them.
+fn checksums(covered: impl Iterator<Item = u8>) -> [u8; TRAILER] {
+    covered.fold([0; TRAILER], |[a, b], byte| {
+        let a = a.wrapping_add(byte);
+        [a, b.wrapping_add(a)]
+    })
 }
 
 /// Counters of a decoder since its creation. All of them wrap.
@@ -166,12 +215,9 @@ impl Decoder {
         if self.length < total || !starts {
             return None;
         }
-        let [mut a, mut b] = [0_u8; 2];
-        for back in (TRAILER + 1..=total - SYNC.len()).rev() {
-            a = a.wrapping_add(self.before(back));
-            b = b.wrapping_add(a);
-        }
-        if [self.before(2), self.before(1)] != [a, b] {
+        let covered = (TRAILER + 1..=total - SYNC.len()).rev();
+        let sums = checksums(covered.map(|back| self.before(back)));
+        if [self.before(2), self.before(1)] != sums {
             self.counters.bad_checksum = self.counters.bad_checksum.wrapping_add(1);
             return None;
         }

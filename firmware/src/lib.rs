@@ -22,6 +22,10 @@ mod run;
 pub mod sensor;
 #[cfg(test)]
 mod test_flight;
+#[cfg(test)]
+mod test_line;
+#[cfg(test)]
+mod test_spi;
 pub mod unit;
 
 pub use board::{Board, Identity, RECEIVER_BYTES, millivolts};

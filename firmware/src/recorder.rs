@@ -23,13 +23,11 @@ use bodyflight_core::link::{
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
 
+use crate::sensor::STANDARD_GRAVITY;
 pub use phase::{Phase, Watch};
 
 /// Longest time that a block covers (us). This much may be lost with the power, in addition to the block being written.
 const LONGEST_BLOCK: u64 = 250_000;
-
-/// Standard gravity (m/s2).
-const STANDARD_GRAVITY: f32 = 9.806_65;
 
 /// Number of blocks that hold the configuration, which is 18 messages.
 const PREAMBLE: usize = 3;

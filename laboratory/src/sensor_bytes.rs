@@ -4,7 +4,9 @@
 //! receiver sends UBX `NAV-PVT`. Acceleration and the receiver's velocity follow from the positions by differences, so
 //! they must be those of a simulator; attitude and rate of turn are the recorded ones, with their noise.
 
+use bodyflight_core::air::STANDARD_GRAVITY;
 use bodyflight_core::frame::{Inertial, Vector};
+use bodyflight_core::ubx::NavPvt;
 use bodyflight_core::xbus::{CoordinateSystem, DataId, MessageId, NumberFormat, PacketWriter};
 use bodyflight_mvnx::recording::FlightFrame;
 use nalgebra::Vector3;
@@ -12,8 +14,6 @@ use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use rand_distr::StandardNormal;
 
-/// Standard gravity (m/s2).
-const GRAVITY: f64 = 9.806_65;
 /// Ticks of the sensor's clock in a second.
 const TICKS: f64 = 10_000.0;
 /// Longest packet (bytes).
@@ -64,7 +64,7 @@ impl SensorBytes {
             };
             let fall = free_acceleration([before, frame, after]);
             let body_from_inertial = frame.pelvis.inertial_from_body.inverse();
-            let force = body_from_inertial * (fall + Vector::new(0.0, 0.0, GRAVITY));
+            let force = body_from_inertial * (fall + Vector::new(0.0, 0.0, STANDARD_GRAVITY));
             let force = Vector3::from(force.to_array()) + bias + noise.vector(white);
             let force = self.specific_force.map(|_| force);
             let pressure = pressure_at(frame.pelvis.position.up()) + self.pressure * noise.normal();
@@ -75,7 +75,7 @@ impl SensorBytes {
                 answered += 1.0 / self.receiver_rate;
                 let at = frames.partition_point(|frame| frame.time < instant);
                 let velocity = velocity_at(frames, at) + noise.velocity(self.velocity);
-                bytes.extend(solution(instant, &velocity, self.stated));
+                bytes.extend(solution(instant, &velocity, self.stated).encode());
             }
             sent.push((frame.time, bytes));
         }
@@ -167,34 +167,25 @@ fn packet(
     bytes.get(..length).unwrap_or_default().to_vec()
 }
 
-/// `NAV-PVT` of a valid three-dimensional fix.
+/// A valid three-dimensional fix.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
     reason = "the receiver's formats"
 )]
-fn solution(time: f64, velocity: &Vector<f64, Inertial>, stated: f64) -> Vec<u8> {
-    let millimetres = |metres: f64| (metres * 1e3).round() as i32;
-    let mut payload = [0; 92];
-    let mut put = |at: usize, word: i32| {
-        for (place, byte) in payload.iter_mut().skip(at).zip(word.to_le_bytes()) {
-            *place = byte;
-        }
-    };
-    put(0, ((time * 1e3).max(0.0) as u32).cast_signed());
-    put(20, i32::from_le_bytes([3, 1, 0, 0]));
-    let [north, west, up] = [velocity.north(), velocity.west(), velocity.up()];
-    put(48, millimetres(north));
-    put(52, millimetres(-west));
-    put(56, millimetres(-up));
-    put(60, millimetres(north.hypot(west)));
-    put(68, millimetres(stated));
-    let covered = [&[0x01, 0x07, 92, 0], &payload[..]].concat();
-    let sums = covered.iter().fold([0_u8; 2], |[a, b], byte| {
-        let a = a.wrapping_add(*byte);
-        [a, b.wrapping_add(a)]
-    });
-    [&[0xb5, 0x62], &covered[..], &sums].concat()
+fn solution(time: f64, velocity: &Vector<f64, Inertial>, stated: f64) -> NavPvt {
+    let velocity_mps = Vector3::from(velocity.cast::<f32>().to_array());
+    NavPvt {
+        time_of_week_ms: (time * 1e3).max(0.0) as u32,
+        fix: 3,
+        is_valid: true,
+        height_m: 0.0,
+        velocity_mps,
+        ground_speed_mps: velocity_mps.xy().norm(),
+        speed_accuracy_mps: stated as f32,
+        height_msl_m: 0.0,
+        vertical_accuracy_m: 0.0,
+    }
 }
 
 #[cfg(test)]
@@ -217,7 +208,11 @@ mod tests {
             posture: Posture::h_pose(),
             pelvis: PelvisMotion {
                 inertial_from_body: Rotation::from_quaternion(quarter),
-                position: Vector::new(20.0 * time, 0.0, 1000.0 - 0.5 * GRAVITY * time * time),
+                position: Vector::new(
+                    20.0 * time,
+                    0.0,
+                    1000.0 - 0.5 * STANDARD_GRAVITY * time * time,
+                ),
                 velocity: None,
                 angular_velocity: Some(Vector::new(0.0, 0.0, 0.5)),
             },
@@ -243,7 +238,7 @@ mod tests {
             let time = f64::from(solution.time_of_week_ms) * 1e-3;
             let velocity = solution.velocity().unwrap();
             assert!((velocity.x - 20.0).abs() < 2e-3, "{velocity}");
-            assert!((f64::from(velocity.z) + GRAVITY * time).abs() < 0.1);
+            assert!((f64::from(velocity.z) + STANDARD_GRAVITY * time).abs() < 0.1);
         }
         let (mut decoder, mut input) = (Decoder::<512>::new(), &bytes[..]);
         let (mut packets, mut weightless) = (0, 0);

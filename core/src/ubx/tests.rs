@@ -70,6 +70,8 @@ fn a_solution_is_read_field_by_field_in_both_lengths() {
         };
         assert_eq!(found, [expected]);
         assert_eq!(found[0].velocity(), Some(expected.velocity_mps));
+        let longest = frame(NAV_PVT, &payload(LONGEST));
+        assert_eq!(expected.encode().as_slice(), longest);
     }
 }
 

@@ -10,6 +10,8 @@ use embedded_hal::spi::SpiBus;
 use embedded_hal_async::delay::DelayNs;
 use embedded_io_async::{ErrorKind, ErrorType, Read};
 
+use super::STANDARD_GRAVITY;
+
 /// Registers, and the bit that marks a read.
 const DEVICE_CONFIG: u8 = 0x11;
 const TEMPERATURE: u8 = 0x1d;
@@ -37,9 +39,6 @@ const WIDEST_AT_200_HZ: u8 = 0x07;
 /// Counts of a degree per second and of a g.
 const TURN_COUNTS: f32 = 16.4;
 const FORCE_COUNTS: f32 = 2048.0;
-
-/// Standard gravity (m/s2).
-const GRAVITY: f32 = 9.806_65;
 
 /// Content of a register of a sensor that has not started.
 const INVALID: i16 = i16::MIN;
@@ -157,7 +156,7 @@ impl<B: SpiBus, P: OutputPin, D: DelayNs> Icm42688<B, P, D> {
         let [fx, fy, fz, tx, ty, tz] = counts.map(f32::from);
         let turn = |count: f32| (count / TURN_COUNTS).to_radians();
         Ok(Some(Measured {
-            specific_force: [fx, fy, fz].map(|count| count / FORCE_COUNTS * GRAVITY),
+            specific_force: [fx, fy, fz].map(|count| count / FORCE_COUNTS * STANDARD_GRAVITY),
             angular_velocity: [tx, ty, tz].map(turn),
         }))
     }

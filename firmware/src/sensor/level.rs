@@ -7,8 +7,9 @@
 use bodyflight_core::math::{normalized, small_rotation};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
-/// Standard gravity (m/s2), and the most by which an accelerometer at rest may differ from it.
-const GRAVITY: f32 = 9.806_65;
+use super::STANDARD_GRAVITY;
+
+/// The most by which an accelerometer at rest may differ from standard gravity (m/s2).
 const GRAVITY_ERROR: f32 = 0.5;
 
 /// Largest bias of a gyroscope (rad/s).
@@ -115,7 +116,7 @@ impl Level {
             (turn - rest.turn).norm() < STILL_TURN && (force - rest.force).norm() < STILL_FORCE
         };
         let is_possible =
-            turn.norm() < LARGEST_BIAS && (force.norm() - GRAVITY).abs() < GRAVITY_ERROR;
+            turn.norm() < LARGEST_BIAS && (force.norm() - STANDARD_GRAVITY).abs() < GRAVITY_ERROR;
         self.rest = match self.rest.filter(is_still) {
             _ if !is_possible => None,
             Some(rest) => {

@@ -1,29 +1,24 @@
 //! Axes of the sensor and of the earth are converted to those of the model; a receiver's solutions are attached to
 //! samples.
 
-use bodyflight_core::xbus::{CoordinateSystem, DataId, MessageId, NumberFormat, PacketWriter};
+use bodyflight_core::xbus::{CoordinateSystem, DataId, NumberFormat};
 use std::vec::Vec;
 
 use super::*;
+use crate::test_line::{ATTITUDE, counted_packet, packet, solution};
 
-fn packet(system: CoordinateSystem, wxyz: [f32; 4], turn: [f32; 3], velocity: [f32; 3]) -> Vec<u8> {
-    let mut bytes = [0; 128];
-    let mut writer = PacketWriter::new(&mut bytes, MessageId::MT_DATA2);
-    writer
-        .reals(
-            DataId::QUATERNION.with(system, NumberFormat::Float32),
-            &wxyz,
-        )
-        .unwrap();
-    writer.reals(DataId::RATE_OF_TURN, &turn).unwrap();
-    writer
-        .reals(
-            DataId::VELOCITY_XYZ.with(system, NumberFormat::Float32),
-            &velocity,
-        )
-        .unwrap();
-    let length = writer.finish().unwrap();
-    bytes[..length].to_vec()
+fn moving_packet(
+    system: CoordinateSystem,
+    wxyz: [f32; 4],
+    turn: [f32; 3],
+    velocity: [f32; 3],
+) -> Vec<u8> {
+    let of = |id: DataId| id.with(system, NumberFormat::Float32);
+    packet(&[
+        (of(DataId::QUATERNION), &wxyz),
+        (DataId::RATE_OF_TURN, &turn),
+        (of(DataId::VELOCITY_XYZ), &velocity),
+    ])
 }
 
 #[test]
@@ -48,7 +43,7 @@ fn every_earth_frame_is_converted_to_the_models() {
         ),
     ] {
         let mut sensor = Sensor::new();
-        let bytes = packet(system, wxyz, [0.1, 0.2, 0.3], velocity);
+        let bytes = moving_packet(system, wxyz, [0.1, 0.2, 0.3], velocity);
         let Sensed { header, sample, .. } = sensor.next(&mut bytes.as_slice(), 42).unwrap();
         assert_eq!((header.sequence, header.time), (0, 42));
         let turn = sample.inertial_from_body().quaternion().angle();
@@ -68,7 +63,7 @@ fn the_mounting_turns_attitude_and_angular_velocity() {
         UnitQuaternion::from_axis_angle(&Vector3::y_axis(), -core::f32::consts::FRAC_PI_2);
     let mut sensor = Sensor::new();
     sensor.mount(body_from_sensor);
-    let bytes = packet(
+    let bytes = moving_packet(
         CoordinateSystem::NorthWestUp,
         [1.0, 0.0, 0.0, 0.0],
         [1.0, 0.0, 0.0],
@@ -84,52 +79,27 @@ fn the_mounting_turns_attitude_and_angular_velocity() {
 
 #[test]
 fn packets_without_an_attitude_are_not_samples() {
-    let mut bytes = [0; 64];
-    let mut writer = PacketWriter::new(&mut bytes, MessageId::MT_DATA2);
-    writer.reals(DataId::RATE_OF_TURN, &[0.0; 3]).unwrap();
-    let length = writer.finish().unwrap();
     let mut sensor = Sensor::new();
-    assert!(sensor.next(&mut &bytes[..length], 0).is_none());
+    let bytes = packet(&[(DataId::RATE_OF_TURN, &[0.0; 3])]);
+    assert!(sensor.next(&mut bytes.as_slice(), 0).is_none());
     // A quaternion of zeros is not a rotation.
-    let bytes = packet(CoordinateSystem::NorthWestUp, [0.0; 4], [0.0; 3], [0.0; 3]);
+    let bytes = moving_packet(CoordinateSystem::NorthWestUp, [0.0; 4], [0.0; 3], [0.0; 3]);
     assert!(sensor.next(&mut bytes.as_slice(), 0).is_none());
 }
 
 #[test]
 fn a_receivers_solution_is_attached_to_the_next_sample() {
-    let mut payload = [0; 92];
-    let mut put = |at: usize, value: i32| payload[at..at + 4].copy_from_slice(&value.to_le_bytes());
-    for (at, value) in [
-        (48, 30_000),
-        (52, -1_000),
-        (56, 50_000),
-        (60, 30_017),
-        (68, 240),
-    ] {
-        put(at, value);
-    }
-    (payload[20], payload[21]) = (3, 1);
-    let mut covered = std::vec![0x01, 0x07, 92, 0];
-    covered.extend(payload);
-    let sums = covered.iter().fold([0_u8; 2], |[a, b], byte| {
-        let a = a.wrapping_add(*byte);
-        [a, b.wrapping_add(a)]
-    });
-    let solution = [&[0xb5, 0x62], &covered[..], &sums].concat();
+    let solution = solution([30.0, 1.0, -50.0], 0.24);
     let mut sensor = Sensor::new();
-    let mut bytes = [0; 64];
-    let mut writer = PacketWriter::new(&mut bytes, MessageId::MT_DATA2);
-    let attitude = DataId::QUATERNION.with(CoordinateSystem::NorthWestUp, NumberFormat::Float32);
-    writer.reals(attitude, &[1.0, 0.0, 0.0, 0.0]).unwrap();
-    let length = writer.finish().unwrap();
+    let bytes = packet(&[(ATTITUDE, &[1.0, 0.0, 0.0, 0.0])]);
     // The solution arrives between two packets of the sensor, in two parts.
     let mut found = Vec::new();
     for line in [
-        &bytes[..length],
+        &bytes[..],
         &solution[..40],
         &solution[40..],
-        &bytes[..length],
-        &bytes[..length],
+        &bytes[..],
+        &bytes[..],
     ] {
         sensor.receive_solutions(line, 0);
         let mut input = line;
@@ -148,25 +118,6 @@ fn a_receivers_solution_is_attached_to_the_next_sample() {
     assert!((found[1].0.horizontal_speed.unwrap() - 30.017).abs() < 0.01);
 }
 
-fn raw_packet(counter: u16, ticks: u32, items: &[(DataId, &[f32])]) -> Vec<u8> {
-    let mut bytes = [0; 256];
-    let mut writer = PacketWriter::new(&mut bytes, MessageId::MT_DATA2);
-    writer
-        .item(DataId::PACKET_COUNTER, &counter.to_be_bytes())
-        .unwrap();
-    writer
-        .item(DataId::SAMPLE_TIME_FINE, &ticks.to_be_bytes())
-        .unwrap();
-    for (id, values) in items {
-        writer.reals(*id, values).unwrap();
-    }
-    let length = writer.finish().unwrap();
-    bytes[..length].to_vec()
-}
-
-const ATTITUDE: DataId =
-    DataId::QUATERNION.with(CoordinateSystem::NorthWestUp, NumberFormat::Float32);
-
 #[test]
 fn the_specific_force_is_turned_to_body_axes() {
     let body_from_sensor =
@@ -177,7 +128,7 @@ fn the_specific_force_is_turned_to_body_axes() {
         (ATTITUDE, &[1.0, 0.0, 0.0, 0.0]),
         (DataId::ACCELERATION, &[9.81, 0.0, 0.0]),
     ];
-    let bytes = raw_packet(0, 0, &items);
+    let bytes = counted_packet(0, 0, &items);
     let sensed = sensor.next(&mut bytes.as_slice(), 0).unwrap();
     let force = sensed.sensors.specific_force().unwrap().force.components;
     assert!(
@@ -190,7 +141,7 @@ fn the_specific_force_is_turned_to_body_axes() {
         (ATTITUDE, &[1.0, 0.0, 0.0, 0.0]),
         (DataId::ACCELERATION, &[f32::NAN, 0.0, 0.0]),
     ];
-    let bytes = raw_packet(1, 100, &items);
+    let bytes = counted_packet(1, 100, &items);
     let sensed = sensor.next(&mut bytes.as_slice(), 0).unwrap();
     assert_eq!(sensed.sensors.specific_force(), None);
 }
@@ -200,7 +151,7 @@ fn a_restart_of_the_sensor_loses_nothing_but_the_packets_until_it_is_seen() {
     let mut sensor = Sensor::new();
     let items: [(DataId, &[f32]); 1] = [(ATTITUDE, &[1.0, 0.0, 0.0, 0.0])];
     let mut seen = |counter: u16, ticks: u32| {
-        let bytes = raw_packet(counter, ticks, &items);
+        let bytes = counted_packet(counter, ticks, &items);
         sensor.next(&mut bytes.as_slice(), 0).unwrap().header
     };
     // Up for 40 minutes at 100 Hz.
@@ -216,7 +167,7 @@ fn a_restart_of_the_sensor_loses_nothing_but_the_packets_until_it_is_seen() {
 fn numbers_from_three(items: &[(DataId, &[f32])]) -> Vec<u32> {
     let mut sensor = Sensor::new();
     let of = |address: u8, counter| {
-        let mut bytes = raw_packet(counter, 0, items);
+        let mut bytes = counted_packet(counter, 0, items);
         let last = bytes.len() - 1;
         bytes[last] = bytes[last].wrapping_sub(address.wrapping_sub(bytes[1]));
         bytes[1] = address;
@@ -246,23 +197,11 @@ fn of_several_sensors_on_a_line_the_first_counts() {
 #[test]
 fn packets_without_an_orientation_are_not_missing() {
     let mut sensor = Sensor::new();
-    let counted = |counter: u16, with_attitude: bool| {
-        let mut bytes = [0; 64];
-        let mut writer = PacketWriter::new(&mut bytes, MessageId::MT_DATA2);
-        writer
-            .item(DataId::PACKET_COUNTER, &counter.to_be_bytes())
-            .unwrap();
-        if with_attitude {
-            let north = CoordinateSystem::NorthWestUp;
-            let attitude = DataId::QUATERNION.with(north, NumberFormat::Float32);
-            writer.reals(attitude, &[1.0, 0.0, 0.0, 0.0]).unwrap();
-        }
-        let length = writer.finish().unwrap();
-        bytes[..length].to_vec()
-    };
     let mut numbers = Vec::new();
     for (counter, with_attitude) in [(65_534, true), (65_535, false), (0, true), (3, true)] {
-        let bytes = counted(counter, with_attitude);
+        let attitude: [(DataId, &[f32]); 1] = [(ATTITUDE, &[1.0, 0.0, 0.0, 0.0])];
+        let items = if with_attitude { &attitude[..] } else { &[] };
+        let bytes = counted_packet(counter, 0, items);
         let sensed = sensor.next(&mut bytes.as_slice(), 0);
         numbers.extend(sensed.map(|sensed| sensed.header.sequence));
     }
@@ -282,12 +221,8 @@ fn every_form_of_an_orientation_is_read() {
         (DataId::EULER_ANGLES, &angles[..]),
         (DataId::ROTATION_MATRIX, matrix.as_slice()),
     ] {
-        let mut bytes = [0; 64];
-        let mut writer = PacketWriter::new(&mut bytes, MessageId::MT_DATA2);
-        let id = id.with(north, NumberFormat::Float32);
-        writer.reals(id, numbers).unwrap();
-        let length = writer.finish().unwrap();
-        let sensed = Sensor::new().next(&mut &bytes[..length], 0).unwrap();
+        let bytes = packet(&[(id.with(north, NumberFormat::Float32), numbers)]);
+        let sensed = Sensor::new().next(&mut bytes.as_slice(), 0).unwrap();
         let found = sensed.sample.inertial_from_body();
         assert!(found.quaternion().angle_to(&sent) < 1e-3, "{found:?}");
     }

@@ -8,11 +8,10 @@
 use nalgebra::Vector3;
 
 use super::measurement::SensorMeasurement;
+use crate::air::STANDARD_GRAVITY;
 use crate::dynamics::Motion;
 use crate::math::{Real, clamp};
 
-/// Standard gravity (m/s2).
-const GRAVITY: f64 = 9.806_65;
 /// Time constant of the means (s).
 const WINDOW: f64 = 0.7;
 /// Largest difference of the mean specific force from one g upward (m/s2).
@@ -88,7 +87,7 @@ impl<T: Real> Support<T> {
             .velocity
             .map_or_else(T::zero, |velocity| velocity.z - updraft);
         self.up += (bounded(rising) - self.up) * share;
-        let up = Vector3::new(T::zero(), T::zero(), T::of(GRAVITY));
+        let up = Vector3::new(T::zero(), T::zero(), T::of(STANDARD_GRAVITY));
         let upward = (self.measured - up).norm_squared() <= T::of(UPWARD * UPWARD);
         let holds = upward && self.up.abs() <= T::of(SLOWEST_FALL);
         let passed = share * T::of(WINDOW);
@@ -112,7 +111,7 @@ impl<T: Real> Support<T> {
         let last = self.velocity.replace(velocity);
         let attitude = measured.motion.inertial_from_body;
         let attitude = attitude.unwrap_or(motion.inertial_from_body);
-        let up = Vector3::new(T::zero(), T::zero(), T::of(GRAVITY));
+        let up = Vector3::new(T::zero(), T::zero(), T::of(STANDARD_GRAVITY));
         let force = match measured.specific_force {
             Some(sensor) => (attitude * sensor.force).components,
             None => (velocity - last?) / elapsed + up,

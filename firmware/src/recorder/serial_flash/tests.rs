@@ -2,23 +2,19 @@
 //! busy, the chip answers only status requests.
 #![allow(clippy::cast_possible_truncation, reason = "small numbers of a test")]
 
-use core::cell::RefCell;
-use core::convert::Infallible;
-use std::rc::Rc;
 use std::vec;
 use std::vec::Vec;
 
 use embassy_futures::block_on;
-use embedded_hal::{digital, spi};
 
 use super::*;
+use crate::test_spi::{Chip, Pins};
 
 const BYTES: usize = 1 << 16;
 
-struct Chip {
+struct Simulated {
     cells: Vec<u8>,
     identity: [u8; 3],
-    selected: bool,
     /// Bytes received since the chip was selected.
     heard: Vec<u8>,
     writable: bool,
@@ -28,31 +24,32 @@ struct Chip {
     erasing: u32,
 }
 
-#[derive(Clone)]
-struct Pins(Rc<RefCell<Chip>>);
+fn chip() -> Pins<Simulated> {
+    Pins::new(Simulated {
+        cells: vec![0x5a; BYTES],
+        identity: [0xc8, 0x40, 16],
+        heard: Vec::new(),
+        writable: false,
+        busy: 0,
+        erasing: 300_000,
+    })
+}
 
-impl Pins {
-    fn new() -> Self {
-        Self(Rc::new(RefCell::new(Chip {
-            cells: vec![0x5a; BYTES],
-            identity: [0xc8, 0x40, 16],
-            selected: false,
-            heard: Vec::new(),
-            writable: false,
-            busy: 0,
-            erasing: 300_000,
-        })))
-    }
+type Found = SerialFlash<Pins<Simulated>, Pins<Simulated>, Pins<Simulated>>;
 
-    fn find(&self) -> Option<SerialFlash<Self, Self, Self>> {
-        block_on(SerialFlash::find(self.clone(), self.clone(), self.clone()))
+fn find(pins: &Pins<Simulated>) -> Option<Found> {
+    block_on(SerialFlash::find(pins.clone(), pins.clone(), pins.clone()))
+}
+
+impl Simulated {
+    fn address(&self) -> usize {
+        let bytes = self.heard.iter().skip(1).take(3);
+        bytes.fold(0, |address, byte| address << 8 | usize::from(*byte))
     }
 }
 
-impl Chip {
-    /// Exchanges one byte.
+impl Chip for Simulated {
     fn exchange(&mut self, byte: u8) -> u8 {
-        assert!(self.selected, "nobody is selected");
         self.heard.push(byte);
         let place = self.heard.len();
         let address = self.address();
@@ -66,12 +63,7 @@ impl Chip {
         }
     }
 
-    fn address(&self) -> usize {
-        let bytes = self.heard.iter().skip(1).take(3);
-        bytes.fold(0, |address, byte| address << 8 | usize::from(*byte))
-    }
-
-    fn execute(&mut self) {
+    fn deselect(&mut self) {
         let heard = core::mem::take(&mut self.heard);
         let Some(command) = heard.first() else { return };
         self.heard.clone_from(&heard);
@@ -94,63 +86,15 @@ impl Chip {
             _ => {}
         }
     }
-}
 
-impl spi::ErrorType for Pins {
-    type Error = Infallible;
-}
-
-impl SpiBus for Pins {
-    fn read(&mut self, words: &mut [u8]) -> Result<(), Infallible> {
-        let chip = &mut *self.0.borrow_mut();
-        words.iter_mut().for_each(|word| *word = chip.exchange(0));
-        Ok(())
-    }
-    fn write(&mut self, words: &[u8]) -> Result<(), Infallible> {
-        let chip = &mut *self.0.borrow_mut();
-        for word in words {
-            chip.exchange(*word);
-        }
-        Ok(())
-    }
-    fn transfer(&mut self, _: &mut [u8], _: &[u8]) -> Result<(), Infallible> {
-        unreachable!("not used")
-    }
-    fn transfer_in_place(&mut self, _: &mut [u8]) -> Result<(), Infallible> {
-        unreachable!("not used")
-    }
-    fn flush(&mut self) -> Result<(), Infallible> {
-        Ok(())
-    }
-}
-
-impl digital::ErrorType for Pins {
-    type Error = Infallible;
-}
-
-impl OutputPin for Pins {
-    fn set_low(&mut self) -> Result<(), Infallible> {
-        self.0.borrow_mut().selected = true;
-        Ok(())
-    }
-    fn set_high(&mut self) -> Result<(), Infallible> {
-        let chip = &mut *self.0.borrow_mut();
-        chip.selected = false;
-        chip.execute();
-        Ok(())
-    }
-}
-
-impl DelayNs for Pins {
-    async fn delay_ns(&mut self, time: u32) {
-        let chip = &mut *self.0.borrow_mut();
-        chip.busy = chip.busy.saturating_sub(time / 1000);
+    fn pass(&mut self, micros: u32) {
+        self.busy = self.busy.saturating_sub(micros);
     }
 }
 
 #[test]
 fn data_written_across_pages_is_read_back_and_erased_data_is_gone() {
-    let mut flash = Pins::new().find().unwrap();
+    let mut flash = find(&chip()).unwrap();
     assert_eq!(flash.capacity(), BYTES);
     block_on(async {
         flash.erase(SECTOR, 3 * SECTOR).await.unwrap();
@@ -182,7 +126,7 @@ fn data_written_across_pages_is_read_back_and_erased_data_is_gone() {
 
 #[test]
 fn log_and_configuration_share_the_chip() {
-    let flash = Pins::new().find().unwrap();
+    let flash = find(&chip()).unwrap();
     assert_eq!(flash.log(), 0..BYTES as u32 - 2 * SECTOR);
     assert_eq!(flash.setup(), BYTES as u32 - 2 * SECTOR..BYTES as u32);
 }
@@ -190,23 +134,23 @@ fn log_and_configuration_share_the_chip() {
 #[test]
 fn a_board_without_a_memory_chip_is_reported() {
     for identity in [[0; 3], [0xff; 3], [0xc8, 0x40, 25]] {
-        let pins = Pins::new();
-        pins.0.borrow_mut().identity = identity;
-        assert!(pins.find().is_none(), "{identity:?}");
+        let pins = chip();
+        pins.chip.borrow_mut().identity = identity;
+        assert!(find(&pins).is_none(), "{identity:?}");
     }
 }
 
 #[test]
 fn a_chip_that_still_erases_after_a_reset_is_found() {
-    let pins = Pins::new();
-    pins.0.borrow_mut().busy = 300_000;
-    assert!(pins.find().is_some());
+    let pins = chip();
+    pins.chip.borrow_mut().busy = 300_000;
+    assert!(find(&pins).is_some());
 }
 
 #[test]
 fn a_chip_that_never_finishes_erasing_is_an_error() {
-    let pins = Pins::new();
-    let mut flash = pins.find().unwrap();
-    pins.0.borrow_mut().erasing = u32::MAX;
+    let pins = chip();
+    let mut flash = find(&pins).unwrap();
+    pins.chip.borrow_mut().erasing = u32::MAX;
     assert_eq!(block_on(flash.erase(0, SECTOR)), Err(FlashError::Busy));
 }

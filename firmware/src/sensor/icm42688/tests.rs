@@ -1,25 +1,21 @@
 //! The driver on a simulated chip: registers, a measurement every 5 ms, and nothing before it was set up.
 #![allow(clippy::float_cmp, reason = "counts of powers of two are exact")]
 
-use core::cell::RefCell;
-use core::convert::Infallible;
 use core::sync::atomic::{AtomicU64, Ordering};
-use std::rc::Rc;
 use std::vec;
 use std::vec::Vec;
 
 use bodyflight_core::link::Validity;
 use bodyflight_core::xbus::Decoder;
 use embassy_futures::block_on;
-use embedded_hal::{digital, spi};
 use nalgebra::Vector3;
 
 use super::super::{Sensed, Sensor, reading::Reading};
 use super::*;
+use crate::test_spi::{Chip, Pins};
 
-struct Chip {
+struct Simulated {
     registers: [u8; 128],
-    selected: bool,
     heard: Vec<u8>,
     /// Time (us), and time of the next measurement.
     now: u64,
@@ -28,29 +24,26 @@ struct Chip {
     counts: [i16; 6],
 }
 
-#[derive(Clone)]
-struct Pins(Rc<RefCell<Chip>>);
-
-impl Pins {
-    fn new(counts: [i16; 6]) -> Self {
-        let mut chip = Chip {
-            registers: [0; 128],
-            selected: false,
-            heard: Vec::new(),
-            now: 0,
-            next: 0,
-            counts,
-        };
-        chip.reset();
-        Self(Rc::new(RefCell::new(chip)))
-    }
-
-    fn find(&self) -> Option<Icm42688<Self, Self, Self>> {
-        block_on(Icm42688::find(self.clone(), self.clone(), self.clone()))
-    }
+/// A chip that measures these counts.
+fn chip(counts: [i16; 6]) -> Pins<Simulated> {
+    let mut chip = Simulated {
+        registers: [0; 128],
+        heard: Vec::new(),
+        now: 0,
+        next: 0,
+        counts,
+    };
+    chip.reset();
+    Pins::new(chip)
 }
 
-impl Chip {
+type Found<C> = Icm42688<Pins<C>, Pins<C>, Pins<C>>;
+
+fn find<C: Chip>(pins: &Pins<C>) -> Option<Found<C>> {
+    block_on(Icm42688::find(pins.clone(), pins.clone(), pins.clone()))
+}
+
+impl Simulated {
     fn reset(&mut self) {
         self.registers = [0; 128];
         self.registers[usize::from(IDENTITY)] = ICM_42688_P;
@@ -58,9 +51,10 @@ impl Chip {
         self.registers[usize::from(GYROSCOPE_CONFIG)] = 0x06;
         self.registers[usize::from(ACCELEROMETER_CONFIG)] = 0x06;
     }
+}
 
+impl Chip for Simulated {
     fn exchange(&mut self, byte: u8) -> u8 {
-        assert!(self.selected, "nobody is selected");
         self.heard.push(byte);
         let [first, rest @ ..] = &self.heard[..] else {
             return 0;
@@ -83,8 +77,12 @@ impl Chip {
         value
     }
 
-    fn pass(&mut self, micros: u64) {
-        self.now += micros;
+    fn deselect(&mut self) {
+        self.heard.clear();
+    }
+
+    fn pass(&mut self, micros: u32) {
+        self.now += u64::from(micros);
         let settings = [GYROSCOPE_CONFIG, ACCELEROMETER_CONFIG, POWER];
         let [gyroscope, accelerometer, power] = settings.map(|k| self.registers[usize::from(k)]);
         if power != ON || self.now < self.next {
@@ -100,63 +98,16 @@ impl Chip {
     }
 }
 
-impl spi::ErrorType for Pins {
-    type Error = Infallible;
-}
-
-impl SpiBus for Pins {
-    fn read(&mut self, words: &mut [u8]) -> Result<(), Infallible> {
-        let chip = &mut *self.0.borrow_mut();
-        words.iter_mut().for_each(|word| *word = chip.exchange(0));
-        Ok(())
-    }
-    fn write(&mut self, words: &[u8]) -> Result<(), Infallible> {
-        let chip = &mut *self.0.borrow_mut();
-        for word in words {
-            chip.exchange(*word);
-        }
-        Ok(())
-    }
-    fn transfer(&mut self, _: &mut [u8], _: &[u8]) -> Result<(), Infallible> {
-        unreachable!("not used")
-    }
-    fn transfer_in_place(&mut self, _: &mut [u8]) -> Result<(), Infallible> {
-        unreachable!("not used")
-    }
-    fn flush(&mut self) -> Result<(), Infallible> {
-        Ok(())
-    }
-}
-
-impl digital::ErrorType for Pins {
-    type Error = Infallible;
-}
-
-impl OutputPin for Pins {
-    fn set_low(&mut self) -> Result<(), Infallible> {
-        self.0.borrow_mut().selected = true;
-        Ok(())
-    }
-    fn set_high(&mut self) -> Result<(), Infallible> {
-        let chip = &mut *self.0.borrow_mut();
-        chip.selected = false;
-        chip.heard.clear();
-        Ok(())
-    }
-}
-
-impl DelayNs for Pins {
-    async fn delay_ns(&mut self, time: u32) {
-        self.0.borrow_mut().pass(u64::from(time / 1000));
-    }
-}
-
 #[test]
 fn counts_are_read_in_units() {
-    let pins = Pins::new([2048, -4096, 1024, 164, -1640, 16_400]);
-    let mut chip = pins.find().unwrap();
+    let pins = chip([2048, -4096, 1024, 164, -1640, 16_400]);
+    let mut chip = find(&pins).unwrap();
     let measured = block_on(chip.measure()).unwrap();
-    let expected = [GRAVITY, -2.0 * GRAVITY, 0.5 * GRAVITY];
+    let expected = [
+        STANDARD_GRAVITY,
+        -2.0 * STANDARD_GRAVITY,
+        0.5 * STANDARD_GRAVITY,
+    ];
     assert_eq!(measured.specific_force, expected);
     for (turn, degrees) in measured
         .angular_velocity
@@ -170,48 +121,37 @@ fn counts_are_read_in_units() {
 #[test]
 fn another_chip_or_none_is_not_taken_for_one() {
     for identity in [0, 0xff, 0x12] {
-        let pins = Pins::new([0; 6]);
-        assert!(block_on(Icm42688::find(Other(identity), pins.clone(), pins)).is_none());
+        assert!(find(&Pins::new(Other(identity))).is_none());
     }
 }
 
 /// A bus on which every byte that is read is the same.
 struct Other(u8);
 
-impl spi::ErrorType for Other {
-    type Error = Infallible;
-}
+impl Chip for Other {
+    fn exchange(&mut self, _: u8) -> u8 {
+        self.0
+    }
 
-impl SpiBus for Other {
-    fn read(&mut self, words: &mut [u8]) -> Result<(), Infallible> {
-        words.fill(self.0);
-        Ok(())
-    }
-    fn write(&mut self, _: &[u8]) -> Result<(), Infallible> {
-        Ok(())
-    }
-    fn transfer(&mut self, _: &mut [u8], _: &[u8]) -> Result<(), Infallible> {
-        unreachable!("not used")
-    }
-    fn transfer_in_place(&mut self, _: &mut [u8]) -> Result<(), Infallible> {
-        unreachable!("not used")
-    }
-    fn flush(&mut self) -> Result<(), Infallible> {
-        Ok(())
-    }
+    fn deselect(&mut self) {}
+
+    fn pass(&mut self, _: u32) {}
 }
 
 #[test]
 fn a_sensor_that_has_not_started_is_not_believed() {
-    let pins = Pins::new([0, 0, 2048, INVALID, INVALID, INVALID]);
-    let mut chip = pins.find().unwrap();
+    let pins = chip([0, 0, 2048, INVALID, INVALID, INVALID]);
+    let mut chip = find(&pins).unwrap();
     assert_eq!(block_on(chip.measure()), Err(ChipError::Silent));
-    pins.0.borrow_mut().counts = [0, 0, 2048, 0, 0, 0];
+    pins.chip.borrow_mut().counts = [0, 0, 2048, 0, 0, 0];
     assert!(block_on(chip.measure()).is_ok());
 }
 
 /// The bytes of `count` reads of up to 20 bytes.
-fn bytes(port: &mut Port<Pins, Pins, Pins>, count: usize) -> Vec<Result<Vec<u8>, ChipError>> {
+fn bytes(
+    port: &mut Port<Pins<Simulated>, Pins<Simulated>, Pins<Simulated>>,
+    count: usize,
+) -> Vec<Result<Vec<u8>, ChipError>> {
     let read = |_| {
         let mut bytes = vec![0; 20];
         let read = block_on(port.read(&mut bytes));
@@ -222,8 +162,8 @@ fn bytes(port: &mut Port<Pins, Pins, Pins>, count: usize) -> Vec<Result<Vec<u8>,
 
 #[test]
 fn its_packets_are_those_of_a_sensor_without_an_orientation() {
-    let pins = Pins::new([0, 0, 2048, 164, 0, 0]);
-    let mut port = Port::new(pins.find().unwrap(), || 1_234_500);
+    let pins = chip([0, 0, 2048, 164, 0, 0]);
+    let mut port = Port::new(find(&pins).unwrap(), || 1_234_500);
     let line = bytes(&mut port, 9).into_iter().flatten().flatten();
     let line: Vec<u8> = line.collect();
     let mut decoder = Decoder::<64>::new();
@@ -233,17 +173,17 @@ fn its_packets_are_those_of_a_sensor_without_an_orientation() {
         assert_eq!(reading.counter, Some(counter));
         assert_eq!(reading.fine_time, Some(12_345));
         assert!(reading.inertial_from_sensor.is_none());
-        assert_eq!(reading.specific_force.unwrap().z, GRAVITY);
+        assert_eq!(reading.specific_force.unwrap().z, STANDARD_GRAVITY);
         assert!((reading.angular_velocity.unwrap().x.to_degrees() - 10.0).abs() < 1e-4);
     }
 }
 
 #[test]
 fn a_chip_that_lost_its_supply_is_set_up_again() {
-    let pins = Pins::new([0, 0, 2048, 0, 0, 0]);
-    let mut port = Port::new(pins.find().unwrap(), || 0);
+    let pins = chip([0, 0, 2048, 0, 0, 0]);
+    let mut port = Port::new(find(&pins).unwrap(), || 0);
     assert!(bytes(&mut port, 3).iter().all(Result::is_ok));
-    pins.0.borrow_mut().reset();
+    pins.chip.borrow_mut().reset();
     assert_eq!(bytes(&mut port, 1), [Err(ChipError::Silent)]);
     assert!(bytes(&mut port, 3).iter().all(Result::is_ok));
 }
@@ -257,8 +197,8 @@ fn ticking() -> u64 {
 #[test]
 fn a_still_chip_is_level_after_a_second() {
     // On its side, with a bias of half a degree per second.
-    let pins = Pins::new([0, 2048, 0, 8, -8, 0]);
-    let mut port = Port::new(pins.find().unwrap(), ticking);
+    let pins = chip([0, 2048, 0, 8, -8, 0]);
+    let mut port = Port::new(find(&pins).unwrap(), ticking);
     let mut sensor = Sensor::new();
     let mut samples = Vec::new();
     for piece in bytes(&mut port, 900).into_iter().flatten() {

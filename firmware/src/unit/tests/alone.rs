@@ -2,9 +2,10 @@
 
 use bodyflight_core::estimator::unit_preset::UnitPreset;
 use bodyflight_core::link::{SensorKind, Setup};
-use bodyflight_core::xbus::{CoordinateSystem, DataId, MessageId, NumberFormat, PacketWriter};
+use bodyflight_core::xbus::DataId;
 
 use super::*;
+use crate::test_line::{ATTITUDE, counted_packet, solution};
 
 pub(super) fn setup() -> Setup {
     let configure = configure();
@@ -21,49 +22,10 @@ pub(super) fn setup() -> Setup {
 
 /// The packet of a sensor for a sample of the test's flight, with the sensor's clock at `ticks`.
 fn packet(counter: u16, ticks: u32, sample: &Sample) -> Vec<u8> {
-    let mut bytes = [0; 128];
-    let mut writer = PacketWriter::new(&mut bytes, MessageId::MT_DATA2);
-    let attitude = DataId::QUATERNION.with(CoordinateSystem::NorthWestUp, NumberFormat::Float32);
-    let quaternion = sample.inertial_from_body();
-    let quaternion = quaternion.quaternion().quaternion();
-    let [x, y, z, w]: [f32; 4] = quaternion.coords.into();
+    let attitude = sample.inertial_from_body().wxyz();
     let turn = sample.motion().angular_velocity.unwrap().to_array();
-    writer
-        .item(DataId::PACKET_COUNTER, &counter.to_be_bytes())
-        .unwrap();
-    writer
-        .item(DataId::SAMPLE_TIME_FINE, &ticks.to_be_bytes())
-        .unwrap();
-    writer.reals(attitude, &[w, x, y, z]).unwrap();
-    writer.reals(DataId::RATE_OF_TURN, &turn).unwrap();
-    let length = writer.finish().unwrap();
-    bytes[..length].to_vec()
-}
-
-/// A solution of a receiver with this velocity (north, west, up).
-pub(super) fn solution([north, west, up]: [f32; 3]) -> Vec<u8> {
-    let mut payload = [0; 92];
-    let mut put = |at: usize, metres: f32| {
-        #[expect(
-            clippy::cast_possible_truncation,
-            reason = "millimetres per second of a fall"
-        )]
-        let millimetres = (metres * 1e3) as i32;
-        payload[at..at + 4].copy_from_slice(&millimetres.to_le_bytes());
-    };
-    put(48, north);
-    put(52, -west);
-    put(56, -up);
-    put(60, north.hypot(west));
-    put(68, 0.3);
-    (payload[20], payload[21]) = (3, 1);
-    let mut covered = std::vec![0x01, 0x07, 92, 0];
-    covered.extend(payload);
-    let sums = covered.iter().fold([0_u8; 2], |[a, b], byte| {
-        let a = a.wrapping_add(*byte);
-        [a, b.wrapping_add(a)]
-    });
-    [&[0xb5, 0x62], &covered[..], &sums].concat()
+    let items: [(DataId, &[f32]); 2] = [(ATTITUDE, &attitude), (DataId::RATE_OF_TURN, &turn)];
+    counted_packet(counter, ticks, &items)
 }
 
 /// Feeds samples `range` of the flight with the sensor's clock beginning at `ticks`; returns the estimates.
@@ -81,7 +43,7 @@ fn fly(unit: &mut Unit<Bench>, flight: &[Sample], ticks: u32) -> Vec<Estimate> {
             .filter(|_| k % 48 == 24)
         {
             let velocity = old.motion().velocity.unwrap().to_array();
-            unit.receive_sensor(&solution(velocity));
+            unit.receive_sensor(&solution(velocity, 0.3));
         }
         while unit.work() {}
         found.extend(estimates(&heard(unit)));

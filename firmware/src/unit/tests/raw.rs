@@ -1,40 +1,23 @@
 //! A sensor that measures angular velocity and specific force only.
 
 use bodyflight_core::link::Validity;
-use bodyflight_core::xbus::{DataId, MessageId, PacketWriter};
+use bodyflight_core::xbus::DataId;
 use nalgebra::Vector3;
 
-use super::alone::{setup, solution};
+use super::alone::setup;
 use super::*;
-
-const GRAVITY: f32 = 9.806_65;
+use crate::sensor::STANDARD_GRAVITY;
+use crate::test_line::{counted_packet, solution};
 
 /// Bias of the gyroscope (rad/s).
 const BIAS: [f32; 3] = [0.01, -0.02, 0.015];
 
 fn packet(counter: u16, ticks: u32, turn: Vector3<f32>, force: Vector3<f32>) -> Vec<u8> {
-    let mut bytes = [0; 128];
-    let mut writer = PacketWriter::new(&mut bytes, MessageId::MT_DATA2);
-    writer
-        .item(DataId::PACKET_COUNTER, &counter.to_be_bytes())
-        .unwrap();
-    writer
-        .item(DataId::SAMPLE_TIME_FINE, &ticks.to_be_bytes())
-        .unwrap();
-    writer
-        .reals(
-            DataId::RATE_OF_TURN,
-            &turn.into_iter().copied().collect::<Vec<_>>(),
-        )
-        .unwrap();
-    writer
-        .reals(
-            DataId::ACCELERATION,
-            &force.into_iter().copied().collect::<Vec<_>>(),
-        )
-        .unwrap();
-    let length = writer.finish().unwrap();
-    bytes[..length].to_vec()
+    let items: [(DataId, &[f32]); 2] = [
+        (DataId::RATE_OF_TURN, turn.as_slice()),
+        (DataId::ACCELERATION, force.as_slice()),
+    ];
+    counted_packet(counter, ticks, &items)
 }
 
 /// After two seconds at rest, the flight of the model at once: the filter, which assumed a fall all the time, has to find
@@ -46,7 +29,7 @@ fn a_sensor_of_rates_and_forces_is_enough() {
     let flight = samples(7200);
     let attitude = |sample: &Sample| *sample.inertial_from_body().quaternion();
     let velocity = |sample: &Sample| Vector3::from(sample.motion().velocity.unwrap().to_array());
-    let up = Vector3::z() * GRAVITY;
+    let up = Vector3::z() * STANDARD_GRAVITY;
     let rest = 480;
     let (mut worst, mut doubtful) = ([0.0_f32; 2], 0);
     for k in 0..rest + 7200_u16 {
@@ -64,7 +47,7 @@ fn a_sensor_of_rates_and_forces_is_enough() {
         let now = u64::from(k) * 1_000_000 / 240 + 1_000_000;
         unit.board.now.set(now);
         if k % 48 == 24 {
-            unit.receive_sensor(&solution(moving.into()));
+            unit.receive_sensor(&solution(moving.into(), 0.3));
         }
         let ticks = u32::from(k) * 10_000 / 240;
         unit.receive_sensor(&packet(k, ticks, turn + Vector3::from(BIAS), force));
