@@ -188,8 +188,11 @@ impl Host {
         Ok(())
     }
 
-    /// Begins a session with a greeting.
-    fn greet(&mut self) -> Result<()> {
+    /// Begins a session with a greeting, also with a unit that flew alone until now.
+    ///
+    /// # Errors
+    /// Returns an error if the unit does not answer.
+    pub fn greet(&mut self) -> Result<()> {
         self.alone = false;
         self.session = self.session.wrapping_add(1);
         (self.sent, self.started, self.configured) = (0, false, None);
@@ -244,14 +247,6 @@ impl Host {
         self.decoder = Decoder::new();
         self.alone = true;
         Ok(())
-    }
-
-    /// Comes back to a unit that flew alone, to read its log.
-    ///
-    /// # Errors
-    /// Returns an error if the unit does not answer.
-    pub fn return_to_unit(&mut self) -> Result<()> {
-        self.greet()
     }
 
     /// The next sample as a frame, with the time at which it is due (us).

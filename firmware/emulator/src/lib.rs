@@ -4,6 +4,7 @@
 //! configures and flies, and compares every estimate with the desktop's. `cargo xtask f405` runs the tests.
 
 mod chip;
+pub mod faults;
 mod flight;
 mod host;
 mod result;

@@ -4,9 +4,10 @@
 //! configured, and flies in postures that the unit, which assumes the H-pose, does not know.
 
 use std::fmt::Write as _;
-use std::sync::{LazyLock, Mutex};
+use std::sync::LazyLock;
 
 use bodyflight_core::link::fault::Random;
+use bodyflight_emulator::faults::{FAULTS, Fault, two_at_a_time};
 use bodyflight_emulator::sensed::{Errors, Sensed, is_consistent};
 use bodyflight_emulator::{Flight, Host, Options};
 use bodyflight_laboratory::sensor_bytes::SensorBytes;
@@ -96,7 +97,7 @@ fn power_and_a_sensor_are_all_that_the_unit_needs() {
         assert!(found.attitude < 0.02, "{found:?}");
         // The host comes back after the landing.
         let flown = host.estimates.len();
-        host.return_to_unit().unwrap();
+        host.greet().unwrap();
         let (flights, damaged) = host.log().unwrap();
         assert_eq!(damaged, 0);
         let read: usize = flights.iter().map(|flight| flight.lengths()[1]).sum();
@@ -112,10 +113,8 @@ fn power_and_a_sensor_are_all_that_the_unit_needs() {
 /// What goes wrong without a host.
 #[derive(Clone, Copy)]
 enum Wrong {
-    /// A program fault, at a random place or within a task or an interrupt.
-    Program(&'static str, &'static str),
-    /// A power failure or reset by the pin; whether memory is kept.
-    Power(&'static str, bool),
+    /// The unit starts again.
+    Restart(Fault),
     /// Errors on the sensor's line.
     Line(&'static str),
     /// Packets of the sensor lost.
@@ -126,79 +125,19 @@ enum Wrong {
     SensorRestart,
 }
 
-/// The cause and kind that the unit must report if it starts again.
-type Told = Option<(u8, u8)>;
-
-/// Each fault, and what the unit must report.
-const CASES: [(&str, Wrong, Told); 19] = [
-    (
-        "undefined instruction",
-        Wrong::Program("undefined", ""),
-        Some((1, 5)),
-    ),
-    (
-        "nothing at an address",
-        Wrong::Program("bus", ""),
-        Some((1, 4)),
-    ),
-    (
-        "division by zero",
-        Wrong::Program("division", ""),
-        Some((1, 7)),
-    ),
-    (
-        "unaligned pair of words",
-        Wrong::Program("unaligned", ""),
-        Some((1, 6)),
-    ),
-    (
-        "stack overflow in a task",
-        Wrong::Program("stack", "task"),
-        Some((1, 3)),
-    ),
-    (
-        "stack overflow in an interrupt",
-        Wrong::Program("stack", "interrupt"),
-        Some((1, 3)),
-    ),
-    ("panic", Wrong::Program("panic", ""), Some((1, 1))),
-    (
-        "hang in a task",
-        Wrong::Program("hang", "task"),
-        Some((2, 9)),
-    ),
-    (
-        "hang in an interrupt",
-        Wrong::Program("hang", "interrupt"),
-        Some((2, 9)),
-    ),
-    (
-        "brown-out, memory kept",
-        Wrong::Power("brown-out", true),
-        Some((4, 0)),
-    ),
-    (
-        "brown-out, memory lost",
-        Wrong::Power("brown-out", false),
-        Some((4, 0)),
-    ),
-    (
-        "power off and on",
-        Wrong::Power("power-on", false),
-        Some((0, 0)),
-    ),
-    ("reset pin", Wrong::Power("pin", true), Some((3, 0))),
-    ("noise on the sensor's line", Wrong::Line("noise"), None),
-    (
-        "framing error on the sensor's line",
-        Wrong::Line("framing"),
-        None,
-    ),
-    ("overrun on the sensor's line", Wrong::Line("overrun"), None),
-    ("packets of the sensor lost", Wrong::Drop, None),
-    ("sensor unplugged for a while", Wrong::Replug, None),
-    ("sensor restarts", Wrong::SensorRestart, None),
-];
+/// Each fault by its name.
+fn cases() -> Vec<(&'static str, Wrong)> {
+    let restarts = FAULTS.map(|fault| (fault.name, Wrong::Restart(fault)));
+    let others = [
+        ("noise on the sensor's line", Wrong::Line("noise")),
+        ("framing error on the sensor's line", Wrong::Line("framing")),
+        ("overrun on the sensor's line", Wrong::Line("overrun")),
+        ("packets of the sensor lost", Wrong::Drop),
+        ("sensor unplugged for a while", Wrong::Replug),
+        ("sensor restarts", Wrong::SensorRestart),
+    ];
+    restarts.into_iter().chain(others).collect()
+}
 
 struct Row {
     slowest_ms: f64,
@@ -207,7 +146,7 @@ struct Row {
 
 #[test]
 #[ignore = "needs the image: cargo xtask f405"]
-fn the_unit_alone_is_back_within_two_seconds_and_its_log_says_why() {
+fn the_unit_alone_is_back_within_two_seconds_and_reports_the_cause() {
     // A repetition begins with a flight of its own, which takes five times as long as one with a host.
     let times = std::env::var("BODYFLIGHT_F405_TIMES").map_or(5, |times| times.parse().unwrap());
     let times: usize = (times / 5).max(1);
@@ -215,60 +154,41 @@ fn the_unit_alone_is_back_within_two_seconds_and_its_log_says_why() {
     else {
         return;
     };
-    let left = Mutex::new((0..CASES.len()).collect::<Vec<_>>());
-    let rows = Mutex::new(Vec::new());
-    std::thread::scope(|scope| {
-        for _ in 0..2 {
-            scope.spawn(|| {
-                loop {
-                    let Some(index) = left.lock().unwrap().pop() else {
-                        return;
-                    };
-                    let row = round(index, times, &sensed);
-                    let name = CASES[index].0;
-                    eprintln!(
-                        "alone, {name}: {:.0} ms, {} faults",
-                        row.slowest_ms,
-                        row.faults.len()
-                    );
-                    rows.lock().unwrap().push((index, row));
-                }
-            });
-        }
+    let cases = cases();
+    let rows = two_at_a_time(cases.len(), |index| {
+        let (name, wrong) = cases[index];
+        let row = round(name, wrong, index as u64, times, &sensed);
+        let faults = row.faults.len();
+        eprintln!("alone, {name}: {:.0} ms, {faults} faults", row.slowest_ms);
+        row
     });
-    let mut rows = rows.into_inner().unwrap();
-    rows.sort_by_key(|(index, _)| *index);
     let mut table = String::from(
         "| fault, without a host | runs | back within 2 s and right | slowest (ms) |\n|---|---|---|---|\n",
     );
-    for (index, row) in &rows {
+    for ((name, _), row) in cases.iter().zip(&rows) {
         let good = times - row.faults.len().min(times);
         writeln!(
             table,
-            "| {} | {times} | {good} | {:.0} |",
-            CASES[*index].0, row.slowest_ms
+            "| {name} | {times} | {good} | {:.0} |",
+            row.slowest_ms
         )
         .unwrap();
     }
     eprintln!("{table}");
-    if let Some(path) = std::env::var_os("BODYFLIGHT_F405_ALONE_TABLE") {
-        std::fs::write(path, &table).unwrap();
-    }
-    let faults: Vec<_> = rows.iter().flat_map(|(_, row)| &row.faults).collect();
+    let faults: Vec<_> = rows.iter().flat_map(|row| &row.faults).collect();
     assert!(faults.is_empty(), "{faults:#?}");
 }
 
 /// Repeats one fault, each time on a fresh flight of a few seconds.
-fn round(index: usize, times: usize, sensed: &Sensed) -> Row {
-    let (name, wrong, told) = CASES[index];
-    let mut random = Random::new(index as u64 + 77);
+fn round(name: &str, wrong: Wrong, seed: u64, times: usize, sensed: &Sensed) -> Row {
+    let mut random = Random::new(seed + 77);
     let mut row = Row {
         slowest_ms: 0.0,
         faults: Vec::new(),
     };
     for time in 0..times {
-        let mut host = left(sensed, index as u64);
-        match go_wrong(&mut host, sensed, wrong, told, &mut random) {
+        let mut host = left(sensed, seed);
+        match go_wrong(&mut host, sensed, wrong, &mut random) {
             Ok(took) => {
                 row.slowest_ms = row.slowest_ms.max(took as f64 / 1e3);
                 if took > BACK {
@@ -287,7 +207,6 @@ fn go_wrong(
     host: &mut Host,
     sensed: &Sensed,
     wrong: Wrong,
-    told: Told,
     random: &mut Random,
 ) -> Result<u64, String> {
     let begin = host.chip.now() + BEGIN;
@@ -306,8 +225,10 @@ fn go_wrong(
     let mut begun = fault_at;
     let mut away = 0.0;
     match wrong {
-        Wrong::Program(kind, within) => begun = host.chip.provoke(kind, within)?.at,
-        Wrong::Power(cause, keep) => host.chip.power(cause, keep)?,
+        Wrong::Restart(fault) => {
+            let provoked = fault.provoke(&mut host.chip)?;
+            begun = provoked.map_or(fault_at, |provoked| provoked.at);
+        }
         Wrong::Line(error) => {
             let noise: Vec<u8> = (0..=random.below(8)).map(|_| random.bits() as u8).collect();
             host.chip
@@ -331,14 +252,12 @@ fn go_wrong(
         }
     });
     host.listen(begin + (end * 1e6) as u64 + 50_000)?;
-    if let Some((cause, kind)) = told {
+    if let Wrong::Restart(fault) = wrong {
         let now = host.greeting.ok_or("no greeting")?;
         if now.boot_id == before.boot_id {
             return Err("it did not start again".into());
         }
-        if (now.reset_cause, now.fault_kind) != (cause, kind) && kind != 0
-            || now.reset_cause != cause
-        {
+        if !fault.is_reported(&now) {
             return Err(format!("it reports {now:?}"));
         }
     } else if host.resets.len() > 1 {

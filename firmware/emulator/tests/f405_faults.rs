@@ -2,10 +2,11 @@
 //! right cause.
 
 use std::fmt::Write as _;
-use std::sync::{LazyLock, Mutex};
+use std::sync::LazyLock;
 
 use bodyflight_core::link::fault::Random;
 use bodyflight_core::link::{HelloAcknowledge, StreamMode};
+use bodyflight_emulator::faults::{FAULTS, Fault, two_at_a_time};
 use bodyflight_emulator::{Flight, Host, Options, Provoked, RATE};
 use bodyflight_firmware::fault::Kind;
 
@@ -20,13 +21,11 @@ const BACK: u64 = 2_000_000;
 /// Samples until the filter has filled its window and returns estimates.
 const WINDOW: u32 = 64;
 
-/// Kinds of faults.
+/// What goes wrong.
 #[derive(Clone, Copy, PartialEq)]
 enum Wrong {
-    /// A program fault, at a random place or within a task or an interrupt.
-    Program(&'static str, &'static str),
-    /// A power failure or reset by the pin; whether memory is kept.
-    Power(&'static str, bool),
+    /// The unit starts again.
+    Restart(Fault),
     /// Errors reported by the receiver.
     Line(&'static str),
     /// A lost frame.
@@ -35,106 +34,23 @@ enum Wrong {
     Replug,
 }
 
-/// The report expected from the unit after the restart.
-struct Told {
-    cause: u8,
-    kind: Option<Kind>,
-    fault_resets: u16,
-    watchdog_resets: u32,
-}
-
 struct Case {
     name: &'static str,
     wrong: Wrong,
-    told: Option<Told>,
 }
 
-const fn fault(kind: Kind) -> Option<Told> {
-    Some(Told {
-        cause: 1,
-        kind: Some(kind),
-        fault_resets: 1,
-        watchdog_resets: 0,
-    })
+fn cases() -> Vec<Case> {
+    let restarts = FAULTS.map(|fault| (fault.name, Wrong::Restart(fault)));
+    let others = [
+        ("frame dropped", Wrong::Drop),
+        ("noise on a byte", Wrong::Line("noise")),
+        ("framing error", Wrong::Line("framing")),
+        ("overrun", Wrong::Line("overrun")),
+        ("unplugged for a while", Wrong::Replug),
+    ];
+    let all = restarts.into_iter().chain(others);
+    all.map(|(name, wrong)| Case { name, wrong }).collect()
 }
-
-const fn hang() -> Option<Told> {
-    Some(Told {
-        cause: 2,
-        kind: Some(Kind::Watchdog),
-        fault_resets: 0,
-        watchdog_resets: 1,
-    })
-}
-
-const fn start(cause: u8) -> Option<Told> {
-    Some(Told {
-        cause,
-        kind: None,
-        fault_resets: 0,
-        watchdog_resets: 0,
-    })
-}
-
-const CASES: [Case; 17] = {
-    use Wrong::{Drop, Line, Power, Program};
-    const fn case(name: &'static str, wrong: Wrong, told: Option<Told>) -> Case {
-        Case { name, wrong, told }
-    }
-    [
-        case(
-            "undefined instruction",
-            Program("undefined", ""),
-            fault(Kind::Undefined),
-        ),
-        case(
-            "nothing at an address",
-            Program("bus", ""),
-            fault(Kind::Bus),
-        ),
-        case(
-            "division by zero",
-            Program("division", ""),
-            fault(Kind::DivisionByZero),
-        ),
-        case(
-            "unaligned pair of words",
-            Program("unaligned", ""),
-            fault(Kind::Unaligned),
-        ),
-        case(
-            "stack overflow in a task",
-            Program("stack", "task"),
-            fault(Kind::StackOverflow),
-        ),
-        case(
-            "stack overflow in an interrupt",
-            Program("stack", "interrupt"),
-            fault(Kind::StackOverflow),
-        ),
-        case("panic", Program("panic", ""), fault(Kind::Panic)),
-        case("hang in a task", Program("hang", "task"), hang()),
-        case("hang in an interrupt", Program("hang", "interrupt"), hang()),
-        case("brown-out, memory kept", Power("brown-out", true), start(4)),
-        case(
-            "brown-out, memory lost",
-            Power("brown-out", false),
-            start(4),
-        ),
-        case("power off and on", Power("power-on", false), start(0)),
-        case("reset pin", Power("pin", true), start(3)),
-        case("frame dropped", Drop, None),
-        case("noise on a byte", Line("noise"), None),
-        case("framing error", Line("framing"), None),
-        case("overrun", Line("overrun"), None),
-    ]
-};
-
-const REPLUG: Case = Case {
-    name: "unplugged for a while",
-    wrong: Wrong::Replug,
-    told: None,
-};
 
 struct Row {
     name: &'static str,
@@ -147,32 +63,18 @@ struct Row {
 #[ignore = "needs the image: cargo xtask f405"]
 fn the_unit_is_back_within_two_seconds_and_reports_the_cause() {
     let flight = Flight::of("tracking", "auto").unwrap();
-    let cases: Vec<&Case> = CASES.iter().chain([&REPLUG]).collect();
-    let left = Mutex::new((0..cases.len()).collect::<Vec<_>>());
-    let rows = Mutex::new(Vec::new());
-    // Two cases run at a time.
-    std::thread::scope(|scope| {
-        for _ in 0..2 {
-            scope.spawn(|| {
-                loop {
-                    let Some(index) = left.lock().unwrap().pop() else {
-                        return;
-                    };
-                    let row = round(cases[index], index as u64, &flight);
-                    eprintln!(
-                        "{}: slowest {:.0} ms, {} faults",
-                        row.name,
-                        row.slowest_ms,
-                        row.faults.len()
-                    );
-                    rows.lock().unwrap().push((index, row));
-                }
-            });
-        }
+    let cases = cases();
+    let rows = two_at_a_time(cases.len(), |index| {
+        let row = round(&cases[index], index as u64, &flight);
+        eprintln!(
+            "{}: slowest {:.0} ms, {} faults",
+            row.name,
+            row.slowest_ms,
+            row.faults.len()
+        );
+        row
     });
-    let mut rows = rows.into_inner().unwrap();
-    rows.sort_by_key(|(index, _)| *index);
-    let faults: Vec<&String> = rows.iter().flat_map(|(_, row)| &row.faults).collect();
+    let faults: Vec<&String> = rows.iter().flat_map(|row| &row.faults).collect();
     let table = table(&rows);
     eprintln!("{table}");
     if let Some(path) = std::env::var_os("BODYFLIGHT_F405_TABLE") {
@@ -181,11 +83,11 @@ fn the_unit_is_back_within_two_seconds_and_reports_the_cause() {
     assert!(faults.is_empty(), "{faults:#?}");
 }
 
-fn table(rows: &[(usize, Row)]) -> String {
+fn table(rows: &[Row]) -> String {
     let mut text = String::from(
         "| fault | runs | resumed | slowest (ms) | reported correctly | samples missing |\n|---|---|---|---|---|---|\n",
     );
-    for (_, row) in rows {
+    for row in rows {
         let times = *TIMES as usize;
         let good = times - row.faults.len().min(times);
         writeln!(
@@ -224,7 +126,7 @@ fn round(case: &Case, seed: u64, flight: &Flight) -> Row {
                 if took > BACK {
                     failed(format!("back after {took} us"));
                 }
-                if case.told.is_some() && !host.agreement().holds() {
+                if matches!(case.wrong, Wrong::Restart(_)) && !host.agreement().holds() {
                     failed(format!("{:?}", host.agreement()));
                 }
             }
@@ -250,17 +152,10 @@ fn go_wrong(case: &Case, host: &mut Host, random: &mut Random) -> Result<(u64, u
     host.listen(host.chip.now() + offset)?;
     let begin = host.chip.now();
     match case.wrong {
-        Wrong::Program(..) | Wrong::Power(..) => {
+        Wrong::Restart(fault) => {
             let before = host.greeting.ok_or("no greeting")?;
             let sent = host.sent();
-            let provoked = match case.wrong {
-                Wrong::Program(kind, within) => Some(host.chip.provoke(kind, within)?),
-                Wrong::Power(cause, keep) => {
-                    host.chip.power(cause, keep)?;
-                    None
-                }
-                _ => None,
-            };
+            let provoked = fault.provoke(&mut host.chip)?;
             let begin = provoked.map_or(begin, |provoked| provoked.at);
             while host
                 .greeting
@@ -272,15 +167,12 @@ fn go_wrong(case: &Case, host: &mut Host, random: &mut Random) -> Result<(u64, u
                 host.listen(host.chip.now() + 1_000)?;
             }
             let now = host.greeting.ok_or("no greeting")?;
-            check(case, &before, &now, sent, provoked)?;
+            check(&fault, &before, &now, sent, provoked)?;
             let resets = host.status.map_or(0, |status| status.watchdog_resets);
             host.connect(StreamMode::Paced)?;
             let more = host.status.map_or(0, |status| status.watchdog_resets) - resets;
-            if let Some(told) = &case.told
-                && told.cause != 0
-                && told.kind.is_some()
-                && more != told.watchdog_resets
-            {
+            let by_watchdog = u32::from(fault.kind == Some(Kind::Watchdog));
+            if fault.kind.is_some() && more != by_watchdog {
                 return Err(format!("{more} more starts by the watchdog"));
             }
             host.fly(WINDOW)?;
@@ -344,28 +236,22 @@ fn go_wrong(case: &Case, host: &mut Host, random: &mut Random) -> Result<(u64, u
 
 /// Checks that the unit reports the right cause.
 fn check(
-    case: &Case,
+    fault: &Fault,
     before: &HelloAcknowledge,
     now: &HelloAcknowledge,
     sent: u32,
     provoked: Option<Provoked>,
 ) -> Result<(), String> {
-    let Some(told) = &case.told else {
-        return Ok(());
-    };
     let wrong = |what: &str| Err(format!("{what}: {now:?}, provoked {provoked:?}"));
-    if now.reset_cause != told.cause {
-        return wrong("the cause");
+    if !fault.is_reported(now) {
+        return wrong("the cause or the kind");
     }
-    if told.cause == 1 && now.fault_resets != before.fault_resets + told.fault_resets {
+    if fault.cause == 1 && now.fault_resets != before.fault_resets + 1 {
         return wrong("the count of faults");
     }
-    let Some(kind) = told.kind else {
+    let Some(kind) = fault.kind else {
         return Ok(());
     };
-    if now.fault_kind != kind as u8 {
-        return wrong("the kind");
-    }
     let address = provoked.map_or(0, |provoked| provoked.address);
     let known = !matches!(kind, Kind::StackOverflow | Kind::Watchdog | Kind::Panic);
     if known && now.fault_address != address || kind == Kind::Panic && now.fault_address == 0 {
