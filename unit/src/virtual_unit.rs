@@ -7,7 +7,7 @@ use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant};
 
 use bodyflight_core::link::StreamMode;
-use bodyflight_firmware::recorder::storage::{EraseAhead, FlightLog, NoLog};
+use bodyflight_firmware::recorder::storage::{EraseAhead, FlightLog, Log as _, NoLog};
 use bodyflight_firmware::recorder::{Block, Recorder};
 use bodyflight_firmware::{Board, Identity, RECEIVER_BYTES, Unit, run};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
@@ -155,7 +155,7 @@ fn serve(
                 let [log, setup] = [FileFlash::LOG, FileFlash::SETUP];
                 let ahead = EraseAhead::OWN_CHIP;
                 let mut log = FlightLog::new(&recorder, flash, log, setup, ahead);
-                let setup = log.setup().await;
+                let setup = log.stored().await;
                 let resumed = setup.is_some_and(|setup| unit.borrow_mut().resume(&setup));
                 let _ = started.send(resumed.then_some(StreamMode::Sensor));
                 run(&unit, receiver, transmitter, sensor, log).await;

@@ -141,11 +141,6 @@ impl<'a, S: NorFlash> FlightLog<'a, S> {
         }
     }
 
-    /// Reads the stored configuration; `None` if there is none that this build can use.
-    pub async fn setup(&mut self) -> Option<Setup> {
-        self.setup.read(&mut self.memory).await
-    }
-
     /// Serves a request concerning the stored configuration. A record is replaced as a whole: if power fails meanwhile,
     /// the old one stays.
     async fn keep(&mut self, (action, record): SetupRequest, answer: &mut impl FnMut(Answer<'_>)) {
@@ -154,7 +149,7 @@ impl<'a, S: NorFlash> FlightLog<'a, S> {
             (SetupAction::Erase, _) => self.setup.erase(&mut self.memory).await,
             _ => Ok(()),
         };
-        let setup = self.setup().await;
+        let setup = self.stored().await;
         let state = match &setup {
             _ if done.is_err() => SetupState::Failed,
             Some(_) => SetupState::Present,
@@ -231,7 +226,7 @@ impl<'a, S: NorFlash> FlightLog<'a, S> {
 
 impl<S: NorFlash> Log for FlightLog<'_, S> {
     async fn stored(&mut self) -> Option<Setup> {
-        self.setup().await
+        self.setup.read(&mut self.memory).await
     }
 
     async fn run(&mut self, mut answer: impl FnMut(Answer<'_>)) {

@@ -184,15 +184,15 @@ fn nothing_is_written_on_the_ground() {
     assert!(read(&chip).is_empty());
 }
 
-#[test]
-fn without_vertical_velocity_everything_is_written() {
-    let chip = Chip::new(usize::MAX, 1);
+/// Writes a flight of `seconds` without vertical velocity, all of which is recorded, as number `session`.
+fn record(chip: &Chip, session: u16, seconds: u32) {
     let recorder = Recorder::new(vec![Block::EMPTY; 64].leak());
     let mut storage = chip.log(&recorder);
     let mut log = core::pin::pin!(storage.run(|_| {}));
-    recorder.begin(preamble());
-    for number in 0..480 {
-        let (header, message) = sample(number);
+    recorder.begin(preamble().map(|(header, message)| (Header { session, ..header }, message)));
+    for number in 0..seconds * 240 {
+        let (mut header, message) = sample(number);
+        header.session = session;
         let Message::Sample(mut sample) = message else {
             unreachable!("a sample");
         };
@@ -202,6 +202,13 @@ fn without_vertical_velocity_everything_is_written() {
     }
     recorder.end();
     assert!(poll_once(log.as_mut()).is_pending());
+    assert_eq!(recorder.lost(), 0);
+}
+
+#[test]
+fn without_vertical_velocity_everything_is_written() {
+    let chip = Chip::new(usize::MAX, 1);
+    record(&chip, 7, 2);
     assert_eq!(read(&chip).len(), 481);
 }
 

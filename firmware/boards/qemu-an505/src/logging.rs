@@ -3,14 +3,13 @@
 #![no_std]
 #![no_main]
 
+mod record;
+
 use core::hint::black_box;
 
-use bodyflight_cortex_m::{faults, stack};
-use bodyflight_firmware::fault::Reset;
 use cortex_m_rt::entry;
 // Linked for its logger.
 use defmt_semihosting as _;
-use semihosting::{println, process};
 
 /// The sample being processed when the logger panics.
 const SEQUENCE: u32 = 4712;
@@ -27,20 +26,5 @@ impl defmt::Format for Unloggable {
 
 #[entry]
 fn main() -> ! {
-    stack::guard();
-    let record = faults::begin(Reset::Software);
-    let identity = record.identity(faults::build(), 0);
-    if identity.fault_kind == 0 {
-        faults::note(SEQUENCE);
-        defmt::error!("{}", Unloggable);
-    }
-    // Ends the line that the logger has begun.
-    println!();
-    println!("reset_cause {}", identity.reset_cause);
-    println!("fault_kind {}", identity.fault_kind);
-    println!("fault_sequence {}", identity.fault_sequence);
-    println!("fault_resets {}", identity.fault_resets);
-    let place = core::str::from_utf8(&identity.fault_place).unwrap_or_default();
-    println!("fault_place {}", place.trim_start_matches('\0'));
-    process::exit(0)
+    record::of_fault(SEQUENCE, || defmt::error!("{}", Unloggable))
 }

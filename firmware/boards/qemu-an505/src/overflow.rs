@@ -3,14 +3,14 @@
 #![no_std]
 #![no_main]
 
+mod record;
+
 use core::hint::black_box;
 
-use bodyflight_cortex_m::{faults, stack};
-use bodyflight_firmware::fault::Reset;
 use cortex_m_rt::entry;
 // Linked for its logger.
 use defmt_semihosting as _;
-use semihosting::{println, process};
+use semihosting::println;
 
 /// The sample being processed when the stack overflows.
 const SEQUENCE: u32 = 4711;
@@ -29,15 +29,5 @@ fn deeper(depth: u32) -> u32 {
 
 #[entry]
 fn main() -> ! {
-    stack::guard();
-    let record = faults::begin(Reset::Software);
-    let identity = record.identity(faults::build(), 0);
-    if identity.fault_kind == 0 {
-        faults::note(SEQUENCE);
-        println!("never {}", deeper(0));
-    }
-    println!("reset_cause {}", identity.reset_cause);
-    println!("fault_kind {}", identity.fault_kind);
-    println!("fault_sequence {}", identity.fault_sequence);
-    process::exit(0)
+    record::of_fault(SEQUENCE, || println!("never {}", deeper(0)))
 }

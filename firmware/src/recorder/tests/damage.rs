@@ -2,27 +2,6 @@
 
 use super::*;
 
-/// Writes a flight of `seconds` in which everything is recorded, as number `session`.
-fn record(chip: &Chip, session: u16, seconds: u32) {
-    let recorder = Recorder::new(vec![Block::EMPTY; 64].leak());
-    let mut storage = chip.log(&recorder);
-    let mut log = core::pin::pin!(storage.run(|_| {}));
-    recorder.begin(preamble().map(|(header, message)| (Header { session, ..header }, message)));
-    for number in 0..seconds * 240 {
-        let (mut header, message) = sample(number);
-        header.session = session;
-        let Message::Sample(mut sample) = message else {
-            unreachable!("a sample");
-        };
-        sample.valid.remove(Validity::VELOCITY);
-        recorder.note(&header, &sample.into());
-        assert!(poll_once(log.as_mut()).is_pending());
-    }
-    recorder.end();
-    assert!(poll_once(log.as_mut()).is_pending());
-    assert_eq!(recorder.lost(), 0);
-}
-
 /// A chip with some flights of 4 s, each of which takes a sixth of it.
 fn flown(flights: u16) -> Chip {
     let chip = Chip::new(usize::MAX, 1);
