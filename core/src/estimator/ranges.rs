@@ -14,7 +14,7 @@ use nalgebra::Quaternion;
 use crate::dynamics::State;
 use crate::frame::{Inertial, Rotation, Vector};
 use crate::math::{Real, normalized};
-use Bound::{Construction, Relative, Search};
+use Bound::{Construction, Search, Time};
 
 /// Why a number stays in its range.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -23,8 +23,8 @@ pub enum Bound {
     Construction,
     /// Found by random search over allowed people, densities, winds, motions and inputs.
     Search,
-    /// It grows with time, and is taken relative to a point that moves along.
-    Relative,
+    /// Only for a time: it grows, and nothing resets it.
+    Time,
 }
 
 /// The range of a number.
@@ -97,7 +97,7 @@ impl fmt::Display for Range {
         f.write_str(match self.bound {
             Construction => " construction |",
             Search => " search |",
-            Relative => " relative |",
+            Time => " time |",
         })
     }
 }
@@ -120,13 +120,14 @@ const fn range(
 
 /// Component of the attitude quaternion.
 pub const ATTITUDE: Range = range("attitude quaternion", "1", 1.0, 0.005, Construction);
-/// Position of the centre of gravity, relative to a point that moves along once a minute: 100 m/s for 80 s.
-pub const POSITION: Range = range("position", "m", 8192.0, 1.0, Relative);
+/// Position of the centre of gravity: holds for 80 s at the largest speed. A filter in fixed point would have to move its
+/// origin along.
+pub const POSITION: Range = range("position", "m", 8192.0, 1.0, Time);
 /// Velocity of the pelvic joint or of the air; its magnitude is clamped to 100 m/s.
 pub const VELOCITY: Range = range("velocity", "m/s", 128.0, 0.1, Construction);
 /// Angular velocity of the body frame; its magnitude is clamped.
 pub const ANGULAR_VELOCITY: Range = range("angular velocity", "rad/s", 35.0, 0.01, Construction);
-/// Linear momentum: 300 kg a segment are allowed, but no person has more than 250 kg.
+/// Linear momentum.
 pub const LINEAR_MOMENTUM: Range = range("linear momentum", "kg m/s", 32_000.0, 7.5, Search);
 /// Angular momentum about the centre of gravity.
 pub const ANGULAR_MOMENTUM: Range = range("angular momentum", "kg m2/s", 8192.0, 0.1, Search);

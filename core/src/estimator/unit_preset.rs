@@ -40,8 +40,8 @@ impl UnitPreset {
         ))
     }
 
-    /// Returns the number of the preset with this name; `auto` and `sigma-points` are the motion filter with `muscles`. Returns `None` if
-    /// there is no such preset, or if the motion filter has none for these limb groups.
+    /// Returns the number of the preset with this name; `auto` and `sigma-points` are the motion filter with `muscles`.
+    /// Returns `None` if there is no such preset, or if the motion filter has none for these limb groups.
     pub fn number(name: &str, muscles: &MuscleModel) -> Option<usize> {
         let block = match name {
             MOTION_NAME => Some(0),

@@ -1,8 +1,8 @@
 //! Propagation of the state and its covariance over an interval.
 //!
-//! The model is run once for the motion as it is, and once for each component of velocity and angular velocity, or twice
-//! with sigma points. The other derivatives need no run: turning the body is the same as turning gravity and the velocity the other way, and
-//! the loads of inputs and residual load are linear.
+//! The model is run once for the motion as it is, and once for each component of velocity and angular velocity, or
+//! twice with sigma points. The other derivatives need no run: turning the body is the same as turning gravity and the
+//! velocity the other way, and the loads of inputs and residual load are linear.
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
@@ -54,22 +54,20 @@ pub fn fly<T: Real>(
     let step =
         |motion: &State<T>| dynamics.step_at_density(motion, interval, inputs, duration, density);
     let end = step(motion);
-    let mut shift = Change::zeros();
-    match spread {
-        None => differences(&step, motion, &end, interval, slope),
-        Some(spread) => shift = sigma_points(&step, motion, &end, interval, spread, slope),
-    }
+    let mean = if let Some(spread) = spread {
+        let shift = sigma_points(&step, motion, &end, interval, spread, slope);
+        moved_motion(&end, &shift, interval)
+    } else {
+        differences(&step, motion, &end, interval, slope);
+        end
+    };
     turned_columns(dynamics, interval, motion, &end, duration, slope);
     load_columns(dynamics, interval, start, &end, (density, duration), slope);
     let centre = process.centre();
     let inputs = input_vector(inputs);
     let decayed = centre + (inputs - centre).component_mul(&process.decay());
     FlightState {
-        motion: if spread.is_some() {
-            moved_motion(&end, &shift, interval)
-        } else {
-            end
-        },
+        motion: mean,
         inputs: inputs_of(&decayed),
     }
 }
