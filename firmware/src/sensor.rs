@@ -20,12 +20,9 @@ use bodyflight_core::ubx;
 use bodyflight_core::xbus::{Decoder, MessageId, SampleClock};
 use nalgebra::{UnitQuaternion, Vector3};
 
+pub(crate) use level::STANDARD_GRAVITY;
 use level::{Attitude, Level};
 use reading::Reading;
-
-/// Standard gravity (m/s2), in single precision.
-#[expect(clippy::cast_possible_truncation, reason = "to single precision")]
-pub(crate) const STANDARD_GRAVITY: f32 = bodyflight_core::air::STANDARD_GRAVITY as f32;
 
 /// Rate of the line of a sensor of this kind (baud): an MTi as it is set up for the unit, a BNO08x as it always is.
 pub const fn line_rate(kind: SensorKind) -> u32 {

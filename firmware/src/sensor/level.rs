@@ -7,7 +7,9 @@
 use bodyflight_core::math::{normalized, small_rotation};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
-use super::STANDARD_GRAVITY;
+/// Standard gravity (m/s2), in single precision.
+#[expect(clippy::cast_possible_truncation, reason = "to single precision")]
+pub(crate) const STANDARD_GRAVITY: f32 = bodyflight_core::air::STANDARD_GRAVITY as f32;
 
 /// The most by which an accelerometer at rest may differ from standard gravity (m/s2).
 const GRAVITY_ERROR: f32 = 0.5;
