@@ -23,7 +23,7 @@ use bodyflight_export::columns::csv::CsvTable;
 use bodyflight_export::columns::quantity::{Quantity, Sink};
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::interrupt;
-use bodyflight_mvnx::recording::Options;
+use bodyflight_mvnx::recording::{Options, faults};
 use bodyflight_replay::Precision;
 use bodyflight_replay::flight::Flight;
 use bodyflight_replay::preset_file::{AUTO, Tuning};
@@ -45,7 +45,7 @@ pub struct Report {
     pub duration_s: f64,
     /// Size of the file (bytes).
     pub bytes: u64,
-    /// Why the estimates in it should not be trusted.
+    /// Why the recording, or the estimates in the file, should not be trusted.
     pub doubt: Option<String>,
 }
 
@@ -75,12 +75,12 @@ pub fn export(
         })
         .transpose()?;
     let points = estimation.as_ref().map(|found| found.points.as_slice());
-    let replay = Replay::open(flight, options, Precision::Double)?;
+    let mut replay = Replay::open(flight, options, Precision::Double)?;
     let (dynamics, start) = (replay.model().dynamics, *replay.start());
     let mut points = points.unwrap_or_default();
     let mut row = Vec::new();
     let (mut frames, mut end) = (0_u64, start.time);
-    let mut steps = std::iter::once(Ok(start)).chain(replay);
+    let mut steps = std::iter::once(Ok(start)).chain(replay.by_ref());
     let (mut before, mut now): (Option<Step>, Option<Step>) = (None, steps.next().transpose()?);
     while let Some(step) = now {
         let next = steps.next().transpose()?;
@@ -117,7 +117,8 @@ pub fn export(
         columns: row.len(),
         duration_s: end - start.time,
         bytes: size.len(),
-        doubt: estimation.and_then(|found| found.report.doubt),
+        doubt: faults(&replay.frames().warnings())
+            .or_else(|| estimation.and_then(|found| found.report.doubt)),
     })
 }
 

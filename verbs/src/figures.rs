@@ -52,7 +52,7 @@ pub struct Settings {
 /// Writes reconstruction, inputs, top view and snapshots into `folder`, and returns their paths.
 ///
 /// # Errors
-/// Same as [`estimate`], and an error if the folder cannot be written to.
+/// Same as [`estimate`], and an error if the estimate is doubtful or the folder cannot be written to.
 pub fn write(
     flight: &Flight,
     title: &str,
@@ -73,6 +73,10 @@ pub fn write(
         Precision::Double,
         progress,
     )?;
+    if let Some(doubt) = &estimation.report.doubt {
+        return Err(Problem::doubt(doubt.clone())
+            .help("no figure was drawn; bodyflight estimate FLIGHT shows where they disagree"));
+    }
     let rows = estimation.points.iter().map(|point| point.inputs);
     // Known inputs take precedence over estimated ones.
     let flown = match &flight.inputs {
@@ -83,7 +87,7 @@ pub fn write(
             ..flight.clone()
         },
     };
-    let (series, _) = fly_series(&flown, options, progress)?;
+    let series = fly_series(&flown, options, progress)?.series;
     let figures = [
         (RECONSTRUCTION, reconstruction(title, preset, &estimation)?),
         (INPUTS, row_svg(title, &input_panels(&estimation))?),

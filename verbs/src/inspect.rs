@@ -14,7 +14,7 @@ use serde::Serialize;
 use bodyflight_io::diagnostic::Result;
 use bodyflight_io::input::STANDARD_INPUT;
 use bodyflight_mvnx::closure::Skeleton;
-use bodyflight_mvnx::recording::{self, faults};
+use bodyflight_mvnx::recording::{self, CLOSURE_LIMIT, faults};
 use bodyflight_mvnx::{ArmFrame, Fault, Field, Fields, Frame, ReadOptions, Reader};
 use flight::FlightReport;
 
@@ -75,12 +75,18 @@ pub struct Report {
     pub flight: Option<FlightReport>,
     /// What kind of recording this is, and whether it can be used, in a sentence.
     pub verdict: String,
+    /// Why a recording of a whole body cannot be read as a flight.
+    #[serde(skip)]
+    unusable: Option<String>,
 }
 
 impl Report {
     /// Why results from this recording cannot be trusted, `None` if nothing contradicts it.
     pub fn doubt(&self) -> Option<String> {
-        faults(&self.flight.as_ref()?.warnings)
+        let Some(flight) = &self.flight else {
+            return self.unusable.clone();
+        };
+        faults(&flight.warnings)
     }
 
     pub(crate) fn judged(mut self, not_a_flight: Option<String>) -> Self {
@@ -89,6 +95,13 @@ impl Report {
             "the body {} for most of the time",
             does.unwrap_or("does nothing known")
         );
+        // A recording of a part of the body is sound; one of the whole body that cannot be used is not.
+        let is_open = self
+            .closure_error_m
+            .is_some_and(|error| error > CLOSURE_LIMIT);
+        if self.flight.is_none() && (is_open || self.bad_frames > 0) {
+            self.unusable.clone_from(&not_a_flight);
+        }
         self.verdict = match (&self.flight, self.doubt(), not_a_flight) {
             (_, Some(doubt), _) => format!("doubtful: {doubt}"),
             (None, _, Some(why)) => format!("not a full-body motion: {why}"),
@@ -212,6 +225,7 @@ fn inspect_reader<R: BufRead>(mut reader: Reader<R>) -> Result<Report> {
         notes: Vec::new(),
         flight: None,
         verdict: "not judged".to_owned(),
+        unusable: None,
     })
 }
 

@@ -3,9 +3,12 @@
 //! Bad frames are never used silently. A short run is interpolated (marked by [`FlightFrame::bridged`], counted in
 //! [`Quality`]); a longer one, or any with [`BadFrames::Refuse`], is an error that names file, line, frame and element.
 
+mod agreement;
 mod bridge;
+mod clock;
 mod frame;
 mod mounting;
+mod paths;
 mod plausibility;
 mod warning;
 mod watch;
@@ -32,7 +35,7 @@ pub use warning::{Warning, faults};
 
 /// Largest closure error of a usable recording (m): well above the 0.01 of a good file whose shoulder girdle moves, and
 /// well below the 0.2 or more that a wrong convention gives.
-const CLOSURE_LIMIT: f64 = JOINT_LIMIT;
+pub const CLOSURE_LIMIT: f64 = JOINT_LIMIT;
 /// Number of frames, besides those of the calibration, that determine the convention of the arms.
 const FRAMES_FOR_ARMS: usize = 8;
 
@@ -178,6 +181,7 @@ impl<R: BufRead> Recording<R> {
     #[must_use]
     pub fn with_velocities(mut self, velocities: Velocities) -> Self {
         self.velocities = Some(velocities);
+        self.watch.velocities_of_another_sensor();
         self
     }
 

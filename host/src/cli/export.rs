@@ -18,6 +18,7 @@ use super::terminal;
 #[derive(clap::Args)]
 #[command(
     after_help = "docs/formats.md lists the columns. Open .mcap files in Foxglove, in a 3D panel that follows simulated/pelvis.\n\n\
+                  Exit code 5: the file was written, but recording or estimates cannot be trusted.\n\n\
                   Examples:\n  bodyflight export flight.toml --format parquet\n  \
                   bodyflight export flight.toml --out run.mcap\n  \
                   bodyflight export flight.toml --out run.npz --estimates smooth"
@@ -101,7 +102,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         None => Ok(()),
         Some(sentence) => Err(Problem::doubt(sentence)
             .in_file(&args.flight)
-            .help("the file was written, but do not trust the estimates in it")),
+            .help("the file was written, but do not trust what is in it")),
     }
 }
 

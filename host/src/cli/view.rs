@@ -32,6 +32,7 @@ use super::terminal::{self, FlightBar};
                   bodyflight view turn-1 turn-2 --estimate\n  \
                   bodyflight view flight.toml --model found/model.toml --discovery found/report.json\n\n\
                   bodyflight view TRACK.CSV --units kmh\n  bodyflight view CARD --out logbook.html\n\n\
+                  Exit code 5: the page was written, but a recording contradicts itself.\n\n\
                   With --model, a second run with the effects is shown beside the plain one. Of a logger's tracks, or a folder \
                   of them, the page has figures, map, height, speed and drag area."
 )]
@@ -76,35 +77,46 @@ pub(super) struct Written {
 }
 
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
-    let (html, runs) = if track::are_tracks(&args.flights) {
+    let (html, runs, doubt) = if track::are_tracks(&args.flights) {
         if args.model.is_some() || args.discovery.is_some() || args.estimate.is_some() {
             return Err(Problem::bad_input(
                 "--model, --discovery and --estimate need flights with postures, and these are tracks",
             ));
         }
         args.outputs.check([&Some(args.out.clone())])?;
-        track::page(&args.flights, args.mass, args.units.units())?
+        let (html, runs) = track::page(&args.flights, args.mass, args.units.units())?;
+        (html, runs, None)
     } else {
         let page = page(args)?;
-        (html(&page)?, page.runs.len())
+        let doubt = page
+            .runs
+            .iter()
+            .find_map(|run| Some((run.name.clone(), run.doubt.clone()?)));
+        (html(&page)?, page.runs.len(), doubt)
     };
     write_file(&args.out, html.as_bytes())?;
     if args.open {
         open(&args.out);
     }
     if json {
-        return terminal::print_json(&Written {
+        terminal::print_json(&Written {
             page: args.out.clone(),
             bytes: html.len(),
             runs,
-        });
+        })?;
+    } else {
+        terminal::print(&format!(
+            "written: {} ({:.1} MB, opens in a browser without a network)",
+            args.out.display(),
+            html.len() as f64 / 1e6
+        ));
     }
-    terminal::print(&format!(
-        "written: {} ({:.1} MB, opens in a browser without a network)",
-        args.out.display(),
-        html.len() as f64 / 1e6
-    ));
-    Ok(())
+    match doubt {
+        None => Ok(()),
+        Some((name, doubt)) => Err(Problem::doubt(doubt)
+            .at(name)
+            .help("the page was written, but do not trust what it shows")),
+    }
 }
 
 /// Opens a page in a browser. If there is none, the caller has still printed the page's address.

@@ -10,7 +10,7 @@ use super::series::{Packed, RATE, Series};
 use super::shape::{Shape, Worn, shapes};
 use bodyflight_io::diagnostic::Result;
 use bodyflight_io::interrupt;
-use bodyflight_mvnx::recording::Options;
+use bodyflight_mvnx::recording::{Options, faults};
 use bodyflight_replay::Precision;
 use bodyflight_replay::comparison::{Channel, Comparison, PerChannel};
 use bodyflight_replay::flight::Flight;
@@ -59,6 +59,19 @@ pub struct Run {
     pub series: Packed,
     /// Estimated inputs, if requested.
     pub estimated: Option<Estimated>,
+    /// Why the recording should not be trusted.
+    #[serde(skip)]
+    pub doubt: Option<String>,
+}
+
+/// A recording and its simulation, and how they compare.
+pub struct Flown {
+    /// The data to show, [`RATE`] rows a second.
+    pub series: Series,
+    /// The comparison of all frames.
+    pub comparison: Comparison,
+    /// Why the recording should not be trusted.
+    pub doubt: Option<String>,
 }
 
 /// Simulates a recording for the page.
@@ -71,7 +84,11 @@ pub fn fly(
     options: Options,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Run> {
-    let (series, comparison) = fly_series(flight, options, progress)?;
+    let Flown {
+        series,
+        comparison,
+        doubt,
+    } = fly_series(flight, options, progress)?;
     let air = flight
         .effects
         .applied(flight.dynamics(0.0), 0.0)?
@@ -87,10 +104,11 @@ pub fn fly(
         air_velocity_mps: air.velocity.to_array(),
         series: series.packed(),
         estimated: None,
+        doubt,
     })
 }
 
-/// Simulates a recording. Returns the data to show, [`RATE`] rows a second, and the comparison of all frames.
+/// Simulates a recording.
 ///
 /// # Errors
 /// Same as [`crate::simulate::simulate`].
@@ -98,15 +116,15 @@ pub fn fly_series(
     flight: &Flight,
     options: Options,
     progress: &mut dyn FnMut(f64),
-) -> Result<(Series, Comparison)> {
-    let replay = Replay::open(flight, options, Precision::Double)?;
+) -> Result<Flown> {
+    let mut replay = Replay::open(flight, options, Precision::Double)?;
     let dynamics = replay.model().dynamics;
     let mut series = Series::new(&COLUMNS);
     let mut comparison = Comparison::default();
     let start = *replay.start();
     series.push(row(&dynamics, &start));
     let mut due = start.time + 1.0 / RATE;
-    let mut steps = replay.peekable();
+    let mut steps = replay.by_ref().peekable();
     while let Some(step) = steps.next() {
         let step = step?;
         comparison.push(step.pair);
@@ -118,7 +136,11 @@ pub fn fly_series(
             interrupt::check()?;
         }
     }
-    Ok((series, comparison))
+    Ok(Flown {
+        series,
+        comparison,
+        doubt: faults(&replay.frames().warnings()),
+    })
 }
 
 /// A row of [`COLUMNS`].

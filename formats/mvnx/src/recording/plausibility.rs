@@ -57,8 +57,13 @@ pub(super) struct Plausibility {
 }
 
 impl Plausibility {
-    /// Takes a good frame, with its joint that closes worst.
-    pub(super) fn see(&mut self, frame: &FlightFrame, joint: Option<OpenJoint>) {
+    /// Takes a good frame, with the attitudes of its segments and its joint that closes worst.
+    pub(super) fn see(
+        &mut self,
+        frame: &FlightFrame,
+        here: &SegmentArray<UnitQuaternion<f64>>,
+        joint: Option<OpenJoint>,
+    ) {
         if let Some(joint) = joint.filter(|joint| joint.apart > JOINT_LIMIT) {
             let known = self
                 .open
@@ -72,12 +77,10 @@ impl Plausibility {
             run.last = frame.time;
             run.largest = run.largest.max(joint.apart);
         }
-        let attitude = *frame.pelvis.inertial_from_body.quaternion();
-        let here = (frame.posture.body_from_segments()).map(|_, turned| attitude * turned);
         if let Some((before, last)) = self.last {
-            self.compare(&before, frame, &last, &here);
+            self.compare(&before, frame, &last, here);
         }
-        self.last = Some((*frame, here));
+        self.last = Some((*frame, *here));
     }
 
     fn compare(
@@ -138,9 +141,7 @@ impl Plausibility {
 fn fault(segment: &str, run: &Run, message: String) -> Warning {
     Warning {
         segment: Some(segment.to_owned()),
-        span_s: Some([run.first.1, run.last]),
-        is_fault: true,
-        ..Warning::new(run.first.0, message)
+        ..Warning::fault(run.first.0, [run.first.1, run.last], message)
     }
 }
 
@@ -184,6 +185,7 @@ mod tests {
             let apart = if index == 50 { 0.2 } else { 0.001 };
             seen.see(
                 &frame,
+                &turned,
                 Some(OpenJoint {
                     segment: "LeftHand".to_owned(),
                     apart,

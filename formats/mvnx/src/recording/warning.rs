@@ -29,6 +29,15 @@ impl Warning {
             is_fault: false,
         }
     }
+
+    /// A contradiction within the recording, with the time that it concerns (s).
+    pub(super) fn fault(frame: u64, span_s: [f64; 2], message: String) -> Self {
+        Self {
+            span_s: Some(span_s),
+            is_fault: true,
+            ..Self::new(frame, message)
+        }
+    }
 }
 
 /// The faults among warnings in a sentence, `None` if there are none.

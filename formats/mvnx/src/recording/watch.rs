@@ -7,20 +7,17 @@ use bodyflight_core::Segment;
 use bodyflight_core::frame::{Inertial, Vector};
 use nalgebra::{UnitQuaternion, Vector3};
 
+use super::agreement::Agreement;
 use super::bridge::BRIDGE_LIMIT;
+use super::clock::{Clock, Rates};
 use super::frame::FlightFrame;
+use super::paths::Paths;
 use super::plausibility::{OpenJoint, Plausibility};
 use super::warning::Warning;
 use crate::xsens;
 
 /// Shortest flight worth judging (s).
 const SHORTEST: f64 = 2.0;
-
-/// Fewest frames for which rates are compared.
-const LEAST_FRAMES: u64 = 10;
-
-/// Largest relative difference between the rate of the frame times, written in whole milliseconds, and the frame rate.
-const RATE_TOLERANCE: f64 = 0.03;
 
 /// Time over which rotations are compared (s), long enough that the noise of single attitudes is small in comparison,
 /// and the fewest such comparisons that are judged.
@@ -43,51 +40,13 @@ const ALIKE: f64 = 0.95;
 /// Ratios of two angular velocities that are explained by degrees in place of radians (57.3), with a margin for noise.
 const DEGREES: core::ops::Range<f64> = 40.0..75.0;
 
-/// Upward speed that no fall reaches (m/s).
-const RISES: f64 = 10.0;
-
-/// Shortest path (m), by positions or by velocities, for which the two are compared, and their largest relative
-/// difference: beyond it, units or the frame rate are wrong.
-const MOVES: f64 = 1.0;
-const WAYS_APART: f64 = 0.3;
-/// Ratio of the two below which one of them does not show the motion at all.
-const NONE: f64 = 0.02;
-
-/// Sums over a vector that is recorded in two ways.
-#[derive(Debug, Clone, Copy, Default)]
-struct Agreement {
-    expected: f64,
-    found: f64,
-    both: f64,
-}
-
-impl Agreement {
-    fn add(&mut self, expected: &Vector3<f64>, found: &Vector3<f64>) {
-        self.expected += expected.norm_squared();
-        self.found += found.norm_squared();
-        self.both += expected.dot(found);
-    }
-
-    fn correlation(&self) -> f64 {
-        self.both / (self.expected * self.found).sqrt().max(f64::MIN_POSITIVE)
-    }
-
-    /// Ratio of the found to the expected size.
-    fn scale(&self) -> f64 {
-        self.both / self.expected.max(f64::MIN_POSITIVE)
-    }
-}
+/// Relative difference of two angular velocities that are the same except for noise: beyond it, unit or rate differ.
+const RATES_APART: f64 = 0.3;
 
 /// What is said if velocities and angular velocities are both opposite to the motion. The two explanations give the same
 /// numbers: gravity does not tell the direction of time.
 const BACKWARDS: &str = "velocities and angular velocities are opposite to the motion of positions and attitudes: the \
     frames run backwards in time, or all velocities have the opposite sign";
-
-/// Correlation of displacements and velocities below which they do not belong together.
-const ASKEW: f64 = 0.5;
-/// Distance between displacement and velocity in one frame that is a jump (m), and the least number of frames for each.
-const JUMPS: f64 = 0.3;
-const SELDOM: u64 = 30;
 
 /// Rotation since a frame, according to the angular velocities (rad).
 #[derive(Debug, Clone, Copy)]
@@ -110,10 +69,7 @@ fn as_of_pelvis(recorded: &Vector3<f64>) -> Vector3<f64> {
 pub(super) struct Watch {
     first: Option<FlightFrame>,
     last: Option<FlightFrame>,
-    frames: u64,
-    /// Written time (ms or s) of the first and the last frame that have one, with their indices.
-    written: Option<[(u64, f64); 2]>,
-    frame_rate: f64,
+    clock: Clock,
     gaps: u64,
     largest_gap: Option<(u64, f64)>,
     /// Angular velocity in global axes, and as if it were in segment axes.
@@ -122,22 +78,21 @@ pub(super) struct Watch {
     turn: Option<Turn>,
     turns: u64,
     fastest: Option<(u64, f64)>,
-    ways: Agreement,
-    /// Path length according to the positions, and to the velocities (m).
-    lengths: [f64; 2],
-    up: f64,
-    /// Time (s) and size (m) of the first jump of the pelvis that its velocity does not explain, and their number.
-    jump: Option<(f64, f64)>,
-    jumps: u64,
+    paths: Paths,
     segments: Plausibility,
 }
 
 impl Watch {
     pub(super) fn new(frame_rate: f64) -> Self {
         Self {
-            frame_rate,
+            clock: Clock::new(frame_rate),
             ..Self::default()
         }
+    }
+
+    /// Velocities are those of another sensor, which has slow errors of its own.
+    pub(super) fn velocities_of_another_sensor(&mut self) {
+        self.paths.compare_coarsely();
     }
 
     /// Takes a good frame, its time as written, and its joint that closes worst.
@@ -147,17 +102,17 @@ impl Watch {
         written: Option<f64>,
         joint: Option<OpenJoint>,
     ) {
-        self.segments.see(frame, joint);
-        if let Some(time) = written {
-            let here = (frame.index, time);
-            self.written = Some([self.written.map_or(here, |[first, _]| first), here]);
-        }
+        let attitude = *frame.pelvis.inertial_from_body.quaternion();
+        let attitudes = (frame.posture.body_from_segments()).map(|_, turned| attitude * turned);
+        let place = &frame.pelvis.position.components;
+        self.clock
+            .see((frame.index, frame.time), written, &attitudes, place);
+        self.segments.see(frame, &attitudes, joint);
         if let Some(last) = self.last {
             self.compare(&last, frame);
         }
         self.first.get_or_insert(*frame);
         self.last = Some(*frame);
-        self.frames += 1;
     }
 
     fn compare(&mut self, last: &FlightFrame, frame: &FlightFrame) {
@@ -174,6 +129,7 @@ impl Watch {
                 self.largest_gap = Some((frame.index, duration));
             }
             self.turn = None;
+            self.paths.interrupt();
             return;
         }
         let mean = |a: Option<Vector<f64, Inertial>>, b: Option<Vector<f64, Inertial>>| {
@@ -207,17 +163,10 @@ impl Watch {
                 self.turn = None;
             }
         }
-        if let Some(velocity) = mean(before.velocity, now.velocity) {
+        if let (Some(from), Some(to)) = (before.velocity, now.velocity) {
             let moved = now.position.components - before.position.components;
-            self.ways.add(&moved, &(velocity * duration));
-            let jump = (moved - velocity * duration).norm();
-            if jump > JUMPS {
-                self.jumps += 1;
-                self.jump.get_or_insert((frame.time, moved.norm()));
-            }
-            self.lengths[0] += moved.norm();
-            self.lengths[1] += velocity.norm() * duration;
-            self.up += velocity.z * duration;
+            let velocities = [&from.components, &to.components];
+            self.paths.see(frame.time, duration, &moved, velocities);
         }
     }
 
@@ -229,6 +178,7 @@ impl Watch {
         let mut warnings = Vec::new();
         let mut warn = |frame: u64, message: String| warnings.push(Warning::new(frame, message));
         let duration = last.time - first.time;
+        let whole = [first.time, last.time];
         if duration < SHORTEST {
             warn(
                 last.index,
@@ -247,61 +197,43 @@ impl Watch {
                 ),
             );
         }
-        if let Some((frame, rate)) = self.rate_written() {
-            warn(
-                frame,
-                format!(
-                    "the frame times give {rate:.1} frames per second, the header {:.1}; the header is used",
-                    self.frame_rate
-                ),
-            );
+        let scale = self.paths.scale();
+        let mut is_clock_wrong = false;
+        match self.clock.rates(scale) {
+            Some((frame, Rates::HeaderIsUsed(message))) => warn(frame, message),
+            Some((frame, Rates::HeaderIsWrong(message))) => {
+                is_clock_wrong = true;
+                warnings.push(Warning::fault(frame, whole, message));
+            }
+            None => {}
+        }
+        if let Some((frame, from, message)) = self.clock.repetitions() {
+            warnings.push(Warning::fault(frame, [from, last.time], message));
         }
         let is_backwards = self.is_backwards();
         if is_backwards {
-            warnings.push(Warning {
-                span_s: Some([first.time, last.time]),
-                is_fault: true,
-                ..Warning::new(last.index, BACKWARDS.to_owned())
-            });
+            warnings.push(Warning::fault(last.index, whole, BACKWARDS.to_owned()));
         } else if let Some((frame, message)) = self.rates().or_else(|| self.directions()) {
-            warnings.push(Warning {
-                is_fault: self.rates_are_useless(),
-                ..Warning::new(frame, message)
-            });
+            warnings.push(Warning::fault(frame, whole, message));
         }
-        let mut warn = |frame: u64, message: String| warnings.push(Warning::new(frame, message));
-        if duration > 0.0 && self.up / duration > RISES {
-            warn(
-                last.index,
-                format!(
-                    "the body rises by {:.1} m/s on average; expected a fall, with upward velocities positive",
-                    self.up / duration
-                ),
+        if let Some(up) = self.paths.rises(duration) {
+            let message = format!(
+                "the body rises by {up:.1} m/s on average; expected a fall, with upward velocities positive"
             );
+            warnings.push(Warning::new(last.index, message));
         }
-        if let Some(message) = self.paths().filter(|_| !is_backwards) {
+        if let Some((message, time)) = self.paths.velocity_jump() {
             warnings.push(Warning {
-                span_s: Some([first.time, last.time]),
-                is_fault: true,
+                span_s: Some([time, time]),
                 ..Warning::new(last.index, message)
             });
         }
+        let contradiction = self.paths.contradiction();
+        if let Some((message, span)) = contradiction.filter(|_| !is_backwards && !is_clock_wrong) {
+            warnings.push(Warning::fault(last.index, span.unwrap_or(whole), message));
+        }
         warnings.extend(self.segments.warnings());
         warnings
-    }
-
-    /// Frames per second according to the frame times, if they disagree with the header, and the frame that shows it.
-    fn rate_written(&self) -> Option<(u64, f64)> {
-        let [(first, from), (last, to)] = self.written?;
-        if last < first + LEAST_FRAMES || to <= from {
-            return None;
-        }
-        #[expect(clippy::cast_precision_loss, reason = "counts of frames")]
-        let frames = (last - first) as f64;
-        // MVN writes milliseconds; some programs write seconds.
-        let rates = [1000.0, 1.0].map(|unit| frames * unit / (to - from));
-        let near = |rate: &f64| (rate / self.frame_rate - 1.0).abs() < RATE_TOLERANCE;
-        (!rates.iter().any(near)).then_some((last, rates[0]))
     }
 
     fn is_turning(&self) -> bool {
@@ -313,23 +245,21 @@ impl Watch {
     /// Whether both kinds of velocity are those of the same motion the other way round. One of them alone would mean
     /// reversed axes or inverse quaternions.
     fn is_backwards(&self) -> bool {
-        let against =
-            |of: &Agreement| of.correlation() < -SAME && (of.scale() + 1.0).abs() < WAYS_APART;
-        let moves = self.lengths[0] > MOVES && self.frames >= LEAST_FRAMES;
-        moves && self.is_turning() && against(&self.global) && against(&self.ways)
-    }
-
-    /// Whether the angular velocities are empty or in degrees: nothing computed from them is right.
-    fn rates_are_useless(&self) -> bool {
-        self.global.found < NONE * NONE * self.global.expected
-            || DEGREES.contains(&self.global.scale())
+        let spin = &self.global;
+        let turns_back = spin.correlation() < -SAME && (spin.scale() + 1.0).abs() < RATES_APART;
+        self.is_turning() && turns_back && self.paths.are_opposite()
     }
 
     /// Angular velocities in the wrong unit.
     fn rates(&self) -> Option<(u64, String)> {
         let (frame, fastest) = self.fastest.filter(|_| self.is_turning())?;
         let (scale, correlation) = (self.global.scale(), self.global.correlation());
-        if correlation < SAME || (0.5..2.0).contains(&scale) {
+        let is_near = if correlation > ALIKE {
+            (scale - 1.0).abs() < RATES_APART
+        } else {
+            (0.5..2.0).contains(&scale)
+        };
+        if correlation < SAME || is_near {
             return None;
         }
         let what = if DEGREES.contains(&scale) {
@@ -340,7 +270,7 @@ impl Watch {
         Some((
             frame,
             format!(
-                "the angular velocities, up to {fastest:.1}, are {scale:.1} times those of the attitudes: {what}"
+                "the angular velocities, up to {fastest:.1}, are {scale:.2} times those of the attitudes: {what}"
             ),
         ))
     }
@@ -354,7 +284,7 @@ impl Watch {
         if correlation > 0.5 && !fits_segment {
             return None;
         }
-        let what = if self.rates_are_useless() {
+        let what = if self.global.one_is_empty() {
             "they are empty"
         } else if fits_segment {
             "they match in segment axes; expected global axes"
@@ -369,43 +299,6 @@ impl Watch {
                 "the angular velocities do not match the attitudes (correlation {correlation:.2}): {what}"
             ),
         ))
-    }
-
-    /// Positions and velocities that do not match.
-    fn paths(&self) -> Option<String> {
-        let [by_positions, by_velocities] = self.lengths;
-        if by_positions.max(by_velocities) < MOVES || self.frames < LEAST_FRAMES {
-            return None;
-        }
-        let correlation = self.ways.correlation();
-        if correlation < -0.5 {
-            return Some(
-                "positions and velocities point in opposite directions: the axes of one of them are reversed"
-                    .to_owned(),
-            );
-        }
-        if by_velocities < NONE * by_positions || by_positions < NONE * by_velocities {
-            return Some(format!(
-                "the body moves {by_positions:.1} m by positions, {by_velocities:.1} m by velocities: one of them is empty"
-            ));
-        }
-        if let Some((time, jump)) = self.jump.filter(|_| SELDOM * self.jumps < self.frames) {
-            return Some(format!(
-                "the body jumps by {jump:.2} m in one frame at {time:.3} s, {} times in all, against its velocity",
-                self.jumps
-            ));
-        }
-        if correlation < ASKEW {
-            return Some(format!(
-                "positions and velocities point in different directions (correlation {correlation:.2}): two axes of one of them are exchanged, or they are not of the same time"
-            ));
-        }
-        let apart = by_velocities / by_positions.max(f64::MIN_POSITIVE);
-        ((apart - 1.0).abs() > WAYS_APART && correlation > 0.5).then(|| {
-            format!(
-                "path of {by_positions:.1} m by positions, {by_velocities:.1} m by velocities: units or frame rate are wrong"
-            )
-        })
     }
 }
 
@@ -520,6 +413,40 @@ mod tests {
             "{jumps:?}"
         );
 
+        let half = watched(300, |frame| {
+            frame.pelvis.angular_velocity.as_mut().unwrap().components *= 0.5;
+        });
+        assert!(says(&half, "0.50 times") && half[0].is_fault, "{half:?}");
+
+        let sideways = watched(300, |frame| {
+            let time = frame.time;
+            let velocity = &mut frame.pelvis.velocity.as_mut().unwrap().components;
+            velocity.swap_rows(0, 1);
+            velocity.z = -50.0;
+            frame.pelvis.position.components.x = 8.0 * time;
+            velocity.y = 8.0;
+        });
+        assert!(says(&sideways, "part by up to"), "{sideways:?}");
+
+        let kicked = watched(300, |frame| {
+            if frame.index >= 150 {
+                frame.pelvis.velocity.as_mut().unwrap().components.x += 20.0;
+            }
+        });
+        assert!(
+            says(
+                &kicked,
+                "velocity jumps by 20.0 m/s in one frame at 1.500 s"
+            ),
+            "{kicked:?}"
+        );
+        assert!(says(&kicked, "part by up to 10"), "{kicked:?}");
+
+        let fast = watched(300, |frame| {
+            frame.pelvis.velocity.as_mut().unwrap().components *= 1.05;
+        });
+        assert!(says(&fast, "1.050 times"), "{fast:?}");
+
         let empty = watched(300, |frame| {
             frame.pelvis.angular_velocity = Some(Vector::zero());
         });
@@ -535,6 +462,59 @@ mod tests {
         assert!(says(&lost, "frame 187: 0.38 s without frames"), "{lost:?}");
 
         assert!(says(&watched(120, |_| {}), "ends after 1.19 s"));
+    }
+
+    #[test]
+    fn frames_that_repeat_others_are_counted_while_the_body_moves() {
+        let every = |second: u64| {
+            let good = flight(300, |_| {});
+            let mut twice = good.clone();
+            for (frame, index) in twice.iter_mut().zip(0..300) {
+                let from = &good[(index - index % second) as usize];
+                (frame.pelvis, frame.posture) = (from.pelvis, from.posture);
+            }
+            seen(&twice)
+        };
+        let twice = every(2);
+        assert!(
+            says(&twice, "recorded at about 50 frames a second") && twice[0].is_fault,
+            "{twice:?}"
+        );
+        assert_eq!(every(1), []);
+
+        let at_rest = watched(300, |frame| {
+            frame.pelvis.inertial_from_body = Rotation::identity();
+            frame.pelvis.position = Vector::zero();
+            frame.pelvis.velocity = Some(Vector::zero());
+            frame.pelvis.angular_velocity = Some(Vector::zero());
+        });
+        assert_eq!(at_rest, []);
+    }
+
+    #[test]
+    fn the_motion_decides_between_header_and_frame_times() {
+        let clocks = |real: f64| {
+            let mut watch = Watch::new(RATE);
+            for index in 0..300 {
+                let mut frame = flight(1, |_| {})[0];
+                frame.index = index;
+                frame.time = index as f64 / RATE;
+                frame.pelvis.position = Vector::new(0.0, 0.0, -50.0 * index as f64 / real);
+                frame.pelvis.velocity = Some(Vector::new(0.0, 0.0, -50.0));
+                watch.see(&frame, Some((index as f64 * 1000.0 / 105.0).round()), None);
+            }
+            watch.warnings()
+        };
+        let header = clocks(RATE);
+        assert!(
+            says(&header, "with which positions") && !header[0].is_fault,
+            "{header:?}"
+        );
+        let times = clocks(105.0);
+        assert!(
+            says(&times, "set frameRate") && times[0].is_fault,
+            "{times:?}"
+        );
     }
 
     #[test]

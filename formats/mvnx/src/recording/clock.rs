@@ -1,0 +1,136 @@
+//! The clock of a recording: the frame rate of the header, the times of the frames, and frames that repeat others.
+
+use bodyflight_core::SegmentArray;
+use nalgebra::{UnitQuaternion, Vector3};
+
+/// Fewest frames for which rates are compared.
+const LEAST_FRAMES: u64 = 10;
+/// Largest relative difference between the rate of the frame times, written in whole milliseconds, and the frame rate.
+const TOLERANCE: f64 = 0.03;
+/// Share of their difference within which the motion agrees with one of two rates.
+const NEAR: f64 = 0.3;
+/// Change of a component of a quaternion, or of a position (m), below which a frame repeats the one before.
+const SAME: f64 = 1e-9;
+/// Change of either between two frames of a body that moves, well above the last digit of a file.
+const MOVES: f64 = 5e-5;
+/// Share of repeated frames above which a recording was made at a lower rate than it states.
+const REPEATED: f64 = 0.1;
+
+/// What has been seen of the clock.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Clock {
+    frame_rate: f64,
+    /// Written time (ms or s) of the first and the last frame that have one, with their indices.
+    written: Option<[(u64, f64); 2]>,
+    last: Option<(SegmentArray<UnitQuaternion<f64>>, Vector3<f64>)>,
+    /// Frames, and those that repeat the one before although the body moves.
+    frames: u64,
+    repeated: u64,
+    is_moving: bool,
+    first_repeated: Option<(u64, f64)>,
+}
+
+/// What the times of the frames say.
+pub(super) enum Rates {
+    /// They differ from the header, which the motion confirms or cannot judge.
+    HeaderIsUsed(String),
+    /// The motion contradicts the header.
+    HeaderIsWrong(String),
+}
+
+impl Clock {
+    pub(super) fn new(frame_rate: f64) -> Self {
+        Self {
+            frame_rate,
+            ..Self::default()
+        }
+    }
+
+    /// Takes a good frame: index, time (s), written time, attitudes of all segments and place of the pelvis (m).
+    pub(super) fn see(
+        &mut self,
+        (index, time): (u64, f64),
+        written: Option<f64>,
+        attitudes: &SegmentArray<UnitQuaternion<f64>>,
+        place: &Vector3<f64>,
+    ) {
+        if let Some(written) = written {
+            let here = (index, written);
+            self.written = Some([self.written.map_or(here, |[first, _]| first), here]);
+        }
+        self.frames += 1;
+        if let Some((last, from)) = &self.last {
+            let turned = attitudes.iter().map(|(segment, attitude)| {
+                let before = last[segment].coords;
+                let apart = (attitude.coords - before).amax();
+                apart.min((attitude.coords + before).amax())
+            });
+            let change = turned.fold((place - from).amax(), f64::max);
+            if change < SAME {
+                if self.is_moving {
+                    self.repeated += 1;
+                    self.first_repeated.get_or_insert((index, time));
+                }
+                // A body at rest repeats itself too: each repetition needs a motion before it.
+                self.is_moving = false;
+            } else {
+                self.is_moving = change > MOVES;
+            }
+        }
+        self.last = Some((*attitudes, *place));
+    }
+
+    /// Frames per second according to the frame times, if they disagree with the header, and the frame that shows it.
+    fn written_rate(&self) -> Option<(u64, f64)> {
+        let [(first, from), (last, to)] = self.written?;
+        if last < first + LEAST_FRAMES || to <= from {
+            return None;
+        }
+        #[expect(clippy::cast_precision_loss, reason = "counts of frames")]
+        let frames = (last - first) as f64;
+        // MVN writes milliseconds; some programs write seconds.
+        let rates = [1000.0, 1.0].map(|unit| frames * unit / (to - from));
+        let near = |rate: &f64| (rate / self.frame_rate - 1.0).abs() < TOLERANCE;
+        (!rates.iter().any(near)).then_some((last, rates[0]))
+    }
+
+    /// Frame times that disagree with the header, and the frame that shows it. The motion decides which of the two is
+    /// right, where it can: `scale` is the ratio of velocities to those of the positions at the rate of the header.
+    pub(super) fn rates(&self, scale: Option<f64>) -> Option<(u64, Rates)> {
+        let (frame, written) = self.written_rate()?;
+        let header = self.frame_rate;
+        let both =
+            format!("the frame times give {written:.1} frames per second, the header {header:.1}");
+        let apart = written / header - 1.0;
+        // Displacements in one frame are as long as the frame really was.
+        let off = |scale: f64, expected: f64| (scale - expected).abs() < NEAR * apart.abs();
+        let rates = match scale {
+            Some(scale) if off(scale, 1.0) => Rates::HeaderIsUsed(format!(
+                "{both}; the header is used, with which positions and velocities agree"
+            )),
+            Some(scale) if off(scale, written / header) => Rates::HeaderIsWrong(format!(
+                "{both}, and positions and velocities agree with the frame times: set frameRate in the header"
+            )),
+            _ => Rates::HeaderIsUsed(format!("{both}; the header is used")),
+        };
+        Some((frame, rates))
+    }
+
+    /// Frames that repeat the one before while the body moves, and the frame that shows it.
+    pub(super) fn repetitions(&self) -> Option<(u64, f64, String)> {
+        let (index, time) = self.first_repeated?;
+        #[expect(clippy::cast_precision_loss, reason = "counts of frames")]
+        let share = self.repeated as f64 / self.frames.max(1) as f64;
+        (self.frames >= LEAST_FRAMES && share > REPEATED).then(|| {
+            let rate = self.frame_rate * (1.0 - share);
+            (
+                index,
+                time,
+                format!(
+                    "{} of {} frames repeat the one before while the body moves: recorded at about {rate:.0} frames a second and written at {:.0}",
+                    self.repeated, self.frames, self.frame_rate
+                ),
+            )
+        })
+    }
+}

@@ -1,0 +1,216 @@
+//! Positions and velocities of the pelvis, which are redundant: the path by the ones is the path by the others.
+
+use nalgebra::Vector3;
+
+use super::agreement::{Agreement, NONE};
+
+/// Fewest frames that are judged.
+const LEAST_FRAMES: u64 = 10;
+/// Upward speed that no fall reaches (m/s).
+const RISES: f64 = 10.0;
+/// Shortest path (m), by positions or by velocities, for which the two are compared, and their largest relative
+/// difference: beyond it, units or the frame rate are wrong.
+const MOVES: f64 = 1.0;
+const APART: f64 = 0.3;
+/// The same for a path so long and so even that the noise of velocities does not matter.
+const FAR: f64 = 50.0;
+const APART_FAR: f64 = 0.03;
+/// Correlation of displacements and velocities of such a path.
+const EVEN: f64 = 0.995;
+/// Correlation of displacements and velocities below which they do not belong together.
+const ASKEW: f64 = 0.5;
+/// Distance between displacement and velocity in one frame that is a jump (m), and the least number of frames for each.
+const JUMPS: f64 = 0.3;
+const SELDOM: u64 = 30;
+/// Change of velocity between two frames (m/s), and acceleration (m/s2), that no fall, opening or landing reaches.
+const VELOCITY_JUMPS: f64 = 5.0;
+const ACCELERATION: f64 = 300.0;
+/// Time over which a displacement is compared with the velocities (s), and the difference that noise and slow errors of
+/// velocities do not explain: a distance (m) and a share of the path.
+const PIECE: f64 = 1.0;
+const PARTED: f64 = 2.0;
+const PARTED_SHARE: f64 = 0.05;
+
+/// Displacement since the start of a piece.
+#[derive(Debug, Clone, Copy, Default)]
+struct Piece {
+    begin: f64,
+    moved: Vector3<f64>,
+    by_velocities: Vector3<f64>,
+    path: f64,
+}
+
+/// A piece in which positions and velocities part: from, to (s), and how far (m).
+#[derive(Debug, Clone, Copy)]
+struct Parted {
+    span: [f64; 2],
+    apart: f64,
+}
+
+/// A velocity that changes at once: time (s) and change (m/s).
+type VelocityJump = (f64, f64);
+
+/// What has been seen of the path.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Paths {
+    ways: Agreement,
+    /// Length of the path according to the positions, and to the velocities (m).
+    lengths: [f64; 2],
+    up: f64,
+    frames: u64,
+    /// Time (s) and size (m) of the first jump of the pelvis that its velocity does not explain, and their number.
+    jump: Option<(f64, f64)>,
+    jumps: u64,
+    velocity_jump: Option<VelocityJump>,
+    velocity_jumps: u64,
+    /// Whether velocities come from another sensor than positions.
+    is_coarse: bool,
+    piece: Option<Piece>,
+    parted: Option<Parted>,
+    pieces_parted: u64,
+}
+
+impl Paths {
+    /// Takes the displacement (m) between two frames, with the velocities in both (m/s), the time of the second and the
+    /// time between them (s).
+    pub(super) fn see(
+        &mut self,
+        time: f64,
+        duration: f64,
+        moved: &Vector3<f64>,
+        [before, velocity]: [&Vector3<f64>; 2],
+    ) {
+        let by_velocity = 0.5 * (before + velocity) * duration;
+        self.frames += 1;
+        self.ways.add(moved, &by_velocity);
+        if (moved - by_velocity).norm() > JUMPS {
+            self.jumps += 1;
+            self.jump.get_or_insert((time, moved.norm()));
+        }
+        let change = (velocity - before).norm();
+        if change > VELOCITY_JUMPS.max(ACCELERATION * duration) {
+            self.velocity_jumps += 1;
+            self.velocity_jump.get_or_insert((time, change));
+        }
+        self.lengths[0] += moved.norm();
+        self.lengths[1] += by_velocity.norm();
+        self.up += by_velocity.z;
+        let begin = time - duration;
+        let piece = self.piece.get_or_insert_with(|| Piece {
+            begin,
+            ..Piece::default()
+        });
+        piece.moved += moved;
+        piece.by_velocities += by_velocity;
+        piece.path += moved.norm().max(by_velocity.norm());
+        if time - piece.begin >= PIECE {
+            let apart = (piece.moved - piece.by_velocities).norm();
+            if apart > PARTED + PARTED_SHARE * piece.path {
+                let span = [piece.begin, time];
+                self.pieces_parted += 1;
+                let parted = self.parted.get_or_insert(Parted { span, apart });
+                parted.span[1] = time;
+                parted.apart = parted.apart.max(apart);
+            }
+            self.piece = None;
+        }
+    }
+
+    /// Velocities come from another sensor than positions: slow errors of either are no contradiction.
+    pub(super) fn compare_coarsely(&mut self) {
+        self.is_coarse = true;
+    }
+
+    /// Forgets what is compared across a gap.
+    pub(super) fn interrupt(&mut self) {
+        self.piece = None;
+    }
+
+    /// Mean upward speed (m/s) of a body that rises faster than anything in a fall, if the recording lasts so long (s).
+    pub(super) fn rises(&self, duration: f64) -> Option<f64> {
+        Some(self.up / duration.max(f64::MIN_POSITIVE)).filter(|up| *up > RISES)
+    }
+
+    /// Whether the velocities are those of the same path the other way round.
+    pub(super) fn are_opposite(&self) -> bool {
+        let moves = self.lengths[0] > MOVES && self.frames >= LEAST_FRAMES;
+        moves && self.ways.correlation() < -0.7 && (self.ways.scale() + 1.0).abs() < APART
+    }
+
+    /// Ratio of the velocities to those of the positions; `None` if the path is too short or too noisy to tell within a
+    /// hundredth or so.
+    pub(super) fn scale(&self) -> Option<f64> {
+        let is_clear = !self.is_coarse && self.lengths[0] > FAR && self.ways.correlation() > EVEN;
+        is_clear.then(|| self.ways.scale())
+    }
+
+    /// A velocity that jumps, and when (s): a glitch, if the path agrees otherwise.
+    pub(super) fn velocity_jump(&self) -> Option<(String, f64)> {
+        let rare = SELDOM * self.velocity_jumps < self.frames && !self.is_coarse;
+        let (time, change) = self.velocity_jump.filter(|_| rare)?;
+        Some((
+            format!(
+                "the velocity jumps by {change:.1} m/s in one frame at {time:.3} s, {} times in all",
+                self.velocity_jumps
+            ),
+            time,
+        ))
+    }
+
+    /// What contradicts, with the time it concerns (s) if that is not the whole recording.
+    pub(super) fn contradiction(&self) -> Option<(String, Option<[f64; 2]>)> {
+        let [by_positions, by_velocities] = self.lengths;
+        if by_positions.max(by_velocities) < MOVES || self.frames < LEAST_FRAMES {
+            return None;
+        }
+        let whole = |message: String| Some((message, None));
+        let correlation = self.ways.correlation();
+        if correlation < -ASKEW {
+            return whole(
+                "positions and velocities point in opposite directions: the axes of one of them are reversed"
+                    .to_owned(),
+            );
+        }
+        if by_velocities < NONE * by_positions || by_positions < NONE * by_velocities {
+            return whole(format!(
+                "the body moves {by_positions:.1} m by positions, {by_velocities:.1} m by velocities: one of them is empty"
+            ));
+        }
+        if let Some((time, jump)) = self.jump.filter(|_| SELDOM * self.jumps < self.frames) {
+            return Some((
+                format!(
+                    "the body jumps by {jump:.2} m in one frame at {time:.3} s, {} times in all, against its velocity",
+                    self.jumps
+                ),
+                Some([time, time]),
+            ));
+        }
+        if correlation < ASKEW {
+            return whole(format!(
+                "positions and velocities point in different directions (correlation {correlation:.2}): two axes of one of them are exchanged, or they are not of the same time"
+            ));
+        }
+        let apart = by_velocities / by_positions.max(f64::MIN_POSITIVE);
+        if (apart - 1.0).abs() > APART {
+            return whole(format!(
+                "path of {by_positions:.1} m by positions, {by_velocities:.1} m by velocities: units or frame rate are wrong"
+            ));
+        }
+        if self.is_coarse {
+            return None;
+        }
+        if let Some(scale) = (self.scale()).filter(|scale| (scale - 1.0).abs() > APART_FAR) {
+            return whole(format!(
+                "the velocities are {scale:.3} times those of the positions: the frame rate, or the scale of one of them, is wrong"
+            ));
+        }
+        let Parted { span, apart } = self.parted?;
+        Some((
+            format!(
+                "positions and velocities part by up to {apart:.1} m within a second, {} times from {:.3} to {:.3} s: axes of one of them are exchanged or turned, or one of them is wrong there",
+                self.pieces_parted, span[0], span[1]
+            ),
+            Some(span),
+        ))
+    }
+}
