@@ -128,6 +128,7 @@ pub fn estimate(
     }
     if let Some(faults) = &measured.faults {
         estimation.report.doubt = Some(faults.clone());
+        estimation.report.is_recording_doubtful = true;
     }
     Ok(estimation)
 }

@@ -87,6 +87,7 @@ impl Replayed<'_> {
                 delay_s: 0.0,
                 joint_error_deg: Some(f64::from(preset.joint_error.to_degrees())),
                 doubt: verdict::sentence(&worse, &consistency),
+                is_recording_doubtful: false,
                 consistency: Some(consistency),
             },
             points,

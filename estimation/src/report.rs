@@ -81,6 +81,9 @@ pub struct Report {
     pub consistency: Option<Consistencies>,
     /// Why the estimate should not be trusted.
     pub doubt: Option<String>,
+    /// Whether the reason is the recording itself, whatever the model.
+    #[serde(skip)]
+    pub is_recording_doubtful: bool,
 }
 
 /// Coefficients at one time.

@@ -103,6 +103,7 @@ fn run<T: Real, P: Propagation<T>, const INTERVALS: usize>(
     let mut estimation = collected.finish(end - start.time, filter.delay().to_f64());
     if let Some(faults) = faults(&replay.frames().warnings()) {
         estimation.report.doubt = Some(faults);
+        estimation.report.is_recording_doubtful = true;
     }
     Ok(estimation)
 }
@@ -220,6 +221,7 @@ impl Collected {
         Estimation {
             report: Report {
                 doubt: verdict::sentence(&worse, &consistency),
+                is_recording_doubtful: false,
                 rms,
                 rms_constant,
                 rms_free_run: None,

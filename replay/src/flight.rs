@@ -151,7 +151,10 @@ impl Flight {
     /// # Errors
     /// Returns an error if a file cannot be used, or the clocks cannot be aligned.
     pub fn open(&self, options: Options) -> Result<Frames> {
-        Frames::open(&self.recording, self.gnss.as_deref(), options)
+        let frames = Frames::open(&self.recording, self.gnss.as_deref(), options)?;
+        Ok(frames
+            .of_person(&self.subject.body(), self.has_subject)
+            .in_air(self.air_velocity))
     }
 
     /// A recording alone: default subject, still air of [`DEFAULT_DENSITY`].

@@ -3,17 +3,23 @@
 use std::ops::Deref;
 use std::path::Path;
 
+use bodyflight_core::Body;
 use bodyflight_falls::channels::checked;
 use bodyflight_io::diagnostic::Result;
 use bodyflight_io::input::Input;
-use bodyflight_mvnx::recording::{FlightFrame, Options, Recording};
+use bodyflight_mvnx::recording::{FlightFrame, Options, Recording, Warning};
 
 use crate::gnss::{Alignment, aligned};
+use crate::person;
+use crate::support::Support;
 
 /// A flight's recording, frame by frame.
 pub struct Frames {
     recording: Recording<Input>,
     alignment: Option<Alignment>,
+    /// What the recording says against the person of the flight.
+    other_person: Option<Warning>,
+    support: Support,
 }
 
 impl Frames {
@@ -27,6 +33,8 @@ impl Frames {
             return Ok(Self {
                 recording: frames,
                 alignment: None,
+                other_person: None,
+                support: Support::default(),
             });
         };
         let track = bodyflight_tracks::read(path)?;
@@ -39,7 +47,32 @@ impl Frames {
         Ok(Self {
             recording: Recording::open(recording, options)?.with_velocities(velocities),
             alignment,
+            other_person: None,
+            support: Support::default(),
         })
+    }
+
+    /// Compares the recorded person with a body, which is `stated` in a file or else assumed.
+    #[must_use]
+    pub fn of_person(mut self, body: &Body<f64>, stated: bool) -> Self {
+        self.other_person = person::compared(self.header(), body, stated);
+        self
+    }
+
+    /// Says that the air moves at this velocity (m/s, inertial).
+    #[must_use]
+    pub fn in_air(mut self, velocity: [f64; 3]) -> Self {
+        self.support = Support::in_air(velocity);
+        self
+    }
+
+    /// Whatever is implausible in the frames read so far, see [`Recording::warnings`], a person of other lengths, and a
+    /// body that does not fall.
+    pub fn warnings(&self) -> Vec<Warning> {
+        let mut warnings = self.recording.warnings();
+        warnings.extend(self.other_person.clone());
+        warnings.extend(self.support.warning());
+        warnings
     }
 
     /// How the track was aligned with the recording's clock, if there is a track.
@@ -60,6 +93,10 @@ impl Iterator for Frames {
     type Item = Result<FlightFrame>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        self.recording.next()
+        let frame = self.recording.next();
+        if let Some(Ok(frame)) = &frame {
+            self.support.see(frame);
+        }
+        frame
     }
 }

@@ -9,12 +9,14 @@ pub mod joint_change;
 pub mod model_file;
 mod model_run;
 mod motion_history;
+pub mod person;
 mod precision;
 pub mod preset_file;
 pub mod recorded;
 pub mod start;
 pub mod steps;
 pub mod subject;
+mod support;
 mod tolerances;
 
 pub use precision::Precision;

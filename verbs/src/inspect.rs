@@ -1,5 +1,6 @@
 //! Describes a recording without simulating it.
 
+mod accelerations;
 mod activity;
 pub mod flight;
 pub mod picture;
@@ -11,10 +12,11 @@ use std::path::Path;
 use bodyflight_core::Body;
 use serde::Serialize;
 
+use accelerations::Accelerations;
 use bodyflight_io::diagnostic::Result;
 use bodyflight_io::input::STANDARD_INPUT;
 use bodyflight_mvnx::closure::Skeleton;
-use bodyflight_mvnx::recording::{self, CLOSURE_LIMIT, faults};
+use bodyflight_mvnx::recording::{self, CLOSURE_LIMIT, Warning, faults};
 use bodyflight_mvnx::{ArmFrame, Fault, Field, Fields, Frame, ReadOptions, Reader};
 use flight::FlightReport;
 
@@ -156,11 +158,12 @@ pub struct Marker {
 /// # Errors
 /// Returns an error if the file cannot be read or is not a recording.
 pub fn inspect(path: &Path, person: Option<&Body<f64>>) -> Result<Report> {
-    let mut report = inspect_reader(Reader::open(path, options())?)?;
+    let (mut report, accelerations) = inspect_reader(Reader::open(path, options())?)?;
     // Standard input cannot be read twice, and not every recording is a flight.
     if path != Path::new(STANDARD_INPUT) {
         return Ok(match flight::inspected(path, person) {
-            Ok(flight) => {
+            Ok(mut flight) => {
+                flight.warnings.extend(accelerations);
                 report.flight = Some(flight);
                 report.judged(None)
             }
@@ -175,7 +178,7 @@ pub fn inspect(path: &Path, person: Option<&Body<f64>>) -> Result<Report> {
 /// # Errors
 /// Returns an error if the input cannot be read or is not a recording.
 pub fn inspect_input<R: BufRead>(input: R, path: &Path) -> Result<Report> {
-    inspect_reader(Reader::new(input, path, options())?)
+    Ok(inspect_reader(Reader::new(input, path, options())?)?.0)
 }
 
 fn options() -> ReadOptions {
@@ -185,8 +188,10 @@ fn options() -> ReadOptions {
     }
 }
 
-fn inspect_reader<R: BufRead>(mut reader: Reader<R>) -> Result<Report> {
+/// What is in a file, and what contradicts its accelerations.
+fn inspect_reader<R: BufRead>(mut reader: Reader<R>) -> Result<(Report, Option<Warning>)> {
     let skeleton = Skeleton::of(reader.header());
+    let pelvis = reader.header().segment_index("Pelvis");
     let mut survey = Survey::new(reader.header().frame_rate);
     let mut frame = Frame::default();
     let mut first_frames = Vec::with_capacity(FRAMES_FOR_ARMS);
@@ -194,13 +199,22 @@ fn inspect_reader<R: BufRead>(mut reader: Reader<R>) -> Result<Report> {
         if first_frames.len() < FRAMES_FOR_ARMS && frame.fault.is_none() {
             first_frames.push(frame.clone());
         }
+        if let Some((place, velocity)) = pelvis
+            .filter(|_| frame.fault.is_none())
+            .and_then(|place| Some((place, frame.vector(Field::Velocity, place)?)))
+        {
+            let acceleration = frame.vector(Field::Acceleration, place);
+            let time = survey.time(frame.index);
+            (survey.accelerations).see(time, &velocity, acceleration.as_ref());
+        }
         survey.take(&mut frame, skeleton.as_ref());
     }
     let arms = skeleton.as_ref().and_then(|skeleton| {
         recording::arm_frame(skeleton, reader.calibration(), first_frames.iter())
     });
     let header = reader.header();
-    Ok(Report {
+    let accelerations = survey.accelerations.warning();
+    let report = Report {
         format: "mvnx",
         version: header.version,
         mvn_version: header.mvn_version.clone(),
@@ -226,7 +240,8 @@ fn inspect_reader<R: BufRead>(mut reader: Reader<R>) -> Result<Report> {
         flight: None,
         verdict: "not judged".to_owned(),
         unusable: None,
-    })
+    };
+    Ok((report, accelerations))
 }
 
 /// Data collected frame by frame.
@@ -241,6 +256,7 @@ struct Survey {
     markers: Vec<Marker>,
     /// Closure error in each convention (m).
     closure: [f64; 2],
+    accelerations: Accelerations,
 }
 
 impl Survey {
@@ -255,6 +271,7 @@ impl Survey {
             bad_frame_list: Vec::new(),
             markers: Vec::new(),
             closure: [0.0; 2],
+            accelerations: Accelerations::default(),
         }
     }
 

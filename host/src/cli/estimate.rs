@@ -232,9 +232,13 @@ fn run_flight(
     }
     let verdict = match &estimation.report.doubt {
         None => Ok(()),
-        Some(sentence) => Err(Problem::doubt(sentence.clone())
-            .in_file(path)
-            .help(advice(&request.tuning))),
+        Some(sentence) => Err(Problem::doubt(sentence.clone()).in_file(path).help(
+            if estimation.report.is_recording_doubtful {
+                "mend the recording or its files first: bodyflight inspect says what it contains"
+            } else {
+                advice(&request.tuning)
+            },
+        )),
     };
     Ok((estimation.report, verdict))
 }

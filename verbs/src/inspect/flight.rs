@@ -12,6 +12,7 @@ use serde::Serialize;
 use super::activity::Activities;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_mvnx::recording::{FlightFrame, Options, Recording, Warning};
+use bodyflight_replay::person::compared;
 use bodyflight_replay::subject::Subject;
 
 /// Difference between MVN's centre of mass and the model's, in body axes: left, dorsal, cranial.
@@ -65,8 +66,10 @@ pub(crate) fn inspected(path: &Path, person: Option<&Body<f64>>) -> Result<Fligh
         centres.add(&body, &frame);
         activities.see(&frame);
     }
+    let mut warnings = recording.warnings();
+    warnings.extend(person.and_then(|body| compared(recording.header(), body, true)));
     Ok(FlightReport {
-        warnings: recording.warnings(),
+        warnings,
         activity: activities.most(),
         centre_of_mass: centres.compared(person.is_some()),
         picture: picture.ok_or_else(|| {

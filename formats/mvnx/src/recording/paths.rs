@@ -22,16 +22,21 @@ const ASKEW: f64 = 0.5;
 /// Distance between displacement and velocity in one frame that is a jump (m), and the least number of frames for each.
 const JUMPS: f64 = 0.3;
 const SELDOM: u64 = 30;
-/// Change of velocity between two frames (m/s), and acceleration (m/s2), that no fall, opening or landing reaches.
+/// Change of velocity between two frames (m/s), and acceleration (m/s2), that no fall, opening or landing reaches, and
+/// how many times the usual change, which noise makes, that is at least.
 const VELOCITY_JUMPS: f64 = 5.0;
 const ACCELERATION: f64 = 300.0;
-/// Time over which a displacement is compared with the velocities (s), and the difference that noise and slow errors of
-/// velocities do not explain: a distance (m) and a share of the path.
+const USUAL: f64 = 8.0;
+/// Time over which displacements are compared with velocities (s): long enough to average their noise, and short enough
+/// for the path to be straight.
+const STRETCH: f64 = 0.1;
+/// Time over which the two may part (s), and the difference that noise and slow errors of velocities do not explain: a
+/// distance (m) and a share of the path.
 const PIECE: f64 = 1.0;
 const PARTED: f64 = 2.0;
 const PARTED_SHARE: f64 = 0.05;
 
-/// Displacement since the start of a piece.
+/// Displacement since a time (s): by positions, by velocities, and the longer of both paths (m).
 #[derive(Debug, Clone, Copy, Default)]
 struct Piece {
     begin: f64,
@@ -40,15 +45,27 @@ struct Piece {
     path: f64,
 }
 
+impl Piece {
+    fn from(begin: f64) -> Self {
+        Self {
+            begin,
+            ..Self::default()
+        }
+    }
+
+    fn add(&mut self, moved: &Vector3<f64>, by_velocity: &Vector3<f64>) {
+        self.moved += moved;
+        self.by_velocities += by_velocity;
+        self.path += moved.norm().max(by_velocity.norm());
+    }
+}
+
 /// A piece in which positions and velocities part: from, to (s), and how far (m).
 #[derive(Debug, Clone, Copy)]
 struct Parted {
     span: [f64; 2],
     apart: f64,
 }
-
-/// A velocity that changes at once: time (s) and change (m/s).
-type VelocityJump = (f64, f64);
 
 /// What has been seen of the path.
 #[derive(Debug, Clone, Default)]
@@ -61,8 +78,10 @@ pub(super) struct Paths {
     /// Time (s) and size (m) of the first jump of the pelvis that its velocity does not explain, and their number.
     jump: Option<(f64, f64)>,
     jumps: u64,
-    velocity_jump: Option<VelocityJump>,
-    velocity_jumps: u64,
+    /// Time (s) and size (m/s) of the largest change of velocity in one frame, and the sum of their squares.
+    largest_change: (f64, f64),
+    changes: f64,
+    stretch: Option<Piece>,
     /// Whether velocities come from another sensor than positions.
     is_coarse: bool,
     piece: Option<Piece>,
@@ -82,27 +101,27 @@ impl Paths {
     ) {
         let by_velocity = 0.5 * (before + velocity) * duration;
         self.frames += 1;
-        self.ways.add(moved, &by_velocity);
         if (moved - by_velocity).norm() > JUMPS {
             self.jumps += 1;
             self.jump.get_or_insert((time, moved.norm()));
         }
         let change = (velocity - before).norm();
-        if change > VELOCITY_JUMPS.max(ACCELERATION * duration) {
-            self.velocity_jumps += 1;
-            self.velocity_jump.get_or_insert((time, change));
+        self.changes += change * change;
+        if change > self.largest_change.1.max(ACCELERATION * duration) {
+            self.largest_change = (time, change);
         }
-        self.lengths[0] += moved.norm();
-        self.lengths[1] += by_velocity.norm();
         self.up += by_velocity.z;
         let begin = time - duration;
-        let piece = self.piece.get_or_insert_with(|| Piece {
-            begin,
-            ..Piece::default()
-        });
-        piece.moved += moved;
-        piece.by_velocities += by_velocity;
-        piece.path += moved.norm().max(by_velocity.norm());
+        let stretch = self.stretch.get_or_insert_with(|| Piece::from(begin));
+        stretch.add(moved, &by_velocity);
+        if time - stretch.begin >= STRETCH {
+            self.ways.add(&stretch.moved, &stretch.by_velocities);
+            self.lengths[0] += stretch.moved.norm();
+            self.lengths[1] += stretch.by_velocities.norm();
+            self.stretch = None;
+        }
+        let piece = self.piece.get_or_insert_with(|| Piece::from(begin));
+        piece.add(moved, &by_velocity);
         if time - piece.begin >= PIECE {
             let apart = (piece.moved - piece.by_velocities).norm();
             if apart > PARTED + PARTED_SHARE * piece.path {
@@ -123,6 +142,7 @@ impl Paths {
 
     /// Forgets what is compared across a gap.
     pub(super) fn interrupt(&mut self) {
+        self.stretch = None;
         self.piece = None;
     }
 
@@ -146,15 +166,15 @@ impl Paths {
 
     /// A velocity that jumps, and when (s): a glitch, if the path agrees otherwise.
     pub(super) fn velocity_jump(&self) -> Option<(String, f64)> {
-        let rare = SELDOM * self.velocity_jumps < self.frames && !self.is_coarse;
-        let (time, change) = self.velocity_jump.filter(|_| rare)?;
-        Some((
-            format!(
-                "the velocity jumps by {change:.1} m/s in one frame at {time:.3} s, {} times in all",
-                self.velocity_jumps
-            ),
-            time,
-        ))
+        let (time, change) = self.largest_change;
+        #[expect(clippy::cast_precision_loss, reason = "counts of frames")]
+        let usual = (self.changes / self.frames.max(1) as f64).sqrt();
+        let jumps = change > VELOCITY_JUMPS.max(USUAL * usual) && !self.is_coarse;
+        jumps.then(|| {
+            let message =
+                format!("the velocity jumps by {change:.1} m/s in one frame at {time:.3} s");
+            (message, time)
+        })
     }
 
     /// What contradicts, with the time it concerns (s) if that is not the whole recording.

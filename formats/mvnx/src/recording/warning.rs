@@ -14,7 +14,7 @@ pub struct Warning {
     pub segment: Option<String>,
     /// Time of the first and the last frame concerned (s), if they are known.
     pub span_s: Option<[f64; 2]>,
-    /// Whether the recording contradicts itself, so that results from it cannot be trusted.
+    /// Whether the recording contradicts itself, or the files about it, so that results from it cannot be trusted.
     pub is_fault: bool,
 }
 
@@ -44,7 +44,7 @@ impl Warning {
 pub fn faults(warnings: &[Warning]) -> Option<String> {
     let faults = warnings.iter().filter(|warning| warning.is_fault);
     let said: Vec<&str> = faults.map(|warning| warning.message.as_str()).collect();
-    (!said.is_empty()).then(|| format!("the recording contradicts itself: {}", said.join("; ")))
+    (!said.is_empty()).then(|| format!("the recording cannot be trusted: {}", said.join("; ")))
 }
 
 impl core::fmt::Display for Warning {

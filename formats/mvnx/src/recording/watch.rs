@@ -466,11 +466,11 @@ mod tests {
 
     #[test]
     fn frames_that_repeat_others_are_counted_while_the_body_moves() {
-        let every = |second: u64| {
+        let every = |second: usize| {
             let good = flight(300, |_| {});
             let mut twice = good.clone();
-            for (frame, index) in twice.iter_mut().zip(0..300) {
-                let from = &good[(index - index % second) as usize];
+            for (index, frame) in twice.iter_mut().enumerate() {
+                let from = &good[index - index % second];
                 (frame.pelvis, frame.posture) = (from.pelvis, from.posture);
             }
             seen(&twice)
