@@ -5,9 +5,9 @@ use std::path::Path;
 
 use bodyflight_core::Body;
 use bodyflight_falls::channels::checked;
-use bodyflight_io::diagnostic::Result;
+use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::input::Input;
-use bodyflight_mvnx::recording::{FlightFrame, Options, Recording, Warning};
+use bodyflight_mvnx::recording::{FlightFrame, Options, Recording, Warning, faults};
 
 use crate::gnss::{Alignment, aligned};
 use crate::person;
@@ -64,6 +64,26 @@ impl Frames {
     pub fn in_air(mut self, velocity: [f64; 3]) -> Self {
         self.support = Support::in_air(velocity);
         self
+    }
+
+    /// Whatever is implausible in the recording itself, see [`Recording::warnings`].
+    pub fn of_recording(&self) -> Vec<Warning> {
+        self.recording.warnings()
+    }
+
+    /// All frames of a recording that is trusted: whatever is fitted to one that is not means nothing.
+    ///
+    /// # Errors
+    /// Returns an error if the recording cannot be read, or contradicts itself or the files about it.
+    pub fn trusted(mut self, path: &Path) -> Result<Vec<FlightFrame>> {
+        let frames = self.by_ref().collect::<Result<Vec<_>>>()?;
+        match faults(&self.warnings()) {
+            Some(doubt) => Err(Problem::doubt(format!(
+                "nothing is fitted to this flight: {doubt}"
+            ))
+            .in_file(path)),
+            None => Ok(frames),
+        }
     }
 
     /// Whatever is implausible in the frames read so far, see [`Recording::warnings`], a person of other lengths, and a

@@ -311,6 +311,7 @@ impl Recorded {
         let last = text.rfind("</frame>").map_or(0, |at| at + "</frame>".len());
         let frames = text[first..last]
             .split_terminator("</frame>")
+            .take(FRAMES)
             .map(Frame::parse);
         Self {
             frames: frames.collect(),

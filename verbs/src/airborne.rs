@@ -137,7 +137,8 @@ impl Capture {
             parts: blocks.parts,
             steps: blocks.steps,
             mountings: recording.mountings(),
-            contradictions: (recording.warnings().into_iter())
+            // A capture is on the ground too, and its person may be assumed.
+            contradictions: (recording.of_recording().into_iter())
                 .filter(|warning| warning.is_fault)
                 .collect(),
             heights: blocks.heights,

@@ -14,7 +14,7 @@ use bodyflight_discovery::{Settings, discover};
 
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::input;
-use bodyflight_mvnx::recording::{FlightFrame, Options, faults};
+use bodyflight_mvnx::recording::{FlightFrame, Options};
 use bodyflight_replay::flight::Flight;
 use bodyflight_replay::model_file;
 use bodyflight_tracks::folder::is_track;
@@ -25,14 +25,7 @@ use bodyflight_tracks::folder::is_track;
 /// Returns an error if a file is unusable or has no velocities, or if the recording contradicts itself: an effect would
 /// be named for a fault of the recording.
 pub fn read_track(flight: &Flight, options: Options) -> Result<RecordedFlight> {
-    let mut recording = flight.open(options)?;
-    let frames = recording.by_ref().collect::<Result<Vec<_>>>()?;
-    if let Some(doubt) = faults(&recording.warnings()) {
-        return Err(
-            Problem::doubt(format!("no effect is sought in this flight: {doubt}"))
-                .in_file(&flight.recording),
-        );
-    }
+    let frames = flight.open(options)?.trusted(&flight.recording)?;
     let first = frames.first().ok_or_else(|| {
         Problem::bad_input("expected frames of type \"normal\"").in_file(&flight.recording)
     })?;

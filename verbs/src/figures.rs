@@ -52,7 +52,7 @@ pub struct Settings {
 /// Writes reconstruction, inputs, top view and snapshots into `folder`, and returns their paths.
 ///
 /// # Errors
-/// Same as [`estimate`], and an error if the estimate is doubtful or the folder cannot be written to.
+/// Same as [`estimate`], and an error if the recording is doubtful or the folder cannot be written to.
 pub fn write(
     flight: &Flight,
     title: &str,
@@ -73,9 +73,11 @@ pub fn write(
         Precision::Double,
         progress,
     )?;
-    if let Some(doubt) = &estimation.report.doubt {
+    if let Some(doubt) =
+        (estimation.report.doubt.as_ref()).filter(|_| estimation.report.is_recording_doubtful)
+    {
         return Err(Problem::doubt(doubt.clone())
-            .help("no figure was drawn; bodyflight estimate FLIGHT shows where they disagree"));
+            .help("no figure was drawn; bodyflight inspect says what the recording contains"));
     }
     let rows = estimation.points.iter().map(|point| point.inputs);
     // Known inputs take precedence over estimated ones.

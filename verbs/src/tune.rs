@@ -148,7 +148,7 @@ struct Loaded<'a> {
 
 impl<'a> Loaded<'a> {
     fn read(flight: &'a Flight, options: Options) -> Result<Self> {
-        let frames: Vec<FlightFrame> = flight.open(options)?.collect::<Result<_>>()?;
+        let frames = flight.open(options)?.trusted(&flight.recording)?;
         let [first, _, ..] = frames.as_slice() else {
             return Err(too_short(&flight.recording));
         };

@@ -4,6 +4,7 @@
 //! [`Quality`]); a longer one, or any with [`BadFrames::Refuse`], is an error that names file, line, frame and element.
 
 mod agreement;
+mod arms;
 mod bridge;
 mod clock;
 mod frame;
@@ -13,6 +14,7 @@ mod plausibility;
 mod warning;
 mod watch;
 
+pub use arms::{CLOSURE_LIMIT, arm_frame};
 pub use bridge::{BRIDGE_LIMIT, BadFrames, Quality};
 pub use frame::{FlightFrame, PelvisMotion};
 pub use mounting::Mounting;
@@ -33,9 +35,6 @@ use bodyflight_io::input::Input;
 use plausibility::{JOINT_LIMIT, OpenJoint};
 pub use warning::{Warning, faults};
 
-/// Largest closure error of a usable recording (m): well above the 0.01 of a good file whose shoulder girdle moves, and
-/// well below the 0.2 or more that a wrong convention gives.
-pub const CLOSURE_LIMIT: f64 = JOINT_LIMIT;
 /// Number of frames, besides those of the calibration, that determine the convention of the arms.
 const FRAMES_FOR_ARMS: usize = 8;
 
@@ -140,7 +139,7 @@ impl<R: BufRead> Recording<R> {
         let (told, closure_error) = arm_frame(&skeleton, reader.calibration(), ahead.iter())
             .unwrap_or((ArmFrame::TPose, 0.0));
         if closure_error > CLOSURE_LIMIT {
-            return Err(named(open_joints(&skeleton, &ahead, closure_error)));
+            return Err(named(arms::open_joints(&skeleton, &ahead, closure_error)));
         }
         let arm_frame = options.arm_frame.unwrap_or(told);
         let frame_rate = reader.header().frame_rate;
@@ -334,64 +333,6 @@ impl<R: BufRead> Iterator for Recording<R> {
             .map_err(|problem| problem.in_file(self.reader.path()))
             .transpose()
     }
-}
-
-/// The convention of the arms with which the segments meet best, and the remaining closure error (m).
-///
-/// The calibration frame in ISB axes, which version 4 adds, is ignored: it says nothing about the others. Returns
-/// `None` if no good frame has orientation and position.
-pub fn arm_frame<'a>(
-    skeleton: &Skeleton,
-    calibration: &'a [Frame],
-    normal: impl Iterator<Item = &'a Frame>,
-) -> Option<(ArmFrame, f64)> {
-    let calibration = calibration
-        .iter()
-        .filter(|frame| frame.kind != FrameKind::TposeIsb);
-    let mut errors = [f64::NEG_INFINITY; 2];
-    for frame in calibration
-        .chain(normal)
-        .filter(|frame| frame.fault.is_none())
-    {
-        let numbers = frame.numbers(Field::Orientation);
-        if let (Some(orientation), Some(position)) = (numbers, frame.numbers(Field::Position)) {
-            for (error, arms) in errors.iter_mut().zip([ArmFrame::TPose, ArmFrame::Isb]) {
-                *error = error.max(skeleton.closure_error(orientation, position, arms));
-            }
-        }
-    }
-    let [t_pose, isb] = errors;
-    (t_pose >= 0.0).then_some(if isb < t_pose {
-        (ArmFrame::Isb, isb)
-    } else {
-        (ArmFrame::TPose, t_pose)
-    })
-}
-
-/// The error for segments that do not meet; if they would with the quaternions in another order, the advice says so.
-fn open_joints(skeleton: &Skeleton, frames: &VecDeque<Frame>, closure_error: f64) -> Problem {
-    let reordered = frames.iter().filter_map(|frame| {
-        let orientation = frame.numbers(Field::Orientation)?;
-        let position = frame.numbers(Field::Position)?;
-        let from_xyzw: Vec<f64> = orientation
-            .chunks_exact(4)
-            .flat_map(|q| [q[3], q[0], q[1], q[2]])
-            .collect();
-        let closes = |arms| skeleton.closure_error(&from_xyzw, position, arms);
-        Some(closes(ArmFrame::TPose).min(closes(ArmFrame::Isb)))
-    });
-    let reordered = reordered.fold(f64::NEG_INFINITY, f64::max);
-    let first = frames.front().map_or(0, |frame| frame.index);
-    let problem = Problem::bad_input(format!(
-        "the segments do not meet at their joints: {closure_error:.3} m apart, expected below {CLOSURE_LIMIT} m"
-    ))
-    .at(format!("frame {first} and after"));
-    if (0.0..CLOSURE_LIMIT).contains(&reordered) {
-        return problem.help(format!(
-            "read as x y z w, the quaternions close the joints to {reordered:.4} m: write them as w x y z"
-        ));
-    }
-    problem.help("orientations must be quaternions w x y z of the same subject as the points")
 }
 
 /// Finds the model's segments in a file.

@@ -17,7 +17,7 @@ use super::{estimate, terminal};
 /// Draw the figures of a paper: reconstruction, inputs, path over ground and snapshots, as SVG, PDF or PNG.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Exit code 5: no figure was drawn, because the estimate cannot be trusted.\n\nExample: bodyflight figures flight.toml --preset turning --format pdf --out figures\n\n\
+    after_help = "Exit code 5: no figure was drawn, because the recording cannot be trusted.\n\nExample: bodyflight figures flight.toml --preset turning --format pdf --out figures\n\n\
                   Presets as in `bodyflight estimate --help`; those for turning show the yaw rate, others the horizontal velocity."
 )]
 pub(super) struct Args {

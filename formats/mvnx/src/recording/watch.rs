@@ -213,8 +213,13 @@ impl Watch {
         let is_backwards = self.is_backwards();
         if is_backwards {
             warnings.push(Warning::fault(last.index, whole, BACKWARDS.to_owned()));
-        } else if let Some((frame, message)) = self.rates().or_else(|| self.directions()) {
+        } else if let Some((frame, message)) = self.rates() {
             warnings.push(Warning::fault(frame, whole, message));
+        } else if let Some((frame, message, is_fault)) = self.directions() {
+            warnings.push(Warning {
+                is_fault,
+                ..Warning::fault(frame, whole, message)
+            });
         }
         if let Some(up) = self.paths.rises(duration) {
             let message = format!(
@@ -275,8 +280,9 @@ impl Watch {
         ))
     }
 
-    /// Angular velocities about other axes than those that the attitudes rotate about.
-    fn directions(&self) -> Option<(u64, String)> {
+    /// Angular velocities about other axes than those that the attitudes rotate about, and whether it is known why. A bias
+    /// of a body that hardly turns has no axis in common with its attitudes either.
+    fn directions(&self) -> Option<(u64, String, bool)> {
         let (frame, _) = self.fastest.filter(|_| self.is_turning())?;
         let correlation = self.global.correlation();
         let of_segment = self.of_segment.correlation();
@@ -284,20 +290,27 @@ impl Watch {
         if correlation > 0.5 && !fits_segment {
             return None;
         }
-        let what = if self.global.one_is_empty() {
-            "they are empty"
+        let (what, is_known) = if self.global.one_is_empty() {
+            ("they are empty", true)
         } else if fits_segment {
-            "they match in segment axes; expected global axes"
+            ("they match in segment axes; expected global axes", true)
         } else if correlation < -SAME {
-            "they rotate the other way: expected quaternions w x y z from segment to global axes"
+            (
+                "they rotate the other way: expected quaternions w x y z from segment to global axes",
+                true,
+            )
         } else {
-            "expected quaternions w x y z and rates in global axes"
+            (
+                "expected quaternions w x y z and rates in global axes",
+                false,
+            )
         };
         Some((
             frame,
             format!(
                 "the angular velocities do not match the attitudes (correlation {correlation:.2}): {what}"
             ),
+            is_known,
         ))
     }
 }
