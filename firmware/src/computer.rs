@@ -184,6 +184,10 @@ impl Computer {
         sample: &Sample,
         sensors: Option<&Sensors>,
     ) -> Outcome {
+        if sensors.is_some_and(Sensors::finds_north) {
+            // Everything learned so far belongs to another attitude.
+            self.reset();
+        }
         let Some(configuration) = &self.configuration else {
             return Outcome::Rejected;
         };

@@ -2,25 +2,27 @@
 //!
 //! An Xsens MTi at the pelvis provides attitude, angular velocity, specific force and, where it has them, air pressure
 //! and the velocity of its receiver; a BNO08x in its UART-RVC mode attitude and specific force. A sensor that never sends
-//! an orientation is levelled at rest, and then its angular velocity is integrated. The posture stays as the host set it;
+//! an orientation is levelled at rest, and then its angular velocity is integrated; a receiver corrects it and finds its
+//! heading. The posture stays as the host set it;
 //! without one it is assumed. An MTi must be configured beforehand to send MTData2 with packet counter, sample time,
 //! acceleration and rate of turn, and orientation if it has it; see `docs/unit.md`. `NAV-PVT` solutions (UBX) of a u-blox
 //! receiver on the same port provide velocity for the next sample. On a line with several sensors the first that sends an
 //! orientation counts.
 
+mod aiding;
 pub mod icm42688;
 mod level;
 mod reading;
 mod rvc;
 
-use bodyflight_core::Posture;
 use bodyflight_core::frame::{Rotation, Vector};
 use bodyflight_core::link::{Header, Motion, Readings, Sample, SensorKind, Sensors, Validity};
 use bodyflight_core::ubx;
 use bodyflight_core::xbus::{Decoder, MessageId, SampleClock};
+use bodyflight_core::{Posture, Real};
 use nalgebra::{UnitQuaternion, Vector3};
 
-pub(crate) use level::STANDARD_GRAVITY;
+pub(crate) use aiding::STANDARD_GRAVITY;
 use level::{Attitude, Level};
 use reading::Reading;
 
@@ -41,6 +43,9 @@ const RESTART: u64 = 1_000_000;
 
 /// Ratio of a receiver's vertical to its stated deviation: satellites are above only.
 const VERTICAL_RATIO: f32 = 1.5;
+
+/// Standard deviation of a velocity in unknown axes (m/s).
+const NO_NORTH: f32 = 60.0;
 
 /// Speed of a receiver on somebody who moves (m/s), and the time for which this holds (us).
 const MOVING_SPEED: f32 = 3.0;
@@ -184,6 +189,8 @@ impl Sensor {
                     arrived: now,
                     age: self.latency,
                 });
+                self.level
+                    .solution(&velocity, solution.speed_accuracy_mps, self.latency);
             }
         }
     }
@@ -225,6 +232,8 @@ impl Sensor {
                 inertial_from_sensor,
                 turn: reading.angular_velocity,
                 is_measured: true,
+                heading_error: 0.0,
+                north_found: false,
             });
         }
         let (Some(turn), Some(force), None) = (
@@ -255,6 +264,8 @@ impl Sensor {
         self.see_speed(velocity.norm(), now);
         // The sensor gives such a packet the time of the solution, so its age is known; the clock does not advance.
         let age = reading.fine_time.and_then(|fine| self.clock.behind(fine));
+        self.level
+            .solution(&velocity, deviation, age.unwrap_or(self.latency));
         self.solution = Some(Solution {
             velocity,
             speed,
@@ -309,23 +320,28 @@ impl Sensor {
         let solution = self.solution.take();
         let inertial_from_body = attitude.inertial_from_sensor * self.body_from_sensor.inverse();
         let body_axes = |vector| Vector::from_components(self.body_from_sensor * vector);
-        let velocity = solution.map(|solution| solution.velocity);
+        let known = solution.filter(|_| attitude.heading_error < level::TRUSTED);
+        let velocity = known.map(|solution| solution.velocity);
         let motion = Motion {
             angular_velocity: attitude.turn.map(body_axes),
             velocity: reading.velocity.or(velocity).map(Vector::from_components),
-            horizontal_speed: solution.map(|solution| solution.speed),
+            horizontal_speed: known.map(|solution| solution.speed),
         };
         let pressure = self.pressure.take();
         let pressure = pressure.filter(|(_, at)| now.saturating_sub(*at) < OLDEST_PRESSURE);
         let mut readings = Readings {
             specific_force: reading.specific_force.map(body_axes),
             pressure: pressure.map(|(pressure, _)| pressure),
+            north_found: attitude.north_found,
             ..Readings::default()
         };
         if let Some(solution) = solution {
             let waited = u32::try_from(now.saturating_sub(solution.arrived)).unwrap_or(u32::MAX);
             readings.receiver_velocity = Some(Vector::from_components(solution.velocity));
-            readings.receiver_deviation = [solution.deviation, VERTICAL_RATIO * solution.deviation];
+            // Against an attitude whose north may be another, a velocity is worth less the faster it is.
+            let turned = (attitude.heading_error * solution.velocity.xy().norm()).min(NO_NORTH);
+            let horizontal = (solution.deviation * solution.deviation + turned * turned).root();
+            readings.receiver_deviation = [horizontal, VERTICAL_RATIO * solution.deviation];
             readings.receiver_age = solution.age + waited as f32 * 1e-6;
         }
         let inertial_from_body = Rotation::from_quaternion(inertial_from_body);

@@ -36,6 +36,20 @@ pub struct SensorBytes {
     pub velocity: [f64; 2],
     /// Accuracy that the receiver states (m/s).
     pub stated: f64,
+    /// For a sensor that sends no orientation: how long it lies still before the flight, without a receiver (s), and
+    /// the standard deviation of its gyroscope's bias (rad/s) and scale.
+    pub raw: Option<Raw>,
+}
+
+/// A sensor of rates and forces alone.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Raw {
+    /// Time at rest before the flight (s), in the attitude in which that begins.
+    pub rest: f64,
+    /// Standard deviation of the gyroscope's bias, each axis (rad/s).
+    pub bias: f64,
+    /// Standard deviation of the error of its scale, each axis.
+    pub scale: f64,
 }
 
 impl SensorBytes {
@@ -48,6 +62,7 @@ impl SensorBytes {
         latency: 0.1,
         velocity: [0.1, 0.2],
         stated: 0.25,
+        raw: None,
     };
 
     /// The bytes sent with each frame, and after which time they are complete (s).
@@ -55,8 +70,13 @@ impl SensorBytes {
         let mut noise = Noise(ChaCha8Rng::seed_from_u64(self.seed));
         let [white, constant] = self.specific_force.unwrap_or_default();
         let bias = noise.vector(constant);
+        let raw = self.raw.map(|raw| Gyroscope {
+            bias: noise.vector(raw.bias),
+            scale: noise.vector(raw.scale).add_scalar(1.0),
+        });
         let mut answered = 0.0;
-        let mut sent = Vec::with_capacity(frames.len());
+        let mut sent = self.at_rest(frames, bias, raw.as_ref(), &mut noise);
+        let (lead, rest) = (sent.len(), self.raw.map_or(0.0, |raw| raw.rest));
         for (index, frame) in frames.iter().enumerate() {
             let [before, after] = [index.saturating_sub(1), index + 1];
             let [Some(before), Some(after)] = [before, after].map(|at| frames.get(at)) else {
@@ -68,7 +88,8 @@ impl SensorBytes {
             let force = Vector3::from(force.to_array()) + bias + noise.vector(white);
             let force = self.specific_force.map(|_| force);
             let pressure = pressure_at(frame.pelvis.position.up()) + self.pressure * noise.normal();
-            let mut bytes = packet(index, frame, force, pressure);
+            let at = (lead + index, rest + frame.time);
+            let mut bytes = packet(at, frame, raw.as_ref(), force, pressure);
             // The solution that arrives now, and its instant.
             let instant = frame.time - self.latency;
             if self.receiver_rate > 0.0 && instant >= answered {
@@ -81,6 +102,44 @@ impl SensorBytes {
         }
         sent
     }
+
+    /// The bytes before the flight, at times below zero.
+    fn at_rest(
+        &self,
+        frames: &[FlightFrame],
+        bias: Vector3<f64>,
+        raw: Option<&Gyroscope>,
+        noise: &mut Noise,
+    ) -> Vec<(f64, Vec<u8>)> {
+        let (Some(raw_errors), Some(gyroscope), [first, second, ..]) = (self.raw, raw, frames)
+        else {
+            return Vec::new();
+        };
+        let interval = second.time - first.time;
+        let mut still = *first;
+        still.pelvis.angular_velocity = Some(Vector::zero());
+        let body_from_inertial = first.pelvis.inertial_from_body.inverse();
+        let up = body_from_inertial * Vector::<f64, Inertial>::new(0.0, 0.0, STANDARD_GRAVITY);
+        let [white, _] = self.specific_force.unwrap_or_default();
+        let mut sent = Vec::new();
+        while (sent.len() as f64) * interval < raw_errors.rest {
+            let time = sent.len() as f64 * interval;
+            let force = Vector3::from(up.to_array()) + bias + noise.vector(white);
+            let force = self.specific_force.map(|_| force);
+            let pressure = pressure_at(first.pelvis.position.up());
+            let bytes = packet((sent.len(), time), &still, Some(gyroscope), force, pressure);
+            sent.push((time - raw_errors.rest, bytes));
+        }
+        sent
+    }
+}
+
+/// Errors of a gyroscope.
+struct Gyroscope {
+    /// Bias (rad/s).
+    bias: Vector3<f64>,
+    /// Factor of each axis.
+    scale: Vector3<f64>,
 }
 
 struct Noise(ChaCha8Rng);
@@ -134,8 +193,9 @@ fn pressure_at(height: f64) -> f64 {
     reason = "the sensor's formats; counters wrap"
 )]
 fn packet(
-    index: usize,
+    (index, time): (usize, f64),
     frame: &FlightFrame,
+    raw: Option<&Gyroscope>,
     force: Option<Vector3<f64>>,
     pressure: f64,
 ) -> Vec<u8> {
@@ -143,19 +203,23 @@ fn packet(
     let attitude_wxyz = pelvis.inertial_from_body.wxyz().map(|part| part as f32);
     let turn = pelvis.angular_velocity.map(|spin| {
         let spin = pelvis.inertial_from_body.inverse() * spin;
-        spin.to_array().map(|part| part as f32)
+        let spin = Vector3::from(spin.to_array());
+        let spin = raw.map_or(spin, |raw| spin.component_mul(&raw.scale) + raw.bias);
+        [spin.x, spin.y, spin.z].map(|part| part as f32)
     });
     let force = force.map(|force| [force.x, force.y, force.z].map(|part| part as f32));
     let mut bytes = [0; LONGEST];
     let mut writer = PacketWriter::new(&mut bytes, MessageId::MT_DATA2);
     let counter = (index as u16).to_be_bytes();
-    let ticks = ((frame.time * TICKS).round() as u32).to_be_bytes();
+    let ticks = ((time * TICKS).round() as u32).to_be_bytes();
     let pressure = (pressure.round() as u32).to_be_bytes();
     let attitude = DataId::QUATERNION.with(CoordinateSystem::NorthWestUp, NumberFormat::Float32);
     // The buffer holds all items.
     let _ = writer.item(DataId::PACKET_COUNTER, &counter);
     let _ = writer.item(DataId::SAMPLE_TIME_FINE, &ticks);
-    let _ = writer.reals(attitude, &attitude_wxyz);
+    if raw.is_none() {
+        let _ = writer.reals(attitude, &attitude_wxyz);
+    }
     if let Some(turn) = turn {
         let _ = writer.reals(DataId::RATE_OF_TURN, &turn);
     }

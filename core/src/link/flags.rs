@@ -56,7 +56,7 @@ bitflags! {
 }
 
 bitflags! {
-    /// Parts of [`Sensors`](super::Sensors) that hold a measurement.
+    /// What [`Sensors`](super::Sensors) hold.
     #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
     pub struct SensorParts: u8 {
         /// The specific force.
@@ -65,6 +65,8 @@ bitflags! {
         const RECEIVER = 1 << 1;
         /// The air pressure.
         const PRESSURE = 1 << 2;
+        /// North has been found: the attitudes so far had another, so the motion is taken anew.
+        const NORTH_FOUND = 1 << 3;
     }
 }
 
@@ -104,7 +106,7 @@ impl Wire for EstimateFlags {
 
 impl Wire for SensorParts {
     const SIZE: usize = 1;
-    const KIND: &'static str = "u8: bit 0 specific force, 1 receiver, 2 pressure";
+    const KIND: &'static str = "u8: bit 0 specific force, 1 receiver, 2 pressure, 3 north found";
     fn put(self, writer: &mut Writer<'_>) -> Option<()> {
         self.bits().put(writer)
     }
@@ -146,7 +148,7 @@ mod tests {
     #[test]
     fn the_byte_table_names_every_bit() {
         assert_eq!(named_bits::<EstimateFlags>(EstimateFlags::KIND), 13);
-        assert_eq!(named_bits::<SensorParts>(SensorParts::KIND), 3);
+        assert_eq!(named_bits::<SensorParts>(SensorParts::KIND), 4);
         assert_eq!(named_bits::<Validity>(Validity::KIND), 5);
     }
 

@@ -32,6 +32,8 @@ pub struct Readings {
     pub receiver_age: f32,
     /// Air pressure (Pa).
     pub pressure: Option<u32>,
+    /// Whether north has been found, so that attitudes before had another.
+    pub north_found: bool,
 }
 
 /// Thousandths, as an unsigned number that saturates; the largest for NaN.
@@ -74,6 +76,9 @@ impl Sensors {
             sensors.valid |= SensorParts::PRESSURE;
         }
         sensors
+            .valid
+            .set(SensorParts::NORTH_FOUND, readings.north_found);
+        sensors
     }
 
     /// Returns the specific force with the deviation that this class of sensor has on a body in the airstream.
@@ -86,6 +91,11 @@ impl Sensors {
             deviation: FORCE_DEVIATION,
             arm: Vector::zero(),
         })
+    }
+
+    /// Whether the attitudes before this sample had another north.
+    pub const fn finds_north(&self) -> bool {
+        self.valid.contains(SensorParts::NORTH_FOUND)
     }
 
     /// Returns the velocity of the receiver.
@@ -140,7 +150,9 @@ mod tests {
                 receiver_deviation: [deviation, 0.5],
                 receiver_age: age,
                 pressure: Some(89_875),
+                north_found: true,
             });
+            prop_assert!(sensors.finds_north());
             let found = sensors.specific_force().unwrap().force.components;
             prop_assert!((found - Vector3::from(force)).amax() <= 0.5 / FORCE_COUNTS + 1e-4);
             let receiver = sensors.receiver().unwrap();

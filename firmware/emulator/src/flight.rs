@@ -4,6 +4,7 @@ use bodyflight_core::link::{Configure, Sample, SegmentTable};
 use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::sensor_noise::SensorNoise;
 use bodyflight_laboratory::synthesize::{DEFAULT_SWAY, JointError, Request, fly};
+use bodyflight_mvnx::recording::FlightFrame;
 use bodyflight_replay::flight as file;
 use bodyflight_replay::subject::Subject;
 use bodyflight_unit::stream::{configuration, sample_of};
@@ -24,35 +25,45 @@ impl Flight {
     /// # Errors
     /// Returns an error if there is no such maneuver or preset.
     pub fn of(maneuver: &str, preset: &str) -> Result<Self> {
-        let maneuver =
-            Maneuver::from_name(maneuver).ok_or_else(|| format!("no maneuver {maneuver}"))?;
-        let subject = Subject::default();
-        let mut flight = file::Flight::bare("flight.mvnx".as_ref());
-        flight.subject = subject.clone();
-        flight.muscles = maneuver.muscles;
-        let request = Request {
-            maneuver,
-            subject: &subject,
-            density: 1.0,
-            seed: 1,
-            noise: SensorNoise::PAPER,
-            sway: DEFAULT_SWAY,
-            tunnel: false,
-            joint_error: JointError::default(),
-        };
-        let mut frames = Vec::new();
-        let mut keep = |frame| {
-            frames.push(frame);
-            Ok(())
-        };
+        let (flight, frames) = flown(maneuver)?;
         let failed = |problem| format!("{problem:?}");
-        fly(&request, &flight.dynamics(4000.0), &mut keep, &mut |_| ()).map_err(failed)?;
         let first = frames.first().ok_or("the maneuver has no frames")?;
-        let (configure, table) = configuration(&flight, first, preset, 240.0).map_err(failed)?;
+        let (configure, table) = configuration(&flight, first, preset, RATE).map_err(failed)?;
         Ok(Self {
             configure,
             table,
             samples: frames.iter().map(sample_of).collect(),
         })
     }
+}
+
+/// Frames of a maneuver in a second.
+pub(crate) const RATE: f64 = 240.0;
+
+/// Flies the bundled maneuver of this name with the paper's sensor noise.
+pub(crate) fn flown(maneuver: &str) -> Result<(file::Flight, Vec<FlightFrame>)> {
+    let maneuver =
+        Maneuver::from_name(maneuver).ok_or_else(|| format!("no maneuver {maneuver}"))?;
+    let subject = Subject::default();
+    let mut flight = file::Flight::bare("flight.mvnx".as_ref());
+    flight.subject = subject.clone();
+    flight.muscles = maneuver.muscles;
+    let request = Request {
+        maneuver,
+        subject: &subject,
+        density: 1.0,
+        seed: 1,
+        noise: SensorNoise::PAPER,
+        sway: DEFAULT_SWAY,
+        tunnel: false,
+        joint_error: JointError::default(),
+    };
+    let mut frames = Vec::new();
+    let mut keep = |frame| {
+        frames.push(frame);
+        Ok(())
+    };
+    let failed = |problem| format!("{problem:?}");
+    fly(&request, &flight.dynamics(4000.0), &mut keep, &mut |_| ()).map_err(failed)?;
+    Ok((flight, frames))
 }

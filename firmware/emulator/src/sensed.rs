@@ -4,6 +4,7 @@
 use std::path::Path;
 use std::process::Command;
 
+use bodyflight_core::frame::{Inertial, Rotation};
 use bodyflight_core::link::{Estimate, EstimateFlags, Setup};
 use bodyflight_laboratory::sensor_bytes::SensorBytes;
 use bodyflight_mvnx::recording::FlightFrame;
@@ -14,6 +15,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 use serde_json::Value;
 
 use crate::Result;
+use crate::flight::{RATE, flown};
 
 /// A flight, the configuration of the unit, and the bytes of its sensors.
 pub struct Sensed {
@@ -63,6 +65,24 @@ impl Sensed {
         }))
     }
 
+    /// The first `seconds` of a bundled maneuver, flown by our own model.
+    ///
+    /// # Errors
+    /// Returns an error if there is no such maneuver.
+    pub fn of_maneuver(name: &str, seconds: f64, sensor: &SensorBytes) -> Result<Self> {
+        let (flight, mut frames) = flown(name)?;
+        frames.retain(|frame| frame.time <= seconds);
+        let (configure, table) =
+            configuration_at(&flight, 0.0, "auto", RATE).map_err(|problem| problem.to_string())?;
+        let bytes = sensor.of(&frames);
+        Ok(Self {
+            setup: Setup { configure, table },
+            frames,
+            bytes,
+            muscle: [0.0; 3],
+        })
+    }
+
     fn read(
         folder: &Path,
         seconds: f64,
@@ -87,6 +107,22 @@ impl Sensed {
             bytes,
             muscle: [0.0; 3],
         })
+    }
+
+    /// The same flight with another north: turned about the vertical by this angle (rad).
+    #[must_use]
+    pub fn turned(mut self, heading: f64, sensor: &SensorBytes) -> Self {
+        let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), heading);
+        let turn = Rotation::<f64, Inertial, Inertial>::from_quaternion(turn);
+        for frame in &mut self.frames {
+            let pelvis = &mut frame.pelvis;
+            pelvis.inertial_from_body = turn * pelvis.inertial_from_body;
+            pelvis.position = turn * pelvis.position;
+            pelvis.velocity = pelvis.velocity.map(|velocity| turn * velocity);
+            pelvis.angular_velocity = pelvis.angular_velocity.map(|spin| turn * spin);
+        }
+        self.bytes = sensor.of(&self.frames);
+        self
     }
 
     /// Velocity (m/s, inertial axes) and attitude at a time (s).

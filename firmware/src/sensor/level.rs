@@ -2,14 +2,14 @@
 //!
 //! While the sensor lies or stands still, its specific force points up, and what its gyroscope reads is its bias. From
 //! then on the angular velocity is integrated. The attitude is never corrected towards the specific force in flight, which
-//! points along the force of the air there and not up. The heading is relative: it is zero where the sensor was level first.
+//! points along the force of the air there and not up. A receiver's velocity tells what part of it is that of the motion,
+//! and so corrects the attitude ([`super::aiding`]). Without one the heading is relative: it is zero where the sensor was
+//! level first. With one it is unknown until it has been found, and the attitude is no measurement as long as it is not.
 
 use bodyflight_core::math::{normalized, small_rotation};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
-/// Standard gravity (m/s2), in single precision.
-#[expect(clippy::cast_possible_truncation, reason = "to single precision")]
-pub(crate) const STANDARD_GRAVITY: f32 = bodyflight_core::air::STANDARD_GRAVITY as f32;
+use super::aiding::{Aiding, STANDARD_GRAVITY, Seen};
 
 /// The most by which an accelerometer at rest may differ from standard gravity (m/s2).
 const GRAVITY_ERROR: f32 = 0.5;
@@ -28,7 +28,10 @@ const STILL: f32 = 1.0;
 /// attitude is no measurement any more.
 const DRIFT: f32 = 0.002;
 const SCALE: f32 = 0.01;
-const TRUSTED: f32 = 0.06;
+pub(super) const TRUSTED: f32 = 0.06;
+
+/// Error of an attitude that a receiver has just corrected, at least (rad).
+const LEAST: f32 = 0.01;
 
 /// Longest time without a measurement over which the attitude is kept (s).
 const LONGEST_GAP: f32 = 0.25;
@@ -50,6 +53,10 @@ pub(super) struct Attitude {
     pub(super) turn: Option<Vector3<f32>>,
     /// Whether it is measured, and not only integrated since it was.
     pub(super) is_measured: bool,
+    /// Error of its heading against the north of a receiver's velocity (rad).
+    pub(super) heading_error: f32,
+    /// Whether it had another heading before.
+    pub(super) north_found: bool,
 }
 
 /// Integrates the attitude.
@@ -59,6 +66,13 @@ pub(super) struct Level {
     bias: Vector3<f32>,
     /// Bound of the attitude's error (rad): infinite until the sensor has been still.
     error: f32,
+    /// Bound of the heading's error (rad) relative to north: infinite until it has been found. Nobody asks for it as long as
+    /// there is no receiver.
+    heading_error: f32,
+    aiding: Aiding,
+    has_receiver: bool,
+    /// Whether the heading has been found since the last measurement.
+    north_found: bool,
     rest: Option<Rest>,
     /// Time of the last measurement in ticks of 0.1 ms.
     last: Option<u32>,
@@ -70,6 +84,10 @@ impl Default for Level {
             inertial_from_sensor: UnitQuaternion::identity(),
             bias: Vector3::zeros(),
             error: f32::INFINITY,
+            heading_error: f32::INFINITY,
+            aiding: Aiding::default(),
+            has_receiver: false,
+            north_found: false,
             rest: None,
             last: None,
         }
@@ -92,7 +110,8 @@ impl Level {
             .map_or(0.0, |last| time.wrapping_sub(last) as f32 * 1e-4);
         self.last = Some(time);
         if elapsed > LONGEST_GAP {
-            (self.error, self.rest) = (f32::INFINITY, None);
+            (self.error, self.heading_error, self.rest) = (f32::INFINITY, f32::INFINITY, None);
+            self.aiding.interrupt();
         }
         let rest = self.rest(elapsed, &turn, &force).filter(|_| !is_moving);
         if let Some(rest) = rest {
@@ -101,15 +120,64 @@ impl Level {
             self.inertial_from_sensor = upright(&rest.force, &self.inertial_from_sensor);
         } else {
             let turn = (turn - self.bias) * elapsed;
-            self.error += DRIFT * elapsed + SCALE * turn.norm();
+            let drift = DRIFT * elapsed + SCALE * turn.norm();
+            self.error += drift;
+            self.heading_error += drift;
             let step = small_rotation(&turn);
             self.inertial_from_sensor = normalized((self.inertial_from_sensor * step).into_inner());
         }
+        let force = self.inertial_from_sensor * force;
+        self.aiding.see(time, &force, elapsed.min(LONGEST_GAP));
         Attitude {
             inertial_from_sensor: self.inertial_from_sensor,
             turn: Some(turn - self.bias),
-            is_measured: self.error < TRUSTED,
+            is_measured: self.error < TRUSTED
+                && (!self.has_receiver || self.heading_error < TRUSTED),
+            heading_error: self.heading_error,
+            north_found: core::mem::take(&mut self.north_found),
         }
+    }
+
+    /// Corrects the attitude by a receiver's velocity (m/s, inertial axes) with this deviation, which was right `age` (s)
+    /// before the last measurement.
+    pub(super) fn solution(&mut self, velocity: &Vector3<f32>, deviation: f32, age: f32) {
+        self.has_receiver = true;
+        let Some(now) = self.last.filter(|_| self.error.is_finite()) else {
+            return;
+        };
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "saturates"
+        )]
+        let instant = now.wrapping_sub((age * 1e4) as u32);
+        let is_known = self.heading_error < LARGEST_HEADING_ERROR;
+        let seen = (self.aiding).solution([instant, now], velocity, deviation, is_known);
+        match seen {
+            Some(Seen::Tilt(tilt, deviation)) => {
+                let gain = gain(&mut self.error, deviation);
+                self.correct(&small_rotation(&(tilt * gain)));
+            }
+            Some(Seen::Whole(turn, [tilt, heading])) => {
+                let [tilt, heading] = [
+                    gain(&mut self.error, tilt),
+                    gain(&mut self.heading_error, heading),
+                ];
+                let turn = Vector3::new(turn.x * tilt, turn.y * tilt, turn.z * heading);
+                self.correct(&small_rotation(&turn));
+            }
+            Some(Seen::Heading(turn, deviation)) => {
+                self.correct(&turn);
+                self.heading_error = deviation.max(LEAST);
+                self.north_found = true;
+            }
+            None => {}
+        }
+    }
+
+    fn correct(&mut self, turn: &UnitQuaternion<f32>) {
+        self.aiding.turn(turn);
+        self.inertial_from_sensor = normalized((turn * self.inertial_from_sensor).into_inner());
     }
 
     /// The means over the rest so far, if it has been long enough.
@@ -143,6 +211,18 @@ impl Level {
 
 /// Number of measurements over which means are taken at most.
 const MEMORY: f32 = 1000.0;
+
+/// Error of the heading (rad) beyond which small corrections do not mend it.
+const LARGEST_HEADING_ERROR: f32 = 0.3;
+
+/// Share of a correction with this deviation (rad) that counts against an error, which becomes smaller.
+fn gain(error: &mut f32, deviation: f32) -> f32 {
+    let [before, noise] = [*error * *error, deviation * deviation];
+    let share = before / (before + noise);
+    *error *= bodyflight_core::Real::root(1.0 - share);
+    *error = error.max(LEAST);
+    share
+}
 
 /// The attitude in which `force` points up and the heading is that of `before`.
 fn upright(force: &Vector3<f32>, before: &UnitQuaternion<f32>) -> UnitQuaternion<f32> {
