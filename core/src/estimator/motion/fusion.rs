@@ -9,7 +9,7 @@ use super::filter::MotionFilter;
 use super::measurement::{
     BAROMETER_CHANNEL, FORCE_CHANNELS, Prediction, RATE_CHANNELS, Row, SensorMeasurement,
 };
-use super::rejection::{Rejection, Verdict, coordinates};
+use super::rejection::{Rejection, Verdict, coordinates, explaining};
 use super::repeats::BELIEVED;
 use super::state::{
     ATTITUDE, Difference, MOTION_STATES, RESIDUAL_FORCE, SPIN, STATES, VELOCITY, input_vector,
@@ -154,7 +154,7 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         self.squares[1] += T::one();
         let verdict = self.rejections[k].judge(k, [value, noise], within, trusted);
         if verdict != Verdict::Gate && value.is_finite() {
-            self.give_up(k, value * value, moved);
+            self.give_up(k, value * value, &look, moved);
             if verdict == Verdict::Return {
                 self.rejections.iter_mut().for_each(Rejection::excuse);
             }
@@ -186,13 +186,22 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         fused
     }
 
-    /// Gives up what the filter believed of a channel's quantity, up to this variance: the filter is wrong, not the
-    /// sensor.
-    fn give_up(&mut self, k: usize, square: T, moved: &mut Moved<T>) {
+    /// Gives up what the filter believed of a channel's quantity, as far as the innovation's square asks for: the filter
+    /// is wrong, not the sensor.
+    fn give_up(&mut self, k: usize, square: T, look: &Look<T>, moved: &mut Moved<T>) {
         for coordinate in coordinates(k) {
+            // A force is measured as an acceleration; all other channels have the unit of their coordinate.
+            let slope = if FORCE_CHANNELS.contains(&k) {
+                look.slope()
+                    .get(coordinate)
+                    .copied()
+                    .unwrap_or_else(T::zero)
+            } else {
+                T::one()
+            };
             let largest = covariance::unknown::<T>(coordinate);
-            let added = if square < largest { square } else { largest };
-            self.factors.add_to(coordinate, added);
+            self.factors
+                .add_to(coordinate, explaining(square, slope, largest));
         }
         self.watch.restart(k);
         moved.reset = true;

@@ -202,6 +202,17 @@ pub(super) fn coordinates(channel: usize) -> core::ops::Range<usize> {
     }
 }
 
+/// The variance of a coordinate that explains an innovation of this square through a slope, at most `largest`.
+pub(super) fn explaining<T: Real>(square: T, slope: T, largest: T) -> T {
+    let gain = slope * slope;
+    // Also where the slope is zero or NaN.
+    if square < largest * gain {
+        square / gain
+    } else {
+        largest
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -214,6 +225,15 @@ mod tests {
                 rejection.judge(6, [value, 0.01], value.abs() < 0.5, true)
             })
             .position(|verdict| verdict != Verdict::Gate)
+    }
+
+    #[test]
+    fn a_force_is_explained_in_the_unit_of_its_coordinate() {
+        // A drag area of 0.1 m2 at 50 m/s is 2 m/s2 for a person of 75 kg: the slope is 20 m/s2 per m2.
+        assert!((explaining(4.0, 20.0, 1.0) - 0.01_f64).abs() < 1e-12);
+        for slope in [0.0, f64::NAN, 1.0] {
+            assert!((explaining(4.0, slope, 1.0) - 1.0).abs() < 1e-12);
+        }
     }
 
     #[test]
