@@ -6,6 +6,7 @@
 
 pub mod anthropometry;
 pub mod gear;
+pub mod joint_angle;
 pub mod mass_properties;
 pub mod pattern;
 pub mod posture;

@@ -1,6 +1,7 @@
 //! The command line: one file per verb, for its arguments and output. The work itself is in the library.
 
 mod airborne;
+mod compare;
 mod demo;
 mod discover;
 mod estimate;
@@ -60,6 +61,7 @@ enum Verb {
     Demo(demo::Args),
     Airborne(airborne::Args),
     Import(import::Args),
+    Compare(compare::Args),
     Inspect(inspect::Args),
     Simulate(simulate::Args),
     Reproduce(reproduce::Args),
@@ -112,6 +114,7 @@ fn run(cli: &Cli) -> Result<()> {
     match &cli.verb {
         Verb::Demo(args) => demo::run(args, cli.json),
         Verb::Airborne(args) => airborne::run(args, cli.json),
+        Verb::Compare(args) => compare::run(args, cli.json),
         Verb::Import(args) => import::run(args, cli.json),
         Verb::Inspect(args) => inspect::run(args, cli.json),
         Verb::Simulate(args) => simulate::run(args, cli.json),

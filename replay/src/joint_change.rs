@@ -2,8 +2,7 @@
 
 use std::path::Path;
 
-use bodyflight_core::body::pattern;
-use bodyflight_core::body::posture::joint_angles;
+use bodyflight_core::body::joint_angle::JointAngle;
 use bodyflight_core::{Posture, Segment};
 
 use bodyflight_io::diagnostic::{Problem, Result};
@@ -13,25 +12,6 @@ use bodyflight_io::input;
 pub const REACH: f64 = 0.2;
 /// Largest change (degrees).
 const MOST: f64 = 180.0;
-
-/// An angle of a joint: its name, and the paper's angles psi, theta, phi for each radian of it.
-type Angle = (&'static str, [f64; 3]);
-
-/// The paper's angles, about Z, Y and X; every joint has them.
-const ANGLES: [Angle; 3] = [
-    ("psi", [1.0, 0.0, 0.0]),
-    ("theta", [0.0, 1.0, 0.0]),
-    ("phi", [0.0, 0.0, 1.0]),
-];
-/// The bend of a knee, 0 when straight, as in `trim`.
-const BEND: Angle = ("bend", [0.0, 0.0, -1.0]);
-const KNEES: [Segment; 2] = [Segment::LeftShank, Segment::RightShank];
-
-/// The angles of the joint at the proximal end of a segment.
-fn angles(segment: Segment) -> impl Iterator<Item = Angle> {
-    let bend = KNEES.contains(&segment).then_some(BEND);
-    bend.into_iter().chain(ANGLES)
-}
 
 /// How much an angle changes.
 #[derive(Debug, Clone, PartialEq)]
@@ -45,8 +25,7 @@ enum Amount {
 /// A change of one angle of one joint.
 #[derive(Debug, Clone, PartialEq)]
 pub struct JointChange {
-    segment: Segment,
-    angle: Angle,
+    angle: JointAngle,
     amount: Amount,
 }
 
@@ -67,24 +46,33 @@ impl JointChange {
             let joints = Segment::ALL.into_iter().filter(movable);
             Problem::unknown("joint", joint, joints.map(|segment| segment.name()))
         })?;
-        let angle = angles(segment)
-            .find(|(own, _)| *own == angle)
+        let angle = JointAngle::of_joint(segment)
+            .find(|own| own.name == angle)
             .ok_or_else(|| {
-                let allowed: Vec<&str> = angles(segment).map(|(own, _)| own).collect();
+                let allowed = JointAngle::of_joint(segment).map(|own| own.name);
+                let allowed: Vec<&str> = allowed.collect();
                 let message = format!("{joint} has no angle \"{angle}\"");
                 Problem::bad_input(message).help(format!("it has {}", allowed.join(", ")))
             })?;
         let amount = amount(value).map_err(|problem| problem.at(format!("--joint {name}")))?;
-        Ok(Self {
-            segment,
-            angle,
-            amount,
-        })
+        Ok(Self { angle, amount })
+    }
+
+    /// A change by a constant (rad), all the time.
+    pub const fn by(angle: JointAngle, amount: f64) -> Self {
+        let amount = Amount::Constant(amount, None);
+        Self { angle, amount }
+    }
+
+    /// A change by a curve: times (s) and changes (rad), in ascending order of time.
+    pub const fn along(angle: JointAngle, points: Vec<(f64, f64)>) -> Self {
+        let amount = Amount::Curve(points);
+        Self { angle, amount }
     }
 
     /// Name of joint and angle.
     pub fn name(&self) -> String {
-        format!("{}.{}", self.segment.name(), self.angle.0)
+        self.angle.to_string()
     }
 
     /// The constant (rad), `None` for a curve.
@@ -120,28 +108,19 @@ impl JointChange {
 
     /// The angle in a posture (rad).
     pub fn angle(&self, posture: &Posture<f64>) -> f64 {
-        let found = joint_angles(posture.parent_from_segment(self.segment));
-        found
-            .iter()
-            .zip(self.angle.1)
-            .map(|(angle, share)| angle * share)
-            .sum()
+        self.angle.value(posture)
     }
 
     /// Whether it bends a knee.
     pub fn is_bend(&self) -> bool {
-        self.angle.0 == BEND.0
+        self.angle.is_bend()
     }
 }
 
 /// A posture with all changes at a time (s), each in the axes of the joint's parent.
 pub fn changed(changes: &[JointChange], time: f64, posture: &Posture<f64>) -> Posture<f64> {
     changes.iter().fold(*posture, |posture, change| {
-        pattern::moved(
-            &posture,
-            &[(change.segment, change.angle.1)],
-            change.at(time),
-        )
+        change.angle.turned(&posture, change.at(time))
     })
 }
 
@@ -254,6 +233,7 @@ fn curve(path: &Path, column: &str) -> Result<Vec<(f64, f64)>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use bodyflight_core::body::pattern;
 
     #[test]
     fn a_bend_adds_to_the_angle_of_the_knee_and_to_nothing_else() {

@@ -136,6 +136,25 @@ impl<'a, F: Iterator<Item = Result<FlightFrame>>> Replay<'a, F> {
         Ok(Self::from(frames, read, side_by_side))
     }
 
+    /// Like [`Replay::new`], with changes of joints, and with a given initial motion.
+    ///
+    /// # Errors
+    /// Same as [`Replay::new`].
+    pub fn changed(
+        flight: &'a Flight,
+        mut frames: F,
+        joints: &'a [JointChange],
+        start: &Motion<f64>,
+    ) -> Result<Self> {
+        let mut read = first_frames(flight, &mut frames)?;
+        let first = read.make_contiguous();
+        let dynamics = flight.dynamics(first[0].pelvis.position.up());
+        let precision = Precision::Double;
+        let side_by_side =
+            SideBySide::new(flight, precision, first, dynamics, joints, Some(start))?;
+        Ok(Self::from(frames, read, side_by_side))
+    }
+
     fn from(frames: F, mut read: VecDeque<FlightFrame>, side_by_side: SideBySide<'a>) -> Self {
         read.pop_front();
         let ahead = read.pop_front();

@@ -2,6 +2,7 @@
 
 pub mod airborne;
 pub mod bifurcation;
+pub mod compare;
 pub mod discover;
 pub mod estimate;
 pub mod export;

@@ -21,6 +21,7 @@ type Row = (&'static str, fn() -> Value);
 const ANSWERS: &[Row] = &[
     ("airborne", answer::<verbs::airborne::Report>),
     ("airborne-several", answer::<airborne::Set>),
+    ("compare", answer::<verbs::compare::Report>),
     ("demo", answer::<verbs::simulate::Report>),
     (
         "discover",

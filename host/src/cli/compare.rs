@@ -1,0 +1,136 @@
+//! `bodyflight compare`.
+
+use std::path::PathBuf;
+
+use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_mvnx::recording::faults;
+use bodyflight_replay::flight::Flight;
+use bodyflight_verbs::compare::align::Align;
+use bodyflight_verbs::compare::{Compared, Report, Settings, Side, Track, compare, figure, table};
+
+use super::outputs::{Outputs, Plot};
+use super::several::{name_of, output_of};
+use super::simulate::Reading;
+use super::terminal::{self, FlightBar};
+
+/// Compare recordings of one maneuver with the first: joints, turn and fall, and what the differences do by the model.
+#[derive(clap::Args)]
+#[command(
+    after_help = "A is the first flight, B each of the others; differences are B minus A. They are aligned on the start of the turn \
+                  if both turn, else on the exit if both have one, else on their first frames. Joints are named as for \
+                  simulate --joint (docs/compare.md). Exit code 4: the flights cannot be aligned; 5: the model misses the \
+                  flights by more than their differences do.\n\n\
+                  Examples:\n  bodyflight compare student expert\n  \
+                  bodyflight compare student expert --align warp --plot compare.pdf --page compare.html\n  \
+                  bodyflight compare student expert --align time=2.1,3.4 --from 1.5 --to 6 --out joints.csv\n  \
+                  bodyflight compare expert jump-1 jump-2 --out {}.csv   ({} is the name of B)"
+)]
+pub(super) struct Args {
+    /// The flight that others are compared with: a flight.toml, its folder, or an MVNX file on its own.
+    #[arg(value_name = "A")]
+    first: PathBuf,
+    /// The other flights.
+    #[arg(required = true, value_name = "B")]
+    others: Vec<PathBuf>,
+    /// Align on the start of the turn, the exit, the first frames, times in both flights, or by time warping of the movements.
+    #[arg(
+        long,
+        value_name = "auto|turn|exit|start|time=TA,TB|warp",
+        default_value = "auto",
+        value_parser = Align::parse
+    )]
+    align: Align,
+    /// Compare from this time of A on (s since frame 0).
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    from: Option<f64>,
+    /// Compare up to this time of A (s since frame 0).
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    to: Option<f64>,
+    /// Write channels and joint angles of both flights over time as CSV.
+    #[arg(long, value_name = "CSV")]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    plot: Plot,
+    #[command(flatten)]
+    outputs: Outputs,
+    #[command(flatten)]
+    reading: Reading,
+}
+
+pub(super) fn run(args: &Args, json: bool) -> Result<()> {
+    let read = |path: &PathBuf| Ok((name_of(path), Flight::read(path)?));
+    let first = read(&args.first)?;
+    let others = args.others.iter().map(read).collect::<Result<Vec<_>>>()?;
+    let (mut outs, mut plots) = (Vec::new(), Vec::new());
+    for path in &args.others {
+        outs.push(output_of(args.out.as_ref(), path, &args.others)?);
+        plots.push(args.plot.of(path, &args.others)?);
+    }
+    for (out, plot) in outs.iter().zip(&plots) {
+        args.outputs.check_with([out], plot)?;
+    }
+    let a = track(&first, args)?;
+    terminal::note_assumed_subject(&a.flight);
+    let settings = Settings {
+        align: args.align,
+        between: [args.from, args.to],
+    };
+    let mut report = Report {
+        a: Side::of(&a),
+        pairs: Vec::new(),
+    };
+    let mut verdicts = Vec::new();
+    for (other, (out, plot)) in others.iter().zip(outs.iter().zip(&plots)) {
+        let b = track(other, args)?;
+        let spinner = terminal::spinner("comparing");
+        let compared = compare([&a, &b], settings);
+        spinner.finish_and_clear();
+        let compared = compared?;
+        write([&a, &b], &compared, out.as_ref(), plot)?;
+        if let Some(doubt) = faults(&b.warnings) {
+            verdicts.push(Problem::doubt(doubt).in_file(&b.flight.recording));
+        }
+        if let Some(doubt) = compared.pair.doubt() {
+            verdicts.push(Problem::doubt(doubt).in_file(&b.flight.recording));
+        }
+        report.pairs.push(compared.pair);
+    }
+    if let Some(doubt) = faults(&a.warnings) {
+        verdicts.push(Problem::doubt(doubt).in_file(&a.flight.recording));
+    }
+    if json {
+        terminal::print_json(&report)?;
+    } else {
+        terminal::print(&report.to_string());
+        let notes = report.pairs.iter().flat_map(|pair| &pair.notes);
+        notes.for_each(|note| terminal::note(&format!("note: {note}")));
+        let plots = plots.iter().map(|plot| &plot.path);
+        for path in outs.iter().chain(plots).flatten() {
+            terminal::print(&format!("written: {}", path.display()));
+        }
+    }
+    verdicts.into_iter().next().map_or(Ok(()), Err)
+}
+
+fn track((name, flight): &(String, Flight), args: &Args) -> Result<Track> {
+    let bar = FlightBar::new("reading", flight);
+    let track = Track::read(name, flight, args.reading.options(), &mut |time| {
+        bar.at(time)
+    });
+    bar.end();
+    track
+}
+
+fn write(
+    tracks: [&Track; 2],
+    compared: &Compared,
+    out: Option<&PathBuf>,
+    plot: &Plot,
+) -> Result<()> {
+    if let Some(path) = out {
+        table::write(path, tracks, compared)?;
+    }
+    let [a, b] = tracks.map(|track| track.name.as_str());
+    let title = || format!("{b} compared with {a}");
+    plot.write(|| figure::svg(&plot.title(title), tracks, compared))
+}

@@ -1,0 +1,308 @@
+//! Two flights in one figure: their bodies at times that belong together, joints that differ, channels over each other.
+
+use core::fmt::Write as _;
+
+use bodyflight_core::Segment;
+use bodyflight_core::body::posture::pose;
+use bodyflight_io::diagnostic::Result;
+use bodyflight_replay::comparison::Channel;
+use nalgebra::Vector3;
+
+use super::joints::WINDOW;
+use super::words::joint;
+use super::{Compared, Track};
+use crate::output::bodies::{BACK, LEFT, View, escaped, posed, seen};
+use crate::output::plot::{Band, CHANGED, Curve, Line, Panel, UNCHANGED, figure_svg};
+
+/// Width of the figure, of the square of a body, and heights of title and captions (px).
+const WIDTH: f64 = 1000.0;
+const COUNT: usize = 5;
+const SQUARE: f64 = WIDTH / COUNT as f64;
+const HEAD: f64 = 46.0;
+const FOOT: f64 = 22.0;
+/// Width of the square (m).
+const METRES: f64 = 2.3;
+/// Most joints marked and drawn over time.
+const JOINTS: usize = 4;
+
+const A: Line = Line {
+    label: "A",
+    ..UNCHANGED
+};
+const B: Line = Line {
+    label: "B",
+    ..CHANGED
+};
+const STYLE_A: &str = "fill=\"#d6e4f2\" stroke=\"#2b5f94\" stroke-width=\"0.8\"";
+const STYLE_B: &str =
+    "fill=\"#ffffff\" stroke=\"#9c2f00\" stroke-width=\"1.1\" stroke-dasharray=\"4 2\"";
+
+/// Draws a comparison.
+///
+/// # Errors
+/// Returns an error if the figure cannot be drawn.
+pub fn svg(title: &str, [a, b]: [&Track; 2], compared: &Compared) -> Result<String> {
+    let plots = figure_svg("", &panels([a, b], compared))?;
+    let top = HEAD + 2.0 * SQUARE + FOOT;
+    let height: f64 = plots
+        .split_once("height=\"")
+        .and_then(|(_, rest)| rest.split_once('"')?.0.parse().ok())
+        .unwrap_or(0.0);
+    let mut svg = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{WIDTH}\" height=\"{}\" font-family=\"sans-serif\" \
+         font-size=\"12\">\n<rect width=\"100%\" height=\"100%\" fill=\"#ffffff\"/>\n",
+        top + height
+    );
+    let _ = writeln!(
+        svg,
+        "<text x=\"60\" y=\"20\" font-size=\"18\">{}</text>\n<text x=\"60\" y=\"38\">A {} is filled, B {} dashed over it; \
+         circles mark joints that differ, with what B has more in degrees</text>",
+        escaped(title),
+        escaped(&a.name),
+        escaped(&b.name)
+    );
+    bodies(&mut svg, [a, b], compared);
+    svg.push_str(&plots.replacen("<svg ", &format!("<svg y=\"{top}\" "), 1));
+    svg.push_str("</svg>\n");
+    Ok(svg)
+}
+
+/// Angles to draw: those that are told, by effect, or those that differ most for their errors.
+fn drawn(compared: &Compared) -> Vec<usize> {
+    let pair = &compared.pair;
+    let place = |name: &str| pair.joints.iter().position(|joint| joint.joint == name);
+    let told = pair.by_effect.iter();
+    let mut drawn: Vec<usize> = told
+        .filter_map(|told| place(&pair.differences[*told].joint))
+        .collect();
+    if drawn.is_empty() {
+        let ratio = |k: &usize| pair.joints[*k].rms_difference_rad / pair.joints[*k].deviation_rad;
+        drawn = (0..pair.joints.len()).collect();
+        drawn.sort_by(|x, y| ratio(y).total_cmp(&ratio(x)));
+        drawn.truncate(2);
+    }
+    drawn.truncate(JOINTS);
+    drawn
+}
+
+/// Instants to draw, in A (s since frame 0): evenly over the time in which differences begin, or all of it.
+fn instants(compared: &Compared) -> [f64; COUNT] {
+    let [begin, end] = compared.matched.span();
+    let origin = compared.matched.alignment.a_s;
+    let starts = compared.pair.differences.iter().map(|told| told.time_s[0]);
+    let (first, last) = starts.fold((f64::INFINITY, f64::NEG_INFINITY), |(first, last), at| {
+        (first.min(at), last.max(at))
+    });
+    let [from, to] = if first.is_finite() {
+        [
+            (first + origin).max(begin),
+            (last + origin + WINDOW).min(end),
+        ]
+    } else {
+        [begin, end]
+    };
+    core::array::from_fn(|k| from + (to - from) * k as f64 / (COUNT - 1) as f64)
+}
+
+/// The joints that differ at an instant: the segment, and the largest difference of its angles (degrees).
+fn marks(compared: &Compared, time: f64) -> Vec<(Segment, f64)> {
+    let origin = compared.matched.alignment.a_s;
+    let differences = &compared.differences;
+    let row = differences.times.partition_point(|(at, _)| *at < time);
+    let Some(row) = differences
+        .rows
+        .get(row.min(differences.rows.len().saturating_sub(1)))
+    else {
+        return Vec::new();
+    };
+    let mut marks: Vec<(Segment, f64)> = Vec::new();
+    for told in &compared.pair.differences {
+        let [from, to] = told.time_s.map(|at| at + origin);
+        let angle = differences
+            .angles
+            .iter()
+            .position(|angle| angle.to_string() == told.joint);
+        let Some(angle) = angle.filter(|_| (from - 1e-6..=to + 1e-6).contains(&time)) else {
+            continue;
+        };
+        let (segment, by) = (
+            differences.angles[angle].segment,
+            row[angle][2].to_degrees(),
+        );
+        match marks.iter_mut().find(|(own, _)| *own == segment) {
+            Some((_, most)) if most.abs() < by.abs() => *most = by,
+            Some(_) => {}
+            None => marks.push((segment, by)),
+        }
+    }
+    marks
+}
+
+fn bodies(svg: &mut String, [a, b]: [&Track; 2], compared: &Compared) {
+    let scale = SQUARE / METRES;
+    let origin = compared.matched.alignment.a_s;
+    let [body_a, body_b] = [a, b].map(|track| track.flight.subject.body());
+    for (k, time) in instants(compared).into_iter().enumerate() {
+        let postures = [a.posture(time), b.posture(compared.matched.b_at(time))];
+        let solids = [posed(&body_a, &postures[0]), posed(&body_b, &postures[1])];
+        let joints = pose(&body_a, &postures[0]);
+        for (row, view) in [BACK, LEFT].iter().enumerate() {
+            let centre = [
+                SQUARE * (k as f64 + 0.5),
+                HEAD + SQUARE * (row as f64 + 0.5),
+            ];
+            for ellipse in seen(view, &solids[0]) {
+                ellipse.write(svg, centre, scale, STYLE_A);
+            }
+            // As one layer, so that it hides its own lines and not those of the other.
+            svg.push_str("<g opacity=\"0.55\">\n");
+            for ellipse in seen(view, &solids[1]) {
+                ellipse.write(svg, centre, scale, STYLE_B);
+            }
+            svg.push_str("</g>\n");
+            for (segment, by) in marks(compared, time) {
+                let joint = &joints[segment].joint;
+                mark(svg, view, (centre, scale), joint, (segment, by));
+            }
+            if k == 0 {
+                let _ = writeln!(
+                    svg,
+                    "<text x=\"6\" y=\"{:.1}\" font-size=\"10\">{}</text>",
+                    centre[1] - 0.5 * SQUARE + 12.0,
+                    view.name
+                );
+            }
+        }
+        let _ = writeln!(
+            svg,
+            "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{:.2} s</text>",
+            SQUARE * (k as f64 + 0.5),
+            HEAD + 2.0 * SQUARE + 14.0,
+            time - origin
+        );
+    }
+}
+
+/// A circle around a joint, with degrees beside it.
+fn mark(
+    svg: &mut String,
+    view: &View,
+    (centre, scale): ([f64; 2], f64),
+    joint: &Vector3<f64>,
+    (segment, by): (Segment, f64),
+) {
+    let [right, up] = view.place(joint);
+    let (x, y) = (centre[0] + right * scale, centre[1] - up * scale);
+    let _ = writeln!(
+        svg,
+        "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"8\" fill=\"none\" stroke=\"#000000\" stroke-width=\"1.6\"/>\
+         <text x=\"{:.1}\" y=\"{:.1}\" font-size=\"11\" font-weight=\"bold\">{by:+.0}</text>",
+        x + 9.0,
+        // Joints of both sides may coincide in the picture.
+        if segment.name().starts_with("r_") {
+            y + 14.0
+        } else {
+            y - 6.0
+        }
+    );
+}
+
+fn panels([a, b]: [&Track; 2], compared: &Compared) -> Vec<Panel> {
+    let origin = compared.matched.alignment.a_s;
+    let times = &compared.differences.times;
+    let shown = [
+        Channel::YawRate,
+        Channel::VerticalVelocity,
+        Channel::Pitch,
+        Channel::HorizontalVelocity,
+    ];
+    let channel = |channel: Channel| {
+        let ((label, _), (unit, factor)) = (channel.label(), channel.drawn());
+        let at_a = times
+            .iter()
+            .map(|(one, _)| (one - origin, factor * a.channel(channel, *one)));
+        let at_b = times
+            .iter()
+            .map(|(one, two)| (one - origin, factor * b.channel(channel, *two)));
+        let apart = factor * compared.pair.channels.rms_difference.get(channel);
+        Panel {
+            caption: format!("{label} ({unit}): RMS of B - A {apart:.1}"),
+            curves: vec![
+                Curve {
+                    line: A,
+                    points: at_a.collect(),
+                },
+                Curve {
+                    line: B,
+                    points: at_b.collect(),
+                },
+            ],
+            bands: Vec::new(),
+            wraps: channel.is_angle(),
+        }
+    };
+    let angle = |k: usize| {
+        let angle = compared.differences.angles[k];
+        let rows = || {
+            times
+                .iter()
+                .zip(&compared.differences.rows)
+                .map(|((at, _), row)| (at - origin, row[k]))
+        };
+        // Turned from the first posture, as psi and phi of arms that are held out jump.
+        let first = a.posture(compared.matched.span()[0]);
+        let begin = angle.value(&first);
+        let turned = |at: f64| begin + angle.difference(&first, &a.posture(at));
+        let own: Vec<(f64, f64)> = (times.iter())
+            .map(|(at, _)| (at - origin, turned(*at).to_degrees()))
+            .collect();
+        let apart = rows().map(|(_, row)| row[2].to_degrees());
+        let other = own
+            .iter()
+            .zip(apart)
+            .map(|((time, own), apart)| (*time, own + apart));
+        let least = compared.pair.joints[k].least_named_rad.to_degrees();
+        let told = compared
+            .pair
+            .differences
+            .iter()
+            .find(|told| told.joint == angle.to_string());
+        let said = told.map_or_else(
+            || "B within the errors of the suits".to_owned(),
+            |told| {
+                format!(
+                    "B {:+.0} +- {:.0} from {:.2} s",
+                    told.difference_rad.to_degrees(),
+                    told.deviation_rad.to_degrees(),
+                    told.time_s[0]
+                )
+            },
+        );
+        Panel {
+            caption: format!(
+                "{}, {angle} (degrees): {said}; band: what the suits explain",
+                joint(angle.segment)
+            ),
+            bands: vec![Band {
+                line: A,
+                bounds: own
+                    .iter()
+                    .map(|(time, own)| (*time, own - least, own + least))
+                    .collect(),
+            }],
+            curves: vec![
+                Curve {
+                    line: B,
+                    points: other.collect(),
+                },
+                Curve {
+                    line: A,
+                    points: own,
+                },
+            ],
+            wraps: false,
+        }
+    };
+    let angles = drawn(compared).into_iter().map(angle);
+    shown.into_iter().map(channel).chain(angles).collect()
+}
