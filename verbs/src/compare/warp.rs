@@ -12,16 +12,19 @@ use super::track::{Track, averaged, whole};
 /// Most rows of a recording while times are matched, and the highest rate of rows (Hz).
 const ROWS: usize = 2000;
 const RATE: f64 = 20.0;
-/// Angular velocity (rad/s) and rotation of a joint (rad) that count the same.
-const SPIN: f64 = 0.5;
+/// Angular velocity (rad/s) and rotation of a joint (rad) that count the same while times are matched: who moves slowly also
+/// turns slowly, so that angular velocities must not decide.
+const SPIN: f64 = 3.0;
 const JOINT: f64 = 0.3;
+/// Factor on the angular velocity when likeness is judged: it tells maneuvers apart, and joints have errors.
+const WEIGHT: f64 = 6.0;
 /// Numbers of a row: angular velocity, and a rotation for each joint.
 const NUMBERS: usize = 3 + 3 * (Segment::ALL.len() - 1);
 /// The band: this share of the rows, and at least this time (s).
 const BAND: f64 = 0.15;
 const BAND_AT_LEAST: f64 = 2.0;
 /// Cost of a step that stretches time, as a share of the mean distance without warping.
-const STRETCH: f64 = 0.2;
+const STRETCH: f64 = 0.1;
 /// Time over which the matched times are averaged (s).
 const SMOOTHED_OVER: f64 = 0.5;
 /// Smallest share of the shorter recording in which a shift must overlap, and smallest overlap (s).
@@ -120,10 +123,11 @@ fn correlation<'a>(pairs: impl Iterator<Item = (&'a Row, &'a Row)> + Clone) -> f
     let [mut both, mut one, mut two] = [0.0_f64; 3];
     for (a, b) in pairs {
         for k in 0..NUMBERS {
+            let weight = if k < 3 { WEIGHT * WEIGHT } else { 1.0 };
             let [a, b] = [a[k] - mean[0][k] / count, b[k] - mean[1][k] / count].map(f64::from);
-            both += a * b;
-            one += a * a;
-            two += b * b;
+            both += weight * a * b;
+            one += weight * a * a;
+            two += weight * b * b;
         }
     }
     let size = (one * two).sqrt();

@@ -69,7 +69,7 @@ pub fn posed(body: &Body<f64>, posture: &Posture<f64>) -> Vec<Ellipsoid> {
     let of = |segment: Segment| Ellipsoid {
         centre: posed[segment].cg,
         axes: posed[segment].body_from_segment,
-        half: half_extents(&body.segments[segment].area).into(),
+        half: half_extents(&body.segments[segment].area),
     };
     Segment::ALL.map(of).to_vec()
 }
