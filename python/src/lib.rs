@@ -2,6 +2,7 @@
 //! of files. Names, defaults and errors are the same as on the command line.
 
 mod arrays;
+mod compare;
 mod discover;
 mod environments;
 mod estimate;
@@ -28,10 +29,12 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<flight::Recording>()?;
     module.add_class::<simulate::Run>()?;
     module.add_class::<estimate::Estimation>()?;
+    module.add_class::<compare::Comparison>()?;
     module.add_class::<skydivers::Skydivers>()?;
     module.add_class::<environments::Environments>()?;
     module.add_function(wrap_pyfunction!(simulate::simulate, module)?)?;
     module.add_function(wrap_pyfunction!(estimate::estimate, module)?)?;
+    module.add_function(wrap_pyfunction!(compare::compare, module)?)?;
     module.add_function(wrap_pyfunction!(export::export, module)?)?;
     module.add_function(wrap_pyfunction!(export::fmu, module)?)?;
     module.add_function(wrap_pyfunction!(record::record, module)?)?;

@@ -48,6 +48,22 @@ def test_an_estimate_is_the_programs(turn, program, tmp_path, method):
     assert (found.deviation >= 0.0).all()
 
 
+def test_a_comparison_is_the_programs(turn, program, tmp_path):
+    other = tmp_path / "other"
+    bodyflight.synth("rotations", other, seed=7)
+    found = bodyflight.compare(bodyflight.Flight(turn), bodyflight.Flight(other), align="start", names=(turn.name, "other"))
+    table = tmp_path / "joints.csv"
+    printed = program("--json", "compare", turn, other, "--align", "start", "--out", table)
+    assert report(printed) == report(found.report)
+    written = np.loadtxt(table, delimiter=",", skiprows=1)
+    np.testing.assert_allclose(written[:, 1:3], found.time, rtol=0, atol=5.01e-7)
+    angles = np.stack([found.a_angles, found.b_angles, found.difference, found.deviation], axis=2)
+    assert found.difference.shape == (len(found.time), len(found.joints)) == (len(written), 45)
+    np.testing.assert_allclose(written[:, 17:], angles.reshape(len(written), -1), rtol=0, atol=5.01e-7)
+    with pytest.raises(bodyflight.Disagreement, match="exit"):
+        bodyflight.compare(bodyflight.Flight(turn), bodyflight.Flight(other), align="exit")
+
+
 def test_a_recording_is_read_as_it_was_flown(turn):
     recording = bodyflight.Flight(turn).read()
     frames = len(recording.time)

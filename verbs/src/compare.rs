@@ -8,6 +8,7 @@ pub mod effect;
 mod event;
 pub mod figure;
 pub mod joints;
+pub mod page;
 pub mod table;
 mod text;
 mod track;

@@ -1,17 +1,23 @@
 //! `bodyflight compare`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::files::write_file;
 use bodyflight_mvnx::recording::faults;
 use bodyflight_replay::flight::Flight;
 use bodyflight_verbs::compare::align::Align;
-use bodyflight_verbs::compare::{Compared, Report, Settings, Side, Track, compare, figure, table};
+use bodyflight_verbs::compare::{
+    Compared, Report, Settings, Side, Track, compare, figure, page, table,
+};
+
+use bodyflight_verbs::view::page::{PageData, Provenance, html};
 
 use super::outputs::{Outputs, Plot};
-use super::several::{name_of, output_of};
+use super::several::{file_of, name_of, output_of};
 use super::simulate::Reading;
 use super::terminal::{self, FlightBar};
+use super::view::{command, open};
 
 /// Compare recordings of one maneuver with the first: joints, turn and fall, and what the differences do by the model.
 #[derive(clap::Args)]
@@ -49,6 +55,12 @@ pub(super) struct Args {
     /// Write channels and joint angles of both flights over time as CSV.
     #[arg(long, value_name = "CSV")]
     out: Option<PathBuf>,
+    /// Write a page with both bodies in one picture, joints and channels, as one HTML file.
+    #[arg(long, value_name = "HTML")]
+    page: Option<PathBuf>,
+    /// Open the page in a browser.
+    #[arg(long, requires = "page")]
+    open: bool,
     #[command(flatten)]
     plot: Plot,
     #[command(flatten)]
@@ -61,13 +73,14 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     let read = |path: &PathBuf| Ok((name_of(path), Flight::read(path)?));
     let first = read(&args.first)?;
     let others = args.others.iter().map(read).collect::<Result<Vec<_>>>()?;
-    let (mut outs, mut plots) = (Vec::new(), Vec::new());
+    let (mut outs, mut plots, mut pages) = (Vec::new(), Vec::new(), Vec::new());
     for path in &args.others {
         outs.push(output_of(args.out.as_ref(), path, &args.others)?);
+        pages.push(output_of(args.page.as_ref(), path, &args.others)?);
         plots.push(args.plot.of(path, &args.others)?);
     }
-    for (out, plot) in outs.iter().zip(&plots) {
-        args.outputs.check_with([out], plot)?;
+    for ((out, page), plot) in outs.iter().zip(&pages).zip(&plots) {
+        args.outputs.check_with([out, page], plot)?;
     }
     let a = track(&first, args)?;
     terminal::note_assumed_subject(&a.flight);
@@ -80,13 +93,20 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         pairs: Vec::new(),
     };
     let mut verdicts = Vec::new();
-    for (other, (out, plot)) in others.iter().zip(outs.iter().zip(&plots)) {
+    for (k, other) in others.iter().enumerate() {
         let b = track(other, args)?;
         let spinner = terminal::spinner("comparing");
         let compared = compare([&a, &b], settings);
         spinner.finish_and_clear();
         let compared = compared?;
-        write([&a, &b], &compared, out.as_ref(), plot)?;
+        write([&a, &b], &compared, outs[k].as_ref(), &plots[k])?;
+        if let Some(page) = &pages[k] {
+            let files = [&args.first, &args.others[k]].map(|path| file_of(path));
+            write_page(page, files, [&a, &b], &compared)?;
+            if args.open {
+                open(page);
+            }
+        }
         if let Some(doubt) = faults(&b.warnings) {
             verdicts.push(Problem::doubt(doubt).in_file(&b.flight.recording));
         }
@@ -105,7 +125,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         let notes = report.pairs.iter().flat_map(|pair| &pair.notes);
         notes.for_each(|note| terminal::note(&format!("note: {note}")));
         let plots = plots.iter().map(|plot| &plot.path);
-        for path in outs.iter().chain(plots).flatten() {
+        for path in outs.iter().chain(plots).chain(&pages).flatten() {
             terminal::print(&format!("written: {}", path.display()));
         }
     }
@@ -133,4 +153,22 @@ fn write(
     let [a, b] = tracks.map(|track| track.name.as_str());
     let title = || format!("{b} compared with {a}");
     plot.write(|| figure::svg(&plot.title(title), tracks, compared))
+}
+
+/// Writes the page of a comparison.
+fn write_page(
+    path: &Path,
+    files: [PathBuf; 2],
+    tracks: [&Track; 2],
+    compared: &Compared,
+) -> Result<()> {
+    let recordings = tracks.map(|track| track.flight.recording.clone());
+    let mut inputs: Vec<&Path> = files.iter().map(PathBuf::as_path).collect();
+    inputs.extend(recordings.iter().map(PathBuf::as_path));
+    inputs.dedup();
+    let provenance = Provenance::of(command(), &inputs)?;
+    let title = format!("{} compared with {}", tracks[1].name, tracks[0].name);
+    let beside = page::beside(tracks, compared)?;
+    let page = html(&PageData::compare(title, provenance, beside))?;
+    write_file(path, page.as_bytes())
 }

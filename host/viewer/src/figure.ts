@@ -22,6 +22,8 @@ export interface Picture {
   simulated: Pose;
   measured: Pose | null;
   segments: Segments;
+  /** The posture of the measured body, if it has another one. */
+  other?: Segments;
   cg: Vector;
   wind: Vector;
 }

@@ -29,9 +29,10 @@ export class Key {
   constructor(
     private readonly newtonsPerMetre: number,
     measured: boolean,
+    names: string[] = [],
   ) {
-    const rows = ENTRIES.filter(([, , isMeasured]) => measured || !isMeasured).map(([ink, words]) =>
-      element("div", {}, element("i", { style: `background:var(--${ink})` }), words),
+    const rows = ENTRIES.filter(([, , isMeasured]) => measured || !isMeasured).map(([ink, words], k) =>
+      element("div", {}, element("i", { style: `background:var(--${ink})` }), names[k] ?? words),
     );
     const scale = element("div", {}, this.bar, ` ${FORCE} N, ${FORCE / newtonsPerMetre} m`);
     this.place.append(this.axes, element("div", {}, ...rows, scale));

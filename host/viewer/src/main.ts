@@ -1,4 +1,5 @@
 // Entry point; the data selects the mode.
+import { compare } from "./compare";
 import { BadData, pageData } from "./data";
 import { fly } from "./fly";
 import { live } from "./live";
@@ -10,6 +11,7 @@ async function main(): Promise<void> {
   const data = pageData();
   if (data.mode === "replay" && data.runs.length > 0) await replay(data);
   else if (data.mode === "fly" && data.fly) fly(data, data.fly);
+  else if (data.mode === "compare" && data.beside) await compare(data, data.beside);
   else if (data.mode === "live") live(data);
   else throw new BadData("This page contains no flight.");
 }

@@ -17,6 +17,13 @@ const FOLLOWS: { follow: Follow; key: string; label: string; view: Partial<View>
   { follow: "top", key: "z", label: "from above", view: { azimuth: Math.PI, elevation: 1.56 } },
 ];
 
+/** A person to draw. */
+interface Drawn {
+  name?: string;
+  shapes: Shape[];
+  worn: Worn;
+}
+
 export class Stage {
   readonly view: View = { azimuth: 0.67, elevation: 0.2, distance: 3.6 };
   readonly place: HTMLElement;
@@ -33,11 +40,13 @@ export class Stage {
   private readonly key: Key;
   private readonly segments: HTMLButtonElement;
 
-  constructor(place: HTMLElement, { shapes, worn }: { shapes: Shape[]; worn: Worn }, measured: boolean) {
+  /** With another person, the outlined body is theirs, and both are named. */
+  constructor(place: HTMLElement, person: Drawn, measured: boolean, other?: Drawn) {
+    const { shapes, worn } = person;
     this.place = place;
     let drawer: World | Sticks;
     try {
-      drawer = new World(shapes, worn);
+      drawer = new World(shapes, worn, other);
     } catch {
       drawer = new Sticks(shapes);
       place.append(
@@ -68,21 +77,22 @@ export class Stage {
       this.drawer.showSegments = on;
       this.redraw();
     });
-    this.key = new Key(NEWTONS_PER_METRE, measured);
+    const names = other && [`A ${person.name}`, `B ${other.name} (outline)`];
+    this.key = new Key(NEWTONS_PER_METRE, measured, names);
     place.append(this.key.place);
     this.tools.append(
       this.segments,
       toggle("key", "Key to colours and arrows", true, (on) => (this.key.place.hidden = !on)),
     );
-    if (measured) this.addGhostTools();
+    if (measured) this.addGhostTools(other ? "other" : "measured");
     this.listen();
     addEventListener("resize", () => this.redraw());
     onRecolour(() => this.redraw());
   }
 
-  private addGhostTools(): void {
+  private addGhostTools(name: string): void {
     this.tools.append(
-      toggle("measured", "The measured body, as an outline", true, (on) => {
+      toggle(name, `The ${name} body, as an outline`, true, (on) => {
         this.drawer.showGhost = on;
         this.redraw();
       }),

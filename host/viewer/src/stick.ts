@@ -44,7 +44,7 @@ export class Sticks {
     context.strokeStyle = ink;
     context.lineCap = "round";
     this.shapes.forEach((shape, k) => {
-      const { attitude, cg } = picture.segments;
+      const { attitude, cg } = (pose === picture.measured && picture.other) || picture.segments;
       const half = rotated(attitude[k], [0, 0, shape.half_extents_m[2]]);
       const end = (sign: number): Vector => [
         cg[k][0] + sign * half[0],

@@ -197,7 +197,7 @@ segment_layout: Array<[string, number]>, };
 /**
  * Kind of page.
  */
-export type Mode = "replay" | "live" | "fly";
+export type Mode = "replay" | "live" | "fly" | "compare";
 
 /**
  * An input file, to record the origin of a page.
@@ -230,6 +230,66 @@ command: string,
 inputs: Array<Input>, };
 
 /**
+ * A flight of a comparison.
+ */
+export type Person = {
+/**
+ * Readable name.
+ */
+name: string,
+/**
+ * How segments are drawn.
+ */
+shapes: Array<Shape>,
+/**
+ * What the skydiver wears.
+ */
+worn: Worn, };
+
+/**
+ * An angle drawn over time.
+ */
+export type Angle = {
+/**
+ * Name of joint and angle, in words and as for `simulate --joint`.
+ */
+name: string,
+/**
+ * Difference from which it is named (rad).
+ */
+least_named_rad: number, };
+
+/**
+ * Two flights beside each other.
+ */
+export type Beside = {
+/**
+ * A, then B.
+ */
+people: [Person, Person],
+/**
+ * What the comparison says, paragraph by paragraph.
+ */
+words: Array<string>,
+/**
+ * The angles in the columns `a_angles` and `b_angles`.
+ */
+angles: Array<Angle>,
+/**
+ * Times at which differences begin (s), for marks.
+ */
+begins_s: Array<number>,
+/**
+ * Velocity of the air of A (m/s), north, west, up.
+ */
+air_velocity_mps: [number, number, number],
+/**
+ * The data over time: `time_s` relative to the event, both flights, and the angles. B is turned and moved so that it has
+ * the heading and place of A at the beginning.
+ */
+series: Packed, };
+
+/**
  * All data of a page.
  */
 export type PageData = {
@@ -260,7 +320,11 @@ discovery: unknown,
 /**
  * Data for flying.
  */
-fly: FlyData | null, };
+fly: FlyData | null,
+/**
+ * Two flights beside each other.
+ */
+beside: Beside | null, };
 
 /**
  * An estimate of the unit.

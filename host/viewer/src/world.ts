@@ -72,6 +72,8 @@ export class World {
   private readonly surface: Surface;
   private readonly body: Person;
   private readonly ghost: Ghost;
+  /** The surface of the ghost, if it is another person's. */
+  private readonly other: Surface | null;
   private readonly cage: SegmentCage;
   private readonly cageMaterial = new MeshBasicMaterial({ wireframe: true, transparent: true, depthTest: false });
   private readonly place = new Place();
@@ -94,12 +96,13 @@ export class World {
   ground = 0;
 
   /** Throws without WebGL. */
-  constructor(shapes: Shape[], worn: Worn) {
+  constructor(shapes: Shape[], worn: Worn, other?: { shapes: Shape[]; worn: Worn }) {
     this.renderer = new WebGLRenderer({ antialias: true, preserveDrawingBuffer: true, stencil: true });
     this.canvas = this.renderer.domElement;
     this.surface = new Surface(shapes, worn);
     this.body = new Person(this.surface, cloth(), true);
-    this.ghost = new Ghost(this.surface);
+    this.other = other ? new Surface(other.shapes, other.worn) : null;
+    this.ghost = new Ghost(this.other ?? this.surface);
     this.cage = new SegmentCage(shapes, this.cageMaterial);
     this.cage.root.renderOrder = 3;
     this.body.root.add(this.cage.root);
@@ -172,6 +175,7 @@ export class World {
   private render(picture: Picture, view: View): void {
     const { simulated, measured, segments } = picture;
     this.surface.pose(segments);
+    if (picture.other) this.other?.pose(picture.other);
     this.body.show(simulated);
     this.cage.root.visible = this.showSegments;
     if (this.showSegments) this.cage.show(segments);

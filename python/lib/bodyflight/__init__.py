@@ -18,6 +18,7 @@ for _library in _Path(__file__).parent.glob("*bodyflight_fmu.*"):
 from ._native import (  # noqa: E402
     BadInput,
     BodyflightError,
+    Comparison,
     Disagreement,
     DoubtWarning,
     Estimation,
@@ -29,6 +30,7 @@ from ._native import (  # noqa: E402
     Skydivers,
     Subject,
     __version__,
+    compare,
     discover,
     estimate,
     export,
@@ -45,6 +47,7 @@ from .frames import estimation_frame, run_frame
 __all__ = [
     "BadInput",
     "BodyflightError",
+    "Comparison",
     "Disagreement",
     "DoubtWarning",
     "Estimation",
@@ -56,6 +59,7 @@ __all__ = [
     "Skydivers",
     "Subject",
     "__version__",
+    "compare",
     "discover",
     "estimate",
     "estimation_frame",

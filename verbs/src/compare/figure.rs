@@ -2,8 +2,9 @@
 
 use core::fmt::Write as _;
 
-use bodyflight_core::Segment;
+use bodyflight_core::body::joint_angle::JointAngle;
 use bodyflight_core::body::posture::pose;
+use bodyflight_core::{Posture, Segment};
 use bodyflight_io::diagnostic::Result;
 use bodyflight_replay::comparison::Channel;
 use nalgebra::Vector3;
@@ -68,7 +69,7 @@ pub fn svg(title: &str, [a, b]: [&Track; 2], compared: &Compared) -> Result<Stri
 }
 
 /// Angles to draw: those that are told, by effect, or those that differ most for their errors.
-fn drawn(compared: &Compared) -> Vec<usize> {
+pub(super) fn drawn(compared: &Compared) -> Vec<usize> {
     let pair = &compared.pair;
     let place = |name: &str| pair.joints.iter().position(|joint| joint.joint == name);
     let told = pair.by_effect.iter();
@@ -83,6 +84,12 @@ fn drawn(compared: &Compared) -> Vec<usize> {
     }
     drawn.truncate(JOINTS);
     drawn
+}
+
+/// An angle of a posture over time: that of the first posture, and how much further the joint is turned since, as psi and
+/// phi of arms that are held out jump.
+pub(super) fn turned(angle: JointAngle, first: &Posture<f64>, posture: &Posture<f64>) -> f64 {
+    angle.value(first) + angle.difference(first, posture)
 }
 
 /// Instants to draw, in A (s since frame 0): evenly over the time in which differences begin, or all of it.
@@ -249,12 +256,14 @@ fn panels([a, b]: [&Track; 2], compared: &Compared) -> Vec<Panel> {
                 .zip(&compared.differences.rows)
                 .map(|((at, _), row)| (at - origin, row[k]))
         };
-        // Turned from the first posture, as psi and phi of arms that are held out jump.
         let first = a.posture(compared.matched.span()[0]);
-        let begin = angle.value(&first);
-        let turned = |at: f64| begin + angle.difference(&first, &a.posture(at));
         let own: Vec<(f64, f64)> = (times.iter())
-            .map(|(at, _)| (at - origin, turned(*at).to_degrees()))
+            .map(|(at, _)| {
+                (
+                    at - origin,
+                    turned(angle, &first, &a.posture(*at)).to_degrees(),
+                )
+            })
             .collect();
         let apart = rows().map(|(_, row)| row[2].to_degrees());
         let other = own

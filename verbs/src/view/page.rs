@@ -13,6 +13,7 @@ use sha2::{Digest, Sha256};
 
 use super::run::Run;
 use super::shape::{Shape, Worn, shapes};
+use crate::compare::page::Beside;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::input;
 use bodyflight_replay::subject::Subject;
@@ -37,6 +38,8 @@ pub enum Mode {
     Live,
     /// Flies by keyboard.
     Fly,
+    /// Shows two flights beside each other.
+    Compare,
 }
 
 /// An input file, to record the origin of a page.
@@ -147,6 +150,8 @@ pub struct PageData {
     pub discovery: Option<Value>,
     /// Data for flying.
     pub fly: Option<FlyData>,
+    /// Two flights beside each other.
+    pub beside: Option<Beside>,
 }
 
 /// The model of a subject for the page, in still air of constant density (kg/m3).
@@ -201,6 +206,16 @@ impl PageData {
             runs,
             discovery: None,
             fly: None,
+            beside: None,
+        }
+    }
+
+    /// A page that shows two flights beside each other.
+    pub fn compare(title: String, provenance: Provenance, beside: Beside) -> Self {
+        Self {
+            mode: Mode::Compare,
+            beside: Some(beside),
+            ..Self::replay(title, provenance, Vec::new())
         }
     }
 }

@@ -12,6 +12,7 @@ use super::page::{FlyData, Input, Mode, PageData, Provenance, SCHEMA};
 use super::run::Run;
 use super::series::{Column, Packed};
 use super::shape::{Shape, Worn};
+use crate::compare::page::{Angle, Beside, Person};
 use bodyflight_replay::comparison::Channel;
 use bodyflight_unit::stream::report::{Live, LiveEstimate};
 
@@ -52,6 +53,9 @@ fn types() -> String {
     declare::<Mode>(&mut text, &config);
     declare::<Input>(&mut text, &config);
     declare::<Provenance>(&mut text, &config);
+    declare::<Person>(&mut text, &config);
+    declare::<Angle>(&mut text, &config);
+    declare::<Beside>(&mut text, &config);
     declare::<PageData>(&mut text, &config);
     declare::<LiveEstimate>(&mut text, &config);
     declare::<Live>(&mut text, &config);
