@@ -141,6 +141,14 @@ fn prepared(place: &Path) {
     ] {
         fs::rename(place.join(from), place.join(to)).expect("moved");
     }
+    for (from, to) in [
+        ("turn-1", "student"),
+        ("turn-2", "expert"),
+        ("turn-2", "jump-1"),
+        ("turn-3", "jump-2"),
+    ] {
+        copied(&place.join(from), &place.join(to));
+    }
     for name in ["flight.toml", "flight.mvnx", "subject.toml"] {
         fs::copy(place.join("flight-0").join(name), place.join(name)).expect("copied");
     }

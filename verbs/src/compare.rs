@@ -4,6 +4,7 @@
 //! the differences of joints that the errors of the suits do not explain, [`effect`] flies them, and [`words`] says it.
 
 pub mod align;
+pub mod difference;
 pub mod effect;
 mod event;
 pub mod figure;
@@ -23,7 +24,9 @@ use bodyflight_io::interrupt;
 use bodyflight_mvnx::recording::Warning;
 use bodyflight_replay::comparison::{Channel, PerChannel};
 use bodyflight_replay::joint_change::JointChange;
-use effect::{Means, Part, effect};
+pub use difference::{Difference, Trust};
+use difference::{lead, trust};
+use effect::{Part, effect};
 use joints::{Differences, Found, Summary, WINDOW};
 pub use track::Track;
 
@@ -34,9 +37,6 @@ const LEAD: f64 = 0.2;
 /// Shortest time over which an effect is told (s), and longest interval between frames (s).
 const SHORTEST: f64 = 0.3;
 const SLOWEST: f64 = 0.06;
-/// Effects that count the same when differences are ranked: turn rate (rad/s), fall rate, horizontal speed (m/s), pitch (rad).
-const ALIKE: [f64; 4] = [0.5, 2.0, 3.0, 0.2];
-
 /// How to compare.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Settings {
@@ -62,49 +62,6 @@ pub struct Side {
     pub compared_rate_hz: f64,
     /// Inconsistencies of the recording.
     pub warnings: Vec<Warning>,
-}
-
-/// How far an effect can be believed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-#[serde(rename_all = "kebab-case")]
-pub enum Trust {
-    /// It exceeds two standard deviations, and the gaps between model and recordings are smaller.
-    Sound,
-    /// Errors of the joints or of the person's body explain it.
-    Uncertain,
-    /// The model misses one of the recordings by more than the effect.
-    ModelGap,
-    /// It could not be simulated.
-    NotFlown,
-}
-
-/// A difference of a joint, and what it does.
-#[derive(Debug, Clone, Serialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub struct Difference {
-    /// Name of joint and angle, as for `simulate --joint`.
-    pub joint: String,
-    /// When it begins and ends (s, relative to the event).
-    pub time_s: [f64; 2],
-    /// Mean of how much further the joint is turned in B, over at most 2 s from its beginning (rad).
-    pub difference_rad: f64,
-    /// Standard deviation of it (rad).
-    pub deviation_rad: f64,
-    /// The effect by the model: a run of A with this angle as in B minus A's own run, means over the time below.
-    pub effect: Option<Means>,
-    /// Standard deviations of the effect.
-    pub effect_deviation: Option<Means>,
-    /// Time over which effects are averaged (s).
-    pub over_s: f64,
-    /// B minus A as recorded, over the same time.
-    pub measured: Option<Means>,
-    /// What the model misses A and B by over this time: simulated minus recorded.
-    pub model_gap: Option<[Means; 2]>,
-    /// How far the effect can be believed.
-    pub trust: Trust,
-    /// The difference and its effect in words.
-    pub words: String,
 }
 
 /// A channel of both flights over the time compared.
@@ -261,19 +218,6 @@ fn rank(difference: &Difference) -> f64 {
     sound + difference.effect.map_or(0.0, |effect| lead(&effect).1)
 }
 
-/// The part of an effect that says most, and its size.
-pub(crate) fn lead(effect: &Means) -> (usize, f64) {
-    let sizes = effect
-        .numbers()
-        .into_iter()
-        .zip(ALIKE)
-        .map(|(number, alike)| (number / alike).abs());
-    sizes
-        .enumerate()
-        .max_by(|x, y| x.1.total_cmp(&y.1))
-        .unwrap_or((0, 0.0))
-}
-
 fn difference(
     [a, b]: [&Track; 2],
     matched: &Matched,
@@ -333,19 +277,6 @@ fn difference(
     let turning = a.turn_between(from, window[1]);
     told.words = words::difference(&told, angle, turning);
     Ok(told)
-}
-
-/// Whether an effect stands out from its error and from the gaps of the model.
-fn trust(effect: &Means, deviation: &Means, gaps: &[Means; 2]) -> Trust {
-    let (k, _) = lead(effect);
-    let size = effect.numbers()[k].abs();
-    if size <= 2.0 * deviation.numbers()[k] {
-        Trust::Uncertain
-    } else if gaps.iter().any(|gap| gap.numbers()[k].abs() > size) {
-        Trust::ModelGap
-    } else {
-        Trust::Sound
-    }
 }
 
 /// Means of channels, and their differences.

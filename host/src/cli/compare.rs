@@ -121,7 +121,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     if json {
         terminal::print_json(&report)?;
     } else {
-        terminal::print(&report.to_string());
+        terminal::print(report.to_string().trim_end());
         let notes = report.pairs.iter().flat_map(|pair| &pair.notes);
         notes.for_each(|note| terminal::note(&format!("note: {note}")));
         let plots = plots.iter().map(|plot| &plot.path);

@@ -214,69 +214,68 @@ fn mark(
     );
 }
 
-fn panels([a, b]: [&Track; 2], compared: &Compared) -> Vec<Panel> {
-    let origin = compared.matched.alignment.a_s;
-    let times = &compared.differences.times;
+fn panels(tracks: [&Track; 2], compared: &Compared) -> Vec<Panel> {
     let shown = [
         Channel::YawRate,
         Channel::VerticalVelocity,
         Channel::Pitch,
         Channel::HorizontalVelocity,
     ];
-    let channel = |channel: Channel| {
-        let ((label, _), (unit, factor)) = (channel.label(), channel.drawn());
-        let at_a = times
-            .iter()
-            .map(|(one, _)| (one - origin, factor * a.channel(channel, *one)));
-        let at_b = times
-            .iter()
-            .map(|(one, two)| (one - origin, factor * b.channel(channel, *two)));
-        let apart = factor * compared.pair.channels.rms_difference.get(channel);
-        Panel {
-            caption: format!("{label} ({unit}): RMS of B - A {apart:.1}"),
-            curves: vec![
-                Curve {
-                    line: A,
-                    points: at_a.collect(),
-                },
-                Curve {
-                    line: B,
-                    points: at_b.collect(),
-                },
-            ],
-            bands: Vec::new(),
-            wraps: channel.is_angle(),
-        }
+    let angles = drawn(compared).into_iter();
+    let angles = angles.map(|angle| angle_panel(tracks[0], compared, angle));
+    let channels = shown.into_iter();
+    channels
+        .map(|channel| channel_panel(tracks, compared, channel))
+        .chain(angles)
+        .collect()
+}
+
+fn channel_panel([a, b]: [&Track; 2], compared: &Compared, channel: Channel) -> Panel {
+    let origin = compared.matched.alignment.a_s;
+    let times = &compared.differences.times;
+    let ((label, _), (unit, factor)) = (channel.label(), channel.drawn());
+    let apart = factor * compared.pair.channels.rms_difference.get(channel);
+    let curve = |line: Line, value: &dyn Fn(&(f64, f64)) -> f64| Curve {
+        line,
+        points: (times.iter())
+            .map(|pair| (pair.0 - origin, factor * value(pair)))
+            .collect(),
     };
-    let angle = |k: usize| {
-        let angle = compared.differences.angles[k];
-        let rows = || {
-            times
-                .iter()
-                .zip(&compared.differences.rows)
-                .map(|((at, _), row)| (at - origin, row[k]))
-        };
-        let first = a.posture(compared.matched.span()[0]);
-        let own: Vec<(f64, f64)> = (times.iter())
-            .map(|(at, _)| {
-                (
-                    at - origin,
-                    turned(angle, &first, &a.posture(*at)).to_degrees(),
-                )
-            })
-            .collect();
-        let apart = rows().map(|(_, row)| row[2].to_degrees());
-        let other = own
-            .iter()
-            .zip(apart)
-            .map(|((time, own), apart)| (*time, own + apart));
-        let least = compared.pair.joints[k].least_named_rad.to_degrees();
-        let told = compared
-            .pair
-            .differences
-            .iter()
-            .find(|told| told.joint == angle.to_string());
-        let said = told.map_or_else(
+    Panel {
+        caption: format!("{label} ({unit}): RMS of B - A {apart:.1}"),
+        curves: vec![
+            curve(A, &|pair| a.channel(channel, pair.0)),
+            curve(B, &|pair| b.channel(channel, pair.1)),
+        ],
+        bands: Vec::new(),
+        wraps: channel.is_angle(),
+    }
+}
+
+/// An angle of A, and how much further B is turned, with what the suits explain around A.
+fn angle_panel(a: &Track, compared: &Compared, k: usize) -> Panel {
+    let origin = compared.matched.alignment.a_s;
+    let differences = &compared.differences;
+    let angle = differences.angles[k];
+    let first = a.posture(compared.matched.span()[0]);
+    let own: Vec<(f64, f64)> = (differences.times.iter())
+        .map(|(at, _)| {
+            (
+                at - origin,
+                turned(angle, &first, &a.posture(*at)).to_degrees(),
+            )
+        })
+        .collect();
+    let apart = differences.rows.iter().map(|row| row[k][2].to_degrees());
+    let other = own.iter().zip(apart);
+    let other = other
+        .map(|((time, own), apart)| (*time, own + apart))
+        .collect();
+    let least = compared.pair.joints[k].least_named_rad.to_degrees();
+    let mut told = compared.pair.differences.iter();
+    let said = told
+        .find(|told| told.joint == angle.to_string())
+        .map_or_else(
             || "B within the errors of the suits".to_owned(),
             |told| {
                 format!(
@@ -287,31 +286,26 @@ fn panels([a, b]: [&Track; 2], compared: &Compared) -> Vec<Panel> {
                 )
             },
         );
-        Panel {
-            caption: format!(
-                "{}, {angle} (degrees): {said}; band: what the suits explain",
-                joint(angle.segment)
-            ),
-            bands: vec![Band {
+    let name = joint(angle.segment);
+    let bounds = own
+        .iter()
+        .map(|(time, own)| (*time, own - least, own + least));
+    Panel {
+        caption: format!("{name}, {angle} (degrees): {said}; band: what the suits explain"),
+        bands: vec![Band {
+            line: A,
+            bounds: bounds.collect(),
+        }],
+        curves: vec![
+            Curve {
                 line: A,
-                bounds: own
-                    .iter()
-                    .map(|(time, own)| (*time, own - least, own + least))
-                    .collect(),
-            }],
-            curves: vec![
-                Curve {
-                    line: B,
-                    points: other.collect(),
-                },
-                Curve {
-                    line: A,
-                    points: own,
-                },
-            ],
-            wraps: false,
-        }
-    };
-    let angles = drawn(compared).into_iter().map(angle);
-    shown.into_iter().map(channel).chain(angles).collect()
+                points: own,
+            },
+            Curve {
+                line: B,
+                points: other,
+            },
+        ],
+        wraps: false,
+    }
 }

@@ -134,24 +134,16 @@ impl<'a> Flown<'a> {
     }
 }
 
-/// Collects what the page shows of a comparison.
-///
-/// # Errors
-/// Returns an error if the effects of a flight cannot be applied.
-pub fn beside([a, b]: [&Track; 2], compared: &Compared) -> Result<Beside> {
+/// The columns over time, see [`Beside::series`].
+fn series(
+    [a, b]: [&Track; 2],
+    flown: [&Flown<'_>; 2],
+    compared: &Compared,
+    angles: &[usize],
+) -> Result<Series> {
     let matched = &compared.matched;
     let [begin, end] = matched.span();
     let origin = matched.alignment.a_s;
-    let (one, mut two) = (Flown::new(a)?, Flown::new(b)?);
-    let headings = [
-        a.channel(Channel::Heading, begin),
-        b.channel(Channel::Heading, matched.b_at(begin)),
-    ];
-    let turn = wrap_angle(headings[0] - headings[1]);
-    two.turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), turn);
-    two.from = two.nearest(matched.b_at(begin)).pelvis.position.components;
-    two.to = one.nearest(begin).pelvis.position.components;
-    let angles = drawn(compared);
     let sides = ["a", "b"]
         .map(|side| SIDE.map(|(name, width, step)| (format!("{side}_{name}"), width, step)));
     let mut columns: Vec<(&str, usize, f64)> = vec![("time_s", 1, 1e-4)];
@@ -183,12 +175,33 @@ pub fn beside([a, b]: [&Track; 2], compared: &Compared) -> Result<Beside> {
             .map(|(angle, own)| own + angle.difference(&postures[0], &postures[1]))
             .collect();
         let row = std::iter::once(time - origin)
-            .chain(one.row(time)?)
-            .chain(two.row(other)?)
+            .chain(flown[0].row(time)?)
+            .chain(flown[1].row(other)?)
             .chain(own)
             .chain(apart);
         series.push(row);
     }
+    Ok(series)
+}
+
+/// Collects what the page shows of a comparison.
+///
+/// # Errors
+/// Returns an error if the effects of a flight cannot be applied.
+pub fn beside([a, b]: [&Track; 2], compared: &Compared) -> Result<Beside> {
+    let matched = &compared.matched;
+    let [begin, _] = matched.span();
+    let (one, mut two) = (Flown::new(a)?, Flown::new(b)?);
+    let headings = [
+        a.channel(Channel::Heading, begin),
+        b.channel(Channel::Heading, matched.b_at(begin)),
+    ];
+    let turn = wrap_angle(headings[0] - headings[1]);
+    two.turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), turn);
+    two.from = two.nearest(matched.b_at(begin)).pelvis.position.components;
+    two.to = one.nearest(begin).pelvis.position.components;
+    let angles = drawn(compared);
+    let series = series([a, b], [&one, &two], compared, &angles)?;
     let pair = &compared.pair;
     let told = pair
         .by_effect

@@ -3,7 +3,7 @@
 use bodyflight_core::Segment;
 use bodyflight_core::body::joint_angle::JointAngle;
 
-use super::{Difference, Trust, lead};
+use super::difference::{Difference, Trust, lead};
 
 /// Turn rate below which a body does not turn either way (rad/s).
 const TURNS: f64 = 0.2;
