@@ -1,12 +1,12 @@
-//! The body at regular times, seen from the side: the measured body as outlines over the simulated one.
+//! The body at regular times, seen from the side: the measured body over the simulated one.
 //!
-//! Each segment is drawn as the ellipsoid of its extents. The projection of an ellipsoid is an ellipse, so a body is
-//! sixteen ellipses, far ones first.
+//! Near segments hide the lines of far ones, within each body.
 
 use std::fmt::Write as _;
 
-use nalgebra::{Matrix2, Matrix3, Quaternion, UnitQuaternion, Vector3};
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
+use crate::output::bodies::{Ellipsoid, SOUTH, escaped, seen};
 use crate::view::series::Series;
 use crate::view::shape::Shape;
 
@@ -31,20 +31,25 @@ pub(super) fn svg(title: &str, shapes: &[Shape], series: &Series, count: usize) 
     );
     for (k, row) in places.into_iter().enumerate() {
         let centre = [SQUARE * (k as f64 + 0.5), HEAD + SQUARE * 0.5];
-        for (attitude, style) in [
+        for (attitude, opacity, style) in [
             (
                 "simulated_attitude",
+                1.0,
                 "fill=\"#e2b58c\" stroke=\"#7a3b12\" stroke-width=\"0.6\"",
             ),
             (
                 "measured_attitude",
-                "fill=\"none\" stroke=\"#2b78c5\" stroke-width=\"0.8\"",
+                0.55,
+                "fill=\"#ffffff\" stroke=\"#2b78c5\" stroke-width=\"0.8\"",
             ),
         ] {
             let turn = quaternion(series.column(attitude), row, 0);
-            for ellipse in ellipses(shapes, series, row, &turn) {
-                ellipse.write(&mut svg, centre, style);
+            // Each body is one layer, so that it hides its own lines and not those of the other.
+            let _ = writeln!(svg, "<g opacity=\"{opacity}\">");
+            for ellipse in seen(&SOUTH, &ellipsoids(shapes, series, row, &turn)) {
+                ellipse.write(&mut svg, centre, SQUARE / METRES, style);
             }
+            svg.push_str("</g>\n");
         }
         let time = series
             .column("time_s")
@@ -62,15 +67,12 @@ pub(super) fn svg(title: &str, shapes: &[Shape], series: &Series, count: usize) 
     let (length, low) = (SQUARE / METRES, HEAD + SQUARE);
     let _ = writeln!(
         svg,
-        "<path d=\"M8 {low:.1}h{length:.2}\" stroke=\"#000000\" stroke-width=\"2\"/><text x=\"8\" y=\"{:.1}\" font-size=\"10\">1 m</text>",
-        low - 4.0
+        "<path d=\"M8 {low:.1}h{length:.2}\" stroke=\"#000000\" stroke-width=\"2\"/><text x=\"8\" y=\"{:.1}\" font-size=\"10\">1 m, {}</text>",
+        low - 4.0,
+        SOUTH.name
     );
     svg.push_str("</svg>\n");
     svg
-}
-
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;")
 }
 
 fn quaternion(column: &[Vec<f64>], row: usize, from: usize) -> UnitQuaternion<f64> {
@@ -82,65 +84,28 @@ fn quaternion(column: &[Vec<f64>], row: usize, from: usize) -> UnitQuaternion<f6
     UnitQuaternion::try_new(turn, 1e-3).unwrap_or_default()
 }
 
-/// The projection of a segment: place, depth towards the viewer, half axes and rotation (rad).
-struct Ellipse {
-    place: [f64; 2],
-    depth: f64,
-    half: [f64; 2],
-    turn: f64,
-}
-
-/// The ellipses as seen from the south, with east to the right.
-fn ellipses(
+/// The segments at a row, in inertial axes around the pelvis.
+fn ellipsoids(
     shapes: &[Shape],
     series: &Series,
     row: usize,
     inertial_from_body: &UnitQuaternion<f64>,
-) -> Vec<Ellipse> {
+) -> Vec<Ellipsoid> {
     let places = series.column("segment_cg_m");
     let turns = series.column("segment_attitude");
     let at = |k: usize| {
         let numbers = places.get(k);
         numbers.and_then(|n| n.get(row)).copied().unwrap_or(0.0)
     };
-    let view = Matrix3::new(0.0, -1.0, 0.0, 0.0, 0.0, 1.0, -1.0, 0.0, 0.0)
-        * inertial_from_body.to_rotation_matrix();
-    let mut all: Vec<Ellipse> = shapes
-        .iter()
-        .enumerate()
-        .map(|(k, shape)| {
-            let place = view * Vector3::new(at(3 * k), at(3 * k + 1), at(3 * k + 2));
-            let axes = view * quaternion(turns, row, 4 * k).to_rotation_matrix();
-            let half = Vector3::from(shape.half_extents_m);
-            let spread = axes * Matrix3::from_diagonal(&half.map(|h| h * h)) * axes.transpose();
-            let shadow: Matrix2<f64> = spread.fixed_view::<2, 2>(0, 0).into_owned();
-            let eigen = shadow.symmetric_eigen();
-            let first = eigen.eigenvectors.column(0);
-            Ellipse {
-                place: [place.x, place.y],
-                depth: place.z,
-                half: eigen.eigenvalues.map(|value| value.max(0.0).sqrt()).into(),
-                turn: first.y.atan2(first.x),
-            }
-        })
-        .collect();
-    all.sort_by(|a, b| a.depth.total_cmp(&b.depth));
-    all
-}
-
-impl Ellipse {
-    fn write(&self, svg: &mut String, centre: [f64; 2], style: &str) {
-        let scale = SQUARE / METRES;
-        // In SVG, y points down.
-        let x = centre[0] + self.place[0] * scale;
-        let y = centre[1] - self.place[1] * scale;
-        let [a, b] = self.half.map(|half| half * scale);
-        let turn = -self.turn.to_degrees();
-        let _ = writeln!(
-            svg,
-            "<ellipse cx=\"{x:.2}\" cy=\"{y:.2}\" rx=\"{a:.2}\" ry=\"{b:.2}\" transform=\"rotate({turn:.2} {x:.2} {y:.2})\" {style}/>"
-        );
-    }
+    let segment = |(k, shape): (usize, &Shape)| {
+        let turn = inertial_from_body * quaternion(turns, row, 4 * k);
+        Ellipsoid {
+            centre: inertial_from_body * Vector3::new(at(3 * k), at(3 * k + 1), at(3 * k + 2)),
+            axes: turn.to_rotation_matrix().into_inner(),
+            half: Vector3::from(shape.half_extents_m),
+        }
+    };
+    shapes.iter().enumerate().map(segment).collect()
 }
 
 #[cfg(test)]
@@ -169,7 +134,8 @@ mod tests {
     #[test]
     fn a_standing_rod_is_drawn_with_its_length_and_width() {
         let (shapes, series) = standing();
-        let ellipse = &ellipses(&shapes, &series, 0, &UnitQuaternion::identity())[0];
+        let rods = ellipsoids(&shapes, &series, 0, &UnitQuaternion::identity());
+        let ellipse = seen(&SOUTH, &rods)[0];
         let mut half = ellipse.half;
         half.sort_by(f64::total_cmp);
         assert!((half[0] - 0.2).abs() < 1e-9 && (half[1] - 0.5).abs() < 1e-9);
@@ -182,5 +148,6 @@ mod tests {
         let svg = svg("<a> & b", &shapes, &series, 3);
         assert!(svg.contains("&lt;a> &amp; b"));
         assert_eq!(svg.matches("<ellipse").count(), 6);
+        assert!(svg.contains("from the south, east to the right"));
     }
 }

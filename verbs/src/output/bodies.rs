@@ -34,6 +34,13 @@ pub const LEFT: View = View {
     up: [0.0, 1.0, 0.0],
 };
 
+/// The south, in inertial axes: north, west, up.
+pub const SOUTH: View = View {
+    name: "from the south, east to the right",
+    right: [0.0, -1.0, 0.0],
+    up: [0.0, 0.0, 1.0],
+};
+
 impl View {
     /// Rows are to the right, up and towards the viewer.
     fn axes(&self) -> Matrix3<f64> {
