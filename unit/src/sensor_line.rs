@@ -1,6 +1,7 @@
 //! The unit's application on this machine with nothing but the bytes of its sensor, as when it flies alone.
 
 use std::cell::{Cell, RefCell};
+use std::io::Write as _;
 use std::path::Path;
 use std::time::Duration;
 
@@ -14,6 +15,7 @@ use serde::Serialize;
 
 use crate::log::{LoggedFlight, Written};
 use crate::monitor::{Chunk, Input, Xbus};
+use crate::stream::qemu::Qemu;
 use crate::virtual_unit::SensorLine;
 
 /// Longest wait for bytes between checks for Ctrl-C.
@@ -166,6 +168,25 @@ pub fn open(source: &str, baud: u32) -> Result<SensorLine> {
     };
     let pace = Some(pace);
     Ok(SensorLine { input, pace })
+}
+
+/// Time for which a machine runs on after the last byte, so that its log is written.
+const REST: Duration = Duration::from_millis(500);
+
+/// Flies a unit in QEMU that no host can reach, with what is stored in the file `flash`, until the sensor's line ends or
+/// Ctrl-C is pressed.
+///
+/// # Errors
+/// Returns an error if the image, the file or QEMU is missing.
+pub fn fly_in_qemu(image: &Path, flash: &Path, sensor: SensorLine) -> Result<()> {
+    let (machine, mut line) = Qemu::start_alone(image, flash)?;
+    let player = std::thread::spawn(move || sensor.play(|piece| line.write_all(piece).is_ok()));
+    while !player.is_finished() && !interrupt::requested() {
+        std::thread::sleep(REST / 10);
+    }
+    std::thread::sleep(REST);
+    machine.stop();
+    Ok(())
 }
 
 /// Processes what has arrived, and reports once a second.

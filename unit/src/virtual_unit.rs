@@ -73,7 +73,12 @@ impl VirtualUnit {
         std::thread::spawn(move || receive(ours, received));
         let sensed: &'static Received = Box::leak(Box::new(Pipe::new()));
         if let Some(sensor) = sensor {
-            std::thread::spawn(move || sensor.play(sensed));
+            std::thread::spawn(move || {
+                sensor.play(|piece| {
+                    block_on(sensed.write_all(piece));
+                    true
+                })
+            });
         }
         let (started, starts) = std::sync::mpsc::channel();
         std::thread::spawn(move || serve([received, sensed], writer, flash, &started));
@@ -113,7 +118,8 @@ const PIECE: usize = 32;
 
 impl SensorLine {
     /// Passes the bytes on until the line ends. A unit that is behind delays them: nothing is lost.
-    fn play(self, sensed: &Received) {
+    /// Ends early when `pass` returns `false`.
+    pub(super) fn play(self, mut pass: impl FnMut(&[u8]) -> bool) {
         let mut due = Instant::now();
         loop {
             let bytes = match self.input.next(PATIENCE) {
@@ -128,7 +134,9 @@ impl SensorLine {
                     let length = piece.len() as f64;
                     due += Duration::from_secs_f64(length / pace);
                 }
-                block_on(sensed.write_all(piece));
+                if !pass(piece) {
+                    return;
+                }
             }
         }
     }

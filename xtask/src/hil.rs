@@ -8,7 +8,9 @@ use serde::Deserialize;
 
 use crate::f405;
 use crate::on_target::install_qemu;
-use crate::run::{PROGRAM, Result, build_full_program, run, say, target_folder};
+use crate::run::{
+    LIBRARIES, PROGRAM, Result, build_full_program, cargo_in, root, run, say, target_folder,
+};
 use crate::unit::unit;
 
 /// The fields of a stream's report that are checked here.
@@ -57,11 +59,13 @@ const PRESETS: [&str; 2] = ["auto", "tracking"];
 const HALTS: u32 = 3;
 const HALT: Duration = Duration::from_millis(300);
 
-/// Streams a flight to the unit in QEMU and to the virtual unit, in real time and then with faults; in QEMU also with
+/// Flies the unit in QEMU alone. Streams a flight to the unit in QEMU and to the virtual unit, in real time and then with faults; in QEMU also with
 /// pauses, as on a busy desktop.
 pub(crate) fn hil(seconds: u32) -> Result<()> {
-    let image = unit()?.qemu;
+    let images = unit()?;
+    let image = images.qemu;
     install_qemu()?;
+    fly_alone(&images.alone)?;
     build_full_program()?;
     let folder = target_folder()?.join("hil");
     let flight = folder.join("flight.toml");
@@ -91,6 +95,21 @@ pub(crate) fn hil(seconds: u32) -> Result<()> {
         }
     }
     Ok(())
+}
+
+/// Flies the unit in QEMU with a stored configuration and the bytes of its sensor.
+fn fly_alone(image: &Path) -> Result<()> {
+    let selected = [
+        "--locked",
+        "--test",
+        "qemu_alone",
+        "--",
+        "--ignored",
+        "--nocapture",
+    ];
+    let arguments = [&["test"], &LIBRARIES[..], &selected].concat();
+    let variables = [("BODYFLIGHT_QEMU_IMAGE", image.display().to_string())];
+    cargo_in(&root(), &arguments, &variables)
 }
 
 /// Streams the flight in real time.

@@ -14,8 +14,10 @@ const BOARDS: [[&str; 2]; 2] = [
 
 /// Images of the unit.
 pub(crate) struct Images {
-    /// Image that QEMU runs.
+    /// Image that QEMU runs with a host.
     pub(crate) qemu: PathBuf,
+    /// Image that QEMU runs with storage, without a host.
+    pub(crate) alone: PathBuf,
     /// Images of the boards, each as ELF and in the format of its bootloader, in a folder named after the board.
     pub(crate) flashed: Vec<PathBuf>,
 }
@@ -41,5 +43,12 @@ pub(crate) fn unit() -> Result<Images> {
     let qemu = image::build("board-qemu-lm3s6965", "unit")?;
     image::check(&qemu, "unit")?;
     say(&format!("image for QEMU: {}", qemu.display()));
-    Ok(Images { qemu, flashed })
+    let alone = image::build_board("qemu-an505", "unit")?;
+    image::check(&alone, "unit-qemu-an505")?;
+    say(&format!("with storage: {}", alone.display()));
+    Ok(Images {
+        qemu,
+        alone,
+        flashed,
+    })
 }

@@ -12,13 +12,13 @@ use bodyflight_replay::subject::Subject;
 use bodyflight_unit::image::{Board, Image};
 use bodyflight_unit::log;
 use bodyflight_unit::sensor_line;
-use bodyflight_unit::stream::connection::{DEFAULT_BAUD, Target};
+use bodyflight_unit::stream::connection::DEFAULT_BAUD;
 use bodyflight_unit::virtual_unit::VirtualUnit;
 use serde::Serialize;
 
 use super::outputs::Outputs;
 use super::terminal;
-use setup::{ConfigureArgs, ShowArgs};
+use setup::{ConfigureArgs, Place, ShowArgs};
 
 /// Run a unit on this machine behind a pseudo-terminal until Ctrl-C, read a unit's log, or check its image.
 #[derive(clap::Args)]
@@ -27,6 +27,7 @@ use setup::{ConfigureArgs, ShowArgs};
     after_help = "Without a subcommand, prints the pseudo-terminal to stream to.\n\n\
                   Examples:\n  bodyflight unit   (and in another terminal: stream flight.toml --port and what it printed)\n  \
                   bodyflight unit --flash unit.bin --sensor /dev/ttyUSB0 --baud 115200\n  \
+                  bodyflight unit --qemu unit --flash unit.bin --sensor imu.bin\n  \
                   bodyflight unit log --port /dev/ttyACM0 --out jump\n  \
                   bodyflight unit flash unit.uf2 --key maker.pub --drive /media/me/RP2350"
 )]
@@ -43,6 +44,10 @@ pub(super) struct Args {
     /// Rate of the sensor's port (baud).
     #[arg(long, default_value_t = DEFAULT_BAUD, requires = "sensor")]
     baud: u32,
+    /// Run this image for QEMU's mps2-an505 instead, target/boards/qemu-an505/unit of `cargo xtask unit`. No host can reach
+    /// it: it flies with what is stored in --flash until the recorded bytes end.
+    #[arg(long, value_name = "IMAGE", requires_all = ["flash", "sensor"])]
+    qemu: Option<PathBuf>,
 }
 
 #[derive(clap::Subcommand)]
@@ -90,9 +95,8 @@ pub(super) struct Flashed {
                   Example: bodyflight unit log --port /dev/ttyACM0 --out jump --subject me.toml"
 )]
 struct LogArgs {
-    /// The unit's serial port; `bodyflight ports` lists them.
-    #[arg(long, value_name = "DEVICE")]
-    port: PathBuf,
+    #[command(flatten)]
+    place: Place,
     /// Rate of the port (baud).
     #[arg(long, default_value_t = DEFAULT_BAUD)]
     baud: u32,
@@ -127,6 +131,9 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         Some(Verb::Flash(args)) => return flash(args, json),
         None => {}
     }
+    if let (Some(image), Some(flash), Some(sensor)) = (&args.qemu, &args.flash, &args.sensor) {
+        return sensor_line::fly_in_qemu(image, flash, sensor_line::open(sensor, args.baud)?);
+    }
     let unit = match (&args.flash, &args.sensor) {
         (Some(path), Some(sensor)) => {
             let sensor = sensor_line::open(sensor, args.baud)?;
@@ -148,10 +155,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
 
 fn read_log(args: &LogArgs, json: bool) -> Result<()> {
     let subject = args.subject.as_deref().map(Subject::read).transpose()?;
-    let target = Target::Port {
-        path: args.port.clone(),
-        baud: args.baud,
-    };
+    let (_unit, target) = setup::reach(&args.place, args.baud)?;
     let mut report = Report {
         blocks: 0,
         damaged: 0,

@@ -1,6 +1,6 @@
 //! A unit in QEMU: the machine, its serial line and its logs.
 
-use std::io::Read;
+use std::io::{Read, Write as _};
 use std::os::unix::net::UnixStream;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -28,8 +28,24 @@ pub struct Qemu {
     child: Child,
     logs: Arc<Mutex<Vec<u8>>>,
     collector: Option<JoinHandle<()>>,
-    /// Contains the socket of the line.
+    monitor: Option<UnixStream>,
+    /// Contains the sockets of the lines.
     _folder: TempDir,
+}
+
+/// A socket that QEMU opens.
+fn listening(socket: &Path, wait: &str) -> String {
+    format!("unix:{},server=on,{wait}", socket.display())
+}
+
+/// A folder for the machine's sockets.
+fn room(image: &Path) -> Result<TempDir> {
+    if !image.is_file() {
+        return Err(Problem::refused("the image of the unit does not exist")
+            .in_file(image)
+            .help("build it: cargo xtask unit"));
+    }
+    tempfile::tempdir().map_err(|error| Problem::system("make", image, error))
 }
 
 impl Qemu {
@@ -38,21 +54,57 @@ impl Qemu {
     /// # Errors
     /// Returns an error if the image or QEMU is missing, or the machine does not start.
     pub fn start(image: &Path) -> Result<(Self, UnixStream)> {
-        if !image.is_file() {
-            return Err(Problem::refused("the image of the unit does not exist")
-                .in_file(image)
-                .help("build it: cargo xtask unit"));
-        }
-        let folder = tempfile::tempdir().map_err(|error| Problem::system("make", image, error))?;
+        let folder = room(image)?;
         let socket = folder.path().join("line");
-        let mut child = Command::new(PROGRAM)
-            .args(["-M", "lm3s6965evb", "-cpu", "cortex-m4"])
-            .args(["-nographic", "-monitor", "none", "-icount", PACE])
+        let mut machine = Self::launch(image, folder, |command, folder| {
+            command.args(["-M", "lm3s6965evb", "-cpu", "cortex-m4"]);
+            command.args(["-monitor", "none"]);
+            command.args(["-serial", &listening(&folder.join("line"), "wait=on")]);
+            command.args(["-serial", "null"]);
+        })?;
+        let line = machine.connect(&socket)?;
+        Ok((machine, line))
+    }
+
+    /// Starts a machine that no host can reach, with an image for the `mps2-an505`; returns it with the line of the unit's
+    /// sensor. The file `flash` is its memory: what the unit writes is in it at once.
+    ///
+    /// # Errors
+    /// Returns an error if the image, the file or QEMU is missing, or the machine does not start.
+    pub fn start_alone(image: &Path, flash: &Path) -> Result<(Self, UnixStream)> {
+        let folder = room(image)?;
+        let system = |error| Problem::system("open", flash, error);
+        let flash = flash.canonicalize().map_err(system)?;
+        // The image knows the file by this name.
+        std::os::unix::fs::symlink(&flash, folder.path().join("flash.bin")).map_err(system)?;
+        let [line, monitor] = ["line", "monitor"].map(|name| folder.path().join(name));
+        let mut machine = Self::launch(image, folder, |command, folder| {
+            command.args(["-M", "mps2-an505"]);
+            command.args(["-monitor", &listening(&folder.join("monitor"), "wait=off")]);
+            command.args(["-serial", "null"]);
+            command.args(["-serial", &listening(&folder.join("line"), "wait=on")]);
+        })?;
+        let line = machine.connect(&line)?;
+        machine.monitor = Some(machine.connect(&monitor)?);
+        Ok((machine, line))
+    }
+
+    fn launch(
+        image: &Path,
+        folder: TempDir,
+        choose: impl FnOnce(&mut Command, &Path),
+    ) -> Result<Self> {
+        let image = image
+            .canonicalize()
+            .map_err(|error| Problem::system("open", image, error))?;
+        let mut command = Command::new(PROGRAM);
+        choose(&mut command, folder.path());
+        let mut child = command
+            .args(["-nographic", "-icount", PACE])
             .args(["-semihosting-config", "enable=on,target=native"])
-            .arg("-serial")
-            .arg(format!("unix:{},server=on,wait=on", socket.display()))
-            .args(["-serial", "null", "-kernel"])
+            .arg("-kernel")
             .arg(image)
+            .current_dir(folder.path())
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
@@ -73,14 +125,24 @@ impl Qemu {
                 }
             })
         });
-        let mut machine = Self {
+        Ok(Self {
             child,
             logs,
             collector,
+            monitor: None,
             _folder: folder,
-        };
-        let line = machine.connect(&socket)?;
-        Ok((machine, line))
+        })
+    }
+
+    /// Resets a machine that was [started alone](Self::start_alone), as its reset pin would: memory stays as it is.
+    ///
+    /// # Errors
+    /// Returns an error if QEMU has ended.
+    pub fn reset(&mut self) -> Result<()> {
+        let ended = || Problem::refused(format!("{PROGRAM} does not listen"));
+        let monitor = self.monitor.as_mut().ok_or_else(ended)?;
+        let sent = monitor.write_all(b"system_reset\n");
+        sent.map_err(|error| ended().caused_by(error))
     }
 
     fn connect(&mut self, socket: &Path) -> Result<UnixStream> {

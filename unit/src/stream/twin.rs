@@ -2,7 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use bodyflight_core::link::{Estimate, EstimateFlags, MAX_FRAME_LENGTH, Message, PackedQuaternion};
+use bodyflight_core::link::{
+    BlockReader, Estimate, EstimateFlags, Header, MAX_FRAME_LENGTH, Message, PackedQuaternion,
+    SegmentTable,
+};
+use bodyflight_firmware::computer::{Computer, Configuration, Outcome};
 use bodyflight_firmware::{Board, Identity, Unit};
 use serde::Serialize;
 
@@ -143,6 +147,49 @@ impl Agreement {
     pub fn holds(&self) -> bool {
         self.equal == self.expected && self.equal == self.received
     }
+}
+
+/// Compares the estimates in the blocks of a log with the desktop's for the samples and readings in the same log. It must
+/// hold each session from its first sample on.
+pub fn in_log(blocks: &[Vec<u8>]) -> Agreement {
+    let mut agreement = Agreement::default();
+    let mut computer = Computer::new();
+    let (mut asked, mut table) = (None, SegmentTable::default());
+    let (mut sensors, mut expected) = (None, None);
+    let read = blocks.iter().flat_map(|block| BlockReader::new(block));
+    for (header, message) in read.flatten() {
+        match message {
+            Message::Configure(configure) => {
+                (asked, table) = (Some(configure), SegmentTable::default());
+            }
+            Message::SegmentValues(row) => table.insert(row),
+            Message::Start(_) => {
+                computer = Computer::new();
+                let configuration = asked.map(|asked| Configuration::new(&asked, &table));
+                if let Some(Ok(configuration)) = configuration {
+                    computer.configure(configuration);
+                }
+            }
+            Message::Sensors(readings) => sensors = Some(readings),
+            Message::Sample(sample) => {
+                let Header { sequence, time, .. } = header;
+                let readings = sensors.take();
+                expected = match computer.sample_with(sequence, time, &sample, readings.as_ref()) {
+                    Outcome::Used(estimate) => estimate,
+                    Outcome::Rejected => None,
+                };
+                agreement.expected += u64::from(expected.is_some());
+            }
+            Message::Estimate(found) => {
+                agreement.received += 1;
+                if let Some(expected) = expected.take() {
+                    agreement.compare(&expected, &found);
+                }
+            }
+            _ => {}
+        }
+    }
+    agreement
 }
 
 /// Everything that does not depend on the speed of a machine.

@@ -15,7 +15,7 @@ use super::sensor::SensorArgs;
 /// Where the unit is.
 #[derive(clap::Args)]
 #[group(required = true, multiple = false)]
-struct Place {
+pub(super) struct Place {
     /// The unit's serial port; `bodyflight ports` lists them.
     #[arg(long, value_name = "DEVICE")]
     port: Option<PathBuf>,
@@ -86,11 +86,8 @@ pub(crate) struct Stored {
 }
 
 /// A unit that runs as long as this exists, and its address.
-fn reach(place: &Place) -> Result<(Option<VirtualUnit>, Target)> {
-    let at = |path: PathBuf| Target::Port {
-        path,
-        baud: DEFAULT_BAUD,
-    };
+pub(super) fn reach(place: &Place, baud: u32) -> Result<(Option<VirtualUnit>, Target)> {
+    let at = |path: PathBuf| Target::Port { path, baud };
     match (&place.port, &place.flash) {
         (_, Some(flash)) => {
             let unit = VirtualUnit::start_with_log(flash)?;
@@ -103,7 +100,7 @@ fn reach(place: &Place) -> Result<(Option<VirtualUnit>, Target)> {
 
 pub(super) fn configure(args: &ConfigureArgs, json: bool) -> Result<()> {
     let setup = args.flight.as_ref().map(|_| args.setup()).transpose()?;
-    let (_unit, target) = reach(&args.place)?;
+    let (_unit, target) = reach(&args.place, DEFAULT_BAUD)?;
     match &setup {
         Some(setup) => setup::store(&target, setup)?,
         None => setup::erase(&target)?,
@@ -119,7 +116,7 @@ impl ConfigureArgs {
 }
 
 pub(super) fn show(args: &ShowArgs, json: bool) -> Result<()> {
-    let (_unit, target) = reach(&args.place)?;
+    let (_unit, target) = reach(&args.place, DEFAULT_BAUD)?;
     print(setup::read(&target)?.as_ref(), json)
 }
 

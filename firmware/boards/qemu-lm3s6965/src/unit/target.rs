@@ -1,10 +1,10 @@
 //! The image: ports, clock, fault handling, and the application on top.
 
+mod poll;
 mod time;
 mod uart;
 
 use core::cell::RefCell;
-use core::sync::atomic::{AtomicBool, Ordering};
 
 use bodyflight_cortex_m::{faults, stack};
 use bodyflight_firmware::fault::Reset;
@@ -14,10 +14,12 @@ use cortex_m::peripheral::{Peripherals, SYST};
 use cortex_m_rt::entry;
 // Linked for its logger.
 use defmt_semihosting as _;
-use embassy_executor::raw::Executor;
 use static_cell::StaticCell;
 
 use uart::{Receiver, Transmitter, UART0, UART1};
+
+/// Ticks of a millisecond: the processor runs at 12.5 MHz after reset.
+const MILLISECOND: u32 = 12_500;
 
 /// The board as the application sees it.
 struct Lm3s6965;
@@ -44,17 +46,7 @@ impl Board for Lm3s6965 {
     }
 }
 
-static EXECUTOR: StaticCell<Executor> = StaticCell::new();
 static UNIT: StaticCell<RefCell<Unit<Lm3s6965>>> = StaticCell::new();
-/// Whether the executor has been woken since it was last polled.
-static PENDED: AtomicBool = AtomicBool::new(true);
-
-#[allow(unsafe_code, reason = "the executor calls this symbol to be woken")]
-#[unsafe(export_name = "__pender")]
-fn pender(_: *mut ()) {
-    PENDED.store(true, Ordering::Release);
-}
-
 #[embassy_executor::task]
 async fn application(unit: &'static RefCell<Unit<Lm3s6965>>) {
     run(
@@ -62,6 +54,7 @@ async fn application(unit: &'static RefCell<Unit<Lm3s6965>>) {
         Receiver(&UART0),
         Transmitter(&UART0),
         Receiver(&UART1),
+        // The buffers of a log need 16 KiB, and an update the stack that is left: qemu-an505 has storage.
         NoLog,
     )
     .await;
@@ -80,23 +73,8 @@ fn main() -> ! {
     // The counter has a different value at each start of the machine.
     let identity = record.identity(faults::build(), SYST::get_current() << 8);
     let unit = Unit::new_in(UNIT.uninit(), Lm3s6965, identity);
-    let executor = EXECUTOR.init_with(|| Executor::new(core::ptr::null_mut()));
-    match application(unit) {
-        Ok(task) => executor.spawner().spawn(task),
+    poll::forever(|spawner| match application(unit) {
+        Ok(task) => spawner.spawn(task),
         Err(_) => defmt::error!("the task is running already"),
-    }
-    loop {
-        // SAFETY: the executor is polled only here, and never from within itself.
-        #[allow(unsafe_code, reason = "the executor requires a single caller")]
-        unsafe {
-            executor.poll();
-        }
-        // QEMU treats WFE as a no-op, so embassy's own executor would spin; WFI sleeps. With interrupts masked no
-        // wake-up is lost between the check and the sleep.
-        cortex_m::interrupt::free(|_| {
-            if !PENDED.swap(false, Ordering::Acquire) {
-                cortex_m::asm::wfi();
-            }
-        });
-    }
+    })
 }

@@ -1,4 +1,4 @@
-//! Time from SysTick: an interrupt each millisecond, with microseconds from the counter.
+//! Time from SysTick: an interrupt each millisecond, with microseconds from the counter. Boards in QEMU share this file.
 
 use core::cell::RefCell;
 use core::task::Waker;
@@ -10,10 +10,8 @@ use critical_section::{CriticalSection, Mutex};
 use embassy_time_driver::{Driver, time_driver_impl};
 use embassy_time_queue_utils::Queue;
 
-/// Ticks of a millisecond: the processor runs at 12.5 MHz after reset.
-const MILLISECOND: u32 = 12_500;
-/// Ticks of two microseconds.
-const TWO_MICROSECONDS: u64 = 25;
+use super::MILLISECOND;
+
 /// Bit of the ICSR: the counter has wrapped and the interrupt has not run yet.
 const PENDING: u32 = 1 << 26;
 /// Interrupt control and state register.
@@ -55,7 +53,7 @@ impl Clock {
     }
 
     fn microseconds(&self) -> u64 {
-        self.ticks() * 2 / TWO_MICROSECONDS
+        self.ticks() * 1000 / u64::from(MILLISECOND)
     }
 }
 
