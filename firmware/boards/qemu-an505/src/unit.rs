@@ -5,6 +5,8 @@
 #![no_std]
 #![no_main]
 
+#[path = "unit/clock.rs"]
+mod clock;
 #[path = "unit/file.rs"]
 mod file;
 #[path = "../../qemu-lm3s6965/src/unit/poll.rs"]
@@ -29,9 +31,6 @@ use static_cell::{ConstStaticCell, StaticCell};
 
 use file::FileFlash;
 use uart::{Receiver, Transmitter, UART0, UART1};
-
-/// Ticks of a millisecond: the processor runs at 20 MHz.
-const MILLISECOND: u32 = 20_000;
 
 /// The board as the application sees it.
 struct An505 {

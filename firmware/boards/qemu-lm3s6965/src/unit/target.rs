@@ -1,5 +1,6 @@
 //! The image: ports, clock, fault handling, and the application on top.
 
+mod clock;
 mod poll;
 mod time;
 mod uart;
@@ -17,9 +18,6 @@ use defmt_semihosting as _;
 use static_cell::StaticCell;
 
 use uart::{Receiver, Transmitter, UART0, UART1};
-
-/// Ticks of a millisecond: the processor runs at 12.5 MHz after reset.
-const MILLISECOND: u32 = 12_500;
 
 /// The board as the application sees it.
 struct Lm3s6965;

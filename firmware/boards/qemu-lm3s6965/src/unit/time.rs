@@ -10,7 +10,7 @@ use critical_section::{CriticalSection, Mutex};
 use embassy_time_driver::{Driver, time_driver_impl};
 use embassy_time_queue_utils::Queue;
 
-use super::MILLISECOND;
+use super::clock::MILLISECOND;
 
 /// Bit of the ICSR: the counter has wrapped and the interrupt has not run yet.
 const PENDING: u32 = 1 << 26;
