@@ -27,6 +27,7 @@ mod shell;
 mod simulate;
 mod stream;
 mod synth;
+mod technique;
 mod terminal;
 mod trim;
 mod tune;
@@ -66,6 +67,7 @@ enum Verb {
     Simulate(simulate::Args),
     Reproduce(reproduce::Args),
     Sensitivity(sensitivity::Args),
+    Technique(technique::Args),
     Estimate(estimate::Args),
     Export(export::Args),
     Trim(trim::Args),
@@ -120,6 +122,7 @@ fn run(cli: &Cli) -> Result<()> {
         Verb::Simulate(args) => simulate::run(args, cli.json),
         Verb::Reproduce(args) => reproduce::run(args, cli.json),
         Verb::Sensitivity(args) => sensitivity::run(args, cli.json),
+        Verb::Technique(args) => technique::run(args, cli.json),
         Verb::Estimate(args) => estimate::run(args, cli.json),
         Verb::Export(args) => export::run(args, cli.json),
         Verb::Trim(args) => trim::run(args, cli.json),

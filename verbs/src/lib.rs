@@ -19,6 +19,7 @@ pub mod reproduce;
 pub mod sensitivity;
 pub mod simulate;
 pub mod stability;
+pub mod technique;
 pub mod trim;
 pub mod tune;
 pub mod validate;

@@ -8,9 +8,9 @@ use nalgebra::{SMatrix, SVector, Vector3};
 use serde::Serialize;
 
 /// Number of states of a small motion: rotation (rad), velocity (m/s), angular velocity (rad/s).
-const STATES: usize = 9;
+pub const STATES: usize = 9;
 /// Size of a disturbance, in the units of the states.
-const DISTURBANCE: f64 = 1e-5;
+pub const DISTURBANCE: f64 = 1e-5;
 /// Eigenvalues below this belong to the heading, which has no restoring moment (1/s).
 const NEUTRAL: f64 = 1e-3;
 
@@ -33,19 +33,7 @@ pub fn modes(
     inputs: &Inputs<f64>,
     motion: &Motion<f64>,
 ) -> Vec<Mode> {
-    let after = |disturbance: &SVector<f64, STATES>| {
-        let start = State::from_motion(&disturbed(motion, disturbance), sample);
-        let next = dynamics.step(&start, sample, inputs, TIME_STEP);
-        difference(motion, &next.motion(sample))
-    };
-    let slope = SMatrix::<f64, STATES, STATES>::from_fn(|_, _| 0.0);
-    let slope = (0..STATES).fold(slope, |mut slope, column| {
-        let mut disturbance = SVector::<f64, STATES>::zeros();
-        disturbance[column] = DISTURBANCE;
-        let change = after(&disturbance) - after(&-disturbance);
-        slope.set_column(column, &(change / (2.0 * DISTURBANCE)));
-        slope
-    });
+    let slope = slope(dynamics, sample, inputs, motion);
     let mut modes: Vec<Mode> = slope
         .complex_eigenvalues()
         .iter()
@@ -61,7 +49,28 @@ pub fn modes(
     modes
 }
 
-fn disturbed(motion: &Motion<f64>, by: &SVector<f64, STATES>) -> Motion<f64> {
+/// Derivative of the motion after a step with respect to that before it, about `motion` in the posture of `sample`.
+pub fn slope(
+    dynamics: &Dynamics<f64>,
+    sample: &PostureSample<f64>,
+    inputs: &Inputs<f64>,
+    motion: &Motion<f64>,
+) -> SMatrix<f64, STATES, STATES> {
+    let after = |disturbance: &SVector<f64, STATES>| {
+        let start = State::from_motion(&disturbed(motion, disturbance), sample);
+        let next = dynamics.step(&start, sample, inputs, TIME_STEP);
+        difference(motion, &next.motion(sample))
+    };
+    let columns: [SVector<f64, STATES>; STATES] = core::array::from_fn(|column| {
+        let mut disturbance = SVector::<f64, STATES>::zeros();
+        disturbance[column] = DISTURBANCE;
+        (after(&disturbance) - after(&-disturbance)) / (2.0 * DISTURBANCE)
+    });
+    SMatrix::from_columns(&columns)
+}
+
+/// A motion that differs from `motion` by a disturbance.
+pub fn disturbed(motion: &Motion<f64>, by: &SVector<f64, STATES>) -> Motion<f64> {
     let part = |from: usize| Vector3::new(by[from], by[from + 1], by[from + 2]);
     let turned = motion.inertial_from_body.quaternion() * small_rotation(&part(0));
     let attitude = Rotation::from_quaternion(turned);
@@ -74,7 +83,8 @@ fn disturbed(motion: &Motion<f64>, by: &SVector<f64, STATES>) -> Motion<f64> {
     }
 }
 
-fn difference(from: &Motion<f64>, to: &Motion<f64>) -> SVector<f64, STATES> {
+/// The disturbance that makes `to` of `from`.
+pub fn difference(from: &Motion<f64>, to: &Motion<f64>) -> SVector<f64, STATES> {
     let turn = (from.inertial_from_body.quaternion().inverse()
         * to.inertial_from_body.quaternion())
     .scaled_axis();

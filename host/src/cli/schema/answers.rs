@@ -64,6 +64,11 @@ const ANSWERS: &[Row] = &[
         answer::<bodyflight_unit::sensor_line::SensorReport>,
     ),
     ("synth", answer::<bodyflight_laboratory::synthesize::Report>),
+    ("technique", answer::<verbs::technique::report::Report>),
+    (
+        "technique-several",
+        answer::<Several<verbs::technique::report::Report>>,
+    ),
     ("trim", answer::<verbs::trim::Report>),
     ("tune", answer::<verbs::tune::Report>),
     ("unit-configure", answer::<unit::setup::Stored>),

@@ -1,0 +1,414 @@
+//! `bodyflight technique`: the movement patterns of a maneuver, and what each does to the fall of this body.
+//!
+//! The approach is that of A. Clarke and P.-O. Gutman, "Skydiving Technique Analysis from a Control Engineering Perspective",
+//! arXiv 2201.05917: principal components of the joint angles, and the response of the turn rate to each from the linearised
+//! model.
+
+pub mod against;
+pub mod agreement;
+pub mod axes;
+pub mod figure;
+pub mod linear;
+pub mod patterns;
+pub mod report;
+pub mod response;
+
+use bodyflight_core::Posture;
+use bodyflight_core::dynamics::trim::TrimError;
+use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::interrupt;
+use bodyflight_mvnx::recording::{FlightFrame, Options};
+use bodyflight_replay::flight::{DensityChoice, Flight};
+use nalgebra::DVector;
+
+use against::{Expert, TURN, against};
+use agreement::agreement;
+use axes::{Axis, axes, deviation, mean};
+use linear::{Linear, OUTPUTS};
+use patterns::{Component, State, components, floor};
+use report::{Answer, Fall, Pattern, Recorded, Report, Weight};
+use response::{Response, growth, response};
+
+/// Frames this close (s) to the one before are left out: limbs move slower.
+const SPACING: f64 = 1.0 / 61.0;
+/// Shortest part that is analysed (s), and fewest frames.
+const SHORTEST: f64 = 0.5;
+const FEWEST: usize = 20;
+/// Turn rate that counts as a turn (rad/s), and time around it (s) that belongs to it.
+const TURNING: f64 = 0.5;
+const AROUND: f64 = 1.0;
+/// Angle to belly to earth (rad) up to which a frame counts as such.
+const BELLY: f64 = 0.8;
+/// Share of frames belly to earth, and of the terminal speed, below which the response is not that of the recording.
+const LIKE: f64 = 0.5;
+/// Turn rate (rad/s RMS) from which a correlation below [`EXPLAINED`] is a disagreement.
+const TURNS: f64 = 0.2;
+const EXPLAINED: f64 = 0.5;
+
+/// What to analyse.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Settings {
+    /// From when (s since frame 0).
+    pub from: Option<f64>,
+    /// Until when (s).
+    pub to: Option<f64>,
+    /// Only around turns faster than 0.5 rad/s.
+    pub turns: bool,
+    /// Joint error per axis (rad); otherwise the flight's tolerance of joints.
+    pub joint_error: Option<f64>,
+}
+
+/// A flight analysed, with what figures need.
+#[derive(Debug, Clone)]
+pub struct Technique {
+    /// The numbers.
+    pub report: Report,
+    /// Time of each frame used (s since frame 0).
+    pub time: Vec<f64>,
+    /// The components in the order of the report's patterns.
+    pub components: Vec<Component>,
+    /// The coordinates.
+    pub axes: Vec<Axis>,
+    /// The posture that pictures show the patterns on.
+    pub posture: Posture<f64>,
+}
+
+/// The frames used of a flight.
+struct Used {
+    frames: Vec<FlightFrame>,
+    duration: f64,
+}
+
+/// Analyses a flight, also against the turn patterns of `experts`.
+///
+/// # Errors
+/// Returns an error if a file cannot be used, or the part asked for is too short.
+pub fn technique(
+    flight: &Flight,
+    settings: &Settings,
+    experts: &[Expert],
+    options: Options,
+) -> Result<Technique> {
+    let used = used(flight, settings, options)?;
+    let axes = axes();
+    let postures: Vec<Posture<f64>> = used.frames.iter().map(|frame| frame.posture).collect();
+    let middle = mean(&postures);
+    let rows: Vec<DVector<f64>> = postures
+        .iter()
+        .map(|posture| deviation(&axes, &middle, posture))
+        .collect();
+    let joint_error = settings
+        .joint_error
+        .unwrap_or(flight.tolerances.joint_deg.to_radians());
+    let components = components(&rows, used.duration, joint_error);
+    interrupt::check()?;
+    let model = flight.dynamics(first_height(&used.frames));
+    let mut dynamics = model;
+    // A trim is that of still air of one density: its own wind carries a body along.
+    dynamics.air.velocity = bodyflight_core::frame::Vector::zero();
+    if let DensityChoice::FirstFrameAltitude(_) = flight.density {
+        let height = first_height(&used.frames);
+        let density = model.air.density.at(height);
+        dynamics.air.density = bodyflight_core::air::Density::Constant(density);
+    }
+    let linear = Linear::of(&dynamics, &flight.constant_inputs(), &axes);
+    let fall = linear
+        .as_ref()
+        .ok()
+        .map(|linear| fall(linear, &used.frames));
+    let mut doubts = Vec::new();
+    if let Err(error) = &linear {
+        doubts.push(match error {
+            TrimError::NoSupport => {
+                "no linear response: without air that carries the body there is no fall to trim"
+                    .to_owned()
+            }
+            TrimError::NoBalance => {
+                "no linear response: no bend of the knees balances the neutral pose of this subject"
+                    .to_owned()
+            }
+        });
+    }
+    if let Some(fall) = &fall {
+        doubts.extend(fall.doubt());
+    }
+    if !components
+        .iter()
+        .any(|found| found.state != State::BelowErrors)
+    {
+        doubts.push("cannot tell: no movement is above what joint errors make".to_owned());
+    }
+    let named = components
+        .iter()
+        .filter(|found| found.state != State::BelowErrors);
+    let mut patterns = Vec::new();
+    for found in named {
+        let answer = linear.as_ref().ok().map(|linear| {
+            let single = linear.of_pattern(&found.weights);
+            let responses: Vec<Response> = (0..OUTPUTS)
+                .map(|output| response(&single, output))
+                .collect();
+            Answer {
+                turn_share_radps: found.rms * responses[TURN].gain.abs(),
+                responses,
+                agreement: agreement(linear, &dynamics, &axes, &found.weights),
+            }
+        });
+        patterns.push(pattern(&axes, found, answer));
+        interrupt::check()?;
+    }
+    let recorded = match (&linear, settings.turns) {
+        (Ok(linear), false) => recorded(linear, &used.frames, &rows),
+        _ => None,
+    };
+    if let Some(found) = recorded
+        && doubts.is_empty()
+        && found.turn_rms_radps > TURNS
+        && found.correlation < EXPLAINED
+    {
+        doubts.push(format!(
+            "the recorded turn rate is not that of the linear response to the recorded joints (correlation {:.2})",
+            found.correlation
+        ));
+    }
+    let turning = turning(&patterns);
+    let comparison = match (&linear, turning) {
+        (Ok(linear), Some(place)) => {
+            let found = &components[place];
+            Some(against(
+                linear,
+                &dynamics,
+                &axes,
+                &found.weights,
+                experts,
+                found.rms,
+            ))
+        }
+        _ => None,
+    };
+    let times: Vec<f64> = used.frames.iter().map(|frame| frame.time).collect();
+    let report = Report {
+        frames: used.frames.len() as u64,
+        from_s: times.first().copied().unwrap_or(0.0),
+        to_s: times.last().copied().unwrap_or(0.0),
+        duration_s: used.duration,
+        joint_error_rad: joint_error,
+        floor_rad: floor(joint_error, axes.len(), used.duration),
+        below_errors: components
+            .iter()
+            .filter(|found| found.state == State::BelowErrors)
+            .count() as u64,
+        patterns,
+        turning: turning.map(|place| place as u64 + 1),
+        fall,
+        recorded,
+        against: comparison,
+        doubts,
+    };
+    let posture = linear.map_or(middle, |linear| linear.posture);
+    Ok(Technique {
+        report,
+        time: times,
+        components,
+        axes,
+        posture,
+    })
+}
+
+/// The turn pattern of an analysed flight, for use as an expert's; `None` if it has none.
+pub fn expert(name: String, technique: &Technique) -> Option<Expert> {
+    let place = turning_place(&technique.report)?;
+    let found = technique.components.get(place)?;
+    Some(Expert {
+        name,
+        weights: found.weights.clone(),
+    })
+}
+
+fn turning_place(report: &Report) -> Option<usize> {
+    report
+        .turning
+        .and_then(|k| usize::try_from(k).ok()?.checked_sub(1))
+}
+
+/// The pattern that contributes most to the turn rate.
+fn turning(patterns: &[Pattern]) -> Option<usize> {
+    let share = |pattern: &Pattern| pattern.answer.as_ref().map(|a| a.turn_share_radps);
+    let shares = patterns.iter().enumerate();
+    shares
+        .filter_map(|(k, pattern)| Some((k, share(pattern)?)))
+        .max_by(|a, b| a.1.total_cmp(&b.1))
+        .map(|(k, _)| k)
+}
+
+fn pattern(axes: &[Axis], found: &Component, answer: Option<Answer>) -> Pattern {
+    let mut weights: Vec<Weight> = axes
+        .iter()
+        .enumerate()
+        .map(|(k, axis)| Weight {
+            angle: axis.name(),
+            weight: found.weights[k],
+            deviation: found.deviations[k],
+        })
+        .collect();
+    weights.sort_by(|a, b| b.weight.abs().total_cmp(&a.weight.abs()));
+    Pattern {
+        state: found.state,
+        share: found.share,
+        rms_rad: found.rms,
+        largest_rad: found
+            .amplitude
+            .iter()
+            .fold(0.0, |most, a| a.abs().max(most)),
+        weights,
+        answer,
+    }
+}
+
+/// The recorded turn rate against the linear response to the joints; `None` without angular velocities.
+fn recorded(linear: &Linear, frames: &[FlightFrame], rows: &[DVector<f64>]) -> Option<Recorded> {
+    let timed: Vec<(f64, DVector<f64>)> = frames
+        .iter()
+        .zip(rows)
+        .map(|(frame, row)| (frame.time, row.clone()))
+        .collect();
+    let expected = linear.driven(&timed);
+    let measured = frames
+        .iter()
+        .skip(1)
+        .map(|frame| frame.pelvis.angular_velocity.map(|spin| spin.up()))
+        .collect::<Option<Vec<f64>>>()?;
+    #[expect(clippy::cast_precision_loss, reason = "counts of frames")]
+    let count = measured.len() as f64;
+    let centred = |values: &[f64]| -> Vec<f64> {
+        let mean = values.iter().sum::<f64>() / count;
+        values.iter().map(|value| value - mean).collect()
+    };
+    let (measured, expected) = (centred(&measured), centred(&expected));
+    let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let (own, both, other) = (
+        product(&measured, &measured),
+        product(&measured, &expected),
+        product(&expected, &expected),
+    );
+    let found = Recorded {
+        correlation: both / (own * other).sqrt(),
+        slope: both / other,
+        turn_rms_radps: (own / count).sqrt(),
+    };
+    (found.correlation.is_finite() && found.slope.is_finite()).then_some(found)
+}
+
+fn first_height(frames: &[FlightFrame]) -> f64 {
+    frames
+        .first()
+        .map_or(0.0, |frame| frame.pelvis.position.up())
+}
+
+/// What the recording has of the fall about which the model is linearised.
+fn fall(linear: &Linear, frames: &[FlightFrame]) -> Fall {
+    let mut belly = 0.0;
+    let mut speeds = (0.0, 0.0);
+    for frame in frames {
+        // Belly to earth, the ventral side is down: the dorsal axis up.
+        let back =
+            frame.pelvis.inertial_from_body * bodyflight_core::frame::Vector::new(0.0, 1.0, 0.0);
+        if back.up() > BELLY.cos() {
+            belly += 1.0;
+        }
+        if let Some(velocity) = frame.pelvis.velocity {
+            speeds = (speeds.0 - velocity.up(), speeds.1 + 1.0);
+        }
+    }
+    #[expect(clippy::cast_precision_loss, reason = "counts of frames")]
+    let count = frames.len().max(1) as f64;
+    let found = growth(&linear.states);
+    Fall {
+        terminal_speed_mps: linear.trim.terminal_speed,
+        body_pitch_rad: linear.trim.body_pitch,
+        knee_rad: linear.trim.knee,
+        growth_per_s: found,
+        belly_share: belly / count,
+        mean_fall_mps: (speeds.1 > 0.0).then(|| speeds.0 / speeds.1),
+    }
+}
+
+impl Fall {
+    fn doubt(&self) -> Option<String> {
+        let slow = self
+            .mean_fall_mps
+            .filter(|speed| *speed < LIKE * self.terminal_speed_mps);
+        if self.belly_share < LIKE {
+            return Some(format!(
+                "the linear response is that of a belly fall, not of this maneuver: the body is belly to earth in {:.0} % of the frames",
+                100.0 * self.belly_share
+            ));
+        }
+        slow.map(|speed| {
+            format!(
+                "the linear response is that of a fall at {:.0} m/s, not of this maneuver: it falls at {speed:.1} m/s",
+                self.terminal_speed_mps
+            )
+        })
+    }
+}
+
+/// The frames asked for.
+fn used(flight: &Flight, settings: &Settings, options: Options) -> Result<Used> {
+    let bad = |message: String| Problem::bad_input(message).in_file(&flight.recording);
+    if let (Some(from), Some(to)) = (settings.from, settings.to)
+        && from >= to
+    {
+        return Err(Problem::bad_input(format!(
+            "expected --from before --to, found {from} and {to}"
+        )));
+    }
+    let mut all: Vec<FlightFrame> = Vec::new();
+    for frame in flight.open(options)? {
+        let frame = frame?;
+        let within = settings.from.is_none_or(|from| frame.time >= from)
+            && settings.to.is_none_or(|to| frame.time <= to);
+        let spaced = all
+            .last()
+            .is_none_or(|last| frame.time - last.time >= SPACING);
+        if within && spaced {
+            all.push(frame);
+        }
+        if frame.index.is_multiple_of(1024) {
+            interrupt::check()?;
+        }
+    }
+    if settings.turns {
+        let turning: Vec<f64> = all
+            .iter()
+            .filter(|frame| {
+                let spin = frame.pelvis.angular_velocity;
+                spin.is_some_and(|spin| spin.up().abs() > TURNING)
+            })
+            .map(|frame| frame.time)
+            .collect();
+        all.retain(|frame| {
+            let after = turning.partition_point(|time| *time < frame.time - AROUND);
+            turning
+                .get(after)
+                .is_some_and(|time| *time <= frame.time + AROUND)
+        });
+        if all.is_empty() {
+            return Err(bad(format!(
+                "found no turn faster than {TURNING} rad/s; leave out --turns to analyse all frames"
+            )));
+        }
+    }
+    let gaps = all.windows(2).map(|pair| pair[1].time - pair[0].time);
+    let duration: f64 = gaps.filter(|gap| *gap < AROUND).sum();
+    if all.len() < FEWEST || duration < SHORTEST {
+        return Err(bad(format!(
+            "expected at least {SHORTEST} s and {FEWEST} frames to find patterns in, found {duration:.1} s and {} frames",
+            all.len()
+        )));
+    }
+    Ok(Used {
+        frames: all,
+        duration,
+    })
+}
