@@ -39,7 +39,7 @@ const TURNING: f64 = 0.5;
 const AROUND: f64 = 1.0;
 /// Angle to belly to earth (rad) up to which a frame counts as such.
 const BELLY: f64 = 0.8;
-/// Share of frames belly to earth, and of the terminal speed, below which the response is not that of the recording.
+/// Share of frames belly to earth, and of the fall rate, below which the response is not that of the recording.
 const LIKE: f64 = 0.5;
 /// Turn rate (rad/s RMS) from which a correlation below [`EXPLAINED`] is a disagreement.
 const TURNS: f64 = 0.2;
@@ -324,9 +324,10 @@ fn fall(linear: &Linear, frames: &[FlightFrame]) -> Fall {
     let count = frames.len().max(1) as f64;
     let found = growth(&linear.states);
     Fall {
-        terminal_speed_mps: linear.trim.terminal_speed,
-        body_pitch_rad: linear.trim.body_pitch,
-        knee_rad: linear.trim.knee,
+        fall_rate_mps: linear.fall.fall_rate,
+        body_pitch_rad: linear.fall.body_pitch,
+        knee_rad: linear.fall.knee,
+        glide: linear.fall.glide,
         growth_per_s: found,
         belly_share: belly / count,
         mean_fall_mps: (speeds.1 > 0.0).then(|| speeds.0 / speeds.1),
@@ -337,7 +338,7 @@ impl Fall {
     fn doubt(&self) -> Option<String> {
         let slow = self
             .mean_fall_mps
-            .filter(|speed| *speed < LIKE * self.terminal_speed_mps);
+            .filter(|speed| *speed < LIKE * self.fall_rate_mps);
         if self.belly_share < LIKE {
             return Some(format!(
                 "the linear response is that of a belly fall, not of this maneuver: the body is belly to earth in {:.0} % of the frames",
@@ -347,7 +348,7 @@ impl Fall {
         slow.map(|speed| {
             format!(
                 "the linear response is that of a fall at {:.0} m/s, not of this maneuver: it falls at {speed:.1} m/s",
-                self.terminal_speed_mps
+                self.fall_rate_mps
             )
         })
     }

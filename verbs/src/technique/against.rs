@@ -15,6 +15,8 @@ use bodyflight_core::dynamics::step::TIME_STEP;
 pub const TURN: usize = 0;
 /// A change that loses more than this share of the gain is no advice.
 const KEPT: f64 = 0.5;
+/// Bandwidth for the own one from which a change is worth naming.
+const WIDER: f64 = 1.02;
 /// Changes listed.
 const MOST: usize = 6;
 /// Length of the simulated turn (s).
@@ -157,7 +159,7 @@ pub fn against(
             )
         })
         .filter(|(_, _, found)| found.gain > KEPT * own_response.gain.abs())
-        .filter(|(_, _, found)| wide(found) > wide(&own_response))
+        .filter(|(_, _, found)| wide(found) > WIDER * wide(&own_response))
         .collect();
     ranked.sort_by(|(_, _, a), (_, _, b)| {
         wide(b).total_cmp(&wide(a)).then(b.gain.total_cmp(&a.gain))

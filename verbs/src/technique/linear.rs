@@ -4,9 +4,12 @@
 //! acceleration. With a(t) an angle, `dx/dt = A x + B0 a + B1 da/dt` and `y = C x + D0 a + D1 da/dt`. The steps of the
 //! simulation are linearised, and A, B are those whose exact solution the linearised steps are.
 
+use core::f64::consts::FRAC_PI_2;
+
 use bodyflight_core::body::pattern::{self, moved};
+use bodyflight_core::dynamics::steady::steady;
 use bodyflight_core::dynamics::step::TIME_STEP;
-use bodyflight_core::dynamics::trim::{Trim, TrimError, trim, with_knees};
+use bodyflight_core::dynamics::trim::{TrimError, trim, with_knees};
 use bodyflight_core::dynamics::{Dynamics, Inputs, Motion, PostureSample, State};
 use bodyflight_core::frame::{Vector, facing_north};
 use bodyflight_core::observation::Observation;
@@ -29,16 +32,31 @@ pub const OUTPUT_NAMES: [&str; OUTPUTS] = [
 /// Change of an angle for a derivative (rad), and of its rate (rad/s).
 const ANGLE: f64 = 1e-4;
 const RATE: f64 = 1e-2;
+/// Fastest fall that is one (m/s).
+const FASTEST_MPS: f64 = 200.0;
 
 type Matrix = SMatrix<f64, STATES, STATES>;
 type Column = SVector<f64, STATES>;
 type Seen = SVector<f64, OUTPUTS>;
 
-/// A trimmed fall and its linear model.
+/// The steady fall about which the model is linearised.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SteadyFall {
+    /// Fall rate (m/s).
+    pub fall_rate: f64,
+    /// Rotation about the left axis from upright (rad).
+    pub body_pitch: f64,
+    /// Bend of the knees (rad) that makes it vertical; `None` if none does, and the neutral pose glides.
+    pub knee: Option<f64>,
+    /// Horizontal for vertical speed, positive towards the head.
+    pub glide: f64,
+}
+
+/// A steady fall and its linear model.
 #[derive(Debug, Clone)]
 pub struct Linear {
-    /// The trim.
-    pub trim: Trim<f64>,
+    /// The fall.
+    pub fall: SteadyFall,
     /// The trimmed posture.
     pub posture: Posture<f64>,
     /// Its motion.
@@ -84,24 +102,16 @@ pub fn outputs(motion: &Motion<f64>) -> Seen {
 }
 
 impl Linear {
-    /// Linearises about the trim of the neutral pose.
+    /// Linearises about the trim of the neutral pose, or about its glide if no bend of the knees makes it fall straight.
     ///
     /// # Errors
-    /// Returns an error if the neutral pose has no trim.
+    /// Returns an error if the neutral pose has no steady fall.
     pub fn of(
         dynamics: &Dynamics<f64>,
         inputs: &Inputs<f64>,
         axes: &[Axis],
     ) -> Result<Self, TrimError> {
-        let trim = trim(dynamics, &pattern::neutral(), 0.0)?;
-        let posture = with_knees(&pattern::neutral(), trim.knee);
-        let attitude = facing_north(trim.body_pitch);
-        let motion = Motion {
-            inertial_from_body: attitude,
-            position: Vector::zero(),
-            velocity: attitude.inverse() * Vector::new(0.0, 0.0, -trim.terminal_speed),
-            angular_velocity: Vector::zero(),
-        };
+        let (fall, posture, motion) = balanced(dynamics, inputs)?;
         let sample = dynamics.hold(&posture);
         let step = slope(dynamics, &sample, inputs, &motion);
         let seen = derivative(DISTURBANCE, STATES, |column, by| {
@@ -132,7 +142,7 @@ impl Linear {
             ([held.0, moving.0], [held.1, moving.1])
         };
         Ok(Self {
-            trim,
+            fall,
             posture,
             motion,
             inputs: *inputs,
@@ -255,6 +265,48 @@ impl Single {
         });
         each.collect()
     }
+}
+
+/// The neutral pose in a steady fall.
+fn balanced(
+    dynamics: &Dynamics<f64>,
+    inputs: &Inputs<f64>,
+) -> Result<(SteadyFall, Posture<f64>, Motion<f64>), TrimError> {
+    let neutral = pattern::neutral();
+    let (fall, posture, motion) = match trim(dynamics, &neutral, 0.0) {
+        Ok(trim) => {
+            let attitude = facing_north(trim.body_pitch);
+            let motion = Motion {
+                inertial_from_body: attitude,
+                position: Vector::zero(),
+                velocity: attitude.inverse() * Vector::new(0.0, 0.0, -trim.terminal_speed),
+                angular_velocity: Vector::zero(),
+            };
+            let fall = SteadyFall {
+                fall_rate: trim.terminal_speed,
+                body_pitch: trim.body_pitch,
+                knee: Some(trim.knee),
+                glide: 0.0,
+            };
+            (fall, with_knees(&neutral, trim.knee), motion)
+        }
+        Err(error) => {
+            let density = dynamics.air.density.at(0.0);
+            let found = steady(dynamics, &neutral, inputs, FRAC_PI_2, density).ok_or(error)?;
+            let fall = SteadyFall {
+                fall_rate: -found.motion.velocity_inertial().up(),
+                body_pitch: found.body_pitch,
+                knee: None,
+                glide: found.glide,
+            };
+            (fall, neutral, found.motion)
+        }
+    };
+    // The air of a vacuum chamber carries a body at a speed that means nothing.
+    if !(fall.fall_rate > 0.0 && fall.fall_rate < FASTEST_MPS) {
+        return Err(TrimError::NoSupport);
+    }
+    Ok((fall, posture, motion))
 }
 
 /// Central differences of a function of a column and a disturbance of it.

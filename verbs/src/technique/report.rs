@@ -100,16 +100,18 @@ pub struct Answer {
     pub agreement: Vec<Agreement>,
 }
 
-/// The trimmed fall, and how the recording compares with it.
+/// The steady fall of the neutral pose, and how the recording compares with it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Fall {
-    /// Speed (m/s).
-    pub terminal_speed_mps: f64,
+    /// Fall rate (m/s).
+    pub fall_rate_mps: f64,
     /// Rotation about the left axis from standing (rad).
     pub body_pitch_rad: f64,
-    /// Bend of the knees (rad).
-    pub knee_rad: f64,
+    /// Bend of the knees (rad) that makes the fall vertical; null if none does, and the body glides.
+    pub knee_rad: Option<f64>,
+    /// Horizontal for vertical speed, positive towards the head.
+    pub glide: f64,
     /// Growth of its fastest growing motion (1/s); null if it is stable.
     pub growth_per_s: Option<f64>,
     /// Share of the recorded frames that are belly to earth.
@@ -134,11 +136,14 @@ impl fmt::Display for Report {
                 None => "stable".to_owned(),
                 Some(growth) => format!("unstable, grows by {growth:.2}/s"),
             };
+            let how = match fall.knee_rad {
+                Some(knee) => format!("trimmed, knees {:.0} degrees", knee.to_degrees()),
+                None => format!("not trimmed, glide {:+.2}", fall.glide),
+            };
             writeln!(
                 f,
-                "response about a trimmed fall at {:.1} m/s, knees {:.0} degrees, {stable}",
-                fall.terminal_speed_mps,
-                fall.knee_rad.to_degrees()
+                "response about a fall at {:.1} m/s, {how},\n{stable}",
+                fall.fall_rate_mps
             )?;
         }
         if let Some(recorded) = &self.recorded {

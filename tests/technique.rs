@@ -1,0 +1,137 @@
+//! Movement patterns and the response to them, by the real binary: synthetic flights whose patterns are known.
+#![expect(clippy::expect_used, reason = "tests may panic: that is how they fail")]
+
+use std::path::Path;
+
+use bodyflight_replay::flight::Flight;
+use bodyflight_tests::program::{Program, plain};
+use bodyflight_verbs::technique::against::TURN;
+use bodyflight_verbs::technique::axes::axes;
+use bodyflight_verbs::technique::linear::Linear;
+use bodyflight_verbs::technique::response::response;
+use nalgebra::DVector;
+use serde_json::Value;
+
+const PROGRAM: Program = Program(env!("CARGO_BIN_EXE_bodyflight"));
+
+/// The pattern of the maneuver `rotations`: one arm up, the other down.
+const TURN_PATTERN: [(&str, f64); 2] = [("l_upperarm.phi", 1.0), ("r_upperarm.phi", -1.0)];
+
+fn known() -> DVector<f64> {
+    let weight = |name: String| {
+        let own = TURN_PATTERN.iter().find(|(angle, _)| *angle == name);
+        own.map_or(0.0, |(_, weight)| *weight)
+    };
+    let weights = axes().into_iter().map(|axis| weight(axis.name()));
+    DVector::from_vec(weights.collect()).normalize()
+}
+
+fn found(pattern: &Value) -> DVector<f64> {
+    let all = pattern["weights"].as_array().expect("weights");
+    let weight = |name: String| {
+        let own = all.iter().find(|weight| weight["angle"] == name);
+        own.and_then(|own| own["weight"].as_f64())
+            .expect("a weight")
+    };
+    DVector::from_vec(axes().iter().map(|axis| weight(axis.name())).collect())
+}
+
+fn flown(folder: &Path, name: &str, options: &[&str]) -> String {
+    let out = plain(&folder.join(name)).to_owned();
+    PROGRAM.json(&[&["synth", "rotations", "--out", &out], options].concat());
+    out
+}
+
+#[test]
+fn the_pattern_of_a_turn_and_its_transfer_function_are_recovered() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for (name, options, cosine, tolerance) in [
+        ("exact", vec!["--noise", "0"], 0.998, 0.05),
+        ("noise", vec!["--seed", "1"], 0.998, 0.05),
+        (
+            "wrong",
+            vec!["--seed", "2", "--joint-error-deg", "2"],
+            0.99,
+            0.05,
+        ),
+        (
+            "wander",
+            vec!["--seed", "3", "--joint-wander-deg", "1"],
+            0.99,
+            0.05,
+        ),
+    ] {
+        let flight = flown(folder.path(), name, &options);
+        let report = PROGRAM.json(&["technique", &flight]);
+        let pattern = &report["patterns"][0];
+        assert_eq!(pattern["state"], "named", "{name}");
+        let weights = found(pattern);
+        let alike = weights.dot(&known());
+        // The exact response is that of the known pattern on the same body.
+        let read = Flight::read(Path::new(&flight)).expect("a flight");
+        let dynamics = read.dynamics(0.0);
+        let linear =
+            Linear::of(&dynamics, &read.constant_inputs(), &axes()).expect("a steady fall");
+        let exact = response(&linear.of_pattern(&known()), TURN);
+        let bode = pattern["answer"]["responses"][TURN]["bode"]
+            .as_array()
+            .expect("points");
+        let mut worst: f64 = 0.0;
+        for (point, exact) in bode
+            .iter()
+            .zip(&exact.bode)
+            .filter(|(_, exact)| exact.frequency_hz < 2.0)
+        {
+            let gain = point["gain"].as_f64().expect("a gain");
+            worst = worst.max((gain / exact.gain - 1.0).abs());
+        }
+        println!(
+            "{name}: cosine {alike:.4}, gain up to 2 Hz within {:.1} %",
+            100.0 * worst
+        );
+        assert!(alike.abs() > cosine, "{name}: {alike}");
+        assert!(worst < tolerance, "{name}: {worst}");
+        // The recorded turn is that of the linear response: same model.
+        let correlation = report["recorded"]["correlation"]
+            .as_f64()
+            .expect("a number");
+        assert!(correlation > 0.8, "{name}: {correlation}");
+    }
+}
+
+#[test]
+fn the_full_simulation_meets_the_linear_response_at_small_amplitudes() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let flight = flown(folder.path(), "turn", &["--noise", "0"]);
+    let report = PROGRAM.json(&["technique", &flight, "--against", &flight]);
+    let all = report["patterns"][0]["answer"]["agreement"]
+        .as_array()
+        .expect("inputs");
+    assert_eq!(all.len(), 5);
+    for input in all {
+        let error = input["error_at_smallest"].as_f64().expect("a number");
+        assert!(error < 0.02, "{input}");
+        assert!(
+            input["valid_to_rad"].as_f64().expect("a range") > 0.03,
+            "{input}"
+        );
+    }
+    // A technique costs nothing against itself.
+    let against = &report["against"];
+    assert!((against["alike"].as_f64().expect("a cosine") - 1.0).abs() < 1e-9);
+    assert_eq!(against["own"], against["other"]);
+    let turned = against["own_turn"]["turned_rad"]
+        .as_f64()
+        .expect("an angle");
+    assert!(turned > 0.5, "{against}");
+}
+
+#[test]
+fn a_somersault_is_not_given_the_response_of_a_fall_without_a_word() {
+    let data =
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../verbs/data/acrobatics/flight-1.mvnx.gz");
+    let output = PROGRAM.run(&["technique", plain(&data)]);
+    assert_eq!(output.status.code(), Some(5));
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(said.contains("not of this maneuver"), "{said}");
+}
