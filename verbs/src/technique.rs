@@ -1,8 +1,8 @@
 //! `bodyflight technique`: the movement patterns of a maneuver, and what each does to the fall of this body.
 //!
-//! The approach is that of A. Clarke and P.-O. Gutman, "Skydiving Technique Analysis from a Control Engineering Perspective",
-//! arXiv 2201.05917: principal components of the joint angles, and the response of the turn rate to each from the linearised
-//! model.
+//! The approach is that of A. Clarke and P.-O. Gutman, "Skydiving Technique Analysis from a Control Engineering
+//! Perspective", arXiv 2201.05917: principal components of the joint angles, and the response of the turn rate to each
+//! from the linearised model.
 
 pub mod against;
 pub mod agreement;
