@@ -14,6 +14,7 @@ pub mod report;
 pub mod response;
 
 use bodyflight_core::Posture;
+use bodyflight_core::dynamics::Dynamics;
 use bodyflight_core::dynamics::trim::TrimError;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::interrupt;
@@ -73,7 +74,6 @@ pub struct Technique {
     pub posture: Posture<f64>,
 }
 
-/// The frames used of a flight.
 struct Used {
     frames: Vec<FlightFrame>,
     duration: f64,
@@ -102,61 +102,14 @@ pub fn technique(
         .unwrap_or(flight.tolerances.joint_deg.to_radians());
     let components = components(&rows, used.duration, joint_error);
     interrupt::check()?;
-    let model = flight.dynamics(first_height(&used.frames));
-    let mut dynamics = model;
-    // A trim is that of still air of one density: its own wind carries a body along.
-    dynamics.air.velocity = bodyflight_core::frame::Vector::zero();
-    if let DensityChoice::FirstFrameAltitude(_) = flight.density {
-        let height = first_height(&used.frames);
-        let density = model.air.density.at(height);
-        dynamics.air.density = bodyflight_core::air::Density::Constant(density);
-    }
+    let dynamics = still(flight, first_height(&used.frames));
     let linear = Linear::of(&dynamics, &flight.constant_inputs(), &axes);
     let fall = linear
         .as_ref()
         .ok()
         .map(|linear| fall(linear, &used.frames));
-    let mut doubts = Vec::new();
-    if let Err(error) = &linear {
-        doubts.push(match error {
-            TrimError::NoSupport => {
-                "no linear response: without air that carries the body there is no fall to trim"
-                    .to_owned()
-            }
-            TrimError::NoBalance => {
-                "no linear response: no bend of the knees balances the neutral pose of this subject"
-                    .to_owned()
-            }
-        });
-    }
-    if let Some(fall) = &fall {
-        doubts.extend(fall.doubt());
-    }
-    if !components
-        .iter()
-        .any(|found| found.state != State::BelowErrors)
-    {
-        doubts.push("cannot tell: no movement is above what joint errors make".to_owned());
-    }
-    let named = components
-        .iter()
-        .filter(|found| found.state != State::BelowErrors);
-    let mut patterns = Vec::new();
-    for found in named {
-        let answer = linear.as_ref().ok().map(|linear| {
-            let single = linear.of_pattern(&found.weights);
-            let responses: Vec<Response> = (0..OUTPUTS)
-                .map(|output| response(&single, output))
-                .collect();
-            Answer {
-                turn_share_radps: found.rms * responses[TURN].gain.abs(),
-                responses,
-                agreement: agreement(linear, &dynamics, &axes, &found.weights),
-            }
-        });
-        patterns.push(pattern(&axes, found, answer));
-        interrupt::check()?;
-    }
+    let mut doubts = doubts_of(linear.as_ref().err(), fall.as_ref(), &components);
+    let patterns = patterns_of(&axes, &components, linear.as_ref().ok(), &dynamics)?;
     let recorded = match (&linear, settings.turns) {
         (Ok(linear), false) => recorded(linear, &used.frames, &rows),
         _ => None,
@@ -213,6 +166,78 @@ pub fn technique(
         axes,
         posture,
     })
+}
+
+/// The model of a flight in still air of the density at its first frame, for a steady fall.
+fn still(flight: &Flight, height: f64) -> Dynamics<f64> {
+    let mut dynamics = flight.dynamics(height);
+    // A trim is that of still air of one density: its own wind carries a body along.
+    dynamics.air.velocity = bodyflight_core::frame::Vector::zero();
+    if let DensityChoice::FirstFrameAltitude(_) = flight.density {
+        let density = dynamics.air.density.at(height);
+        dynamics.air.density = bodyflight_core::air::Density::Constant(density);
+    }
+    dynamics
+}
+
+/// The patterns above joint errors, with what the body answers.
+fn patterns_of(
+    axes: &[Axis],
+    components: &[Component],
+    linear: Option<&Linear>,
+    dynamics: &Dynamics<f64>,
+) -> Result<Vec<Pattern>> {
+    let named = components
+        .iter()
+        .filter(|found| found.state != State::BelowErrors);
+    let mut patterns = Vec::new();
+    for found in named {
+        let answer = linear.map(|linear| {
+            let single = linear.of_pattern(&found.weights);
+            let responses: Vec<Response> = (0..OUTPUTS)
+                .map(|output| response(&single, output))
+                .collect();
+            Answer {
+                turn_share_radps: found.rms * responses[TURN].gain.abs(),
+                responses,
+                agreement: agreement(linear, dynamics, axes, &found.weights),
+            }
+        });
+        patterns.push(pattern(axes, found, answer));
+        interrupt::check()?;
+    }
+    Ok(patterns)
+}
+
+/// Reasons not to trust the result.
+fn doubts_of(
+    error: Option<&TrimError>,
+    fall: Option<&Fall>,
+    components: &[Component],
+) -> Vec<String> {
+    let mut doubts = Vec::new();
+    if let Some(error) = error {
+        doubts.push(match error {
+            TrimError::NoSupport => {
+                "no linear response: without air that carries the body there is no fall to trim"
+                    .to_owned()
+            }
+            TrimError::NoBalance => {
+                "no linear response: no bend of the knees balances the neutral pose of this subject"
+                    .to_owned()
+            }
+        });
+    }
+    if let Some(fall) = fall {
+        doubts.extend(fall.doubt());
+    }
+    if !components
+        .iter()
+        .any(|found| found.state != State::BelowErrors)
+    {
+        doubts.push("cannot tell: no movement is above what joint errors make".to_owned());
+    }
+    doubts
 }
 
 /// The turn pattern of an analysed flight, for use as an expert's; `None` if it has none.

@@ -121,25 +121,7 @@ pub fn against(
         .map(|expert| (expert, signed(&expert.weights)))
         .max_by(|(_, (_, a)), (_, (_, b))| a.merit().total_cmp(&b.merit()));
     let other = best.as_ref().map(|(_, (weights, _))| weights);
-    let mut changes = Vec::new();
-    for segment in Segment::ALL {
-        let with = |value: &dyn Fn(usize) -> f64| {
-            DVector::from_iterator(
-                axes.len(),
-                axes.iter().enumerate().map(|(k, axis)| {
-                    if axis.segment == segment {
-                        value(k)
-                    } else {
-                        own[k]
-                    }
-                }),
-            )
-        };
-        changes.push((segment, "leave out", with(&|_| 0.0)));
-        if let Some(other) = other {
-            changes.push((segment, "as the other", with(&|k| other[k])));
-        }
-    }
+    let changes = single_changes(axes, &own, other);
     let mut ranked: Vec<(JointChange, DVector<f64>, Response)> = changes
         .into_iter()
         // A joint that hardly moves has nothing to leave out.
@@ -189,6 +171,34 @@ pub fn against(
             .map(|(change, _, _)| change)
             .collect(),
     }
+}
+
+/// The pattern `own` with each joint left out, and as in `other`.
+fn single_changes(
+    axes: &[Axis],
+    own: &DVector<f64>,
+    other: Option<&DVector<f64>>,
+) -> Vec<(Segment, &'static str, DVector<f64>)> {
+    let mut changes = Vec::new();
+    for segment in Segment::ALL {
+        let with = |value: &dyn Fn(usize) -> f64| {
+            DVector::from_iterator(
+                axes.len(),
+                axes.iter().enumerate().map(|(k, axis)| {
+                    if axis.segment == segment {
+                        value(k)
+                    } else {
+                        own[k]
+                    }
+                }),
+            )
+        };
+        changes.push((segment, "leave out", with(&|_| 0.0)));
+        if let Some(other) = other {
+            changes.push((segment, "as the other", with(&|k| other[k])));
+        }
+    }
+    changes
 }
 
 fn wide(found: &Response) -> f64 {
