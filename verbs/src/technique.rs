@@ -10,6 +10,7 @@ pub mod axes;
 pub mod figure;
 pub mod linear;
 pub mod patterns;
+mod recorded;
 pub mod report;
 pub mod response;
 
@@ -27,7 +28,7 @@ use agreement::agreement;
 use axes::{Axis, axes, deviation, mean};
 use linear::{Linear, OUTPUTS};
 use patterns::{Component, State, components, floor};
-use report::{Answer, Fall, Pattern, Recorded, Report, Weight};
+use report::{Answer, Fall, Pattern, Report, Weight};
 use response::{Response, growth, response};
 
 /// Frames this close (s) to the one before are left out: limbs move slower.
@@ -42,9 +43,6 @@ const AROUND: f64 = 1.0;
 const BELLY: f64 = 0.8;
 /// Share of frames belly to earth, and of the fall rate, below which the response is not that of the recording.
 const LIKE: f64 = 0.5;
-/// Turn rate (rad/s RMS) from which a correlation below [`EXPLAINED`] is a disagreement.
-const TURNS: f64 = 0.2;
-const EXPLAINED: f64 = 0.5;
 
 /// What to analyse.
 #[derive(Debug, Clone, Copy, Default)]
@@ -111,18 +109,11 @@ pub fn technique(
     let mut doubts = doubts_of(linear.as_ref().err(), fall.as_ref(), &components);
     let patterns = patterns_of(&axes, &components, linear.as_ref().ok(), &dynamics)?;
     let recorded = match (&linear, settings.turns) {
-        (Ok(linear), false) => recorded(linear, &used.frames, &rows),
+        (Ok(linear), false) => recorded::recorded(linear, &used.frames, &rows),
         _ => None,
     };
-    if let Some(found) = recorded
-        && doubts.is_empty()
-        && found.turn_rms_radps > TURNS
-        && found.correlation < EXPLAINED
-    {
-        doubts.push(format!(
-            "the recorded turn rate is not that of the linear response to the recorded joints (correlation {:.2})",
-            found.correlation
-        ));
+    if doubts.is_empty() {
+        doubts.extend(recorded.as_ref().and_then(recorded::doubt));
     }
     let turning = turning(&patterns);
     let comparison = match (&linear, turning) {
@@ -288,40 +279,6 @@ fn pattern(axes: &[Axis], found: &Component, answer: Option<Answer>) -> Pattern 
         weights,
         answer,
     }
-}
-
-/// The recorded turn rate against the linear response to the joints; `None` without angular velocities.
-fn recorded(linear: &Linear, frames: &[FlightFrame], rows: &[DVector<f64>]) -> Option<Recorded> {
-    let timed: Vec<(f64, DVector<f64>)> = frames
-        .iter()
-        .zip(rows)
-        .map(|(frame, row)| (frame.time, row.clone()))
-        .collect();
-    let expected = linear.driven(&timed);
-    let measured = frames
-        .iter()
-        .skip(1)
-        .map(|frame| frame.pelvis.angular_velocity.map(|spin| spin.up()))
-        .collect::<Option<Vec<f64>>>()?;
-    #[expect(clippy::cast_precision_loss, reason = "counts of frames")]
-    let count = measured.len() as f64;
-    let centred = |values: &[f64]| -> Vec<f64> {
-        let mean = values.iter().sum::<f64>() / count;
-        values.iter().map(|value| value - mean).collect()
-    };
-    let (measured, expected) = (centred(&measured), centred(&expected));
-    let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-    let (own, both, other) = (
-        product(&measured, &measured),
-        product(&measured, &expected),
-        product(&expected, &expected),
-    );
-    let found = Recorded {
-        correlation: both / (own * other).sqrt(),
-        slope: both / other,
-        turn_rms_radps: (own / count).sqrt(),
-    };
-    (found.correlation.is_finite() && found.slope.is_finite()).then_some(found)
 }
 
 fn first_height(frames: &[FlightFrame]) -> f64 {
