@@ -3,10 +3,10 @@
 
 use std::path::Path;
 
+use bodyflight_core::body::joint_angle::JointAngle;
 use bodyflight_replay::flight::Flight;
 use bodyflight_tests::program::{Program, plain};
 use bodyflight_verbs::technique::against::TURN;
-use bodyflight_verbs::technique::axes::axes;
 use bodyflight_verbs::technique::linear::Linear;
 use bodyflight_verbs::technique::response::response;
 use nalgebra::DVector;
@@ -22,7 +22,7 @@ fn known() -> DVector<f64> {
         let own = TURN_PATTERN.iter().find(|(angle, _)| *angle == name);
         own.map_or(0.0, |(_, weight)| *weight)
     };
-    let weights = axes().into_iter().map(|axis| weight(axis.name()));
+    let weights = JointAngle::all().map(|axis| weight(axis.to_string()));
     DVector::from_vec(weights.collect()).normalize()
 }
 
@@ -33,7 +33,11 @@ fn found(pattern: &Value) -> DVector<f64> {
         own.and_then(|own| own["weight"].as_f64())
             .expect("a weight")
     };
-    DVector::from_vec(axes().iter().map(|axis| weight(axis.name())).collect())
+    DVector::from_vec(
+        JointAngle::all()
+            .map(|axis| weight(axis.to_string()))
+            .collect(),
+    )
 }
 
 fn flown(folder: &Path, name: &str, options: &[&str]) -> String {
@@ -70,8 +74,12 @@ fn the_pattern_of_a_turn_and_its_transfer_function_are_recovered() {
         // The exact response is that of the known pattern on the same body.
         let read = Flight::read(Path::new(&flight)).expect("a flight");
         let dynamics = read.dynamics(0.0);
-        let linear =
-            Linear::of(&dynamics, &read.constant_inputs(), &axes()).expect("a steady fall");
+        let linear = Linear::of(
+            &dynamics,
+            &read.constant_inputs(),
+            &JointAngle::all().collect::<Vec<_>>(),
+        )
+        .expect("a steady fall");
         let exact = response(&linear.of_pattern(&known()), TURN);
         let bode = pattern["answer"]["responses"][TURN]["bode"]
             .as_array()

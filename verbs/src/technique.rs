@@ -25,7 +25,8 @@ use nalgebra::DVector;
 
 use against::{Expert, TURN, against};
 use agreement::agreement;
-use axes::{Axis, axes, deviation, mean};
+use axes::{deviation, mean};
+use bodyflight_core::body::joint_angle::JointAngle;
 use linear::{Linear, OUTPUTS};
 use patterns::{Component, State, components, floor};
 use report::{Answer, Fall, Pattern, Report, Weight};
@@ -67,7 +68,7 @@ pub struct Technique {
     /// The components in the order of the report's patterns.
     pub components: Vec<Component>,
     /// The coordinates.
-    pub axes: Vec<Axis>,
+    pub axes: Vec<JointAngle>,
     /// The posture that pictures show the patterns on.
     pub posture: Posture<f64>,
 }
@@ -88,7 +89,7 @@ pub fn technique(
     options: Options,
 ) -> Result<Technique> {
     let used = used(flight, settings, options)?;
-    let axes = axes();
+    let axes: Vec<JointAngle> = JointAngle::all().collect();
     let postures: Vec<Posture<f64>> = used.frames.iter().map(|frame| frame.posture).collect();
     let middle = mean(&postures);
     let rows: Vec<DVector<f64>> = postures
@@ -173,7 +174,7 @@ fn still(flight: &Flight, height: f64) -> Dynamics<f64> {
 
 /// The patterns above joint errors, with what the body answers.
 fn patterns_of(
-    axes: &[Axis],
+    axes: &[JointAngle],
     components: &[Component],
     linear: Option<&Linear>,
     dynamics: &Dynamics<f64>,
@@ -257,12 +258,12 @@ fn turning(patterns: &[Pattern]) -> Option<usize> {
         .map(|(k, _)| k)
 }
 
-fn pattern(axes: &[Axis], found: &Component, answer: Option<Answer>) -> Pattern {
+fn pattern(axes: &[JointAngle], found: &Component, answer: Option<Answer>) -> Pattern {
     let mut weights: Vec<Weight> = axes
         .iter()
         .enumerate()
         .map(|(k, axis)| Weight {
-            angle: axis.name(),
+            angle: axis.to_string(),
             weight: found.weights[k],
             deviation: found.deviations[k],
         })

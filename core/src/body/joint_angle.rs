@@ -54,6 +54,11 @@ impl JointAngle {
         })
     }
 
+    /// The paper's angles psi, theta, phi for each radian of it.
+    pub const fn shares(&self) -> [f64; 3] {
+        self.shares
+    }
+
     /// Whether it bends a knee.
     pub fn is_bend(&self) -> bool {
         self.name == BEND.0

@@ -6,9 +6,9 @@ use nalgebra::DVector;
 use serde::Serialize;
 
 use super::agreement::input;
-use super::axes::Axis;
 use super::linear::Linear;
 use super::response::{Response, response};
+use bodyflight_core::body::joint_angle::JointAngle;
 use bodyflight_core::dynamics::step::TIME_STEP;
 
 /// Place of the turn rate among the outputs.
@@ -103,7 +103,7 @@ pub struct Expert {
 pub fn against(
     linear: &Linear,
     dynamics: &Dynamics<f64>,
-    axes: &[Axis],
+    axes: &[JointAngle],
     own: &DVector<f64>,
     experts: &[Expert],
     step: f64,
@@ -175,7 +175,7 @@ pub fn against(
 
 /// The pattern `own` with each joint left out, and as in `other`.
 fn single_changes(
-    axes: &[Axis],
+    axes: &[JointAngle],
     own: &DVector<f64>,
     other: Option<&DVector<f64>>,
 ) -> Vec<(Segment, &'static str, DVector<f64>)> {

@@ -7,8 +7,8 @@ use bodyflight_core::dynamics::step::TIME_STEP;
 use nalgebra::DVector;
 use serde::Serialize;
 
-use super::axes::Axis;
 use super::linear::Linear;
+use bodyflight_core::body::joint_angle::JointAngle;
 use bodyflight_replay::joint_change::REACH;
 
 /// Share by which the two may differ.
@@ -61,7 +61,7 @@ pub fn input(frequency_hz: Option<f64>, size: f64, seconds: f64) -> Vec<f64> {
 pub fn agreement(
     linear: &Linear,
     dynamics: &Dynamics<f64>,
-    axes: &[Axis],
+    axes: &[JointAngle],
     weights: &DVector<f64>,
 ) -> Vec<Agreement> {
     let single = linear.of_pattern(weights);

@@ -4,46 +4,11 @@
 //! parent, has no jump and no gimbal lock, and for small angles its components are the changes of the paper's angles, as
 //! `simulate --joint` adds them.
 
+use bodyflight_core::body::joint_angle::JointAngle;
 use bodyflight_core::body::posture::near;
 use bodyflight_core::math::normalized;
 use bodyflight_core::{Posture, Segment};
-use bodyflight_replay::joint_change::{Angle, angles};
 use nalgebra::{DVector, Quaternion, UnitQuaternion, Vector4};
-
-/// Angles of each joint.
-const PER_JOINT: usize = 3;
-
-/// An angle of a joint.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Axis {
-    /// The segment at whose proximal end the joint is.
-    pub segment: Segment,
-    /// The angle.
-    pub angle: Angle,
-}
-
-impl Axis {
-    /// Name of joint and angle, as `simulate --joint` reads it.
-    pub fn name(&self) -> String {
-        format!("{}.{}", self.segment.name(), self.angle.0)
-    }
-}
-
-/// All angles of all joints: 45. A knee has `bend` instead of `phi`.
-pub fn axes() -> Vec<Axis> {
-    let joints = Segment::ALL
-        .into_iter()
-        .filter(|segment| *segment != Segment::Pelvis);
-    joints
-        .flat_map(|segment| {
-            let all: Vec<Angle> = angles(segment).collect();
-            // The first is the bend of a knee, which takes the place of the last.
-            all.into_iter()
-                .take(PER_JOINT)
-                .map(move |angle| Axis { segment, angle })
-        })
-        .collect()
-}
 
 /// The mean rotation of each joint.
 pub fn mean(postures: &[Posture<f64>]) -> Posture<f64> {
@@ -62,13 +27,13 @@ pub fn mean(postures: &[Posture<f64>]) -> Posture<f64> {
 }
 
 /// Changes of the joint angles from `mean` to `posture` (rad), in the order of `axes`.
-pub fn deviation(axes: &[Axis], mean: &Posture<f64>, posture: &Posture<f64>) -> DVector<f64> {
+pub fn deviation(axes: &[JointAngle], mean: &Posture<f64>, posture: &Posture<f64>) -> DVector<f64> {
     DVector::from_iterator(
         axes.len(),
         axes.iter().map(|axis| {
             let from = mean.parent_from_segment(axis.segment);
             let turn = (posture.parent_from_segment(axis.segment) * from.inverse()).scaled_axis();
-            let [psi, theta, phi] = axis.angle.1;
+            let [psi, theta, phi] = axis.shares();
             // The paper's angles are passive.
             -(psi * turn.z + theta * turn.y + phi * turn.x)
         }),
@@ -76,10 +41,10 @@ pub fn deviation(axes: &[Axis], mean: &Posture<f64>, posture: &Posture<f64>) -> 
 }
 
 /// A pattern for [`bodyflight_core::body::pattern::moved`], from weights in the order of `axes`.
-pub fn pattern(axes: &[Axis], weights: &DVector<f64>) -> Vec<(Segment, [f64; 3])> {
+pub fn pattern(axes: &[JointAngle], weights: &DVector<f64>) -> Vec<(Segment, [f64; 3])> {
     let mut joints: Vec<(Segment, [f64; 3])> = Vec::new();
     for (axis, weight) in axes.iter().zip(weights.iter()) {
-        let by = axis.angle.1.map(|share| share * weight);
+        let by = axis.shares().map(|share| share * weight);
         match joints.last_mut() {
             Some((segment, sum)) if *segment == axis.segment => {
                 for (sum, by) in sum.iter_mut().zip(by) {
@@ -100,15 +65,16 @@ mod tests {
 
     #[test]
     fn a_change_by_a_pattern_is_found_in_its_angle_and_no_other() {
-        let (axes, neutral) = (axes(), neutral::<f64>());
+        let axes: Vec<JointAngle> = JointAngle::all().collect();
+        let neutral = neutral::<f64>();
         assert_eq!(axes.len(), 45);
         for (k, axis) in axes.iter().enumerate() {
             let mut weights = DVector::zeros(axes.len());
             weights[k] = 0.3;
             let to = moved(&neutral, &pattern(&axes, &weights), 1.0);
             let found = deviation(&axes, &neutral, &to);
-            assert!((found - weights).norm() < 1e-9, "{}", axis.name());
+            assert!((found - weights).norm() < 1e-9, "{axis}");
         }
-        assert!(axes.iter().any(|axis| axis.name() == "l_shank.bend"));
+        assert!(axes.iter().any(|axis| axis.to_string() == "l_shank.bend"));
     }
 }

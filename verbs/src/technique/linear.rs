@@ -16,8 +16,9 @@ use bodyflight_core::observation::Observation;
 use bodyflight_core::{Posture, Segment};
 use nalgebra::{DMatrix, DVector, SMatrix, SVector};
 
-use super::axes::{Axis, pattern as of_weights};
+use super::axes::pattern as of_weights;
 use crate::stability::{DISTURBANCE, STATES, difference, disturbed, slope};
+use bodyflight_core::body::joint_angle::JointAngle;
 
 /// Number of outputs.
 pub const OUTPUTS: usize = 5;
@@ -109,7 +110,7 @@ impl Linear {
     pub fn of(
         dynamics: &Dynamics<f64>,
         inputs: &Inputs<f64>,
-        axes: &[Axis],
+        axes: &[JointAngle],
     ) -> Result<Self, TrimError> {
         let (fall, posture, motion) = balanced(dynamics, inputs)?;
         let sample = dynamics.hold(&posture);
@@ -127,8 +128,8 @@ impl Linear {
                 outputs(&start.motion(moving)),
             )
         };
-        let column = |axis: &Axis| {
-            let along: &[(Segment, [f64; 3])] = &[(axis.segment, axis.angle.1)];
+        let column = |axis: &JointAngle| {
+            let along: &[(Segment, [f64; 3])] = &[(axis.segment, axis.shares())];
             let at = |by: f64| moved(&posture, along, by);
             let half = 0.5 * RATE * TIME_STEP;
             let held = [ANGLE, -ANGLE].map(|by| effect(&dynamics.hold(&at(by))));
@@ -218,7 +219,7 @@ impl Linear {
     pub fn flown(
         &self,
         dynamics: &Dynamics<f64>,
-        axes: &[Axis],
+        axes: &[JointAngle],
         weights: &DVector<f64>,
         amplitude: &[f64],
     ) -> Option<Vec<Seen>> {
