@@ -1,7 +1,7 @@
 //! `bodyflight compare`: recordings of one maneuver beside each other, and what their differences do by the model.
 //!
-//! [`align`] finds which times belong together, from events ([`event`]) or by time warping ([`warp`]); [`joints`] finds
-//! the differences of joints that the errors of the suits do not explain, [`effect`] flies them, and [`words`] says it.
+//! `align` finds which times belong together, from events (`event`) or by time warping (`warp`); `joints` finds
+//! the differences of joints that the errors of the suits do not explain, `effect` flies them, and `words` says it.
 
 pub mod align;
 pub mod difference;

@@ -72,15 +72,8 @@ impl Sensed {
     pub fn of_maneuver(name: &str, seconds: f64, sensor: &SensorBytes) -> Result<Self> {
         let (flight, mut frames) = flown(name)?;
         frames.retain(|frame| frame.time <= seconds);
-        let (configure, table) =
-            configuration_at(&flight, 0.0, "auto", RATE).map_err(|problem| problem.to_string())?;
-        let bytes = sensor.of(&frames);
-        Ok(Self {
-            setup: Setup { configure, table },
-            frames,
-            bytes,
-            muscle: [0.0; 3],
-        })
+        let sensed = Self::by(&flight, frames, RATE, sensor);
+        sensed.map_err(|problem| problem.to_string())
     }
 
     fn read(
@@ -99,7 +92,17 @@ impl Sensed {
             }
             frames.push(frame);
         }
-        let (configure, table) = configuration_at(&flight, 0.0, "auto", rate)?;
+        Self::by(&flight, frames, rate, sensor)
+    }
+
+    /// What a sensor sends in a flight of that frame rate (Hz).
+    fn by(
+        flight: &file::Flight,
+        frames: Vec<FlightFrame>,
+        rate: f64,
+        sensor: &SensorBytes,
+    ) -> bodyflight_io::diagnostic::Result<Self> {
+        let (configure, table) = configuration_at(flight, 0.0, "auto", rate)?;
         let bytes = sensor.of(&frames);
         Ok(Self {
             setup: Setup { configure, table },
