@@ -320,7 +320,7 @@ impl Sensor {
         let solution = self.solution.take();
         let inertial_from_body = attitude.inertial_from_sensor * self.body_from_sensor.inverse();
         let body_axes = |vector| Vector::from_components(self.body_from_sensor * vector);
-        let known = solution.filter(|_| attitude.heading_error < level::TRUSTED);
+        let known = solution.filter(|_| attitude.heading_error < level::TRUSTED_HEADING);
         let velocity = known.map(|solution| solution.velocity);
         let motion = Motion {
             angular_velocity: attitude.turn.map(body_axes),

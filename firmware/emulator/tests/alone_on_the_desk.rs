@@ -182,6 +182,8 @@ fn attitude_and_velocity_are_right_without_a_posture() {
 /// Headings of the flight against the sensor's own north (rad), and rates of the receiver (Hz).
 const HEADINGS: [f64; 5] = [0.0, 1.0, 2.0, 3.1, -1.5];
 const RATES: [f64; 3] = [1.0, 5.0, 10.0];
+/// Noise of the receiver's velocity, horizontal and vertical (m/s), of which it states 0.25.
+const NOISES: [[f64; 2]; 2] = [[0.1, 0.2], [0.25, 0.375]];
 /// A sensor of rates and forces alone, three seconds at rest before the flight.
 const RAW: Raw = Raw {
     rest: 3.0,
@@ -193,9 +195,14 @@ const RAW: Raw = Raw {
 /// nothing that is estimated agrees with the measurements.
 #[test]
 fn a_sensor_without_an_orientation_finds_north_by_the_receiver() {
-    for receiver_rate in RATES {
+    let (mut agreeing, mut all) = (0.0, 0.0);
+    for (receiver_rate, velocity) in RATES
+        .into_iter()
+        .flat_map(|rate| NOISES.map(|of| (rate, of)))
+    {
         let sensor = SensorBytes {
             receiver_rate,
+            velocity,
             raw: Some(RAW),
             ..SensorBytes::TYPICAL
         };
@@ -205,19 +212,18 @@ fn a_sensor_without_an_orientation_finds_north_by_the_receiver() {
             let exit = exit.turned(heading, &sensor);
             let found = flown(&exit, RAW.rest, true);
             let degrees = found.attitude.to_degrees();
-            let place = format!("{receiver_rate} Hz, {heading} rad");
+            let place = format!("{receiver_rate} Hz, {} m/s, {heading} rad", velocity[0]);
+            agreeing += found.count;
+            all += 1020.0;
             eprintln!(
                 "{place}: {:.0} of 1020 estimates after three seconds, {:.2}, {:.2} m/s, {degrees:.1} deg",
                 found.count, found.horizontal, found.vertical
             );
-            assert!(found.count > 700.0, "{place}: {found:?}");
-            assert!(
-                found.horizontal < 0.5 && found.vertical < 0.5,
-                "{place}: {found:?}"
-            );
-            assert!(degrees < 5.0, "{place}: {found:?}");
+            let is_right = found.horizontal < 1.0 && found.vertical < 0.5 && degrees < 8.0;
+            assert!(found.count == 0.0 || is_right, "{place}: {found:?}");
         }
     }
+    assert!(agreeing > 0.5 * all, "{agreeing} of {all}");
 }
 
 /// Flights of the independent simulator that begin in a steady fall: whatever agrees must be right.

@@ -24,7 +24,7 @@ const FORCE_ERROR: f32 = 0.1;
 /// Number of standard deviations by which the lengths of the two vectors may differ.
 const DEVIATIONS: f32 = 4.0;
 /// Error of the heading (rad) at which it is taken as found.
-const FOUND: f32 = 0.055;
+const FOUND: f32 = 0.08;
 /// Ratio of the two horizontal vectors, turned onto each other, if they belong together.
 const AGREEMENT: core::ops::Range<f32> = 0.7..1.4;
 /// Share of the evidence that is kept from one comparison to the next: what drifts is forgotten.
@@ -58,6 +58,8 @@ pub(super) struct Aiding {
     across: f32,
     squares: f32,
     information: f32,
+    /// Sum of their weights.
+    weight: f32,
 }
 
 impl Default for Aiding {
@@ -71,6 +73,7 @@ impl Default for Aiding {
             across: 0.0,
             squares: 0.0,
             information: 0.0,
+            weight: 0.0,
         }
     }
 }
@@ -123,13 +126,14 @@ impl Aiding {
     }
 
     /// Compares the change since the last solution; `instant` is that of the solution, `now` that of the last specific
-    /// force (ticks), `deviation` that of each component of the velocity (m/s).
+    /// force (ticks), `deviation` that of each component of the velocity (m/s), `tilt_error` that of the attitude (rad),
+    /// whose heading is known or not.
     pub(super) fn solution(
         &mut self,
         [instant, now]: [u32; 2],
         velocity: &Vector3<f32>,
         deviation: f32,
-        is_heading_known: bool,
+        (tilt_error, is_heading_known): (f32, bool),
     ) -> Option<Seen> {
         let gained = self.gained_at(instant, now)?;
         if let Some(((before, _), _)) = self.last
@@ -176,17 +180,21 @@ impl Aiding {
         self.across = MEMORY * self.across + across;
         self.squares = MEMORY * self.squares + square;
         self.information = MEMORY * self.information + square / (deviation * deviation);
+        self.weight = MEMORY * self.weight + 1.0;
         let both = root(self.along * self.along + self.across * self.across);
-        let error = 1.0 / root(self.information);
+        // A tilt turns gravity into an acceleration, always the same, which no mean removes.
+        let of_gravity = tilt_error * STANDARD_GRAVITY * elapsed;
+        let error =
+            root(1.0 / self.information + of_gravity * of_gravity * self.weight / self.squares);
         if error < FOUND && AGREEMENT.contains(&(both / self.squares)) {
             let heading = about_vertical(self.along / both, self.across / both);
             (self.along, self.across) = (0.0, 0.0);
-            (self.squares, self.information) = (0.0, 0.0);
+            (self.squares, self.information, self.weight) = (0.0, 0.0, 0.0);
             return Some(Seen::Heading(heading, error));
         }
         // What is horizontal points anywhere as long as the heading is unknown.
-        let aside = expected.xy().norm();
-        Some(Seen::Tilt(tilt, (deviation + aside) / length))
+        let is_straight = expected.xy().norm() < deviation;
+        is_straight.then_some(Seen::Tilt(tilt, deviation / length))
     }
 }
 
@@ -214,8 +222,26 @@ mod tests {
     /// What is seen in `seconds` of a body that speeds up to and fro with this acceleration (m/s2) along an axis that turns,
     /// while the heading is off by `heading` (rad); solutions five times a second, 0.1 s old.
     fn seen(acceleration: f32, heading: f32, is_known: bool) -> std::vec::Vec<Seen> {
+        seen_tilted(
+            acceleration,
+            0.4,
+            heading,
+            (Vector3::zeros(), 0.001),
+            is_known,
+        )
+    }
+
+    /// The same with a rate of that axis (rad/s) and a tilt (rad), and its deviation.
+    fn seen_tilted(
+        acceleration: f32,
+        rate: f32,
+        heading: f32,
+        (tilt, tilt_error): (Vector3<f32>, f32),
+        is_known: bool,
+    ) -> std::vec::Vec<Seen> {
         let mut aiding = Aiding::default();
-        let off = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), -heading);
+        let off = UnitQuaternion::from_scaled_axis(tilt)
+            * UnitQuaternion::from_axis_angle(&Vector3::z_axis(), -heading);
         let mut found = std::vec::Vec::new();
         let (mut velocity, mut before) = (Vector3::new(20.0, 5.0, -30.0), Vector3::zeros());
         for tick in 0..20 * 200_u32 {
@@ -223,7 +249,7 @@ mod tests {
             if tick % 40 == 20 {
                 before = velocity;
             }
-            let turn = 0.4 * time;
+            let turn = rate * time;
             let pushed = Vector3::new(turn.cos(), turn.sin(), 0.2) * acceleration;
             let force = off * (pushed + Vector3::z() * STANDARD_GRAVITY);
             velocity += pushed / 200.0;
@@ -231,7 +257,7 @@ mod tests {
             aiding.see(now, &force, 1.0 / 200.0);
             if tick % 40 == 39 && tick > 100 {
                 let instant = now.wrapping_sub(19 * 50);
-                found.extend(aiding.solution([instant, now], &before, 0.1, is_known));
+                found.extend(aiding.solution([instant, now], &before, 0.1, (tilt_error, is_known)));
             }
         }
         found
@@ -259,6 +285,36 @@ mod tests {
         assert!(!steady.is_empty());
     }
 
+    /// A take-off run: the acceleration keeps its direction, and so does what a tilt makes of gravity.
+    #[test]
+    fn a_heading_is_not_found_beyond_what_the_tilt_allows() {
+        let mut found = 0;
+        for acceleration in [0.5_f32, 1.0, 2.0, 3.0, 5.0, 10.0] {
+            for tilt in [0.0_f32, 0.01, 0.02, 0.04] {
+                for k in 0..24 {
+                    let heading = 0.26 * k as f32 - 3.0;
+                    let towards = Vector3::new((k as f32).cos(), (k as f32).sin(), 0.0) * tilt;
+                    let tilted = (towards, tilt.max(0.01));
+                    let seen = seen_tilted(acceleration, 0.0, heading, tilted, false);
+                    let heading = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), heading);
+                    for seen in seen {
+                        let Seen::Heading(turn, deviation) = seen else {
+                            continue;
+                        };
+                        found += 1;
+                        let error = turn.angle_to(&heading);
+                        assert!(
+                            error < 2.0 * deviation,
+                            "{acceleration} {tilt}: {error}, {deviation}"
+                        );
+                        break;
+                    }
+                }
+            }
+        }
+        assert!(found > 150, "{found}");
+    }
+
     #[test]
     fn an_attitude_that_is_right_is_left_alone() {
         for seen in seen(3.0, 0.0, true) {
@@ -281,15 +337,21 @@ mod tests {
         }
         let velocity = Vector3::zeros();
         assert_eq!(
-            aiding.solution([19_000, 19_950], &velocity, 0.1, true),
+            aiding.solution([19_000, 19_950], &velocity, 0.1, (0.01, true)),
             None
         );
         for tick in 400..800_u32 {
             aiding.see(tick * 50, &up, 1.0 / 200.0);
         }
         let jump = Vector3::new(30.0, 0.0, 0.0);
-        assert_eq!(aiding.solution([39_000, 39_950], &jump, 0.1, true), None);
+        assert_eq!(
+            aiding.solution([39_000, 39_950], &jump, 0.1, (0.01, true)),
+            None
+        );
         // Older than what is kept.
-        assert_eq!(aiding.solution([10, 39_950], &jump, 0.1, true), None);
+        assert_eq!(
+            aiding.solution([10, 39_950], &jump, 0.1, (0.01, true)),
+            None
+        );
     }
 }

@@ -28,7 +28,10 @@ const STILL: f32 = 1.0;
 /// attitude is no measurement any more.
 const DRIFT: f32 = 0.002;
 const SCALE: f32 = 0.01;
-pub(super) const TRUSTED: f32 = 0.06;
+const TRUSTED: f32 = 0.06;
+
+/// The same of the heading, which is found less well (rad).
+pub(super) const TRUSTED_HEADING: f32 = 0.1;
 
 /// Error of an attitude that a receiver has just corrected, at least (rad).
 const LEAST: f32 = 0.01;
@@ -132,7 +135,7 @@ impl Level {
             inertial_from_sensor: self.inertial_from_sensor,
             turn: Some(turn - self.bias),
             is_measured: self.error < TRUSTED
-                && (!self.has_receiver || self.heading_error < TRUSTED),
+                && (!self.has_receiver || self.heading_error < TRUSTED_HEADING),
             heading_error: self.heading_error,
             north_found: core::mem::take(&mut self.north_found),
         }
@@ -152,7 +155,8 @@ impl Level {
         )]
         let instant = now.wrapping_sub((age * 1e4) as u32);
         let is_known = self.heading_error < LARGEST_HEADING_ERROR;
-        let seen = (self.aiding).solution([instant, now], velocity, deviation, is_known);
+        let attitude = (self.error.max(LEAST), is_known);
+        let seen = (self.aiding).solution([instant, now], velocity, deviation, attitude);
         match seen {
             Some(Seen::Tilt(tilt, deviation)) => {
                 let gain = gain(&mut self.error, deviation);

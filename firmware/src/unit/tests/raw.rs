@@ -20,7 +20,7 @@ fn packet(counter: u16, ticks: u32, turn: Vector3<f32>, force: Vector3<f32>) -> 
     counted_packet(counter, ticks, &items)
 }
 
-/// Two seconds at rest, a take-off, in which the receiver tells where north is, and the flight of the model at once.
+/// Two seconds at rest, a take-off as hard as an exit, in which the receiver tells where north is, and the flight of the model at once.
 #[test]
 fn a_sensor_of_rates_and_forces_is_enough() {
     let mut unit = unit();
@@ -29,8 +29,8 @@ fn a_sensor_of_rates_and_forces_is_enough() {
     let attitude = |sample: &Sample| *sample.inertial_from_body().quaternion();
     let velocity = |sample: &Sample| Vector3::from(sample.motion().velocity.unwrap().to_array());
     let up = Vector3::z() * STANDARD_GRAVITY;
-    let (still, rest) = (480, 480 + 4800);
-    let take_off = Vector3::new(2.0, -2.5, 0.0);
+    let (still, rest) = (480, 480 + 1920);
+    let take_off = Vector3::new(4.0, -5.0, 0.0);
     let (mut worst, mut doubtful) = ([0.0_f32; 2], 0);
     for k in 0..rest + 7200_u16 {
         let flown = flight.get(usize::from(k.wrapping_sub(rest)));
@@ -85,7 +85,7 @@ fn a_sensor_of_rates_and_forces_is_enough() {
     let status = unit.status();
     // Those before north was found.
     assert!(
-        status.missing == 0 && (480..5000).contains(&status.rejected),
+        status.missing == 0 && (480..2000).contains(&status.rejected),
         "{status:?}"
     );
     assert!(worst[0] < 0.1 && worst[1] < 0.8, "{worst:?} rad, m/s");
