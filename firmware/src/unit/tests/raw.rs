@@ -20,7 +20,8 @@ fn packet(counter: u16, ticks: u32, turn: Vector3<f32>, force: Vector3<f32>) -> 
     counted_packet(counter, ticks, &items)
 }
 
-/// Two seconds at rest, a take-off as hard as an exit, in which the receiver tells where north is, and the flight of the model at once.
+/// Two seconds at rest, a take-off as hard as an exit, in which the receiver tells where north is, and the flight of the
+/// model at once.
 #[test]
 fn a_sensor_of_rates_and_forces_is_enough() {
     let mut unit = unit();
