@@ -32,6 +32,9 @@ use static_cell::{ConstStaticCell, StaticCell};
 use file::FileFlash;
 use uart::{Receiver, Transmitter, UART0, UART1};
 
+// Not by a feature of embassy-time, which would ask the images without a clock for one.
+defmt::timestamp!("{=u64:us}", embassy_time::Instant::now().as_micros());
+
 /// The board as the application sees it.
 struct An505 {
     recorder: Option<&'static Recorder>,
