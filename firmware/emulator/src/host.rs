@@ -1,9 +1,9 @@
 //! A host connected to the emulated chip, in the chip's time.
 
 use bodyflight_core::link::{
-    Configure, Decoder, Estimate, Event as LinkEvent, Header, Hello, HelloAcknowledge, LogAction,
-    LogAsk, MAX_FRAME_LENGTH, Message, SCHEMA_HASH, SegmentTable, Setup, SetupAction, SetupAsk,
-    SetupState, Start, Status, Stop, StreamMode, Verdict,
+    Configure, Decoder, Estimate, EstimateFlags, Event as LinkEvent, Header, Hello,
+    HelloAcknowledge, LogAction, LogAsk, MAX_FRAME_LENGTH, Message, SCHEMA_HASH, SegmentTable,
+    Setup, SetupAction, SetupAsk, SetupState, Start, Status, Stop, StreamMode, Verdict,
 };
 use bodyflight_unit::log::{self, LoggedFlight, Pieces};
 use bodyflight_unit::stream::twin::{Agreement, Twin};
@@ -364,6 +364,15 @@ impl Host {
             }
         }
         Ok(log::flights(&blocks))
+    }
+
+    /// Number of estimates of the session that were late, without the first two: the filter starts with the first sample,
+    /// which takes the time of five, so the estimate after it may be late by a millisecond.
+    pub fn late_in_flight(&self) -> usize {
+        let later = self.estimates.iter().skip(2);
+        later
+            .filter(|(_, estimate)| estimate.flags.contains(EstimateFlags::LATE))
+            .count()
     }
 
     /// Compares the estimates of the session with the desktop's.

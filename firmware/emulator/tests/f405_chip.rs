@@ -210,7 +210,8 @@ fn flights_are_kept_in_the_memory_chip_through_a_loss_of_power() {
     let samples = 3 * RATE as u32;
     let mut host = flying(&Options::new(), samples);
     let status = host.stop().unwrap();
-    assert_eq!((status.missing, status.deadline_missed), (0, 0));
+    assert_eq!(status.missing, 0);
+    assert!(status.deadline_missed <= 1 && host.late_in_flight() == 0);
     assert!(host.agreement().holds(), "{:?}", host.agreement());
     let estimates = host.estimates.len();
     // The next flight ends when the power fails.
