@@ -1,7 +1,6 @@
 //! The clock of a recording: the frame rate of the header, the times of the frames, and frames that repeat others.
 
-use bodyflight_core::SegmentArray;
-use nalgebra::{UnitQuaternion, Vector3};
+use super::plausibility::SAME;
 
 /// Fewest frames for which rates are compared.
 const LEAST_FRAMES: u64 = 10;
@@ -9,8 +8,6 @@ const LEAST_FRAMES: u64 = 10;
 const TOLERANCE: f64 = 0.03;
 /// Share of their difference within which the motion agrees with one of two rates.
 const NEAR: f64 = 0.3;
-/// Change of a component of a quaternion, or of a position (m), below which a frame repeats the one before.
-const SAME: f64 = 1e-9;
 /// Change of either between two frames of a body that moves, well above the last digit of a file.
 const MOVES: f64 = 5e-5;
 /// Share of repeated frames above which a recording was made at a lower rate than it states.
@@ -22,20 +19,11 @@ pub(super) struct Clock {
     frame_rate: f64,
     /// Written time (ms or s) of the first and the last frame that have one, with their indices.
     written: Option<[(u64, f64); 2]>,
-    last: Option<(SegmentArray<UnitQuaternion<f64>>, Vector3<f64>)>,
     /// Frames, and those that repeat the one before although the body moves.
     frames: u64,
     repeated: u64,
     is_moving: bool,
     first_repeated: Option<(u64, f64)>,
-}
-
-/// What the times of the frames say.
-pub(super) enum Rates {
-    /// They differ from the header, which the motion confirms or cannot judge.
-    HeaderIsUsed(String),
-    /// The motion contradicts the header.
-    HeaderIsWrong(String),
 }
 
 impl Clock {
@@ -46,26 +34,20 @@ impl Clock {
         }
     }
 
-    /// Takes a good frame: index, time (s), written time, attitudes of all segments and place of the pelvis (m).
+    /// Takes a good frame: index, time (s), written time, and the largest change since the one before, of a component of
+    /// a quaternion or of the place of the pelvis (m); none for the first.
     pub(super) fn see(
         &mut self,
         (index, time): (u64, f64),
         written: Option<f64>,
-        attitudes: &SegmentArray<UnitQuaternion<f64>>,
-        place: &Vector3<f64>,
+        change: Option<f64>,
     ) {
         if let Some(written) = written {
             let here = (index, written);
             self.written = Some([self.written.map_or(here, |[first, _]| first), here]);
         }
         self.frames += 1;
-        if let Some((last, from)) = &self.last {
-            let turned = attitudes.iter().map(|(segment, attitude)| {
-                let before = last[segment].coords;
-                let apart = (attitude.coords - before).amax();
-                apart.min((attitude.coords + before).amax())
-            });
-            let change = turned.fold((place - from).amax(), f64::max);
+        if let Some(change) = change {
             if change < SAME {
                 if self.is_moving {
                     self.repeated += 1;
@@ -77,7 +59,6 @@ impl Clock {
                 self.is_moving = change > MOVES;
             }
         }
-        self.last = Some((*attitudes, *place));
     }
 
     /// Frames per second according to the frame times, if they disagree with the header, and the frame that shows it.
@@ -94,9 +75,10 @@ impl Clock {
         (!rates.iter().any(near)).then_some((last, rates[0]))
     }
 
-    /// Frame times that disagree with the header, and the frame that shows it. The motion decides which of the two is
-    /// right, where it can: `scale` is the ratio of velocities to those of the positions at the rate of the header.
-    pub(super) fn rates(&self, scale: Option<f64>) -> Option<(u64, Rates)> {
+    /// Frame times that disagree with the header: the frame that shows it, a sentence, and whether the motion contradicts
+    /// the header rather than confirm it or tell nothing. `scale` is the ratio of velocities to those of the positions at
+    /// the rate of the header.
+    pub(super) fn rates(&self, scale: Option<f64>) -> Option<(u64, String, bool)> {
         let (frame, written) = self.written_rate()?;
         let header = self.frame_rate;
         let both =
@@ -104,16 +86,18 @@ impl Clock {
         let apart = written / header - 1.0;
         // Displacements in one frame are as long as the frame really was.
         let off = |scale: f64, expected: f64| (scale - expected).abs() < NEAR * apart.abs();
-        let rates = match scale {
-            Some(scale) if off(scale, 1.0) => Rates::HeaderIsUsed(format!(
-                "{both}; the header is used, with which positions and velocities agree"
-            )),
-            Some(scale) if off(scale, written / header) => Rates::HeaderIsWrong(format!(
-                "{both}, and positions and velocities agree with the frame times: set frameRate in the header"
-            )),
-            _ => Rates::HeaderIsUsed(format!("{both}; the header is used")),
+        let (why, is_wrong) = match scale {
+            Some(scale) if off(scale, 1.0) => (
+                "; the header is used, with which positions and velocities agree",
+                false,
+            ),
+            Some(scale) if off(scale, written / header) => (
+                ", and positions and velocities agree with the frame times: set frameRate in the header",
+                true,
+            ),
+            _ => ("; the header is used", false),
         };
-        Some((frame, rates))
+        Some((frame, both + why, is_wrong))
     }
 
     /// Frames that repeat the one before while the body moves, and the frame that shows it.

@@ -10,7 +10,7 @@ use super::warning::Warning;
 /// Shortest time that a segment keeps its attitude to be called frozen (s).
 const FROZEN_FOR: f64 = 0.2;
 /// Change of a component of a quaternion below which an attitude is the same, as in a repeated number.
-const SAME: f64 = 1e-9;
+pub(super) const SAME: f64 = 1e-9;
 /// Fewest other segments that must turn meanwhile: a body at rest is not frozen.
 const TURNING: usize = 12;
 /// Largest distance between the two sides of a joint (m).
@@ -47,21 +47,33 @@ pub(super) struct OpenJoint {
     pub(super) apart: f64,
 }
 
+/// Attitudes of the segments.
+pub(super) type Attitudes = SegmentArray<UnitQuaternion<f64>>;
+
+/// The largest change of a component of each segment's quaternion, whose sign means nothing.
+pub(super) fn changes(before: &Attitudes, here: &Attitudes) -> SegmentArray<f64> {
+    here.map(|segment, turned| {
+        let before = before[segment].coords;
+        (turned.coords - before)
+            .amax()
+            .min((turned.coords + before).amax())
+    })
+}
+
 /// What has been seen of single segments.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Plausibility {
-    last: Option<(FlightFrame, SegmentArray<UnitQuaternion<f64>>)>,
     still: Option<SegmentArray<Option<Run>>>,
     frozen: Option<SegmentArray<Option<Run>>>,
     open: Vec<(String, Run)>,
 }
 
 impl Plausibility {
-    /// Takes a good frame, with the attitudes of its segments and its joint that closes worst.
+    /// Takes a good frame, with the one before and the [changes] of attitudes since, and its joint that closes worst.
     pub(super) fn see(
         &mut self,
         frame: &FlightFrame,
-        here: &SegmentArray<UnitQuaternion<f64>>,
+        before: Option<(&FlightFrame, &SegmentArray<f64>)>,
         joint: Option<OpenJoint>,
     ) {
         if let Some(joint) = joint.filter(|joint| joint.apart > JOINT_LIMIT) {
@@ -77,23 +89,13 @@ impl Plausibility {
             run.last = frame.time;
             run.largest = run.largest.max(joint.apart);
         }
-        if let Some((before, last)) = self.last {
-            self.compare(&before, frame, &last, here);
+        if let Some((before, changes)) = before {
+            self.compare(before, frame, changes);
         }
-        self.last = Some((*frame, *here));
     }
 
-    fn compare(
-        &mut self,
-        before: &FlightFrame,
-        frame: &FlightFrame,
-        last: &SegmentArray<UnitQuaternion<f64>>,
-        here: &SegmentArray<UnitQuaternion<f64>>,
-    ) {
-        let same = here.map(|segment, turned| {
-            let apart = (turned.coords - last[segment].coords).amax();
-            apart.min((turned.coords + last[segment].coords).amax()) < SAME
-        });
+    fn compare(&mut self, before: &FlightFrame, frame: &FlightFrame, changes: &SegmentArray<f64>) {
+        let same = changes.map(|_, change| *change < SAME);
         let turning = same.values().filter(|same| !**same).count();
         let still = self
             .still
@@ -156,6 +158,7 @@ mod tests {
     fn watched(frozen: Option<(Segment, u64)>, rate: f64) -> Vec<Warning> {
         let mut seen = Plausibility::default();
         let mut kept = None;
+        let mut last: Option<(FlightFrame, Attitudes)> = None;
         for index in 0..400_u64 {
             let time = index as f64 / rate;
             let attitude =
@@ -183,14 +186,17 @@ mod tests {
                 bridged: false,
             };
             let apart = if index == 50 { 0.2 } else { 0.001 };
-            seen.see(
-                &frame,
-                &turned,
-                Some(OpenJoint {
-                    segment: "LeftHand".to_owned(),
-                    apart,
-                }),
-            );
+            let joint = OpenJoint {
+                segment: "LeftHand".to_owned(),
+                apart,
+            };
+            let before = last.replace((frame, turned));
+            let changes = before.as_ref().map(|(_, before)| changes(before, &turned));
+            let before = before
+                .as_ref()
+                .map(|(frame, _)| frame)
+                .zip(changes.as_ref());
+            seen.see(&frame, before, Some(joint));
         }
         seen.warnings()
     }

@@ -9,10 +9,10 @@ use nalgebra::{UnitQuaternion, Vector3};
 
 use super::agreement::Agreement;
 use super::bridge::BRIDGE_LIMIT;
-use super::clock::{Clock, Rates};
+use super::clock::Clock;
 use super::frame::FlightFrame;
 use super::paths::Paths;
-use super::plausibility::{OpenJoint, Plausibility};
+use super::plausibility::{Attitudes, OpenJoint, Plausibility, changes};
 use super::warning::Warning;
 use crate::xsens;
 
@@ -68,7 +68,7 @@ fn as_of_pelvis(recorded: &Vector3<f64>) -> Vector3<f64> {
 #[derive(Debug, Clone, Default)]
 pub(super) struct Watch {
     first: Option<FlightFrame>,
-    last: Option<FlightFrame>,
+    last: Option<(FlightFrame, Attitudes)>,
     clock: Clock,
     gaps: u64,
     largest_gap: Option<(u64, f64)>,
@@ -104,15 +104,19 @@ impl Watch {
     ) {
         let attitude = *frame.pelvis.inertial_from_body.quaternion();
         let attitudes = (frame.posture.body_from_segments()).map(|_, turned| attitude * turned);
-        let place = &frame.pelvis.position.components;
-        self.clock
-            .see((frame.index, frame.time), written, &attitudes, place);
-        self.segments.see(frame, &attitudes, joint);
-        if let Some(last) = self.last {
-            self.compare(&last, frame);
+        let last = self.last.replace((*frame, attitudes));
+        let before = (last.as_ref()).map(|(last, turned)| (last, changes(turned, &attitudes)));
+        let change = before.as_ref().map(|(last, changes)| {
+            let moved = frame.pelvis.position.components - last.pelvis.position.components;
+            changes.values().copied().fold(moved.amax(), f64::max)
+        });
+        self.clock.see((frame.index, frame.time), written, change);
+        let before = before.as_ref().map(|(last, changes)| (*last, changes));
+        self.segments.see(frame, before, joint);
+        if let Some((last, _)) = before {
+            self.compare(last, frame);
         }
         self.first.get_or_insert(*frame);
-        self.last = Some(*frame);
     }
 
     fn compare(&mut self, last: &FlightFrame, frame: &FlightFrame) {
@@ -172,7 +176,7 @@ impl Watch {
 
     /// The implausible findings so far.
     pub(super) fn warnings(&self) -> Vec<Warning> {
-        let (Some(first), Some(last)) = (&self.first, &self.last) else {
+        let (Some(first), Some((last, _))) = (&self.first, &self.last) else {
             return Vec::new();
         };
         let mut warnings = Vec::new();
@@ -199,13 +203,13 @@ impl Watch {
         }
         let scale = self.paths.scale();
         let mut is_clock_wrong = false;
-        match self.clock.rates(scale) {
-            Some((frame, Rates::HeaderIsUsed(message))) => warn(frame, message),
-            Some((frame, Rates::HeaderIsWrong(message))) => {
-                is_clock_wrong = true;
+        if let Some((frame, message, is_wrong)) = self.clock.rates(scale) {
+            is_clock_wrong = is_wrong;
+            if is_wrong {
                 warnings.push(Warning::fault(frame, whole, message));
+            } else {
+                warnings.push(Warning::new(frame, message));
             }
-            None => {}
         }
         if let Some((frame, from, message)) = self.clock.repetitions() {
             warnings.push(Warning::fault(frame, [from, last.time], message));
