@@ -91,6 +91,22 @@ impl<T: Real> Posture<T> {
         }
     }
 
+    /// Returns the mean rotation of each joint, all along the shorter arc from the first; the H-pose if there are none.
+    pub fn mean<'a>(mut postures: impl Iterator<Item = &'a Self>) -> Self {
+        let Some(first) = postures.next() else {
+            return Self::h_pose();
+        };
+        let mut sums = first.parent_from_segment.map(|_, rotation| rotation.coords);
+        for posture in postures {
+            for (segment, reference) in first.parent_from_segment.iter() {
+                sums[segment] += near(&posture.parent_from_segment[segment], reference).coords;
+            }
+        }
+        Self {
+            parent_from_segment: sums.map(|_, sum| math::normalized(Quaternion::from(*sum))),
+        }
+    }
+
     /// Returns the mirrored posture, with left and right exchanged.
     #[must_use]
     pub fn mirrored(&self) -> Self {
@@ -231,6 +247,19 @@ mod tests {
     use super::*;
     use crate::test_body::any_posture;
     use proptest::prelude::*;
+
+    #[test]
+    fn the_mean_of_postures_is_between_them_whatever_the_sign_of_a_quaternion() {
+        let at = |angle: f64| {
+            let turned = joint_rotation(0.0, angle, 0.0);
+            let other = UnitQuaternion::new_unchecked(-*turned);
+            Posture::h_pose().with(Segment::LeftShank, if angle > 0.4 { other } else { turned })
+        };
+        let mean = Posture::mean([at(0.2), at(0.4), at(0.6)].iter());
+        let found = mean.parent_from_segment(Segment::LeftShank);
+        assert!(found.angle_to(&joint_rotation(0.0, 0.4, 0.0)) < 1e-9);
+        assert_eq!(Posture::<f64>::mean([].iter()), Posture::h_pose());
+    }
 
     #[test]
     fn paper_angles_are_passive() {

@@ -3,9 +3,7 @@
 //! First one constant shift is found, at which the movements resemble each other most; then time is warped around it,
 //! within a band (Sakoe and Chiba 1978), so that memory and time are bounded.
 
-use bodyflight_core::body::posture::near;
 use bodyflight_core::{Posture, Segment};
-use nalgebra::{Quaternion, UnitQuaternion};
 
 use super::track::{Track, averaged, whole};
 
@@ -46,25 +44,11 @@ pub(super) fn step(tracks: [&Track; 2]) -> f64 {
     (longest[0].max(longest[1]) / (ROWS - 1) as f64).max(1.0 / RATE)
 }
 
-fn mean_posture(track: &Track) -> Posture<f64> {
-    let first = track.frames[0].posture;
-    Segment::ALL.into_iter().fold(first, |mean, segment| {
-        let reference = first.parent_from_segment(segment);
-        let sum = (track.frames.iter())
-            .map(|frame| near(frame.posture.parent_from_segment(segment), reference).coords)
-            .sum();
-        mean.with(
-            segment,
-            UnitQuaternion::from_quaternion(Quaternion::from_vector(sum)),
-        )
-    })
-}
-
 impl Movements {
     /// The movements of a recording, relative to its mean posture.
     pub(super) fn of(track: &Track, step: f64) -> Self {
         let [begin, end] = track.span();
-        let mean = mean_posture(track);
+        let mean = Posture::mean(track.frames.iter().map(|frame| &frame.posture));
         let spin = [0, 1, 2].map(|axis: usize| {
             track.smoothed(step.max(0.2), |seen| {
                 seen.angular_velocity.components[axis] / SPIN

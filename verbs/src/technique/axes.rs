@@ -5,26 +5,8 @@
 //! `simulate --joint` adds them.
 
 use bodyflight_core::body::joint_angle::JointAngle;
-use bodyflight_core::body::posture::near;
-use bodyflight_core::math::normalized;
 use bodyflight_core::{Posture, Segment};
-use nalgebra::{DVector, Quaternion, UnitQuaternion, Vector4};
-
-/// The mean rotation of each joint.
-pub fn mean(postures: &[Posture<f64>]) -> Posture<f64> {
-    let Some(first) = postures.first() else {
-        return Posture::h_pose();
-    };
-    Segment::ALL.into_iter().fold(*first, |posture, segment| {
-        let reference = first.parent_from_segment(segment);
-        let sum: Vector4<f64> = postures
-            .iter()
-            .map(|posture| near(posture.parent_from_segment(segment), reference).coords)
-            .sum();
-        let mean: UnitQuaternion<f64> = normalized(Quaternion::from(sum));
-        posture.with(segment, mean)
-    })
-}
+use nalgebra::DVector;
 
 /// Changes of the joint angles from `mean` to `posture` (rad), in the order of `axes`.
 pub fn deviation(axes: &[JointAngle], mean: &Posture<f64>, posture: &Posture<f64>) -> DVector<f64> {
