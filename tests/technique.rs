@@ -97,7 +97,6 @@ fn the_pattern_of_a_turn_and_its_transfer_function_are_recovered() {
         println!("{name}: cosine {alike:.4}, gain within {slow:.3} to 0.5 Hz, {fast:.3} to 2 Hz");
         assert!(alike.abs() > cosine, "{name}: {alike}");
         assert!(slow < tolerance, "{name}: {slow}");
-        // Sway of other joints is part of the pattern found, and they answer faster.
         assert!(fast < 3.0 * tolerance, "{name}: {fast}");
         // The recorded turn is that of the linear response: same model.
         let correlation = report["recorded"]["correlation"]
@@ -132,6 +131,20 @@ fn the_full_simulation_meets_the_linear_response_at_small_amplitudes() {
         .as_f64()
         .expect("an angle");
     assert!(turned > 0.5, "{against}");
+}
+
+#[test]
+fn the_patterns_of_a_recording_that_contradicts_itself_are_doubted() {
+    let Some(cases) = bodyflight_shared_data::shared("cases/recordings") else {
+        return;
+    };
+    let output = PROGRAM.run(&["technique", plain(&cases.join("bad-frozen.mvnx.xz"))]);
+    assert_eq!(output.status.code(), Some(5));
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(
+        said.contains("r_forearm keeps exactly the same attitude"),
+        "{said}"
+    );
 }
 
 #[test]

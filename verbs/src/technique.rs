@@ -19,13 +19,13 @@ use bodyflight_core::dynamics::Dynamics;
 use bodyflight_core::dynamics::trim::TrimError;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::interrupt;
-use bodyflight_mvnx::recording::{FlightFrame, Options};
+use bodyflight_mvnx::recording::{FlightFrame, Options, faults};
 use bodyflight_replay::flight::{DensityChoice, Flight};
 use nalgebra::DVector;
 
 use against::{Expert, TURN, against};
 use agreement::agreement;
-use axes::{deviation, mean};
+use axes::deviation;
 use bodyflight_core::body::joint_angle::JointAngle;
 use linear::{Linear, OUTPUTS};
 use patterns::{Component, State, components, floor};
@@ -76,6 +76,8 @@ pub struct Technique {
 struct Used {
     frames: Vec<FlightFrame>,
     duration: f64,
+    /// Why the recording should not be trusted.
+    doubt: Option<String>,
 }
 
 /// Analyses a flight, also against the turn patterns of `experts`.
@@ -91,7 +93,7 @@ pub fn technique(
     let used = used(flight, settings, options)?;
     let axes: Vec<JointAngle> = JointAngle::all().collect();
     let postures: Vec<Posture<f64>> = used.frames.iter().map(|frame| frame.posture).collect();
-    let middle = mean(&postures);
+    let middle = Posture::mean(postures.iter());
     let rows: Vec<DVector<f64>> = postures
         .iter()
         .map(|posture| deviation(&axes, &middle, posture))
@@ -107,7 +109,8 @@ pub fn technique(
         .as_ref()
         .ok()
         .map(|linear| fall(linear, &used.frames));
-    let mut doubts = doubts_of(linear.as_ref().err(), fall.as_ref(), &components);
+    let mut doubts: Vec<String> = used.doubt.into_iter().collect();
+    doubts.extend(doubts_of(linear.as_ref().err(), fall.as_ref(), &components));
     let patterns = patterns_of(&axes, &components, linear.as_ref().ok(), &dynamics)?;
     let recorded = match (&linear, settings.turns) {
         (Ok(linear), false) => recorded::recorded(linear, &used.frames, &rows),
@@ -348,7 +351,8 @@ fn used(flight: &Flight, settings: &Settings, options: Options) -> Result<Used> 
         )));
     }
     let mut all: Vec<FlightFrame> = Vec::new();
-    for frame in flight.open(options)? {
+    let mut recording = flight.open(options)?;
+    for frame in recording.by_ref() {
         let frame = frame?;
         let within = settings.from.is_none_or(|from| frame.time >= from)
             && settings.to.is_none_or(|to| frame.time <= to);
@@ -394,5 +398,6 @@ fn used(flight: &Flight, settings: &Settings, options: Options) -> Result<Used> 
     Ok(Used {
         frames: all,
         duration,
+        doubt: faults(&recording.warnings()),
     })
 }

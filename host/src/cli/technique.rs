@@ -23,7 +23,7 @@ use super::{simulate, terminal};
                   model linearised about the trimmed neutral pose of the flight's subject (docs/technique.md).\n\n\
                   Examples:\n  bodyflight technique flight.toml --picture patterns.svg --bode bode.svg\n  \
                   bodyflight technique turn-1 --against turn-2 --against turn-3\n\n\
-                  Exit code 5: no pattern is above joint errors, or the response is not that of the maneuver."
+                  Exit code 5: no pattern is above joint errors, the response is not that of the maneuver, or the recording cannot be trusted."
 )]
 pub(super) struct Args {
     /// flight.toml files, their folders, or MVNX files on their own; each is analysed separately.
