@@ -12,7 +12,8 @@ use nalgebra::Vector3;
 use super::joints::WINDOW;
 use super::words::joint;
 use super::{Compared, Track};
-use crate::output::bodies::{BACK, LEFT, View, escaped, posed, seen};
+use crate::output::bodies::{BACK, LEFT, View, posed, seen};
+use crate::output::figure::escaped;
 use crate::output::plot::{Band, CHANGED, Curve, Line, Panel, UNCHANGED, figure_svg};
 
 /// Width of the figure, of the square of a body, and heights of title and captions (px).

@@ -7,7 +7,7 @@ use bodyflight_core::math::wrap_angle;
 use bodyflight_io::diagnostic::Result;
 use bodyflight_mvnx::recording::FlightFrame;
 use bodyflight_replay::comparison::{CHANNELS, Channel};
-use bodyflight_viewer::frame::{SEGMENT_NUMBERS, frame, place};
+use bodyflight_viewer::frame::frame;
 use nalgebra::{UnitQuaternion, Vector3};
 use serde::Serialize;
 
@@ -15,6 +15,7 @@ use super::figure::{drawn, turned};
 use super::track::whole;
 use super::words::joint;
 use super::{Compared, Track};
+use crate::view::run::of_segments;
 use crate::view::series::{Packed, RATE, Series};
 use crate::view::shape::{Shape, Worn, shapes};
 
@@ -112,24 +113,13 @@ impl<'a> Flown<'a> {
         );
         let inputs = self.track.flight.inputs_at(time);
         let frame = frame(&self.dynamics, &inputs, &near.posture, &motion, time);
-        let part = |name: &str, count: usize| {
-            let from = place(name).unwrap_or(0);
-            frame[from..from + count].iter().copied().map(f64::from)
-        };
-        let segments: Vec<f64> = part("segments", SEGMENT_COUNT * SEGMENT_NUMBERS).collect();
-        let of_segments = |from: usize, count: usize| {
-            let all = segments.chunks_exact(SEGMENT_NUMBERS);
-            all.flat_map(move |segment| segment[from..from + count].iter().copied())
-        };
         let position = self.turn * (near.pelvis.position.components - self.from) + self.to;
         let attitude = motion.inertial_from_body.quaternion();
         let channels = Channel::ALL.map(|channel| self.track.channel(channel, time));
         Ok((position.iter().copied())
             .chain([attitude.w, attitude.i, attitude.j, attitude.k])
             .chain(channels)
-            .chain(of_segments(4, 4))
-            .chain(of_segments(8, 3))
-            .chain(of_segments(11, 3))
+            .chain(of_segments(&frame))
             .collect())
     }
 }

@@ -6,7 +6,8 @@ use std::fmt::Write as _;
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
-use crate::output::bodies::{Ellipsoid, SOUTH, escaped, seen};
+use crate::output::bodies::{Ellipsoid, SOUTH, seen};
+use crate::output::figure::escaped;
 use crate::view::series::Series;
 use crate::view::shape::Shape;
 

@@ -132,11 +132,6 @@ impl Ellipse {
     }
 }
 
-/// Text that is not markup.
-pub fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

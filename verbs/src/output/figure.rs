@@ -10,6 +10,11 @@ use std::path::Path;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::files::write_file;
 
+/// Text that is not markup.
+pub fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;")
+}
+
 /// A figure format.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Format {

@@ -7,6 +7,8 @@ use bodyflight_core::frame::{self, Inertial, Rotation};
 use bodyflight_core::{Body, Posture, Segment};
 use nalgebra::Vector3;
 
+use super::figure::escaped;
+
 /// Size of a view, its margin, and the height of its title (px).
 const VIEW: f64 = 250.0;
 const EDGE: f64 = 26.0;
@@ -113,7 +115,7 @@ pub fn svg(
         },
     ];
     let (width, height) = (VIEW * views.len() as f64, HEAD + VIEW);
-    let plain = title.replace('&', "&amp;").replace('<', "&lt;");
+    let plain = escaped(title);
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" font-family=\"sans-serif\" font-size=\"11\">\n\
          <rect width=\"100%\" height=\"100%\" fill=\"#ffffff\"/>\n<text x=\"8\" y=\"18\" font-size=\"14\">{plain}</text>\n"

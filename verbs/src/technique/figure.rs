@@ -12,6 +12,8 @@ use super::Technique;
 use super::against::TURN;
 use super::axes::pattern;
 use super::report::Pattern;
+use crate::output::bodies::View;
+use crate::output::figure::escaped;
 use crate::output::limbs::limbs;
 use crate::output::plot::{Curve, Line, Panel, figure_svg, figure_svg_over};
 
@@ -117,21 +119,34 @@ const EDGE: f64 = 24.0;
 const HEAD: f64 = 44.0;
 /// Half the width that a view shows (m).
 const HALF: f64 = 1.15;
+/// Views of a pattern, in body axes.
+const VIEWS: [View; 3] = [
+    View {
+        name: "from the front",
+        right: [1.0, 0.0, 0.0],
+        up: [0.0, 0.0, 1.0],
+    },
+    View {
+        name: "from its left",
+        right: [0.0, 1.0, 0.0],
+        up: [0.0, 0.0, 1.0],
+    },
+    View {
+        name: "from its head",
+        right: [1.0, 0.0, 0.0],
+        up: [0.0, 1.0, 0.0],
+    },
+];
 
 /// Each pattern on the body: the neutral pose in grey, and the pose with the pattern twice its RMS either way.
 pub fn picture_svg(title: &str, body: &Body<f64>, technique: &Technique) -> String {
-    let views: [(&str, Vector3<f64>, Vector3<f64>); 3] = [
-        ("from the front", Vector3::x(), Vector3::z()),
-        ("from its left", Vector3::y(), Vector3::z()),
-        ("from its head", Vector3::x(), Vector3::y()),
-    ];
     let rows = technique.report.patterns.len().max(1);
     #[expect(clippy::cast_precision_loss, reason = "at most eight rows")]
     let (width, height) = (
-        VIEW * views.len() as f64,
+        VIEW * VIEWS.len() as f64,
         (HEAD + VIEW) * rows as f64 + HEAD,
     );
-    let plain = title.replace('&', "&amp;").replace('<', "&lt;");
+    let plain = escaped(title);
     // Writing to a String cannot fail.
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" font-family=\"sans-serif\" font-size=\"11\">\n\
@@ -156,20 +171,22 @@ pub fn picture_svg(title: &str, body: &Body<f64>, technique: &Technique) -> Stri
             (moved(&technique.posture, &along, -size), "#1565c0", 2.0),
         ];
         let mut left = 0.0;
-        for (name, right, up) in &views {
+        for view in &VIEWS {
             let _ = writeln!(
                 svg,
-                "<text x=\"{:.0}\" y=\"{:.0}\" fill=\"#777777\">{name}</text>",
+                "<text x=\"{:.0}\" y=\"{:.0}\" fill=\"#777777\">{}</text>",
                 left + 8.0,
-                top + 36.0
+                top + 36.0,
+                view.name
             );
             for (posture, colour, stroke) in &poses {
                 let place = |point: &Vector3<f64>| {
                     let scale = (VIEW - 2.0 * EDGE) / (2.0 * HALF);
+                    let [right, up] = view.place(point);
                     [
-                        left + 0.5 * VIEW + scale * right.dot(point),
+                        left + 0.5 * VIEW + scale * right,
                         // The y axis of an SVG points down.
-                        top + HEAD + 0.5 * VIEW - scale * up.dot(point),
+                        top + HEAD + 0.5 * VIEW - scale * up,
                     ]
                 };
                 for limb in limbs(body, posture) {

@@ -147,19 +147,10 @@ pub fn fly_series(
 fn row(dynamics: &Dynamics<f64>, step: &Step) -> Vec<f64> {
     let (inputs, measured) = (&step.inputs, &step.measured);
     let frame = frame(dynamics, inputs, &step.posture, &step.simulated, step.time);
-    let part = |name: &str, count: usize| {
-        let from = place(name).unwrap_or(0);
-        frame[from..from + count].iter().copied().map(f64::from)
-    };
+    let part = |name: &str, count: usize| part(&frame, name, count);
     let attitude = measured.inertial_from_body.quaternion();
     let [simulated, measured_channels] = [&step.pair.simulated, &step.pair.measured]
         .map(|seen| Channel::ALL.map(|channel| channel.value(seen)));
-    let segments: Vec<f64> = part("segments", SEGMENT_COUNT * SEGMENT_NUMBERS).collect();
-    let of_segments = |from: usize, count: usize| {
-        segments
-            .chunks_exact(SEGMENT_NUMBERS)
-            .flat_map(move |segment| segment[from..from + count].iter().copied())
-    };
     part("time_s", 1)
         .chain(part("position_m", 3))
         .chain(part("inertial_from_body", 4))
@@ -170,8 +161,24 @@ fn row(dynamics: &Dynamics<f64>, step: &Step) -> Vec<f64> {
         .chain(inputs.muscle.to_array())
         .chain(inputs.damping.to_array())
         .chain(part("cg_m", 3))
-        .chain(of_segments(4, 4))
-        .chain(of_segments(8, 3))
-        .chain(of_segments(11, 3))
+        .chain(of_segments(&frame))
+        .collect()
+}
+
+/// A part of a frame.
+fn part<'a>(frame: &'a [f32], name: &str, count: usize) -> impl Iterator<Item = f64> + use<'a> {
+    let from = place(name).unwrap_or(0);
+    frame[from..from + count].iter().copied().map(f64::from)
+}
+
+/// Attitudes, centres of gravity and forces of all segments in a frame: the last three of [`COLUMNS`].
+pub(crate) fn of_segments(frame: &[f32]) -> Vec<f64> {
+    let segments: Vec<f64> = part(frame, "segments", SEGMENT_COUNT * SEGMENT_NUMBERS).collect();
+    let columns = [(4, 4), (8, 3), (11, 3)].into_iter();
+    columns
+        .flat_map(|(from, count)| {
+            let each = segments.chunks_exact(SEGMENT_NUMBERS);
+            each.flat_map(move |segment| segment[from..from + count].iter().copied())
+        })
         .collect()
 }
