@@ -23,7 +23,6 @@ use bodyflight_io::diagnostic::Result;
 use bodyflight_io::interrupt;
 use bodyflight_mvnx::recording::Warning;
 use bodyflight_replay::comparison::{Channel, PerChannel};
-use bodyflight_replay::joint_change::JointChange;
 pub use difference::{Difference, Trust};
 use difference::{lead, trust};
 use effect::{Part, effect};
@@ -262,12 +261,11 @@ fn difference(
             .filter(|(time, _)| (window[0]..=window[1]).contains(time))
             .collect();
         let seed = found.angle as u64;
-        let [effect, deviation] = effect(&part, angle, &curve, found.deviation, seed)?;
+        let (recorded, simulated) = (part.measured()?, part.run(&[])?);
+        let [effect, deviation] = effect(&part, &simulated, angle, &curve, found.deviation, seed)?;
         let others = b.between(matched.b_at(window[0]), matched.b_at(window[1]));
         let other = Part::new(&b.flight, others, matched.b_at(from))?;
-        let own: &[JointChange] = &[];
-        let (recorded, simulated) = (part.measured()?, part.run(own)?);
-        let (recorded_b, simulated_b) = (other.measured()?, other.run(own)?);
+        let (recorded_b, simulated_b) = (other.measured()?, other.run(&[])?);
         told.measured = Some(recorded_b.minus(&recorded));
         let gaps = [simulated.minus(&recorded), simulated_b.minus(&recorded_b)];
         told.model_gap = Some(gaps);

@@ -145,7 +145,8 @@ impl<'a> Part<'a> {
     }
 }
 
-/// The effect of a change of one joint along a curve (rad over s since frame 0), and its standard deviation.
+/// The effect of a change of one joint along a curve (rad over s since frame 0) on the run of the part without changes,
+/// and its standard deviation.
 ///
 /// The deviation comprises errors of all joints of the recording, the error of the difference itself (rad), and what is
 /// uncertain about the person's body.
@@ -154,6 +155,7 @@ impl<'a> Part<'a> {
 /// Same as [`Part::run`].
 pub fn effect(
     part: &Part<'_>,
+    unchanged: &Means,
     angle: JointAngle,
     curve: &[(f64, f64)],
     deviation: f64,
@@ -163,7 +165,7 @@ pub fn effect(
         let points = curve.iter().map(|(time, by)| (*time, by + more));
         JointChange::along(angle, points.collect())
     };
-    let nominal = part.run(&[along(0.0)])?.minus(&part.run(&[])?);
+    let nominal = part.run(&[along(0.0)])?.minus(unchanged);
     let tolerances = &part.flight.tolerances;
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut squares = [0.0; 4];

@@ -81,11 +81,11 @@ pub fn agreement(
             });
             Some(apart / size)
         };
-        let error_at_smallest = error(AMPLITUDES_DEG[0])?;
-        let mut valid = None;
-        let mut is_limit = false;
+        let (mut error_at_smallest, mut valid, mut is_limit) = (None, None, false);
         for degrees in AMPLITUDES_DEG {
-            if error(degrees)? > LIMIT {
+            let error = error(degrees)?;
+            error_at_smallest.get_or_insert(error);
+            if error > LIMIT {
                 is_limit = true;
                 break;
             }
@@ -94,7 +94,7 @@ pub fn agreement(
         Some(Agreement {
             frequency_hz,
             valid_to_rad: valid,
-            error_at_smallest,
+            error_at_smallest: error_at_smallest?,
             is_limit,
         })
     })

@@ -14,7 +14,7 @@ use bodyflight_core::dynamics::{Dynamics, Inputs, Motion, PostureSample, State};
 use bodyflight_core::frame::{Vector, facing_north};
 use bodyflight_core::observation::Observation;
 use bodyflight_core::{Posture, Segment};
-use nalgebra::{DMatrix, DVector, SMatrix, SVector};
+use nalgebra::{Const, DMatrix, DVector, LU, SMatrix, SVector};
 
 use super::axes::pattern as of_weights;
 use crate::stability::{DISTURBANCE, STATES, difference, disturbed, slope};
@@ -69,6 +69,8 @@ pub struct Linear {
     pub states: Matrix,
     /// State after a step for that before it.
     step: Matrix,
+    /// State after a step with a constant input, for the input: the integral of exp(A t).
+    held: LU<f64, Const<STATES>, Const<STATES>>,
     seen: SMatrix<f64, OUTPUTS, STATES>,
     /// For each angle: change of the state in a step per angle and per rate, then of the outputs.
     columns: Vec<([Column; 2], [Seen; 2])>,
@@ -142,13 +144,15 @@ impl Linear {
             let (held, moving) = (slope(&held, ANGLE), slope(&moving, RATE));
             ([held.0, moving.0], [held.1, moving.1])
         };
+        let states = logarithm(&step) / TIME_STEP;
         Ok(Self {
             fall,
             posture,
             motion,
             inputs: *inputs,
-            states: logarithm(&step) / TIME_STEP,
+            states,
             step,
+            held: integral(&states).lu(),
             seen: SMatrix::from_columns(&seen),
             columns: axes.iter().map(column).collect(),
         })
@@ -163,15 +167,7 @@ impl Linear {
                 sum.1[k] += direct[k] * *weight;
             }
         }
-        // The state after a step with a constant input, for the input: integral of exp(A t).
-        let mut term = Matrix::identity() * TIME_STEP;
-        let mut held = term;
-        for order in 2..12 {
-            term = term * self.states * (TIME_STEP / f64::from(order));
-            held += term;
-        }
-        let undone = held.lu();
-        let input = sum.0.map(|column| undone.solve(&column).unwrap_or(column));
+        let input = (sum.0).map(|column| self.held.solve(&column).unwrap_or(column));
         Single {
             states: self.states,
             input,
@@ -324,6 +320,17 @@ fn logarithm(matrix: &Matrix) -> Matrix {
     for order in 2..60 {
         power = -power * apart;
         sum += power / f64::from(order);
+    }
+    sum
+}
+
+/// The integral of exp(A t) over a step.
+fn integral(states: &Matrix) -> Matrix {
+    let mut term = Matrix::identity() * TIME_STEP;
+    let mut sum = term;
+    for order in 2..12 {
+        term = term * states * (TIME_STEP / f64::from(order));
+        sum += term;
     }
     sum
 }
