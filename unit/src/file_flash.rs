@@ -9,10 +9,8 @@ use embedded_storage_async::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
 
+use bodyflight_firmware::recorder::serial_flash::{SECTOR, parts};
 use bodyflight_io::diagnostic::{Problem, Result};
-
-/// Bytes per erasable sector.
-const SECTOR: u32 = 4096;
 
 /// Number of sectors: as many as the flash of a Raspberry Pi Pico 2 has left beside a firmware image.
 const SECTORS: u32 = 768;
@@ -57,11 +55,8 @@ impl FileFlash {
         Ok(Self(file))
     }
 
-    /// Where the configuration is stored.
-    pub(super) const SETUP: Range<u32> = SECTOR * (SECTORS - 2)..SECTOR * SECTORS;
-
-    /// Where the log is stored: the rest of the file.
-    pub(super) const LOG: Range<u32> = 0..SECTOR * (SECTORS - 2);
+    /// Where log and configuration are stored.
+    pub(super) const PARTS: [Range<u32>; 2] = parts(SECTOR * SECTORS);
 }
 
 impl ErrorType for FileFlash {

@@ -160,7 +160,7 @@ fn serve(
     block_on(async {
         match flash {
             Some(flash) => {
-                let [log, setup] = [FileFlash::LOG, FileFlash::SETUP];
+                let [log, setup] = FileFlash::PARTS;
                 let ahead = EraseAhead::OWN_CHIP;
                 let mut log = FlightLog::new(&recorder, flash, log, setup, ahead);
                 let setup = log.stored().await;

@@ -47,8 +47,12 @@ pub struct SerialFlash<B, P, D> {
     capacity: u32,
 }
 
-/// Length of the part that stores the configuration, at the end (bytes).
-const SETUP: u32 = 2 * SECTOR;
+/// Where log and configuration are stored in a memory of this capacity (bytes) that stores nothing else: the
+/// configuration in the last two sectors. Also the layout of files that stand for such a memory.
+pub const fn parts(capacity: u32) -> [Range<u32>; 2] {
+    let setup = capacity.saturating_sub(2 * SECTOR);
+    [0..setup, setup..capacity]
+}
 
 /// Errors of the chip.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -96,14 +100,9 @@ impl<B: SpiBus, P: OutputPin, D: DelayNs> SerialFlash<B, P, D> {
         None
     }
 
-    /// Where the log is stored.
-    pub fn log(&self) -> Range<u32> {
-        0..self.capacity - SETUP
-    }
-
-    /// Where the configuration is stored: the last two sectors.
-    pub fn setup(&self) -> Range<u32> {
-        self.capacity - SETUP..self.capacity
+    /// Where log and configuration are stored.
+    pub fn parts(&self) -> [Range<u32>; 2] {
+        parts(self.capacity)
     }
 
     fn command(&mut self, head: &[u8], written: &[u8], read: &mut [u8]) -> Result<(), FlashError> {

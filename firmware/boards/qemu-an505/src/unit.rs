@@ -84,7 +84,7 @@ async fn application(unit: &'static RefCell<Unit<An505>>, log: Option<&'static m
 /// The recorder, and the log in the file.
 fn on_board_log(flash: FileFlash) -> (&'static Recorder, &'static mut OnBoardLog) {
     let recorder = RECORDER.init_with(|| Recorder::new(BLOCKS.take()));
-    let [part, setup] = [flash.log(), flash.setup()];
+    let [part, setup] = flash.parts();
     let ahead = EraseAhead::OWN_CHIP;
     let log = LOG.init_with(|| FlightLog::new(recorder, flash, part, setup, ahead));
     (recorder, log)

@@ -141,7 +141,7 @@ fn from_sensor(line: RingBufferedUartRx<'static>, imu: Option<chip::Imu>) -> Fro
 /// The recorder, and the log in the memory chip.
 fn on_board_log(flash: chip::Flash) -> (&'static Recorder, &'static mut OnBoardLog) {
     let recorder = RECORDER.init_with(|| Recorder::new(BLOCKS.take()).until(Until::Canopy));
-    let [part, setup] = [flash.log(), flash.setup()];
+    let [part, setup] = flash.parts();
     let ahead = EraseAhead::OWN_CHIP;
     let log = LOG.init_with(|| FlightLog::new(recorder, flash, part, setup, ahead));
     (recorder, log)

@@ -127,8 +127,9 @@ fn data_written_across_pages_is_read_back_and_erased_data_is_gone() {
 #[test]
 fn log_and_configuration_share_the_chip() {
     let flash = find(&chip()).unwrap();
-    assert_eq!(flash.log(), 0..BYTES as u32 - 2 * SECTOR);
-    assert_eq!(flash.setup(), BYTES as u32 - 2 * SECTOR..BYTES as u32);
+    let [log, setup] = flash.parts();
+    assert_eq!(log, 0..BYTES as u32 - 2 * SECTOR);
+    assert_eq!(setup, BYTES as u32 - 2 * SECTOR..BYTES as u32);
 }
 
 #[test]

@@ -5,7 +5,7 @@
 
 use core::ops::Range;
 
-use bodyflight_firmware::recorder::serial_flash::SECTOR;
+use bodyflight_firmware::recorder::serial_flash::{SECTOR, parts};
 use embedded_storage_async::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
@@ -14,9 +14,6 @@ use semihosting::io::{Read, Seek, SeekFrom, Write};
 
 /// The file, in the folder in which QEMU was started.
 const NAME: &core::ffi::CStr = c"flash.bin";
-
-/// Length of the part that stores the configuration, at the end (bytes).
-const SETUP: u32 = 2 * SECTOR;
 
 /// The file.
 pub(super) struct FileFlash {
@@ -39,18 +36,14 @@ impl FileFlash {
     pub(super) fn find() -> Option<Self> {
         let file = File::options().read(true).write(true).open(NAME).ok()?;
         let capacity = u32::try_from(file.metadata().ok()?.len()).ok()?;
-        let usable = capacity > SETUP && capacity.is_multiple_of(SECTOR);
+        let [log, _] = parts(capacity);
+        let usable = !log.is_empty() && capacity.is_multiple_of(SECTOR);
         usable.then_some(Self { file, capacity })
     }
 
-    /// Where the log is stored.
-    pub(super) fn log(&self) -> Range<u32> {
-        0..self.capacity - SETUP
-    }
-
-    /// Where the configuration is stored: the last two sectors.
-    pub(super) fn setup(&self) -> Range<u32> {
-        self.capacity - SETUP..self.capacity
+    /// Where log and configuration are stored.
+    pub(super) fn parts(&self) -> [Range<u32>; 2] {
+        parts(self.capacity)
     }
 
     fn go_to(&mut self, offset: u32, length: usize) -> Result<(), Refused> {
