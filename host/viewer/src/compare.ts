@@ -2,11 +2,12 @@
 
 import { unwrapped, unwrappedBeside } from "./channels";
 import { chooser } from "./chooser";
-import { type Columns, rowAt, unpack } from "./data";
+import { type Columns, unpack } from "./data";
 import { button, element } from "./dom";
 import { savePng, saveSvg } from "./exports";
-import { between, type Picture, type Pose, type Quaternion, type Segments, type Vector } from "./figure";
+import type { Picture, Pose, Segments } from "./figure";
 import { CAMERA_KEYS, help } from "./help";
+import { Moment } from "./moment";
 import { PLAYER_KEYS, Player, type Scene } from "./player";
 import { type PlotSpec, Plots } from "./plots";
 import { provenance, shell } from "./shell";
@@ -73,29 +74,17 @@ class Compare implements Scene {
   }
 
   private picture(time: number): Picture {
-    const from = rowAt(this.time, time);
-    const to = Math.min(from + 1, this.time.length - 1);
-    const share =
-      to === from ? 0 : Math.max(0, Math.min(1, (time - this.time[from]) / (this.time[to] - this.time[from])));
-    const vector = (name: string, place = 0) =>
-      [0, 1, 2].map((k) => {
-        const numbers = this.list(name)[place + k];
-        return numbers[from] + (numbers[to] - numbers[from]) * share;
-      }) as Vector;
-    const quaternion = (name: string, place = 0) => {
-      const at = (row: number) => [0, 1, 2, 3].map((k) => this.list(name)[place + k][row]) as Quaternion;
-      return between(at(from), at(to), share);
-    };
+    const now = new Moment(this.columns, time);
     const pose = (side: string): Pose => ({
-      position: vector(`${side}_position_m`),
-      attitude: quaternion(`${side}_attitude`),
+      position: now.vector(`${side}_position_m`),
+      attitude: now.quaternion(`${side}_attitude`),
     });
     const segments = (side: string): Segments => {
       const each = <V>(value: (segment: number) => V) => this.beside.people[0].shapes.map((_, k) => value(k));
       return {
-        attitude: each((k) => quaternion(`${side}_segment_attitude`, 4 * k)),
-        cg: each((k) => vector(`${side}_segment_cg_m`, 3 * k)),
-        force: each((k) => vector(`${side}_segment_force_n`, 3 * k)),
+        attitude: each((k) => now.quaternion(`${side}_segment_attitude`, 4 * k)),
+        cg: each((k) => now.vector(`${side}_segment_cg_m`, 3 * k)),
+        force: each((k) => now.vector(`${side}_segment_force_n`, 3 * k)),
       };
     };
     return {

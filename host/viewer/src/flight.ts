@@ -1,7 +1,8 @@
 // A decoded run of the replay: values at rows, and interpolated pictures between them.
 import { unwrapped, unwrappedBeside } from "./channels";
 import { type Columns, rowAt, unpack, wrapped } from "./data";
-import { between, type Picture, type Quaternion, type Vector } from "./figure";
+import type { Picture } from "./figure";
+import { Moment } from "./moment";
 import { CHANNELS, type Run } from "./types";
 
 export class Flight {
@@ -47,29 +48,17 @@ export class Flight {
   }
 
   picture(time: number): Picture {
-    const from = this.row(time);
-    const to = Math.min(from + 1, this.time.length - 1);
-    const share =
-      to === from ? 0 : Math.max(0, Math.min(1, (time - this.time[from]) / (this.time[to] - this.time[from])));
-    const vector = (name: string, place = 0) =>
-      [0, 1, 2].map((k) => {
-        const numbers = this.list(name)[place + k];
-        return numbers[from] + (numbers[to] - numbers[from]) * share;
-      }) as Vector;
-    const quaternion = (name: string, place = 0) => {
-      const at = (row: number) => [0, 1, 2, 3].map((k) => this.list(name)[place + k][row]) as Quaternion;
-      return between(at(from), at(to), share);
-    };
+    const now = new Moment(this.columns, time);
     const each = <V>(value: (segment: number) => V) => this.run.shapes.map((_, segment) => value(segment));
     return {
-      simulated: { position: vector("simulated_position_m"), attitude: quaternion("simulated_attitude") },
-      measured: { position: vector("measured_position_m"), attitude: quaternion("measured_attitude") },
+      simulated: { position: now.vector("simulated_position_m"), attitude: now.quaternion("simulated_attitude") },
+      measured: { position: now.vector("measured_position_m"), attitude: now.quaternion("measured_attitude") },
       segments: {
-        attitude: each((k) => quaternion("segment_attitude", 4 * k)),
-        cg: each((k) => vector("segment_cg_m", 3 * k)),
-        force: each((k) => vector("segment_force_n", 3 * k)),
+        attitude: each((k) => now.quaternion("segment_attitude", 4 * k)),
+        cg: each((k) => now.vector("segment_cg_m", 3 * k)),
+        force: each((k) => now.vector("segment_force_n", 3 * k)),
       },
-      cg: vector("cg_m"),
+      cg: now.vector("cg_m"),
       wind: this.run.air_velocity_mps,
     };
   }
