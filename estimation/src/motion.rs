@@ -126,10 +126,7 @@ pub fn estimate(
         );
         estimation.report.doubt.get_or_insert(sentence);
     }
-    if let Some(faults) = &measured.faults {
-        estimation.report.doubt = Some(faults.clone());
-        estimation.report.is_recording_doubtful = true;
-    }
+    estimation.report.doubt_recording(measured.faults.clone());
     Ok(estimation)
 }
 

@@ -86,6 +86,15 @@ pub struct Report {
     pub is_recording_doubtful: bool,
 }
 
+impl Report {
+    /// Doubts the estimate because of faults of the recording, if there are any, rather than for another reason.
+    pub(crate) fn doubt_recording(&mut self, faults: Option<String>) {
+        if faults.is_some() {
+            (self.doubt, self.is_recording_doubtful) = (faults, true);
+        }
+    }
+}
+
 /// Coefficients at one time.
 #[derive(Debug, Clone, Copy)]
 pub struct Point {

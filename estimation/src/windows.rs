@@ -101,10 +101,8 @@ fn run<T: Real, P: Propagation<T>, const INTERVALS: usize>(
         }
     }
     let mut estimation = collected.finish(end - start.time, filter.delay().to_f64());
-    if let Some(faults) = faults(&replay.frames().warnings()) {
-        estimation.report.doubt = Some(faults);
-        estimation.report.is_recording_doubtful = true;
-    }
+    let faults = faults(&replay.frames().warnings());
+    estimation.report.doubt_recording(faults);
     Ok(estimation)
 }
 

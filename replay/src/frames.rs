@@ -28,24 +28,20 @@ impl Frames {
     /// # Errors
     /// Returns an error if a file cannot be used, or the clocks cannot be aligned.
     pub fn open(recording: &Path, track: Option<&Path>, options: Options) -> Result<Self> {
-        let frames = Recording::open(recording, options)?;
-        let Some(path) = track else {
-            return Ok(Self {
-                recording: frames,
-                alignment: None,
-                other_person: None,
-                support: Support::default(),
-            });
-        };
-        let track = bodyflight_tracks::read(path)?;
-        let frames = frames.collect::<Result<Vec<_>>>()?;
-        // Channels in other units or without signs would fit no recording.
-        let samples = checked(&track.samples, track.given).samples;
-        let track = aligned(&frames, &samples).map_err(|problem| problem.in_file(path))?;
-        let alignment = Some(track.alignment);
-        let velocities = Box::new(move |time| track.velocity_at(time));
+        let mut frames = Recording::open(recording, options)?;
+        let mut alignment = None;
+        if let Some(path) = track {
+            let track = bodyflight_tracks::read(path)?;
+            let all = frames.collect::<Result<Vec<_>>>()?;
+            // Channels in other units or without signs would fit no recording.
+            let samples = checked(&track.samples, track.given).samples;
+            let track = aligned(&all, &samples).map_err(|problem| problem.in_file(path))?;
+            alignment = Some(track.alignment);
+            let velocities = Box::new(move |time| track.velocity_at(time));
+            frames = Recording::open(recording, options)?.with_velocities(velocities);
+        }
         Ok(Self {
-            recording: Recording::open(recording, options)?.with_velocities(velocities),
+            recording: frames,
             alignment,
             other_person: None,
             support: Support::default(),

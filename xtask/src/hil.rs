@@ -59,8 +59,8 @@ const PRESETS: [&str; 2] = ["auto", "tracking"];
 const HALTS: u32 = 3;
 const HALT: Duration = Duration::from_millis(300);
 
-/// Flies the unit in QEMU alone. Streams a flight to the unit in QEMU and to the virtual unit, in real time and then with faults; in QEMU also with
-/// pauses, as on a busy desktop.
+/// Flies the unit in QEMU alone. Streams a flight to the unit in QEMU and to the virtual unit, in real time and then with
+/// faults; in QEMU also with pauses, as on a busy desktop.
 pub(crate) fn hil(seconds: u32) -> Result<()> {
     let images = unit()?;
     let image = images.qemu;

@@ -5,7 +5,9 @@
 //! time, since the integral has that of gravity in it, and its heading where the velocity changes horizontally, as after
 //! the exit, in turns and at the take-off.
 
-use nalgebra::{UnitQuaternion, Vector3};
+use bodyflight_core::Real;
+use bodyflight_core::math::normalized;
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 /// Standard gravity (m/s2), in single precision.
 #[expect(clippy::cast_possible_truncation, reason = "to single precision")]
@@ -44,38 +46,26 @@ pub(super) enum Seen {
     Heading(UnitQuaternion<f32>, f32),
 }
 
+/// Evidence for the heading: sums over comparisons of products along and across, of squares of the integrals, of those
+/// in deviations, and of their weights.
+#[derive(Debug, Clone, Copy, Default)]
+struct Evidence {
+    along: f32,
+    across: f32,
+    squares: f32,
+    information: f32,
+    weight: f32,
+}
+
 /// What is kept to compare.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Aiding {
     gained: Vector3<f32>,
     trail: [Instant; KEPT],
     newest: usize,
     /// The last solution that was compared: its instant, the integral then, and its velocity (m/s).
     last: Option<(Instant, Vector3<f32>)>,
-    /// Evidence for the heading: sums of products along and across, of squares of the integrals, and of those in
-    /// deviations.
-    along: f32,
-    across: f32,
-    squares: f32,
-    information: f32,
-    /// Sum of their weights.
-    weight: f32,
-}
-
-impl Default for Aiding {
-    fn default() -> Self {
-        Self {
-            gained: Vector3::zeros(),
-            trail: [(0, Vector3::zeros()); KEPT],
-            newest: 0,
-            last: None,
-            along: 0.0,
-            across: 0.0,
-            squares: 0.0,
-            information: 0.0,
-            weight: 0.0,
-        }
-    }
+    evidence: Evidence,
 }
 
 impl Aiding {
@@ -168,7 +158,7 @@ impl Aiding {
         let across = found.x * expected.y - found.y * expected.x;
         if is_heading_known {
             let heading = Vector3::z() * (across / square);
-            let errors = [deviation / length, deviation / root(square)];
+            let errors = [deviation / length, deviation / square.root()];
             // The direction of a vector that is not longer than its error is none.
             return Some(if errors[1] < 1.0 {
                 Seen::Whole(tilt + heading, errors)
@@ -176,30 +166,37 @@ impl Aiding {
                 Seen::Tilt(tilt, errors[0])
             });
         }
-        self.along = MEMORY * self.along + along;
-        self.across = MEMORY * self.across + across;
-        self.squares = MEMORY * self.squares + square;
-        self.information = MEMORY * self.information + square / (deviation * deviation);
-        self.weight = MEMORY * self.weight + 1.0;
-        let both = root(self.along * self.along + self.across * self.across);
+        let before = self.evidence;
+        let evidence = Evidence {
+            along: MEMORY * before.along + along,
+            across: MEMORY * before.across + across,
+            squares: MEMORY * before.squares + square,
+            information: MEMORY * before.information + square / (deviation * deviation),
+            weight: MEMORY * before.weight + 1.0,
+        };
+        self.evidence = evidence;
+        let Evidence {
+            along,
+            across,
+            squares,
+            information,
+            weight,
+        } = evidence;
+        let both = (along * along + across * across).root();
         // A tilt turns gravity into an acceleration, always the same, which no mean removes.
         let of_gravity = tilt_error * STANDARD_GRAVITY * elapsed;
-        let error =
-            root(1.0 / self.information + of_gravity * of_gravity * self.weight / self.squares);
-        if error < FOUND && AGREEMENT.contains(&(both / self.squares)) {
-            let heading = about_vertical(self.along / both, self.across / both);
-            (self.along, self.across) = (0.0, 0.0);
-            (self.squares, self.information, self.weight) = (0.0, 0.0, 0.0);
-            return Some(Seen::Heading(heading, error));
+        let error = (1.0 / information + of_gravity * of_gravity * weight / squares).root();
+        if error < FOUND && AGREEMENT.contains(&(both / squares)) {
+            self.evidence = Evidence::default();
+            return Some(Seen::Heading(
+                about_vertical(along / both, across / both),
+                error,
+            ));
         }
         // What is horizontal points anywhere as long as the heading is unknown.
         let is_straight = expected.xy().norm() < deviation;
         is_straight.then_some(Seen::Tilt(tilt, deviation / length))
     }
-}
-
-fn root(value: f32) -> f32 {
-    bodyflight_core::Real::root(value)
 }
 
 /// The rotation about the vertical with this cosine and sine.
@@ -212,7 +209,7 @@ fn about_vertical(cosine: f32, sine: f32) -> UnitQuaternion<f32> {
     } else {
         [sine, 1.0 - cosine]
     };
-    bodyflight_core::math::normalized(nalgebra::Quaternion::new(w, 0.0, 0.0, z))
+    normalized(Quaternion::new(w, 0.0, 0.0, z))
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@
 //! and so corrects the attitude ([`super::aiding`]). Without one the heading is relative: it is zero where the sensor was
 //! level first. With one it is unknown until it has been found, and the attitude is no measurement as long as it is not.
 
+use bodyflight_core::Real;
 use bodyflight_core::math::{normalized, small_rotation};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
@@ -223,7 +224,7 @@ const LARGEST_HEADING_ERROR: f32 = 0.3;
 fn gain(error: &mut f32, deviation: f32) -> f32 {
     let [before, noise] = [*error * *error, deviation * deviation];
     let share = before / (before + noise);
-    *error *= bodyflight_core::Real::root(1.0 - share);
+    *error *= (1.0 - share).root();
     *error = error.max(LEAST);
     share
 }
