@@ -1,9 +1,9 @@
 //! Errors of an integrated attitude, seen by a receiver: the change of its velocity, less that by gravity, is the
 //! integral of the specific force.
 //!
-//! Both are vectors of the same length. The direction of one from the other is the error of the attitude: its tilt at any
-//! time, since the integral has that of gravity in it, and its heading where the velocity changes horizontally, as after
-//! the exit, in turns and at the take-off.
+//! Both are vectors of the same length. The direction of one from the other is the error of the attitude: its tilt, since
+//! the integral has that of gravity in it, and its heading where the velocity changes horizontally, as after the exit and in
+//! turns. As long as the heading is unknown, only a straight path tells the tilt.
 
 use bodyflight_core::Real;
 use bodyflight_core::math::normalized;
