@@ -91,6 +91,59 @@ fn every_source_file_is_short_and_begins_with_its_purpose() {
     assert!(faults.is_empty(), "{}", faults.join("\n"));
 }
 
+/// Folders of the program's own code. What it prints may contain text from files and networks.
+const PROGRAM: [&str; 10] = [
+    "discovery",
+    "estimation",
+    "falls",
+    "formats",
+    "host/src",
+    "io",
+    "laboratory",
+    "replay",
+    "unit",
+    "verbs",
+];
+
+/// Text reaches the terminal through one module, which escapes control characters.
+#[test]
+fn only_the_terminal_module_prints() {
+    let printing = ["print!(", "println!(", "stdout()", "stderr()", "dbg!("];
+    let mut faults = Vec::new();
+    let mut seen = 0;
+    for (path, text) in sources() {
+        let path = path.strip_prefix(root()).expect("below the root");
+        let is_program = PROGRAM.iter().any(|folder| path.starts_with(folder))
+            && path.components().any(|part| part.as_os_str() == "src")
+            && !path.components().any(|part| part.as_os_str() == "tests")
+            && !path.ends_with("tests.rs");
+        let is_terminal = path.starts_with("host/src/cli/terminal")
+            || path == Path::new("host/src/cli/terminal.rs");
+        if !is_program || is_terminal {
+            continue;
+        }
+        seen += 1;
+        let code = text
+            .lines()
+            .take_while(|line| !line.contains("#[cfg(test)]"));
+        for (number, line) in code.enumerate() {
+            if printing.iter().any(|word| line.contains(word)) {
+                faults.push(format!(
+                    "{}:{}: {}",
+                    path.display(),
+                    number + 1,
+                    line.trim()
+                ));
+            }
+        }
+    }
+    assert!(
+        seen > 200,
+        "{seen} files are too few: the test looks in the wrong place"
+    );
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
+}
+
 /// A unit has one spelling in names of columns, keys and code: `_mps`, `_radps`, `_mps2`.
 #[test]
 fn units_have_one_spelling() {

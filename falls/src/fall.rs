@@ -82,7 +82,7 @@ fn jump(
     let noise = velocity_noise(falling);
     let told = told(falling, times.exit.is_some(), settings, noise);
     let accelerations = slopes(&samples, 0.5);
-    let (drag, drag_spread) = steady_drag(&told, &times);
+    let drag = steady_drag(&told, &times);
     let flown = flown(falling, &told, &settings.atmosphere);
     let gap = root_mean_square(falling, &flown);
     let canopy_part = canopy_part(&samples, &times);
@@ -117,7 +117,6 @@ fn jump(
         flown,
         gap,
         drag,
-        drag_spread,
         samples,
     };
     (jump.verdict, jump.reason) = judged(&Evidence {
@@ -136,9 +135,9 @@ fn jump(
     Some(jump)
 }
 
-/// Drag factor of the steady part of a fall (m2/kg), and its standard deviation from second to second; not numbers if
-/// the fall has no usable second.
-fn steady_drag(told: &Told, times: &Times) -> (f64, f64) {
+/// Drag factor of the steady part of a fall (m2/kg), and its standard deviation from second to second; `None` if the
+/// fall has no usable second.
+fn steady_drag(told: &Told, times: &Times) -> Option<[f64; 2]> {
     let steady: Vec<&Block> = told
         .blocks
         .iter()
@@ -152,8 +151,7 @@ fn steady_drag(told: &Told, times: &Times) -> (f64, f64) {
         let apart = median(drags().map(|value| (value - drag).abs()));
         deviation_of(apart.unwrap_or(0.0))
     };
-    let drag_spread = drag.map(spread);
-    (drag.unwrap_or(f64::NAN), drag_spread.unwrap_or(f64::NAN))
+    drag.map(|drag| [drag, spread(drag)])
 }
 
 /// Estimates from a fall or its first part.

@@ -45,10 +45,9 @@ pub struct Jump {
     pub flown: Vec<Vector3<f64>>,
     /// Root mean square difference of the vertical velocity between simulated and measured fall (m/s).
     pub gap: f64,
-    /// Mean drag factor of the steady part (m2/kg).
-    pub drag: f64,
-    /// Standard deviation of the drag factor between the seconds of the steady part (m2/kg).
-    pub drag_spread: f64,
+    /// Median drag factor of the steady part, and its standard deviation from second to second (m2/kg); `None` if the
+    /// fall has no usable second.
+    pub drag: Option<[f64; 2]>,
     /// Fall rate normalised to the reference height (m/s).
     pub normalised_rate: f64,
     /// Largest downward speed (m/s).

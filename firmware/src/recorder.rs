@@ -258,7 +258,7 @@ impl Recorder {
     }
 
     /// Queues a request concerning the stored configuration.
-    pub(crate) fn ask_setup(&self, action: SetupAction, record: Option<[u8; SETUP_LENGTH]>) {
+    pub fn ask_setup(&self, action: SetupAction, record: Option<[u8; SETUP_LENGTH]>) {
         self.state.borrow_mut().setup = Some((action, record));
         self.changed.signal(());
     }

@@ -182,15 +182,17 @@ impl Problem {
         text
     }
 
+    /// The underlying errors, from the nearest to the deepest.
+    pub fn causes(&self) -> impl Iterator<Item = &(dyn Error + 'static)> {
+        core::iter::successors(self.source(), |error: &&(dyn Error + 'static)| {
+            (*error).source()
+        })
+    }
+
     /// The problem and its causes, in one line.
     pub fn with_causes(&self) -> String {
-        let mut text = self.to_string();
-        let mut cause = self.source();
-        while let Some(error) = cause {
-            text += &format!(": {error}");
-            cause = error.source();
-        }
-        text
+        self.causes()
+            .fold(self.to_string(), |text, cause| format!("{text}: {cause}"))
     }
 }
 

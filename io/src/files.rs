@@ -1,21 +1,17 @@
-//! Output files that are complete or absent: written beside the target and renamed at the end, so an interrupted
-//! command leaves the previous file untouched.
+//! Output files that are complete or absent: they get their name at the end, so an interrupted command leaves the
+//! previous file untouched.
 
-use std::fs::File;
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-use tempfile::NamedTempFile;
-
 use crate::destination::{destination, folder_of};
 use crate::diagnostic::{Problem, Result};
-use crate::interrupt::Unfinished;
+use crate::scratch::Scratch;
 
 /// A file that appears under its name only once it is finished.
 pub struct AtomicFile {
-    file: BufWriter<NamedTempFile<File>>,
+    file: BufWriter<Scratch>,
     path: PathBuf,
-    _unfinished: Unfinished,
 }
 
 impl AtomicFile {
@@ -25,10 +21,9 @@ impl AtomicFile {
     /// Returns an error if the folder does not exist or cannot be written to, or for the reasons given at
     /// [`destination`].
     pub fn create(path: &Path) -> Result<Self> {
-        let file = NamedTempFile::new_in(folder_of(&destination(path)?))
+        let file = Scratch::create(folder_of(&destination(path)?))
             .map_err(|error| Problem::system("create", path, error))?;
         Ok(Self {
-            _unfinished: Unfinished::new(file.path()),
             file: BufWriter::new(file),
             path: path.to_path_buf(),
         })
@@ -45,16 +40,7 @@ impl AtomicFile {
             .file
             .into_inner()
             .map_err(|error| refused(error.into_error()))?;
-        // Temporary files are private; finished ones get the usual permissions.
-        #[cfg(unix)]
-        {
-            use std::os::unix::fs::PermissionsExt;
-            let public = std::fs::Permissions::from_mode(0o644);
-            file.as_file().set_permissions(public).map_err(refused)?;
-        }
-        file.as_file().sync_all().map_err(refused)?;
-        file.persist(place).map_err(|error| refused(error.error))?;
-        Ok(())
+        file.finish(&place, folder_of(&place)).map_err(refused)
     }
 }
 

@@ -17,4 +17,5 @@ pub mod files;
 pub mod input;
 pub mod interrupt;
 pub mod progress;
+mod scratch;
 pub mod text;

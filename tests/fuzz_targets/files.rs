@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use bodyflight_mocap::mapping::Mapping;
 use bodyflight_replay::flight::Flight;
 use bodyflight_replay::input_history::InputHistory;
 use bodyflight_replay::model_file::Effects;
@@ -12,7 +13,7 @@ use bodyflight_tracks::flysight::Track;
 use bodyflight_verbs::fall::{Conditions, fall};
 
 /// A folder that does not exist, so that inputs cannot name a file on this machine.
-const NOWHERE: &str = "/nowhere/of/fuzz";
+pub(super) const NOWHERE: &str = "/nowhere/of/fuzz";
 
 /// Longest track (samples) that is also analysed, which is slower than reading.
 const LONGEST_JUDGED: usize = 2000;
@@ -42,7 +43,7 @@ pub(super) fn csv(input: &[u8]) {
     }
 }
 
-fn judged(input: &[u8], path: &Path) {
+pub(super) fn judged(input: &[u8], path: &Path) {
     let Ok(track) = track::parse(input, path) else {
         return;
     };
@@ -51,7 +52,9 @@ fn judged(input: &[u8], path: &Path) {
     if track.samples.len() <= LONGEST_JUDGED
         && let Ok((report, _)) = fall(&track, &Conditions::default(), path)
     {
-        assert!(report.fall_s.is_finite() && report.drag_area_m2.is_finite());
+        let shown = report.steady_drag().unwrap_or_default();
+        assert!(report.fall_s.is_finite() && shown.iter().all(|number| number.is_finite()));
+        assert_eq!(report.drag_area_m2.is_none(), report.pieces.is_empty());
     }
 }
 
@@ -78,4 +81,5 @@ pub(super) fn toml(input: &[u8]) {
     }
     // Accepting and refusing are both correct.
     let _ = Tuning::parse(text, &path);
+    let _ = Mapping::parse(text, &path);
 }

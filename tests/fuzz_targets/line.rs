@@ -7,10 +7,10 @@ use bodyflight_core::body::anthropometry::{Person, Sex};
 use bodyflight_core::body::pattern;
 use bodyflight_core::frame::{Rotation, Vector};
 use bodyflight_core::link::{
-    self, Configure, Header, MAX_FRAME_LENGTH, Message, Sample, SegmentTable, Start, Stop,
-    StreamMode, TimeSync,
+    self, Configure, Header, MAX_FRAME_LENGTH, Message, Sample, SegmentTable, Setup, Start, Stop,
+    StreamMode, TimeSync, Validity,
 };
-use bodyflight_core::xbus::Decoder;
+use bodyflight_core::xbus::{DataId, Decoder, MAX_PACKET_LENGTH, MessageId, PacketWriter};
 use bodyflight_firmware::{Board, Identity, Unit};
 use nalgebra::{UnitQuaternion, Vector3};
 
@@ -77,23 +77,24 @@ pub(super) fn unit(input: &[u8]) {
         host.act(&mut choices);
         host.listen();
     }
-    while host.unit.work() {}
-    host.listen();
+    host.end();
     let status = host.unit.status();
     assert!(status.queue_high_water <= bodyflight_firmware::unit::SAMPLES.into());
 }
 
 /// A host that sends valid and invalid messages.
-struct Host {
+pub(super) struct Host {
     unit: Unit<Bench>,
     table: SegmentTable,
     sample: Sample,
     header: Header,
     worked: u32,
+    /// Clock of the unit's own sensor (100 us).
+    clock: u32,
 }
 
 impl Host {
-    fn new() -> Self {
+    pub(super) fn new() -> Self {
         let body = Person::new(1.75, 75.0, Sex::Male).body().expect("a body");
         let belly = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), 1.5);
         let seen = link::Motion {
@@ -114,7 +115,67 @@ impl Host {
                 ..Header::default()
             },
             worked: 0,
+            clock: 0,
         }
+    }
+
+    /// A configuration that a unit may keep.
+    pub(super) fn setup(&self) -> Setup {
+        Setup {
+            configure: configure(0, &self.table),
+            table: self.table,
+        }
+    }
+
+    /// Sample `number` of a flight without a velocity, all of which a unit logs.
+    pub(super) fn numbered(&self, number: u32) -> (Header, Message) {
+        let header = Header {
+            sequence: number,
+            time: u64::from(number) * 4167,
+            ..self.header
+        };
+        let mut sample = self.sample;
+        sample.valid.remove(Validity::VELOCITY);
+        (header, sample.into())
+    }
+
+    /// Starts the unit with a stored configuration; returns whether it was accepted.
+    pub(super) fn resume(&mut self, setup: &Setup) -> bool {
+        self.unit.resume(setup)
+    }
+
+    /// A packet of the unit's own sensor, of numbers that the input chooses.
+    pub(super) fn sense(&mut self, choices: &mut Choices<'_>) {
+        self.clock = self.clock.wrapping_add(100);
+        let step = 10_000 << (choices.byte() % 16);
+        let clock = &self.unit.board().0;
+        clock.set(clock.get().saturating_add(step));
+        let mut numbers = || {
+            [(); 4].map(|()| {
+                let [low, high] = choices.word().to_le_bytes();
+                f32::from_bits(u32::from_le_bytes([0, 0, low, high]))
+            })
+        };
+        let [attitude, rate, force] = [numbers(), numbers(), numbers()];
+        let mut bytes = [0; MAX_PACKET_LENGTH];
+        let mut writer = PacketWriter::new(&mut bytes, MessageId::MT_DATA2);
+        let written = writer
+            .item(DataId::SAMPLE_TIME_FINE, &self.clock.to_be_bytes())
+            .and_then(|()| writer.reals(DataId::QUATERNION, &attitude))
+            .and_then(|()| writer.reals(DataId::RATE_OF_TURN, &rate[..3]))
+            .and_then(|()| writer.reals(DataId::ACCELERATION, &force[..3]));
+        let length = written.and_then(|()| writer.finish()).expect("it fits");
+        self.unit.receive_sensor(&bytes[..length]);
+        if self.worked < MOST_SAMPLES {
+            self.worked += u32::from(self.unit.work());
+        }
+        self.listen();
+    }
+
+    /// Lets the unit work off its queue.
+    pub(super) fn end(&mut self) {
+        while self.unit.work() {}
+        self.listen();
     }
 
     /// Sends all messages up to the start of a session.

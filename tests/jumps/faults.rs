@@ -144,9 +144,10 @@ fn is_right(jump: &Jump, track: &Track) -> bool {
             (from - most..=to + most).contains(&one.time)
         })
     };
+    let apart = |a: Option<[f64; 2]>, b: Option<[f64; 2]>| Some((a?[0] / b?[0]).ln().abs());
     let is_same = |other: &Jump| {
         let has_drag = other.verdict == Verdict::Explained;
-        (!has_drag || (jump.drag / other.drag).ln().abs() < 0.2)
+        (!has_drag || apart(jump.drag, other.drag).is_some_and(|apart| apart < 0.2))
             && (jump.fastest - other.fastest).abs() < 0.15 * other.fastest + 1.0
     };
     is_near(jump.times.exit, track.exit)

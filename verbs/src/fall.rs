@@ -153,12 +153,13 @@ pub struct Report {
     pub reference_height_m: f64,
     /// Mass used for the areas (kg).
     pub mass_kg: f64,
-    /// Area times drag coefficient in the steady part (m2).
-    pub drag_area_m2: f64,
+    /// Area times drag coefficient in the steady part (m2); null, like the two that follow, if no second of the fall can
+    /// be used.
+    pub drag_area_m2: Option<f64>,
     /// Standard deviation of `drag_area_m2` from second to second (m2).
-    pub drag_area_spread_m2: f64,
+    pub drag_area_spread_m2: Option<f64>,
     /// Mass divided by area times drag coefficient (kg/m2); does not depend on the given mass.
-    pub ballistic_kgpm2: f64,
+    pub ballistic_kgpm2: Option<f64>,
     /// Glide ratio through the air in the second half of the fall.
     pub glide: Option<f64>,
     /// Glide ratio over ground under canopy.
@@ -179,6 +180,17 @@ pub struct Report {
     pub prediction: Option<Prediction>,
     /// Comparison with another jumper from the same load.
     pub beside: Option<Beside>,
+}
+
+impl Report {
+    /// Drag area (m2), its standard deviation (m2) and mass per drag area (kg/m2) of the steady part, if known.
+    pub fn steady_drag(&self) -> Option<[f64; 3]> {
+        Some([
+            self.drag_area_m2?,
+            self.drag_area_spread_m2?,
+            self.ballistic_kgpm2?,
+        ])
+    }
 }
 
 /// The jumps of a track.
@@ -368,9 +380,9 @@ fn report(track: &Track, conditions: &Conditions, jump: &Jump) -> Report {
         normalised_rate_mps: jump.normalised_rate,
         reference_height_m: conditions.reference_height,
         mass_kg: mass,
-        drag_area_m2: mass * jump.drag,
-        drag_area_spread_m2: mass * jump.drag_spread,
-        ballistic_kgpm2: 1.0 / jump.drag,
+        drag_area_m2: jump.drag.map(|[drag, _]| mass * drag),
+        drag_area_spread_m2: jump.drag.map(|[_, spread]| mass * spread),
+        ballistic_kgpm2: jump.drag.map(|[drag, _]| 1.0 / drag),
         glide: jump.glide[0],
         canopy_glide: jump.glide[1],
         pieces: jump.pieces.iter().map(piece).collect(),

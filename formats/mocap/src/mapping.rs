@@ -279,7 +279,11 @@ impl Mapping {
         Self::parse(&text, path)
     }
 
-    pub(super) fn parse(text: &str, path: &Path) -> Result<Self> {
+    /// Like [`Mapping::read`], for text already read from `path`.
+    ///
+    /// # Errors
+    /// Returns an error if it is not a valid mapping.
+    pub fn parse(text: &str, path: &Path) -> Result<Self> {
         let mapping: Self =
             toml::from_str(text).map_err(|error| Problem::toml(&error, text, path))?;
         mapping.check().map_err(|problem| problem.in_file(path))?;

@@ -78,7 +78,23 @@ impl Source {
     /// # Errors
     /// Returns an error if the file cannot be used, or does not match the mapping.
     pub fn open(file: &Path, mapping: Option<&Mapping>) -> Result<Self> {
-        let content = match systems::read(file)? {
+        Self::known(systems::read(file)?, file, mapping)
+    }
+
+    /// Same as [`Source::open`], for the bytes of a file that were already read from `file`.
+    ///
+    /// # Errors
+    /// Same as [`Source::open`].
+    pub fn parse(bytes: Vec<u8>, file: &Path, mapping: Option<&Mapping>) -> Result<Self> {
+        Self::known(systems::parse(bytes, file)?, file, mapping)
+    }
+
+    fn known(
+        read: core::result::Result<Content, Vec<u8>>,
+        file: &Path,
+        mapping: Option<&Mapping>,
+    ) -> Result<Self> {
+        let content = match read {
             Ok(content) => content,
             Err(bytes) => unknown(bytes, file, mapping)?,
         };

@@ -212,7 +212,15 @@ pub(crate) fn read(path: &Path) -> Result<core::result::Result<Content, Vec<u8>>
             warnings,
         )));
     }
-    let bytes = utf_8(input::movement(path)?);
+    parse(input::movement(path)?, path)
+}
+
+/// Same as [`read`], for the bytes of a file that were already read from `path`.
+///
+/// # Errors
+/// Same as [`read`].
+pub(crate) fn parse(bytes: Vec<u8>, path: &Path) -> Result<core::result::Result<Content, Vec<u8>>> {
+    let bytes = utf_8(bytes);
     if let Some(problem) = refused(&bytes) {
         return Err(problem.in_file(path));
     }

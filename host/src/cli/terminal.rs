@@ -5,7 +5,7 @@
 mod bars;
 mod visible;
 
-use std::error::Error;
+use std::borrow::Cow;
 use std::ffi::OsString;
 use std::io::{ErrorKind, Write};
 use std::path::PathBuf;
@@ -184,10 +184,8 @@ pub(super) fn print_problem(problem: Problem, json: bool) {
 fn told(problem: &Problem) -> String {
     let label = |text: &'static str| style(text).for_stderr().bold();
     let mut text = format!("{} {problem}\n", label("error:").red());
-    let mut cause = problem.source();
-    while let Some(error) = cause {
-        text += &format!("  {} {error}\n", label("cause:"));
-        cause = error.source();
+    for cause in problem.causes() {
+        text += &format!("  {} {cause}\n", label("cause:"));
     }
     if let Some(help) = &problem.help {
         text += &format!("  {} {help}\n", label("help:").cyan());
@@ -205,8 +203,13 @@ pub(super) fn print_usage(error: &clap::Error) -> u8 {
         let message = flat(message.trim_start_matches("error: "));
         print_problem(Problem::bad_input(message).help(flat(help)), true);
     } else {
+        let plain = error.render().to_string();
         // A closed pipe is not an error.
-        let _ = error.print();
+        let _ = match visible(&plain) {
+            // With its colours.
+            Cow::Borrowed(_) => error.print(),
+            Cow::Owned(text) => std::io::stderr().write_all(text.as_bytes()),
+        };
     }
     u8::try_from(error.exit_code()).unwrap_or(2)
 }
@@ -226,8 +229,6 @@ pub(super) struct Told {
 
 impl Told {
     pub(super) fn of(problem: &Problem) -> Self {
-        let causes =
-            std::iter::successors(problem.source(), |error: &&dyn Error| (*error).source());
         Self {
             exit_code: problem.kind.exit_code(),
             message: problem.message.clone(),
@@ -235,7 +236,7 @@ impl Told {
             line: problem.line,
             place: problem.place.clone().map(String::from),
             help: problem.help.clone().map(String::from),
-            causes: causes.map(ToString::to_string).collect(),
+            causes: problem.causes().map(ToString::to_string).collect(),
         }
     }
 }

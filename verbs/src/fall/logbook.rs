@@ -103,10 +103,7 @@ impl Line {
             mean_rate_mps: report.mean_rate_mps,
             fastest_mps: report.fastest_mps,
             normalised_rate_mps: report.normalised_rate_mps,
-            drag_area_m2: report
-                .drag_area_m2
-                .is_finite()
-                .then_some(report.drag_area_m2),
+            drag_area_m2: report.drag_area_m2,
             opening_g: report.opening_details.map(|opening| opening.largest_g),
             glide: report.glide,
             fall_distance_m: report.fall_distance_m,

@@ -75,10 +75,9 @@ pub fn checks(rows: &[FallRow]) -> Vec<Check> {
         add(
             "mass per drag area",
             "one that explains the fall",
-            if explained {
-                format!("{:.0} kg/m2", report.ballistic_kgpm2)
-            } else {
-                report.reason.clone()
+            match report.ballistic_kgpm2 {
+                Some(ballistic) if explained => format!("{ballistic:.0} kg/m2"),
+                _ => report.reason.clone(),
             },
             explained,
         );

@@ -96,10 +96,7 @@ fn print(report: &Report, units: Units) {
             units.length(way)
         ));
     }
-    terminal::print(&format!(
-        "drag area {:.3} m2 at {:.0} kg, +- {:.3} from second to second; {:.0} kg/m2",
-        report.drag_area_m2, report.mass_kg, report.drag_area_spread_m2, report.ballistic_kgpm2
-    ));
+    terminal::print(&format!("drag area {}", drag(report)));
     let glide =
         |glide: Option<f64>| glide.map_or("unknown".to_owned(), |glide| format!("{glide:.2}"));
     terminal::print(&format!(
@@ -149,6 +146,16 @@ fn print(report: &Report, units: Units) {
     }
     let verdict = report.verdict.name();
     terminal::print(&format!("verdict: {verdict} ({})", report.reason));
+}
+
+fn drag(report: &Report) -> String {
+    match report.steady_drag() {
+        Some([area, spread, ballistic]) => format!(
+            "{area:.3} m2 at {:.0} kg, +- {spread:.3} from second to second; {ballistic:.0} kg/m2",
+            report.mass_kg
+        ),
+        None => "unknown: no second of the fall can be used".to_owned(),
+    }
 }
 
 fn print_sensors(report: &Report) {

@@ -39,22 +39,22 @@ fn replaced(text: &str, write: impl Fn(char, &mut String)) -> Cow<'_, str> {
     Cow::Owned(clean)
 }
 
+/// A name on one line: a line break in it would let it pass for a message of its own.
+fn on_one_line(text: &str) -> String {
+    visible(text).replace('\n', "\\n")
+}
+
 /// The problem with all its texts escaped.
 pub(super) fn visible_problem(mut problem: Problem) -> Problem {
     let name = problem.file.as_ref().map(|file| file.display().to_string());
-    problem.file = name.map(|name| visible(&name).into_owned().into());
+    problem.file = name.map(|name| on_one_line(&name).into());
     problem.message = visible(&problem.message).into_owned();
-    for text in [&mut problem.place, &mut problem.help]
-        .into_iter()
-        .flatten()
-    {
-        *text = visible(text).into();
-    }
-    if let Some(cause) = &problem.cause {
-        let text = cause.to_string();
-        if text.contains(is_obeyed) {
-            problem = problem.caused_by(std::io::Error::other(visible(&text).into_owned()));
-        }
+    problem.place = problem.place.map(|place| on_one_line(&place).into());
+    problem.help = problem.help.map(|help| visible(&help).into());
+    let causes: Vec<String> = problem.causes().map(ToString::to_string).collect();
+    if causes.iter().any(|text| text.contains(is_obeyed)) {
+        let causes: Vec<_> = causes.iter().map(|text| visible(text)).collect();
+        problem = problem.caused_by(std::io::Error::other(causes.join(": ")));
     }
     problem
 }
@@ -88,9 +88,21 @@ mod tests {
             .in_file(std::path::Path::new("a\u{1b}.mvnx"))
             .at("\u{1b}")
             .help("\u{1b}")
-            .caused_by(std::io::Error::other("\u{1b}[2J"));
+            .caused_by(
+                Problem::bad_input("plain").caused_by(std::io::Error::other("\u{1b}[2J\u{9b}")),
+            );
         let problem = visible_problem(problem);
         let all = format!("{}{}", problem.with_causes(), problem.help.unwrap());
         assert!(!all.contains(is_obeyed), "{all}");
+        assert!(all.contains("plain: \\u{1b}[2J"), "{all}");
+    }
+
+    #[test]
+    fn a_name_cannot_pass_for_a_message() {
+        let problem = Problem::bad_input("bad")
+            .in_file(std::path::Path::new("a\nerror: none.mvnx"))
+            .at("b\nverdict: consistent");
+        let text = visible_problem(problem).to_string();
+        assert_eq!(text.lines().count(), 1, "{text}");
     }
 }

@@ -8,11 +8,9 @@ use crate::fall::{Moment, Report, WindRow};
 
 /// Drag area in the steady part, or a dash.
 pub(super) fn area(report: &Report) -> String {
-    if report.drag_area_m2.is_finite() {
-        format!("{:.2} m2", report.drag_area_m2)
-    } else {
-        "-".to_owned()
-    }
+    report
+        .drag_area_m2
+        .map_or("-".to_owned(), |area| format!("{area:.2} m2"))
 }
 
 /// The figures of a jump, one a line.
@@ -54,12 +52,14 @@ pub(super) fn table(report: &Report, jump: &Jump, units: Units) -> String {
         ),
         (
             "drag area",
-            format!(
-                "{} &plusmn; {:.2} at {:.0} kg; {:.0} kg/m2",
-                area(report),
-                report.drag_area_spread_m2,
-                report.mass_kg,
-                report.ballistic_kgpm2
+            report.steady_drag().map_or(
+                "unknown: no second of the fall can be used".to_owned(),
+                |[area, spread, ballistic]| {
+                    format!(
+                        "{area:.2} m2 &plusmn; {spread:.2} at {:.0} kg; {ballistic:.0} kg/m2",
+                        report.mass_kg
+                    )
+                },
             ),
         ),
         ("glide in the fall", glide(report.glide)),
