@@ -90,7 +90,7 @@ fn ctrl_c_ends_every_verb_within_a_second() {
             ));
         }
         let left = files(place.path());
-        if let Some(left) = left.iter().find(|name| name.starts_with(".tmp")) {
+        if let Some(left) = left.iter().find(|name| name.starts_with(".bodyflight-")) {
             wrong.push(format!("{call}: {left} is left"));
         }
         if is_search {

@@ -1,11 +1,13 @@
 //! A file under construction, which another process cannot see or which can be told from a finished one.
 //!
-//! On Linux it has no name until it is finished, so that not even a killed process leaves it behind. Elsewhere, and on
-//! file systems without such files, it has a temporary name, which is removed unless the process is killed.
+//! On Linux it has no name until it is finished, so that not even a killed process leaves it behind. A file that replaces
+//! another has a temporary name between two system calls; should the process be killed just then, a later run removes it.
+//! Elsewhere, and on file systems without nameless files, it has a temporary name from the beginning.
 
-use std::fs::File;
+use std::fs::{DirEntry, File};
 use std::io::{self, Seek, SeekFrom, Write};
 use std::path::Path;
+use std::time::Duration;
 
 use tempfile::NamedTempFile;
 
@@ -29,7 +31,10 @@ impl Scratch {
     }
 
     fn named(folder: &Path) -> io::Result<Self> {
+        sweep(folder);
+        let prefix = prefix();
         let mut builder = tempfile::Builder::new();
+        builder.prefix(&prefix);
         // Temporary files are private otherwise; the system takes away what the user does not want to give.
         #[cfg(unix)]
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
@@ -52,8 +57,11 @@ impl Scratch {
                 file.sync_all()?;
                 match nameless::link(&file, place) {
                     Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
+                        sweep(folder);
                         let link = |path: &Path| nameless::link(&file, path);
-                        let named = tempfile::Builder::new().make_in(folder, link)?;
+                        let named = tempfile::Builder::new()
+                            .prefix(&prefix())
+                            .make_in(folder, link)?;
                         named.persist(place).map_err(|error| error.error)
                     }
                     linked => linked,
@@ -74,6 +82,39 @@ impl Scratch {
             Self::Named(file, _) => file.as_file_mut(),
         }
     }
+}
+
+/// First part of temporary names, before the number of the process.
+const PREFIX: &str = ".bodyflight-";
+
+/// Age from which a temporary file may be an orphan: processes of other machines, which cannot be seen, have finished
+/// theirs by then.
+const ORPHAN: Duration = Duration::from_secs(60);
+
+fn prefix() -> String {
+    format!("{PREFIX}{}-", std::process::id())
+}
+
+/// Removes temporary files of processes that were killed. Whatever cannot be told or removed stays.
+fn sweep(folder: &Path) {
+    let Ok(entries) = std::fs::read_dir(folder) else {
+        return;
+    };
+    for entry in entries.flatten() {
+        if is_orphan(&entry).unwrap_or(false) {
+            let _ = std::fs::remove_file(entry.path());
+        }
+    }
+}
+
+fn is_orphan(entry: &DirEntry) -> Option<bool> {
+    let name = entry.file_name();
+    let process = name.to_str()?.strip_prefix(PREFIX)?.split('-').next()?;
+    let process: u32 = process.parse().ok()?;
+    let age = entry.metadata().ok()?.modified().ok()?.elapsed().ok()?;
+    let processes = Path::new("/proc");
+    let is_alive = !processes.join("self").exists() || processes.join(process.to_string()).exists();
+    Some(age > ORPHAN && !is_alive)
 }
 
 impl Write for Scratch {
@@ -146,6 +187,33 @@ mod tests {
                 assert_eq!(names(folder), ["run.csv"]);
             }
         }
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn what_a_killed_process_left_is_removed_later() {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        let old = std::time::SystemTime::now() - 2 * ORPHAN;
+        let own = std::process::id();
+        // No process has so large a number.
+        let all = [
+            (".bodyflight-4000000000-a".to_owned(), old),
+            (".bodyflight-4000000000-new".to_owned(), old + 2 * ORPHAN),
+            (format!(".bodyflight-{own}-alive"), old),
+            (".bodyflight-notes".to_owned(), old),
+            ("run.csv".to_owned(), old),
+        ];
+        for (name, time) in &all {
+            let file = File::create(folder.join(name)).unwrap();
+            file.set_modified(*time).unwrap();
+        }
+        let mut scratch = Scratch::create(folder).unwrap();
+        scratch.write_all(b"1").unwrap();
+        scratch.finish(&folder.join("run.csv"), folder).unwrap();
+        let mut kept: Vec<_> = all[1..].iter().map(|(name, _)| name.clone()).collect();
+        kept.sort();
+        assert_eq!(names(folder), kept);
     }
 
     #[cfg(target_os = "linux")]

@@ -16,7 +16,7 @@ const INTERVALS: [f64; 6] = [0.2, 0.1, 0.25, 1.0, 0.02, 5.0];
 /// are missing, repeated or wrong. A track of any shape is refused, or analysed with finite numbers.
 pub(super) fn jump(input: &[u8]) {
     let mut choices = Choices(input);
-    let mut text = "time_s,north_m,west_m,up_m,north_mps,west_mps,up_mps\n".to_owned();
+    let mut text = "time_s,north_m,east_m,height_m,north_mps,east_mps,up_mps\n".to_owned();
     let mut height = f64::from(choices.word() % 8000);
     let mut velocity = [30.0, 0.0, 0.0];
     let (mut time, mut place, mut rows, mut noise) = (0.0, [0.0; 2], 0, 7_u32);
@@ -26,13 +26,13 @@ pub(super) fn jump(input: &[u8]) {
             .get(usize::from(kind & 7))
             .copied()
             .unwrap_or(INTERVALS[0]);
-        let [north, west, up] = [(); 3].map(|()| f64::from(choices.byte().cast_signed()) / 8.0);
+        let [north, east, up] = [(); 3].map(|()| f64::from(choices.byte().cast_signed()) / 8.0);
         let shaken = f64::from(choices.byte()) / 16.0;
         let count = u32::from(choices.byte());
         let is_odd = kind & 0x80 != 0;
         for row in 0..count.min(MOST_ROWS - rows) {
             time += interval;
-            for (velocity, acceleration) in velocity.iter_mut().zip([north, west, up]) {
+            for (velocity, acceleration) in velocity.iter_mut().zip([north, east, up]) {
                 *velocity = (*velocity + acceleration * interval).clamp(-120.0, 120.0);
             }
             place[0] += velocity[0] * interval;
@@ -40,14 +40,14 @@ pub(super) fn jump(input: &[u8]) {
             height += velocity[2] * interval;
             noise = noise.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
             let error = shaken * (f64::from(noise >> 16) / 65_536.0 - 0.5);
-            let [north, west, up] = velocity;
+            let [north, east, up] = velocity;
             let row = match row {
                 // A jump of the clock, a place that is no number, a height far away.
                 3 if is_odd => format!("{},0,0,0,0,0,0", time - 100.0),
-                5 if is_odd => format!("{time},nan,,{height},{north},{west},{up}"),
-                7 if is_odd => format!("{time},1e12,0,1e9,{north},{west},{up}"),
+                5 if is_odd => format!("{time},nan,,{height},{north},{east},{up}"),
+                7 if is_odd => format!("{time},1e12,0,1e9,{north},{east},{up}"),
                 _ => format!(
-                    "{time:.3},{:.2},{:.2},{:.2},{north:.3},{west:.3},{:.3}",
+                    "{time:.3},{:.2},{:.2},{:.2},{north:.3},{east:.3},{:.3}",
                     place[0],
                     place[1],
                     height + error,
