@@ -348,7 +348,11 @@ fn termination_leaves_no_file_behind() {
         assert_eq!(status.code(), Some(130), "{signal}: {status}");
         for (path, _) in content(&out) {
             let name = path.file_name().expect("a name").to_string_lossy();
-            assert!(!name.starts_with(".bodyflight-"), "{signal}: {}", path.display());
+            assert!(
+                !name.starts_with(".bodyflight-"),
+                "{signal}: {}",
+                path.display()
+            );
         }
     }
 }

@@ -7,6 +7,7 @@
 
 mod tidy {
     pub(crate) mod circles;
+    pub(crate) mod claims;
     pub(crate) mod floors;
     pub(crate) mod items;
     pub(crate) mod lengths;

@@ -6,6 +6,7 @@ use std::process::Command;
 
 use serde::Deserialize;
 use serde_json::json;
+use spdx::{Expression, LicenseReq, ParseMode};
 
 use crate::run::{Result, root, run, say, target_folder};
 use crate::tool::tool;
@@ -33,11 +34,31 @@ struct Package {
     source: Option<String>,
 }
 
-/// Writes the bill of materials, `sbom.json` in the target folder, as CycloneDX, and returns its path.
+/// Rules for dependencies, which cargo-deny reads too.
+#[derive(Deserialize)]
+struct Rules {
+    licenses: Licenses,
+}
+
+#[derive(Deserialize)]
+struct Licenses {
+    allow: BTreeSet<String>,
+}
+
+/// Checks, without any tool, that lock files are up to date, that licences are allowed by `deny.toml`, and that all
+/// dependencies come from one registry; writes the bill of materials, `sbom.json` in the target folder, as CycloneDX, and
+/// returns its path.
 pub(crate) fn list_parts() -> Result<PathBuf> {
     let mut packages = BTreeSet::new();
     for manifest in MANIFESTS {
         packages.extend(metadata(manifest)?.packages);
+    }
+    let rules = std::fs::read_to_string(root().join("deny.toml"))
+        .map_err(|error| format!("deny.toml: {error}"))?;
+    let rules: Rules = toml::from_str(&rules).map_err(|error| format!("deny.toml: {error}"))?;
+    let faults = faults(&packages, &rules.licenses.allow);
+    if !faults.is_empty() {
+        return Err(faults.join("\n"));
     }
     let file = target_folder()?.join("sbom.json");
     let text = serde_json::to_string_pretty(&bill_of_materials(&packages))
@@ -47,8 +68,47 @@ pub(crate) fn list_parts() -> Result<PathBuf> {
     Ok(file)
 }
 
-/// Checks that lock files are up to date, checks licences and sources against `deny.toml`, and writes the bill of
-/// materials. With `advisories`, known vulnerabilities are checked too, which needs a network.
+/// What is wrong with licences and sources, by package.
+fn faults(packages: &BTreeSet<Package>, allowed: &BTreeSet<String>) -> Vec<String> {
+    let is_allowed = |license: &LicenseReq| allowed.contains(&license.to_string());
+    let mut registries: Vec<&str> = Vec::new();
+    let mut faults = Vec::new();
+    for package in packages {
+        let Package {
+            name,
+            version,
+            license,
+            source,
+        } = package;
+        // Crates of this project that are not published state no licence.
+        let Some(source) = source else { continue };
+        let parsed = license
+            .as_deref()
+            .and_then(|license| Expression::parse_mode(license, ParseMode::LAX).ok());
+        if !parsed.is_some_and(|expression| expression.evaluate(is_allowed)) {
+            let found = license.as_deref().unwrap_or("none");
+            faults.push(format!(
+                "{name} {version}: its licence is {found}, which deny.toml does not allow"
+            ));
+        }
+        if !source.starts_with("registry+") {
+            faults.push(format!(
+                "{name} {version}: it comes from {source}, not from a registry"
+            ));
+        } else if !registries.contains(&source.as_str()) {
+            registries.push(source);
+        }
+    }
+    if registries.len() > 1 {
+        faults.push(format!(
+            "dependencies come from several registries: {}",
+            registries.join(", ")
+        ));
+    }
+    faults
+}
+
+/// Same as [`list_parts`], and checks with cargo-deny. With `advisories`, known vulnerabilities are checked too, which needs a network.
 pub(crate) fn supply(advisories: bool) -> Result<()> {
     list_parts()?;
     let program = tool("cargo-deny", "0.20.2", &[], &[])?
@@ -127,6 +187,44 @@ fn bill_of_materials(packages: &BTreeSet<Package>) -> serde_json::Value {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn licences_and_sources_are_checked() {
+        let package = |license: Option<&str>, source: Option<&str>| Package {
+            name: "other".to_owned(),
+            version: "1.0.0".to_owned(),
+            license: license.map(str::to_owned),
+            source: source.map(str::to_owned),
+        };
+        let allowed = ["MIT", "Apache-2.0 WITH LLVM-exception"]
+            .map(str::to_owned)
+            .into();
+        let found =
+            |packages: Vec<Package>| faults(&packages.into_iter().collect(), &allowed).len();
+        let registry = Some("registry+one");
+        assert_eq!(found(vec![package(None, None)]), 0, "our own");
+        assert_eq!(found(vec![package(Some("MIT/Apache-2.0"), registry)]), 0);
+        assert_eq!(
+            found(vec![package(
+                Some("GPL-3.0 OR Apache-2.0 WITH LLVM-exception"),
+                registry
+            )]),
+            0
+        );
+        assert_eq!(
+            found(vec![package(Some("MIT AND GPL-3.0-only"), registry)]),
+            1
+        );
+        assert_eq!(found(vec![package(None, registry)]), 1);
+        assert_eq!(found(vec![package(Some("MIT"), Some("git+somewhere"))]), 1);
+        assert_eq!(
+            found(vec![
+                package(Some("MIT"), registry),
+                package(Some("MIT"), Some("registry+two"))
+            ]),
+            1
+        );
+    }
 
     #[test]
     fn every_part_is_listed_once_with_its_licence() {

@@ -8,6 +8,7 @@ use crate::hil::hil;
 use crate::on_target::on_target;
 use crate::python::python;
 use crate::run::{LIBRARIES, Result, cargo, cargo_in, root, say, target_folder};
+use crate::supply;
 use crate::viewer;
 
 /// Duration of the flight streamed in real time to each kind of unit (s).
@@ -19,6 +20,7 @@ const FULL_ONLY: [&str; 4] = ["exports", "live", "outputs", "transcripts"];
 /// Runs every test of the project.
 pub(crate) fn test() -> Result<()> {
     viewer::check()?;
+    supply::list_parts()?;
     with_cargo()?;
     // Features of the core that nothing in the workspace enables.
     let features = ["--package", "bodyflight-core", "--features", "serde,defmt"];

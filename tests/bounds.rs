@@ -1,0 +1,350 @@
+//! Memory of every verb that reads files of any length, against the bound that docs/security.md states.
+
+#![cfg(target_os = "linux")]
+
+use std::fmt::Write;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+const PROGRAM: &str = env!("CARGO_BIN_EXE_bodyflight");
+
+/// The page with the bounds.
+const PAGE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/security.md");
+
+/// Longest flight of the laboratory (s), which is repeated for longer ones.
+const LONGEST: u32 = 120;
+
+/// Frame rate (Hz).
+const RATE: u32 = 240;
+
+/// What a verb reads, and how its length is counted.
+#[derive(Clone, Copy, PartialEq)]
+enum Input {
+    /// Recordings: minutes at 240 frames a second.
+    Recording,
+    /// Tracks and motion of other systems: MB of text.
+    Table,
+}
+
+/// A verb, and the most memory that it needs.
+struct Verb {
+    /// Its arguments; inputs are `FLIGHT`, `OTHER`, `TRACK` and `MARKERS`.
+    arguments: &'static [&'static str],
+    input: Input,
+    /// MB, whatever the input.
+    base: f64,
+    /// MB for each minute or MB of input.
+    slope: f64,
+}
+
+const fn verb(arguments: &'static [&'static str], input: Input, base: f64, slope: f64) -> Verb {
+    Verb {
+        arguments,
+        input,
+        base,
+        slope,
+    }
+}
+
+const VERBS: [Verb; 11] = {
+    use Input::{Recording, Table};
+    [
+        verb(&["inspect", "RECORDING"], Recording, 32.0, 0.0),
+        verb(
+            &["simulate", "FLIGHT", "--out", "a.csv", "--plot", "a.svg"],
+            Recording,
+            32.0,
+            0.0,
+        ),
+        verb(
+            &["export", "FLIGHT", "--out", "b.csv"],
+            Recording,
+            32.0,
+            0.0,
+        ),
+        verb(
+            &["estimate", "FLIGHT", "--out", "c.csv"],
+            Recording,
+            32.0,
+            30.0,
+        ),
+        verb(&["view", "FLIGHT", "--out", "d.html"], Recording, 32.0, 6.0),
+        verb(
+            &["figures", "FLIGHT", "--format", "svg", "--out", "figures"],
+            Recording,
+            48.0,
+            8.0,
+        ),
+        verb(
+            &[
+                "compare", "FLIGHT", "OTHER", "--align", "start", "--out", "e.csv",
+            ],
+            Recording,
+            48.0,
+            16.0,
+        ),
+        verb(&["technique", "FLIGHT"], Recording, 32.0, 12.0),
+        // It refuses what was repeated.
+        verb(
+            &[
+                "discover",
+                "flight-0/flight.toml",
+                "--hold-out",
+                "flight-1/flight.toml",
+            ],
+            Recording,
+            128.0,
+            320.0,
+        ),
+        verb(&["fall", "TRACK", "--plot", "f.svg"], Table, 32.0, 12.0),
+        verb(
+            &[
+                "import",
+                "MARKERS",
+                "--mapping",
+                "points.toml",
+                "--out",
+                "imported",
+            ],
+            Table,
+            32.0,
+            8.0,
+        ),
+    ]
+};
+
+/// A recording that is a flight of the laboratory again and again, with its frames counted on.
+fn repeated(folder: &Path, name: &str, from: &str, seconds: u32) {
+    use std::io::Write;
+    let text = std::fs::read_to_string(folder.join(from).join("flight.mvnx")).expect("a recording");
+    let normal = text.find("type=\"normal\"").expect("frames");
+    let begin = text[..normal].rfind("<frame ").expect("a frame");
+    let end = text.rfind("</frame>").expect("a frame") + "</frame>".len();
+    let frames: Vec<&str> = text[begin..end]
+        .split_inclusive("</frame>")
+        .map(str::trim)
+        .collect();
+    let into = folder.join(name);
+    std::fs::create_dir_all(&into).expect("created");
+    for file in ["flight.toml", "subject.toml"] {
+        std::fs::copy(folder.join(from).join(file), into.join(file)).expect("copied");
+    }
+    let file = std::fs::File::create(into.join("flight.mvnx")).expect("created");
+    let mut file = std::io::BufWriter::new(file);
+    file.write_all(text[..begin].as_bytes()).expect("written");
+    for (index, frame) in (0..seconds * RATE).zip(frames.iter().cycle()) {
+        let inside = &frame[frame.find('>').expect("a tag")..];
+        let time = f64::from(index) * 1000.0 / f64::from(RATE);
+        writeln!(
+            file,
+            "<frame time=\"{time:.0}\" index=\"{index}\" type=\"normal\"{inside}"
+        )
+        .expect("written");
+    }
+    file.write_all(text[end..].as_bytes()).expect("written");
+    file.flush().expect("written");
+}
+
+/// A jump, then a long walk on the ground.
+fn track(rows: u32) -> String {
+    let mut text = "time_s,north_m,east_m,height_m,north_mps,east_mps,up_mps\n".to_owned();
+    let (mut height, mut speed) = (4000.0_f64, 0.0_f64);
+    for row in 0..rows {
+        let time = 0.2 * f64::from(row);
+        speed = match height {
+            _ if time < 30.0 => 0.0,
+            height if height > 1200.0 => speed + 0.2 * 9.8 * (1.0 - (speed / 52.0).powi(2)),
+            height if height > 300.0 => (speed - 5.0).max(5.0),
+            _ => 0.0,
+        };
+        height -= 0.2 * speed;
+        let shake = 0.1 * (1.7 * time).sin();
+        let _ = writeln!(
+            text,
+            "{time:.1},{:.1},0,{height:.2},8,0,{:.2}",
+            8.0 * time,
+            shake - speed
+        );
+    }
+    text
+}
+
+/// Markers of a body that swings its limbs.
+fn markers(rows: u32) -> String {
+    let ends = [
+        ("hip", 0.09, 0.95),
+        ("knee", 0.09, 0.53),
+        ("ank", 0.09, 0.1),
+        ("sho", 0.2, 1.45),
+        ("elb", 0.22, 1.15),
+        ("wri", 0.22, 0.9),
+    ];
+    let sides = [("l", 1.0), ("r", -1.0)];
+    let mut text = "time".to_owned();
+    for (side, _) in sides {
+        for (name, ..) in ends {
+            let _ = write!(text, ",{side}{name}.x,{side}{name}.y,{side}{name}.z");
+        }
+    }
+    for row in 0..rows {
+        let time = f64::from(row) / 100.0;
+        let _ = write!(text, "\n{time:.2}");
+        for (_, sign) in sides {
+            for (_, y, z) in ends {
+                let swing = 0.3 * (0.95 - z) * (3.0 * time).sin();
+                let _ = write!(text, ",{swing:.4},{:.2},{z}", sign * y);
+            }
+        }
+    }
+    text + "\n"
+}
+
+/// Peak memory (MB) of a process that runs to its end.
+fn peak(child: &mut Child) -> f64 {
+    let status = format!("/proc/{}/status", child.id());
+    let mut most = 0.0_f64;
+    while child.try_wait().expect("it can be asked").is_none() {
+        let text = std::fs::read_to_string(&status).unwrap_or_default();
+        let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+        let kilobytes = line.and_then(|line| line.trim().split(' ').next()?.parse::<f64>().ok());
+        most = most.max(kilobytes.unwrap_or(0.0) / 1024.0);
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    most
+}
+
+struct Measured {
+    size: f64,
+    memory: f64,
+    seconds: f64,
+}
+
+fn measured(folder: &Path, verb: &Verb, size: f64) -> Measured {
+    let arguments = verb.arguments.iter().map(|word| match *word {
+        "RECORDING" => "long/flight.mvnx",
+        "FLIGHT" => "long/flight.toml",
+        "OTHER" => "other/flight.toml",
+        "TRACK" => "track.csv",
+        "MARKERS" => "markers.csv",
+        word => word,
+    });
+    let begin = Instant::now();
+    let mut child = Command::new(PROGRAM)
+        .args(arguments)
+        .current_dir(folder)
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("the binary starts");
+    let memory = peak(&mut child);
+    let code = child.wait().expect("it ends").code();
+    // A flight that is repeated is doubted, of course.
+    assert!(
+        matches!(code, Some(0 | 4 | 5)),
+        "{:?}: {code:?}",
+        verb.arguments
+    );
+    Measured {
+        size,
+        memory,
+        seconds: begin.elapsed().as_secs_f64(),
+    }
+}
+
+impl Verb {
+    fn name(&self) -> &str {
+        self.arguments[0]
+    }
+
+    fn bound(&self, size: f64) -> f64 {
+        self.base + self.slope * size
+    }
+
+    /// The bound as on the page.
+    fn stated(&self) -> String {
+        let unit = match self.input {
+            Input::Recording => "minute",
+            Input::Table => "MB",
+        };
+        match self.slope {
+            slope if slope > 0.0 => format!("{} MB + {slope} MB for each {unit}", self.base),
+            _ => format!("{} MB", self.base),
+        }
+    }
+}
+
+/// `BODYFLIGHT_BOUNDS_S=7200` flies two hours, and reads tracks of a million rows.
+#[test]
+fn memory_stays_within_what_is_stated() {
+    let seconds: u32 =
+        std::env::var("BODYFLIGHT_BOUNDS_S").map_or(20, |text| text.parse().expect("seconds"));
+    let piece = seconds.min(LONGEST);
+    let place = tempfile::tempdir().expect("a folder");
+    let folder = place.path();
+    let flown = Command::new(PROGRAM)
+        .args([
+            "hide",
+            "clean",
+            "--flights",
+            "2",
+            "--out",
+            ".",
+            "--duration",
+            &piece.to_string(),
+        ])
+        .current_dir(folder)
+        .stdout(Stdio::null())
+        .status();
+    assert!(flown.expect("it starts").success());
+    for (name, from) in [("long", "flight-0"), ("other", "flight-1")] {
+        repeated(folder, name, from, seconds);
+    }
+    let rows = if seconds < 1000 { 50_000 } else { 1_000_000 };
+    let mapping = include_str!("fuzz_targets/mappings/points.toml");
+    let texts = [
+        ("track.csv", track(rows)),
+        ("markers.csv", markers(rows / 20)),
+        ("points.toml", mapping.to_owned()),
+    ];
+    for (name, text) in texts {
+        std::fs::write(folder.join(name), text).expect("written");
+    }
+    let page = std::fs::read_to_string(PAGE).expect("the page");
+    println!("| verb | at most | input | memory | time |\n|---|---|---|---|---|");
+    let mut faults = Vec::new();
+    for verb in &VERBS {
+        let size = match (verb.input, verb.name()) {
+            (Input::Recording, "discover") => f64::from(piece) / 60.0,
+            (Input::Recording, _) => f64::from(seconds) / 60.0,
+            (Input::Table, "fall") => megabytes(&folder.join("track.csv")),
+            (Input::Table, _) => megabytes(&folder.join("markers.csv")),
+        };
+        let found = measured(folder, verb, size);
+        let unit = if verb.input == Input::Recording {
+            "min"
+        } else {
+            "MB"
+        };
+        println!(
+            "| `{}` | {} | {:.1} {unit} | {:.0} MB | {:.1} s |",
+            verb.name(),
+            verb.stated(),
+            found.size,
+            found.memory,
+            found.seconds
+        );
+        if found.memory > verb.bound(found.size) || found.memory < 1.0 {
+            faults.push(format!("{}: {:.0} MB", verb.name(), found.memory));
+        }
+        let row = format!("| `{}` | {} |", verb.name(), verb.stated());
+        if !page.contains(&row) {
+            faults.push(format!("docs/security.md lacks the row {row}"));
+        }
+    }
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
+}
+
+fn megabytes(path: &Path) -> f64 {
+    std::fs::metadata(path).expect("a file").len() as f64 / 1e6
+}
