@@ -104,7 +104,11 @@ enum Verb {
         table: bool,
     },
     /// Build everything that is published: programs, man pages, wheel, images, bill of materials, checksums.
-    Release,
+    Release {
+        /// Instead, build the program of the last commit twice, in different folders, and compare the bytes.
+        #[arg(long)]
+        reproduce: bool,
+    },
     /// Build the pages as a book and check its links.
     Book,
     /// Check lock files, licences and sources of all dependencies, and list them in sbom.json.
@@ -148,7 +152,8 @@ fn main() -> ExitCode {
         }
         Verb::Miri => nightly::miri(),
         Verb::Soak { hours, table } => soak::soak(hours, table),
-        Verb::Release => release::release(),
+        Verb::Release { reproduce: true } => release::reproduce(),
+        Verb::Release { reproduce: false } => release::release(),
         Verb::Book => book::book(),
         Verb::Supply { advisories } => supply::supply(advisories),
     };

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::image::install_target;
 use crate::python;
-use crate::run::{Result, cargo_in, root, run, run_in, say, target_folder};
+use crate::run::{Result, cargo_in, root, run, run_in, say, target_folder, without_paths};
 use crate::supply;
 use crate::unit::unit;
 use crate::viewer;
@@ -31,7 +31,7 @@ pub(crate) fn release() -> Result<()> {
     std::fs::create_dir_all(&folder).map_err(failed(&folder))?;
     viewer::check()?;
     let programs = MACHINES
-        .map(build_program)
+        .map(|machine| build_program(&root(), target_folder()?, machine))
         .into_iter()
         .collect::<Result<Vec<_>>>()?;
     // Man pages are written by the program that runs on this machine.
@@ -69,12 +69,16 @@ fn name_of(path: &Path) -> String {
     name.to_string_lossy().into_owned()
 }
 
-fn build_program(machine: &str) -> Result<PathBuf> {
+/// Builds the program of the sources in `folder`, and returns its path below the folder `target`.
+fn build_program(folder: &Path, target: &Path, machine: &str) -> Result<PathBuf> {
     install_target(machine)?;
-    let linker = format!(
-        "CARGO_TARGET_{}_LINKER",
-        machine.to_uppercase().replace('-', "_")
-    );
+    let variable = format!("CARGO_TARGET_{}", machine.to_uppercase().replace('-', "_"));
+    let [linker, flags] = ["LINKER", "RUSTFLAGS"].map(|of| format!("{variable}_{of}"));
+    let variables = [
+        (linker.as_str(), "rust-lld".to_owned()),
+        (&flags, without_paths()?),
+        ("CARGO_TARGET_DIR", target.display().to_string()),
+    ];
     let arguments = [
         "build",
         "--profile",
@@ -87,8 +91,44 @@ fn build_program(machine: &str) -> Result<PathBuf> {
         "--target",
         machine,
     ];
-    cargo_in(&root(), &arguments, &[(&linker, "rust-lld".to_owned())])?;
-    Ok(target_folder()?.join(machine).join("dist/bodyflight"))
+    cargo_in(folder, &arguments, &variables)?;
+    Ok(target.join(machine).join("dist/bodyflight"))
+}
+
+/// Builds the program of the last commit twice, in folders of different names, and compares the bytes.
+pub(crate) fn reproduce() -> Result<()> {
+    let [machine, _] = MACHINES;
+    let stage = target_folder()?.join("reproduced");
+    let mut programs = Vec::new();
+    for name in ["one", "another-one"] {
+        let folder = stage.join(name);
+        let _ = std::fs::remove_dir_all(&folder);
+        std::fs::create_dir_all(&folder).map_err(failed(&folder))?;
+        let archive = folder.join("sources.tar").display().to_string();
+        run("git", &["archive", "--output", &archive, "HEAD"])?;
+        run(
+            "tar",
+            &["-xf", &archive, "-C", &folder.display().to_string()],
+        )?;
+        let program = build_program(&folder, &folder.join("target"), machine)?;
+        programs.push(std::fs::read(&program).map_err(failed(&program))?);
+    }
+    let [one, other] = &programs[..] else {
+        return Err("expected two programs".to_owned());
+    };
+    if one != other {
+        return Err(format!(
+            "the two programs differ, {} and {} bytes: see {}",
+            one.len(),
+            other.len(),
+            stage.display()
+        ));
+    }
+    say(&format!(
+        "two builds of {machine} are equal: {} bytes",
+        one.len()
+    ));
+    Ok(())
 }
 
 /// Man pages and completions, as the program itself writes them.
@@ -127,9 +167,22 @@ fn archive(machine: &str, program: &Path, pages: &Path, folder: &Path) -> Result
         run("cp", &["-r", &part, &inside.display().to_string()])?;
     }
     let file = folder.join(format!("{name}.tar.gz")).display().to_string();
+    // The same bytes whenever and by whomever it is packed.
     run(
         "tar",
-        &["-czf", &file, "-C", &stage.display().to_string(), &name],
+        &[
+            "--sort=name",
+            "--mtime=@0",
+            "--owner=0",
+            "--group=0",
+            "--numeric-owner",
+            "--use-compress-program=gzip -n",
+            "-cf",
+            &file,
+            "-C",
+            &stage.display().to_string(),
+            &name,
+        ],
     )
 }
 

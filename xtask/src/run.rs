@@ -74,6 +74,20 @@ pub(crate) fn run_in(
     }
 }
 
+/// The compiler's flags that shorten the paths of dependencies' sources. Messages of their panics hold them, and they differ
+/// from machine to machine.
+pub(crate) fn without_paths() -> Result<String> {
+    let home = std::env::var_os("CARGO_HOME").map(PathBuf::from);
+    let home = home.or_else(|| Some(std::env::home_dir()?.join(".cargo")));
+    let sources = home.ok_or("there is no home folder")?.join("registry/src");
+    let entries = std::fs::read_dir(&sources);
+    let entries = entries.map_err(|error| format!("{}: {error}", sources.display()))?;
+    let flags = entries
+        .flatten()
+        .map(|registry| format!("--remap-path-prefix={}=registry", registry.path().display()));
+    Ok(flags.collect::<Vec<_>>().join(" "))
+}
+
 /// Runs cargo with these arguments.
 pub(crate) fn cargo(arguments: &[&str]) -> Result<()> {
     cargo_in(&root(), arguments, &[])

@@ -6,6 +6,7 @@ use std::process::{Command, Stdio};
 use crate::image::install_target;
 use crate::run::{
     PROGRAM, Result, build_full_program, cargo, cargo_in, root, run, run_in, target_folder,
+    without_paths,
 };
 
 /// Oldest version of Node that can build the page.
@@ -57,7 +58,10 @@ fn build_to(page: &Path) -> Result<()> {
         TARGET,
     ];
     // Messages of dependencies' panics hold the paths of their sources, which differ from machine to machine.
-    let flags = ("CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_RUSTFLAGS", remapped()?);
+    let flags = (
+        "CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_RUSTFLAGS",
+        without_paths()?,
+    );
     cargo_in(&root(), &arguments, &[flags])?;
     let wasm = target_folder()?.join(format!("{TARGET}/viewer/bodyflight_viewer.wasm"));
     let wasm = wasm
@@ -71,19 +75,6 @@ fn build_to(page: &Path) -> Result<()> {
         ("BODYFLIGHT_PAGE", page.display().to_string()),
     ];
     run_in(&folder, "npm", &["run", "--silent", "build"], &variables)
-}
-
-/// The compiler's flags that shorten the paths of dependencies' sources.
-fn remapped() -> Result<String> {
-    let home = std::env::var_os("CARGO_HOME").map(PathBuf::from);
-    let home = home.or_else(|| Some(std::env::home_dir()?.join(".cargo")));
-    let sources = home.ok_or("there is no home folder")?.join("registry/src");
-    let entries = std::fs::read_dir(&sources);
-    let entries = entries.map_err(|error| format!("{}: {error}", sources.display()))?;
-    let flags = entries
-        .flatten()
-        .map(|registry| format!("--remap-path-prefix={}=registry", registry.path().display()));
-    Ok(flags.collect::<Vec<_>>().join(" "))
 }
 
 /// Runs the page's tests in a browser; screenshots are left in `pictures` of the target folder.
