@@ -13,6 +13,7 @@ mod drift;
 mod gravity;
 mod horizontal;
 mod late;
+mod step;
 mod vertical;
 
 use crate::Sample;
@@ -100,7 +101,7 @@ pub fn checked(samples: &[Sample], given: Given) -> Checked {
     }
 }
 
-/// Finds channels that are late or drift, as far as the units are right. Returns the uncertainty of times after that
+/// Finds channels that jump, are late or drift, as far as the units are right. Returns the uncertainty of times after that
 /// (s).
 fn against_time(samples: &mut [Sample], has_places: bool, findings: &mut Vec<Finding>) -> f64 {
     let is_wrong = |of: Channel, findings: &[Finding]| {
@@ -112,6 +113,7 @@ fn against_time(samples: &mut [Sample], has_places: bool, findings: &mut Vec<Fin
     let horizontal = [Channel::Position, Channel::HorizontalVelocity];
     let mut moved = false;
     if !vertical.iter().any(|of| is_wrong(*of, findings)) {
+        step::checked(samples, findings);
         moved |= late::checked(samples, &[2], vertical, findings);
         drift::checked(samples, has_places, findings);
     }

@@ -98,6 +98,37 @@ fn signs_and_axes_are_recognised() {
 }
 
 #[test]
+fn heights_that_jump_are_joined() {
+    let flown = jump(&Jump::default());
+    for share in [0.2, 0.4, 0.7] {
+        for jump in [-400.0, -40.0, 60.0, 300.0] {
+            let mut samples = flown.clone();
+            let place = (share * samples.len() as f64) as usize;
+            for sample in &mut samples[place..] {
+                sample.position.z += jump;
+            }
+            let checked = checked(&samples, GIVEN);
+            let [finding] = &checked.findings[..] else {
+                panic!("{share} {jump}: {:?}", checked.findings);
+            };
+            assert_eq!(
+                (finding.channel, finding.remedy),
+                (Channel::Height, Remedy::Converted)
+            );
+            let time = flown[place].time - flown[0].time;
+            let said = format!(" m at {time:.1} s, and the vertical velocities do not");
+            assert!(finding.sentence.contains(&said), "{}", finding.sentence);
+            let apart = |index: usize| checked.samples[index].height() - flown[index].height();
+            assert!((apart(0) - apart(flown.len() - 1)).abs() < 5.0);
+        }
+    }
+    // A single wild row is no jump.
+    let mut samples = flown.clone();
+    samples[500].position.z += 300.0;
+    assert_eq!(checked(&samples, GIVEN).findings, []);
+}
+
+#[test]
 fn empty_channels_are_replaced() {
     let (checked, flown) = changed(|sample| sample.velocity.z *= 0.02);
     assert_mended(&checked, &flown, Channel::VerticalVelocity, Remedy::NotUsed);

@@ -1,0 +1,78 @@
+//! Heights that jump from one row to the next and stay there, while the vertical velocities do not.
+
+use super::compare::{Channel, Finding, Remedy, displacements};
+use crate::{Sample, between, longest_step, median};
+
+/// Smallest jump (m): heights of receivers wander by less.
+const JUMPS: f64 = 25.0;
+
+/// Time on either side over which heights must stay (s), and fewest rows in it.
+const STAYS: f64 = 3.0;
+const FEWEST: usize = 4;
+
+/// Largest scatter of the heights on either side, as a fraction of the jump.
+const SCATTER: f64 = 0.2;
+
+/// Moves the heights before each jump so that they meet those after it, which end on the ground.
+pub(super) fn checked(samples: &mut [Sample], findings: &mut Vec<Finding>) {
+    let gap = longest_step(samples);
+    let displacements = displacements(samples, 2, gap);
+    let left: Vec<Sample> = samples
+        .iter()
+        .zip(displacements)
+        .map(|(sample, displacement)| {
+            let mut left = *sample;
+            left.position.z -= displacement;
+            left
+        })
+        .collect();
+    let mut jumps = Vec::new();
+    for index in 1..left.len() {
+        let [before, after] = [left[index - 1], left[index]];
+        let jump = after.height() - before.height();
+        if jump.abs() > JUMPS
+            && after.time - before.time <= gap
+            && stays(
+                between(&left, [before.time - STAYS, before.time]),
+                before.height(),
+                jump,
+            )
+            && stays(
+                between(&left, [after.time, after.time + STAYS]),
+                after.height(),
+                jump,
+            )
+        {
+            jumps.push((index, jump));
+        }
+    }
+    for (index, jump) in &jumps {
+        for sample in &mut samples[..*index] {
+            sample.position.z += jump;
+        }
+    }
+    let largest = jumps
+        .iter()
+        .max_by(|(_, a), (_, b)| a.abs().total_cmp(&b.abs()));
+    let (Some((index, jump)), Some(first)) = (largest, samples.first()) else {
+        return;
+    };
+    let times = match jumps.len() {
+        1 => String::new(),
+        count => format!(", the largest of {count} jumps"),
+    };
+    findings.push(Finding {
+        channel: Channel::Height,
+        remedy: Remedy::Converted,
+        sentence: format!(
+            "the heights jump by {jump:.0} m at {:.1} s{times}, and the vertical velocities do not: those before it are moved",
+            samples[*index].time - first.time
+        ),
+    });
+}
+
+/// Whether the rows lie around a height, up to a fraction of the jump.
+fn stays(rows: &[Sample], height: f64, jump: f64) -> bool {
+    let apart = rows.iter().map(|row| (row.height() - height).abs());
+    rows.len() >= FEWEST && median(apart).is_some_and(|apart| apart < SCATTER * jump.abs())
+}
