@@ -3,7 +3,6 @@
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 
-use bodyflight_core::dynamics::{Dynamics, Inputs};
 use bodyflight_viewer::cockpit::{CONTROLS, STARTS};
 use bodyflight_viewer::frame;
 use bodyflight_viewer::setup::Setup;
@@ -16,6 +15,7 @@ use super::shape::{Shape, Worn, shapes};
 use crate::compare::page::Beside;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::input;
+use bodyflight_replay::flight::{DensityChoice, Flight};
 use bodyflight_replay::subject::Subject;
 
 /// The page, as `cargo xtask viewer` builds it.
@@ -154,19 +154,19 @@ pub struct PageData {
     pub beside: Option<Beside>,
 }
 
-/// The model of a subject for the page, in still air of constant density (kg/m3).
+/// The model of a subject for the page, in still air of constant density (kg/m3): that of a flight whose `flight.toml`
+/// gives nothing else.
 pub fn setup(subject: &Subject, density: f64) -> Setup {
-    let mut dynamics = Dynamics::paper(subject.body(), density);
-    dynamics.aerodynamics = subject.aerodynamics();
-    let inputs = Inputs {
-        damping: subject.damping(),
-        ..Inputs::belly_turn()
+    let flight = Flight {
+        subject: subject.clone(),
+        density: DensityChoice::Constant(density),
+        ..Flight::bare(Path::new(""))
     };
     #[expect(clippy::cast_possible_truncation, reason = "the page's precision")]
     let single = density as f32;
     Setup {
-        dynamics: dynamics.cast(),
-        inputs: inputs.cast(),
+        dynamics: flight.dynamics(0.0).cast(),
+        inputs: flight.constant_inputs().cast(),
         density: single,
     }
 }
