@@ -60,7 +60,10 @@ fn flown(start: &str, seconds: usize, hand: &[(f64, Hand)]) -> Flown {
     let mut bytes = Vec::new();
     let (mut turned, mut tilt) = (Vector::zero(), 0.0f32);
     for step in 0..RATE * seconds {
-        for (_, act) in hand.iter().filter(|(at, _)| (at * RATE as f64).round() == step as f64) {
+        for (_, act) in hand
+            .iter()
+            .filter(|(at, _)| (at * RATE as f64).round() == step as f64)
+        {
             match *act {
                 Hand::Control(name, share) => {
                     let control = CONTROLS.iter().position(|known| known.name == name);
@@ -80,7 +83,12 @@ fn flown(start: &str, seconds: usize, hand: &[(f64, Hand)]) -> Flown {
     }
     let folder = tempfile::tempdir().expect("a folder");
     let frames = frames(&bytes).expect("frames");
-    let path = write(&frames, &subject, DEFAULT_DENSITY, &folder.path().join("flown-0"));
+    let path = write(
+        &frames,
+        &subject,
+        DEFAULT_DENSITY,
+        &folder.path().join("flown-0"),
+    );
     Flown {
         path: path.expect("written"),
         turned,
@@ -121,6 +129,15 @@ fn is_explained(name: &str, flown: &Flown) {
     assert_eq!(estimation.report.doubt, None, "{name}");
 }
 
+/// Requires a full turn, up to what the attitudes before and after differ.
+fn turned_once(name: &str, angle: f32) {
+    println!("{name}: turned by {:.0} degrees", angle.to_degrees());
+    assert!(
+        (angle.to_degrees() - 345.0).abs() < 25.0,
+        "{name}: {angle} rad"
+    );
+}
+
 #[test]
 fn a_barrel_roll_by_hand_is_explained_by_its_inputs() {
     let flown = flown(
@@ -136,7 +153,7 @@ fn a_barrel_roll_by_hand_is_explained_by_its_inputs() {
             (4.5, Hand::Tension(0.0)),
         ],
     );
-    println!("turned {:?} rad", flown.turned);
+    turned_once("barrel roll", flown.turned.z());
     is_explained("barrel roll", &flown);
 }
 
@@ -160,8 +177,27 @@ fn a_layout_by_hand_is_explained_by_its_inputs() {
             (4.6, Hand::Tension(0.0)),
         ],
     );
-    println!("turned {:?} rad", flown.turned);
+    turned_once("layout", flown.turned.x());
     is_explained("layout", &flown);
+}
+
+#[test]
+fn a_back_flip_by_hand_is_explained_by_its_inputs() {
+    let flown = flown(
+        "neutral",
+        7,
+        &[
+            (2.0, Hand::Muscle([1.0, 0.0, 0.0])),
+            (2.0, Hand::Control("press", 1.0)),
+            (2.0, Hand::Tension(-1.0)),
+            (2.5, Hand::Muscle([0.0; 3])),
+            (2.5, Hand::Control("press", 0.0)),
+            (2.8, Hand::Tension(1.0)),
+            (4.0, Hand::Tension(0.0)),
+        ],
+    );
+    turned_once("flip", flown.turned.x());
+    is_explained("flip", &flown);
 }
 
 #[test]

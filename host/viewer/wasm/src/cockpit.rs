@@ -139,7 +139,7 @@ pub const STARTS: [Start; 6] = [
     },
 ];
 
-/// Rate of a control, as a fraction of its range per second.
+/// Rate of a control, as a fraction of its range per second, and of a single joint (rad/s).
 const SPEED: f32 = 3.0;
 
 /// Muscle input at full command, as in the scripts of flips, turns and barrel rolls.
@@ -167,8 +167,11 @@ const BRACED: AxisCoefficients<f32> = AxisCoefficients {
     roll: 12.0,
 };
 
-/// Initial height (m).
+/// Initial height above the ground (m).
 const START_HEIGHT: f32 = 4000.0;
+
+/// Height above the ground below which the page warns (m): most skydivers have begun to open the parachute there.
+pub const WARNING_HEIGHT: f32 = 1000.0;
 
 /// A flight in progress.
 #[derive(Debug, Clone)]
@@ -187,6 +190,7 @@ pub struct Cockpit {
     wanted: [f32; CONTROLS.len()],
     amounts: [f32; CONTROLS.len()],
     joints: [[f32; 3]; Segment::ALL.len()],
+    wanted_joints: [[f32; 3]; Segment::ALL.len()],
     before: Posture<f32>,
     posture: Posture<f32>,
     steps: u32,
@@ -226,6 +230,7 @@ impl Cockpit {
             wanted,
             amounts: [0.0; CONTROLS.len()],
             joints: [[0.0; 3]; Segment::ALL.len()],
+            wanted_joints: [[0.0; 3]; Segment::ALL.len()],
             before: base,
             posture: base,
             steps: 0,
@@ -263,10 +268,11 @@ impl Cockpit {
         }
     }
 
-    /// Sets an angle (rad, within pi) of a single joint; axis 0 is the paper's psi, 1 theta, 2 phi. Other values are
-    /// ignored.
+    /// Commands how much further than in its pose a single joint is turned (rad, within pi); axis 0 is the paper's psi,
+    /// 1 theta, 2 phi. Other values are ignored.
     pub fn joint(&mut self, segment: usize, axis: usize, angle: f32) {
-        if let Some(place) = self.joints.get_mut(segment).and_then(|j| j.get_mut(axis))
+        let joint = self.wanted_joints.get_mut(segment);
+        if let Some(place) = joint.and_then(|joint| joint.get_mut(axis))
             && angle.abs() <= core::f32::consts::PI
         {
             *place = angle;
@@ -319,8 +325,16 @@ impl Cockpit {
         );
     }
 
-    /// Advances the flight by one step of 1/240 s.
+    /// Returns whether the flight has ended at the ground, the plane of height zero.
+    pub fn is_on_ground(&self) -> bool {
+        self.motion().position.up() <= 0.0
+    }
+
+    /// Advances the flight by one step of 1/240 s, unless it has ended at the ground.
     pub fn step(&mut self) {
+        if self.is_on_ground() {
+            return;
+        }
         #[expect(clippy::cast_possible_truncation, reason = "a constant")]
         let duration = TIME_STEP as f32;
         self.strain(duration);
@@ -341,6 +355,10 @@ impl Cockpit {
                 autopilot.feel(&motion, duration);
                 posture = autopilot.moved(&posture);
             }
+        }
+        let joints = self.joints.iter_mut().flatten();
+        for (angle, wanted) in joints.zip(self.wanted_joints.iter().flatten()) {
+            *angle += (wanted - *angle).clamp(-reach, reach);
         }
         for (segment, [psi, theta, phi]) in Segment::ALL.iter().zip(self.joints) {
             let turned = joint_rotation(psi, theta, phi) * posture.parent_from_segment(*segment);
@@ -534,6 +552,25 @@ pub(crate) mod tests {
             }
         }
         assert!(!cockpit().can_hold());
+    }
+
+    #[test]
+    fn a_flight_ends_at_the_ground() {
+        let mut cockpit = cockpit();
+        let mut steps = 0;
+        while !cockpit.is_on_ground() {
+            cockpit.step();
+            steps += 1;
+            assert!(steps < 240 * 200, "still flying after 200 s");
+        }
+        let (time, height) = (cockpit.time(), cockpit.motion().position.up());
+        println!("on the ground after {time:.1} s");
+        assert!(
+            (60.0..110.0).contains(&time) && height > -1.0,
+            "{time} {height}"
+        );
+        cockpit.step();
+        assert_eq!(cockpit.time().to_bits(), time.to_bits());
     }
 
     /// Paper, "Pitch and Roll oscillations experienced by novices".
