@@ -111,7 +111,7 @@ fn is_explained(name: &str, flown: &Flown) {
     println!("{name}: simulated again, RMS {:?}", again.report.rms);
     for channel in Channel::ALL {
         let gap = again.report.rms.get(channel);
-        assert!(gap < 0.01, "{name}, {channel:?}: {gap}");
+        assert!(gap < 1e-3, "{name}, {channel:?}: {gap}");
     }
     let request = Request {
         tuning: Tuning::find(AUTO).expect("a preset"),

@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use bodyflight_core::dynamics::Inputs;
+use bodyflight_core::body::mass_properties::PostureRate;
+use bodyflight_core::dynamics::{Dynamics, Inputs, State};
 use bodyflight_core::frame::{Rotation, Vector};
 use bodyflight_core::{Posture, Segment};
 use bodyflight_viewer::frame::{NUMBERS, SEGMENT_NUMBERS, place};
@@ -127,8 +128,9 @@ pub fn write(
         origin: Origin::Simulated,
     };
     let mut writer = Writer::create(&at("flight.mvnx"), description, &subject.body())?;
-    for FlownFrame { frame, .. } in frames {
-        writer.write(frame)?;
+    let setup = super::page::setup(subject, density);
+    for frame in with_central_rates(frames, &setup.dynamics.cast())? {
+        writer.write(&frame)?;
     }
     writer.finish()?;
     write_inputs(frames, &at("inputs.csv"))?;
@@ -143,6 +145,25 @@ pub fn write(
     write_file(&at("flight.toml"), text.as_bytes())?;
     making.finish()?;
     Ok(folder.join("flight.toml"))
+}
+
+/// The frames of a recording. The page knows the joints' rates over the step before a frame only; the motion of the
+/// pelvis is converted to their central differences, as a replay of a recording has them, by way of the momenta.
+fn with_central_rates(frames: &[FlownFrame], dynamics: &Dynamics<f64>) -> Result<Vec<FlightFrame>> {
+    let mut all: Vec<FlightFrame> = frames.iter().map(|flown| flown.frame).collect();
+    for (three, place) in frames.windows(3).zip(1..) {
+        let [before, here, after] = [0, 1, 2].map(|k| three[k].frame);
+        let sample = |from: &FlightFrame, to: &FlightFrame| {
+            let rate = PostureRate::between(&from.posture, &to.posture, to.time - from.time);
+            dynamics.sample(&here.posture, &rate)
+        };
+        let state = State::from_motion(&here.motion()?, &sample(&before, &here));
+        let motion = state.motion(&sample(&before, &after));
+        let pelvis = &mut all[place].pelvis;
+        pelvis.velocity = Some(motion.velocity_inertial());
+        pelvis.angular_velocity = Some(motion.inertial_from_body * motion.angular_velocity);
+    }
+    Ok(all)
 }
 
 /// Writes the inputs, each at the middle of the step in which it acted. Rows that equal both their neighbours are left
