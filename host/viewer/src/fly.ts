@@ -28,7 +28,7 @@ const FLY_KEYS: Keys = [
 
 export function fly(data: PageData, flight: FlyData): void {
   const flown = new Fly(data, flight);
-  window.bodyflight = { core: flown.core, flight };
+  window.bodyflight = { core: flown.core, flight, advance: (steps) => flown.advance(steps) };
   document.documentElement.dataset.ready = "fly";
   flown.run();
 }
@@ -145,8 +145,14 @@ class Fly {
   private step(passed: number): void {
     // A page in the background does not catch up afterwards.
     this.owed += Math.min(passed, 100) * (RATE / 1000);
-    for (; this.owed >= 1; this.owed -= 1) {
-      if (this.core.exports.is_on_ground()) continue;
+    const due = Math.floor(this.owed);
+    this.owed -= due;
+    this.advance(due);
+  }
+
+  /** Flies and records some steps, unless the flight has ended at the ground. */
+  advance(steps: number): void {
+    for (let k = 0; k < steps && !this.core.exports.is_on_ground(); k++) {
       this.core.exports.step(1);
       this.recorder.take(() => this.core.frame());
     }
@@ -174,6 +180,6 @@ class Fly {
 declare global {
   interface Window {
     /** For tests. */
-    bodyflight?: { core: Core; flight: FlyData };
+    bodyflight?: { core: Core; flight: FlyData; advance: (steps: number) => void };
   }
 }
