@@ -61,9 +61,9 @@ export class Gamepads {
     private readonly acts: Record<string, () => void>,
   ) {}
 
-  /** Forgets what was commanded, for a flight that starts anew. */
+  /** Forgets what was commanded, for a flight that starts anew; a button that is still held does not act again. */
   clear(): void {
-    this.last.clear();
+    for (const name of this.last.keys()) if (!ONCE.some(([, key]) => key === name)) this.last.delete(name);
   }
 
   poll(): void {

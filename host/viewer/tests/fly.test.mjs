@@ -287,14 +287,22 @@ test("a gamepad turns the body", async () => {
   const { page, wrong } = await open(chromium, url);
   await ready(page);
   await page.evaluate(() => {
-    const axes = [-1, 0, 0, 0];
-    const buttons = Array.from({ length: 17 }, () => ({ value: 0, pressed: false }));
-    navigator.getGamepads = () => [{ mapping: "standard", axes, buttons }];
+    const buttons = Array.from({ length: 17 }, () => ({ value: 0 }));
+    const pads = [{ mapping: "standard", axes: [-1, 0, 0, 0], buttons }];
+    navigator.getGamepads = () => pads;
   });
   await page.waitForFunction(() => {
     const { core } = window.bodyflight;
     return core.layout.part(core.frame(), "observation")[3] > 0.1;
   });
+  // A restart by a button that stays pressed is one restart.
+  const time = () => page.evaluate(() => window.bodyflight.core.frame()[0]);
+  await page.evaluate(() => {
+    navigator.getGamepads()[0].buttons[8].value = 1;
+  });
+  const before = await time();
+  await page.waitForFunction((before) => window.bodyflight.core.frame()[0] < before, before);
+  await page.waitForFunction(() => window.bodyflight.core.frame()[0] > 0.3);
   assert.deepEqual(wrong, []);
   await page.close();
 });
