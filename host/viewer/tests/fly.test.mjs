@@ -296,11 +296,10 @@ test("a gamepad turns the body", async () => {
     return core.layout.part(core.frame(), "observation")[3] > 0.1;
   });
   // A restart by a button that stays pressed is one restart.
-  const time = () => page.evaluate(() => window.bodyflight.core.frame()[0]);
-  await page.evaluate(() => {
+  const before = await page.evaluate(() => {
     navigator.getGamepads()[0].buttons[8].value = 1;
+    return window.bodyflight.core.frame()[0];
   });
-  const before = await time();
   await page.waitForFunction((before) => window.bodyflight.core.frame()[0] < before, before);
   await page.waitForFunction(() => window.bodyflight.core.frame()[0] > 0.3);
   assert.deepEqual(wrong, []);
