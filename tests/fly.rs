@@ -122,7 +122,8 @@ fn explained(name: &str, flown: &Flown) -> Estimation {
     let estimation = request
         .run(&flight, Options::default(), Precision::Single, &mut |_| {})
         .expect("estimated");
-    let found = estimation.report.consistency.expect("the motion filter");
+    let found = estimation.report.consistency.as_ref();
+    let found = found.expect("the motion filter");
     println!(
         "{name}: consistent {:.2}, doubtful {:.2}, lost {:.2}; RMS {:?}",
         found.consistent, found.doubtful, found.lost, estimation.report.rms
@@ -157,11 +158,13 @@ fn a_barrel_roll_by_hand_is_explained_by_its_inputs() {
     );
     turned_once("barrel roll", flown.turned.z());
     let estimation = explained("barrel roll", &flown);
-    // The hand rolls with a coefficient of 4 between 2 s and 3 s.
-    let rolls = estimation.points.iter().map(|point| point.inputs.roll);
-    let most = rolls.fold(0.0, f64::max);
-    println!("estimated muscle input in roll: up to {most:.2}");
-    assert!((most - 4.0).abs() < 1.0, "{most}");
+    // The hand rolls with a coefficient of 4 from 2.25 s to 3 s.
+    let points = estimation.points.iter();
+    let rolling = points.filter(|point| (2.5..2.9).contains(&point.time));
+    let rolls: Vec<f64> = rolling.map(|point| point.inputs.roll).collect();
+    let mean = rolls.iter().sum::<f64>() / rolls.len() as f64;
+    println!("estimated muscle input in roll: {mean:.2}");
+    assert!((mean - 4.0).abs() < 0.4, "{mean}");
 }
 
 #[test]
