@@ -1,12 +1,15 @@
-//! Output files that are complete or absent: they get their name at the end, so an interrupted command leaves the
-//! previous file untouched.
+//! Output files and folders that are complete or absent: they get their name at the end, so an interrupted command leaves
+//! what was there untouched.
 
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
+use tempfile::TempDir;
+
 use crate::destination::{destination, folder_of};
 use crate::diagnostic::{Problem, Result};
-use crate::scratch::Scratch;
+use crate::interrupt::Unfinished;
+use crate::scratch::{self, Scratch};
 
 /// A file that appears under its name only once it is finished.
 pub struct AtomicFile {
@@ -56,6 +59,67 @@ impl Write for AtomicFile {
 impl Seek for AtomicFile {
     fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
         self.file.seek(to)
+    }
+}
+
+/// A new folder that appears under its name only once all its files are written.
+pub struct AtomicFolder {
+    folder: TempDir,
+    path: PathBuf,
+    _unfinished: Unfinished,
+}
+
+impl AtomicFolder {
+    /// Starts the folder beside its later place; the folders above it are created if they do not exist.
+    ///
+    /// # Errors
+    /// Returns an error if the path exists, or if the folder above it cannot be created or written to.
+    pub fn create(path: &Path) -> Result<Self> {
+        is_new(path)?;
+        let above = folder_of(path);
+        let refused = |error: io::Error| Problem::system("create", path, error);
+        std::fs::create_dir_all(above).map_err(refused)?;
+        let folder = scratch::folder(above).map_err(refused)?;
+        Ok(Self {
+            _unfinished: Unfinished::new(folder.path()),
+            folder,
+            path: path.to_path_buf(),
+        })
+    }
+
+    /// Where the files are to be written until the folder is finished.
+    pub fn path(&self) -> &Path {
+        self.folder.path()
+    }
+
+    /// Moves the folder to its name.
+    ///
+    /// # Errors
+    /// Returns an error if the path exists by now or the system refuses; no folder is left then.
+    pub fn finish(self) -> Result<()> {
+        is_new(&self.path)?;
+        let refused = |error: io::Error| Problem::system("write", &self.path, error);
+        // Temporary folders are private; finished ones get the usual permissions.
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::PermissionsExt;
+            let public = std::fs::Permissions::from_mode(0o755);
+            std::fs::set_permissions(self.folder.path(), public).map_err(refused)?;
+        }
+        std::fs::rename(self.folder.path(), &self.path).map_err(refused)?;
+        // It is no longer at the place from which it would be removed.
+        let _ = self.folder.keep();
+        Ok(())
+    }
+}
+
+/// Checks that nothing has this name yet.
+fn is_new(path: &Path) -> Result<()> {
+    match path.symlink_metadata() {
+        Ok(_) => Err(Problem::bad_input("this exists already")
+            .in_file(path)
+            .help("give another name to the output")),
+        Err(_) => Ok(()),
     }
 }
 
@@ -145,6 +209,28 @@ mod tests {
         drop(file);
         assert_eq!(std::fs::read(&path).unwrap(), b"old");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_folder_appears_with_all_its_files_or_not_at_all() {
+        let place = tempfile::tempdir().unwrap();
+        let above = place.path().join("flights");
+        let path = above.join("flown-0");
+        let begin = || {
+            let folder = AtomicFolder::create(&path).unwrap();
+            write_file(&folder.path().join("flight.toml"), b"half").unwrap();
+            folder
+        };
+        drop(begin());
+        assert_eq!(std::fs::read_dir(&above).unwrap().count(), 0);
+        let (first, second) = (begin(), begin());
+        assert!(!path.exists());
+        first.finish().unwrap();
+        assert_eq!(std::fs::read(path.join("flight.toml")).unwrap(), b"half");
+        // What exists is never replaced, and what was not finished leaves no trace.
+        assert!(second.finish().is_err());
+        assert!(AtomicFolder::create(&path).is_err());
+        assert_eq!(std::fs::read_dir(&above).unwrap().count(), 1);
     }
 
     #[test]

@@ -9,7 +9,7 @@ use std::io::{self, Seek, SeekFrom, Write};
 use std::path::Path;
 use std::time::Duration;
 
-use tempfile::NamedTempFile;
+use tempfile::{NamedTempFile, TempDir};
 
 use crate::interrupt::Unfinished;
 
@@ -95,14 +95,15 @@ fn prefix() -> String {
     format!("{PREFIX}{}-", std::process::id())
 }
 
-/// Removes temporary files of processes that were killed. Whatever cannot be told or removed stays.
+/// Removes temporary files and folders of processes that were killed. Whatever cannot be told or removed stays.
 fn sweep(folder: &Path) {
     let Ok(entries) = std::fs::read_dir(folder) else {
         return;
     };
     for entry in entries.flatten() {
         if is_orphan(&entry).unwrap_or(false) {
-            let _ = std::fs::remove_file(entry.path());
+            let path = entry.path();
+            let _ = std::fs::remove_file(&path).or_else(|_| std::fs::remove_dir_all(&path));
         }
     }
 }
@@ -115,6 +116,12 @@ fn is_orphan(entry: &DirEntry) -> Option<bool> {
     let processes = Path::new("/proc");
     let is_alive = !processes.join("self").exists() || processes.join(process.to_string()).exists();
     Some(age > ORPHAN && !is_alive)
+}
+
+/// Starts a folder beside its later place.
+pub(crate) fn folder(above: &Path) -> io::Result<TempDir> {
+    sweep(above);
+    tempfile::Builder::new().prefix(&prefix()).tempdir_in(above)
 }
 
 impl Write for Scratch {

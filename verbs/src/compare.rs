@@ -14,7 +14,7 @@ pub mod table;
 mod text;
 mod track;
 mod warp;
-mod words;
+pub(crate) mod words;
 
 use serde::Serialize;
 

@@ -1,6 +1,7 @@
 //! `bodyflight fly`.
 
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use bodyflight_core::aerodynamics::load_model::LoadModel;
@@ -77,15 +78,20 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         return Ok(());
     }
     let (folder, density) = (args.save.clone(), args.density);
-    let saved = move |bytes: Vec<u8>| match save(&bytes, &subject, density, &folder) {
-        Ok(path) => {
-            terminal::note(&format!("saved: {}", path.display()));
-            format!("Saved: {}", path.display())
-        }
-        Err(problem) => {
-            let text = format!("Not saved: {}", problem.with_causes());
-            terminal::print_problem(problem, false);
-            text
+    let saving = Arc::new(Mutex::new(()));
+    let busy = Arc::clone(&saving);
+    let saved = move |bytes: Vec<u8>| {
+        let _busy = busy.lock();
+        match save(&bytes, &subject, density, &folder) {
+            Ok(path) => {
+                terminal::note(&format!("saved: {}", path.display()));
+                format!("Saved: {}", path.display())
+            }
+            Err(problem) => {
+                let text = format!("Not saved: {}", problem.with_causes());
+                terminal::print_problem(problem, false);
+                text
+            }
         }
     };
     let server = Server::start(page, Box::new(saved))?;
@@ -103,6 +109,8 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     while interrupt::check().is_ok() {
         std::thread::sleep(Duration::from_millis(50));
     }
+    // A flight that is being saved is finished, or removed by the handler of Ctrl-C if it takes too long.
+    drop(saving.lock());
     Ok(())
 }
 

@@ -15,6 +15,8 @@ interface Exports {
   tilt(): number;
   joint(segment: number, axis: number, angle: number): void;
   muscle(pitch: number, yaw: number, roll: number): void;
+  tension(share: number): void;
+  is_on_ground(): number;
   damping(pitch: number, yaw: number, roll: number): void;
   step(count: number): void;
   see(): number;

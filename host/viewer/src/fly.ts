@@ -1,6 +1,8 @@
 // Fly: keys move the joints while the core simulates the flight in the page.
 import { Core } from "./core";
 import { button, element, toggle } from "./dom";
+import { Gamepads, PAD_KEYS } from "./gamepad";
+import { Ground } from "./ground";
 import { help, type Keys } from "./help";
 import { Instruments, reading } from "./instruments";
 import { KEYS, Keyboard, keyList } from "./keyboard";
@@ -8,6 +10,7 @@ import { pads } from "./pads";
 import { Pilot } from "./pilot";
 import { Recorder } from "./recorder";
 import { provenance, shell } from "./shell";
+import { DampingFields, JointSliders } from "./sliders";
 import { Stage } from "./stage";
 import { written } from "./ticks";
 import { Traces } from "./traces";
@@ -17,6 +20,7 @@ const RATE = 240;
 const FLY_KEYS: Keys = [
   ["shift", "with another key: half the movement"],
   ["I K  U O  J L", "muscle input: pitch, yaw, roll"],
+  ["T  Y", "let go, to roll and flip; brace, to stop"],
   ["H", "autopilot"],
   ["space", "pause and resume"],
   ["0", "restart"],
@@ -24,7 +28,7 @@ const FLY_KEYS: Keys = [
 
 export function fly(data: PageData, flight: FlyData): void {
   const flown = new Fly(data, flight);
-  window.bodyflight = { core: flown.core, flight };
+  window.bodyflight = { core: flown.core, flight, advance: (steps) => flown.advance(steps) };
   document.documentElement.dataset.ready = "fly";
   flown.run();
 }
@@ -39,6 +43,10 @@ class Fly {
   private readonly traces: Traces;
   private readonly keyboard: Keyboard;
   private readonly pilot: Pilot;
+  private readonly gamepads: Gamepads;
+  private readonly joints: JointSliders;
+  private readonly damping: DampingFields;
+  private readonly ground: Ground;
   /** Index of the selected start. */
   private start = 0;
   private running = true;
@@ -52,7 +60,8 @@ class Fly {
     const { header, main, aside, footer } = shell(data);
     this.core = new Core(flight);
     this.stage = new Stage(main, flight, false);
-    main.append(this.instruments.place);
+    this.ground = new Ground(flight.warning_height_m);
+    main.append(this.instruments.place, this.ground.place);
     this.recorder = new Recorder(flight.layout);
     this.pilot = new Pilot(this.core);
     header.append(
@@ -71,16 +80,22 @@ class Fly {
     );
     aside.append(keyList());
     this.traces = new Traces(aside);
-    aside.append(joints(this.core, flight), damping(this.core), provenance(data));
-    this.keyboard = new Keyboard(this.core, flight.controls, {
-      " ": () => this.pause(),
-      "0": () => this.begin(),
-      h: () => this.pilot.flip(),
-    });
+    this.joints = new JointSliders(this.core, flight);
+    this.damping = new DampingFields(this.core);
+    aside.append(this.joints.place, this.damping.place, provenance(data));
+    const acts = { " ": () => this.pause(), "0": () => this.begin(), h: () => this.pilot.flip() };
+    this.keyboard = new Keyboard(this.core, flight.controls, acts);
+    this.gamepads = new Gamepads(this.core, flight.controls, acts);
     const thumbs = pads(this.keyboard);
     main.append(thumbs);
     header.append(toggle("touch", "Touch controls", !thumbs.hidden, (on) => (thumbs.hidden = !on)));
-    header.append(help(["Hold", KEYS.map(({ key, does }) => [key.toUpperCase(), does])], ["Press", FLY_KEYS]));
+    header.append(
+      help(
+        ["Hold", KEYS.map(({ key, does }) => [key.toUpperCase(), does])],
+        ["Press", FLY_KEYS],
+        ["Gamepad", PAD_KEYS],
+      ),
+    );
   }
 
   run(): void {
@@ -89,6 +104,7 @@ class Fly {
     const next = (now: number) => {
       const passed = now - before;
       before = now;
+      this.gamepads.poll();
       if (this.running) this.step(passed);
       this.show(passed);
       requestAnimationFrame(next);
@@ -100,6 +116,9 @@ class Fly {
     this.core.exports.begin(this.start);
     this.pilot.apply();
     this.keyboard.clear();
+    this.gamepads.clear();
+    this.joints.clear();
+    this.damping.clear();
     this.traces.clear();
     this.recorder.restart();
   }
@@ -126,9 +145,15 @@ class Fly {
   private step(passed: number): void {
     // A page in the background does not catch up afterwards.
     this.owed += Math.min(passed, 100) * (RATE / 1000);
-    while (this.owed >= 1) {
+    const due = Math.floor(this.owed);
+    this.owed -= due;
+    this.advance(due);
+  }
+
+  /** Flies and records some steps, unless the flight has ended at the ground. */
+  advance(steps: number): void {
+    for (let k = 0; k < steps && !this.core.exports.is_on_ground(); k++) {
       this.core.exports.step(1);
-      this.owed -= 1;
       this.recorder.take(() => this.core.frame());
     }
   }
@@ -142,9 +167,10 @@ class Fly {
     const recorded = this.recorder.length;
     const height = core.layout.part(frame, "position_m")[2];
     this.instruments.show(reading(observation), null, [
-      `height ${written(height, 0)} m`,
+      `height above ground ${written(height, 0)} m`,
       `${written(now, 1)} s${recorded === null ? "" : `, recorded ${(recorded / RATE).toFixed(1)} s`}`,
     ]);
+    this.ground.show(height, now, core.exports.is_on_ground() !== 0);
     this.pilot.say();
     this.cost.textContent = `${passed.toFixed(1)} ms per frame, ${stage.cost.toFixed(1)} ms to draw`;
     if (this.running) this.traces.take(now, observation);
@@ -154,62 +180,6 @@ class Fly {
 declare global {
   interface Window {
     /** For tests. */
-    bodyflight?: { core: Core; flight: FlyData };
+    bodyflight?: { core: Core; flight: FlyData; advance: (steps: number) => void };
   }
-}
-
-/** Controls for a single joint. */
-function joints(core: Core, flight: FlyData): HTMLElement {
-  const segment = element(
-    "select",
-    { "aria-label": "joint" },
-    ...flight.shapes.slice(1).map((shape, k) => element("option", { value: String(k + 1) }, shape.name)),
-  );
-  const sliders = ["psi", "theta", "phi"].map((name, axis) => {
-    const slider = element("input", {
-      type: "range",
-      min: "-1.5",
-      max: "1.5",
-      step: "0.01",
-      value: "0",
-      "aria-label": `${name} (rad)`,
-    });
-    slider.addEventListener("input", () => core.exports.joint(Number(segment.value), axis, Number(slider.value)));
-    return element("label", {}, `${name} `, slider);
-  });
-  return element(
-    "section",
-    {},
-    element("h2", {}, "Single joint"),
-    element("div", { class: "joints" }, segment, ...sliders),
-  );
-}
-
-/** Controls for damping; a novice has little. */
-function damping(core: Core): HTMLElement {
-  const values = ["pitch", "yaw", "roll"].map((name) => {
-    const field = element("input", {
-      type: "number",
-      min: "-1",
-      max: "30",
-      step: "0.1",
-      "aria-label": `damping ${name}`,
-      style: "width:5em",
-    });
-    return { name, field };
-  });
-  const read = () =>
-    core.exports.damping(...(values.map(({ field }) => Number(field.value)) as [number, number, number]));
-  core.exports.begin(0);
-  const now = core.layout.part(core.frame(), "damping");
-  values.forEach(({ field }, k) => {
-    field.value = String(Math.round(now[k] * 100) / 100);
-    field.addEventListener("change", read);
-  });
-  return element(
-    "section",
-    {},
-    element("h2", {}, "Damping coefficients"),
-    element("div", { class: "joints" }, ...values.map(({ name, field }) => element("label", {}, `${name} `, field))),
-  );
 }

@@ -30,9 +30,14 @@ const MUSCLE: [string, number, number][] = [
   ["j", 2, 1],
   ["l", 2, -1],
 ];
-const MUSCLE_SHARE = 1;
+/** Tension of the limbs: damping. */
+const TENSION: [string, number, string][] = [
+  ["t", -1, "let go: roll and flip"],
+  ["y", 1, "brace: stop turning"],
+];
+const HELD = new Set([...KEYS.map(({ key }) => key), ...MUSCLE.map(([key]) => key), ...TENSION.map(([key]) => key)]);
 
-/** Held keys move joints and give muscle input; other keys act once. */
+/** Held keys move joints, give muscle input and set the tension; other keys act once. */
 export class Keyboard {
   private readonly down = new Set<string>();
 
@@ -56,8 +61,7 @@ export class Keyboard {
   private press(event: KeyboardEvent, on: boolean): void {
     const key = event.key.toLowerCase();
     if (typing(event) || event.ctrlKey || event.metaKey || event.altKey) return;
-    const isHeld = KEYS.some((entry) => entry.key === key) || MUSCLE.some((entry) => entry[0] === key);
-    if (isHeld) this.hold(key, on, event.shiftKey ? 0.5 : 1);
+    if (HELD.has(key)) this.hold(key, on, event.shiftKey ? 0.5 : 1);
     else if (on && !event.repeat) this.act(key, event);
   }
 
@@ -69,6 +73,7 @@ export class Keyboard {
     const bound = KEYS.find((entry) => entry.key === key);
     if (bound) this.core.exports.command(this.controls.indexOf(bound.control), on ? bound.share * strength : 0);
     if (MUSCLE.some((entry) => entry[0] === key)) this.core.exports.muscle(...this.muscle(strength));
+    if (TENSION.some((entry) => entry[0] === key)) this.core.exports.tension(this.tension(strength));
   }
 
   private act(key: string, event: KeyboardEvent): void {
@@ -80,11 +85,15 @@ export class Keyboard {
     this.acts[key]?.();
   }
 
-  /** Applies the muscle input of the held keys. */
+  /** Muscle input of the held keys, as fractions of its range. */
   private muscle(strength: number): [number, number, number] {
     const input: [number, number, number] = [0, 0, 0];
-    for (const [held, axis, sign] of MUSCLE) if (this.down.has(held)) input[axis] += sign * MUSCLE_SHARE * strength;
+    for (const [held, axis, sign] of MUSCLE) if (this.down.has(held)) input[axis] += sign * strength;
     return input;
+  }
+
+  private tension(strength: number): number {
+    return TENSION.reduce((sum, [held, sign]) => sum + (this.down.has(held) ? sign * strength : 0), 0);
   }
 }
 
@@ -97,5 +106,6 @@ export function keyList(): HTMLElement {
     element("dt", {}, cap("I K"), " ", cap("U O"), " ", cap("J L")),
     element("dd", {}, "muscle input: pitch, yaw, roll"),
   );
+  for (const [key, , does] of TENSION) list.append(element("dt", {}, cap(key)), element("dd", {}, does));
   return element("section", {}, element("h2", {}, "Keys"), list);
 }

@@ -186,6 +186,14 @@ starts: Array<string>,
  */
 controls: Array<string>,
 /**
+ * What a coach calls the joint at the proximal end of each segment.
+ */
+joints: Array<string>,
+/**
+ * Height above the ground below which the page warns (m).
+ */
+warning_height_m: number,
+/**
  * Parts of a frame, with the count of numbers in each.
  */
 layout: Array<[string, number]>,

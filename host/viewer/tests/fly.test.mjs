@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { spawnSync } from "node:child_process";
-import { existsSync } from "node:fs";
+import { existsSync, readdirSync } from "node:fs";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
 import { begin, browser, inked, NATIVE, open, run, scratch, shot } from "./browser.mjs";
@@ -63,7 +63,8 @@ test("the core in the page is bit-identical to the native one", async () => {
     "joint 4 2 0.3",
     "step 2400",
     "see",
-    "muscle -1.2 0.5 2",
+    "muscle -0.3 0.2 0.5",
+    "tension -0.5",
     "damping 0.2 0.5 6",
     "step 1200",
     "see",
@@ -145,6 +146,187 @@ test("a recorded flight is saved in a form that every verb reads", async () => {
   );
   assert.ok(report.rms.yaw_rate_radps < 0.01, JSON.stringify(report.rms));
   assert.deepEqual(wrong, []);
+  await page.close();
+});
+
+/** Presses keys at times of the flight (s), which advances as the page's own steps do, and saves the flight. */
+async function flownByHand(page, start, seconds, hand) {
+  await page.selectOption("#start", { label: start });
+  await page.keyboard.press("Space");
+  await page.click('button:text-is("record")');
+  await page.keyboard.press("0");
+  let now = 0;
+  const until = async (time) => {
+    const steps = Math.round(240 * time) - now;
+    await page.evaluate((steps) => window.bodyflight.advance(steps), steps);
+    now += steps;
+  };
+  for (const [time, act, keys] of hand) {
+    await until(time);
+    for (const key of keys) await page.keyboard[act](key);
+  }
+  await until(seconds);
+  await page.click('button:text-is("save")');
+  await page.waitForFunction(() => document.querySelector("#message").textContent !== "");
+  const [, path] = /^Saved: (.*)$/.exec(await page.textContent("#message")) ?? assert.fail("not saved");
+  return path;
+}
+
+/** Angle by which the pelvis of a saved flight turned about an axis of the body (degrees), by its simulation. */
+async function flownAgain(path) {
+  const report = JSON.parse(await run("--json", "simulate", path));
+  for (const [channel, gap] of Object.entries(report.rms)) assert.ok(gap < 1e-3, `${channel}: ${gap}`);
+  const estimate = JSON.parse(await run("--json", "estimate", path));
+  return { report, estimate };
+}
+
+for (const [name, start, seconds, hand] of [
+  [
+    "barrel roll",
+    "neutral",
+    8,
+    [
+      [2, "down", ["j", "n", "t"]],
+      [3, "up", ["j", "n", "t"]],
+      [3, "down", ["y"]],
+      [4.5, "up", ["y"]],
+    ],
+  ],
+  ["sit", "sit", 20, []],
+  [
+    "layout",
+    "track",
+    9,
+    [
+      [2, "down", ["i", "t"]],
+      [2.4, "up", ["i"]],
+      [2.9, "up", ["t"]],
+      [2.9, "down", ["y"]],
+      [4.6, "up", ["y"]],
+    ],
+  ],
+]) {
+  test(`a ${name} by hand is saved with its inputs, and its estimate is consistent`, async () => {
+    const { page, wrong } = await open(chromium, url);
+    await ready(page);
+    const path = await flownByHand(page, start, seconds, hand);
+    const { report, estimate } = await flownAgain(path);
+    const { consistent } = estimate.consistency;
+    console.log(
+      `${name}: ${report.frames} frames, flown again: angular velocity apart by ${report.rms.angular_velocity_radps.toExponential(1)} rad/s RMS; consistent ${(100 * consistent).toFixed(0)} % of the time`,
+    );
+    assert.equal(estimate.doubt, null);
+    assert.ok(consistent > 0.95, String(consistent));
+    await shot(page, `fly-${name.replace(" ", "-")}`);
+    assert.deepEqual(wrong, []);
+    await page.close();
+  });
+}
+
+test("the page warns near the ground, and the flight ends there", async () => {
+  const { page, wrong } = await open(chromium, url);
+  await ready(page);
+  const ground = () => page.evaluate(() => document.querySelector("#ground:not([hidden])")?.textContent ?? "");
+  await page.keyboard.press("Space");
+  assert.match(await page.textContent("#legend"), /height above ground/);
+  assert.equal(await ground(), "");
+  const low = await page.evaluate(() => {
+    const { core, flight, advance } = window.bodyflight;
+    while (core.layout.part(core.frame(), "position_m")[2] >= flight.warning_height_m) advance(24);
+    return core.frame()[0];
+  });
+  await page.waitForFunction(() => document.querySelector("#ground:not([hidden])"));
+  assert.match(await ground(), /^Below 1000 m: open the parachute/);
+  await shot(page, "fly-low");
+  await page.evaluate(() => window.bodyflight.advance(240 * 60));
+  await page.waitForFunction(() => /ended at the ground/.test(document.querySelector("#ground").textContent));
+  console.log(`low after ${low.toFixed(1)} s; ${await ground()}`);
+  await page.keyboard.press("0");
+  await page.waitForFunction(() => document.querySelector("#ground").hidden);
+  assert.deepEqual(wrong, []);
+  await page.close();
+});
+
+test("sliders show joint and angle, and can be reset", async () => {
+  const { page, wrong } = await open(chromium, url);
+  await ready(page);
+  await page.keyboard.press("Space");
+  await page.selectOption("#joints select", { label: "left knee (l_shank)" });
+  const slider = page.locator('#joints input[aria-label="phi (degrees)"]');
+  const turned = () => page.textContent("#turned");
+  await slider.fill("30");
+  assert.match(await page.textContent("#joints"), /30°/);
+  await page.selectOption("#joints select", { label: "neck (head)" });
+  assert.equal(await slider.inputValue(), "0", "each joint has its own angles");
+  assert.match(await turned(), /left knee/);
+  const knee = () =>
+    page.evaluate(() => {
+      const { core, flight, advance } = window.bodyflight;
+      advance(240);
+      const place = flight.shapes.findIndex(({ name }) => name === "l_shank");
+      const [w, x] = core.layout.part(core.frame(), "segments").slice(place * 14);
+      return (2 * Math.atan2(x, w) * 180) / Math.PI;
+    });
+  const bent = await knee();
+  await page.click('button:text-is("reset all")');
+  const reset = await knee();
+  console.log(`knee: ${bent.toFixed(1)} degrees turned, ${reset.toFixed(1)} reset`);
+  assert.ok(Math.abs(Math.abs(bent - reset) - 30) < 0.5, `${bent} ${reset}`);
+  assert.equal(await turned(), "");
+  const damping = page.locator('input[aria-label="damping pitch"]');
+  const first = await damping.inputValue();
+  await damping.fill("9");
+  await damping.blur();
+  await page.click('button:text-is("reset damping")');
+  assert.equal(await damping.inputValue(), first);
+  assert.deepEqual(wrong, []);
+  await page.close();
+});
+
+test("a gamepad turns the body", async () => {
+  const { page, wrong } = await open(chromium, url);
+  await ready(page);
+  await page.evaluate(() => {
+    const buttons = Array.from({ length: 17 }, () => ({ value: 0 }));
+    const pads = [{ mapping: "standard", axes: [-1, 0, 0, 0], buttons }];
+    navigator.getGamepads = () => pads;
+  });
+  await page.waitForFunction(() => {
+    const { core } = window.bodyflight;
+    return core.layout.part(core.frame(), "observation")[3] > 0.1;
+  });
+  // A restart by a button that stays pressed is one restart.
+  const before = await page.evaluate(() => {
+    navigator.getGamepads()[0].buttons[8].value = 1;
+    return window.bodyflight.core.frame()[0];
+  });
+  await page.waitForFunction((before) => window.bodyflight.core.frame()[0] < before, before);
+  await page.waitForFunction(() => window.bodyflight.core.frame()[0] > 0.3);
+  assert.deepEqual(wrong, []);
+  await page.close();
+});
+
+test("a save that is interrupted leaves a whole flight or none", async () => {
+  const place = scratch("cut");
+  const server = begin("fly", "--save", place, "--json");
+  const { page } = await open(chromium, await server.line(/"url":"([^"]+)"/));
+  await ready(page);
+  await page.evaluate(() => {
+    const frame = window.bodyflight.core.frame();
+    const all = new Float32Array(frame.length * 240 * 120);
+    for (let k = 0; k < 240 * 120; k++) all.set(frame, k * frame.length);
+    const socket = new WebSocket(`ws://${location.host}${location.pathname}socket`);
+    socket.onopen = () => socket.send(all.buffer);
+  });
+  while (readdirSync(place).length === 0) await new Promise((resolve) => setTimeout(resolve, 5));
+  server.child.kill("SIGINT");
+  assert.equal((await server.end).code, 130);
+  const left = readdirSync(place);
+  console.log(`interrupted: ${left.length ? left : "nothing"} left`);
+  if (left.length) {
+    assert.deepEqual(left, ["flown-0"]);
+    await run("--json", "simulate", join(place, "flown-0"));
+  }
   await page.close();
 });
 

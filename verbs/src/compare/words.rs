@@ -9,7 +9,7 @@ use super::difference::{Difference, Trust, lead};
 const TURNS: f64 = 0.2;
 
 /// What a coach calls a joint.
-pub(super) fn joint(segment: Segment) -> &'static str {
+pub(crate) fn joint(segment: Segment) -> &'static str {
     match segment {
         Segment::Pelvis => "pelvis",
         Segment::Abdomen => "lower back",

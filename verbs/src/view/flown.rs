@@ -2,16 +2,19 @@
 
 use std::path::{Path, PathBuf};
 
+use bodyflight_core::body::mass_properties::PostureRate;
+use bodyflight_core::dynamics::{Dynamics, Inputs, State};
 use bodyflight_core::frame::{Rotation, Vector};
 use bodyflight_core::{Posture, Segment};
 use bodyflight_viewer::frame::{NUMBERS, SEGMENT_NUMBERS, place};
 use nalgebra::{Quaternion, UnitQuaternion};
 
 use bodyflight_io::diagnostic::{Problem, Result};
-use bodyflight_io::files::write_file;
+use bodyflight_io::files::{AtomicFolder, CsvFile, write_file};
 use bodyflight_mvnx::recording::{FlightFrame, PelvisMotion};
 use bodyflight_mvnx::writer::{Description, Origin, Writer};
-use bodyflight_replay::subject::Subject;
+use bodyflight_replay::input_history::InputRow;
+use bodyflight_replay::subject::{SEGMENTS_FILE, Subject};
 
 /// Frame rate (Hz), that of the page's steps.
 const RATE: f64 = 240.0;
@@ -19,11 +22,20 @@ const RATE: f64 = 240.0;
 /// Shortest flight that can be saved (frames).
 const LEAST: usize = 24;
 
+/// One frame of a flight in the page.
+#[derive(Debug, Clone, Copy)]
+pub struct FlownFrame {
+    /// As recorded.
+    pub frame: FlightFrame,
+    /// Muscle input and damping since the frame before.
+    pub inputs: Inputs<f64>,
+}
+
 /// Decodes frames from the page: numbers in single precision, little-endian.
 ///
 /// # Errors
 /// Returns an error if the last frame is incomplete, there are too few frames, or a number is not finite.
-pub fn frames(bytes: &[u8]) -> Result<Vec<FlightFrame>> {
+pub fn frames(bytes: &[u8]) -> Result<Vec<FlownFrame>> {
     let size = 4 * NUMBERS;
     if !bytes.len().is_multiple_of(size) || bytes.len() < size * LEAST {
         return Err(Problem::bad_input(format!(
@@ -46,7 +58,7 @@ pub fn frames(bytes: &[u8]) -> Result<Vec<FlightFrame>> {
     all.collect()
 }
 
-fn frame(index: usize, numbers: &[f64]) -> Option<FlightFrame> {
+fn frame(index: usize, numbers: &[f64]) -> Option<FlownFrame> {
     if !numbers.iter().all(|number| number.is_finite()) {
         return None;
     }
@@ -67,16 +79,14 @@ fn frame(index: usize, numbers: &[f64]) -> Option<FlightFrame> {
     {
         posture.set(segment, rotation(&numbers[..4])?);
     }
-    let vector = |name: &str| match part(name, 3) {
-        Some(&[x, y, z]) => Some((x, y, z)),
-        _ => None,
-    };
+    let three = |name: &str| part(name, 3)?.try_into().ok();
+    let vector = |name: &str| three(name).map(|[x, y, z]: [f64; 3]| (x, y, z));
     let ((x, y, z), (u, v, w), (p, q, r)) = (
         vector("position_m")?,
         vector("velocity_mps")?,
         vector("angular_velocity_radps")?,
     );
-    Some(FlightFrame {
+    let frame = FlightFrame {
         index: index as u64,
         time: index as f64 / RATE,
         posture,
@@ -88,20 +98,28 @@ fn frame(index: usize, numbers: &[f64]) -> Option<FlightFrame> {
         },
         centre_of_mass: None,
         bridged: false,
-    })
+    };
+    let inputs = Inputs {
+        muscle: three("muscle")?.into(),
+        damping: three("damping")?.into(),
+        ..Inputs::belly_turn()
+    };
+    Some(FlownFrame { frame, inputs })
 }
 
-/// Writes frames as `flight.toml`, `subject.toml` and `flight.mvnx` into `folder`.
+/// Writes frames as a new folder with `flight.toml`, `subject.toml`, `inputs.csv` and `flight.mvnx`, and returns the path
+/// of its `flight.toml`. The folder appears once it is complete.
 ///
 /// # Errors
-/// Returns an error if the folder cannot be written to.
+/// Returns an error if the folder exists or cannot be written to.
 pub fn write(
-    frames: &[FlightFrame],
+    frames: &[FlownFrame],
     subject: &Subject,
     density: f64,
     folder: &Path,
 ) -> Result<PathBuf> {
-    std::fs::create_dir_all(folder).map_err(|error| Problem::system("create", folder, error))?;
+    let making = AtomicFolder::create(folder)?;
+    let at = |name: &str| making.path().join(name);
     let description = Description {
         subject_label: "Page".to_owned(),
         frame_rate: RATE,
@@ -109,75 +127,63 @@ pub fn write(
         comment: "bodyflight fly".to_owned(),
         origin: Origin::Simulated,
     };
-    let mut writer = Writer::create(&folder.join("flight.mvnx"), description, &subject.body())?;
-    for frame in frames {
-        writer.write(frame)?;
+    let mut writer = Writer::create(&at("flight.mvnx"), description, &subject.body())?;
+    let setup = super::page::setup(subject, density);
+    for frame in with_central_rates(frames, &setup.dynamics.cast())? {
+        writer.write(&frame)?;
     }
     writer.finish()?;
-    write_file(&folder.join("subject.toml"), subject.to_toml()?.as_bytes())?;
+    write_inputs(frames, &at("inputs.csv"))?;
+    write_file(&at("subject.toml"), subject.to_toml()?.as_bytes())?;
     if let Some(table) = subject.segments_json() {
-        write_file(
-            &folder.join(bodyflight_replay::subject::SEGMENTS_FILE),
-            table.as_bytes(),
-        )?;
+        write_file(&at(SEGMENTS_FILE), table.as_bytes())?;
     }
-    let path = folder.join("flight.toml");
     let text = format!(
-        "recording = \"flight.mvnx\"\nsubject = \"subject.toml\"\n\n[air]\ndensity = {density:?}\n"
+        "recording = \"flight.mvnx\"\nsubject = \"subject.toml\"\ninputs = \"inputs.csv\"\n\n\
+         [air]\ndensity = {density:?}\n"
     );
-    write_file(&path, text.as_bytes())?;
-    Ok(path)
+    write_file(&at("flight.toml"), text.as_bytes())?;
+    making.finish()?;
+    Ok(folder.join("flight.toml"))
+}
+
+/// The frames of a recording. The page knows the joints' rates over the step before a frame only; the motion of the
+/// pelvis is converted to their central differences, as a replay of a recording has them, by way of the momenta.
+fn with_central_rates(frames: &[FlownFrame], dynamics: &Dynamics<f64>) -> Result<Vec<FlightFrame>> {
+    let mut all: Vec<FlightFrame> = frames.iter().map(|flown| flown.frame).collect();
+    for (three, place) in frames.windows(3).zip(1..) {
+        let [before, here, after] = [0, 1, 2].map(|k| three[k].frame);
+        let sample = |from: &FlightFrame, to: &FlightFrame| {
+            let rate = PostureRate::between(&from.posture, &to.posture, to.time - from.time);
+            dynamics.sample(&here.posture, &rate)
+        };
+        let state = State::from_motion(&here.motion()?, &sample(&before, &here));
+        let motion = state.motion(&sample(&before, &after));
+        let pelvis = &mut all[place].pelvis;
+        pelvis.velocity = Some(motion.velocity_inertial());
+        pelvis.angular_velocity = Some(motion.inertial_from_body * motion.angular_velocity);
+    }
+    Ok(all)
+}
+
+/// Writes the inputs, each at the middle of the step in which it acted. Rows that equal both their neighbours are left
+/// out.
+fn write_inputs(frames: &[FlownFrame], path: &Path) -> Result<()> {
+    let mut file = CsvFile::create(path, &InputRow::COLUMNS)?;
+    for (index, here) in frames.iter().enumerate() {
+        let same = |other: Option<&FlownFrame>| other.is_some_and(|o| o.inputs == here.inputs);
+        let before = index.checked_sub(1).and_then(|k| frames.get(k));
+        if !(same(before) && same(frames.get(index + 1))) {
+            let middle = here.frame.time - 0.5 / RATE;
+            file.write(InputRow::of(middle, &here.inputs).columns())?;
+        }
+    }
+    file.finish()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use bodyflight_replay::Precision;
-    use bodyflight_viewer::cockpit::Cockpit;
-
-    use crate::simulate::simulate;
-    use crate::view::page::setup;
-    use bodyflight_mvnx::recording::Options;
-    use bodyflight_replay::flight::{DEFAULT_DENSITY, Flight};
-
-    #[test]
-    fn a_flight_of_the_page_is_flown_again_by_the_model() {
-        let subject = Subject::default();
-        let mut cockpit = Cockpit::new(&setup(&subject, DEFAULT_DENSITY), 0);
-        let mut bytes = Vec::new();
-        for step in 0..240 * 4 {
-            if step == 240 {
-                cockpit.command(0, 1.0);
-            }
-            cockpit.step();
-            for number in cockpit.frame() {
-                bytes.extend(number.to_le_bytes());
-            }
-        }
-        let folder = tempfile::tempdir().unwrap();
-        let path = write(
-            &frames(&bytes).unwrap(),
-            &subject,
-            DEFAULT_DENSITY,
-            folder.path(),
-        )
-        .unwrap();
-        let flight = Flight::read(&path).unwrap();
-        let flown = simulate(
-            &flight,
-            Options::default(),
-            Precision::Double,
-            &mut |_| Ok(()),
-            &mut |_| {},
-        )
-        .unwrap();
-        for (channel, gap) in bodyflight_replay::comparison::Channel::ALL
-            .iter()
-            .zip(flown.report.rms.0)
-        {
-            assert!(gap < 0.01, "{channel:?}: {gap}");
-        }
-    }
 
     #[test]
     fn incomplete_frames_and_nan_are_refused() {

@@ -3,8 +3,8 @@
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 
-use bodyflight_core::dynamics::{Dynamics, Inputs};
-use bodyflight_viewer::cockpit::{CONTROLS, STARTS};
+use bodyflight_core::Segment;
+use bodyflight_viewer::cockpit::{CONTROLS, STARTS, WARNING_HEIGHT};
 use bodyflight_viewer::frame;
 use bodyflight_viewer::setup::Setup;
 use serde::Serialize;
@@ -14,8 +14,10 @@ use sha2::{Digest, Sha256};
 use super::run::Run;
 use super::shape::{Shape, Worn, shapes};
 use crate::compare::page::Beside;
+use crate::compare::words::joint;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::input;
+use bodyflight_replay::flight::{DensityChoice, Flight};
 use bodyflight_replay::subject::Subject;
 
 /// The page, as `cargo xtask viewer` builds it.
@@ -125,6 +127,10 @@ pub struct FlyData {
     pub starts: Vec<&'static str>,
     /// Names of the controls.
     pub controls: Vec<&'static str>,
+    /// What a coach calls the joint at the proximal end of each segment.
+    pub joints: Vec<&'static str>,
+    /// Height above the ground below which the page warns (m).
+    pub warning_height_m: f32,
     /// Parts of a frame, with the count of numbers in each.
     pub layout: Vec<(&'static str, usize)>,
     /// Parts of a segment, with the count of numbers in each.
@@ -154,19 +160,19 @@ pub struct PageData {
     pub beside: Option<Beside>,
 }
 
-/// The model of a subject for the page, in still air of constant density (kg/m3).
+/// The model of a subject for the page, in still air of constant density (kg/m3): that of a flight whose `flight.toml`
+/// gives nothing else.
 pub fn setup(subject: &Subject, density: f64) -> Setup {
-    let mut dynamics = Dynamics::paper(subject.body(), density);
-    dynamics.aerodynamics = subject.aerodynamics();
-    let inputs = Inputs {
-        damping: subject.damping(),
-        ..Inputs::belly_turn()
+    let flight = Flight {
+        subject: subject.clone(),
+        density: DensityChoice::Constant(density),
+        ..Flight::bare(Path::new(""))
     };
     #[expect(clippy::cast_possible_truncation, reason = "the page's precision")]
     let single = density as f32;
     Setup {
-        dynamics: dynamics.cast(),
-        inputs: inputs.cast(),
+        dynamics: flight.dynamics(0.0).cast(),
+        inputs: flight.constant_inputs().cast(),
         density: single,
     }
 }
@@ -180,6 +186,8 @@ impl FlyData {
             worn: Worn::of(subject),
             starts: STARTS.iter().map(|start| start.name).collect(),
             controls: CONTROLS.iter().map(|control| control.name).collect(),
+            joints: Segment::ALL.map(joint).to_vec(),
+            warning_height_m: WARNING_HEIGHT,
             layout: frame::LAYOUT.to_vec(),
             segment_layout: frame::SEGMENT_LAYOUT.to_vec(),
         }

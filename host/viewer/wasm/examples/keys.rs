@@ -32,6 +32,7 @@ fn main() {
             "hold" => cockpit.hold(index(1) != 0),
             "joint" => cockpit.joint(index(1), index(2), number(3)),
             "muscle" => cockpit.muscle([number(1), number(2), number(3)].into()),
+            "tension" => cockpit.tension(number(1)),
             "damping" => cockpit.damping([number(1), number(2), number(3)].into()),
             "step" => (0..index(1)).for_each(|_| cockpit.step()),
             "see" => {

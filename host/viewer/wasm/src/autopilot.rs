@@ -1,12 +1,13 @@
 //! An autopilot that holds the initial attitude with the limbs in poses that are otherwise unstable.
 //!
-//! It moves patterns of joints at the speed of the keys and by up to 0.8 rad. Unlike a person it senses tilt and
-//! turn rate without delay or error. It holds the attitude in which a flight begins, which need not be in equilibrium.
+//! It moves patterns of joints at the speed of the keys and by up to 0.8 rad. Unlike a person it senses tilt without
+//! delay or error, and the turn rate through a filter of 2 Hz. It holds the attitude in which a flight begins, which need not be in equilibrium.
 
 use bodyflight_core::Posture;
 use bodyflight_core::Segment;
 use bodyflight_core::body::pattern::{self, JointAngles};
 use bodyflight_core::dynamics::Motion;
+use bodyflight_core::dynamics::equations_of_motion::LowPass;
 use bodyflight_core::frame::{Body, Inertial, Rotation, Vector};
 use bodyflight_core::math::Real;
 use nalgebra::Vector3;
@@ -63,6 +64,9 @@ pub struct Autopilot {
     answers: &'static Answers,
     /// Vertical in body axes at the held attitude.
     up: Vector3<f32>,
+    /// Angular velocity as sensed. Unfiltered, it contains the pelvis's recoil from the limbs' own last movement, and
+    /// a limit cycle of some 17 Hz results.
+    turning: LowPass<f32>,
     sums: [f32; 3],
     amounts: [f32; 3],
 }
@@ -83,6 +87,7 @@ impl Autopilot {
         Self {
             answers,
             up: vertical(held),
+            turning: LowPass::at_rest(),
             sums: [0.0; 3],
             amounts: [0.0; 3],
         }
@@ -91,7 +96,9 @@ impl Autopilot {
     /// Responds to the motion for `duration` (s).
     pub fn feel(&mut self, motion: &Motion<f32>, duration: f32) {
         let off = vertical(&motion.inertial_from_body).cross(&self.up);
-        let turning = motion.angular_velocity.components;
+        let turning = self
+            .turning
+            .follow(&motion.angular_velocity.components, duration);
         // About the horizontal axis normal to the left axis.
         let aside = self.up.cross(&Vector3::x());
         let seen = [

@@ -139,11 +139,39 @@ pub const STARTS: [Start; 6] = [
     },
 ];
 
-/// Rate of a control, as a fraction of its range per second.
+/// Rate of a control, as a fraction of its range per second, and of a single joint (rad/s).
 const SPEED: f32 = 3.0;
 
-/// Initial height (m).
+/// Muscle input at full command, as in the scripts of flips, turns and barrel rolls.
+pub const MOST_MUSCLE: AxisCoefficients<f32> = AxisCoefficients {
+    pitch: 4.5,
+    yaw: 3.0,
+    roll: 4.0,
+};
+
+/// Rate of muscle input and tension, as a fraction of their range per second: muscles tense within a quarter of a
+/// second.
+const TENSING: f32 = 4.0;
+
+/// Damping of limbs that give way to the air, which lets the body roll and flip, as in the scripts of barrel rolls.
+const LOOSE: AxisCoefficients<f32> = AxisCoefficients {
+    pitch: 0.0,
+    yaw: 3.0,
+    roll: 0.05,
+};
+
+/// Damping of limbs that are braced to stop a rotation, as in the same scripts.
+const BRACED: AxisCoefficients<f32> = AxisCoefficients {
+    pitch: 12.0,
+    yaw: 3.0,
+    roll: 12.0,
+};
+
+/// Initial height above the ground (m).
 const START_HEIGHT: f32 = 4000.0;
+
+/// Height above the ground below which the page warns (m): most skydivers have begun to open the parachute there.
+pub const WARNING_HEIGHT: f32 = 1000.0;
 
 /// A flight in progress.
 #[derive(Debug, Clone)]
@@ -154,9 +182,15 @@ pub struct Cockpit {
     run: FreeRun<f32>,
     base: Posture<f32>,
     inputs: Inputs<f32>,
+    /// Damping of relaxed limbs.
+    relaxed: AxisCoefficients<f32>,
+    /// Muscle input and tension as fractions of their ranges, and the commands that they follow.
+    strain: [f32; 4],
+    wanted_strain: [f32; 4],
     wanted: [f32; CONTROLS.len()],
     amounts: [f32; CONTROLS.len()],
     joints: [[f32; 3]; Segment::ALL.len()],
+    wanted_joints: [[f32; 3]; Segment::ALL.len()],
     before: Posture<f32>,
     posture: Posture<f32>,
     steps: u32,
@@ -190,9 +224,13 @@ impl Cockpit {
             run: FreeRun::new(&setup.dynamics, Equations::Exact, &motion, &base, &rate),
             base,
             inputs,
+            relaxed: inputs.damping,
+            strain: [0.0; 4],
+            wanted_strain: [0.0; 4],
             wanted,
             amounts: [0.0; CONTROLS.len()],
             joints: [[0.0; 3]; Segment::ALL.len()],
+            wanted_joints: [[0.0; 3]; Segment::ALL.len()],
             before: base,
             posture: base,
             steps: 0,
@@ -230,35 +268,76 @@ impl Cockpit {
         }
     }
 
-    /// Sets an angle (rad, within pi) of a single joint; axis 0 is the paper's psi, 1 theta, 2 phi. Other values are
-    /// ignored.
+    /// Commands how much further than in its pose a single joint is turned (rad, within pi); axis 0 is the paper's psi,
+    /// 1 theta, 2 phi. Other values are ignored.
     pub fn joint(&mut self, segment: usize, axis: usize, angle: f32) {
-        if let Some(place) = self.joints.get_mut(segment).and_then(|j| j.get_mut(axis))
+        let joint = self.wanted_joints.get_mut(segment);
+        if let Some(place) = joint.and_then(|joint| joint.get_mut(axis))
             && angle.abs() <= core::f32::consts::PI
         {
             *place = angle;
         }
     }
 
-    /// Sets the muscle input, each coefficient within ±10. Other values are ignored.
-    pub fn muscle(&mut self, input: AxisCoefficients<f32>) {
-        if input.to_array().iter().all(|value| value.abs() <= 10.0) {
-            self.inputs.muscle = input;
+    /// Commands muscle input, each coefficient as a fraction of [`MOST_MUSCLE`], -1 to 1. Other values are ignored.
+    pub fn muscle(&mut self, share: AxisCoefficients<f32>) {
+        if share.to_array().iter().all(|value| value.abs() <= 1.0) {
+            let [pitch, yaw, roll, _] = &mut self.wanted_strain;
+            [*pitch, *yaw, *roll] = share.to_array();
         }
     }
 
-    /// Sets the damping coefficients, each from -1 to 30. Other values are ignored.
+    /// Commands the tension of the limbs, which determines damping: 0 relaxed, -1 loose, 1 braced. Other values are
+    /// ignored.
+    pub fn tension(&mut self, share: f32) {
+        if share.abs() <= 1.0 {
+            self.wanted_strain[3] = share;
+        }
+    }
+
+    /// Sets the damping coefficients of relaxed limbs, each from -1 to 30. Other values are ignored.
     pub fn damping(&mut self, damping: AxisCoefficients<f32>) {
         let allowed = |value: &f32| (-1.0..=30.0).contains(value);
         if damping.to_array().iter().all(allowed) {
-            self.inputs.damping = damping;
+            self.relaxed = damping;
         }
     }
 
-    /// Advances the flight by one step of 1/240 s.
+    /// Lets the inputs follow their commands for `duration` (s).
+    fn strain(&mut self, duration: f32) {
+        let reach = TENSING * duration;
+        for (strain, wanted) in self.strain.iter_mut().zip(self.wanted_strain) {
+            *strain += (wanted - *strain).clamp(-reach, reach);
+        }
+        let [pitch, yaw, roll, tension] = self.strain;
+        self.inputs.muscle = AxisCoefficients::new(
+            pitch * MOST_MUSCLE.pitch,
+            yaw * MOST_MUSCLE.yaw,
+            roll * MOST_MUSCLE.roll,
+        );
+        let far = if tension < 0.0 { LOOSE } else { BRACED };
+        let share = tension.abs();
+        let mixed = |near: f32, far: f32| near + (far - near) * share;
+        self.inputs.damping = AxisCoefficients::new(
+            mixed(self.relaxed.pitch, far.pitch),
+            mixed(self.relaxed.yaw, far.yaw),
+            mixed(self.relaxed.roll, far.roll),
+        );
+    }
+
+    /// Returns whether the flight has ended at the ground, the plane of height zero.
+    pub fn is_on_ground(&self) -> bool {
+        self.motion().position.up() <= 0.0
+    }
+
+    /// Advances the flight by one step of 1/240 s, unless it has ended at the ground.
     pub fn step(&mut self) {
+        if self.is_on_ground() {
+            return;
+        }
         #[expect(clippy::cast_possible_truncation, reason = "a constant")]
         let duration = TIME_STEP as f32;
+        self.strain(duration);
         let reach = SPEED * duration;
         let mut posture = self.base;
         for ((control, wanted), amount) in CONTROLS.iter().zip(self.wanted).zip(&mut self.amounts) {
@@ -276,6 +355,10 @@ impl Cockpit {
                 autopilot.feel(&motion, duration);
                 posture = autopilot.moved(&posture);
             }
+        }
+        let joints = self.joints.iter_mut().flatten();
+        for (angle, wanted) in joints.zip(self.wanted_joints.iter().flatten()) {
+            *angle += (wanted - *angle).clamp(-reach, reach);
         }
         for (segment, [psi, theta, phi]) in Segment::ALL.iter().zip(self.joints) {
             let turned = joint_rotation(psi, theta, phi) * posture.parent_from_segment(*segment);
@@ -321,12 +404,15 @@ pub(crate) mod tests {
     use bodyflight_core::aerodynamics::load_model::LoadModel;
     use bodyflight_core::body::anthropometry::{Person, Sex};
     use bodyflight_core::body::gear::Gear;
+    use bodyflight_core::dynamics::muscle_input::{BACK_TRACKING, MuscleForces};
     use bodyflight_core::observation::Observation;
+    use nalgebra::Vector3;
 
     pub(crate) fn setup() -> Setup {
         let person = Person::new(1.75, 75.0, Sex::Male);
         let body = person.body().unwrap();
-        let dynamics = Dynamics::paper(body, 1.0);
+        let mut dynamics = Dynamics::paper(body, 1.0);
+        dynamics.muscles = BACK_TRACKING.with_forces(MuscleForces::Moment);
         Setup {
             dynamics,
             inputs: Inputs::belly_turn(),
@@ -387,6 +473,8 @@ pub(crate) mod tests {
         cockpit.joint(99, 0, 0.1);
         cockpit.joint(0, 9, 0.1);
         cockpit.muscle(AxisCoefficients::new(f32::INFINITY, 0.0, 0.0));
+        cockpit.tension(-1.1);
+        cockpit.tension(f32::NAN);
         cockpit.damping(AxisCoefficients::repeat(f32::NAN));
         for _ in 0..240 {
             cockpit.step();
@@ -396,16 +484,57 @@ pub(crate) mod tests {
         assert_eq!(bits(&cockpit), bits(&other));
     }
 
+    /// A subject of this height (m) with equipment and free-fly aerodynamics.
+    fn free_fly(height: f64) -> Setup {
+        let mut setup = setup();
+        let person = Person::new(height, 25.0 * height * height, Sex::Male);
+        let body = Gear::default().fit(&person.body().unwrap()).unwrap();
+        setup.dynamics.body = body.cast();
+        setup.dynamics.aerodynamics.model = LoadModel::FreeFly;
+        setup
+    }
+
+    /// Largest angular velocity (rad/s) of the pelvis, less its mean over a quarter of a second. Before its sensor was
+    /// filtered, the autopilot shook the pelvis by 1.6 rad/s about one axis and 1.9 rad/s about another.
+    #[test]
+    fn the_autopilot_holds_a_sit_of_twenty_seconds_without_shaking_it() {
+        const MEAN_OVER: usize = 60;
+        for height in [1.6, 1.75, 1.9] {
+            let mut cockpit = Cockpit::new(&free_fly(height), 1);
+            cockpit.hold(true);
+            let spins: Vec<_> = (0..240 * 20)
+                .map(|step| {
+                    // A pilot who turns now and then.
+                    if step % 960 == 480 {
+                        cockpit.command(0, if step % 1920 == 480 { 1.0 } else { -1.0 });
+                    } else if step % 960 == 600 {
+                        cockpit.command(0, 0.0);
+                    }
+                    cockpit.step();
+                    let turning = (360..480).contains(&(step % 960)) && step > 480;
+                    (turning, cockpit.motion().angular_velocity.components)
+                })
+                .collect();
+            let shaken = spins
+                .windows(MEAN_OVER)
+                .filter(|window| window.iter().all(|(settled, _)| *settled))
+                .map(|window| {
+                    let sum = window
+                        .iter()
+                        .fold(Vector3::zeros(), |sum, (_, spin)| sum + spin);
+                    (window[MEAN_OVER / 2].1 - sum / MEAN_OVER as f32).norm()
+                })
+                .fold(0.0, f32::max);
+            println!("{height} m: shaken by {shaken:.1e} rad/s");
+            assert!(shaken < 0.01, "{height} m: {shaken}");
+        }
+    }
+
     /// For subjects of several sizes, with the initial disturbance of each start.
     #[test]
     fn the_autopilot_holds_a_sit_and_the_air_holds_head_down() {
         let worst = |start: usize, height: f64, hold: bool| {
-            let mut setup = setup();
-            let person = Person::new(height, 25.0 * height * height, Sex::Male);
-            let body = Gear::default().fit(&person.body().unwrap()).unwrap();
-            setup.dynamics.body = body.cast();
-            setup.dynamics.aerodynamics.model = LoadModel::FreeFly;
-            let mut cockpit = Cockpit::new(&setup, start);
+            let mut cockpit = Cockpit::new(&free_fly(height), start);
             cockpit.hold(hold);
             (0..240 * 40).fold(0.0f32, |worst, _| {
                 cockpit.step();
@@ -423,6 +552,25 @@ pub(crate) mod tests {
             }
         }
         assert!(!cockpit().can_hold());
+    }
+
+    #[test]
+    fn a_flight_ends_at_the_ground() {
+        let mut cockpit = cockpit();
+        let mut steps = 0;
+        while !cockpit.is_on_ground() {
+            cockpit.step();
+            steps += 1;
+            assert!(steps < 240 * 200, "still flying after 200 s");
+        }
+        let (time, height) = (cockpit.time(), cockpit.motion().position.up());
+        println!("on the ground after {time:.1} s");
+        assert!(
+            (60.0..110.0).contains(&time) && height > -1.0,
+            "{time} {height}"
+        );
+        cockpit.step();
+        assert_eq!(cockpit.time().to_bits(), time.to_bits());
     }
 
     /// Paper, "Pitch and Roll oscillations experienced by novices".

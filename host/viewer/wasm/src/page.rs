@@ -107,6 +107,20 @@ pub(crate) extern "C" fn muscle(pitch: f32, yaw: f32, roll: f32) {
     with(|cockpit| cockpit.muscle(AxisCoefficients::new(pitch, yaw, roll)));
 }
 
+/// See [`Cockpit::tension`].
+#[unsafe(no_mangle)]
+pub(crate) extern "C" fn tension(share: f32) {
+    with(|cockpit| cockpit.tension(share));
+}
+
+/// See [`Cockpit::is_on_ground`].
+#[unsafe(no_mangle)]
+pub(crate) extern "C" fn is_on_ground() -> u32 {
+    let mut is = false;
+    with(|cockpit| is = cockpit.is_on_ground());
+    u32::from(is)
+}
+
 /// See [`Cockpit::damping`].
 #[unsafe(no_mangle)]
 pub(crate) extern "C" fn damping(pitch: f32, yaw: f32, roll: f32) {

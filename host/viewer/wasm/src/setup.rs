@@ -4,7 +4,7 @@ use bodyflight_core::AxisCoefficients;
 use bodyflight_core::aerodynamics::load_model::LoadModel;
 use bodyflight_core::aerodynamics::{Aerodynamics, ArchFactor, Coefficients};
 use bodyflight_core::body::{Body, SEGMENT_COUNT, SegmentParameters};
-use bodyflight_core::dynamics::muscle_input::MODELS;
+use bodyflight_core::dynamics::muscle_input::{MODELS, MuscleForces};
 use bodyflight_core::dynamics::{Dynamics, Inputs};
 use bodyflight_core::frame::Vector;
 use bodyflight_core::{Segment, body::SegmentArray};
@@ -14,9 +14,9 @@ use nalgebra::{Matrix3, Vector3};
 /// coefficients. Units as in [`SegmentParameters`].
 const SEGMENT: usize = 2 + 3 + 3 + 9 + 3 + 1 + 3;
 
-/// Numbers before the segments: height (m), density (kg/m3), arch factor (0: from the posture), index of the muscle
-/// model, velocity of the air (m/s), damping, load model (0: the paper's).
-const HEAD: usize = 4 + 3 + 3 + 1;
+/// Numbers before the segments: height (m), density (kg/m3), arch factor (0: from the posture), index of the limb
+/// groups, velocity of the air (m/s), damping, load model (0: the paper's), muscle forces (0: moments alone).
+const HEAD: usize = 4 + 3 + 3 + 1 + 1;
 
 /// Numbers per model.
 pub const NUMBERS: usize = HEAD + SEGMENT_COUNT * SEGMENT;
@@ -40,20 +40,22 @@ impl Setup {
             ArchFactor::Fixed(factor) => factor,
             ArchFactor::FromPosture | ArchFactor::Scaled(_) => 0.0,
         };
-        let muscles = MODELS.iter().zip(0u8..);
-        let muscles = muscles
-            .into_iter()
-            .find(|((_, model), _)| *model == dynamics.muscles)
+        let muscles = MODELS
+            .iter()
+            .zip(0u8..)
+            .find(|((name, _), _)| *name == dynamics.muscles.name())
             .map_or(0, |(_, index)| index);
+        let flag = |on: bool| f32::from(u8::from(on));
         let head = [dynamics.body.height, self.density, arch, f32::from(muscles)];
         let air = dynamics.air.velocity.to_array();
         let mut numbers = head
             .into_iter()
             .chain(air)
             .chain(self.inputs.damping.to_array())
-            .chain([f32::from(u8::from(
-                dynamics.aerodynamics.model == LoadModel::FreeFly,
-            ))]);
+            .chain([
+                flag(dynamics.aerodynamics.model == LoadModel::FreeFly),
+                flag(dynamics.muscles.forces == MuscleForces::Paper),
+            ]);
         let mut all = [0.0; NUMBERS];
         let (first, rest) = all.split_at_mut(HEAD);
         first
@@ -125,7 +127,11 @@ impl Setup {
             arch,
             model,
         };
-        dynamics.muscles = muscles;
+        dynamics.muscles = muscles.with_forces(if at(11) > 0.0 {
+            MuscleForces::Paper
+        } else {
+            MuscleForces::Moment
+        });
         dynamics.air.velocity = Vector::new(at(4), at(5), at(6));
         let mut inputs = Inputs::belly_turn();
         inputs.damping = AxisCoefficients::new(at(7), at(8), at(9));
@@ -139,11 +145,17 @@ impl Setup {
 
 #[cfg(test)]
 mod tests {
+    use super::*;
     use crate::cockpit::tests::setup;
 
     #[test]
     fn numbers_make_the_same_model() {
-        let setup = setup();
-        assert_eq!(super::Setup::from_numbers(&setup.numbers()), setup);
+        for (_, muscles) in MODELS {
+            for forces in [MuscleForces::Moment, MuscleForces::Paper] {
+                let mut setup = setup();
+                setup.dynamics.muscles = muscles.with_forces(forces);
+                assert_eq!(Setup::from_numbers(&setup.numbers()), setup);
+            }
+        }
     }
 }
