@@ -1,0 +1,102 @@
+"""The verbs about files give what the program gives."""
+
+import json
+
+import bodyflight
+import numpy as np
+import pytest
+
+ROW = "2024-07-14T12:{minute:02}:{second:05.2f}Z,46.0,{lon:.7f},{height:.3f},0.00,45.00,{down:.2f},1.0,1.5,0.3,3,12\n"
+
+
+def same(printed, found):
+    """Whether a printed report says the same, but for what made it."""
+    printed = json.loads(printed)
+    printed.pop("made_by", None)
+    return printed == found
+
+
+@pytest.fixture(scope="module")
+def track(tmp_path_factory):
+    """A jump as a FlySight writes it: in the aircraft, a minute of fall with drag, and a canopy."""
+    path = tmp_path_factory.mktemp("track") / "12-00-00.CSV"
+    text = "time,lat,lon,hMSL,velN,velE,velD,hAcc,vAcc,sAcc,gpsFix,numSV\n,(deg),(deg),(m),(m/s),(m/s),(m/s),(m),(m),(m/s),,\n"
+    height, down, step = 4000.0, 0.0, 0.2
+    for index in range(800):
+        time = step * index
+        if time < 20.0:
+            wanted = 0.0
+        elif height > 1000.0:
+            wanted = down + step * 9.81 * (1.0 - (down / 53.0) ** 2)
+        else:
+            wanted = max(5.0, down - step * 20.0)
+        down = wanted
+        height -= step * down
+        lon = 7.0 + 45.0 * time / 77_000.0
+        text += ROW.format(minute=int(time // 60), second=time % 60, lon=lon, height=height, down=down)
+    path.write_text(text)
+    return path
+
+
+def test_a_recording_is_described_as_by_the_program(turn, program):
+    file = turn / "flight.mvnx"
+    assert same(program("--json", "inspect", file), bodyflight.inspect(file))
+
+
+def test_a_jump_is_analysed_as_by_the_program(track, program):
+    printed = program("--json", "fall", track, "--mass", "85")
+    try:
+        found = bodyflight.fall(track, mass=85)
+    except bodyflight.Disagreement as error:
+        found = error.report
+    assert same(printed, found)
+    assert found["fall_s"] > 40.0
+    with pytest.raises(bodyflight.BadInput, match="mass: expected 30 to 300, found 850"):
+        bodyflight.fall(track, mass=850)
+
+
+def test_the_model_is_validated_as_by_the_program(program):
+    assert same(program("--json", "validate"), bodyflight.validate())
+
+
+def test_motion_of_another_system_becomes_a_flight(tmp_path, program):
+    joints = ["Hips", "Spine", "Neck", "Head"]
+    offsets, channels = [(0, 0, 0), (0, 10, 0), (0, 50, 0), (0, 10, 0)], "Zrotation Xrotation Yrotation"
+    text, indent = "HIERARCHY\n", ""
+    for index, (name, offset) in enumerate(zip(joints, offsets)):
+        kind = "ROOT" if index == 0 else "JOINT"
+        own = f"6 Xposition Yposition Zposition {channels}" if index == 0 else f"3 {channels}"
+        text += f"{indent}{kind} {name}\n{indent}{{\n{indent} OFFSET {offset[0]} {offset[1]} {offset[2]}\n{indent} CHANNELS {own}\n"
+        indent += " "
+    text += f"{indent}End Site\n{indent}{{\n{indent}OFFSET 0 10 0\n{indent}}}\n" + "}\n" * len(joints)
+    text += "MOTION\nFrames: 120\nFrame Time: 0.0083333\n"
+    text += "".join("0 100 0 " + "0 " * 3 * len(joints) + "\n" for _ in range(120))
+    file = tmp_path / "stand.bvh"
+    file.write_text(text)
+    printed = program("--json", "import", file, "--out", tmp_path / "theirs")
+    found = bodyflight.import_recording(file, tmp_path / "ours")
+    assert found["frames"] == json.loads(printed)["frames"] == 120
+    assert (tmp_path / "ours/flight.mvnx").read_bytes() == (tmp_path / "theirs/flight.mvnx").read_bytes()
+    with pytest.raises(bodyflight.BadInput, match="force=True|overwritten"):
+        bodyflight.import_recording(file, tmp_path / "ours")
+
+
+def test_figures_are_those_of_the_program(turn, program, tmp_path):
+    program("figures", turn, "--preset", "turning", "--out", tmp_path / "theirs", "--title", "turn")
+    drawn = bodyflight.figures(bodyflight.Flight(turn), tmp_path / "ours", preset="turning", title="turn")
+    assert len(drawn) == 4
+    for path in drawn:
+        assert path.read_bytes() == (tmp_path / "theirs" / path.name).read_bytes()
+    with pytest.raises(bodyflight.BadInput, match="unknown format"):
+        bodyflight.figures(bodyflight.Flight(turn), tmp_path / "other", formats=["svg", "gif"])
+
+
+def test_a_page_has_the_flights(turn, tmp_path):
+    flight = bodyflight.Flight(turn)
+    page, told = tmp_path / "page.html", []
+    written = bodyflight.view([flight, flight], page, discovery={"verdict": "a finding"}, progress=told.append)
+    assert written == {"page": str(page), "bytes": page.stat().st_size, "runs": 2}
+    assert "a finding" in page.read_text()
+    assert told and np.isfinite(told).all()
+    with pytest.raises(bodyflight.BadInput, match="exists"):
+        bodyflight.view(flight, page)
