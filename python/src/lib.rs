@@ -12,6 +12,7 @@ mod files;
 mod flight;
 mod long;
 mod mechanics;
+mod options;
 mod problem;
 mod record;
 mod simulate;
@@ -19,6 +20,7 @@ mod skydiver;
 mod skydivers;
 mod subject;
 mod sweep;
+mod task;
 mod threads;
 
 use pyo3::prelude::*;

@@ -20,8 +20,8 @@ use pyo3::prelude::*;
 use crate::arguments::finite;
 use crate::long::long;
 use crate::mechanics::vector;
+use crate::options::Options;
 use crate::problem::raise;
-use crate::skydivers::Options;
 use crate::subject::Subject;
 
 /// Flies `actions` (t by 8, as for `Skydivers.step`) and writes the flight to `out` as an MVNX file with 240 frames a second.

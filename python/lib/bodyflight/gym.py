@@ -138,12 +138,14 @@ class SkydiverEnv(gymnasium.Env[_Observation, _Observation]):
 
     def get_state(self) -> NDArray[np.float32]:
         """Returns everything that the flight consists of, in the order of ``Environments.state_names``."""
-        return self._flights.environments.get_state()[0]
+        state: NDArray[np.float32] = self._flights.environments.get_state()[0]
+        return state
 
     def set_state(self, state: ArrayLike) -> _Observation:
         """Continues the flight from a state, to the bit. Returns the observation."""
         self._flights.environments.set_state(np.asarray(state)[None])
-        return self._flights.environments.observe()[0]
+        seen: _Observation = self._flights.environments.observe()[0]
+        return seen
 
 
 class SkydiverVectorEnv(VectorEnv):
@@ -207,7 +209,7 @@ class SkydiverVectorEnv(VectorEnv):
 
 gymnasium.register(
     id="bodyflight/Skydiver-v0",
-    entry_point=SkydiverEnv,
-    vector_entry_point=SkydiverVectorEnv,
+    entry_point="bodyflight.gym:SkydiverEnv",
+    vector_entry_point="bodyflight.gym:SkydiverVectorEnv",
     max_episode_steps=_Flights(1, "hold").limit,
 )
