@@ -102,19 +102,15 @@ const UNEVEN: f64 = 0.01;
 impl Given {
     /// Number of frames in a second, which have to be evenly spaced.
     fn frame_rate(&self) -> Result<f64> {
-        let (Some(first), Some(last)) = (self.time.first(), self.time.last()) else {
+        let [first, .., last] = self.time.as_slice() else {
             return Err(Problem::bad_input("expected at least two frames").at("time"));
         };
         #[expect(clippy::cast_precision_loss, reason = "counts of frames")]
         let spacing = (last - first) / (self.time.len() - 1) as f64;
         #[expect(clippy::cast_precision_loss, reason = "counts of frames")]
         let even = |index: usize| first + spacing * index as f64;
-        let is_off =
-            |(index, time): (usize, &f64)| !((time - even(index)).abs() <= UNEVEN * spacing);
+        let is_off = |(index, time): (usize, &f64)| (time - even(index)).abs() > UNEVEN * spacing;
         match self.time.iter().enumerate().position(is_off) {
-            _ if self.time.len() < 2 => {
-                Err(Problem::bad_input("expected at least two frames").at("time"))
-            }
             None if spacing > 0.0 => Ok(1.0 / spacing),
             found => Err(Problem::bad_input(format!(
                 "expected times that increase evenly, each within {:.0} % of the spacing",

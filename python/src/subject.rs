@@ -26,6 +26,9 @@ impl Subject {
     }
 }
 
+/// Texts of a `subject.toml` and of the segment table that it refers to.
+type Texts = (String, Option<String>);
+
 #[pymethods]
 impl Subject {
     #[new]
@@ -63,9 +66,7 @@ impl Subject {
         self.inner.segments_json()
     }
 
-    fn __reduce__<'py>(
-        slf: &Bound<'py, Self>,
-    ) -> PyResult<(Bound<'py, PyAny>, (String, Option<String>))> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Texts)> {
         let own = slf.get();
         let texts = (own.to_toml()?, own.segments_json().map(str::to_owned));
         Ok((slf.get_type().getattr("from_toml")?, texts))
