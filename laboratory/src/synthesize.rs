@@ -135,13 +135,7 @@ pub fn synthesize_with(
         write_file(&folder.join(SENSOR_FILE), &bytes)?;
     }
     write_inputs(request.maneuver, &folder.join("inputs.csv"))?;
-    write_file(
-        &folder.join("subject.toml"),
-        request.subject.to_toml()?.as_bytes(),
-    )?;
-    if let Some(table) = request.subject.segments_json() {
-        write_file(&folder.join(SEGMENTS_FILE), table.as_bytes())?;
-    }
+    request.subject.write_in(folder)?;
     let path = folder.join("flight.toml");
     write_file(&path, flight_toml(request, tunnel.as_ref()).as_bytes())?;
     #[expect(clippy::cast_precision_loss, reason = "counts of frames")]

@@ -3,6 +3,7 @@
 use bodyflight_core::dynamics::Motion;
 use numpy::{PyArray, PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
+use pyo3::types::PyTuple;
 
 /// Converts rows of `N` numbers to an array, n by `N`.
 pub(crate) fn rows<const N: usize>(
@@ -22,6 +23,16 @@ pub(crate) fn tables<const N: usize, const M: usize>(
     let count = tables.len();
     let flat = PyArray1::from_vec(py, tables.into_flattened().into_flattened());
     Ok(flat.reshape([count, M, N])?.unbind())
+}
+
+/// Returns attributes of an object, from which pickle and copy make it again.
+pub(crate) fn parts<'py, T>(
+    object: &Bound<'py, T>,
+    names: &[&str],
+) -> PyResult<Bound<'py, PyTuple>> {
+    let attribute = |name: &&str| object.as_any().getattr(*name);
+    let found = names.iter().map(attribute).collect::<PyResult<Vec<_>>>()?;
+    PyTuple::new(object.py(), found)
 }
 
 /// A motion over time, collected row by row.
@@ -48,6 +59,35 @@ pub(crate) struct MotionArrays {
     /// Angular velocity in body axes (rad/s); n by 3.
     #[pyo3(get)]
     angular_velocity: Py<PyArray2<f64>>,
+}
+
+#[pymethods]
+impl MotionArrays {
+    /// Creates a motion from its parts, as pickle does.
+    #[new]
+    const fn new(
+        position: Py<PyArray2<f64>>,
+        velocity: Py<PyArray2<f64>>,
+        inertial_from_body: Py<PyArray2<f64>>,
+        angular_velocity: Py<PyArray2<f64>>,
+    ) -> Self {
+        Self {
+            position,
+            velocity,
+            inertial_from_body,
+            angular_velocity,
+        }
+    }
+
+    fn __getnewargs__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
+        let names = [
+            "position",
+            "velocity",
+            "inertial_from_body",
+            "angular_velocity",
+        ];
+        parts(slf, &names)
+    }
 }
 
 impl Motions {

@@ -65,7 +65,10 @@ impl Comparison {
 /// of which may be None. Raises a Disagreement if the flights cannot be aligned, and issues a DoubtWarning if the model misses
 /// them by more than any difference does.
 #[pyfunction]
-#[pyo3(signature = (a, b, *, align = "auto", between = (None, None), names = ("A", "B"), progress = None))]
+#[pyo3(
+    signature = (a, b, *, align = "auto", between = (None, None), names = ("A", "B"), progress = None),
+    text_signature = "(a, b, *, align='auto', between=(None, None), names=('A', 'B'), progress=None)"
+)]
 pub(crate) fn compare(
     py: Python<'_>,
     a: Flight,
@@ -81,10 +84,12 @@ pub(crate) fn compare(
         between: [between.0, between.1],
     };
     let (tracks, found) = long(py, progress, |progress| {
-        let read = |name: &str, flight: &Flight, progress: &mut dyn FnMut(f64)| {
-            Track::read(name, &flight.inner, flight.options, progress)
+        let read = |name: &str, flight: &Flight| {
+            Track::read(name, &flight.inner, flight.options, &mut |time| {
+                progress(time)
+            })
         };
-        let tracks = [read(names.0, &a, progress)?, read(names.1, &b, progress)?];
+        let tracks = [read(names.0, &a)?, read(names.1, &b)?];
         let found = compared([&tracks[0], &tracks[1]], settings)?;
         Ok((tracks, found))
     })?;

@@ -6,7 +6,7 @@ use bodyflight_verbs::discover::{Request, discover_flights};
 use pyo3::prelude::*;
 
 use crate::flight::Flight;
-use crate::long::long_aside;
+use crate::long::long;
 use crate::problem::dictionary;
 
 /// Stops the search after a signal.
@@ -24,7 +24,7 @@ impl Progress for Cancelled {
 ///
 /// Returns the dictionary of `bodyflight discover --json`.
 #[pyfunction]
-#[pyo3(signature = (flights, *, hold_out = vec![], max_effects = 3, seed = 1))]
+#[pyo3(signature = (flights, *, hold_out = vec![], max_effects = 3, seed = 1), text_signature = "(flights, *, hold_out=(), max_effects=3, seed=1)")]
 pub(crate) fn discover(
     py: Python<'_>,
     flights: Vec<Flight>,
@@ -36,7 +36,7 @@ pub(crate) fn discover(
     let files = |flights: Vec<Flight>| flights.into_iter().map(|f| f.inner).collect::<Vec<_>>();
     let (flights, held_out) = (files(flights), files(hold_out));
     let request = Request { max_effects, seed };
-    let report = long_aside(py, || {
+    let report = long(py, None, |_| {
         let options = |place: usize| options.get(place).copied().unwrap_or_default();
         discover_flights(&flights, &held_out, options, request, &Cancelled)
     })?;

@@ -1,97 +1,54 @@
 //! Environments for learning: skydivers with a task, flown, observed and rewarded in one pass on all cores.
 
 use bodyflight_core::dynamics::PostureSample;
-use bodyflight_core::math::{Real, clamp};
+use bodyflight_core::math::Real;
 use bodyflight_replay::flight::DEFAULT_DENSITY;
 use bodyflight_viewer::cockpit::CONTROLS;
-use numpy::{
-    PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods,
-};
+use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use rayon::prelude::*;
 
-use crate::skydiver::{Course, Skydiver};
-use crate::skydivers::{OBSERVED, RUN, Row, course, expect_shape, observation};
+use crate::arguments::{array, finite};
+use crate::options::Options;
+use crate::skydiver::{Course, NUMBERS};
+use crate::skydivers::{OBSERVED, RUN, observation, of_states, state_names};
 use crate::subject::Subject;
-
-/// Largest magnitude of a scaled observation, far beyond what a person flies.
-const LIMIT: f32 = 100.0;
-/// Angular velocity about one body axis at which a flight counts as tumbling (rad/s).
-const TUMBLING: f32 = 15.0;
-/// Reward of the step in which an episode is terminated.
-const FALLEN: f32 = -10.0;
-
-/// What every task observes of the body: indices into [`OBSERVED`], and the divisors that scale the values to about
-/// one.
-const SUIT: [(usize, f32); 13] = [
-    (0, 1.0),
-    (1, 1.0),
-    (2, 1.0),
-    (3, 1.0),
-    (4, 1.0),
-    (5, 5.0),
-    (6, 5.0),
-    (7, 5.0),
-    (8, 60.0),
-    (9, 60.0),
-    (10, 60.0),
-    (14, 20.0),
-    (15, 60.0),
-];
-/// What every task observes of its goal.
-const GOAL: [&str; 4] = [
-    "turn_left_sin",
-    "turn_left_cos",
-    "target_ahead_m",
-    "target_left_m",
-];
-/// Distance of the target that is scaled to one (m).
-const GOAL_SCALE: f32 = 10.0;
-/// Number of controls, over which the effort is averaged.
-#[expect(clippy::cast_precision_loss, reason = "there are eight controls")]
-const EFFORT: f32 = CONTROLS.len() as f32;
-/// Number of components in an observation.
-const WIDTH: usize = SUIT.len() + GOAL.len();
-
-/// What is rewarded.
-#[derive(Clone, Copy)]
-struct Task {
-    /// Wanted components of the upward direction: left, dorsal, cranial.
-    up: [f32; 3],
-    /// Whether facing the goal's heading is rewarded.
-    faces: bool,
-    /// Whether nearness to the goal's place is rewarded.
-    docks: bool,
-    /// Steps after which an episode is truncated.
-    limit: u32,
-}
-
-/// One skydiver with the goal of its episode.
-#[derive(Clone, Copy)]
-struct Environment {
-    skydiver: Skydiver,
-    /// Sine and cosine of the wanted heading.
-    heading: (f32, f32),
-    /// Wanted place: north, west (m).
-    target: [f32; 2],
-    /// Steps since the episode began.
-    steps: u32,
-}
+use crate::task::{
+    EPISODE, Environment, GOAL, LIMIT, STATE, SUIT, TERMS, Task, WIDTH, is_tumbling,
+};
+use crate::threads::threads;
 
 /// n environments with one body and one task. `bodyflight.gym` draws the goals and follows Gymnasium's rules.
-#[pyclass(module = "bodyflight")]
+#[pyclass(module = "bodyflight._native")]
 pub(crate) struct Environments {
     course: Course,
     task: Task,
     all: Vec<Environment>,
+    seconds: f64,
+    options: Options,
 }
 
-/// Observations (n by 17), rewards, terminated, truncated (n each).
+/// Observations (n by 17), rewards, terminated, truncated (n each), terms of the rewards (n by 5), success (n).
 type Step<'py> = (
     Bound<'py, PyArray2<f32>>,
     Bound<'py, PyArray1<f32>>,
     Bound<'py, PyArray1<bool>>,
     Bound<'py, PyArray1<bool>>,
+    Bound<'py, PyArray2<f32>>,
+    Bound<'py, PyArray1<bool>>,
+);
+
+/// An environment, with its action and whether it rests.
+type Moved<'a> = (&'a mut Environment, (&'a [f32; CONTROLS.len()], &'a bool));
+
+/// Where an environment's observation, reward, terms and success, and ends are written.
+type Found<'a> = (
+    (
+        (&'a mut [f32; WIDTH], &'a mut f32),
+        (&'a mut [f32; TERMS.len()], &'a mut bool),
+    ),
+    (&'a mut bool, &'a mut bool),
 );
 
 #[pymethods]
@@ -101,7 +58,10 @@ impl Environments {
         clippy::too_many_arguments,
         reason = "keyword arguments of a Python class"
     )]
-    #[pyo3(signature = (count, *, up, faces, docks, seconds, start = "neutral", subject = None, density = DEFAULT_DENSITY, substeps = 8))]
+    #[pyo3(
+        signature = (count, *, up, faces, docks, seconds, start = "neutral", subject = None, density = DEFAULT_DENSITY, substeps = 8),
+        text_signature = "(count, *, up, faces, docks, seconds, start='neutral', subject=None, density=1.0, substeps=8)"
+    )]
     fn new(
         count: usize,
         up: [f32; 3],
@@ -113,7 +73,13 @@ impl Environments {
         density: f64,
         substeps: u32,
     ) -> PyResult<Self> {
-        let course = course(start, subject, density, substeps)?;
+        let options = Options {
+            start: start.to_owned(),
+            subject,
+            density,
+            substeps,
+        };
+        let course = options.course()?;
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
@@ -135,6 +101,8 @@ impl Environments {
                 limit,
             },
             all: vec![begun; count],
+            seconds,
+            options,
         })
     }
 
@@ -143,6 +111,19 @@ impl Environments {
     fn observed() -> Vec<&'static str> {
         let suit = SUIT.iter().filter_map(|(index, _)| OBSERVED.get(*index));
         suit.copied().chain(GOAL).collect()
+    }
+
+    /// Names of the five terms of a reward.
+    #[classattr]
+    fn reward_terms() -> Vec<&'static str> {
+        TERMS.to_vec()
+    }
+
+    /// Names of the 35 numbers of a state, with units: those of `Skydivers`, and the episode's goal and steps.
+    #[classattr]
+    fn state_names() -> Vec<String> {
+        let episode = EPISODE.map(str::to_owned);
+        state_names().into_iter().chain(episode).collect()
     }
 
     /// Largest magnitude of a component of an observation.
@@ -167,14 +148,14 @@ impl Environments {
     /// environments are ignored.
     fn begin(
         &mut self,
-        which: PyReadonlyArray1<'_, bool>,
-        headings: PyReadonlyArray1<'_, f32>,
-        targets: PyReadonlyArray2<'_, f32>,
+        which: &Bound<'_, PyAny>,
+        headings: &Bound<'_, PyAny>,
+        targets: &Bound<'_, PyAny>,
     ) -> PyResult<()> {
-        let count = self.all.len();
-        expect_shape("which", which.shape(), &[count])?;
-        expect_shape("headings", headings.shape(), &[count])?;
-        expect_shape("targets", targets.shape(), &[count, 2])?;
+        let count = Some(self.all.len());
+        let which = array::<bool>(which, "which", &[count])?;
+        let headings = finite::<f32>(headings, "headings", &[count])?;
+        let targets = finite::<f32>(targets, "targets", &[count, Some(2)])?;
         let goals = headings.as_slice()?.iter();
         let goals = goals.zip(targets.as_slice()?.as_chunks::<2>().0);
         let begun = self.course.begun();
@@ -207,125 +188,124 @@ impl Environments {
     }
 
     /// Flies one step in every environment, except that those whose entry of `resting` (n) is true stay as they have
-    /// begun, with a reward of zero. `actions` is n by 8.
+    /// begun, with a reward of zero. `actions` is n by 8. Returns observations (n by 17), rewards, terminated and truncated (n
+    /// each), the terms of the rewards in the order of `reward_terms` (n by 5), and whether the flight is where the task wants
+    /// it to be (n).
     ///
     /// Returns new arrays, since learning compares observations before and after a step.
     fn step<'py>(
         &mut self,
         py: Python<'py>,
-        actions: PyReadonlyArray2<'_, f32>,
-        resting: PyReadonlyArray1<'_, bool>,
+        actions: &Bound<'py, PyAny>,
+        resting: &Bound<'py, PyAny>,
     ) -> PyResult<Step<'py>> {
         let count = self.all.len();
-        expect_shape("actions", actions.shape(), &[count, CONTROLS.len()])?;
-        expect_shape("resting", resting.shape(), &[count])?;
+        let actions = finite::<f32>(actions, "actions", &[Some(count), Some(CONTROLS.len())])?;
+        let resting = array::<bool>(resting, "resting", &[Some(count)])?;
         let seen = PyArray2::zeros(py, [count, WIDTH], false);
         let rewards = PyArray1::zeros(py, count, false);
-        let ends = [(); 2].map(|()| PyArray1::zeros(py, count, false));
+        let terms = PyArray2::zeros(py, [count, TERMS.len()], false);
+        let flags = [(); 3].map(|()| PyArray1::zeros(py, count, false));
         {
             let (mut seen, mut rewards) = (seen.readwrite(), rewards.readwrite());
-            let [mut terminated, mut truncated] = ends.each_ref().map(|array| array.readwrite());
+            let mut terms = terms.readwrite();
+            let [mut terminated, mut truncated, mut success] =
+                flags.each_ref().map(|array| array.readwrite());
             let (seen, rewards) = (seen.as_slice_mut()?, rewards.as_slice_mut()?);
+            let terms = terms.as_slice_mut()?.as_chunks_mut().0;
             let (terminated, truncated) = (terminated.as_slice_mut()?, truncated.as_slice_mut()?);
+            let success = success.as_slice_mut()?;
             let given = (actions.as_slice()?.as_chunks().0, resting.as_slice()?);
             let (course, task, all) = (&self.course, &self.task, &mut self.all);
+            let fly = |sample: &mut PostureSample<f32>, moved: Moved<'_>, found: Found<'_>| {
+                let (environment, (action, resting)) = moved;
+                let (((seen, reward), (terms, success)), ends) = found;
+                if *resting {
+                    let row = observation(&environment.skydiver.motion);
+                    *seen = environment.observe(&row);
+                    return;
+                }
+                course.fly(&mut environment.skydiver, action, sample);
+                environment.steps += 1;
+                let row = observation(&environment.skydiver.motion);
+                *seen = environment.observe(&row);
+                let fallen = is_tumbling(&row);
+                *terms = environment.terms(task, &row, action, fallen);
+                *reward = terms.iter().sum();
+                *success = !fallen && environment.succeeds(task, &row);
+                (*ends.0, *ends.1) = (fallen, environment.steps >= task.limit);
+            };
+            let pool = threads(py)?;
             py.detach(|| {
-                let given = given.0.par_iter().zip(given.1.par_iter());
-                let ends = terminated.par_iter_mut().zip(truncated.par_iter_mut());
-                let seen = seen.as_chunks_mut().0.par_iter_mut();
-                all.par_iter_mut()
-                    .zip(given)
-                    .zip(seen.zip(rewards.par_iter_mut()).zip(ends))
-                    .with_min_len(RUN)
-                    .for_each_init(PostureSample::blank, |sample, (moved, found)| {
-                        let ((environment, (action, resting)), ((seen, reward), ends)) =
-                            (moved, found);
-                        if *resting {
-                            let row = observation(&environment.skydiver.motion);
-                            *seen = environment.observe(&row);
-                            return;
-                        }
-                        course.fly(&mut environment.skydiver, action, sample);
-                        environment.steps += 1;
-                        let row = observation(&environment.skydiver.motion);
-                        *seen = environment.observe(&row);
-                        let fallen = is_tumbling(&row);
-                        *reward = environment.reward(task, &row, action, fallen);
-                        (*ends.0, *ends.1) = (fallen, environment.steps >= task.limit);
-                    });
+                pool.install(|| {
+                    let given = given.0.par_iter().zip(given.1.par_iter());
+                    let seen = seen.as_chunks_mut().0.par_iter_mut();
+                    let judged = terms.par_iter_mut().zip(success.par_iter_mut());
+                    let ends = terminated.par_iter_mut().zip(truncated.par_iter_mut());
+                    let found = seen.zip(rewards.par_iter_mut()).zip(judged).zip(ends);
+                    all.par_iter_mut()
+                        .zip(given)
+                        .zip(found)
+                        .with_min_len(RUN)
+                        .for_each_init(PostureSample::blank, |sample, (moved, found)| {
+                            fly(sample, moved, found);
+                        });
+                });
             });
         }
-        let [terminated, truncated] = ends;
-        Ok((seen, rewards, terminated, truncated))
-    }
-}
-
-/// Whether the body spins faster than [`TUMBLING`], or its motion is no longer finite.
-fn is_tumbling(row: &Row) -> bool {
-    let [_, _, _, _, _, left, dorsal, cranial, ..] = *row;
-    let spins = [left, dorsal, cranial].map(f32::abs);
-    !row.iter().all(|value| value.is_finite()) || spins.iter().any(|spin| *spin > TUMBLING)
-}
-
-impl Environment {
-    /// Sine and cosine of the wanted heading minus that of the body.
-    fn turn_left(&self, row: &Row) -> (f32, f32) {
-        let [_, _, _, sine, cosine, ..] = *row;
-        let (wanted_sine, wanted_cosine) = self.heading;
-        (
-            wanted_sine * cosine - wanted_cosine * sine,
-            wanted_cosine * cosine + wanted_sine * sine,
-        )
+        let [terminated, truncated, success] = flags;
+        Ok((seen, rewards, terminated, truncated, terms, success))
     }
 
-    /// Returns the way from the body to the target: north, west (m).
-    fn way(&self, row: &Row) -> [f32; 2] {
-        let [.., north, west, _, _, _] = *row;
-        let [to_north, to_west] = self.target;
-        [to_north - north, to_west - west]
+    /// Returns everything that the environments consist of, n by 35 in the order of `state_names`. `set_state` continues them
+    /// to the bit.
+    fn get_state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
+        let numbers: Vec<_> = self.all.iter().map(Environment::numbers).collect();
+        let count = numbers.len();
+        let flat = PyArray1::from_vec(py, numbers.into_flattened());
+        flat.reshape([count, STATE])
     }
 
-    fn observe(&self, row: &Row) -> [f32; WIDTH] {
-        let [_, _, _, sine, cosine, ..] = *row;
-        let (turn_sine, turn_cosine) = self.turn_left(row);
-        let [north, west] = self.way(row);
-        let goal = [
-            turn_sine,
-            turn_cosine,
-            (north * cosine + west * sine) / GOAL_SCALE,
-            (west * cosine - north * sine) / GOAL_SCALE,
-        ];
-        let suit = SUIT
-            .iter()
-            .map(|(index, scale)| row.get(*index).map_or(0.0, |value| value / scale));
-        let mut seen = [0.0; WIDTH];
-        for (place, value) in seen.iter_mut().zip(suit.chain(goal)) {
-            // A flight may tumble until its numbers overflow.
-            *place = if value.is_nan() {
-                0.0
-            } else {
-                clamp(value, -LIMIT, LIMIT)
+    /// Continues the environments from a `state` that `get_state` returned, n by 35.
+    fn set_state(&mut self, state: &Bound<'_, PyAny>) -> PyResult<()> {
+        let state = finite::<f32>(state, "state", &[Some(self.all.len()), Some(STATE)])?;
+        let rows = state.as_slice()?.as_chunks::<STATE>().0;
+        let flights = of_states(
+            &self.course,
+            rows.iter().filter_map(|row| row.first_chunk::<NUMBERS>()),
+        )?;
+        for ((environment, skydiver), row) in self.all.iter_mut().zip(flights).zip(rows) {
+            let [.., sine, cosine, north, west, steps] = *row;
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "the conversion saturates, and episodes have hundreds of steps"
+            )]
+            let steps = steps as u32;
+            *environment = Environment {
+                skydiver,
+                heading: (sine, cosine),
+                target: [north, west],
+                steps,
             };
         }
-        seen
+        Ok(())
     }
 
-    fn reward(&self, task: &Task, row: &Row, action: &[f32; CONTROLS.len()], fallen: bool) -> f32 {
-        if fallen {
-            return FALLEN;
-        }
-        let [left, dorsal, cranial, ..] = *row;
-        let upright = left * task.up[0] + dorsal * task.up[1] + cranial * task.up[2];
-        let effort = action.iter().map(|share| share * share).sum::<f32>() / EFFORT;
-        let mut reward = 0.5 * (1.0 + upright) - 0.01 * effort;
-        if task.docks {
-            let [north, west] = self.way(row);
-            let distance = (north * north + west * west).root();
-            reward += std::f32::consts::E.power(-0.5 * distance);
-        }
-        if task.faces {
-            reward += 0.5 * (1.0 + self.turn_left(row).1);
-        }
-        if reward.is_nan() { 0.0 } else { reward }
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<((usize,), Bound<'py, PyDict>)> {
+        let keywords = self.options.keywords(py)?;
+        keywords.set_item("up", self.task.up)?;
+        keywords.set_item("faces", self.task.faces)?;
+        keywords.set_item("docks", self.task.docks)?;
+        keywords.set_item("seconds", self.seconds)?;
+        Ok(((self.all.len(),), keywords))
+    }
+
+    fn __getstate__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
+        self.get_state(py)
+    }
+
+    fn __setstate__(&mut self, state: &Bound<'_, PyAny>) -> PyResult<()> {
+        self.set_state(state)
     }
 }

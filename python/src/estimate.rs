@@ -6,6 +6,7 @@ use bodyflight_core::estimator::motion::watch::Consistency;
 use bodyflight_estimation::Filter;
 use bodyflight_estimation::motion::Method;
 use bodyflight_estimation::request::Request;
+use bodyflight_io::destination;
 use bodyflight_replay::input_history::InputRow;
 use bodyflight_replay::preset_file::Tuning;
 use numpy::{PyArray1, PyArray2};
@@ -56,8 +57,11 @@ impl Estimation {
         columns.to_vec()
     }
 
-    /// Writes the table of `bodyflight estimate --out`, which a `flight.toml` can name as its `inputs`.
-    fn write_csv(&self, path: PathBuf) -> PyResult<()> {
+    /// Writes the table of `bodyflight estimate --out`, which a `flight.toml` can name as its `inputs`. A file that exists is
+    /// replaced only with `force`.
+    #[pyo3(signature = (path, *, force = false))]
+    fn write_csv(&self, path: PathBuf, force: bool) -> PyResult<()> {
+        destination::check([&path], force).map_err(raise)?;
         self.inner.write_csv(&path).map_err(raise)
     }
 }
@@ -79,11 +83,7 @@ pub(crate) fn estimate(
 ) -> PyResult<Estimation> {
     let request = Request {
         tuning: Tuning::find(preset).map_err(raise)?,
-        method: match method {
-            "filter" => Method::Filter,
-            "smooth" => Method::Smooth,
-            _ => return Err(unknown("method", method, &["filter", "smooth"])),
-        },
+        method: method_of(method)?,
         filter: match filter {
             None => None,
             Some("paper") => Some(Filter::Paper),
@@ -93,7 +93,9 @@ pub(crate) fn estimate(
     };
     let precision = precision_of(precision)?;
     let found = long(py, progress, |progress| {
-        request.run(&flight.inner, flight.options, precision, progress)
+        request.run(&flight.inner, flight.options, precision, &mut |time| {
+            progress(time);
+        })
     })?;
     warn_of_doubt(py, found.report.doubt.as_deref())?;
     let points = &found.points;
@@ -118,4 +120,13 @@ pub(crate) fn estimate(
         report: dictionary(py, &found.report)?,
         inner: found,
     })
+}
+
+/// Returns the method of this name.
+pub(crate) fn method_of(name: &str) -> PyResult<Method> {
+    match name {
+        "filter" => Ok(Method::Filter),
+        "smooth" => Ok(Method::Smooth),
+        _ => Err(unknown("method", name, &["filter", "smooth"])),
+    }
 }

@@ -3,12 +3,12 @@
 use std::ffi::OsString;
 use std::path::PathBuf;
 
-use bodyflight_estimation::motion::Method;
 use bodyflight_io::destination;
 use bodyflight_verbs::export::{self as exports, Format};
 use bodyflight_verbs::fmu as units;
 use pyo3::prelude::*;
 
+use crate::estimate::method_of;
 use crate::flight::Flight;
 use crate::long::long;
 use crate::problem::{dictionary, raise, unknown, warn_of_doubt};
@@ -33,16 +33,13 @@ pub(crate) fn export(
         None => Format::of(&out).map_err(raise)?,
         Some(name) => Format::from_name(name).ok_or_else(|| unknown("format", name, &names))?,
     };
-    let method = match estimates {
-        None => None,
-        Some("filter") => Some(Method::Filter),
-        Some("smooth") => Some(Method::Smooth),
-        Some(name) => return Err(unknown("method", name, &["filter", "smooth"])),
-    };
+    let method = estimates.map(method_of).transpose()?;
     destination::check([&out], force).map_err(raise)?;
     let report = long(py, progress, |progress| {
         let to = (out.as_path(), format);
-        exports::export(&flight.inner, flight.options, to, method, progress)
+        exports::export(&flight.inner, flight.options, to, method, &mut |time| {
+            progress(time)
+        })
     })?;
     warn_of_doubt(py, report.doubt.as_deref())?;
     dictionary(py, &report)

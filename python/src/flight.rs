@@ -7,6 +7,7 @@ use bodyflight_core::dynamics::free_run::Equations;
 use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::maneuver::scripts::MANEUVERS;
 use bodyflight_core::sensor_noise::SensorNoise;
+use bodyflight_io::destination;
 use bodyflight_laboratory::synthesize::{DEFAULT_SWAY, JointError, Request, synthesize};
 use bodyflight_mvnx::ArmFrame;
 use bodyflight_mvnx::recording::{BadFrames, Options};
@@ -14,10 +15,13 @@ use bodyflight_replay::flight::{self, Start};
 use bodyflight_replay::model_file::Effects;
 use numpy::{PyArray, PyArray1};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 
 use crate::arrays::{MotionArrays, Motions, tables};
 use crate::long::long;
+use crate::mechanics::{attitudes, numbers, postures, wxyz};
 use crate::problem::{dictionary, raise, unknown};
+use crate::record;
 use crate::subject::Subject;
 
 /// A recording with the subject, the air and the inputs that go with it: a `flight.toml`, its folder, or an MVNX file.
@@ -26,6 +30,19 @@ use crate::subject::Subject;
 pub(crate) struct Flight {
     pub(crate) inner: flight::Flight,
     pub(crate) options: Options,
+    asked: Asked,
+}
+
+/// What a flight was made of. Its files are read again by whoever unpickles it.
+#[derive(Clone)]
+struct Asked {
+    path: PathBuf,
+    model: Option<PathBuf>,
+    equations: Option<String>,
+    subject: Option<Subject>,
+    strict: bool,
+    allow_truncated: bool,
+    arm_frame: Option<String>,
 }
 
 #[pymethods]
@@ -41,6 +58,17 @@ impl Flight {
         allow_truncated: bool,
         arm_frame: Option<&str>,
     ) -> PyResult<Self> {
+        // Absolute, so that other processes find them from wherever they work.
+        let absolute = |path: &PathBuf| std::path::absolute(path).unwrap_or_else(|_| path.clone());
+        let asked = Asked {
+            path: absolute(&path),
+            model: model.as_ref().map(absolute),
+            equations: equations.map(str::to_owned),
+            subject: subject.clone(),
+            strict,
+            allow_truncated,
+            arm_frame: arm_frame.map(str::to_owned),
+        };
         let mut inner = flight::Flight::read(&path).map_err(raise)?;
         if let Some(model) = model {
             inner.effects = Effects::read(&model).map_err(raise)?;
@@ -72,7 +100,62 @@ impl Flight {
             allow_truncated,
             arm_frame,
         };
-        Ok(Self { inner, options })
+        // A file that is missing or no recording fails here, not in the middle of later work.
+        bodyflight_mvnx::recording::Recording::open(&inner.recording, options).map_err(raise)?;
+        Ok(Self {
+            inner,
+            options,
+            asked,
+        })
+    }
+
+    /// Writes a motion of n frames as a recording with its files into the folder `out`, and returns it as a flight.
+    ///
+    /// `time` (s, evenly spaced; n), `position` of the pelvis (m; north, west, up; n by 3), `inertial_from_body` (quaternions w,
+    /// x, y, z; n by 4) and `parent_from_segment` (n by 16 by 4) are as in `Recording`, and so are `velocity` (m/s) and
+    /// `angular_velocity` (rad/s, body axes), n by 3, which otherwise follow from them. Numbers are written with six decimals.
+    #[staticmethod]
+    #[pyo3(
+        signature = (out, *, time, position, inertial_from_body, parent_from_segment, velocity = None, angular_velocity = None, subject = None, density = flight::DEFAULT_DENSITY, force = false, progress = None),
+        text_signature = "(out, *, time, position, inertial_from_body, parent_from_segment, velocity=None, angular_velocity=None, subject=None, density=1.0, force=False, progress=None)"
+    )]
+    #[expect(clippy::too_many_arguments, reason = "one for each option")]
+    fn from_arrays(
+        py: Python<'_>,
+        out: PathBuf,
+        time: &Bound<'_, PyAny>,
+        position: &Bound<'_, PyAny>,
+        inertial_from_body: &Bound<'_, PyAny>,
+        parent_from_segment: &Bound<'_, PyAny>,
+        velocity: Option<&Bound<'_, PyAny>>,
+        angular_velocity: Option<&Bound<'_, PyAny>>,
+        subject: Option<Subject>,
+        density: f64,
+        force: bool,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Self> {
+        let time = numbers(time, "time", &[None])?;
+        let count = Some(time.len());
+        let optional = |given: Option<&Bound<'_, PyAny>>, name: &str| {
+            let numbers = given.map(|given| numbers(given, name, &[count, Some(3)]));
+            numbers.transpose()
+        };
+        let name = "inertial_from_body";
+        let attitudes = attitudes(&numbers(inertial_from_body, name, &[count, Some(4)])?, name)?;
+        let given = record::Given {
+            postures: postures(parent_from_segment, count)?,
+            attitudes,
+            position: numbers(position, "position", &[count, Some(3)])?,
+            velocity: optional(velocity, "velocity")?,
+            angular_velocity: optional(angular_velocity, "angular_velocity")?,
+            time,
+        };
+        destination::check_in(&out, record::FILES, force).map_err(raise)?;
+        let subject = Subject::or_default(subject);
+        let path = long(py, progress, |progress| {
+            given.write(&out, &subject, density, progress)
+        })?;
+        Self::new(path, None, None, None, false, false, None)
     }
 
     /// Path of the recording.
@@ -92,8 +175,9 @@ impl Flight {
     /// Returns the same flight with another person.
     fn with_subject(&self, subject: Subject) -> Self {
         let mut flight = self.clone();
-        flight.inner.subject = subject.inner;
+        flight.inner.subject = subject.inner.clone();
         flight.inner.has_subject = true;
+        flight.asked.subject = Some(subject);
         flight
     }
 
@@ -101,6 +185,29 @@ impl Flight {
     #[pyo3(signature = (*, progress = None))]
     fn read(&self, py: Python<'_>, progress: Option<Py<PyAny>>) -> PyResult<Recording> {
         Recording::read(py, self, progress)
+    }
+
+    fn __getnewargs_ex__<'py>(
+        &self,
+        py: Python<'py>,
+    ) -> PyResult<((PathBuf,), Bound<'py, PyDict>)> {
+        let asked = &self.asked;
+        let options = PyDict::new(py);
+        options.set_item("model", asked.model.as_deref())?;
+        options.set_item("equations", asked.equations.as_deref())?;
+        options.set_item("subject", asked.subject.clone())?;
+        options.set_item("strict", asked.strict)?;
+        options.set_item("allow_truncated", asked.allow_truncated)?;
+        options.set_item("arm_frame", asked.arm_frame.as_deref())?;
+        Ok(((asked.path.clone(),), options))
+    }
+
+    fn __copy__(slf: Py<Self>) -> Py<Self> {
+        slf
+    }
+
+    fn __deepcopy__(slf: Py<Self>, _memo: &Bound<'_, PyAny>) -> Py<Self> {
+        slf
     }
 
     fn __repr__(&self) -> String {
@@ -152,10 +259,7 @@ impl Recording {
                 let frame = frame?;
                 time.push(frame.time);
                 bridged.push(frame.bridged);
-                postures.push(Segment::ALL.map(|segment| {
-                    let [x, y, z, w] = frame.posture.parent_from_segment(segment).coords.into();
-                    [w, x, y, z]
-                }));
+                postures.push(Segment::ALL.map(|segment| wxyz(&frame.posture, segment)));
                 motions.push(&frame.motion()?);
                 if time.len().is_multiple_of(1024) {
                     progress(frame.time);
@@ -177,7 +281,10 @@ impl Recording {
 
 /// Simulates a maneuver and writes it to the folder `out` as a flight. Returns the dictionary of `bodyflight synth --json`.
 #[pyfunction]
-#[pyo3(signature = (maneuver, out, *, subject = None, density = flight::DEFAULT_DENSITY, seed = 0, noise = 1.0, joint_error_deg = 0.0, joint_wander_deg = 0.0, tunnel = false, progress = None))]
+#[pyo3(
+    signature = (maneuver, out, *, subject = None, density = flight::DEFAULT_DENSITY, seed = 0, noise = 1.0, joint_error_deg = 0.0, joint_wander_deg = 0.0, tunnel = false, progress = None),
+    text_signature = "(maneuver, out, *, subject=None, density=1.0, seed=0, noise=1.0, joint_error_deg=0.0, joint_wander_deg=0.0, tunnel=False, progress=None)"
+)]
 #[expect(clippy::too_many_arguments, reason = "one for each option")]
 pub(crate) fn synth(
     py: Python<'_>,
@@ -210,7 +317,7 @@ pub(crate) fn synth(
         tunnel,
     };
     let report = long(py, progress, |progress| {
-        synthesize(&request, &out, progress)
+        synthesize(&request, &out, &mut |time| progress(time))
     })?;
     dictionary(py, &report)
 }

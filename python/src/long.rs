@@ -1,71 +1,80 @@
 //! Long work without the interpreter's lock, with progress and Ctrl-C.
 
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, PoisonError};
+use std::thread;
+use std::time::Duration;
+
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::interrupt;
 use pyo3::prelude::*;
 
 use crate::problem::raise;
+use crate::threads::threads;
 
-/// Runs `work` without the lock. From time to time the work reports the flight time it has reached (s); each report checks for
-/// signals and calls `progress`.
+/// What work calls with the flight time reached (s), or the share done.
+pub(crate) type Report<'a> = dyn Fn(f64) + Sync + 'a;
+
+/// Longest time between two looks for signals and for progress.
+const LOOK: Duration = Duration::from_millis(10);
+
+/// Runs `work` on this package's threads without the lock, and looks meanwhile for signals and for the progress that the
+/// work has reported, about a hundred times a second. Only this thread can see signals; `progress` is called on it too.
 ///
 /// # Errors
-/// Returns an error if the work fails or `progress` raises an exception.
+/// Returns an error if the work fails, or a signal handler or `progress` raises an exception.
 pub(crate) fn long<R: Send>(
     py: Python<'_>,
     progress: Option<Py<PyAny>>,
-    work: impl FnOnce(&mut dyn FnMut(f64)) -> Result<R> + Send,
+    work: impl FnOnce(&Report<'_>) -> Result<R> + Send,
 ) -> PyResult<R> {
+    let pool = threads(py)?;
+    let reached = Mutex::new(None);
+    let done = AtomicBool::new(false);
+    let caller = thread::current();
     let mut raised = None;
-    let result = py.detach(|| {
-        work(&mut |time| {
-            let outcome = Python::attach(|py| {
-                py.check_signals()?;
-                match &progress {
-                    Some(call) => call.call1(py, (time,)).map(|_| ()),
-                    None => Ok(()),
-                }
-            });
-            if let Err(error) = outcome {
-                raised.get_or_insert(error);
-                // The work checks for interrupts after each report.
+    let result = thread::scope(|scope| {
+        let worker = scope.spawn(|| {
+            let report =
+                |done| *reached.lock().unwrap_or_else(PoisonError::into_inner) = Some(done);
+            let result = pool.install(|| work(&report));
+            done.store(true, Ordering::Release);
+            caller.unpark();
+            result
+        });
+        loop {
+            py.detach(|| thread::park_timeout(LOOK));
+            // A worker that panics is finished, but not done.
+            let is_over = done.load(Ordering::Acquire) || worker.is_finished();
+            let latest = reached
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner)
+                .take();
+            if raised.is_none()
+                && let Err(error) = look(py, progress.as_ref(), latest)
+            {
+                raised = Some(error);
                 interrupt::request();
             }
-        })
-    });
-    ended(raised, result)
-}
-
-/// Runs `work`, which cannot report its progress, on another thread without the lock, and checks for signals meanwhile.
-///
-/// # Errors
-/// Returns an error if the work fails or a signal handler raises an exception.
-pub(crate) fn long_aside<R: Send>(
-    py: Python<'_>,
-    work: impl FnOnce() -> Result<R> + Send,
-) -> PyResult<R> {
-    const LOOK: std::time::Duration = std::time::Duration::from_millis(10);
-    let mut raised = None;
-    let result = std::thread::scope(|scope| {
-        let worker = scope.spawn(work);
-        while !worker.is_finished() {
-            py.detach(|| std::thread::sleep(LOOK));
-            if let Err(error) = py.check_signals() {
-                raised.get_or_insert(error);
-                interrupt::request();
+            if is_over {
+                break py.detach(|| worker.join());
             }
         }
-        worker.join()
     });
+    // An exception raised meanwhile has interrupted the work, so it takes precedence over the work's own error.
+    if let Some(error) = raised {
+        interrupt::forget();
+        return Err(error);
+    }
     let panicked = || Problem::internal("a thread of this call panicked");
-    ended(raised, result.unwrap_or_else(|_| Err(panicked())))
+    result.unwrap_or_else(|_| Err(panicked())).map_err(raise)
 }
 
-/// Converts the result of finished work. An exception raised meanwhile has interrupted the work, so it takes precedence.
-fn ended<R>(raised: Option<PyErr>, result: Result<R>) -> PyResult<R> {
-    let Some(error) = raised else {
-        return result.map_err(raise);
-    };
-    interrupt::forget();
-    Err(error)
+/// Runs signal handlers, and passes on what the work has reached.
+fn look(py: Python<'_>, progress: Option<&Py<PyAny>>, reached: Option<f64>) -> PyResult<()> {
+    py.check_signals()?;
+    if let (Some(progress), Some(reached)) = (progress, reached) {
+        progress.call1(py, (reached,))?;
+    }
+    Ok(())
 }

@@ -6,8 +6,9 @@ use bodyflight_replay::steps::Step;
 use bodyflight_verbs as verbs;
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
+use pyo3::types::PyTuple;
 
-use crate::arrays::{MotionArrays, Motions, rows};
+use crate::arrays::{MotionArrays, Motions, parts, rows};
 use crate::flight::Flight;
 use crate::long::long;
 use crate::problem::{dictionary, unknown};
@@ -38,6 +39,28 @@ impl Run {
     #[classattr]
     fn channels() -> Vec<&'static str> {
         Channel::ALL.map(Channel::key).to_vec()
+    }
+
+    /// Creates a run from its parts, as pickle does.
+    #[new]
+    const fn new(
+        time: Py<PyArray1<f64>>,
+        measured: Py<PyArray2<f64>>,
+        simulated: Py<PyArray2<f64>>,
+        motion: Py<MotionArrays>,
+        report: Py<PyAny>,
+    ) -> Self {
+        Self {
+            time,
+            measured,
+            simulated,
+            motion,
+            report,
+        }
+    }
+
+    fn __getnewargs__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
+        parts(slf, &["time", "measured", "simulated", "motion", "report"])
     }
 }
 
@@ -82,7 +105,9 @@ pub(crate) fn simulate(
             columns.push(step);
             Ok(())
         };
-        verbs::simulate::simulate(&of_start, flight.options, precision, each, progress)
+        verbs::simulate::simulate(&of_start, flight.options, precision, each, &mut |time| {
+            progress(time)
+        })
     })?;
     Ok(Run {
         time: PyArray1::from_vec(py, columns.time).unbind(),

@@ -8,9 +8,10 @@ use bodyflight_core::Posture;
 use bodyflight_core::body::mass_properties::PostureRate;
 use bodyflight_core::body::pattern;
 use bodyflight_core::body::posture::joint_rotation;
+use bodyflight_core::dynamics::applied_load::AppliedLoads;
 use bodyflight_core::dynamics::step::TIME_STEP;
 use bodyflight_core::dynamics::{Dynamics, Inputs, Motion, PostureSample, State};
-use bodyflight_core::frame::{Vector, facing_north};
+use bodyflight_core::frame::{Rotation, Vector, facing_north};
 use bodyflight_core::math::Real;
 use bodyflight_viewer::cockpit::{CONTROLS, Control, Start};
 use bodyflight_viewer::setup::Setup;
@@ -36,10 +37,62 @@ pub(crate) struct Course {
 #[derive(Clone, Copy)]
 pub(crate) struct Skydiver {
     state: State<f32>,
+    /// The base posture with the amounts.
     posture: Posture<f32>,
-    amounts: [f32; CONTROLS.len()],
+    /// Amounts of the movement patterns.
+    pub(crate) amounts: [f32; CONTROLS.len()],
     /// Motion at the end of the last action.
     pub(crate) motion: Motion<f32>,
+}
+
+/// Names of the numbers of a flight's motion, see [`Skydiver::numbers`].
+pub(crate) const MOVING: [&str; 22] = [
+    "attitude_w",
+    "attitude_x",
+    "attitude_y",
+    "attitude_z",
+    "cg_north_m",
+    "cg_west_m",
+    "cg_up_m",
+    "momentum_north_kgmps",
+    "momentum_west_kgmps",
+    "momentum_up_kgmps",
+    "angular_momentum_north_kgm2ps",
+    "angular_momentum_west_kgm2ps",
+    "angular_momentum_up_kgm2ps",
+    "position_north_m",
+    "position_west_m",
+    "position_up_m",
+    "velocity_left_mps",
+    "velocity_dorsal_mps",
+    "velocity_cranial_mps",
+    "angular_velocity_left_radps",
+    "angular_velocity_dorsal_radps",
+    "angular_velocity_cranial_radps",
+];
+/// Number of the numbers that describe a flight to the bit.
+pub(crate) const NUMBERS: usize = MOVING.len() + CONTROLS.len();
+
+impl Skydiver {
+    /// Returns all that the flight consists of: the numbers of [`MOVING`], and the amounts of the controls.
+    pub(crate) fn numbers(&self) -> [f32; NUMBERS] {
+        let (state, motion) = (&self.state, &self.motion);
+        let vectors = [
+            state.cg_position.to_array(),
+            state.linear_momentum.to_array(),
+            state.angular_momentum.to_array(),
+            motion.position.to_array(),
+            motion.velocity.to_array(),
+            motion.angular_velocity.to_array(),
+        ];
+        let attitude = state.inertial_from_body.wxyz();
+        let all = attitude.into_iter().chain(vectors.into_iter().flatten());
+        let mut numbers = [0.0; NUMBERS];
+        for (place, number) in numbers.iter_mut().zip(all.chain(self.amounts)) {
+            *place = number;
+        }
+        numbers
+    }
 }
 
 impl Course {
@@ -98,7 +151,77 @@ impl Course {
         action: &[f32; CONTROLS.len()],
         sample: &mut PostureSample<f32>,
     ) {
-        self.fly_watched(flight, action, sample, |_| ());
+        self.fly_watched(flight, action, None, sample, |_| ());
+    }
+
+    /// Same as [`Course::fly`], with loads that others apply to the body.
+    pub(crate) fn fly_under(
+        &self,
+        loads: &AppliedLoads<f32>,
+        flight: &mut Skydiver,
+        action: &[f32; CONTROLS.len()],
+        sample: &mut PostureSample<f32>,
+    ) {
+        self.fly_watched(flight, action, Some(loads), sample, |_| ());
+    }
+
+    /// Returns a flight that moves as `motion` says, with these amounts of the movement patterns and joints at rest.
+    pub(crate) fn moving(&self, motion: &Motion<f32>, amounts: [f32; CONTROLS.len()]) -> Skydiver {
+        let posture = self.posture(&amounts);
+        Skydiver {
+            state: State::from_motion(motion, &self.dynamics.hold(&posture)),
+            posture,
+            amounts,
+            motion: *motion,
+        }
+    }
+
+    /// Returns the flight with these numbers, which [`Skydiver::numbers`] returned.
+    pub(crate) fn of_numbers(&self, numbers: &[f32; NUMBERS]) -> Skydiver {
+        let [
+            w,
+            x,
+            y,
+            z,
+            cg_n,
+            cg_w,
+            cg_u,
+            p_n,
+            p_w,
+            p_u,
+            l_n,
+            l_w,
+            l_u,
+            pos_n,
+            pos_w,
+            pos_u,
+            v_l,
+            v_d,
+            v_c,
+            w_l,
+            w_d,
+            w_c,
+            amounts @ ..,
+        ] = *numbers;
+        // As it was: normalised once more, it would differ in the last bit.
+        let attitude = UnitQuaternion::new_unchecked(Quaternion::new(w, x, y, z));
+        let inertial_from_body = Rotation::from_quaternion(attitude);
+        Skydiver {
+            state: State {
+                inertial_from_body,
+                cg_position: Vector::new(cg_n, cg_w, cg_u),
+                linear_momentum: Vector::new(p_n, p_w, p_u),
+                angular_momentum: Vector::new(l_n, l_w, l_u),
+            },
+            posture: self.posture(&amounts),
+            amounts,
+            motion: Motion {
+                inertial_from_body,
+                position: Vector::new(pos_n, pos_w, pos_u),
+                velocity: Vector::new(v_l, v_d, v_c),
+                angular_velocity: Vector::new(w_l, w_d, w_c),
+            },
+        }
     }
 
     /// Returns posture and motion of a flight at its start.
@@ -114,7 +237,9 @@ impl Course {
     ) -> Vec<(Posture<f32>, Motion<f32>)> {
         let from = flight.posture;
         let (mut states, mut sample) = (Vec::new(), PostureSample::blank());
-        self.fly_watched(flight, action, &mut sample, |state| states.push(*state));
+        self.fly_watched(flight, action, None, &mut sample, |state| {
+            states.push(*state);
+        });
         let rate = PostureRate::between(&from, &flight.posture, f32::of(self.duration()));
         let mut share = 0.0;
         let watched = states.iter().map(|state| {
@@ -132,6 +257,7 @@ impl Course {
         &self,
         flight: &mut Skydiver,
         action: &[f32; CONTROLS.len()],
+        loads: Option<&AppliedLoads<f32>>,
         sample: &mut PostureSample<f32>,
         mut each: impl FnMut(&State<f32>),
     ) {
@@ -145,11 +271,19 @@ impl Course {
             .between_into(&flight.posture, &next, duration, sample);
         let density = self.dynamics.density_at(&flight.state);
         let step = f32::of(TIME_STEP);
+        let push = |state: &mut State<f32>, sample: &PostureSample<f32>| {
+            if let Some(loads) = loads {
+                let half = step * f32::of(0.5);
+                loads.push(&self.dynamics, state, (&next, sample), 0.0, half);
+            }
+        };
         for _ in 0..self.substeps {
+            push(&mut flight.state, sample);
             let state = &flight.state;
             flight.state =
                 self.dynamics
                     .step_at_density(state, &*sample, &self.inputs, step, density);
+            push(&mut flight.state, sample);
             each(&flight.state);
         }
         flight.posture = next;

@@ -1,20 +1,28 @@
 //! Many skydivers that fly in parallel: movement patterns in, the quantities that a motion-capture suit measures out.
 
+use bodyflight_core::dynamics::applied_load::factor::FACTORS;
+use bodyflight_core::dynamics::applied_load::{
+    AppliedLoad, AppliedLoads, Axis, Direction, Kind, Point,
+};
 use bodyflight_core::dynamics::{Motion, PostureSample};
-use bodyflight_core::frame::{Inertial, Vector};
+use bodyflight_core::frame::{Inertial, Rotation, Vector};
 use bodyflight_core::math::Real;
 use bodyflight_core::observation::Observation;
 use bodyflight_io::diagnostic::Problem;
 use bodyflight_replay::flight::DEFAULT_DENSITY;
-use bodyflight_verbs::view::page::setup;
 use bodyflight_viewer::cockpit::{CONTROLS, STARTS};
-use numpy::{PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
+use numpy::{PyArray2, PyArrayMethods, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use rayon::prelude::*;
 
-use crate::problem::{raise, unknown};
-use crate::skydiver::{Course, Skydiver};
+use crate::arguments::{array, finite};
+use crate::arrays::{MotionArrays, Motions};
+use crate::options::Options;
+use crate::problem::raise;
+use crate::skydiver::{Course, MOVING, NUMBERS, Skydiver};
 use crate::subject::Subject;
+use crate::threads::threads;
 
 /// Names of the observed quantities, with units.
 pub(crate) const OBSERVED: [&str; 16] = [
@@ -48,51 +56,16 @@ pub(crate) const RUN: usize = 64;
 pub(crate) struct Skydivers {
     course: Course,
     flights: Vec<Skydiver>,
-}
-
-/// Checks the options of flights that are named as in Python.
-pub(crate) fn course(
-    start: &str,
-    subject: Option<Subject>,
-    density: f64,
-    substeps: u32,
-) -> PyResult<Course> {
-    let names = STARTS.map(|start| start.name);
-    let found = STARTS.iter().find(|known| known.name == start);
-    let start = found.ok_or_else(|| unknown("start", start, &names))?;
-    if !(density > 0.0 && density <= 2.0) || substeps == 0 {
-        return Err(raise(Problem::bad_input(format!(
-            "expected a density above 0 and up to 2 kg/m3 and at least one substep, found {density} and {substeps}"
-        ))));
-    }
-    let subject = Subject::or_default(subject);
-    Ok(Course::new(&setup(&subject, density), start, substeps))
-}
-
-/// Returns an error unless the array called `what` has the expected shape.
-pub(crate) fn expect_shape(what: &str, found: &[usize], expected: &[usize]) -> PyResult<()> {
-    if found == expected {
-        return Ok(());
-    }
-    let shape = |sizes: &[usize]| {
-        sizes
-            .iter()
-            .map(usize::to_string)
-            .collect::<Vec<_>>()
-            .join(" by ")
-    };
-    let problem = format!(
-        "expected the shape {}, found {}",
-        shape(expected),
-        shape(found)
-    );
-    Err(raise(Problem::bad_input(problem).at(what)))
+    options: Options,
 }
 
 #[pymethods]
 impl Skydivers {
     #[new]
-    #[pyo3(signature = (count, *, start = "neutral", subject = None, density = DEFAULT_DENSITY, substeps = 8))]
+    #[pyo3(
+        signature = (count, *, start = "neutral", subject = None, density = DEFAULT_DENSITY, substeps = 8),
+        text_signature = "(count, *, start='neutral', subject=None, density=1.0, substeps=8)"
+    )]
     fn new(
         count: usize,
         start: &str,
@@ -100,10 +73,17 @@ impl Skydivers {
         density: f64,
         substeps: u32,
     ) -> PyResult<Self> {
-        let course = course(start, subject, density, substeps)?;
+        let options = Options {
+            start: start.to_owned(),
+            subject,
+            density,
+            substeps,
+        };
+        let course = options.course()?;
         Ok(Self {
             flights: vec![course.begun(); count],
             course,
+            options,
         })
     }
 
@@ -117,6 +97,12 @@ impl Skydivers {
     #[classattr]
     fn observed() -> Vec<&'static str> {
         OBSERVED.to_vec()
+    }
+
+    /// Names of the 30 numbers of a state, with units; the last eight are the present shares of the controls.
+    #[classattr]
+    fn state_names() -> Vec<String> {
+        state_names()
     }
 
     /// Names of the postures and speeds in which flights can begin.
@@ -140,12 +126,12 @@ impl Skydivers {
     fn reset<'py>(
         &mut self,
         py: Python<'py>,
-        which: Option<PyReadonlyArray1<'_, bool>>,
+        which: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyArray2<f32>>> {
         match which {
             None => self.flights.fill(self.course.begun()),
             Some(which) => {
-                expect_shape("which", which.shape(), &[self.flights.len()])?;
+                let which = array::<bool>(which, "which", &[Some(self.flights.len())])?;
                 let pairs = self.flights.iter_mut().zip(which.as_slice()?);
                 for (flight, _) in pairs.filter(|(_, again)| **again) {
                     *flight = self.course.begun();
@@ -156,28 +142,52 @@ impl Skydivers {
     }
 
     /// Flies one step with an action for each skydiver, n by 8. Returns the observations, n by 16.
+    ///
+    /// `force` (N) and `moment` (N m) are loads that others apply during the step: at and about the centre of gravity, north,
+    /// west and up, n by 3.
+    #[pyo3(signature = (actions, *, force = None, moment = None))]
     fn step<'py>(
         &mut self,
         py: Python<'py>,
-        actions: PyReadonlyArray2<'_, f32>,
+        actions: &Bound<'py, PyAny>,
+        force: Option<&Bound<'py, PyAny>>,
+        moment: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyArray2<f32>>> {
         let count = self.flights.len();
-        expect_shape("actions", actions.shape(), &[count, CONTROLS.len()])?;
+        let actions = finite::<f32>(actions, "actions", &[Some(count), Some(CONTROLS.len())])?;
         let actions = actions.as_slice()?.as_chunks().0;
+        let loads = loads(count, force, moment)?;
         let seen = PyArray2::zeros(py, [count, OBSERVED.len()], false);
         {
             let mut places = seen.readwrite();
             let rows = places.as_slice_mut()?.as_chunks_mut().0;
             let (course, flights) = (&self.course, &mut self.flights);
+            let fly = |sample: &mut PostureSample<f32>,
+                       index: usize,
+                       flight: &mut Skydiver,
+                       action,
+                       row: &mut Row| {
+                match loads.get(index) {
+                    Some(loads) => course.fly_under(loads, flight, action, sample),
+                    None => course.fly(flight, action, sample),
+                }
+                *row = observation(&flight.motion);
+            };
+            let pool = threads(py)?;
             py.detach(|| {
-                flights
-                    .par_iter_mut()
-                    .zip(actions.par_iter().zip(rows.par_iter_mut()))
-                    .with_min_len(RUN)
-                    .for_each_init(PostureSample::blank, |sample, (flight, (action, row))| {
-                        course.fly(flight, action, sample);
-                        *row = observation(&flight.motion);
-                    });
+                pool.install(|| {
+                    flights
+                        .par_iter_mut()
+                        .zip(actions.par_iter().zip(rows.par_iter_mut()))
+                        .enumerate()
+                        .with_min_len(RUN)
+                        .for_each_init(
+                            PostureSample::blank,
+                            |sample, (index, (flight, (action, row)))| {
+                                fly(sample, index, flight, action, row);
+                            },
+                        );
+                });
             });
         }
         Ok(seen)
@@ -191,6 +201,192 @@ impl Skydivers {
         let flat = numpy::PyArray1::from_vec(py, observed.into_flattened());
         flat.reshape([count, OBSERVED.len()])
     }
+
+    /// Motion of all skydivers after the last step, n rows.
+    #[getter]
+    fn motion(&self, py: Python<'_>) -> PyResult<Py<MotionArrays>> {
+        let mut motions = Motions::default();
+        for flight in &self.flights {
+            motions.push(&flight.motion.cast());
+        }
+        motions.arrays(py)
+    }
+
+    /// Returns everything that the flights consist of, n by 30 in the order of `state_names`. `set_state` continues them to
+    /// the bit.
+    fn get_state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
+        let numbers: Vec<_> = self.flights.iter().map(Skydiver::numbers).collect();
+        let count = numbers.len();
+        let flat = numpy::PyArray1::from_vec(py, numbers.into_flattened());
+        flat.reshape([count, NUMBERS])
+    }
+
+    /// Continues the flights from a `state` that `get_state` returned, n by 30.
+    fn set_state(&mut self, state: &Bound<'_, PyAny>) -> PyResult<()> {
+        let shape = [Some(self.flights.len()), Some(NUMBERS)];
+        let state = finite::<f32>(state, "state", &shape)?;
+        let rows = state.as_slice()?.as_chunks().0;
+        self.flights = of_states(&self.course, rows.iter())?;
+        Ok(())
+    }
+
+    /// Gives all skydivers another motion; what is None stays as it is. Joints come to rest.
+    ///
+    /// `position` (m) and `velocity` (m/s) of the pelvis are north, west and up, `inertial_from_body` is the attitude as a
+    /// quaternion w, x, y, z, `angular_velocity` (rad/s) is about left, dorsal and cranial, `controls` are the shares of the
+    /// movement patterns; n by 3, 3, 4, 3 and 8.
+    #[pyo3(signature = (*, position = None, velocity = None, inertial_from_body = None, angular_velocity = None, controls = None))]
+    fn set_motion(
+        &mut self,
+        position: Option<&Bound<'_, PyAny>>,
+        velocity: Option<&Bound<'_, PyAny>>,
+        inertial_from_body: Option<&Bound<'_, PyAny>>,
+        angular_velocity: Option<&Bound<'_, PyAny>>,
+        controls: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<()> {
+        let count = self.flights.len();
+        let position = Given::of(position, "position", count, 3)?;
+        let velocity = Given::of(velocity, "velocity", count, 3)?;
+        let attitude = Given::of(inertial_from_body, "inertial_from_body", count, 4)?;
+        let spin = Given::of(angular_velocity, "angular_velocity", count, 3)?;
+        let controls = Given::of(controls, "controls", count, CONTROLS.len())?;
+        let mut moved = self.flights.clone();
+        for (index, flight) in moved.iter_mut().enumerate() {
+            let mut motion = flight.motion;
+            let along = motion.velocity_inertial();
+            if let Some(wxyz) = attitude.row(index)? {
+                let rotation = Rotation::from_wxyz(wxyz);
+                motion.inertial_from_body =
+                    rotation.ok_or_else(|| no_attitude("inertial_from_body", index))?;
+            }
+            let along = velocity.row(index)?.map_or(along, vector);
+            motion.velocity = motion.inertial_from_body.inverse() * along;
+            if let Some(position) = position.row(index)? {
+                motion.position = vector(position);
+            }
+            if let Some(spin) = spin.row(index)? {
+                motion.angular_velocity = vector(spin);
+            }
+            let amounts = controls.row(index)?.unwrap_or(flight.amounts);
+            *flight = self
+                .course
+                .moving(&motion, amounts.map(|amount| amount.clamp(-1.0, 1.0)));
+        }
+        self.flights = moved;
+        Ok(())
+    }
+
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<((usize,), Bound<'py, PyDict>)> {
+        Ok(((self.flights.len(),), self.options.keywords(py)?))
+    }
+
+    fn __getstate__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
+        self.get_state(py)
+    }
+
+    fn __setstate__(&mut self, state: &Bound<'_, PyAny>) -> PyResult<()> {
+        self.set_state(state)
+    }
+}
+
+/// A vector of three components.
+fn vector<F>(components: [f32; 3]) -> Vector<f32, F> {
+    Vector::from_components(components.into())
+}
+
+/// A number of columns for each skydiver, if given.
+struct Given<'py>(Option<PyReadonlyArrayDyn<'py, f32>>);
+
+impl<'py> Given<'py> {
+    fn of(
+        given: Option<&Bound<'py, PyAny>>,
+        name: &str,
+        count: usize,
+        columns: usize,
+    ) -> PyResult<Self> {
+        let shape = [Some(count), Some(columns)];
+        let array = given.map(|given| finite::<f32>(given, name, &shape));
+        Ok(Self(array.transpose()?))
+    }
+
+    fn row<const N: usize>(&self, index: usize) -> PyResult<Option<[f32; N]>> {
+        let Some(array) = &self.0 else {
+            return Ok(None);
+        };
+        Ok(array.as_slice()?.as_chunks::<N>().0.get(index).copied())
+    }
+}
+
+/// Names of the numbers of a state.
+pub(crate) fn state_names() -> Vec<String> {
+    let amounts = CONTROLS.iter().map(|control| control.name.to_owned());
+    MOVING
+        .iter()
+        .copied()
+        .map(str::to_owned)
+        .chain(amounts)
+        .collect()
+}
+
+/// Returns the flights with these states.
+///
+/// # Errors
+/// Returns an error if the quaternion of an attitude has not the length one.
+pub(crate) fn of_states<'a>(
+    course: &Course,
+    rows: impl Iterator<Item = &'a [f32; NUMBERS]>,
+) -> PyResult<Vec<Skydiver>> {
+    let flight = |(index, row): (usize, &[f32; NUMBERS])| {
+        let [w, x, y, z, ..] = *row;
+        let size = w * w + x * x + y * y + z * z;
+        if (size - 1.0).abs() > 1e-3 {
+            return Err(no_attitude("state", index));
+        }
+        Ok(course.of_numbers(row))
+    };
+    rows.enumerate().map(flight).collect()
+}
+
+fn no_attitude(name: &str, row: usize) -> PyErr {
+    let problem =
+        Problem::bad_input("expected the attitude as a quaternion w, x, y, z of length 1");
+    raise(problem.at(format!("{name}, row {row}")))
+}
+
+/// Returns the loads on each skydiver; none at all if no loads are given.
+fn loads(
+    count: usize,
+    force: Option<&Bound<'_, PyAny>>,
+    moment: Option<&Bound<'_, PyAny>>,
+) -> PyResult<Vec<AppliedLoads<f32>>> {
+    if force.is_none() && moment.is_none() {
+        return Ok(Vec::new());
+    }
+    let force = Given::of(force, "force", count, 3)?;
+    let moment = Given::of(moment, "moment", count, 3)?;
+    let mut all = Vec::with_capacity(count);
+    for index in 0..count {
+        let mut loads = AppliedLoads::none();
+        let kinds = [
+            (Kind::Force(Point::Body), force.row::<3>(index)?),
+            (Kind::Moment, moment.row::<3>(index)?),
+        ];
+        for (kind, row) in kinds {
+            for (axis, size) in Axis::ALL.into_iter().zip(row.into_iter().flatten()) {
+                let load = AppliedLoad {
+                    kind,
+                    direction: Direction::World(axis),
+                    size,
+                    factors: [None; FACTORS],
+                };
+                loads = loads
+                    .with(load)
+                    .map_err(|error| raise(Problem::internal(error.to_string())))?;
+            }
+        }
+        all.push(loads);
+    }
+    Ok(all)
 }
 
 /// Observes a motion, in the order of [`OBSERVED`].

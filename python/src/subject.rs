@@ -26,6 +26,9 @@ impl Subject {
     }
 }
 
+/// Texts of a `subject.toml` and of the segment table that it refers to.
+type Texts = (String, Option<String>);
+
 #[pymethods]
 impl Subject {
     #[new]
@@ -38,17 +41,43 @@ impl Subject {
         Ok(Self { inner })
     }
 
-    /// Creates a person from the text of a `subject.toml`.
+    /// Creates a person from the text of a `subject.toml`, and that of the `segments.json` that it refers to, if any.
     #[staticmethod]
-    fn from_toml(text: &str) -> PyResult<Self> {
+    #[pyo3(signature = (text, segments = None))]
+    fn from_toml(text: &str, segments: Option<&str>) -> PyResult<Self> {
         let path = PathBuf::from("subject.toml");
-        let inner = subject::Subject::parse(text, &path).map_err(raise)?;
-        Ok(Self { inner })
+        let parsed = match segments {
+            Some(table) => subject::Subject::parse_with_table(text, table, &path),
+            None => subject::Subject::parse(text, &path),
+        };
+        Ok(Self {
+            inner: parsed.map_err(raise)?,
+        })
     }
 
     /// Returns the text of a `subject.toml`.
     fn to_toml(&self) -> PyResult<String> {
         self.inner.to_toml().map_err(raise)
+    }
+
+    /// Text of the `segments.json` that the text of the `subject.toml` refers to, or None.
+    #[getter]
+    fn segments_json(&self) -> Option<&str> {
+        self.inner.segments_json()
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Texts)> {
+        let own = slf.get();
+        let texts = (own.to_toml()?, own.segments_json().map(str::to_owned));
+        Ok((slf.get_type().getattr("from_toml")?, texts))
+    }
+
+    fn __copy__(slf: Py<Self>) -> Py<Self> {
+        slf
+    }
+
+    fn __deepcopy__(slf: Py<Self>, _memo: &Bound<'_, PyAny>) -> Py<Self> {
+        slf
     }
 
     /// Mass with equipment (kg).
@@ -90,7 +119,7 @@ impl Subject {
 /// Finds the steady belly-to-earth fall in the neutral pose, in air of `density` (kg/m3). Returns the dictionary of
 /// `bodyflight trim --json`.
 #[pyfunction]
-#[pyo3(signature = (subject = None, *, density = DEFAULT_DENSITY))]
+#[pyo3(signature = (subject = None, *, density = DEFAULT_DENSITY), text_signature = "(subject=None, *, density=1.0)")]
 pub(crate) fn trim(py: Python<'_>, subject: Option<Subject>, density: f64) -> PyResult<Py<PyAny>> {
     let subject = subject.map_or_else(subject::Subject::default, |subject| subject.inner);
     let report = verbs::trim::trim(&subject, density).map_err(raise)?;

@@ -1,36 +1,42 @@
 //! Many runs of one flight, and the search for coefficients.
 
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use bodyflight_io::diagnostic::Problem;
 use bodyflight_io::interrupt;
 use bodyflight_mvnx::recording::FlightFrame;
 use bodyflight_replay::comparison::{Channel, Comparison};
 use bodyflight_replay::steps::{Divergence, Replay};
 use bodyflight_verbs as verbs;
 use bodyflight_verbs::tune::Search;
-use numpy::{PyArray2, PyReadonlyArray2};
+use numpy::PyArray2;
 use pyo3::prelude::*;
 use rayon::prelude::*;
 
+use crate::arguments::array;
 use crate::arrays::rows;
 use crate::flight::Flight;
-use crate::long::long_aside;
+use crate::long::{Report, long};
 use crate::problem::{dictionary, raise};
 
 /// Simulates a flight once for each row of `factors` on all cores; m by 3: factors on the drag, lift and moment coefficients.
 ///
 /// Returns the root mean square of measured minus simulated, m by 7 in the order of `Run.channels`. A run that diverges is
-/// compared in its last plausible motion. The recording is read only once.
+/// compared in its last plausible motion. The recording is read only once. `progress` is called with the share of the runs done.
 #[pyfunction]
-#[pyo3(signature = (flight, factors, *, start = "smoothed"))]
+#[pyo3(signature = (flight, factors, *, start = "smoothed", progress = None))]
 pub(crate) fn sweep(
     py: Python<'_>,
     flight: Flight,
-    factors: PyReadonlyArray2<'_, f64>,
+    factors: &Bound<'_, PyAny>,
     start: &str,
+    progress: Option<Py<PyAny>>,
 ) -> PyResult<Py<PyArray2<f64>>> {
-    let factors = three_columns(&factors)?;
+    let factors = three_columns(factors)?;
     let of_start = flight.starting(start)?;
-    let found = long_aside(py, || {
+    let found = long(py, progress, |progress| {
         let frames: Vec<FlightFrame> = of_start.open(flight.options)?.collect::<Result<_, _>>()?;
+        let counted = Counted::of(factors.len(), progress);
         factors
             .par_iter()
             .map(|factors| {
@@ -44,6 +50,7 @@ pub(crate) fn sweep(
                     comparison.push(step?.pair);
                 }
                 let rms = comparison.rms();
+                counted.one_more();
                 Ok(Channel::ALL.map(|channel| rms.get(channel)))
             })
             .collect::<Result<Vec<_>, _>>()
@@ -51,30 +58,53 @@ pub(crate) fn sweep(
     rows(py, found)
 }
 
-/// Reads the rows of factors. Returns an error unless each has three factors of 0 to 100.
-fn three_columns(factors: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<[f64; 3]>> {
-    use bodyflight_io::diagnostic::Problem;
-    let rows = factors.as_array();
-    rows.outer_iter()
-        .enumerate()
-        .map(|(index, row)| {
-            let row: Vec<f64> = row.iter().copied().collect();
-            <[f64; 3]>::try_from(row)
-                .ok()
-                .filter(|row| row.iter().all(|factor| (0.0..=100.0).contains(factor)))
-                .ok_or_else(|| {
-                    let problem = Problem::bad_input(
-                        "expected three factors of 0 to 100, on drag, lift and moment",
-                    );
-                    raise(problem.at(format!("factors, row {index}")))
-                })
-        })
-        .collect()
+/// Counts runs on several threads, and reports the share done.
+struct Counted<'a> {
+    done: AtomicUsize,
+    all: usize,
+    report: &'a Report<'a>,
 }
 
-/// Searches for the coefficients that reproduce flights best. Returns the dictionary of `bodyflight tune --json`.
+impl<'a> Counted<'a> {
+    const fn of(all: usize, report: &'a Report<'a>) -> Self {
+        Self {
+            done: AtomicUsize::new(0),
+            all,
+            report,
+        }
+    }
+
+    #[expect(clippy::cast_precision_loss, reason = "counts of runs")]
+    fn one_more(&self) {
+        let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
+        (self.report)(done as f64 / self.all as f64);
+    }
+}
+
+/// Reads the rows of factors. Returns an error unless each has three factors of 0 to 100.
+fn three_columns(factors: &Bound<'_, PyAny>) -> PyResult<Vec<[f64; 3]>> {
+    let factors = array::<f64>(factors, "factors", &[None, Some(3)])?;
+    let rows = factors.as_slice()?.as_chunks().0;
+    let refused = |index: usize| {
+        let problem =
+            Problem::bad_input("expected three factors of 0 to 100, on drag, lift and moment");
+        raise(problem.at(format!("factors, row {index}")))
+    };
+    let possible = |row: &[f64; 3]| row.iter().all(|factor| (0.0..=100.0).contains(factor));
+    match rows.iter().position(|row| !possible(row)) {
+        Some(index) => Err(refused(index)),
+        None => Ok(rows.to_vec()),
+    }
+}
+
+/// Searches for the coefficients that reproduce flights best. Returns the dictionary of `bodyflight tune --json`. `progress` is
+/// called with the share of the draws done.
 #[pyfunction]
-#[pyo3(signature = (flights, *, hold_out = vec![], draws = 200, spread = 0.3, seed = 0, per_segment = false))]
+#[pyo3(
+    signature = (flights, *, hold_out = vec![], draws = 200, spread = 0.3, seed = 0, per_segment = false, progress = None),
+    text_signature = "(flights, *, hold_out=(), draws=200, spread=0.3, seed=0, per_segment=False, progress=None)"
+)]
+#[expect(clippy::too_many_arguments, reason = "one for each option")]
 pub(crate) fn tune(
     py: Python<'_>,
     flights: Vec<Flight>,
@@ -83,6 +113,7 @@ pub(crate) fn tune(
     spread: f64,
     seed: u64,
     per_segment: bool,
+    progress: Option<Py<PyAny>>,
 ) -> PyResult<Py<PyAny>> {
     let search = Search {
         draws,
@@ -94,11 +125,14 @@ pub(crate) fn tune(
         .first()
         .map(|flight| flight.options)
         .unwrap_or_default();
-    let report = long_aside(py, || {
+    let report = long(py, progress, |progress| {
         let inner = |flights: &[Flight]| -> Vec<_> {
             flights.iter().map(|flight| flight.inner.clone()).collect()
         };
-        verbs::tune::tune(&inner(&flights), &inner(&hold_out), search, options, || ())
+        let counted = Counted::of(draws, progress);
+        verbs::tune::tune(&inner(&flights), &inner(&hold_out), search, options, || {
+            counted.one_more()
+        })
     })?;
     dictionary(py, &report)
 }

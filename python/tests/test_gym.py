@@ -1,5 +1,9 @@
 """The environments follow Gymnasium's rules and simulate the model."""
 
+import copy
+import inspect
+import pickle
+
 import numpy as np
 import pytest
 
@@ -155,3 +159,117 @@ def test_arrays_of_another_shape_are_refused():
     env.reset(seed=0)
     with pytest.raises(bodyflight.BadInput, match="4 by 8"):
         env.step(np.zeros((3, 8), dtype=np.float32))
+
+
+@pytest.mark.parametrize("kind", [lambda: gym.SkydiverEnv("dock"), lambda: gym.SkydiverVectorEnv(3, "dock")])
+def test_copies_fly_on_to_the_bit(kind):
+    env = kind()
+    env.reset(seed=3)
+    random = np.random.default_rng(1)
+    for _ in range(25):
+        env.step(random.uniform(-1.0, 1.0, env.action_space.shape))
+    others = [pickle.loads(pickle.dumps(env)), copy.deepcopy(env), kind()]
+    others[2].reset(seed=4)
+    others[2].set_state(env.get_state())
+    for _ in range(10):
+        action = random.uniform(-1.0, 1.0, env.action_space.shape)
+        wanted = env.step(action)
+        for other in others:
+            for part, expected in zip(other.step(action)[:4], wanted[:4]):
+                np.testing.assert_array_equal(part, expected)
+    # The goals of the next episode are those of the same seed.
+    wanted, _ = env.reset()
+    for other in others[:2]:
+        np.testing.assert_array_equal(other.reset()[0], wanted)
+
+
+def test_skydivers_continue_from_their_state_and_from_pickles():
+    flights = bodyflight.Skydivers(2, start="sit", density=0.8, subject=bodyflight.Subject().scaled(drag=1.2))
+    random = np.random.default_rng(1)
+    for _ in range(10):
+        flights.step(random.uniform(-1.0, 1.0, (2, 8)))
+    other, kept = pickle.loads(pickle.dumps(flights)), flights.get_state()
+    assert kept.shape == (2, len(flights.state_names)) and len(set(flights.state_names)) == 30
+    action = random.uniform(-1.0, 1.0, (2, 8))
+    wanted = flights.step(action)
+    np.testing.assert_array_equal(other.step(action), wanted)
+    flights.set_state(kept)
+    np.testing.assert_array_equal(flights.step(action), wanted)
+    kept[1, :4] = 0.0
+    with pytest.raises(bodyflight.BadInput, match="state, row 1"):
+        flights.set_state(kept)
+
+
+def test_a_motion_that_is_set_is_flown():
+    flights = bodyflight.Skydivers(2)
+    velocity, spin = [[3.0, -2.0, -40.0]] * 2, [[0.1, 0.2, -0.3]] * 2
+    half = np.sqrt(0.5)
+    attitude = [[half, half, 0.0, 0.0]] * 2
+    flights.set_motion(velocity=velocity, angular_velocity=spin, inertial_from_body=attitude, position=[[1, 2, 3]] * 2)
+    motion = flights.motion
+    np.testing.assert_allclose(motion.velocity, velocity, atol=1e-5)
+    np.testing.assert_allclose(motion.angular_velocity, spin, atol=1e-6)
+    np.testing.assert_allclose(motion.inertial_from_body, attitude, atol=1e-6)
+    np.testing.assert_array_equal(motion.position, [[1, 2, 3]] * 2)
+    flights.step(np.zeros((2, 8)))
+    moved = flights.motion.position - motion.position
+    np.testing.assert_allclose(moved, np.array(velocity) * flights.time_step, atol=0.02)
+
+
+def test_a_force_accelerates_by_its_share_of_the_mass():
+    mass, pushed, free = bodyflight.Subject().mass, bodyflight.Skydivers(1), bodyflight.Skydivers(1)
+    still = np.zeros((1, 8))
+    for _ in range(3):
+        pushed.step(still, force=[[200.0, 0.0, 50.0]])
+        free.step(still)
+    gained = (pushed.motion.velocity - free.motion.velocity)[0]
+    np.testing.assert_allclose(gained, np.array([200.0, 0.0, 50.0]) / mass * 3 * free.time_step, rtol=0.1, atol=0.02)
+    turned = bodyflight.Skydivers(1)
+    turned.step(still, moment=[[0.0, 0.0, 20.0]])
+    # Up is the dorsal axis of a body that lies on its belly.
+    assert turned.motion.angular_velocity[0, 1] > 0.02
+
+
+def test_the_terms_add_up_to_the_reward_and_success_is_told():
+    env = gym.SkydiverVectorEnv(4, "turn")
+    env.reset(seed=2)
+    actions = np.random.default_rng(1).uniform(-0.2, 0.2, env.action_space.shape)
+    _, reward, _, _, info = env.step(actions)
+    np.testing.assert_allclose(sum(info[name] for name in gym.REWARD_TERMS), reward, rtol=1e-6)
+    assert info["_is_success"].all() and info["_reward_facing"].all()
+    one = gym.SkydiverEnv("hold")
+    one.reset(seed=0)
+    *_, told = one.step(np.zeros(8))
+    assert told["is_success"] is True and told["reward_facing"] == pytest.approx(1.0, abs=0.01)
+    state, turned = one.get_state(), bodyflight.Skydivers(1)
+    turned.set_motion(angular_velocity=[[0.0, 0.0, 60.0]])
+    state[: len(turned.state_names)] = turned.get_state()[0]
+    one.set_state(state)
+    _, reward, terminated, _, told = one.step(np.zeros(8))
+    assert terminated and reward == told["reward_fallen"] == -10.0 and told["is_success"] is False
+
+
+def test_a_render_mode_is_refused_by_name_and_none_is_accepted():
+    assert gym.SkydiverEnv(render_mode=None).render_mode is None
+    for kind in (lambda: gym.SkydiverEnv(render_mode="human"), lambda: gym.SkydiverVectorEnv(2, render_mode="human")):
+        with pytest.raises(ValueError, match="render_mode: expected one of"):
+            kind()
+
+
+def test_the_registered_environment_states_its_limit():
+    env = gymnasium.make("bodyflight/Skydiver-v0")
+    assert env.spec.max_episode_steps == env.unwrapped._flights.limit == 300
+    many = gymnasium.make_vec("bodyflight/Skydiver-v0", num_envs=2, vectorization_mode="vector_entry_point")
+    assert many.reset(seed=1)[0].shape == (2, 17)
+    short = gym.SkydiverVectorEnv(1, substeps=4, max_episode_steps=20)
+    assert short.episode_steps == 20
+
+
+def test_every_method_of_an_environment_is_typed():
+    for kind in (gym.SkydiverEnv, gym.SkydiverVectorEnv):
+        for name, method in vars(kind).items():
+            if inspect.isfunction(method):
+                signature = inspect.signature(method)
+                assert signature.return_annotation is not signature.empty, name
+                hints = [it.annotation for it in signature.parameters.values() if it.name != "self"]
+                assert inspect.Parameter.empty not in hints, name

@@ -40,20 +40,7 @@ impl JointChange {
             Problem::bad_input(format!("expected JOINT.ANGLE=DEGREES, found \"{text}\""))
                 .help("for example --joint l_shank.bend=+20, --joint l_shank.bend=+20@1.0..2.5")
         })?;
-        let (joint, angle) = name.trim().split_once('.').unwrap_or((name.trim(), ""));
-        let movable = |segment: &Segment| *segment != Segment::Pelvis;
-        let segment = Segment::from_name(joint).filter(movable).ok_or_else(|| {
-            let joints = Segment::ALL.into_iter().filter(movable);
-            Problem::unknown("joint", joint, joints.map(|segment| segment.name()))
-        })?;
-        let angle = JointAngle::of_joint(segment)
-            .find(|own| own.name == angle)
-            .ok_or_else(|| {
-                let allowed = JointAngle::of_joint(segment).map(|own| own.name);
-                let allowed: Vec<&str> = allowed.collect();
-                let message = format!("{joint} has no angle \"{angle}\"");
-                Problem::bad_input(message).help(format!("it has {}", allowed.join(", ")))
-            })?;
+        let angle = angle_named(name.trim())?;
         let amount = amount(value).map_err(|problem| problem.at(format!("--joint {name}")))?;
         Ok(Self { angle, amount })
     }
@@ -115,6 +102,27 @@ impl JointChange {
     pub fn is_bend(&self) -> bool {
         self.angle.is_bend()
     }
+}
+
+/// Returns the angle of a joint by its name, such as `l_shank.bend`.
+///
+/// # Errors
+/// Returns an error that lists the names of joints or angles if one is unknown.
+pub fn angle_named(name: &str) -> Result<JointAngle> {
+    let (joint, angle) = name.split_once('.').unwrap_or((name, ""));
+    let movable = |segment: &Segment| *segment != Segment::Pelvis;
+    let segment = Segment::from_name(joint).filter(movable).ok_or_else(|| {
+        let joints = Segment::ALL.into_iter().filter(movable);
+        Problem::unknown("joint", joint, joints.map(|segment| segment.name()))
+    })?;
+    JointAngle::of_joint(segment)
+        .find(|own| own.name == angle)
+        .ok_or_else(|| {
+            let allowed = JointAngle::of_joint(segment).map(|own| own.name);
+            let allowed: Vec<&str> = allowed.collect();
+            let message = format!("{joint} has no angle \"{angle}\"");
+            Problem::bad_input(message).help(format!("it has {}", allowed.join(", ")))
+        })
 }
 
 /// A posture with all changes at a time (s), each in the axes of the joint's parent.

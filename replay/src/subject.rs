@@ -17,6 +17,7 @@ use std::collections::BTreeMap;
 
 use bodyflight_io::diagnostic::choices::choices;
 use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::files::write_file;
 use bodyflight_io::input;
 use file::{
     ArchChoice, ArchName, CoefficientTable, GearTable, LoadModelName, MomentArmChoice,
@@ -33,6 +34,8 @@ pub struct Subject {
     body: Body<f64>,
 }
 
+/// Name of a person's file in a folder.
+pub const SUBJECT_FILE: &str = "subject.toml";
 /// Name of the segment table that is written beside a `subject.toml`.
 pub const SEGMENTS_FILE: &str = "segments.json";
 /// Largest coefficient accepted; damping may also be negative, down to minus this value.
@@ -85,7 +88,7 @@ impl Subject {
     /// # Errors
     /// Returns an error with file, line, field and what was expected if a file is missing or a value is invalid.
     pub fn read(path: &Path) -> Result<Self> {
-        let inside = path.join("subject.toml");
+        let inside = path.join(SUBJECT_FILE);
         let path = if path.is_dir() { &inside } else { path };
         let recorded = |end: &OsStr| ["mvnx", "gz", "xz"].iter().any(|known| end == *known);
         if path.extension().is_some_and(recorded) {
@@ -102,12 +105,31 @@ impl Subject {
     /// # Errors
     /// Same as [`Subject::read`].
     pub fn parse(text: &str, path: &Path) -> Result<Self> {
+        Self::parse_beside(text, path, SegmentTable::read)
+    }
+
+    /// Parses the text of a `subject.toml` beside that of the segment table that it refers to, as written by
+    /// [`Subject::to_toml`] and [`Subject::segments_json`]; `path` is used in messages.
+    ///
+    /// # Errors
+    /// Same as [`Subject::read`].
+    pub fn parse_with_table(text: &str, table: &str, path: &Path) -> Result<Self> {
+        Self::parse_beside(text, path, |path| {
+            SegmentTable::parse(table.to_owned(), path)
+        })
+    }
+
+    fn parse_beside(
+        text: &str,
+        path: &Path,
+        table: impl FnOnce(&Path) -> Result<SegmentTable>,
+    ) -> Result<Self> {
         let file: SubjectFile =
             toml::from_str(text).map_err(|error| Problem::toml(&error, text, path))?;
         let table = match &file.segments {
             Some(name) => {
                 let folder = path.parent().unwrap_or(Path::new(""));
-                Some(SegmentTable::read(&folder.join(name))?)
+                Some(table(&folder.join(name))?)
             }
             None => None,
         };
@@ -232,6 +254,18 @@ impl Subject {
         file.segments = self.table.as_ref().map(|_| PathBuf::from(SEGMENTS_FILE));
         toml::to_string(&file)
             .map_err(|error| Problem::internal("cannot write the subject").caused_by(error))
+    }
+
+    /// Writes the `subject.toml`, and the segment table if there is one, into a folder that exists.
+    ///
+    /// # Errors
+    /// Returns an error if a file cannot be written.
+    pub fn write_in(&self, folder: &Path) -> Result<()> {
+        write_file(&folder.join(SUBJECT_FILE), self.to_toml()?.as_bytes())?;
+        match self.segments_json() {
+            Some(table) => write_file(&folder.join(SEGMENTS_FILE), table.as_bytes()),
+            None => Ok(()),
+        }
     }
 
     /// The text of the segment table, if the subject has one.

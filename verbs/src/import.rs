@@ -318,11 +318,7 @@ fn warnings(
 
 /// Writes the person, and the `flight.toml` that ties the files together.
 fn write_flight(request: &Request<'_>) -> Result<PathBuf> {
-    let subject = request.folder.join("subject.toml");
-    write_file(&subject, request.subject.to_toml()?.as_bytes())?;
-    if let Some(table) = request.subject.segments_json() {
-        write_file(&request.folder.join(SEGMENTS_FILE), table.as_bytes())?;
-    }
+    request.subject.write_in(request.folder)?;
     let path = request.folder.join("flight.toml");
     let text = "recording = \"flight.mvnx\"\nsubject = \"subject.toml\"\n";
     write_file(&path, text.as_bytes())?;

@@ -1,14 +1,15 @@
 from os import PathLike
-from typing import Any, Callable, ClassVar, Literal, Sequence
+from typing import Any, Callable, ClassVar, Literal, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 __version__: str
 
 _Path = str | PathLike[str]
 _Progress = Callable[[float], object] | None
 _Floats = NDArray[np.float64]
+_Start = Literal["neutral", "sit", "head-down", "track", "back", "novice"]
 
 class BodyflightError(Exception):
     message: str
@@ -17,9 +18,11 @@ class BodyflightError(Exception):
     place: str | None
     help: str | None
 
-class BadInput(BodyflightError): ...
+class BadInput(BodyflightError, ValueError): ...
 class Refused(BodyflightError): ...
-class Disagreement(BodyflightError): ...
+class Disagreement(BodyflightError):
+    report: dict[str, Any]
+    """What `fall` and `validate` would have returned."""
 class Internal(BodyflightError): ...
 class DoubtWarning(UserWarning): ...
 
@@ -27,8 +30,10 @@ class Subject:
     segments: ClassVar[list[str]]
     def __init__(self, path: _Path | None = None) -> None: ...
     @staticmethod
-    def from_toml(text: str) -> Subject: ...
+    def from_toml(text: str, segments: str | None = None) -> Subject: ...
     def to_toml(self) -> str: ...
+    @property
+    def segments_json(self) -> str | None: ...
     @property
     def mass(self) -> float: ...
     def segment_table(self) -> _Floats: ...
@@ -46,6 +51,21 @@ class Flight:
         allow_truncated: bool = False,
         arm_frame: Literal["t-pose", "isb"] | None = None,
     ) -> None: ...
+    @staticmethod
+    def from_arrays(
+        out: _Path,
+        *,
+        time: ArrayLike,
+        position: ArrayLike,
+        inertial_from_body: ArrayLike,
+        parent_from_segment: ArrayLike,
+        velocity: ArrayLike | None = None,
+        angular_velocity: ArrayLike | None = None,
+        subject: Subject | None = None,
+        density: float = 1.0,
+        force: bool = False,
+        progress: _Progress = None,
+    ) -> Flight: ...
     @property
     def path(self) -> PathLike[str]: ...
     @property
@@ -54,6 +74,9 @@ class Flight:
     def read(self, *, progress: _Progress = None) -> Recording: ...
 
 class MotionArrays:
+    def __init__(
+        self, position: _Floats, velocity: _Floats, inertial_from_body: _Floats, angular_velocity: _Floats
+    ) -> None: ...
     @property
     def position(self) -> _Floats: ...
     @property
@@ -77,6 +100,9 @@ class Recording:
 
 class Run:
     channels: ClassVar[list[str]]
+    def __init__(
+        self, time: _Floats, measured: _Floats, simulated: _Floats, motion: MotionArrays, report: dict[str, Any]
+    ) -> None: ...
     @property
     def time(self) -> _Floats: ...
     @property
@@ -104,7 +130,7 @@ class Estimation:
     def doubt(self) -> str | None: ...
     @property
     def report(self) -> dict[str, Any]: ...
-    def write_csv(self, path: _Path) -> None: ...
+    def write_csv(self, path: _Path, *, force: bool = False) -> None: ...
 
 class Comparison:
     channels: ClassVar[list[str]]
@@ -135,11 +161,12 @@ class Skydivers:
     controls: ClassVar[list[str]]
     observed: ClassVar[list[str]]
     starts: ClassVar[list[str]]
+    state_names: ClassVar[list[str]]
     def __init__(
         self,
         count: int,
         *,
-        start: str = "neutral",
+        start: _Start = "neutral",
         subject: Subject | None = None,
         density: float = 1.0,
         substeps: int = 8,
@@ -147,15 +174,36 @@ class Skydivers:
     @property
     def time_step(self) -> float: ...
     def __len__(self) -> int: ...
-    def reset(self, which: NDArray[np.bool_] | None = None) -> NDArray[np.float32]: ...
-    def step(self, actions: NDArray[np.float32]) -> NDArray[np.float32]: ...
+    def reset(self, which: ArrayLike | None = None) -> NDArray[np.float32]: ...
+    def step(
+        self, actions: ArrayLike, *, force: ArrayLike | None = None, moment: ArrayLike | None = None
+    ) -> NDArray[np.float32]:
+        """Flies ``actions`` (n by 8), under a force (N) and a moment (N m) if given (n by 3: north, west, up)."""
+
     def observe(self) -> NDArray[np.float32]: ...
+    @property
+    def motion(self) -> MotionArrays: ...
+    def get_state(self) -> NDArray[np.float32]:
+        """Returns everything that the flights consist of, n by 30."""
+
+    def set_state(self, state: ArrayLike) -> None: ...
+    def set_motion(
+        self,
+        *,
+        position: ArrayLike | None = None,
+        velocity: ArrayLike | None = None,
+        inertial_from_body: ArrayLike | None = None,
+        angular_velocity: ArrayLike | None = None,
+        controls: ArrayLike | None = None,
+    ) -> None: ...
 
 class Environments:
     """n environments with one body and one task; ``bodyflight.gym`` wraps them."""
 
     observed: ClassVar[list[str]]
     limit: ClassVar[float]
+    reward_terms: ClassVar[list[str]]
+    state_names: ClassVar[list[str]]
     def __init__(
         self,
         count: int,
@@ -172,18 +220,121 @@ class Environments:
     @property
     def episode_steps(self) -> int: ...
     def __len__(self) -> int: ...
-    def begin(
-        self, which: NDArray[np.bool_], headings: NDArray[np.float32], targets: NDArray[np.float32]
-    ) -> None:
+    def begin(self, which: ArrayLike, headings: ArrayLike, targets: ArrayLike) -> None:
         """Begins episodes where ``which`` (n) is true. ``headings``: n (rad); ``targets``: n by 2, north and west (m)."""
 
     def observe(self) -> NDArray[np.float32]:
         """Returns the scaled observations, n by 17."""
 
     def step(
-        self, actions: NDArray[np.float32], resting: NDArray[np.bool_]
-    ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], NDArray[np.bool_]]:
-        """Flies ``actions`` (n by 8). Returns observations (n by 17), rewards, terminated and truncated (n each)."""
+        self, actions: ArrayLike, resting: ArrayLike
+    ) -> tuple[
+        NDArray[np.float32],
+        NDArray[np.float32],
+        NDArray[np.bool_],
+        NDArray[np.bool_],
+        NDArray[np.float32],
+        NDArray[np.bool_],
+    ]:
+        """Flies ``actions`` (n by 8). Returns observations (n by 17), rewards, terminated and truncated (n each), the terms of
+        the rewards (n by 5) and success (n)."""
+
+    def get_state(self) -> NDArray[np.float32]:
+        """Returns everything that the environments consist of, n by 35."""
+
+    def set_state(self, state: ArrayLike) -> None: ...
+
+class Mechanics:
+    @property
+    def mass(self) -> float: ...
+    @property
+    def centre_of_mass(self) -> _Floats: ...
+    @property
+    def inertia(self) -> _Floats: ...
+    @property
+    def linear_momentum(self) -> _Floats: ...
+    @property
+    def angular_momentum(self) -> _Floats: ...
+    @property
+    def segment_force(self) -> _Floats: ...
+    @property
+    def segment_moment(self) -> _Floats: ...
+
+class Linearization:
+    states: ClassVar[list[str]]
+    inputs: ClassVar[list[str]]
+    outputs: ClassVar[list[str]]
+    @property
+    def A(self) -> _Floats: ...
+    @property
+    def B(self) -> _Floats: ...
+    @property
+    def B_rate(self) -> _Floats: ...
+    @property
+    def C(self) -> _Floats: ...
+    @property
+    def D(self) -> _Floats: ...
+    @property
+    def D_rate(self) -> _Floats: ...
+    @property
+    def posture(self) -> _Floats: ...
+    @property
+    def fall(self) -> dict[str, float | None]: ...
+
+def mechanics(
+    subject: Subject,
+    parent_from_segment: ArrayLike,
+    *,
+    velocity: ArrayLike | None = None,
+    inertial_from_body: ArrayLike | None = None,
+    angular_velocity: ArrayLike | None = None,
+    time: ArrayLike | None = None,
+    density: float = 1.0,
+) -> Mechanics: ...
+def posture(start: _Start = "neutral", angles: Mapping[str, float] | None = None) -> _Floats: ...
+def linearize(subject: Subject | None = None, *, density: float = 1.0) -> Linearization: ...
+def inspect(file: _Path, *, mapping: _Path | None = None, subject: Subject | None = None) -> dict[str, Any]: ...
+def import_recording(
+    file: _Path,
+    out: _Path,
+    *,
+    mapping: _Path | None = None,
+    subject: Subject | None = None,
+    force: bool = False,
+    progress: _Progress = None,
+) -> dict[str, Any]: ...
+def fall(
+    track: _Path,
+    *,
+    mass: float = 80.0,
+    ground_pressure_hpa: float | None = None,
+    ground_temperature_celsius: float | None = None,
+    reference_height_m: float | None = None,
+    beside: _Path | None = None,
+) -> dict[str, Any]: ...
+def validate(paths: Sequence[_Path] = ()) -> dict[str, Any]: ...
+def figures(
+    flight: Flight,
+    out: _Path,
+    *,
+    preset: str = "tracking",
+    filter: Literal["paper", "reduced"] = "reduced",
+    snapshots: int = 6,
+    formats: Literal["svg", "pdf", "png"] | Sequence[Literal["svg", "pdf", "png"]] = "svg",
+    title: str | None = None,
+    force: bool = False,
+    progress: _Progress = None,
+) -> list[PathLike[str]]: ...
+def view(
+    flights: Flight | Sequence[Flight],
+    out: _Path,
+    *,
+    model: _Path | None = None,
+    estimates: Literal["filter", "smooth"] | None = None,
+    discovery: Mapping[str, Any] | None = None,
+    force: bool = False,
+    progress: _Progress = None,
+) -> dict[str, Any]: ...
 
 def simulate(
     flight: Flight,
@@ -221,20 +372,27 @@ def export(
 ) -> dict[str, Any]: ...
 def fmu(subject: _Path, out: _Path, *, library: _Path | None = None, force: bool = False) -> dict[str, Any]: ...
 def record(
-    actions: NDArray[np.float32],
+    actions: ArrayLike,
     out: _Path,
     *,
-    start: str = "neutral",
+    start: _Start = "neutral",
     subject: Subject | None = None,
     density: float = 1.0,
     substeps: int = 8,
     force: bool = False,
+    progress: _Progress = None,
 ) -> int: ...
 def program(arguments: Sequence[str]) -> int: ...
 def discover(
     flights: Sequence[Flight], *, hold_out: Sequence[Flight] = (), max_effects: int = 3, seed: int = 1
 ) -> dict[str, Any]: ...
-def sweep(flight: Flight, factors: _Floats, *, start: Literal["smoothed", "first"] = "smoothed") -> _Floats: ...
+def sweep(
+    flight: Flight,
+    factors: ArrayLike,
+    *,
+    start: Literal["smoothed", "first"] = "smoothed",
+    progress: _Progress = None,
+) -> _Floats: ...
 def tune(
     flights: Sequence[Flight],
     *,
@@ -243,6 +401,7 @@ def tune(
     spread: float = 0.3,
     seed: int = 0,
     per_segment: bool = False,
+    progress: _Progress = None,
 ) -> dict[str, Any]: ...
 def trim(subject: Subject | None = None, *, density: float = 1.0) -> dict[str, Any]: ...
 def synth(

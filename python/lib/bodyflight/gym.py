@@ -4,18 +4,22 @@
 ``SkydiverVectorEnv`` flies thousands of skydivers at once. An action (8 numbers, -1 to 1) sets the movement patterns
 ``Skydivers.controls`` to shares of a person's range; joints follow no faster than a person moves them. An observation (17
 numbers) holds what a motion-capture suit measures and the goal of the task, scaled to about one; ``OBSERVED`` names them.
+
+``info`` holds the terms whose sum is the reward, ``reward_upright`` and so on, and ``is_success``: whether the body is still and
+where the task wants it to be. Environments can be copied and pickled in the middle of an episode.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import gymnasium
 import numpy as np
 from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
+from numpy.typing import ArrayLike, NDArray
 
 from ._native import Environments, Skydivers
 
@@ -23,6 +27,10 @@ from ._native import Environments, Skydivers
 LIMIT = Environments.limit
 #: Time after which an episode is truncated (s).
 DURATION = 10.0
+#: Keys of the terms of a reward in ``info``.
+REWARD_TERMS = [f"reward_{name}" for name in Environments.reward_terms]
+
+_Observation = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -53,17 +61,20 @@ OBSERVED = Environments.observed
 class _Flights:
     """n environments with their goals, shared by the single and the vector environment."""
 
-    def __init__(self, count: int, task: str, **options: Any) -> None:
+    def __init__(self, count: int, task: str, max_episode_steps: int | None = None, **options: Any) -> None:
         if task not in TASKS:
             raise ValueError(f"unknown task {task!r}; expected one of: {', '.join(TASKS)}")
         self.task = TASKS[task]
         docks = self.task.reach > 0.0
+        seconds = DURATION
+        if max_episode_steps is not None:
+            seconds = max_episode_steps * Skydivers(1, **options).time_step
         self.environments = Environments(
             count,
             up=self.task.up,
             faces=not docks and self.task.up[1] > 0.0,
             docks=docks,
-            seconds=DURATION,
+            seconds=seconds,
             start=self.task.start,
             **options,
         )
@@ -82,42 +93,79 @@ class _Flights:
         targets[which] = np.stack([np.cos(angle), np.sin(angle)], axis=1) * distance[:, None]
         self.environments.begin(which, headings, targets)
 
-    def step(self, actions: np.ndarray, resting: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        return self.environments.step(np.ascontiguousarray(actions, dtype=np.float32), resting)
+    def restart(self, random: np.random.Generator) -> None:
+        """Restarts everything, with goals drawn from ``random``."""
+        self.begin(random, np.ones(len(self.environments), dtype=bool))
 
 
-class SkydiverEnv(gymnasium.Env):
+def _check(render_mode: str | None, known: list[str]) -> None:
+    if render_mode is not None and render_mode not in known:
+        raise ValueError(
+            f"render_mode: expected one of metadata['render_modes'], which is {known}, or None, found {render_mode!r}; "
+            "bodyflight.record and bodyflight.view show a flight instead"
+        )
+
+
+class SkydiverEnv(gymnasium.Env[_Observation, _Observation]):
     """One skydiver with 30 actions a second. Tasks: ``hold``, ``turn``, ``dock``, ``transition``.
 
-    An episode is truncated after ten seconds, and terminated as soon as the body tumbles.
+    An episode is truncated after ten seconds, and terminated as soon as the body tumbles. ``gymnasium.make`` counts steps: those
+    of ten seconds with the usual 30 actions a second, unless it is given ``max_episode_steps``.
     """
 
-    metadata: dict[str, Any] = {"render_modes": []}
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": []}  # type: ignore[misc]
 
-    def __init__(self, task: str = "hold", **options: Any) -> None:
+    def __init__(self, task: str = "hold", *, render_mode: str | None = None, **options: Any) -> None:
+        _check(render_mode, self.metadata["render_modes"])
+        self.render_mode = render_mode
         self._flights = _Flights(1, task, **options)
         self._flies = np.zeros(1, dtype=bool)
         self.action_space = self._flights.action_space
         self.observation_space = self._flights.observation_space
 
-    def reset(self, *, seed: int | None = None, options: dict | None = None):
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[_Observation, dict[str, Any]]:
         super().reset(seed=seed)
-        self._flights.begin(self.np_random, np.ones(1, dtype=bool))
+        self._flights.restart(self.np_random)
         return self._flights.environments.observe()[0], {}
 
-    def step(self, action):
-        seen, reward, terminated, truncated = self._flights.step(np.asarray(action)[None, :], self._flies)
-        return seen[0], float(reward[0]), bool(terminated[0]), bool(truncated[0]), {}
+    def step(self, action: ArrayLike) -> tuple[_Observation, float, bool, bool, dict[str, Any]]:
+        flown = self._flights.environments.step(np.asarray(action)[None], self._flies)
+        seen, reward, terminated, truncated, terms, success = flown
+        info = dict(zip(REWARD_TERMS, map(float, terms[0])), is_success=bool(success[0]))
+        return seen[0], float(reward[0]), bool(terminated[0]), bool(truncated[0]), info
+
+    def get_state(self) -> NDArray[np.float32]:
+        """Returns everything that the flight consists of, in the order of ``Environments.state_names``."""
+        state: NDArray[np.float32] = self._flights.environments.get_state()[0]
+        return state
+
+    def set_state(self, state: ArrayLike) -> _Observation:
+        """Continues the flight from a state, to the bit. Returns the observation."""
+        self._flights.environments.set_state(np.asarray(state)[None])
+        seen: _Observation = self._flights.environments.observe()[0]
+        return seen
 
 
 class SkydiverVectorEnv(VectorEnv):
     """Many skydivers in parallel, on all cores. An environment whose episode has ended is reset by the next step."""
 
-    metadata: dict[str, Any] = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}  # type: ignore[misc]
 
-    def __init__(self, num_envs: int, task: str = "hold", **options: Any) -> None:
+    def __init__(
+        self,
+        num_envs: int,
+        task: str = "hold",
+        *,
+        render_mode: str | None = None,
+        max_episode_steps: int | None = None,
+        **options: Any,
+    ) -> None:
+        _check(render_mode, self.metadata["render_modes"])
+        self.render_mode = render_mode
         self.num_envs = num_envs
-        self._flights = _Flights(num_envs, task, **options)
+        self._flights = _Flights(num_envs, task, max_episode_steps, **options)
         self._ended = np.zeros(num_envs, dtype=bool)
         self.single_action_space = self._flights.action_space
         self.single_observation_space = self._flights.observation_space
@@ -126,19 +174,42 @@ class SkydiverVectorEnv(VectorEnv):
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
 
-    def reset(self, *, seed: int | None = None, options: dict | None = None):
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[_Observation, dict[str, Any]]:
         super().reset(seed=seed)
         self._ended = np.zeros(self.num_envs, dtype=bool)
-        self._flights.begin(self.np_random, np.ones(self.num_envs, dtype=bool))
+        self._flights.restart(self.np_random)
         return self._flights.environments.observe(), {}
 
-    def step(self, actions):
+    def step(
+        self, actions: ArrayLike
+    ) -> tuple[_Observation, NDArray[np.float32], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
         resting = self._ended
         if resting.any():
             self._flights.begin(self.np_random, resting)
-        seen, reward, terminated, truncated = self._flights.step(actions, resting)
+        flown = self._flights.environments.step(actions, resting)
+        seen, reward, terminated, truncated, terms, success = flown
         self._ended = terminated | truncated
-        return seen, reward, terminated, truncated, {}
+        info: dict[str, Any] = {"is_success": success, **dict(zip(REWARD_TERMS, terms.T))}
+        # Gymnasium's masks: which environments say something.
+        info.update({f"_{key}": ~resting for key in list(info)})
+        return seen, reward, terminated, truncated, info
+
+    def get_state(self) -> NDArray[np.float32]:
+        """Returns everything that the flights consist of, n by 35 in the order of ``Environments.state_names``."""
+        return self._flights.environments.get_state()
+
+    def set_state(self, state: ArrayLike) -> _Observation:
+        """Continues the flights from a state, to the bit. Returns the observations."""
+        self._flights.environments.set_state(state)
+        self._ended = np.zeros(self.num_envs, dtype=bool)
+        return self._flights.environments.observe()
 
 
-gymnasium.register(id="bodyflight/Skydiver-v0", entry_point=SkydiverEnv, vector_entry_point=SkydiverVectorEnv)
+gymnasium.register(
+    id="bodyflight/Skydiver-v0",
+    entry_point="bodyflight.gym:SkydiverEnv",
+    vector_entry_point="bodyflight.gym:SkydiverVectorEnv",
+    max_episode_steps=_Flights(1, "hold").limit,
+)

@@ -44,7 +44,7 @@ impl SegmentTable {
         Self::parse(text, path)
     }
 
-    fn parse(text: String, path: &Path) -> Result<Self> {
+    pub(super) fn parse(text: String, path: &Path) -> Result<Self> {
         let file: TableFile = serde_json::from_str(&text).map_err(|error| {
             Problem::bad_input(error.to_string())
                 .in_file(path)

@@ -1,0 +1,382 @@
+//! Verbs about files: what a recording contains, the jumps of a logger, motion of other systems, figures, and pages.
+
+use std::path::{Path, PathBuf};
+
+use bodyflight_core::estimator::preset::{PRESETS, Preset};
+use bodyflight_estimation::Filter;
+use bodyflight_falls::verdict::Verdict;
+use bodyflight_io::destination;
+use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::files::write_file;
+use bodyflight_io::interrupt::Unfinished;
+use bodyflight_mocap::mapping::Mapping;
+use bodyflight_mocap::systems::is_of_another_system;
+use bodyflight_replay::model_file::Effects;
+use bodyflight_tracks::{self as track, folder};
+use bodyflight_verbs::fall::{
+    Answer, Conditions, DEFAULT_MASS, beside as compared, falls, logbook,
+};
+use bodyflight_verbs::output::figure::Format;
+use bodyflight_verbs::validate::captures::{is_table, judged};
+use bodyflight_verbs::validate::{bundled, read, validate as validated};
+use bodyflight_verbs::view::estimated::estimated;
+use bodyflight_verbs::view::page::{PageData, Provenance, html};
+use bodyflight_verbs::view::run::fly;
+use bodyflight_verbs::{
+    figures as drawn, import as imports, inspect as inspects, inspect_imported,
+};
+use pyo3::prelude::*;
+
+use crate::estimate::method_of;
+use crate::flight::Flight;
+use crate::long::long;
+use crate::problem::{dictionary, raise, unknown, value, warn_of_doubt};
+use crate::subject::Subject;
+
+/// Describes a recording, or a file of another system. Returns the dictionary of `bodyflight inspect --json`; issues a
+/// DoubtWarning if the recording contradicts itself.
+///
+/// `mapping` is the path of a mapping, for files of other systems; `subject` is compared with the recorded person.
+#[pyfunction]
+#[pyo3(signature = (file, *, mapping = None, subject = None))]
+pub(crate) fn inspect(
+    py: Python<'_>,
+    file: PathBuf,
+    mapping: Option<PathBuf>,
+    subject: Option<Subject>,
+) -> PyResult<Py<PyAny>> {
+    let report = long(py, None, |_| {
+        let mapping = mapping.as_deref().map(Mapping::read).transpose()?;
+        let subject = subject.as_ref().map(|subject| &subject.inner);
+        if mapping.is_some() || is_of_another_system(&file) {
+            inspect_imported::inspect_imported(&file, mapping.as_ref(), subject)
+        } else {
+            let body = subject.map(bodyflight_replay::subject::Subject::body);
+            inspects::inspect(&file, body.as_ref())
+        }
+    })?;
+    warn_of_doubt(py, report.doubt().as_deref())?;
+    dictionary(py, &report)
+}
+
+/// Converts the motion of another system to a recording in the folder `out`. Returns the dictionary of `bodyflight import
+/// --json`; look at the picture that it names before you trust the result. `progress` is called with the share done.
+#[pyfunction]
+#[pyo3(signature = (file, out, *, mapping = None, subject = None, force = false, progress = None))]
+pub(crate) fn import_recording(
+    py: Python<'_>,
+    file: PathBuf,
+    out: PathBuf,
+    mapping: Option<PathBuf>,
+    subject: Option<Subject>,
+    force: bool,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Py<PyAny>> {
+    let mapping = mapping.as_deref().map(Mapping::read).transpose();
+    let mapping = mapping.map_err(raise)?;
+    let has_subject = subject.is_some();
+    let subject = Subject::or_default(subject);
+    destination::check_in(&out, imports::FILES, force).map_err(raise)?;
+    let report = long(py, progress, |progress| {
+        let request = imports::Request {
+            file: &file,
+            mapping: mapping.as_ref(),
+            subject: &subject,
+            has_subject,
+            folder: &out,
+        };
+        imports::import(&request, &mut |share| progress(share))
+    })?;
+    dictionary(py, &report)
+}
+
+/// Checks an optional number.
+fn within(name: &str, value: Option<f64>, [low, high]: [f64; 2]) -> PyResult<Option<f64>> {
+    match value {
+        Some(value) if !(low..=high).contains(&value) => Err(raise(
+            Problem::bad_input(format!("expected {low} to {high}, found {value}")).at(name),
+        )),
+        _ => Ok(value),
+    }
+}
+
+/// Analyses the jumps on a logger's track. Returns the dictionary of `bodyflight fall --json`; for a folder of tracks, that of
+/// its logbook. Issues a DoubtWarning if the fall is not certain, and raises a Disagreement if it is not explained.
+///
+/// `mass` is that of skydiver and equipment (kg), `beside` the track of another jumper from the same load.
+#[pyfunction]
+#[pyo3(
+    signature = (track, *, mass = DEFAULT_MASS, ground_pressure_hpa = None, ground_temperature_celsius = None, reference_height_m = None, beside = None),
+    text_signature = "(track, *, mass=80.0, ground_pressure_hpa=None, ground_temperature_celsius=None, reference_height_m=None, beside=None)"
+)]
+pub(crate) fn fall(
+    py: Python<'_>,
+    track: PathBuf,
+    mass: f64,
+    ground_pressure_hpa: Option<f64>,
+    ground_temperature_celsius: Option<f64>,
+    reference_height_m: Option<f64>,
+    beside: Option<PathBuf>,
+) -> PyResult<Py<PyAny>> {
+    within("mass", Some(mass), [30.0, 300.0])?;
+    let pressure = within("ground_pressure_hpa", ground_pressure_hpa, [500.0, 1100.0])?;
+    let (name, range) = ("ground_temperature_celsius", [-60.0, 60.0]);
+    let temperature = within(name, ground_temperature_celsius, range)?;
+    let height = within("reference_height_m", reference_height_m, [-500.0, 11_000.0])?;
+    let standard = Conditions::default();
+    let conditions = Conditions {
+        mass,
+        ground_pressure: pressure.map(|pressure| 100.0 * pressure),
+        ground_temperature: temperature.map(|temperature| temperature + 273.15),
+        reference_height: height.unwrap_or(standard.reference_height),
+    };
+    if track.is_dir() {
+        if beside.is_some() {
+            let problem = Problem::bad_input("a folder of tracks has no jump beside another");
+            return Err(raise(problem.at("beside").help("give the track itself")));
+        }
+        let book = long(py, None, |_| {
+            logbook::logbook(&folder::tracks(&track)?, &conditions)
+        })?;
+        return dictionary(py, &book);
+    }
+    let (answer, verdict) = long(py, None, |_| answer(&track, &conditions, beside.as_deref()))?;
+    let report = dictionary(py, &answer)?;
+    match verdict {
+        Ok(doubt) => warn_of_doubt(py, doubt.as_deref()).map(|()| report),
+        Err(problem) => Err(with_report(py, problem, report)?),
+    }
+}
+
+/// The jumps of a track; then the reason to doubt the first, if there is one, or the problem that it is not explained.
+fn answer(
+    path: &Path,
+    conditions: &Conditions,
+    beside: Option<&Path>,
+) -> Result<(Answer, Result<Option<String>>)> {
+    let track = track::read(path)?;
+    let found = falls(&track, conditions, path)?;
+    let mut jumps = found.jumps.into_iter();
+    let Some((mut report, jump)) = jumps.next() else {
+        return Err(Problem::internal("a track without jumps was accepted"));
+    };
+    report.beside = beside
+        .map(|beside| compared(beside, conditions, &jump))
+        .transpose()?;
+    let disagree = |text: String| Err(Problem::disagreement(text).in_file(path));
+    let apart = report.beside.as_ref().filter(|beside| !beside.agrees());
+    let verdict = match (report.verdict, apart) {
+        (Verdict::Unexplained, _) => disagree(report.reason.clone()),
+        (Verdict::Uncertain, _) => Ok(Some(report.reason.clone())),
+        (_, Some(_)) => disagree(
+            "the winds of both falls differ: they are not from one load, or one jumper steered"
+                .to_owned(),
+        ),
+        _ => Ok(None),
+    };
+    let answer = Answer {
+        report,
+        other_jumps: jumps.map(|(report, _)| report).collect(),
+        channels: found.channels,
+        notes: track.notes,
+        format: track.format.to_owned(),
+    };
+    Ok((answer, verdict))
+}
+
+/// Creates the exception of a run that finished with a report.
+fn with_report(py: Python<'_>, problem: Problem, report: Py<PyAny>) -> PyResult<PyErr> {
+    let error = raise(problem);
+    error.value(py).setattr("report", report)?;
+    Ok(error)
+}
+
+/// Compares the model with real flights: those bundled with the program, or the flights, loggers' tracks and tables of captures
+/// in `paths`. Returns the dictionary of `bodyflight validate --json`; raises a Disagreement, whose `report` it is, if a check
+/// fails.
+#[pyfunction]
+#[pyo3(signature = (paths = vec![]), text_signature = "(paths=())")]
+pub(crate) fn validate(py: Python<'_>, paths: Vec<PathBuf>) -> PyResult<Py<PyAny>> {
+    let report = long(py, None, |_| {
+        let folder = bundled::temporary()?;
+        let _unfinished = Unfinished::new(folder.path());
+        let is_of_logger = |path: &PathBuf| {
+            folder::is_track(path) || path.is_dir() && !path.join("flight.toml").exists()
+        };
+        let none = paths.is_empty();
+        let (mut tables, others): (Vec<_>, Vec<_>) =
+            paths.into_iter().partition(|path| is_table(path));
+        let (of_loggers, mut flights): (Vec<_>, Vec<_>) =
+            others.into_iter().partition(is_of_logger);
+        if flights.is_empty() && tables.is_empty() {
+            flights = bundled::write(folder.path())?;
+        }
+        if none {
+            tables.push(bundled::write_table(folder.path())?);
+        }
+        let tracks = of_loggers.iter().map(|path| folder::tracks(path));
+        let tracks = tracks.collect::<Result<Vec<_>>>()?.concat();
+        let flights = flights.iter().map(|path| Ok((name_of(path), read(path)?)));
+        let flights = flights.collect::<Result<Vec<_>>>()?;
+        let mut report = validated(&flights, &tracks)?;
+        report.captures = judged(&tables)?;
+        Ok(report)
+    })?;
+    let found = dictionary(py, &report)?;
+    match report.failure() {
+        None => Ok(found),
+        Some(failure) => Err(with_report(py, Problem::disagreement(failure), found)?),
+    }
+}
+
+/// The name that results give to a flight: that of its file or folder.
+fn name_of(path: &Path) -> String {
+    let stem = path.file_stem().unwrap_or(path.as_os_str());
+    match path.parent().and_then(Path::file_name) {
+        Some(folder) if stem == "flight" => folder.to_string_lossy().into_owned(),
+        _ => stem.to_string_lossy().into_owned(),
+    }
+}
+
+/// Draws the figures of a paper into the folder `out`: reconstruction, inputs, path over ground, and a row of bodies. Returns
+/// their paths.
+///
+/// `preset` is one of the paper's, `formats` are one or several of "svg", "pdf" and "png"; `title` is by default the flight's name.
+#[pyfunction]
+#[pyo3(
+    signature = (flight, out, *, preset = "tracking", filter = "reduced", snapshots = 6, formats = Several::One("svg".to_owned()), title = None, force = false, progress = None),
+    text_signature = "(flight, out, *, preset='tracking', filter='reduced', snapshots=6, formats='svg', title=None, force=False, progress=None)"
+)]
+#[expect(clippy::too_many_arguments, reason = "one for each option")]
+pub(crate) fn figures(
+    py: Python<'_>,
+    flight: Flight,
+    out: PathBuf,
+    preset: &str,
+    filter: &str,
+    snapshots: usize,
+    formats: Several<String>,
+    title: Option<String>,
+    force: bool,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Vec<PathBuf>> {
+    let known: Vec<&'static str> = PRESETS.iter().map(|preset| preset.name).collect();
+    within(
+        "snapshots",
+        u32::try_from(snapshots).ok().map(f64::from),
+        [1.0, 40.0],
+    )?;
+    let format = |name: &String| {
+        let found = Format::ALL
+            .into_iter()
+            .find(|known| known.extension() == name);
+        found.ok_or_else(|| unknown("format", name, &Format::ALL.map(Format::extension)))
+    };
+    let settings = drawn::Settings {
+        preset: Preset::from_name(preset).ok_or_else(|| unknown("preset", preset, &known))?,
+        filter: match filter {
+            "paper" => Filter::Paper,
+            "reduced" => Filter::Reduced,
+            _ => return Err(unknown("filter", filter, &["paper", "reduced"])),
+        },
+        snapshots,
+        formats: formats.all().iter().map(format).collect::<PyResult<_>>()?,
+    };
+    let names = drawn::files(&settings.formats);
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    destination::check_in(&out, &names, force).map_err(raise)?;
+    let title = title.unwrap_or_else(|| name_of(&flight.inner.recording));
+    long(py, progress, |progress| {
+        let progress = &mut |time| progress(time);
+        drawn::write(
+            &flight.inner,
+            &title,
+            &settings,
+            flight.options,
+            &out,
+            progress,
+        )
+    })
+}
+
+/// Writes a page that replays flights, with body, plots and forces, to the file `out`. Returns its path, its size in bytes and
+/// the number of runs; issues a DoubtWarning if a recording contradicts itself.
+///
+/// `model` is the path of a model.toml, for a second run of each flight; `estimates` is None, "filter" or "smooth"; `discovery`
+/// is a dictionary that `discover` returned.
+#[pyfunction]
+#[pyo3(signature = (flights, out, *, model = None, estimates = None, discovery = None, force = false, progress = None))]
+#[expect(clippy::too_many_arguments, reason = "one for each option")]
+pub(crate) fn view(
+    py: Python<'_>,
+    flights: Several<Flight>,
+    out: PathBuf,
+    model: Option<PathBuf>,
+    estimates: Option<&str>,
+    discovery: Option<&Bound<'_, PyAny>>,
+    force: bool,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Py<PyAny>> {
+    let flights = flights.all();
+    let Some(first) = flights.first() else {
+        let problem = Problem::bad_input("expected at least one flight");
+        return Err(raise(problem.at("flights")));
+    };
+    let title = name_of(&first.inner.recording);
+    let effects = model.as_deref().map(Effects::read).transpose();
+    let effects = effects.map_err(raise)?;
+    let method = estimates.map(method_of).transpose()?;
+    let discovery = discovery.map(value).transpose()?;
+    destination::check([&out], force).map_err(raise)?;
+    let (bytes, runs, doubt) = long(py, progress, |progress| {
+        let progress = &mut |time| progress(time);
+        let mut runs = Vec::new();
+        for flight in &flights {
+            let (inner, options) = (&flight.inner, flight.options);
+            let name = name_of(&inner.recording);
+            let mut run = fly(&name, inner, options, progress)?;
+            if let Some(method) = method {
+                run.estimated = Some(estimated(inner, method, options, progress)?);
+            }
+            runs.push(run);
+            if let Some(effects) = &effects {
+                let mut extended = inner.clone();
+                extended.effects = effects.clone();
+                let name = format!("{name}, extended model");
+                runs.push(fly(&name, &extended, options, progress)?);
+            }
+        }
+        let mut files: Vec<&Path> = Vec::new();
+        for flight in &flights {
+            files.push(&flight.inner.recording);
+        }
+        files.extend(model.as_deref());
+        let provenance = Provenance::of("bodyflight.view".to_owned(), &files)?;
+        let doubt = runs.iter().find_map(|run| run.doubt.clone());
+        let count = runs.len();
+        let mut page = PageData::replay(title, provenance, runs);
+        page.discovery = discovery;
+        let text = html(&page)?;
+        write_file(&out, text.as_bytes())?;
+        Ok((text.len(), count, doubt))
+    })?;
+    warn_of_doubt(py, doubt.as_deref())?;
+    let written = serde_json::json!({ "page": out, "bytes": bytes, "runs": runs });
+    dictionary(py, &written)
+}
+
+/// One, or several.
+#[derive(FromPyObject)]
+pub(crate) enum Several<T> {
+    One(T),
+    All(Vec<T>),
+}
+
+impl<T> Several<T> {
+    fn all(self) -> Vec<T> {
+        match self {
+            Self::One(one) => vec![one],
+            Self::All(all) => all,
+        }
+    }
+}
