@@ -1,6 +1,7 @@
 //! Runs that are killed, that compete for an output, and that find no room: nothing partial, no orphan, inputs intact.
 
 #![cfg(unix)]
+#![expect(clippy::expect_used, reason = "tests may panic: that is how they fail")]
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

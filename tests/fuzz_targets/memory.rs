@@ -124,8 +124,14 @@ fn messages(blocks: &[Vec<u8>]) -> impl Iterator<Item = (Header, Message)> {
 }
 
 /// A memory with a flight and a configuration, and what was written into it.
-fn flown() -> &'static (Vec<u8>, Setup, Vec<(Header, Message)>) {
-    static FLOWN: OnceLock<(Vec<u8>, Setup, Vec<(Header, Message)>)> = OnceLock::new();
+struct Flown {
+    memory: Vec<u8>,
+    setup: Setup,
+    messages: Vec<(Header, Message)>,
+}
+
+fn flown() -> &'static Flown {
+    static FLOWN: OnceLock<Flown> = OnceLock::new();
     FLOWN.get_or_init(|| {
         let chip = Chip(Rc::new(RefCell::new(vec![0xff; SIZE])));
         let setup = Host::new().setup();
@@ -134,7 +140,11 @@ fn flown() -> &'static (Vec<u8>, Setup, Vec<(Header, Message)>) {
         assert_eq!(told.setup, Some(setup));
         let written: Vec<_> = messages(&told.blocks).collect();
         assert_eq!(written.len(), STORED as usize);
-        (chip.0.take(), setup, written)
+        Flown {
+            memory: chip.0.take(),
+            setup,
+            messages: written,
+        }
     })
 }
 
@@ -162,22 +172,22 @@ fn record(chip: &Chip, samples: u32, setup: Option<[u8; bodyflight_core::link::S
 /// The memory of a unit with bytes changed as the input chooses: place and change of each. What is read back is what was
 /// written, or is missing; the configuration is the stored one or none; and the unit flies and records on.
 pub(super) fn flash(input: &[u8]) {
-    let (bytes, setup, written) = flown();
-    let chip = Chip(Rc::new(RefCell::new(bytes.clone())));
+    let flown = flown();
+    let chip = Chip(Rc::new(RefCell::new(flown.memory.clone())));
     let mut choices = Choices(input);
-    let mut is_first = true;
+    let mut is_spared = true;
     while !choices.is_empty() {
         let place = (usize::from(choices.word()) | usize::from(choices.byte()) << 16) % SIZE;
         let (length, change) = (usize::from(choices.byte()), choices.byte());
-        is_first &= place + length < LOG.end as usize;
+        is_spared &= place + length < LOG.end as usize;
         for cell in chip.0.borrow_mut()[place..].iter_mut().take(length) {
             *cell ^= change;
         }
     }
     let told = chip.read();
-    assert!(told.setup.is_none_or(|found| found == *setup));
-    assert!(!is_first || told.setup.is_some(), "nothing hit it");
-    let mut expected = written.iter();
+    assert!(told.setup.is_none_or(|found| found == flown.setup));
+    assert!(!is_spared || told.setup.is_some(), "nothing hit it");
+    let mut expected = flown.messages.iter();
     for found in messages(&told.blocks) {
         assert!(
             expected.any(|written| *written == found),
