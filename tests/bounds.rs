@@ -133,7 +133,7 @@ fn repeated(folder: &Path, name: &str, from: &str, seconds: u32) {
     }
     let file = std::fs::File::create(into.join("flight.mvnx")).expect("created");
     let mut file = std::io::BufWriter::new(file);
-    file.write_all(text[..begin].as_bytes()).expect("written");
+    file.write_all(&text.as_bytes()[..begin]).expect("written");
     for (index, frame) in (0..seconds * RATE).zip(frames.iter().cycle()) {
         let inside = &frame[frame.find('>').expect("a tag")..];
         let time = f64::from(index) * 1000.0 / f64::from(RATE);
@@ -143,7 +143,7 @@ fn repeated(folder: &Path, name: &str, from: &str, seconds: u32) {
         )
         .expect("written");
     }
-    file.write_all(text[end..].as_bytes()).expect("written");
+    file.write_all(&text.as_bytes()[end..]).expect("written");
     file.flush().expect("written");
 }
 
