@@ -11,14 +11,15 @@ use std::io::{ErrorKind, Write};
 use std::path::PathBuf;
 use std::sync::OnceLock;
 
+use super::arguments::in_words;
 pub(super) use bars::{FlightBar, Stages, bar, set_share, share_bar, spinner};
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::input;
 use bodyflight_replay::comparison::{Channel, PerChannel};
 use bodyflight_replay::flight::Flight;
 use bodyflight_replay::model_file::Effects;
-use comfy_table::{CellAlignment, Table};
-use console::style;
+use comfy_table::{CellAlignment, ContentArrangement, Table};
+use console::{Term, style};
 use serde::Serialize;
 use visible::{json_without_controls, visible, visible_problem};
 
@@ -199,16 +200,28 @@ fn told(problem: &Problem) -> String {
 pub(super) fn print_usage(error: &clap::Error) -> u8 {
     let is_json = arguments().iter().any(|word| word == "--json");
     if is_json && error.use_stderr() {
-        let text = error.render().to_string();
+        let text = in_words(&error.render().to_string());
         let (message, help) = text.split_once("\n\n").unwrap_or((&text, ""));
         let flat = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
         let message = flat(message.trim_start_matches("error: "));
         print_problem(Problem::bad_input(message).help(flat(help)), true);
+    } else if error.use_stderr() {
+        let text = in_words(&styled(&error.render()));
+        let _ = write!(std::io::stderr().lock(), "{text}");
     } else {
         // A closed pipe is not an error.
         let _ = error.print();
     }
     u8::try_from(error.exit_code()).unwrap_or(2)
+}
+
+/// A message of the parser of arguments, with colours if standard error shows them.
+fn styled(message: &clap::builder::StyledStr) -> String {
+    #[cfg(feature = "full")]
+    if console::colors_enabled_stderr() {
+        return message.ansi().to_string();
+    }
+    message.to_string()
 }
 
 /// A problem, machine-readable.
@@ -240,10 +253,16 @@ impl Told {
     }
 }
 
-/// A table in the program's style.
+/// Width of tables, unless the terminal is wider (columns).
+const WIDTH: u16 = 80;
+
+/// A table in the program's style, whose cells wrap where it would be wider than the terminal.
 pub(super) fn table(head: &[&str]) -> Table {
     let mut table = Table::new();
     table.load_style(comfy_table::presets::UTF8_FULL_CONDENSED);
+    let terminal = Term::stdout().size_checked();
+    table.set_width(terminal.map_or(WIDTH, |(_, columns)| columns.max(WIDTH)));
+    table.set_content_arrangement(ContentArrangement::Dynamic);
     table.set_header(head);
     table
 }

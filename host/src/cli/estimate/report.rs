@@ -31,9 +31,11 @@ pub(super) fn print(estimation: &Estimation) {
             100.0 * found.doubtful,
             100.0 * found.lost,
             report
-                .joint_error_deg
-                .map_or_else(String::new, |joints| format!(
-                    "; joints {joints:.2} deg off"
+                .joint_error_source
+                .zip(report.joint_error_deg)
+                .map_or_else(String::new, |(source, degrees)| format!(
+                    "; {}",
+                    source.in_words(degrees)
                 ))
         ));
     }
