@@ -30,7 +30,7 @@ const LARGEST_SPEED: f64 = 1e4;
 
 /// Components of velocity (m/s) and angular velocity (rad/s) that no falling body reaches: the fastest falls through thin
 /// air were at 380 m/s, and the fastest spins of bodies in them at 20 rad/s.
-const IMPLAUSIBLE_SPEED: f64 = 500.0;
+const IMPLAUSIBLE_SPEED: f64 = 400.0;
 const IMPLAUSIBLE_SPIN: f64 = 100.0;
 
 /// One frame of a replay: the recording and the model's response.

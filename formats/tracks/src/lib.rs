@@ -88,6 +88,10 @@ fn recognised(bytes: &[u8], path: &Path) -> Result<Track> {
     if flysight::is_flysight_text(&text) {
         return flysight::track(&text, path);
     }
+    // Text of one column is no table; formats that look so were read above.
+    if let Some(problem) = FileKind::Track.mistaken(FileKind::of_head(&text)) {
+        return Err(problem);
+    }
     plain::read(&text)
 }
 

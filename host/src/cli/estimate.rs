@@ -178,7 +178,11 @@ fn list_presets(json: bool) -> Result<()> {
             row.name.to_owned(),
             row.limbs.to_owned(),
             format!("{:.2} s", row.late_s),
-            row.measures.join(" "),
+            if row.measures == NAMES {
+                "everything that the recording has".to_owned()
+            } else {
+                row.measures.join(" ")
+            },
         ]);
     }
     terminal::print(&table.to_string());

@@ -3,6 +3,7 @@
 //! Names and texts from files and networks are not trusted: none of their control characters reach the terminal.
 
 mod bars;
+mod sheet;
 mod visible;
 
 use std::error::Error;
@@ -18,9 +19,9 @@ use bodyflight_io::input;
 use bodyflight_replay::comparison::{Channel, PerChannel};
 use bodyflight_replay::flight::Flight;
 use bodyflight_replay::model_file::Effects;
-use comfy_table::{CellAlignment, ContentArrangement, Table};
-use console::{Term, style};
+use console::style;
 use serde::Serialize;
+use sheet::Sheet;
 use visible::{json_without_controls, visible, visible_problem};
 
 /// The first failure to write to standard output, other than a closed pipe.
@@ -253,37 +254,25 @@ impl Told {
     }
 }
 
-/// Width of tables, unless the terminal is wider (columns).
-const WIDTH: u16 = 80;
-
-/// A table in the program's style, whose cells wrap where it would be wider than the terminal.
-pub(super) fn table(head: &[&str]) -> Table {
-    let mut table = Table::new();
-    table.load_style(comfy_table::presets::UTF8_FULL_CONDENSED);
-    let terminal = Term::stdout().size_checked();
-    table.set_width(terminal.map_or(WIDTH, |(_, columns)| columns.max(WIDTH)));
-    table.set_content_arrangement(ContentArrangement::Dynamic);
-    table.set_header(head);
-    table
+/// A table in the program's style.
+pub(super) fn table(head: &[&str]) -> Sheet {
+    Sheet::new(head)
 }
 
 /// A table of values per channel, one column for each entry.
-pub(super) fn gap_table(columns: &[(&str, PerChannel)]) -> Table {
+pub(super) fn gap_table(columns: &[(&str, PerChannel)]) -> Sheet {
     let names: Vec<&str> = columns.iter().map(|(name, _)| *name).collect();
-    let mut table = table(&[&["channel", "unit"], names.as_slice()].concat());
+    let mut table = table(&[&["channel", "unit"], names.as_slice()].concat()).right_from(2);
     for channel in Channel::ALL {
         let (label, unit) = channel.label();
         let numbers = columns
             .iter()
             .map(|(_, values)| format!("{:.3}", values.get(channel)));
-        let row: Vec<String> = [label.to_owned(), unit.to_owned()]
-            .into_iter()
-            .chain(numbers)
-            .collect();
-        table.add_row(row);
-    }
-    for column in table.column_iter_mut().skip(2) {
-        column.set_cell_alignment(CellAlignment::Right);
+        table.add_row(
+            [label.to_owned(), unit.to_owned()]
+                .into_iter()
+                .chain(numbers),
+        );
     }
     table
 }

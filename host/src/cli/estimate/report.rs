@@ -13,11 +13,12 @@ const SELDOM: f64 = 0.1;
 /// Prints the numbers.
 pub(super) fn print(estimation: &Estimation) {
     let report = &estimation.report;
-    let mut columns = vec![("RMS, estimated", report.rms)];
+    terminal::print("RMS of measured minus reconstructed, by how the inputs were found:");
+    let mut columns = vec![("estimated", report.rms)];
     if let Some(free_run) = report.rms_free_run {
         columns.push(("free run", free_run));
     }
-    columns.push(("RMS, constant", report.rms_constant));
+    columns.push(("constant", report.rms_constant));
     columns.push(("amplitude", report.amplitude));
     terminal::print(&terminal::gap_table(&columns).to_string());
     terminal::print(&format!(
