@@ -63,12 +63,20 @@ pub fn figure_svg(title: &str, panels: &[Panel]) -> Result<String> {
 /// # Errors
 /// Returns an error if the figure cannot be drawn.
 pub fn figure_svg_over(unit: &str, title: &str, panels: &[Panel]) -> Result<String> {
-    let rows = legend_rows(panels, WIDTH);
-    let height: u32 = panels
-        .iter()
-        .map(|_| PANEL_HEIGHT + LEGEND_HEIGHT * rows)
-        .sum();
-    laid_out_svg(unit, title, panels, height, (panels.len().max(1), 1))
+    let height = |panel: &Panel| PANEL_HEIGHT + LEGEND_HEIGHT * legend_rows(panel, WIDTH);
+    let above = head(title);
+    drawn(
+        (WIDTH, above + panels.iter().map(height).sum::<u32>()),
+        |root| {
+            let mut rest = draw_title(root, title, above)?;
+            for panel in panels {
+                let (area, below) = rest.split_vertically(height(panel) * FINE);
+                draw_with_legend(&area, panel, unit, (WIDTH, legend_rows(panel, WIDTH)))?;
+                rest = below;
+            }
+            Ok(())
+        },
+    )
 }
 
 /// Like [`figure_svg`], with the panels side by side.
@@ -78,31 +86,34 @@ pub fn figure_svg_over(unit: &str, title: &str, panels: &[Panel]) -> Result<Stri
 pub fn row_svg(title: &str, panels: &[Panel]) -> Result<String> {
     let columns = panels.len().max(1);
     let width = WIDTH / u32::try_from(columns).unwrap_or(1);
-    let rows = legend_rows(panels, width);
-    let height = 2 * PANEL_HEIGHT + LEGEND_HEIGHT * rows;
-    laid_out_svg("s", title, panels, height, (1, columns))
-}
-
-fn laid_out_svg(
-    unit: &str,
-    title: &str,
-    panels: &[Panel],
-    height: u32,
-    layout: (usize, usize),
-) -> Result<String> {
-    let above = if title.is_empty() { 0 } else { TITLE_HEIGHT };
-    let width = WIDTH / u32::try_from(layout.1).unwrap_or(1);
-    let rows = legend_rows(panels, width);
-    drawn((WIDTH, above + height), |root| {
+    let rows = panels.iter().map(|panel| legend_rows(panel, width)).max();
+    let rows = rows.unwrap_or(0);
+    let above = head(title);
+    let height = above + 2 * PANEL_HEIGHT + LEGEND_HEIGHT * rows;
+    drawn((WIDTH, height), |root| {
         let body = draw_title(root, title, above)?;
-        for (panel, area) in panels.iter().zip(&body.split_evenly(layout)) {
-            let (head, below) = area.split_vertically(LEGEND_HEIGHT * rows * FINE);
-            draw_panel(&below, panel, unit)?;
-            let legend = if rows == 0 { area } else { &head };
-            draw_legend(legend, &entries(panel, width))?;
+        for (panel, area) in panels.iter().zip(&body.split_evenly((1, columns))) {
+            draw_with_legend(area, panel, "s", (width, rows))?;
         }
         Ok(())
     })
+}
+
+/// Height of a title.
+fn head(title: &str) -> u32 {
+    if title.is_empty() { 0 } else { TITLE_HEIGHT }
+}
+
+/// Draws a panel of this width, with so many rows above it for its legend.
+fn draw_with_legend(
+    area: &Area<'_>,
+    panel: &Panel,
+    unit: &str,
+    (width, rows): (u32, u32),
+) -> DrawResult {
+    let (head, below) = area.split_vertically(LEGEND_HEIGHT * rows * FINE);
+    draw_panel(&below, panel, unit)?;
+    draw_legend(if rows == 0 { area } else { &head }, &entries(panel, width))
 }
 
 /// A drawing of this width and height, drawn [`FINE`] times as large.
@@ -209,17 +220,15 @@ fn text_width(text: &str) -> u32 {
     7 * u32::try_from(text.chars().count()).unwrap_or(WIDTH)
 }
 
-/// Rows that the panels need above their captions for their legends: none if all fit beside the captions, which are in
-/// the middle.
-fn legend_rows(panels: &[Panel], width: u32) -> u32 {
-    let rows = |panel: &Panel| {
-        let last = entries(panel, width).pop()?;
-        let end = last.left + 40 + text_width(last.line.label);
-        let middle = (width + LEGEND_LEFT) / 2;
-        let fits = last.row == 0 && end + text_width(&panel.caption) / 2 <= middle;
-        (!fits).then_some(last.row + 1)
+/// Rows that a panel needs above its caption for its legend: none if it fits beside the caption, which is in the middle.
+fn legend_rows(panel: &Panel, width: u32) -> u32 {
+    let Some(last) = entries(panel, width).pop() else {
+        return 0;
     };
-    panels.iter().filter_map(rows).max().unwrap_or(0)
+    let end = last.left + 40 + text_width(last.line.label);
+    let middle = (width + LEGEND_LEFT) / 2;
+    let fits = last.row == 0 && end + text_width(&panel.caption) / 2 <= middle;
+    if fits { 0 } else { last.row + 1 }
 }
 
 /// A place of a drawing in the units of its library.
@@ -359,9 +368,9 @@ mod tests {
             ["measured", "simulated", "with constant inputs"].map(count),
             [2, 1, 1]
         );
-        assert_eq!(legend_rows(&panels, WIDTH), 0);
-        assert_eq!(legend_rows(&panels, WIDTH / 3), 1);
-        assert_eq!(legend_rows(&[panel("b", &WATCHED)], WIDTH), 1);
+        assert_eq!(legend_rows(&panels[0], WIDTH), 0);
+        assert_eq!(legend_rows(&panels[0], WIDTH / 3), 1);
+        assert_eq!(legend_rows(&panel("b", &WATCHED), WIDTH), 1);
     }
 
     #[test]

@@ -7,12 +7,12 @@ use crate::output::figure::escaped;
 
 /// Widths of the names and of a column, height of a row, and space above and below the rows (px).
 const NAMES: f64 = 130.0;
-const COLUMN: f64 = 170.0;
+const COLUMN: f64 = 180.0;
 const ROW: f64 = 26.0;
 const HEAD: f64 = 84.0;
 const FOOT: f64 = 34.0;
 /// Space at the ends of a column (px).
-const MARGIN: f64 = 14.0;
+const MARGIN: f64 = 24.0;
 
 const COLOUR: &str = "#9c2f00";
 

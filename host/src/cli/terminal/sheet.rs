@@ -64,66 +64,86 @@ impl Sheet {
         self.rows.push(cells.into_iter().map(Into::into).collect());
     }
 
-    /// The narrowest that a column can be: its longest word or glued cell.
-    fn least(&self, column: usize) -> usize {
+    /// The narrowest and the natural width of a column: its longest word or glued cell, and its longest cell.
+    fn widths(&self, column: usize) -> [usize; 2] {
         let words = |text: &str| text.split(' ').map(measure_text_width).max().unwrap_or(0);
-        let cells = self.rows.iter().filter_map(|row| row.get(column));
-        let cells = cells.map(|cell| match measure_text_width(cell) {
+        let cells = || self.rows.iter().filter_map(|row| row.get(column));
+        let least = cells().map(|cell| match measure_text_width(cell) {
             width if width <= GLUED => width,
             _ => words(cell),
         });
-        let head = self.heads.get(column).map_or(0, |head| words(head));
-        cells.max().unwrap_or(0).max(head)
+        let natural = cells().map(|cell| measure_text_width(cell));
+        let head = self.heads.get(column).map_or("", String::as_str);
+        let least = match self.path {
+            Some(path) if path == column => LEAST_PATH,
+            _ => least.max().unwrap_or(0),
+        };
+        [
+            least.max(words(head)),
+            natural.max().unwrap_or(0).max(measure_text_width(head)),
+        ]
+    }
+
+    /// The columns that are shown in this width, and how wide each is.
+    fn shown(&self, width: usize) -> Vec<(usize, usize)> {
+        let widths: Vec<[usize; 2]> = (0..self.heads.len()).map(|k| self.widths(k)).collect();
+        let mut columns: Vec<usize> = (0..self.heads.len()).collect();
+        // A cell has a space on both sides, and a frame.
+        let needed =
+            |columns: &[usize]| columns.iter().map(|k| widths[*k][0] + 3).sum::<usize>() + 1;
+        for spare in &self.spare {
+            if needed(&columns) > width {
+                columns.retain(|k| k != spare);
+            }
+        }
+        let mut room = width.saturating_sub(needed(&columns));
+        // Those that lack least are served first.
+        let mut order = columns.clone();
+        order.sort_by_key(|k| widths[*k][1] - widths[*k][0]);
+        let mut given: Vec<usize> = widths.iter().map(|[least, _]| *least).collect();
+        for (place, k) in order.iter().enumerate() {
+            let share = room / (order.len() - place);
+            let lacking = widths[*k][1] - widths[*k][0];
+            given[*k] += lacking.min(share);
+            room -= lacking.min(share);
+        }
+        columns.into_iter().map(|k| (k, given[k])).collect()
     }
 
     /// The table in at most this width, as far as that is possible.
     fn laid_out(&self, width: usize) -> String {
-        let mut columns: Vec<usize> = (0..self.heads.len()).collect();
-        let mut least: Vec<usize> = columns.iter().map(|k| self.least(*k)).collect();
-        // A cell has a space on both sides, and a frame.
-        let needed = |columns: &[usize], least: &[usize]| {
-            columns.iter().map(|k| least[*k] + 3).sum::<usize>() + 1
-        };
-        if let Some(path) = self.path {
-            least[path] = least[path].min(LEAST_PATH);
-        }
-        let mut left_out = Vec::new();
-        for spare in &self.spare {
-            if needed(&columns, &least) <= width {
-                break;
-            }
-            columns.retain(|k| k != spare);
-            left_out.push(self.heads[*spare].as_str());
-        }
-        let room = width.saturating_sub(needed(&columns, &least));
-        let cell = |k: usize, text: &str| match (self.path, measure_text_width(text)) {
-            (Some(path), wide) if path == k && wide > least[k] + room => {
-                shortened(text, least[k] + room)
-            }
-            (_, wide) if wide <= GLUED || self.path == Some(k) => {
+        let shown = self.shown(width);
+        let cell = |k: usize, wide: usize, text: &str| {
+            if self.path == Some(k) {
+                shortened(text, wide).replace(' ', &GLUE.to_string())
+            } else if measure_text_width(text) <= GLUED {
                 text.replace(' ', &GLUE.to_string())
+            } else {
+                text.to_owned()
             }
-            _ => text.to_owned(),
         };
         let mut table = Table::new();
         table.load_style(UTF8_FULL_CONDENSED);
-        table.set_header(columns.iter().map(|k| self.heads[*k].as_str()));
+        table.set_header(shown.iter().map(|(k, _)| self.heads[*k].as_str()));
         for row in &self.rows {
-            let cells = columns
+            let cells = shown
                 .iter()
-                .map(|k| cell(*k, row.get(*k).map_or("", String::as_str)));
+                .map(|(k, wide)| cell(*k, *wide, row.get(*k).map_or("", String::as_str)));
             table.add_row(cells.collect::<Vec<_>>());
         }
         table.set_content_arrangement(ContentArrangement::Dynamic);
         table.set_width(u16::try_from(width).unwrap_or(u16::MAX));
-        for (column, k) in table.column_iter_mut().zip(&columns) {
-            let least = u16::try_from(least[*k] + 2).unwrap_or(u16::MAX);
-            column.set_constraint(ColumnConstraint::LowerBoundary(Width::Fixed(least)));
+        for (column, (k, wide)) in table.column_iter_mut().zip(&shown) {
+            let wide = u16::try_from(wide + 2).unwrap_or(u16::MAX);
+            column.set_constraint(ColumnConstraint::Absolute(Width::Fixed(wide)));
             if *k >= self.right_from {
                 column.set_cell_alignment(CellAlignment::Right);
             }
         }
         let mut text = table.to_string().replace(GLUE, " ");
+        let is_left_out = |k: &&usize| shown.iter().all(|(column, _)| column != *k);
+        let left_out = self.spare.iter().filter(is_left_out);
+        let left_out: Vec<&str> = left_out.map(|k| self.heads[*k].as_str()).collect();
         if !left_out.is_empty() {
             text += &format!(
                 "\nleft out to fit: {} (--json has all)",
@@ -137,6 +157,9 @@ impl Sheet {
 /// The end of a path, in this many columns.
 fn shortened(path: &str, width: usize) -> String {
     let count = path.chars().count();
+    if count <= width {
+        return path.to_owned();
+    }
     let end: String = path
         .chars()
         .skip((count + 1).saturating_sub(width))
@@ -180,7 +203,7 @@ mod tests {
         assert!(
             wide.contains("card/2021-07-07/speed skydiving 411.csv") && !wide.contains("left out")
         );
-        for width in [80, 70, 60] {
+        for width in [80, 70, 50] {
             let narrow = jumps().laid_out(width);
             assert!(widest(&narrow) <= width, "{width}:\n{narrow}");
             assert!(
@@ -189,7 +212,7 @@ mod tests {
             );
             assert!(narrow.contains("1.csv"), "{narrow}");
         }
-        let narrow = jumps().laid_out(60);
+        let narrow = jumps().laid_out(50);
         assert!(
             narrow.contains("left out to fit: normalised, mean"),
             "{narrow}"
@@ -198,6 +221,14 @@ mod tests {
 
     #[test]
     fn words_and_short_cells_are_never_torn() {
+        let gaps = {
+            let mut gaps = Sheet::new(&["channel", "unit", "estimated", "free run", "amplitude"]);
+            gaps.add_row(["horizontal velocity", "m/s", "0.098", "0.103", "0.818"]);
+            gaps
+        };
+        // Exactly as wide as it is by nature.
+        assert!(gaps.laid_out(65).contains("│ horizontal velocity ┆ m/s  ┆"));
+        assert_eq!(widest(&gaps.laid_out(80)), 65);
         let mut sheet = Sheet::new(&["channel", "horizontal velocity", "measures"]).right_from(1);
         sheet.add_row([
             "horizontal velocity",
