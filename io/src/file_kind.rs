@@ -1,10 +1,6 @@
 //! What a file is, by its content, for the message about a file that is given where another kind belongs.
 
-use std::io::Read;
-use std::path::Path;
-
 use crate::diagnostic::Problem;
-use crate::input;
 
 /// A kind of file that users have at hand.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -243,18 +239,6 @@ impl FileKind {
     fn row(self) -> &'static Row {
         // Every kind has a row, as a test checks.
         ROWS.iter().find(|row| row.kind == self).unwrap_or(&ROWS[0])
-    }
-
-    /// The kind of a file, decompressed if necessary; `None` if it cannot be read or has no known kind.
-    pub fn of(path: &Path) -> Option<Self> {
-        let mut head = Vec::with_capacity(HEAD);
-        // Standard input could be read only once.
-        if path == Path::new(input::STANDARD_INPUT) || !path.is_file() {
-            return None;
-        }
-        let input = input::open(path).ok()?;
-        input.take(HEAD as u64).read_to_end(&mut head).ok()?;
-        Self::of_head(&head)
     }
 
     /// The kind of a file that begins with these bytes, at most [`HEAD`] of them.

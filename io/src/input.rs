@@ -13,7 +13,7 @@ use flate2::bufread::MultiGzDecoder;
 use lzma_rust2::XzReader;
 
 use crate::diagnostic::{Problem, Result};
-use crate::file_kind::FileKind;
+use crate::file_kind::{self, FileKind};
 
 /// The name for standard input.
 pub const STANDARD_INPUT: &str = "-";
@@ -106,6 +106,18 @@ pub fn file(path: &Path) -> Result<File> {
     Ok(file)
 }
 
+/// The kind of a file, decompressed if necessary; `None` if it cannot be read or has no known kind.
+pub fn kind(path: &Path) -> Option<FileKind> {
+    // Standard input could be read only once.
+    if path == Path::new(STANDARD_INPUT) || !path.is_file() {
+        return None;
+    }
+    let mut head = Vec::with_capacity(file_kind::HEAD);
+    let mut part = open(path).ok()?.take(file_kind::HEAD as u64);
+    part.read_to_end(&mut head).ok()?;
+    FileKind::of_head(&head)
+}
+
 /// The problem of a folder where a file belongs.
 fn folder(path: &Path) -> Problem {
     let help = if path.join("flight.toml").is_file() {
@@ -128,7 +140,7 @@ pub fn settings(path: &Path, wanted: FileKind) -> Result<String> {
         [Flight, Mapping, Model, Preset, Subject, Text].contains(found)
     };
     // Whether a kind of settings is the wanted one, only the whole text shows.
-    let found = FileKind::of(path).filter(|found| !is_settings(found));
+    let found = kind(path).filter(|found| !is_settings(found));
     if let Some(problem) = wanted.mistaken(found) {
         return Err(problem.in_file(path));
     }

@@ -153,7 +153,7 @@ impl Flight {
     /// # Errors
     /// Returns an error if the file is neither, or unusable.
     pub fn read_person(path: &Path) -> Result<Self> {
-        if path.is_dir() || FileKind::of(path) == Some(FileKind::Flight) {
+        if path.is_dir() || input::kind(path) == Some(FileKind::Flight) {
             return Self::read(path);
         }
         Ok(Self {

@@ -46,7 +46,7 @@ pub fn read_track(flight: &Flight, options: Options) -> Result<RecordedFlight> {
 /// Returns an error that names the verb for tracks.
 pub fn refuse_track(recording: &Path) -> Result<()> {
     // A table of something else than a track is named by the reader of recordings.
-    let is_other = FileKind::of(recording).is_some_and(|kind| kind != FileKind::Track);
+    let is_other = input::kind(recording).is_some_and(|kind| kind != FileKind::Track);
     if !is_track(recording) || is_other {
         return Ok(());
     }

@@ -172,7 +172,7 @@ fn list_presets(json: bool) -> Result<()> {
     if json {
         return terminal::print_plain_json(&listed);
     }
-    let mut table = terminal::table(&["preset", "limbs", "late", "measures"]);
+    let mut table = terminal::table(&["preset", "limbs", "late", "measures"]).spare(&[2]);
     for row in &listed {
         table.add_row([
             row.name.to_owned(),

@@ -137,13 +137,18 @@ fn send(args: &Send, json: bool) -> Result<()> {
     Ok(())
 }
 
+impl Listen {
+    /// Checks the numbers.
+    fn check(&self) -> Result<()> {
+        if let Some(rate) = self.rate {
+            within("rate", rate, [1.0, 10_000.0], "Hz")?;
+        }
+        (self.frames).map_or(Ok(()), |frames| at_least_one("frames", frames))
+    }
+}
+
 fn listen(args: &Listen, json: bool) -> Result<()> {
-    if let Some(rate) = args.rate {
-        within("rate", rate, [1.0, 10_000.0], "Hz")?;
-    }
-    if let Some(frames) = args.frames {
-        at_least_one("frames", frames)?;
-    }
+    args.check()?;
     let options = Options {
         character: args.character,
         rate: args.rate,
