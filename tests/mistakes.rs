@@ -3,6 +3,8 @@
 
 #[path = "mistakes/calls.rs"]
 mod calls;
+#[path = "mistakes/kinds.rs"]
+mod kinds;
 #[path = "mistakes/table.rs"]
 mod table;
 

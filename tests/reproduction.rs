@@ -125,7 +125,7 @@ fn thirty_per_cent_matter_in_a_free_run_but_not_in_a_reconstruction() {
         "{:.4?} {:.4?} {:.4?}",
         found.amplitude, found.reconstruction, found.measured_amplitude
     );
-    let picture = found.svg("Turns").expect("a picture");
+    let picture = found.svg("Turns");
     assert!(picture.contains("damping, yaw") && picture.contains("yaw rate"));
     assert!(share(Parameter::Lift, Channel::YawRate) > 0.05);
     assert!(share(Parameter::Drag, Channel::VerticalVelocity) > 0.05);

@@ -19,7 +19,7 @@ use bodyflight_core::estimator::reduced::Reduced;
 
 use crate::measured::MeasuredFlight;
 use crate::replayed::Replayed;
-use crate::report::{Flags, Point, Watched};
+use crate::report::{Flags, JointErrorSource, Point, Watched};
 use crate::verdict::Collector;
 use crate::whole::{self, Known, Sample, Whole};
 use crate::{Estimation, Filter};
@@ -125,6 +125,12 @@ pub fn estimate(
             "the measurements can only be explained by joint errors of {IMPLAUSIBLE} degrees or more"
         );
         estimation.report.doubt.get_or_insert(sentence);
+    }
+    if settings.find_joint_error {
+        estimation.report.joint_error_source = Some(match preset.joint_error {
+            least if least <= JOINT_ERRORS[0].to_radians() => JointErrorSource::Assumed,
+            _ => JointErrorSource::Seen,
+        });
     }
     estimation.report.doubt_recording(measured.faults.clone());
     Ok(estimation)

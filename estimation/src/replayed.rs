@@ -5,7 +5,7 @@ use bodyflight_core::observation::Observation;
 
 use crate::Estimation;
 use crate::measured::MeasuredFlight;
-use crate::report::{Flags, Point, Report};
+use crate::report::{Flags, JointErrorSource, Point, Report};
 use crate::verdict::{self, Collector};
 use bodyflight_io::diagnostic::Result;
 use bodyflight_replay::comparison::{Channel, Comparison, Pair};
@@ -86,6 +86,7 @@ impl Replayed<'_> {
                 duration_s,
                 delay_s: 0.0,
                 joint_error_deg: Some(f64::from(preset.joint_error.to_degrees())),
+                joint_error_source: Some(JointErrorSource::Given),
                 doubt: verdict::sentence(&worse, &consistency),
                 is_recording_doubtful: false,
                 consistency: Some(consistency),

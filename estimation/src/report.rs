@@ -75,8 +75,10 @@ pub struct Report {
     pub duration_s: f64,
     /// Time from a sample to the estimate for it (s): the prediction window.
     pub delay_s: f64,
-    /// Error of the recorded joints, per axis (deg), as assumed by the motion filter.
+    /// Error of the recorded joints, per axis (deg), with which the motion filter counted.
     pub joint_error_deg: Option<f64>,
+    /// Where that number comes from.
+    pub joint_error_source: Option<JointErrorSource>,
     /// How consistent the motion filter was.
     pub consistency: Option<Consistencies>,
     /// Why the estimate should not be trusted.
@@ -84,6 +86,30 @@ pub struct Report {
     /// Whether the reason is the recording itself, whatever the model.
     #[serde(skip)]
     pub is_recording_doubtful: bool,
+}
+
+/// Where the error of the recorded joints comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "lowercase")]
+pub enum JointErrorSource {
+    /// A file or an option gave it.
+    Given,
+    /// The smallest that the filter ever counts with; the recording shows no larger one, but could not show a smaller one.
+    Assumed,
+    /// The recording shows it: its innovations are most likely with it.
+    Seen,
+}
+
+impl JointErrorSource {
+    /// An error of the joints (deg) in words.
+    pub fn in_words(self, degrees: f64) -> String {
+        match self {
+            Self::Given => format!("joint errors given as {degrees:.2} deg"),
+            Self::Assumed => format!("joint errors of {degrees:.2} deg assumed, none larger seen"),
+            Self::Seen => format!("joint errors of {degrees:.2} deg seen"),
+        }
+    }
 }
 
 impl Report {

@@ -1,6 +1,7 @@
 //! The command line: one file per verb, for its arguments and output. The work itself is in the library.
 
 mod airborne;
+mod arguments;
 mod compare;
 mod demo;
 mod discover;
@@ -39,7 +40,7 @@ mod watch;
 use std::ffi::OsString;
 
 use bodyflight_io::diagnostic::{Kind, Problem, Result};
-use clap::{CommandFactory, Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 /// Simulate, estimate and stream human body flight.
 #[derive(Parser)]
@@ -94,7 +95,7 @@ enum Verb {
 /// Runs the verb that the arguments name, and returns the exit code. The first argument is the program's name.
 pub fn main(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     let arguments = terminal::keep_arguments(arguments);
-    let cli = match Cli::try_parse_from(arguments) {
+    let cli = match parsed(arguments) {
         Ok(cli) => cli,
         Err(error) => return terminal::print_usage(&error),
     };
@@ -110,6 +111,16 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> u8 {
             code
         }
     }
+}
+
+/// The command line as shells and the parser see it.
+fn command() -> clap::Command {
+    arguments::with_negative_numbers(Cli::command())
+}
+
+fn parsed(arguments: &[OsString]) -> core::result::Result<Cli, clap::Error> {
+    let matches = command().try_get_matches_from(arguments)?;
+    Cli::from_arg_matches(&matches)
 }
 
 fn run(cli: &Cli) -> Result<()> {
@@ -142,7 +153,7 @@ fn run(cli: &Cli) -> Result<()> {
         Verb::Monitor(args) => monitor::run(args, cli.json),
         Verb::Mvn(args) => mvn::run(args, cli.json),
         Verb::Schema(args) => schema::run(args, cli.json),
-        Verb::Completions(args) => shell::completions(args, Cli::command()),
-        Verb::Man(args) => shell::man(args, Cli::command(), cli.json),
+        Verb::Completions(args) => shell::completions(args, command()),
+        Verb::Man(args) => shell::man(args, command(), cli.json),
     }
 }

@@ -61,6 +61,32 @@ pub fn check<P: AsRef<Path>>(paths: impl IntoIterator<Item = P>, force: bool) ->
     Ok(())
 }
 
+/// The ending of a file's name, one of `known`, in lower case.
+///
+/// # Errors
+/// Returns an error that lists the endings known, since what is in the file would not be what its name says.
+pub fn ending<'a>(path: &Path, known: &[&'a str], what: &str) -> Result<&'a str> {
+    let end = path.extension().unwrap_or_default().to_string_lossy();
+    let is = |one: &&&str| one.eq_ignore_ascii_case(&end);
+    known.iter().find(is).copied().ok_or_else(|| {
+        let found = if end.is_empty() {
+            "no extension".to_owned()
+        } else {
+            format!(".{end}")
+        };
+        let dotted: Vec<String> = known.iter().map(|end| format!(".{end}")).collect();
+        let listed = match dotted.split_last() {
+            Some((last, [])) => last.clone(),
+            Some((last, before)) => format!("{} or {last}", before.join(", ")),
+            None => String::new(),
+        };
+        Problem::bad_input(format!(
+            "expected {what} whose name ends in {listed}, found {found}"
+        ))
+        .in_file(path)
+    })
+}
+
 /// Like [`check`], for files with these names in a folder that is created later if it does not exist.
 ///
 /// # Errors
@@ -123,6 +149,26 @@ mod tests {
         assert!(problem.help.unwrap().contains("--force"));
         check([&path], true).unwrap();
         assert_eq!(std::fs::read(&path).unwrap(), b"old");
+    }
+
+    #[test]
+    fn a_name_ends_as_its_content_is() {
+        let known = ["csv", "npz", "mcap"];
+        assert_eq!(
+            ending(Path::new("a/run.CSV"), &known, "a file").unwrap(),
+            "csv"
+        );
+        for (wrong, found) in [
+            ("run", "no extension"),
+            ("a.csv/run.xyz", ".xyz"),
+            (".csv", "no extension"),
+        ] {
+            let problem = ending(Path::new(wrong), &known, "a file")
+                .unwrap_err()
+                .to_string();
+            let said = format!("a file whose name ends in .csv, .npz or .mcap, found {found}");
+            assert!(problem.ends_with(&said), "{problem}");
+        }
     }
 
     #[test]

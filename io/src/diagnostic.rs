@@ -3,6 +3,7 @@
 //! A [`Problem`] is built where the cause is known best, passed up unchanged and printed once, by `main`.
 
 pub mod choices;
+pub mod shape;
 #[cfg(feature = "toml")]
 mod toml;
 

@@ -13,6 +13,7 @@ use flate2::bufread::MultiGzDecoder;
 use lzma_rust2::XzReader;
 
 use crate::diagnostic::{Problem, Result};
+use crate::file_kind::{self, FileKind};
 
 /// The name for standard input.
 pub const STANDARD_INPUT: &str = "-";
@@ -90,7 +91,7 @@ pub fn file(path: &Path) -> Result<File> {
     let refused = |error| Problem::system("read", path, error);
     let kind = std::fs::metadata(path).map_err(refused)?.file_type();
     if kind.is_dir() {
-        return Err(refused(io::ErrorKind::IsADirectory.into()));
+        return Err(folder(path));
     }
     // Pipes between commands, such as a shell's <(command), have no name in the file system.
     if !kind.is_file() && path.canonicalize().is_ok() {
@@ -103,6 +104,51 @@ pub fn file(path: &Path) -> Result<File> {
     let file = File::open(path).map_err(refused)?;
     claim(path);
     Ok(file)
+}
+
+/// The kind of a file, decompressed if necessary; `None` if it cannot be read or has no known kind.
+pub fn kind(path: &Path) -> Option<FileKind> {
+    // Standard input could be read only once.
+    if path == Path::new(STANDARD_INPUT) || !path.is_file() {
+        return None;
+    }
+    let mut head = Vec::with_capacity(file_kind::HEAD);
+    let mut part = open(path).ok()?.take(file_kind::HEAD as u64);
+    part.read_to_end(&mut head).ok()?;
+    FileKind::of_head(&head)
+}
+
+/// The problem of a folder where a file belongs.
+fn folder(path: &Path) -> Problem {
+    let help = if path.join("flight.toml").is_file() {
+        "it has a flight.toml, so verbs on flights take it, as in bodyflight simulate FOLDER; here, give a file inside it"
+    } else {
+        "give a file inside it"
+    };
+    Problem::bad_input("this is a folder, not a file")
+        .in_file(path)
+        .help(help)
+}
+
+/// The text of a settings file of this kind.
+///
+/// # Errors
+/// Returns an error if it certainly is a file of another kind, and for the reasons given at [`text`].
+pub fn settings(path: &Path, wanted: FileKind) -> Result<String> {
+    let is_settings = |found: &FileKind| {
+        use FileKind::{Flight, Mapping, Model, Preset, Subject, Text};
+        [Flight, Mapping, Model, Preset, Subject, Text].contains(found)
+    };
+    // Whether a kind of settings is the wanted one, only the whole text shows.
+    let found = kind(path).filter(|found| !is_settings(found));
+    if let Some(problem) = wanted.mistaken(found) {
+        return Err(problem.in_file(path));
+    }
+    let text = text(path)?;
+    match wanted.mistaken_text(&text) {
+        Some(problem) => Err(problem.in_file(path)),
+        None => Ok(text),
+    }
 }
 
 /// The text of a settings file.

@@ -13,6 +13,7 @@
 
 pub mod destination;
 pub mod diagnostic;
+pub mod file_kind;
 pub mod files;
 pub mod input;
 pub mod interrupt;

@@ -1,5 +1,7 @@
 //! Text and numbers in the encodings and dialects that spreadsheets write.
 
+use std::borrow::Cow;
+
 /// Text in UTF-16 that begins with a byte-order mark; `None` for anything else. What is not a character becomes U+FFFD.
 ///
 /// ```
@@ -33,6 +35,30 @@ pub fn decimal(text: &str) -> Option<f64> {
     text.parse().ok().or_else(comma)
 }
 
+/// CSV with commas between fields and points in numbers, from a text with semicolons or tabs, and then perhaps decimal
+/// commas.
+///
+/// ```
+/// assert_eq!(&*bodyflight_io::text::with_commas(b"a;b\n1,5;2\n"), b"a,b\n1.5,2\n");
+/// ```
+pub fn with_commas(text: &[u8]) -> Cow<'_, [u8]> {
+    let first = text.split(|byte| *byte == b'\n').next().unwrap_or(text);
+    let count = |wanted: u8| first.iter().filter(|byte| **byte == wanted).count();
+    let delimiter = if count(b';') > count(b',') {
+        b';'
+    } else if count(b'\t') > count(b',') {
+        b'\t'
+    } else {
+        return Cow::Borrowed(text);
+    };
+    let converted = text.iter().map(|byte| match *byte {
+        b',' => b'.',
+        byte if byte == delimiter => b',',
+        byte => byte,
+    });
+    Cow::Owned(converted.collect())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -48,5 +74,12 @@ mod tests {
     #[test]
     fn what_is_no_character_is_replaced() {
         assert_eq!(utf_16(b"\xD8\x00\x00a\x00", true), "\u{FFFD}a");
+    }
+
+    #[test]
+    fn semicolons_and_tabs_become_commas() {
+        assert_eq!(&*with_commas(b"a;b\n1,5;2\n"), b"a,b\n1.5,2\n");
+        assert_eq!(&*with_commas(b"a\tb\n1.5\t2\n"), b"a,b\n1.5,2\n");
+        assert_eq!(&*with_commas(b"a,b\n1.5,2\n"), b"a,b\n1.5,2\n");
     }
 }

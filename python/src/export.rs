@@ -4,6 +4,7 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 
 use bodyflight_io::destination;
+use bodyflight_replay::flight::Flight as Recorded;
 use bodyflight_verbs::export::{self as exports, Format};
 use bodyflight_verbs::fmu as units;
 use pyo3::prelude::*;
@@ -58,7 +59,7 @@ pub(crate) fn fmu(
     library: Option<PathBuf>,
     force: bool,
 ) -> PyResult<Py<PyAny>> {
-    let flight = units::read(&subject).map_err(raise)?;
+    let flight = Recorded::read_person(&subject).map_err(raise)?;
     let library = units::library(library.as_deref()).map_err(raise)?;
     destination::check([&out], force).map_err(raise)?;
     dictionary(py, &units::write(&flight, &library, &out).map_err(raise)?)

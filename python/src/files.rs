@@ -16,6 +16,7 @@ use bodyflight_tracks::{self as track, folder};
 use bodyflight_verbs::fall::{
     Answer, Conditions, DEFAULT_MASS, beside as compared, falls, logbook,
 };
+use bodyflight_verbs::output::bodies::{FRONT, SIDE, TOP, View};
 use bodyflight_verbs::output::figure::Format;
 use bodyflight_verbs::validate::captures::{is_table, judged};
 use bodyflight_verbs::validate::{bundled, read, validate as validated};
@@ -238,14 +239,24 @@ fn name_of(path: &Path) -> String {
     }
 }
 
+/// Views of the bodies by name.
+const VIEWS: [(&str, View); 3] = [("front", FRONT), ("side", SIDE), ("top", TOP)];
+
+fn view_named(name: &String) -> PyResult<View> {
+    let found = VIEWS.iter().find(|(known, _)| known == name);
+    let view = found.map(|(_, view)| *view);
+    view.ok_or_else(|| unknown("view", name, &VIEWS.map(|(name, _)| name)))
+}
+
 /// Draws the figures of a paper into the folder `out`: reconstruction, inputs, path over ground, and a row of bodies. Returns
 /// their paths.
 ///
-/// `preset` is one of the paper's, `formats` are one or several of "svg", "pdf" and "png"; `title` is by default the flight's name.
+/// `preset` is one of the paper's; `views` are one or several of "front", "side" and "top", `formats` of "svg", "pdf" and "png";
+/// `title` is by default the flight's name.
 #[pyfunction]
 #[pyo3(
-    signature = (flight, out, *, preset = "tracking", filter = "reduced", snapshots = 6, formats = Several::One("svg".to_owned()), title = None, force = false, progress = None),
-    text_signature = "(flight, out, *, preset='tracking', filter='reduced', snapshots=6, formats='svg', title=None, force=False, progress=None)"
+    signature = (flight, out, *, preset = "tracking", filter = "reduced", snapshots = 6, views = Several::One("side".to_owned()), formats = Several::One("svg".to_owned()), title = None, force = false, progress = None),
+    text_signature = "(flight, out, *, preset='tracking', filter='reduced', snapshots=6, views='side', formats='svg', title=None, force=False, progress=None)"
 )]
 #[expect(clippy::too_many_arguments, reason = "one for each option")]
 pub(crate) fn figures(
@@ -255,6 +266,7 @@ pub(crate) fn figures(
     preset: &str,
     filter: &str,
     snapshots: usize,
+    views: Several<String>,
     formats: Several<String>,
     title: Option<String>,
     force: bool,
@@ -280,6 +292,11 @@ pub(crate) fn figures(
             _ => return Err(unknown("filter", filter, &["paper", "reduced"])),
         },
         snapshots,
+        views: views
+            .all()
+            .iter()
+            .map(view_named)
+            .collect::<PyResult<_>>()?,
         formats: formats.all().iter().map(format).collect::<PyResult<_>>()?,
     };
     let names = drawn::files(&settings.formats);

@@ -17,6 +17,7 @@ use crate::model_file::Effects;
 use crate::subject::Subject;
 use crate::tolerances::{SuitTable, ToleranceTable, tolerances};
 use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::file_kind::FileKind;
 use bodyflight_io::input;
 use bodyflight_mvnx::recording::Options;
 
@@ -136,7 +137,7 @@ impl Flight {
             .extension()
             .is_some_and(|extension| extension == "toml");
         let flight = if is_toml {
-            Self::parse(&input::text(path)?, path)?
+            Self::parse(&input::settings(path, FileKind::Flight)?, path)?
         } else {
             Self::bare(path)
         };
@@ -144,6 +145,22 @@ impl Flight {
         input::claim(&flight.recording);
         flight.gnss.iter().for_each(|track| input::claim(track));
         Ok(flight)
+    }
+
+    /// Reads a `flight.toml`, the one in a folder, or a `subject.toml` as a flight in still air, for those who need the
+    /// person and the air alone.
+    ///
+    /// # Errors
+    /// Returns an error if the file is neither, or unusable.
+    pub fn read_person(path: &Path) -> Result<Self> {
+        if path.is_dir() || input::kind(path) == Some(FileKind::Flight) {
+            return Self::read(path);
+        }
+        Ok(Self {
+            subject: Subject::read(path)?,
+            has_subject: true,
+            ..Self::bare(path)
+        })
     }
 
     /// Opens the recording. If the flight has a receiver's track, its clock is first aligned with the recording's.
@@ -154,7 +171,8 @@ impl Flight {
         let frames = Frames::open(&self.recording, self.gnss.as_deref(), options)?;
         Ok(frames
             .of_person(&self.subject.body(), self.has_subject)
-            .in_air(self.air_velocity))
+            .in_air(self.air_velocity)
+            .with_inputs(self.inputs.as_ref().and_then(InputHistory::ends)))
     }
 
     /// A recording alone: default subject, still air of [`DEFAULT_DENSITY`].
@@ -181,7 +199,7 @@ impl Flight {
     /// Returns an error if a file is missing or a value cannot be used.
     pub fn parse(text: &str, path: &Path) -> Result<Self> {
         let file: FlightFile =
-            toml::from_str(text).map_err(|error| not_a_flight(&error, text, path))?;
+            toml::from_str(text).map_err(|error| Problem::toml(&error, text, path))?;
         let folder = path.parent().unwrap_or(Path::new(""));
         let at = |field: &str, message: String| {
             Problem::bad_input(message)
@@ -310,20 +328,6 @@ impl AirTable {
             (None, None) => Ok(DensityChoice::Constant(DEFAULT_DENSITY)),
         }
     }
-}
-
-/// The error for a TOML file that is not a flight; a subject is recognised by its keys.
-fn not_a_flight(error: &toml::de::Error, text: &str, path: &Path) -> Problem {
-    let problem = Problem::toml(error, text, path);
-    let is_subject = |table: toml::Table| {
-        let keys = ["height_m", "mass_kg", "sex", "gear", "coefficients"];
-        keys.iter().any(|key| table.contains_key(*key))
-    };
-    if text.parse().is_ok_and(is_subject) {
-        return problem
-            .help("this is a subject; a flight.toml names it: subject = \"subject.toml\"");
-    }
-    problem
 }
 
 #[cfg(test)]

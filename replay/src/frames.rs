@@ -20,7 +20,14 @@ pub struct Frames {
     /// What the recording says against the person of the flight.
     other_person: Option<Warning>,
     support: Support,
+    /// Times of the first and the last row of the known inputs (s), if there are several.
+    inputs: Option<[f64; 2]>,
+    /// Index and time (s) of the first and the last frame read.
+    read: Option<[(u64, f64); 2]>,
 }
+
+/// Time by which inputs may be shorter than a flight (s); a filter's estimates come this late.
+const SHORTER: f64 = 1.0;
 
 impl Frames {
     /// Opens a recording. If there is a receiver's track, its clock is first aligned with the recording's.
@@ -45,6 +52,8 @@ impl Frames {
             alignment,
             other_person: None,
             support: Support::default(),
+            inputs: None,
+            read: None,
         })
     }
 
@@ -60,6 +69,39 @@ impl Frames {
     pub fn in_air(mut self, velocity: [f64; 3]) -> Self {
         self.support = Support::in_air(velocity);
         self
+    }
+
+    /// Says when the known inputs begin and end (s).
+    #[must_use]
+    pub fn with_inputs(mut self, ends: Option<[f64; 2]>) -> Self {
+        // A single row is meant for the whole flight.
+        self.inputs = ends.filter(|[first, last]| first < last);
+        self
+    }
+
+    /// What part of the frames read the known inputs do not cover.
+    fn uncovered(&self) -> Option<Warning> {
+        let ([first, last], [begin, end]) = (self.inputs?, self.read?);
+        let (frame, message) = if last + SHORTER < end.1 {
+            let missing = end.1 - last;
+            (
+                end.0,
+                format!(
+                    "the inputs end at {last:.2} s, {missing:.1} s before the flight; their last row holds from there on"
+                ),
+            )
+        } else if begin.1 + SHORTER < first {
+            let missing = first - begin.1;
+            (
+                begin.0,
+                format!(
+                    "the inputs begin at {first:.2} s, {missing:.1} s after the flight; their first row holds before"
+                ),
+            )
+        } else {
+            return None;
+        };
+        Some(Warning::new(frame, message))
     }
 
     /// Whatever is implausible in the recording itself, see [`Recording::warnings`].
@@ -82,12 +124,13 @@ impl Frames {
         }
     }
 
-    /// Whatever is implausible in the frames read so far, see [`Recording::warnings`], a person of other lengths, and a
-    /// body that does not fall.
+    /// Whatever is implausible in the frames read so far, see [`Recording::warnings`], a person of other lengths, a
+    /// body that does not fall, and inputs that do not cover the flight.
     pub fn warnings(&self) -> Vec<Warning> {
         let mut warnings = self.recording.warnings();
         warnings.extend(self.other_person.clone());
         warnings.extend(self.support.warning());
+        warnings.extend(self.uncovered());
         warnings
     }
 
@@ -112,6 +155,8 @@ impl Iterator for Frames {
         let frame = self.recording.next();
         if let Some(Ok(frame)) = &frame {
             self.support.see(frame);
+            let now = (frame.index, frame.time);
+            self.read = Some([self.read.map_or(now, |[first, _]| first), now]);
         }
         frame
     }

@@ -12,7 +12,9 @@ use serde::{Deserialize, Deserializer};
 
 use bodyflight_io::diagnostic::choices::choices;
 use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::file_kind::FileKind;
 use bodyflight_io::input;
+use bodyflight_io::text::with_commas;
 
 /// Inputs at one time: one row of the file. Columns are identified by name, in any order.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
@@ -223,31 +225,32 @@ impl InputHistory {
     /// # Errors
     /// Same as [`InputHistory::read`].
     pub fn parse(bytes: &[u8], path: &Path) -> Result<Self> {
+        let bytes = with_commas(bytes);
         let mut reader = csv::ReaderBuilder::new()
             .trim(csv::Trim::All)
-            .from_reader(bytes);
-        if let Ok(head) = reader.headers()
-            && let Some(missing) = InputRow::COLUMNS
-                .iter()
-                .find(|name| !head.iter().any(|own| own == **name))
-        {
-            let problem = Problem::bad_input(format!("expected a column {missing}"))
-                .in_file(path)
-                .at_line(1);
-            return Err(match head.iter().any(|own| own.contains([';', '\t'])) {
-                true => problem
-                    .help("columns are separated by commas, and numbers have a decimal point"),
-                false => problem.help(COLUMNS_HELP),
-            });
+            .from_reader(&*bytes);
+        let head = reader.headers().cloned();
+        let head = head.map_err(|error| csv_problem(error, path))?;
+        let has = |name: &str| head.iter().any(|own| own == name);
+        if let Some(missing) = InputRow::COLUMNS.iter().find(|name| !has(name)) {
+            let other = FileKind::Inputs.mistaken(FileKind::of_head(&bytes));
+            return Err(other
+                .unwrap_or_else(|| {
+                    Problem::bad_input(format!("expected a column {missing}"))
+                        .at_line(1)
+                        .help(COLUMNS_HELP)
+                })
+                .in_file(path));
         }
         let mut rows: Vec<InputRow> = Vec::new();
-        for row in reader.deserialize() {
-            let row: InputRow = row.map_err(|error| csv_problem(error, path))?;
-            let problem = |message: String| {
-                Problem::bad_input(message)
-                    .in_file(path)
-                    .at_line(rows.len() as u64 + 2)
-            };
+        for record in reader.records() {
+            let record = record.map_err(|error| csv_problem(error, path))?;
+            let line = record.position().map_or(0, csv::Position::line);
+            let problem = |message: String| Problem::bad_input(message).in_file(path).at_line(line);
+            let row: InputRow = record.deserialize(Some(&head)).map_err(|error| {
+                let (column, message) = row_problem(&error, &head, &record);
+                problem(message).at(format!("column {column}"))
+            })?;
             if !row.time_s.is_finite() || !row.values().iter().all(|v| v.abs() <= 1e3) {
                 return Err(problem("expected finite numbers from -1000 to 1000".into()));
             }
@@ -267,6 +270,12 @@ impl InputHistory {
                 .help(COLUMNS_HELP));
         }
         Ok(Self { rows })
+    }
+
+    /// Times of the first and the last row (s).
+    pub fn ends(&self) -> Option<[f64; 2]> {
+        let (first, last) = (self.rows.first()?, self.rows.last()?);
+        Some([first.time_s, last.time_s])
     }
 
     /// Returns the inputs at `time` (s).
@@ -326,9 +335,44 @@ impl InputHistory {
     }
 }
 
+/// The column that a row cannot be read because of, and why.
+fn row_problem<'a>(
+    error: &csv::Error,
+    head: &'a csv::StringRecord,
+    record: &csv::StringRecord,
+) -> (&'a str, String) {
+    let csv::ErrorKind::Deserialize { err, .. } = error.kind() else {
+        return ("?", error.to_string());
+    };
+    let at = err.field().and_then(|field| usize::try_from(field).ok());
+    // A message of the program's own has no place, but names its value.
+    let Some(at) = at else {
+        return ("muscles", err.kind().to_string());
+    };
+    let found = record.get(at).unwrap_or_default();
+    let column = head.get(at).unwrap_or_default();
+    let message = match err.kind() {
+        csv::DeserializeErrorKind::Message(message) => message.clone(),
+        _ => format!("expected a number, found \"{found}\""),
+    };
+    (column, message)
+}
+
 /// Converts a CSV error, with its line if known.
 fn csv_problem(error: csv::Error, path: &Path) -> Problem {
-    let problem = Problem::bad_input(error.to_string()).in_file(path);
+    let problem = match error.kind() {
+        csv::ErrorKind::UnequalLengths {
+            expected_len, len, ..
+        } => {
+            let message =
+                format!("expected {expected_len} fields as in the line of names, found {len}");
+            Problem::bad_input(message).help(
+                "separate columns by semicolons or tabs if numbers have decimal commas; tables with commas need decimal points",
+            )
+        }
+        _ => Problem::bad_input(error.to_string()),
+    };
+    let problem = problem.in_file(path);
     match (error.position(), error.is_io_error()) {
         (Some(position), false) => problem.at_line(position.line()),
         (None, false) => problem,
@@ -388,6 +432,16 @@ mod tests {
     }
 
     #[test]
+    fn semicolons_and_tabs_separate_columns_too() {
+        let rows = format!("{HEAD}1,0,0,0,3,0.5,6\n");
+        let plain = read(&rows).unwrap();
+        for delimiter in [";", "\t"] {
+            let other = rows.replace(',', delimiter).replace('.', ",");
+            assert_eq!(read(&other).unwrap(), plain, "{other}");
+        }
+    }
+
+    #[test]
     fn rows_state_which_limbs_act() {
         let history = read(
             "time_s,pitch,yaw,roll,damp_pitch,damp_yaw,damp_roll,residual_left_m2,muscles,muscle_forces\n\
@@ -408,7 +462,7 @@ mod tests {
     #[test]
     fn bad_rows_are_named() {
         for (text, part) in [
-            ("", "expected a column time_s"),
+            ("", "this file is empty"),
             (HEAD, "no rows"),
             (
                 &format!("{HEAD}1,0,0,0,0,0,0\n1,0,0,0,0,0,0\n"),
@@ -418,9 +472,20 @@ mod tests {
                 &format!("{HEAD}1,0,NaN,0,0,0,0\n"),
                 "inputs.csv:2: expected finite",
             ),
-            (&format!("{HEAD}1,0,x,0,0,0,0\n"), "inputs.csv:2"),
+            (
+                &format!("{HEAD}1,0,x,0,0,0,0\n"),
+                "inputs.csv:2: column yaw: expected a number, found \"x\"",
+            ),
+            (
+                &format!("{HEAD}1,0,0,5,0,0,0,0\n"),
+                "inputs.csv:2: expected 7 fields as in the line of names, found 8",
+            ),
             ("time_s,yaw\n1,2\n", "inputs.csv:1: expected a column pitch"),
-            (&HEAD.replace(',', ";"), "expected a column time_s"),
+            (&HEAD.replace(',', ";"), "no rows"),
+            (
+                "time_s,north_m,east_m,height_m\n",
+                "this is the track of a logger, not a table of inputs",
+            ),
         ] {
             let problem = read(text).unwrap_err().to_string();
             assert!(problem.contains(part), "{text}: {problem}");

@@ -7,6 +7,7 @@ use bodyflight_core::{Posture, Segment};
 
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::input;
+use bodyflight_io::text::with_commas;
 
 /// Time in which a joint reaches an angle that begins or ends within the flight (s).
 pub const REACH: f64 = 0.2;
@@ -191,10 +192,11 @@ fn span(text: &str) -> Result<[f64; 2]> {
 /// A column of a CSV file in degrees, over its column `time_s`.
 fn curve(path: &Path, column: &str) -> Result<Vec<(f64, f64)>> {
     let text = input::text(path)?;
+    let text = with_commas(text.as_bytes());
     let mut reader = csv::ReaderBuilder::new()
         .trim(csv::Trim::All)
         .comment(Some(b'#'))
-        .from_reader(text.as_bytes());
+        .from_reader(&*text);
     let broken = |error: csv::Error| Problem::bad_input(error.to_string()).in_file(path);
     let head = reader.headers().map_err(broken)?.clone();
     let place = |name: &str| {

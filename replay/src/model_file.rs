@@ -21,6 +21,7 @@ use bodyflight_core::effect::{Effect, Model, PARAMETER_COUNT};
 use serde::Deserialize;
 
 use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::file_kind::FileKind;
 use bodyflight_io::input;
 use load::{LoadTable, is_load};
 
@@ -79,7 +80,7 @@ impl Effects {
     /// # Errors
     /// Returns an error if the file cannot be read, or if an effect, a parameter or a value is invalid.
     pub fn read(path: &Path) -> Result<Self> {
-        let text = input::text(path)?;
+        let text = input::settings(path, FileKind::Model)?;
         Self::parse(&text, path)
     }
 
@@ -107,8 +108,7 @@ impl Effects {
             return Ok(());
         }
         let fields = toml::Value::Table(table.parameters.into_iter().collect());
-        let table = LoadTable::deserialize(fields)
-            .map_err(|error| Problem::bad_input(error.message().to_owned()))?;
+        let table = LoadTable::deserialize(fields).map_err(|error| Problem::toml_value(&error))?;
         self.loads = self
             .loads
             .with(table.load()?)

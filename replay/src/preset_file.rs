@@ -15,6 +15,7 @@ use serde::Deserialize;
 
 use bodyflight_io::diagnostic::choices::choices;
 use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::file_kind::FileKind;
 use bodyflight_io::input;
 
 /// Name of the default preset: the motion filter with the limb groups and damping of the flight.
@@ -97,7 +98,7 @@ impl Tuning {
         if path.extension().is_none() {
             return Err(unknown(name_or_file));
         }
-        let text = input::text(path)?;
+        let text = input::settings(path, FileKind::Preset)?;
         Self::parse(&text, path)
     }
 

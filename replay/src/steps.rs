@@ -20,13 +20,18 @@ use crate::flight::{Flight, Start};
 use crate::frames::Frames;
 use crate::joint_change::{JointChange, changed};
 use bodyflight_io::diagnostic::{Problem, Result};
-use bodyflight_mvnx::recording::{FlightFrame, Options};
+use bodyflight_mvnx::recording::{FlightFrame, Options, faults};
 
 /// Longest sensor delay supported (s).
 const LONGEST_DELAY: f64 = 1.0;
 
-/// Largest component of a velocity that is plausible (m/s).
-const PLAUSIBLE_SPEED: f64 = 1e4;
+/// Largest component of a velocity with which the model can be stepped (m/s).
+const LARGEST_SPEED: f64 = 1e4;
+
+/// Components of velocity (m/s) and angular velocity (rad/s) that no falling body reaches: the fastest falls through thin
+/// air were at 380 m/s, and the fastest spins of bodies in them at 20 rad/s.
+const IMPLAUSIBLE_SPEED: f64 = 400.0;
+const IMPLAUSIBLE_SPIN: f64 = 100.0;
 
 /// One frame of a replay: the recording and the model's response.
 #[derive(Debug, Clone, Copy)]
@@ -69,6 +74,8 @@ struct SideBySide<'a> {
     flight: &'a Flight,
     joints: &'a [JointChange],
     divergence: Divergence,
+    /// When the model first moved as no body does (s), and how.
+    diverged: Option<(f64, Motion<f64>)>,
     start: Step,
     last: Step,
     model: Model<f64>,
@@ -105,6 +112,13 @@ impl<'a> Replay<'a, Frames> {
         let side_by_side =
             SideBySide::new(flight, precision, first, dynamics, joints, Some(start))?;
         Ok(Self::from(frames, read, side_by_side))
+    }
+}
+
+impl Replay<'_, Frames> {
+    /// Why results so far cannot be trusted: faults of the recording, or a simulation that diverged.
+    pub fn doubt(&self) -> Option<String> {
+        faults(&self.frames.warnings()).or_else(|| self.diverged())
     }
 }
 
@@ -183,6 +197,23 @@ impl<'a, F: Iterator<Item = Result<FlightFrame>>> Replay<'a, F> {
         &self.side_by_side.model
     }
 
+    /// Why the simulation so far means nothing, if the model moved as no body does.
+    pub fn diverged(&self) -> Option<String> {
+        let (time, motion) = self.side_by_side.diverged?;
+        let largest = |values: [f64; 3]| {
+            let sizes = values.map(f64::abs);
+            sizes.into_iter().fold(0.0, f64::max)
+        };
+        let (speed, spin) = (
+            largest(motion.velocity.to_array()),
+            largest(motion.angular_velocity.to_array()),
+        );
+        Some(format!(
+            "the simulation diverges: at {time:.3} s the model moves at {speed:.0} m/s and turns at {spin:.0} rad/s, so that \
+             nothing after that means anything"
+        ))
+    }
+
     /// The source of the frames.
     pub const fn frames(&self) -> &F {
         &self.frames
@@ -237,6 +268,7 @@ impl<'a> SideBySide<'a> {
             flight,
             joints,
             divergence: Divergence::default(),
+            diverged: None,
             start,
             last: start,
             model,
@@ -289,14 +321,20 @@ impl<'a> SideBySide<'a> {
         };
         let sensors = &self.model.sensors;
         let seen = Observation::of(&sensors.observe(motion, past, time - self.start.time));
-        let is_plausible = |v: &f64| v.abs() < PLAUSIBLE_SPEED;
+        let within = |values: [f64; 3], most: f64| values.iter().all(|value| value.abs() < most);
+        let velocity = motion.velocity.to_array();
+        let is_plausible = within(velocity, IMPLAUSIBLE_SPEED)
+            && within(motion.angular_velocity.to_array(), IMPLAUSIBLE_SPIN);
+        if !is_plausible {
+            self.diverged.get_or_insert((time, *motion));
+        }
         match self.divergence {
-            _ if motion.velocity.to_array().iter().all(is_plausible) => Ok(seen),
+            _ if within(velocity, LARGEST_SPEED) => Ok(seen),
             Divergence::Held => Ok(self.last.pair.simulated),
             Divergence::Refused => Err(Problem::bad_input(format!(
                 "the simulation diverges at {time:.3} s"
             ))
-            .help("check the damping coefficients and the segment table of the subject")),
+            .help(DIVERGED_HELP)),
         }
     }
 }
@@ -321,6 +359,10 @@ impl<F: Iterator<Item = Result<FlightFrame>>> Iterator for Replay<'_, F> {
         Some(step)
     }
 }
+
+/// What to check after a divergence.
+pub const DIVERGED_HELP: &str =
+    "check the inputs, the damping coefficients and the segment table of the subject";
 
 /// The first two frames, or as many as a smoothed start needs.
 fn first_frames(

@@ -4,7 +4,6 @@ mod file;
 mod segment_table;
 mod units;
 
-use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use bodyflight_core::aerodynamics::load_model::LoadModel;
@@ -17,6 +16,7 @@ use std::collections::BTreeMap;
 
 use bodyflight_io::diagnostic::choices::choices;
 use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::file_kind::FileKind;
 use bodyflight_io::files::write_file;
 use bodyflight_io::input;
 use file::{
@@ -89,14 +89,17 @@ impl Subject {
     /// Returns an error with file, line, field and what was expected if a file is missing or a value is invalid.
     pub fn read(path: &Path) -> Result<Self> {
         let inside = path.join(SUBJECT_FILE);
-        let path = if path.is_dir() { &inside } else { path };
-        let recorded = |end: &OsStr| ["mvnx", "gz", "xz"].iter().any(|known| end == *known);
-        if path.extension().is_some_and(recorded) {
-            return Err(Problem::bad_input("expected a subject.toml, found a recording")
-                .in_file(path)
-                .help("a flight.toml names its subject; `bodyflight synth` and `import` write one"));
-        }
-        let text = input::text(path)?;
+        let path = if path.is_dir() {
+            if !inside.is_file() {
+                return Err(Problem::bad_input("this folder has no subject.toml")
+                    .in_file(path)
+                    .help(FileKind::Subject.got()));
+            }
+            &inside
+        } else {
+            path
+        };
+        let text = input::settings(path, FileKind::Subject)?;
         Self::parse(&text, path)
     }
 

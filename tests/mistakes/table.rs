@@ -69,7 +69,7 @@ fn without_frames(text: String) -> Vec<u8> {
 }
 
 /// Mistakes in files, each with the message that it must produce.
-pub(crate) const FILES: [Mistake; 37] = [
+pub(crate) const FILES: [Mistake; 48] = [
     mistake(
         "misspelt verb",
         Nothing,
@@ -110,7 +110,7 @@ pub(crate) const FILES: [Mistake; 37] = [
         Nothing,
         "simulate @subject.toml",
         2,
-        "this is a subject; a flight.toml names it",
+        "this is a subject, not a flight.toml",
     ),
     mistake(
         "empty file",
@@ -272,6 +272,95 @@ pub(crate) const FILES: [Mistake; 37] = [
         "simulate @flight.toml",
         2,
         "density",
+    ),
+    mistake(
+        "path of Windows between double quotes",
+        Edit(
+            "flight.toml",
+            "\"flight.mvnx\"",
+            "\"C:\\Users\\me\\flight.mvnx\"",
+        ),
+        "simulate @flight.toml",
+        2,
+        "use single quotes or forward slashes: recording = 'C:\\Users\\me\\flight.mvnx'",
+    ),
+    mistake(
+        "list of two numbers instead of three",
+        Edit(
+            "flight.toml",
+            "density = 1.0",
+            "density = 1.0\nvelocity = [0, 60]",
+        ),
+        "simulate @flight.toml",
+        2,
+        "field air.velocity: invalid length 2, expected a list of 3 values",
+    ),
+    mistake(
+        "number for a table",
+        Edit("subject.toml", "[gear]\nhelmet = true", "gear = 1"),
+        "trim @subject.toml",
+        2,
+        "field gear: invalid type: integer `1`, expected a table",
+    ),
+    mistake(
+        "neither of two shapes",
+        Edit(
+            "subject.toml",
+            "[gear]",
+            "[coefficients]\nf_arch = true\n\n[gear]",
+        ),
+        "trim @subject.toml",
+        2,
+        "field coefficients.f_arch: expected \"posture\" or a number",
+    ),
+    mistake(
+        "text for a number in a load",
+        File("m.toml", b"[[effect]]\nforce_n = \"9\"\nalong = \"left\"\n"),
+        "simulate @flight.mvnx --model @m.toml",
+        2,
+        "force_n: invalid type: string \"9\", expected a number",
+    ),
+    mistake(
+        "inputs with semicolons",
+        Edit("inputs.csv", ",", ";"),
+        "simulate @flight.toml",
+        0,
+        "23 frames, 0.1 s of flight",
+    ),
+    mistake(
+        "inputs with commas and decimal commas",
+        Edit("inputs.csv", "0,0,0,0,6,0.5,12", "0,0,0,0,6,0,5,12"),
+        "simulate @flight.toml",
+        2,
+        "expected 7 fields as in the line of names, found 8",
+    ),
+    mistake(
+        "text among the inputs",
+        Edit("inputs.csv", "0.5", "half"),
+        "simulate @flight.toml",
+        2,
+        "column damp_yaw: expected a number, found \"half\"",
+    ),
+    mistake(
+        "track for inputs",
+        File("inputs.csv", b"time_s,north_m,east_m,height_m\n0,0,0,0\n"),
+        "simulate @flight.toml",
+        2,
+        "this is the track of a logger, not a table of inputs",
+    ),
+    mistake(
+        "damping below zero, so that the simulation diverges",
+        Edit("inputs.csv", "6,0.5,12", "-900,-900,-900"),
+        "simulate @flight.toml",
+        5,
+        "the simulation diverges: at 0.",
+    ),
+    mistake(
+        "folder for a recording",
+        Folder("folder"),
+        "inspect @folder @flight.toml",
+        2,
+        "this is a flight.toml, not MVNX",
     ),
     mistake(
         "missing subject",

@@ -1,15 +1,11 @@
 //! The configuration stored on a unit, with which it starts on its own.
 
-use std::path::Path;
 use std::time::Instant;
 
 use bodyflight_core::link::{
     Configure, Message, SegmentTable, Setup, SetupAction, SetupAsk, SetupState, Stored, Verdict,
 };
 use bodyflight_io::diagnostic::{Problem, Result};
-use bodyflight_io::input;
-use bodyflight_replay::flight::Flight;
-use bodyflight_replay::subject::Subject;
 
 use super::log::{greeted, silent};
 use super::stream::connection::Target;
@@ -17,25 +13,6 @@ use super::stream::line::{ANSWER_TIMEOUT, Line};
 
 /// How often a request is sent before the unit is considered silent.
 const ATTEMPTS: u32 = 15;
-
-/// Reads a flight.toml or, if the file names no recording, a subject.toml.
-///
-/// # Errors
-/// Returns an error if the file cannot be read or is not valid.
-pub fn flight_of(path: &Path) -> Result<Flight> {
-    let text = input::text(path)?;
-    let is_flight = text
-        .lines()
-        .any(|line| line.trim_start().starts_with("recording"));
-    if is_flight {
-        return Flight::parse(&text, path);
-    }
-    Ok(Flight {
-        subject: Subject::read(path)?,
-        has_subject: true,
-        ..Flight::bare(path)
-    })
-}
 
 /// Sends a configuration to a unit and has it stored.
 ///

@@ -13,6 +13,7 @@ use bodyflight_discovery::progress::Progress;
 use bodyflight_discovery::{Settings, discover};
 
 use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::file_kind::FileKind;
 use bodyflight_io::input;
 use bodyflight_mvnx::recording::{FlightFrame, Options};
 use bodyflight_replay::flight::Flight;
@@ -44,7 +45,9 @@ pub fn read_track(flight: &Flight, options: Options) -> Result<RecordedFlight> {
 /// # Errors
 /// Returns an error that names the verb for tracks.
 pub fn refuse_track(recording: &Path) -> Result<()> {
-    if !is_track(recording) {
+    // A table of something else than a track is named by the reader of recordings.
+    let is_other = input::kind(recording).is_some_and(|kind| kind != FileKind::Track);
+    if !is_track(recording) || is_other {
         return Ok(());
     }
     Err(Problem::bad_input(

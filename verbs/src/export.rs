@@ -23,7 +23,7 @@ use bodyflight_export::columns::csv::CsvTable;
 use bodyflight_export::columns::quantity::{Quantity, Sink};
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::interrupt;
-use bodyflight_mvnx::recording::{Options, faults};
+use bodyflight_mvnx::recording::Options;
 use bodyflight_replay::Precision;
 use bodyflight_replay::flight::Flight;
 use bodyflight_replay::preset_file::{AUTO, Tuning};
@@ -117,7 +117,8 @@ pub fn export(
         columns: row.len(),
         duration_s: end - start.time,
         bytes: size.len(),
-        doubt: faults(&replay.frames().warnings())
+        doubt: replay
+            .doubt()
             .or_else(|| estimation.and_then(|found| found.report.doubt)),
     })
 }

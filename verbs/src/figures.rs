@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use bodyflight_core::estimator::preset::Preset;
 
 use crate::estimate::input_panels;
+use crate::output::bodies::View;
 use crate::output::figure::{Format, write_figure};
 use crate::output::plot::{ESTIMATED, Panel, figure_svg, measured_curve, row_svg, simulated_curve};
 use crate::view::run::fly_series;
@@ -43,8 +44,10 @@ pub struct Settings {
     pub preset: &'static Preset,
     /// The filter to use.
     pub filter: Filter,
-    /// Number of bodies in the row of snapshots.
+    /// Number of bodies in a row of snapshots.
     pub snapshots: usize,
+    /// Views of the snapshots, a row for each.
+    pub views: Vec<View>,
     /// Formats in which to write each figure.
     pub formats: Vec<Format>,
 }
@@ -96,7 +99,13 @@ pub fn write(
         (TOP_VIEW, top_view::svg(title, &series)?),
         (
             SNAPSHOTS,
-            snapshots::svg(title, &shapes(&flight.subject), &series, settings.snapshots),
+            snapshots::svg(
+                title,
+                &shapes(&flight.subject),
+                &series,
+                settings.snapshots,
+                &settings.views,
+            ),
         ),
     ];
     std::fs::create_dir_all(folder).map_err(|error| Problem::system("create", folder, error))?;

@@ -13,9 +13,8 @@ use sha2::{Digest, Sha256};
 
 use self::archive::archive;
 use bodyflight_io::diagnostic::{Problem, Result};
-use bodyflight_io::input;
 use bodyflight_replay::flight::{DensityChoice, Flight};
-use bodyflight_replay::subject::{SEGMENTS_FILE, Subject};
+use bodyflight_replay::subject::SEGMENTS_FILE;
 
 /// Name of the library in the unit, without its extension; FMI calls it the model's identifier.
 const IDENTIFIER: &str = "bodyflight";
@@ -36,25 +35,6 @@ pub struct Report {
     pub variables: usize,
     /// Size of the file (bytes).
     pub bytes: u64,
-}
-
-/// Reads a `flight.toml`, or a `subject.toml` as a flight in still air.
-///
-/// # Errors
-/// Returns an error if the file is neither, or unusable.
-pub fn read(path: &Path) -> Result<Flight> {
-    let is_flight = path.is_dir() || {
-        let table: Option<toml::Table> = input::text(path)?.parse().ok();
-        table.is_none_or(|table| table.contains_key("recording"))
-    };
-    if is_flight {
-        return Flight::read(path);
-    }
-    Ok(Flight {
-        subject: Subject::read(path)?,
-        has_subject: true,
-        ..Flight::bare(Path::new("none.mvnx"))
-    })
 }
 
 /// Finds the library of units: as given, from the environment, or beside the program.

@@ -48,16 +48,25 @@ pub struct Report {
 /// Parts of a report that are not flights.
 pub const PARTS: [&str; 3] = ["poses", "oscillation-map", "sensitivity"];
 
+/// Names of all experiments and other parts.
+pub fn names() -> impl Iterator<Item = &'static str> {
+    EXPERIMENTS.iter().map(|e| e.name).chain(PARTS)
+}
+
+/// Whether an experiment or part is asked for: if none is named, all are.
+pub fn is_wanted(what: &[String], name: &str) -> bool {
+    what.is_empty() || what.iter().any(|asked| asked == name)
+}
+
 /// Flies and reconstructs the named experiments, or all if none is named, and writes `report.md`, figures and flights
-/// into `folder`. `progress` is called once for each experiment.
+/// into `folder`. `progress` is called once for each experiment and part that is wanted.
 ///
 /// # Errors
 /// Returns an error if a name is unknown, or the folder cannot be written to.
 pub fn reproduce(what: &[String], folder: &Path, progress: &(dyn Fn() + Sync)) -> Result<Report> {
-    let wanted = |name: &str| what.is_empty() || what.iter().any(|asked| asked == name);
-    let known = || EXPERIMENTS.iter().map(|e| e.name).chain(PARTS);
-    if let Some(unknown) = what.iter().find(|asked| known().all(|name| name != *asked)) {
-        return Err(Problem::unknown("experiment", unknown, known()));
+    let wanted = |name: &str| is_wanted(what, name);
+    if let Some(unknown) = what.iter().find(|asked| names().all(|name| name != *asked)) {
+        return Err(Problem::unknown("experiment", unknown, names()));
     }
     std::fs::create_dir_all(folder).map_err(|error| Problem::system("create", folder, error))?;
     let outcomes = EXPERIMENTS
@@ -81,8 +90,13 @@ pub fn reproduce(what: &[String], folder: &Path, progress: &(dyn Fn() + Sync)) -
 
 /// Computes the parts that are not flights.
 fn parts(wanted: impl Fn(&str) -> bool, folder: &Path, progress: &dyn Fn()) -> Result<Parts> {
+    let done = |part: &str| {
+        if wanted(part) {
+            progress();
+        }
+    };
     let poses = wanted("poses").then(poses::table).transpose()?;
-    progress();
+    done("poses");
     let map = wanted("oscillation-map");
     if map {
         let dynamics = Flight::bare(Path::new("")).dynamics(0.0);
@@ -91,9 +105,9 @@ fn parts(wanted: impl Fn(&str) -> bool, folder: &Path, progress: &dyn Fn()) -> R
             bifurcation::svg(&dynamics)?.as_bytes(),
         )?;
     }
-    progress();
+    done("oscillation-map");
     let sensitivity = wanted("sensitivity").then(|| vary(folder)).transpose()?;
-    progress();
+    done("sensitivity");
     Ok(Parts {
         poses,
         map,
@@ -127,7 +141,7 @@ fn vary(folder: &Path) -> Result<sensitivity::Report> {
     let flight = Flight::read(&flown.flight)?;
     let preset = preset("turning-experienced")?;
     let found = sensitivity(&flight, 0.3, Some(preset), Options::default(), &mut || {})?;
-    let svg = found.svg("Turns in free fall, each parameter 30 % less and more")?;
+    let svg = found.svg("Turns in free fall, each parameter 30 % less and more");
     write_file(&folder.join("sensitivity.svg"), svg.as_bytes())?;
     Ok(found)
 }

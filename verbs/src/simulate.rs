@@ -12,12 +12,12 @@ use serde::Serialize;
 use bodyflight_io::diagnostic::Result;
 use bodyflight_io::files::CsvFile;
 use bodyflight_io::interrupt;
-use bodyflight_mvnx::recording::{Options, Quality, Warning};
+use bodyflight_mvnx::recording::{Options, Quality, Warning, faults};
 use bodyflight_replay::Precision;
 use bodyflight_replay::comparison::{Channel, Comparison, PerChannel};
 use bodyflight_replay::flight::{Flight, Start};
 use bodyflight_replay::gnss::Alignment;
-use bodyflight_replay::steps::{Replay, Step};
+use bodyflight_replay::steps::{Divergence, Replay, Step};
 
 /// The result of a simulation.
 #[derive(Debug, Clone, Serialize)]
@@ -41,6 +41,15 @@ pub struct Report {
     pub gnss: Option<Alignment>,
     /// Values that are implausible for a flight.
     pub warnings: Vec<Warning>,
+    /// Why the simulation means nothing, if it diverges.
+    pub diverged: Option<String>,
+}
+
+impl Report {
+    /// Why the result cannot be trusted.
+    pub fn doubt(&self) -> Option<String> {
+        faults(&self.warnings).or_else(|| self.diverged.clone())
+    }
 }
 
 /// A simulation, with the data for plots.
@@ -59,7 +68,7 @@ pub struct Simulation {
 /// `each` is called with every step; `progress` with the time reached (s).
 ///
 /// # Errors
-/// Returns an error if a file is unusable, there are fewer than two frames, or the simulation diverges.
+/// Returns an error if a file is unusable, or if there are fewer than two frames.
 pub fn simulate(
     flight: &Flight,
     options: Options,
@@ -68,7 +77,9 @@ pub fn simulate(
     progress: &mut dyn FnMut(f64),
 ) -> Result<Simulation> {
     let begin = Instant::now();
-    let mut replay = Replay::open(flight, options, precision)?;
+    // A simulation that diverges is a result here, with a doubt.
+    let replay = Replay::open(flight, options, precision)?;
+    let mut replay = replay.on_divergence(Divergence::Held);
     let mut comparison = Comparison::default();
     let mut end = replay.start().time;
     for step in replay.by_ref() {
@@ -96,6 +107,7 @@ pub fn simulate(
             start: flight.start,
             gnss: replay.frames().alignment(),
             warnings: replay.frames().warnings(),
+            diverged: replay.diverged(),
         },
         comparison,
         quality,

@@ -230,7 +230,9 @@ fn doubts_of(
         .iter()
         .any(|found| found.state != State::BelowErrors)
     {
-        doubts.push("cannot tell: no movement is above what joint errors make".to_owned());
+        doubts.push(
+            "cannot tell: no movement is above what the assumed joint errors make".to_owned(),
+        );
     }
     doubts
 }

@@ -10,6 +10,7 @@ use serde::Deserialize;
 
 use crate::axes::{BodyAxes, WorldAxes, is_right_handed};
 use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::file_kind::FileKind;
 use bodyflight_io::input;
 
 /// The kind of data that the source has for a segment.
@@ -198,7 +199,10 @@ pub struct Position {
 
 /// A point, or the midpoint of several.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
-#[serde(untagged)]
+#[serde(
+    untagged,
+    expecting = "expected the name of a point or a list of names"
+)]
 pub enum Point {
     /// One point.
     One(String),
@@ -275,7 +279,7 @@ impl Mapping {
     /// # Errors
     /// Returns an error if the file cannot be read or is not a valid mapping.
     pub fn read(path: &Path) -> Result<Self> {
-        let text = input::text(path)?;
+        let text = input::settings(path, FileKind::Mapping)?;
         Self::parse(&text, path)
     }
 

@@ -16,6 +16,7 @@ use crate::timing::Timing;
 use crate::tree::Tree;
 use crate::{bvh, names};
 use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::file_kind::FileKind;
 use bodyflight_io::input;
 
 /// Plausible lengths of a person's thigh (m).
@@ -269,6 +270,19 @@ impl Source {
 /// A file that no system claims: BVH, or a table if the mapping says so.
 fn unknown(bytes: Vec<u8>, file: &Path, mapping: Option<&Mapping>) -> Result<Content> {
     let in_file = |problem: Problem| problem.in_file(file);
+    if mapping.is_none() {
+        let found = FileKind::of_head(&bytes);
+        let other = [
+            FileKind::Track,
+            FileKind::Inputs,
+            FileKind::Text,
+            FileKind::Json,
+        ];
+        let found = found.filter(|found| other.contains(found));
+        if let Some(problem) = FileKind::Motion.mistaken(found) {
+            return Err(in_file(problem));
+        }
+    }
     let motion = if mapping.is_none_or(|mapping| mapping.kind == Kind::Bvh) {
         systems::Motion::Joints(bvh::parse(&bytes).map_err(in_file)?)
     } else {

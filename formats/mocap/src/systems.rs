@@ -8,6 +8,7 @@ use crate::table::Table;
 use crate::tree::Tree;
 use crate::{acclaim, c3d, movella, nexus, opensense, sensors, smpl, workbook};
 use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::file_kind::FileKind;
 use bodyflight_io::{input, text};
 
 /// What a file holds.
@@ -153,6 +154,18 @@ fn refused(bytes: &[u8]) -> Option<Problem> {
     Some(Problem::bad_input(format!("this is {name}, which is not supported")).help(*instead))
 }
 
+/// The problem of a file that certainly is no motion. Tables may be, whatever their columns, as a mapping says.
+fn another(bytes: &[u8]) -> Option<Problem> {
+    use FileKind::{
+        Empty, Flight, Mapping, Model, Pdf, Picture, Preset, Recording, Subject, WebPage,
+    };
+    let kinds = [
+        Empty, Flight, Mapping, Model, Pdf, Picture, Preset, Recording, Subject, WebPage,
+    ];
+    let found = FileKind::of_head(bytes).filter(|found| kinds.contains(found));
+    FileKind::Motion.mistaken(found)
+}
+
 fn of_archive(bytes: &[u8]) -> Result<Content> {
     let archive = Archive::read(bytes)?;
     if workbook::is_workbook(&archive) {
@@ -221,7 +234,7 @@ pub(crate) fn read(path: &Path) -> Result<core::result::Result<Content, Vec<u8>>
 /// Same as [`read`].
 pub(crate) fn parse(bytes: Vec<u8>, path: &Path) -> Result<core::result::Result<Content, Vec<u8>>> {
     let bytes = utf_8(bytes);
-    if let Some(problem) = refused(&bytes) {
+    if let Some(problem) = refused(&bytes).or_else(|| another(&bytes)) {
         return Err(problem.in_file(path));
     }
     match SYSTEMS.iter().find(|system| (system.is)(&bytes)) {

@@ -1,4 +1,4 @@
-//! The duration of a recording, from its first and last frames without reading the rest; used for progress only.
+//! The times of a recording, from its first and last frames without reading the rest; used for progress only.
 
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -7,9 +7,9 @@ use std::path::Path;
 /// Bytes read at each end of the file: a frame with all fields takes 10 kB.
 const LOOKED_AT: usize = 1 << 18;
 
-/// Time from the first frame to the last (s); `None` for standard input, compressed files, and files without a frame
-/// near the end.
-pub fn length(recording: &Path) -> Option<f64> {
+/// Times of the first and the last frame (s since frame 0); `None` for standard input, compressed files, and files without
+/// a frame near the end.
+pub fn span(recording: &Path) -> Option<[f64; 2]> {
     let mut file = File::open(recording).ok()?;
     if !file.metadata().ok()?.is_file() {
         return None;
@@ -26,7 +26,7 @@ pub fn length(recording: &Path) -> Option<f64> {
     of_ends(&at(0)?, &at(size - looked_at)?)
 }
 
-fn of_ends(head: &str, tail: &str) -> Option<f64> {
+fn of_ends(head: &str, tail: &str) -> Option<[f64; 2]> {
     let rate = number_of(head, "frameRate")?;
     let (_, last) = tail.rsplit_once("<frame ")?;
     let last = number_of(last, "index")?;
@@ -35,8 +35,9 @@ fn of_ends(head: &str, tail: &str) -> Option<f64> {
         .skip(1)
         .find(|frame| attribute(frame, "type") == Some("normal"))
         .and_then(|frame| number_of(frame, "index"));
-    let length = (last - first.unwrap_or(0.0)) / rate;
-    (length.is_finite() && length > 0.0).then_some(length)
+    let span = [first.unwrap_or(0.0) / rate, last / rate];
+    let is_some = span[0].is_finite() && span[1].is_finite() && span[1] > span[0];
+    is_some.then_some(span)
 }
 
 /// A number from the first tag that has the attribute.
@@ -60,8 +61,9 @@ mod tests {
     fn both_ends_of_a_file_give_its_duration() {
         let tail =
             "1 2 3</position></frame><frame time=\"9\" index=\"744\" type=\"normal\"><position>";
-        let length = of_ends(HEAD, tail).unwrap();
-        assert!((length - 3.0).abs() < 1e-12, "{length}");
+        let [first, last] = of_ends(HEAD, tail).unwrap();
+        assert!((first - 0.1).abs() < 1e-12, "{first}");
+        assert!((last - 3.1).abs() < 1e-12, "{last}");
     }
 
     #[test]
@@ -69,7 +71,7 @@ mod tests {
         assert_eq!(of_ends(HEAD, "no frame"), None);
         assert_eq!(of_ends("", "<frame index=\"7\">"), None);
         assert_eq!(of_ends(HEAD, "<frame index=\"3\">"), None);
-        assert_eq!(length(Path::new("nowhere.mvnx")), None);
-        assert_eq!(length(Path::new("/dev/null")), None);
+        assert_eq!(span(Path::new("nowhere.mvnx")), None);
+        assert_eq!(span(Path::new("/dev/null")), None);
     }
 }

@@ -3,13 +3,14 @@
 use std::io::{self, BufRead, Chain, Cursor, Read};
 
 use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::file_kind::FileKind;
 
 /// Longest single XML event (bytes); the longest of a recording, 92 numbers, is below 2 KiB.
 const EVENT_LIMIT: usize = 1 << 20;
 /// Most bytes passed to the parser at once, so that the limit also holds for inputs that are entirely in memory.
 const CHUNK: usize = 1 << 16;
 /// Bytes examined to recognise files that are not XML.
-const HEAD: usize = 64;
+const HEAD: usize = 2048;
 
 /// A buffered input whose first bytes were examined and put back.
 pub(super) type Sniffed<R> = Chain<Cursor<Vec<u8>>, R>;
@@ -29,46 +30,6 @@ pub(super) fn sniff<R: BufRead>(
     })
 }
 
-/// A file type for which there is another verb.
-struct Other {
-    /// What its text starts with.
-    marks: &'static [&'static [u8]],
-    /// Number of bytes before the mark.
-    after: usize,
-    is: &'static str,
-    give: &'static str,
-}
-
-impl Other {
-    fn begins(&self, head: &[u8], text: &[u8]) -> bool {
-        let text = if self.after > 0 { head } else { text };
-        let text = text.get(self.after..).unwrap_or_default();
-        self.marks.iter().any(|mark| text.starts_with(mark))
-    }
-}
-
-const OTHERS: [Other; 3] = [
-    Other {
-        marks: &[b"HIERARCHY"],
-        after: 0,
-        is: "this is a BVH file, not MVNX",
-        give: "convert it to a recording: bodyflight import FILE --out FOLDER",
-    },
-    Other {
-        marks: &[b"$FLYS", b"time,lat,lon"],
-        after: 0,
-        is: "this is the track of a FlySight, which has no postures",
-        give: "see what it says about the jump: bodyflight fall FILE; or name it as gnss in a flight.toml",
-    },
-    Other {
-        // The first byte says where the parameters start.
-        marks: &[b"\x50"],
-        after: 1,
-        is: "this is a C3D file, not MVNX",
-        give: "convert its points to a recording: bodyflight import FILE --mapping MAPPING.toml --out FOLDER",
-    },
-];
-
 /// Identifies content by its first bytes, `None` for text that may be XML.
 fn foreign_content(head: &[u8], is_container: bool) -> Option<Problem> {
     const UNPACK: &str = "unpack it and give the .mvnx file inside";
@@ -78,9 +39,7 @@ fn foreign_content(head: &[u8], is_container: bool) -> Option<Problem> {
     let container = head.starts_with(&[0x42, 0x00, 0x42, 0x00]) || is_container;
     let text = head.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(head);
     let first = text.iter().find(|byte| !byte.is_ascii_whitespace());
-    if head.is_empty() {
-        problem("this file is empty", "export the recording again")
-    } else if container && first != Some(&b'<') {
+    if container && first != Some(&b'<') {
         problem(
             "this is the proprietary .mvn container, which only MVN can read",
             "open it in MVN and export it as .mvnx",
@@ -100,17 +59,15 @@ fn foreign_content(head: &[u8], is_container: bool) -> Option<Problem> {
             "this is a Git LFS pointer, not the recording itself",
             "fetch the content with `git lfs pull`",
         )
-    } else if first != Some(&b'<') {
-        let other = OTHERS.iter().find(|other| other.begins(head, text));
-        if let Some(Other { is, give, .. }) = other {
-            return problem(is, give);
-        }
-        problem(
-            "this is not an XML file: it does not begin with `<`",
-            "give a recording exported from MVN as .mvnx",
-        )
     } else {
-        None
+        let other = FileKind::Recording.mistaken(FileKind::of_head(head));
+        other.or_else(|| match first {
+            Some(b'<') => None,
+            _ => problem(
+                "this is not an XML file: it does not begin with `<`",
+                FileKind::Recording.got(),
+            ),
+        })
     }
 }
 

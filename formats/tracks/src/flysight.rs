@@ -19,6 +19,7 @@ use bodyflight_falls::Sample;
 use bodyflight_falls::channels::Given;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::input;
+use bodyflight_io::text::with_commas;
 
 use crate::points::{Flat, in_order};
 use crate::text;
@@ -91,7 +92,7 @@ impl Track {
     /// Same as [`Track::read`].
     pub fn parse(bytes: &[u8], path: &Path) -> Result<Self> {
         let text = text::plain(bytes);
-        let tables = Tables::parse(&text::with_commas(&text));
+        let tables = Tables::parse(&with_commas(&text));
         let mut skipped = tables.skipped.clone();
         let (mut rows, mut without_fix) = (Vec::new(), 0);
         let mut flat = Flat::default();

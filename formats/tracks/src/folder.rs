@@ -35,6 +35,13 @@ pub fn tracks(path: &Path) -> Result<Vec<PathBuf>> {
     if !path.is_dir() {
         return Ok(vec![path.to_path_buf()]);
     }
+    if path.join("flight.toml").is_file() {
+        return Err(
+            Problem::bad_input("this is the folder of a flight, not of tracks")
+                .in_file(path)
+                .help("compare it with the model: bodyflight simulate FOLDER"),
+        );
+    }
     let mut found = Vec::new();
     search(path, 0, &mut found)?;
     if found.is_empty() {

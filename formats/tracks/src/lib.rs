@@ -21,7 +21,9 @@ mod xml;
 use std::path::Path;
 
 use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::file_kind::FileKind;
 use bodyflight_io::input;
+use bodyflight_io::text::with_commas;
 
 pub use points::date;
 pub use track::{InertialSample, Track};
@@ -66,6 +68,10 @@ fn recognised(bytes: &[u8], path: &Path) -> Result<Track> {
         );
     }
     let text = text::plain(bytes);
+    let found = FileKind::of_head(&text).filter(|kind| !matches!(kind, FileKind::Text));
+    if let Some(problem) = FileKind::Track.mistaken(found) {
+        return Err(problem);
+    }
     if text.starts_with(b"<") {
         return in_xml(&text);
     }
@@ -78,9 +84,13 @@ fn recognised(bytes: &[u8], path: &Path) -> Result<Track> {
     if tes::is_tes(bytes) {
         return tes::read(bytes);
     }
-    let text = text::with_commas(&text);
+    let text = with_commas(&text);
     if flysight::is_flysight_text(&text) {
         return flysight::track(&text, path);
+    }
+    // Text of one column is no table; formats that look so were read above.
+    if let Some(problem) = FileKind::Track.mistaken(FileKind::of_head(&text)) {
+        return Err(problem);
     }
     plain::read(&text)
 }
@@ -92,10 +102,6 @@ const HEAD: usize = 2048;
 fn in_xml(text: &[u8]) -> Result<Track> {
     let head = String::from_utf8_lossy(&text[..text.len().min(HEAD)]);
     let is = |root: &str| head.contains(&format!("<{root}"));
-    if is("mvnx") {
-        return Err(Problem::bad_input("this is an MVNX recording, not a track")
-            .help("compare it with the model: bodyflight simulate FILE"));
-    }
     if is("gpx") {
         return gpx::read(text);
     }

@@ -29,26 +29,6 @@ pub(crate) fn plain(bytes: &[u8]) -> Cow<'_, [u8]> {
     Cow::Borrowed(start.map_or(&[][..], |start| &text[start..]))
 }
 
-/// CSV with commas between fields and points in numbers, from a text with semicolons or tabs, and then perhaps decimal
-/// commas.
-pub(crate) fn with_commas(text: &[u8]) -> Cow<'_, [u8]> {
-    let first = text.split(|byte| *byte == b'\n').next().unwrap_or(text);
-    let count = |wanted: u8| first.iter().filter(|byte| **byte == wanted).count();
-    let delimiter = if count(b';') > count(b',') {
-        b';'
-    } else if count(b'\t') > count(b',') {
-        b'\t'
-    } else {
-        return Cow::Borrowed(text);
-    };
-    let converted = text.iter().map(|byte| match *byte {
-        b',' => b'.',
-        byte if byte == delimiter => b',',
-        byte => byte,
-    });
-    Cow::Owned(converted.collect())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -67,12 +47,5 @@ mod tests {
         ] {
             assert_eq!(&*plain(&bytes), text.as_bytes());
         }
-    }
-
-    #[test]
-    fn semicolons_and_tabs_become_commas() {
-        assert_eq!(&*with_commas(b"a;b\n1,5;2\n"), b"a,b\n1.5,2\n");
-        assert_eq!(&*with_commas(b"a\tb\n1.5\t2\n"), b"a,b\n1.5,2\n");
-        assert_eq!(&*with_commas(b"a,b\n1.5,2\n"), b"a,b\n1.5,2\n");
     }
 }

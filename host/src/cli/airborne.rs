@@ -160,7 +160,7 @@ fn print(report: &Report) {
                 Some(percent) => format!("{:.2} kg m2/s, {percent:.0} %", momentum.drift_nms),
                 None => format!("{:.2} kg m2/s", momentum.drift_nms),
             },
-            errors.collect::<Vec<_>>().join(", "),
+            errors.collect::<Vec<_>>().join("; "),
         ]);
     }
     terminal::print(&table.to_string());

@@ -13,6 +13,7 @@ use bodyflight_verbs::compare::{
 
 use bodyflight_verbs::view::page::{PageData, Provenance, html};
 
+use super::arguments::window;
 use super::outputs::{Outputs, Plot};
 use super::several::{file_of, name_of, output_of};
 use super::simulate::Reading;
@@ -47,10 +48,10 @@ pub(super) struct Args {
     )]
     align: Align,
     /// Compare from this time of A on (s since frame 0).
-    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    #[arg(long, value_name = "S")]
     from: Option<f64>,
     /// Compare up to this time of A (s since frame 0).
-    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    #[arg(long, value_name = "S")]
     to: Option<f64>,
     /// Write channels and joint angles of both flights over time as CSV.
     #[arg(long, value_name = "CSV")]
@@ -70,6 +71,7 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
+    window(args.from, args.to)?;
     let read = |path: &PathBuf| Ok((name_of(path), Flight::read(path)?));
     let first = read(&args.first)?;
     let others = args.others.iter().map(read).collect::<Result<Vec<_>>>()?;
@@ -80,7 +82,8 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         plots.push(args.plot.of(path, &args.others)?);
     }
     for ((out, page), plot) in outs.iter().zip(&pages).zip(&plots) {
-        args.outputs.check_with([out, page], plot)?;
+        args.outputs.check_with([out], plot)?;
+        args.outputs.check_as(page.as_deref(), "html")?;
     }
     let a = track(&first, args)?;
     terminal::note_assumed_subject(&a.flight);

@@ -189,7 +189,7 @@ fn print_adjustments(report: &Report) {
             .map(|(turn, error)| format!("{turn:.1} +- {error:.1}"))
             .collect();
         terminal::print(&format!(
-            "  joint of {}: off by {} degrees about x, y, z",
+            "  joint of {}: seen off by {} degrees about x, y, z",
             joint.segment,
             turns.join(", ")
         ));
@@ -201,8 +201,8 @@ fn print_errors(report: &Report) {
     for (index, errors) in report.errors.iter().enumerate() {
         let [attitude, spin, horizontal, vertical] = errors.sensors;
         terminal::print(&format!(
-            "flight {}: sensors {attitude:.4} rad, {spin:.3} rad/s, {horizontal:.2} and {vertical:.2} m/s; joints off by \
-             {:.1} degrees, wandering by {:.1}, {:.0} % of the bend; misfit {:.2} relative to these errors",
+            "errors seen in flight {}: sensors {attitude:.4} rad, {spin:.3} rad/s, {horizontal:.2} and {vertical:.2} m/s; \
+             joints {:.1} degrees, wandering by {:.1}, {:.0} % of the bend; misfit {:.2} relative to these errors",
             index + 1,
             errors.joint_calibration_deg,
             errors.joint_wander_deg,

@@ -18,6 +18,7 @@ use bodyflight_replay::preset_file::{AUTO, SIGMA_POINTS, Tuning};
 use bodyflight_verbs::estimate::svg;
 use serde::Serialize;
 
+use super::arguments::{Names, at_least_one, within};
 use super::outputs::{Outputs, Plot};
 use super::several::{each, output_of};
 use super::simulate::{PrecisionName, Reading};
@@ -33,7 +34,7 @@ pub(super) struct Args {
     /// A built-in preset or a preset.toml: which quantities are measured, and how the filter is tuned. "auto" measures
     /// everything that the recording contains, with the limbs and the damping of the flight; "sigma-points" is the same
     /// with derivatives over the spread of the state.
-    #[arg(long, default_value = AUTO)]
+    #[arg(long, default_value = AUTO, value_parser = Names(presets), hide_possible_values = true)]
     preset: String,
     /// List the built-in presets.
     #[arg(long)]
@@ -125,6 +126,21 @@ impl FilterName {
     }
 }
 
+/// Joint errors that `--joint-error-deg` takes (degrees).
+const JOINT_ERRORS: [f64; 2] = [0.01, 45.0];
+
+/// Names of the presets over windows.
+pub(super) fn window_presets() -> Vec<&'static str> {
+    PRESETS.iter().map(|preset| preset.name).collect()
+}
+
+/// Names of all presets.
+pub(super) fn presets() -> Vec<&'static str> {
+    let mut names = vec![AUTO, SIGMA_POINTS];
+    names.extend(window_presets());
+    names
+}
+
 /// A row of the list of presets.
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
@@ -156,13 +172,17 @@ fn list_presets(json: bool) -> Result<()> {
     if json {
         return terminal::print_plain_json(&listed);
     }
-    let mut table = terminal::table(&["preset", "limbs", "late", "measures"]);
+    let mut table = terminal::table(&["preset", "limbs", "late", "measures"]).spare(&[2]);
     for row in &listed {
         table.add_row([
             row.name.to_owned(),
             row.limbs.to_owned(),
             format!("{:.2} s", row.late_s),
-            row.measures.join(" "),
+            if row.measures == NAMES {
+                "everything that the recording has".to_owned()
+            } else {
+                row.measures.join(" ")
+            },
         ]);
     }
     terminal::print(&table.to_string());
@@ -291,6 +311,22 @@ impl Args {
                     "expected --process-noise, --measurement-noise and --start-variance above 0, found {factor}"
                 )));
             }
+        }
+        for (option, window) in [
+            ("solution-window", self.solution_window),
+            ("prediction-window", self.prediction_window),
+        ] {
+            if let Some(window) = window {
+                at_least_one(option, window as u64)?;
+            }
+        }
+        if let Some(degrees) = self.joint_error_deg {
+            within(
+                "joint-error-deg",
+                f64::from(degrees),
+                JOINT_ERRORS,
+                "degrees",
+            )?;
         }
         match &mut tuning {
             Tuning::Motion {

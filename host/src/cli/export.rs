@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use bodyflight_estimation::motion::Method;
+use bodyflight_io::destination::ending;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_replay::flight::Flight;
 use bodyflight_replay::model_file::Effects;
@@ -11,7 +12,7 @@ use bodyflight_verbs::export::{Format, Report, export};
 use super::outputs::Outputs;
 use super::several::name_of;
 use super::simulate::Reading;
-use super::terminal;
+use super::terminal::{self, FlightBar};
 
 /// Write every frame of a flight and its simulation for other programs: poses, velocities, joint angles and loads of
 /// each segment.
@@ -77,7 +78,10 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         FormatName::Npz => Format::Npz,
     });
     let (path, format) = match (&args.out, format) {
-        (Some(path), Some(format)) => (path.clone(), format),
+        (Some(path), Some(format)) => {
+            ending(path, &[format.name()], "a file of this --format")?;
+            (path.clone(), format)
+        }
         (Some(path), None) => (path.clone(), Format::of(path)?),
         (None, format) => {
             let format = format.unwrap_or(Format::Parquet);
@@ -90,11 +94,11 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         MethodName::Filter => Method::Filter,
         MethodName::Smooth => Method::Smooth,
     });
-    let spinner = terminal::spinner("exporting");
-    let mut progress = |time: f64| spinner.set_message(format!("exporting, {time:.0} s"));
+    let bar = FlightBar::new("exporting", &flight);
+    let mut progress = |time: f64| bar.at(time);
     let options = args.reading.options();
     let report = export(&flight, options, (&path, format), estimates, &mut progress);
-    spinner.finish_and_clear();
+    bar.end();
     let report = report?;
     terminal::note_assumed_subject(&flight);
     print_report(&report, json)?;

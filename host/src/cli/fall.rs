@@ -42,7 +42,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "HPA")]
     ground_pressure: Option<f64>,
     /// Temperature on the ground (degrees Celsius); by default that of the standard atmosphere.
-    #[arg(long, value_name = "C", allow_negative_numbers = true)]
+    #[arg(long, value_name = "C")]
     ground_temperature: Option<f64>,
     /// Height in the standard atmosphere to which fall rates are normalised (m); a greater height gives faster rates.
     #[arg(long, value_name = "M", default_value_t = 2000.0)]
@@ -145,7 +145,7 @@ fn run_folder(args: &Args, conditions: &Conditions, json: bool) -> Result<()> {
             .help("give the track itself, not a folder"));
     }
     let tracks = folder::tracks(&args.track)?;
-    args.outputs.check([&args.logbook])?;
+    args.outputs.check_as(args.logbook.as_deref(), "csv")?;
     let book = logbook::logbook(&tracks, conditions)?;
     if let Some(path) = &args.logbook {
         logbook::write(&book, path)?;

@@ -5,9 +5,11 @@ use std::path::PathBuf;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_replay::flight::Flight;
 use bodyflight_verbs::figures::{Settings, files, write};
+use bodyflight_verbs::output::bodies::{FRONT, SIDE, TOP, View};
 use bodyflight_verbs::output::figure::Format;
 use serde::Serialize;
 
+use super::arguments::Names;
 use super::outputs::Outputs;
 use super::several::name_of;
 use super::simulate::Reading;
@@ -24,14 +26,17 @@ pub(super) struct Args {
     /// A flight.toml, or an MVNX file on its own; 240 frames a second.
     flight: PathBuf,
     /// A built-in preset: which quantities are measured, which limbs act, bounds and noise.
-    #[arg(long, default_value = "tracking")]
+    #[arg(long, default_value = "tracking", value_parser = Names(estimate::window_presets), hide_possible_values = true)]
     preset: String,
     /// Model inside the filter.
     #[arg(long, value_enum, default_value = "reduced")]
     filter: estimate::FilterName,
-    /// Number of bodies in the row of snapshots.
+    /// Number of bodies in a row of snapshots.
     #[arg(long, default_value_t = 6)]
     snapshots: usize,
+    /// Views of the snapshots, a row for each; separate several by commas. They stay as the body faces at first.
+    #[arg(long, value_enum, value_delimiter = ',', default_value = "side")]
+    views: Vec<ViewName>,
     /// Format of the figures; separate several by commas.
     #[arg(long, value_enum, value_delimiter = ',', default_value = "svg")]
     format: Vec<FormatName>,
@@ -65,6 +70,27 @@ impl FormatName {
     }
 }
 
+/// Views by name.
+#[derive(clap::ValueEnum, Clone, Copy)]
+enum ViewName {
+    /// From ahead.
+    Front,
+    /// From the right, facing to the right.
+    Side,
+    /// From above.
+    Top,
+}
+
+impl ViewName {
+    const fn view(self) -> View {
+        match self {
+            Self::Front => FRONT,
+            Self::Side => SIDE,
+            Self::Top => TOP,
+        }
+    }
+}
+
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct Written {
@@ -82,13 +108,14 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         preset: estimate::preset(&args.preset)?,
         filter: args.filter.filter(),
         snapshots: args.snapshots,
+        views: args.views.iter().map(|name| name.view()).collect(),
         formats: args.format.iter().map(|name| name.format()).collect(),
     };
     let flight = Flight::read(&args.flight)?;
     let names = files(&settings.formats);
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
     args.outputs.check_in(&args.out, &names)?;
-    let bar = FlightBar::new("drawing", &flight);
+    let bar = FlightBar::of_passes("drawing", &flight, 2);
     let title = args.title.clone();
     let title = title.unwrap_or_else(|| name_of(&args.flight));
     let options = args.reading.options();

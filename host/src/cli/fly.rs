@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use bodyflight_core::aerodynamics::load_model::LoadModel;
-use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::diagnostic::Result;
 use bodyflight_io::files::write_file;
 use bodyflight_io::interrupt;
 use bodyflight_replay::flight::DEFAULT_DENSITY;
@@ -15,6 +15,7 @@ use bodyflight_verbs::view::page::{FlyData, Mode, PageData, Provenance, html};
 use bodyflight_verbs::view::server::Server;
 use serde::Serialize;
 
+use super::arguments::within;
 use super::outputs::Outputs;
 use super::terminal;
 use super::view::{command, open};
@@ -52,12 +53,7 @@ struct Opened<'a> {
 }
 
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
-    if !(0.1..=2.0).contains(&args.density) {
-        return Err(Problem::bad_input(format!(
-            "expected --density of 0.1 to 2 kg/m3, found {}",
-            args.density
-        )));
-    }
+    within("density", args.density, [0.1, 2.0], "kg/m3")?;
     let subject = match &args.subject {
         Some(path) => Subject::read(path)?,
         None => {
@@ -66,7 +62,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
             subject
         }
     };
-    args.outputs.check([&args.out])?;
+    args.outputs.check_as(args.out.as_deref(), "html")?;
     args.outputs.check_in(&args.save, &[])?;
     let files: Vec<&Path> = args.subject.iter().map(PathBuf::as_path).collect();
     let provenance = Provenance::of(command(), &files)?;

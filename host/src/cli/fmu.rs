@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 
 use bodyflight_io::diagnostic::Result;
-use bodyflight_verbs::fmu::{library, read, write};
+use bodyflight_replay::flight::Flight;
+use bodyflight_verbs::fmu::{library, write};
 
 use super::outputs::Outputs;
 use super::terminal;
@@ -28,9 +29,9 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
-    let flight = read(&args.subject)?;
+    let flight = Flight::read_person(&args.subject)?;
     let library = library(args.library.as_deref())?;
-    args.outputs.check([&Some(args.out.clone())])?;
+    args.outputs.check_as(Some(&args.out), "fmu")?;
     let report = write(&flight, &library, &args.out)?;
     if json {
         return terminal::print_json(&report);

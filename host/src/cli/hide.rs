@@ -15,6 +15,7 @@ use bodyflight_replay::subject::Subject;
 use bodyflight_verbs::hide::{FILES, truth_toml, write};
 use serde::Serialize;
 
+use super::arguments::{Names, at_least_one, within};
 use super::outputs::Outputs;
 use super::terminal;
 
@@ -23,7 +24,7 @@ use super::terminal;
 #[command(after_help = hidden_help())]
 pub(super) struct Args {
     /// Names of effects, separated by commas; `clean` for none, `load` for a force or moment chosen at random.
-    #[arg(required_unless_present = "model")]
+    #[arg(required_unless_present = "model", value_parser = Names(completed), hide_possible_values = true)]
     effects: Option<String>,
     /// A model.toml whose effects and loads are hidden, with its values.
     #[arg(long)]
@@ -44,7 +45,7 @@ pub(super) struct Args {
     #[arg(long)]
     strength: Option<f64>,
     /// Seed of strengths, movements, errors and noise; another seed gives other flights.
-    #[arg(long, default_value_t = 0, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = 0)]
     seed: u64,
     /// Factor on noise and errors; 0 for none.
     #[arg(long, default_value_t = 1.0)]
@@ -78,6 +79,13 @@ fn known() -> Vec<&'static str> {
     outside.chain([DRAWN]).collect()
 }
 
+/// All names that are taken, for shells.
+fn completed() -> Vec<&'static str> {
+    let mut names = known();
+    names.push("clean");
+    names
+}
+
 fn hidden_help() -> String {
     format!(
         "Effects: {}\n\nExample: bodyflight hide wind --seed 1 --out lab",
@@ -100,12 +108,9 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         ("rate", args.rate, 30.0, 240.0),
         ("strength", args.strength.unwrap_or(0.5), 0.0, 1.0),
     ] {
-        if !(low..=high).contains(&value) {
-            return Err(Problem::bad_input(format!(
-                "expected --{name} of {low} to {high}, found {value}"
-            )));
-        }
+        within(name, value, [low, high], "")?;
     }
+    at_least_one("flights", args.flights)?;
     let names = args.effects.iter().flat_map(|names| names.split(','));
     let mut hidden = names
         .filter(|name| *name != "clean")

@@ -41,12 +41,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         None => Subject::default(),
     };
     args.outputs.check_in(&args.out, FILES)?;
-    let bar = terminal::bar(100, "importing");
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "per cent"
-    )]
+    let bar = terminal::share_bar("importing");
     let report = import(
         &Request {
             file: &args.file,
@@ -55,7 +50,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
             has_subject: args.subject.is_some(),
             folder: &args.out,
         },
-        &mut |share| bar.set_position((100.0 * share) as u64),
+        &mut |share| terminal::set_share(&bar, share),
     );
     bar.finish_and_clear();
     let report = report?;

@@ -4,7 +4,7 @@ use std::net::IpAddr;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::diagnostic::Result;
 use bodyflight_io::interrupt;
 use bodyflight_mvn_network::{AngularUnit, Options, Receiver, Sink, Source, Speed, replay};
 use bodyflight_mvnx::live::LiveRecording;
@@ -15,6 +15,7 @@ use bodyflight_verbs::view::live::{LiveView, Received};
 use clap::Subcommand;
 use serde_json::json;
 
+use super::arguments::{at_least_one, within};
 use super::outputs::{Outputs, print_kept};
 use super::terminal;
 use super::watch::Watch;
@@ -136,12 +137,18 @@ fn send(args: &Send, json: bool) -> Result<()> {
     Ok(())
 }
 
-fn listen(args: &Listen, json: bool) -> Result<()> {
-    if let Some(rate) = args.rate.filter(|rate| !(1.0..=10_000.0).contains(rate)) {
-        return Err(Problem::bad_input(format!(
-            "expected --rate of 1 to 10000 Hz, found {rate}"
-        )));
+impl Listen {
+    /// Checks the numbers.
+    fn check(&self) -> Result<()> {
+        if let Some(rate) = self.rate {
+            within("rate", rate, [1.0, 10_000.0], "Hz")?;
+        }
+        (self.frames).map_or(Ok(()), |frames| at_least_one("frames", frames))
     }
+}
+
+fn listen(args: &Listen, json: bool) -> Result<()> {
+    args.check()?;
     let options = Options {
         character: args.character,
         rate: args.rate,

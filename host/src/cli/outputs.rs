@@ -59,15 +59,25 @@ impl Outputs {
         destination::check(paths.into_iter().flatten(), self.force)
     }
 
-    /// Same as [`Outputs::check`], for files and a figure.
+    /// Same as [`Outputs::check`], for a file of this ending.
+    pub(super) fn check_as(self, path: Option<&Path>, ending: &str) -> Result<()> {
+        if let Some(path) = path {
+            destination::ending(path, &[ending], "a file")?;
+        }
+        destination::check(path, self.force)
+    }
+
+    /// Same as [`Outputs::check`], for tables in CSV and a figure.
     pub(super) fn check_with<const N: usize>(
         self,
-        paths: [&Option<PathBuf>; N],
+        tables: [&Option<PathBuf>; N],
         plot: &Plot,
     ) -> Result<()> {
         plot.path.as_deref().map(Format::of).transpose()?;
         self.check([&plot.path])?;
-        self.check(paths)
+        tables
+            .into_iter()
+            .try_for_each(|path| self.check_as(path.as_deref(), "csv"))
     }
 
     /// Creates a recording of what is received, if one was requested.
@@ -76,8 +86,8 @@ impl Outputs {
         path: &Option<PathBuf>,
         body: impl FnOnce() -> Body<f64>,
     ) -> Result<Option<LiveRecording>> {
-        self.check([path])?;
         let path = path.as_deref();
+        self.check_as(path, "mvnx")?;
         path.map(|path| LiveRecording::new(path, body()))
             .transpose()
     }

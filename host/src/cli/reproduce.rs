@@ -4,8 +4,9 @@ use std::path::PathBuf;
 
 use bodyflight_io::diagnostic::Result;
 use bodyflight_verbs::reproduce::experiments::EXPERIMENTS;
-use bodyflight_verbs::reproduce::{PARTS, reproduce};
+use bodyflight_verbs::reproduce::{PARTS, is_wanted, names, reproduce};
 
+use super::arguments::Names;
 use super::outputs::Outputs;
 use super::terminal;
 
@@ -14,6 +15,7 @@ use super::terminal;
 #[command(after_help = experiments_help())]
 pub(super) struct Args {
     /// Experiments to run; by default all of them.
+    #[arg(value_parser = Names(|| names().collect()), hide_possible_values = true)]
     what: Vec<String>,
     /// Folder for report.md, figures and flights; created if absent.
     #[arg(long, value_name = "FOLDER", default_value = "reproduction")]
@@ -35,14 +37,8 @@ fn experiments_help() -> String {
 
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     args.outputs.check_in(&args.out, &["report.md"])?;
-    let count = if args.what.is_empty() {
-        EXPERIMENTS.len()
-    } else {
-        let named = |name: &&str| args.what.iter().any(|asked| asked == name);
-        EXPERIMENTS.iter().map(|e| e.name).filter(named).count()
-    };
-    // Parts that were not requested take no time.
-    let count = count + PARTS.len();
+    let wanted = |name: &&str| is_wanted(&args.what, name);
+    let count = names().filter(wanted).count();
     let bar = terminal::bar(count as u64, "experiments");
     let report = reproduce(&args.what, &args.out, &|| bar.inc(1));
     bar.finish_and_clear();

@@ -7,6 +7,7 @@ use bodyflight_replay::comparison::PerChannel;
 use bodyflight_replay::flight::Flight;
 use bodyflight_verbs::sensitivity::{Parameter, Report, SHOWN, sensitivity};
 
+use super::arguments::Names;
 use super::outputs::{Outputs, Plot};
 use super::{estimate, simulate, terminal};
 
@@ -23,7 +24,7 @@ pub(super) struct Args {
     share: f64,
     /// Also re-estimate the inputs with this preset of the paper's filter, and compare how well the flight is
     /// reconstructed.
-    #[arg(long, value_name = "PRESET")]
+    #[arg(long, value_name = "PRESET", value_parser = Names(estimate::window_presets), hide_possible_values = true)]
     estimate: Option<String>,
     #[command(flatten)]
     plot: Plot,
@@ -56,7 +57,8 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     bar.finish_and_clear();
     let report = report?;
     let title = || format!("Sensitivity of {}", args.flight.display());
-    args.plot.write(|| report.svg(&args.plot.title(title)))?;
+    args.plot
+        .write(|| Ok(report.svg(&args.plot.title(title))))?;
     if json {
         return terminal::print_json(&report);
     }

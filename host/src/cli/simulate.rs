@@ -5,11 +5,12 @@ use std::path::{Path, PathBuf};
 use bodyflight_core::dynamics::free_run::Equations;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_mvnx::ArmFrame;
-use bodyflight_mvnx::recording::{BadFrames, Options, faults};
+use bodyflight_mvnx::recording::{BadFrames, Options};
 use bodyflight_replay::Precision;
 use bodyflight_replay::flight::{Flight, Start};
 use bodyflight_replay::joint_change::JointChange;
 use bodyflight_replay::model_file::Effects;
+use bodyflight_replay::steps::DIVERGED_HELP;
 use bodyflight_replay::subject::Subject;
 use bodyflight_verbs::output::plot::comparison_svg;
 use bodyflight_verbs::simulate::pair_file::PairFile;
@@ -154,21 +155,24 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     if !change.is_none() {
         return each(&args.flights, json, |path| {
             let report = run_what_if(path, args, &change, json)?;
-            let verdict = match faults(&report.warnings) {
-                Some(doubt) => Err(Problem::doubt(doubt).in_file(path)),
-                None => Ok(()),
-            };
+            let verdict = verdict(report.doubt(), report.diverged.is_some(), path);
             Ok((report, verdict))
         });
     }
     each(&args.flights, json, |path| {
         let report = run_flight(path, args, json)?;
-        let verdict = match faults(&report.warnings) {
-            Some(doubt) => Err(Problem::doubt(doubt).in_file(path)),
-            None => Ok(()),
-        };
+        let verdict = verdict(report.doubt(), report.diverged.is_some(), path);
         Ok((report, verdict))
     })
+}
+
+/// The verdict on a simulation.
+fn verdict(doubt: Option<String>, is_diverged: bool, path: &Path) -> Result<()> {
+    match doubt {
+        None => Ok(()),
+        Some(doubt) if is_diverged => Err(Problem::doubt(doubt).in_file(path).help(DIVERGED_HELP)),
+        Some(doubt) => Err(Problem::doubt(doubt).in_file(path)),
+    }
 }
 
 /// What is to be changed.

@@ -18,6 +18,7 @@ use bodyflight_unit::stream::connection::{DEFAULT_BAUD, Target};
 use bodyflight_unit::stream::report::Report;
 use bodyflight_unit::stream::{Pace, Settings, stream};
 
+use super::arguments::{Names, within};
 use super::outputs::{Outputs, print_kept};
 use super::simulate::Reading;
 use super::unit::sensor::SensorArgs;
@@ -75,7 +76,7 @@ pub(super) struct Args {
     #[arg(long, default_value = "1")]
     speed: String,
     /// Filter preset of the unit, a built-in one as in `estimate`.
-    #[arg(long, default_value = "auto")]
+    #[arg(long, default_value = "auto", value_parser = Names(estimate::presets), hide_possible_values = true)]
     preset: String,
     /// Stream only this many seconds of the flight.
     #[arg(long, value_name = "S")]
@@ -90,7 +91,7 @@ pub(super) struct Args {
     #[arg(long, default_value_t = 0.0, value_name = "P")]
     reorder: f32,
     /// Seed of the faults; another seed affects other samples.
-    #[arg(long, default_value_t = 0, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = 0)]
     seed: u64,
     /// Effects to add to the model: a model.toml. Only effects that change the body are supported.
     #[arg(long, value_name = "TOML")]
@@ -167,6 +168,12 @@ impl Args {
 }
 
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
+    if let Some(rate) = args.rate {
+        within("rate", rate, [1.0, 10_000.0], "Hz")?;
+    }
+    if let Some(seconds) = args.seconds {
+        within("seconds", seconds, [0.01, 1e5], "s")?;
+    }
     if let Some(source) = &args.sensor {
         let alone = Alone {
             flight: args.flight.as_deref().unwrap_or(Path::new("")),

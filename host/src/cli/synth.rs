@@ -13,6 +13,7 @@ use bodyflight_laboratory::synthesize::{
 use bodyflight_replay::flight::DEFAULT_DENSITY;
 use bodyflight_replay::subject::Subject;
 
+use super::arguments::Names;
 use super::outputs::Outputs;
 use super::terminal;
 
@@ -21,12 +22,13 @@ use super::terminal;
 #[command(after_help = maneuvers_help())]
 pub(super) struct Args {
     /// Name of the maneuver.
+    #[arg(value_parser = Names(|| MANEUVERS.iter().map(|maneuver| maneuver.name).collect()), hide_possible_values = true)]
     maneuver: String,
     /// A subject.toml; by default the default subject.
     #[arg(long)]
     subject: Option<PathBuf>,
     /// Seed of sway and sensor noise; another seed gives another flight of the same maneuver.
-    #[arg(long, default_value_t = 0, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = 0)]
     seed: u64,
     /// Folder for flight.toml, subject.toml, inputs.csv and flight.mvnx; created if absent.
     #[arg(long)]
@@ -112,19 +114,9 @@ pub(super) fn write(
     sensor: Option<&SensorBytes>,
     folder: &Path,
 ) -> Result<Report> {
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "scripts last seconds"
-    )]
-    let bar = terminal::bar(request.maneuver.duration as u64, "flying");
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "scripts last seconds"
-    )]
+    let bar = terminal::share_bar("flying");
     let report = synthesize_with(request, sensor, folder, &mut |time| {
-        bar.set_position(time as u64);
+        terminal::set_share(&bar, time / request.maneuver.duration);
     });
     bar.finish_and_clear();
     report

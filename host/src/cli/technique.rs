@@ -12,6 +12,7 @@ use bodyflight_verbs::technique::figure::{amplitudes_svg, bode_svg, picture_svg}
 use bodyflight_verbs::technique::report::Report;
 use bodyflight_verbs::technique::{Settings, Technique, expert, technique};
 
+use super::arguments::window;
 use super::outputs::{Outputs, Plot};
 use super::several::{each, name_of, output_of};
 use super::{simulate, terminal};
@@ -65,6 +66,7 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
+    window(args.from, args.to)?;
     let settings = Settings {
         from: args.from,
         to: args.to,
@@ -128,8 +130,8 @@ fn run_flight(
     for figure in [&bode, &picture].into_iter().flatten() {
         Format::of(figure)?;
     }
-    args.outputs
-        .check_with([&out, &csv, &bode, &picture], &plot)?;
+    args.outputs.check([&bode, &picture])?;
+    args.outputs.check_with([&out, &csv], &plot)?;
     let found = technique(&flight, settings, experts, args.reading.options())?;
     terminal::note_assumed_subject(&flight);
     let title = |what: &str| format!("{}: {what}", name_of(path));

@@ -3,6 +3,7 @@
 //! Names and texts from files and networks are not trusted: none of their control characters reach the terminal.
 
 mod bars;
+mod sheet;
 mod visible;
 
 use std::borrow::Cow;
@@ -11,15 +12,16 @@ use std::io::{ErrorKind, Write};
 use std::path::PathBuf;
 use std::sync::OnceLock;
 
+use super::arguments::in_words;
 pub(super) use bars::{FlightBar, Stages, bar, set_share, share_bar, spinner};
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::input;
 use bodyflight_replay::comparison::{Channel, PerChannel};
 use bodyflight_replay::flight::Flight;
 use bodyflight_replay::model_file::Effects;
-use comfy_table::{CellAlignment, Table};
 use console::style;
 use serde::Serialize;
+use sheet::Sheet;
 use visible::{json_without_controls, visible, visible_problem};
 
 /// The first failure to write to standard output, other than a closed pipe.
@@ -197,11 +199,14 @@ fn told(problem: &Problem) -> String {
 pub(super) fn print_usage(error: &clap::Error) -> u8 {
     let is_json = arguments().iter().any(|word| word == "--json");
     if is_json && error.use_stderr() {
-        let text = error.render().to_string();
+        let text = in_words(&error.render().to_string());
         let (message, help) = text.split_once("\n\n").unwrap_or((&text, ""));
         let flat = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
         let message = flat(message.trim_start_matches("error: "));
         print_problem(Problem::bad_input(message).help(flat(help)), true);
+    } else if error.use_stderr() {
+        let text = in_words(&styled(&error.render()));
+        let _ = write!(std::io::stderr().lock(), "{text}");
     } else {
         let plain = error.render().to_string();
         // A closed pipe is not an error.
@@ -212,6 +217,15 @@ pub(super) fn print_usage(error: &clap::Error) -> u8 {
         };
     }
     u8::try_from(error.exit_code()).unwrap_or(2)
+}
+
+/// A message of the parser of arguments, with colours if standard error shows them.
+fn styled(message: &clap::builder::StyledStr) -> String {
+    #[cfg(feature = "full")]
+    if console::colors_enabled_stderr() {
+        return message.ansi().to_string();
+    }
+    message.to_string()
 }
 
 /// A problem, machine-readable.
@@ -242,30 +256,24 @@ impl Told {
 }
 
 /// A table in the program's style.
-pub(super) fn table(head: &[&str]) -> Table {
-    let mut table = Table::new();
-    table.load_style(comfy_table::presets::UTF8_FULL_CONDENSED);
-    table.set_header(head);
-    table
+pub(super) fn table(head: &[&str]) -> Sheet {
+    Sheet::new(head)
 }
 
 /// A table of values per channel, one column for each entry.
-pub(super) fn gap_table(columns: &[(&str, PerChannel)]) -> Table {
+pub(super) fn gap_table(columns: &[(&str, PerChannel)]) -> Sheet {
     let names: Vec<&str> = columns.iter().map(|(name, _)| *name).collect();
-    let mut table = table(&[&["channel", "unit"], names.as_slice()].concat());
+    let mut table = table(&[&["channel", "unit"], names.as_slice()].concat()).right_from(2);
     for channel in Channel::ALL {
         let (label, unit) = channel.label();
         let numbers = columns
             .iter()
             .map(|(_, values)| format!("{:.3}", values.get(channel)));
-        let row: Vec<String> = [label.to_owned(), unit.to_owned()]
-            .into_iter()
-            .chain(numbers)
-            .collect();
-        table.add_row(row);
-    }
-    for column in table.column_iter_mut().skip(2) {
-        column.set_cell_alignment(CellAlignment::Right);
+        table.add_row(
+            [label.to_owned(), unit.to_owned()]
+                .into_iter()
+                .chain(numbers),
+        );
     }
     table
 }

@@ -9,6 +9,7 @@ use bodyflight_replay::flight::Flight;
 use bodyflight_replay::subject::CommonCoefficients;
 use bodyflight_verbs::tune::{Report, Search, tune};
 
+use super::arguments::at_least_one;
 use super::outputs::Outputs;
 use super::{simulate, terminal};
 
@@ -32,7 +33,7 @@ pub(super) struct Args {
     #[arg(long, default_value_t = 0.3)]
     spread: f64,
     /// Seed of the draws; another seed tries other sets.
-    #[arg(long, default_value_t = 0, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = 0)]
     seed: u64,
     /// Tune separate coefficients for each segment, the same left and right: 42 more numbers, so hold a flight out.
     #[arg(long)]
@@ -47,17 +48,18 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
-    if !(0.0..=2.0).contains(&args.spread) {
+    if !(args.spread > 0.0 && args.spread <= 2.0) {
         return Err(Problem::bad_input(format!(
-            "expected --spread of 0 to 2, found {}",
+            "expected --spread above 0 and up to 2, found {}",
             args.spread
         )));
     }
+    at_least_one("draws", args.draws as u64)?;
     let read = |paths: &[PathBuf]| -> Result<Vec<Flight>> {
         paths.iter().map(|path| Flight::read(path)).collect()
     };
     let (flights, held_out) = (read(&args.flights)?, read(&args.hold_out)?);
-    args.outputs.check([&args.out])?;
+    args.outputs.check_as(args.out.as_deref(), "toml")?;
     let bar = terminal::bar(args.draws as u64, "draws");
     let search = Search {
         draws: args.draws,

@@ -5,6 +5,7 @@ mod track;
 use std::path::{Path, PathBuf};
 
 use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::file_kind::FileKind;
 use bodyflight_io::files::write_file;
 use bodyflight_io::input;
 use bodyflight_mvnx::recording::Options;
@@ -83,7 +84,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
                 "--model, --discovery and --estimate need flights with postures, and these are tracks",
             ));
         }
-        args.outputs.check([&Some(args.out.clone())])?;
+        args.outputs.check_as(Some(&args.out), "html")?;
         let (html, runs) = track::page(&args.flights, args.mass, args.units.units())?;
         (html, runs, None)
     } else {
@@ -138,7 +139,7 @@ fn page(args: &Args) -> Result<PageData> {
         .map(|path| Ok((path, Flight::read(path)?)))
         .collect::<Result<Vec<_>>>()?;
     let discovery = args.discovery.as_deref().map(report).transpose()?;
-    args.outputs.check([&Some(args.out.clone())])?;
+    args.outputs.check_as(Some(&args.out), "html")?;
     for (path, mut flight) in flights {
         files.push(file_of(path));
         if flight.recording != *path {
@@ -193,7 +194,7 @@ pub(super) fn command() -> String {
 }
 
 fn report(path: &Path) -> Result<Value> {
-    let text = input::text(path)?;
+    let text = input::settings(path, FileKind::Json)?;
     let report: Value = serde_json::from_str(&text).map_err(|error| {
         Problem::bad_input("expected JSON")
             .in_file(path)

@@ -1,29 +1,57 @@
-//! Errors in TOML files, with a guess at what was meant.
+//! Errors in TOML files, with the field concerned, what was expected there, and a guess at what was meant.
 
 use std::path::Path;
 
 use super::Problem;
 use super::choices::nearest;
+use super::shape::plain;
 
 impl Problem {
-    /// A file that is not TOML, or not the expected kind, with the line of the error.
+    /// A file that is not TOML, or not the expected kind, with the line and the field of the error.
     pub fn toml(error: &toml::de::Error, text: &str, file: &Path) -> Self {
-        let mut problem = Self::bad_input(error.message().trim().to_owned()).in_file(file);
+        let mut problem = Self::bad_input(plain(error.message().trim())).in_file(file);
         let before = error.span().and_then(|span| text.get(..span.start));
         let line = before.map(|before| before.matches('\n').count());
         if let Some(line) = line {
             problem = problem.at_line(line as u64 + 1);
         }
+        if let Some(field) = field(error) {
+            problem = problem.at(format!("field {field}"));
+        }
         let line = line.and_then(|line| text.lines().nth(line));
         let meant = line
-            .and_then(|line| without_quotes(line).or_else(|| backslash(line)))
-            .or_else(|| line.and_then(|line| wrong_length(error.message(), line)))
+            .and_then(|line| {
+                without_quotes(line)
+                    .or_else(|| backslash(line))
+                    .or_else(|| decimal_comma(line))
+            })
             .or_else(|| mistyped(error.message()));
         match meant {
             Some(help) => problem.help(help),
             None => problem,
         }
     }
+}
+
+impl Problem {
+    /// A value of a TOML file that was read apart from the file's text: the field and what was expected in it.
+    pub fn toml_value(error: &toml::de::Error) -> Self {
+        let message = plain(error.message().trim());
+        Self::bad_input(match field(error) {
+            Some(field) => format!("{field}: {message}"),
+            None => message,
+        })
+    }
+}
+
+/// The path of the field concerned, as in `air.velocity`, if the error is about a field.
+fn field(error: &toml::de::Error) -> Option<String> {
+    // Without the text, the message ends with the path instead of an excerpt.
+    let mut bare = error.clone();
+    bare.set_input(None);
+    let bare = bare.to_string();
+    let path = bare.lines().last()?.strip_prefix("in `")?;
+    Some(path.strip_suffix('`')?.to_owned())
 }
 
 /// Help for a line whose text value has no quotes.
@@ -37,18 +65,27 @@ fn without_quotes(line: &str) -> Option<String> {
 
 /// Help for a path with backslashes, which start escape sequences between double quotes.
 fn backslash(line: &str) -> Option<String> {
-    let (_, value) = line.split_once('=')?;
-    let value = value.trim();
-    (value.starts_with('"') && value.contains('\\')).then(|| {
-        "a backslash between double quotes starts an escape sequence: use single quotes, or / in paths"
-            .to_owned()
+    let (key, value) = line.split_once('=')?;
+    let value = value.split('#').next().unwrap_or_default().trim();
+    let path = value.strip_prefix('"')?.strip_suffix('"')?;
+    path.contains('\\').then(|| {
+        format!(
+            "a backslash between double quotes starts an escape sequence; use single quotes or forward slashes: {} = '{path}'",
+            key.trim()
+        )
     })
 }
 
-/// Help for a list that is too short or too long: the message has its length, but not its name.
-fn wrong_length(message: &str, line: &str) -> Option<String> {
-    let (key, _) = line.split_once('=')?;
-    (message.starts_with("invalid length")).then(|| format!("this is the list {}", key.trim()))
+/// Help for a number with a decimal comma.
+fn decimal_comma(line: &str) -> Option<String> {
+    let (key, value) = line.split_once('=')?;
+    let value = value.split('#').next().unwrap_or_default().trim();
+    let (whole, part) = value.split_once(',')?;
+    let digits = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+    (digits(whole.trim_start_matches('-')) && digits(part)).then(|| {
+        let key = key.trim();
+        format!("numbers have a decimal point: {key} = {whole}.{part}")
+    })
 }
 
 /// Help for a misspelt key or choice: messages name what was found and what was expected in backticks.
@@ -75,7 +112,13 @@ mod tests {
         #[expect(dead_code, reason = "only read")]
         recording: Option<String>,
         #[expect(dead_code, reason = "only read")]
-        wind: Option<[f64; 3]>,
+        air: Option<Air>,
+    }
+
+    #[derive(Debug, Deserialize)]
+    struct Air {
+        #[expect(dead_code, reason = "only read")]
+        velocity: [f64; 3],
     }
 
     fn problem(text: &str) -> Problem {
@@ -99,17 +142,42 @@ mod tests {
     }
 
     #[test]
-    fn paths_of_windows_and_lists_of_another_length_are_explained() {
+    fn paths_of_windows_and_decimal_commas_are_explained() {
         let windows = problem("recording = \"C:\\Users\\me\\flight.mvnx\"\n");
         assert_eq!(windows.line, Some(1));
+        let help = windows.help.unwrap();
         assert!(
-            windows
-                .help
-                .is_some_and(|help| help.contains("single quotes"))
+            help.contains("recording = 'C:\\Users\\me\\flight.mvnx'"),
+            "{help}"
         );
-        let list = problem("wind = [0, 60]\n");
-        assert_eq!(list.line, Some(1));
-        assert_eq!(list.help.as_deref(), Some("this is the list wind"));
+        let comma = problem("height_m = 1,75\n").help.unwrap();
+        assert!(comma.contains("height_m = 1.75"), "{comma}");
+    }
+
+    #[test]
+    fn every_wrong_value_is_reported_with_its_field_and_shape() {
+        for (text, said) in [
+            (
+                "[air]\nvelocity = [0, 60]\n",
+                "a.toml:2: field air.velocity: invalid length 2, expected a list of 3 values",
+            ),
+            (
+                "air.velocity = [0, 60, \"a\"]\n",
+                "a.toml:1: field air.velocity: invalid type: string \"a\", expected a number",
+            ),
+            (
+                "air = 3\n",
+                "a.toml:1: field air: invalid type: integer `3`, expected a table",
+            ),
+            (
+                "height_m = \"1.7\"\n",
+                "a.toml:1: field height_m: invalid type: string \"1.7\", expected a number",
+            ),
+        ] {
+            assert_eq!(problem(text).to_string(), said);
+        }
+        let missing = problem("[air]\n").to_string();
+        assert!(missing.contains("missing field `velocity`"), "{missing}");
     }
 
     #[test]

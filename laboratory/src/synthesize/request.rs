@@ -42,9 +42,14 @@ impl Request<'_> {
     /// # Errors
     /// Returns an error that names the first number out of range, and its range.
     pub fn check(&self) -> Result<()> {
+        if !(self.density > 0.0 && self.density <= 2.0) {
+            return Err(Problem::bad_input(format!(
+                "expected a density above 0 and up to 2 kg/m3, found {}",
+                self.density
+            )));
+        }
         let degrees = |angle: f64| (angle.to_degrees(), 20.0);
         for (name, (value, high)) in [
-            ("a density (kg/m3)", (self.density, 2.0)),
             (
                 "sensor noise, in shares of the paper's,",
                 (self.noise.attitude / SensorNoise::PAPER.attitude, 100.0),

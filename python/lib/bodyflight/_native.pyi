@@ -320,6 +320,7 @@ def figures(
     preset: str = "tracking",
     filter: Literal["paper", "reduced"] = "reduced",
     snapshots: int = 6,
+    views: Literal["front", "side", "top"] | Sequence[Literal["front", "side", "top"]] = "side",
     formats: Literal["svg", "pdf", "png"] | Sequence[Literal["svg", "pdf", "png"]] = "svg",
     title: str | None = None,
     force: bool = False,

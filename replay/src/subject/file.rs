@@ -50,7 +50,10 @@ pub(super) enum SexName {
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(untagged)]
+#[serde(
+    untagged,
+    expecting = "expected \"width\", \"length\" or a share of the segment's length"
+)]
 pub(super) enum MomentArmChoice {
     Named(MomentArmName),
     /// Fraction of the segment's length.
@@ -111,7 +114,7 @@ pub(super) struct CoefficientTable {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "expected \"posture\" or a number")]
 pub(super) enum ArchChoice {
     Fixed(f64),
     Named(ArchName),

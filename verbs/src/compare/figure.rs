@@ -277,7 +277,7 @@ fn angle_panel(a: &Track, compared: &Compared, k: usize) -> Panel {
     let said = told
         .find(|told| told.joint == angle.to_string())
         .map_or_else(
-            || "B within the errors of the suits".to_owned(),
+            || "B within the assumed errors of the suits".to_owned(),
             |told| {
                 format!(
                     "B {:+.0} +- {:.0} from {:.2} s",

@@ -112,7 +112,7 @@ pub(super) fn difference(told: &Difference, angle: JointAngle, turning: f64) -> 
 pub(super) fn first(differences: &[Difference], [a, b]: [&str; 2]) -> String {
     if differences.is_empty() {
         return format!(
-            "no joint of {b} differs from {a} by more than the errors of the suits explain"
+            "no joint of {b} differs from {a} by more than the assumed errors of the suits explain"
         );
     }
     let sound = |trust: Trust| differences.iter().find(|told| told.trust == trust);
@@ -128,7 +128,7 @@ pub(super) fn first(differences: &[Difference], [a, b]: [&str; 2]) -> String {
     let why = if sound(Trust::ModelGap).is_some() {
         "but the model misses the flights by more than their effects"
     } else if sound(Trust::Uncertain).is_some() {
-        "but errors of the suits or of the body would explain their effects"
+        "but assumed errors of the suits or of the body would explain their effects"
     } else {
         "but their effects could not be simulated"
     };

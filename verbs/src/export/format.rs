@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::destination::ending;
+use bodyflight_io::diagnostic::Result;
 use serde::Serialize;
 
 /// A kind of file.
@@ -44,12 +45,8 @@ impl Format {
     /// # Errors
     /// Returns an error if the extension is unknown.
     pub fn of(path: &Path) -> Result<Self> {
-        let end = path.extension().unwrap_or_default().to_string_lossy();
-        Self::from_name(&end.to_lowercase()).ok_or_else(|| {
-            Problem::bad_input("expected a name that ends in .parquet, .csv, .mcap or .npz")
-                .in_file(path)
-                .help("or give the kind of file with --format")
-        })
+        let end = ending(path, &Self::ALL.map(Self::name), "a file")?;
+        Ok(Self::from_name(end).unwrap_or(Self::Csv))
     }
 }
 

@@ -34,11 +34,24 @@ pub const LEFT: View = View {
     up: [0.0, 1.0, 0.0],
 };
 
-/// The south, in inertial axes: north, west, up.
-pub const SOUTH: View = View {
-    name: "from the south, east to the right",
-    right: [0.0, -1.0, 0.0],
+/// The directions in which the body of a flight is seen, in inertial axes turned about the vertical so that the body
+/// faces the first of them: ahead, left, up.
+pub const FRONT: View = View {
+    name: "front",
+    right: [0.0, 1.0, 0.0],
     up: [0.0, 0.0, 1.0],
+};
+/// See [`FRONT`]: from the right of the body, so that it faces to the right.
+pub const SIDE: View = View {
+    name: "side",
+    right: [1.0, 0.0, 0.0],
+    up: [0.0, 0.0, 1.0],
+};
+/// See [`FRONT`]: from above.
+pub const TOP: View = View {
+    name: "top",
+    right: [1.0, 0.0, 0.0],
+    up: [0.0, 1.0, 0.0],
 };
 
 impl View {

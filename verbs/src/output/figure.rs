@@ -7,6 +7,7 @@ mod convert;
 
 use std::path::Path;
 
+use bodyflight_io::destination::ending;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::files::write_file;
 
@@ -44,22 +45,13 @@ impl Format {
     /// # Errors
     /// Returns an error if the extension is none of these, or if the format was not built in.
     pub fn of(path: &Path) -> Result<Self> {
-        let end = path.extension().unwrap_or_default().to_string_lossy();
-        Self::ALL
+        let end = ending(path, &Self::ALL.map(Self::extension), "a figure")?;
+        let format = Self::ALL
             .into_iter()
-            .find(|format| format.extension().eq_ignore_ascii_case(&end))
-            .ok_or_else(|| {
-                let found = if end.is_empty() {
-                    "no extension".to_owned()
-                } else {
-                    format!(".{end}")
-                };
-                Problem::bad_input(format!(
-                    "expected a figure whose name ends in .svg, .pdf or .png, found {found}"
-                ))
-                .in_file(path)
-            })
-            .and_then(Self::available)
+            .find(|format| format.extension() == end);
+        format
+            .unwrap_or(Self::Svg)
+            .available()
             .map_err(|problem| problem.in_file(path))
     }
 

@@ -50,7 +50,7 @@ const PANEL_HEIGHT: u32 = 170;
 const TITLE_HEIGHT: u32 = 26;
 const LEGEND_HEIGHT: u32 = 20;
 
-/// A figure as an SVG document. The legend lists every line of the panels once.
+/// A figure as an SVG document. Each panel has a legend of its lines.
 ///
 /// # Errors
 /// Returns an error if the figure cannot be drawn.
@@ -63,8 +63,20 @@ pub fn figure_svg(title: &str, panels: &[Panel]) -> Result<String> {
 /// # Errors
 /// Returns an error if the figure cannot be drawn.
 pub fn figure_svg_over(unit: &str, title: &str, panels: &[Panel]) -> Result<String> {
-    let height: u32 = panels.iter().map(|_| PANEL_HEIGHT).sum();
-    laid_out_svg(unit, title, panels, height, (panels.len().max(1), 1))
+    let height = |panel: &Panel| PANEL_HEIGHT + LEGEND_HEIGHT * legend_rows(panel, WIDTH);
+    let above = head(title);
+    drawn(
+        (WIDTH, above + panels.iter().map(height).sum::<u32>()),
+        |root| {
+            let mut rest = draw_title(root, title, above)?;
+            for panel in panels {
+                let (area, below) = rest.split_vertically(height(panel) * FINE);
+                draw_with_legend(&area, panel, unit, (WIDTH, legend_rows(panel, WIDTH)))?;
+                rest = below;
+            }
+            Ok(())
+        },
+    )
 }
 
 /// Like [`figure_svg`], with the panels side by side.
@@ -72,33 +84,36 @@ pub fn figure_svg_over(unit: &str, title: &str, panels: &[Panel]) -> Result<Stri
 /// # Errors
 /// Returns an error if the figure cannot be drawn.
 pub fn row_svg(title: &str, panels: &[Panel]) -> Result<String> {
-    laid_out_svg(
-        "s",
-        title,
-        panels,
-        2 * PANEL_HEIGHT,
-        (1, panels.len().max(1)),
-    )
-}
-
-fn laid_out_svg(
-    unit: &str,
-    title: &str,
-    panels: &[Panel],
-    height: u32,
-    layout: (usize, usize),
-) -> Result<String> {
-    let legend = legend(panels);
-    let rows = legend.last().map_or(1, |entry| entry.row + 1);
-    let above = if title.is_empty() { 0 } else { TITLE_HEIGHT };
-    let head = above + LEGEND_HEIGHT * rows;
-    drawn((WIDTH, head + height), |root| {
-        let body = draw(root, title, (above, head), &legend)?;
-        for (panel, area) in panels.iter().zip(&body.split_evenly(layout)) {
-            draw_panel(area, panel, unit)?;
+    let columns = panels.len().max(1);
+    let width = WIDTH / u32::try_from(columns).unwrap_or(1);
+    let rows = panels.iter().map(|panel| legend_rows(panel, width)).max();
+    let rows = rows.unwrap_or(0);
+    let above = head(title);
+    let height = above + 2 * PANEL_HEIGHT + LEGEND_HEIGHT * rows;
+    drawn((WIDTH, height), |root| {
+        let body = draw_title(root, title, above)?;
+        for (panel, area) in panels.iter().zip(&body.split_evenly((1, columns))) {
+            draw_with_legend(area, panel, "s", (width, rows))?;
         }
         Ok(())
     })
+}
+
+/// Height of a title.
+fn head(title: &str) -> u32 {
+    if title.is_empty() { 0 } else { TITLE_HEIGHT }
+}
+
+/// Draws a panel of this width, with so many rows above it for its legend.
+fn draw_with_legend(
+    area: &Area<'_>,
+    panel: &Panel,
+    unit: &str,
+    (width, rows): (u32, u32),
+) -> DrawResult {
+    let (head, below) = area.split_vertically(LEGEND_HEIGHT * rows * FINE);
+    draw_panel(&below, panel, unit)?;
+    draw_legend(if rows == 0 { area } else { &head }, &entries(panel, width))
 }
 
 /// A drawing of this width and height, drawn [`FINE`] times as large.
@@ -178,48 +193,73 @@ struct Entry {
     row: u32,
 }
 
-/// Every line of the panels once, in as many rows as needed.
-fn legend(panels: &[Panel]) -> Vec<Entry> {
+/// Every line of a panel once, in as many rows as a panel of this width needs.
+fn entries(panel: &Panel, width: u32) -> Vec<Entry> {
     let mut entries: Vec<Entry> = Vec::new();
-    let (mut left, mut row) = (60, 0);
-    for curve in panels.iter().flat_map(|panel| &panel.curves) {
+    let (mut left, mut row) = (LEGEND_LEFT, 0);
+    for curve in &panel.curves {
         let line = curve.line;
         if entries.iter().any(|entry| entry.line.label == line.label) {
             continue;
         }
-        let width = 56 + 7 * u32::try_from(line.label.len()).unwrap_or(WIDTH);
-        if left > 60 && left + width > WIDTH {
-            (left, row) = (60, row + 1);
+        let room = 56 + text_width(line.label);
+        if left > LEGEND_LEFT && left + room > width {
+            (left, row) = (LEGEND_LEFT, row + 1);
         }
         entries.push(Entry { line, left, row });
-        left += width;
+        left += room;
     }
     entries
 }
 
-/// Draws the title and the legend; returns the area below them.
-fn draw<'a>(
+/// Left end of a legend (px).
+const LEGEND_LEFT: u32 = 60;
+
+/// Width of a text in the font of captions and legends (px), a little more than it takes.
+fn text_width(text: &str) -> u32 {
+    7 * u32::try_from(text.chars().count()).unwrap_or(WIDTH)
+}
+
+/// Rows that a panel needs above its caption for its legend: none if it fits beside the caption, which is in the middle.
+fn legend_rows(panel: &Panel, width: u32) -> u32 {
+    let Some(last) = entries(panel, width).pop() else {
+        return 0;
+    };
+    let end = last.left + 40 + text_width(last.line.label);
+    let middle = (width + LEGEND_LEFT) / 2;
+    let fits = last.row == 0 && end + text_width(&panel.caption) / 2 <= middle;
+    if fits { 0 } else { last.row + 1 }
+}
+
+/// A place of a drawing in the units of its library.
+fn fine((x, y): (u32, u32)) -> core::result::Result<(i32, i32), std::num::TryFromIntError> {
+    Ok((i32::try_from(x * FINE)?, i32::try_from(y * FINE)?))
+}
+
+/// Draws the title; returns the area below it.
+fn draw_title<'a>(
     root: &Area<'a>,
     title: &str,
-    (above, head): (u32, u32),
-    legend: &[Entry],
+    above: u32,
 ) -> core::result::Result<Area<'a>, Box<dyn std::error::Error>> {
     root.fill(&WHITE)?;
-    let (head, body) = root.split_vertically(head * FINE);
-    let fine = |(x, y): (u32, u32)| -> core::result::Result<(i32, i32), std::num::TryFromIntError> {
-        Ok((i32::try_from(x * FINE)?, i32::try_from(y * FINE)?))
-    };
-    let font = |size: u32| ("sans-serif", size * FINE).into_font().color(&BLACK);
+    let (head, body) = root.split_vertically(above * FINE);
     if !title.is_empty() {
-        head.draw_text(title, &font(18), fine((60, 8))?)?;
-    }
-    for entry in legend {
-        let (x, y) = (entry.left, above + LEGEND_HEIGHT * entry.row);
-        let ends = vec![fine((x, y + 12))?, fine((x + 24, y + 12))?];
-        head.draw(&PathElement::new(ends, entry.line.style()))?;
-        head.draw_text(entry.line.label, &font(13), fine((x + 30, y + 4))?)?;
+        let font = ("sans-serif", 18 * FINE).into_font().color(&BLACK);
+        head.draw_text(title, &font, fine((60, 8))?)?;
     }
     Ok(body)
+}
+
+fn draw_legend(area: &Area<'_>, legend: &[Entry]) -> DrawResult {
+    let font = ("sans-serif", 13 * FINE).into_font().color(&BLACK);
+    for entry in legend {
+        let (x, y) = (entry.left, LEGEND_HEIGHT * entry.row);
+        let ends = vec![fine((x, y + 12))?, fine((x + 24, y + 12))?];
+        area.draw(&PathElement::new(ends, entry.line.style()))?;
+        area.draw_text(entry.line.label, &font, fine((x + 30, y + 4))?)?;
+    }
+    Ok(())
 }
 
 /// Ranges of time and value of a panel.
@@ -303,6 +343,34 @@ mod tests {
         let svg = comparison_svg("nothing", &Comparison::default()).unwrap();
         assert!(svg.starts_with("<svg width=\"1000\"") && svg.contains("vertical velocity (m/s)"));
         assert!(svg.contains("viewBox=\"0 0 10000 "));
+    }
+
+    #[test]
+    fn each_panel_has_the_legend_of_its_own_lines() {
+        let panel = |caption: &str, lines: &[Line]| Panel {
+            caption: caption.into(),
+            bands: Vec::new(),
+            curves: (lines.iter())
+                .map(|line| Curve {
+                    line: *line,
+                    points: vec![(0.0, 0.0), (1.0, 1.0)],
+                })
+                .collect(),
+            wraps: false,
+        };
+        let panels = [
+            panel("a", &[MEASURED, SIMULATED]),
+            panel("b", &[MEASURED, CONSTANT]),
+        ];
+        let svg = figure_svg("", &panels).unwrap();
+        let count = |label: &str| svg.matches(&format!("\n{label}\n")).count();
+        assert_eq!(
+            ["measured", "simulated", "with constant inputs"].map(count),
+            [2, 1, 1]
+        );
+        assert_eq!(legend_rows(&panels[0], WIDTH), 0);
+        assert_eq!(legend_rows(&panels[0], WIDTH / 3), 1);
+        assert_eq!(legend_rows(&panel("b", &WATCHED), WIDTH), 1);
     }
 
     #[test]

@@ -17,7 +17,7 @@ use serde::Serialize;
 use crate::output::plot::{CHANGED, Curve, Panel, UNCHANGED, figure_svg};
 use bodyflight_io::diagnostic::Result;
 use bodyflight_io::interrupt;
-use bodyflight_mvnx::recording::{Options, Warning};
+use bodyflight_mvnx::recording::{Options, Warning, faults};
 
 /// Most rows over time in a report, and in its text.
 const ROWS: usize = 101;
@@ -104,6 +104,15 @@ pub struct Report {
     pub warnings: Vec<Warning>,
     /// The same in sentences about the change.
     pub notes: Vec<String>,
+    /// Why the result means nothing, if one of the simulations diverges.
+    pub diverged: Option<String>,
+}
+
+impl Report {
+    /// Why the result cannot be trusted.
+    pub fn doubt(&self) -> Option<String> {
+        faults(&self.warnings).or_else(|| self.diverged.clone())
+    }
 }
 
 /// A value without and with the change.
@@ -201,7 +210,9 @@ pub fn what_if(
         }
     }
     let warnings = unchanged.frames().warnings();
-    Ok(sums.simulation(change, begin, warnings))
+    let mut simulation = sums.simulation(change, begin, warnings);
+    simulation.report.diverged = unchanged.diverged().or_else(|| changed.diverged());
+    Ok(simulation)
 }
 
 /// What is collected from frame to frame.
@@ -329,6 +340,7 @@ impl Sums {
                 over_time: self.seen.iter().step_by(every).map(row).collect(),
                 warnings,
                 notes,
+                diverged: None,
             },
             seen: (self.seen.into_iter())
                 .map(|(time, seen, _)| (time, seen))

@@ -124,7 +124,7 @@ impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             f,
-            "{:.1} s from {:.1} to {:.1} s; joint errors of {:.1} degrees make patterns\nof up to {:.1} degrees RMS",
+            "{:.1} s from {:.1} to {:.1} s; assumed joint errors of {:.1} degrees make\npatterns of up to {:.1} degrees RMS",
             self.duration_s,
             self.from_s,
             self.to_s,
@@ -160,7 +160,7 @@ impl fmt::Display for Report {
         if self.below_errors > 0 && !self.patterns.is_empty() {
             writeln!(
                 f,
-                "\nfurther patterns are below what joint errors make: cannot tell"
+                "\nfurther patterns are below what the assumed joint errors make: cannot tell"
             )?;
         }
         if let (Some(number), Some(against)) = (self.turning, &self.against) {

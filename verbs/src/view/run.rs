@@ -10,7 +10,7 @@ use super::series::{Packed, RATE, Series};
 use super::shape::{Shape, Worn, shapes};
 use bodyflight_io::diagnostic::Result;
 use bodyflight_io::interrupt;
-use bodyflight_mvnx::recording::{Options, faults};
+use bodyflight_mvnx::recording::Options;
 use bodyflight_replay::Precision;
 use bodyflight_replay::comparison::{Channel, Comparison, PerChannel};
 use bodyflight_replay::flight::Flight;
@@ -139,7 +139,7 @@ pub fn fly_series(
     Ok(Flown {
         series,
         comparison,
-        doubt: faults(&replay.frames().warnings()),
+        doubt: replay.doubt(),
     })
 }
 

@@ -20,7 +20,7 @@ pub struct Warning {
 
 impl Warning {
     /// A remark about a frame that does not make the recording useless.
-    pub(super) const fn new(frame: u64, message: String) -> Self {
+    pub const fn new(frame: u64, message: String) -> Self {
         Self {
             frame,
             message,

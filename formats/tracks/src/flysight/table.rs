@@ -5,6 +5,7 @@ use std::path::Path;
 
 use bodyflight_io::diagnostic::Result;
 use bodyflight_io::input;
+use bodyflight_io::text::with_commas;
 
 use crate::text;
 
@@ -50,7 +51,7 @@ pub(super) struct Row<'a> {
 impl Tables {
     pub(super) fn read(path: &Path) -> Result<Self> {
         let bytes = input::bytes(path)?;
-        Ok(Self::parse(&text::with_commas(&text::plain(&bytes))))
+        Ok(Self::parse(&with_commas(&text::plain(&bytes))))
     }
 
     /// Invalid UTF-8 in one place must not cost the rest of the track.

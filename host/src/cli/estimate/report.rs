@@ -13,11 +13,12 @@ const SELDOM: f64 = 0.1;
 /// Prints the numbers.
 pub(super) fn print(estimation: &Estimation) {
     let report = &estimation.report;
-    let mut columns = vec![("RMS, estimated", report.rms)];
+    terminal::print("RMS of measured minus reconstructed, by how the inputs were found:");
+    let mut columns = vec![("estimated", report.rms)];
     if let Some(free_run) = report.rms_free_run {
         columns.push(("free run", free_run));
     }
-    columns.push(("RMS, constant", report.rms_constant));
+    columns.push(("constant", report.rms_constant));
     columns.push(("amplitude", report.amplitude));
     terminal::print(&terminal::gap_table(&columns).to_string());
     terminal::print(&format!(
@@ -31,9 +32,11 @@ pub(super) fn print(estimation: &Estimation) {
             100.0 * found.doubtful,
             100.0 * found.lost,
             report
-                .joint_error_deg
-                .map_or_else(String::new, |joints| format!(
-                    "; joints {joints:.2} deg off"
+                .joint_error_source
+                .zip(report.joint_error_deg)
+                .map_or_else(String::new, |(source, degrees)| format!(
+                    "; {}",
+                    source.in_words(degrees)
                 ))
         ));
     }

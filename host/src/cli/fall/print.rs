@@ -35,7 +35,9 @@ pub(super) fn logbook(book: &Logbook, units: Units) {
         "fastest",
         "normalised",
         "verdict",
-    ]);
+    ])
+    .path(0)
+    .spare(&[7, 6, 4, 5]);
     for line in &book.jumps {
         let length =
             |height: Option<f64>| height.map_or("?".to_owned(), |metres| units.length(metres));

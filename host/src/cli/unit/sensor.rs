@@ -5,7 +5,7 @@ use std::path::Path;
 use bodyflight_core::link::{PackedQuaternion, SensorKind, Setup};
 use bodyflight_core::nalgebra::{Quaternion, UnitQuaternion};
 use bodyflight_io::diagnostic::{Problem, Result};
-use bodyflight_unit::setup;
+use bodyflight_replay::flight::Flight;
 use bodyflight_unit::stream::configuration_at;
 
 use super::super::estimate;
@@ -26,7 +26,7 @@ pub(in super::super) struct SensorArgs {
     #[arg(long, value_enum)]
     protocol: Option<Protocol>,
     /// Mounting: the rotation from the sensor's axes to the body's (X left, Y back, Z head), as a quaternion.
-    #[arg(long, num_args = 4, value_names = ["W", "X", "Y", "Z"], allow_negative_numbers = true)]
+    #[arg(long, num_args = 4, value_names = ["W", "X", "Y", "Z"])]
     mounting: Option<Vec<f32>>,
     /// Time from the instant of a receiver's solution to its arrival; 0.1 by default (s).
     #[arg(long, value_name = "S")]
@@ -41,7 +41,7 @@ impl SensorArgs {
 
     /// The configuration of a unit for a subject.toml or flight.toml, with a sensor that sends at `rate` (Hz).
     pub(in super::super) fn setup(&self, path: &Path, preset: &str, rate: f64) -> Result<Setup> {
-        let flight = setup::flight_of(path)?;
+        let flight = Flight::read_person(path)?;
         let preset = estimate::unit_preset(preset)?;
         let (mut configure, table) = configuration_at(&flight, 0.0, &preset, rate)?;
         if let Some([w, x, y, z]) = self.mounting.as_deref().and_then(<[f32]>::first_chunk) {

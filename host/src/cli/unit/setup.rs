@@ -9,7 +9,8 @@ use bodyflight_unit::stream::connection::{DEFAULT_BAUD, Target};
 use bodyflight_unit::virtual_unit::VirtualUnit;
 use serde::Serialize;
 
-use super::super::terminal;
+use super::super::arguments::Names;
+use super::super::{estimate, terminal};
 use super::sensor::SensorArgs;
 
 /// Where the unit is.
@@ -40,7 +41,7 @@ pub(super) struct ConfigureArgs {
     #[arg(long, value_name = "HZ", default_value_t = 100.0)]
     rate: f64,
     /// Filter preset, a built-in one as in `estimate`.
-    #[arg(long, default_value = "auto")]
+    #[arg(long, default_value = "auto", value_parser = Names(estimate::presets), hide_possible_values = true)]
     preset: String,
     #[command(flatten)]
     sensor: SensorArgs,
