@@ -131,6 +131,10 @@ fn ask(line: &mut Line, action: SetupAction) -> Result<(SetupState, Option<Setup
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
+    use bodyflight_replay::flight::Flight;
+
     use super::*;
     use crate::stream::configuration_at;
     use crate::virtual_unit::VirtualUnit;
