@@ -15,12 +15,12 @@ use bodyflight_core::estimator::motion::sensors::{
     Barometer, Gyroscope, ReceiverVelocity, SpecificForce,
 };
 use bodyflight_core::estimator::motion::settings::{MOTION, MotionPreset};
-use bodyflight_core::estimator::motion::state::{MUSCLE, RESIDUAL_FORCE, VELOCITY};
+use bodyflight_core::estimator::motion::state::{ATTITUDE, MUSCLE, RESIDUAL_FORCE, SPIN, VELOCITY};
 use bodyflight_core::estimator::motion::support::Situation;
 use bodyflight_core::estimator::motion::watch::Consistency;
 use bodyflight_core::frame::{Body, Inertial, Rotation, Vector, facing_north};
 use bodyflight_core::math::small_rotation;
-use bodyflight_core::{Posture, Real};
+use bodyflight_core::{Posture, Real, Segment};
 use bodyflight_tests::estimator_flights::Noise;
 use nalgebra::Vector3;
 
@@ -30,6 +30,12 @@ const RATE: f64 = 100.0;
 const ARM: [f64; 3] = [0.05, 0.25, 0.1];
 /// Bias of the gyroscope (rad/s).
 const BIAS: [f64; 3] = [0.02, -0.03, 0.015];
+
+/// One arm up, the other down.
+const ARMS: &pattern::JointAngles = &[
+    (Segment::LeftUpperArm, [0.0, 0.0, 1.0]),
+    (Segment::RightUpperArm, [0.0, 0.0, -1.0]),
+];
 
 struct Flyer {
     dynamics: Dynamics<f64>,
@@ -120,6 +126,12 @@ struct Flight {
     /// Drag area that the posture does not account for (m2).
     drag_area: f64,
     accelerometer: bool,
+    /// Whether an attitude is measured, after the first second.
+    attitude: bool,
+    /// Error of the gyroscope's scale about each axis.
+    scale: [f64; 3],
+    /// How far one arm is raised and the other lowered (rad), so that the body turns.
+    turn: f64,
     /// Samples between solutions of the receiver, the sample of the first, and the age of each in samples.
     receiver: [u32; 3],
 }
@@ -129,7 +141,8 @@ fn fly(
     flight: &Flight,
     mut each: impl FnMut(&Motion<f64>, &Inputs<f64>, &MotionEstimate<f32>),
 ) -> Box<ReducedMotionFilter<f32>> {
-    let flyer = flyer();
+    let mut flyer = flyer();
+    flyer.posture = pattern::moved(&flyer.posture, ARMS, flight.turn);
     let mut air = flyer.dynamics;
     let [north, west] = flight.wind;
     air.air.velocity = Vector::new(north, west, 0.0);
@@ -156,6 +169,14 @@ fn fly(
         let mut measured = sensed(&motion, &history[1], &mut noise);
         if !flight.accelerometer {
             measured.specific_force = None;
+        }
+        if !flight.attitude && time > 1.0 {
+            measured.motion.inertial_from_body = None;
+        }
+        if let Some(read) = &mut measured.gyroscope {
+            let scale = Vector3::from(flight.scale);
+            let spin = motion.angular_velocity.components;
+            read.angular_velocity += Vector::from_components(spin.component_mul(&scale));
         }
         let [every, first, age] = flight.receiver;
         if k % every == first {
@@ -187,6 +208,9 @@ const STILL_AIR: Flight = Flight {
     wind: [0.0; 2],
     drag_area: 0.0,
     accelerometer: false,
+    attitude: true,
+    scale: [0.0; 3],
+    turn: 0.0,
     receiver: [20, 7, 0],
 };
 
@@ -254,6 +278,60 @@ fn an_accelerometer_makes_the_velocity_more_accurate() {
     });
     println!("without {without:.3?}, with {with:.3?} m/s");
     assert!(with[0] < 0.85 * without[0] && with[1] < 0.8 * without[1]);
+}
+
+/// Errors of attitude, velocity and angular velocity in their stated deviations: root mean squares, and the largest.
+fn in_deviations(flight: &Flight) -> [[f64; 2]; 3] {
+    let (mut found, mut count) = ([[0.0_f64; 2]; 3], 0.0);
+    fly(flight, |motion, _, estimate| {
+        let estimated = estimate.motion.cast::<f64>();
+        let turn = motion.inertial_from_body.inverse() * estimated.inertial_from_body;
+        let velocity = estimated.velocity_inertial() - motion.velocity_inertial();
+        let spin = estimated.angular_velocity - motion.angular_velocity;
+        let errors = [
+            (ATTITUDE, turn.quaternion().scaled_axis()),
+            (VELOCITY, velocity.components),
+            (SPIN, spin.components),
+        ];
+        for ((first, error), [sum, largest]) in errors.into_iter().zip(&mut found) {
+            for axis in 0..3 {
+                let share = error[axis] / f64::from(estimate.deviation[first + axis]);
+                *sum += share * share / 3.0;
+                *largest = largest.max(share.abs());
+            }
+        }
+        count += 1.0;
+    });
+    found.map(|[sum, largest]| [(sum / count).sqrt(), largest])
+}
+
+/// Turns of 4 and 9 rad/s. With a scale that is taken as exact, an attitude that is not measured would be off by up to 12
+/// deviations.
+#[test]
+fn a_gyroscope_of_a_wrong_scale_leaves_estimates_within_their_bars() {
+    for (attitude, turn) in [(true, 0.1), (true, 0.2), (false, 0.1), (false, 0.2)] {
+        for scale in [
+            [0.01, -0.01, 0.01],
+            [-0.01; 3],
+            [0.03; 3],
+            [-0.03, 0.03, -0.03],
+        ] {
+            let found = in_deviations(&Flight {
+                accelerometer: true,
+                attitude,
+                scale,
+                turn,
+                ..STILL_AIR
+            });
+            println!("attitude {attitude}, turn {turn}, scale {scale:?}: {found:.2?}");
+            for [mean, largest] in found {
+                assert!(
+                    mean < 1.1 && largest < 5.0,
+                    "{attitude} {turn} {scale:?}: {found:?}"
+                );
+            }
+        }
+    }
 }
 
 /// Estimates at the end of a minute in which a body with this attitude moves at a constant velocity, carried by

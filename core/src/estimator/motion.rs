@@ -14,6 +14,7 @@
 
 pub mod activity;
 pub mod airflow;
+mod assumed;
 mod climb;
 pub mod constants;
 pub mod covariance;
@@ -30,6 +31,7 @@ mod publish;
 mod recovery;
 mod rejection;
 pub mod repeats;
+mod scale;
 pub mod sensors;
 pub mod settings;
 mod start;

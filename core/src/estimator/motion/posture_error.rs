@@ -69,8 +69,9 @@ impl<T: Real> PostureError<T> {
         sample: &mut PostureSample<T>,
     ) {
         self.next = 0;
+        let base = Effect::of(dynamics, posture, motion, sample);
         for _ in 0..JOINT_AXES {
-            self.renew_next(dynamics, posture, motion, sample);
+            self.renew_from(&base, dynamics, posture, motion, sample);
         }
     }
 
@@ -82,14 +83,24 @@ impl<T: Real> PostureError<T> {
         motion: &Motion<T>,
         sample: &mut PostureSample<T>,
     ) {
-        dynamics.sample_into(posture, &PostureRate::zero(), sample);
-        let base = aerodynamic(dynamics, motion, sample);
-        let inertia = numbers(&sample.inertia);
+        let base = Effect::of(dynamics, posture, motion, sample);
+        self.renew_from(&base, dynamics, posture, motion, sample);
+    }
+
+    /// Recomputes the next axis; `base` is the effect of the posture itself.
+    fn renew_from(
+        &mut self,
+        base: &Effect<T>,
+        dynamics: &Dynamics<T>,
+        posture: &Posture<T>,
+        motion: &Motion<T>,
+        sample: &mut PostureSample<T>,
+    ) {
         let index = self.next;
         self.next = (index + 1) % JOINT_AXES;
-        dynamics.sample_into(&turned(posture, index), &PostureRate::zero(), sample);
-        let column = (aerodynamic(dynamics, motion, sample) - base) / T::of(TURN);
-        let inertia = (numbers(&sample.inertia) - inertia) / T::of(TURN);
+        let side = Effect::of(dynamics, &turned(posture, index), motion, sample);
+        let column = (side.load - base.load) / T::of(TURN);
+        let inertia = (side.inertia - base.inertia) / T::of(TURN);
         self.keep(index, &column, &inertia);
     }
 
@@ -107,6 +118,29 @@ impl<T: Real> PostureError<T> {
             if summed.iter().all(|v| v.is_finite()) {
                 self.inertia[0] = summed;
             }
+        }
+    }
+}
+
+/// What a posture does in a motion: aerodynamic load divided by the dynamic pressure, and inertia.
+struct Effect<T: Real> {
+    load: SVector<T, 6>,
+    inertia: SVector<T, 6>,
+}
+
+impl<T: Real> Effect<T> {
+    /// Kept out of line, because a unit's stack cannot hold two of the computation.
+    #[inline(never)]
+    fn of(
+        dynamics: &Dynamics<T>,
+        posture: &Posture<T>,
+        motion: &Motion<T>,
+        sample: &mut PostureSample<T>,
+    ) -> Self {
+        dynamics.sample_into(posture, &PostureRate::zero(), sample);
+        Self {
+            load: aerodynamic(dynamics, motion, sample),
+            inertia: numbers(&sample.inertia),
         }
     }
 }
