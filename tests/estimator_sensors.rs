@@ -22,6 +22,7 @@ use bodyflight_core::frame::{Body, Inertial, Rotation, Vector, facing_north};
 use bodyflight_core::math::small_rotation;
 use bodyflight_core::{Posture, Real, Segment};
 use bodyflight_tests::estimator_flights::Noise;
+use bodyflight_tests::range_watch::RangeWatch;
 use nalgebra::Vector3;
 
 /// Sample rate (Hz).
@@ -156,6 +157,7 @@ fn fly(
     let mut state = State::from_motion(&start, &hold);
     let mut noise = Noise::new(5);
     let mut history = vec![start; 64];
+    let mut ranges = RangeWatch::default();
     for k in 1..=60 * 100u32 {
         let time = f64::from(k) / RATE;
         let mut inputs = Inputs::belly_turn();
@@ -183,11 +185,14 @@ fn fly(
             let then = history[age as usize];
             measured.receiver = Some(receiver(&then, f64::from(age) / RATE, &mut noise));
         }
-        let estimate = filter.push_sensors(&flyer.posture.cast(), &measured.cast());
+        let posture = flyer.posture.cast();
+        let estimate = filter.push_recorded(&posture, &measured.cast(), &mut ranges);
+        ranges.see(&filter);
         if let Some(estimate) = estimate.filter(|_| time > 15.0) {
             each(&motion, &inputs, &estimate);
         }
     }
+    println!("{}", ranges.report());
     filter
 }
 
@@ -349,18 +354,22 @@ fn carried(velocity: [f64; 3], with: impl Fn(&mut SensorMeasurement<f64>)) -> [f
     };
     let mut noise = Noise::new(8);
     let (mut counts, mut all) = ([0.0; 2], 0.0);
+    let mut ranges = RangeWatch::default();
     for k in 1..=60 * 100u32 {
         let mut measured = sensed(&motion, &motion, &mut noise);
         if k % 20 == 0 {
             measured.receiver = Some(receiver(&motion, 0.1, &mut noise));
         }
         with(&mut measured);
-        if let Some(estimate) = filter.push_sensors(&assumed.cast(), &measured.cast()) {
+        let estimate = filter.push_recorded(&assumed.cast(), &measured.cast(), &mut ranges);
+        ranges.see(&filter);
+        if let Some(estimate) = estimate {
             all += 1.0;
             counts[0] += f64::from(u8::from(estimate.consistency == Consistency::Consistent));
             counts[1] += f64::from(u8::from(estimate.situation == Situation::Supported));
         }
     }
+    println!("{}", ranges.report());
     counts.map(|count| count / all)
 }
 

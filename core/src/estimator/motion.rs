@@ -253,6 +253,23 @@ mod tests {
     }
 
     #[test]
+    fn without_measurements_an_estimate_is_doubtful_and_then_lost() {
+        for (blind_from, expected) in [
+            (1200, Consistency::Consistent),
+            (1000, Consistency::Doubtful),
+            (480, Consistency::Lost),
+        ] {
+            let (filter, estimate) = filtered(5, 0.3, |k, seen, _| {
+                if k >= blind_from {
+                    *seen = MotionMeasurement::none();
+                }
+            });
+            assert_eq!(estimate.unwrap().consistency, expected, "{blind_from}");
+            assert!(filter.state().is_finite());
+        }
+    }
+
+    #[test]
     fn a_wrong_rate_is_named() {
         let dynamics = dynamics();
         let posture = pattern::neutral();

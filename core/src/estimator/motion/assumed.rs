@@ -126,7 +126,7 @@ mod tests {
     #[test]
     fn whoever_is_carried_may_become_faster_unnoticed() {
         let nothing = SensorMeasurement::none();
-        let mut assumed = Assumed::new(0.0, false);
+        let mut assumed = Assumed::<f64>::new(0.0, false);
         for _ in 0..100 {
             assumed.take(&nothing, true, 0.01);
         }

@@ -180,6 +180,11 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         &self.factors
     }
 
+    /// Returns the derivatives of the motion over the last interval.
+    pub fn transition(&self) -> &MotionSlope<T> {
+        &self.slope
+    }
+
     /// Returns the wind and the gyroscope's bias as estimated, and their effect on the state's errors.
     pub fn constants(&self) -> &Constants<T> {
         &self.constants

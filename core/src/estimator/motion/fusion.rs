@@ -27,6 +27,10 @@ use crate::math::Real;
 /// (m/s), angular velocity (rad/s).
 const MISLED: [f32; 3] = [0.05, 3.0, 0.3];
 
+/// Largest difference from a prediction that a measurement may have, in the unit of its channel: that of the air's force in
+/// a storm. More is a prediction that went wrong.
+const LARGEST_INNOVATION: f32 = 4096.0;
+
 /// Deviation of the velocity (m/s) beyond which the derivatives of the air's force mean nothing.
 const UNCLEAR: f32 = 6.0;
 
@@ -75,7 +79,7 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         let measured = self
             .held
             .joined(measured, &prediction.motion, &self.trail, self.duration);
-        let measured = self.climb.with_rate(&measured, self.duration);
+        let mut measured = self.climb.with_rate(&measured, self.duration);
         self.repeats.take(&measured.motion, self.duration);
         self.constants.concern(&measured);
         if measured.measures(RATE_CHANNELS.start) {
@@ -92,7 +96,9 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         };
         let is_carried = self.support.situation() == Situation::Supported;
         moved.reset |= self.assumed.take(&measured, is_carried, self.duration);
-        let measured = self.without_unclear_force(&measured);
+        if measured.specific_force.is_some() && !self.is_velocity_clear() {
+            measured.specific_force = None;
+        }
         let mut fused = [false; 2];
         let mut followed = true;
         for k in 0..self.channels.len() {
@@ -197,6 +203,7 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
             let gain = value / variance;
             moved.state += spread * gain;
             moved.constants += through * gain;
+            recorder.weighed(k, &Innovation { value, variance }, &spread);
             if look.reach == MOTION_STATES {
                 let row = Row {
                     innovation: look.innovation,
@@ -269,7 +276,9 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
             innovation -= self.constants.bias()[k - RATE_CHANNELS.start];
         }
         let direct = Constants::direct(k, slope.as_slice(), gyroscope, airflow);
-        innovation.is_finite().then_some(Look {
+        // False for NaN.
+        let is_plausible = innovation.abs() <= T::single(LARGEST_INNOVATION);
+        is_plausible.then_some(Look {
             innovation,
             slope,
             reach,
@@ -335,16 +344,10 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         self.watch_residual();
     }
 
-    /// The measurements, without the specific force as long as the velocity is not known well enough for it: the air's
-    /// force is quadratic.
-    fn without_unclear_force(&self, measured: &SensorMeasurement<T>) -> SensorMeasurement<T> {
+    /// Whether the velocity is known well enough for the air's force, which is quadratic in it.
+    fn is_velocity_clear(&self) -> bool {
         let largest = T::single(UNCLEAR * UNCLEAR);
-        let is_clear = measured.specific_force.is_none()
-            || (VELOCITY..SPIN).all(|k| self.factors.variance(k) < largest);
-        SensorMeasurement {
-            specific_force: measured.specific_force.filter(|_| is_clear),
-            ..*measured
-        }
+        (VELOCITY..SPIN).all(|k| self.factors.variance(k) < largest)
     }
 
     /// Keeps a velocity that is only assumed as uncertain as it is.

@@ -15,6 +15,10 @@ pub const JOINT_AXES: usize = 45;
 /// Variance added to each component of a load's covariance (m4 for forces, m6 for moments).
 const COVARIANCE_FLOOR: f64 = 1e-6;
 
+/// Least dynamic pressure (Pa) by which the moment that rotation requires is divided: that of 10 m/s. In a slower flow
+/// nothing is learned of the air's loads.
+const LEAST_PRESSURE: f64 = 50.0;
+
 /// Joint rotation over which the change of the loads is taken (rad).
 const TURN: f64 = 0.03;
 
@@ -50,7 +54,9 @@ impl<T: Real> PostureError<T> {
     /// axis has a standard deviation of 1 rad. In fast turns it exceeds the covariance of the aerodynamic moment.
     pub fn turning_covariance(&self, dynamics: &Dynamics<T>, motion: &Motion<T>) -> Matrix3<T> {
         let spin = motion.angular_velocity.components;
-        let scale = T::one() / flow(dynamics, motion).dynamic_pressure;
+        let pressure = flow(dynamics, motion).dynamic_pressure;
+        let least = T::of(LEAST_PRESSURE);
+        let scale = T::one() / if pressure > least { pressure } else { least };
         let mut by_inertia = SMatrix::<T, 3, 6>::zeros();
         for k in 0..6 {
             let mut unit = SVector::<T, 6>::zeros();
@@ -69,7 +75,7 @@ impl<T: Real> PostureError<T> {
         sample: &mut PostureSample<T>,
     ) {
         self.next = 0;
-        let base = Effect::of(dynamics, posture, motion, sample);
+        let base = effect(dynamics, posture, motion, sample);
         for _ in 0..JOINT_AXES {
             self.renew_from(&base, dynamics, posture, motion, sample);
         }
@@ -83,14 +89,16 @@ impl<T: Real> PostureError<T> {
         motion: &Motion<T>,
         sample: &mut PostureSample<T>,
     ) {
-        let base = Effect::of(dynamics, posture, motion, sample);
+        let base = effect(dynamics, posture, motion, sample);
         self.renew_from(&base, dynamics, posture, motion, sample);
     }
 
-    /// Recomputes the next axis; `base` is the effect of the posture itself.
+    /// Recomputes the next axis; `base` is the effect of the posture itself. Inline, because each frame between here and
+    /// the sample counts on a unit's stack.
+    #[inline(always)]
     fn renew_from(
         &mut self,
-        base: &Effect<T>,
+        base: &[SVector<T, 6>; 2],
         dynamics: &Dynamics<T>,
         posture: &Posture<T>,
         motion: &Motion<T>,
@@ -98,9 +106,9 @@ impl<T: Real> PostureError<T> {
     ) {
         let index = self.next;
         self.next = (index + 1) % JOINT_AXES;
-        let side = Effect::of(dynamics, &turned(posture, index), motion, sample);
-        let column = (side.load - base.load) / T::of(TURN);
-        let inertia = (side.inertia - base.inertia) / T::of(TURN);
+        let [load, inertia] = effect(dynamics, &turned(posture, index), motion, sample);
+        let column = (load - base[0]) / T::of(TURN);
+        let inertia = (inertia - base[1]) / T::of(TURN);
         self.keep(index, &column, &inertia);
     }
 
@@ -123,26 +131,27 @@ impl<T: Real> PostureError<T> {
 }
 
 /// What a posture does in a motion: aerodynamic load divided by the dynamic pressure, and inertia.
-struct Effect<T: Real> {
-    load: SVector<T, 6>,
-    inertia: SVector<T, 6>,
+#[inline(always)]
+fn effect<T: Real>(
+    dynamics: &Dynamics<T>,
+    posture: &Posture<T>,
+    motion: &Motion<T>,
+    sample: &mut PostureSample<T>,
+) -> [SVector<T, 6>; 2] {
+    dynamics.sample_into(posture, &PostureRate::zero(), sample);
+    effect_of_sample(dynamics, motion, sample)
 }
 
-impl<T: Real> Effect<T> {
-    /// Kept out of line, because a unit's stack cannot hold two of the computation.
-    #[inline(never)]
-    fn of(
-        dynamics: &Dynamics<T>,
-        posture: &Posture<T>,
-        motion: &Motion<T>,
-        sample: &mut PostureSample<T>,
-    ) -> Self {
-        dynamics.sample_into(posture, &PostureRate::zero(), sample);
-        Self {
-            load: aerodynamic(dynamics, motion, sample),
-            inertia: numbers(&sample.inertia),
-        }
-    }
+#[inline(never)]
+fn effect_of_sample<T: Real>(
+    dynamics: &Dynamics<T>,
+    motion: &Motion<T>,
+    sample: &PostureSample<T>,
+) -> [SVector<T, 6>; 2] {
+    [
+        aerodynamic(dynamics, motion, sample),
+        numbers(&sample.inertia),
+    ]
 }
 
 /// Load ([`load`]) per radian of error in each joint axis: three consecutive columns per segment, in the order of
