@@ -31,6 +31,8 @@ pub struct PostureError<T: Real> {
     /// Covariance of the inertia (kg2 m4), in the order xx, xy, xz, yy, yz, zz, and the partial sum for the next one.
     inertia: [SMatrix<T, 6, 6>; 2],
     next: usize,
+    /// Load and inertia of the posture whose joints are turned.
+    base: [SVector<T, 6>; 2],
 }
 
 impl<T: Real> PostureError<T> {
@@ -41,6 +43,7 @@ impl<T: Real> PostureError<T> {
             covariance: SMatrix::zeros(),
             inertia: [SMatrix::zeros(); 2],
             next: 0,
+            base: [SVector::zeros(); 2],
         }
     }
 
@@ -75,13 +78,14 @@ impl<T: Real> PostureError<T> {
         sample: &mut PostureSample<T>,
     ) {
         self.next = 0;
-        let base = effect(dynamics, posture, motion, sample);
+        self.see(dynamics, posture, motion, sample);
         for _ in 0..JOINT_AXES {
-            self.renew_from(&base, dynamics, posture, motion, sample);
+            self.see_turned(dynamics, posture, motion, sample);
         }
     }
 
     /// Recomputes the next axis in cyclic order. `sample` is scratch space.
+    #[inline(always)]
     pub fn renew_next(
         &mut self,
         dynamics: &Dynamics<T>,
@@ -89,16 +93,31 @@ impl<T: Real> PostureError<T> {
         motion: &Motion<T>,
         sample: &mut PostureSample<T>,
     ) {
-        let base = effect(dynamics, posture, motion, sample);
-        self.renew_from(&base, dynamics, posture, motion, sample);
+        self.see(dynamics, posture, motion, sample);
+        self.see_turned(dynamics, posture, motion, sample);
     }
 
-    /// Recomputes the next axis; `base` is the effect of the posture itself. Inline, because each frame between here and
-    /// the sample counts on a unit's stack.
-    #[inline(always)]
-    fn renew_from(
+    /// Computes the effect of the posture itself. This and the next one are out of line, one after the other, so that
+    /// their frames do not add up on a unit's stack.
+    #[inline(never)]
+    fn see(
         &mut self,
-        base: &[SVector<T, 6>; 2],
+        dynamics: &Dynamics<T>,
+        posture: &Posture<T>,
+        motion: &Motion<T>,
+        sample: &mut PostureSample<T>,
+    ) {
+        dynamics.sample_into(posture, &PostureRate::zero(), sample);
+        self.base = [
+            aerodynamic(dynamics, motion, sample),
+            numbers(&sample.inertia),
+        ];
+    }
+
+    /// Computes that of the posture with the next axis turned, and so that of the axis.
+    #[inline(never)]
+    fn see_turned(
+        &mut self,
         dynamics: &Dynamics<T>,
         posture: &Posture<T>,
         motion: &Motion<T>,
@@ -106,9 +125,10 @@ impl<T: Real> PostureError<T> {
     ) {
         let index = self.next;
         self.next = (index + 1) % JOINT_AXES;
-        let [load, inertia] = effect(dynamics, &turned(posture, index), motion, sample);
-        let column = (load - base[0]) / T::of(TURN);
-        let inertia = (inertia - base[1]) / T::of(TURN);
+        dynamics.sample_into(&turned(posture, index), &PostureRate::zero(), sample);
+        let [load, inertia] = self.base;
+        let column = (aerodynamic(dynamics, motion, sample) - load) / T::of(TURN);
+        let inertia = (numbers(&sample.inertia) - inertia) / T::of(TURN);
         self.keep(index, &column, &inertia);
     }
 
@@ -128,30 +148,6 @@ impl<T: Real> PostureError<T> {
             }
         }
     }
-}
-
-/// What a posture does in a motion: aerodynamic load divided by the dynamic pressure, and inertia.
-#[inline(always)]
-fn effect<T: Real>(
-    dynamics: &Dynamics<T>,
-    posture: &Posture<T>,
-    motion: &Motion<T>,
-    sample: &mut PostureSample<T>,
-) -> [SVector<T, 6>; 2] {
-    dynamics.sample_into(posture, &PostureRate::zero(), sample);
-    effect_of_sample(dynamics, motion, sample)
-}
-
-#[inline(never)]
-fn effect_of_sample<T: Real>(
-    dynamics: &Dynamics<T>,
-    motion: &Motion<T>,
-    sample: &PostureSample<T>,
-) -> [SVector<T, 6>; 2] {
-    [
-        aerodynamic(dynamics, motion, sample),
-        numbers(&sample.inertia),
-    ]
 }
 
 /// Load ([`load`]) per radian of error in each joint axis: three consecutive columns per segment, in the order of
