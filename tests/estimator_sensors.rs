@@ -2,28 +2,16 @@
 //! accelerometer without a suit, on the ground, in an aircraft, and in a fall. The flights are the same model's; noise,
 //! wind, biases and drag are not those that the filter assumes.
 
-use bodyflight_core::air::STANDARD_GRAVITY;
-use bodyflight_core::body::anthropometry::{Person, Sex};
-use bodyflight_core::body::pattern;
-use bodyflight_core::dynamics::muscle_input::BACK_TRACKING;
-use bodyflight_core::dynamics::trim::{trim, with_knees};
-use bodyflight_core::dynamics::{Dynamics, Inputs, Motion, PostureSample, State};
-use bodyflight_core::estimator::motion::ReducedMotionFilter;
-use bodyflight_core::estimator::motion::estimate::MotionEstimate;
-use bodyflight_core::estimator::motion::measurement::{MotionMeasurement, SensorMeasurement};
-use bodyflight_core::estimator::motion::sensors::{
-    Barometer, Gyroscope, ReceiverVelocity, SpecificForce,
-};
-use bodyflight_core::estimator::motion::settings::{MOTION, MotionPreset};
+use bodyflight_core::Posture;
+use bodyflight_core::dynamics::{Inputs, Motion, State};
+use bodyflight_core::estimator::motion::measurement::SensorMeasurement;
+use bodyflight_core::estimator::motion::sensors::Barometer;
 use bodyflight_core::estimator::motion::state::{ATTITUDE, MUSCLE, RESIDUAL_FORCE, SPIN, VELOCITY};
 use bodyflight_core::estimator::motion::support::Situation;
 use bodyflight_core::estimator::motion::watch::Consistency;
-use bodyflight_core::frame::{Body, Inertial, Rotation, Vector, facing_north};
-use bodyflight_core::math::small_rotation;
-use bodyflight_core::{Posture, Real, Segment};
+use bodyflight_core::frame::{Inertial, Vector, facing_north};
 use bodyflight_tests::estimator_flights::Noise;
 use bodyflight_tests::range_watch::RangeWatch;
-use nalgebra::Vector3;
 
 #[path = "estimator_sensors/flights.rs"]
 mod flights;

@@ -9,14 +9,9 @@ use bodyflight_core::dynamics::{Dynamics, Inputs, Motion, PostureSample, State};
 use bodyflight_core::estimator::motion::ReducedMotionFilter;
 use bodyflight_core::estimator::motion::estimate::MotionEstimate;
 use bodyflight_core::estimator::motion::measurement::{MotionMeasurement, SensorMeasurement};
-use bodyflight_core::estimator::motion::sensors::{
-    Barometer, Gyroscope, ReceiverVelocity, SpecificForce,
-};
+use bodyflight_core::estimator::motion::sensors::{Gyroscope, ReceiverVelocity, SpecificForce};
 use bodyflight_core::estimator::motion::settings::{MOTION, MotionPreset};
-use bodyflight_core::estimator::motion::state::{ATTITUDE, MUSCLE, RESIDUAL_FORCE, SPIN, VELOCITY};
-use bodyflight_core::estimator::motion::support::Situation;
-use bodyflight_core::estimator::motion::watch::Consistency;
-use bodyflight_core::frame::{Body, Inertial, Rotation, Vector, facing_north};
+use bodyflight_core::frame::{Body, Rotation, Vector, facing_north};
 use bodyflight_core::math::small_rotation;
 use bodyflight_core::{Posture, Real, Segment};
 use bodyflight_tests::estimator_flights::Noise;
